@@ -1,0 +1,59 @@
+"""linework: from what a mapping van records to finished, georeferenced 3-D road lines.
+
+Conventions, written once
+-------------------------
+- SI units inside: metres, seconds, radians; every field, option and column carries its unit in its name.
+- Points are (n, 3): east, north, up, float64, in the survey's projected CRS. A local origin is taken
+  off before anything becomes float32.
+- Images are (row, col); row 0 is north.
+- Vehicle frame: x forward, y left, z up, origin on the ground under the rear axle (ISO 8855).
+- Heading: clockwise from grid north. Roll: right side down positive. Pitch: nose up positive.
+- Transforms are named ``T_to_from``; inner names cancel.
+- One clock: GPS seconds, float64.
+- A line normal form is ``x cos(theta) + y sin(theta) = rho``.
+
+Three rungs: one call (`extract`), a few steps (`open_survey`, `read_points`, `RadonMethod`), each step
+(the rooms: `linework.surface`, `linework.imaging`, `linework.methods.radon`, `linework.lines`).
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+_PUBLIC = {
+    "Bounds": "linework.model.grid",
+    "Grid": "linework.model.grid",
+    "Image": "linework.model.grid",
+    "LineSet": "linework.model.lines",
+    "LineworkError": "linework.errors",
+    "Points": "linework.model.points",
+    "Survey": "linework.model.survey",
+    "TileData": "linework.model.tile",
+    "Trajectory": "linework.model.trajectory",
+}
+__all__ = ["__version__", *_PUBLIC]  # noqa: PLE0604
+
+if TYPE_CHECKING:
+    from linework.errors import LineworkError as LineworkError
+    from linework.model.grid import Bounds as Bounds
+    from linework.model.grid import Grid as Grid
+    from linework.model.grid import Image as Image
+    from linework.model.lines import LineSet as LineSet
+    from linework.model.points import Points as Points
+    from linework.model.survey import Survey as Survey
+    from linework.model.tile import TileData as TileData
+    from linework.model.trajectory import Trajectory as Trajectory
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used, so that `import linework` stays instant."""
+    if name in _PUBLIC:
+        return getattr(importlib.import_module(_PUBLIC[name]), name)
+    raise AttributeError(f"module 'linework' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

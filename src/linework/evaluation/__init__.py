@@ -1,0 +1,1 @@
+"""Extracted lines against reference lines: completeness, correctness, errors."""

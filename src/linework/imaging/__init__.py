@@ -1,0 +1,1 @@
+"""Raster images of laser points: density, maximum, minimum and mean height, intensity, binary."""

@@ -1,0 +1,1 @@
+"""Compiled loops (numba): numbers in, numbers out; serial, nogil, cached, never run at import."""

@@ -1,0 +1,1 @@
+"""Fitting, smoothing, joining of lines, and catenaries."""

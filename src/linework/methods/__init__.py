@@ -1,0 +1,1 @@
+"""The published extraction systems, one folder each."""

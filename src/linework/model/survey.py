@@ -1,0 +1,39 @@
+"""What a survey consists of: files and what is known of them, nothing opened yet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Survey:
+    """A survey as described by its survey.toml, its folder or the files themselves.
+
+    Parameters
+    ----------
+    name
+        For people.
+    root
+        Folder that relative paths start from.
+    point_files
+        Laser files, sorted.
+    crs
+        WKT2 of the (compound) CRS of everything in the survey, or "local": metres, no place on earth.
+    trajectory_file
+        Ready-made trajectory, or None.
+    trajectory_lever_m
+        Position of the described point in the vehicle frame. [m, vehicle]
+    settings
+        The survey.toml as read, for the parts that other rooms use (cameras, navigation, events).
+    """
+
+    name: str
+    root: Path
+    point_files: tuple[Path, ...]
+    crs: str
+    trajectory_file: Path | None = None
+    trajectory_lever_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    settings: Mapping[str, Any] = field(default_factory=dict)

@@ -1,0 +1,1 @@
+"""Surveys with exact truth: a road, a drive along it, the scanner's rays."""

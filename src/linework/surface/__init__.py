@@ -1,0 +1,1 @@
+"""Road / non-road, ground, and height above road."""

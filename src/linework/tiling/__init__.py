@@ -1,0 +1,1 @@
+"""From a survey to its lines: tiles, the run over them, its record."""
