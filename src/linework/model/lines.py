@@ -181,8 +181,8 @@ class LineSet:
         in_space = (self.kind == "cable")[owner[:-1]]
         length = np.sqrt(step[:, 0] ** 2 + step[:, 1] ** 2 + np.where(in_space, step[:, 2], 0.0) ** 2)
         inside = owner[:-1] == owner[1:]
-        total: FloatArray = np.bincount(owner[:-1], weights=length * (inside & counted), minlength=len(self))
-        return total.astype(np.float64)
+        total = np.bincount(owner[:-1], weights=length * (inside & counted), minlength=len(self))
+        return np.asarray(total, dtype=np.float64)
 
 
 VERTEX_COLUMNS = ("sigma_xy_m", "sigma_z_m", "bridged", "observed")
