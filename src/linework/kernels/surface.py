@@ -1,0 +1,131 @@
+"""Loops of the surface room: lowest supported height per cell, its layer, region growing, heights."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def lowest_supported(xyz, west, north, z0, cell, n_rows, n_cols, support):
+    """Return per cell the lowest height that another point supports, and the number of points.
+
+    A stray point below the ground stands alone: it is passed over when the next point above it is
+    more than `support` higher. Of each cell the four lowest points are kept, so up to three strays
+    are passed over. Heights are relative to z0; NaN where a cell holds no point.
+    """
+    low = np.full((n_rows, n_cols, 4), np.float32(np.inf), dtype=np.float32)
+    count = np.zeros((n_rows, n_cols), dtype=np.int32)
+    for i in range(len(xyz)):
+        c = int(np.floor((xyz[i, 0] - west) / cell))
+        r = int(np.floor((north - xyz[i, 1]) / cell))
+        if r < 0 or r >= n_rows or c < 0 or c >= n_cols:
+            continue
+        count[r, c] += 1
+        z = np.float32(xyz[i, 2] - z0)
+        if z >= low[r, c, 3]:
+            continue
+        k = 3
+        while k > 0 and low[r, c, k - 1] > z:
+            low[r, c, k] = low[r, c, k - 1]
+            k -= 1
+        low[r, c, k] = z
+    out = np.full((n_rows, n_cols), np.float32(np.nan), dtype=np.float32)
+    for r in range(n_rows):
+        for c in range(n_cols):
+            n = min(count[r, c], 4)
+            for k in range(n):
+                if k == n - 1 or low[r, c, k + 1] - low[r, c, k] <= support:
+                    out[r, c] = low[r, c, k]
+                    break
+    return out, count
+
+
+@njit(cache=True, nogil=True)
+def lowest_layer(xyz, west, north, z0, cell, low, thickness):
+    """Return mean height, spread and number of the points within `thickness` above each cell's low."""
+    n_rows, n_cols = low.shape
+    total = np.zeros((n_rows, n_cols))
+    square = np.zeros((n_rows, n_cols))
+    number = np.zeros((n_rows, n_cols), dtype=np.int32)
+    for i in range(len(xyz)):
+        c = int(np.floor((xyz[i, 0] - west) / cell))
+        r = int(np.floor((north - xyz[i, 1]) / cell))
+        if r < 0 or r >= n_rows or c < 0 or c >= n_cols:
+            continue
+        above = xyz[i, 2] - z0 - low[r, c]
+        if above >= 0.0 and above <= thickness:
+            total[r, c] += above
+            square[r, c] += above * above
+            number[r, c] += 1
+    mean = np.full((n_rows, n_cols), np.float32(np.nan), dtype=np.float32)
+    spread = np.full((n_rows, n_cols), np.float32(np.nan), dtype=np.float32)
+    for r in range(n_rows):
+        for c in range(n_cols):
+            n = number[r, c]
+            if n > 0:
+                m = total[r, c] / n
+                mean[r, c] = low[r, c] + m
+                spread[r, c] = np.sqrt(max(square[r, c] / n - m * m, 0.0))
+    return mean, spread, number
+
+
+@njit(cache=True, nogil=True)
+def grow(height, slope_east, slope_north, allowed, seed_rows, seed_cols, cell, max_step):
+    """Grow a region over 4-neighbours (and across one missing cell) from seeds.
+
+    A neighbour joins when it is allowed and its height differs from what the local slope predicts by
+    at most `max_step` per cell of distance.
+    """
+    n_rows, n_cols = height.shape
+    inside = np.zeros((n_rows, n_cols), dtype=np.bool_)
+    stack = np.empty((n_rows * n_cols, 2), dtype=np.int32)
+    n = 0
+    for i in range(len(seed_rows)):
+        r, c = seed_rows[i], seed_cols[i]
+        if allowed[r, c] and not inside[r, c]:
+            inside[r, c] = True
+            stack[n, 0] = r
+            stack[n, 1] = c
+            n += 1
+    while n > 0:
+        n -= 1
+        r, c = stack[n, 0], stack[n, 1]
+        for k in range(4):
+            dr = (k == 0) - (k == 1)
+            dc = (k == 2) - (k == 3)
+            for reach in range(1, 3):
+                rr, cc = r + dr * reach, c + dc * reach
+                if rr < 0 or rr >= n_rows or cc < 0 or cc >= n_cols:
+                    break
+                if np.isnan(height[rr, cc]):
+                    continue  # look one cell further: a hole between two scan lines
+                if allowed[rr, cc] and not inside[rr, cc]:
+                    east = 0.5 * (slope_east[r, c] + slope_east[rr, cc])
+                    north = 0.5 * (slope_north[r, c] + slope_north[rr, cc])
+                    expected = (east * dc - north * dr) * reach * cell
+                    if abs(height[rr, cc] - height[r, c] - expected) <= max_step * reach:
+                        inside[rr, cc] = True
+                        stack[n, 0] = rr
+                        stack[n, 1] = cc
+                        n += 1
+                break
+    return inside
+
+
+@njit(cache=True, nogil=True)
+def height_above(xyz, west, north, z0, cell, reference):
+    """Return each point's height above the reference surface, bilinear between cell centres."""
+    n_rows, n_cols = reference.shape
+    out = np.empty(len(xyz), dtype=np.float32)
+    for i in range(len(xyz)):
+        x = min(max((xyz[i, 0] - west) / cell - 0.5, 0.0), n_cols - 1.0)
+        y = min(max((north - xyz[i, 1]) / cell - 0.5, 0.0), n_rows - 1.0)
+        c, r = min(int(x), n_cols - 2), min(int(y), n_rows - 2)
+        c, r = max(c, 0), max(r, 0)
+        c1, r1 = min(c + 1, n_cols - 1), min(r + 1, n_rows - 1)
+        fx, fy = x - c, y - r
+        top = reference[r, c] * (1.0 - fx) + reference[r, c1] * fx
+        bottom = reference[r1, c] * (1.0 - fx) + reference[r1, c1] * fx
+        out[i] = np.float32(xyz[i, 2] - z0 - (top * (1.0 - fy) + bottom * fy))
+    return out

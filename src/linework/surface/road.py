@@ -1,0 +1,244 @@
+"""Road / non-road, the ground, and every point's height above the road.
+
+The papers start from heights that are "normalized by making the road surface height equal to zero"
+and show road and non-road points (Manandhar and Shibasaki 2002, figure 2) without saying how. Here:
+
+1. the lowest supported height of every cell: stray points below the ground stand alone;
+2. the mean of the layer above it, and how much that layer spreads (roughness);
+3. the road grows from under the trajectory (without one: from the largest smooth low surface) over
+   cells that continue the local slope; a kerb is a step that the slope does not explain;
+4. the ground grows on from the road with looser bounds: verges, banks, pavements, not roofs;
+5. beyond the road its surface is carried on from the nearest edge, and gives way to the ground.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from linework.errors import InputError
+from linework.kernels import surface as kernels
+from linework.model.arrays import AnyArray, BoolArray, Float32Array, FloatArray
+from linework.model.grid import Grid
+from linework.model.points import Points
+from linework.model.settings import setting
+from linework.model.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoadConfig:
+    """Settings of the road surface."""
+
+    cell_m: float = setting(
+        0.5,
+        unit="m",
+        reason="holds two scan lines at 25 cm spacing; a kerb still stands out",
+        low=0.05,
+        high=5,
+    )
+    support_m: float = setting(
+        0.15, unit="m", reason="a point with none this close above it is a stray", low=0.01, high=1
+    )
+    layer_m: float = setting(
+        0.20,
+        unit="m",
+        reason="ground layer of a cell: 12 % grade over 0.5 m, and four sigma of 2 cm noise on both sides",
+        low=0.02,
+        high=1,
+    )
+    max_grade: float = setting(
+        0.25, unit="m/m", reason="12 % grade, 6 % crossfall and twice that for a reserve", low=0.01, high=2
+    )
+    max_step_m: float = setting(
+        0.035,
+        unit="m",
+        reason="half of the lowest kerb (7 cm); the mean of a cell is good to 1 cm",
+        low=0.005,
+        high=1,
+    )
+    ground_step_m: float = setting(
+        0.25, unit="m", reason="per cell: banks up to 1 in 2 and kerbs, not walls or cars", low=0.01, high=5
+    )
+    roughness_m: float = setting(
+        0.06,
+        unit="m",
+        reason="spread of the layer on asphalt at 12 % grade and 2 cm noise is 3 cm",
+        low=0.005,
+        high=1,
+    )
+    carry_m: float = setting(
+        10.0,
+        unit="m",
+        reason="how far beyond its edge the road's height is the reference; then the ground",
+        low=0,
+    )
+    max_cells: int = setting(
+        60_000_000, unit="cells", reason="bounds the memory to about 2 GB", low=1000, high=2_000_000_000
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class RoadSurface:
+    """The road's and the ground's height on one grid, without holes.
+
+    Parameters
+    ----------
+    grid
+        North-up grid on the global lattice.
+    z0_m
+        Local height origin: the surfaces are float32 above it. [m, world]
+    road_m
+        (rows, cols) float32 [m above z0_m]: the road, carried on beyond its edge into the ground.
+    ground_m
+        (rows, cols) float32 [m above z0_m]: the ground.
+    is_road, is_ground
+        (rows, cols) bool: cells where the surface was measured.
+    """
+
+    grid: Grid
+    z0_m: float
+    road_m: Float32Array
+    ground_m: Float32Array
+    is_road: BoolArray
+    is_ground: BoolArray
+
+
+def find_road(points: Points, trajectory: Trajectory | None, config: RoadConfig) -> RoadSurface:
+    """Find road and ground among the points.
+
+    Raises
+    ------
+    InputError
+        The extents need a larger grid than `max_cells`.
+    """
+    grid = _grid_for(points, config)
+    z0 = float(np.median(points.xyz[:: max(len(points) // 10_000, 1), 2]))
+    frame = (grid.east_m, grid.north_m, z0, grid.cell_width_m)
+    low, count = kernels.lowest_supported(points.xyz, *frame, *grid.shape, config.support_m)
+    height, spread, _ = kernels.lowest_layer(points.xyz, *frame, low, config.layer_m)
+    slope_east, slope_north = _local_slope(height, grid.cell_width_m)
+    smooth = (spread <= config.roughness_m) & (np.hypot(slope_east, slope_north) <= config.max_grade)
+
+    # The road: from under the van over everything that continues the slope
+    seeds = _under(trajectory, grid, smooth) if trajectory is not None else None
+    if seeds is None or not seeds.any():
+        seeds = _largest_smooth(height, smooth, count, config.max_step_m)
+    cell = grid.cell_width_m
+    is_road = kernels.grow(
+        height, slope_east, slope_north, smooth, *np.nonzero(seeds), cell, config.max_step_m
+    )
+
+    # The ground: on from the road, with looser bounds
+    level = np.zeros_like(height)
+    anywhere = ~np.isnan(height)
+    is_ground = kernels.grow(height, level, level, anywhere, *np.nonzero(is_road), cell, config.ground_step_m)
+
+    road, distance = _carry_on(height, is_road, cell)
+    ground, _ = _carry_on(height, is_ground, cell)
+    share = np.clip((distance - config.carry_m) / max(config.carry_m, cell), 0.0, 1.0).astype(np.float32)
+    return RoadSurface(grid, z0, (1 - share) * road + share * ground, ground, is_road, is_ground)
+
+
+def height_above_road(surface: RoadSurface, xyz: FloatArray) -> Float32Array:
+    """Return (n,) float32 heights above the road [m]; 0 on it, carried on smoothly beyond it."""
+    return _height_above(surface, xyz, surface.road_m)
+
+
+def height_above_ground(surface: RoadSurface, xyz: FloatArray) -> Float32Array:
+    """Return (n,) float32 heights above the ground (the road is part of it). [m]"""  # noqa: D400
+    return _height_above(surface, xyz, surface.ground_m)
+
+
+def is_road_point(surface: RoadSurface, xyz: FloatArray, tolerance_m: float = 0.10) -> BoolArray:
+    """Return (n,) bool: on a road cell and within `tolerance_m` of its surface (noise and grade in a cell)."""
+    rows, cols = surface.grid.to_cell(xyz[:, :2])
+    rows = np.clip(np.floor(rows).astype(np.int64), 0, surface.grid.n_rows - 1)
+    cols = np.clip(np.floor(cols).astype(np.int64), 0, surface.grid.n_cols - 1)
+    on_cell: BoolArray = surface.is_road[rows, cols]
+    return on_cell & (np.abs(height_above_road(surface, xyz)) <= tolerance_m)
+
+
+def _height_above(surface: RoadSurface, xyz: FloatArray, reference: Float32Array) -> Float32Array:
+    g = surface.grid
+    out: Float32Array = kernels.height_above(
+        np.ascontiguousarray(xyz, dtype=np.float64),
+        g.east_m,
+        g.north_m,
+        surface.z0_m,
+        g.cell_width_m,
+        reference,
+    )
+    return out
+
+
+def _grid_for(points: Points, config: RoadConfig) -> Grid:
+    bounds = points.bounds
+    cells = (bounds.width_m / config.cell_m + 2) * (bounds.height_m / config.cell_m + 2)
+    if not cells <= config.max_cells:
+        raise InputError(
+            f"extents of {bounds.width_m:.0f} x {bounds.height_m:.0f} m need {cells:.3g} cells of "
+            f"{config.cell_m:g} m, allowed are {config.max_cells}",
+            where="points",
+            advice="extract a part of the survey, or raise road.max_cells or road.cell_m",
+        )
+    return Grid.covering(bounds, config.cell_m)
+
+
+def _local_slope(height: Float32Array, cell: float) -> tuple[Float32Array, Float32Array]:
+    """Slope east and north from medians of neighbour differences over 5 x 5 cells: a kerb does not tilt it."""
+    east = np.diff(height, axis=1, append=np.nan) / cell
+    north = -np.diff(height, axis=0, append=np.nan) / cell
+    return _median_of_known(east), _median_of_known(north)
+
+
+def _median_of_known(values: Float32Array) -> Float32Array:
+    """Median over 5 x 5 cells; unknown cells take the value of the nearest known one first."""
+    known = ~np.isnan(values)
+    if not known.any():
+        return np.zeros_like(values)
+    index = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+    filled = values[tuple(index)]
+    out: Float32Array = ndimage.median_filter(filled, size=5, mode="nearest")
+    return out
+
+
+def _under(trajectory: Trajectory, grid: Grid, smooth: BoolArray) -> BoolArray:
+    """Smooth cells within a metre of the path, in plan (a path may be at the antenna's height)."""
+    step = np.hypot(*np.diff(trajectory.xyz[:, :2], axis=0).T)
+    chainage = np.concatenate([[0.0], np.cumsum(step)])
+    at = np.arange(0.0, chainage[-1] + grid.cell_width_m, grid.cell_width_m / 2)
+    path = np.stack([np.interp(at, chainage, trajectory.xyz[:, k]) for k in (0, 1)], axis=-1)
+    rows, cols = (np.floor(v).astype(np.int64) for v in grid.to_cell(path))
+    inside = (rows >= 0) & (rows < grid.n_rows) & (cols >= 0) & (cols < grid.n_cols)
+    path_cells = np.zeros(grid.shape, dtype=bool)
+    path_cells[rows[inside], cols[inside]] = True
+    reach = max(round(1.0 / grid.cell_width_m), 1)
+    near: BoolArray = ndimage.binary_dilation(path_cells, iterations=reach)
+    return near & smooth
+
+
+def _largest_smooth(height: Float32Array, smooth: BoolArray, count: AnyArray, max_step: float) -> BoolArray:
+    """One cell of the smooth connected surface that holds the most points: what the van drove on."""
+    if not smooth.any():
+        return ~np.isnan(height)
+    # Cut the surface where it steps: a cell is kept when it fits the median of its neighbours
+    filled = np.where(np.isnan(height), np.float32(1e6), height)
+    even = smooth & (np.abs(filled - ndimage.median_filter(filled, size=3)) <= max_step)
+    labels, n = ndimage.label(even if even.any() else smooth)
+    weight = ndimage.sum_labels(count, labels, index=np.arange(1, n + 1))
+    return np.asarray(labels == 1 + int(np.argmax(weight)))
+
+
+def _carry_on(height: Float32Array, known: BoolArray, cell: float) -> tuple[Float32Array, Float32Array]:
+    """Fill a surface from the nearest known cell, smooth the filled part, and give the distance to it."""
+    if not known.any():
+        known = ~np.isnan(height)
+    distance, index = ndimage.distance_transform_edt(~known, sampling=cell, return_indices=True)
+    filled = height[tuple(index)]
+    # Rays of nearest cells meet in creases: average them over a fifth of the way already gone
+    soft = ndimage.uniform_filter(filled, size=max(round(2.0 / cell), 1), mode="nearest")
+    share = np.clip(distance / 2.0, 0.0, 1.0).astype(np.float32)
+    out: Float32Array = ((1 - share) * filled + share * soft).astype(np.float32)
+    return out, distance.astype(np.float32)
