@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
+
+F64 = npt.NDArray[np.float64]
+F32 = npt.NDArray[np.float32]
+I32 = npt.NDArray[np.int32]
+I64 = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
 
 
 @njit(cache=True, nogil=True)
-def lowest_supported(xyz, west, north, z0, cell, n_rows, n_cols, support):
+def lowest_supported(
+    xyz: F64, west: float, north: float, z0: float, cell: float, n_rows: int, n_cols: int, support: float
+) -> tuple[F32, I32]:
     """Return per cell the lowest height that another point supports, and the number of points.
 
     A stray point below the ground stands alone: it is passed over when the next point above it is
@@ -42,8 +51,10 @@ def lowest_supported(xyz, west, north, z0, cell, n_rows, n_cols, support):
 
 
 @njit(cache=True, nogil=True)
-def lowest_layer(xyz, west, north, z0, cell, low, thickness):
-    """Return mean height, spread and number of the points within `thickness` above each cell's low."""
+def lowest_layer(
+    xyz: F64, west: float, north: float, z0: float, cell: float, low: F32, thickness: float
+) -> tuple[F32, F32]:
+    """Return mean height and spread of the points within `thickness` above each cell's low."""
     n_rows, n_cols = low.shape
     total = np.zeros((n_rows, n_cols))
     square = np.zeros((n_rows, n_cols))
@@ -67,11 +78,52 @@ def lowest_layer(xyz, west, north, z0, cell, low, thickness):
                 m = total[r, c] / n
                 mean[r, c] = low[r, c] + m
                 spread[r, c] = np.sqrt(max(square[r, c] / n - m * m, 0.0))
-    return mean, spread, number
+    return mean, spread
 
 
 @njit(cache=True, nogil=True)
-def grow(height, slope_east, slope_north, allowed, seed_rows, seed_cols, cell, max_step):
+def median_slope(height: F32, cell: float, reach: int) -> tuple[F32, F32]:
+    """Return slope east and north: medians of neighbour differences within `reach` cells around.
+
+    A median is not tilted by a kerb. NaN where no height is known; 0 where no difference is.
+    """
+    n_rows, n_cols = height.shape
+    east = np.full((n_rows, n_cols), np.float32(np.nan), dtype=np.float32)
+    north = np.full((n_rows, n_cols), np.float32(np.nan), dtype=np.float32)
+    d_east = np.empty((2 * reach + 1) ** 2)
+    d_north = np.empty((2 * reach + 1) ** 2)
+    for r in range(n_rows):
+        for c in range(n_cols):
+            if np.isnan(height[r, c]):
+                continue
+            n_e, n_n = 0, 0
+            for rr in range(max(r - reach, 0), min(r + reach + 1, n_rows)):
+                for cc in range(max(c - reach, 0), min(c + reach + 1, n_cols)):
+                    z = height[rr, cc]
+                    if np.isnan(z):
+                        continue
+                    if cc + 1 < n_cols and not np.isnan(height[rr, cc + 1]):
+                        d_east[n_e] = (height[rr, cc + 1] - z) / cell
+                        n_e += 1
+                    if rr + 1 < n_rows and not np.isnan(height[rr + 1, cc]):
+                        d_north[n_n] = (z - height[rr + 1, cc]) / cell
+                        n_n += 1
+            east[r, c] = np.median(d_east[:n_e]) if n_e > 0 else 0.0
+            north[r, c] = np.median(d_north[:n_n]) if n_n > 0 else 0.0
+    return east, north
+
+
+@njit(cache=True, nogil=True)
+def grow(
+    height: F32,
+    slope_east: F32,
+    slope_north: F32,
+    allowed: Mask,
+    seed_rows: I64,
+    seed_cols: I64,
+    cell: float,
+    max_step: float,
+) -> Mask:
     """Grow a region over 4-neighbours (and across one missing cell) from seeds.
 
     A neighbour joins when it is allowed and its height differs from what the local slope predicts by
@@ -114,7 +166,7 @@ def grow(height, slope_east, slope_north, allowed, seed_rows, seed_cols, cell, m
 
 
 @njit(cache=True, nogil=True)
-def height_above(xyz, west, north, z0, cell, reference):
+def height_above(xyz: F64, west: float, north: float, z0: float, cell: float, reference: F32) -> F32:
     """Return each point's height above the reference surface, bilinear between cell centres."""
     n_rows, n_cols = reference.shape
     out = np.empty(len(xyz), dtype=np.float32)

@@ -114,26 +114,30 @@ def find_road(points: Points, trajectory: Trajectory | None, config: RoadConfig)
         The extents need a larger grid than `max_cells`.
     """
     grid = _grid_for(points, config)
+    cell = grid.cell_width_m
     z0 = float(np.median(points.xyz[:: max(len(points) // 10_000, 1), 2]))
-    frame = (grid.east_m, grid.north_m, z0, grid.cell_width_m)
-    low, count = kernels.lowest_supported(points.xyz, *frame, *grid.shape, config.support_m)
-    height, spread, _ = kernels.lowest_layer(points.xyz, *frame, low, config.layer_m)
-    slope_east, slope_north = _local_slope(height, grid.cell_width_m)
-    smooth = (spread <= config.roughness_m) & (np.hypot(slope_east, slope_north) <= config.max_grade)
+    low, count = kernels.lowest_supported(
+        points.xyz, grid.east_m, grid.north_m, z0, cell, grid.n_rows, grid.n_cols, config.support_m
+    )
+    height, spread = kernels.lowest_layer(
+        points.xyz, grid.east_m, grid.north_m, z0, cell, low, config.layer_m
+    )
+    slope_east, slope_north = kernels.median_slope(height, cell, 2)
+    known = ~np.isnan(height)
+    rough = max(config.roughness_m, 1.5 * float(np.median(spread[known])))
+    smooth = known & (spread <= rough) & (np.hypot(slope_east, slope_north) <= config.max_grade)
 
     # The road: from under the van over everything that continues the slope
     seeds = _under(trajectory, grid, smooth) if trajectory is not None else None
     if seeds is None or not seeds.any():
         seeds = _largest_smooth(height, smooth, count, config.max_step_m)
-    cell = grid.cell_width_m
-    is_road = kernels.grow(
-        height, slope_east, slope_north, smooth, *np.nonzero(seeds), cell, config.max_step_m
-    )
+    is_road = _grown(height, (slope_east, slope_north), smooth, seeds, cell, config.max_step_m)
 
-    # The ground: on from the road, with looser bounds
-    level = np.zeros_like(height)
-    anywhere = ~np.isnan(height)
-    is_ground = kernels.grow(height, level, level, anywhere, *np.nonzero(is_road), cell, config.ground_step_m)
+    # The ground: on from the road with looser bounds, then pieces that the data separate from it
+    level = np.zeros_like(height), np.zeros_like(height)
+    is_ground = _grown(height, level, known, is_road, cell, config.ground_step_m)
+    apart = _apart_but_level(height, smooth & ~is_ground, is_ground, cell)
+    is_ground |= _grown(height, level, known, apart, cell, config.ground_step_m)
 
     road, distance = _carry_on(height, is_road, cell)
     ground, _ = _carry_on(height, is_ground, cell)
@@ -186,22 +190,36 @@ def _grid_for(points: Points, config: RoadConfig) -> Grid:
     return Grid.covering(bounds, config.cell_m)
 
 
-def _local_slope(height: Float32Array, cell: float) -> tuple[Float32Array, Float32Array]:
-    """Slope east and north from medians of neighbour differences over 5 x 5 cells: a kerb does not tilt it."""
-    east = np.diff(height, axis=1, append=np.nan) / cell
-    north = -np.diff(height, axis=0, append=np.nan) / cell
-    return _median_of_known(east), _median_of_known(north)
+def _grown(
+    height: Float32Array,
+    slope: tuple[Float32Array, Float32Array],
+    allowed: BoolArray,
+    seeds: BoolArray,
+    cell: float,
+    max_step: float,
+) -> BoolArray:
+    rows, cols = np.nonzero(seeds)
+    return np.asarray(kernels.grow(height, slope[0], slope[1], allowed, rows, cols, cell, max_step))
 
 
-def _median_of_known(values: Float32Array) -> Float32Array:
-    """Median over 5 x 5 cells; unknown cells take the value of the nearest known one first."""
-    known = ~np.isnan(values)
-    if not known.any():
-        return np.zeros_like(values)
-    index = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
-    filled = values[tuple(index)]
-    out: Float32Array = ndimage.median_filter(filled, size=5, mode="nearest")
-    return out
+def _apart_but_level(
+    height: Float32Array, candidates: BoolArray, ground: BoolArray, cell: float
+) -> BoolArray:
+    """Smooth pieces of 25 m2 and more that data holes part from the ground, and that lie level with it.
+
+    Level: within a metre of the nearest ground plus a 12 % grade over the distance, at most 25 m of it: a
+    roof stands higher than that over the ground at its foot. Opening by 3 x 3 cells drops wires.
+    """
+    labels, n = ndimage.label(ndimage.binary_opening(candidates, np.ones((3, 3))))
+    if n == 0 or not ground.any():
+        return np.zeros_like(candidates)
+    index = np.arange(1, n + 1)
+    large = ndimage.sum_labels(np.ones_like(labels), labels, index) * cell**2 >= 25.0
+    distance, nearest = ndimage.distance_transform_edt(~ground, sampling=cell, return_indices=True)
+    excess = np.abs(height - height[tuple(nearest)]) - 0.12 * np.minimum(distance, 25.0)
+    level = ndimage.median(np.nan_to_num(excess, nan=1e6), labels, index) <= 1.0
+    chosen: BoolArray = np.concatenate([[False], large & level])[labels]
+    return chosen
 
 
 def _under(trajectory: Trajectory, grid: Grid, smooth: BoolArray) -> BoolArray:
