@@ -1,0 +1,35 @@
+"""What every method is to the one who runs it: kinds, a buffer, and lines out of a tile."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from linework.model.lines import LineSet
+from linework.model.tile import TileData
+
+
+class Method(Protocol):
+    """A way to find lines in a tile.
+
+    A method may be used for many tiles, at the same time, in any order: it keeps nothing from one to the
+    next, and the same tile gives the same lines.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name that users type: radon, obb, stereo."""
+        ...
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of line it looks for, names of `linework.model.lines.KINDS`."""
+        ...
+
+    @property
+    def buffer_m(self) -> float:
+        """Width of the margin of points around a core that makes the lines in the core whole, in metres."""
+        ...
+
+    def extract(self, tile: TileData) -> LineSet:
+        """Return the lines that the tile's core answers for."""
+        ...

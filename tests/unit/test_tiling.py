@@ -1,0 +1,117 @@
+"""Plan, names, order and record of a run."""
+
+import json
+
+import numpy as np
+import pytest
+
+from linework.model.grid import Bounds
+from linework.model.lines import LineSet
+from linework.tiling.executors import in_order
+from linework.tiling.identify import identify, midpoints
+from linework.tiling.plan import plan_tiles
+from linework.tiling.record import record_path, set_aside, write_record
+from linework.tiling.steps import Steps
+
+
+def some_lines() -> LineSet:
+    rng = np.random.default_rng(7)
+    lines = [rng.uniform(0, 100, (3, 3)) for _ in range(12)]
+    return LineSet.from_lines(lines, kind=["cable", "guardrail", "fence"] * 4)
+
+
+def test_the_core_holds_points_on_its_far_edges():
+    (tile,) = plan_tiles(Bounds(0.0, 0.0, 50.0, 30.0), buffer_m=4.0)
+    assert tile.core.east > 50.0
+    assert tile.core.north > 30.0
+    assert tile.extent == Bounds(-4.0, -4.0, 64.0, 44.0)
+
+
+@pytest.mark.parametrize("bounds", [Bounds(0, 0, np.nan, 1), Bounds(5, 0, 4, 1)])
+def test_a_plan_needs_sound_bounds(bounds):
+    with pytest.raises(ValueError, match="bounds"):
+        plan_tiles(bounds, 0.0)
+
+
+def test_names_and_order_do_not_depend_on_the_order_lines_came_in():
+    lines = some_lines()
+    named = identify(lines)
+    for seed in range(5):
+        shuffled = lines.take(np.random.default_rng(seed).permutation(len(lines)))
+        again = identify(shuffled)
+        assert again.id.tolist() == named.id.tolist()
+        np.testing.assert_array_equal(again.xyz, named.xyz)
+
+
+def test_lines_at_the_same_place_get_different_names():
+    line = np.array([[0.0, 0.0, 1.0], [10.0, 0.0, 1.0]])
+    named = identify(LineSet.from_lines([line, line + 0.01, line], kind=["cable"] * 3))
+    assert len(set(named.id)) == 3
+    assert all(name.startswith("cable-") for name in named.id)
+
+
+def test_a_name_survives_a_change_of_a_few_millimetres():
+    line = np.array([[0.3, 0.4, 1.4], [10.5, 0.6, 1.5]])
+    one = identify(LineSet.from_lines([line], kind=["guardrail"]))
+    two = identify(LineSet.from_lines([line + 0.003], kind=["guardrail"]))
+    assert one.id.tolist() == two.id.tolist()
+
+
+def test_the_midpoint_is_half_way_along_not_the_middle_vertex():
+    line = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [10.0, 0.0, 0.0]])
+    np.testing.assert_allclose(midpoints(LineSet.from_lines([line])), [[5.0, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize("n_workers", [1, 3])
+def test_results_come_in_the_order_of_the_tiles(n_workers):
+    assert list(in_order(lambda x: -x, range(20), n_workers)) == [-x for x in range(20)]
+
+
+def test_steps_add_up_and_are_shown():
+    seen = []
+
+    class Watcher:
+        def begin(self, step, unit):
+            seen.append(("begin", step, unit))
+
+        def advance(self, done, total):
+            seen.append((done, total))
+
+        def end(self, step, seconds):
+            seen.append(("end", step))
+
+    steps = Steps(Watcher())
+    for _ in range(2):
+        with steps.step("read", unit="points") as advance:
+            advance(3, 4)
+    assert seen == [("begin", "read", "points"), (3, 4), ("end", "read")] * 2
+    assert steps.timings_s["read"] >= 0
+
+
+def test_two_outputs_in_a_folder_have_two_records(tmp_path):
+    first, second = tmp_path / "a.gpkg", tmp_path / "b.gpkg"
+    first.touch()
+    assert record_path(first).name == "run.json"
+    write_record(record_path(first), {"output": {"file": "a.gpkg"}})
+    assert record_path(first).name == "run.json"
+    assert record_path(second).name == "b.run.json"
+    first.unlink()
+    assert record_path(second).name == "run.json"
+
+
+def test_a_file_of_somebody_else_is_not_a_record(tmp_path):
+    (tmp_path / "run.json").write_text('{"mine": 1}')
+    assert record_path(tmp_path / "a.gpkg").name == "a.run.json"
+    assert record_path(tmp_path / "run.json").name == "run.run.json"
+
+
+def test_an_old_record_comes_back_only_if_the_new_output_fails(tmp_path):
+    record = tmp_path / "run.json"
+    write_record(record, {"output": {"file": "a.gpkg"}})
+    with pytest.raises(OSError, match="full"), set_aside(record):
+        assert not record.exists()
+        raise OSError("full")
+    assert json.loads(record.read_text())["output"]["file"] == "a.gpkg"
+    with set_aside(record):
+        pass
+    assert [p.name for p in tmp_path.iterdir()] == []
