@@ -1,0 +1,262 @@
+"""Coordinate reference systems: parse, compare, describe; feet to metres.
+
+A CRS is a WKT2 text, or "local": metres, no place on earth. Coordinates are always east, north, whatever
+order the CRS's own axes have, as LAS and GIS files hold them.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from typing import Any
+
+import pyproj
+from pyproj.exceptions import CRSError as ProjError
+
+from linework.errors import CrsError
+
+LOCAL = "local"
+#: Longer texts are no CRS of this world; a real compound WKT2 has 3 to 6 kB.
+_MAX_CHARS = 65536
+_EPSG = re.compile(r"EPSG:(\d{1,6})(?:\+(?:EPSG:)?(\d{1,6}))?", re.IGNORECASE)
+_WKT = re.compile(
+    r"\s*(PROJCRS|PROJECTEDCRS|PROJCS|COMPOUNDCRS|COMPD_CS|BOUNDCRS|GEOGCRS|GEOGRAPHICCRS|GEODCRS|GEODETICCRS"
+    r"|GEOGCS|GEOCCS|ENGCRS|ENGINEERINGCRS|LOCAL_CS)\s*\[",
+    re.IGNORECASE,
+)
+_ADVICE = "give --crs EPSG:... (projected, metres) or --crs local"
+
+
+def parse_crs(text: str, *, where: object = None) -> str:
+    """Return the WKT2 of a projected CRS named by EPSG code(s) or WKT, or "local".
+
+    Only these forms are read: a CRS text is never opened as a path and never fetched as an address.
+
+    Raises
+    ------
+    CrsError
+        Not one of the forms, unknown code, in degrees, or with axes that do not point east and north.
+
+    Examples
+    --------
+    >>> parse_crs("local")
+    'local'
+    >>> parse_crs("EPSG:25832+7837").split('"')[1]
+    'ETRS89 / UTM zone 32N + DHHN2016 height'
+    """
+    stripped = text.strip()
+    if stripped.lower() == LOCAL:
+        return LOCAL
+    shown = stripped if len(stripped) <= 60 else stripped[:57] + "..."
+    if len(text) > _MAX_CHARS:
+        raise CrsError(
+            f"CRS text of {len(text)} characters, at most {_MAX_CHARS}", where=where, advice=_ADVICE
+        )
+    if not (_EPSG.fullmatch(stripped) or _WKT.match(stripped)):
+        raise CrsError(f"'{shown}' is not a CRS: expected EPSG:n, EPSG:n+m, WKT or local", where=where,
+                       advice=_ADVICE)  # fmt: skip
+    try:
+        crs = _load(stripped)
+    except ProjError as error:
+        raise CrsError(f"CRS '{shown}' is not known to PROJ", where=where, advice=_ADVICE) from error
+    check_usable(crs, where=where)
+    return canonical_wkt(crs)
+
+
+def check_usable(crs: pyproj.CRS, *, where: object = None) -> None:
+    """Raise unless lengths can be measured in the CRS: projected (or engineering), axes east and north."""
+    plan = horizontal_part(crs)
+    if plan.is_geographic or plan.is_geocentric:
+        raise CrsError(
+            f"CRS '{crs.name}' is geographic (degrees), lengths need metres" if plan.is_geographic
+            else f"CRS '{crs.name}' is geocentric, expected a projected one",
+            where=where, advice="transform to a projected CRS, or " + _ADVICE,
+        )  # fmt: skip
+    if plan.is_vertical:
+        raise CrsError(f"CRS '{crs.name}' is for heights only", where=where, advice=_ADVICE)
+    directions = [axis.direction for axis in plan.axis_info]
+    if "west" in directions:
+        raise CrsError(
+            f"CRS '{crs.name}' has axes {' and '.join(directions)}, expected east and north",
+            where=where,
+            advice="transform to a CRS with axes east and north",
+        )
+
+
+def horizontal_part(crs: pyproj.CRS) -> pyproj.CRS:
+    """Return the horizontal CRS of a compound or bound one."""
+    if crs.is_compound:
+        return horizontal_part(crs.sub_crs_list[0])
+    if crs.is_bound and crs.source_crs is not None:
+        return horizontal_part(crs.source_crs)
+    return crs
+
+
+def vertical_part(crs: pyproj.CRS) -> pyproj.CRS | None:
+    """Return the vertical CRS of a compound one, or None."""
+    if crs.is_compound:
+        part = crs.sub_crs_list[1]
+        return part.source_crs if part.is_bound else part
+    return None
+
+
+def canonical_wkt(crs: pyproj.CRS) -> str:
+    """Return one WKT2 per CRS: EPSG's own where every part carries a code, so that equal CRSs are equal texts."""
+    plan, height = horizontal_part(crs), vertical_part(crs)
+    codes = [part.to_epsg(min_confidence=100) for part in (plan, height) if part is not None]
+    if all(codes):
+        own = _load("EPSG:" + "+".join(str(code) for code in codes))
+        if own.equals(crs, ignore_axis_order=True) or _same_parts(own, crs):
+            crs = own
+    return crs.to_wkt("WKT2_2019")
+
+
+def unit_factors(wkt: str) -> tuple[float, float]:
+    """Return how many metres one unit of the plan and of the height are.
+
+    A CRS without heights takes them to be in the unit of the plan.
+
+    >>> [round(f, 9) for f in unit_factors(parse_crs("EPSG:2263+6360"))]
+    [0.304800610, 0.304800610]
+    """
+    if wkt == LOCAL:
+        return 1.0, 1.0
+    crs = _load(wkt)
+    plan, height = horizontal_part(crs), vertical_part(crs)
+    horizontal = float(plan.axis_info[0].unit_conversion_factor)
+    if height is not None:
+        return horizontal, float(height.axis_info[0].unit_conversion_factor)
+    if len(plan.axis_info) > 2:
+        return horizontal, float(plan.axis_info[2].unit_conversion_factor)
+    return horizontal, horizontal
+
+
+def metric_twin(wkt: str) -> str:
+    """Return the same CRS with all its lengths in metres: same projection, same datum, same places.
+
+    Coordinates times `unit_factors` of the old one are coordinates of the new one.
+    """
+    if unit_factors(wkt) == (1.0, 1.0):
+        return wkt
+    document = _load(wkt).to_json_dict()
+    parts = document["components"] if document["type"] == "CompoundCRS" else [document]
+    for part in parts:
+        _make_metric(part)
+    names = [part["name"] for part in parts]
+    document.pop("id", None)
+    document["name"] = " + ".join(names)
+    return str(pyproj.CRS.from_json_dict(document).to_wkt("WKT2_2019"))
+
+
+def same_crs(a: str, b: str) -> bool:
+    """Return whether two CRS texts mean the same; a missing vertical part differs from any."""
+    if a == b:
+        return True
+    if LOCAL in (a, b) or not a or not b:
+        return False
+    return _same_parts(_load(a), _load(b))
+
+
+def same_plan(a: str, b: str) -> bool:
+    """Return whether two CRS texts have the same horizontal part."""
+    if a == b:
+        return True
+    if LOCAL in (a, b) or not a or not b:
+        return False
+    return _same_horizontal(_load(a), _load(b))
+
+
+def has_height(wkt: str) -> bool:
+    """Return whether the CRS states what its heights are."""
+    return wkt != LOCAL and vertical_part(_load(wkt)) is not None
+
+
+def with_height_of(wkt: str, other: str) -> str:
+    """Return the horizontal CRS of `wkt` compounded with the vertical CRS of `other`, as canonical WKT2."""
+    plan, height = horizontal_part(_load(wkt)), vertical_part(_load(other))
+    if height is None:
+        return wkt
+    return canonical_wkt(compound(plan, height))
+
+
+def compound(plan: pyproj.CRS, height: pyproj.CRS) -> pyproj.CRS:
+    """Return the compound of a horizontal and a vertical CRS."""
+    return pyproj.crs.CompoundCRS(name=f"{plan.name} + {height.name}", components=[plan, height])
+
+
+def vertical_in_unit(crs: pyproj.CRS, unit_m: float) -> pyproj.CRS:
+    """Return a vertical CRS with its axis in a unit of `unit_m` metres (a foot of some kind)."""
+    document = crs.to_json_dict()
+    name = "foot" if unit_m == 0.3048 else "US survey foot"
+    document["coordinate_system"]["axis"][0]["unit"] = {
+        "type": "LinearUnit", "name": name, "conversion_factor": unit_m,
+    }  # fmt: skip
+    document.pop("id", None)
+    document["name"] += f" ({name})"
+    return pyproj.CRS.from_json_dict(document)
+
+
+def describe_crs(wkt: str) -> str:
+    """Return a short name for people.
+
+    >>> describe_crs(parse_crs("EPSG:28992"))
+    'Amersfoort / RD New (EPSG:28992)'
+    """
+    if wkt in (LOCAL, ""):
+        return wkt or "none"
+    crs = _load(wkt)
+    code = epsg_text(wkt)
+    return f"{crs.name} ({code})" if code else str(crs.name)
+
+
+def epsg_text(wkt: str) -> str:
+    """Return "EPSG:n" or "EPSG:n+m" where the CRS carries codes, else ""."""
+    if wkt in (LOCAL, ""):
+        return ""
+    crs = _load(wkt)
+    plan, height = horizontal_part(crs), vertical_part(crs)
+    codes = [part.to_epsg(min_confidence=100) for part in (plan, height) if part is not None]
+    return "EPSG:" + "+".join(str(code) for code in codes) if all(codes) else ""
+
+
+@functools.lru_cache(maxsize=64)
+def _load(text: str) -> pyproj.CRS:
+    return pyproj.CRS.from_user_input(text)
+
+
+def _same_horizontal(a: pyproj.CRS, b: pyproj.CRS) -> bool:
+    plan_a, plan_b = horizontal_part(a), horizontal_part(b)
+    if plan_a.equals(plan_b, ignore_axis_order=True):
+        return True
+    code_a, code_b = plan_a.to_epsg(min_confidence=90), plan_b.to_epsg(min_confidence=90)
+    return code_a is not None and code_a == code_b
+
+
+def _same_parts(a: pyproj.CRS, b: pyproj.CRS) -> bool:
+    height_a, height_b = vertical_part(a), vertical_part(b)
+    if (height_a is None) != (height_b is None) or not _same_horizontal(a, b):
+        return False
+    if height_a is None or height_b is None or height_a.equals(height_b):
+        return True
+    code = height_a.to_epsg(min_confidence=90)
+    return code is not None and code == height_b.to_epsg(min_confidence=90)
+
+
+def _make_metric(part: dict[str, Any]) -> None:
+    """Turn one projected or vertical CRS (PROJJSON) into metres, in place."""
+    system = part["coordinate_system"]
+    metre = {"unit": "metre"}
+    changed = False
+    for axis in system["axis"]:
+        changed |= axis["unit"] != "metre"
+        axis.update(metre)
+    if not changed:
+        return
+    part.pop("id", None)
+    part["name"] += " (in metres)"
+    for parameter in part.get("conversion", {}).get("parameters", []):
+        unit = parameter.get("unit")
+        if isinstance(unit, dict) and unit.get("type") == "LinearUnit":
+            parameter["value"] = parameter["value"] * unit["conversion_factor"]
+            parameter["unit"] = "metre"
+    part.get("conversion", {}).pop("id", None)
