@@ -1,0 +1,176 @@
+"""Grey dilation and peaks of a Radon image, which closes on itself: R(theta + pi, rho) = R(theta, -rho)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+Array = npt.NDArray[Any]
+
+#: Values this close, relative, are one plateau: sums of the same cells in another order differ by 1e-15.
+SAME = 1e-9
+
+
+@njit(cache=True, nogil=True)
+def turned(i: int, n: int) -> tuple[int, int]:
+    """Return the index of angle `i` of a row of `n` that goes on for ever, and the half turns taken."""
+    turns = math.floor(i / n)
+    return i - turns * n, turns
+
+
+@njit(cache=True, nogil=True)
+def reach(angles: Array, i: int, window: float, sign: int) -> int:
+    """Return how many angles lie within `window` of angle `i` on one side (sign +1 or -1), at most n - 1."""
+    n = angles.size
+    count = 0
+    while count < n - 1:
+        k, turns = turned(i + sign * (count + 1), n)
+        if abs(angles[k] + turns * math.pi - angles[i]) > window * (1.0 + 1e-9):
+            break
+        count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def dilate(values: Array, angles: Array, half_window: float, half_bins: int) -> Array:
+    """Return the grey dilation by a line element along rho, then by one along theta.
+
+    The elements reach `half_bins` bins and `half_window` [rad] to either side.
+    """
+    n, m = values.shape
+    along_rho = np.empty_like(values)
+    for i in range(n):
+        for j in range(m):
+            top = values[i, j]
+            for k in range(max(0, j - half_bins), min(m, j + half_bins + 1)):
+                top = max(top, values[i, k])
+            along_rho[i, j] = top
+    dilated = along_rho.copy()
+    for i in range(n):
+        for d in range(-reach(angles, i, half_window, -1), reach(angles, i, half_window, 1) + 1):
+            k, turns = turned(i + d, n)
+            if turns % 2 == 0:
+                for j in range(m):
+                    dilated[i, j] = max(dilated[i, j], along_rho[k, j])
+            else:
+                for j in range(m):
+                    dilated[i, j] = max(dilated[i, j], along_rho[k, m - 1 - j])
+    return dilated
+
+
+@njit(cache=True, nogil=True)
+def peaks(
+    values: Array, angles: Array, rho: Array, threshold: float, half_window: float, half_bins: int
+) -> Array:
+    """Return (n, 3) theta, rho and strength of the bins that equal their dilation and exceed the threshold.
+
+    Such bins that lie in one another's window are one plateau, and give the one of them that is nearest
+    to its middle. Places are refined below the bin, theta is in [0, pi).
+    """
+    n, m = values.shape
+    step = rho[1] - rho[0] if m > 1 else 1.0
+    dilated = dilate(values, angles, half_window, half_bins)
+    top = np.zeros((n, m), np.bool_)
+    n_top = 0
+    for i in range(n):
+        for j in range(m):
+            if values[i, j] > threshold and values[i, j] >= dilated[i, j] - SAME * abs(dilated[i, j]):
+                top[i, j] = True
+                n_top += 1
+    found = np.empty((n_top, 3), np.float64)
+    n_found = 0
+    plateau = np.empty((n_top, 2), np.int64)  # angle index going on past pi, rho index of the first's side
+    for i in range(n):
+        for j in range(m):
+            if not top[i, j]:
+                continue
+            size = flood(top, angles, i, j, half_window, half_bins, plateau)
+            best = middle(plateau[:size])
+            k, turns = turned(plateau[best, 0], n)
+            c = plateau[best, 1] if turns % 2 == 0 else m - 1 - plateau[best, 1]
+            d_theta, d_rho = refine(values, angles, step, k, c)
+            theta, offset = angles[k] + d_theta, rho[c] + d_rho
+            if theta < 0.0:
+                theta, offset = theta + math.pi, -offset
+            if theta >= math.pi:
+                theta, offset = theta - math.pi, -offset
+            found[n_found, 0], found[n_found, 1], found[n_found, 2] = theta, offset, values[k, c]
+            n_found += 1
+    return found[:n_found].copy()
+
+
+@njit(cache=True, nogil=True)
+def flood(
+    top: Array, angles: Array, i: int, j: int, half_window: float, half_bins: int, plateau: Array
+) -> int:
+    """Collect the plateau that (i, j) belongs to, erase it from `top`, and return its size."""
+    n, m = top.shape
+    top[i, j] = False
+    plateau[0, 0], plateau[0, 1] = i, j
+    size, done = 1, 0
+    while done < size:
+        at, rho = plateau[done, 0], plateau[done, 1]
+        done += 1
+        home, _ = turned(at, n)
+        for d in range(-reach(angles, home, half_window, -1), reach(angles, home, half_window, 1) + 1):
+            k, turns = turned(at + d, n)
+            for r in range(max(0, rho - half_bins), min(m, rho + half_bins + 1)):
+                c = r if turns % 2 == 0 else m - 1 - r
+                if top[k, c]:
+                    top[k, c] = False
+                    plateau[size, 0], plateau[size, 1] = at + d, r
+                    size += 1
+    return size
+
+
+@njit(cache=True, nogil=True)
+def middle(plateau: Array) -> int:
+    """Return which bin of a plateau is nearest to its mean; the first of equals."""
+    mean_i, mean_j = plateau[:, 0].mean(), plateau[:, 1].mean()
+    best, least = 0, np.inf
+    for k in range(plateau.shape[0]):
+        d = (plateau[k, 0] - mean_i) ** 2 + (plateau[k, 1] - mean_j) ** 2
+        if d < least - 1e-9:
+            best, least = k, d
+    return best
+
+
+@njit(cache=True, nogil=True)
+def refine(values: Array, angles: Array, step: float, i: int, j: int) -> tuple[float, float]:
+    """Return where the paraboloid through a peak and its 8 neighbours is highest, from the peak [rad, m].
+
+    A line whose middle is off the centre makes a ridge that runs aslant, so theta and rho are solved
+    together. (0, 0) where a neighbour is missing, (one at a time, half a bin at most) where the nine
+    values are no hill.
+    """
+    n, m = values.shape
+    below_i, below_turns = turned(i - 1, n)
+    above_i, above_turns = turned(i + 1, n)
+    g = angles[i] - angles[below_i] - below_turns * math.pi
+    h = angles[above_i] + above_turns * math.pi - angles[i]
+    if j == 0 or j == m - 1 or n < 3 or max(g, h) > 2.0 * min(g, h):
+        return 0.0, 0.0
+    f = np.empty((3, 3))
+    for c in range(3):
+        r = j - 1 + c
+        f[0, c] = values[below_i, r if below_turns % 2 == 0 else m - 1 - r]
+        f[1, c] = values[i, r]
+        f[2, c] = values[above_i, r if above_turns % 2 == 0 else m - 1 - r]
+    slope_t = (g * g * (f[2, 1] - f[1, 1]) + h * h * (f[1, 1] - f[0, 1])) / (g * h * (g + h))
+    bend_t = 2.0 * (g * (f[2, 1] - f[1, 1]) - h * (f[1, 1] - f[0, 1])) / (g * h * (g + h))
+    slope_r = (f[1, 2] - f[1, 0]) / (2.0 * step)
+    bend_r = (f[1, 2] - 2.0 * f[1, 1] + f[1, 0]) / (step * step)
+    twist = (f[2, 2] - f[2, 0] - f[0, 2] + f[0, 0]) / (2.0 * step * (g + h))
+    det = bend_t * bend_r - twist * twist
+    if bend_t < 0.0 and bend_r < 0.0 and det > 0.0:
+        theta = (twist * slope_r - bend_r * slope_t) / det
+        rho = (twist * slope_t - bend_t * slope_r) / det
+        if -g <= theta <= h and abs(rho) <= step:
+            return theta, rho
+    theta = -slope_t / bend_t if bend_t < 0.0 else 0.0
+    rho = -slope_r / bend_r if bend_r < 0.0 else 0.0
+    return min(max(theta, -0.5 * g), 0.5 * h), min(max(rho, -0.5 * step), 0.5 * step)
