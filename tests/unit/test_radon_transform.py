@@ -86,10 +86,10 @@ def test_sum_over_rho_is_the_same_at_every_angle(image, angles, step):
 @given(images(), st.floats(0.0, 3.1), st.floats(0.1, 1.0))
 def test_half_a_turn_reverses_rho(image, angle, step):
     rows, cols = np.nonzero(image.values)
-    arguments = dict(
-        cell_width_m=image.grid.cell_width_m, cell_height_m=image.grid.cell_height_m,
-        rho_step_m=step, rho_max_m=6.0,
-    )  # fmt: skip
+    arguments = {
+        "cell_width_m": image.grid.cell_width_m, "cell_height_m": image.grid.cell_height_m,
+        "rho_step_m": step, "rho_max_m": 6.0,
+    }  # fmt: skip
     x, y = cols * image.grid.cell_width_m - 1.0, 1.0 - rows * image.grid.cell_height_m
     weights = image.values[rows, cols]
     here = radon_of_cells(x, y, weights, angles_rad=np.array([angle]), **arguments)

@@ -14,9 +14,10 @@ from linework.model.trajectory import Trajectory
 HALF_STRIP_M = 2.0
 #: Points so high above the path are branches and bridges, a second burst per turn [m].
 OVERHEAD_M = 1.0
-#: A pause between scan lines is at least so many times as long as the median step within one; mirrors
-#: leave a ratio of 20 and more, a spinning 64-beam head one of 1.
-PAUSE_RATIO = 4.0
+#: A pause between scan lines is at least so many times as long as the median step within one. A profile
+#: scanner that measures n points per turn leaves about n / 2 (hundreds; tens where points were thinned
+#: out); points that come at random split into halves that differ by 6.
+PAUSE_RATIO = 15.0
 #: Fewer lines than this are no measurement.
 MIN_LINES = 10
 
