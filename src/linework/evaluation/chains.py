@@ -1,0 +1,225 @@
+"""Lines by their chainage: places, directions and short pieces, the same however the vertices lie."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.errors import InputError
+from linework.model.arrays import BoolArray, FloatArray, IntArray
+from linework.model.lines import LineSet
+
+#: Lines are compared in pieces no longer than this (methods.md section 5). [m]
+PIECE_M = 0.1
+#: The direction at a place is that of the chord from this far before it to this far after it [m]: long
+#: against the noise of close vertices, short against the sharpest kerb (radius 0.5 m turns 29 degrees in it).
+HALF_CHORD_M = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Chains:
+    """Lines of one kind, measured along themselves, in metres from a local origin.
+
+    Parameters
+    ----------
+    lines
+        The lines as they came.
+    xyz
+        (n, 3) float64 [m]: vertices less the origin. Heights may be NaN where only the plan is compared.
+    axis_m
+        (n,) float64 [m]: chainage of each vertex on one axis that holds all lines behind one another.
+    start_m, length_m
+        (m,) float64 [m]: where each line begins on that axis, and how long it is.
+    n_dims
+        3: lengths, distances and directions are taken in space (cables); 2: in plan.
+    """
+
+    lines: LineSet
+    xyz: FloatArray
+    axis_m: FloatArray
+    start_m: FloatArray
+    length_m: FloatArray
+    n_dims: int
+
+    @classmethod
+    def of(cls, lines: LineSet, origin: FloatArray, n_dims: int) -> Chains:
+        """Measure `lines` along themselves.
+
+        Raises
+        ------
+        InputError
+            A coordinate that is needed is not finite.
+        """
+        xyz = lines.xyz - origin
+        if not np.isfinite(xyz[:, :n_dims]).all():
+            what = "cables need heights" if np.isfinite(xyz[:, :2]).all() else "places are not finite"
+            raise InputError(
+                f"lines cannot be compared: {what}", advice="mend the file, or leave the kind out"
+            )
+        if len(xyz) == 0:
+            none = np.zeros(0)
+            return cls(lines, xyz, none, none, none, n_dims)
+        step = np.concatenate([[0.0], np.linalg.norm(np.diff(xyz[:, :n_dims], axis=0), axis=1)])
+        first = lines.offsets[:-1][np.diff(lines.offsets) > 0]
+        step[first] = 1.0  # lines stand one metre apart on the axis
+        axis_m = np.cumsum(step)
+        last = np.maximum(lines.offsets[1:] - 1, 0)
+        start_m = axis_m[np.minimum(lines.offsets[:-1], len(xyz) - 1)]
+        length_m = np.where(np.diff(lines.offsets) > 0, axis_m[last] - start_m, 0.0)
+        return cls(lines, xyz, axis_m, start_m, length_m, n_dims)
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def at(self, line: IntArray, chainage_m: FloatArray) -> FloatArray:
+        """Return (k, 3) places at chainages of lines; beyond an end: that end."""
+        return np.stack([self.column_at(self.xyz[:, i], line, chainage_m) for i in range(3)], axis=1)
+
+    def column_at(self, column: FloatArray, line: IntArray, chainage_m: FloatArray) -> FloatArray:
+        """Return (k,) a per-vertex column between its vertices."""
+        if len(line) == 0:
+            return np.zeros(0)
+        inside = np.clip(chainage_m, 0.0, self.length_m[line])
+        return np.interp(self.start_m[line] + inside, self.axis_m, column)
+
+    def direction_at(self, line: IntArray, chainage_m: FloatArray) -> FloatArray:
+        """Return (k, n_dims) unit directions; zeros where a line has none (a chord of no length)."""
+        ahead = self.at(line, chainage_m + HALF_CHORD_M)[:, : self.n_dims]
+        behind = self.at(line, chainage_m - HALF_CHORD_M)[:, : self.n_dims]
+        return unit(ahead - behind)
+
+    def observed_at(self, line: IntArray, chainage_m: FloatArray) -> BoolArray:
+        """Return (k,) bool: on a segment whose two ends were observed."""
+        place = np.clip(chainage_m, 0.0, self.length_m[line]) + self.start_m[line]
+        segment = np.searchsorted(self.axis_m, place, side="right") - 1
+        segment = np.clip(segment, self.lines.offsets[line], np.maximum(self.lines.offsets[line + 1] - 2, 0))
+        ends = np.minimum(segment + 1, len(self.xyz) - 1)
+        return self.lines.observed[segment] & self.lines.observed[ends]
+
+    def divided(self, spacing_m: float) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Divide every line into equal parts of at most `spacing_m`.
+
+        Returns
+        -------
+        (k,) int64 line, (k,) float64 chainage of the part's middle [m], (k,) float64 its length [m].
+
+        Notes
+        -----
+        The parts depend on the line's length only: neither its vertices nor its direction move them.
+        """
+        # A length a hair over a whole number of parts, by rounding, is that number of parts
+        n_parts = np.ceil(self.length_m / spacing_m - 1e-6).astype(np.int64)
+        n_parts = np.where(self.length_m > 0, np.maximum(n_parts, 1), 0)
+        line = np.repeat(np.arange(len(self), dtype=np.int64), n_parts)
+        part_m = self.length_m[line] / n_parts[line]
+        within = np.arange(len(line)) - np.repeat(np.cumsum(n_parts) - n_parts, n_parts)
+        return line, (within + 0.5) * part_m, part_m
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """Lines cut into short pieces of equal length along each line.
+
+    Parameters
+    ----------
+    line
+        (k,) int64: the line of each piece.
+    chainage_m, length_m
+        (k,) float64 [m]: of its middle; its length.
+    xyz
+        (k, 3) float64 [m, local]: its middle.
+    direction
+        (k, n_dims) float64: unit direction.
+    """
+
+    line: IntArray
+    chainage_m: FloatArray
+    length_m: FloatArray
+    xyz: FloatArray
+    direction: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.line)
+
+
+def cut_into_pieces(chains: Chains, piece_m: float = PIECE_M) -> Pieces:
+    """Cut lines into pieces of at most `piece_m`.
+
+    >>> lines = LineSet.from_lines([[[0, 0, 0], [1, 0, 0]]], kind=["guardrail"])
+    >>> pieces = cut_into_pieces(Chains.of(lines, np.zeros(3), 2), 0.5)
+    >>> pieces.xyz[:, 0].tolist(), pieces.length_m.tolist()
+    ([0.25, 0.75], [0.5, 0.5])
+    """
+    line, chainage_m, length_m = chains.divided(piece_m)
+    xyz = chains.at(line, chainage_m)
+    return Pieces(line, chainage_m, length_m, xyz, chains.direction_at(line, chainage_m))
+
+
+@dataclass(frozen=True, slots=True)
+class Segments:
+    """The straight stretches between vertices, long ones divided, so that a search by middles finds them.
+
+    Parameters
+    ----------
+    start, end
+        (k, 3) float64 [m, local]. Ends of neighbours are the same numbers, so that nothing slips between.
+    line
+        (k,) int64.
+    start_m, end_m
+        (k,) float64 [m]: chainages of both ends.
+    """
+
+    start: FloatArray
+    end: FloatArray
+    line: IntArray
+    start_m: FloatArray
+    end_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.line)
+
+
+def cut_into_segments(chains: Chains, longest_m: float) -> Segments:
+    """Cut lines at their vertices, and segments longer than `longest_m` into equal parts."""
+    owner = chains.lines.line_of_vertex
+    k = np.flatnonzero(owner[:-1] == owner[1:]) if len(owner) else np.zeros(0, dtype=np.int64)
+    size = chains.axis_m[k + 1] - chains.axis_m[k]
+    k, size = k[size > 0], size[size > 0]
+    n_parts = np.maximum(np.ceil(size / longest_m), 1).astype(np.int64)
+    segment = np.repeat(np.arange(len(k)), n_parts)
+    within = np.arange(len(segment)) - np.repeat(np.cumsum(n_parts) - n_parts, n_parts)
+    low, high = within / n_parts[segment], (within + 1) / n_parts[segment]
+    begin, step = chains.xyz[k[segment]], np.diff(chains.xyz, axis=0)[k[segment]]
+    line = owner[k[segment]]
+    base = chains.axis_m[k[segment]] - chains.start_m[line]
+    return Segments(
+        start=begin + low[:, None] * step,
+        end=np.where((high < 1)[:, None], begin + high[:, None] * step, chains.xyz[k[segment] + 1]),
+        line=line,
+        start_m=base + low * size[segment],
+        end_m=base + high * size[segment],
+    )
+
+
+def unit(vectors: FloatArray) -> FloatArray:
+    """Return (k, d) vectors scaled to length 1; zero stays zero.
+
+    >>> unit(np.array([[3.0, 4.0], [0.0, 0.0]])).tolist()
+    [[0.6, 0.8], [0.0, 0.0]]
+    """
+    size = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0))
+
+
+def same_direction(a: FloatArray, b: FloatArray, max_angle_deg: float) -> BoolArray:
+    """Return (k,) bool: undirected angle between unit vectors at most `max_angle_deg`.
+
+    >>> east, north = np.array([[1.0, 0.0]]), np.array([[0.0, 1.0]])
+    >>> bool(same_direction(east, -east, 20.0)[0]), bool(same_direction(east, north, 20.0)[0])
+    (True, False)
+    """
+    # A micro-radian of slack: an angle of exactly the limit passes, whatever the rounding
+    cosine = np.abs(np.einsum("ij,ij->i", a, b))
+    return np.asarray(cosine >= math.cos(math.radians(max_angle_deg) + 1e-6))

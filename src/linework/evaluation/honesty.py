@@ -1,0 +1,118 @@
+"""Do the lines know how good they are: errors against sigma, correctness against confidence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import rankdata
+
+from linework.evaluation.match import TIE_M, Match
+from linework.evaluation.scores import Calibration, SigmaTercile
+from linework.model.arrays import BoolArray, FloatArray
+
+#: Confidence is judged per piece of about this length. [m]
+JUDGED_PIECE_M = 10.0
+#: Classes of confidence in the calibration error.
+N_CLASSES = 10
+
+
+def sigma_terciles(error_m: FloatArray, sigma_m: FloatArray) -> tuple[SigmaTercile, ...]:
+    """Return rms(error / sigma) per third of the stations by sigma, smallest sigmas first.
+
+    Parameters
+    ----------
+    error_m, sigma_m
+        (k,) float64 [m]; places without error or without a positive sigma are left out.
+
+    Returns
+    -------
+    tuple of SigmaTercile
+        Three; fewer where many sigmas are equal, none for fewer than three places.
+
+    Examples
+    --------
+    >>> [t.rms_ratio for t in sigma_terciles(np.array([1.0, -2.0, 6.0]), np.array([1.0, 2.0, 3.0]))]
+    [1.0, 1.0, 2.0]
+    """
+    usable = np.isfinite(error_m) & np.isfinite(sigma_m) & (sigma_m > 0)
+    error_m, sigma_m = error_m[usable], sigma_m[usable]
+    if len(error_m) < 3:
+        return ()
+    low, high = np.quantile(sigma_m, [1 / 3, 2 / 3])
+    # Equal sigmas stay together: where all are equal there is one class, not three
+    which = (sigma_m > low).astype(np.int64) + (sigma_m > high)
+    thirds = []
+    for third in (np.flatnonzero(which == i) for i in range(3)):
+        if len(third) == 0:
+            continue
+        ratio = error_m[third] / sigma_m[third]
+        thirds.append(
+            SigmaTercile(
+                n=len(third),
+                sigma_low_m=float(sigma_m[third].min()),
+                sigma_high_m=float(sigma_m[third].max()),
+                rms_ratio=float(np.sqrt(np.mean(ratio**2))),
+            )
+        )
+    return tuple(thirds)
+
+
+def calibrate(matches: Sequence[Match], tolerance_m: float) -> Calibration:
+    """Judge the confidence of the extracted lines, piece of 10 m by piece of 10 m.
+
+    Lines are divided into equal pieces as near to 10 m as they allow; a piece is correct if more than half
+    of it is within the tolerance of the reference.
+    """
+    shares, confidences = [np.zeros(0)], [np.zeros(0)]
+    for match in matches:
+        share, confidence = _judged_pieces(match, tolerance_m)
+        shares.append(share)
+        confidences.append(confidence)
+    share, confidence = np.concatenate(shares), np.concatenate(confidences)
+    usable = np.isfinite(confidence)
+    share, confidence = share[usable], confidence[usable]
+    if len(share) == 0:
+        return Calibration()
+    is_correct = share > 0.5
+    return Calibration(
+        n_pieces=len(share),
+        n_correct=int(is_correct.sum()),
+        calibration_error=_calibration_error(confidence, is_correct),
+        auc=_area_under_roc(confidence, is_correct),
+    )
+
+
+def _judged_pieces(match: Match, tolerance_m: float) -> tuple[FloatArray, FloatArray]:
+    """Return (k,) share within tolerance and (k,) confidence of pieces of about 10 m."""
+    chains, pieces = match.extracted, match.e_pieces
+    if len(pieces) == 0:
+        return np.zeros(0), np.zeros(0)
+    n_judged = np.maximum(np.rint(chains.length_m / JUDGED_PIECE_M), 1).astype(np.int64)
+    first = np.cumsum(n_judged) - n_judged
+    size_m = chains.length_m / n_judged
+    within = np.minimum(pieces.chainage_m // size_m[pieces.line], n_judged[pieces.line] - 1).astype(np.int64)
+    judged = first[pieces.line] + within
+    n = int(n_judged.sum())
+    is_match = match.e_nearest.distance_m <= tolerance_m + TIE_M
+    matched_m = np.bincount(judged, weights=pieces.length_m * is_match, minlength=n)
+    total_m = np.bincount(judged, weights=pieces.length_m, minlength=n)
+    has_length = total_m > 0
+    confidence = np.repeat(chains.lines.confidence, n_judged)
+    return matched_m[has_length] / total_m[has_length], confidence[has_length]
+
+
+def _calibration_error(confidence: FloatArray, is_correct: BoolArray) -> float:
+    which = np.clip((confidence * N_CLASSES).astype(np.int64), 0, N_CLASSES - 1)
+    n = np.bincount(which, minlength=N_CLASSES)
+    said = np.bincount(which, weights=confidence, minlength=N_CLASSES)
+    was = np.bincount(which, weights=is_correct, minlength=N_CLASSES)
+    return float(np.abs(said - was).sum() / n.sum())
+
+
+def _area_under_roc(confidence: FloatArray, is_correct: BoolArray) -> float | None:
+    n_right, n_wrong = int(is_correct.sum()), int((~is_correct).sum())
+    if n_right == 0 or n_wrong == 0:
+        return None
+    rank_sum = float(rankdata(confidence)[is_correct].sum())
+    return (rank_sum - n_right * (n_right + 1) / 2) / (n_right * n_wrong)

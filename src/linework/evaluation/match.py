@@ -1,0 +1,185 @@
+"""Match extracted lines to reference lines: which part of the one lies beside the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.evaluation.chains import (
+    Chains,
+    Pieces,
+    Segments,
+    cut_into_pieces,
+    cut_into_segments,
+    same_direction,
+)
+from linework.model.arrays import AnyArray, BoolArray, FloatArray, IntArray
+
+#: A match needs the same direction within this angle, whichever way the lines were drawn. [deg]
+MAX_ANGLE_DEG = 20.0
+#: A tie counts as a match whatever the rounding at coordinates of millions of metres (1e-9 m). [m]
+TIE_M = 1e-6
+#: Segments are searched by their middles; divided to this length, a search finds few in vain. [m]
+SEARCH_SEGMENT_M = 0.5
+#: Queries per block: bounds the memory of the pairs (about 10 per query, 100 bytes each).
+BLOCK = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class Nearest:
+    """For each query the nearest place of the same direction on the other lines.
+
+    Parameters
+    ----------
+    distance_m
+        (k,) float64 [m]; inf where there is none within reach.
+    line
+        (k,) int64: its line; -1 where there is none.
+    """
+
+    distance_m: FloatArray
+    line: IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """Extracted and reference lines of one kind, piece by piece.
+
+    Parameters
+    ----------
+    extracted, reference
+        The lines by chainage.
+    e_pieces, r_pieces
+        Their pieces of at most 0.1 m.
+    e_nearest
+        For each piece of E the nearest place on R, within reach and of the same direction.
+    r_nearest
+        The same for each piece of R on E.
+    r_observed
+        (k,) bool: the piece of R was within reach and not hidden.
+    reach_m
+        Beyond this nothing was searched.
+    """
+
+    extracted: Chains
+    reference: Chains
+    e_pieces: Pieces
+    r_pieces: Pieces
+    e_nearest: Nearest
+    r_nearest: Nearest
+    r_observed: BoolArray
+    reach_m: float
+
+
+def match_chains(extracted: Chains, reference: Chains, reach_m: float) -> Match:
+    """Find for every piece of either side how far the other side is.
+
+    Parameters
+    ----------
+    extracted, reference
+        Lines of one kind, about one origin.
+    reach_m
+        Largest distance searched; every tolerance up to it can be read off the result.
+
+    Notes
+    -----
+    A piece is judged by its middle. Ends of lines are round (a buffer's end caps), so a line that covers
+    half of another matches up to one tolerance more than its half of it.
+    """
+    e_pieces, r_pieces = cut_into_pieces(extracted), cut_into_pieces(reference)
+    return Match(
+        extracted=extracted,
+        reference=reference,
+        e_pieces=e_pieces,
+        r_pieces=r_pieces,
+        e_nearest=nearest_along(e_pieces, reference, reach_m),
+        r_nearest=nearest_along(r_pieces, extracted, reach_m),
+        r_observed=reference.observed_at(r_pieces.line, r_pieces.chainage_m),
+        reach_m=reach_m,
+    )
+
+
+def nearest_along(pieces: Pieces, chains: Chains, reach_m: float) -> Nearest:
+    """Return the nearest place on `chains` for each piece, among those of the same direction.
+
+    Distances are to the lines themselves, not to samples. Of two lines equally near the first is taken.
+    """
+    distance_m = np.full(len(pieces), np.inf)
+    line = np.full(len(pieces), -1, dtype=np.int64)
+    segments = cut_into_segments(chains, SEARCH_SEGMENT_M)
+    n = chains.n_dims
+    for query, k in pairs_within(pieces.xyz, segments, reach_m, n):
+        start = segments.start[k, :n]
+        step = segments.end[k, :n] - start
+        along = np.einsum("ij,ij->i", pieces.xyz[query, :n] - start, step)
+        part = np.clip(along / np.einsum("ij,ij->i", step, step), 0.0, 1.0)
+        gap_m = np.linalg.norm(start + part[:, None] * step - pieces.xyz[query, :n], axis=1)
+        # Directions cost most: only of what is near
+        near = np.flatnonzero(gap_m <= reach_m + TIE_M)
+        there = k[near]
+        chainage_m = segments.start_m[there] + part[near] * (segments.end_m - segments.start_m)[there]
+        direction = chains.direction_at(segments.line[there], chainage_m)
+        near = near[same_direction(pieces.direction[query[near]], direction, MAX_ANGLE_DEG)]
+        best = near[first_per_query(query[near], gap_m[near], k[near])]
+        distance_m[query[best]] = gap_m[best]
+        line[query[best]] = segments.line[k[best]]
+    return Nearest(distance_m, line)
+
+
+def pairs_within(
+    places: FloatArray, segments: Segments, reach_m: float, n_dims: int
+) -> list[tuple[IntArray, IntArray]]:
+    """Return (query, segment) index pairs that may lie within `reach_m`, in blocks of queries.
+
+    Parameters
+    ----------
+    places
+        (q, 3) float64 [m, local].
+    n_dims
+        Distances in plan (2) or in space (3).
+    """
+    if len(places) == 0 or len(segments) == 0:
+        return []
+    middle = (segments.start + segments.end)[:, :n_dims] / 2
+    half_m = float(np.linalg.norm((segments.end - segments.start)[:, :n_dims], axis=1).max()) / 2
+    tree = cKDTree(middle)
+    blocks = []
+    for first in range(0, len(places), BLOCK):
+        queries = cKDTree(places[first : first + BLOCK, :n_dims])
+        found = queries.sparse_distance_matrix(tree, reach_m + half_m + TIE_M, output_type="ndarray")
+        blocks.append((found["i"].astype(np.int64) + first, found["j"].astype(np.int64)))
+    return blocks
+
+
+def first_per_query(query: IntArray, cost: FloatArray, tie: AnyArray) -> IntArray:
+    """Return the index of the cheapest entry of each query; ties go to the smallest `tie`.
+
+    >>> first_per_query(np.array([1, 0, 1]), np.array([0.3, 0.2, 0.1]), np.array([0, 0, 0])).tolist()
+    [1, 2]
+    """
+    order = np.lexsort((tie, cost, query))
+    is_first = np.ones(len(order), dtype=bool)
+    is_first[1:] = query[order][1:] != query[order][:-1]
+    return np.asarray(order[is_first], dtype=np.int64)
+
+
+def distance_to(places: FloatArray, chains: Chains, spacing_m: float) -> FloatArray:
+    """Return (k,) float64 [m]: distance of places to the nearest line of any direction, however far.
+
+    Exact for straight lines; in a bend of radius r short of it by at most ``spacing_m**2 / (8 r)``.
+    inf where there are no lines.
+    """
+    line, chainage_m, length_m = chains.divided(spacing_m)
+    if len(line) == 0 or len(places) == 0:
+        return np.full(len(places), np.inf)
+    n = chains.n_dims
+    start = chains.at(line, chainage_m - length_m / 2)[:, :n]
+    step = chains.at(line, chainage_m + length_m / 2)[:, :n] - start
+    query = places[:, :n]
+    _, k = cKDTree(start + step / 2).query(query)
+    size = np.einsum("ij,ij->i", step[k], step[k])
+    along = np.einsum("ij,ij->i", query - start[k], step[k])
+    part = np.clip(np.divide(along, size, out=np.zeros_like(along), where=size > 0), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(start[k] + part[:, None] * step[k] - query, axis=1))

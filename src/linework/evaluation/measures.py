@@ -1,0 +1,172 @@
+"""Score extracted lines against reference lines: the measures of road extraction, per kind and overall."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from linework.errors import UsageError
+from linework.evaluation.agreement import check_crs
+from linework.evaluation.chains import PIECE_M, Chains
+from linework.evaluation.honesty import calibrate, sigma_terciles
+from linework.evaluation.instances import CHAMFER_M, average_precision
+from linework.evaluation.match import TIE_M, Match, distance_to, match_chains
+from linework.evaluation.scores import ErrorStats, KindScores, Scores
+from linework.evaluation.stations import Stations, measure_stations
+from linework.evaluation.tolerance import KindMatch, at_tolerance, error_stats
+from linework.model.lines import KINDS, LineSet
+
+#: Tolerances of the curve (methods.md section 5). [m]
+CURVE_M = (0.05, 0.10, 0.20, 0.50)
+#: Per-line values that are compared where both lines have them.
+ATTRIBUTES = ("height_m", "width_m", "clearance_m")
+
+
+def evaluate_lines(
+    extracted: LineSet,
+    reference: LineSet,
+    *,
+    tolerance_m: float = 0.10,
+    kinds: Sequence[str] | None = None,
+    curve_m: Sequence[float] = CURVE_M,
+) -> Scores:
+    """Score `extracted` against `reference`, kind by kind and overall.
+
+    Parameters
+    ----------
+    extracted, reference
+        Lines in the same CRS. The reference's `observed` says where it was within reach and not hidden.
+    tolerance_m
+        Distance within which a line counts as found, in space for cables, in plan for all else. [m]
+    kinds
+        What to score; None: every kind that either of them holds.
+    curve_m
+        More tolerances to score at. [m]
+
+    Raises
+    ------
+    CrsError
+        The two are in different CRSs.
+    UsageError
+        A tolerance is not positive.
+    InputError
+        A coordinate is not finite.
+
+    Notes
+    -----
+    Completeness is over the observed reference, with the figure over all of it beside; correctness and
+    redundancy are against all of the reference, since what runs on rightly where nothing was seen is right.
+    Neither side's vertices or drawing direction matter, but for the sign of the lateral error: positive is to
+    the left of the reference's drawing direction.
+
+    References
+    ----------
+    C. Heipke, H. Mayer, C. Wiedemann, O. Jamet, Evaluation of automatic road extraction, International
+    Archives of Photogrammetry and Remote Sensing 32 (3-4W2), 1997. Redundancy and gaps follow it; the
+    direction test and the observed reference are ours.
+
+    Examples
+    --------
+    >>> truth = LineSet.from_lines([[[0, 0, 5], [100, 0, 5]]], kind=["guardrail"])
+    >>> found = LineSet.from_lines([[[0, 0.03, 5], [100, 0.03, 5]]], kind=["guardrail"])
+    >>> scores = evaluate_lines(found, truth)
+    >>> scores.overall.at.completeness, round(scores.overall.at.lateral.bias_m, 3)
+    (1.0, 0.03)
+    """
+    check_crs(extracted.crs, reference.crs)
+    curve_m = tuple(float(b) for b in curve_m)
+    for b in (tolerance_m, *curve_m):
+        if not (np.isfinite(b) and b > 0):
+            raise UsageError(f"tolerance of {b:g} m, expected a length above 0", where="evaluate")
+    chosen = tuple(kinds) if kinds is not None else kinds_of(extracted, reference)
+    reach_m = max(tolerance_m, *curve_m)
+    parts = [match_kind(extracted, reference, kind, reach_m) for kind in chosen]
+    per_kind = tuple(score([part], part.kind, tolerance_m, curve_m) for part in parts)
+    return Scores(
+        tolerance_m=tolerance_m, kinds=per_kind, overall=score(parts, "overall", tolerance_m, curve_m)
+    )
+
+
+def kinds_of(*sets: LineSet) -> tuple[str, ...]:
+    """Return the kinds of all lines in `sets`: known ones in the order of the layers, then others by name."""
+    present = {str(kind) for lines in sets for kind in lines.kind}
+    return tuple(k for k in KINDS if k in present) + tuple(sorted(present - set(KINDS)))
+
+
+def match_kind(extracted: LineSet, reference: LineSet, kind: str, reach_m: float) -> KindMatch:
+    """Match the lines of one kind: pieces both ways, and stations."""
+    both = np.concatenate([extracted.xyz, reference.xyz])
+    # Near the lines: float64 is kept, but differences of squares stay exact to micrometres
+    origin = np.floor(both.min(axis=0)) if len(both) and np.isfinite(both).all() else np.zeros(3)
+    n_dims = 3 if kind == "cable" else 2
+    e, r = (Chains.of(lines.of_kind(kind), origin, n_dims) for lines in (extracted, reference))
+    return KindMatch(
+        kind, match_chains(e, r, reach_m), measure_stations(e, r, reach_m), average_precision(e, r)
+    )
+
+
+def score(
+    parts: Sequence[KindMatch], name: str, tolerance_m: float, curve_m: Sequence[float] = CURVE_M
+) -> KindScores:
+    """Return the measures of some kinds together."""
+    matches = [part.match for part in parts]
+    stations = Stations.concatenate([part.stations for part in parts])
+    is_met = stations.offset_m <= tolerance_m + TIE_M
+    far_m, far_p95_m = hausdorff(matches)
+    return KindScores(
+        kind=name,
+        n_extracted=sum(len(m.extracted) for m in matches),
+        n_reference=sum(len(m.reference) for m in matches),
+        extracted_m=float(sum(m.extracted.length_m.sum() for m in matches)),
+        reference_m=float(sum(m.reference.length_m.sum() for m in matches)),
+        observed_m=float(sum(m.r_pieces.length_m[m.r_observed].sum() for m in matches)),
+        bridged_m=float(sum(m.extracted.lines.bridged_m.sum() for m in matches)),
+        n_stations=len(stations),
+        n_stations_observed=int(stations.is_observed.sum()),
+        at=at_tolerance(parts, stations, tolerance_m),
+        curve=tuple(at_tolerance(parts, stations, b) for b in curve_m),
+        hausdorff_m=far_m,
+        hausdorff_p95_m=far_p95_m,
+        chamfer_ap=_mean_precision(parts),
+        attributes={name: attribute_errors(matches, name, tolerance_m) for name in ATTRIBUTES},
+        sigma_xy=sigma_terciles(stations.lateral_m[is_met], stations.sigma_xy_m[is_met]),
+        sigma_z=sigma_terciles(stations.height_m[is_met], stations.sigma_z_m[is_met]),
+        confidence=calibrate(matches, tolerance_m),
+    )
+
+
+def attribute_errors(matches: Sequence[Match], name: str, tolerance_m: float) -> ErrorStats:
+    """Return the errors of a per-line attribute, over the matched length where both lines have it.
+
+    `n` counts extracted lines.
+    """
+    errors, n = [np.zeros(0)], 0
+    for m in matches:
+        i = np.flatnonzero(m.e_nearest.distance_m <= tolerance_m + TIE_M)
+        e_line, r_line = m.e_pieces.line[i], m.e_nearest.line[i]
+        error = getattr(m.extracted.lines, name)[e_line] - getattr(m.reference.lines, name)[r_line]
+        errors.append(error)
+        n += len(np.unique(e_line[np.isfinite(error)]))
+    return error_stats(np.concatenate(errors), n=n)
+
+
+def hausdorff(matches: Sequence[Match]) -> tuple[float | None, float | None]:
+    """Return the Hausdorff distance and the larger of the two sides' 95th percentiles [m].
+
+    From E to all of R, and from the observed R to E. None where a side has no lines.
+    """
+    to_r = [distance_to(m.e_pieces.xyz, m.reference, PIECE_M) for m in matches]
+    to_e = [distance_to(m.r_pieces.xyz[m.r_observed], m.extracted, PIECE_M) for m in matches]
+    sides = [np.concatenate(side) for side in (to_r, to_e)]
+    if any(len(side) == 0 or not np.isfinite(side).all() for side in sides):
+        return None, None
+    return float(max(s.max() for s in sides)), float(max(np.percentile(s, 95) for s in sides))
+
+
+def _mean_precision(parts: Sequence[KindMatch]) -> dict[float, float | None]:
+    mean: dict[float, float | None] = {}
+    for limit_m in CHAMFER_M:
+        defined = [ap for part in parts if (ap := part.chamfer_ap[limit_m]) is not None]
+        mean[limit_m] = float(np.mean(defined)) if defined else None
+    return mean

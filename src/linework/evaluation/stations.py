@@ -1,0 +1,150 @@
+"""Signed errors at stations along the reference: across it, in height, and how sure the line was."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from linework.evaluation.chains import Chains, Segments, cut_into_segments, same_direction, unit
+from linework.evaluation.match import (
+    MAX_ANGLE_DEG,
+    SEARCH_SEGMENT_M,
+    TIE_M,
+    first_per_query,
+    pairs_within,
+)
+from linework.model.arrays import BoolArray, FloatArray, IntArray
+
+#: Distance between stations on the reference (methods.md section 5). [m]
+STATION_M = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Stations:
+    """What was measured at each station of the reference; NaN (inf for `offset_m`) where nothing was met.
+
+    Parameters
+    ----------
+    lateral_m
+        (k,) float64 [m]: horizontal error, positive to the left of the reference's drawing direction.
+    height_m
+        (k,) float64 [m]: extracted less reference height.
+    offset_m
+        (k,) float64 [m]: what a tolerance is compared with: |lateral| in plan, for cables the distance in
+        the vertical plane across the reference.
+    sigma_xy_m, sigma_z_m
+        (k,) float64 [m]: what the extracted line itself says about that place.
+    is_observed
+        (k,) bool: the reference was observed there.
+    """
+
+    lateral_m: FloatArray
+    height_m: FloatArray
+    offset_m: FloatArray
+    sigma_xy_m: FloatArray
+    sigma_z_m: FloatArray
+    is_observed: BoolArray
+
+    def __len__(self) -> int:
+        return len(self.lateral_m)
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[Stations]) -> Stations:
+        """Return the stations of all `parts`, which are at least one."""
+        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Perpendiculars:
+    """Places q on the reference with their directions: unit vectors along (in plan and as matched) and left."""
+
+    q: FloatArray
+    along: FloatArray
+    left: FloatArray
+    direction: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class _Crossings:
+    """Where perpendiculars meet segments: which, how far to the left and up, at which chainage."""
+
+    query: IntArray
+    segment: IntArray
+    left_m: FloatArray
+    up_m: FloatArray
+    chainage_m: FloatArray
+
+
+def measure_stations(extracted: Chains, reference: Chains, reach_m: float) -> Stations:
+    """Measure ``e = (p - q) . n`` where the perpendicular at q on the reference meets the extracted lines.
+
+    Parameters
+    ----------
+    extracted, reference
+        Lines of one kind, about one origin.
+    reach_m
+        A perpendicular ends this far from the reference on either side; beyond: a miss.
+
+    Notes
+    -----
+    n points to the left of the reference's drawing direction, so reversing the reference turns the sign and
+    nothing else; reversing an extracted line changes nothing. Of several lines met the nearest one is taken
+    (for cables the nearest in the vertical plane), of those equally near the first. A line met at more than
+    20 degrees is not counted as met.
+    """
+    line, chainage_m, _ = reference.divided(STATION_M)
+    n = len(line)
+    lateral_m, height_m, offset_m = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.inf)
+    met_line, met_m = np.full(n, -1, dtype=np.int64), np.zeros(n)
+    direction = reference.direction_at(line, chainage_m)
+    along = unit(direction[:, :2])
+    left = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    stations = _Perpendiculars(reference.at(line, chainage_m), along, left, direction)
+    segments = cut_into_segments(extracted, SEARCH_SEGMENT_M)
+    for query, k in pairs_within(stations.q, segments, reach_m, extracted.n_dims):
+        found = _crossings(stations, segments, query, k)
+        met_direction = extracted.direction_at(segments.line[found.segment], found.chainage_m)
+        same = same_direction(met_direction, stations.direction[found.query], MAX_ANGLE_DEG)
+        size = np.abs(found.left_m) if extracted.n_dims == 2 else np.hypot(found.left_m, found.up_m)
+        near = np.flatnonzero(same & (size <= reach_m + TIE_M))
+        best = near[first_per_query(found.query[near], size[near], found.segment[near])]
+        to = found.query[best]
+        lateral_m[to], height_m[to], offset_m[to] = found.left_m[best], found.up_m[best], size[best]
+        met_line[to], met_m[to] = segments.line[found.segment[best]], found.chainage_m[best]
+    return Stations(
+        lateral_m=lateral_m,
+        height_m=height_m,
+        offset_m=offset_m,
+        sigma_xy_m=_sigma_at(extracted, extracted.lines.sigma_xy_m, met_line, met_m),
+        sigma_z_m=_sigma_at(extracted, extracted.lines.sigma_z_m, met_line, met_m),
+        is_observed=reference.observed_at(line, chainage_m),
+    )
+
+
+def _crossings(stations: _Perpendiculars, segments: Segments, query: IntArray, k: IntArray) -> _Crossings:
+    """Return where the perpendiculars `query` meet the segments `k`; pairs that do not meet fall away."""
+    start, end = segments.start[k] - stations.q[query], segments.end[k] - stations.q[query]
+    before = np.einsum("ij,ij->i", start[:, :2], stations.along[query])
+    after = np.einsum("ij,ij->i", end[:, :2], stations.along[query])
+    # A micrometre of slack, so that rounding does not decide about a line that ends at the station
+    meets = (np.minimum(before, after) <= TIE_M) & (np.maximum(before, after) >= -TIE_M) & (before != after)
+    query, k, start, end = query[meets], k[meets], start[meets], end[meets]
+    part = np.clip(before[meets] / (before - after)[meets], 0.0, 1.0)
+    p_less_q = start + part[:, None] * (end - start)
+    return _Crossings(
+        query=query,
+        segment=k,
+        left_m=np.einsum("ij,ij->i", p_less_q[:, :2], stations.left[query]),
+        up_m=p_less_q[:, 2],
+        chainage_m=segments.start_m[k] + part * (segments.end_m[k] - segments.start_m[k]),
+    )
+
+
+def _sigma_at(extracted: Chains, column: FloatArray, line: IntArray, chainage_m: FloatArray) -> FloatArray:
+    sigma = np.full(len(line), np.nan)
+    met = line >= 0
+    if met.any():
+        sigma[met] = extracted.column_at(column, line[met], chainage_m[met])
+    return sigma
