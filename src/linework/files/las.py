@@ -224,7 +224,7 @@ def _filler(file: io.BufferedReader, header: LasHeader) -> Callable[[AnyArray], 
     if header.laz is None:
 
         def fill(view: AnyArray) -> None:
-            if file.readinto(view) != len(view):
+            if file.readinto(view.data) != len(view):
                 raise EOFError("cut off")
 
         return fill

@@ -1,0 +1,215 @@
+"""Lines as GeoPackage: a layer per kind, a table of vertices, QGIS styles."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+import warnings
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyogrio
+import pyogrio.raw
+import shapely
+
+import linework.files.gdal_limits  # noqa: F401 (before pyogrio)
+from linework.errors import MachineError
+from linework.files.crs import LOCAL, parse_crs
+from linework.files.line_fields import (
+    column_values,
+    field_values,
+    fields_of_kind,
+    geometries,
+    layer_names,
+    ordered_layers,
+)
+from linework.files.styles import qgis_style
+from linework.model.arrays import AnyArray, IntArray
+from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+
+VERTEX_TABLE, STYLE_TABLE = "vertex", "layer_styles"
+#: Goes where GDAL would write the time of day, so that equal lines give equal bytes.
+_FIXED_DATE = "2000-01-01T00:00:00.000Z"
+_DATASET_OPTIONS = {"VERSION": "1.2"}
+
+
+def write_gpkg(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
+    """Write lines to a new GeoPackage (called through `publish`).
+
+    Layers hold the lines of one kind in the set's order; `vertex` holds for every vertex the number of its
+    line in the whole set (`line`), the layer and its feature (`layer`, `line_fid`), its place in the line
+    (`vertex`), its sigmas and flags.
+    """
+    layers = layer_names(lines)
+    crs = None if lines.crs == LOCAL else lines.crs
+    shapes, values = shapely.to_wkb(geometries(lines), flavor="iso"), field_values(lines)
+    # An empty layer keeps the CRS of a set without lines.
+    names = ordered_layers([*layers.tolist(), *kinds]) or ["line"]
+    with _fixed_date():
+        for i, layer in enumerate(names):
+            chosen = np.flatnonzero(layers == layer)
+            columns = {name: _storable(values[name][chosen]) for name in fields_of_kind(layer)}
+            _append(part, layer, columns, shapes[chosen], crs, is_first=i == 0)
+        _append(part, VERTEX_TABLE, _vertex_columns(lines, layers), None, None, is_first=False)
+        _append(part, STYLE_TABLE, _style_columns(names), None, None, is_first=False)
+
+
+def _append(
+    path: Path, layer: str, columns: dict[str, AnyArray], shapes: AnyArray | None, crs: str | None, *, is_first: bool
+) -> None:  # fmt: skip
+    """Add one layer or table."""
+    options = {"FID": "id"} if layer == STYLE_TABLE else {}
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="'crs' was not provided")
+            pyogrio.raw.write(
+                path, shapes, list(columns.values()), list(columns), layer=layer, driver="GPKG", crs=crs,
+                geometry_type=None if shapes is None else "LineString Z", encoding="utf-8", append=not is_first,
+                nan_as_null=True, layer_options=options, dataset_options=_DATASET_OPTIONS if is_first else None,
+            )  # fmt: skip
+    except RuntimeError as error:  # the root of pyogrio's errors
+        raise MachineError(
+            f"layer {layer} cannot be written: {error}", where=path, advice="check the disk"
+        ) from error
+
+
+def _storable(values: AnyArray) -> AnyArray:
+    """Return texts as objects, "" as None: an empty text in a table is no value."""
+    if values.dtype.kind != "U":
+        return values
+    texts = values.astype(object)
+    texts[values == ""] = None
+    return texts
+
+
+def _vertex_columns(lines: LineSet, layers: AnyArray) -> dict[str, AnyArray]:
+    owner = lines.line_of_vertex
+    fid = np.zeros(len(lines), dtype=np.int64)
+    for layer in set(layers.tolist()):
+        chosen = layers == layer
+        fid[chosen] = np.arange(1, np.count_nonzero(chosen) + 1)
+    columns: dict[str, AnyArray] = {
+        "line": owner,
+        "layer": layers.astype(object)[owner],
+        "line_fid": fid[owner],
+        "line_id": _storable(lines.id)[owner],
+        "vertex": np.arange(len(owner), dtype=np.int64) - lines.offsets[owner],
+    }
+    return columns | {name: getattr(lines, name) for name in VERTEX_COLUMNS}
+
+
+def _style_columns(layers: Sequence[str]) -> dict[str, AnyArray]:
+    n = len(layers)
+    texts = {
+        "f_table_catalog": [""] * n, "f_table_schema": [""] * n, "f_table_name": list(layers),
+        "f_geometry_column": ["geom"] * n, "styleName": list(layers),
+        "styleQML": [qgis_style(layer) for layer in layers], "styleSLD": [""] * n,
+    }  # fmt: skip
+    columns: dict[str, AnyArray] = {name: np.array(values, dtype=object) for name, values in texts.items()}
+    columns["useAsDefault"] = np.ones(n, dtype=np.bool_)
+    for name in ("description", "owner", "ui"):
+        columns[name] = np.array([""] * n, dtype=object)
+    columns["update_time"] = np.full(n, _FIXED_DATE[:-1], dtype="datetime64[ms]")
+    return columns
+
+
+@contextlib.contextmanager
+def _fixed_date() -> Iterator[None]:
+    before = pyogrio.get_gdal_config_option("OGR_CURRENT_DATE")
+    pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": _FIXED_DATE})
+    try:
+        yield
+    finally:
+        pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": before})
+
+
+def verify_gpkg(part: Path, lines: LineSet, path: Path) -> None:
+    """Check a written GeoPackage with SQLite alone, then read the lines back.
+
+    Raises
+    ------
+    MachineError
+        Damaged, rows or index entries missing, journal left, or other lines than were written: a full disk
+        lets GDAL report success all the same.
+    """
+    problem = _gpkg_problem(part, len(lines))
+    if not problem:
+        back = read_own_gpkg(part)
+        same = back is not None and back.crs == lines.crs and np.array_equal(back.xyz, lines.xyz)
+        problem = "" if same else "other lines than were written"
+    if problem:
+        raise MachineError(
+            f"written file does not verify: {problem}", where=path, advice="check for free space"
+        )
+
+
+def _gpkg_problem(part: Path, n_lines: int) -> str:
+    for ending in ("-journal", "-wal"):
+        if part.with_name(part.name + ending).exists():
+            return f"{ending[1:]} left beside it"
+    with contextlib.closing(sqlite3.connect(f"file:{_uri(part)}?mode=ro&immutable=1", uri=True)) as db:
+        found = db.execute("PRAGMA integrity_check").fetchone()[0]
+        if found != "ok":
+            return str(found)
+        total = 0
+        for layer, low in db.execute(
+            "SELECT table_name, min_x FROM gpkg_contents WHERE data_type = 'features'"
+        ):
+            n = db.execute(f'SELECT count(*) FROM "{layer}"').fetchone()[0]
+            n_indexed = db.execute(f'SELECT count(*) FROM "rtree_{layer}_geom"').fetchone()[0]
+            if n != n_indexed:
+                return f"layer {layer} has {n} lines, {n_indexed} in its index"
+            if n and low is None:
+                return f"layer {layer} has no extent"
+            total += n
+        return "" if total == n_lines else f"{total} lines, expected {n_lines}"
+
+
+def _uri(path: Path) -> str:
+    """Return a path as the file part of an SQLite URI."""
+    return path.absolute().as_uri().removeprefix("file://")
+
+
+def read_own_gpkg(path: Path) -> LineSet | None:
+    """Read back a GeoPackage that `write_gpkg` made, exactly; None where it is not one, or was edited since."""
+    layers = [str(name) for name, _ in pyogrio.list_layers(path)]
+    wanted = {"line", "layer", "line_fid", *VERTEX_COLUMNS}
+    if VERTEX_TABLE not in layers or not wanted <= set(pyogrio.read_info(path, layer=VERTEX_TABLE)["fields"]):
+        return None
+    meta, _, _, values = pyogrio.raw.read(path, layer=VERTEX_TABLE)
+    vertex = dict(zip(meta["fields"], values, strict=True))
+    first = np.flatnonzero(np.diff(vertex["line"], prepend=-1))
+    offsets = np.concatenate([first, [len(vertex["line"])]]).astype(np.int64)
+    layer_of_line, fid_of_line = vertex["layer"][first], vertex["line_fid"][first]
+    xyz, columns = np.empty((offsets[-1], 3)), {name: np.full(len(first), None) for name in LINE_COLUMNS}
+    crs, n_features = LOCAL, 0
+    for layer in layers:
+        if layer in (VERTEX_TABLE, STYLE_TABLE):
+            continue
+        meta, fids, shapes, values = pyogrio.raw.read(path, layer=layer, return_fids=True)
+        crs = parse_crs(meta["crs"], where=path) if meta["crs"] else LOCAL
+        n_features += len(fids)
+        chosen = np.flatnonzero(layer_of_line == layer)
+        if not np.array_equal(fid_of_line[chosen], fids):
+            return None
+        vertices = _runs(offsets, chosen)
+        coordinates = shapely.get_coordinates(shapely.from_wkb(shapes), include_z=True)
+        if len(coordinates) != len(vertices):
+            return None
+        xyz[vertices] = coordinates
+        for field, column in zip(meta["fields"], values, strict=True):
+            if field in columns:
+                columns[field][chosen] = column
+    if n_features != len(first):
+        return None
+    own: dict[str, Any] = {name: column_values(name, column) for name, column in columns.items()}
+    own |= {name: column_values(name, vertex[name]) for name in VERTEX_COLUMNS}
+    return LineSet(xyz=xyz, offsets=offsets, crs=crs, **own)
+
+
+def _runs(offsets: IntArray, chosen: IntArray) -> IntArray:
+    """Return the vertices of the chosen lines, line after line."""
+    runs = [np.arange(offsets[i], offsets[i + 1]) for i in chosen]
+    return np.concatenate(runs) if runs else np.zeros(0, dtype=np.int64)
