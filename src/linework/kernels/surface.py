@@ -114,7 +114,7 @@ def median_slope(height: F32, cell: float, reach: int) -> tuple[F32, F32]:
 
 
 @njit(cache=True, nogil=True)
-def grow(
+def label_regions(
     height: F32,
     slope_east: F32,
     slope_north: F32,
@@ -123,46 +123,48 @@ def grow(
     seed_cols: I64,
     cell: float,
     max_step: float,
-) -> Mask:
-    """Grow a region over 4-neighbours (and across one missing cell) from seeds.
+) -> I32:
+    """Grow a region from every seed that no earlier one has reached; return labels 1, 2 ... and 0.
 
-    A neighbour joins when it is allowed and its height differs from what the local slope predicts by
-    at most `max_step` per cell of distance.
+    Growth runs over 4-neighbours, and across one missing cell. A neighbour joins when it is allowed and
+    its height differs from what the local slope predicts by at most `max_step` per cell of distance.
     """
     n_rows, n_cols = height.shape
-    inside = np.zeros((n_rows, n_cols), dtype=np.bool_)
+    labels = np.zeros((n_rows, n_cols), dtype=np.int32)
     stack = np.empty((n_rows * n_cols, 2), dtype=np.int32)
-    n = 0
+    label = 0
     for i in range(len(seed_rows)):
         r, c = seed_rows[i], seed_cols[i]
-        if allowed[r, c] and not inside[r, c]:
-            inside[r, c] = True
-            stack[n, 0] = r
-            stack[n, 1] = c
-            n += 1
-    while n > 0:
-        n -= 1
-        r, c = stack[n, 0], stack[n, 1]
-        for k in range(4):
-            dr = (k == 0) - (k == 1)
-            dc = (k == 2) - (k == 3)
-            for reach in range(1, 3):
-                rr, cc = r + dr * reach, c + dc * reach
-                if rr < 0 or rr >= n_rows or cc < 0 or cc >= n_cols:
+        if not allowed[r, c] or labels[r, c] != 0:
+            continue
+        label += 1
+        labels[r, c] = label
+        stack[0, 0] = r
+        stack[0, 1] = c
+        n = 1
+        while n > 0:
+            n -= 1
+            r, c = stack[n, 0], stack[n, 1]
+            for k in range(4):
+                dr = (k == 0) - (k == 1)
+                dc = (k == 2) - (k == 3)
+                for reach in range(1, 3):
+                    rr, cc = r + dr * reach, c + dc * reach
+                    if rr < 0 or rr >= n_rows or cc < 0 or cc >= n_cols:
+                        break
+                    if np.isnan(height[rr, cc]):
+                        continue  # look one cell further: a hole between two scan lines
+                    if allowed[rr, cc] and labels[rr, cc] == 0:
+                        east = 0.5 * (slope_east[r, c] + slope_east[rr, cc])
+                        north = 0.5 * (slope_north[r, c] + slope_north[rr, cc])
+                        expected = (east * dc - north * dr) * reach * cell
+                        if abs(height[rr, cc] - height[r, c] - expected) <= max_step * reach:
+                            labels[rr, cc] = label
+                            stack[n, 0] = rr
+                            stack[n, 1] = cc
+                            n += 1
                     break
-                if np.isnan(height[rr, cc]):
-                    continue  # look one cell further: a hole between two scan lines
-                if allowed[rr, cc] and not inside[rr, cc]:
-                    east = 0.5 * (slope_east[r, c] + slope_east[rr, cc])
-                    north = 0.5 * (slope_north[r, c] + slope_north[rr, cc])
-                    expected = (east * dc - north * dr) * reach * cell
-                    if abs(height[rr, cc] - height[r, c] - expected) <= max_step * reach:
-                        inside[rr, cc] = True
-                        stack[n, 0] = rr
-                        stack[n, 1] = cc
-                        n += 1
-                break
-    return inside
+    return labels
 
 
 @njit(cache=True, nogil=True)

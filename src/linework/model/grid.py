@@ -68,13 +68,14 @@ class Grid:
     def covering(cls, bounds: Bounds, cell_m: float) -> Grid:
         """Return the smallest north-up grid over `bounds` on the global lattice of multiples of `cell_m`.
 
-        The lattice makes images of neighbouring tiles fit cell on cell.
+        The lattice makes images of neighbouring tiles fit cell on cell. Rows are counted from the north,
+        so a position on a cell's northern edge belongs to it, one on its southern edge does not.
 
         >>> Grid.covering(Bounds(10.1, 20.1, 10.9, 20.3), 0.2)
         Grid(east_m=10.0, north_m=20.400000000000002, cell_width_m=0.2, cell_height_m=0.2, n_rows=2, n_cols=5, rotation_deg=0.0)
         """
-        west, south = math.floor(bounds.west / cell_m), math.floor(bounds.south / cell_m)
-        east, north = math.floor(bounds.east / cell_m) + 1, math.floor(bounds.north / cell_m) + 1
+        west, south = math.floor(bounds.west / cell_m), math.ceil(bounds.south / cell_m) - 1
+        east, north = math.floor(bounds.east / cell_m) + 1, math.ceil(bounds.north / cell_m)
         return cls(west * cell_m, north * cell_m, cell_m, cell_m, north - south, east - west)
 
     @property

@@ -124,20 +124,22 @@ def find_road(points: Points, trajectory: Trajectory | None, config: RoadConfig)
     )
     slope_east, slope_north = kernels.median_slope(height, cell, 2)
     known = ~np.isnan(height)
-    rough = max(config.roughness_m, 1.5 * float(np.median(spread[known])))
+    rough = max(config.roughness_m, 1.5 * float(np.median(spread[known]))) if known.any() else 0.0
     smooth = known & (spread <= rough) & (np.hypot(slope_east, slope_north) <= config.max_grade)
 
     # The road: from under the van over everything that continues the slope
     seeds = _under(trajectory, grid, smooth) if trajectory is not None else None
-    if seeds is None or not seeds.any():
-        seeds = _largest_smooth(height, smooth, count, config.max_step_m)
-    is_road = _grown(height, (slope_east, slope_north), smooth, seeds, cell, config.max_step_m)
+    slope = slope_east, slope_north
+    if seeds is not None and seeds.any():
+        is_road = _regions(height, slope, smooth, seeds, cell, config.max_step_m) > 0
+    else:
+        is_road = _largest(_regions(height, slope, smooth, smooth, cell, config.max_step_m), count)
 
     # The ground: on from the road with looser bounds, then pieces that the data separate from it
     level = np.zeros_like(height), np.zeros_like(height)
-    is_ground = _grown(height, level, known, is_road, cell, config.ground_step_m)
+    is_ground = _regions(height, level, known, is_road, cell, config.ground_step_m) > 0
     apart = _apart_but_level(height, smooth & ~is_ground, is_ground, cell)
-    is_ground |= _grown(height, level, known, apart, cell, config.ground_step_m)
+    is_ground |= _regions(height, level, known, apart, cell, config.ground_step_m) > 0
 
     road, distance = _carry_on(height, is_road, cell)
     ground, _ = _carry_on(height, is_ground, cell)
@@ -190,16 +192,24 @@ def _grid_for(points: Points, config: RoadConfig) -> Grid:
     return Grid.covering(bounds, config.cell_m)
 
 
-def _grown(
+def _regions(
     height: Float32Array,
     slope: tuple[Float32Array, Float32Array],
     allowed: BoolArray,
     seeds: BoolArray,
     cell: float,
     max_step: float,
-) -> BoolArray:
+) -> AnyArray:
     rows, cols = np.nonzero(seeds)
-    return np.asarray(kernels.grow(height, slope[0], slope[1], allowed, rows, cols, cell, max_step))
+    return np.asarray(kernels.label_regions(height, slope[0], slope[1], allowed, rows, cols, cell, max_step))
+
+
+def _largest(labels: AnyArray, count: AnyArray) -> BoolArray:
+    """Return the region that holds the most points: what the van drove on."""
+    weight = np.bincount(labels.ravel(), weights=count.ravel())
+    weight[0] = 0.5  # no region at all: the ground is found from everything
+    chosen: BoolArray = labels == int(np.argmax(weight))
+    return chosen
 
 
 def _apart_but_level(
@@ -237,21 +247,9 @@ def _under(trajectory: Trajectory, grid: Grid, smooth: BoolArray) -> BoolArray:
     return near & smooth
 
 
-def _largest_smooth(height: Float32Array, smooth: BoolArray, count: AnyArray, max_step: float) -> BoolArray:
-    """One cell of the smooth connected surface that holds the most points: what the van drove on."""
-    if not smooth.any():
-        return ~np.isnan(height)
-    # Cut the surface where it steps: a cell is kept when it fits the median of its neighbours
-    filled = np.where(np.isnan(height), np.float32(1e6), height)
-    even = smooth & (np.abs(filled - ndimage.median_filter(filled, size=3)) <= max_step)
-    labels, n = ndimage.label(even if even.any() else smooth)
-    weight = ndimage.sum_labels(count, labels, index=np.arange(1, n + 1))
-    return np.asarray(labels == 1 + int(np.argmax(weight)))
-
-
 def _carry_on(height: Float32Array, known: BoolArray, cell: float) -> tuple[Float32Array, Float32Array]:
     """Fill a surface from the nearest known cell, smooth the filled part, and give the distance to it."""
-    if not known.any():
+    if not (known & ~np.isnan(height)).any():
         known = ~np.isnan(height)
     distance, index = ndimage.distance_transform_edt(~known, sampling=cell, return_indices=True)
     filled = height[tuple(index)]
