@@ -29,13 +29,13 @@ def check_crs(extracted: str, reference: str) -> None:
         raise CrsError(
             f"lines are in {a}, reference in {b} (local: metres, no place on earth)",
             where="evaluate",
-            advice="give --crs to say what both are in",
+            advice="give --crs to say what the file in no CRS is in",
         )
     if not same_plan(extracted, reference) or (has_height(extracted) and has_height(reference)):
         raise CrsError(
             f"lines are in {a}, reference in {b}",
             where="evaluate",
-            advice="transform one of them, or give --crs if a file says it wrongly",
+            advice="transform one of them",
         )
     stated = a if has_height(extracted) else b
     warnings.warn(

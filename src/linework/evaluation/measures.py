@@ -74,17 +74,36 @@ def evaluate_lines(
     >>> scores.overall.at.completeness, round(scores.overall.at.lateral.bias_m, 3)
     (1.0, 0.03)
     """
+    parts = match_lines(extracted, reference, tolerance_m=tolerance_m, kinds=kinds, curve_m=curve_m)
+    return scores_of(parts, tolerance_m=tolerance_m, curve_m=curve_m)
+
+
+def match_lines(
+    extracted: LineSet,
+    reference: LineSet,
+    *,
+    tolerance_m: float = 0.10,
+    kinds: Sequence[str] | None = None,
+    curve_m: Sequence[float] = CURVE_M,
+) -> tuple[KindMatch, ...]:
+    """Match kind by kind, once for every tolerance: the first half of `evaluate_lines`, which see."""
     check_crs(extracted.crs, reference.crs)
-    curve_m = tuple(float(b) for b in curve_m)
     for b in (tolerance_m, *curve_m):
         if not (np.isfinite(b) and b > 0):
             raise UsageError(f"tolerance of {b:g} m, expected a length above 0", where="evaluate")
-    chosen = tuple(kinds) if kinds is not None else kinds_of(extracted, reference)
     reach_m = max(tolerance_m, *curve_m)
-    parts = [match_kind(extracted, reference, kind, reach_m) for kind in chosen]
-    per_kind = tuple(score([part], part.kind, tolerance_m, curve_m) for part in parts)
+    chosen = kinds_of(extracted, reference) if kinds is None else tuple(kinds)
+    return tuple(match_kind(extracted, reference, kind, reach_m) for kind in chosen)
+
+
+def scores_of(
+    parts: Sequence[KindMatch], *, tolerance_m: float = 0.10, curve_m: Sequence[float] = CURVE_M
+) -> Scores:
+    """Score matched lines: the second half of `evaluate_lines`, which see; at least one kind is needed."""
     return Scores(
-        tolerance_m=tolerance_m, kinds=per_kind, overall=score(parts, "overall", tolerance_m, curve_m)
+        tolerance_m=tolerance_m,
+        kinds=tuple(score([part], part.kind, tolerance_m, curve_m) for part in parts),
+        overall=score(parts, "overall", tolerance_m, curve_m),
     )
 
 
