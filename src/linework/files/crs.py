@@ -117,7 +117,7 @@ def unit_factors(wkt: str) -> tuple[float, float]:
     A CRS without heights takes them to be in the unit of the plan.
 
     >>> [round(f, 9) for f in unit_factors(parse_crs("EPSG:2263+6360"))]
-    [0.304800610, 0.304800610]
+    [0.30480061, 0.30480061]
     """
     if wkt == LOCAL:
         return 1.0, 1.0
