@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import ndimage
 
 from linework.kernels import radon_peaks as kernels
 from linework.methods.radon.transform import RadonImage
@@ -101,6 +102,17 @@ def dilate(radon: RadonImage, *, theta_window_rad: float, rho_window_m: float) -
     step = _rho_step(radon.values, radon.angles_rad, radon.rho_m)
     half_window, half_bins = _half_windows(theta_window_rad, rho_window_m, step)
     return replace(radon, values=kernels.dilate(radon.values, radon.angles_rad, half_window, half_bins))
+
+
+def ridges(radon: RadonImage, *, width_m: float) -> RadonImage:
+    """Return what of a Radon image is narrower than `width_m` along rho: its white top hat.
+
+    Crowns, ramps and crowds of cells are broad in rho, a thin straight line is not. The image is eroded
+    and dilated by a line element along rho, which leaves only what is broad, and that is taken off.
+    """
+    n = 2 * max(1, round(0.5 * width_m / radon.rho_step_m)) + 1
+    broad = ndimage.grey_opening(radon.values, size=(1, n), mode="constant")
+    return replace(radon, values=radon.values - broad)
 
 
 def _rho_step(values: FloatArray, angles_rad: FloatArray, rho_m: FloatArray) -> float:
