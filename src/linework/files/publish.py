@@ -169,7 +169,9 @@ def _machine_errors(path: Path) -> Iterator[None]:
     """Turn the operating system's refusals into one line that names the output."""
     try:
         yield
-    except LineworkError:
+    except LineworkError as error:
+        if error.where == part_path(path):
+            error.where = path
         raise
     except OSError as error:
         reason = error.strerror or str(error) or type(error).__name__
@@ -207,7 +209,7 @@ def _remove_part(part: Path) -> None:
     with contextlib.suppress(OSError):
         if part.is_dir() and not part.is_symlink():
             shutil.rmtree(part, ignore_errors=True)
-        for ending in ("", "-journal", "-wal", "-shm", ".aux.xml"):
+        for ending in ("", "-journal", "-wal", "-shm", ".aux.xml", ".ovr.tmp"):
             part.with_name(part.name + ending).unlink(missing_ok=True)
 
 
