@@ -10,7 +10,6 @@ import typer
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from linework.evaluation.tolerance import KindMatch
     from linework.model.lines import LineSet
 
 
@@ -64,15 +63,19 @@ def evaluate(
     parts = match_lines(found, truth, tolerance_m=tolerance_m, kinds=chosen)
     scores = scores_of(parts, tolerance_m=tolerance_m)
     if picture is not None:
-        _publish_picture(picture, parts, tolerance_m, overwrite=overwrite)
+        from linework.evaluation.picture import hits_figure, png
+        from linework.files.pages import write_bytes
+
+        write_bytes(png(hits_figure(parts, tolerance_m)), picture, overwrite=overwrite)
     if as_json:
         import json
 
         typer.echo(json.dumps(scores.to_dict(), indent=1, allow_nan=False))
     else:
-        from linework.cli.score_tables import print_scores
+        from linework.cli.score_tables import print_tables
+        from linework.evaluation.tables import score_tables
 
-        print_scores(scores)
+        print_tables(score_tables(scores))
 
 
 def _parsed_map(text: str) -> dict[str, str]:
@@ -176,19 +179,3 @@ def _tell_left_out(chosen: Sequence[str], found: LineSet, truth: LineSet) -> Non
         others = sorted({str(kind) for kind in lines.kind} - set(chosen))
         if others:
             typer.echo(f"note: not scored, from {name}: {', '.join(others)}", err=True)
-
-
-def _publish_picture(path: Path, parts: Sequence[KindMatch], tolerance_m: float, *, overwrite: bool) -> None:
-    from linework.evaluation.picture import hits_figure, png
-    from linework.files.publish import publish
-
-    image = png(hits_figure(parts, tolerance_m))
-
-    def write(part: Path) -> None:
-        part.write_bytes(image)
-
-    def verify(part: Path) -> None:
-        if part.read_bytes() != image:
-            raise OSError("the picture reads back differently")
-
-    publish(path, write, verify, overwrite=overwrite)

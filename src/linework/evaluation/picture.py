@@ -31,9 +31,9 @@ def hits_figure(parts: Sequence[KindMatch], tolerance_m: float) -> Figure:
     """
     shown = [part.match for part in parts if len(part.match.e_pieces) + len(part.match.r_pieces)]
     titles = [part.kind for part in parts if len(part.match.e_pieces) + len(part.match.r_pieces)]
-    turn = _main_direction([m.r_pieces.xyz[:, :2] for m in shown] + [m.e_pieces.xyz[:, :2] for m in shown])
+    turn = main_direction([m.r_pieces.xyz[:, :2] for m in shown] + [m.e_pieces.xyz[:, :2] for m in shown])
     boxes = [_box(m, turn) for m in shown]
-    heights = [_panel_height(box) for box in boxes]
+    heights = [panel_height(box) for box in boxes]
     figure = Figure(figsize=(WIDTH_IN, sum(heights) + 0.6), layout="constrained", dpi=110)
     if not shown:
         figure.text(0.5, 0.5, "no lines", ha="center")
@@ -97,7 +97,7 @@ def _draw_match(ax: Axes, match: Match, tolerance_m: float, turn: float) -> None
         (e, match.e_pieces, ~is_right, WRONG, 3),
         (r, match.r_pieces, ~is_found & match.r_observed, MISSED, 4),
     ):
-        runs = [_turned(run, turn) for run in runs_of(chains, pieces, chosen)]
+        runs = [turned(run, turn) for run in runs_of(chains, pieces, chosen)]
         ax.add_collection(LineCollection(runs, colors=colour, linewidths=2.0, zorder=order))
 
 
@@ -118,7 +118,7 @@ def runs_of(chains: Chains, pieces: Pieces, chosen: BoolArray) -> list[FloatArra
     return runs
 
 
-def _main_direction(places: Sequence[FloatArray]) -> float:
+def main_direction(places: Sequence[FloatArray]) -> float:
     """Return the angle of the longest extent of all places, -pi/2 to pi/2 from east [rad]."""
     together = np.concatenate([np.zeros((0, 2)), *places])
     if len(together) < 2:
@@ -128,7 +128,7 @@ def _main_direction(places: Sequence[FloatArray]) -> float:
     return float(math.atan2(north, east) if east >= 0 else math.atan2(-north, -east))
 
 
-def _turned(places: FloatArray, turn: float) -> FloatArray:
+def turned(places: FloatArray, turn: float) -> FloatArray:
     """Return (k, 2) places in axes turned anticlockwise by `turn`."""
     cos, sin = math.cos(turn), math.sin(turn)
     return np.stack(
@@ -137,13 +137,14 @@ def _turned(places: FloatArray, turn: float) -> FloatArray:
 
 
 def _box(match: Match, turn: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    places = _turned(np.concatenate([match.e_pieces.xyz, match.r_pieces.xyz])[:, :2], turn)
+    places = turned(np.concatenate([match.e_pieces.xyz, match.r_pieces.xyz])[:, :2], turn)
     (x0, y0), (x1, y1) = places.min(axis=0), places.max(axis=0)
     margin = max(0.03 * (x1 - x0), 2.0)
     return (float(x0 - margin), float(x1 + margin)), (float(y0 - margin), float(y1 + margin))
 
 
-def _panel_height(box: tuple[tuple[float, float], tuple[float, float]]) -> float:
+def panel_height(box: tuple[tuple[float, float], tuple[float, float]]) -> float:
+    """Return how many inches high a panel of the full width is that shows `box` (x0, x1), (y0, y1)."""
     (x0, x1), (y0, y1) = box
     # Room for the title, the bar and the arrow on a narrow road; no panel taller than a screen
     return float(np.clip(WIDTH_IN * (y1 - y0) / (x1 - x0), 1.4, 7.0)) + 0.35

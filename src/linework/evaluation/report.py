@@ -1,0 +1,113 @@
+"""The report: one page with its pictures inside, of what was found and, given a reference, how well."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from matplotlib.figure import Figure
+
+from linework.evaluation.figures import cable_figure, plan_figure, rail_figure
+from linework.evaluation.picture import hits_figure, png, tolerance_figure
+from linework.evaluation.scores import Scores
+from linework.evaluation.sections import cable_section, rail_sections
+from linework.evaluation.tables import TextTable, kinds_table, lines_table, score_tables
+from linework.evaluation.tolerance import KindMatch
+from linework.model.lines import LineSet
+from linework.model.points import Points
+
+#: Tables with more rows are folded.
+LONG_TABLE = 25
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """What a report is made of.
+
+    Parameters
+    ----------
+    title
+        Heading of the page.
+    lines
+        What was extracted.
+    points
+        What it was extracted from, or None: no density under the plan, no sections.
+    facts
+        Names and values for the head of the page: the survey, the CRS, times, versions.
+    reference
+        Lines that are right, or None.
+    parts, scores
+        Their comparison (`match_lines`, `scores_of`); empty and None without a reference.
+    """
+
+    title: str
+    lines: LineSet
+    points: Points | None = None
+    facts: Mapping[str, str] = field(default_factory=dict)
+    reference: LineSet | None = None
+    parts: Sequence[KindMatch] = ()
+    scores: Scores | None = None
+
+
+def report_html(report: Report) -> str:
+    """Return the page as HTML, complete in itself: pictures are inside, nothing is fetched.
+
+    Notes
+    -----
+    The same report gives the same text. Names from files are escaped.
+    """
+    environment = Environment(
+        loader=PackageLoader("linework", "evaluation"), autoescape=True, undefined=StrictUndefined
+    )
+    template = environment.get_template("report.html.j2")
+    figures = [
+        {"title": title, "caption": caption, "base64": base64.b64encode(png(figure)).decode("ascii")}
+        for title, caption, figure in _figures(report)
+    ]
+    tables = [
+        {
+            "title": table.title, "columns": table.columns, "rows": table.rows, "note": table.note,
+            "is_long": len(table.rows) > LONG_TABLE,
+        }
+        for table in _tables(report)
+    ]  # fmt: skip
+    page: str = template.render(
+        title=report.title, facts=list(report.facts.items()), figures=figures, tables=tables
+    )
+    return page
+
+
+def _figures(report: Report) -> Iterator[tuple[str, str, Figure]]:
+    """Yield title, caption and figure of what there is to draw."""
+    yield (
+        "Lines over the points",
+        "Plan; grey: how many points per cell (dark: many). Turned so that the road lies along the picture.",
+        plan_figure(report.lines, report.points),
+    )
+    if report.points is not None:
+        sections = rail_sections(report.points, report.lines, report.reference)
+        if sections:
+            yield (
+                "Across a guardrail",
+                "Slices 0.6 m thick. The line is the top edge of the beam, in plan midway between crest and valley.",
+                rail_figure(sections),
+            )
+        section = cable_section(report.points, report.lines, report.reference)
+        if section is not None:
+            yield "Along a span of cables", "Vertical slice 6 m thick.", cable_figure(section)
+    if report.parts and report.scores is not None:
+        yield (
+            "Found, missed, wrong",
+            f"In plan, kind by kind, within {report.scores.tolerance_m:g} m (cables in space).",
+            hits_figure(report.parts, report.scores.tolerance_m),
+        )
+        yield "Over the tolerance", "", tolerance_figure(report.scores)
+
+
+def _tables(report: Report) -> Iterator[TextTable]:
+    if report.scores is not None:
+        yield from score_tables(report.scores)
+    yield kinds_table(report.lines)
+    yield lines_table(report.lines)

@@ -1,0 +1,233 @@
+"""Scores and lines as tables of text, for the terminal and for the report alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.evaluation.scores import ErrorStats, KindScores, Scores
+from linework.model.lines import LineSet
+
+
+@dataclass(frozen=True, slots=True)
+class TextTable:
+    """A table ready to be shown.
+
+    Parameters
+    ----------
+    title
+        What it is about, with the unit where all values share one.
+    columns
+        Their heads; the first column holds names.
+    rows
+        As many texts each as there are columns.
+    note
+        How to read it.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+
+
+def score_tables(scores: Scores) -> Iterator[TextTable]:
+    """Yield the tables of an evaluation: found, exact, over the tolerance, then those that have a row."""
+    rows = [*scores.kinds, scores.overall] if len(scores.kinds) != 1 else list(scores.kinds)
+    yield _found(rows, scores.tolerance_m)
+    yield _exact(rows, scores.tolerance_m)
+    yield _over_tolerance(rows)
+    for table in (_whole_lines(rows), _attributes(rows), _honest(rows)):
+        if table.rows:
+            yield table
+
+
+def kinds_table(lines: LineSet) -> TextTable:
+    """Return how many lines of each kind there are, how long, and how much of them is measured."""
+    kinds = list(dict.fromkeys(str(kind) for kind in lines.kind))
+    rows = []
+    for kind in kinds:
+        own = lines.of_kind(kind)
+        rows.append(
+            (
+                kind, str(len(own)), f"{own.length_m.sum():.1f}", f"{own.bridged_m.sum():.1f}",
+                number(_mean(own.confidence), 2), centimetres(_rms(own.sigma_xy_m)), centimetres(_rms(own.sigma_z_m)),
+            )
+        )  # fmt: skip
+    columns = ("kind", "lines", "length m", "bridged m", "confidence", "sigma across cm", "sigma height cm")
+    return TextTable(
+        "Lines", columns, tuple(rows), "confidence: mean; sigma: root mean square over the vertices"
+    )
+
+
+def lines_table(lines: LineSet) -> TextTable:
+    """Return every line with its own values."""
+    columns = (
+        "id", "kind", "length m", "bridged m", "height m", "clearance m", "confidence", "sigma across cm",
+        "sigma height cm",
+    )  # fmt: skip
+    length_m, bridged_m = lines.length_m, lines.bridged_m
+    rows = []
+    for i in range(len(lines)):
+        of_line = slice(lines.offsets[i], lines.offsets[i + 1])
+        rows.append(
+            (
+                str(lines.id[i]) or str(i), str(lines.kind[i]), f"{length_m[i]:.1f}", f"{bridged_m[i]:.1f}",
+                number(_finite(lines.height_m[i]), 2), number(_finite(lines.clearance_m[i]), 2),
+                number(_finite(lines.confidence[i]), 2), centimetres(_rms(lines.sigma_xy_m[of_line])),
+                centimetres(_rms(lines.sigma_z_m[of_line])),
+            )
+        )  # fmt: skip
+    return TextTable("Every line", columns, tuple(rows))
+
+
+def _found(rows: Sequence[KindScores], tolerance_m: float) -> TextTable:
+    columns = (
+        "kind", "lines", "truth m", "seen m", "complete", "of all", "correct", "quality", "double", "gaps/km",
+        "pieces", "bridged m",
+    )  # fmt: skip
+    texts = [
+        (
+            row.kind, f"{row.n_extracted} / {row.n_reference}", f"{row.reference_m:.1f}", f"{row.observed_m:.1f}",
+            percent(row.at.completeness), percent(row.at.completeness_all), percent(row.at.correctness),
+            percent(row.at.quality), percent(row.at.redundancy), number(row.at.gaps_per_km, 1),
+            number(row.at.pieces_per_line, 2), f"{row.bridged_m:.1f}",
+        )
+        for row in rows
+    ]  # fmt: skip
+    note = (
+        "lines: extracted / truth; complete: share of the truth that was seen; of all: share of all truth; "
+        "double: redundancy; pieces: extracted lines per line found"
+    )
+    return TextTable(f"Found, within {tolerance_m:g} m", columns, tuple(texts), note)
+
+
+def _exact(rows: Sequence[KindScores], tolerance_m: float) -> TextTable:
+    columns = (
+        "kind", "met", "missed", "lateral\nbias", "\nRMSE", "\nmedian", "\n95 %", "height\nbias", "\nRMSE",
+        "\nmedian", "\n95 %", "3-D\nRMSE", "Hausdorff\n95 % m", "\nmax m",
+    )  # fmt: skip
+    texts = [
+        (
+            row.kind, str(row.at.lateral.n), str(row.at.n_missed_observed), *_errors(row.at.lateral),
+            *_errors(row.at.height), centimetres(row.at.space.rmse_m), number(row.hausdorff_p95_m, 2),
+            number(row.hausdorff_m, 2),
+        )
+        for row in rows
+    ]  # fmt: skip
+    note = (
+        "lateral: positive to the left of the truth's drawing direction; missed: of the stations that were "
+        "seen; within the tolerance no lateral error can be larger than it"
+    )
+    title = f"Errors in cm at stations every 0.5 m, within {tolerance_m:g} m"
+    return TextTable(title, columns, tuple(texts), note)
+
+
+def _over_tolerance(rows: Sequence[KindScores]) -> TextTable:
+    columns = (
+        "kind", "within m", "complete", "of all", "correct", "quality", "double", "missed", "lateral\nRMSE cm",
+        "height\nRMSE cm",
+    )  # fmt: skip
+    texts = [
+        (
+            row.kind if i == 0 else "", f"{at.tolerance_m:g}", percent(at.completeness),
+            percent(at.completeness_all), percent(at.correctness), percent(at.quality), percent(at.redundancy),
+            str(at.n_missed_observed), centimetres(at.lateral.rmse_m), centimetres(at.height.rmse_m),
+        )
+        for row in rows
+        for i, at in enumerate(row.curve)
+    ]  # fmt: skip
+    return TextTable("Over the tolerance", columns, tuple(texts))
+
+
+def _whole_lines(rows: Sequence[KindScores]) -> TextTable:
+    limits_m = sorted({limit_m for row in rows for limit_m in row.chamfer_ap})
+    texts = [(row.kind, *(percent(row.chamfer_ap[b]) for b in limits_m)) for row in rows if row.n_reference]
+    columns = ("kind", *(f"{b:g} m" for b in limits_m))
+    note = (
+        "of lines taken by confidence; right: nearer than this to a line of the truth, on average both ways"
+    )
+    return TextTable("Whole lines: average precision", columns, tuple(texts), note)
+
+
+def _attributes(rows: Sequence[KindScores]) -> TextTable:
+    texts = [
+        (row.kind, name.removesuffix("_m"), str(errors.n), *_errors(errors))
+        for row in rows
+        for name, errors in row.attributes.items()
+        if errors.n
+    ]
+    columns = ("kind", "of", "lines", "bias", "RMSE", "median", "95 %")
+    return TextTable("Values of the lines, errors in cm", columns, tuple(texts))
+
+
+def _honest(rows: Sequence[KindScores]) -> TextTable:
+    columns = ("kind", "sigma xy", "sigma z", "calibration\nerror", "AUC", "pieces", "right")
+    texts = []
+    for row in rows:
+        c = row.confidence
+        if row.sigma_xy or row.sigma_z or c.n_pieces:
+            ratios = (
+                " / ".join(f"{t.rms_ratio:.2f}" for t in thirds) or "-"
+                for thirds in (row.sigma_xy, row.sigma_z)
+            )
+            texts.append(
+                (
+                    row.kind,
+                    *ratios,
+                    percent(c.calibration_error),
+                    number(c.auc, 3),
+                    str(c.n_pieces),
+                    str(c.n_correct),
+                )
+            )
+    note = "sigma: rms(error / sigma) per third of the stations, smallest sigmas first; 1 is honest"
+    return TextTable("Sigma, and confidence per piece of 10 m", columns, tuple(texts), note)
+
+
+def _errors(errors: ErrorStats) -> list[str]:
+    values = (errors.bias_m, errors.rmse_m, errors.median_m, errors.p95_m)
+    return [centimetres(value) for value in values]
+
+
+def percent(share: float | None) -> str:
+    """Return a share as text.
+
+    >>> percent(0.98765), percent(-0.0001), percent(None)
+    ('98.8 %', '0.0 %', '-')
+    """
+    return "-" if share is None else f"{number(100 * share, 1)} %"
+
+
+def centimetres(length_m: float | None) -> str:
+    """Return a length as text in centimetres.
+
+    >>> centimetres(0.0123)
+    '1.2'
+    """
+    return "-" if length_m is None else number(100 * length_m, 1)
+
+
+def number(value: float | None, decimals: int) -> str:
+    """Return a number as text; no minus before a zero.
+
+    >>> number(1.0, 2), number(-0.01, 1)
+    ('1.00', '0.0')
+    """
+    return "-" if value is None else f"{round(value, decimals) + 0.0:.{decimals}f}"
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _mean(values: np.ndarray) -> float | None:
+    values = values[np.isfinite(values)]
+    return float(values.mean()) if len(values) else None
+
+
+def _rms(values: np.ndarray) -> float | None:
+    values = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(values**2))) if len(values) else None
