@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from linework.errors import InputError
-from linework.files.las import LasContent, TimeKind, read_las
+from linework.files.las import LasContent, NoPointsError, TimeKind, read_las
 from linework.files.run_record import hash_file
 from linework.files.trajectories import read_trajectory
 from linework.model.arrays import AnyArray, FloatArray
@@ -89,7 +89,7 @@ def read_survey_points(survey: Survey, *, progress: Callable[[int], None] | None
     contents: list[tuple[Path, LasContent]] = []
     failures: list[tuple[Path, InputError]] = []
     warnings, n_done = [], 0
-    repeated = _repeated(survey.point_files)
+    repeated, empty = _repeated(survey.point_files), None
     for path in survey.point_files:
         if path in repeated:
             warnings.append(f"{path.name}: the same bytes as {repeated[path].name}, left out")
@@ -98,6 +98,10 @@ def read_survey_points(survey: Survey, *, progress: Callable[[int], None] | None
         report = None if progress is None else (lambda n, start=start: progress(start + n))
         try:
             content = read_las(path, crs=survey.settings.get("crs"), progress=report)
+        except NoPointsError as error:
+            warnings.append(f"{path.name}: {error.problem}, left out")
+            empty = empty or error
+            continue
         except InputError as error:
             failures.append((path, error))
             continue
@@ -105,7 +109,7 @@ def read_survey_points(survey: Survey, *, progress: Callable[[int], None] | None
         contents.append((path, content))
         warnings += [f"{path.name}: {text}" for text in content.warnings]
     if not contents:
-        raise failures[0][1]
+        raise failures[0][1] if failures else empty or InputError("no points", where=survey.root)
     kind = _common_kind(contents)
     points = _joined([content.points for _, content in contents], warnings)
     points, n_far = _without_far(points)
