@@ -1,0 +1,83 @@
+"""Write a simulated survey as a survey folder: survey.toml, points, trajectory, truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from linework.errors import MachineError
+from linework.files.las_header import read_las_header
+from linework.files.las_write import write_las
+from linework.files.publish import publish_folder
+from linework.files.trajectories import write_trajectory
+from linework.files.vectors import write_lines
+from linework.simulation.simulate import SIMULATED_CRS, SimulatedSurvey
+
+#: Layers that the truth always has, also empty ones.
+_LAYERS = (
+    "lane_marking", "lane_marking_dash", "road_boundary", "kerb_top", "guardrail", "barrier", "fence", "cable",
+)  # fmt: skip
+
+
+def write_survey_folder(survey: SimulatedSurvey, folder: Path, *, overwrite: bool = False) -> None:
+    """Write the survey; the folder appears whole or not at all.
+
+    Parameters
+    ----------
+    survey
+        From `simulate_survey`.
+    folder
+        New, empty, or with `overwrite` one whose files of the same names are replaced.
+
+    Raises
+    ------
+    OutputExistsError
+        The folder is not empty and `overwrite` is not set.
+    MachineError
+        The disk is full, the place is read-only, or what was written does not read back.
+    """
+    parts = _per_pass(survey)
+
+    def write(part: Path) -> None:
+        (part / "points").mkdir()
+        bits = survey.scenario.sensor.intensity_bits
+        for i, index in enumerate(parts):
+            target = part / "points" / f"pass_{i + 1}.laz"
+            write_las(survey.points.take(index), target, crs=survey.crs, intensity_bits=bits)
+        write_trajectory(survey.trajectory, part / "trajectory.csv")
+        write_lines(survey.truth, part / "truth.gpkg", kinds=_LAYERS)
+        (part / "survey.toml").write_text(_survey_toml(survey), encoding="utf-8")
+
+    def verify(part: Path) -> None:
+        held = sum(read_las_header(p).n_points for p in sorted((part / "points").glob("*.laz")))
+        if held != len(survey.points):
+            raise MachineError(f"{held} of {len(survey.points)} points were written", where=folder)
+
+    publish_folder(folder, write, verify, overwrite=overwrite)
+
+
+def _per_pass(survey: SimulatedSurvey) -> list[slice]:
+    """Return the points of each pass; passes follow one another in time."""
+    assert survey.points.time_s is not None
+    starts = [p.start_time_s for p in survey.scenario.passes]
+    ends = np.append(np.searchsorted(survey.points.time_s, starts[1:]), len(survey.points))
+    return [slice(int(a), int(b)) for a, b in zip(np.append(0, ends[:-1]), ends, strict=True)]
+
+
+def _survey_toml(survey: SimulatedSurvey) -> str:
+    scenario = survey.scenario
+    return f"""\
+# Simulated by linework: road "{scenario.kind}", seed {scenario.seed}, {scenario.length_m:g} m; no real place.
+name = "simulated {scenario.kind} {scenario.seed}"
+crs = "{SIMULATED_CRS}"
+
+[time]
+epoch = "gps_adjusted"
+
+[points]
+files = ["points/*.laz"]
+
+[trajectory]
+file = "trajectory.csv"
+"""

@@ -1,0 +1,93 @@
+"""The exact lines of a simulated survey, and which of their vertices the scanners could measure."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.model.arrays import AnyArray, BoolArray, FloatArray
+from linework.model.lines import KINDS, LineSet
+from linework.simulation.materials import GROUND, Material
+from linework.simulation.part import Scene, TruthLine
+from linework.simulation.scanner import Hits
+from linework.simulation.scenario import Scenario
+
+#: A vertex is observed with at least (this many) hits within (this distance, m) of it. Paint: hits on the
+#: carriageway; boundaries: hits on the ground; all others: hits on that very beam, barrier face, fence, wire.
+OBSERVED: dict[str, tuple[int, float]] = {
+    "lane_marking": (5, 0.30),
+    "lane_marking_dash": (5, 0.30),
+    "road_boundary": (5, 0.25),
+    "kerb_top": (5, 0.25),
+    "guardrail": (5, 0.50),
+    "barrier": (5, 0.50),
+    "fence": (5, 0.50),
+    "cable": (1, 1.00),
+}
+
+
+def truth_lines(scenario: Scenario, scene: Scene, hits: Hits, crs: str) -> LineSet:
+    """Return all truth lines in the world frame, with `observed` per vertex, ordered by kind."""
+    order = sorted(range(len(scene.lines)), key=lambda i: KINDS.index(scene.lines[i].kind))
+    lines = [scene.lines[i] for i in order]
+    observed = _observed(scene, hits)
+    columns = {
+        name: [getattr(line, name) for line in lines]
+        for name in ("kind", "role", "pattern", "form", "double", "width_m", "height_m", "clearance_m")
+    }
+    return LineSet.from_lines(
+        [line.xyz + np.asarray(scenario.origin_m) for line in lines],
+        crs=crs,
+        id=_ids(lines),
+        source=[f"simulated {scenario.kind} seed {scenario.seed}"] * len(lines),
+        method=["truth"] * len(lines),
+        observed=np.concatenate([observed[i] for i in order]),
+        sigma_xy_m=np.zeros(sum(len(line.xyz) for line in lines)),
+        sigma_z_m=np.zeros(sum(len(line.xyz) for line in lines)),
+        **columns,
+    )
+
+
+def _ids(lines: list[TruthLine]) -> list[str]:
+    count: dict[str, int] = {}
+    ids = []
+    for line in lines:
+        count[line.kind] = count.get(line.kind, 0) + 1
+        ids.append(f"{line.kind}-{count[line.kind]:04d}")
+    return ids
+
+
+def _observed(scene: Scene, hits: Hits) -> list[BoolArray]:
+    xyz, material = hits.xyz, scene.mesh.material[hits.triangle]
+    target = scene.mesh.target[hits.triangle]
+    carriageway = cKDTree(xyz[material == Material.ASPHALT])
+    ground = cKDTree(xyz[GROUND[material]])
+    of_target = _grouped(target, len(scene.lines))
+    flags = []
+    for i, line in enumerate(scene.lines):
+        n, within = OBSERVED[line.kind]
+        if line.kind in ("lane_marking", "lane_marking_dash"):
+            tree = carriageway
+        elif line.kind in ("road_boundary", "kerb_top"):
+            tree = ground
+        else:
+            tree = cKDTree(xyz[of_target[i]].reshape(-1, 3))
+        flags.append(_at_least(tree, line.xyz, n, within))
+    return flags
+
+
+def _grouped(target: AnyArray, n: int) -> list[AnyArray]:
+    """Return the indices of the hits on each target."""
+    order = np.argsort(target, kind="stable")
+    ends = np.searchsorted(target[order], np.arange(n + 1))
+    return [order[a:b] for a, b in itertools.pairwise(ends)]
+
+
+def _at_least(tree: cKDTree, xyz: FloatArray, n: int, within_m: float) -> BoolArray:
+    """Return which vertices have at least `n` hits within reach: the n-th nearest is not too far."""
+    if tree.n < n:
+        return np.zeros(len(xyz), dtype=np.bool_)
+    distance = tree.query(xyz, k=[n], distance_upper_bound=within_m * (1.0 + 1e-9))[0][:, 0]
+    return np.asarray(distance <= within_m, dtype=np.bool_)
