@@ -5,12 +5,13 @@ import json
 import numpy as np
 import pytest
 
+from linework.files.run_record import write_json
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.tiling.executors import in_order
 from linework.tiling.identify import identify, midpoints
 from linework.tiling.plan import plan_tiles
-from linework.tiling.record import record_path, set_aside, write_record
+from linework.tiling.record import record_path, set_aside
 from linework.tiling.steps import Steps
 
 
@@ -92,7 +93,7 @@ def test_two_outputs_in_a_folder_have_two_records(tmp_path):
     first, second = tmp_path / "a.gpkg", tmp_path / "b.gpkg"
     first.touch()
     assert record_path(first).name == "run.json"
-    write_record(record_path(first), {"output": {"file": "a.gpkg"}})
+    write_json({"output": {"file": "a.gpkg"}}, record_path(first))
     assert record_path(first).name == "run.json"
     assert record_path(second).name == "b.run.json"
     first.unlink()
@@ -107,7 +108,7 @@ def test_a_file_of_somebody_else_is_not_a_record(tmp_path):
 
 def test_an_old_record_comes_back_only_if_the_new_output_fails(tmp_path):
     record = tmp_path / "run.json"
-    write_record(record, {"output": {"file": "a.gpkg"}})
+    write_json({"output": {"file": "a.gpkg"}}, record)
     with pytest.raises(OSError, match="full"), set_aside(record):
         assert not record.exists()
         raise OSError("full")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import sys
 import tempfile
 import traceback
 from dataclasses import dataclass
@@ -115,3 +116,10 @@ def save_log(error: BaseException) -> str:
             log.writelines(traceback.format_exception(error))
         return path
     return ""
+
+
+def warn(text: str) -> None:
+    """Print a warning as one line on stderr."""
+    line = str(LineworkError(text.rstrip(".")))
+    with contextlib.suppress(OSError, ValueError):
+        print(f"warning: {line}", file=sys.stderr, flush=True)

@@ -6,13 +6,11 @@ import contextlib
 import json
 import os
 import platform
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
-from typing import Any
 
 import linework
-from linework.files.publish import publish
 
 #: What can change the result: named in every record.
 PACKAGES = ("numpy", "scipy", "numba", "laspy", "lazrs", "pyproj", "pyogrio", "shapely")
@@ -40,20 +38,6 @@ def record_path(output: Path) -> Path:
     if plain.name != output.name and (ours or deserted):
         return plain
     return output.with_name(f"{output.stem}.run.json")
-
-
-def write_record(path: Path, record: Mapping[str, Any]) -> None:
-    """Publish a record, in the place of an older one."""
-    text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-    def write(part: Path) -> None:
-        part.write_text(text, encoding="utf-8", errors="backslashreplace")
-
-    def verify(part: Path) -> None:
-        if json.loads(part.read_text(encoding="utf-8")).keys() != record.keys():
-            raise OSError("the record reads back differently")
-
-    publish(path, write, verify, overwrite=True)
 
 
 @contextlib.contextmanager

@@ -1,0 +1,30 @@
+"""`linework convert`: lines from one vector format to another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def convert(
+    lines: Annotated[Path, typer.Argument(metavar="LINES", help="Lines to read.")],
+    output: Annotated[Path, typer.Argument(metavar="OUT", help="File to write; its suffix says the format.")],
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT.")] = False,
+    crs: Annotated[
+        str, typer.Option("--crs", help="EPSG:... or local: the CRS where LINES does not say.")
+    ] = "",
+) -> None:
+    """Convert LINES to another vector format."""
+    from linework.errors import UsageError
+    from linework.files.reserve import reserved_output
+    from linework.files.vectors import check_format, read_lines, write_lines
+
+    check_format(output)
+    if output.exists() and lines.exists() and output.samefile(lines):
+        raise UsageError("would replace the file it reads", where=output, advice="choose another name")
+    with reserved_output(output, overwrite=overwrite):
+        found = read_lines(lines, crs=crs or None)
+        write_lines(found, output, kinds=sorted(set(found.kind)), overwrite=overwrite)
+    typer.echo(f"{len(found):,} lines in {output}")

@@ -1,0 +1,154 @@
+"""`linework extract`: the main job, from laser points to lines."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from linework.cli.failures import warn
+
+if TYPE_CHECKING:
+    from linework.methods.choose import RunSettings
+    from linework.model.survey import Survey
+    from linework.tiling.run import Extraction
+
+
+def extract(
+    surveys: Annotated[
+        list[Path],
+        typer.Argument(metavar="SURVEY...", help="Laser files, a folder of them, or a survey folder."),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Lines to write: .gpkg, .geojson, .dxf ...")],
+    features: Annotated[
+        str,
+        typer.Option("--features", help="Kinds to look for, for example guardrail,cable; all if not given."),
+    ] = "",
+    method: Annotated[str, typer.Option("--method", help="auto or radon.")] = "auto",
+    trajectory: Annotated[
+        Path | None,
+        typer.Option("--trajectory", help="Where the van was (CSV), its origin, not an antenna's."),
+    ] = None,
+    config: Annotated[
+        Path | None, typer.Option("--config", help="Run file (TOML) with settings; see `linework config`.")
+    ] = None,
+    crs: Annotated[
+        str, typer.Option("--crs", help="EPSG:... or local: the CRS where the files do not say.")
+    ] = "",
+    workers: Annotated[
+        int, typer.Option("--workers", min=1, max=256, help="Threads to use; all cores if not given.")
+    ] = 0,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the output.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the record of the run as JSON.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
+) -> None:
+    """Find the lines in SURVEY and write them.
+
+    run.json beside them says what was read, with which settings, and how long it took. An output that exists is not touched without --overwrite. Nothing found is no error: the layers are there
+    and empty.
+    """
+    n_workers = workers or _usable_cores()
+    # Read once, when the decoder first runs: nothing of it is loaded yet
+    os.environ["RAYON_NUM_THREADS"] = str(n_workers)
+    from linework.cli.progress import open_display
+    from linework.files.reserve import reserved_output
+
+    with reserved_output(output, overwrite=overwrite), open_display(quiet=quiet) as display:
+        from linework.files.survey import open_survey
+        from linework.files.vectors import check_format
+        from linework.methods.choose import ALL_KINDS, choose_methods, parse_kinds
+        from linework.tiling.outputs import publish_extraction
+        from linework.tiling.run import extract_lines
+        from linework.tiling.steps import Steps
+
+        check_format(output)
+        kinds = parse_kinds(features) if features else ALL_KINDS
+        settings = _read_settings(config)
+        methods = choose_methods(method, kinds, settings)
+        survey = _with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
+        steps = Steps(display)
+        found = extract_lines(survey, methods, n_workers=n_workers, steps=steps)
+        parameters = _parameters(survey, kinds, method, crs, settings)
+        record = publish_extraction(found, output, parameters, overwrite=overwrite, steps=steps)
+    for warning in found.warnings:
+        warn(warning)
+    _print_result(record, as_json=as_json)
+    _tell_what_is_missing(found, output)
+
+
+def _usable_cores() -> int:
+    """Return the cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _read_settings(path: Path | None) -> RunSettings:
+    """Return the settings of a run file; what it does not name keeps its default."""
+    import tomllib
+
+    from linework.errors import ConfigError
+    from linework.files.las_header import regular_file_bytes
+    from linework.methods.choose import RunSettings
+    from linework.model.settings import settings_from
+
+    if path is None:
+        return RunSettings()
+    regular_file_bytes(path)
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"not TOML: {error}", where=path, advice="see linework config") from error
+    return settings_from(RunSettings, values, where=path)
+
+
+def _with_trajectory(survey: Survey, path: Path | None) -> Survey:
+    """Return the survey with this trajectory in the place of its own, whose lever arm goes with it."""
+    from dataclasses import replace
+
+    if path is None:
+        return survey
+    return replace(survey, trajectory_file=path, trajectory_lever_m=(0.0, 0.0, 0.0))
+
+
+def _parameters(
+    survey: Survey, kinds: tuple[str, ...], method: str, crs: str, settings: RunSettings
+) -> dict[str, Any]:
+    """Return everything that was asked for, as it goes into the record."""
+    from dataclasses import asdict
+
+    return {
+        "features": list(kinds),
+        "method": method,
+        "crs": crs or None,
+        "trajectory": str(survey.trajectory_file) if survey.trajectory_file else None,
+        "lever_m": list(survey.trajectory_lever_m),
+        "settings": asdict(settings),
+    }
+
+
+def _print_result(record: dict[str, Any], *, as_json: bool) -> None:
+    """Print what was found, by kind."""
+    if as_json:
+        import json
+
+        typer.echo(json.dumps(record, indent=1, allow_nan=False))
+        return
+    counts = record["counts"]
+    for kind, n_lines in counts["lines"].items():
+        typer.echo(f"{kind:14} {n_lines:6,} lines {counts['length_m'][kind]:12,.1f} m")
+
+
+def _tell_what_is_missing(found: Extraction, output: Path) -> None:
+    """Warn where nothing was found; end as unfinished where files were left out."""
+    from linework.errors import PartialError
+
+    if len(found.lines) == 0:
+        warn(f"{output}: nothing found: its layers are there and empty")
+    failures = found.read.failures
+    if failures:
+        n_files = len(failures) + len(found.read.files)
+        listed = "; ".join(problem.rstrip(".") for _, problem in failures)
+        raise PartialError(
+            f"{len(failures)} of {n_files} files left out: {listed}", where=output, advice="see run.json"
+        )

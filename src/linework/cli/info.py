@@ -1,0 +1,121 @@
+"""`linework info`: what a survey holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from linework.cli.failures import warn
+
+
+def info(
+    surveys: Annotated[
+        list[Path],
+        typer.Argument(metavar="SURVEY...", help="Laser files, a folder of them, or a survey folder."),
+    ],
+    crs: Annotated[
+        str, typer.Option("--crs", help="EPSG:... or local: the CRS where the files do not say.")
+    ] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
+) -> None:
+    """Say what SURVEY holds.
+
+    Files, CRS, extents, heights, densities, scan lines, intensity, times and their gaps, trajectory.
+    """
+    from linework.cli.progress import open_display
+    from linework.files.survey import open_survey
+    from linework.tiling.describe import describe_survey
+    from linework.tiling.run import read_survey
+    from linework.tiling.steps import Steps
+
+    with open_display(quiet=quiet) as display:
+        survey = open_survey(surveys, crs=crs or None)
+        read, trajectory, warnings = read_survey(survey, Steps(display))
+        document = describe_survey(survey, read, trajectory)
+        document["warnings"] += [warning for warning in warnings if warning not in document["warnings"]]
+    if as_json:
+        import json
+
+        typer.echo(json.dumps(document, indent=1, allow_nan=False))
+    else:
+        for line in _lines(document):
+            typer.echo(line)
+        for warning in document["warnings"]:
+            warn(warning)
+    _tell_left_out(document)
+
+
+def _lines(document: dict[str, Any]) -> Iterator[str]:
+    """Yield the document as lines for people."""
+    yield f"survey      {document['name']}"
+    height = "heights in its vertical datum" if document["crs"]["compound"] else "no vertical datum stated"
+    yield f"CRS         {document['crs']['name']}, {height}"
+    for file in document["files"]:
+        left_out = ", ".join(f"{n:,} {reason}" for reason, n in file["rejected"].items())
+        yield (
+            f"file        {file['file']}: LAS {file['version']}, point format {file['point_format']}, "
+            f"{file['points']:,} points" + (f", left out: {left_out}" if left_out else "")
+        )
+    extent = document["extent_m"]
+    yield f"points      {document['points']:,}"
+    yield (
+        f"extent      east {extent['west']:.2f} to {extent['east']:.2f}, north {extent['south']:.2f} to "
+        f"{extent['north']:.2f} ({extent['east'] - extent['west']:.1f} x {extent['north'] - extent['south']:.1f} m)"
+    )
+    yield f"height      {_spread(document['height_m'])} m"
+    yield f"density     {_spread(document['density_per_m2'])} points/m2"
+    if document["scan_line_spacing_m"] is not None:
+        yield f"scan lines  {document['scan_line_spacing_m']:.3f} m apart along the road"
+    yield from _recorded(document)
+
+
+def _recorded(document: dict[str, Any]) -> Iterator[str]:
+    """Yield the lines about what was recorded beside the places: intensity, times, the path."""
+    intensity, time, path = document["intensity"], document["time"], document["trajectory"]
+    yield "intensity   " + (
+        "none"
+        if intensity is None
+        else f"{intensity['lowest']:.0f} to {intensity['highest']:.0f}, median {intensity['median']:.0f}, "
+        f"{intensity['bits']} bits"
+    )
+    if time is None:
+        yield "time        none"
+    else:
+        order = "in order" if time["in_order"] else "not in order"
+        yield (
+            f"time        {time['start_s']:.3f} to {time['end_s']:.3f} s "
+            f"({time['end_s'] - time['start_s']:.1f} s, GPS {time['kind']}, {order}), "
+            f"{time['n_gaps']} gaps over {time['gap_longer_than_s']:g} s"
+        )
+        for gap in time["gaps"]:
+            yield f"  gap       {gap['start_s']:.3f} to {gap['end_s']:.3f} s"
+    if path is None:
+        yield "trajectory  none"
+    else:
+        yield (
+            f"trajectory  {path['length_m']:,.1f} m in {path['end_s'] - path['start_s']:.1f} s, mean "
+            f"{path['mean_speed_mps'] * 3.6:.0f} km/h, {path['positions']:,} positions, "
+            + ("with attitude" if path["has_attitude"] else "no attitude")
+        )
+
+
+def _spread(values: dict[str, float]) -> str:
+    return (
+        f"{values['lowest']:,.2f} to {values['highest']:,.2f}, median {values['median']:,.2f}, "
+        f"5 to 95 %: {values['percentile_5']:,.2f} to {values['percentile_95']:,.2f}"
+    )
+
+
+def _tell_left_out(document: dict[str, Any]) -> None:
+    """End as unfinished where files were left out."""
+    from linework.errors import PartialError
+
+    failures = document["failures"]
+    if failures:
+        n_files = len(failures) + len(document["files"])
+        listed = "; ".join(failure["problem"].rstrip(".") for failure in failures)
+        raise PartialError(f"{len(failures)} of {n_files} files left out: {listed}", where=document["name"])

@@ -1,0 +1,1 @@
+"""Where the van was: frames, lever arms, paths."""

@@ -1,0 +1,103 @@
+"""Publish what a run found: the lines, then their record beside them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from linework.files.crs import describe_crs
+from linework.files.run_record import hash_file, write_json
+from linework.files.vectors import write_lines
+from linework.tiling.record import record_path, set_aside, versions
+from linework.tiling.run import Extraction
+from linework.tiling.steps import Steps
+
+
+def publish_extraction(
+    extraction: Extraction,
+    output: Path,
+    parameters: Mapping[str, Any],
+    *,
+    overwrite: bool = False,
+    steps: Steps | None = None,
+) -> dict[str, Any]:
+    """Write the lines and run.json, and return the record.
+
+    Parameters
+    ----------
+    parameters
+        All that was asked for and all settings, as they go into the record.
+
+    Raises
+    ------
+    OutputExistsError, MachineError
+        As for `linework.files.publish.publish`; the old lines and their record are then as before.
+
+    Notes
+    -----
+    Every kind that was looked for has its layer, with or without lines.
+    """
+    steps = steps or Steps()
+    path = record_path(output)
+    with steps.step("write lines"), set_aside(path):
+        write_lines(extraction.lines, output, kinds=extraction.kinds, overwrite=overwrite)
+    record = record_of(extraction, output, parameters, steps)
+    write_json(record, path, overwrite=True)
+    return record
+
+
+def record_of(
+    extraction: Extraction, output: Path, parameters: Mapping[str, Any], steps: Steps
+) -> dict[str, Any]:
+    """Return the record of a run whose lines are in place.
+
+    Raises
+    ------
+    RuntimeError
+        Points in the files are not points used and points left out.
+    """
+    read, lines = extraction.read, extraction.lines
+    n_promised = sum(facts.n_promised for facts in read.files)
+    n_rejected = sum(read.rejected.values())
+    if n_promised != len(read.points) + n_rejected:
+        raise RuntimeError(f"{n_promised} points, but {len(read.points)} used and {n_rejected} left out")
+    return {
+        "command": "extract",
+        "versions": versions(),
+        "crs": {"name": describe_crs(lines.crs), "wkt": lines.crs},
+        "parameters": dict(parameters),
+        "inputs": [
+            {"file": _name(file), "bytes": file.stat().st_size, "sha256": digest}
+            for file, digest in extraction.hashes.items()
+        ],
+        "output": {"file": _name(output), "bytes": output.stat().st_size, "sha256": hash_file(output)},
+        "counts": {
+            "points_in_files": n_promised,
+            "points_used": len(read.points),
+            "points_rejected": dict(read.rejected),
+            "lines": {kind: int((lines.kind == kind).sum()) for kind in extraction.kinds},
+            "length_m": {
+                kind: round(float(lines.length_m[lines.kind == kind].sum()), 3) for kind in extraction.kinds
+            },
+        },
+        "timings_s": {step: round(seconds, 4) for step, seconds in steps.timings_s.items()},
+        "tiles": [
+            {
+                "id": report.tile.tile_id,
+                "core": list(report.tile.core),
+                "buffer_m": report.tile.buffer_m,
+                "points": report.n_points,
+                "lines": report.n_lines,
+            }
+            for report in extraction.tiles
+        ],
+        "warnings": list(extraction.warnings),
+        "failures": [{"file": _name(file), "problem": problem} for file, problem in read.failures],
+    }
+
+
+def _name(path: Path) -> str:
+    """Return a path as text that any JSON reader takes, bytes that are no UTF-8 escaped."""
+    return os.fsencode(path).decode("utf-8", errors="backslashreplace")

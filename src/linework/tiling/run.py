@@ -1,0 +1,152 @@
+"""The main job: read a survey, work its tiles, name and order the lines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from linework.errors import InputError
+from linework.files.las_header import read_las_header
+from linework.files.run_record import hash_file
+from linework.files.survey_points import (
+    SurveyPoints,
+    check_trajectory_covers,
+    read_survey_points,
+    read_survey_trajectory,
+)
+from linework.methods.protocol import Method
+from linework.model.grid import Bounds
+from linework.model.lines import KINDS, LineSet
+from linework.model.points import Points
+from linework.model.survey import Survey
+from linework.model.tile import TileData
+from linework.model.trajectory import Trajectory
+from linework.navigation.lever import at_vehicle_origin
+from linework.tiling.executors import in_order
+from linework.tiling.identify import identify
+from linework.tiling.plan import Tile, plan_tiles
+from linework.tiling.steps import Steps
+
+
+@dataclass(frozen=True, slots=True)
+class TileReport:
+    """What came of a tile: points it saw (core and buffer) and lines found."""
+
+    tile: Tile
+    n_points: int
+    n_lines: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extraction:
+    """Lines of a survey and the account of how they came about.
+
+    Parameters
+    ----------
+    lines
+        In their fixed order, with their names.
+    kinds
+        What was looked for.
+    read
+        Points used and left out, file by file.
+    hashes
+        SHA-256 of every input file.
+    """
+
+    lines: LineSet
+    kinds: tuple[str, ...]
+    read: SurveyPoints
+    tiles: tuple[TileReport, ...]
+    hashes: Mapping[Path, str]
+    warnings: tuple[str, ...]
+
+
+def extract_lines(
+    survey: Survey, methods: Sequence[Method], *, n_workers: int = 1, steps: Steps | None = None
+) -> Extraction:
+    """Return all lines that the methods find in a survey.
+
+    Parameters
+    ----------
+    n_workers
+        How many tiles are worked at a time; the lines do not depend on it.
+    steps
+        Times and shows the steps.
+
+    Raises
+    ------
+    InputError
+        No file can be used, or the trajectory does not go with the points. Damaged files among good ones
+        are no error here: ``read.failures`` lists them.
+    """
+    steps = steps or Steps()
+    inputs = [*survey.point_files, *([survey.trajectory_file] if survey.trajectory_file else [])]
+    with ThreadPoolExecutor(max_workers=1, thread_name_prefix="hash") as pool:
+        # Hashing lets go of the interpreter's lock: it costs no time beside the decoding
+        hashes = {path: pool.submit(hash_file, path) for path in inputs}
+        read, trajectory, warnings = read_survey(survey, steps)
+        bounds = read.points.bounds
+        tiles = plan_tiles(bounds, max(method.buffer_m for method in methods))
+
+        def work(tile: Tile) -> tuple[TileReport, LineSet]:
+            points = _points_of(tile, read.points, bounds)
+            data = TileData(tile.tile_id, tile.core, points, trajectory, survey.name)
+            found = LineSet.concatenate([_in_crs(method.extract(data), survey.crs) for method in methods])
+            return TileReport(tile, len(data.points), len(found)), found
+
+        with steps.step("find lines"):
+            worked = list(in_order(work, tiles, n_workers))
+            lines = identify(LineSet.concatenate([found for _, found in worked]))
+    kinds = tuple(kind for kind in KINDS if any(kind in method.kinds for method in methods))
+    return Extraction(
+        lines=lines,
+        kinds=kinds,
+        read=read,
+        tiles=tuple(report for report, _ in worked),
+        hashes=_readable(hashes),
+        warnings=warnings,
+    )
+
+
+def read_survey(survey: Survey, steps: Steps) -> tuple[SurveyPoints, Trajectory | None, tuple[str, ...]]:
+    """Read points and trajectory, and check that they belong together."""
+    n_promised = sum(map(_n_promised, survey.point_files))
+    with steps.step("read points", unit="points") as advance:
+        trajectory = read_survey_trajectory(survey)
+        read = read_survey_points(survey, progress=lambda done: advance(done, n_promised))
+    warnings = read.warnings
+    if trajectory is not None:
+        trajectory = at_vehicle_origin(trajectory, survey.trajectory_lever_m)
+        warnings += check_trajectory_covers(trajectory, read.points, where=survey.trajectory_file)
+    return read, trajectory, warnings
+
+
+def _n_promised(path: Path) -> int:
+    """Return the points a file's header promises, 0 where it cannot be read: said when its points are."""
+    try:
+        return read_las_header(path).n_points
+    except InputError:
+        return 0
+
+
+def _points_of(tile: Tile, points: Points, bounds: Bounds) -> Points:
+    """Return the tile's points in core and buffer: all of them, uncopied, where it covers the survey."""
+    west, south, east, north = tile.extent
+    if west <= bounds.west and south <= bounds.south and bounds.east < east and bounds.north < north:
+        return points
+    x, y = points.xyz[:, 0], points.xyz[:, 1]
+    return points.take(np.flatnonzero((x >= west) & (x < east) & (y >= south) & (y < north)))
+
+
+def _in_crs(lines: LineSet, crs: str) -> LineSet:
+    """Return a method's lines in the survey's CRS: methods know metres only."""
+    return lines if lines.crs == crs else lines.with_columns(crs=crs)
+
+
+def _readable(hashes: Mapping[Path, Future[str]]) -> dict[Path, str]:
+    """Return the hashes; a file that cannot be read is told about by whoever reads its points."""
+    return {path: future.result() for path, future in hashes.items() if future.exception() is None}
