@@ -82,7 +82,7 @@ def test_a_wall_hides_what_is_behind_it():
 
 def test_wire_mesh_lets_a_part_of_the_beams_through_and_passing_cars_are_in_one_pass():
     corner = np.array([[5.0, -50.0, -50.0], [5.0, 50.0, -50.0], [5.0, 0.0, 80.0]])
-    back = corner + [5.0, 0.0, 0.0]
+    back = corner + np.array([5.0, 0.0, 0.0])
     from linework.simulation.meshes import Mesh
 
     tri = np.array([[0, 1, 2]])
@@ -138,7 +138,7 @@ def test_wear_takes_its_share_of_the_paint():
         line = Marking(q_m=0.0, start_m=0.0, end_m=300.0, width_m=0.14, role="edge", wear=wear)
         left = np.mean(paint_cover(place, [line], 5) > 0.5)
         assert left == pytest.approx(1.0 - wear, abs=0.06)
-    outside = place + [0.0, 0.2]
+    outside = place + np.array([0.0, 0.2])
     assert np.all(paint_cover(outside, [line], 5) == 0.0)
 
 

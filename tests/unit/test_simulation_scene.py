@@ -105,7 +105,7 @@ def test_boundary_and_paint_truth_lie_on_the_mesh(kind):
     down = [0.0, 0.0, -1.0]
     for marking in layout.markings[:3]:
         xyz = marking_truth(road, marking).lines[0].xyz[2:-2]
-        ray, hit, _ = first_hit(part, xyz + [0.0, 0.0, 3.0], np.tile(down, (len(xyz), 1)))
+        ray, hit, _ = first_hit(part, xyz + np.array([0.0, 0.0, 3.0]), np.tile(down, (len(xyz), 1)))
         assert len(ray) > 0.9 * len(xyz)
         assert np.abs(hit[:, 2] - xyz[ray, 2]).max() < 1e-3
     for sign in (1, -1):
