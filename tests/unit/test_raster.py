@@ -112,10 +112,10 @@ def test_a_grid_made_for_points_holds_every_one_of_them():
         assert np.all(cells_of(points, main_direction_grid(points, cell_m, 2 * cell_m)) >= 0)
 
 
-def test_west_and_south_edges_are_inside():
+def test_west_and_north_edges_are_inside():
     points = Points(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]]))
-    for grid in (Grid(0.0, 1.0, 1.0, 1.0, 1, 1), Grid(0.0, 1.0, 0.5, 0.3, 4, 2)):
-        assert (cells_of(points, grid) >= 0).tolist() == [True, False, False, False]
+    for grid in (Grid(0.0, 1.0, 1.0, 1.0, 1, 1), Grid(0.0, 1.0, 0.5, 0.25, 4, 2)):
+        assert (cells_of(points, grid) >= 0).tolist() == [False, False, True, False]
 
 
 def test_points_outside_and_without_height_are_left_out():

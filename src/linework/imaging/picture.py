@@ -119,7 +119,10 @@ def draw_map(
         panel.set_title(name, fontsize=9, weight="bold", loc="left")
         _frame(whole, g, window, name)
     _explain(figure, whole, drawn, style, lines)
-    turn = f", columns turned {g.rotation_deg:.2f}° anticlockwise from east" if g.rotation_deg else ""
+    turn = ""
+    if g.rotation_deg:
+        east, north = g.to_world(np.array(g.n_rows), np.array(0))
+        turn = f"; turned {g.rotation_deg:.2f}° anticlockwise, 0, 0 is east {east:,.1f}, north {north:,.1f}"
     cells = f"{g.n_rows:,} x {g.n_cols:,} cells of {g.cell_width_m:.3g} x {g.cell_height_m:.3g} m"
     figure.suptitle(title, fontsize=13, weight="bold")
     whole.set_title(f"{cells}{turn}; {crs_name}", fontsize=8)
@@ -224,7 +227,7 @@ def _draw_lines(ax: Axes, grid: Grid, lines: OverlaidLines, box: tuple[float, fl
     left, right, bottom, top = box
     for k, (ends, name) in enumerate(zip(lines.ends, lines.names, strict=True)):
         x, y = _place(grid, *grid.to_cell(ends))
-        ax.plot(x, y, color=LINE_COLOUR, linewidth=1.0, alpha=0.85, zorder=5)
+        ax.plot(x, y, color=LINE_COLOUR, linewidth=1.2, alpha=0.9, zorder=5)
         # Names stand near where the lines enter the panel, in steps so that neighbours do not meet
         steps = np.linspace(0.0, 1.0, 2001)
         px, py = x[0] + steps * (x[1] - x[0]), y[0] + steps * (y[1] - y[0])

@@ -58,7 +58,7 @@ def rasterise(points: Points, grid: Grid, *, height_m: Float32Array | None = Non
 
     Notes
     -----
-    Points outside the grid are left out. Cells are half open (west and south edge inside, before
+    Points outside the grid are left out. Cells are half open (west and north edge inside, before
     rotation), and decided on the lattice that grids share, so a point on an edge is in the same cell
     whatever tile it is seen from. The answer does not depend on the order of the points. One pass.
 

@@ -22,8 +22,8 @@ TOO_HIGH = 100_000.0
 def cell_of(x: float, y: float, placement: Array, n_rows: int, n_cols: int) -> int:
     """Return the flat index of the cell that holds (x, y), or -1 outside the grid (and for NaN).
 
-    Cells are half open: west and south edge inside, before rotation. `placement` is
-    (east, north, cos, sin, cell width, cell height, first column, row above the first):
+    Cells are half open: west and north edge inside, before rotation. `placement` is
+    (east, north, cos, sin, cell width, cell height, first column, north edge of the first row):
     with the last two the index is counted on the lattice that grids share, so that a point on a cell's
     edge falls into the same cell whatever grid it is seen through.
     """
@@ -32,7 +32,7 @@ def cell_of(x: float, y: float, placement: Array, n_rows: int, n_cols: int) -> i
     along = east * placement[2] + north * placement[3]
     up = north * placement[2] - east * placement[3]
     col = math.floor(along / placement[4]) - placement[6]
-    row = placement[7] - 1.0 - math.floor(up / placement[5])
+    row = placement[7] - math.ceil(up / placement[5])
     if 0.0 <= col < n_cols and 0.0 <= row < n_rows:
         return int(row) * n_cols + int(col)
     return -1

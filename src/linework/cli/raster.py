@@ -1,0 +1,252 @@
+"""`linework raster`: the images of a survey, for machines (GeoTIFF) and for people (PNG)."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from linework.cli.failures import warn
+
+if TYPE_CHECKING:
+    from linework.files.survey_points import SurveyPoints
+    from linework.methods.radon.figures import FigureConfig
+    from linework.model.grid import Grid
+    from linework.model.points import Points
+    from linework.model.survey import Survey
+    from linework.model.trajectory import Trajectory
+    from linework.tiling.steps import Steps
+
+
+def raster(
+    surveys: Annotated[
+        list[Path],
+        typer.Argument(metavar="SURVEY...", help="Laser files, a folder of them, or a survey folder."),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")],
+    cell_m: Annotated[float, typer.Option("--cell-m", help="Cell of a north-up grid.")] = 0.20,
+    cell_along_m: Annotated[
+        str,
+        typer.Option(
+            "--cell-along-m",
+            help="Cell along the main direction, the grid turned to it; auto: the spacing of the scan lines.",
+        ),
+    ] = "",
+    cell_across_m: Annotated[
+        float, typer.Option("--cell-across-m", help="Cell across the main direction; --cell-m if not given.")
+    ] = math.nan,
+    min_height_m: Annotated[
+        float, typer.Option("--min-height-m", help="Binary image: lowest height above the road.")
+    ] = 0.2,
+    max_height_m: Annotated[
+        float, typer.Option("--max-height-m", help="Binary image: greatest height above the road.")
+    ] = 1.2,
+    trajectory: Annotated[
+        Path | None,
+        typer.Option("--trajectory", help="Where the van was (CSV), its origin, not an antenna's."),
+    ] = None,
+    crs: Annotated[
+        str, typer.Option("--crs", help="EPSG:... or local: the CRS where the files do not say.")
+    ] = "",
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the images in DIR.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the record of the run as JSON.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
+) -> None:
+    """Draw density, heights, intensity, road, binary and Radon images of SURVEY, with run.json beside them."""
+    import json
+
+    from linework.cli.progress import open_display
+    from linework.errors import PartialError
+    from linework.files.publish import check_output_folder
+    from linework.files.survey import open_survey
+    from linework.methods.radon.figures import FigureConfig
+    from linework.tiling.steps import Steps
+
+    cells = _cells(cell_m, cell_along_m, cell_across_m)
+    config = FigureConfig(low_m=min_height_m, high_m=max_height_m)
+    _check_band(config)
+    check_output_folder(output, overwrite=overwrite)
+    with open_display(quiet=quiet) as display:
+        steps = Steps(display)
+        survey = open_survey(surveys, crs=crs or None)
+        read, path, warnings = _read(survey, trajectory, steps)
+        grid = _grid(survey, read.points, path, cells)
+        record = _publish(survey, read, path, (grid, config), output, overwrite=overwrite, steps=steps)
+    for warning in warnings:
+        warn(warning)
+    typer.echo(json.dumps(record, indent=1, allow_nan=False) if as_json else _summary(record, output))
+    if read.failures:
+        listed = "; ".join(problem.rstrip(".") for _, problem in read.failures)
+        raise PartialError(
+            f"{len(read.failures)} files left out: {listed}", where=output, advice="see run.json"
+        )
+
+
+def _cells(cell_m: float, along: str, across_m: float) -> tuple[float | None, float, float]:
+    """Return (cell of a north-up grid or None, cell along, cell across); NaN along: measure it."""
+    from linework.errors import UsageError
+
+    def checked(name: str, value: float) -> float:
+        # below a millimetre no survey has anything to show, and the grid has 10^12 cells
+        if not 0.001 <= value <= 1000.0:
+            raise UsageError(f"{name} is {value:g}, expected 0.001 to 1000 m", where="raster")
+        return value
+
+    cell_m = checked("--cell-m", cell_m)
+    turned = bool(along) or not math.isnan(across_m)
+    if not turned:
+        return cell_m, cell_m, cell_m
+    across = cell_m if math.isnan(across_m) else checked("--cell-across-m", across_m)
+    if along == "auto":
+        return None, math.nan, across
+    try:
+        value = float(along) if along else cell_m
+    except ValueError:
+        raise UsageError(f"--cell-along-m is {along!r}, expected metres or auto", where="raster") from None
+    return None, checked("--cell-along-m", value), across
+
+
+def _check_band(config: FigureConfig) -> None:
+    from linework.errors import UsageError
+
+    if not config.low_m < config.high_m:
+        raise UsageError(
+            f"--min-height-m {config.low_m:g} is not below --max-height-m {config.high_m:g}", where="raster"
+        )
+
+
+def _read(
+    survey: Survey, trajectory: Path | None, steps: Steps
+) -> tuple[SurveyPoints, Trajectory | None, tuple[str, ...]]:
+    """Read points and trajectory (one that is given takes the place of the survey's own)."""
+    from dataclasses import replace
+
+    from linework.files.survey_points import (
+        check_trajectory_covers,
+        read_survey_points,
+        read_survey_trajectory,
+    )
+    from linework.navigation.lever import at_vehicle_origin
+
+    if trajectory is not None:
+        survey = replace(survey, trajectory_file=trajectory, trajectory_lever_m=(0.0, 0.0, 0.0))
+    with steps.step("read points"):
+        path = read_survey_trajectory(survey)
+        read = read_survey_points(survey)
+    warnings = read.warnings
+    if path is not None:
+        path = at_vehicle_origin(path, survey.trajectory_lever_m)
+        warnings += check_trajectory_covers(path, read.points, where=survey.trajectory_file)
+    return read, path, warnings
+
+
+def _grid(
+    survey: Survey, points: Points, path: Trajectory | None, cells: tuple[float | None, float, float]
+) -> Grid:
+    from linework.errors import InputError
+    from linework.imaging.main_direction import main_direction_grid
+    from linework.imaging.raster import grid_for
+    from linework.imaging.scan_lines import scan_line_spacing_m
+
+    cell_m, along_m, across_m = cells
+    try:
+        if cell_m is not None:
+            return grid_for(points, cell_m)
+        if math.isnan(along_m):
+            along_m = scan_line_spacing_m(points, path)
+        return main_direction_grid(points, along_m, across_m, trajectory=path)
+    except InputError as error:
+        raise InputError(error.problem, where=survey.name, advice=error.advice) from error
+
+
+def _publish(
+    survey: Survey,
+    read: SurveyPoints,
+    path: Trajectory | None,
+    what: tuple[Grid, FigureConfig],
+    output: Path,
+    *,
+    overwrite: bool,
+    steps: Steps,
+) -> dict[str, Any]:
+    """Write all images and run.json into one folder that appears whole, and return the record."""
+    from linework.files.crs import describe_crs, epsg_text
+    from linework.files.publish import publish_folder
+    from linework.files.rasters import write_geotiff
+    from linework.files.run_record import write_json
+    from linework.methods.radon.figures import raster_figures
+    from linework.surface.road import RoadConfig, find_road, height_above_road, is_road_point
+
+    grid, config = what
+    with steps.step("find the road"):
+        surface = find_road(read.points, path, RoadConfig())
+        height_m = height_above_road(surface, read.points.xyz)
+        is_road = is_road_point(surface, read.points.xyz)
+    crs_name = (
+        "local coordinates" if survey.crs == "local" else epsg_text(survey.crs) or describe_crs(survey.crs)
+    )
+    record: dict[str, Any] = {}
+    names: list[str] = []
+
+    def write(folder: Path) -> None:
+        with steps.step("draw images", unit="images"):
+            for figure in raster_figures(read.points, height_m, is_road, grid, config, crs_name=crs_name):
+                crs = survey.crs if figure.in_world else "local"
+                write_geotiff(figure.image, folder / f"{figure.name}.tif", crs=crs)
+                (folder / f"{figure.name}.png").write_bytes(figure.png)
+                names.append(figure.name)
+        record.update(_record(survey, read, what, names, steps))
+        write_json(record, folder / "run.json")
+
+    def verify(folder: Path) -> None:
+        for name in names:
+            picture = (folder / f"{name}.png").read_bytes()
+            if not (picture.startswith(b"\x89PNG") and picture.endswith(b"IEND\xaeB`\x82")):
+                raise OSError(f"{name}.png does not read back")
+
+    publish_folder(output, write, verify, overwrite=overwrite)
+    return record
+
+
+def _record(
+    survey: Survey, read: SurveyPoints, what: tuple[Grid, FigureConfig], names: list[str], steps: Steps
+) -> dict[str, Any]:
+    """Return what goes into run.json."""
+    from dataclasses import asdict
+
+    from linework.files.crs import describe_crs
+    from linework.files.run_record import hash_file
+    from linework.tiling.record import versions
+
+    grid, config = what
+    return {
+        "command": "raster",
+        "versions": versions(),
+        "crs": {"name": describe_crs(survey.crs), "wkt": survey.crs},
+        "parameters": {"grid": asdict(grid), **asdict(config)},
+        "inputs": [
+            {"file": str(facts.path), "points": facts.n_points, "sha256": hash_file(facts.path)}
+            for facts in read.files
+        ],
+        "counts": {
+            "points_used": len(read.points),
+            "points_rejected": dict(read.rejected),
+            "cells": grid.n_rows * grid.n_cols,
+        },
+        "images": names,
+        "warnings": list(read.warnings),
+        "failures": [{"file": str(path), "problem": problem} for path, problem in read.failures],
+        "timings_s": {name: round(seconds, 3) for name, seconds in steps.timings_s.items()},
+    }
+
+
+def _summary(record: dict[str, Any], output: Path) -> str:
+    grid, counts = record["parameters"]["grid"], record["counts"]
+    turned = f", turned {grid['rotation_deg']:.2f} deg" if grid["rotation_deg"] else ""
+    return (
+        f"{counts['points_used']:,} points on {grid['n_rows']:,} x {grid['n_cols']:,} cells of "
+        f"{grid['cell_width_m']:.3g} x {grid['cell_height_m']:.3g} m{turned}\n"
+        f"{len(record['images'])} images in {output}: {', '.join(record['images'])}"
+    )
