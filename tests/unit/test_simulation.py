@@ -10,10 +10,10 @@ from linework.simulation.materials import Material
 from linework.simulation.meshes import boxes
 from linework.simulation.paint import paint_cover
 from linework.simulation.part import Part, assembled
-from linework.simulation.scanner import Caster, turned
+from linework.simulation.scanner import Caster, Hits, turned
 from linework.simulation.scenario import Marking
 from linework.simulation.scene import build_scene
-from linework.simulation.simulate import measure, simulate_survey
+from linework.simulation.simulate import drives_of, measured, simulate_survey
 from linework.simulation.truth import OBSERVED
 
 
@@ -55,7 +55,8 @@ def test_the_trajectory_is_on_the_road_and_looks_along_it(survey):
 def test_poses_and_scanner_explain_the_hits_to_a_tenth_of_a_millimetre():
     scenario = draw_scenario("straight", 1, 50.0, points_per_m=300)
     scene = build_scene(scenario)
-    drives, hits = measure(scenario, scene)
+    drives = drives_of(scenario)
+    hits = Hits.concatenate(list(measured(scenario, scene, drives)))
     d = drives[0]
     first = hits.time_s < d.time_s[-1] + 1.0
     place = np.stack([np.interp(hits.time_s[first], d.time_s, c) for c in d.xyz.T], axis=1)
@@ -107,18 +108,16 @@ def test_observed_flags_equal_a_brute_force_recount(kind):
     from linework.simulation.truth import truth_lines
 
     scene = build_scene(scenario)
-    _, hits = measure(scenario, scene)
-    truth = truth_lines(scenario, scene, hits, "local")
+    hits = Hits.concatenate(list(measured(scenario, scene, drives_of(scenario))))
+    truth = truth_lines(scenario, scene, (hits.xyz, hits.triangle), "local")
     material = scene.mesh.material[hits.triangle]
     target = scene.mesh.target[hits.triangle]
     xyz = hits.xyz + np.array(scenario.origin_m)
-    starts = {
-        tuple(np.round(t.xyz[0] + np.array(scenario.origin_m), 6)) + (t.kind,): i
-        for i, t in enumerate(scene.lines)
-    }
+    origin = np.array(scenario.origin_m)
+    starts = {(t.kind, *np.round(t.xyz[0] + origin, 6)): i for i, t in enumerate(scene.lines)}
     for i in range(len(truth)):
         line, line_kind = truth.line(i), str(truth.kind[i])
-        own = target == starts[(*np.round(line[0], 6), line_kind)]
+        own = target == starts[(line_kind, *np.round(line[0], 6))]
         if line_kind.startswith("lane_marking"):
             own = material == Material.ASPHALT
         elif line_kind in ("road_boundary", "kerb_top"):

@@ -75,6 +75,18 @@ def test_a_sloped_end_dips_to_the_ground(road):
     assert float(top(60.0)) == 0.75
 
 
+def test_a_flared_end_leaves_the_road_and_its_truth_with_it(road):
+    spec = Rail(q_m=4.2, faces=-1, start_m=5.0, end_m=60.0, top_m=0.75, flare_end_m=0.6)
+    part = guardrail(road, spec)
+    s, q = offsets_of(road, part.lines[0].xyz)
+    assert q[s < 51.9] == pytest.approx(4.2, abs=1e-6)
+    assert q[-1] == pytest.approx(4.8, abs=1e-6)
+    s_mesh, q_mesh = offsets_of(road, part.meshes[0].vertices)
+    end = s_mesh > 60.0 - 1e-6
+    assert q_mesh[end].max() - 4.8 == pytest.approx(0.5 * spec.depth_m, abs=1e-6)
+    assert 4.8 - q_mesh[end].min() == pytest.approx(0.5 * spec.depth_m, abs=1e-6)
+
+
 def test_barrier_truth_is_the_top_edge_on_every_traffic_side(road):
     spec = Barrier(
         q_m=5.0, start_m=10.0, end_m=60.0, height_m=0.9, foot_width_m=0.6, top_width_m=0.2, traffic=(1, -1)
@@ -91,7 +103,7 @@ def test_barrier_truth_is_the_top_edge_on_every_traffic_side(road):
 
 
 def test_fence_truth_is_its_top_edge(road):
-    part = fence(road, Fence(q_m=6.0, start_m=10.0, end_m=40.0, height_m=1.2, is_mesh=False))
+    part = fence(road, Fence(q_m=6.0, start_m=10.0, end_m=40.0, height_m=1.2, form="boards"))
     s, q = offsets_of(road, part.lines[0].xyz)
     assert np.abs(q - 6.0).max() < 1e-6
     assert np.abs(part.lines[0].xyz[:, 2] - road.ground_height(s, q) - 1.2).max() < 1e-5

@@ -7,10 +7,10 @@ import itertools
 import numpy as np
 
 from linework.simulation.materials import Material
-from linework.simulation.meshes import columns, prism, sheet
+from linework.simulation.meshes import boxes, columns, prism, sheet
 from linework.simulation.part import Part
 from linework.simulation.road import Road
-from linework.simulation.scenario import Bridge, Wall
+from linework.simulation.scenario import Bridge, Gantry, Wall
 
 _WALL_THICK_M = 0.25
 
@@ -60,3 +60,25 @@ def bridge(road: Road, spec: Bridge) -> Part:
         ]
     )
     return Part((deck, columns(feet, spec.clearance_m + 1.0, 0.45, Material.CONCRETE)))
+
+
+def gantry(road: Road, spec: Gantry) -> Part:
+    """Return a sign gantry: two columns, four thin straight chords across the road, a panel on them."""
+    across = np.linspace(spec.right_m, spec.left_m, 9)
+    level = float(np.max(road.carriageway_height(spec.s_m, across))) + spec.clearance_m
+    middle, span = 0.5 * (spec.right_m + spec.left_m), spec.left_m - spec.right_m
+    heading = np.full(1, float(road.alignment.heading(spec.s_m)))
+    chords = [
+        boxes(
+            road.place(spec.s_m + ahead, middle, level + up)[None],
+            heading,
+            (0.12, span, 0.12),
+            Material.STEEL,
+        )
+        for ahead in (-0.4, 0.4)
+        for up in (0.0, 0.9)
+    ]
+    feet = road.on_ground(spec.s_m, np.array([spec.right_m, spec.left_m]))
+    posts = columns(feet, level + 1.1 - feet[:, 2], 0.25, Material.STEEL)
+    panel = road.place(spec.s_m - 0.6, spec.right_m + 0.3 * span, level - 0.2)[None]
+    return Part((*chords, posts, boxes(panel, heading, (0.05, 3.5, 2.2), Material.SIGN)))

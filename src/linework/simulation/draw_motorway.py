@@ -20,7 +20,19 @@ from linework.simulation.draw_pieces import (
 from linework.simulation.draw_rural import gentle
 from linework.simulation.materials import Material
 from linework.simulation.road import Road, Side, make_stations
-from linework.simulation.scenario import Barrier, Bridge, Cable, Car, Hedge, Layout, Marking, Pole, Rail, Wall
+from linework.simulation.scenario import (
+    Barrier,
+    Bridge,
+    Cable,
+    Car,
+    Gantry,
+    Hedge,
+    Layout,
+    Marking,
+    Pole,
+    Rail,
+    Wall,
+)
 
 
 def draw_motorway(rng: np.random.Generator, length_m: float) -> Layout:
@@ -53,6 +65,7 @@ def draw_motorway(rng: np.random.Generator, length_m: float) -> Layout:
         cables=tuple(cables),
         cars=tuple(_traffic(rng, half, (median, width), centres[0], length_m)),
         bridges=_bridges(rng, length_m),
+        gantries=_gantries(rng, half, median, length_m),
         far_edges_m=(half + median, half + median + width),
     )
 
@@ -212,6 +225,16 @@ def _traffic(
             )
         )
     return cars
+
+
+def _gantries(rng: np.random.Generator, half: float, median: float, length_m: float) -> tuple[Gantry, ...]:
+    if rng.random() > 0.35:
+        return ()
+    at = uniform(rng, 10.0, length_m - 10.0)
+    reach = uniform(rng, 1.8, 2.5)
+    return (
+        Gantry(s_m=at, right_m=-half - reach, left_m=half + 0.5 * median, clearance_m=uniform(rng, 5.0, 6.0)),
+    )
 
 
 def _bridges(rng: np.random.Generator, length_m: float) -> tuple[Bridge, ...]:

@@ -87,9 +87,10 @@ def stretches(
 
 
 def rail(rng: np.random.Generator, q_m: float, span: tuple[float, float], faces: int) -> Rail:
-    """Return a W-beam with drawn size, posts and ends; about a third of the ends dip to the ground."""
+    """Return a W-beam with drawn size, posts and ends; a third of the ends dip to the ground, a quarter flare."""
     long_enough = span[1] - span[0] > 24.0
     dips = [uniform(rng, 4.0, 9.0) if long_enough and rng.random() < 0.35 else 0.0 for _ in range(2)]
+    flares = [uniform(rng, 0.2, 0.7) if long_enough and rng.random() < 0.25 else 0.0 for _ in range(2)]
     return Rail(
         q_m=q_m,
         faces=faces,
@@ -102,6 +103,8 @@ def rail(rng: np.random.Generator, q_m: float, span: tuple[float, float], faces:
         post_behind_m=float(rng.choice([0.0, 0.10, 0.20])),
         dip_start_m=dips[0],
         dip_end_m=dips[1],
+        flare_start_m=flares[0],
+        flare_end_m=flares[1],
     )
 
 

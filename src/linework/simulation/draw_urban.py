@@ -52,6 +52,13 @@ def draw_urban(rng: np.random.Generator, length_m: float) -> Layout:
         if rail_span[1] > rail_span[0]:
             q = sign * (half + uniform(rng, 0.30, 0.60))
             street.rails.append(rail(rng, q, rail_span, -sign))
+        elif rng.random() < 0.4:
+            run = _rail_span(rng, start, end)
+            q = sign * (half + uniform(rng, 0.25, 0.45))
+            height = uniform(rng, 0.8, 1.1)
+            street.fences.append(
+                Fence(q_m=q, start_m=run[0], end_m=run[1], height_m=height, form="tubes", post_every_m=2.0)
+            )
         _park(rng, street, (sign * (half - 0.25), parked), (start, end), rail_span)
         _fronts(rng, street, sign * (half + footway + 0.1), (start, end))
         _lamps(rng, street, sign * (half + 0.55), (start, end))
@@ -155,21 +162,26 @@ def _park(
     """Add parked cars to `kerb` (their outer side, the share of the kerb they take); few beside the rail."""
     outer, share = kerb
     sign = float(np.sign(outer))
-    at = span[0] + uniform(rng, 0.0, 8.0)
+    at, taken = span[0] + uniform(rng, 0.0, 4.0), 0.0
     while at < span[1] - 6.0:
         length = uniform(rng, 3.7, 4.9)
-        is_van = rng.random() < 0.12
+        is_van, is_lorry = rng.random() < 0.12, rng.random() < 0.04
+        length = uniform(rng, 6.5, 9.0) if is_lorry else length
         beside_rail = rail_span[0] - 1.0 < at + length and at < rail_span[1] + 1.0
-        # One car takes its length and 1 m: this makes the share of kerb come out
-        if rng.random() < (0.3 * share if beside_rail else 1.15 * share):
-            width = 2.0 if is_van else uniform(rng, 1.70, 1.90)
+        # A car takes its length and 1 m of kerb; what is behind the wanted share is caught up with
+        chance = (0.3 if beside_rail else 1.0) * share + 0.06 * (share * (at - span[0]) - taken)
+        if rng.random() < chance:
+            taken += length + 1.0
+            width = 2.3 if is_lorry else 2.0 if is_van else uniform(rng, 1.70, 1.90)
+            tall = (2.8, 3.4) if is_lorry else (1.9, 2.4) if is_van else (1.4, 1.7)
             street.cars.append(
                 Car(
                     s_m=at + 0.5 * length,
                     q_m=outer - sign * (0.5 * width + uniform(rng, 0.0, 0.15)),
                     length_m=length,
                     width_m=width,
-                    height_m=uniform(rng, 1.9, 2.4) if is_van else uniform(rng, 1.4, 1.7),
+                    height_m=uniform(rng, *tall),
+                    is_lorry=is_lorry,
                     heading=int(-sign),
                 )
             )
@@ -201,7 +213,7 @@ def _fronts(rng: np.random.Generator, street: _Street, q: float, span: tuple[flo
                 Fence(
                     q_m=q,
                     height_m=uniform(rng, 0.9, 1.8),
-                    is_mesh=bool(rng.random() < 0.5),
+                    form=str(rng.choice(["mesh", "boards"])),
                     start_m=a,
                     end_m=b,
                 )

@@ -22,6 +22,9 @@ _W_DEPTH = np.array(
     [0.0, 0.02, 0.25, 0.90, 1.0, 1.0, 0.90, 0.08, 0.08, 0.90, 1.0, 1.0, 0.90, 0.25, 0.02, 0.0]
 )
 
+#: Flared ends do so over this length.
+_FLARE_RUN_M = 8.0
+
 
 def rail_top(rail: Rail) -> PiecewiseLinear:
     """Return the height of the beam's top edge over the road; sloped ends dip to 6 cm."""
@@ -33,25 +36,42 @@ def rail_top(rail: Rail) -> PiecewiseLinear:
     return PiecewiseLinear(np.array(s), np.array(h))
 
 
+def rail_offset(rail: Rail) -> PiecewiseLinear:
+    """Return the offset of the middle of the corrugation: flared ends leave the road on a parabola."""
+    run = np.linspace(0.0, 1.0, int(_FLARE_RUN_M / 0.5) + 1)
+    away = -rail.faces * (1.0 - run) ** 2
+    s, q = [np.array([rail.start_m, rail.end_m])], [np.full(2, rail.q_m)]
+    if rail.flare_start_m:
+        s.append(rail.start_m + _FLARE_RUN_M * run)
+        q.append(rail.q_m + rail.flare_start_m * away)
+    if rail.flare_end_m:
+        s.append(rail.end_m - _FLARE_RUN_M * run)
+        q.append(rail.q_m + rail.flare_end_m * away)
+    # Of equal chainages the last given counts: an end that flares
+    nodes, last = np.unique(np.concatenate(s)[::-1], return_index=True)
+    return PiecewiseLinear(nodes, np.concatenate(q)[::-1][last])
+
+
 def guardrail(road: Road, rail: Rail) -> Part:
     """Return a W-beam on posts; truth: midway between crest and valley in plan, top edge in height."""
     top = rail_top(rail)
-    s = np.unique(np.concatenate([road.stations_between(rail.start_m, rail.end_m), top.x]))
-    q = rail.q_m + rail.faces * rail.depth_m * (_W_DEPTH - 0.5)
+    offset = rail_offset(rail)
+    s = np.unique(np.concatenate([road.stations_between(rail.start_m, rail.end_m), top.x, offset.x]))
+    q = offset(s)[:, None] + rail.faces * rail.depth_m * (_W_DEPTH - 0.5)
     above = top(s)[:, None] + rail.beam_height_m * (_W_HEIGHT - 1.0)
     base = road.carriageway_height(s, rail.q_m)[:, None]
-    beam = sheet(road.place(s[:, None], q[None, :], base + above), Material.STEEL, target=0)
-    at = np.union1d(road.truth_chainages(rail.start_m, rail.end_m), top.x)
-    xyz = road.over_carriageway(at, rail.q_m, top(at))
+    beam = sheet(road.place(s[:, None], q, base + above), Material.STEEL, target=0)
+    at = np.unique(np.concatenate([road.truth_chainages(rail.start_m, rail.end_m), top.x, offset.x]))
+    xyz = road.place(at, offset(at), road.carriageway_height(at, rail.q_m) + top(at))
     line = TruthLine(kind="guardrail", xyz=xyz, height_m=rail.top_m, width_m=rail.beam_height_m)
-    return Part((beam, *_rail_posts(road, rail, top)), (line,))
+    return Part((beam, *_rail_posts(road, rail, top, offset)), (line,))
 
 
-def _rail_posts(road: Road, rail: Rail, top: PiecewiseLinear) -> tuple[Mesh, ...]:
+def _rail_posts(road: Road, rail: Rail, top: PiecewiseLinear, offset: PiecewiseLinear) -> tuple[Mesh, ...]:
     if not rail.has_posts:
         return ()
     s = np.arange(rail.start_m + 0.3, rail.end_m, rail.post_every_m)
-    back = rail.q_m - rail.faces * 0.5 * rail.depth_m
+    back = offset(s) - rail.faces * 0.5 * rail.depth_m
     q = back - rail.faces * (rail.post_behind_m + 0.055)
     foot = road.on_ground(s, q)
     crown = road.carriageway_height(s, rail.q_m) + top(s) - 0.03
@@ -104,12 +124,15 @@ def _over_road(road: Road, s: FloatArray, q: float, out: FloatArray, up: FloatAr
 
 
 def fence(road: Road, spec: Fence) -> Part:
-    """Return a fence of wire mesh or boards between posts; truth: its top edge."""
+    """Return a fence of wire mesh, boards or tubes between posts; truth: its top edge."""
     s = road.stations_between(spec.start_m, spec.end_m)
     base = road.ground_height(s, spec.q_m)
-    if spec.is_mesh:
+    if spec.form == "mesh":
         bands = [(0.05, spec.height_m)]
         material = Material.MESH
+    elif spec.form == "tubes":
+        bands = [(0.5 * spec.height_m - 0.05, 0.5 * spec.height_m), (spec.height_m - 0.05, spec.height_m)]
+        material = Material.STEEL
     else:
         n = max(2, int(spec.height_m / 0.35))
         bands = [(spec.height_m * (i + 1) / n - 0.12, spec.height_m * (i + 1) / n) for i in range(n)]
@@ -123,8 +146,8 @@ def fence(road: Road, spec: Fence) -> Part:
         for low, high in bands
     ]
     at = np.arange(spec.start_m, spec.end_m, spec.post_every_m)
-    post = Material.STEEL if spec.is_mesh else Material.WOOD
-    radius = 0.03 if spec.is_mesh else 0.05
+    post = Material.WOOD if spec.form == "boards" else Material.STEEL
+    radius = 0.05 if spec.form == "boards" else 0.03
     meshes.append(columns(road.on_ground(at, spec.q_m, -0.05), spec.height_m + 0.05, radius, post))
     top = road.on_ground(road.truth_chainages(spec.start_m, spec.end_m), spec.q_m, spec.height_m)
-    return Part(tuple(meshes), (TruthLine(kind="fence", xyz=top, height_m=spec.height_m),))
+    return Part(tuple(meshes), (TruthLine(kind="fence", form=spec.form, xyz=top, height_m=spec.height_m),))

@@ -15,7 +15,8 @@ from linework.simulation.materials import RETURN_SHARE, SEE_THROUGH
 from linework.simulation.part import Scene
 from linework.simulation.scenario import Scanner
 
-_BATCH = 400_000
+#: Beams at a time: what the arrays of a batch need stays under 100 MB.
+_BATCH = 200_000
 #: How often a beam may go on through leaves, mesh and glass.
 _MAX_LAYERS = 4
 #: The van's own body in its frame: beams through it are lost. (x, y, z from; to) [m]
@@ -147,45 +148,44 @@ class Caster:
 
 def scan(
     caster: Caster, drive: Drive, scanner: Scanner, max_range_m: float, i_pass: int, rng: np.random.Generator
-) -> Hits:
-    """Return all hits of one scanner in one pass, in time order."""
-    parts = []
-    for time, turn in _beams(drive, scanner):
-        origin, direction, kept = _cast_off(drive, scanner, time, turn)
-        origin, direction = origin[kept], direction[kept]
-        ray, triangle, reach = caster.cast(origin, direction, max_range_m, i_pass, rng)
-        origin, direction, at = origin[ray], direction[ray], time[kept][ray]
-        place, cosine = caster.detail(origin + direction * reach[:, None], direction, triangle)
-        error = np.stack([np.interp(at, drive.time_s, e) for e in drive.error_m.T], axis=1)
-        parts.append(Hits(at, origin, direction, reach, triangle, place, cosine, error))
-    return Hits.concatenate(parts)
-
-
-def _beams(drive: Drive, scanner: Scanner) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield times and mirror angles of the beams, in batches."""
+) -> Iterator[Hits]:
+    """Yield the hits of one scanner in one pass, batch after batch in time order."""
+    profile = _profile(scanner)
+    outside = ~_meets_van(np.asarray(scanner.position_m), profile)
     rate = scanner.turns_per_s * scanner.rays_per_turn
     n = int((drive.time_s[-1] - drive.time_s[0]) * rate)
     for first in range(0, n, _BATCH):
-        k = np.arange(first, min(first + _BATCH, n), dtype=np.float64)
-        yield drive.time_s[0] + k / rate, 2.0 * np.pi * np.mod(k / scanner.rays_per_turn, 1.0)
+        k = np.arange(first, min(first + _BATCH, n))
+        k = k[outside[k % scanner.rays_per_turn]]
+        time = drive.time_s[0] + k / rate
+        origin, direction = _cast_off(drive, scanner, time, profile[k % scanner.rays_per_turn])
+        ray, triangle, reach = caster.cast(origin, direction, max_range_m, i_pass, rng)
+        origin, direction, time = origin[ray], direction[ray], time[ray]
+        place, cosine = caster.detail(origin + direction * reach[:, None], direction, triangle)
+        error = np.stack([np.interp(time, drive.time_s, e) for e in drive.error_m.T], axis=1)
+        yield Hits(time, origin, direction, reach, triangle, place, cosine, error)
 
 
-def _cast_off(
-    drive: Drive, scanner: Scanner, time: FloatArray, turn: FloatArray
-) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Return origins and directions in the local frame, and which beams the van's own body lets out."""
+def _profile(scanner: Scanner) -> FloatArray:
+    """Return the (rays_per_turn, 3) directions of one turn of the mirror, vehicle frame."""
     yaw, pitch = np.radians(scanner.yaw_deg), np.radians(scanner.pitch_deg)
     # The profile's plane: across the scanner's axis (x turned by yaw, lowered by pitch, so that the
     # beams that go down go backwards, clear of the van)
     side = np.array([-np.sin(yaw), np.cos(yaw), 0.0])
     up = np.array([np.cos(yaw) * np.sin(pitch), np.sin(yaw) * np.sin(pitch), np.cos(pitch)])
-    beam = np.cos(turn)[:, None] * up + np.sin(turn)[:, None] * side
-    mount = np.asarray(scanner.position_m)
+    turn = 2.0 * np.pi * np.arange(scanner.rays_per_turn) / scanner.rays_per_turn
+    return np.asarray(np.cos(turn)[:, None] * up + np.sin(turn)[:, None] * side)
+
+
+def _cast_off(
+    drive: Drive, scanner: Scanner, time: FloatArray, beam: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return origins and directions of vehicle-frame beams in the local frame."""
     columns = (drive.roll_rad, drive.pitch_rad, drive.yaw_rad)
     roll, nose, head = (np.interp(time, drive.time_s, c) for c in columns)
     where = np.stack([np.interp(time, drive.time_s, c) for c in drive.xyz.T], axis=1)
-    origin = where + turned(np.broadcast_to(mount, beam.shape), roll, nose, head)
-    return origin, turned(beam, roll, nose, head), ~_meets_van(mount, beam)
+    mount = np.broadcast_to(np.asarray(scanner.position_m), beam.shape)
+    return where + turned(mount, roll, nose, head), turned(beam, roll, nose, head)
 
 
 def turned(xyz: FloatArray, roll: FloatArray, pitch: FloatArray, yaw: FloatArray) -> FloatArray:

@@ -28,7 +28,11 @@ class Marking:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rail:
-    """A W-beam. `q_m` is midway between crest and valley; `faces` +1: the traffic is to its left."""
+    """A W-beam. `q_m` is midway between crest and valley; `faces` +1: the traffic is to its left.
+
+    Ends may dip towards the ground over a length (`dip_..._m`) and flare away from the road by an amount
+    (`flare_..._m`).
+    """
 
     q_m: float
     faces: int
@@ -42,6 +46,8 @@ class Rail:
     has_posts: bool = True
     dip_start_m: float = 0.0
     dip_end_m: float = 0.0
+    flare_start_m: float = 0.0
+    flare_end_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,13 +66,13 @@ class Barrier:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fence:
-    """A fence with its plane at `q_m`: wire mesh, or horizontal boards."""
+    """A fence with its plane at `q_m`: wire "mesh", horizontal "boards", or two "tubes" (a handrail)."""
 
     q_m: float
     start_m: float
     end_m: float
     height_m: float
-    is_mesh: bool = True
+    form: str = "mesh"
     post_every_m: float = 2.5
 
 
@@ -154,6 +160,16 @@ class Bridge:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Gantry:
+    """A sign gantry over the road from offset `right_m` to `left_m`: four straight chords and a panel."""
+
+    s_m: float
+    right_m: float
+    left_m: float
+    clearance_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Scanner:
     """A profile scanner: position in the vehicle frame; its axis is x turned by yaw, then lowered by pitch."""
 
@@ -218,6 +234,7 @@ class Layout:
     cables: tuple[Cable, ...] = ()
     plants: tuple[Plant, ...] = ()
     bridges: tuple[Bridge, ...] = ()
+    gantries: tuple[Gantry, ...] = ()
     far_edges_m: tuple[float, ...] = ()
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from linework.simulation.buildings import bridge, wall
+from linework.simulation.buildings import bridge, gantry, wall
 from linework.simulation.ground import boundaries, ground, marking_truth
 from linework.simulation.part import Part, Scene, assembled
 from linework.simulation.plants import hedge, plant
@@ -33,6 +33,7 @@ def _parts(scenario: Scenario) -> Iterator[Part]:
     yield from (pole(road, p) for p in layout.poles)
     yield from (wall(road, w) for w in layout.walls)
     yield from (bridge(road, b) for b in layout.bridges)
+    yield from (gantry(road, g) for g in layout.gantries)
     yield from (car(road, c) for c in layout.cars)
     for i, h in enumerate(layout.hedges):
         yield hedge(road, h, np.random.default_rng([scenario.seed, 11, i]))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from linework.files.crs import parse_crs
+from linework.model.arrays import AnyArray, FloatArray
 from linework.model.lines import LineSet
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
@@ -66,30 +68,49 @@ def simulate_survey(
     """
     scenario = draw_scenario(kind, seed, length_m, points_per_m=points_per_m)
     scene = build_scene(scenario)
-    drives, hits = measure(scenario, scene)
+    drives = drives_of(scenario)
     rng = np.random.default_rng([seed, 31])
+    points: list[Points] = []
+    places: list[FloatArray] = []
+    triangles: list[AnyArray] = []
+    for hits in measured(scenario, scene, drives):
+        points.append(recorded(scenario, scene, hits, rng))
+        places.append(hits.xyz)
+        triangles.append(hits.triangle)
     crs = parse_crs(SIMULATED_CRS)
     return SimulatedSurvey(
-        points=recorded(scenario, scene, hits, rng),
+        points=in_time_order(points),
         trajectory=reported_trajectory(drives, scenario.origin_m),
-        truth=truth_lines(scenario, scene, hits, crs),
+        truth=truth_lines(scenario, scene, (np.concatenate(places), np.concatenate(triangles)), crs),
         crs=crs,
         scenario=scenario,
     )
 
 
-def measure(scenario: Scenario, scene: Scene) -> tuple[list[Drive], Hits]:
-    """Return the van's true ways and all hits of its scanners in time order, without noise."""
+def drives_of(scenario: Scenario) -> list[Drive]:
+    """Return the van's true way in each pass."""
+    return [
+        drive(scenario.layout.road, spec, scenario.length_m, np.random.default_rng([scenario.seed, 21, i]))
+        for i, spec in enumerate(scenario.passes)
+    ]
+
+
+def measured(scenario: Scenario, scene: Scene, drives: Sequence[Drive]) -> Iterator[Hits]:
+    """Yield the hits of all passes and scanners in batches, without noise."""
     caster = Caster(scene)
-    drives, hits = [], []
-    for i, spec in enumerate(scenario.passes):
-        way = drive(
-            scenario.layout.road, spec, scenario.length_m, np.random.default_rng([scenario.seed, 21, i])
-        )
-        drives.append(way)
+    for i, way in enumerate(drives):
         for j, scanner in enumerate(scenario.scanners):
             rng = np.random.default_rng([scenario.seed, 22, i, j])
-            hits.append(scan(caster, way, scanner, scenario.sensor.max_range_m, i, rng))
-    everything = Hits.concatenate(hits)
-    everything = everything.take(np.argsort(everything.time_s, kind="stable"))
-    return drives, on_wire_axis(scene, everything)
+            for hits in scan(caster, way, scanner, scenario.sensor.max_range_m, i, rng):
+                yield on_wire_axis(scene, hits)
+
+
+def in_time_order(parts: Sequence[Points]) -> Points:
+    """Return all points in one, by time."""
+    time = np.concatenate([p.time_s for p in parts if p.time_s is not None])
+    order = np.argsort(time, kind="stable")
+    return Points(
+        np.concatenate([p.xyz for p in parts])[order],
+        np.concatenate([p.intensity for p in parts if p.intensity is not None])[order],
+        time[order],
+    )

@@ -11,7 +11,6 @@ from linework.model.arrays import AnyArray, BoolArray, FloatArray
 from linework.model.lines import KINDS, LineSet
 from linework.simulation.materials import GROUND, Material
 from linework.simulation.part import Scene, TruthLine
-from linework.simulation.scanner import Hits
 from linework.simulation.scenario import Scenario
 
 #: A vertex is observed with at least (this many) hits within (this distance, m) of it. Paint: hits on the
@@ -28,11 +27,21 @@ OBSERVED: dict[str, tuple[int, float]] = {
 }
 
 
-def truth_lines(scenario: Scenario, scene: Scene, hits: Hits, crs: str) -> LineSet:
-    """Return all truth lines in the world frame, with `observed` per vertex, ordered by kind."""
+def truth_lines(scenario: Scenario, scene: Scene, hits: tuple[FloatArray, AnyArray], crs: str) -> LineSet:
+    """Return all truth lines in the world frame, with `observed` per vertex, ordered by kind.
+
+    Parameters
+    ----------
+    scenario, scene
+        The world.
+    hits
+        (n, 3) positions [m, local] and (n,) triangles of all hits, without noise.
+    crs
+        WKT2.
+    """
     order = sorted(range(len(scene.lines)), key=lambda i: KINDS.index(scene.lines[i].kind))
     lines = [scene.lines[i] for i in order]
-    observed = _observed(scene, hits)
+    observed = _observed(scene, *hits)
     columns = {
         name: [getattr(line, name) for line in lines]
         for name in ("kind", "role", "pattern", "form", "double", "width_m", "height_m", "clearance_m")
@@ -59,9 +68,8 @@ def _ids(lines: list[TruthLine]) -> list[str]:
     return ids
 
 
-def _observed(scene: Scene, hits: Hits) -> list[BoolArray]:
-    xyz, material = hits.xyz, scene.mesh.material[hits.triangle]
-    target = scene.mesh.target[hits.triangle]
+def _observed(scene: Scene, xyz: FloatArray, triangle: AnyArray) -> list[BoolArray]:
+    material, target = scene.mesh.material[triangle], scene.mesh.target[triangle]
     carriageway = cKDTree(xyz[material == Material.ASPHALT])
     ground = cKDTree(xyz[GROUND[material]])
     of_target = _grouped(target, len(scene.lines))
