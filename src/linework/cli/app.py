@@ -25,6 +25,7 @@ from linework.cli.evaluate import evaluate
 from linework.cli.extract import extract
 from linework.cli.failures import Interrupted, failure_of, save_log
 from linework.cli.info import info
+from linework.cli.simulate import simulate
 from linework.errors import LineworkError
 
 app = typer.Typer(
@@ -33,7 +34,7 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,  # plain help: rich alone would double its time
 )
-for command in (info, extract, evaluate, convert, config):
+for command in (info, extract, evaluate, convert, simulate, config):
     app.command()(command)
 
 
@@ -119,11 +120,7 @@ def _open_missing_streams() -> None:
 def _flush(stream: TextIO | None) -> None:
     """Flush now, where a full disk is still an error with an exit code."""
     if stream is not None:
-        try:
-            stream.flush()
-        except OSError as error:
-            error.filename = error.filename or "standard output"
-            raise
+        stream.flush()
 
 
 def _give_up(stream: TextIO | None) -> None:

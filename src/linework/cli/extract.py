@@ -38,8 +38,8 @@ def extract(
         str, typer.Option("--crs", help="EPSG:... or local: the CRS where the files do not say.")
     ] = "",
     workers: Annotated[
-        int, typer.Option("--workers", min=1, max=256, help="Threads to use; all cores if not given.")
-    ] = 0,
+        int | None, typer.Option("--workers", min=1, max=256, help="Threads to use; all cores if not given.")
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the output.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the record of the run as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,

@@ -82,10 +82,9 @@ def failure_of(error: BaseException) -> Failure:
         return _from_own(MachineError(text, where="memory", advice=_MACHINE_SAYS[errno.ENOMEM]))
     if isinstance(error, OSError) and error.errno in _MACHINE_SAYS:
         advice = _MACHINE_SAYS[error.errno]
-        return _from_own(MachineError(_said(error), where=error.filename or "system", advice=advice))
+        return _from_own(MachineError(_said(error), where=_place(error), advice=advice))
     if isinstance(error, OSError) and error.errno in _PATH_SAYS:
-        where = error.filename or "system"
-        return _from_own(InputError(_said(error), where=where, advice="check the path"))
+        return _from_own(InputError(_said(error), where=_place(error), advice="check the path"))
     what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
     bug = LineworkError(f"{what} (a fault of linework, not of your data)", where="linework")
     return Failure(f"error: {bug}", 1, is_bug=True)
@@ -93,6 +92,11 @@ def failure_of(error: BaseException) -> Failure:
 
 def _from_own(error: LineworkError) -> Failure:
     return Failure(f"error: {error}", error.exit_code)
+
+
+def _place(error: OSError) -> str:
+    """Return where it happened: outputs name themselves, so that what has no name is a stream of ours."""
+    return str(error.filename) if error.filename else "standard output or a temporary file"
 
 
 def _said(error: OSError) -> str:

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 from linework.errors import ConfigError
 
 T = TypeVar("T")
+_ADVICE = "linework config prints every setting with its unit"
 
 
 def setting(default: Any, *, unit: str, reason: str, low: float = -math.inf, high: float = math.inf) -> Any:
@@ -44,7 +45,9 @@ def settings_from(cls: type[T], values: Mapping[str, Any], *, where: object = No
         f = known[key]
         if dataclasses.is_dataclass(f.default_factory):
             if not isinstance(value, Mapping):
-                raise ConfigError(f"{prefix}{key} is {value!r}, expected a table", where=where)
+                raise ConfigError(
+                    f"{prefix}{key} is {value!r}, expected a table", where=where, advice=_ADVICE
+                )
             arguments[key] = settings_from(f.default_factory, value, where=where, prefix=f"{prefix}{key}.")
         else:
             arguments[key] = _checked_value(f, value, where, prefix)
@@ -57,10 +60,14 @@ def _checked_value(f: dataclasses.Field[Any], value: Any, where: object, prefix:
     if kind is float and number:
         value = float(value)
     if type(value) is not kind:
-        raise ConfigError(f"{prefix}{f.name} is {value!r}, expected a {kind.__name__}", where=where)
+        raise ConfigError(
+            f"{prefix}{f.name} is {value!r}, expected a {kind.__name__}", where=where, advice=_ADVICE
+        )
     low, high = f.metadata["low"], f.metadata["high"]
     if number and not low <= value <= high:
-        raise ConfigError(f"{prefix}{f.name} is {value!r}, allowed is {low:g} to {high:g}", where=where)
+        raise ConfigError(
+            f"{prefix}{f.name} is {value!r}, allowed is {low:g} to {high:g}", where=where, advice=_ADVICE
+        )
     return value
 
 
