@@ -1,0 +1,336 @@
+"""Inner loops of the cable search: crowded columns, the Radon image of a vertical slice, growing a wire."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+Array = npt.NDArray[Any]
+
+#: Columns are divided into 5 x 5 sub-cells, one bit each.
+SIDE = 5
+
+
+@njit(cache=True, nogil=True)
+def crowding(order: Array, start: Array, layer: Array, sub_cell: Array, reach: int) -> tuple[Array, Array]:
+    """Return per point how full its column is directly above or below, and how wide its own layer is.
+
+    Parameters are points sorted by column: `order` (n,), `start` (columns + 1,), and per point `layer`
+    (n,) int32, the number of its height bin, and `sub_cell` (n,) int32 in 0..24.
+
+    Returns
+    -------
+    stacked
+        (n,) int32: occupied layers among layer + 2 .. layer + reach, or among those below if they are more.
+    spread
+        (n,) int32: occupied sub-cells of the column within one layer of the point.
+    """
+    stacked = np.zeros(len(layer), np.int32)
+    spread = np.zeros(len(layer), np.int32)
+    for c in range(len(start) - 1):
+        first, last = start[c], start[c + 1]
+        lowest = layer[order[first]]
+        highest = lowest
+        for i in range(first, last):
+            lowest = min(lowest, layer[order[i]])
+            highest = max(highest, layer[order[i]])
+        n = highest - lowest + 1 + 2 * reach
+        bits = np.zeros(n, np.int32)
+        for i in range(first, last):
+            p = order[i]
+            bits[layer[p] - lowest + reach] |= np.int32(1) << sub_cell[p]
+        below = np.zeros(n + 1, np.int32)  # occupied layers before each one
+        for k in range(n):
+            below[k + 1] = below[k] + (1 if bits[k] != 0 else 0)
+        for i in range(first, last):
+            p = order[i]
+            k = layer[p] - lowest + reach
+            stacked[p] = max(below[k + reach + 1] - below[k + 2], below[k - 1] - below[k - reach])
+            union = bits[k - 1] | bits[k] | bits[k + 1]
+            while union:
+                union &= union - np.int32(1)
+                spread[p] += 1
+    return stacked, spread
+
+
+@njit(cache=True, nogil=True)
+def near_segment(
+    keys: Array, start: Array, order: Array, grid: Array, xy: Array, segment: Array, reach: float
+) -> Array:
+    """Return the indices of points within `reach` of a plan line's stretch.
+
+    `keys` (columns,) are the sorted row-major numbers of the occupied columns, `grid` is (cell size, number
+    of columns per row), `segment` is (x, y, ux, uy, from, to): a point, a unit direction, two stations.
+    """
+    cell, n_cols = grid[0], int(grid[1])
+    x0, y0, ux, uy, low, high = segment
+    xa, xb = x0 + ux * low, x0 + ux * high
+    ya, yb = y0 + uy * low, y0 + uy * high
+    row_low = math.floor((min(ya, yb) - reach) / cell)
+    row_high = math.floor((max(ya, yb) + reach) / cell)
+    found = np.empty(256, np.int64)
+    n = 0
+    for row in range(max(row_low, 0), row_high + 1):
+        west, east = min(xa, xb) - reach, max(xa, xb) + reach
+        if abs(uy) > 1e-6:  # the stretch of the line that can touch this row
+            t1 = (row * cell - reach - y0) / uy
+            t2 = ((row + 1) * cell + reach - y0) / uy
+            ta, tb = max(min(t1, t2), low), min(max(t1, t2), high)
+            west = max(west, min(x0 + ux * ta, x0 + ux * tb) - 1.5 * reach)
+            east = min(east, max(x0 + ux * ta, x0 + ux * tb) + 1.5 * reach)
+        col_low, col_high = max(math.floor(west / cell), 0), min(math.floor(east / cell), n_cols - 1)
+        k = np.searchsorted(keys, row * n_cols + col_low)
+        while k < len(keys) and keys[k] <= row * n_cols + col_high:
+            for i in range(start[k], start[k + 1]):
+                p = order[i]
+                dx, dy = xy[p, 0] - x0, xy[p, 1] - y0
+                along = dx * ux + dy * uy
+                if low <= along <= high and abs(dy * ux - dx * uy) <= reach:
+                    if n == len(found):
+                        found = np.concatenate((found, np.empty(n, np.int64)))
+                    found[n] = p
+                    n += 1
+            k += 1
+    return found[:n]
+
+
+@njit(cache=True, nogil=True)
+def slice_peak(
+    s: Array, z: Array, slopes: Array, curvatures: Array, bin_m: float
+) -> tuple[float, float, float, float]:
+    """Return (votes, height at 0, slope, curvature) of the hanging curve that most cells of a slice lie on.
+
+    A Radon transform of the vertical slice with one more parameter, the curvature: each cell votes for
+    the height z - m s - k s^2 / 2. Two neighbouring bins count together, so that no curve falls between.
+    """
+    best = (0.0, 0.0, 0.0, 0.0)
+    if len(s) == 0:
+        return best
+    bend = 0.5 * curvatures.max() * max(s.max() ** 2, s.min() ** 2)
+    tilt = np.abs(slopes).max() * max(abs(s.max()), abs(s.min()))
+    lowest = z.min() - tilt - bend
+    n_bins = int((z.max() + tilt - lowest) / bin_m) + 3
+    votes = np.zeros(n_bins, np.int32)
+    for k in curvatures:
+        for m in slopes:
+            votes[:] = 0
+            for i in range(len(s)):
+                votes[int((z[i] - m * s[i] - 0.5 * k * s[i] * s[i] - lowest) / bin_m)] += 1
+            for b in range(n_bins - 1):
+                if votes[b] + votes[b + 1] > best[0]:
+                    best = (float(votes[b] + votes[b + 1]), lowest + (b + 1) * bin_m, m, k)
+    return best
+
+
+@njit(cache=True, nogil=True)
+def grow(s: Array, o: Array, z: Array, member: Array, gates: Array, max_gap: float) -> Array:
+    """Follow a wire along its line in both directions and return which points belong to it.
+
+    A parabola z(s) and a straight o(s) are fitted to all members so far; they predict the next stretch, a
+    quarter of the length known; points within the gate join. It stops where `max_gap` holds no point.
+
+    Points are sorted by s. `gates` is (floor, ceiling) of the gate [m]; in between it is four standard
+    deviations of the members about their fit and of the prediction.
+    """
+    member = member.copy()
+    n = len(s)
+    done_low, done_high = False, False
+    for _ in range(400):
+        low, high, centre, fit, cofactor, sigma_z, sigma_o = _parabola(s, o, z, member)
+        if high - low < 1e-6:
+            break
+        if done_low and done_high:
+            break
+        step = min(max(0.25 * (high - low), 2.0), max_gap)
+        for side in range(2):
+            if (done_low, done_high)[side]:
+                continue
+            edge = low if side == 0 else high
+            grown = False
+            reach = step
+            while not grown:
+                for i in range(n):
+                    ahead = edge - s[i] if side == 0 else s[i] - edge
+                    if 0.0 < ahead <= reach and not member[i]:
+                        u = s[i] - centre
+                        spread = math.sqrt(_variance(cofactor, u))
+                        gate = min(max(4.0 * sigma_z * math.sqrt(1.0 + spread * spread), gates[0]), gates[1])
+                        gate_o = min(
+                            max(4.0 * sigma_o * math.sqrt(1.0 + spread * spread), gates[0]), gates[1]
+                        )
+                        dz = z[i] - (fit[0] + fit[1] * u + fit[2] * u * u)
+                        do = o[i] - (fit[3] + fit[4] * u)
+                        if abs(dz) <= gate and abs(do) <= gate_o:
+                            member[i] = True
+                            grown = True
+                if reach >= max_gap:
+                    break
+                reach = min(2.0 * reach, max_gap)
+            if not grown:
+                if side == 0:
+                    done_low = True
+                else:
+                    done_high = True
+        # those that the better fit no longer explains leave
+        low, high, centre, fit, cofactor, sigma_z, sigma_o = _parabola(s, o, z, member)
+        gate = min(max(4.0 * sigma_z, gates[0]), gates[1])
+        gate_o = min(max(4.0 * sigma_o, gates[0]), gates[1])
+        for i in range(n):
+            if low <= s[i] <= high:
+                u = s[i] - centre
+                member[i] = (
+                    abs(z[i] - (fit[0] + fit[1] * u + fit[2] * u * u)) <= gate
+                    and abs(o[i] - (fit[3] + fit[4] * u)) <= gate_o
+                )
+    return member
+
+
+@njit(cache=True, nogil=True)
+def settle(
+    s: Array, o: Array, z: Array, free: Array, curve: tuple[float, float, float], gate: float
+) -> Array:
+    """Return which points lie on the wire near a curve (height at 0, slope, curvature) of the slice.
+
+    Of wires side by side the one that most half metres agree on; then parabola and line are fitted to the
+    points within the gate, which narrows from one and a half times to half of `gate`: a curve across two
+    wires comes to rest on one of them.
+    """
+    member = np.zeros(len(s), np.bool_)
+    n_bins = 2 * math.ceil(np.abs(o).max() / 0.05) + 4
+    agree = np.zeros(n_bins, np.int32)
+    last = np.full(n_bins, -(10**9), np.int64)
+    for i in range(len(s)):
+        member[i] = free[i] and abs(z[i] - curve[0] - curve[1] * s[i] - 0.5 * curve[2] * s[i] * s[i]) <= 0.16
+        if member[i]:
+            b = math.floor(o[i] / 0.05) + n_bins // 2
+            half_metre = math.floor(2.0 * s[i])
+            if last[b] != half_metre:
+                agree[b] += 1
+                last[b] = half_metre
+    top, at = -1, 0
+    for b in range(1, n_bins - 1):
+        total = agree[b - 1] + 2 * agree[b] + agree[b + 1]
+        if total > top:
+            top, at = total, b
+    offset = (at - n_bins // 2 + 0.5) * 0.05
+    for i in range(len(s)):
+        member[i] = member[i] and abs(o[i] - offset) <= 2.0 * gate
+    for narrow in (1.5, 1.2, 1.0, 0.8, 0.65, 0.5, 0.5, 0.5):
+        low, high, centre, fit, _, _sigma_z, _sigma_o = _parabola(s, o, z, member)
+        if high - low < 1e-6:
+            break
+        width = gate * narrow
+        for i in range(len(s)):
+            u = s[i] - centre
+            member[i] = (
+                free[i]
+                and low - 1.0 <= s[i] <= high + 1.0
+                and abs(z[i] - fit[0] - fit[1] * u - fit[2] * u * u) <= width
+                and abs(o[i] - fit[3] - fit[4] * u) <= width
+            )
+    return member
+
+
+@njit(cache=True, nogil=True)
+def thinness(
+    s: Array, o: Array, z: Array, member: Array, gates: Array, ring: float
+) -> tuple[float, float, float]:
+    """Return length, share of metres with a point, and share of these with more than a third in the ring.
+
+    The tube about the members' fit is four deviations wide, within `gates` (floor, ceiling); the ring lies
+    between one and a quarter times that and `ring`.
+    """
+    low, high, centre, fit, _, sigma_z, sigma_o = _parabola(s, o, z, member)
+    n = math.ceil(high - low)
+    if n < 1:
+        return 0.0, 0.0, 1.0
+    tube = min(max(4.0 * max(sigma_z, sigma_o), gates[0]), gates[1])
+    inside, around = np.zeros(n, np.int32), np.zeros(n, np.int32)
+    for i in range(len(s)):
+        if low <= s[i] <= high:
+            u = s[i] - centre
+            r = math.hypot(z[i] - fit[0] - fit[1] * u - fit[2] * u * u, o[i] - fit[3] - fit[4] * u)
+            metre = min(int(s[i] - low), n - 1)
+            if r <= tube:
+                inside[metre] += 1
+            elif 1.25 * tube < r <= ring:
+                around[metre] += 1
+    has, ringed = 0, 0
+    for m in range(n):
+        if inside[m] > 0:
+            has += 1
+            if 3 * around[m] > inside[m]:
+                ringed += 1
+    return high - low, has / n, ringed / max(has, 1)
+
+
+@njit(cache=True, nogil=True)
+def _variance(cofactor: Array, u: float) -> float:
+    v = np.array([1.0, u, u * u])
+    total = 0.0
+    for i in range(3):
+        for j in range(3):
+            total += v[i] * cofactor[i, j] * v[j]
+    return max(total, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def _parabola(
+    s: Array, o: Array, z: Array, member: Array
+) -> tuple[float, float, float, Array, Array, float, float]:
+    """Fit z by a parabola and o by a line in u = s - centre: coefficients (z0, z1, z2, o0, o1)."""
+    n = 0
+    low, high, centre = 1e300, -1e300, 0.0
+    for i in range(len(s)):
+        if member[i]:
+            n += 1
+            centre += s[i]
+            low, high = min(low, s[i]), max(high, s[i])
+    fit = np.zeros(5)
+    cofactor = np.zeros((3, 3))
+    if n < 4:
+        return 0.0, 0.0, 0.0, fit, cofactor, 0.0, 0.0
+    centre /= n
+    scale = max(high - low, 1e-3) / 2.0
+    normal, right_z, right_o = np.zeros((3, 3)), np.zeros(3), np.zeros(2)
+    for i in range(len(s)):
+        if member[i]:
+            u = (s[i] - centre) / scale
+            v = (1.0, u, u * u)
+            for a in range(3):
+                right_z[a] += v[a] * z[i]
+                for b in range(3):
+                    normal[a, b] += v[a] * v[b]
+            right_o[0] += o[i]
+            right_o[1] += u * o[i]
+    for a in range(3):
+        normal[a, a] += 1e-9 * n
+    inverse = np.linalg.inv(normal)
+    for a in range(3):
+        for b in range(3):
+            fit[a] += inverse[a, b] * right_z[b]
+            cofactor[a, b] = inverse[a, b] / scale ** (a + b)
+    determinant = normal[0, 0] * normal[1, 1] - normal[0, 1] ** 2
+    fit[3] = (normal[1, 1] * right_o[0] - normal[0, 1] * right_o[1]) / determinant
+    fit[4] = (normal[0, 0] * right_o[1] - normal[0, 1] * right_o[0]) / determinant / scale
+    fit[1] /= scale
+    fit[2] /= scale * scale
+    square_z, square_o = 0.0, 0.0
+    for i in range(len(s)):
+        if member[i]:
+            u = s[i] - centre
+            square_z += (z[i] - fit[0] - fit[1] * u - fit[2] * u * u) ** 2
+            square_o += (o[i] - fit[3] - fit[4] * u) ** 2
+    return (
+        low,
+        high,
+        centre,
+        fit,
+        cofactor,
+        math.sqrt(square_z / max(n - 3, 1)),
+        math.sqrt(square_o / max(n - 2, 1)),
+    )

@@ -1,0 +1,221 @@
+"""The curve of a hanging wire: a catenary over one span, fitted by least squares.
+
+A wire of weight w per metre under the horizontal tension H hangs as z = z0 + a (cosh((s - s0) / a) - 1)
+with a = H / w. A taut wire has a huge `a` and a lowest point s0 far outside the span, so that form cannot
+be fitted to it. With the height z_c and the slope m at a reference station s_c, and the curvature k = 1 / a,
+
+    z(s) = z_c + m sinh(k u) / k + sqrt(1 + m^2) (cosh(k u) - 1) / k,    u = s - s_c
+
+is the same curve (m = sinh((s_c - s0) / a)) and turns into the straight line z_c + m u as k goes to 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.model.arrays import FloatArray
+
+#: Below this |k u| the closed forms lose digits and their series (next term 1e-9 relative) take over.
+_SERIES_BELOW = 1e-3
+#: Gauss-Newton on this nearly linear problem gains three digits per step; eight are plenty.
+_MAX_STEPS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Catenary:
+    """A hanging wire in its vertical plane.
+
+    Parameters
+    ----------
+    station_m
+        Reference station s_c along the wire in plan. [m]
+    height_m
+        Height z_c there. [m]
+    slope
+        Slope m there, rise over run.
+    curvature_per_m
+        k = 1 / a = w / H, positive where the wire hangs. [1/m]
+
+    Notes
+    -----
+    >>> wire = Catenary.from_lowest(20.0, 6.0, 250.0)
+    >>> round(float(wire.height_at(np.array([40.0]))[0]), 4)
+    6.8004
+    """
+
+    station_m: float
+    height_m: float
+    slope: float
+    curvature_per_m: float
+
+    @classmethod
+    def from_lowest(cls, station_m: float, height_m: float, parameter_m: float) -> Catenary:
+        """Build the catenary with its lowest point there and a = H / w = `parameter_m`."""
+        return cls(station_m, height_m, 0.0, 1.0 / parameter_m)
+
+    @classmethod
+    def between(cls, length_m: float, start_m: float, end_m: float, sag_m: float) -> Catenary:
+        """Build the wire over stations 0 to `length_m` from its end heights and its sag below the chord's middle.
+
+        Exact for level ends, and to the order of (slope of the chord)^2 otherwise.
+        """
+        half = length_m / 2.0
+        k = 8.0 * sag_m / length_m**2
+        for _ in range(4):  # sag = (cosh(k half) - 1) / k, by fixed point from the parabola
+            k *= sag_m / (2.0 * math.sinh(k * half / 2.0) ** 2 / k) if k > 0 else 1.0
+        chord = (end_m - start_m) / length_m
+        middle = (start_m + end_m) / 2.0 - sag_m
+        slope = chord / (math.sinh(k * half) / (k * half)) if k > 0 else chord
+        return cls(half, middle, slope, k)
+
+    def height_at(self, station_m: FloatArray) -> FloatArray:
+        """Return the wire's height [m] at (n,) stations [m]."""
+        u = np.asarray(station_m, dtype=np.float64) - self.station_m
+        odd, even = _terms(u, self.curvature_per_m)
+        return self.height_m + self.slope * odd + math.hypot(1.0, self.slope) * even
+
+    def slope_at(self, station_m: FloatArray) -> FloatArray:
+        """Return the wire's slope dz/ds at (n,) stations [m]."""
+        u = (np.asarray(station_m, dtype=np.float64) - self.station_m) * self.curvature_per_m
+        return self.slope * np.cosh(u) + math.hypot(1.0, self.slope) * np.sinh(u)
+
+    def sag_m(self, start_m: float, end_m: float) -> float:
+        """Return how far the middle of the wire hangs below the chord between two stations. [m]."""
+        ends_and_middle = self.height_at(np.array([start_m, end_m, (start_m + end_m) / 2.0]))
+        return float((ends_and_middle[0] + ends_and_middle[1]) / 2.0 - ends_and_middle[2])
+
+
+@dataclass(frozen=True, slots=True)
+class CatenaryFit:
+    """A fitted wire and how well it is known.
+
+    Parameters
+    ----------
+    curve
+        The wire.
+    cofactor
+        (3, 3): inverse normal matrix of (z_c, m, k); times the variance of a height it is their covariance.
+    sigma_m
+        Standard deviation of one height about the curve, from the weighted residuals. [m]
+    """
+
+    curve: Catenary
+    cofactor: FloatArray
+    sigma_m: float
+
+    def height_sigma_at(self, station_m: FloatArray) -> FloatArray:
+        """Return the standard deviation [m] of the curve's height at (n,) stations [m]."""
+        columns = _derivatives(self.curve, np.asarray(station_m, dtype=np.float64))
+        variance = np.einsum("ni,ij,nj->n", columns, self.cofactor, columns)
+        sigma: FloatArray = self.sigma_m * np.sqrt(np.maximum(variance, 0.0))
+        return sigma
+
+    @property
+    def curvature_sigma_per_m(self) -> float:
+        """Standard deviation of the curvature k. [1/m]."""
+        return self.sigma_m * math.sqrt(max(float(self.cofactor[2, 2]), 0.0))
+
+
+def fit_catenary(
+    station_m: FloatArray, height_m: FloatArray, weights: FloatArray | None = None, *, straight: bool = False
+) -> CatenaryFit:
+    """Fit a catenary to heights along a wire by weighted least squares.
+
+    Parameters
+    ----------
+    station_m, height_m
+        (n,) stations along the wire in plan and heights there. [m]
+    weights
+        (n,) weights, or None for equal ones. For a robust fit call again with weights from the residuals.
+    straight
+        Hold the curvature at 0: for wires so short or taut that the points do not tell it from 0.
+
+    Returns
+    -------
+    CatenaryFit
+        With `sigma_m` 0 where there are no more points than unknowns.
+
+    Raises
+    ------
+    ValueError
+        Fewer points (of positive weight) than unknowns.
+
+    Notes
+    -----
+    Gauss-Newton from the least-squares parabola; the stations are centred and scaled to their extent, so
+    that the normal equations stay well conditioned on any span.
+    """
+    s, z = np.asarray(station_m, dtype=np.float64), np.asarray(height_m, dtype=np.float64)
+    w = np.ones_like(s) if weights is None else np.asarray(weights, dtype=np.float64)
+    n_unknowns = 2 if straight else 3
+    used = int(np.count_nonzero(w > 0))
+    if used < n_unknowns:
+        raise ValueError(f"{used} points, a catenary needs at least {n_unknowns}")
+    total = float(w.sum())
+    middle = float(w @ s) / total
+    reach = max(float(np.abs(s - middle).max()), 1e-3)
+    scale = np.array([1.0, 1.0 / reach, 2.0 / reach**2])[:n_unknowns]
+    curve = Catenary(middle, float(w @ z) / total, 0.0, 0.0)
+    cofactor = np.zeros((3, 3))
+    for _ in range(_MAX_STEPS):
+        columns = _derivatives(curve, s)[:, :n_unknowns] * scale
+        inverse = np.linalg.inv((columns * w[:, None]).T @ columns + 1e-9 * total * np.eye(n_unknowns))
+        step = inverse @ (columns.T @ (w * (z - curve.height_at(s))))
+        dz, dm, dk = (*(step * scale), 0.0)[:3]
+        curve = Catenary(middle, curve.height_m + dz, curve.slope + dm, curve.curvature_per_m + dk)
+        cofactor[:n_unknowns, :n_unknowns] = inverse * np.outer(scale, scale)
+        if np.abs(step).max() < 1e-10:
+            break
+    residual = z - curve.height_at(s)
+    freedom = max(used - n_unknowns, 1)
+    sigma = math.sqrt(float(w @ residual**2) / total * used / freedom)
+    return CatenaryFit(curve, cofactor, sigma)
+
+
+def meeting_stations(left: Catenary, right: Catenary, low_m: float, high_m: float) -> FloatArray:
+    """Return the stations in [low_m, high_m] where two wires have the same height, rising order. [m].
+
+    Two neighbouring spans meet at their support; the roots are those of the parabolas that osculate both
+    catenaries in the middle of the interval, polished by Newton steps on the catenaries themselves.
+    """
+    middle = (low_m + high_m) / 2.0
+    at = np.array([middle])
+    gap = float((left.height_at(at) - right.height_at(at))[0])
+    tilt = float((left.slope_at(at) - right.slope_at(at))[0])
+    bend = (left.curvature_per_m - right.curvature_per_m) / 2.0
+    roots = np.roots([bend, tilt, gap] if abs(bend) > 1e-12 else [tilt, gap])
+    stations = np.clip(roots[np.isreal(roots)].real + middle, low_m - 1.0, high_m + 1.0)
+    for _ in range(4):
+        difference = left.height_at(stations) - right.height_at(stations)
+        rate = left.slope_at(stations) - right.slope_at(stations)
+        step = np.where(np.abs(rate) > 1e-9, difference / np.where(rate == 0, 1.0, rate), 0.0)
+        stations = np.clip(stations - step, low_m - 1.0, high_m + 1.0)
+    meet = np.abs(left.height_at(stations) - right.height_at(stations)) < 1e-6
+    return np.unique(stations[meet & (stations >= low_m) & (stations <= high_m)])
+
+
+def _terms(u: FloatArray, k: float) -> tuple[FloatArray, FloatArray]:
+    """Return sinh(k u) / k and (cosh(k u) - 1) / k, right for k = 0 too."""
+    x = k * u
+    small = np.abs(x) < _SERIES_BELOW
+    safe = np.where(small, 1.0, x)
+    odd = u * np.where(small, 1.0 + x**2 / 6.0, np.sinh(safe) / safe)
+    even = u * np.where(small, x / 2.0 * (1.0 + x**2 / 12.0), 2.0 * np.sinh(safe / 2.0) ** 2 / safe)
+    return odd, even
+
+
+def _derivatives(curve: Catenary, station_m: FloatArray) -> FloatArray:
+    """Return (n, 3) derivatives of the height by z_c, m and k."""
+    u = station_m - curve.station_m
+    k, m = curve.curvature_per_m, curve.slope
+    odd, even = _terms(u, k)
+    stretch = math.hypot(1.0, m)
+    x = k * u
+    small = np.abs(x) < _SERIES_BELOW
+    k_safe = k if k != 0.0 else 1.0
+    d_odd = np.where(small, x * u**2 / 3.0, (u * np.cosh(x) - odd) / k_safe)
+    d_even = np.where(small, u**2 / 2.0 * (1.0 + x**2 / 4.0), (u * np.sinh(x) - even) / k_safe)
+    return np.stack([np.ones_like(u), odd + m / stretch * even, m * d_odd + stretch * d_even], axis=1)

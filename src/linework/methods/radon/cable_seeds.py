@@ -1,0 +1,122 @@
+"""Seed lines of wires in plan: peaks of the Radon transforms of windows of the image of lonely points."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from linework.methods.radon.peaks import find_peaks_in
+from linework.methods.radon.transform import evenly_spaced_angles, radon_of_cells, rho_bins
+from linework.model.arrays import FloatArray, IntArray
+
+#: Step of the angles [deg]: half a step moves the end of a 24 m window by 8 cm, less than half a cell.
+ANGLE_STEP_DEG = 0.75
+#: Of two peaks closer than half of both windows only the higher is a seed. Wires side by side closer than
+#: that share a seed: the slice through it is wide enough to hold both.
+THETA_WINDOW_DEG, RHO_WINDOW_M = 6.0, 0.8
+#: Occupied length [m] that a wire leaves in a window at least: five cells of 0.2 m. Chance alignments do
+#: too, by the dozen; the slice decides.
+LEAST_STRENGTH_M = 1.0
+#: Half width [m] of the neighbourhood in rho that a seed must stand out of: leaves fill it, wires do not.
+SCATTER_M = 2.0
+
+
+class Seed(NamedTuple):
+    """A line in plan through (x, y) along the unit vector (ux, uy), within `half_m` of that point."""
+
+    strength_m: float
+    x: float
+    y: float
+    ux: float
+    uy: float
+    half_m: float
+
+
+def find_cable_seeds(xy: FloatArray, *, window_m: float, cell_m: float) -> list[Seed]:
+    """Return the seed lines of all windows, the strongest first.
+
+    Parameters
+    ----------
+    xy
+        (n, 2) float64 [m]: lonely points, from an origin that is a whole multiple of the windows' stride
+        or shared by all tiles.
+    window_m
+        Side of a square window; windows overlap by half.
+    cell_m
+        Cell of the binary image.
+
+    Notes
+    -----
+    Windows lie on a fixed lattice, so that neighbouring tiles see the same ones.
+    """
+    cells = np.unique(np.floor(xy / cell_m).astype(np.int64), axis=0)
+    centres: FloatArray = (cells + 0.5) * cell_m
+    angles = evenly_spaced_angles(ANGLE_STEP_DEG)
+    rho_max = window_m / math.sqrt(2.0)
+    rho = rho_bins(rho_max, cell_m)
+    seeds: list[Seed] = []
+    for members, centre in _windows(centres, window_m):
+        x, y = (centres[members] - centre).T
+        values = radon_of_cells(
+            np.ascontiguousarray(x),
+            np.ascontiguousarray(y),
+            np.ones(len(members)),
+            cell_width_m=cell_m,
+            cell_height_m=cell_m,
+            angles_rad=angles,
+            rho_step_m=cell_m,
+            rho_max_m=rho_max,
+        )
+        peaks = find_peaks_in(
+            values,
+            angles,
+            rho,
+            threshold=LEAST_STRENGTH_M,
+            theta_window_rad=math.radians(THETA_WINDOW_DEG),
+            rho_window_m=RHO_WINDOW_M,
+        )
+        scatter = _scatter(values, cell_m)
+        at_angle = np.minimum(np.searchsorted(angles, peaks.theta_rad), len(angles) - 1)
+        at_rho = np.minimum(np.searchsorted(rho, peaks.rho_m), len(rho) - 1)
+        stands_out = peaks.strength_m > scatter[at_angle, at_rho]
+        for theta, distance, strength in zip(
+            peaks.theta_rad[stands_out], peaks.rho_m[stands_out], peaks.strength_m[stands_out], strict=True
+        ):
+            cos, sin = math.cos(theta), math.sin(theta)
+            seeds.append(
+                Seed(
+                    strength,
+                    centre[0] + distance * cos,
+                    centre[1] + distance * sin,
+                    -sin,
+                    cos,
+                    window_m / 2.0,
+                )
+            )
+    return sorted(seeds, key=lambda seed: (-seed.strength_m, seed[1:]))
+
+
+def _scatter(values: FloatArray, cell_m: float) -> FloatArray:
+    """Return what scattered cells would reach: four deviations of a count above the mean nearby in rho."""
+    around = round(SCATTER_M / cell_m)
+    mean = uniform_filter1d(values, size=2 * around + 1, axis=1, mode="constant")
+    scatter: FloatArray = mean + 4.0 * np.sqrt(np.maximum(mean, 0.0) * cell_m)
+    return scatter
+
+
+def _windows(centres: FloatArray, window_m: float) -> list[tuple[IntArray, FloatArray]]:
+    """Return the members and the centre of each window that holds enough cells for a seed."""
+    windows = []
+    for shift in ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5)):
+        number = np.floor(centres / window_m + shift).astype(np.int64)
+        order = np.lexsort((number[:, 0], number[:, 1]))
+        ordered = number[order]
+        new = np.any(np.diff(ordered, axis=0, prepend=ordered[:1] - 1) != 0, axis=1)
+        for members in np.split(order, np.flatnonzero(new)[1:]):
+            if len(members) >= 5:
+                centre = (number[members[0]] + 0.5 - np.array(shift)) * window_m
+                windows.append((members, centre))
+    return windows

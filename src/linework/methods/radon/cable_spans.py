@@ -1,0 +1,237 @@
+"""One wire per span: pieces of one catenary are joined, and every wire ends at its support."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from linework.lines.catenary import meeting_stations
+from linework.methods.radon.cable_band import Band
+from linework.methods.radon.cable_fit import Wire, fit_wire, main_run, split_at_kink
+from linework.model.arrays import BoolArray, FloatArray
+
+#: Pieces of one wire lie on one line in plan within this [m] where they face each other.
+SIDE_M = 0.15
+#: A hidden stretch may be as long as the visible pieces together, but no longer than this [m].
+MOST_HIDDEN_M = 40.0
+#: Two wires meet at a support when they are this near in height [m] there: three deviations of the height
+#: of a catenary that is carried a few metres on.
+MEET_M = 0.15
+#: How far a wire is carried on to its support [m]: hits are a metre apart at worst, insulators and the
+#: crossarm hide as much again.
+CARRY_M = 3.0
+#: How far a wire may have been followed past its support [m]: into the next span when that is taut.
+PAST_M = 6.0
+#: Wires on one support leave it in one direction within this angle [rad], and lie in this box [m].
+BUNDLE_RAD, BUNDLE_PLAN_M, BUNDLE_UP_M = math.radians(12.0), 2.5, 5.0
+#: A pole is a column of points at least this high [m] up to near the wire, this near to it in plan [m].
+POLE_M, POLE_SIDE_M = 1.5, 0.6
+
+
+class End(NamedTuple):
+    """An end of a wire: which wire, low (0) or high (1), its place in plan and the direction outwards."""
+
+    wire: int
+    side: int
+    xy: FloatArray
+    out: FloatArray
+
+
+def join_pieces(band: Band, wires: list[Wire], gate_m: float) -> list[Wire]:
+    """Return the wires with those pieces joined that are one catenary of one span.
+
+    Parameters
+    ----------
+    gate_m
+        Widest gate across a wire.
+
+    Notes
+    -----
+    A joint fit must explain both as well as each fit explains its own, without a kink. Longest first.
+    """
+    left = sorted(wires, key=lambda w: (-w.length_m, w.plan.x, w.plan.y, w.fit.curve.height_m))
+    done: list[Wire] = []
+    while left:
+        wire = left.pop(0)
+        for other in [w for w in left if _one_line(wire, w)]:
+            joint = _joined(band, wire, other, gate_m)
+            if joint is not None:
+                wire = joint
+                left = [w for w in left if w is not other]
+        done.append(wire)
+    return done
+
+
+def _one_line(wire: Wire, other: Wire) -> bool:
+    ends = other.at(np.array([other.low_m, other.high_m]))
+    s, o, dz = wire.residuals(ends)
+    near = int(np.argmin(np.abs(s - (wire.low_m + wire.high_m) / 2.0)))
+    hidden = max(float(s.min()) - wire.high_m, wire.low_m - float(s.max()))
+    return bool(
+        np.abs(o).max() <= 4.0 * SIDE_M
+        and abs(o[near]) <= SIDE_M
+        and abs(dz[near]) <= max(SIDE_M, 0.03 * hidden)
+        and hidden <= min(MOST_HIDDEN_M, wire.length_m + other.length_m)
+    )
+
+
+def _joined(band: Band, wire: Wire, other: Wire, gate_m: float) -> Wire | None:
+    members = np.union1d(wire.members, other.members)
+    joint = fit_wire(band, members, gate_m)
+    if joint is None or len(np.intersect1d(joint.members, members)) < 0.9 * len(members):
+        return None
+    worst = max(wire.fit.sigma_m, other.fit.sigma_m)
+    if joint.fit.sigma_m > 1.3 * worst + 0.002 or split_at_kink(band, joint, 3.0) is not None:
+        return None
+    return joint
+
+
+def without_tails(band: Band, wires: list[Wire]) -> list[Wire]:
+    """Return the wires without what they share with others at their ends.
+
+    Carried on past its support a wire crosses those of the next span, which lie on it for a metre or so.
+    Points on one wire alone say how far it goes; the supports are found from there.
+    """
+    times = np.zeros(len(band.xyz), dtype=np.int64)
+    for w in wires:
+        times[w.members] += 1
+    kept = []
+    for w in wires:
+        s = w.plan.stations(band.xyz[w.members, :2])[0]
+        own = np.flatnonzero(times[w.members] == 1)
+        if len(own) < 4:
+            continue
+        first, last = main_run(s[own])
+        a, b = own[first], own[last - 1] + 1
+        kept.append(replace(w, members=w.members[a:b], low_m=float(s[a]), high_m=float(s[b - 1])))
+    return kept
+
+
+def end_at_supports(band: Band, wires: list[Wire]) -> list[Wire]:
+    """Return the wires with their ends moved to where neighbouring spans meet, or to the pole.
+
+    Notes
+    -----
+    First wires of neighbouring spans are paired by where their lines or catenaries meet; then an end
+    without a partner takes the support of the wires beside it; then the pole that stands at its end.
+    """
+    limits = [[w.low_m, w.high_m] for w in wires]
+    ends = [_end(wires, i, side) for i in range(len(wires)) for side in (0, 1)]
+    settled: dict[tuple[int, int], FloatArray] = {}
+    for cost, a, b, place in sorted(_meetings(wires, ends), key=lambda m: m[:3]):
+        keys = [(ends[a].wire, ends[a].side), (ends[b].wire, ends[b].side)]
+        if math.isfinite(cost) and not any(k in settled for k in keys):
+            settled |= dict.fromkeys(keys, place)
+    met = dict(settled)
+    for end in ends:
+        key = (end.wire, end.side)
+        if key not in settled:
+            beside = _support_of_bundle(wires, ends, met, end)
+            support = beside if beside is not None else _pole_at(band, wires[end.wire], end)
+            if support is not None:
+                settled[key] = support
+    for (i, side), place in settled.items():
+        limits[i][side] = float(wires[i].plan.stations(place[None])[0][0])
+    return [
+        replace(w, low_m=low, high_m=high)
+        for w, (low, high) in zip(wires, limits, strict=True)
+        if high - low > 1.0
+    ]
+
+
+def _end(wires: list[Wire], i: int, side: int) -> End:
+    w = wires[i]
+    station = w.high_m if side else w.low_m
+    sign = 1.0 if side else -1.0
+    return End(i, side, w.plan.places(np.array([station]))[0], sign * np.array([w.plan.ux, w.plan.uy]))
+
+
+def _meetings(wires: list[Wire], ends: list[End]) -> list[tuple[float, int, int, FloatArray]]:
+    """Return (cost, end, end, place) of every two ends that may hang on one support."""
+    xy = np.array([e.xy for e in ends])
+    found = []
+    for a, end in enumerate(ends):
+        near = np.flatnonzero(np.hypot(*(xy - end.xy).T) <= 2.0 * PAST_M)
+        for b in near[near > a]:
+            other = ends[b]
+            if other.wire != end.wire and float(end.out @ other.out) < -0.5:
+                meeting = _meeting(wires[end.wire], wires[other.wire], end, other)
+                if meeting is not None:
+                    found.append((meeting[0], a, int(b), meeting[1]))
+    return found
+
+
+def _meeting(wire: Wire, other: Wire, end: End, end2: End) -> tuple[float, FloatArray] | None:
+    cross = float(end.out[0] * end2.out[1] - end.out[1] * end2.out[0])
+    d = end2.xy - end.xy
+    if abs(cross) > math.sin(math.radians(2.0)):
+        along = float(d[0] * end2.out[1] - d[1] * end2.out[0]) / cross
+        places = [end.xy + along * end.out]
+    else:
+        if abs(float(end.out[0] * d[1] - end.out[1] * d[0])) > 2.0 * SIDE_M:
+            return None
+        places = [end.xy + a * end.out for a in _height_meetings(wire, other, end, float(d @ end.out))]
+    best: tuple[float, FloatArray] | None = None
+    for place in places:
+        on1, on2 = float((place - end.xy) @ end.out), float((place - end2.xy) @ end2.out)
+        gap = abs(_height(wire, place) - _height(other, place))
+        if max(on1, on2) <= CARRY_M and min(on1, on2) >= -PAST_M and gap <= MEET_M:
+            cost = abs(on1) + abs(on2) + 10.0 * gap
+            if best is None or cost < best[0]:
+                best = (cost, place)
+    return best
+
+
+def _height_meetings(wire: Wire, other: Wire, end: End, apart_m: float) -> list[float]:
+    """Return how far beyond `end` two collinear wires have one height; half way where they do nowhere."""
+    station = float(wire.plan.stations(end.xy[None])[0][0])
+    sign = 1.0 if end.side else -1.0
+    same = wire.plan.ux * other.plan.ux + wire.plan.uy * other.plan.uy
+    shift = float(wire.plan.stations(other.plan.places(np.array([other.fit.curve.station_m])))[0][0])
+    curve = replace(
+        other.fit.curve, station_m=shift, slope=other.fit.curve.slope * (1.0 if same > 0 else -1.0)
+    )
+    low, high = sorted((station - sign * PAST_M, station + sign * (apart_m + PAST_M)))
+    meetings = [sign * (float(s) - station) for s in meeting_stations(wire.fit.curve, curve, low, high)]
+    return [*meetings, apart_m / 2.0]
+
+
+def _height(wire: Wire, place: FloatArray) -> float:
+    return float(wire.fit.curve.height_at(wire.plan.stations(place[None])[0])[0])
+
+
+def _support_of_bundle(
+    wires: list[Wire], ends: list[End], met: dict[tuple[int, int], FloatArray], end: End
+) -> FloatArray | None:
+    """Return the place on the wire beside the supports that its neighbours end at, or None."""
+    own_height = _height(wires[end.wire], end.xy)
+    stations = []
+    for other in ends:
+        place = met.get((other.wire, other.side))
+        if place is None or float(other.out @ end.out) < math.cos(BUNDLE_RAD):
+            continue
+        on, aside = float((place - end.xy) @ end.out), abs(float(np.cross(end.out, place - end.xy)))
+        up = abs(_height(wires[other.wire], place) - own_height)
+        if aside <= BUNDLE_PLAN_M and up <= BUNDLE_UP_M and -PAST_M <= on <= CARRY_M:
+            stations.append(on)
+    return end.xy + float(np.median(stations)) * end.out if stations else None
+
+
+def _pole_at(band: Band, wire: Wire, end: End) -> FloatArray | None:
+    """Return the place on the wire at a pole just beyond its end, or None."""
+    line = np.array([*end.xy, *end.out, -1.0, CARRY_M])
+    near = band.near(line, POLE_SIDE_M)
+    along = (band.xyz[near, :2] - end.xy) @ end.out
+    drop = _height(wire, end.xy) - band.xyz[near, 2]
+    below = (drop > -0.5) & (drop < POLE_M + 1.0)
+    bins = np.floor((along[below] + 1.0) / 0.25).astype(np.int64)
+    levels = np.unique(np.stack([bins, np.floor(drop[below] / 0.25).astype(np.int64)]), axis=1)[0]
+    counts = np.bincount(levels, minlength=1)
+    column: BoolArray = counts >= POLE_M / 0.25 * 0.6
+    if not column.any():
+        return None
+    first = int(np.argmax(column))
+    return end.xy + float(np.median(along[below][bins == first])) * end.out
