@@ -67,6 +67,8 @@ def _per_pass(survey: SimulatedSurvey) -> list[slice]:
 
 def _survey_toml(survey: SimulatedSurvey) -> str:
     scenario = survey.scenario
+    # By name: a pass that an older survey of more passes left in the folder is not taken for ours
+    files = ", ".join(f'"points/pass_{i + 1}.laz"' for i in range(len(scenario.passes)))
     return f"""\
 # Simulated by linework: road "{scenario.kind}", seed {scenario.seed}, {scenario.length_m:g} m; no real place.
 name = "simulated {scenario.kind} {scenario.seed}"
@@ -76,7 +78,7 @@ crs = "{SIMULATED_CRS}"
 epoch = "gps_adjusted"
 
 [points]
-files = ["points/*.laz"]
+files = [{files}]
 
 [trajectory]
 file = "trajectory.csv"
