@@ -348,7 +348,7 @@ def test_a_crs_without_heights_agrees_with_a_warning():
 
 def test_bad_numbers_are_refused():
     truth = lines(straight())
-    for b in (0.0, -1.0, math.nan, math.inf):
+    for b in (0.0, -1.0, 10.1, math.nan, math.inf):
         with pytest.raises(UsageError, match="tolerance"):
             evaluate_lines(truth, truth, tolerance_m=b)
     with pytest.raises(InputError, match="not finite"):
@@ -364,6 +364,14 @@ def test_a_plan_without_heights_is_scored_in_plan():
     assert s.completeness == 1
     assert s.lateral.bias_m == pytest.approx(0.02)
     assert s.height.rmse_m is None
+
+
+def test_blocks_of_queries_do_not_show(monkeypatch):
+    truth = lines(straight(), straight(5), straight(-5))
+    found = lines(straight(0.04), straight(4.9, 0, 70), straight(-5.3))
+    whole = evaluate_lines(found, truth).to_dict()
+    monkeypatch.setattr("linework.evaluation.match.BLOCK_M", 1.0)
+    assert evaluate_lines(found, truth).to_dict() == whole
 
 
 def test_kinds_come_in_the_order_of_the_layers():

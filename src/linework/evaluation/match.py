@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +24,9 @@ MAX_ANGLE_DEG = 20.0
 TIE_M = 1e-6
 #: Segments are searched by their middles; divided to this length, a search finds few in vain. [m]
 SEARCH_SEGMENT_M = 0.5
-#: Queries per block: bounds the memory of the pairs (about 10 per query, 100 bytes each).
-BLOCK = 100_000
+#: Queries per block, times the reach in metres: bounds the memory of the pairs (some 10 per query at a reach
+#: of 0.5 m, 100 bytes each).
+BLOCK_M = 50_000.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,8 +132,8 @@ def nearest_along(pieces: Pieces, chains: Chains, reach_m: float) -> Nearest:
 
 def pairs_within(
     places: FloatArray, segments: Segments, reach_m: float, n_dims: int
-) -> list[tuple[IntArray, IntArray]]:
-    """Return (query, segment) index pairs that may lie within `reach_m`, in blocks of queries.
+) -> Iterator[tuple[IntArray, IntArray]]:
+    """Yield (query, segment) index pairs that may lie within `reach_m`, in blocks of queries.
 
     Parameters
     ----------
@@ -141,16 +143,15 @@ def pairs_within(
         Distances in plan (2) or in space (3).
     """
     if len(places) == 0 or len(segments) == 0:
-        return []
+        return
     middle = (segments.start + segments.end)[:, :n_dims] / 2
     half_m = float(np.linalg.norm((segments.end - segments.start)[:, :n_dims], axis=1).max()) / 2
     tree = cKDTree(middle)
-    blocks = []
-    for first in range(0, len(places), BLOCK):
-        queries = cKDTree(places[first : first + BLOCK, :n_dims])
+    block = max(int(BLOCK_M / reach_m), 1000)
+    for first in range(0, len(places), block):
+        queries = cKDTree(places[first : first + block, :n_dims])
         found = queries.sparse_distance_matrix(tree, reach_m + half_m + TIE_M, output_type="ndarray")
-        blocks.append((found["i"].astype(np.int64) + first, found["j"].astype(np.int64)))
-    return blocks
+        yield found["i"].astype(np.int64) + first, found["j"].astype(np.int64)
 
 
 def first_per_query(query: IntArray, cost: FloatArray, tie: AnyArray) -> IntArray:

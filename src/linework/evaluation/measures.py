@@ -19,6 +19,8 @@ from linework.model.lines import KINDS, LineSet
 
 #: Tolerances of the curve (methods.md section 5). [m]
 CURVE_M = (0.05, 0.10, 0.20, 0.50)
+#: Wider than the distance between neighbouring lines nothing can be told from a match. [m]
+MAX_TOLERANCE_M = 10.0
 #: Per-line values that are compared where both lines have them.
 ATTRIBUTES = ("height_m", "width_m", "clearance_m")
 
@@ -49,7 +51,7 @@ def evaluate_lines(
     CrsError
         The two are in different CRSs.
     UsageError
-        A tolerance is not positive.
+        A tolerance is not positive, or wider than `MAX_TOLERANCE_M`.
     InputError
         A coordinate is not finite.
 
@@ -89,8 +91,11 @@ def match_lines(
     """Match kind by kind, once for every tolerance: the first half of `evaluate_lines`, which see."""
     check_crs(extracted.crs, reference.crs)
     for b in (tolerance_m, *curve_m):
-        if not (np.isfinite(b) and b > 0):
-            raise UsageError(f"tolerance of {b:g} m, expected a length above 0", where="evaluate")
+        if not 0 < b <= MAX_TOLERANCE_M:
+            raise UsageError(
+                f"tolerance of {b:g} m, expected more than 0 and at most {MAX_TOLERANCE_M:g} m",
+                where="evaluate",
+            )
     reach_m = max(tolerance_m, *curve_m)
     chosen = kinds_of(extracted, reference) if kinds is None else tuple(kinds)
     return tuple(match_kind(extracted, reference, kind, reach_m) for kind in chosen)
