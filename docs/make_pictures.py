@@ -1,0 +1,57 @@
+"""Make the pictures of the README from a simulated survey: ``python docs/make_pictures.py``."""
+
+from __future__ import annotations
+
+import io
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image
+
+from linework.cli.app import main
+from linework.evaluation.figures import cable_figure, plan_figure, rail_figure
+from linework.evaluation.picture import png
+from linework.evaluation.sections import cable_section, rail_sections
+from linework.files.survey import open_survey
+from linework.files.survey_points import read_survey_points
+from linework.files.vectors import read_lines
+
+PICTURES = Path(__file__).parent / "pictures"
+#: Colours of the palette: keeps the picture under 300 kB.
+N_COLOURS = 96
+
+
+def make_lines_picture(folder: Path) -> Image.Image:
+    """Return plan, slices across a rail and along a span, one below the other, of a finished demo."""
+    lines, truth = read_lines(folder / "lines.gpkg"), read_lines(folder / "survey" / "truth.gpkg")
+    points = read_survey_points(open_survey([folder / "survey"])).points
+    figures = [plan_figure(lines, points), rail_figure(rail_sections(points, lines, truth))]
+    span = cable_section(points, lines, truth)
+    if span is not None:
+        figures.append(cable_figure(span))
+    panels = [_pixels(figure) for figure in figures]
+    return Image.fromarray(np.concatenate(panels)).quantize(N_COLOURS, dither=Image.Dither.NONE)
+
+
+def _pixels(figure: Figure) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(png(figure))).convert("RGB"))
+
+
+def run() -> int:
+    """Run the demo in a folder of its own and write docs/pictures/lines.png."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch) / "demo"
+        code = main(["demo", str(folder)])
+        if code:
+            return code
+        picture = make_lines_picture(folder)
+    PICTURES.mkdir(exist_ok=True)
+    picture.save(PICTURES / "lines.png", optimize=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run())
