@@ -265,8 +265,23 @@ def _filler(file: io.BufferedReader, header: LasHeader) -> Callable[[AnyArray], 
         | lazrs.SELECTIVE_DECOMPRESS_INTENSITY | lazrs.SELECTIVE_DECOMPRESS_GPS_TIME
         | lazrs.SELECTIVE_DECOMPRESS_CLASSIFICATION | lazrs.SELECTIVE_DECOMPRESS_FLAGS
     )  # fmt: skip
-    decoder = lazrs.ParLasZipDecompressor if header.laz.has_table else lazrs.LasZipDecompressor
-    return decoder(file, header.laz.vlr, selection).decompress_many  # type: ignore[no-any-return]
+    source: io.BufferedIOBase = file
+    if header.laz.is_sound:
+        decoder = lazrs.ParLasZipDecompressor(source, header.laz.vlr, selection)
+    else:
+        if header.laz.table_offset is not None:
+            source = _without_chunk_table(file, header.laz.table_offset)
+            source.seek(header.point_offset)
+        decoder = lazrs.LasZipDecompressor(source, header.laz.vlr, selection)
+    return decoder.decompress_many  # type: ignore[no-any-return]
+
+
+def _without_chunk_table(file: io.BufferedReader, table_offset: int) -> io.BytesIO:
+    """Return the file in memory with a chunk table of no chunks: decoders read it even where they need none."""
+    file.seek(0)
+    data = bytearray(file.read())
+    data[table_offset : table_offset + 8] = bytes(8)
+    return io.BytesIO(data)
 
 
 def _time(

@@ -21,26 +21,13 @@ from pathlib import Path
 from typing import BinaryIO
 
 from linework.errors import InputError
+from linework.files.las_chunks import LazTable, read_laz_table
 
 #: Bytes of a point record without extra bytes, by point format (specification tables 7 to 17).
 RECORD_BYTES = {0: 20, 1: 28, 2: 26, 3: 34, 4: 57, 5: 63, 6: 30, 7: 36, 8: 38, 9: 59, 10: 67}
 #: Header bytes by minor version; some writers add more, none can have less.
 _HEADER_BYTES = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}
-_LASZIP_USER, _LASZIP_RECORD = b"laszip encoded", 22204
-#: One scan line of zeros compresses to about 0.02 bytes a point at the very best; beyond this a count is made up.
-_MAX_POINTS_PER_BYTE = 1000
-#: Chunk size that says: every chunk has its own (COPC).
-_VARIABLE_CHUNKS = 0xFFFFFFFF
 _DAMAGED = "copy the file again, or leave it out"
-
-
-@dataclass(frozen=True, slots=True)
-class LazTable:
-    """What the laszip VLR and the chunk table say: how the points are packed."""
-
-    vlr: bytes
-    chunk_size: int
-    has_table: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,8 +115,11 @@ class _Reader:
             vlrs += self._evlrs(*struct.unpack_from("<QI", head, 235))
         scales, offsets = struct.unpack_from("<3d", head, 131), struct.unpack_from("<3d", head, 155)
         self._check_scales(scales, offsets)
-        laz = self._laz(vlrs, point_offset, record_bytes, n_points) if is_laz else None
-        if not is_laz:
+        laz = None
+        if is_laz:
+            laz = read_laz_table(self.path, self.file, vlrs, point_offset, record_bytes, n_points)
+            self.warnings += laz.warnings
+        else:
             self._check_length(n_points, point_offset, record_bytes)
         projection = tuple((record, data) for user, record, data in vlrs if user == b"LASF_Projection")
         return LasHeader(
@@ -227,74 +217,3 @@ class _Reader:
                 found.append((name, record, self.file.read(length)))
             at += 60 + length
         return found
-
-    def _laz(
-        self, vlrs: list[tuple[bytes, int, bytes]], point_offset: int, record_bytes: int, n_points: int
-    ) -> LazTable:
-        """Check the compression record and the chunk table, the two places that crash decoders."""
-        data = next((d for u, r, d in vlrs if u == _LASZIP_USER and r == _LASZIP_RECORD), None)
-        if data is None or len(data) < 34:
-            raise self._error("points are compressed, but the laszip record that says how is missing")
-        compressor, chunk_size, n_items = (
-            struct.unpack_from("<H", data, 0)[0],
-            struct.unpack_from("<I", data, 12)[0],
-            struct.unpack_from("<H", data, 32)[0],
-        )
-        if compressor not in (1, 2, 3):
-            raise self._error(
-                f"LAZ compressor {compressor}, expected 1 to 3: made by a newer tool",
-                "convert it to LAS 1.4 with the tool that made it",
-            )
-        if len(data) < 34 + 6 * n_items or n_items == 0:
-            raise self._error(f"laszip record promises {n_items} items in {len(data)} bytes")
-        items = [struct.unpack_from("<HHH", data, 34 + 6 * i) for i in range(n_items)]
-        if sum(size for _, size, _ in items) != record_bytes:
-            raise self._error(
-                f"laszip items add up to {sum(size for _, size, _ in items)} bytes a point, the header says"
-                f" {record_bytes}"
-            )
-        if any(version > 3 for _, _, version in items):
-            raise self._error(
-                f"LAZ items of version {max(v for _, _, v in items)}, expected at most 3: made by a newer tool",
-                "convert it to LAS 1.4 with the tool that made it",
-            )
-        payload = self.n_bytes - point_offset
-        if n_points > payload * _MAX_POINTS_PER_BYTE:
-            raise self._error(
-                f"header promises {n_points:,} points but the file holds {payload:,} bytes of them (cut off or damaged)"
-            )
-        return LazTable(
-            data, chunk_size, compressor != 1 and self._chunk_table(point_offset, chunk_size, n_points)
-        )
-
-    def _chunk_table(self, point_offset: int, chunk_size: int, n_points: int) -> bool:
-        """Return whether the chunk table can be trusted; sequential decoding does not need it."""
-        if n_points == 0:
-            return False
-        self.file.seek(point_offset)
-        at = struct.unpack("<q", self.file.read(8).ljust(8, b"\0"))[0]
-        if at == -1:  # a writer that could not seek puts it last
-            self.file.seek(-8, os.SEEK_END)
-            at = struct.unpack("<q", self.file.read(8))[0]
-        if not point_offset + 8 <= at <= self.n_bytes - 8:
-            raise self._error(
-                f"header promises {n_points:,} points, but their chunk table at byte {at} is missing from the"
-                f" file of {self.n_bytes} (cut off or damaged)"
-            )
-        self.file.seek(at)
-        version, n_chunks = struct.unpack("<II", self.file.read(8))
-        # A chunk begins with one whole point, of at least 20 bytes.
-        is_sound: bool = version == 0 and 0 < n_chunks * 20 <= at - point_offset
-        if is_sound and 0 < chunk_size < _VARIABLE_CHUNKS:
-            if n_points > n_chunks * chunk_size:
-                raise self._error(
-                    f"header promises {n_points:,} points, but the file holds {n_chunks:,} chunks of"
-                    f" {chunk_size:,} (cut off or damaged)"
-                )
-            if n_points <= (n_chunks - 1) * chunk_size:
-                self.warnings.append(
-                    f"{n_chunks:,} chunks of {chunk_size:,}, more than {n_points:,} points need"
-                )
-        if not is_sound:
-            self.warnings.append("damaged chunk table: decoded one chunk after the other")
-        return is_sound

@@ -28,15 +28,17 @@ def check_output(path: Path, *, overwrite: bool = False) -> None:
     MachineError
         The parent is no folder, or cannot be written to.
     """
-    if path.is_dir():
-        raise OutputExistsError("is a folder, expected the name of a file", where=path, advice="name a file")
-    if os.path.lexists(path) and not overwrite:
-        raise OutputExistsError(
-            "output exists already", where=path, advice="choose another name or give --overwrite"
-        )
-    _make_parent(path)
     part = part_path(path)
     with _machine_errors(path):
+        if path.is_dir():
+            raise OutputExistsError(
+                "is a folder, expected the name of a file", where=path, advice="name a file"
+            )
+        if os.path.lexists(path) and not overwrite:
+            raise OutputExistsError(
+                "output exists already", where=path, advice="choose another name or give --overwrite"
+            )
+        _make_parent(path)
         part.open("xb").close()
         part.unlink()
 

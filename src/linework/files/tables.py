@@ -47,6 +47,10 @@ def read_table(path: Path, required: Sequence[str], groups: Sequence[Sequence[st
         raise InputError("empty file (0 bytes)", where=path, advice="copy the file again")
     with path.open(encoding="utf-8-sig", errors="replace", newline=None) as file:
         header = file.readline(_MAX_LINE_CHARS)
+        if "\0" in header:
+            raise InputError(
+                "is not a table of text (it holds NUL bytes)", where=path, advice="check what this file is"
+            )
         names = _column_names(path, header, required, groups)
         places = _places(header)
         rows, numbers, bad = [], [], []

@@ -1,0 +1,200 @@
+"""How the points of a LAZ file are packed: the two places whose lies crash decoders, checked beforehand.
+
+A made-up number of chunks makes the decoder allocate 64 GB and abort the process, a made-up size of an item
+makes it panic; neither can be caught.
+
+References
+----------
+laszip VLR and chunk table as in LASzip's `laszip.hpp` and `laswritepoint.cpp`.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import lazrs
+
+from linework.errors import InputError
+
+_LASZIP_USER, _LASZIP_RECORD = b"laszip encoded", 22204
+#: The compressor that knows no chunks (before 2011), and the one with layers (point formats 6 to 10).
+_POINT_BY_POINT, _LAYERED = 1, 3
+#: Layers by item type: point, RGB, RGB and infrared, wave packet; extra bytes have one each.
+_LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}
+#: Chunk size that says: every chunk has its own (COPC).
+_VARIABLE_CHUNKS = 0xFFFFFFFF
+#: A scan line of zeros compresses to about 0.02 bytes a point at the very best; a count beyond is made up.
+_MAX_POINTS_PER_BYTE = 1000
+_DAMAGED = "copy the file again, or leave it out"
+
+
+@dataclass(frozen=True, slots=True)
+class LazTable:
+    """What the laszip VLR and the chunk table say.
+
+    Parameters
+    ----------
+    vlr
+        The record that decoders want.
+    chunk_size
+        Points a chunk.
+    table_offset
+        Where the chunk table begins, None where the points are not in chunks.
+    is_sound
+        Whether that table can be trusted.
+    """
+
+    vlr: bytes
+    chunk_size: int
+    table_offset: int | None
+    is_sound: bool
+    warnings: tuple[str, ...] = ()
+
+
+def read_laz_table(
+    path: Path,
+    file: BinaryIO,
+    vlrs: Sequence[tuple[bytes, int, bytes]],
+    point_offset: int,
+    record_bytes: int,
+    n_points: int,
+) -> LazTable:
+    """Return how the points are packed.
+
+    Parameters
+    ----------
+    vlrs
+        (user id, record id, data) of the variable length records.
+
+    Raises
+    ------
+    InputError
+        The record is missing, contradicts the header, or was made by a newer tool; the file is cut off.
+    """
+    data = next((d for u, r, d in vlrs if u == _LASZIP_USER and r == _LASZIP_RECORD), None)
+    if data is None or len(data) < 34:
+        raise _error(path, "points are compressed, but the laszip record that says how is missing")
+    compressor = struct.unpack_from("<H", data, 0)[0]
+    chunk_size = struct.unpack_from("<I", data, 12)[0]
+    if compressor not in (1, 2, 3):
+        raise _newer(path, f"LAZ compressor {compressor}, expected 1 to 3")
+    _check_items(path, data, record_bytes)
+    n_bytes = path.stat().st_size
+    if n_points > (n_bytes - point_offset) * _MAX_POINTS_PER_BYTE:
+        raise _error(
+            path,
+            f"header promises {n_points:,} points but the file holds {n_bytes - point_offset:,} bytes of them"
+            " (cut off or damaged)",
+        )
+    if compressor == _POINT_BY_POINT or n_points == 0:
+        return LazTable(data, chunk_size, None, False)
+    at = _table_offset(path, file, point_offset, n_bytes, n_points)
+    listed = _listed_chunks(file, data, point_offset, at)
+    chunks = listed
+    if compressor == _LAYERED:
+        chunks = _walked_chunks(path, file, data, point_offset, at, record_bytes)
+        # A short last chunk is listed as a whole one, so only the bytes can be compared
+        if [size for _, size in listed] != [size for _, size in chunks]:
+            listed = []
+    n_held = sum(n for n, _ in chunks)
+    if chunks and n_points > n_held:
+        raise _error(
+            path,
+            f"header promises {n_points:,} points but the file holds {n_held:,} in {len(chunks):,} chunks (cut off"
+            " or damaged)",
+        )
+    if not listed:
+        said = "damaged chunk table: decoded one chunk after the other"
+        return LazTable(data, chunk_size, at, False, (said,))
+    is_more = n_held - n_points >= (chunk_size if chunk_size < _VARIABLE_CHUNKS else 1)
+    said = f"chunks for {n_held:,} points, the header says {n_points:,}"
+    return LazTable(data, chunk_size, at, True, (said,) if is_more else ())
+
+
+def _error(path: Path, problem: str) -> InputError:
+    return InputError(problem, where=path, advice=_DAMAGED)
+
+
+def _newer(path: Path, problem: str) -> InputError:
+    return InputError(
+        f"{problem}: made by a newer tool", where=path,
+        advice="convert it to LAS 1.4 with the tool that made it",
+    )  # fmt: skip
+
+
+def _check_items(path: Path, data: bytes, record_bytes: int) -> None:
+    n_items = struct.unpack_from("<H", data, 32)[0]
+    if len(data) < 34 + 6 * n_items or n_items == 0:
+        raise _error(path, f"laszip record promises {n_items} items in {len(data)} bytes")
+    items = [struct.unpack_from("<HHH", data, 34 + 6 * i) for i in range(n_items)]
+    total = sum(size for _, size, _ in items)
+    if total != record_bytes:
+        raise _error(path, f"laszip items add up to {total} bytes a point, the header says {record_bytes}")
+    newest = max(version for _, _, version in items)
+    if newest > 3:
+        raise _newer(path, f"LAZ items of version {newest}, expected at most 3")
+
+
+def _table_offset(path: Path, file: BinaryIO, point_offset: int, n_bytes: int, n_points: int) -> int:
+    file.seek(point_offset)
+    at: int = struct.unpack("<q", file.read(8).ljust(8, b"\0"))[0]
+    if at == -1:  # a writer that could not seek puts it last
+        file.seek(-8, os.SEEK_END)
+        at = struct.unpack("<q", file.read(8))[0]
+    if not point_offset + 8 <= at <= n_bytes - 8:
+        raise _error(
+            path,
+            f"header promises {n_points:,} points, but their chunk table at byte {at} is missing from the file of"
+            f" {n_bytes:,} (cut off or damaged)",
+        )
+    return at
+
+
+def _listed_chunks(file: BinaryIO, vlr: bytes, point_offset: int, at: int) -> list[tuple[int, int]]:
+    """Return (points, bytes) of each chunk as the table lists them; nothing where it contradicts the file."""
+    file.seek(at)
+    version, n_chunks = struct.unpack("<II", file.read(8))
+    # A chunk begins with one whole point, of at least 20 bytes.
+    if version != 0 or not 0 < n_chunks * 20 <= at - point_offset:
+        return []
+    file.seek(point_offset)
+    try:
+        chunks: list[tuple[int, int]] = lazrs.read_chunk_table(file, lazrs.LazVlr(vlr))
+    except (KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException:  # lazrs panics are no Exceptions
+        return []
+    return chunks if sum(size for _, size in chunks) == at - point_offset - 8 else []
+
+
+def _walked_chunks(
+    path: Path, file: BinaryIO, vlr: bytes, point_offset: int, end: int, record_bytes: int
+) -> list[tuple[int, int]]:
+    """Return (points, bytes) of each chunk as the chunks themselves say: one point, a count, sizes of layers.
+
+    A decoder allocates what these sizes say; they must add up to the bytes between points and table.
+    """
+    items = [struct.unpack_from("<HHH", vlr, 34 + 6 * i) for i in range(struct.unpack_from("<H", vlr, 32)[0])]
+    n_layers = sum(_LAYERS.get(kind, size) for kind, size, _ in items)
+    form = struct.Struct(f"<{1 + n_layers}I")
+    chunks: list[tuple[int, int]] = []
+    at = point_offset + 8
+    while at < end:
+        file.seek(at + record_bytes)
+        head = file.read(form.size)
+        count, *layers = form.unpack(head) if len(head) == form.size else (0,)
+        size = record_bytes + form.size + sum(layers)
+        if count == 0 or at + size > end:
+            raise _error(
+                path,
+                f"chunk {len(chunks) + 1} after {sum(n for n, _ in chunks):,} points is damaged ({size:,} bytes, there"
+                f" are {end - at:,})",
+            )
+        chunks.append((count, size))
+        at += size
+    return chunks
