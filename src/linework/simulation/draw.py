@@ -37,7 +37,7 @@ def draw_scenario(kind: str, seed: int, length_m: float, *, points_per_m: float 
     Raises
     ------
     UsageError
-        Unknown kind, negative seed, or a length out of range.
+        Unknown kind, negative seed, a length or density out of range.
     """
     if kind not in LAYOUTS:
         raise UsageError(f"there is no road {kind!r}", advice=f"choose one of {', '.join(ROADS)}")
@@ -48,6 +48,8 @@ def draw_scenario(kind: str, seed: int, length_m: float, *, points_per_m: float 
         )
     if seed < 0:
         raise UsageError(f"the seed is {seed}", advice="choose 0 or more")
+    if points_per_m is not None and not points_per_m > 0.0:
+        raise UsageError(f"{points_per_m:g} points per metre", advice="choose more than 0, or leave it out")
     rng = np.random.default_rng([seed, ROADS.index(kind)])
     layout = LAYOUTS[kind](rng, length_m)
     passes = _passes(rng, layout)

@@ -131,15 +131,21 @@ def double_rail(rng: np.random.Generator, q_m: float, span: tuple[float, float])
 
 
 def pole_line(
-    rng: np.random.Generator, q_m: float, start_m: float, end_m: float
+    rng: np.random.Generator, q_m: float, start_m: float, end_m: float, *, over_road: bool = False
 ) -> tuple[list[Pole], list[Cable]]:
-    """Return a line of poles along the road with 2 to 4 wires, one above another or side by side."""
+    """Return a line of poles along the road with 2 to 4 wires, one above another or side by side.
+
+    With `over_road` no wire is on the far side of the poles, where houses may stand.
+    """
     height = uniform(rng, 6.0, 9.5)
     n_spans = max(1, int(np.round((end_m - start_m) / uniform(rng, 32.0, 55.0))))
     at = np.linspace(start_m + 1.0, end_m - 1.0, n_spans + 1)
     places = [(float(s), q_m + uniform(rng, -0.3, 0.3)) for s in at]
     poles = [Pole(s_m=s, q_m=q, height_m=height + 0.3, radius_m=0.12) for s, q in places]
     fixings = _fixings(rng, height)
+    if over_road:
+        furthest = max(out for out, _ in fixings)
+        fixings = [(-np.sign(q_m) * (furthest - out + 0.16), up) for out, up in fixings]
     sag = uniform(rng, 0.010, 0.022)
     width, wire = uniform(rng, 0.025, 0.045), uniform(rng, 0.008, 0.025)
     cables = [

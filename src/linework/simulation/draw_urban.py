@@ -254,7 +254,7 @@ def _lamps(rng: np.random.Generator, street: _Street, q: float, span: tuple[floa
 def _wires(rng: np.random.Generator, street: _Street, q: float, span: tuple[float, float]) -> None:
     along = rng.random() < 0.75
     if along:
-        poles, cables = pole_line(rng, q if rng.random() < 0.5 else -q, *span)
+        poles, cables = pole_line(rng, q if rng.random() < 0.5 else -q, *span, over_road=True)
         street.poles += poles
         street.cables += cables
     if not along or rng.random() < 0.4:
