@@ -60,7 +60,7 @@ def parse_crs(text: str, *, where: object = None) -> str:
     except ProjError as error:
         raise CrsError(f"CRS '{shown}' is not known to PROJ", where=where, advice=_ADVICE) from error
     check_usable(crs, where=where)
-    return canonical_wkt(crs)
+    return LOCAL if crs.is_engineering else canonical_wkt(crs)
 
 
 def check_usable(crs: pyproj.CRS, *, where: object = None) -> None:
@@ -74,6 +74,8 @@ def check_usable(crs: pyproj.CRS, *, where: object = None) -> None:
         )  # fmt: skip
     if plan.is_vertical:
         raise CrsError(f"CRS '{crs.name}' is for heights only", where=where, advice=_ADVICE)
+    if plan.is_engineering and abs(plan.axis_info[0].unit_conversion_factor - 1.0) > 1e-9:
+        raise CrsError(f"CRS '{crs.name}' is local, but not in metres", where=where, advice=_ADVICE)
     directions = [axis.direction for axis in plan.axis_info]
     if "west" in directions:
         raise CrsError(

@@ -102,8 +102,6 @@ def _stated(projection: Sequence[tuple[int, bytes]], where: object) -> _Stated:
     text = wkt.split(b"\0")[0].decode("utf-8", errors="replace").strip()
     if not text:
         return by_keys
-    if text.upper().startswith(("LOCAL_CS", "ENGCRS", "ENGINEERINGCRS")):
-        return _Stated(crs_texts.LOCAL)
     try:
         by_wkt = _Stated(crs_texts.parse_crs(text, where=where))
     except CrsError as error:

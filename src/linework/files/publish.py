@@ -152,10 +152,14 @@ def part_path(path: Path) -> Path:
     >>> part_path(Path("d/lines.gpkg")).name == f".lines.{os.getpid()}.part.gpkg"
     True
     """
-    ending = f".{os.getpid()}.part{path.suffix}"
-    room = _NAME_MAX - 1 - len(os.fsencode(ending))
-    stem = os.fsdecode(os.fsencode(path.stem)[:room])
-    return path.with_name(f".{stem}{ending}")
+    return path.with_name(f".{_part_stem(path)}.{os.getpid()}.part{path.suffix}")
+
+
+def _part_stem(path: Path) -> str:
+    """Return the name without suffix, short, and without what drivers stumble over (GDAL: line ends)."""
+    plain = "".join(c if c.isprintable() else "_" for c in path.stem)
+    room = _NAME_MAX - len(os.fsencode(f"..{2**32}.part{path.suffix}"))
+    return os.fsencode(plain)[:room].decode(errors="ignore")
 
 
 def _make_parent(path: Path) -> None:
@@ -217,7 +221,7 @@ def _remove_part(part: Path) -> None:
 
 def _remove_dead_parts(path: Path) -> None:
     """Remove parts of this output whose process is gone."""
-    pattern = re.compile(r"\." + re.escape(path.stem) + r"\.(\d+)\.part" + re.escape(path.suffix))
+    pattern = re.compile(r"\." + re.escape(_part_stem(path)) + r"\.(\d+)\.part" + re.escape(path.suffix))
     with contextlib.suppress(OSError):
         for other in sorted(path.parent.iterdir()):
             found = pattern.fullmatch(other.name)

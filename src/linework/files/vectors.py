@@ -8,9 +8,9 @@ from pathlib import Path
 
 from linework.errors import UsageError
 from linework.files.crs import LOCAL, parse_crs
-from linework.files.gdal_limits import checked_vector_file
 from linework.files.line_fields import check_writable
 from linework.files.publish import check_output, publish
+from linework.files.vector_input import checked_vector_file
 from linework.model.lines import LineSet
 
 _Write = Callable[[LineSet, Path, Sequence[str]], None]

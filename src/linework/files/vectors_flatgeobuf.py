@@ -10,7 +10,7 @@ import numpy as np
 import pyogrio.raw
 import shapely
 
-import linework.files.gdal_limits  # noqa: F401 (before pyogrio)
+import linework.files.vector_input  # noqa: F401 (before pyogrio)
 from linework.errors import MachineError
 from linework.files.crs import LOCAL
 from linework.files.line_fields import field_values, geometries

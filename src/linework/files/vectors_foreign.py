@@ -11,10 +11,11 @@ import pyogrio
 import pyogrio.raw
 import shapely
 
-import linework.files.gdal_limits  # noqa: F401 (before pyogrio)
-from linework.errors import InputError
-from linework.files.crs import LOCAL, parse_crs
+import linework.files.vector_input  # noqa: F401 (before pyogrio)
+from linework.errors import CrsError, InputError
+from linework.files.crs import LOCAL, describe_crs, parse_crs
 from linework.files.line_fields import lines_from_geometries
+from linework.files.vector_input import readable
 from linework.model.arrays import AnyArray
 from linework.model.lines import LINE_COLUMNS, LineSet
 
@@ -34,12 +35,9 @@ def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, c
     CrsError
         In degrees, or layers in different CRSs.
     """
-    try:
+    with readable(path):
         layers = [str(name) for name, kind in pyogrio.list_layers(path) if str(name) not in _TABLES and kind]
         read = [(layer, *pyogrio.raw.read(path, layer=layer)) for layer in layers]
-    except RuntimeError as error:  # the root of pyogrio's errors
-        text = str(error).splitlines()[0][:150]
-        raise InputError(f"cannot be read ({text})", where=path, advice="check what this file is") from error
     if not read:
         raise InputError("no layer with geometries", where=path, advice="check what this file is")
     sets = []
@@ -48,6 +46,12 @@ def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, c
         table = dict(zip(meta["fields"], values, strict=True))
         kind = table.get(kind_field, np.full(len(shapes), layer, dtype=object))
         sets.append(foreign_lines(shapely.from_wkb(shapes), kind, table, kinds, own or crs or LOCAL, path))
+    others = [lines.crs for lines in sets if lines.crs != sets[0].crs]
+    if others:
+        raise CrsError(
+            f"layers in different CRSs: {describe_crs(sets[0].crs)}, {describe_crs(others[0])}", where=path,
+            advice="convert them to one",
+        )  # fmt: skip
     return LineSet.concatenate(sets)
 
 

@@ -26,6 +26,10 @@ from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: Properties with one value per vertex.
 _VERTEX_PROPERTIES = {name: f"vertex_{name}" for name in VERTEX_COLUMNS}
+#: Metres somewhere.
+_LOCAL_WKT = (
+    'ENGCRS["local",EDATUM["unknown"],CS[Cartesian,2],AXIS["x",east],AXIS["y",north],LENGTHUNIT["metre",1]]'
+)
 #: Larger files are read whole into some ten times their size: not with this reader.
 _MAX_BYTES = 1 << 29
 
@@ -63,13 +67,13 @@ def _plain(column: AnyArray) -> list[Any]:
     return list(column.tolist())
 
 
-def _crs_member(crs: str) -> dict[str, Any] | None:
-    """Return the CRS as GDAL and QGIS read it; null says that there is none (without it, it would be degrees)."""
+def _crs_member(crs: str) -> dict[str, Any]:
+    """Return the CRS as GDAL and QGIS read it: codes, else WKT; a member is needed, without it it would be degrees."""
     codes = epsg_text(crs).removeprefix("EPSG:").split("+")
-    if codes == [""]:
-        return None
     name = "urn:ogc:def:crs:EPSG::" + codes[0]
-    if len(codes) == 2:
+    if codes == [""]:
+        name = _LOCAL_WKT if crs == LOCAL else crs
+    elif len(codes) == 2:
         name = f"urn:ogc:def:crs,crs:EPSG::{codes[0]},crs:EPSG::{codes[1]}"
     return {"type": "name", "properties": {"name": name}}
 
@@ -174,7 +178,7 @@ def _crs_of(document: dict[str, Any], shapes: AnyArray, given: str | None, path:
 
 
 def _epsg_of(name: str) -> str:
-    """Return "EPSG:n+m" for the forms of a `crs` member's name.
+    """Return "EPSG:n+m" for the forms of a `crs` member's name, or the name itself (WKT).
 
     >>> _epsg_of("urn:ogc:def:crs:EPSG::25832"), _epsg_of("urn:ogc:def:crs,crs:EPSG::25832,crs:EPSG::7837")
     ('EPSG:25832', 'EPSG:25832+7837')
@@ -183,6 +187,8 @@ def _epsg_of(name: str) -> str:
     """
     if "CRS84" in name:
         return "EPSG:4326"
+    if "[" in name:
+        return name
     codes = [piece.split(":")[-1] for piece in name.split(",") if "EPSG" in piece.upper()]
     return "EPSG:" + "+".join(codes) if codes else name
 

@@ -14,8 +14,8 @@ import pyogrio
 import pyogrio.raw
 import shapely
 
-import linework.files.gdal_limits  # noqa: F401 (before pyogrio)
-from linework.errors import MachineError
+import linework.files.vector_input  # noqa: F401 (before pyogrio)
+from linework.errors import LineworkError, MachineError
 from linework.files.crs import LOCAL, parse_crs
 from linework.files.line_fields import (
     column_values,
@@ -26,6 +26,7 @@ from linework.files.line_fields import (
     ordered_layers,
 )
 from linework.files.styles import qgis_style
+from linework.files.vector_input import readable
 from linework.model.arrays import AnyArray, IntArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
@@ -134,11 +135,14 @@ def verify_gpkg(part: Path, lines: LineSet, path: Path) -> None:
         Damaged, rows or index entries missing, journal left, or other lines than were written: a full disk
         lets GDAL report success all the same.
     """
-    problem = _gpkg_problem(part, len(lines))
-    if not problem:
-        back = read_own_gpkg(part)
-        same = back is not None and back.crs == lines.crs and np.array_equal(back.xyz, lines.xyz)
-        problem = "" if same else "other lines than were written"
+    try:
+        problem = _gpkg_problem(part, len(lines))
+        if not problem:
+            back = read_own_gpkg(part)
+            same = back is not None and back.crs == lines.crs and np.array_equal(back.xyz, lines.xyz)
+            problem = "" if same else "other lines than were written"
+    except (sqlite3.Error, LineworkError) as error:
+        problem = str(error)
     if problem:
         raise MachineError(
             f"written file does not verify: {problem}", where=path, advice="check for free space"
@@ -173,7 +177,18 @@ def _uri(path: Path) -> str:
 
 
 def read_own_gpkg(path: Path) -> LineSet | None:
-    """Read back a GeoPackage that `write_gpkg` made, exactly; None where it is not one, or was edited since."""
+    """Read back a GeoPackage that `write_gpkg` made, exactly; None where it is not one, or was edited since.
+
+    Raises
+    ------
+    InputError
+        Not readable.
+    """
+    with readable(path):
+        return _own_lines(path)
+
+
+def _own_lines(path: Path) -> LineSet | None:
     layers = [str(name) for name, _ in pyogrio.list_layers(path)]
     wanted = {"line", "layer", "line_fid", *VERTEX_COLUMNS}
     if VERTEX_TABLE not in layers or not wanted <= set(pyogrio.read_info(path, layer=VERTEX_TABLE)["fields"]):
