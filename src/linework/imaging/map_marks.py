@@ -61,7 +61,7 @@ def draw_north_arrow(ax: Axes, rotation_deg: float) -> None:
 def draw_coordinates(ax: Axes, x_name: str, y_name: str) -> None:
     """Label the axes in metres: whole numbers, never an offset to be added in the head."""
     for axis, n in ((ax.xaxis, 5), (ax.yaxis, 5)):
-        axis.set_major_locator(MaxNLocator(n, min_n_ticks=2))
+        axis.set_major_locator(MaxNLocator(n, min_n_ticks=2, prune="lower"))
         axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:,.10g}"))
     ax.tick_params(labelsize=8)
     for label in ax.get_yticklabels():

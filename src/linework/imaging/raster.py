@@ -13,8 +13,8 @@ from linework.model.arrays import Float32Array, FloatArray, IntArray, checked
 from linework.model.grid import Grid, Image
 from linework.model.points import Points
 
-#: Largest grid that is made: 28 bytes per cell while counting, so 2.8 GB. A square of 2 km at 0.20 m.
-MAX_CELLS = 100_000_000
+#: Largest grid that is made: 36 bytes per cell while counting, so 1.8 GB. A square of 1.4 km at 0.20 m.
+MAX_CELLS = 50_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +122,7 @@ def check_cells(n_cols: float, n_rows: float) -> None:
         raise InputError(
             f"an image of {n_rows:,.0f} x {n_cols:,.0f} cells = {n_rows * n_cols:,.0f}, "
             f"the limit is {MAX_CELLS:,}",
-            advice="take a larger cell, cut the survey into parts, or look for stray points far away",
+            advice="take a larger cell, a grid turned to the road, or a part of the survey",
         )
 
 

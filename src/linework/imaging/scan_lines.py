@@ -25,8 +25,9 @@ MIN_LINES = 10
 def scan_line_spacing_m(points: Points, trajectory: Trajectory | None) -> float:
     """Return the mean along-track distance of successive scan lines [m].
 
-    With two scanners it is the distance to the next line of either. Stops and gaps in the data (distances
-    over three times the median, or none) are left out.
+    Lines of two scanners count each where they pass the road one after the other, as one where they pass it
+    at the same time. Stops and gaps in the data (distances over three times the median, or none) are left
+    out.
 
     Raises
     ------

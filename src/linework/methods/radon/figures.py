@@ -188,7 +188,7 @@ def raster_figures(
     yield caption.figure("classes", "Road and non-road points", classes, _CLASSES)
     # Figure 3: density; figure 4: maximum height, and its relatives; intensity
     yield from _measured(raw, caption)
-    above = rasterise(points, grid, height_m=height_m).maximum
+    above = rasterise(Points(points.xyz), grid, height_m=height_m).maximum
     yield caption.figure("height_above_road", "Highest point above the road", above, _ABOVE_ROAD)
     # Figure 5 without and with the candidate lines; figures 6 and 7: Radon image, dilation and peaks
     binary = in_height_band(points.xyz, height_m, grid, config.low_m, config.high_m)
