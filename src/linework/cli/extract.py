@@ -40,6 +40,9 @@ def extract(
     workers: Annotated[
         int | None, typer.Option("--workers", min=1, max=256, help="Threads to use; all cores if not given.")
     ] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", help="Page (.html) with pictures and tables of the lines.")
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the output.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the record of the run as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
@@ -55,23 +58,38 @@ def extract(
     from linework.cli.progress import open_display
     from linework.files.reserve import reserved_output
 
+    _check_report(report, output, overwrite=overwrite)
     with reserved_output(output, overwrite=overwrite), open_display(quiet=quiet) as display:
+        from linework.cli.ahead import import_ahead
         from linework.files.survey import open_survey
         from linework.files.vectors import check_format
-        from linework.methods.choose import ALL_KINDS, choose_methods, parse_kinds
-        from linework.tiling.outputs import publish_extraction
-        from linework.tiling.run import extract_lines
+        from linework.methods.kinds import ALL_KINDS, check_method, parse_kinds
+        from linework.tiling.run import extract_lines, read_survey
         from linework.tiling.steps import Steps
 
         check_format(output)
         kinds = parse_kinds(features) if features else ALL_KINDS
-        settings = _read_settings(config)
-        methods = choose_methods(method, kinds, settings)
+        check_method(method, kinds)
+        settings = _read_settings(config) if config else None
         survey = _with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
         steps = Steps(display)
-        found = extract_lines(survey, methods, n_workers=n_workers, steps=steps)
+        ahead = import_ahead(
+            "linework.methods.choose", "linework.tiling.outputs", "linework.files.vectors_gpkg"
+        )
+        read = read_survey(survey, steps)
+        ahead.join()
+
+        from linework.methods.choose import RunSettings, choose_methods
+        from linework.tiling.outputs import publish_extraction
+
+        settings = settings or RunSettings()
+        methods = choose_methods(method, kinds, settings)
+        found = extract_lines(read, methods, n_workers=n_workers, steps=steps)
         parameters = _parameters(survey, kinds, method, crs, settings)
         record = publish_extraction(found, output, parameters, overwrite=overwrite, steps=steps)
+        if report is not None:
+            with steps.step("write report"):
+                _write_report(report, found, record, overwrite=overwrite)
     for warning in found.warnings:
         warn(warning)
     _print_result(record, as_json=as_json)
@@ -83,7 +101,7 @@ def _usable_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _read_settings(path: Path | None) -> RunSettings:
+def _read_settings(path: Path) -> RunSettings:
     """Return the settings of a run file; what it does not name keeps its default."""
     import tomllib
 
@@ -92,8 +110,6 @@ def _read_settings(path: Path | None) -> RunSettings:
     from linework.methods.choose import RunSettings
     from linework.model.settings import settings_from
 
-    if path is None:
-        return RunSettings()
     regular_file_bytes(path)
     try:
         values = tomllib.loads(path.read_text(encoding="utf-8-sig"))
@@ -125,6 +141,32 @@ def _parameters(
         "lever_m": list(survey.trajectory_lever_m),
         "settings": asdict(settings),
     }
+
+
+def _check_report(report: Path | None, output: Path, *, overwrite: bool) -> None:
+    """Refuse, before any work, a report that could not be written at the end."""
+    from linework.errors import UsageError
+    from linework.files.publish import check_output
+
+    if report is None:
+        return
+    if report.suffix.lower() not in (".html", ".htm"):
+        raise UsageError("reports are .html files", where=report, advice="name it something.html")
+    if report.absolute() == output.absolute():
+        raise UsageError("report and lines are one file", where=report, advice="name two files")
+    check_output(report, overwrite=overwrite)
+
+
+def _write_report(report: Path, found: Extraction, record: dict[str, Any], *, overwrite: bool) -> None:
+    """Draw the lines over the points, and list them."""
+    from linework.evaluation.report import Report, report_html
+    from linework.files.pages import write_page
+    from linework.tiling.record import facts_of
+
+    page = Report(
+        title=f"Lines of {found.source}", lines=found.lines, points=found.read.points, facts=facts_of(record)
+    )
+    write_page(report_html(page), report, overwrite=overwrite)
 
 
 def _print_result(record: dict[str, Any], *, as_json: bool) -> None:

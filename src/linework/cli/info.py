@@ -34,9 +34,7 @@ def info(
 
     with open_display(quiet=quiet) as display:
         survey = open_survey(surveys, crs=crs or None)
-        read, trajectory, warnings = read_survey(survey, Steps(display))
-        document = describe_survey(survey, read, trajectory)
-        document["warnings"] += [warning for warning in warnings if warning not in document["warnings"]]
+        document = describe_survey(read_survey(survey, Steps(display)))
     if as_json:
         import json
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from linework.errors import InputError
 from linework.files.crs import describe_crs, has_height
-from linework.files.survey_points import FileFacts, SurveyPoints
+from linework.files.survey_points import FileFacts
 from linework.imaging.scan_lines import scan_line_spacing_m
 from linework.model.arrays import FloatArray
 from linework.model.points import Points
-from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
+from linework.tiling.run import SurveyRead
 
 #: Density is counted in cells of this size: holds several scan lines, and shows where the van was near. [m]
 CELL_M = 1.0
@@ -23,25 +23,25 @@ GAP_S = 1.0
 MAX_GAPS = 20
 
 
-def describe_survey(survey: Survey, read: SurveyPoints, trajectory: Trajectory | None) -> dict[str, Any]:
+def describe_survey(read: SurveyRead) -> dict[str, Any]:
     """Return what a survey holds, as a document for people and JSON; None where it does not apply."""
-    points = read.points
+    survey, trajectory, points = read.survey, read.trajectory, read.points.points
     spacing, why_not = _spacing(points, trajectory)
     return {
         "name": survey.name,
         "crs": {"name": describe_crs(survey.crs), "compound": has_height(survey.crs), "wkt": survey.crs},
-        "files": [_file(facts) for facts in read.files],
+        "files": [_file(facts) for facts in read.points.files],
         "points": len(points),
-        "points_rejected": dict(read.rejected),
+        "points_rejected": dict(read.points.rejected),
         "extent_m": points.bounds._asdict(),
         "height_m": _quantiles(points.xyz[:, 2]),
         "density_per_m2": _quantiles(densities_per_m2(points)),
         "intensity": _intensity(points),
-        "time": _times(points, read.gps_time_kind),
+        "time": _times(points, read.points.gps_time_kind),
         "scan_line_spacing_m": spacing,
         "trajectory": None if trajectory is None else _path(trajectory),
         "warnings": [*read.warnings, *([why_not] if why_not and trajectory is not None else [])],
-        "failures": [{"file": str(path), "problem": problem} for path, problem in read.failures],
+        "failures": [{"file": str(path), "problem": problem} for path, problem in read.points.failures],
     }
 
 

@@ -6,9 +6,10 @@ import contextlib
 import json
 import os
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import linework
 
@@ -38,6 +39,25 @@ def record_path(output: Path) -> Path:
     if plain.name != output.name and (ours or deserted):
         return plain
     return output.with_name(f"{output.stem}.run.json")
+
+
+def facts_of(record: Mapping[str, Any]) -> dict[str, str]:
+    """Return what a person first wants to know of a run, by name.
+
+    >>> facts_of({
+    ...     "counts": {"points_used": 5, "lines": {"cable": 1}}, "crs": {"name": "local"},
+    ...     "timings_s": {"read points": 1.26}, "versions": {"linework": "1"},
+    ... })["time"]
+    'read points 1.3 s'
+    """
+    counts = record["counts"]
+    return {
+        "points": f"{counts['points_used']:,}",
+        "CRS": record["crs"]["name"],
+        "looked for": ", ".join(counts["lines"]),
+        "time": ", ".join(f"{step} {seconds:.1f} s" for step, seconds in record["timings_s"].items()),
+        "linework": record["versions"]["linework"],
+    }
 
 
 @contextlib.contextmanager

@@ -47,6 +47,8 @@ class Extraction:
 
     Parameters
     ----------
+    source
+        Name of the survey.
     lines
         In their fixed order, with their names.
     kinds
@@ -57,6 +59,7 @@ class Extraction:
         SHA-256 of every input file.
     """
 
+    source: str
     lines: LineSet
     kinds: tuple[str, ...]
     read: SurveyPoints
@@ -65,13 +68,64 @@ class Extraction:
     warnings: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class SurveyRead:
+    """A survey with its points and its trajectory in memory.
+
+    Parameters
+    ----------
+    points
+        Points used and left out, file by file.
+    trajectory
+        Path of the vehicle's origin, or None.
+    warnings
+        One line each.
+    hashes
+        SHA-256 of every input file that can be read.
+    """
+
+    survey: Survey
+    points: SurveyPoints
+    trajectory: Trajectory | None
+    warnings: tuple[str, ...]
+    hashes: Mapping[Path, str]
+
+
+def read_survey(survey: Survey, steps: Steps | None = None) -> SurveyRead:
+    """Read points and trajectory, and check that they belong together.
+
+    Raises
+    ------
+    InputError
+        No file can be used, or the trajectory does not go with the points. Damaged files among good ones
+        are no error here: ``points.failures`` lists them.
+    """
+    inputs = [*survey.point_files, *([survey.trajectory_file] if survey.trajectory_file else [])]
+    n_promised = sum(map(_n_promised, survey.point_files))
+    with (
+        (steps or Steps()).step("read points", unit="points") as advance,
+        ThreadPoolExecutor(max_workers=1, thread_name_prefix="hash") as pool,
+    ):
+        # Hashing lets go of the interpreter's lock: it costs next to no time beside the decoding
+        hashes = {path: pool.submit(hash_file, path) for path in inputs}
+        trajectory = read_survey_trajectory(survey)
+        points = read_survey_points(survey, progress=lambda done: advance(done, n_promised))
+    warnings = points.warnings
+    if trajectory is not None:
+        trajectory = at_vehicle_origin(trajectory, survey.trajectory_lever_m)
+        warnings += check_trajectory_covers(trajectory, points.points, where=survey.trajectory_file)
+    return SurveyRead(survey, points, trajectory, warnings, _readable(hashes))
+
+
 def extract_lines(
-    survey: Survey, methods: Sequence[Method], *, n_workers: int = 1, steps: Steps | None = None
+    survey: Survey | SurveyRead, methods: Sequence[Method], *, n_workers: int = 1, steps: Steps | None = None
 ) -> Extraction:
     """Return all lines that the methods find in a survey.
 
     Parameters
     ----------
+    survey
+        Read already, or to be read.
     n_workers
         How many tiles are worked at a time; the lines do not depend on it.
     steps
@@ -80,49 +134,31 @@ def extract_lines(
     Raises
     ------
     InputError
-        No file can be used, or the trajectory does not go with the points. Damaged files among good ones
-        are no error here: ``read.failures`` lists them.
+        As for `read_survey`.
     """
     steps = steps or Steps()
-    inputs = [*survey.point_files, *([survey.trajectory_file] if survey.trajectory_file else [])]
-    with ThreadPoolExecutor(max_workers=1, thread_name_prefix="hash") as pool:
-        # Hashing lets go of the interpreter's lock: it costs no time beside the decoding
-        hashes = {path: pool.submit(hash_file, path) for path in inputs}
-        read, trajectory, warnings = read_survey(survey, steps)
-        bounds = read.points.bounds
-        tiles = plan_tiles(bounds, max(method.buffer_m for method in methods))
+    read = survey if isinstance(survey, SurveyRead) else read_survey(survey, steps)
+    bounds = read.points.points.bounds
+    tiles = plan_tiles(bounds, max(method.buffer_m for method in methods))
 
-        def work(tile: Tile) -> tuple[TileReport, LineSet]:
-            points = _points_of(tile, read.points, bounds)
-            data = TileData(tile.tile_id, tile.core, points, trajectory, survey.name)
-            found = LineSet.concatenate([_in_crs(method.extract(data), survey.crs) for method in methods])
-            return TileReport(tile, len(data.points), len(found)), found
+    def work(tile: Tile) -> tuple[TileReport, LineSet]:
+        points = _points_of(tile, read.points.points, bounds)
+        data = TileData(tile.tile_id, tile.core, points, read.trajectory, read.survey.name)
+        found = [_in_crs(method.extract(data), read.survey.crs) for method in methods]
+        return TileReport(tile, len(points), sum(map(len, found))), LineSet.concatenate(found)
 
-        with steps.step("find lines"):
-            worked = list(in_order(work, tiles, n_workers))
-            lines = identify(LineSet.concatenate([found for _, found in worked]))
-    kinds = tuple(kind for kind in KINDS if any(kind in method.kinds for method in methods))
+    with steps.step("find lines"):
+        worked = list(in_order(work, tiles, n_workers))
+        lines = identify(LineSet.concatenate([found for _, found in worked]))
     return Extraction(
+        source=read.survey.name,
         lines=lines,
-        kinds=kinds,
-        read=read,
+        kinds=tuple(kind for kind in KINDS if any(kind in method.kinds for method in methods)),
+        read=read.points,
         tiles=tuple(report for report, _ in worked),
-        hashes=_readable(hashes),
-        warnings=warnings,
+        hashes=read.hashes,
+        warnings=read.warnings,
     )
-
-
-def read_survey(survey: Survey, steps: Steps) -> tuple[SurveyPoints, Trajectory | None, tuple[str, ...]]:
-    """Read points and trajectory, and check that they belong together."""
-    n_promised = sum(map(_n_promised, survey.point_files))
-    with steps.step("read points", unit="points") as advance:
-        trajectory = read_survey_trajectory(survey)
-        read = read_survey_points(survey, progress=lambda done: advance(done, n_promised))
-    warnings = read.warnings
-    if trajectory is not None:
-        trajectory = at_vehicle_origin(trajectory, survey.trajectory_lever_m)
-        warnings += check_trajectory_covers(trajectory, read.points, where=survey.trajectory_file)
-    return read, trajectory, warnings
 
 
 def _n_promised(path: Path) -> int:

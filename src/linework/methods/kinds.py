@@ -1,0 +1,55 @@
+"""Which kinds of line each method finds; light, so that a wrong name is refused at once."""
+
+from __future__ import annotations
+
+from linework.errors import UsageError
+
+#: The kinds each method finds; `auto` takes the first method that finds a kind.
+KINDS_OF = {"radon": ("guardrail", "barrier", "fence", "cable")}
+ALL_KINDS = tuple(dict.fromkeys(kind for kinds in KINDS_OF.values() for kind in kinds))
+
+
+def parse_kinds(text: str) -> tuple[str, ...]:
+    """Return the kinds named in a comma-separated list, in their fixed order, each once.
+
+    Raises
+    ------
+    UsageError
+        A name that no method finds; the message lists those that can be asked for.
+
+    Examples
+    --------
+    >>> parse_kinds("cable, guardrail")
+    ('guardrail', 'cable')
+    """
+    asked = {name.strip() for name in text.split(",") if name.strip()}
+    unknown = sorted(asked - set(ALL_KINDS))
+    if unknown or not asked:
+        problem = f"{', '.join(unknown) or 'nothing'} cannot be looked for"
+        raise UsageError(problem, where="--features", advice=f"choose from {','.join(ALL_KINDS)}")
+    return tuple(kind for kind in ALL_KINDS if kind in asked)
+
+
+def check_method(method: str, kinds: tuple[str, ...]) -> None:
+    """Refuse a method that is not there, or does not find one of the kinds.
+
+    Parameters
+    ----------
+    method
+        A method's name, or "auto": for each kind the method that suits it.
+
+    Raises
+    ------
+    UsageError
+        With what can be chosen.
+    """
+    if method not in ("auto", *KINDS_OF):
+        raise UsageError(
+            f"method {method} is not there", where="--method", advice=f"choose auto or {', '.join(KINDS_OF)}"
+        )
+    candidates = KINDS_OF if method == "auto" else {method: KINDS_OF[method]}
+    missing = [kind for kind in kinds if not any(kind in found for found in candidates.values())]
+    if missing:
+        raise UsageError(
+            f"method {method} does not find {', '.join(missing)}", where="--method", advice="choose auto"
+        )
