@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from linework.simulation.draw import ROADS, draw_scenario
-from linework.simulation.ground import ground, marking_truth
+from linework.simulation.ground import boundaries, ground, marking_truth
 from linework.simulation.materials import Material
 from linework.simulation.part import assembled
 from linework.simulation.rails import barrier, fence, guardrail, rail_top
@@ -135,9 +135,7 @@ def test_boundary_and_paint_truth_lie_on_the_mesh(kind):
 
 
 def test_kerb_tops_stand_the_kerb_height_above_the_foot():
-    from linework.simulation.ground import boundaries
-
-    road = draw_scenario("urban", 2, 100.0).layout.road
+    road = draw_scenario("urban", 2, 60.0).layout.road
     lines = boundaries(road, ()).lines
     assert [line.kind for line in lines] == ["road_boundary", "kerb_top"] * 2
     for foot, top in ((lines[0], lines[1]), (lines[2], lines[3])):
@@ -146,6 +144,67 @@ def test_kerb_tops_stand_the_kerb_height_above_the_foot():
         assert rise.max() == pytest.approx(foot.height_m, abs=1e-3)
         assert foot.form == "kerb"
         assert np.linalg.norm(top.xyz[:, :2] - foot.xyz[:, :2], axis=1).max() < 0.025
+
+
+@pytest.fixture(scope="module")
+def junction():
+    """A street with a side street."""
+    for seed in range(20):
+        road = draw_scenario("urban", seed, 120.0).layout.road
+        if road.left.mouths or road.right.mouths:
+            return road
+    raise AssertionError("no side street in 20 seeds")
+
+
+def test_the_kerb_turns_into_a_side_street_and_its_truth_with_it(junction):
+    sign = 1 if junction.left.mouths else -1
+    side = junction.side(sign)
+    (mouth,) = side.mouths
+    lines = [line for line in boundaries(junction, ()).lines if line.kind == "road_boundary"]
+    assert len(lines) == 3  # two pieces beside the side street, one on the other side
+    pieces = [offsets_of(junction, line.xyz) for line in lines]
+    here = [(s, q * sign - side.width_m) for s, q in pieces if np.median(q * sign) > 0]
+    before, after = sorted(here, key=lambda piece: piece[0].min())
+    assert before[0].max() == pytest.approx(mouth.start_m, abs=1e-6)
+    assert after[0].min() == pytest.approx(mouth.end_m, abs=1e-6)
+    for (s, beyond), corner in (
+        (before, mouth.start_m - mouth.radius_m),
+        (after, mouth.end_m + mouth.radius_m),
+    ):
+        assert beyond.max() == pytest.approx(side.reach_m, abs=1e-5)
+        on_arc = (beyond > 1e-6) & (beyond < mouth.radius_m)
+        from_centre = np.hypot(s[on_arc] - corner, beyond[on_arc] - mouth.radius_m)
+        assert on_arc.sum() > 30
+        assert np.abs(from_centre - mouth.radius_m).max() < 1e-5
+
+
+def test_rays_from_above_see_the_kerb_of_a_side_street_where_its_truth_is(junction):
+    sign = 1 if junction.left.mouths else -1
+    side = junction.side(sign)
+    (mouth,) = side.mouths
+    scene = assembled([ground(junction)])
+    caster = Caster(scene)
+    rng = np.random.default_rng(3)
+
+    def material_at(s, beyond):
+        q = sign * (side.width_m + beyond)
+        origin = junction.place(s, q, junction.carriageway_height(s, q) + 5.0)
+        ray, triangle, reach = caster.cast(origin, np.tile([0.0, 0.0, -1.0], (len(s), 1)), 50.0, 0, rng)
+        z = origin[ray, 2] - reach - junction.ground_height(s[ray], q[ray])
+        return scene.mesh.material[triangle], z
+
+    turn = np.linspace(0.05, 1.5, 300)
+    for off, wanted in ((-0.03, True), (0.06, False)):  # to the street's side of the arc, and behind it
+        r = mouth.radius_m - off
+        s = mouth.start_m - mouth.radius_m + r * np.sin(turn)
+        found, z = material_at(s, mouth.radius_m - r * np.cos(turn))
+        assert np.mean((found == Material.ASPHALT) == wanted) > 0.98
+        if wanted:
+            assert np.abs(z).max() < 1e-3
+    s = rng.uniform(mouth.start_m + 0.05, mouth.end_m - 0.05, 300)
+    found, z = material_at(s, rng.uniform(0.0, side.reach_m - 0.1, 300))
+    assert np.all(found == Material.ASPHALT)
+    assert np.abs(z).max() < 1e-3
 
 
 def test_a_dashed_line_runs_from_its_first_dash_to_its_last(road):

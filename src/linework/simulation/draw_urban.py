@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import itertools
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from linework.simulation.draw_pieces import (
 )
 from linework.simulation.draw_rural import gentle
 from linework.simulation.materials import Material
+from linework.simulation.mouth import Mouth
 from linework.simulation.road import Road, Side, make_stations
 from linework.simulation.scenario import Cable, Car, Fence, Hedge, Layout, Marking, Plant, Pole, Rail, Wall
 
@@ -43,26 +45,30 @@ def draw_urban(rng: np.random.Generator, length_m: float) -> Layout:
     half, footway = lane + parking, uniform(rng, 1.7, 3.0)
     start, end = -MARGIN_M, length_m + MARGIN_M
     drops = {sign: _dropped(rng, start, end) for sign in (1, -1)}
-    road = _road(rng, length_m, half, footway, drops)
+    railed = 1 if rng.random() < 0.5 else -1
+    mouths = {railed: (), -railed: _mouth(rng, length_m)}
+    road = _road(rng, length_m, half, footway, (drops, mouths))
     street = _Street()
     parked = uniform(rng, 0.20, 0.60)
-    railed = 1 if rng.random() < 0.5 else -1
     for sign in (1, -1):
         rail_span = _rail_span(rng, start, end) if sign == railed else (end, end)
         if rail_span[1] > rail_span[0]:
             q = sign * (half + uniform(rng, 0.30, 0.60))
             street.rails.append(rail(rng, q, rail_span, -sign))
         elif rng.random() < 0.4:
-            run = _rail_span(rng, start, end)
+            run = _rail_span(rng, *max(_clear(mouths[sign], start, end), key=lambda x: x[1] - x[0]))
             q = sign * (half + uniform(rng, 0.25, 0.45))
             height = uniform(rng, 0.8, 1.1)
             street.fences.append(
                 Fence(q_m=q, start_m=run[0], end_m=run[1], height_m=height, form="tubes", post_every_m=2.0)
             )
-        _park(rng, street, (sign * (half - 0.25), parked), (start, end), rail_span)
-        _fronts(rng, street, sign * (half + footway + 0.1), (start, end))
-        _lamps(rng, street, sign * (half + 0.55), (start, end))
-    _wires(rng, street, half + footway - 0.25, (start, end))
+        for run in _clear(mouths[sign], start, end):
+            _park(rng, street, (sign * (half - 0.25), parked), run, rail_span)
+            _fronts(rng, street, sign * (half + footway + 0.1), run)
+            _lamps(rng, street, sign * (half + 0.55), run)
+    # Poles on the side without side streets
+    clear = _clear(mouths[-railed], start, end)
+    _wires(rng, street, railed * (half + footway - 0.25), (start, end), clear)
     return Layout(
         road=road,
         lanes=((-0.5 * lane, 1), (0.5 * lane, -1)),
@@ -77,6 +83,20 @@ def draw_urban(rng: np.random.Generator, length_m: float) -> Layout:
         poles=tuple(street.poles),
         cables=tuple(street.cables),
     )
+
+
+def _mouth(rng: np.random.Generator, length_m: float) -> tuple[Mouth, ...]:
+    """Return a side street of 5 to 8 m with kerb returns of 3 to 8 m, on half of the longer roads."""
+    if length_m < 80.0 or rng.random() < 0.5:
+        return ()
+    at = uniform(rng, 0.25, 0.75) * length_m
+    return (Mouth(at, at + uniform(rng, 5.0, 8.0), uniform(rng, 3.0, 8.0)),)
+
+
+def _clear(mouths: tuple[Mouth, ...], start: float, end: float) -> list[tuple[float, float]]:
+    """Return the stretches between mouths."""
+    cuts = [start, *(x for m in mouths for x in m.span), end]
+    return list(itertools.pairwise(cuts))[::2]
 
 
 def _dropped(rng: np.random.Generator, start: float, end: float) -> list[tuple[float, float]]:
@@ -94,7 +114,7 @@ def _road(
     length_m: float,
     half: float,
     footway: float,
-    drops: dict[int, list[tuple[float, float]]],
+    kerbs: tuple[dict[int, list[tuple[float, float]]], dict[int, tuple[Mouth, ...]]],
 ) -> Road:
     start, end = -MARGIN_M, length_m + MARGIN_M
     s, k = gentle(rng, length_m, (60.0, 400.0))
@@ -106,8 +126,14 @@ def _road(
         grade_profile(rng, start, end, 0.06),
     )
     crown = PiecewiseLinear.constant(-uniform(rng, 0.015, 0.03))
-    sides = {sign: _kerb_side(rng, half, footway, drops[sign], start) for sign in (1, -1)}
-    breaks = np.concatenate([s, *(side.step_m.x for side in sides.values())])
+    drops, mouths = kerbs
+    sides = {}
+    for sign in (1, -1):
+        clear = _clear(mouths[sign], start, end)
+        whole = [(a, b) for a, b in drops[sign] if any(c + 1.5 < a and b < d - 1.5 for c, d in clear)]
+        sides[sign] = replace(_kerb_side(rng, half, footway, whole, start), mouths=mouths[sign])
+    corners = [x for side in sides.values() for m in side.mouths for x in (*m.span, m.start_m, m.end_m)]
+    breaks = np.concatenate([s, *(side.step_m.x for side in sides.values()), np.array(corners)])
     stations = make_stations(alignment, breaks, half_width_m=half)
     return Road(alignment, sides[1], sides[-1], crown, crown, stations)
 
@@ -251,14 +277,22 @@ def _lamps(rng: np.random.Generator, street: _Street, q: float, span: tuple[floa
             street.poles.append(Pole(s_m=float(s), q_m=q, height_m=2.7, radius_m=0.04, has_sign=True))
 
 
-def _wires(rng: np.random.Generator, street: _Street, q: float, span: tuple[float, float]) -> None:
+def _wires(
+    rng: np.random.Generator,
+    street: _Street,
+    q: float,
+    span: tuple[float, float],
+    clear: list[tuple[float, float]],
+) -> None:
+    """Add a pole line at `q` and wires across the street, whose far poles are clear of side streets."""
     along = rng.random() < 0.75
     if along:
-        poles, cables = pole_line(rng, q if rng.random() < 0.5 else -q, *span, over_road=True)
+        poles, cables = pole_line(rng, q, *span, over_road=True)
         street.poles += poles
         street.cables += cables
     if not along or rng.random() < 0.4:
-        at = uniform(rng, span[0] + 12.0, span[1] - 12.0)
+        a, b = max(clear, key=lambda run: run[1] - run[0])
+        at = uniform(rng, a + 8.0, b - 8.0)
         poles, cables = crossing_wires(rng, at, q, -q, uniform(rng, 6.0, 7.5))
         street.poles += poles
         street.cables += cables

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.model.arrays import AnyArray, FloatArray
 from linework.simulation.materials import Material
 from linework.simulation.meshes import Mesh, sheet
+from linework.simulation.mouth import kerb_paths, mouth_path
 from linework.simulation.part import Part, TruthLine
-from linework.simulation.road import KERB_BATTER_M, Road
+from linework.simulation.road import KERB_BATTER_M, Road, Side
 from linework.simulation.scenario import Marking
 
 #: Depth of a kerb stone behind its face.
@@ -18,21 +21,49 @@ _KERB_TOP_M = 0.15
 
 
 def ground(road: Road) -> Part:
-    """Return carriageway, kerbs, footways and land as three sheets that meet at the carriageway's ends."""
+    """Return carriageway, mouths of side streets, kerbs, footways and land: sheets that meet at the kerbs."""
     s = road.stations_m
     right, left = -road.right.width_m, road.left.width_m
     across = np.unique(np.concatenate([_filled(right, 0.0, 1.0), _filled(0.0, left, 1.0)]))
     q = np.broadcast_to(across, (len(s), len(across)))
-    middle = sheet(_placed(road, s, q), Material.ASPHALT).on_road(_chainage_offset(s, q))
-    return Part((middle, *(_land(road, sign) for sign in (1, -1))))
+    height = road.carriageway_height(np.broadcast_to(s[:, None], q.shape), q)
+    middle = _strip(road, s, q, height, Material.ASPHALT)
+    sides = [mesh for sign in (1, -1) for mesh in (*_mouths(road, sign), *_land(road, sign))]
+    return Part((middle, *sides))
 
 
-def _land(road: Road, sign: int) -> Mesh:
-    side, s = road.side(sign), road.stations_m
+def _mouths(road: Road, sign: int) -> Iterator[Mesh]:
+    """Yield the floor of each side street up to the land's edge."""
+    side = road.side(sign)
+    share = _filled(0.0, 1.0, 1.0 / np.ceil(side.reach_m))
+    for mouth in side.mouths:
+        s, wide = mouth_path(mouth, side.reach_m, road.stations_between).T
+        q = sign * (side.width_m + wide[:, None] * share[None, :])
+        height = road.carriageway_height(np.broadcast_to(s[:, None], q.shape), q)
+        yield _strip(road, s, q, height, Material.ASPHALT)
+
+
+def _land(road: Road, sign: int) -> Iterator[Mesh]:
+    """Yield kerb, footway and land between mouths; at a mouth they end as a face along the side street."""
+    side = road.side(sign)
+    d, material = _bands(side)
+    span = (road.alignment.start_m, road.alignment.end_m)
+    for path in kerb_paths(side.mouths, span, side.reach_m, road.stations_between, side.reach_m):
+        s, wide = path.T
+        limit = np.maximum(road.furthest_offset(s, sign, side.width_m + side.reach_m), side.width_m)
+        # Cut off at the land's edge, but never the kerb's own face
+        beyond = np.minimum(d[None, :], np.maximum(side.reach_m - wide, KERB_BATTER_M)[:, None])
+        q = sign * np.minimum(side.width_m + wide[:, None] + beyond, (limit + KERB_BATTER_M)[:, None])
+        along = np.broadcast_to(s[:, None], q.shape)
+        yield _strip(road, s, q, road.carriageway_height(along, q) + side.rise(along, beyond), material)
+
+
+def _bands(side: Side) -> tuple[FloatArray, AnyArray]:
+    """Return the distances beyond the kerb that get nodes, and the material between them."""
     breaks = [0.0, KERB_BATTER_M]
     if side.form == "kerb":
         breaks += [_KERB_TOP_M, 0.4, 0.65, 0.9, 1.15]
-    for a, b in zip(side.land_d_m[:-1], side.land_d_m[1:], strict=True):
+    for a, b in itertools.pairwise(side.land_d_m):
         breaks += _filled(a, b, 2.5).tolist()
     d = np.unique(np.round(breaks, 6))
     middle = 0.5 * (d[1:] + d[:-1])
@@ -40,40 +71,46 @@ def _land(road: Road, sign: int) -> Mesh:
     material = np.array(side.land_material, dtype=np.uint8)[i]
     if side.form == "kerb":
         material[middle < _KERB_TOP_M] = Material.KERB
-    limit = road.furthest_offset(s, sign, side.width_m + float(d[-1]))
-    q = sign * np.minimum(side.width_m + d[None, :], np.maximum(limit, side.width_m)[:, None])
-    return sheet(_placed(road, s, q), material).on_road(_chainage_offset(s, q))
+    return d, material
+
+
+def _strip(
+    road: Road, s: FloatArray, q: FloatArray, height: FloatArray, material: AnyArray | Material
+) -> Mesh:
+    along = np.broadcast_to(s[:, None], q.shape)
+    place = np.stack([along, q], axis=-1).reshape(-1, 2)
+    return sheet(road.place(along, q, height), material).on_road(place)
 
 
 def _filled(a: float, b: float, step: float) -> FloatArray:
     return np.linspace(a, b, int(np.ceil((b - a) / step)) + 1)
 
 
-def _placed(road: Road, s: FloatArray, q: FloatArray) -> FloatArray:
-    return road.on_ground(np.broadcast_to(s[:, None], q.shape), q)
-
-
-def _chainage_offset(s: FloatArray, q: FloatArray) -> FloatArray:
-    return np.stack([np.broadcast_to(s[:, None], q.shape), q], axis=-1).reshape(-1, 2)
-
-
 def boundaries(road: Road, far_edges_m: tuple[float, ...]) -> Part:
-    """Return the truth of the carriageway's ends: foot of the kerb's face or edge of the pavement, and kerb tops."""
-    s = road.truth_chainages(road.alignment.start_m, road.alignment.end_m)
+    """Return the truth of the carriageway's ends: foot of the kerb's face or edge of the pavement, and kerb tops.
+
+    At a side street the kerb turns, and its lines with it, to the edge of what is modelled.
+    """
+    span = (road.alignment.start_m, road.alignment.end_m)
+    s = road.truth_chainages(*span)
     lines = []
     for sign in (1, -1):
         side = road.side(sign)
-        q = sign * side.width_m
         # Median over chainage: the step along most of the kerb, not where it is dropped
         step = float(np.median(side.step_m(s)))
-        foot = road.place(s, q, road.carriageway_height(s, q))
-        lines.append(TruthLine(kind="road_boundary", xyz=foot, form=side.form, height_m=step))
-        if side.form == "kerb":
-            top = road.on_ground(s, q + sign * KERB_BATTER_M)
-            lines.append(TruthLine(kind="kerb_top", xyz=top, form="kerb", height_m=step))
-    for q in far_edges_m:
+        for path in kerb_paths(side.mouths, span, side.reach_m, road.truth_chainages, 0.5):
+            at, q = path[:, 0], sign * (side.width_m + path[:, 1])
+            level = road.carriageway_height(at, q)
+            foot = road.place(at, q, level)
+            lines.append(TruthLine(kind="road_boundary", xyz=foot, form=side.form, height_m=step))
+            if side.form == "kerb":
+                rise = side.rise(at, np.full(len(at), KERB_BATTER_M))
+                top = road.place(at, q + sign * KERB_BATTER_M, level + rise)
+                lines.append(TruthLine(kind="kerb_top", xyz=top, form="kerb", height_m=step))
+    for q_far in far_edges_m:
         step = float(np.median(road.left.step_m(s)))
-        lines.append(TruthLine(kind="road_boundary", xyz=road.on_ground(s, q), form="edge", height_m=step))
+        edge = road.on_ground(s, q_far)
+        lines.append(TruthLine(kind="road_boundary", xyz=edge, form="edge", height_m=step))
     return Part((), tuple(lines))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from linework.model.arrays import AnyArray, FloatArray
 from linework.simulation.alignment import Alignment, PiecewiseLinear
 from linework.simulation.materials import Material
+from linework.simulation.mouth import Mouth, widening
 
 #: A kerb's face leans this far back from foot to top (an upright kerb, DIN 483: 10 mm or more).
 KERB_BATTER_M = 0.02
@@ -31,6 +32,8 @@ class Side:
         the full step.
     land_material
         Material of each interval of `land_d_m`; one entry fewer.
+    mouths
+        Where side streets come in.
     """
 
     width_m: float
@@ -39,6 +42,21 @@ class Side:
     land_d_m: FloatArray
     land_z_m: FloatArray
     land_material: tuple[Material, ...]
+    mouths: tuple[Mouth, ...] = ()
+
+    @property
+    def reach_m(self) -> float:
+        """How far the land, and with it a side street, goes on beyond the carriageway."""
+        return float(self.land_d_m[-1])
+
+    def rise(self, s: FloatArray, d: FloatArray) -> FloatArray:
+        """Return the height over the carriageway's end at distance `d` beyond the kerb; 0 on the carriageway."""
+        step = self.step_m(s)
+        full = float(self.step_m.y.max()) if self.form == "kerb" else step
+        # Behind a dropped kerb the footway ramps back to its height within a metre
+        ramp = (full - step) * np.clip((d - 0.15) / 1.0, 0.0, 1.0)
+        land = np.interp(d, self.land_d_m, self.land_z_m)
+        return np.where(d <= 0.0, 0.0, step * np.clip(d / KERB_BATTER_M, 0.0, 1.0) + ramp + land)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,13 +143,7 @@ class Road:
 
 def _beyond(side: Side, s: FloatArray, q: FloatArray) -> FloatArray:
     """Return the height over the carriageway's end at unsigned offsets `q`; 0 on the carriageway."""
-    d = q - side.width_m
-    step = side.step_m(s)
-    full = float(side.step_m.y.max()) if side.form == "kerb" else step
-    # Behind a dropped kerb the footway ramps back to its height within a metre
-    ramp = (full - step) * np.clip((d - 0.15) / 1.0, 0.0, 1.0)
-    land = np.interp(d, side.land_d_m, side.land_z_m)
-    return np.where(d <= 0.0, 0.0, step * np.clip(d / KERB_BATTER_M, 0.0, 1.0) + ramp + land)
+    return side.rise(s, q - side.width_m - widening(side.mouths, s, side.reach_m))
 
 
 def make_stations(
