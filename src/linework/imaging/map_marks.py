@@ -60,9 +60,16 @@ def draw_north_arrow(ax: Axes, rotation_deg: float) -> None:
 
 def draw_coordinates(ax: Axes, x_name: str, y_name: str) -> None:
     """Label the axes in metres: whole numbers, never an offset to be added in the head."""
-    for axis, n in ((ax.xaxis, 5), (ax.yaxis, 5)):
-        axis.set_major_locator(MaxNLocator(n, min_n_ticks=2, prune="lower"))
+    (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    ratio = (top - bottom) / (right - left)
+    # As many as there is room for on the shorter side
+    for axis, n in ((ax.xaxis, 5 if ratio < 4.0 else 2), (ax.yaxis, 5 if ratio > 0.25 else 2)):
+        axis.set_major_locator(MaxNLocator(n, min_n_ticks=2))
         axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:,.10g}"))
+    # In the lower left corner the labels of the two axes would meet
+    ax.yaxis.set_major_formatter(
+        FuncFormatter(lambda v, _: f"{v:,.10g}" if v > bottom + 0.06 * (top - bottom) else "")
+    )
     ax.tick_params(labelsize=8)
     for label in ax.get_yticklabels():
         label.set(rotation=90, va="center")

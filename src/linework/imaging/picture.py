@@ -28,6 +28,8 @@ PANEL_CELLS = 1600
 OVERVIEW_CELLS = 600
 #: Size of a close-up. [m]
 CLOSE_UP_M = (60.0, 45.0)
+#: A map with sides of such a ratio has no room for a scale bar and a north arrow.
+NARROW = 0.12
 DPI = 120
 LINE_COLOUR = "#d01c1c"
 
@@ -108,24 +110,27 @@ def draw_map(
     """
     if windows is None:
         windows = close_ups(image, *CLOSE_UP_M)
-    if max(image.grid.shape) <= OVERVIEW_CELLS:
-        windows = ()
-    figure, whole, panels = _layout(image.grid, len(windows))
-    colours, norm = _colours(image, style)
     g = image.grid
+    if max(g.shape) <= OVERVIEW_CELLS:
+        windows = ()
+    # One that shows a quarter of the whole shows nothing new
+    cells = 0.25 * g.n_rows * g.n_cols
+    windows = [w for w in windows if (w.row1 - w.row0) * (w.col1 - w.col0) < cells]
+    figure, whole, panels = _layout(g, len(windows))
+    colours, norm = _colours(image, style)
     drawn = _draw_panel(whole, image, Window(0, g.n_rows, 0, g.n_cols), (style, colours, norm), lines)
     for name, panel, window in zip("ABCDEF", panels, windows, strict=False):
         _draw_panel(panel, image, window, (style, colours, norm), lines)
         panel.set_title(name, fontsize=9, weight="bold", loc="left")
         _frame(whole, g, window, name)
-    _explain(figure, whole, drawn, style, lines)
+    _explain(figure, [whole, *panels], drawn, style, lines)
     turn = ""
     if g.rotation_deg:
         east, north = g.to_world(np.array(g.n_rows), np.array(0))
         turn = f"; turned {g.rotation_deg:.2f}° anticlockwise, 0, 0 is east {east:,.1f}, north {north:,.1f}"
-    cells = f"{g.n_rows:,} x {g.n_cols:,} cells of {g.cell_width_m:.3g} x {g.cell_height_m:.3g} m"
+    size = f"{g.n_rows:,} x {g.n_cols:,} cells of {g.cell_width_m:.3g} x {g.cell_height_m:.3g} m"
     figure.suptitle(title, fontsize=13, weight="bold")
-    whole.set_title(f"{cells}{turn}; {crs_name}", fontsize=8)
+    whole.set_title(f"{size}{turn}; {crs_name}", fontsize=8, pad=16 if windows else 6)
     return png(figure)
 
 
@@ -210,8 +215,10 @@ def _draw_panel(
     ax.set_ylim(bottom, top)
     names = ("along the grid's columns", "across") if grid.rotation_deg else ("east", "north")
     draw_coordinates(ax, *names)
-    draw_scale_bar(ax)
-    draw_north_arrow(ax, grid.rotation_deg)
+    # In the overview of a long straight road they would hide it; the close-ups have them
+    if NARROW < (top - bottom) / (right - left) < 1.0 / NARROW:
+        draw_scale_bar(ax)
+        draw_north_arrow(ax, grid.rotation_deg)
     return drawn
 
 
@@ -254,7 +261,9 @@ def _frame(ax: Axes, grid: Grid, window: Window, name: str) -> None:
     )  # fmt: skip
 
 
-def _explain(figure: Figure, ax: Axes, drawn: AxesImage, style: Style, lines: OverlaidLines | None) -> None:
+def _explain(
+    figure: Figure, axes: list[Axes], drawn: AxesImage, style: Style, lines: OverlaidLines | None
+) -> None:
     """Add the colour bar, or the legend, of the picture."""
     handles: list[Any] = [
         Patch(facecolor=colour, edgecolor="black", linewidth=0.4, label=name)
@@ -265,7 +274,7 @@ def _explain(figure: Figure, ax: Axes, drawn: AxesImage, style: Style, lines: Ov
     handles.append(Patch(facecolor=style.empty, edgecolor="black", linewidth=0.4, label="no points"))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=8, frameon=False)
     if not style.classes:
-        bar = figure.colorbar(drawn, ax=ax, extend="both", shrink=0.9, aspect=45, fraction=0.04, pad=0.01)
+        bar = figure.colorbar(drawn, ax=axes, extend="both", shrink=0.9, aspect=45, fraction=0.04, pad=0.01)
         bar.set_label(style.unit, fontsize=9)
         bar.ax.tick_params(labelsize=8)
         if style.logarithmic:
