@@ -127,7 +127,7 @@ def label_regions(
     """Grow a region from every seed that no earlier one has reached; return labels 1, 2 ... and 0.
 
     Growth runs over 4-neighbours, and across one missing cell. A neighbour joins when it is allowed and
-    its height differs from what the local slope predicts by at most `max_step` per cell of distance.
+    its height differs from what the local slope predicts by at most `max_step`.
     """
     n_rows, n_cols = height.shape
     labels = np.zeros((n_rows, n_cols), dtype=np.int32)
@@ -158,7 +158,7 @@ def label_regions(
                         east = 0.5 * (slope_east[r, c] + slope_east[rr, cc])
                         north = 0.5 * (slope_north[r, c] + slope_north[rr, cc])
                         expected = (east * dc - north * dr) * reach * cell
-                        if abs(height[rr, cc] - height[r, c] - expected) <= max_step * reach:
+                        if abs(height[rr, cc] - height[r, c] - expected) <= max_step:
                             labels[rr, cc] = label
                             stack[n, 0] = rr
                             stack[n, 1] = cc

@@ -128,7 +128,7 @@ def find_road(points: Points, trajectory: Trajectory | None, config: RoadConfig)
     smooth = known & (spread <= rough) & (np.hypot(slope_east, slope_north) <= config.max_grade)
 
     # The road: from under the van over everything that continues the slope
-    seeds = _under(trajectory, grid, smooth) if trajectory is not None else None
+    seeds = _under(trajectory, grid, smooth, height + z0) if trajectory is not None else None
     slope = slope_east, slope_north
     if seeds is not None and seeds.any():
         is_road = _regions(height, slope, smooth, seeds, cell, config.max_step_m) > 0
@@ -232,19 +232,30 @@ def _apart_but_level(
     return chosen
 
 
-def _under(trajectory: Trajectory, grid: Grid, smooth: BoolArray) -> BoolArray:
-    """Smooth cells within a metre of the path, in plan (a path may be at the antenna's height)."""
+def _under(trajectory: Trajectory, grid: Grid, smooth: BoolArray, height: AnyArray) -> BoolArray:
+    """Smooth cells within a metre of the path in plan, and where the van's wheels can be.
+
+    A path may be at the antenna's height: the usual distance below it tells the road from a bridge deck
+    overhead, where that is all that was seen.
+    """
     step = np.hypot(*np.diff(trajectory.xyz[:, :2], axis=0).T)
     chainage = np.concatenate([[0.0], np.cumsum(step)])
     at = np.arange(0.0, chainage[-1] + grid.cell_width_m, grid.cell_width_m / 2)
-    path = np.stack([np.interp(at, chainage, trajectory.xyz[:, k]) for k in (0, 1)], axis=-1)
-    rows, cols = (np.floor(v).astype(np.int64) for v in grid.to_cell(path))
-    inside = (rows >= 0) & (rows < grid.n_rows) & (cols >= 0) & (cols < grid.n_cols)
-    path_cells = np.zeros(grid.shape, dtype=bool)
-    path_cells[rows[inside], cols[inside]] = True
+    path = np.stack([np.interp(at, chainage, trajectory.xyz[:, k]) for k in (0, 1, 2)], axis=-1)
+    rows, cols = (np.floor(v).astype(np.int64) for v in grid.to_cell(path[:, :2]))
     reach = max(round(1.0 / grid.cell_width_m), 1)
-    near: BoolArray = ndimage.binary_dilation(path_cells, iterations=reach)
-    return near & smooth
+    seeds = np.zeros(grid.shape, dtype=bool)
+    drop = np.full(grid.shape, np.nan)
+    for dr in range(-reach, reach + 1):
+        for dc in range(-reach, reach + 1):
+            r, c = rows + dr, cols + dc
+            inside = (r >= 0) & (r < grid.n_rows) & (c >= 0) & (c < grid.n_cols)
+            seeds[r[inside], c[inside]] = True
+            drop[r[inside], c[inside]] = path[inside, 2] - height[r[inside], c[inside]]
+    seeds &= smooth
+    if seeds.any():
+        seeds &= np.abs(drop - np.median(drop[seeds])) <= 1.0
+    return seeds
 
 
 def _carry_on(height: Float32Array, known: BoolArray, cell: float) -> tuple[Float32Array, Float32Array]:

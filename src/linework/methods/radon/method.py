@@ -1,0 +1,98 @@
+"""The radon method on a page: guardrails and cables from laser points.
+
+H. Manandhar, R. Shibasaki (2002): Auto-extraction of urban features from vehicle-borne laser data. ISPRS
+Archives XXXIV, part 4. What goes beyond the paper is named in docs/methods/radon.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from linework.imaging.binary import in_height_band
+from linework.imaging.raster import grid_for
+from linework.methods.radon.cables import CableConfig, find_cables
+from linework.methods.radon.circles import CircleConfig, bin_near, find_starts
+from linework.methods.radon.profile import ProfileConfig
+from linework.methods.radon.rails import fit_rail, follow_all, rail_lines
+from linework.methods.radon.seeds import SeedConfig, find_seed_lines, split_into_segments
+from linework.model.arrays import Float32Array
+from linework.model.lines import LineSet
+from linework.model.points import Points
+from linework.model.settings import group, setting
+from linework.model.tile import TileData
+from linework.surface.road import (
+    RoadConfig,
+    RoadSurface,
+    find_road,
+    height_above_ground,
+    height_above_road,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RadonConfig:
+    """Settings of the radon method: the raster image here, each step's own in a group."""
+
+    cell_m: float = setting(0.20, unit="m", reason="the paper's raster cell", low=0.02, high=10)
+    min_height_m: float = setting(
+        0.20, unit="m", reason="the paper's band for guardrails: above kerbs", low=-10, high=100
+    )
+    max_height_m: float = setting(
+        1.20, unit="m", reason="the paper's band for guardrails: they are about 1 m high", low=-10, high=100
+    )
+    road: RoadConfig = group(RoadConfig)
+    seeds: SeedConfig = group(SeedConfig)
+    circles: CircleConfig = group(CircleConfig)
+    profile: ProfileConfig = group(ProfileConfig)
+    cable: CableConfig = group(CableConfig)
+
+
+@dataclass(frozen=True, slots=True)
+class RadonMethod:
+    """Guardrails and cables: peaks of Radon transforms of height-band images of the points."""
+
+    config: RadonConfig = field(default_factory=RadonConfig)
+    kinds: tuple[str, ...] = ("guardrail", "cable")
+    name: str = "radon"
+    #: Twice the longest cable span: what has to be seen whole to be told from all else.
+    buffer_m: float = 120.0
+
+    def extract(self, tile: TileData) -> LineSet:
+        """Return the guardrails and cables of a tile."""
+        points = tile.points
+        if len(points) == 0:
+            return LineSet.empty()
+        # Height above the road, road = 0; above the ground where there is no road
+        surface = find_road(points, tile.trajectory, self.config.road)
+        above_road = height_above_road(surface, points.xyz)
+        above_ground = height_above_ground(surface, points.xyz)
+        found = []
+        if "guardrail" in self.kinds:
+            # A bank that rises beside the road is ground, not a rail
+            found.append(find_guardrails(points, np.minimum(above_road, above_ground), surface, self.config))
+        if "cable" in self.kinds:
+            found.append(find_cables(points.xyz, points.time_s, above_ground, self.config.cable))
+        return LineSet.concatenate(found)
+
+
+def find_guardrails(
+    points: Points, height_m: Float32Array, surface: RoadSurface, config: RadonConfig
+) -> LineSet:
+    """Return the guardrails among points of known height (n,) float32 [m] above road and ground."""
+    # Raster image: the cells that hold points of the height band
+    grid = grid_for(points, config.cell_m)
+    binary = in_height_band(points.xyz, height_m, grid, config.min_height_m, config.max_height_m)
+    # Prominent directions: peaks of the Radon transform after dilation, window by window
+    seeds = find_seed_lines(binary, config.seeds)
+    # Where along each seed line the feature really is
+    segments = split_into_segments(seeds, binary, config.seeds)
+    # Back to the points: circles about each seed settle on the beam, and follow it through bends
+    bins = bin_near(points.xyz, height_m, binary)
+    starts = find_starts(segments, bins, config.circles)
+    chains = follow_all(starts, bins, (-1.0, config.max_height_m), config.circles)
+    # Local straight fits of the corrected centres; the height from the highest points
+    rails = [fit_rail(chain, bins, config.circles, config.profile) for chain in chains]
+    # The vertical profile tells guardrails from hedges, walls, cars and handrails
+    return rail_lines(rails, bins, surface, config.profile)

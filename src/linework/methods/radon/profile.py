@@ -1,0 +1,253 @@
+"""The vertical profile of a followed sheet of points, and what it says the thing is.
+
+A peak in the height band may be a guardrail, but also a row of parked cars, a hedge, a wall or a fence
+(the paper leaves them to "further analysis"). A beam guardrail, and nothing else, is a thin sheet 0.2 to
+0.4 m high, with a straight top edge, nothing above it, and a clear gap below it where the rays pass on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from linework.kernels import corridor as kernels
+from linework.methods.radon.circles import Bins, CircleConfig
+from linework.model.arrays import AnyArray, FloatArray
+from linework.model.settings import setting
+
+_BIN = kernels.DEPTH_BIN_M
+_TOP = round(kernels.DEPTH_ABOVE_M / _BIN)  # first bin below the top edge
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProfileConfig:
+    """What tells a guardrail from all else. Ratios are densities of points against the beam's own."""
+
+    window_m: float = setting(
+        6.0,
+        unit="m",
+        reason="three posts at the closest spacing: enough points, still local",
+        low=0.5,
+        high=50,
+    )
+    min_spread_m: float = setting(
+        0.018,
+        unit="m",
+        reason="a beam 8 cm deep spreads 2.3 cm without noise; a handrail's tube 1.5 cm",
+        low=0,
+        high=1,
+    )
+    max_spread_m: float = setting(
+        0.046,
+        unit="m",
+        reason="the beam with 2 cm noise: 3.5 cm; a filled strip of 20 cm: 5.8 cm",
+        low=0.005,
+        high=1,
+    )
+    max_above: float = setting(
+        0.30, unit="ratio", reason="above a rail there is nothing, or the thin edge of a bush", low=0, high=10
+    )
+    max_below: float = setting(
+        0.35, unit="ratio", reason="below a beam stand posts (10 cm every 2 m) and grass", low=0, high=10
+    )
+    min_beam_m: float = setting(
+        0.12, unit="m", reason="a W-beam is 0.31 m; half of it may be hidden", low=0, high=5
+    )
+    max_beam_m: float = setting(
+        0.45,
+        unit="m",
+        reason="a W-beam is 0.31 m, and two bins of blur; a car's door 0.5 m and more",
+        low=0,
+        high=5,
+    )
+    min_top_m: float = setting(
+        0.35, unit="m", reason="the lowest rails in use, less 0.15 m of verge", low=0, high=5
+    )
+    max_top_m: float = setting(1.30, unit="m", reason="bridge rails, and 0.15 m of verge", low=0, high=5)
+    max_wobble: float = setting(
+        2.0,
+        unit="sigma",
+        reason="top edges of rails are straight; bonnets, bushes and hedges are not",
+        low=0,
+        high=99,
+    )
+    max_front: float = setting(
+        0.5,
+        unit="share",
+        reason="on its road side a rail stands free, where a hedge has twigs on both",
+        low=0,
+        high=1,
+    )
+    min_open: float = setting(
+        0.6,
+        unit="share",
+        reason="below a beam the ground behind is seen; behind a car or wall it is not",
+        low=0,
+        high=1,
+    )
+    min_length_m: float = setting(6.0, unit="m", reason="a car is 4 to 5 m long, one rail section 4 m", low=0)
+    min_closed_length_m: float = setting(
+        20.0, unit="m", reason="of a rail with no ground behind it, as on a bridge; a bus is 18 m long", low=0
+    )
+    max_run_on_m: float = setting(
+        12.0, unit="m", reason="the usual buried end; a bush over a rail is shorter", low=0, high=1000
+    )
+    pair_m: float = setting(
+        3.0,
+        unit="m",
+        reason="the two rails of a median: on one post 0.2 m apart, on two rows up to 3 m",
+        low=0,
+        high=20,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """Measurements along a line, each (n,) float64 over a moving window.
+
+    Parameters
+    ----------
+    offset_m
+        Mean offset of the station's sheet from the node; NaN where the station is empty.
+    top_m
+        Highest supported height of the station [m above the bins' origin]; NaN where none.
+    number
+        Points of the station's sheet.
+    spread_m, above, below, beam_m
+        Thickness of the sheet; densities above it and in the clearest 10 cm below it, against the
+        sheet's own; its height.
+    front, open_
+        Shares of stations with points at the sheet's heights on its emptier side; and with points
+        below the sheet within 1.25 m along on the side where there are fewer.
+    """
+
+    offset_m: FloatArray
+    top_m: FloatArray
+    number: FloatArray
+    reach_m: FloatArray
+    spread_m: FloatArray
+    above: FloatArray
+    below: FloatArray
+    beam_m: FloatArray
+    front: FloatArray
+    open_: FloatArray
+
+
+def measure_profile(nodes: FloatArray, bins: Bins, circles: CircleConfig, config: ProfileConfig) -> Profile:
+    """Measure the profile at nodes (n, 4): x, y, heading, top z."""
+    sheet, depth, sides = kernels.profile_along(
+        bins.points,
+        bins.starts,
+        bins.n_x,
+        bins.n_y,
+        bins.cell_m,
+        np.ascontiguousarray(nodes[:, :4]),
+        circles.spacing_m / 2,
+        1.25 * circles.radius_m,
+        1.0,
+        bins.work,
+    )
+    window = max(round(config.window_m / circles.spacing_m), 1)
+    number = sheet[:, 0]
+    halves = _moving_sum(depth, window)
+    density = np.mean(halves[:, :, _TOP : _TOP + 4], axis=2)
+    ratio = halves / np.maximum(density, 1e-9)[:, :, None]
+    above = np.mean(ratio[:, :, _TOP - 5 : _TOP - 2], axis=2)
+    clear = 0.5 * (ratio[:, :, _TOP + 6 : _TOP + 13] + ratio[:, :, _TOP + 7 : _TOP + 14])
+    below = np.min(clear, axis=2)
+    # A hedge behind a rail fills the half of the sheet that is turned to it: the clearer half counts
+    enough = density >= 0.2 * np.sum(density, axis=1, keepdims=True)
+    half = np.argmin(np.where(enough, above / config.max_above + below / config.max_below, np.inf), axis=1)
+    at = np.arange(len(half)), half
+    square = _moving_sum(number * sheet[:, 2] ** 2, window) / np.maximum(_moving_sum(number, window), 1e-9)
+    empty = number == 0
+    # Its height over both halves, unless the other half is filled far down
+    both = np.sum(halves, axis=1) / np.maximum(np.sum(density, axis=1), 1e-9)[:, None]
+    beam = _beam_height(both)
+    return Profile(
+        offset_m=np.where(empty, np.nan, sheet[:, 1]),
+        top_m=sheet[:, 3],
+        number=number,
+        reach_m=sheet[:, 4:6],
+        spread_m=np.sqrt(square),
+        above=above[at],
+        below=below[at],
+        beam_m=np.where(beam <= config.max_beam_m, beam, _beam_height(ratio[at])),
+        front=np.min(_moving_mean(sides[:, :2] > 0, window), axis=1),
+        open_=np.min(_moving_mean(_moving_sum(sides[:, 2:], 5) > 0.5, window), axis=1),
+    )
+
+
+def _moving_sum(values: AnyArray, window: int) -> FloatArray:
+    total = ndimage.uniform_filter1d(values.astype(np.float64), window, axis=0, mode="constant") * window
+    return np.asarray(np.maximum(total, 0.0))
+
+
+def _moving_mean(values: AnyArray, window: int) -> FloatArray:
+    total = _moving_sum(np.ones(len(values)), window)
+    return np.asarray((_moving_sum(values, window).T / total).T)
+
+
+def _beam_height(ratio: FloatArray) -> FloatArray:
+    """Depth at which the density first stays below 0.4 of the beam's for 15 cm.
+
+    15 cm: one half of a W-beam's sheet holds its two humps, the other the valley between them.
+    """
+    filled = ratio[:, _TOP:] >= 0.4
+    gap = ~(filled[:, :-2] | filled[:, 1:-1] | filled[:, 2:])
+    first = np.where(gap.any(axis=1), np.argmax(gap, axis=1), gap.shape[1])
+    return np.asarray(first * _BIN)
+
+
+def classify(
+    profile: Profile, wobble: FloatArray, height_m: FloatArray, paired: AnyArray, config: ProfileConfig
+) -> tuple[FloatArray, FloatArray, AnyArray]:
+    """Return how sure it is at every node that this is a guardrail, that it goes on as one, and is open.
+
+    Parameters
+    ----------
+    wobble
+        (n,) float64: how far each station's top is from the fitted edge, in sigmas; NaN where unknown.
+    height_m
+        (n,) float64: height of the top edge above the road.
+    paired
+        (n,) bool: a guardrail runs close beside it. Of the second beam on a post only the upper edge is
+        seen, over the first: its height and depth say nothing then.
+
+    Returns
+    -------
+    sure, goes_on
+        (n,) float64, 0 to 1. A rail that is sure in one place goes on over bushes and down to its buried
+        end, where its height and its clear gap tell nothing.
+    open_
+        (n,) bool: the ground behind is seen below it.
+    """
+    window = max(round(config.window_m / 0.5), 1)
+    known = ~np.isnan(wobble)
+    square = np.where(known, np.minimum(np.nan_to_num(wobble), 4.0) ** 2, 0.0)
+    unrest = np.sqrt(_moving_sum(square, window) / np.maximum(_moving_sum(known, window), 1.0))
+    occupied = _moving_mean(profile.number >= 2, window)
+    # Each test as a margin: 1 well inside the limit, 0.5 at it, 0 well outside
+    sheet = [
+        _below(profile.spread_m, config.max_spread_m, 0.003),
+        _below(unrest, config.max_wobble, 0.15),
+        _below(-occupied, np.where(paired, -0.6, -0.4), 0.08),
+        _below(height_m, config.max_top_m, 0.03),
+    ]
+    beam = [
+        np.where(paired, 1.0, _below(-profile.spread_m, -config.min_spread_m, 0.002)),
+        np.where(paired, 1.0, _below(-profile.beam_m, -config.min_beam_m, 0.02)),
+        _below(profile.beam_m, config.max_beam_m, 0.03),
+        _below(profile.above, config.max_above, 0.06),
+        _below(profile.below, config.max_below, 0.08),
+        _below(profile.front, config.max_front, 0.08),
+        _below(-height_m, -config.min_top_m, 0.03),
+    ]
+    goes_on = np.min(np.stack(sheet), axis=0)
+    return np.minimum(goes_on, np.min(np.stack(beam), axis=0)), goes_on, profile.open_ >= config.min_open
+
+
+def _below(value: FloatArray, limit: float | FloatArray, width: float) -> FloatArray:
+    return np.asarray(1.0 / (1.0 + np.exp(np.clip((value - limit) / width, -30, 30))))

@@ -1,0 +1,209 @@
+"""Rails from the points: follow every seed once, fit locally, tell the kinds apart, make lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.kernels import corridor as kernels
+from linework.methods.radon.circles import Bins, CircleConfig, follow_sheet
+from linework.methods.radon.profile import Profile, ProfileConfig, classify, measure_profile
+from linework.model.arrays import BoolArray, FloatArray
+from linework.model.lines import LineSet
+from linework.surface.road import RoadSurface, height_above_road
+
+
+@dataclass(frozen=True, slots=True)
+class FittedRail:
+    """A followed sheet after its local fits: nodes at a fixed spacing, local coordinates of the bins."""
+
+    xy: FloatArray
+    heading_rad: FloatArray
+    top_m: FloatArray
+    sigma_xy_m: FloatArray
+    sigma_z_m: FloatArray
+    measured: BoolArray
+    wobble: FloatArray
+    profile: Profile
+
+
+def follow_all(
+    starts: FloatArray, bins: Bins, band_m: tuple[float, float], config: CircleConfig
+) -> list[FloatArray]:
+    """Follow every start (see `find_starts`) once, the clearest first; return node tables (n, 7).
+
+    A start on a line already followed is passed over, and a line that runs into one ends there.
+    """
+    chains: list[FloatArray] = []
+    taken = _Taken(bins, config)
+    order = np.lexsort((starts[:, 1], starts[:, 0], -starts[:, 4]))
+    for start in starts[order]:
+        if taken.holds(start[None, :3])[0]:
+            continue
+        nodes = follow_sheet(start, bins, band_m, config)
+        if len(nodes) < 4:
+            continue
+        chains.extend(nodes[run] for run in _runs(~taken.holds(nodes[:, :3]), 4))
+        taken.add(nodes[:, :3])
+    return chains
+
+
+class _Taken:
+    """Where lines have been followed already: nodes chained per bin."""
+
+    def __init__(self, bins: Bins, config: CircleConfig) -> None:
+        self._frame = bins.n_x, bins.n_y, bins.cell_m
+        self._reach = config.spacing_m, 1.25 * config.radius_m
+        self._heads = np.full(bins.n_x * bins.n_y, -1, dtype=np.int64)
+        self._nodes, self._next, self._n = np.zeros((1024, 3)), np.full(1024, -1, dtype=np.int64), 0
+
+    def add(self, nodes: FloatArray) -> None:
+        first, self._n = self._n, self._n + len(nodes)
+        if self._n > len(self._nodes):
+            room = 2 * self._n
+            self._nodes = np.concatenate([self._nodes, np.zeros((room, 3))])
+            self._next = np.concatenate([self._next, np.full(room, -1, dtype=np.int64)])
+        self._nodes[first : self._n] = nodes
+        kernels.mark(self._nodes[: self._n], first, self._heads, self._next, *self._frame)
+
+    def holds(self, nodes: FloatArray) -> BoolArray:
+        """Which nodes (n, 3: x, y, heading) lie on a followed line, across it within its circle."""
+        return np.asarray(
+            kernels.marked(
+                np.ascontiguousarray(nodes), self._nodes, self._heads, self._next, *self._frame, *self._reach
+            )
+        )
+
+
+def fit_rail(nodes: FloatArray, bins: Bins, circles: CircleConfig, config: ProfileConfig) -> FittedRail:
+    """Fit the circles' centres locally, measure the profile, and fit the top edge from its highest points.
+
+    Two rounds in plan: the first turns the stations square to the line, the second centres it on the
+    sheet. References: Manandhar and Shibasaki (2002): the corrected centres "are fitted locally".
+    """
+    half = circles.fit_window_m
+    chainage = _chainage(nodes[:, :2])
+    weight = np.minimum(nodes[:, 4], 10.0) * nodes[:, 6] + 1e-3
+    xy, heading, *_ = _fit_plan(chainage, nodes[:, :2], weight, half)
+    top, *_ = kernels.fit_locally(chainage, nodes[:, 3], weight, half)
+    profile = measure_profile(np.column_stack([xy, heading, top]), bins, circles, config)
+
+    # Centre the line on the sheet's points
+    known = profile.number > 0
+    shift = np.where(known, np.nan_to_num(profile.offset_m), 0.0)
+    moved = xy + shift[:, None] * np.column_stack([-np.sin(heading), np.cos(heading)])
+    weight = np.where(known, np.minimum(profile.number, 10.0), 0.0) + 1e-3
+    xy, heading, rms, effective = _fit_plan(chainage, moved, weight, half)
+
+    # The top edge lies above the highest of n returns spread over the sheet, by its height / (n + 1)
+    seen = known & ~np.isnan(profile.top_m)
+    deficit = np.where(seen, profile.beam_m / (profile.number + 1.0), 0.0)
+    z = np.where(seen, profile.top_m + deficit, top)
+    scatter = np.hypot(deficit, 0.015)
+    weight = np.where(seen, (0.015 / scatter) ** 2, 1e-4)
+    top, _, rms_z, effective_z = kernels.fit_locally(chainage, z, weight, half)
+    for _ in range(2):  # again without what bushes and gaps left
+        kept = seen & (np.abs(z - top) < 2.5 * scatter)
+        top, _, rms_z, effective_z = kernels.fit_locally(chainage, z, np.where(kept, weight, 1e-4), half)
+    return FittedRail(
+        xy=xy,
+        heading_rad=heading,
+        top_m=top,
+        # a centimetre of each: the face's shape between crest and valley, the spacing of returns at the edge
+        sigma_xy_m=np.hypot(rms / np.sqrt(np.maximum(effective - 3, 1)), 0.010),
+        sigma_z_m=np.hypot(rms_z / np.sqrt(np.maximum(effective_z - 3, 1)), 0.010),
+        measured=known,
+        wobble=np.where(seen, np.abs(z - top) / scatter, np.nan),
+        profile=profile,
+    )
+
+
+def _chainage(xy: FloatArray) -> FloatArray:
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+
+
+def _fit_plan(
+    chainage: FloatArray, xy: FloatArray, weight: FloatArray, half: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Positions, headings, rms across the line and effective numbers of local fits of x(s) and y(s)."""
+    x, dx, rms_x, effective = kernels.fit_locally(chainage, np.ascontiguousarray(xy[:, 0]), weight, half)
+    y, dy, rms_y, _ = kernels.fit_locally(chainage, np.ascontiguousarray(xy[:, 1]), weight, half)
+    return np.column_stack([x, y]), np.arctan2(dy, dx), np.hypot(rms_x, rms_y), effective
+
+
+def _runs(chosen: BoolArray, least: int) -> list[slice]:
+    """Return the runs of True of at least `least` in a row."""
+    edges = np.flatnonzero(np.diff(np.r_[False, chosen, False].astype(np.int8)))
+    return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= least]
+
+
+def rail_lines(rails: list[FittedRail], bins: Bins, surface: RoadSurface, config: ProfileConfig) -> LineSet:
+    """Return the stretches that are guardrails, surely enough and long enough, as lines."""
+    xyz = [np.column_stack([rail.xy, rail.top_m]) + bins.origin for rail in rails]
+    height = [height_above_road(surface, v).astype(np.float64) for v in xyz]
+    alone = [np.zeros(len(v), dtype=bool) for v in xyz]
+    runs = [_guardrail_runs(r, h, p, config) for r, h, p in zip(rails, height, alone, strict=True)]
+    # A second look at what runs close beside a guardrail
+    found = [v[run] for v, own in zip(xyz, runs, strict=True) for run, _ in own]
+    pairs = _close_beside(xyz, found, config)
+    runs = [_guardrail_runs(r, h, p, config) for r, h, p in zip(rails, height, pairs, strict=True)]
+    chosen = [(i, run, score) for i, own in enumerate(runs) for run, score in own]
+    if not chosen:
+        return LineSet.empty()
+    return LineSet.from_lines(
+        [xyz[i][run] for i, run, _ in chosen],
+        kind=["guardrail"] * len(chosen),
+        method=["radon"] * len(chosen),
+        confidence=[score for *_, score in chosen],
+        height_m=[float(np.median(height[i][run])) for i, run, _ in chosen],
+        double=[bool(np.mean(pairs[i][run]) > 0.5) for i, run, _ in chosen],
+        sigma_xy_m=np.concatenate([rails[i].sigma_xy_m[run] for i, run, _ in chosen]),
+        sigma_z_m=np.concatenate([rails[i].sigma_z_m[run] for i, run, _ in chosen]),
+        bridged=np.concatenate([~rails[i].measured[run] for i, run, _ in chosen]),
+    )
+
+
+def _guardrail_runs(
+    rail: FittedRail, height: FloatArray, paired: BoolArray, config: ProfileConfig
+) -> list[tuple[slice, float]]:
+    """Return runs of nodes that are guardrail, with the mean score of each.
+
+    A run starts where it is sure, and goes on from there for `max_run_on_m` at most where it is not.
+    """
+    sure, goes_on, is_open = classify(rail.profile, rail.wobble, height, paired, config)
+    chainage = _chainage(rail.xy)
+    core = np.flatnonzero(sure >= 0.5)
+    if not len(core):
+        return []
+    nearest = core[np.clip(np.searchsorted(core, np.arange(len(sure))), 0, len(core) - 1)]
+    before = core[np.clip(np.searchsorted(core, np.arange(len(sure)), side="right") - 1, 0, len(core) - 1)]
+    away = np.minimum(np.abs(chainage[nearest] - chainage), np.abs(chainage[before] - chainage))
+    out = []
+    for run in _runs((sure >= 0.5) | ((goes_on >= 0.5) & (away <= config.max_run_on_m)), 2):
+        known = sure[run] >= 0.5
+        length = np.sum(known) / len(known) * (chainage[run][-1] - chainage[run][0])
+        enough = config.min_length_m if np.mean(is_open[run]) >= 0.5 else config.min_closed_length_m
+        if length >= enough:
+            out.append((run, float(np.mean(np.maximum(sure[run], 0.5)))))
+    return out
+
+
+def _close_beside(xyz: list[FloatArray], found: list[FloatArray], config: ProfileConfig) -> list[BoolArray]:
+    """Which nodes have a node of another found line within `pair_m` in plan and 15 cm in height."""
+    if not found:
+        return [np.zeros(len(v), dtype=bool) for v in xyz]
+    nodes = np.concatenate(found)
+    tree = cKDTree(nodes[:, :2])
+    out = []
+    for v in xyz:
+        near = tree.query_ball_point(v[:, :2], config.pair_m)
+        out.append(np.array([_has_pair(p, nodes[i]) for p, i in zip(v, near, strict=True)], dtype=bool))
+    return out
+
+
+def _has_pair(point: FloatArray, nodes: FloatArray) -> bool:
+    d = nodes - point
+    apart = np.hypot(d[:, 0], d[:, 1])
+    return bool(np.any((apart > 0.12) & (np.abs(d[:, 2]) < 0.15)))

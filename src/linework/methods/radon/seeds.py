@@ -1,0 +1,182 @@
+"""Seed lines: peaks of the Radon transforms of local windows; and the segments of the image along them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.methods.radon.peaks import find_peaks_in
+from linework.methods.radon.transform import radon_of_cells, rho_bins
+from linework.model.arrays import FloatArray
+from linework.model.grid import Image
+from linework.model.settings import setting
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeedConfig:
+    """Settings of the search for seed lines."""
+
+    window_m: float = setting(
+        6.0,
+        unit="m",
+        reason="the chord that stays within one 0.20 m cell of a bend of 22 m radius: sqrt(8 R c)",
+        low=1.0,
+        high=1000.0,
+    )
+    step_deg: float = setting(
+        3.0, unit="deg", reason="a cell seen over half a window: atan(0.2 / 3) = 3.8", low=0.1, high=45.0
+    )
+    peak_threshold_m: float = setting(
+        2.0,
+        unit="m",
+        reason="occupied length along the line; a car's side or a hedge's end is shorter",
+        low=0.1,
+    )
+    max_gap_m: float = setting(
+        1.0, unit="m", reason="four scan lines at the widest spacing of 25 cm", low=0.0, high=100.0
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class SeedLines:
+    """n straight candidates: direction and offset only, each valid within its window.
+
+    Parameters
+    ----------
+    centre_xy
+        (n, 2) float64 [m, world]: centre of the window.
+    theta_rad, rho_m
+        (n,) float64: normal form about that centre.
+    strength_m
+        (n,) float64 [m]: occupied length along the line.
+    """
+
+    centre_xy: FloatArray
+    theta_rad: FloatArray
+    rho_m: FloatArray
+    strength_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.rho_m)
+
+
+@dataclass(frozen=True, slots=True)
+class Segments:
+    """n straight pieces of lines: ends (n, 2) float64 [m, world] and strength (n,) [m]."""
+
+    start_xy: FloatArray
+    end_xy: FloatArray
+    strength_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.strength_m)
+
+
+def find_seed_lines(binary: Image, config: SeedConfig) -> SeedLines:
+    """Return the prominent directions of a binary image, window by window.
+
+    Windows overlap by half and sit on one global lattice, so that neighbouring tiles see the same ones.
+    A single Radon transform of the whole image finds straight roads only: a chord of L m leaves a curve
+    of radius R by L^2 / (8 R).
+
+    References
+    ----------
+    Manandhar and Shibasaki (2002), "Line Detection by Radon Transformation".
+    """
+    grid = binary.grid
+    angles = np.radians(np.arange(0.0, 180.0 - 0.5 * config.step_deg, config.step_deg))
+    half = config.window_m / 2
+    rho = rho_bins(half * math.sqrt(2), grid.cell_width_m)
+    found: list[FloatArray] = []
+    for centre, xy in _windows(binary, config):
+        values = radon_of_cells(
+            xy[:, 0],
+            xy[:, 1],
+            np.ones(len(xy)),
+            cell_width_m=grid.cell_width_m,
+            cell_height_m=grid.cell_height_m,
+            angles_rad=angles,
+            rho_step_m=grid.cell_width_m,
+            rho_max_m=half * math.sqrt(2),
+        )
+        peaks = find_peaks_in(
+            values,
+            angles,
+            rho,
+            threshold=config.peak_threshold_m,
+            theta_window_rad=math.radians(15.0),
+            rho_window_m=3 * grid.cell_width_m,
+        )
+        n = len(peaks.rho_m)
+        if n:
+            found.append(
+                np.stack([*np.tile(centre, (n, 1)).T, peaks.theta_rad, peaks.rho_m, peaks.strength_m], 1)
+            )
+    table = np.concatenate(found) if found else np.zeros((0, 5))
+    return SeedLines(table[:, :2], table[:, 2], table[:, 3], table[:, 4])
+
+
+def _windows(binary: Image, config: SeedConfig) -> list[tuple[FloatArray, FloatArray]]:
+    """Centre and occupied cells (n, 2), relative to it, of every window that holds enough of them."""
+    grid = binary.grid
+    rows, cols = np.nonzero(binary.values)
+    xy = grid.to_world(rows + 0.5, cols + 0.5)
+    stride = config.window_m / 2
+    lattice = np.floor(xy / stride).astype(np.int64)
+    order = np.lexsort((lattice[:, 0], lattice[:, 1]))
+    keys, starts = np.unique(lattice[order][:, ::-1], axis=0, return_index=True)
+    blocks = dict(zip(map(tuple, keys.tolist()), np.split(xy[order], starts[1:]), strict=True))
+    enough = config.peak_threshold_m / grid.cell_width_m
+    out = []
+    for j, i in sorted({(j - dj, i - di) for j, i in blocks for dj in (0, 1) for di in (0, 1)}):
+        parts = [blocks[k] for k in ((j, i), (j, i + 1), (j + 1, i), (j + 1, i + 1)) if k in blocks]
+        cells = np.concatenate(parts)
+        if len(cells) >= enough:
+            centre = np.array([(i + 1) * stride, (j + 1) * stride])
+            out.append((centre, cells - centre))
+    return out
+
+
+def split_into_segments(seeds: SeedLines, binary: Image, config: SeedConfig) -> Segments:
+    """Return where along each seed line the image is occupied.
+
+    A Radon peak says nothing about the extent: collinear pieces are parted where the image is empty for
+    more than `max_gap_m`; pieces shorter than half of `peak_threshold_m` are dropped.
+    """
+    grid = binary.grid
+    half = config.window_m / 2
+    t = np.arange(-half, half, grid.cell_width_m / 2)
+    out = []
+    for centre, theta, rho, strength in zip(
+        seeds.centre_xy, seeds.theta_rad, seeds.rho_m, seeds.strength_m, strict=True
+    ):
+        normal = np.array([math.cos(theta), math.sin(theta)])
+        along = np.array([-normal[1], normal[0]])
+        line = rho * normal + t[:, None] * along
+        line = line[np.all(np.abs(line) <= half, axis=1)] + centre
+        occupied = _occupied(binary, line, normal)
+        at = np.flatnonzero(occupied)
+        if not len(at):
+            continue
+        breaks = np.flatnonzero(np.diff(at) * (grid.cell_width_m / 2) > config.max_gap_m)
+        for first, last in zip(np.r_[at[0], at[breaks + 1]], np.r_[at[breaks], at[-1]], strict=True):
+            if (last - first) * grid.cell_width_m / 2 >= config.peak_threshold_m / 2:
+                out.append((*line[first], *line[last], strength))
+    table = np.array(out).reshape(-1, 5)
+    return Segments(table[:, :2], table[:, 2:4], table[:, 4])
+
+
+def _occupied(
+    binary: Image, line: FloatArray, normal: FloatArray
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Which of the positions has an occupied cell at it or half a cell beside it."""
+    grid = binary.grid
+    hit = np.zeros(len(line), dtype=bool)
+    for offset in (-0.5, 0.0, 0.5):
+        rows, cols = grid.to_cell(line + offset * grid.cell_width_m * normal)
+        r, c = np.floor(rows).astype(np.int64), np.floor(cols).astype(np.int64)
+        inside = (r >= 0) & (r < grid.n_rows) & (c >= 0) & (c < grid.n_cols)
+        hit[inside] |= binary.values[r[inside], c[inside]]
+    return hit
