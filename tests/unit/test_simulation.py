@@ -5,13 +5,13 @@ import pytest
 
 from linework.errors import OutputExistsError, UsageError
 from linework.simulation.draw import ROADS, draw_scenario
-from linework.simulation.ground import ground
+from linework.simulation.ground import ground, marking_truth
 from linework.simulation.materials import Material
 from linework.simulation.meshes import boxes
 from linework.simulation.paint import paint_cover
 from linework.simulation.part import Part, assembled
 from linework.simulation.scanner import Caster, Hits, turned
-from linework.simulation.scenario import Marking
+from linework.simulation.scenario import Marking, Symbol
 from linework.simulation.scene import build_scene
 from linework.simulation.simulate import drives_of, measured, simulate_survey
 from linework.simulation.truth import OBSERVED
@@ -139,6 +139,23 @@ def test_wear_takes_its_share_of_the_paint():
         assert left == pytest.approx(1.0 - wear, abs=0.06)
     outside = place + np.array([0.0, 0.2])
     assert np.all(paint_cover(outside, [line], 5) == 0.0)
+
+
+def test_symbols_are_painted_and_are_no_lines():
+    bar = Symbol(start_m=10.0, end_m=13.0, right_m=1.0, left_m=1.5)
+    place = np.array([[11.0, 1.2], [11.0, 1.6], [9.9, 1.2], [12.9, 1.05]])
+    assert paint_cover(place, [], 0, [bar]).tolist() == [1.0, 0.0, 0.0, 1.0]
+    layout = next(x for x in (draw_scenario("urban", s, 80.0).layout for s in range(20)) if x.symbols)
+    assert len(build_scene_lines(layout)) == len(layout.markings)
+
+
+def build_scene_lines(layout):
+    return [
+        line
+        for m in layout.markings
+        for line in marking_truth(layout.road, m).lines
+        if line.kind == "lane_marking"
+    ]
 
 
 def test_points_scatter_about_the_road_with_the_drawn_noise():

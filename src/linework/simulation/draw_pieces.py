@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from linework.simulation.alignment import PiecewiseLinear
-from linework.simulation.scenario import Cable, Marking, Plant, Pole, Rail
+from linework.simulation.scenario import Cable, Marking, Plant, Pole, Rail, Symbol
 
 #: The modelled road goes on this far before and behind the drive: what scanners see ahead.
 MARGIN_M = 6.0
@@ -71,6 +71,49 @@ def solid(
     return Marking(
         q_m=q_m, start_m=span[0], end_m=span[1], width_m=width_m, role=role, double=double, wear=wear(rng)
     )
+
+
+def zebra(rng: np.random.Generator, at_m: float, half_m: float) -> list[Symbol]:
+    """Return the bars of a zebra crossing, 0.5 m wide and apart, and a stop line before it."""
+    long, worn = uniform(rng, 3.0, 4.0), wear(rng)
+    bars = [
+        Symbol(start_m=at_m, end_m=at_m + long, right_m=float(q), left_m=float(q) + 0.5, wear=worn)
+        for q in np.arange(-half_m + 0.25, half_m - 0.5, 1.0)
+    ]
+    stop = Symbol(start_m=at_m - 1.5, end_m=at_m - 1.0, right_m=-half_m + 0.3, left_m=-0.2, wear=wear(rng))
+    return [*bars, stop]
+
+
+def arrow(rng: np.random.Generator, at_m: float, q_m: float) -> list[Symbol]:
+    """Return a straight-on arrow of 4 to 5 m: a shaft and a head in steps."""
+    worn, end = wear(rng), at_m + uniform(rng, 2.5, 3.5)
+    shaft = Symbol(start_m=at_m, end_m=end, right_m=q_m - 0.08, left_m=q_m + 0.08, wear=worn)
+    head = [
+        Symbol(
+            start_m=end + 0.3 * i, end_m=end + 0.3 * (i + 1), right_m=q_m - half, left_m=q_m + half, wear=worn
+        )
+        for i, half in enumerate((0.42, 0.33, 0.24, 0.15, 0.06))
+    ]
+    return [shaft, *head]
+
+
+def delineators(
+    rng: np.random.Generator, q_m: float, span: tuple[float, float], rails: Sequence[Rail]
+) -> list[Pole]:
+    """Return marker posts of 1 m every 25 to 50 m, and a sign here and there, where there is no rail."""
+    every = uniform(rng, 25.0, 50.0)
+    clear = [
+        float(s)
+        for s in np.arange(span[0] + uniform(rng, 1.0, every), span[1], every)
+        if not any(r.start_m - 1.0 < s < r.end_m + 1.0 for r in rails)
+    ]
+    posts = [Pole(s_m=s, q_m=q_m, height_m=1.0, radius_m=0.055) for s in clear]
+    signs = [
+        Pole(s_m=s + 3.0, q_m=1.15 * q_m, height_m=2.4, radius_m=0.04, has_sign=True)
+        for s in clear
+        if rng.random() < 0.25 and s + 4.0 < span[1]
+    ]
+    return posts + signs
 
 
 def stretches(

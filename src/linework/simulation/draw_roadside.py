@@ -6,7 +6,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from linework.simulation.draw_pieces import bushes_at, crossing_wires, pole_line, rail, stretches, uniform
+from linework.simulation.draw_pieces import (
+    bushes_at,
+    crossing_wires,
+    delineators,
+    pole_line,
+    rail,
+    stretches,
+    uniform,
+)
 from linework.simulation.road import Road
 from linework.simulation.scenario import Barrier, Cable, Fence, Hedge, Plant, Pole, Rail, Wall
 
@@ -49,8 +57,10 @@ def draw_roadside(
         rails = [rail(rng, q, piece, -sign) for piece in pieces]
         side.rails += rails
         _behind(rng, road, side, rails, sign)
-        if not rails:
+        if not rails and rng.random() < 0.4:
             _concrete(rng, road, side, span, sign)
+        elif rng.random() < 0.6:
+            side.poles += delineators(rng, sign * (road.side(sign).width_m + 0.6), span, rails)
         _away_from(rng, road, side, span, sign)
     side.plants += bushes_at(rng, side.rails, 0.5)
     _wires(rng, road, side, span)
@@ -100,9 +110,7 @@ def _behind(rng: np.random.Generator, road: Road, side: Roadside, rails: list[Ra
 def _concrete(
     rng: np.random.Generator, road: Road, side: Roadside, span: tuple[float, float], sign: int
 ) -> None:
-    """Add a stretch of concrete barrier on a side without rails, for some roads."""
-    if rng.random() > 0.35:
-        return
+    """Add a stretch of concrete barrier."""
     run = uniform(rng, 0.3, 0.8) * (span[1] - span[0])
     start = uniform(rng, span[0] + 1.0, span[1] - run)
     top = uniform(rng, 0.15, 0.24)

@@ -10,6 +10,7 @@ import numpy as np
 from linework.simulation.alignment import PiecewiseLinear, make_alignment
 from linework.simulation.draw_pieces import (
     MARGIN_M,
+    arrow,
     crossing_wires,
     dashed,
     grade_profile,
@@ -17,12 +18,25 @@ from linework.simulation.draw_pieces import (
     rail,
     solid,
     uniform,
+    zebra,
 )
 from linework.simulation.draw_rural import gentle
 from linework.simulation.materials import Material
 from linework.simulation.mouth import Mouth
 from linework.simulation.road import Road, Side, make_stations
-from linework.simulation.scenario import Cable, Car, Fence, Hedge, Layout, Marking, Plant, Pole, Rail, Wall
+from linework.simulation.scenario import (
+    Cable,
+    Car,
+    Fence,
+    Hedge,
+    Layout,
+    Marking,
+    Plant,
+    Pole,
+    Rail,
+    Symbol,
+    Wall,
+)
 
 
 @dataclass(slots=True)
@@ -74,6 +88,7 @@ def draw_urban(rng: np.random.Generator, length_m: float) -> Layout:
         lanes=((-0.5 * lane, 1), (0.5 * lane, -1)),
         speed_mps=uniform(rng, 6.0, 10.0),
         markings=tuple(_markings(rng, lane, (start, end))),
+        symbols=tuple(_symbols(rng, lane, length_m)),
         rails=tuple(street.rails),
         fences=tuple(street.fences),
         hedges=tuple(street.hedges),
@@ -168,6 +183,16 @@ def _markings(rng: np.random.Generator, lane: float, span: tuple[float, float]) 
             found.append(solid(rng, sign * lane, span, width, "edge"))
         elif choice < 0.7:
             found.append(dashed(rng, sign * lane, span, width, "edge", (1.5, 1.5)))
+    return found
+
+
+def _symbols(rng: np.random.Generator, lane: float, length_m: float) -> list[Symbol]:
+    """Return a zebra crossing and arrows, on half of the streets each."""
+    found: list[Symbol] = []
+    if rng.random() < 0.5:
+        found += zebra(rng, uniform(rng, 0.1, 0.9) * length_m, lane)
+    if rng.random() < 0.5:
+        found += arrow(rng, uniform(rng, 0.1, 0.9) * length_m, -0.5 * lane)
     return found
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from linework.model.arrays import AnyArray, FloatArray
-from linework.simulation.scenario import Marking
+from linework.simulation.scenario import Marking, Symbol
 
 #: A beam's spot on the road blurs the paint's edge over this width.
 _SPOT_M = 0.015
@@ -15,7 +15,9 @@ _SPOT_M = 0.015
 _LONG_M, _SMALL_M, _LONG_SHARE = 0.9, 0.05, 0.6
 
 
-def paint_cover(chainage_offset: FloatArray, markings: Sequence[Marking], seed: int) -> FloatArray:
+def paint_cover(
+    chainage_offset: FloatArray, markings: Sequence[Marking], seed: int, symbols: Sequence[Symbol] = ()
+) -> FloatArray:
     """Return the share of paint, 0 to 1, at (n, 2) places on the road."""
     cover = np.zeros(len(chainage_offset))
     s, q = chainage_offset[:, 0], chainage_offset[:, 1]
@@ -29,6 +31,15 @@ def paint_cover(chainage_offset: FloatArray, markings: Sequence[Marking], seed: 
             along = np.minimum(along, _inside_dash(s[near], m))
         here = np.clip(across / _SPOT_M + 0.5, 0.0, 1.0) * np.clip(along / _SPOT_M + 0.5, 0.0, 1.0)
         cover[near] = np.maximum(cover[near], here * _left(s[near], q[near], m.wear, seed + 7919 * i))
+    for i, symbol in enumerate(symbols):
+        inside = np.minimum(
+            np.minimum(s - symbol.start_m, symbol.end_m - s),
+            np.minimum(q - symbol.right_m, symbol.left_m - q),
+        )
+        near = np.flatnonzero(inside > -_SPOT_M)
+        here = np.clip(inside[near] / _SPOT_M + 0.5, 0.0, 1.0)
+        left = _left(s[near], q[near], symbol.wear, seed + 104729 * (i + 1))
+        cover[near] = np.maximum(cover[near], here * left)
     return cover
 
 

@@ -71,7 +71,8 @@ def _reflectance(scenario: Scenario, hits: Hits, material: AnyArray) -> FloatArr
     texture = 1.0 + 0.2 * (fine - 0.5) + 0.3 * (patch - 0.5)
     reflectance[on_ground] *= texture
     on_asphalt = np.flatnonzero(material == Material.ASPHALT)
-    cover = paint_cover(hits.chainage_offset[on_asphalt], scenario.layout.markings, scenario.seed)
+    layout = scenario.layout
+    cover = paint_cover(hits.chainage_offset[on_asphalt], layout.markings, scenario.seed, layout.symbols)
     paint = REFLECTANCE[Material.ASPHALT] * scenario.sensor.contrast
     reflectance[on_asphalt] += cover * (paint - reflectance[on_asphalt])
     return reflectance

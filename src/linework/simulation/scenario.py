@@ -27,6 +27,17 @@ class Marking:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Symbol:
+    """A painted rectangle that is no line: a bar of a zebra crossing, a stop line, an arrow's shaft."""
+
+    start_m: float
+    end_m: float
+    right_m: float
+    left_m: float
+    wear: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Rail:
     """A W-beam. `q_m` is midway between crest and valley; `faces` +1: the traffic is to its left.
 
@@ -224,6 +235,7 @@ class Layout:
     lanes: tuple[tuple[float, int], ...]
     speed_mps: float
     markings: tuple[Marking, ...] = ()
+    symbols: tuple[Symbol, ...] = ()
     rails: tuple[Rail, ...] = ()
     barriers: tuple[Barrier, ...] = ()
     fences: tuple[Fence, ...] = ()
