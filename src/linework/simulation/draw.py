@@ -123,9 +123,9 @@ def _scanner(
 def _thinned(
     scanners: tuple[Scanner, ...], passes: tuple[Pass, ...], points_per_m: float
 ) -> tuple[Scanner, ...]:
-    """Return the scanners with as many beams per turn as give the wanted density (about 60 % come back)."""
+    """Return the scanners with as many beams per turn as give the wanted density (about half come back)."""
     lines_per_m = len(scanners) * len(passes) * scanners[0].turns_per_s / passes[0].speed_mps
-    rays = int(np.clip(points_per_m / (0.6 * lines_per_m), 100, 20_000))
+    rays = int(np.clip(points_per_m / (0.5 * lines_per_m), 100, 20_000))
     return tuple(replace(s, rays_per_turn=rays) for s in scanners)
 
 
