@@ -122,6 +122,8 @@ def _windows(binary: Image, config: SeedConfig) -> list[tuple[FloatArray, FloatA
     """Centre and occupied cells (n, 2), relative to it, of every window that holds enough of them."""
     grid = binary.grid
     rows, cols = np.nonzero(binary.values)
+    if len(rows) == 0:
+        return []
     xy = grid.to_world(rows + 0.5, cols + 0.5)
     stride = config.window_m / 2
     lattice = np.floor(xy / stride).astype(np.int64)

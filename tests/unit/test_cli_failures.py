@@ -1,0 +1,95 @@
+"""Every exception becomes one line and one exit code."""
+
+from __future__ import annotations
+
+import errno
+import io
+import sys
+from pathlib import Path
+
+import pytest
+
+from linework.cli.failures import Interrupted, failure_of, save_log, warn
+from linework.cli.progress import open_display
+from linework.errors import CrsError, OutputExistsError, PartialError, UsageError
+
+
+class Panic(BaseException):
+    """What a decoder written in Rust raises: no Exception."""
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (UsageError("x"), 2),
+        (CrsError("x"), 3),
+        (PartialError("x"), 4),
+        (OutputExistsError("x"), 6),
+        (MemoryError(), 5),
+        (OSError(errno.ENOSPC, "No space left on device", "a.gpkg"), 5),
+        (PermissionError(errno.EACCES, "Permission denied", "a.gpkg"), 5),
+        (OSError(errno.EROFS, "Read-only file system"), 5),
+        (FileNotFoundError(errno.ENOENT, "No such file", "a.laz"), 3),
+        (NotADirectoryError(errno.ENOTDIR, "Not a directory", "a.laz"), 3),
+        (BrokenPipeError(errno.EPIPE, "Broken pipe"), 141),
+        (Interrupted(2), 130),
+        (KeyboardInterrupt(), 130),
+        (Interrupted(15), 143),
+        (ZeroDivisionError("division by zero"), 1),
+        (Panic("index out of bounds\nbacktrace"), 1),
+        (OSError("no number"), 1),
+    ],
+)
+def test_the_exit_code_and_one_line(error, code):
+    failure = failure_of(error)
+    assert failure.exit_code == code
+    assert failure.is_bug == (code == 1)
+    assert "\n" not in failure.line
+    if code not in (130, 141, 143):
+        assert failure.line.startswith("error: ")
+
+
+def test_a_line_names_the_file_and_says_what_to_do():
+    failure = failure_of(OSError(errno.ENOSPC, "No space left on device", "a\nb.gpkg"))
+    assert failure.line == (
+        "error: a\\nb.gpkg: no space left on device. Free some space there, or write elsewhere."
+    )
+
+
+def test_the_log_of_a_bug_has_the_traceback(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    try:
+        int("not a number")
+    except ValueError as error:
+        log = save_log(error)
+    assert "not a number" in Path(log).read_text(encoding="utf-8")
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "not there"))
+    assert save_log(ValueError()) == ""
+
+
+def test_a_warning_is_one_line(capsys):
+    warn("a\x1b[31m.laz: odd.")
+    assert capsys.readouterr().err == "warning: a\\x1b[31m.laz: odd.\n"
+
+
+def test_a_terminal_gets_bars_with_rate_and_others_plain_lines(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    for stream, expected in (
+        (Terminal(), "500 of 1,000 points"),
+        (io.StringIO(), "read: 0.5 s, 500 points\n"),
+    ):
+        monkeypatch.setattr(sys, "stderr", stream)
+        with open_display(quiet=False) as display:
+            display.begin("read", "points")
+            display.advance(500, 1000)
+            display.end("read", 0.5)
+        assert expected in stream.getvalue()
+    silent = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", silent)
+    with open_display(quiet=True) as display:
+        display.begin("read", "points")
+        display.end("read", 0.5)
+    assert silent.getvalue() == ""
