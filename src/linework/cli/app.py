@@ -21,6 +21,7 @@ import typer
 import linework
 from linework.cli.config import config
 from linework.cli.convert import convert
+from linework.cli.demo import demo
 from linework.cli.evaluate import evaluate
 from linework.cli.extract import extract
 from linework.cli.failures import Interrupted, failure_of, save_log
@@ -34,7 +35,7 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,  # plain help: rich alone would double its time
 )
-for command in (info, extract, evaluate, convert, simulate, config):
+for command in (demo, info, extract, evaluate, convert, simulate, config):
     app.command()(command)
 
 

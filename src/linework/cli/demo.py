@@ -95,6 +95,7 @@ def _score_and_report(
     from linework.evaluation.tables import score_tables
     from linework.files.pages import write_page
     from linework.files.vectors import read_lines
+    from linework.tiling.record import facts_of
 
     with steps.step("evaluate"):
         truth = read_lines(folder / "survey" / "truth.gpkg")
@@ -105,7 +106,7 @@ def _score_and_report(
             title="A simulated survey, its lines, and how good they are",
             lines=found.lines,
             points=found.read.points,
-            facts=_facts(found, record),
+            facts=facts_of(record),
             reference=truth,
             parts=parts,
             scores=scores,
@@ -118,14 +119,3 @@ def _scored(found: Extraction, truth: LineSet) -> tuple[str, ...]:
     """Return the kinds that were looked for and are there to be found, or were found and are not there."""
     there = {str(kind) for lines in (found.lines, truth) for kind in lines.kind}
     return tuple(kind for kind in found.kinds if kind in there)
-
-
-def _facts(found: Extraction, record: Mapping[str, Any]) -> dict[str, str]:
-    counts, timings = record["counts"], record["timings_s"]
-    return {
-        "points": f"{counts['points_used']:,}",
-        "CRS": record["crs"]["name"],
-        "looked for": ", ".join(found.kinds),
-        "time": ", ".join(f"{step} {seconds:.1f} s" for step, seconds in timings.items()),
-        "linework": record["versions"]["linework"],
-    }
