@@ -420,7 +420,7 @@ def profile_along(
     radius: float,
     reach: float,
     work: F64,
-) -> tuple[F64, F64, F64]:
+) -> tuple[F64, F64, F64, F64]:
     """Measure the cross-section at every node (x, y, heading, top z).
 
     Returns
@@ -432,13 +432,17 @@ def profile_along(
         (n, 2, DEPTH_BINS): points within `radius`, left and right of the line, per 5 cm below the top
         edge, from 0.30 m above it.
     sides
-        (n, 4): points on the left and on the right beyond it within `reach`, at the sheet's heights; and
-        on the left and on the right below it (deeper than 0.45 m under the top).
+        (n, 4, 2): points left and right of it within `reach`: at the sheet's heights; below them (deeper
+        than 0.45 m under the top); on the ground (lower than 0.12 m); and within 0.40 m between ground
+        and sheet (0.36 to 0.62 m under the top).
+    edge
+        (n,): mean offset of the sheet's points 2 to 10 cm below the top; NaN where none.
     """
     n_nodes = len(nodes)
     sheet = np.zeros((n_nodes, 6))
     depth = np.zeros((n_nodes, 2, DEPTH_BINS))
-    sides = np.zeros((n_nodes, 4))
+    sides = np.zeros((n_nodes, 4, 2))
+    edge = np.full(n_nodes, np.nan)
     box = np.empty(8)
     box[4], box[5], box[6], box[7] = half_s, reach, -10.0, 10.0
     for i in range(n_nodes):
@@ -447,24 +451,36 @@ def profile_along(
         top = nodes[i, 3]
         n = gather(points, starts, n_x, n_y, cell, box, work)
         number, total, square = 0, 0.0, 0.0
+        n_edge, u_edge = 0, 0.0
         s_low, s_high = np.inf, -np.inf
         for k in range(n):
             below = top - work[k, 2]
             u = work[k, 1]
+            side = 0 if u > 0 else 1
             inside = below > -0.03 and below < 0.33
+            if below >= 0.36 and below <= 0.62 and abs(u) <= 0.40 and work[k, 3] >= 0.12:
+                sides[i, 3, side] += 1.0
             if abs(u) <= radius:
                 b = int(np.floor((below + DEPTH_ABOVE_M) / DEPTH_BIN_M))
                 if b >= 0 and b < DEPTH_BINS:
-                    depth[i, 0 if u > 0 else 1, b] += 1.0
+                    depth[i, side, b] += 1.0
                 if inside:
                     number += 1
                     total += u
                     square += u * u
                     s_low, s_high = min(s_low, work[k, 0]), max(s_high, work[k, 0])
-            elif inside:
-                sides[i, 0 if u > 0 else 1] += 1.0
-            elif below >= 0.45:
-                sides[i, 2 if u > 0 else 3] += 1.0
+                if below >= 0.02 and below <= 0.10:
+                    n_edge += 1
+                    u_edge += u
+                continue
+            if inside:
+                sides[i, 0, side] += 1.0
+            if below >= 0.45:
+                sides[i, 1, side] += 1.0
+            if work[k, 3] < 0.12:
+                sides[i, 2, side] += 1.0
+        if n_edge > 0:
+            edge[i] = u_edge / n_edge
         sheet[i, 0] = number
         if number > 0:
             mean = total / number
@@ -472,4 +488,4 @@ def profile_along(
             sheet[i, 2] = np.sqrt(max(square / number - mean * mean, 0.0))
             sheet[i, 4], sheet[i, 5] = s_low, s_high
         sheet[i, 3] = top_edge(work, n, 0.0, 0.75 * radius, top, 0.06)
-    return sheet, depth, sides
+    return sheet, depth, sides, edge

@@ -87,6 +87,9 @@ class ProfileConfig:
         low=0,
         high=1,
     )
+    max_apron: float = setting(
+        0.35, unit="ratio", reason="before a rail's foot is nothing; a concrete barrier slopes out there", low=0, high=9
+    )
     min_length_m: float = setting(6.0, unit="m", reason="a car is 4 to 5 m long, one rail section 4 m", low=0)
     min_closed_length_m: float = setting(
         20.0, unit="m", reason="of a rail with no ground behind it, as on a bridge; a bus is 18 m long", low=0
@@ -121,6 +124,10 @@ class Profile:
     front, open_
         Shares of stations with points at the sheet's heights on its emptier side; and with points
         below the sheet within 1.25 m along on the side where there are fewer.
+    apron
+        Density between ground and sheet within 0.40 m before it on the road side, against the sheet's.
+    edge_m
+        Mean offset of the points just below the top edge; NaN where none.
     """
 
     offset_m: FloatArray
@@ -133,11 +140,13 @@ class Profile:
     beam_m: FloatArray
     front: FloatArray
     open_: FloatArray
+    apron: FloatArray
+    edge_m: FloatArray
 
 
 def measure_profile(nodes: FloatArray, bins: Bins, circles: CircleConfig, config: ProfileConfig) -> Profile:
     """Measure the profile at nodes (n, 4): x, y, heading, top z."""
-    sheet, depth, sides = kernels.profile_along(
+    sheet, depth, sides, edge = kernels.profile_along(
         bins.points,
         bins.starts,
         bins.n_x,
@@ -162,6 +171,10 @@ def measure_profile(nodes: FloatArray, bins: Bins, circles: CircleConfig, config
     half = np.argmin(np.where(enough, above / config.max_above + below / config.max_below, np.inf), axis=1)
     at = np.arange(len(half)), half
     square = _moving_sum(number * sheet[:, 2] ** 2, window) / np.maximum(_moving_sum(number, window), 1e-9)
+    # The road side shows more ground; what stands before the sheet's foot there is a barrier's slope
+    ground, apron = _moving_sum(sides[:, 2], window), _moving_sum(sides[:, 3], window)
+    apron = apron[np.arange(len(half)), np.argmax(ground, axis=1)] * (_BIN / 0.26)
+    apron = apron / np.maximum(np.sum(density, axis=1), 1e-9)
     empty = number == 0
     # Its height over both halves, unless the other half is filled far down
     both = np.sum(halves, axis=1) / np.maximum(np.sum(density, axis=1), 1e-9)[:, None]
@@ -175,8 +188,10 @@ def measure_profile(nodes: FloatArray, bins: Bins, circles: CircleConfig, config
         above=above[at],
         below=below[at],
         beam_m=np.where(beam <= config.max_beam_m, beam, _beam_height(ratio[at])),
-        front=np.min(_moving_mean(sides[:, :2] > 0, window), axis=1),
-        open_=np.min(_moving_mean(_moving_sum(sides[:, 2:], 5) > 0.5, window), axis=1),
+        front=np.min(_moving_mean(sides[:, 0] > 0, window), axis=1),
+        open_=np.min(_moving_mean(_moving_sum(sides[:, 1], 5) > 0.5, window), axis=1),
+        apron=apron,
+        edge_m=edge,
     )
 
 
@@ -243,6 +258,7 @@ def classify(
         _below(profile.above, config.max_above, 0.06),
         _below(profile.below, config.max_below, 0.08),
         _below(profile.front, config.max_front, 0.08),
+        _below(profile.apron, config.max_apron, 0.05),
         _below(-height_m, -config.min_top_m, 0.03),
     ]
     goes_on = np.min(np.stack(sheet), axis=0)
