@@ -21,7 +21,7 @@ from linework.files.vectors import read_lines
 
 PICTURES = Path(__file__).parent / "pictures"
 #: Colours of the palette: keeps the picture under 300 kB.
-N_COLOURS = 96
+N_COLOURS = 128
 
 
 def make_lines_picture(folder: Path) -> Image.Image:
@@ -33,7 +33,9 @@ def make_lines_picture(folder: Path) -> Image.Image:
     if span is not None:
         figures.append(cable_figure(span))
     panels = [_pixels(figure) for figure in figures]
-    return Image.fromarray(np.concatenate(panels)).quantize(N_COLOURS, dither=Image.Dither.NONE)
+    return Image.fromarray(np.concatenate(panels)).quantize(
+        N_COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
+    )
 
 
 def _pixels(figure: Figure) -> np.ndarray:

@@ -32,14 +32,15 @@ def hits_figure(parts: Sequence[KindMatch], tolerance_m: float) -> Figure:
     shown = [part.match for part in parts if len(part.match.e_pieces) + len(part.match.r_pieces)]
     titles = [part.kind for part in parts if len(part.match.e_pieces) + len(part.match.r_pieces)]
     turn = main_direction([m.r_pieces.xyz[:, :2] for m in shown] + [m.e_pieces.xyz[:, :2] for m in shown])
-    boxes = [_box(m, turn) for m in shown]
-    heights = [panel_height(box) for box in boxes]
-    figure = Figure(figsize=(WIDTH_IN, sum(heights) + 0.6), layout="constrained", dpi=110)
+    # One extent for all panels: what is beside what can be seen
+    box = _box(shown, turn) if shown else ((0.0, 1.0), (0.0, 1.0))
+    height = min(panel_height(box), 12.0 / max(len(shown), 1))
+    figure = Figure(figsize=(WIDTH_IN, height * len(shown) + 0.6), layout="constrained", dpi=110)
     if not shown:
         figure.text(0.5, 0.5, "no lines", ha="center")
         return figure
-    panels = figure.subplots(len(shown), 1, squeeze=False, height_ratios=heights)[:, 0]
-    for ax, match, box, title in zip(panels, shown, boxes, titles, strict=True):
+    panels = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
+    for ax, match, title in zip(panels, shown, titles, strict=True):
         _draw_match(ax, match, tolerance_m, turn)
         ax.set(aspect="equal", xticks=[], yticks=[], adjustable="datalim")
         ax.margins(0)
@@ -136,8 +137,9 @@ def turned(places: FloatArray, turn: float) -> FloatArray:
     )
 
 
-def _box(match: Match, turn: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    places = turned(np.concatenate([match.e_pieces.xyz, match.r_pieces.xyz])[:, :2], turn)
+def _box(matches: Sequence[Match], turn: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    pieces = [m.e_pieces.xyz for m in matches] + [m.r_pieces.xyz for m in matches]
+    places = turned(np.concatenate(pieces)[:, :2], turn)
     (x0, y0), (x1, y1) = places.min(axis=0), places.max(axis=0)
     margin = max(0.03 * (x1 - x0), 2.0)
     return (float(x0 - margin), float(x1 + margin)), (float(y0 - margin), float(y1 + margin))
