@@ -94,7 +94,7 @@ def _scanners(rng: np.random.Generator, passes: tuple[Pass, ...], speed_mps: flo
     height = float(rng.uniform(2.0, 2.6))
     closest = max(0.045, n * len(passes) / _MAX_LINES_PER_M)
     spacing = float(np.exp(rng.uniform(np.log(closest), np.log(0.22))))
-    rays = int(np.exp(rng.uniform(np.log(600), np.log(1500))))
+    rays = float(np.floor(np.exp(rng.uniform(np.log(600), np.log(1500)))) + rng.uniform(0.1, 0.9))
     turns = speed_mps / spacing
     if n == 1:
         # Leaning back enough that its beams pass behind the van on both sides
@@ -109,7 +109,7 @@ def _scanners(rng: np.random.Generator, passes: tuple[Pass, ...], speed_mps: flo
 
 
 def _scanner(
-    left_m: float, height_m: float, tilt_deg: tuple[float, float], turns_per_s: float, rays: int
+    left_m: float, height_m: float, tilt_deg: tuple[float, float], turns_per_s: float, rays: float
 ) -> Scanner:
     return Scanner(
         position_m=(-1.05, left_m, height_m),
@@ -125,8 +125,8 @@ def _thinned(
 ) -> tuple[Scanner, ...]:
     """Return the scanners with as many beams per turn as give the wanted density (about half come back)."""
     lines_per_m = len(scanners) * len(passes) * scanners[0].turns_per_s / passes[0].speed_mps
-    rays = int(np.clip(points_per_m / (0.5 * lines_per_m), 100, 20_000))
-    return tuple(replace(s, rays_per_turn=rays) for s in scanners)
+    rays = float(np.clip(points_per_m / (0.5 * lines_per_m), 100.0, 20_000.0))
+    return tuple(replace(s, rays_per_turn=np.floor(rays) + s.rays_per_turn % 1.0) for s in scanners)
 
 
 def _sensor(rng: np.random.Generator) -> Sensor:

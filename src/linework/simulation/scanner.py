@@ -17,6 +17,8 @@ from linework.simulation.scenario import Scanner
 
 #: Beams at a time: what the arrays of a batch need stays under 100 MB.
 _BATCH = 200_000
+#: Directions that are told apart between two pulses.
+_FINER = 64
 #: How often a beam may go on through leaves, mesh and glass.
 _MAX_LAYERS = 4
 #: The van's own body in its frame: beams through it are lost. (x, y, z from; to) [m]
@@ -150,15 +152,17 @@ def scan(
     caster: Caster, drive: Drive, scanner: Scanner, max_range_m: float, i_pass: int, rng: np.random.Generator
 ) -> Iterator[Hits]:
     """Yield the hits of one scanner in one pass, batch after batch in time order."""
-    profile = _profile(scanner)
+    n_directions = _FINER * int(scanner.rays_per_turn)
+    profile = _profile(scanner, n_directions)
     outside = ~_meets_van(np.asarray(scanner.position_m), profile)
     rate = scanner.turns_per_s * scanner.rays_per_turn
     n = int((drive.time_s[-1] - drive.time_s[0]) * rate)
     for first in range(0, n, _BATCH):
         k = np.arange(first, min(first + _BATCH, n))
-        k = k[outside[k % scanner.rays_per_turn]]
+        turn = (np.mod(k / scanner.rays_per_turn, 1.0) * n_directions).astype(np.int64)
+        k, turn = k[outside[turn]], turn[outside[turn]]
         time = drive.time_s[0] + k / rate
-        origin, direction = _cast_off(drive, scanner, time, profile[k % scanner.rays_per_turn])
+        origin, direction = _cast_off(drive, scanner, time, profile[turn])
         ray, triangle, reach = caster.cast(origin, direction, max_range_m, i_pass, rng)
         origin, direction, time = origin[ray], direction[ray], time[ray]
         place, cosine = caster.detail(origin + direction * reach[:, None], direction, triangle)
@@ -166,14 +170,14 @@ def scan(
         yield Hits(time, origin, direction, reach, triangle, place, cosine, error)
 
 
-def _profile(scanner: Scanner) -> FloatArray:
-    """Return the (rays_per_turn, 3) directions of one turn of the mirror, vehicle frame."""
+def _profile(scanner: Scanner, n: int) -> FloatArray:
+    """Return (n, 3) directions evenly around one turn of the mirror, vehicle frame."""
     yaw, pitch = np.radians(scanner.yaw_deg), np.radians(scanner.pitch_deg)
     # The profile's plane: across the scanner's axis (x turned by yaw, lowered by pitch, so that the
     # beams that go down go backwards, clear of the van)
     side = np.array([-np.sin(yaw), np.cos(yaw), 0.0])
     up = np.array([np.cos(yaw) * np.sin(pitch), np.sin(yaw) * np.sin(pitch), np.cos(pitch)])
-    turn = 2.0 * np.pi * np.arange(scanner.rays_per_turn) / scanner.rays_per_turn
+    turn = 2.0 * np.pi * np.arange(n) / n
     return np.asarray(np.cos(turn)[:, None] * up + np.sin(turn)[:, None] * side)
 
 

@@ -182,13 +182,17 @@ class Gantry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scanner:
-    """A profile scanner: position in the vehicle frame; its axis is x turned by yaw, then lowered by pitch."""
+    """A profile scanner: position in the vehicle frame; its axis is x turned by yaw, then lowered by pitch.
+
+    `rays_per_turn` is no whole number: pulses are not locked to the mirror, so that successive turns do not
+    look in the same directions (a wire along the road would be met by every turn or by none).
+    """
 
     position_m: tuple[float, float, float]
     yaw_deg: float
     pitch_deg: float
     turns_per_s: float
-    rays_per_turn: int
+    rays_per_turn: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
