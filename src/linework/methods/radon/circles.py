@@ -62,6 +62,8 @@ class Bins:
         (n, 4) float64 [m]: x, y from `origin`, z above it, height above road; in order of bins.
     origin
         (3,) float64 [m, world].
+    n_most
+        Points in the fullest bin.
     """
 
     points: FloatArray
@@ -70,12 +72,12 @@ class Bins:
     n_y: int
     cell_m: float
     origin: FloatArray
+    n_most: int = 1
 
     @property
     def work(self) -> FloatArray:
         """A buffer that holds all points of a box of a few metres."""
-        most = int(np.max(np.diff(self.starts), initial=1))
-        return np.empty((64 * most, 4))
+        return np.empty((64 * self.n_most, 4))
 
 
 def bin_near(xyz: FloatArray, height_m: Float32Array, binary: Image) -> Bins:
@@ -100,7 +102,8 @@ def bin_points(xyz: FloatArray, height_m: Float32Array, index: AnyArray, cell_m:
     n_x, n_y = (int(v // cell_m) + 1 for v in local[:, :2].max(axis=0))
     order, starts = kernels.bin_order(local[:, 0], local[:, 1], cell_m, n_x, n_y)
     points = np.concatenate([local, height_m[index, None]], axis=1)[order]
-    return Bins(np.ascontiguousarray(points), starts, n_x, n_y, cell_m, origin)
+    n_most = int(np.max(np.diff(starts), initial=1))
+    return Bins(np.ascontiguousarray(points), starts, n_x, n_y, cell_m, origin, n_most)
 
 
 def find_starts(segments: Segments, bins: Bins, config: CircleConfig) -> FloatArray:
