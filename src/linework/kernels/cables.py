@@ -100,93 +100,100 @@ def near_segment(
 
 @njit(cache=True, nogil=True)
 def slice_peak(
-    s: Array, z: Array, slopes: Array, curvatures: Array, bin_m: float
-) -> tuple[float, float, float, float]:
-    """Return (votes, height at 0, slope, curvature) of the hanging curve that most cells of a slice lie on.
+    s: Array, z: Array, weight: Array, slopes: Array, curvatures: Array, bin_m: float
+) -> tuple[float, float, float]:
+    """Return (height at 0, slope, curvature) of the hanging curve that most cells of a slice lie on.
 
-    A Radon transform of the vertical slice with one more parameter, the curvature: each cell votes for
-    the height z - m s - k s^2 / 2. Two neighbouring bins count together, so that no curve falls between.
+    A Radon transform of the vertical slice with one more parameter, the curvature: each cell votes with its
+    weight for the height z - m s - k s^2 / 2. Two neighbouring bins count together, so that no curve falls
+    between.
     """
-    best = (0.0, 0.0, 0.0, 0.0)
-    if len(s) == 0:
-        return best
+    top, best = 0.0, (0.0, 0.0, 0.0)
     bend = 0.5 * curvatures.max() * max(s.max() ** 2, s.min() ** 2)
     tilt = np.abs(slopes).max() * max(abs(s.max()), abs(s.min()))
     lowest = z.min() - tilt - bend
     n_bins = int((z.max() + tilt - lowest) / bin_m) + 3
-    votes = np.zeros(n_bins, np.int32)
+    votes = np.zeros(n_bins)
     for k in curvatures:
         for m in slopes:
-            votes[:] = 0
+            votes[:] = 0.0
             for i in range(len(s)):
-                votes[int((z[i] - m * s[i] - 0.5 * k * s[i] * s[i] - lowest) / bin_m)] += 1
+                votes[int((z[i] - m * s[i] - 0.5 * k * s[i] * s[i] - lowest) / bin_m)] += weight[i]
             for b in range(n_bins - 1):
-                if votes[b] + votes[b + 1] > best[0]:
-                    best = (float(votes[b] + votes[b + 1]), lowest + (b + 1) * bin_m, m, k)
+                if votes[b] + votes[b + 1] > top:
+                    top = votes[b] + votes[b + 1]
+                    best = (lowest + (b + 1) * bin_m, m, k)
     return best
 
 
 @njit(cache=True, nogil=True)
-def grow(s: Array, o: Array, z: Array, member: Array, gates: Array, max_gap: float) -> Array:
+def grow(s: Array, o: Array, z: Array, member: Array, gates: Array, ring: float, max_gap: float) -> Array:
     """Follow a wire along its line in both directions and return which points belong to it.
 
     A parabola z(s) and a straight o(s) are fitted to all members so far; they predict the next stretch, a
-    quarter of the length known; points within the gate join. It stops where `max_gap` holds no point.
+    quarter of the length known; points within the gate join. It stops where `max_gap` holds no point, and
+    where the ring about it holds more points than the tube: in a crown, and in a bundle that it crosses.
 
     Points are sorted by s. `gates` is (floor, ceiling) of the gate [m]; in between it is four standard
     deviations of the members about their fit and of the prediction.
     """
     member = member.copy()
-    n = len(s)
-    done_low, done_high = False, False
+    done = [False, False]
     for _ in range(400):
-        low, high, centre, fit, cofactor, sigma_z, sigma_o = _parabola(s, o, z, member)
-        if high - low < 1e-6:
+        fit = _parabola(s, o, z, member)
+        if fit[1] - fit[0] < 1e-6 or (done[0] and done[1]):
             break
-        if done_low and done_high:
-            break
-        step = min(max(0.25 * (high - low), 2.0), max_gap)
+        step = min(max(0.25 * (fit[1] - fit[0]), 2.0), max_gap)
         for side in range(2):
-            if (done_low, done_high)[side]:
-                continue
-            edge = low if side == 0 else high
-            grown = False
             reach = step
-            while not grown:
-                for i in range(n):
-                    ahead = edge - s[i] if side == 0 else s[i] - edge
-                    if 0.0 < ahead <= reach and not member[i]:
-                        u = s[i] - centre
-                        spread = math.sqrt(_variance(cofactor, u))
-                        gate = min(max(4.0 * sigma_z * math.sqrt(1.0 + spread * spread), gates[0]), gates[1])
-                        gate_o = min(
-                            max(4.0 * sigma_o * math.sqrt(1.0 + spread * spread), gates[0]), gates[1]
-                        )
-                        dz = z[i] - (fit[0] + fit[1] * u + fit[2] * u * u)
-                        do = o[i] - (fit[3] + fit[4] * u)
-                        if abs(dz) <= gate and abs(do) <= gate_o:
-                            member[i] = True
-                            grown = True
-                if reach >= max_gap:
+            while not done[side]:
+                joined, around = _stretch(s, o, z, member, fit, side, reach, gates, ring)
+                if around > len(joined):
+                    done[side] = True
+                elif len(joined) > 0:
+                    for i in joined:
+                        member[i] = True
                     break
+                elif reach >= max_gap:
+                    done[side] = True
                 reach = min(2.0 * reach, max_gap)
-            if not grown:
-                if side == 0:
-                    done_low = True
-                else:
-                    done_high = True
         # those that the better fit no longer explains leave
-        low, high, centre, fit, cofactor, sigma_z, sigma_o = _parabola(s, o, z, member)
-        gate = min(max(4.0 * sigma_z, gates[0]), gates[1])
+        low, high, centre, curve, _, sigma_z, sigma_o = _parabola(s, o, z, member)
+        gate_z = min(max(4.0 * sigma_z, gates[0]), gates[1])
         gate_o = min(max(4.0 * sigma_o, gates[0]), gates[1])
-        for i in range(n):
+        for i in range(len(s)):
             if low <= s[i] <= high:
                 u = s[i] - centre
                 member[i] = (
-                    abs(z[i] - (fit[0] + fit[1] * u + fit[2] * u * u)) <= gate
-                    and abs(o[i] - (fit[3] + fit[4] * u)) <= gate_o
+                    abs(z[i] - (curve[0] + curve[1] * u + curve[2] * u * u)) <= gate_z
+                    and abs(o[i] - (curve[3] + curve[4] * u)) <= gate_o
                 )
     return member
+
+
+@njit(cache=True, nogil=True)
+def _stretch(
+    s: Array, o: Array, z: Array, member: Array, fit: Any, side: int, reach: float, gates: Array, ring: float
+) -> tuple[Array, int]:
+    """Return the points that join in the next `reach` metres, and how many lie in the ring about them."""
+    low, high, centre, curve, cofactor, sigma_z, sigma_o = fit
+    joined = np.empty(len(s), np.int64)
+    n, around = 0, 0
+    for i in range(len(s)):
+        ahead = low - s[i] if side == 0 else s[i] - high
+        if 0.0 < ahead <= reach and not member[i]:
+            u = s[i] - centre
+            wide = 4.0 * math.sqrt(1.0 + _variance(cofactor, u))
+            gate_z = min(max(wide * sigma_z, gates[0]), gates[1])
+            gate_o = min(max(wide * sigma_o, gates[0]), gates[1])
+            dz = z[i] - (curve[0] + curve[1] * u + curve[2] * u * u)
+            do = o[i] - (curve[3] + curve[4] * u)
+            if abs(dz) <= gate_z and abs(do) <= gate_o:
+                joined[n] = i
+                n += 1
+            elif 1.25 * max(gate_z, gate_o) < math.hypot(dz, do) <= ring:
+                around += 1
+    return joined[:n], around
 
 
 @njit(cache=True, nogil=True)
@@ -200,13 +207,16 @@ def settle(
     wires comes to rest on one of them.
     """
     member = np.zeros(len(s), np.bool_)
-    n_bins = 2 * math.ceil(np.abs(o).max() / 0.05) + 4
+    half = 0.5 * gate
+    n_bins = 2 * math.ceil(np.abs(o).max() / half) + 4
     agree = np.zeros(n_bins, np.int32)
     last = np.full(n_bins, -(10**9), np.int64)
     for i in range(len(s)):
-        member[i] = free[i] and abs(z[i] - curve[0] - curve[1] * s[i] - 0.5 * curve[2] * s[i] * s[i]) <= 0.16
+        member[i] = (
+            free[i] and abs(z[i] - curve[0] - curve[1] * s[i] - 0.5 * curve[2] * s[i] * s[i]) <= 1.6 * gate
+        )
         if member[i]:
-            b = math.floor(o[i] / 0.05) + n_bins // 2
+            b = math.floor(o[i] / half) + n_bins // 2
             half_metre = math.floor(2.0 * s[i])
             if last[b] != half_metre:
                 agree[b] += 1
@@ -216,7 +226,7 @@ def settle(
         total = agree[b - 1] + 2 * agree[b] + agree[b + 1]
         if total > top:
             top, at = total, b
-    offset = (at - n_bins // 2 + 0.5) * 0.05
+    offset = (at - n_bins // 2 + 0.5) * half
     for i in range(len(s)):
         member[i] = member[i] and abs(o[i] - offset) <= 2.0 * gate
     for narrow in (1.5, 1.2, 1.0, 0.8, 0.65, 0.5, 0.5, 0.5):

@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linework.lines.catenary import CatenaryFit, fit_catenary
+from linework.kernels import cable_fit as kernels
+from linework.lines.catenary import Catenary, CatenaryFit, fit_catenary
 from linework.methods.radon.cable_band import Band
-from linework.methods.radon.cable_follow import LEAST_TUBE_M, RING_M, Plan
+from linework.methods.radon.cable_follow import Plan
+from linework.methods.radon.cable_widths import Widths
 from linework.model.arrays import BoolArray, FloatArray, IntArray
 
-#: Tukey's constant: residuals beyond this many deviations weigh nothing, 95 % efficient on Gaussian noise.
-TUKEY = 4.685
-#: 1.4826 makes the median absolute deviation a standard deviation for Gaussian noise.
-MAD = 1.4826
 #: What lies beyond a gap of this length [m], or this many usual gaps, must be a stretch of this length [m]
 #: half as often hit as the wire itself.
 TAIL_GAP_M, TAIL_GAPS, TAIL_LONG_M = 3.0, 3.0, 2.0
-#: Points are looked at out to here in plan and in height. [m]
-ROUND_M = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +36,8 @@ class Wire:
         (n,) int64: its points, numbers in the band, by rising station.
     sigma_o_m
         Standard deviation of a point's offset. [m]
+    widths
+        What it was looked for with.
     """
 
     plan: Plan
@@ -48,6 +46,7 @@ class Wire:
     high_m: float
     members: IntArray
     sigma_o_m: float
+    widths: Widths
 
     @property
     def length_m(self) -> float:
@@ -57,7 +56,8 @@ class Wire:
     @property
     def gate_m(self) -> float:
         """How far from the axis a point of the wire may lie: four deviations across. [m]."""
-        return max(4.0 * max(self.sigma_o_m, self.fit.sigma_m), LEAST_TUBE_M)
+        width = 4.0 * max(self.sigma_o_m, self.fit.sigma_m)
+        return min(max(width, self.widths.tube_m), self.widths.gate_m)
 
     def residuals(self, xyz: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return (n,) stations, offsets and heights above the wire [m] of (n, 3) points."""
@@ -69,15 +69,15 @@ class Wire:
         return np.column_stack([self.plan.places(station_m), self.fit.curve.height_at(station_m)])
 
 
-def fit_wire(band: Band, members: IntArray, gate_m: float) -> Wire | None:
+def fit_wire(band: Band, members: IntArray, widths: Widths) -> Wire | None:
     """Fit a wire to points, collect the points on it anew from the whole band, and fit again.
 
     Parameters
     ----------
     members
         (n,) int64: points to start from, numbers in the band.
-    gate_m
-        Widest gate across the wire.
+    widths
+        Lengths across a wire.
 
     Returns
     -------
@@ -86,64 +86,52 @@ def fit_wire(band: Band, members: IntArray, gate_m: float) -> Wire | None:
 
     Notes
     -----
-    The last fit depends on the points on the wire alone, not on how they were found.
+    The last fit depends on the points on the wire alone, not on how they were found. While they are
+    collected a parabola does; it leaves a catenary of 40 m that sags 1 m by 0.2 mm.
     """
-    wire = None
     for _ in range(3):
         if len(members) < 4:
             return None
-        wire = _fitted(band.xyz[members], members)
-        collected = _on_wire(band, wire, min(wire.gate_m, gate_m))
+        wire = _fitted(band.xyz[members], members, widths)
+        collected = _on_wire(band, wire)
         if np.array_equal(collected, wire.members):
             break
         members = collected
-    return wire
+    return _fitted(band.xyz[members], members, widths) if len(members) >= 4 else None
 
 
-def _fitted(xyz: FloatArray, members: IntArray) -> Wire:
-    plan, sigma_o, weights = _plan_line(xyz[:, :2])
+def exact(band: Band, wire: Wire) -> Wire:
+    """Return the wire with the catenary itself fitted to its points."""
+    xyz = band.xyz[wire.members]
+    s, o, dz = wire.residuals(xyz)
+    least = wire.widths.sigma_m
+    weights = kernels.tukey(o, max(wire.sigma_o_m, least)) * kernels.tukey(dz, max(wire.fit.sigma_m, least))
+    if np.count_nonzero(weights) < 4:
+        return wire
+    straight = wire.fit.curve.curvature_per_m <= 0.0  # a wire pulls, it never pushes
+    return replace(wire, fit=fit_catenary(s, xyz[:, 2], weights, straight=straight))
+
+
+def _fitted(xyz: FloatArray, members: IntArray, widths: Widths) -> Wire:
+    x, y, z = (np.ascontiguousarray(column) for column in xyz.T)
+    x0, y0, ux, uy, sigma_o, weights = kernels.robust_line(x, y, widths.sigma_m)
+    plan = Plan(x0, y0, ux, uy)
     s, _ = plan.stations(xyz[:, :2])
-    fit = fit_catenary(s, xyz[:, 2], weights)
-    for _ in range(4):
-        residual = xyz[:, 2] - fit.curve.height_at(s)
-        sigma = max(MAD * float(np.median(np.abs(residual))), 1e-3)
-        w = weights * _tukey(residual, sigma)
-        fit = fit_catenary(s, xyz[:, 2], w if np.count_nonzero(w) >= 4 else weights)
-    if fit.curve.curvature_per_m <= 0.0:  # a wire pulls, it never pushes
-        fit = fit_catenary(s, xyz[:, 2], w if np.count_nonzero(w) >= 4 else weights, straight=True)
+    centre, curve, cofactor, sigma_z, _ = kernels.robust_parabola(s, z, weights, widths.sigma_m)
+    hang = Catenary(centre, curve[0], curve[1], max(2.0 * curve[2] / math.hypot(1.0, curve[1]), 0.0))
+    cofactor = cofactor * np.outer((1.0, 1.0, 2.0), (1.0, 1.0, 2.0))
     order = np.lexsort((xyz[:, 2], xyz[:, 1], s))
-    return Wire(plan, fit, float(s.min()), float(s.max()), members[order], sigma_o)
-
-
-def _plan_line(xy: FloatArray) -> tuple[Plan, float, FloatArray]:
-    """Return the orthogonal robust line through (n, 2) points, the deviation across, and the weights."""
-    weights = np.ones(len(xy))
-    for _ in range(5):
-        centre = weights @ xy / weights.sum()
-        d = xy - centre
-        _, axes = np.linalg.eigh((d * weights[:, None]).T @ d)
-        u = axes[:, 1] if (axes[0, 1], axes[1, 1]) > (0.0, 0.0) else -axes[:, 1]
-        plan = Plan(float(centre[0]), float(centre[1]), float(u[0]), float(u[1]))
-        _, o = plan.stations(xy)
-        sigma = max(MAD * float(np.median(np.abs(o))), 1e-3)
-        weights = _tukey(o, sigma)
-        if np.count_nonzero(weights) < 4:
-            weights = np.ones(len(xy))
-    return plan, sigma, weights
-
-
-def _tukey(residual: FloatArray, sigma: float) -> FloatArray:
-    x = np.clip(np.abs(residual) / (TUKEY * sigma), 0.0, 1.0)
-    weights: FloatArray = (1.0 - x * x) ** 2
-    return weights
+    fit = CatenaryFit(hang, cofactor, sigma_z)
+    return Wire(plan, fit, float(s.min()), float(s.max()), members[order], sigma_o, widths)
 
 
 def _line_of(plan: Plan, low_m: float, high_m: float) -> FloatArray:
     return np.array([plan.x, plan.y, plan.ux, plan.uy, low_m, high_m])
 
 
-def _on_wire(band: Band, wire: Wire, gate_m: float) -> IntArray:
+def _on_wire(band: Band, wire: Wire) -> IntArray:
     """Return the band's points within the gate of a wire and half a metre beyond its ends, by station."""
+    gate_m = wire.gate_m
     near = band.near(_line_of(wire.plan, wire.low_m - 0.5, wire.high_m + 0.5), gate_m)
     s, o, dz = wire.residuals(band.xyz[near])
     on = np.hypot(o, dz) <= gate_m
@@ -194,6 +182,9 @@ class Surroundings:
         Share of these with points in the ring about it, more than every third of those on it.
     crowded
         Share of these with other points within 0.6 m that are no wire's.
+    even
+        How evenly the points are spread over its metres, 0 to 1: (sum of r)^2 / sum of r^2 over the number
+        of metres, r the root of a metre's points.
     wavy_m
         Root mean square of the mean residuals of its metres: what the catenary does not explain.
     """
@@ -202,6 +193,7 @@ class Surroundings:
     occupied: float
     ringed: float
     crowded: float
+    even: float
     wavy_m: float
 
 
@@ -213,7 +205,7 @@ def surroundings(band: Band, wire: Wire, of_wire: BoolArray) -> Surroundings:
     of_wire
         (n,) bool: points of the band that belong to any wire: they do not crowd.
     """
-    near = band.near(_line_of(wire.plan, wire.low_m, wire.high_m), ROUND_M)
+    near = band.near(_line_of(wire.plan, wire.low_m, wire.high_m), wire.widths.crowd_m)
     s, o, dz = wire.residuals(band.xyz[near])
     r = np.hypot(o, dz)
     metre = np.floor(s - wire.low_m).astype(np.int64)
@@ -223,8 +215,8 @@ def surroundings(band: Band, wire: Wire, of_wire: BoolArray) -> Surroundings:
         return np.bincount(metre[chosen], minlength=n_metres + 1)[:n_metres].astype(np.float64)
 
     on = count(r <= wire.gate_m)
-    ring = count((r > 1.25 * wire.gate_m) & (r <= max(RING_M, 2.0 * wire.gate_m)))
-    others = count((r > 1.25 * wire.gate_m) & (r <= ROUND_M) & ~of_wire[near])
+    ring = count((r > 1.25 * wire.gate_m) & (r <= wire.widths.ring_m))
+    others = count((r > 1.25 * wire.gate_m) & (r <= wire.widths.crowd_m) & ~of_wire[near])
     has = on > 0
     n_has = max(int(has.sum()), 1)
     return Surroundings(
@@ -232,6 +224,7 @@ def surroundings(band: Band, wire: Wire, of_wire: BoolArray) -> Surroundings:
         occupied=float(has.mean()),
         ringed=float((has & (ring > on / 3.0)).sum() / n_has),
         crowded=float((has & (others > 0)).sum() / n_has),
+        even=float(np.sqrt(on).sum() ** 2 / max(on.sum(), 1.0) / n_metres),
         wavy_m=_wavy(metre, o, dz, r <= wire.gate_m, n_metres),
     )
 
@@ -251,36 +244,17 @@ def split_at_kink(band: Band, wire: Wire, least_m: float) -> tuple[IntArray, Int
     Notes
     -----
     Two parabolas with any break fit better than one; they must halve the sum of squares, and the wire must
-    turn down at the break, as it does over a support. The break is searched at steps of half a metre.
+    turn down at the break, as it does over a support.
     """
     xyz = band.xyz[wire.members]
     s, _ = wire.plan.stations(xyz[:, :2])
-    z = xyz[:, 2] - wire.fit.curve.height_at(s)
-    u = (s - wire.low_m) / max(wire.length_m, 1e-6) * 2.0 - 1.0
-    moments = np.cumsum(
-        np.stack([u**k for k in range(5)] + [z * u**k for k in range(3)] + [z * z], axis=1), axis=0
-    )
-    whole = moments[-1]
-    best = (math.inf, 0)
-    breaks = np.searchsorted(s, np.arange(wire.low_m + least_m, wire.high_m - least_m, 0.5))
-    for i in np.unique(breaks):
-        if 6 <= i <= len(s) - 6:
-            squares = _residual_squares(moments[i - 1]) + _residual_squares(whole - moments[i - 1])
-            best = min(best, (squares, int(i)))
-    if not math.isfinite(best[0]) or best[0] > 0.5 * _residual_squares(whole):
+    i, share = kernels.best_break(s, xyz[:, 2] - wire.fit.curve.height_at(s), least_m, 0.5, 6)
+    if share > 0.5:
         return None
-    i = best[1]
+    one = np.ones(len(s))
     left, right = (
-        np.polynomial.Polynomial.fit(s[part], xyz[part, 2], 2) for part in (slice(i), slice(i, None))
+        kernels.robust_parabola(s[part], xyz[part, 2], one[part], wire.widths.sigma_m)
+        for part in (slice(i), slice(i, None))
     )
-    if right.deriv()(s[i]) >= left.deriv()(s[i]):
-        return None
-    return wire.members[:i], wire.members[i:]
-
-
-def _residual_squares(moments: FloatArray) -> float:
-    """Return the sum of squares about the parabola with these sums of u^0..u^4, z u^0..z u^2, z^2."""
-    normal = np.array([moments[0:3], moments[1:4], moments[2:5]])
-    right = moments[5:8]
-    solution = np.linalg.lstsq(normal, right, rcond=1e-12)[0]
-    return max(float(moments[8] - solution @ right), 0.0)
+    falls = [fit[1][1] + 2.0 * fit[1][2] * (s[i] - fit[0]) for fit in (left, right)]
+    return (wire.members[:i], wire.members[i:]) if falls[1] < falls[0] else None

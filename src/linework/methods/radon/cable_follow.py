@@ -9,11 +9,9 @@ import numpy as np
 
 from linework.kernels import cables as kernels
 from linework.methods.radon.cable_seeds import Seed
+from linework.methods.radon.cable_widths import Widths
 from linework.model.arrays import BoolArray, FloatArray, IntArray
 
-#: Half width [m] of the slice through a seed line: a cell, the angle's half step at the window's end, and
-#: half the distance of wires that share a seed.
-SLICE_M = 0.5
 #: A slice's cells [m]: one vote per half metre of wire, however many points hit it.
 ALONG_M, UP_M, ACROSS_M = 0.5, 0.1, 0.2
 #: Slopes and curvatures that the slice is searched for. Half a step
@@ -21,21 +19,16 @@ ALONG_M, UP_M, ACROSS_M = 0.5, 0.1, 0.2
 #: 0.02 per m is a wire of 30 m that sags 2.2 m; a 15 m drop line to a house may rise by a third.
 SLOPES = np.arange(-35, 36) * 0.01
 CURVATURES = np.array([0.0, 0.0015, 0.004, 0.008, 0.014, 0.022])
-VOTE_BIN_M = 0.08
 #: A curve in the slice needs this many votes, half metres of wire, ...
 LEAST_VOTES = 7
 #: ... over this length [m], to be looked at further, ...
-LEAST_SEEN_M = 5.0
+LEAST_SEEN_M = 4.0
 #: ... and a slice is given up after this many curves in a row that are no wires: leaves make no end of them.
 MOST_FAILURES = 3
-#: Least gate across a wire [m]: it has a thickness of its own, 1 to 3 cm, and hits lie anywhere on it.
-LEAST_TUBE_M = 0.025
-#: Around a wire out to here there is nothing, not even the next wire (from 0.3 m), less its noise. [m]
-RING_M = 0.22
 #: A wire has points in this share of its metres at least, ...
 LEAST_OCCUPIED = 0.35
 #: ... and in this share of them at most the ring about it holds more than a third as many as the wire.
-MOST_RINGED = 0.3
+MOST_RINGED = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +61,7 @@ class Plan:
 
 
 def follow_seed(
-    xyz: FloatArray, free: BoolArray, seed: Seed, *, gate_m: float, max_gap_m: float
+    xyz: FloatArray, free: BoolArray, seed: Seed, *, widths: Widths, max_gap_m: float
 ) -> list[IntArray]:
     """Return the points of each wire that passes through the slice of a seed line.
 
@@ -78,8 +71,8 @@ def follow_seed(
         (n, 3) float64 [m]: lonely points.
     free
         (n,) bool: not yet part of a wire.
-    gate_m
-        Widest gate across a wire.
+    widths
+        Lengths across a wire.
     max_gap_m
         A wire is followed over stretches this long without a point.
 
@@ -89,22 +82,21 @@ def follow_seed(
         Points of each wire, as followed beyond the window. What is no wire stays in it: the tests follow.
     """
     plan = Plan(seed.x, seed.y, seed.ux, seed.uy)
-    near, s, o, z = _slice(xyz, plan, (-seed.half_m * math.sqrt(2.0), seed.half_m * math.sqrt(2.0)))
+    near, s, o, z = _slice(xyz, plan, widths.slice_m, seed.half_m * math.sqrt(2.0))
     left = free[near]
-    gates = np.array([LEAST_TUBE_M, gate_m])
     wires: list[IntArray] = []
     failed = 0
     while failed < MOST_FAILURES and np.count_nonzero(left) >= LEAST_VOTES:
-        curve = _best_curve(s, o, z, left)
+        curve = _best_curve(s, o, z, left, widths.vote_m)
         if curve is None:
             break
-        member = kernels.settle(s, o, z, left, curve, gate_m)
+        member = kernels.settle(s, o, z, left, curve, widths.gate_m)
         failed += 1
         left &= ~member
         if not np.any(member):
             break
-        if _thin(s, o, z, member, gates, LEAST_SEEN_M):
-            grown = _grown(xyz, free, plan, (s[member], o[member]), near[member], gates, max_gap_m)
+        if _thin(s, o, z, member, widths):
+            grown = _grown(xyz, free, plan, (s[member], o[member]), near[member], widths, max_gap_m)
             if len(grown):
                 failed = 0
                 left &= ~np.isin(near, grown)
@@ -113,36 +105,41 @@ def follow_seed(
 
 
 def _slice(
-    xyz: FloatArray, plan: Plan, between: tuple[float, float]
+    xyz: FloatArray, plan: Plan, half_width_m: float, half_length_m: float
 ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
     """Return the points about a line in plan, by station: their numbers, stations, offsets and heights."""
     s, o = plan.stations(xyz[:, :2])
-    near = np.flatnonzero((np.abs(o) <= SLICE_M) & (s >= between[0]) & (s <= between[1]))
+    near = np.flatnonzero((np.abs(o) <= half_width_m) & (np.abs(s) <= half_length_m))
     near = near[np.lexsort((xyz[near, 2], o[near], s[near]))]
     return near, s[near], o[near], xyz[near, 2]
 
 
 def _best_curve(
-    s: FloatArray, o: FloatArray, z: FloatArray, left: BoolArray
+    s: FloatArray, o: FloatArray, z: FloatArray, left: BoolArray, vote_m: float
 ) -> tuple[float, float, float] | None:
-    """Return the curve that has most votes in the slice, or None where none has enough."""
+    """Return the curve that has most votes in the slice, or None where none has enough.
+
+    Every half metre has one vote, shared by its cells: a wall or a crown in the slice has no more than a wire.
+    """
     chosen = np.flatnonzero(left)
-    cell = (
-        np.floor(s[chosen] / ALONG_M) * 1e8
-        + np.floor(z[chosen] / UP_M) * 1e3
-        + np.floor(o[chosen] / ACROSS_M)
-    )
+    half_metre = np.floor(s[chosen] / ALONG_M).astype(np.int64)
+    cell = half_metre * 1e8 + np.floor(z[chosen] / UP_M) * 1e3 + np.floor(o[chosen] / ACROSS_M)
     _, first = np.unique(cell, return_index=True)
-    voters = chosen[first]
-    votes, z0, slope, curvature = kernels.slice_peak(s[voters], z[voters], SLOPES, CURVATURES, VOTE_BIN_M)
-    return (z0, slope, curvature) if votes >= LEAST_VOTES else None
+    voters, half_metre = chosen[first], half_metre[first] - half_metre.min()
+    weight = 1.0 / np.bincount(half_metre)[half_metre]
+    curve: tuple[float, float, float] = kernels.slice_peak(
+        s[voters], z[voters], weight, SLOPES, CURVATURES, vote_m
+    )
+    at = s[voters]
+    near = np.abs(z[voters] - curve[0] - curve[1] * at - 0.5 * curve[2] * at * at) <= vote_m
+    return curve if len(np.unique(half_metre[near])) >= LEAST_VOTES else None
 
 
-def _thin(
-    s: FloatArray, o: FloatArray, z: FloatArray, member: BoolArray, gates: FloatArray, least_m: float
-) -> bool:
-    length, occupied, ringed = kernels.thinness(s, o, z, member, gates, RING_M)
-    return bool(length >= least_m and occupied >= LEAST_OCCUPIED and ringed <= MOST_RINGED)
+def _thin(s: FloatArray, o: FloatArray, z: FloatArray, member: BoolArray, widths: Widths) -> bool:
+    length, occupied, ringed = kernels.thinness(
+        s, o, z, member, np.array([widths.tube_m, widths.gate_m]), widths.ring_m
+    )
+    return bool(length >= LEAST_SEEN_M and occupied >= LEAST_OCCUPIED and ringed <= MOST_RINGED)
 
 
 def _grown(
@@ -151,19 +148,26 @@ def _grown(
     plan: Plan,
     known: tuple[FloatArray, FloatArray],
     members: IntArray,
-    gates: FloatArray,
+    widths: Widths,
     max_gap_m: float,
 ) -> IntArray:
     """Return the points of the wire far beyond its window: its direction is better known now."""
     slope, offset = np.polyfit(known[0], known[1], 1)
     line = plan.turned(float(offset), float(slope))
-    near, s, o, z = _slice(xyz, line, (-math.inf, math.inf))
+    near, s, o, z = _slice(xyz, line, widths.slice_m, math.inf)
     unclaimed = free[near]
     member = np.zeros(len(near), dtype=bool)
+    gates = np.array([widths.tube_m, widths.gate_m])
     member[unclaimed] = kernels.grow(
-        s[unclaimed], o[unclaimed], z[unclaimed], np.isin(near[unclaimed], members), gates, max_gap_m
+        s[unclaimed],
+        o[unclaimed],
+        z[unclaimed],
+        np.isin(near[unclaimed], members),
+        gates,
+        widths.ring_m,
+        max_gap_m,
     )
-    if not _thin(s, o, z, member, gates, LEAST_SEEN_M):
+    if not _thin(s, o, z, member, widths):
         return near[:0]
     grown: IntArray = near[member]
     return grown

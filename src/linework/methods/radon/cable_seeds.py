@@ -53,7 +53,7 @@ def find_cable_seeds(xy: FloatArray, *, window_m: float, cell_m: float) -> list[
     Windows lie on a fixed lattice, so that neighbouring tiles see the same ones.
     """
     cells = np.unique(np.floor(xy / cell_m).astype(np.int64), axis=0)
-    centres: FloatArray = (cells + 0.5) * cell_m
+    centres = np.asarray((cells + 0.5) * cell_m, dtype=np.float64)
     angles = evenly_spaced_angles(ANGLE_STEP_DEG)
     rho_max = window_m / math.sqrt(2.0)
     rho = rho_bins(rho_max, cell_m)

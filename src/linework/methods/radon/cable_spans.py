@@ -13,16 +13,15 @@ from linework.methods.radon.cable_band import Band
 from linework.methods.radon.cable_fit import Wire, fit_wire, main_run, split_at_kink
 from linework.model.arrays import BoolArray, FloatArray
 
-#: Pieces of one wire lie on one line in plan within this [m] where they face each other.
-SIDE_M = 0.15
 #: A hidden stretch may be as long as the visible pieces together, but no longer than this [m].
 MOST_HIDDEN_M = 40.0
-#: Two wires meet at a support when they are this near in height [m] there: three deviations of the height
-#: of a catenary that is carried a few metres on.
-MEET_M = 0.15
+#: Least share of points of its own: wires that part from 0.3 m share those where spans meet, no more.
+LEAST_OWN = 0.5
 #: How far a wire is carried on to its support [m]: hits are a metre apart at worst, insulators and the
 #: crossarm hide as much again.
 CARRY_M = 3.0
+#: How far it is carried on where no support is in sight [m]: what is within 1 m of a hit counts as seen.
+OPEN_M = 0.8
 #: How far a wire may have been followed past its support [m]: into the next span when that is taut.
 PAST_M = 6.0
 #: Wires on one support leave it in one direction within this angle [rad], and lie in this box [m].
@@ -40,13 +39,8 @@ class End(NamedTuple):
     out: FloatArray
 
 
-def join_pieces(band: Band, wires: list[Wire], gate_m: float) -> list[Wire]:
+def join_pieces(band: Band, wires: list[Wire]) -> list[Wire]:
     """Return the wires with those pieces joined that are one catenary of one span.
-
-    Parameters
-    ----------
-    gate_m
-        Widest gate across a wire.
 
     Notes
     -----
@@ -57,7 +51,7 @@ def join_pieces(band: Band, wires: list[Wire], gate_m: float) -> list[Wire]:
     while left:
         wire = left.pop(0)
         for other in [w for w in left if _one_line(wire, w)]:
-            joint = _joined(band, wire, other, gate_m)
+            joint = _joined(band, wire, other)
             if joint is not None:
                 wire = joint
                 left = [w for w in left if w is not other]
@@ -71,22 +65,40 @@ def _one_line(wire: Wire, other: Wire) -> bool:
     near = int(np.argmin(np.abs(s - (wire.low_m + wire.high_m) / 2.0)))
     hidden = max(float(s.min()) - wire.high_m, wire.low_m - float(s.max()))
     return bool(
-        np.abs(o).max() <= 4.0 * SIDE_M
-        and abs(o[near]) <= SIDE_M
-        and abs(dz[near]) <= max(SIDE_M, 0.03 * hidden)
+        np.abs(o).max() <= 4.0 * wire.widths.side_m
+        and abs(o[near]) <= wire.widths.side_m
+        and abs(dz[near]) <= max(wire.widths.side_m, 0.03 * hidden)
         and hidden <= min(MOST_HIDDEN_M, wire.length_m + other.length_m)
     )
 
 
-def _joined(band: Band, wire: Wire, other: Wire, gate_m: float) -> Wire | None:
+def _joined(band: Band, wire: Wire, other: Wire) -> Wire | None:
     members = np.union1d(wire.members, other.members)
-    joint = fit_wire(band, members, gate_m)
+    joint = fit_wire(band, members, wire.widths)
     if joint is None or len(np.intersect1d(joint.members, members)) < 0.9 * len(members):
         return None
     worst = max(wire.fit.sigma_m, other.fit.sigma_m)
     if joint.fit.sigma_m > 1.3 * worst + 0.002 or split_at_kink(band, joint, 3.0) is not None:
         return None
     return joint
+
+
+def without_mixtures(band: Band, wires: list[Wire]) -> list[Wire]:
+    """Return the wires without those that consist of pieces of others: a curve laid across a bundle.
+
+    The wire with the smallest share of points of its own goes first, until all have most for themselves.
+    """
+    kept = list(wires)
+    times = np.zeros(len(band.xyz), dtype=np.int64)
+    for w in kept:
+        times[w.members] += 1
+    while kept:
+        own = [float((times[w.members] == 1).mean()) for w in kept]
+        worst = int(np.argmin(own))
+        if own[worst] >= LEAST_OWN:
+            break
+        times[kept.pop(worst).members] -= 1
+    return kept
 
 
 def without_tails(band: Band, wires: list[Wire]) -> list[Wire]:
@@ -110,36 +122,59 @@ def without_tails(band: Band, wires: list[Wire]) -> list[Wire]:
     return kept
 
 
-def end_at_supports(band: Band, wires: list[Wire]) -> list[Wire]:
+def end_at_supports(band: Band, wires: list[Wire], min_length_m: float) -> list[Wire]:
     """Return the wires with their ends moved to where neighbouring spans meet, or to the pole.
+
+    Parameters
+    ----------
+    min_length_m
+        Shorter ones stay only if they hang on a support with a longer one: the edge of the survey, or what
+        hides a span, leaves such pieces.
 
     Notes
     -----
     First wires of neighbouring spans are paired by where their lines or catenaries meet; then an end
-    without a partner takes the support of the wires beside it; then the pole that stands at its end.
+    without a partner takes the support of the wires beside it; then the pole that stands at its end. No
+    wire ends in the air: without any support it is carried on a little.
     """
-    limits = [[w.low_m, w.high_m] for w in wires]
+    wires = _with_partners(wires, min_length_m)
     ends = [_end(wires, i, side) for i in range(len(wires)) for side in (0, 1)]
-    settled: dict[tuple[int, int], FloatArray] = {}
-    for cost, a, b, place in sorted(_meetings(wires, ends), key=lambda m: m[:3]):
-        keys = [(ends[a].wire, ends[a].side), (ends[b].wire, ends[b].side)]
-        if math.isfinite(cost) and not any(k in settled for k in keys):
-            settled |= dict.fromkeys(keys, place)
-    met = dict(settled)
+    met = {(e.wire, e.side): place for pair, place in _met(wires, ends) for e in pair}
+    limits = [[w.low_m, w.high_m] for w in wires]
     for end in ends:
-        key = (end.wire, end.side)
-        if key not in settled:
-            beside = _support_of_bundle(wires, ends, met, end)
-            support = beside if beside is not None else _pole_at(band, wires[end.wire], end)
-            if support is not None:
-                settled[key] = support
-    for (i, side), place in settled.items():
-        limits[i][side] = float(wires[i].plan.stations(place[None])[0][0])
+        support = met.get((end.wire, end.side))
+        if support is None:
+            support = _support_of_bundle(wires, ends, met, end)
+        if support is None:
+            support = _pole_at(band, wires[end.wire], end)
+        if support is None:
+            support = end.xy + OPEN_M * end.out
+        limits[end.wire][end.side] = float(wires[end.wire].plan.stations(support[None])[0][0])
     return [
         replace(w, low_m=low, high_m=high)
         for w, (low, high) in zip(wires, limits, strict=True)
         if high - low > 1.0
     ]
+
+
+def _with_partners(wires: list[Wire], min_length_m: float) -> list[Wire]:
+    """Return the wires that are long enough, and those that meet such a wire at a support."""
+    ends = [_end(wires, i, side) for i in range(len(wires)) for side in (0, 1)]
+    long = [w.length_m >= min_length_m for w in wires]
+    partner = {a.wire for (a, b), _ in _met(wires, ends) if long[b.wire]}
+    partner |= {b.wire for (a, b), _ in _met(wires, ends) if long[a.wire]}
+    return [w for i, w in enumerate(wires) if long[i] or i in partner]
+
+
+def _met(wires: list[Wire], ends: list[End]) -> list[tuple[tuple[End, End], FloatArray]]:
+    """Return the pairs of ends that hang on one support, and where; the nearest pairs first."""
+    taken: set[int] = set()
+    pairs = []
+    for _, a, b, place in sorted(_meetings(wires, ends), key=lambda m: m[:3]):
+        if a not in taken and b not in taken:
+            taken |= {a, b}
+            pairs.append(((ends[a], ends[b]), place))
+    return pairs
 
 
 def _end(wires: list[Wire], i: int, side: int) -> End:
@@ -171,14 +206,14 @@ def _meeting(wire: Wire, other: Wire, end: End, end2: End) -> tuple[float, Float
         along = float(d[0] * end2.out[1] - d[1] * end2.out[0]) / cross
         places = [end.xy + along * end.out]
     else:
-        if abs(float(end.out[0] * d[1] - end.out[1] * d[0])) > 2.0 * SIDE_M:
+        if abs(float(end.out[0] * d[1] - end.out[1] * d[0])) > 2.0 * wire.widths.side_m:
             return None
         places = [end.xy + a * end.out for a in _height_meetings(wire, other, end, float(d @ end.out))]
     best: tuple[float, FloatArray] | None = None
     for place in places:
         on1, on2 = float((place - end.xy) @ end.out), float((place - end2.xy) @ end2.out)
         gap = abs(_height(wire, place) - _height(other, place))
-        if max(on1, on2) <= CARRY_M and min(on1, on2) >= -PAST_M and gap <= MEET_M:
+        if max(on1, on2) <= CARRY_M and min(on1, on2) >= -PAST_M and gap <= wire.widths.side_m:
             cost = abs(on1) + abs(on2) + 10.0 * gap
             if best is None or cost < best[0]:
                 best = (cost, place)
@@ -213,7 +248,8 @@ def _support_of_bundle(
         place = met.get((other.wire, other.side))
         if place is None or float(other.out @ end.out) < math.cos(BUNDLE_RAD):
             continue
-        on, aside = float((place - end.xy) @ end.out), abs(float(np.cross(end.out, place - end.xy)))
+        off = place - end.xy
+        on, aside = float(off @ end.out), abs(float(end.out[0] * off[1] - end.out[1] * off[0]))
         up = abs(_height(wires[other.wire], place) - own_height)
         if aside <= BUNDLE_PLAN_M and up <= BUNDLE_UP_M and -PAST_M <= on <= CARRY_M:
             stations.append(on)

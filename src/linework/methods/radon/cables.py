@@ -7,23 +7,31 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.methods.radon.cable_band import Band, cable_band
-from linework.methods.radon.cable_fit import Surroundings, Wire, fit_wire, split_at_kink, surroundings
+from linework.methods.radon.cable_fit import Surroundings, Wire, exact, fit_wire, split_at_kink, surroundings
 from linework.methods.radon.cable_follow import LEAST_OCCUPIED, LEAST_SEEN_M, MOST_RINGED, follow_seed
 from linework.methods.radon.cable_lines import lines_of_wires
 from linework.methods.radon.cable_seeds import find_cable_seeds
-from linework.methods.radon.cable_spans import end_at_supports, join_pieces, without_tails
+from linework.methods.radon.cable_spans import end_at_supports, join_pieces, without_mixtures, without_tails
+from linework.methods.radon.cable_widths import Widths
 from linework.model.arrays import Float32Array, FloatArray, IntArray
 from linework.model.lines import LineSet
 from linework.model.settings import setting
 
 #: A catenary and a line have five unknowns; eight points leave three to judge them by.
 LEAST_POINTS = 8
-#: Points of a wire scatter by its radius and the range noise, together no more than this [m]; more only
-#: (airborne scanners) if they do so alike in height and across, within this ratio.
-THIN_M, ROUND_RATIO = 0.03, 2.5
+#: Points of a wire that scatter widely do so alike in height and across, within this ratio.
+ROUND_RATIO = 2.5
+#: A uniform scatter over the gate has a median absolute deviation of half of it, times 1.48; 0.4 is half way
+#: from there to the noise that a gate is meant for. Widest gate [m]: wires of a power line part from 1 m.
+FILLED, MOST_GATE_M = 0.4, 0.4
 #: Other points than wires within 0.6 m in at most this share of a wire's metres: a wire may pass through a
 #: crown, an edge has its wall or roof all along.
 MOST_CROWDED = 0.6
+#: Wires break at a = H / w of 3 km: steel at a fifth of its strength, copper and aluminium before. What is
+#: straighter than that must have nothing about it but in a tenth of its metres (contact wires of trams).
+TAUTEST_PER_M, MOST_CROWDED_TAUT = 1.0 / 3000.0, 0.1
+#: Points gathered in a few metres are an object that the line passes; wires are hit all along.
+LEAST_EVEN = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,23 +90,27 @@ def find_cables(
     if band is None:
         return LineSet.empty()
     # Peaks of Radon transforms of the plan image, each followed in its vertical slice
-    wires = _found_wires(band, config)
+    widths = Widths(config.gate_m)
+    wires = _found_wires(band, config, widths)
+    # Again with twice the width where the noise fills it
+    while widths.gate_m < MOST_GATE_M and _fill_the_gate(wires):
+        widths = widths.wider()
+        wires = _found_wires(band, config, widths)
     # One catenary per wire and span, ends at the supports
-    wires = without_tails(band, join_pieces(band, wires, config.gate_m))
-    wires = end_at_supports(band, [w for w in wires if w.length_m >= config.min_length_m])
+    wires = _spans(band, wires, config)
     # What is still alone now that all wires are known, and hangs
     wires, around = _free_hanging(band, wires)
     return lines_of_wires(band, wires, around, time_s, config.spacing_m)
 
 
-def _found_wires(band: Band, config: CableConfig) -> list[Wire]:
+def _found_wires(band: Band, config: CableConfig, widths: Widths) -> list[Wire]:
     lonely = np.flatnonzero(band.lonely)
     xyz = np.ascontiguousarray(band.xyz[lonely])
     free = np.ones(len(xyz), dtype=bool)
     wires: list[Wire] = []
     for seed in find_cable_seeds(xyz[:, :2], window_m=config.window_m, cell_m=config.cell_m):
-        for points in follow_seed(xyz, free, seed, gate_m=config.gate_m, max_gap_m=config.max_gap_m):
-            for wire in _pieces(band, lonely[points], config):
+        for points in follow_seed(xyz, free, seed, widths=widths, max_gap_m=config.max_gap_m):
+            for wire in _pieces(band, lonely[points], widths):
                 if _is_thin(band, wire):
                     wires.append(wire)
                     mine = np.searchsorted(lonely, wire.members)
@@ -107,15 +119,28 @@ def _found_wires(band: Band, config: CableConfig) -> list[Wire]:
     return wires
 
 
-def _pieces(band: Band, points: IntArray, config: CableConfig) -> list[Wire]:
+def _fill_the_gate(wires: list[Wire]) -> bool:
+    """Whether most metres of wire scatter so much that the gate cuts them off."""
+    metres = np.array([w.length_m for w in wires])
+    wide = np.array([max(w.sigma_o_m, w.fit.sigma_m) > FILLED * w.widths.gate_m for w in wires], dtype=bool)
+    return bool(metres[wide].sum() > 0.5 * metres.sum())
+
+
+def _pieces(band: Band, points: IntArray, widths: Widths) -> list[Wire]:
     """Return the wires that a followed line consists of: it may run past supports."""
-    wire = fit_wire(band, points, config.gate_m)
+    wire = fit_wire(band, points, widths)
     if wire is None or wire.length_m < LEAST_SEEN_M:
         return []
     parts = split_at_kink(band, wire, 3.0)
     if parts is None:
         return [wire]
-    return [piece for part in parts for piece in _pieces(band, part, config)]
+    return [piece for part in parts for piece in _pieces(band, part, widths)]
+
+
+def _spans(band: Band, wires: list[Wire], config: CableConfig) -> list[Wire]:
+    """Return one wire per span, ended at its supports."""
+    whole = without_mixtures(band, join_pieces(band, wires))
+    return end_at_supports(band, [exact(band, w) for w in without_tails(band, whole)], config.min_length_m)
 
 
 def _is_thin(band: Band, wire: Wire) -> bool:
@@ -124,6 +149,8 @@ def _is_thin(band: Band, wire: Wire) -> bool:
         around.n_points >= LEAST_POINTS
         and around.occupied >= LEAST_OCCUPIED
         and around.ringed <= MOST_RINGED
+        and around.even >= LEAST_EVEN
+        and around.wavy_m <= wire.widths.round_m
         and _is_round(wire)
     )
 
@@ -131,7 +158,16 @@ def _is_thin(band: Band, wire: Wire) -> bool:
 def _is_round(wire: Wire) -> bool:
     """Whether the points scatter alike across the wire and in height: on a plate's edge they do not."""
     small, large = sorted((wire.sigma_o_m, wire.fit.sigma_m))
-    return large <= max(THIN_M, ROUND_RATIO * small)
+    return large <= max(wire.widths.round_m, ROUND_RATIO * small)
+
+
+def _hangs(wire: Wire, around: Surroundings) -> bool:
+    """Whether it sags, or is so alone that it may be taut: the edges of buildings and bridges are straight.
+
+    An edge is straight when its curvature is surely less than that of the tautest wire.
+    """
+    surely_straight = wire.fit.curve.curvature_per_m + 2.0 * wire.fit.curvature_sigma_per_m < TAUTEST_PER_M
+    return not surely_straight or around.crowded + around.ringed <= MOST_CROWDED_TAUT
 
 
 def _free_hanging(band: Band, wires: list[Wire]) -> tuple[list[Wire], list[Surroundings]]:
@@ -140,5 +176,5 @@ def _free_hanging(band: Band, wires: list[Wire]) -> tuple[list[Wire], list[Surro
     for wire in wires:
         of_wire[wire.members] = True
     kept = [(w, surroundings(band, w, of_wire)) for w in wires]
-    kept = [(w, a) for w, a in kept if a.crowded <= MOST_CROWDED]
+    kept = [(w, a) for w, a in kept if a.crowded <= MOST_CROWDED and _hangs(w, a)]
     return [w for w, _ in kept], [a for _, a in kept]

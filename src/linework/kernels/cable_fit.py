@@ -1,0 +1,143 @@
+"""Robust fits of one wire: its line in plan and its parabola in height, and the kink over a support."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+Array = npt.NDArray[Any]
+
+#: Tukey's constant: residuals beyond this many deviations weigh nothing; 95 % efficient on Gaussian noise.
+TUKEY = 4.685
+#: Makes the median absolute deviation a standard deviation for Gaussian noise.
+MAD = 1.4826
+
+
+@njit(cache=True, nogil=True)
+def robust_line(x: Array, y: Array, least_sigma: float) -> tuple[float, float, float, float, float, Array]:
+    """Return the orthogonal line through points in plan: (x0, y0, ux, uy), sigma across, weights.
+
+    Reweighted four times by Tukey's function; a residual of four `least_sigma` never counts as gross.
+    """
+    n = len(x)
+    weights = np.ones(n)
+    x0, y0, ux, uy, sigma = 0.0, 0.0, 1.0, 0.0, 0.0
+    for _ in range(5):
+        total = weights.sum()
+        x0, y0 = (weights * x).sum() / total, (weights * y).sum() / total
+        xx, xy, yy = 0.0, 0.0, 0.0
+        for i in range(n):
+            dx, dy = x[i] - x0, y[i] - y0
+            xx += weights[i] * dx * dx
+            xy += weights[i] * dx * dy
+            yy += weights[i] * dy * dy
+        angle = 0.5 * math.atan2(2.0 * xy, xx - yy)  # in (-90, 90] degrees: east is ahead
+        ux, uy = math.cos(angle), math.sin(angle)
+        offset = (y - y0) * ux - (x - x0) * uy
+        sigma = MAD * np.median(np.abs(offset))
+        new = tukey(offset, max(sigma, least_sigma))
+        if np.count_nonzero(new) < 4:
+            break
+        weights = new
+    return x0, y0, ux, uy, sigma, weights
+
+
+@njit(cache=True, nogil=True)
+def robust_parabola(
+    s: Array, z: Array, given: Array, least_sigma: float
+) -> tuple[float, Array, Array, float, Array]:
+    """Return (centre, coefficients of (1, u, u^2), their cofactors, sigma, weights), u = s - centre."""
+    n = len(s)
+    centre = (given * s).sum() / given.sum()
+    scale = max(np.abs(s - centre).max(), 1e-3)
+    u = (s - centre) / scale
+    weights = given.copy()
+    curve: Array = np.zeros(3)
+    inverse: Array = np.zeros((3, 3))
+    sigma = 0.0
+    for _ in range(5):
+        normal, right = np.zeros((3, 3)), np.zeros(3)
+        for i in range(n):
+            v = (1.0, u[i], u[i] * u[i])
+            for a in range(3):
+                right[a] += weights[i] * v[a] * z[i]
+                for b in range(3):
+                    normal[a, b] += weights[i] * v[a] * v[b]
+        for a in range(3):
+            normal[a, a] += 1e-9 * n
+        inverse = np.linalg.inv(normal)
+        curve = inverse @ right
+        residual = z - (curve[0] + curve[1] * u + curve[2] * u * u)
+        total = weights.sum()
+        used = np.count_nonzero(weights)
+        sigma = math.sqrt((weights * residual * residual).sum() / total * used / max(used - 3, 1))
+        new = given * tukey(residual, max(MAD * np.median(np.abs(residual)), least_sigma))
+        if np.count_nonzero(new) < 4:
+            break
+        weights = new
+    for a in range(3):
+        curve[a] /= scale**a
+        for b in range(3):
+            inverse[a, b] /= scale ** (a + b)
+    return centre, curve, inverse, sigma, weights
+
+
+@njit(cache=True, nogil=True)
+def tukey(residual: Array, sigma: float) -> Array:
+    """Return Tukey's biweights of residuals."""
+    weights = np.zeros(len(residual))
+    for i in range(len(residual)):
+        x = residual[i] / (TUKEY * sigma)
+        if abs(x) < 1.0:
+            weights[i] = (1.0 - x * x) ** 2
+    return weights
+
+
+@njit(cache=True, nogil=True)
+def best_break(s: Array, z: Array, least: float, step: float, few: int) -> tuple[int, float]:
+    """Return where two parabolas fit best: the first point of the right one, and the share of squares left.
+
+    Stations rise. Breaks are tried every `step` metres, `least` metres and `few` points from the ends;
+    (0, 1.0) where there is no room.
+    """
+    n = len(s)
+    middle, scale = 0.5 * (s[0] + s[n - 1]), max(0.5 * (s[n - 1] - s[0]), 1e-6)
+    sums = np.zeros((n + 1, 9))
+    for i in range(n):
+        u = (s[i] - middle) / scale
+        power = 1.0
+        for k in range(5):
+            sums[i + 1, k] = sums[i, k] + power
+            if k < 3:
+                sums[i + 1, 5 + k] = sums[i, 5 + k] + power * z[i]
+            power *= u
+        sums[i + 1, 8] = sums[i, 8] + z[i] * z[i]
+    whole = _squares(sums[n])
+    best, at = whole, 0
+    place = s[0] + least
+    last = -1
+    while place < s[n - 1] - least:
+        i = np.searchsorted(s, place)
+        if i != last and few <= i <= n - few:
+            squares = _squares(sums[i]) + _squares(sums[n] - sums[i])
+            if squares < best:
+                best, at = squares, i
+            last = i
+        place += step
+    return at, (best / whole if whole > 0.0 else 1.0)
+
+
+@njit(cache=True, nogil=True)
+def _squares(m: Array) -> float:
+    """Return the squares about the parabola with these sums of u^0..u^4, z u^0..z u^2, z^2."""
+    normal = np.empty((3, 3))
+    for a in range(3):
+        for b in range(3):
+            normal[a, b] = m[a + b]
+        normal[a, a] += 1e-9 * m[0]
+    right = m[5:8].copy()
+    return max(float(m[8] - (np.linalg.inv(normal) @ right) @ right), 0.0)
