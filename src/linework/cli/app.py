@@ -26,6 +26,7 @@ from linework.cli.evaluate import evaluate
 from linework.cli.extract import extract
 from linework.cli.failures import Interrupted, failure_of, save_log
 from linework.cli.info import info
+from linework.cli.raster import raster
 from linework.cli.simulate import simulate
 from linework.errors import LineworkError
 
@@ -35,7 +36,7 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,  # plain help: rich alone would double its time
 )
-for command in (demo, info, extract, evaluate, convert, simulate, config):
+for command in (demo, info, extract, evaluate, raster, convert, simulate, config):
     app.command()(command)
 
 
