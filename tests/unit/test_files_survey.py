@@ -125,7 +125,7 @@ def test_feet_by_option(tmp_path):
     survey = open_survey([tmp_path], crs="EPSG:2263+6360")
     read = read_survey_points(survey)
     np.testing.assert_allclose(read.points.xyz, points().xyz * 1200 / 3937)
-    assert "in metres" in survey.crs
+    assert survey.crs == parse_crs("EPSG:32118+5703")
     assert "feet converted" in read.warnings[0]
 
 

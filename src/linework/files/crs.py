@@ -7,6 +7,7 @@ order the CRS's own axes have, as LAS and GIS files hold them.
 from __future__ import annotations
 
 import functools
+import math
 import re
 from typing import Any
 
@@ -24,6 +25,7 @@ _WKT = re.compile(
     r"|GEOGCS|GEOCCS|ENGCRS|ENGINEERINGCRS|LOCAL_CS)\s*\[",
     re.IGNORECASE,
 )
+_FEET_IN_NAME = re.compile(r" \((ft|ftUS|US survey foot|foot)\)")
 _ADVICE = "give --crs EPSG:... (projected, metres) or --crs local"
 
 
@@ -105,10 +107,11 @@ def vertical_part(crs: pyproj.CRS) -> pyproj.CRS | None:
 def canonical_wkt(crs: pyproj.CRS) -> str:
     """Return one WKT2 per CRS: EPSG's own where every part carries a code, so that equal CRSs are equal texts."""
     plan, height = horizontal_part(crs), vertical_part(crs)
-    codes = [part.to_epsg(min_confidence=100) for part in (plan, height) if part is not None]
+    # Low confidence finds candidates; `_same_parts` decides
+    codes = [part.to_epsg(min_confidence=20) for part in (plan, height) if part is not None]
     if all(codes):
         own = _load("EPSG:" + "+".join(str(code) for code in codes))
-        if own.equals(crs, ignore_axis_order=True) or _same_parts(own, crs):
+        if _same_parts(own, crs):
             crs = own
     return crs.to_wkt("WKT2_2019")
 
@@ -137,17 +140,23 @@ def metric_twin(wkt: str) -> str:
     """Return the same CRS with all its lengths in metres: same projection, same datum, same places.
 
     Coordinates times `unit_factors` of the old one are coordinates of the new one.
+
+    >>> epsg_text(metric_twin(parse_crs("EPSG:2225+6360")))
+    'EPSG:26941+5703'
     """
     if unit_factors(wkt) == (1.0, 1.0):
         return wkt
     document = _load(wkt).to_json_dict()
-    parts = document["components"] if document["type"] == "CompoundCRS" else [document]
+    parts = [_unbound(part) for part in _unbound(document).get("components", [document])]
     for part in parts:
         _make_metric(part)
-    names = [part["name"] for part in parts]
-    document.pop("id", None)
-    document["name"] = " + ".join(names)
-    return str(pyproj.CRS.from_json_dict(document).to_wkt("WKT2_2019"))
+    metric = [pyproj.CRS.from_json_dict(part) for part in parts]
+    return canonical_wkt(compound(*metric) if len(metric) == 2 else metric[0])
+
+
+def _unbound(part: dict[str, Any]) -> dict[str, Any]:
+    """Return a CRS (PROJJSON) without the transformation to WGS 84 that old texts carry along."""
+    return _unbound(part["source_crs"]) if part["type"] == "BoundCRS" else part
 
 
 def same_crs(a: str, b: str) -> bool:
@@ -227,11 +236,36 @@ def _load(text: str) -> pyproj.CRS:
 
 
 def _same_horizontal(a: pyproj.CRS, b: pyproj.CRS) -> bool:
+    """Return whether two horizontal CRSs put a place at the same coordinates, whatever digits their texts keep."""
     plan_a, plan_b = horizontal_part(a), horizontal_part(b)
     if plan_a.equals(plan_b, ignore_axis_order=True):
         return True
-    code_a, code_b = plan_a.to_epsg(min_confidence=90), plan_b.to_epsg(min_confidence=90)
-    return code_a is not None and code_a == code_b
+    if not (plan_a.is_projected and plan_b.is_projected):
+        return False
+    names_a, numbers_a = _definition(plan_a)
+    names_b, numbers_b = _definition(plan_b)
+    # 12 digits are what the shortest common form of WKT keeps.
+    return names_a == names_b and all(
+        math.isclose(x, y, rel_tol=1e-11, abs_tol=1e-11) for x, y in zip(numbers_a, numbers_b, strict=True)
+    )
+
+
+def _definition(plan: pyproj.CRS) -> tuple[list[str], list[float]]:
+    """Return the names and the numbers [SI] that define a projected CRS."""
+    operation, ellipsoid = plan.coordinate_operation, plan.ellipsoid
+    assert operation is not None
+    assert ellipsoid is not None
+    parameters = sorted((p.name.lower(), float(p.value) * p.unit_conversion_factor) for p in operation.params)
+    datum = plan.datum.name if plan.datum is not None else ""
+    names = [operation.method_name, *(name for name, _ in parameters)]
+    names.append("".join(c for c in datum.lower() if c.isalnum()))
+    numbers = [value for _, value in parameters]
+    numbers += [
+        ellipsoid.semi_major_metre,
+        ellipsoid.semi_minor_metre,
+        plan.axis_info[0].unit_conversion_factor,
+    ]
+    return names, numbers
 
 
 def _same_parts(a: pyproj.CRS, b: pyproj.CRS) -> bool:
@@ -255,7 +289,9 @@ def _make_metric(part: dict[str, Any]) -> None:
     if not changed:
         return
     part.pop("id", None)
-    part["name"] += " (in metres)"
+    part["name"] = _FEET_IN_NAME.sub("", part["name"]) + " (in metres)"
+    if "conversion" not in part:  # heights: EPSG names those in metres without a word
+        part["name"] = part["name"].removesuffix(" (in metres)")
     for parameter in part.get("conversion", {}).get("parameters", []):
         unit = parameter.get("unit")
         if isinstance(unit, dict) and unit.get("type") == "LinearUnit":

@@ -1,4 +1,4 @@
-"""What GDAL may not do here: import this before pyogrio or rasterio.
+"""What GDAL may not do here: import this wherever pyogrio or rasterio is imported.
 
 Opening a file with GDAL can reach other files and the network. Two copies of GDAL live in this process
 (pyogrio's and rasterio's); both read this variable. What the user has set already stays.

@@ -28,6 +28,8 @@ _POINT_BY_POINT, _LAYERED = 1, 3
 _LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}
 #: Chunk size that says: every chunk has its own (COPC).
 _VARIABLE_CHUNKS = 0xFFFFFFFF
+#: Decoders allocate a chunk at once; writers use 50,000 points and hardly ever more than a million.
+_MAX_CHUNK = 10_000_000
 #: A scan line of zeros compresses to about 0.02 bytes a point at the very best; a count beyond is made up.
 _MAX_POINTS_PER_BYTE = 1000
 _DAMAGED = "copy the file again, or leave it out"
@@ -84,6 +86,8 @@ def read_laz_table(
     if compressor not in (1, 2, 3):
         raise _newer(path, f"LAZ compressor {compressor}, expected 1 to 3")
     _check_items(path, data, record_bytes)
+    if _MAX_CHUNK < chunk_size < _VARIABLE_CHUNKS:
+        raise _error(path, f"laszip record says chunks of {chunk_size:,} points, expected some 50,000")
     n_bytes = path.stat().st_size
     if n_points > (n_bytes - point_offset) * _MAX_POINTS_PER_BYTE:
         raise _error(
@@ -107,6 +111,10 @@ def read_laz_table(
             path,
             f"header promises {n_points:,} points but the file holds {n_held:,} in {len(chunks):,} chunks (cut off"
             " or damaged)",
+        )
+    if not listed and chunk_size == _VARIABLE_CHUNKS:
+        raise _error(
+            path, "damaged chunk table, and without it chunks of different sizes cannot be told apart"
         )
     if not listed:
         said = "damaged chunk table: decoded one chunk after the other"

@@ -9,7 +9,7 @@ import numpy as np
 import rasterio
 from rasterio.errors import RasterioError
 
-import linework.files.gdal_limits  # noqa: F401 (before rasterio)
+import linework.files.gdal_limits  # noqa: F401 (what GDAL may not do)
 from linework.errors import MachineError, UsageError
 from linework.files.crs import LOCAL, parse_crs
 from linework.files.publish import publish

@@ -12,7 +12,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-import linework.files.gdal_limits  # noqa: F401 (before pyogrio)
+import linework.files.gdal_limits  # noqa: F401 (what GDAL may not do)
 from linework.errors import InputError, LineworkError
 from linework.files.las_header import regular_file_bytes
 
@@ -24,19 +24,15 @@ FORBIDDEN_DRIVERS = (
 )  # fmt: skip
 
 
-def _import_pyogrio() -> None:
-    """Import pyogrio without these drivers; the variable goes again, for rasterio's GDAL lacks some of them and says so."""
-    before = os.environ.get("OGR_SKIP")
-    os.environ["OGR_SKIP"] = ",".join(FORBIDDEN_DRIVERS)
-    try:
-        import pyogrio  # noqa: F401
-    finally:
-        del os.environ["OGR_SKIP"]
-        if before is not None:
-            os.environ["OGR_SKIP"] = before
+# The variable is read when GDAL starts and goes again: rasterio's GDAL lacks some of the drivers and says so.
+_before = os.environ.get("OGR_SKIP")
+os.environ["OGR_SKIP"] = ",".join(FORBIDDEN_DRIVERS)
 
+import pyogrio as pyogrio  # noqa: E402
 
-_import_pyogrio()
+del os.environ["OGR_SKIP"]
+if _before is not None:
+    os.environ["OGR_SKIP"] = _before
 
 #: First bytes of the binary formats that GDAL reads for us.
 _FIRST_BYTES = {

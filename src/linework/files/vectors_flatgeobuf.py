@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import pyogrio.raw
 import shapely
 
-import linework.files.vector_input  # noqa: F401 (before pyogrio)
 from linework.errors import MachineError
 from linework.files.crs import LOCAL
 from linework.files.line_fields import field_values, geometries
+from linework.files.vector_input import pyogrio
 from linework.files.vectors_foreign import read_foreign
 from linework.model.lines import LineSet
 

@@ -7,15 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyogrio
-import pyogrio.raw
 import shapely
 
-import linework.files.vector_input  # noqa: F401 (before pyogrio)
 from linework.errors import CrsError, InputError
 from linework.files.crs import LOCAL, describe_crs, parse_crs
 from linework.files.line_fields import lines_from_geometries
-from linework.files.vector_input import readable
+from linework.files.vector_input import pyogrio, readable
 from linework.model.arrays import AnyArray
 from linework.model.lines import LINE_COLUMNS, LineSet
 

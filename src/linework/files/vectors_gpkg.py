@@ -10,13 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyogrio
-import pyogrio.raw
 import shapely
 
-import linework.files.vector_input  # noqa: F401 (before pyogrio)
 from linework.errors import LineworkError, MachineError
-from linework.files.crs import LOCAL, parse_crs
+from linework.files.crs import LOCAL, parse_crs, same_crs
 from linework.files.line_fields import (
     column_values,
     field_values,
@@ -26,7 +23,7 @@ from linework.files.line_fields import (
     ordered_layers,
 )
 from linework.files.styles import qgis_style
-from linework.files.vector_input import readable
+from linework.files.vector_input import pyogrio, readable
 from linework.model.arrays import AnyArray, IntArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
@@ -139,7 +136,7 @@ def verify_gpkg(part: Path, lines: LineSet, path: Path) -> None:
         problem = _gpkg_problem(part, len(lines))
         if not problem:
             back = read_own_gpkg(part)
-            same = back is not None and back.crs == lines.crs and np.array_equal(back.xyz, lines.xyz)
+            same = back is not None and same_crs(back.crs, lines.crs) and np.array_equal(back.xyz, lines.xyz)
             problem = "" if same else "other lines than were written"
     except (sqlite3.Error, LineworkError) as error:
         problem = str(error)

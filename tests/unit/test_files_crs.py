@@ -1,0 +1,140 @@
+"""CRS texts: only codes and WKT, one text per CRS, feet and axes understood."""
+
+import pyproj
+import pytest
+
+from linework.errors import CrsError
+from linework.files.crs import (
+    describe_crs,
+    epsg_text,
+    has_height,
+    metric_twin,
+    parse_crs,
+    same_crs,
+    same_plan,
+    unit_factors,
+)
+
+CODES = [
+    "EPSG:25832",
+    "EPSG:25832+7837",
+    "EPSG:2263+6360",
+    "EPSG:2225",
+    "EPSG:28992+5709",
+    "EPSG:2180",
+    "EPSG:3413",
+]
+
+
+@pytest.mark.parametrize("code", CODES)
+@pytest.mark.parametrize("form", ["WKT1_GDAL", "WKT1_ESRI", "WKT2_2015", "WKT2_2019"])
+def test_every_form_of_a_crs_becomes_one_text(code, form):
+    own = parse_crs(code)
+    wkt = pyproj.CRS.from_user_input(code).to_wkt(form)
+    assert parse_crs(wkt) == own
+    assert parse_crs(own) == own
+    assert epsg_text(own) == code
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "is not a CRS"),
+        ("http://127.0.0.1:1/crs", "is not a CRS"),
+        ("/etc/passwd", "is not a CRS"),
+        ("../../secret.prj", "is not a CRS"),
+        ("urn:ogc:def:crs:EPSG::25832", "is not a CRS"),
+        ("+proj=utm +zone=32 +nadgrids=/etc/passwd", "is not a CRS"),
+        ('{"type": "ProjectedCRS"}', "is not a CRS"),
+        ("EPSG:999999", "not known to PROJ"),
+        ("EPSG:25832+4326", "not known to PROJ"),
+        ("PROJCRS[", "not known to PROJ"),
+        ("PROJCRS[" * 8000, "not known to PROJ"),
+        ("PROJCRS[" + "x" * 70_000, "70008 characters, at most 65536"),
+        ("EPSG:4326", "geographic (degrees)"),
+        ("EPSG:4979", "geographic (degrees)"),
+        ("EPSG:4326+5773", "geographic (degrees)"),
+        ("EPSG:4978", "geocentric"),
+        ("EPSG:7837", "for heights only"),
+        ("EPSG:2053", "axes west and south"),
+        ('LOCAL_CS["site",UNIT["foot",0.3048]]', "local, but not in metres"),
+    ],
+)
+def test_what_is_refused(text, words):
+    with pytest.raises(CrsError) as caught:
+        parse_crs(text, where="a.laz")
+    line = str(caught.value)
+    assert words in line
+    assert line.startswith("a.laz: ")
+    assert len(line) < 300
+    assert caught.value.advice
+
+
+@pytest.mark.parametrize("text", ["local", " Local ", 'LOCAL_CS["site",UNIT["metre",1]]'])
+def test_local(text):
+    assert parse_crs(text) == "local"
+    assert unit_factors("local") == (1.0, 1.0)
+    assert metric_twin("local") == "local"
+
+
+@pytest.mark.parametrize(
+    "code", ["EPSG:2225", "EPSG:2263+6360", "EPSG:2992+6360", "EPSG:2991+6360", "EPSG:2263+5703"]
+)
+def test_metric_twin_is_in_metres_and_keeps_its_datum(code):
+    wkt = parse_crs(code)
+    twin = metric_twin(wkt)
+    assert unit_factors(wkt) != (1.0, 1.0)
+    assert unit_factors(twin) == (1.0, 1.0)
+    assert not same_crs(wkt, twin)
+    assert parse_crs(twin) == twin
+    assert metric_twin(twin) == twin
+    own, new = pyproj.CRS(wkt), pyproj.CRS(twin)
+    plan = (own.sub_crs_list or [own])[0], (new.sub_crs_list or [new])[0]
+    assert plan[0].geodetic_crs == plan[1].geodetic_crs
+
+
+def test_metric_twin_of_a_text_with_a_transformation_in_it():
+    wkt = pyproj.CRS.from_epsg(2263).to_wkt("WKT1_GDAL")
+    bound = wkt.replace('AUTHORITY["EPSG","6269"]', 'TOWGS84[0,0,0,0,0,0,0],AUTHORITY["EPSG","6269"]', 1)
+    assert pyproj.CRS(bound).is_bound
+    assert parse_crs(bound) == parse_crs("EPSG:2263")
+    strange = bound.replace('"false_easting",984250', '"false_easting",984260')
+    assert strange != bound
+    assert unit_factors(metric_twin(parse_crs(strange))) == (1.0, 1.0)
+
+
+@pytest.mark.parametrize("code", ["EPSG:25832", "EPSG:2263"])
+def test_a_changed_definition_is_not_the_crs_it_claims_to_be(code):
+    wkt = pyproj.CRS.from_user_input(code).to_wkt("WKT1_GDAL")
+    changed = wkt.replace('"false_northing",0', '"false_northing",100')
+    assert changed != wkt
+    assert not same_plan(parse_crs(changed), parse_crs(code))
+    assert epsg_text(parse_crs(changed)) == ""
+
+
+def test_heights_without_a_crs_are_in_the_unit_of_the_plan():
+    assert unit_factors(parse_crs("EPSG:2994")) == (0.3048, 0.3048)
+
+
+def test_comparisons():
+    compound, plan, other = (parse_crs(c) for c in ("EPSG:25832+7837", "EPSG:25832", "EPSG:25833"))
+    assert same_plan(compound, plan)
+    assert not same_crs(compound, plan)
+    assert not same_plan(plan, other)
+    assert not same_crs(plan, "local")
+    assert has_height(compound)
+    assert not has_height(plan)
+    assert not has_height("local")
+    assert describe_crs("local") == "local"
+    assert describe_crs("") == "none"
+
+
+def test_reading_a_crs_sends_nothing(monkeypatch):
+    import socket
+
+    def refuse(*_):
+        raise AssertionError("a socket was opened")
+
+    monkeypatch.setattr(socket.socket, "connect", refuse)
+    with pytest.raises(CrsError):
+        parse_crs("https://127.0.0.1:1/crs.wkt")
