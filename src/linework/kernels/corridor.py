@@ -90,6 +90,20 @@ def gather(points: F64, starts: I64, n_x: int, n_y: int, cell: float, box: F64, 
 
 
 @njit(cache=True, nogil=True)
+def _filled_along(
+    work: F64, n: int, tan: float, u: float, half_width: float, top: float, beam: float, half_s: float
+) -> float:
+    """Return the share of half metres along a strip in which the beam has a point."""
+    n_bins = max(int(2 * half_s / 0.5), 1)
+    filled = np.zeros(n_bins)
+    for i in range(n):
+        d = top - work[i, 2]
+        if d >= -0.05 and d <= beam and abs(work[i, 1] - tan * work[i, 0] - u) <= half_width:
+            filled[min(int((work[i, 0] + half_s) / 0.5), n_bins - 1)] = 1.0
+    return filled.mean()
+
+
+@njit(cache=True, nogil=True)
 def find_beams(
     points: F64,
     starts: I64,
@@ -167,11 +181,13 @@ def find_beams(
         b = int(np.argmax(best))
         if best[b] < least:
             break
-        out[found, 0] = best_turn[b]
-        out[found, 1] = (b + 1.0) * step_u - half_u
-        out[found, 2] = best_top[b]
-        out[found, 3] = best[b]
-        found += 1
+        u = (b + 1.0) * step_u - half_u
+        if _filled_along(work, n, np.tan(best_turn[b]), u, step_u, best_top[b], beam, box[4]) >= 0.6:
+            out[found, 0] = best_turn[b]
+            out[found, 1] = u
+            out[found, 2] = best_top[b]
+            out[found, 3] = best[b]
+            found += 1
         for k in range(max(b - 2, 0), min(b + 3, n_u)):
             best[k] = 0.0
     return found
@@ -310,7 +326,7 @@ def follow(
     drift = 0.012**2 * spacing  # of the curvature: an 18 m bend sets in within about 10 m
     box = np.empty(8)
     box[4], box[5], box[6], box[7] = half_s, 0.35, low, high
-    n_out, gap = 0, 0.0
+    n_out, gap, blurred = 0, 0.0, 0.0
     while n_out < len(out):
         if n_out > 0:
             x += spacing * np.cos(heading + 0.5 * curvature * spacing)
@@ -341,6 +357,9 @@ def follow(
             p11, p12, p22 = p11 - k1 * p01, p12 - k1 * p02, p22 - k2 * p02
             p00, p01, p02 = p00 * (1 - k0), p01 * (1 - k0), p02 * (1 - k0)
             edge = top_edge(work, n, u, 0.75 * radius, top, 0.08)
+            blurred = 0.0 if not np.isnan(edge) else blurred + spacing
+            if blurred > 2.0 * max_gap:
+                break  # for long no edge at all: this is not a beam in a bush, but the bush
             if not np.isnan(edge):
                 s = q00 + 0.03**2
                 g0, g1 = q00 / s, q01 / s

@@ -96,7 +96,7 @@ def bin_points(xyz: FloatArray, height_m: Float32Array, index: AnyArray, cell_m:
     """Bin the points chosen by `index`."""
     chosen = xyz[index]
     if len(chosen) == 0:
-        return Bins(np.zeros((0, 4)), np.zeros(2, dtype=np.int64), 1, 1, cell_m, np.zeros(3))
+        return Bins(np.zeros((0, 4)), np.zeros(2, dtype=np.int64), 1, 1, cell_m, np.zeros(3), 1)
     origin = np.floor(chosen.min(axis=0) / cell_m) * cell_m
     local = chosen - origin
     n_x, n_y = (int(v // cell_m) + 1 for v in local[:, :2].max(axis=0))

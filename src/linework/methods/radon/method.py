@@ -91,7 +91,9 @@ def find_guardrails(
     # Back to the points: circles about each seed settle on the beam, and follow it through bends
     bins = bin_near(points.xyz, height_m, binary)
     starts = find_starts(segments, bins, config.circles)
-    chains = follow_all(starts, bins, (-1.0, config.max_height_m), config.circles)
+    chains = follow_all(
+        starts, bins, (-1.0, config.max_height_m), config.profile.min_length_m, config.circles
+    )
     # Local straight fits of the corrected centres; the height from the highest points
     rails = [fit_rail(chain, bins, config.circles, config.profile) for chain in chains]
     # The vertical profile tells guardrails from hedges, walls, cars and handrails

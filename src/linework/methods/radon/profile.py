@@ -88,7 +88,11 @@ class ProfileConfig:
         high=1,
     )
     max_apron: float = setting(
-        0.35, unit="ratio", reason="before a rail's foot is nothing; a concrete barrier slopes out there", low=0, high=9
+        0.35,
+        unit="ratio",
+        reason="before a rail's foot is nothing; a concrete barrier slopes out there",
+        low=0,
+        high=9,
     )
     min_length_m: float = setting(6.0, unit="m", reason="a car is 4 to 5 m long, one rail section 4 m", low=0)
     min_closed_length_m: float = setting(
@@ -142,6 +146,27 @@ class Profile:
     open_: FloatArray
     apron: FloatArray
     edge_m: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What a line is, node by node: each (n,) from 0 to 1.
+
+    Parameters
+    ----------
+    guardrail, barrier
+        How sure.
+    goes_on
+        How sure that it is the same sheet still: a rail that is sure in one place goes on over bushes and
+        down to its buried end, where its height and its clear gap tell nothing.
+    open_
+        (n,) bool: the ground behind is seen below it.
+    """
+
+    guardrail: FloatArray
+    barrier: FloatArray
+    goes_on: FloatArray
+    open_: AnyArray
 
 
 def measure_profile(nodes: FloatArray, bins: Bins, circles: CircleConfig, config: ProfileConfig) -> Profile:
@@ -218,8 +243,8 @@ def _beam_height(ratio: FloatArray) -> FloatArray:
 
 def classify(
     profile: Profile, wobble: FloatArray, height_m: FloatArray, paired: AnyArray, config: ProfileConfig
-) -> tuple[FloatArray, FloatArray, AnyArray]:
-    """Return how sure it is at every node that this is a guardrail, that it goes on as one, and is open.
+) -> Verdict:
+    """Return how sure it is at every node that this is a guardrail or a barrier, and that it goes on.
 
     Parameters
     ----------
@@ -231,13 +256,6 @@ def classify(
         (n,) bool: a guardrail runs close beside it. Of the second beam on a post only the upper edge is
         seen, over the first: its height and depth say nothing then.
 
-    Returns
-    -------
-    sure, goes_on
-        (n,) float64, 0 to 1. A rail that is sure in one place goes on over bushes and down to its buried
-        end, where its height and its clear gap tell nothing.
-    open_
-        (n,) bool: the ground behind is seen below it.
     """
     window = max(round(config.window_m / 0.5), 1)
     known = ~np.isnan(wobble)
@@ -261,8 +279,20 @@ def classify(
         _below(profile.apron, config.max_apron, 0.05),
         _below(-height_m, -config.min_top_m, 0.03),
     ]
+    barrier = [
+        _below(profile.above, config.max_above, 0.06),
+        _below(profile.front, config.max_front, 0.08),
+        _below(-profile.apron, -1.5 * config.max_apron, 0.05),
+        _below(profile.open_, config.min_open, 0.1),
+        _below(-height_m, -1.5 * config.min_top_m, 0.03),
+    ]
     goes_on = np.min(np.stack(sheet), axis=0)
-    return np.minimum(goes_on, np.min(np.stack(beam), axis=0)), goes_on, profile.open_ >= config.min_open
+    return Verdict(
+        guardrail=np.minimum(goes_on, np.min(np.stack(beam), axis=0)),
+        barrier=np.minimum(goes_on, np.min(np.stack(barrier), axis=0)),
+        goes_on=goes_on,
+        open_=profile.open_ >= config.min_open,
+    )
 
 
 def _below(value: FloatArray, limit: float | FloatArray, width: float) -> FloatArray:

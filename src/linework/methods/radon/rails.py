@@ -9,7 +9,13 @@ from scipy.spatial import cKDTree
 
 from linework.kernels import corridor as kernels
 from linework.methods.radon.circles import Bins, CircleConfig, follow_sheet
-from linework.methods.radon.profile import Profile, ProfileConfig, classify, measure_profile
+from linework.methods.radon.profile import (
+    Profile,
+    ProfileConfig,
+    Verdict,
+    classify,
+    measure_profile,
+)
 from linework.model.arrays import BoolArray, FloatArray
 from linework.model.lines import LineSet
 from linework.surface.road import RoadSurface, height_above_road
@@ -17,10 +23,13 @@ from linework.surface.road import RoadSurface, height_above_road
 
 @dataclass(frozen=True, slots=True)
 class FittedRail:
-    """A followed sheet after its local fits: nodes at a fixed spacing, local coordinates of the bins."""
+    """A followed sheet after its local fits: nodes at a fixed spacing, local coordinates of the bins.
+
+    `xy` is the middle of the sheet, what a beam's line is; `edge_xy` the top edge, what a barrier's is.
+    """
 
     xy: FloatArray
-    heading_rad: FloatArray
+    edge_xy: FloatArray
     top_m: FloatArray
     sigma_xy_m: FloatArray
     sigma_z_m: FloatArray
@@ -30,22 +39,22 @@ class FittedRail:
 
 
 def follow_all(
-    starts: FloatArray, bins: Bins, band_m: tuple[float, float], config: CircleConfig
+    starts: FloatArray, bins: Bins, band_m: tuple[float, float], least_m: float, config: CircleConfig
 ) -> list[FloatArray]:
     """Follow every start (see `find_starts`) once, the clearest first; return node tables (n, 7).
 
-    A start on a line already followed is passed over, and a line that runs into one ends there.
+    A start on a line already followed is passed over, and a line that runs into one ends there. What is
+    shorter than `least_m` is dropped.
     """
     chains: list[FloatArray] = []
+    least = max(round(least_m / config.spacing_m), 4)
     taken = _Taken(bins, config)
     order = np.lexsort((starts[:, 1], starts[:, 0], -starts[:, 4]))
     for start in starts[order]:
         if taken.holds(start[None, :3])[0]:
             continue
         nodes = follow_sheet(start, bins, band_m, config)
-        if len(nodes) < 4:
-            continue
-        chains.extend(nodes[run] for run in _runs(~taken.holds(nodes[:, :3]), 4))
+        chains.extend(nodes[run] for run in _runs(~taken.holds(nodes[:, :3]), least))
         taken.add(nodes[:, :3])
     return chains
 
@@ -92,10 +101,13 @@ def fit_rail(nodes: FloatArray, bins: Bins, circles: CircleConfig, config: Profi
 
     # Centre the line on the sheet's points
     known = profile.number > 0
-    shift = np.where(known, np.nan_to_num(profile.offset_m), 0.0)
-    moved = xy + shift[:, None] * np.column_stack([-np.sin(heading), np.cos(heading)])
+    left = np.column_stack([-np.sin(heading), np.cos(heading)])
     weight = np.where(known, np.minimum(profile.number, 10.0), 0.0) + 1e-3
-    xy, heading, rms, effective = _fit_plan(chainage, moved, weight, half)
+    at_edge = np.where(np.isnan(profile.edge_m), np.nan_to_num(profile.offset_m), profile.edge_m)
+    edge_xy, *_ = _fit_plan(chainage, xy + at_edge[:, None] * left, weight, half)
+    xy, _, rms, effective = _fit_plan(
+        chainage, xy + np.nan_to_num(profile.offset_m)[:, None] * left, weight, half
+    )
 
     # The top edge lies above the highest of n returns spread over the sheet, by its height / (n + 1)
     seen = known & ~np.isnan(profile.top_m)
@@ -109,7 +121,7 @@ def fit_rail(nodes: FloatArray, bins: Bins, circles: CircleConfig, config: Profi
         top, _, rms_z, effective_z = kernels.fit_locally(chainage, z, np.where(kept, weight, 1e-4), half)
     return FittedRail(
         xy=xy,
-        heading_rad=heading,
+        edge_xy=edge_xy,
         top_m=top,
         # a centimetre of each: the face's shape between crest and valley, the spacing of returns at the edge
         sigma_xy_m=np.hypot(rms / np.sqrt(np.maximum(effective - 3, 1)), 0.010),
@@ -140,54 +152,71 @@ def _runs(chosen: BoolArray, least: int) -> list[slice]:
 
 
 def rail_lines(rails: list[FittedRail], bins: Bins, surface: RoadSurface, config: ProfileConfig) -> LineSet:
-    """Return the stretches that are guardrails, surely enough and long enough, as lines."""
+    """Return the stretches that are guardrails or barriers, surely enough and long enough, as lines."""
     xyz = [np.column_stack([rail.xy, rail.top_m]) + bins.origin for rail in rails]
     height = [height_above_road(surface, v).astype(np.float64) for v in xyz]
     alone = [np.zeros(len(v), dtype=bool) for v in xyz]
-    runs = [_guardrail_runs(r, h, p, config) for r, h, p in zip(rails, height, alone, strict=True)]
+    verdicts = [
+        classify(r.profile, r.wobble, h, p, config) for r, h, p in zip(rails, height, alone, strict=True)
+    ]
+    chainages = [_chainage(rail.xy) for rail in rails]
+    runs = [_guardrail_runs(v, s, config) for v, s in zip(verdicts, chainages, strict=True)]
     # A second look at what runs close beside a guardrail
     found = [v[run] for v, own in zip(xyz, runs, strict=True) for run, _ in own]
     pairs = _close_beside(xyz, found, config)
-    runs = [_guardrail_runs(r, h, p, config) for r, h, p in zip(rails, height, pairs, strict=True)]
-    chosen = [(i, run, score) for i, own in enumerate(runs) for run, score in own]
+    chosen: list[tuple[str, int, slice, float]] = []
+    for i, rail in enumerate(rails):
+        verdict = classify(rail.profile, rail.wobble, height[i], pairs[i], config)
+        chosen += [("guardrail", i, *run) for run in _guardrail_runs(verdict, chainages[i], config)]
+        chosen += [("barrier", i, *run) for run in _barrier_runs(verdict, chainages[i], config)]
     if not chosen:
         return LineSet.empty()
+    edges = [np.column_stack([rail.edge_xy, rail.top_m]) + bins.origin for rail in rails]
     return LineSet.from_lines(
-        [xyz[i][run] for i, run, _ in chosen],
-        kind=["guardrail"] * len(chosen),
+        [(xyz if kind == "guardrail" else edges)[i][run] for kind, i, run, _ in chosen],
+        kind=[kind for kind, *_ in chosen],
         method=["radon"] * len(chosen),
         confidence=[score for *_, score in chosen],
-        height_m=[float(np.median(height[i][run])) for i, run, _ in chosen],
-        double=[bool(np.mean(pairs[i][run]) > 0.5) for i, run, _ in chosen],
-        sigma_xy_m=np.concatenate([rails[i].sigma_xy_m[run] for i, run, _ in chosen]),
-        sigma_z_m=np.concatenate([rails[i].sigma_z_m[run] for i, run, _ in chosen]),
-        bridged=np.concatenate([~rails[i].measured[run] for i, run, _ in chosen]),
+        height_m=[float(np.median(height[i][run])) for _, i, run, _ in chosen],
+        double=[bool(np.mean(pairs[i][run]) > 0.5) for _, i, run, _ in chosen],
+        sigma_xy_m=np.concatenate([rails[i].sigma_xy_m[run] for _, i, run, _ in chosen]),
+        sigma_z_m=np.concatenate([rails[i].sigma_z_m[run] for _, i, run, _ in chosen]),
+        bridged=np.concatenate([~rails[i].measured[run] for _, i, run, _ in chosen]),
     )
 
 
 def _guardrail_runs(
-    rail: FittedRail, height: FloatArray, paired: BoolArray, config: ProfileConfig
+    verdict: Verdict, chainage: FloatArray, config: ProfileConfig
 ) -> list[tuple[slice, float]]:
     """Return runs of nodes that are guardrail, with the mean score of each.
 
     A run starts where it is sure, and goes on from there for `max_run_on_m` at most where it is not.
     """
-    sure, goes_on, is_open = classify(rail.profile, rail.wobble, height, paired, config)
-    chainage = _chainage(rail.xy)
+    sure = verdict.guardrail
     core = np.flatnonzero(sure >= 0.5)
     if not len(core):
         return []
-    nearest = core[np.clip(np.searchsorted(core, np.arange(len(sure))), 0, len(core) - 1)]
-    before = core[np.clip(np.searchsorted(core, np.arange(len(sure)), side="right") - 1, 0, len(core) - 1)]
-    away = np.minimum(np.abs(chainage[nearest] - chainage), np.abs(chainage[before] - chainage))
+    at = np.arange(len(sure))
+    ahead = core[np.clip(np.searchsorted(core, at), 0, len(core) - 1)]
+    behind = core[np.clip(np.searchsorted(core, at, side="right") - 1, 0, len(core) - 1)]
+    away = np.minimum(np.abs(chainage[ahead] - chainage), np.abs(chainage[behind] - chainage))
     out = []
-    for run in _runs((sure >= 0.5) | ((goes_on >= 0.5) & (away <= config.max_run_on_m)), 2):
-        known = sure[run] >= 0.5
-        length = np.sum(known) / len(known) * (chainage[run][-1] - chainage[run][0])
-        enough = config.min_length_m if np.mean(is_open[run]) >= 0.5 else config.min_closed_length_m
-        if length >= enough:
+    for run in _runs((sure >= 0.5) | ((verdict.goes_on >= 0.5) & (away <= config.max_run_on_m)), 2):
+        length = np.mean(sure[run] >= 0.5) * (chainage[run][-1] - chainage[run][0])
+        is_open = np.mean(verdict.open_[run]) >= 0.5
+        if length >= (config.min_length_m if is_open else config.min_closed_length_m):
             out.append((run, float(np.mean(np.maximum(sure[run], 0.5)))))
     return out
+
+
+def _barrier_runs(verdict: Verdict, chainage: FloatArray, config: ProfileConfig) -> list[tuple[slice, float]]:
+    """Return runs of nodes that are barrier and not guardrail, with the mean score of each."""
+    sure = np.where(verdict.guardrail < 0.5, verdict.barrier, 0.0)
+    return [
+        (run, float(np.mean(sure[run])))
+        for run in _runs(sure >= 0.5, 2)
+        if chainage[run][-1] - chainage[run][0] >= config.min_closed_length_m
+    ]
 
 
 def _close_beside(xyz: list[FloatArray], found: list[FloatArray], config: ProfileConfig) -> list[BoolArray]:
