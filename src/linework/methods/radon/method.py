@@ -1,7 +1,7 @@
 """The radon method on a page: guardrails and cables from laser points.
 
-H. Manandhar, R. Shibasaki (2002): Auto-extraction of urban features from vehicle-borne laser data. ISPRS
-Archives XXXIV, part 4. What goes beyond the paper is named in docs/methods/radon.md.
+D. Manandhar, R. Shibasaki (2002): Extraction of linear features from vehicle-borne laser data. What goes
+beyond the paper is named in docs/methods/radon.md.
 """
 
 from __future__ import annotations

@@ -94,6 +94,27 @@ class ProfileConfig:
         low=0,
         high=9,
     )
+    max_second: float = setting(
+        0.50,
+        unit="ratio",
+        reason="between beam and ground is no second row of points: fences have boards there",
+        low=0,
+        high=9,
+    )
+    max_wander: float = setting(
+        1.8,
+        unit="sigma",
+        reason="across its line a beam lies still to what its points' number allows",
+        low=0,
+        high=99,
+    )
+    min_core: float = setting(
+        0.5,
+        unit="share",
+        reason="of a rail at least half must be surely one; the rest may run on",
+        low=0,
+        high=1,
+    )
     min_length_m: float = setting(6.0, unit="m", reason="a car is 4 to 5 m long, one rail section 4 m", low=0)
     min_closed_length_m: float = setting(
         20.0, unit="m", reason="of a rail with no ground behind it, as on a bridge; a bus is 18 m long", low=0
@@ -132,6 +153,8 @@ class Profile:
         Density between ground and sheet within 0.40 m before it on the road side, against the sheet's.
     edge_m
         Mean offset of the points just below the top edge; NaN where none.
+    rows
+        (n, DEPTH_BINS): densities per 5 cm below the top edge against the sheet's, of the clearer half.
     """
 
     offset_m: FloatArray
@@ -146,6 +169,7 @@ class Profile:
     open_: FloatArray
     apron: FloatArray
     edge_m: FloatArray
+    rows: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,6 +241,7 @@ def measure_profile(nodes: FloatArray, bins: Bins, circles: CircleConfig, config
         open_=np.min(_moving_mean(_moving_sum(sides[:, 1], 5) > 0.5, window), axis=1),
         apron=apron,
         edge_m=edge,
+        rows=ratio[at],
     )
 
 
@@ -262,10 +287,16 @@ def classify(
     square = np.where(known, np.minimum(np.nan_to_num(wobble), 4.0) ** 2, 0.0)
     unrest = np.sqrt(_moving_sum(square, window) / np.maximum(_moving_sum(known, window), 1.0))
     occupied = _moving_mean(profile.number >= 2, window)
+    allowed = np.hypot(profile.spread_m / np.sqrt(np.maximum(profile.number, 1.0)), 0.005)
+    swerve = np.where(
+        profile.number > 0, np.minimum(np.abs(np.nan_to_num(profile.offset_m)) / allowed, 4.0), 0.0
+    )
+    wander = np.sqrt(_moving_mean(swerve**2, window))
     # Each test as a margin: 1 well inside the limit, 0.5 at it, 0 well outside
     sheet = [
         _below(profile.spread_m, config.max_spread_m, 0.003),
         _below(unrest, config.max_wobble, 0.15),
+        _below(wander, config.max_wander, 0.15),
         _below(-occupied, np.where(paired, -0.6, -0.4), 0.08),
         _below(height_m, config.max_top_m, 0.03),
     ]
@@ -277,6 +308,7 @@ def classify(
         _below(profile.below, config.max_below, 0.08),
         _below(profile.front, config.max_front, 0.08),
         _below(profile.apron, config.max_apron, 0.05),
+        _below(_second_row(profile.rows, height_m), config.max_second, 0.06),
         _below(-height_m, -config.min_top_m, 0.03),
     ]
     barrier = [
@@ -293,6 +325,14 @@ def classify(
         goes_on=goes_on,
         open_=profile.open_ >= config.min_open,
     )
+
+
+def _second_row(rows: FloatArray, height_m: FloatArray) -> FloatArray:
+    """Densest 10 cm between the beam (0.36 m below its top) and 0.20 m above the ground."""
+    depth = (np.arange(rows.shape[1]) - _TOP + 1) * _BIN  # lower edge of each bin
+    between = (depth > 0.36 + _BIN) & (depth <= height_m[:, None] - 0.20)
+    pairs = 0.5 * (rows[:, 1:] + rows[:, :-1])
+    return np.asarray(np.max(np.where(between[:, 1:] & between[:, :-1], pairs, 0.0), axis=1))
 
 
 def _below(value: FloatArray, limit: float | FloatArray, width: float) -> FloatArray:

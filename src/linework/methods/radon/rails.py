@@ -202,9 +202,11 @@ def _guardrail_runs(
     away = np.minimum(np.abs(chainage[ahead] - chainage), np.abs(chainage[behind] - chainage))
     out = []
     for run in _runs((sure >= 0.5) | ((verdict.goes_on >= 0.5) & (away <= config.max_run_on_m)), 2):
-        length = np.mean(sure[run] >= 0.5) * (chainage[run][-1] - chainage[run][0])
+        core_share = float(np.mean(sure[run] >= 0.5))
+        length = core_share * (chainage[run][-1] - chainage[run][0])
         is_open = np.mean(verdict.open_[run]) >= 0.5
-        if length >= (config.min_length_m if is_open else config.min_closed_length_m):
+        enough = config.min_length_m if is_open else config.min_closed_length_m
+        if core_share >= config.min_core and length >= enough:
             out.append((run, float(np.mean(np.maximum(sure[run], 0.5)))))
     return out
 
