@@ -16,6 +16,8 @@ COLUMN_M = 0.5
 LAYER_M = 0.1
 #: How far above and below a point its column is looked at [m].
 REACH_M = 1.0
+#: A wire that reaches the band may hang below it by this [m]: in mid-span, and where the ground rises.
+BELOW_M = 1.0
 #: A point is crowded when more than this many of the nine layers from 0.2 m to 1 m above it (or below it)
 #: are occupied. Wires 0.3 m apart, each smeared over two layers by its slope, occupy six at most; a wall
 #: or a crown fills them.
@@ -38,7 +40,7 @@ class Band:
     height_m
         (n,) float64 [m] above the ground.
     lonely
-        (n,) bool: inside the band and not crowded: may be a wire.
+        (n,) bool: not crowded, and in the band or up to `BELOW_M` below it: may be a wire.
     origin
         (3,) float64 [m, world], whole multiples of 100 m: keeps the digits, and every tile's lattice the same.
     keys, start, order, grid
@@ -65,7 +67,7 @@ class Band:
 
 
 def cable_band(xyz: FloatArray, height_m: Float32Array, low_m: float) -> Band | None:
-    """Return the points above `low_m` and, for context, those up to 1 m below it; None where there are none.
+    """Return the points above `low_m` and, for context, those up to 2 m below it; None where there are none.
 
     Parameters
     ----------
@@ -78,7 +80,7 @@ def cable_band(xyz: FloatArray, height_m: Float32Array, low_m: float) -> Band | 
     -----
     Cost: one sort of the band's points, and one pass over them; about 30 ns per point.
     """
-    index = np.flatnonzero(height_m >= low_m - REACH_M)
+    index = np.flatnonzero(height_m >= low_m - BELOW_M - REACH_M)
     if len(index) == 0:
         return None
     points = xyz[index]
@@ -96,7 +98,7 @@ def cable_band(xyz: FloatArray, height_m: Float32Array, low_m: float) -> Band | 
     sub_cell = ((sub[:, 1] % kernels.SIDE) * kernels.SIDE + sub[:, 0] % kernels.SIDE).astype(np.int32)
     layer = np.floor(local[:, 2] / LAYER_M).astype(np.int32)
     stacked, spread = kernels.crowding(order, start, layer, sub_cell, round(REACH_M / LAYER_M))
-    lonely = (height >= low_m) & (stacked <= MOST_LAYERS) & (spread <= MOST_SUB_CELLS)
+    lonely = (height >= low_m - BELOW_M) & (stacked <= MOST_LAYERS) & (spread <= MOST_SUB_CELLS)
     return Band(
         index,
         local,

@@ -17,9 +17,9 @@ CHORD_M = 0.005
 BRIDGED_M = 1.0
 #: ... or than this many times its usual distance between points, where it is hit more rarely.
 USUAL_GAPS = 3.0
-#: What no fit sees [m]: hits lie on the side of the wire that faces the scanner, half its radius from the
-#: axis on average, 2 to 7 mm; and passes differ by their pose.
-HIDDEN_SIGMA_M = 0.004
+#: What no fit sees [m]: hits lie on the side of the wire that faces the scanner, a radius of 4 to 12 mm off
+#: its axis, some of it sideways and some down; and a pass is off by its pose, a few millimetres.
+HIDDEN_SIGMA_M = 0.005
 
 
 def lines_of_wires(

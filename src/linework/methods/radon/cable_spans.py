@@ -26,6 +26,8 @@ OPEN_M = 0.8
 PAST_M = 6.0
 #: Wires on one support leave it in one direction within this angle [rad], and lie in this box [m].
 BUNDLE_RAD, BUNDLE_PLAN_M, BUNDLE_UP_M = math.radians(12.0), 2.5, 5.0
+#: Wires of a bundle run alike: a degree in plan, and in height as far as their sags differ by a fifth.
+BESIDE_TURN, BESIDE_TILT = 0.02, 0.03
 #: A pole is a column of points at least this high [m] up to near the wire, this near to it in plan [m].
 POLE_M, POLE_SIDE_M = 1.5, 0.6
 
@@ -128,8 +130,8 @@ def end_at_supports(band: Band, wires: list[Wire], min_length_m: float) -> list[
     Parameters
     ----------
     min_length_m
-        Shorter ones stay only if they hang on a support with a longer one: the edge of the survey, or what
-        hides a span, leaves such pieces.
+        Shorter ones stay only if they hang on a support with a longer one or beside one: the edge of the
+        survey, or what hides a span, leaves such pieces.
 
     Notes
     -----
@@ -158,12 +160,33 @@ def end_at_supports(band: Band, wires: list[Wire], min_length_m: float) -> list[
 
 
 def _with_partners(wires: list[Wire], min_length_m: float) -> list[Wire]:
-    """Return the wires that are long enough, and those that meet such a wire at a support."""
+    """Return the wires that are long enough, and those that meet such a wire at a support or hang beside it."""
     ends = [_end(wires, i, side) for i in range(len(wires)) for side in (0, 1)]
     long = [w.length_m >= min_length_m for w in wires]
     partner = {a.wire for (a, b), _ in _met(wires, ends) if long[b.wire]}
     partner |= {b.wire for (a, b), _ in _met(wires, ends) if long[a.wire]}
-    return [w for i, w in enumerate(wires) if long[i] or i in partner]
+    known = [w for w, is_long in zip(wires, long, strict=True) if is_long]
+    return [
+        w
+        for i, w in enumerate(wires)
+        if long[i] or i in partner or any(_hangs_beside(w, other) for other in known)
+    ]
+
+
+def _hangs_beside(wire: Wire, other: Wire) -> bool:
+    """Whether a short piece runs along a wire of the same bundle, in plan and in height."""
+    middle = (wire.low_m + wire.high_m) / 2.0
+    s, o, dz = other.residuals(wire.at(np.array([middle])))
+    turn = abs(wire.plan.ux * other.plan.uy - wire.plan.uy * other.plan.ux)
+    same_way = math.copysign(1.0, wire.plan.ux * other.plan.ux + wire.plan.uy * other.plan.uy)
+    tilt = abs(same_way * wire.fit.curve.slope_at(np.array([middle]))[0] - other.fit.curve.slope_at(s)[0])
+    return bool(
+        turn <= BESIDE_TURN
+        and tilt <= BESIDE_TILT
+        and other.low_m <= s[0] <= other.high_m
+        and abs(o[0]) <= BUNDLE_PLAN_M
+        and abs(dz[0]) <= BUNDLE_UP_M
+    )
 
 
 def _met(wires: list[Wire], ends: list[End]) -> list[tuple[tuple[End, End], FloatArray]]:

@@ -28,8 +28,10 @@ FILLED, MOST_GATE_M = 0.4, 0.4
 #: crown, an edge has its wall or roof all along.
 MOST_CROWDED = 0.6
 #: Wires break at a = H / w of 3 km: steel at a fifth of its strength, copper and aluminium before. What is
-#: straighter than that must have nothing about it but in a tenth of its metres (contact wires of trams).
+#: straighter than that must be thin, with nothing about it but in a tenth of its metres (contact wires).
 TAUTEST_PER_M, MOST_CROWDED_TAUT = 1.0 / 3000.0, 0.1
+#: Too short for its sag to be told from the noise [m]; such pieces stay only beside longer wires.
+SHORT_M = 8.0
 #: Points gathered in a few metres are an object that the line passes; wires are hit all along.
 LEAST_EVEN = 0.3
 
@@ -97,9 +99,9 @@ def find_cables(
         widths = widths.wider()
         wires = _found_wires(band, config, widths)
     # One catenary per wire and span, ends at the supports
-    wires = _spans(band, wires, config)
+    pieces, wires = _spans(band, wires, config)
     # What is still alone now that all wires are known, and hangs
-    wires, around = _free_hanging(band, wires)
+    wires, around = _free_hanging(band, wires, pieces)
     return lines_of_wires(band, wires, around, time_s, config.spacing_m)
 
 
@@ -111,7 +113,7 @@ def _found_wires(band: Band, config: CableConfig, widths: Widths) -> list[Wire]:
     for seed in find_cable_seeds(xyz[:, :2], window_m=config.window_m, cell_m=config.cell_m):
         for points in follow_seed(xyz, free, seed, widths=widths, max_gap_m=config.max_gap_m):
             for wire in _pieces(band, lonely[points], widths):
-                if _is_thin(band, wire):
+                if _is_thin(band, wire, config.low_m):
                     wires.append(wire)
                     mine = np.searchsorted(lonely, wire.members)
                     mine = mine[(mine < len(lonely))]
@@ -137,16 +139,18 @@ def _pieces(band: Band, points: IntArray, widths: Widths) -> list[Wire]:
     return [piece for part in parts for piece in _pieces(band, part, widths)]
 
 
-def _spans(band: Band, wires: list[Wire], config: CableConfig) -> list[Wire]:
-    """Return one wire per span, ended at its supports."""
+def _spans(band: Band, wires: list[Wire], config: CableConfig) -> tuple[list[Wire], list[Wire]]:
+    """Return all pieces of wire, and one wire per span, ended at its supports."""
     whole = without_mixtures(band, join_pieces(band, wires))
-    return end_at_supports(band, [exact(band, w) for w in without_tails(band, whole)], config.min_length_m)
+    pieces = [exact(band, w) for w in without_tails(band, whole)]
+    return pieces, end_at_supports(band, pieces, config.min_length_m)
 
 
-def _is_thin(band: Band, wire: Wire) -> bool:
+def _is_thin(band: Band, wire: Wire, low_m: float) -> bool:
     around = surroundings(band, wire, np.zeros(len(band.xyz), dtype=bool))
     return (
         around.n_points >= LEAST_POINTS
+        and float(np.quantile(band.height_m[wire.members], 0.9)) >= low_m
         and around.occupied >= LEAST_OCCUPIED
         and around.ringed <= MOST_RINGED
         and around.even >= LEAST_EVEN
@@ -161,20 +165,31 @@ def _is_round(wire: Wire) -> bool:
     return large <= max(wire.widths.round_m, ROUND_RATIO * small)
 
 
-def _hangs(wire: Wire, around: Surroundings) -> bool:
-    """Whether it sags, or is so alone that it may be taut: the edges of buildings and bridges are straight.
+def _sags(wire: Wire) -> bool:
+    """Whether it has a curvature that stands out of its error, and more than the tautest wire."""
+    return wire.fit.curve.curvature_per_m > max(2.0 * wire.fit.curvature_sigma_per_m, TAUTEST_PER_M)
 
-    An edge is straight when its curvature is surely less than that of the tautest wire.
+
+def _free_hanging(band: Band, wires: list[Wire], pieces: list[Wire]) -> tuple[list[Wire], list[Surroundings]]:
+    """Return the wires that hang free, and what lies around each.
+
+    Points of any piece of wire do not crowd, only those of straight ones do: the beams of a scanner that
+    drives past a far wall draw a stack of straight lines on it.
     """
-    surely_straight = wire.fit.curve.curvature_per_m + 2.0 * wire.fit.curvature_sigma_per_m < TAUTEST_PER_M
-    return not surely_straight or around.crowded + around.ringed <= MOST_CROWDED_TAUT
-
-
-def _free_hanging(band: Band, wires: list[Wire]) -> tuple[list[Wire], list[Surroundings]]:
-    """Return the wires that are not crowded, and what lies around each."""
     of_wire = np.zeros(len(band.xyz), dtype=bool)
-    for wire in wires:
-        of_wire[wire.members] = True
+    for wire in pieces:
+        of_wire[wire.members] |= _sags(wire) or wire.length_m < SHORT_M
     kept = [(w, surroundings(band, w, of_wire)) for w in wires]
-    kept = [(w, a) for w, a in kept if a.crowded <= MOST_CROWDED and _hangs(w, a)]
+    kept = [(w, a) for w, a in kept if _hangs(w, a)]
     return [w for w, _ in kept], [a for _, a in kept]
+
+
+def _hangs(wire: Wire, around: Surroundings) -> bool:
+    """Whether it sags, or is so thin and alone that it may be taut: the edges of buildings are straight."""
+    is_alone = around.crowded + around.ringed <= MOST_CROWDED_TAUT
+    is_thin = max(wire.sigma_o_m, wire.fit.sigma_m) <= wire.widths.round_m
+    return (
+        (_sags(wire) and around.crowded <= MOST_CROWDED)
+        or (is_alone and is_thin)
+        or (wire.length_m < SHORT_M and around.crowded <= MOST_CROWDED)
+    )
