@@ -19,6 +19,7 @@ from linework.files.survey_points import (
     read_survey_trajectory,
 )
 from linework.methods.protocol import Method
+from linework.model.arrays import BoolArray
 from linework.model.grid import Bounds
 from linework.model.lines import KINDS, LineSet
 from linework.model.points import Points
@@ -29,6 +30,7 @@ from linework.navigation.lever import at_vehicle_origin
 from linework.tiling.executors import in_order
 from linework.tiling.identify import identify
 from linework.tiling.plan import Tile, plan_tiles
+from linework.tiling.seams import inside_core, join_seams
 from linework.tiling.steps import Steps
 
 
@@ -138,18 +140,26 @@ def extract_lines(
     """
     steps = steps or Steps()
     read = survey if isinstance(survey, SurveyRead) else read_survey(survey, steps)
-    bounds = read.points.points.bounds
+    points, name = read.points.points, read.survey.name
+    bounds = points.bounds
     tiles = plan_tiles(bounds, max(method.buffer_m for method in methods))
+    tiles = tiles if len(tiles) == 1 else tuple(tile for tile in tiles if _has_points(tile.core, points))
 
     def work(tile: Tile) -> tuple[TileReport, LineSet]:
-        points = _points_of(tile, read.points.points, bounds)
-        data = TileData(tile.tile_id, tile.core, points, read.trajectory, read.survey.name)
-        found = [_in_crs(method.extract(data), read.survey.crs) for method in methods]
-        return TileReport(tile, len(points), sum(map(len, found))), LineSet.concatenate(found)
+        data = TileData(tile.tile_id, tile.core, _points_of(tile, points, bounds), read.trajectory, name)
+        found = LineSet.concatenate([_in_crs(method.extract(data), read.survey.crs) for method in methods])
+        found = found if len(tiles) == 1 else inside_core(found, tile.core)
+        return TileReport(tile, len(data.points), len(found)), found
 
-    with steps.step("find lines"):
-        worked = list(in_order(work, tiles, n_workers))
-        lines = identify(LineSet.concatenate([found for _, found in worked]))
+    with steps.step("find lines", unit="tiles") as advance:
+        worked = []
+        for result in in_order(work, tiles, n_workers):
+            worked.append(result)
+            advance(len(worked), len(tiles))
+        lines = LineSet.concatenate([found for _, found in worked])
+        if len(tiles) > 1:
+            lines = join_seams(lines, [tile.core for tile in tiles])
+        lines = identify(lines)
     return Extraction(
         source=read.survey.name,
         lines=lines,
@@ -174,8 +184,17 @@ def _points_of(tile: Tile, points: Points, bounds: Bounds) -> Points:
     west, south, east, north = tile.extent
     if west <= bounds.west and south <= bounds.south and bounds.east < east and bounds.north < north:
         return points
-    x, y = points.xyz[:, 0], points.xyz[:, 1]
-    return points.take(np.flatnonzero((x >= west) & (x < east) & (y >= south) & (y < north)))
+    return points.take(np.flatnonzero(_inside(tile.extent, points)))
+
+
+def _has_points(core: Bounds, points: Points) -> bool:
+    return bool(_inside(core, points).any())
+
+
+def _inside(bounds: Bounds, points: Points) -> BoolArray:
+    east, north = points.xyz[:, 0], points.xyz[:, 1]
+    inside: BoolArray = (east >= bounds.west) & (east < bounds.east)
+    return inside & (north >= bounds.south) & (north < bounds.north)
 
 
 def _in_crs(lines: LineSet, crs: str) -> LineSet:
