@@ -279,7 +279,7 @@ def classify(
         (n,) float64: height of the top edge above the road.
     paired
         (n,) bool: a guardrail runs close beside it. Of the second beam on a post only the upper edge is
-        seen, over the first: its height and depth say nothing then.
+        seen, over the first: its height and depth say nothing then, nor does what stands before it.
 
     """
     window = max(round(config.window_m / 0.5), 1)
@@ -293,38 +293,47 @@ def classify(
     )
     wander = np.sqrt(_moving_mean(swerve**2, window))
     # Each test as a margin: 1 well inside the limit, 0.5 at it, 0 well outside
-    sheet = [
+    goes_on = _least(
         _below(profile.spread_m, config.max_spread_m, 0.003),
         _below(unrest, config.max_wobble, 0.15),
         _below(wander, config.max_wander, 0.15),
-        _below(-occupied, np.where(paired, -0.6, -0.4), 0.08),
+        _below(-occupied, -0.4, 0.08),
         _below(height_m, config.max_top_m, 0.03),
-    ]
-    beam = [
-        np.where(paired, 1.0, _below(-profile.spread_m, -config.min_spread_m, 0.002)),
-        np.where(paired, 1.0, _below(-profile.beam_m, -config.min_beam_m, 0.02)),
+    )
+    beam = _least(
+        goes_on,
         _below(profile.beam_m, config.max_beam_m, 0.03),
         _below(profile.above, config.max_above, 0.06),
         _below(profile.below, config.max_below, 0.08),
-        _below(profile.front, config.max_front, 0.08),
         _below(profile.apron, config.max_apron, 0.05),
         _below(_second_row(profile.rows, height_m), config.max_second, 0.06),
         _below(-height_m, -config.min_top_m, 0.03),
-    ]
-    barrier = [
+    )
+    alone = _least(
+        beam,
+        _below(-profile.spread_m, -config.min_spread_m, 0.002),
+        _below(-profile.beam_m, -config.min_beam_m, 0.02),
+        _below(profile.front, config.max_front, 0.08),
+    )
+    beside = np.where(paired, np.minimum(beam, _below(-occupied, -0.6, 0.08)), 0.0)
+    barrier = _least(
+        goes_on,
         _below(profile.above, config.max_above, 0.06),
         _below(profile.front, config.max_front, 0.08),
         _below(-profile.apron, -1.5 * config.max_apron, 0.05),
         _below(profile.open_, config.min_open, 0.1),
         _below(-height_m, -1.5 * config.min_top_m, 0.03),
-    ]
-    goes_on = np.min(np.stack(sheet), axis=0)
+    )
     return Verdict(
-        guardrail=np.minimum(goes_on, np.min(np.stack(beam), axis=0)),
-        barrier=np.minimum(goes_on, np.min(np.stack(barrier), axis=0)),
+        guardrail=np.maximum(alone, beside),
+        barrier=barrier,
         goes_on=goes_on,
         open_=profile.open_ >= config.min_open,
     )
+
+
+def _least(*margins: FloatArray) -> FloatArray:
+    return np.asarray(np.min(np.stack(margins), axis=0))
 
 
 def _second_row(rows: FloatArray, height_m: FloatArray) -> FloatArray:
