@@ -114,6 +114,24 @@ def test_geopackage_is_as_the_manual_says(tmp_path):
     assert parse_crs(crs) == parse_crs(UTM)
 
 
+def test_geopackage_can_be_edited_by_gdal(tmp_path, recwarn):
+    path = tmp_path / "lines.gpkg"
+    write_lines(sample(), path)
+    shape = shapely.to_wkb(shapely.LineString([[5e5, 5.6e6, 1], [5e5 + 9, 5.6e6, 2]]), flavor="iso")
+    pyogrio.raw.write(path, np.array([shape]), [np.array(["new"])], ["id"], layer="cable", driver="GPKG",
+                      geometry_type="LineString Z", append=True, crs=sample().crs)  # fmt: skip
+    assert [str(w.message) for w in recwarn] == []
+    with sqlite3.connect(path) as db:
+        assert db.execute("PRAGMA integrity_check").fetchone()[0] == "ok"
+        assert db.execute("SELECT count(*) FROM rtree_cable_geom").fetchone()[0] == 3
+    db.close()
+    lines = read_lines(path)
+    assert len(lines) == 6
+    assert "new" in lines.id.tolist()
+    box = (5e5 - 1, 5.6e6 - 1, 5e5 + 10, 5.6e6 + 1)
+    assert "new" in pyogrio.raw.read(path, layer="cable", bbox=box)[3][0].tolist()
+
+
 def test_geopackage_whose_index_is_missing_does_not_verify(tmp_path):
     part = tmp_path / "p.gpkg"
     write_gpkg(sample(), part)

@@ -136,6 +136,7 @@ def unit_factors(wkt: str) -> tuple[float, float]:
     return horizontal, horizontal
 
 
+@functools.lru_cache(maxsize=64)  # PROJ takes 0.3 s to search its database for the twin
 def metric_twin(wkt: str) -> str:
     """Return the same CRS with all its lengths in metres: same projection, same datum, same places.
 

@@ -24,6 +24,7 @@ from linework.errors import InputError
 _LASZIP_USER, _LASZIP_RECORD = b"laszip encoded", 22204
 #: The compressor that knows no chunks (before 2011), and the one with layers (point formats 6 to 10).
 _POINT_BY_POINT, _LAYERED = 1, 3
+_FIRST_LAYERED_ITEM, _LAST_ITEM = 10, 14
 #: Layers by item type: point, RGB, RGB and infrared, wave packet; extra bytes have one each.
 _LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}
 #: Chunk size that says: every chunk has its own (COPC).
@@ -85,7 +86,7 @@ def read_laz_table(
     chunk_size = struct.unpack_from("<I", data, 12)[0]
     if compressor not in (1, 2, 3):
         raise _newer(path, f"LAZ compressor {compressor}, expected 1 to 3")
-    _check_items(path, data, record_bytes)
+    _check_items(path, data, compressor, record_bytes)
     if _MAX_CHUNK < chunk_size < _VARIABLE_CHUNKS:
         raise _error(path, f"laszip record says chunks of {chunk_size:,} points, expected some 50,000")
     n_bytes = path.stat().st_size
@@ -135,7 +136,7 @@ def _newer(path: Path, problem: str) -> InputError:
     )  # fmt: skip
 
 
-def _check_items(path: Path, data: bytes, record_bytes: int) -> None:
+def _check_items(path: Path, data: bytes, compressor: int, record_bytes: int) -> None:
     n_items = struct.unpack_from("<H", data, 32)[0]
     if len(data) < 34 + 6 * n_items or n_items == 0:
         raise _error(path, f"laszip record promises {n_items} items in {len(data)} bytes")
@@ -143,6 +144,11 @@ def _check_items(path: Path, data: bytes, record_bytes: int) -> None:
     total = sum(size for _, size, _ in items)
     if total != record_bytes:
         raise _error(path, f"laszip items add up to {total} bytes a point, the header says {record_bytes}")
+    # Layers came with the point formats 6 to 10: their items and the layered compressor belong together
+    is_layered = {kind >= _FIRST_LAYERED_ITEM for kind, _, _ in items}
+    if is_layered != {compressor == _LAYERED} or max(kind for kind, _, _ in items) > _LAST_ITEM:
+        kinds = ", ".join(str(kind) for kind, _, _ in items)
+        raise _error(path, f"LAZ items of types {kinds} do not go with compressor {compressor}")
     newest = max(version for _, _, version in items)
     if newest > 3:
         raise _newer(path, f"LAZ items of version {newest}, expected at most 3")

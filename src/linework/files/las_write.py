@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import laspy
+import lazrs
 import numpy as np
 from laspy.header import GpsTimeType
 from laspy.vlrs.known import WktCoordinateSystemVlr
@@ -51,10 +52,17 @@ def write_las(
     header = _header(points, wkt, path)
 
     def write(part: Path) -> None:
-        with laspy.open(part, mode="w", header=header, laz_backend=laspy.LazBackend.LazrsParallel) as writer:
-            for start in range(0, len(points), _BATCH):
-                record = _record(points.take(slice(start, start + _BATCH)), header, intensity_bits)
-                writer.write_points(record)
+        try:
+            with laspy.open(
+                part, mode="w", header=header, laz_backend=laspy.LazBackend.LazrsParallel
+            ) as writer:
+                for start in range(0, len(points), _BATCH):
+                    record = _record(points.take(slice(start, start + _BATCH)), header, intensity_bits)
+                    writer.write_points(record)
+        except lazrs.LazrsError as error:  # the compressor hides what the system said
+            raise MachineError(
+                f"cannot be written: {error}", where=path, advice="check for free space"
+            ) from error
 
     def verify(part: Path) -> None:
         _verify(part, points, path)

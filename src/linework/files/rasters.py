@@ -56,11 +56,14 @@ def write_geotiff(image: Image, path: Path, *, crs: str, overwrite: bool = False
         profile |= {"driver": "GTiff", "tiled": True, "blockxsize": _BLOCK, "blockysize": _BLOCK}
 
     def write(part: Path) -> None:
+        # In memory first: GDAL does not report every failed write
         try:
-            with rasterio.Env(GDAL_PAM_ENABLED="NO"), rasterio.open(part, "w", **profile) as dataset:
-                dataset.write(values, 1)
+            with rasterio.Env(GDAL_PAM_ENABLED="NO"), rasterio.MemoryFile() as memory:
+                with memory.open(**profile) as dataset:
+                    dataset.write(values, 1)
+                part.write_bytes(memory.read())
         except RasterioError as error:
-            raise MachineError(f"cannot be written: {error}", where=path, advice="check the disk") from error
+            raise MachineError(f"cannot be made: {error}", where=path, advice="free some memory") from error
 
     def verify(part: Path) -> None:
         with rasterio.open(part, driver="GTiff") as dataset:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,17 +24,20 @@ def write_flatgeobuf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> N
         name: column.astype(object) if column.dtype.kind == "U" else column
         for name, column in field_values(lines).items()
     }
+    # In memory first: GDAL does not report every failed write
+    content = io.BytesIO()
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="'crs' was not provided")
             pyogrio.raw.write(
-                part, shapely.to_wkb(geometries(lines), flavor="iso"), list(values.values()), list(values),
+                content, shapely.to_wkb(geometries(lines), flavor="iso"), list(values.values()), list(values),
                 layer="lines", driver="FlatGeobuf", crs=None if lines.crs == LOCAL else lines.crs,
                 geometry_type="LineString Z", encoding="utf-8", nan_as_null=True,
                 layer_options={"SPATIAL_INDEX": "NO"},  # an index sorts the lines anew
             )  # fmt: skip
     except RuntimeError as error:  # the root of pyogrio's errors
         raise MachineError(f"cannot be written: {error}", where=part, advice="check the disk") from error
+    part.write_bytes(content.getvalue())
 
 
 def verify_flatgeobuf(part: Path, lines: LineSet, path: Path) -> None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sqlite3
-import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ import shapely
 
 from linework.errors import LineworkError, MachineError
 from linework.files.crs import LOCAL, parse_crs, same_crs
+from linework.files.geopackage import FIXED_DATE, Table, geopackage_bytes
 from linework.files.line_fields import (
     column_values,
     field_values,
@@ -28,9 +28,7 @@ from linework.model.arrays import AnyArray, IntArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 VERTEX_TABLE, STYLE_TABLE = "vertex", "layer_styles"
-#: Goes where GDAL would write the time of day, so that equal lines give equal bytes.
-_FIXED_DATE = "2000-01-01T00:00:00.000Z"
-_DATASET_OPTIONS = {"VERSION": "1.2"}
+_STYLE_TYPES = {"update_time": "DATETIME"}
 
 
 def write_gpkg(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
@@ -40,37 +38,17 @@ def write_gpkg(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
     line in the whole set (`line`), the layer and its feature (`layer`, `line_fid`), its place in the line
     (`vertex`), its sigmas and flags.
     """
-    layers = layer_names(lines)
-    crs = None if lines.crs == LOCAL else lines.crs
-    shapes, values = shapely.to_wkb(geometries(lines), flavor="iso"), field_values(lines)
-    # An empty layer keeps the CRS of a set without lines.
+    layers, shapes, values = layer_names(lines), geometries(lines), field_values(lines)
+    # An empty layer keeps the CRS of a set without lines
     names = ordered_layers([*layers.tolist(), *kinds]) or ["line"]
-    with _fixed_date():
-        for i, layer in enumerate(names):
-            chosen = np.flatnonzero(layers == layer)
-            columns = {name: _storable(values[name][chosen]) for name in fields_of_kind(layer)}
-            _append(part, layer, columns, shapes[chosen], crs, is_first=i == 0)
-        _append(part, VERTEX_TABLE, _vertex_columns(lines, layers), None, None, is_first=False)
-        _append(part, STYLE_TABLE, _style_columns(names), None, None, is_first=False)
-
-
-def _append(
-    path: Path, layer: str, columns: dict[str, AnyArray], shapes: AnyArray | None, crs: str | None, *, is_first: bool
-) -> None:  # fmt: skip
-    """Add one layer or table."""
-    options = {"FID": "id"} if layer == STYLE_TABLE else {}
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="'crs' was not provided")
-            pyogrio.raw.write(
-                path, shapes, list(columns.values()), list(columns), layer=layer, driver="GPKG", crs=crs,
-                geometry_type=None if shapes is None else "LineString Z", encoding="utf-8", append=not is_first,
-                nan_as_null=True, layer_options=options, dataset_options=_DATASET_OPTIONS if is_first else None,
-            )  # fmt: skip
-    except RuntimeError as error:  # the root of pyogrio's errors
-        raise MachineError(
-            f"layer {layer} cannot be written: {error}", where=path, advice="check the disk"
-        ) from error
+    tables = []
+    for layer in names:
+        chosen = np.flatnonzero(layers == layer)
+        columns = {name: _storable(values[name][chosen]) for name in fields_of_kind(layer)}
+        tables.append(Table(layer, columns, shapes[chosen]))
+    tables.append(Table(VERTEX_TABLE, _vertex_columns(lines, layers)))
+    tables.append(Table(STYLE_TABLE, _style_columns(names), key="id", sql_types=_STYLE_TYPES))
+    part.write_bytes(geopackage_bytes(tables, lines.crs))
 
 
 def _storable(values: AnyArray) -> AnyArray:
@@ -109,28 +87,17 @@ def _style_columns(layers: Sequence[str]) -> dict[str, AnyArray]:
     columns["useAsDefault"] = np.ones(n, dtype=np.bool_)
     for name in ("description", "owner", "ui"):
         columns[name] = np.array([""] * n, dtype=object)
-    columns["update_time"] = np.full(n, _FIXED_DATE[:-1], dtype="datetime64[ms]")
+    columns["update_time"] = np.array([FIXED_DATE] * n, dtype=object)
     return columns
 
 
-@contextlib.contextmanager
-def _fixed_date() -> Iterator[None]:
-    before = pyogrio.get_gdal_config_option("OGR_CURRENT_DATE")
-    pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": _FIXED_DATE})
-    try:
-        yield
-    finally:
-        pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": before})
-
-
 def verify_gpkg(part: Path, lines: LineSet, path: Path) -> None:
-    """Check a written GeoPackage with SQLite alone, then read the lines back.
+    """Check a written GeoPackage with SQLite, then read the lines back with GDAL, which had no part in writing.
 
     Raises
     ------
     MachineError
-        Damaged, rows or index entries missing, journal left, or other lines than were written: a full disk
-        lets GDAL report success all the same.
+        Damaged, rows or index entries missing, journal left, or other lines than were written.
     """
     try:
         problem = _gpkg_problem(part, len(lines))
