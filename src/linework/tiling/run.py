@@ -155,7 +155,8 @@ def extract_lines(
         worked = []
         for result in in_order(work, tiles, n_workers):
             worked.append(result)
-            advance(len(worked), len(tiles))
+            if len(tiles) > 1:
+                advance(len(worked), len(tiles))
         lines = LineSet.concatenate([found for _, found in worked])
         if len(tiles) > 1:
             lines = join_seams(lines, [tile.core for tile in tiles])
