@@ -18,6 +18,8 @@ from linework.model.arrays import BoolArray, FloatArray, IntArray
 #: What lies beyond a gap of this length [m], or this many usual gaps, must be a stretch of this length [m]
 #: half as often hit as the wire itself.
 TAIL_GAP_M, TAIL_GAPS, TAIL_LONG_M = 3.0, 3.0, 2.0
+#: Longer gaps [m] are not usual on any wire: something hides it.
+MOST_USUAL_M = 6.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,11 +132,23 @@ def _line_of(plan: Plan, low_m: float, high_m: float) -> FloatArray:
 
 
 def _on_wire(band: Band, wire: Wire) -> IntArray:
-    """Return the band's points within the gate of a wire and half a metre beyond its ends, by station."""
-    gate_m = wire.gate_m
-    near = band.near(_line_of(wire.plan, wire.low_m - 0.5, wire.high_m + 0.5), gate_m)
+    """Return the band's points on a wire and half a metre beyond its ends, by station.
+
+    It ends with the first and the last metre that are clear of other points: in a crown leaves lie on any line.
+    """
+    near = band.near(_line_of(wire.plan, wire.low_m - 0.5, wire.high_m + 0.5), wire.widths.ring_m)
     s, o, dz = wire.residuals(band.xyz[near])
-    on = np.hypot(o, dz) <= gate_m
+    r = np.hypot(o, dz)
+    on = r <= wire.gate_m
+    metre = np.floor(s - wire.low_m + 1.0).astype(np.int64)
+    counts = [
+        np.bincount(metre[chosen], minlength=math.ceil(wire.length_m) + 3)
+        for chosen in (on, (r > 1.25 * wire.gate_m) & (r <= wire.widths.ring_m))
+    ]
+    clear = np.flatnonzero((counts[0] > 0) & (3 * counts[1] <= counts[0]))
+    if len(clear) == 0:
+        return near[:0]
+    on &= (metre >= clear[0]) & (metre <= clear[-1])
     order = np.lexsort((band.xyz[near[on], 2], o[on], s[on]))
     members: IntArray = near[on][order]
     first, last = main_run(s[on][order])
@@ -150,7 +164,8 @@ def main_run(s: FloatArray) -> tuple[int, int]:
     if len(s) < 4:
         return 0, len(s)
     gaps = np.diff(s)
-    usual = float((gaps**2).sum() / max(float(gaps.sum()), 1e-6))
+    short = np.minimum(gaps, MOST_USUAL_M)
+    usual = float((short**2).sum() / max(float(short.sum()), 1e-6))
     cuts = np.flatnonzero(gaps > max(TAIL_GAP_M, TAIL_GAPS * usual)) + 1
     edges = np.concatenate([[0], cuts, [len(s)]])
     runs = list(itertools.pairwise(edges))
@@ -186,7 +201,7 @@ class Surroundings:
         How evenly the points are spread over its metres, 0 to 1: (sum of r)^2 / sum of r^2 over the number
         of metres, r the root of a metre's points.
     wavy_m
-        Root mean square of the mean residuals of its metres: what the catenary does not explain.
+        How far its metres lie off the catenary, beyond what the scatter within them explains.
     """
 
     n_points: int
@@ -225,17 +240,22 @@ def surroundings(band: Band, wire: Wire, of_wire: BoolArray) -> Surroundings:
         ringed=float((has & (ring > on / 3.0)).sum() / n_has),
         crowded=float((has & (others > 0)).sum() / n_has),
         even=float(np.sqrt(on).sum() ** 2 / max(on.sum(), 1.0) / n_metres),
-        wavy_m=_wavy(metre, o, dz, r <= wire.gate_m, n_metres),
+        wavy_m=_wavy(metre, o, dz, r <= wire.gate_m),
     )
 
 
-def _wavy(metre: IntArray, o: FloatArray, dz: FloatArray, on: BoolArray, n_metres: int) -> float:
-    count = np.bincount(metre[on], minlength=n_metres + 1)
-    has = count >= 3
-    if not has.any():
+def _wavy(metre: IntArray, o: FloatArray, dz: FloatArray, on: BoolArray) -> float:
+    """Return the deviation of the metres' means that the scatter within them does not explain. [m]"""
+    count = np.bincount(metre[on])
+    n, m = int(count.sum()), int(np.count_nonzero(count))
+    if n - m < 3:
         return 0.0
-    means = [np.bincount(metre[on], weights=r[on], minlength=n_metres + 1)[has] / count[has] for r in (o, dz)]
-    return float(np.sqrt((means[0] ** 2 + means[1] ** 2).mean()))
+    square = 0.0
+    for residual in (o[on], dz[on]):
+        between = float((np.bincount(metre[on], weights=residual)[count > 0] ** 2 / count[count > 0]).sum())
+        within = (float((residual**2).sum()) - between) / (n - m)
+        square += max(between - m * within, 0.0) / n
+    return math.sqrt(square)
 
 
 def split_at_kink(band: Band, wire: Wire, least_m: float) -> tuple[IntArray, IntArray] | None:

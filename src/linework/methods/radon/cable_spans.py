@@ -20,10 +20,12 @@ LEAST_OWN = 0.5
 #: How far a wire is carried on to its support [m]: hits are a metre apart at worst, insulators and the
 #: crossarm hide as much again.
 CARRY_M = 3.0
+#: How far to one where the wire of the next span arrives at the same height [m]: across a crown.
+MEET_CARRY_M = 10.0
 #: How far it is carried on where no support is in sight [m]: what is within 1 m of a hit counts as seen.
 OPEN_M = 0.8
 #: How far a wire may have been followed past its support [m]: into the next span when that is taut.
-PAST_M = 6.0
+PAST_M = 2.0
 #: Wires on one support leave it in one direction within this angle [rad], and lie in this box [m].
 BUNDLE_RAD, BUNDLE_PLAN_M, BUNDLE_UP_M = math.radians(12.0), 2.5, 5.0
 #: Wires of a bundle run alike: a degree in plan, and in height as far as their sags differ by a fifth.
@@ -77,7 +79,9 @@ def _one_line(wire: Wire, other: Wire) -> bool:
 def _joined(band: Band, wire: Wire, other: Wire) -> Wire | None:
     members = np.union1d(wire.members, other.members)
     joint = fit_wire(band, members, wire.widths)
-    if joint is None or len(np.intersect1d(joint.members, members)) < 0.9 * len(members):
+    if joint is None:
+        return None
+    if any(np.isin(w.members, joint.members).mean() < 0.9 for w in (wire, other)):
         return None
     worst = max(wire.fit.sigma_m, other.fit.sigma_m)
     if joint.fit.sigma_m > 1.3 * worst + 0.002 or split_at_kink(band, joint, 3.0) is not None:
@@ -212,7 +216,7 @@ def _meetings(wires: list[Wire], ends: list[End]) -> list[tuple[float, int, int,
     xy = np.array([e.xy for e in ends])
     found = []
     for a, end in enumerate(ends):
-        near = np.flatnonzero(np.hypot(*(xy - end.xy).T) <= 2.0 * PAST_M)
+        near = np.flatnonzero(np.hypot(*(xy - end.xy).T) <= MEET_CARRY_M + CARRY_M)
         for b in near[near > a]:
             other = ends[b]
             if other.wire != end.wire and float(end.out @ other.out) < -0.5:
@@ -236,7 +240,12 @@ def _meeting(wire: Wire, other: Wire, end: End, end2: End) -> tuple[float, Float
     for place in places:
         on1, on2 = float((place - end.xy) @ end.out), float((place - end2.xy) @ end2.out)
         gap = abs(_height(wire, place) - _height(other, place))
-        if max(on1, on2) <= CARRY_M and min(on1, on2) >= -PAST_M and gap <= wire.widths.side_m:
+        if (
+            max(on1, on2) <= MEET_CARRY_M
+            and on1 + on2 <= MEET_CARRY_M + CARRY_M
+            and min(on1, on2) >= -PAST_M
+            and gap <= wire.widths.side_m
+        ):
             cost = abs(on1) + abs(on2) + 10.0 * gap
             if best is None or cost < best[0]:
                 best = (cost, place)
@@ -252,7 +261,7 @@ def _height_meetings(wire: Wire, other: Wire, end: End, apart_m: float) -> list[
     curve = replace(
         other.fit.curve, station_m=shift, slope=other.fit.curve.slope * (1.0 if same > 0 else -1.0)
     )
-    low, high = sorted((station - sign * PAST_M, station + sign * (apart_m + PAST_M)))
+    low, high = sorted((station - sign * PAST_M, station + sign * max(apart_m + PAST_M, 0.0)))
     meetings = [sign * (float(s) - station) for s in meeting_stations(wire.fit.curve, curve, low, high)]
     return [*meetings, apart_m / 2.0]
 

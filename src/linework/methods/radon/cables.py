@@ -32,6 +32,13 @@ MOST_CROWDED = 0.6
 TAUTEST_PER_M, MOST_CROWDED_TAUT = 1.0 / 3000.0, 0.1
 #: Too short for its sag to be told from the noise [m]; such pieces stay only beside longer wires.
 SHORT_M = 8.0
+#: The metres of a wire lie on its catenary within this share of the gate, beyond what their scatter explains
+#: (poses of two passes differ by 5 mm, hits wander over the wire's width); of a curve laid across a bundle
+#: they do not.
+WAVY_GATES = 0.2
+#: Points of a wire that a scanner crosses scatter by more than this [m]; the edge of something thick that one
+#: sweep runs along does not.
+ONE_SWEEP_M = 0.002
 #: Points gathered in a few metres are an object that the line passes; wires are hit all along.
 LEAST_EVEN = 0.3
 
@@ -154,7 +161,7 @@ def _is_thin(band: Band, wire: Wire, low_m: float) -> bool:
         and around.occupied >= LEAST_OCCUPIED
         and around.ringed <= MOST_RINGED
         and around.even >= LEAST_EVEN
-        and around.wavy_m <= wire.widths.round_m
+        and around.wavy_m <= WAVY_GATES * wire.widths.gate_m
         and _is_round(wire)
     )
 
@@ -187,9 +194,10 @@ def _free_hanging(band: Band, wires: list[Wire], pieces: list[Wire]) -> tuple[li
 def _hangs(wire: Wire, around: Surroundings) -> bool:
     """Whether it sags, or is so thin and alone that it may be taut: the edges of buildings are straight."""
     is_alone = around.crowded + around.ringed <= MOST_CROWDED_TAUT
+    one_sweep = min(wire.sigma_o_m, wire.fit.sigma_m) < ONE_SWEEP_M
     is_thin = max(wire.sigma_o_m, wire.fit.sigma_m) <= wire.widths.round_m
     return (
-        (_sags(wire) and around.crowded <= MOST_CROWDED)
+        (_sags(wire) and not one_sweep and around.crowded <= MOST_CROWDED)
         or (is_alone and is_thin)
         or (wire.length_m < SHORT_M and around.crowded <= MOST_CROWDED)
     )
