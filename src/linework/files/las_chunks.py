@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -87,42 +87,43 @@ def read_laz_table(
     if compressor not in (1, 2, 3):
         raise _newer(path, f"LAZ compressor {compressor}, expected 1 to 3")
     _check_items(path, data, compressor, record_bytes)
-    if _MAX_CHUNK < chunk_size < _VARIABLE_CHUNKS:
-        raise _error(path, f"laszip record says chunks of {chunk_size:,} points, expected some 50,000")
     n_bytes = path.stat().st_size
     if n_points > (n_bytes - point_offset) * _MAX_POINTS_PER_BYTE:
-        raise _error(
-            path,
-            f"header promises {n_points:,} points but the file holds {n_bytes - point_offset:,} bytes of them"
-            " (cut off or damaged)",
-        )
+        raise _too_many(path, n_points, f"{n_bytes - point_offset:,} bytes of them")
     if compressor == _POINT_BY_POINT or n_points == 0:
         return LazTable(data, chunk_size, None, False)
+    if not (0 < chunk_size <= _MAX_CHUNK or chunk_size == _VARIABLE_CHUNKS):
+        raise _error(path, f"laszip record says chunks of {chunk_size:,} points, expected some 50,000")
     at = _table_offset(path, file, point_offset, n_bytes, n_points)
-    listed = _listed_chunks(file, data, point_offset, at)
-    chunks = listed
+    chunks = _listed_chunks(file, data, point_offset, at)
+    is_sound = bool(chunks)
     if compressor == _LAYERED:
-        chunks = _walked_chunks(path, file, data, point_offset, at, record_bytes)
+        walked = _walked_chunks(path, file, data, point_offset, at, record_bytes)
         # A short last chunk is listed as a whole one, so only the bytes can be compared
-        if [size for _, size in listed] != [size for _, size in chunks]:
-            listed = []
+        is_sound = [size for _, size in chunks] == [size for _, size in walked]
+        chunks = walked
+    return _judged(path, LazTable(data, chunk_size, at, is_sound), chunks, n_points)
+
+
+def _judged(path: Path, table: LazTable, chunks: Sequence[tuple[int, int]], n_points: int) -> LazTable:
+    """Compare the points the chunks hold with those promised; add what to tell the user."""
     n_held = sum(n for n, _ in chunks)
     if chunks and n_points > n_held:
-        raise _error(
-            path,
-            f"header promises {n_points:,} points but the file holds {n_held:,} in {len(chunks):,} chunks (cut off"
-            " or damaged)",
-        )
-    if not listed and chunk_size == _VARIABLE_CHUNKS:
-        raise _error(
-            path, "damaged chunk table, and without it chunks of different sizes cannot be told apart"
-        )
-    if not listed:
-        said = "damaged chunk table: decoded one chunk after the other"
-        return LazTable(data, chunk_size, at, False, (said,))
-    is_more = n_held - n_points >= (chunk_size if chunk_size < _VARIABLE_CHUNKS else 1)
-    said = f"chunks for {n_held:,} points, the header says {n_points:,}"
-    return LazTable(data, chunk_size, at, True, (said,) if is_more else ())
+        raise _too_many(path, n_points, f"{n_held:,} in {len(chunks):,} chunks")
+    is_variable = table.chunk_size == _VARIABLE_CHUNKS
+    if not table.is_sound:
+        if is_variable:
+            raise _error(
+                path, "damaged chunk table, and chunks of different sizes cannot be told apart without it"
+            )
+        return replace(table, warnings=("damaged chunk table: decoded one chunk after the other",))
+    if n_held - n_points >= (1 if is_variable else table.chunk_size):
+        return replace(table, warnings=(f"chunks for {n_held:,} points, the header says {n_points:,}",))
+    return table
+
+
+def _too_many(path: Path, n_points: int, held: str) -> InputError:
+    return _error(path, f"header promises {n_points:,} points but the file holds {held} (cut off or damaged)")
 
 
 def _error(path: Path, problem: str) -> InputError:
