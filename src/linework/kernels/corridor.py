@@ -1,4 +1,4 @@
-"""Loops over the points near a line: binning, gathering in a box, circles, following, profiles.
+"""Loops over the points near a line: gathering in a box, beams seen from their ends, local fits, profiles.
 
 Positions are local: x east and y north of the bins' south-west corner, z above a local origin. [m]
 """
@@ -10,9 +10,7 @@ import numpy.typing as npt
 from numba import njit
 
 F64 = npt.NDArray[np.float64]
-F32 = npt.NDArray[np.float32]
 I64 = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
 
 DEPTH_BINS = 30  # of 5 cm: from 0.30 m above the top edge to 1.20 m below it
 DEPTH_ABOVE_M = 0.30
@@ -20,41 +18,12 @@ DEPTH_BIN_M = 0.05
 
 
 @njit(cache=True, nogil=True)
-def near_mask(
-    xyz: F64, height: F32, west: float, north: float, cell: float, near: Mask, low: float, high: float
-) -> I64:
-    """Return the indices of the points in the height range that lie on a set cell of a north-up image."""
-    n_rows, n_cols = near.shape
-    out = np.empty(len(xyz), dtype=np.int64)
-    n = 0
-    for i in range(len(xyz)):
-        if height[i] < low or height[i] > high:
-            continue
-        c = int(np.floor((xyz[i, 0] - west) / cell))
-        r = int(np.floor((north - xyz[i, 1]) / cell))
-        if r >= 0 and r < n_rows and c >= 0 and c < n_cols and near[r, c]:
-            out[n] = i
-            n += 1
-    return out[:n]
-
-
-@njit(cache=True, nogil=True)
-def bin_order(x: F64, y: F64, cell: float, n_x: int, n_y: int) -> tuple[I64, I64]:
-    """Return a stable order of points by bin (row-major from the south-west), and the bins' starts."""
-    starts = np.zeros(n_x * n_y + 1, dtype=np.int64)
-    bins = np.empty(len(x), dtype=np.int64)
-    for i in range(len(x)):
-        b = int(y[i] / cell) * n_x + int(x[i] / cell)
-        bins[i] = b
-        starts[b + 1] += 1
-    for b in range(n_x * n_y):
-        starts[b + 1] += starts[b]
-    fill = starts[:-1].copy()
-    order = np.empty(len(x), dtype=np.int64)
-    for i in range(len(x)):
-        order[fill[bins[i]]] = i
-        fill[bins[i]] += 1
-    return order, starts
+def crossed(half: float, a: float, b: float, south: float, north: float) -> tuple[float, float]:
+    """Return the range of x in which the strip ``|a x + b y| <= half`` crosses the row south <= y <= north."""
+    if abs(a) < 1e-6:
+        return -1e9, 1e9
+    reach = half / abs(a) + 1e-6  # a hair wider, for rounding
+    return -max(b * south / a, b * north / a) - reach, -min(b * south / a, b * north / a) + reach
 
 
 @njit(cache=True, nogil=True)
@@ -65,27 +34,28 @@ def gather(points: F64, starts: I64, n_x: int, n_y: int, cell: float, box: F64, 
     """
     x0, y0, dx, dy = box[0], box[1], box[2], box[3]
     half_s, half_u, low, high = box[4], box[5], box[6], box[7]
-    reach_x = abs(dx) * half_s + abs(dy) * half_u
     reach_y = abs(dy) * half_s + abs(dx) * half_u
-    c0, c1 = int(np.floor((x0 - reach_x) / cell)), int(np.floor((x0 + reach_x) / cell))
     r0, r1 = int(np.floor((y0 - reach_y) / cell)), int(np.floor((y0 + reach_y) / cell))
     n = 0
     for r in range(max(r0, 0), min(r1, n_y - 1) + 1):
-        for c in range(max(c0, 0), min(c1, n_x - 1) + 1):
-            b = r * n_x + c
-            for i in range(starts[b], starts[b + 1]):
-                h = points[i, 3]
-                if h < low or h > high:
-                    continue
-                ex, ey = points[i, 0] - x0, points[i, 1] - y0
-                s = ex * dx + ey * dy
-                u = ey * dx - ex * dy
-                if abs(s) <= half_s and abs(u) <= half_u and n < len(out):
-                    out[n, 0] = s
-                    out[n, 1] = u
-                    out[n, 2] = points[i, 2]
-                    out[n, 3] = h
-                    n += 1
+        # Of each row only the bins that both strips cross; their points lie one after the other
+        west_s, east_s = crossed(half_s, dx, dy, r * cell - y0, (r + 1) * cell - y0)
+        west_u, east_u = crossed(half_u, -dy, dx, r * cell - y0, (r + 1) * cell - y0)
+        c0 = int(max(np.floor((x0 + max(west_s, west_u)) / cell), 0.0))
+        c1 = int(min(np.floor((x0 + min(east_s, east_u)) / cell), n_x - 1.0))
+        if c0 > c1:
+            continue
+        for i in range(starts[r * n_x + c0], starts[r * n_x + c1 + 1]):
+            h = points[i, 3]
+            ex, ey = points[i, 0] - x0, points[i, 1] - y0
+            s = ex * dx + ey * dy
+            u = ey * dx - ex * dy
+            if (abs(s) <= half_s) & (abs(u) <= half_u) & (h >= low) & (h <= high) & (n < len(out)):
+                out[n, 0] = s
+                out[n, 1] = u
+                out[n, 2] = points[i, 2]
+                out[n, 3] = h
+                n += 1
     return n
 
 
@@ -142,8 +112,22 @@ def find_beams(
     z_top = z_low
     for i in range(n):
         z_top = max(z_top, work[i, 2])
-    n_z = int((z_top - z_low) / step_z) + 1 + 2 * pad
-    counts = np.zeros((n_u, n_z + 1))
+    k_low = max(pad, int((level + lowest - z_low) / step_z) + pad)
+    k_high = int((z_top - z_low) / step_z) + 1 + pad
+    k_high = min(k_high, int((level + highest - z_low) / step_z) + pad)
+    # Only points of heights that a beam and its surroundings may have: most are of the road
+    first, n_z = k_low - n_beam - n_clear, k_high - k_low + n_beam + 2 * n_clear + 2
+    s, u, layer = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)
+    m = 0
+    for i in range(n):
+        k = int((work[i, 2] - z_low) / step_z) + pad + 1 - first
+        if k >= 1 and k < n_z:
+            s[m], u[m], layer[m] = work[i, 0], work[i, 1], k
+            m += 1
+    if m < least or k_low >= k_high:
+        return 0
+    counts = np.zeros((n_u, n_z))
+    below_top = np.zeros(n_z)
     found = 0
     best = np.zeros(n_u)
     best_turn = np.zeros(n_u)
@@ -151,40 +135,35 @@ def find_beams(
     for t in range(len(turns)):
         tan = np.tan(turns[t])
         counts[:] = 0.0
-        for i in range(n):
-            b = int((work[i, 1] - tan * work[i, 0] + half_u) / step_u)
+        for i in range(m):
+            b = int((u[i] - tan * s[i] + half_u) / step_u)
             if b >= 0 and b < n_u:
-                counts[b, int((work[i, 2] - z_low) / step_z) + pad + 1] += 1.0
-        for b in range(n_u):
-            for k in range(n_z):
-                counts[b, k + 1] += counts[b, k]
+                counts[b, layer[i]] += 1.0
         for b in range(n_u - 1):
-            k_low = max(pad, int((level + lowest - z_low) / step_z) + pad)
-            k_high = min(n_z - pad, int((level + highest - z_low) / step_z) + pad)
-            for k in range(k_low, k_high):
+            for k in range(1, n_z):
+                below_top[k] = below_top[k - 1] + counts[b, k] + counts[b + 1, k]
+            if below_top[n_z - 1] < least:
+                continue
+            for k in range(k_low - first, k_high - first):
                 # the beam fills bins k - n_beam + 1 .. k; a bin on either side is left to blur
-                top = counts[b, k + 1] + counts[b + 1, k + 1]
-                low = counts[b, k + 1 - n_beam] + counts[b + 1, k + 1 - n_beam]
-                inside = top - low
+                inside = below_top[k + 1] - below_top[k + 1 - n_beam]
                 if inside < least or inside <= best[b]:
                     continue
-                above = counts[b, k + 2 + n_clear] + counts[b + 1, k + 2 + n_clear]
-                above -= counts[b, k + 2] + counts[b + 1, k + 2]
-                below = counts[b, k - n_beam] + counts[b + 1, k - n_beam]
-                below -= counts[b, k - n_beam - n_clear] + counts[b + 1, k - n_beam - n_clear]
+                above = below_top[k + 2 + n_clear] - below_top[k + 2]
+                below = below_top[k - n_beam] - below_top[k - n_beam - n_clear]
                 score = inside - 2.0 * (above + below) * n_beam / n_clear
                 if score > best[b] and score >= clarity * inside:
                     best[b] = score
                     best_turn[b] = turns[t]
-                    best_top[b] = z_low + (k - pad + 1) * step_z
+                    best_top[b] = z_low + (k + first - pad + 1) * step_z
     while found < len(out):
         b = int(np.argmax(best))
         if best[b] < least:
             break
-        u = (b + 1.0) * step_u - half_u
-        if _filled_along(work, n, np.tan(best_turn[b]), u, step_u, best_top[b], beam, box[4]) >= 0.6:
+        offset = (b + 1.0) * step_u - half_u
+        if _filled_along(work, n, np.tan(best_turn[b]), offset, step_u, best_top[b], beam, box[4]) >= 0.6:
             out[found, 0] = best_turn[b]
-            out[found, 1] = u
+            out[found, 1] = offset
             out[found, 2] = best_top[b]
             out[found, 3] = best[b]
             found += 1
@@ -194,77 +173,37 @@ def find_beams(
 
 
 @njit(cache=True, nogil=True)
-def mark(nodes: F64, first: int, heads: I64, following: I64, n_x: int, n_y: int, cell: float) -> None:
-    """Enter nodes[first:] (x, y, heading) into the cells' chains: `heads` per cell, `following` per node."""
-    for i in range(first, len(nodes)):
-        c, r = int(np.floor(nodes[i, 0] / cell)), int(np.floor(nodes[i, 1] / cell))
-        if c >= 0 and c < n_x and r >= 0 and r < n_y:
-            following[i] = heads[r * n_x + c]
-            heads[r * n_x + c] = i
-
-
-@njit(cache=True, nogil=True)
-def marked(
-    nodes: F64,
-    entered: F64,
-    heads: I64,
-    following: I64,
+def find_starts(
+    points: F64,
+    starts: I64,
     n_x: int,
     n_y: int,
     cell: float,
-    along: float,
-    across: float,
-) -> Mask:
-    """Return which nodes (x, y, heading) lie on an entered one: near it, across it even nearer, parallel."""
-    out = np.zeros(len(nodes), dtype=np.bool_)
-    for i in range(len(nodes)):
-        x, y = nodes[i, 0], nodes[i, 1]
-        c, r = int(np.floor(x / cell)), int(np.floor(y / cell))
-        for rr in range(max(r - 1, 0), min(r + 2, n_y)):
-            for cc in range(max(c - 1, 0), min(c + 2, n_x)):
-                k = heads[rr * n_x + cc]
-                while k >= 0 and not out[i]:
-                    dx, dy, angle = x - entered[k, 0], y - entered[k, 1], entered[k, 2]
-                    cos, sin = np.cos(angle), np.sin(angle)
-                    if (
-                        abs(dx * cos + dy * sin) <= along
-                        and abs(dy * cos - dx * sin) <= across
-                        and abs(np.sin(nodes[i, 2] - angle)) < 0.34  # 20 degrees
-                    ):
-                        out[i] = True
-                    k = following[k]
-    return out
+    segments: F64,
+    turns: F64,
+    shape: F64,
+    work: F64,
+) -> F64:
+    """Find beams in the boxes about segments (n, 4: x, y of both ends); see `find_beams`.
 
-
-@njit(cache=True, nogil=True)
-def circle_centre(
-    work: F64, n: int, u_start: float, radius: float, z_low: float, z_high: float
-) -> tuple[float, int, float]:
-    """Return offset, number and spread of the points that a circle grown about `u_start` settles on.
-
-    The circle moves to the mean of the points it holds until it rests (mean shift).
+    Returns (m, 5): x, y, heading, top z, score.
     """
-    u = u_start
-    number = 0
-    spread = 0.0
-    for _ in range(6):
-        total, square, number = 0.0, 0.0, 0
-        for i in range(n):
-            if work[i, 2] < z_low or work[i, 2] > z_high:
-                continue
-            d = work[i, 1] - u
-            if abs(d) <= radius:
-                total += d
-                square += d * d
-                number += 1
-        if number == 0:
-            return u, 0, 0.0
-        shift = total / number
-        spread = np.sqrt(max(square / number - shift * shift, 0.0))
-        u += shift
-        if abs(shift) < 0.001:
-            break
-    return u, number, spread
+    places, out = np.empty((6, 4)), np.empty((6 * len(segments), 5))
+    box = np.empty(8)
+    box[5], box[6], box[7] = 0.35, -1.0, 2.2
+    m = 0
+    for i in range(len(segments)):
+        dx, dy = segments[i, 2] - segments[i, 0], segments[i, 3] - segments[i, 1]
+        heading = np.arctan2(dy, dx)
+        box[0], box[1] = 0.5 * (segments[i, 0] + segments[i, 2]), 0.5 * (segments[i, 1] + segments[i, 3])
+        box[2], box[3], box[4] = np.cos(heading), np.sin(heading), 0.5 * np.hypot(dx, dy)
+        n = find_beams(points, starts, n_x, n_y, cell, box, turns, shape, work, places)
+        for k in range(n):
+            u = places[k, 1]
+            out[m, 0], out[m, 1] = box[0] - u * box[3], box[1] + u * box[2]
+            out[m, 2], out[m, 3], out[m, 4] = heading + places[k, 0], places[k, 2], places[k, 3]
+            m += 1
+    return out[:m].copy()
 
 
 @njit(cache=True, nogil=True)
@@ -274,17 +213,21 @@ def top_edge(work: F64, n: int, u: float, half_width: float, top: float, reach: 
     Edges within `reach` of `top` are tried. The best has most points in the 0.30 m below it, less twice
     what equal areas right above and below the beam hold: a bush over a rail does not lift it.
     """
+    z = np.empty(n)
+    m = 0
+    for i in range(n):
+        if abs(work[i, 1] - u) <= half_width:
+            z[m] = work[i, 2]
+            m += 1
     best, edge = 0.0, np.nan
     e = top - reach
     while e <= top + reach + 1e-9:
         inside, outside, highest = 0, 0, -1e9
-        for i in range(n):
-            if abs(work[i, 1] - u) > half_width:
-                continue
-            d = e - work[i, 2]
+        for i in range(m):
+            d = e - z[i]
             if d >= 0.0 and d < 0.30:
                 inside += 1
-                highest = max(highest, work[i, 2])
+                highest = max(highest, z[i])
             elif (d < 0.0 and d >= -0.10) or (d >= 0.36 and d < 0.46):
                 outside += 1
         score = inside - 3.0 * outside
@@ -293,91 +236,6 @@ def top_edge(work: F64, n: int, u: float, half_width: float, top: float, reach: 
             edge = highest
         e += 0.02
     return edge
-
-
-@njit(cache=True, nogil=True)
-def follow(
-    points: F64,
-    starts: I64,
-    n_x: int,
-    n_y: int,
-    cell: float,
-    start: F64,
-    setting: F64,
-    work: F64,
-    out: F64,
-) -> int:
-    """Follow a thin sheet of points from `start` by circles at a fixed spacing; return the number of nodes.
-
-    start: x, y, direction x, y, top z.
-    setting: spacing, circle radius, largest gap, half length, lowest and highest height, sheet height.
-    out, per node: x, y, heading, top z, number of points, spread, measured (1) or predicted (0).
-    A Kalman filter carries lateral offset, heading and curvature; another the top's height and slope.
-    """
-    spacing, radius, max_gap, half_s = setting[0], setting[1], setting[2], setting[3]
-    low, high, sheet = setting[4], setting[5], setting[6]
-    x, y = start[0], start[1]
-    heading = np.arctan2(start[3], start[2])
-    curvature = 0.0
-    top, slope = start[4], 0.0
-    p00, p01, p02, p11, p12, p22 = 0.02**2, 0.0, 0.0, 0.03**2, 0.0, 0.03**2
-    q00, q01, q11 = 0.05**2, 0.0, 0.05**2
-    noise = 0.025  # half the depth of the corrugation, and range noise averaged
-    drift = 0.012**2 * spacing  # of the curvature: an 18 m bend sets in within about 10 m
-    box = np.empty(8)
-    box[4], box[5], box[6], box[7] = half_s, 0.35, low, high
-    n_out, gap, blurred = 0, 0.0, 0.0
-    while n_out < len(out):
-        if n_out > 0:
-            x += spacing * np.cos(heading + 0.5 * curvature * spacing)
-            y += spacing * np.sin(heading + 0.5 * curvature * spacing)
-            heading += curvature * spacing
-            d, e = spacing, 0.5 * spacing * spacing
-            a0, a1, a2 = p00 + d * p01 + e * p02, p01 + d * p11 + e * p12, p02 + d * p12 + e * p22
-            b1, b2 = p11 + d * p12, p12 + d * p22
-            p00, p01, p02 = a0 + d * a1 + e * a2, a1 + d * a2, a2
-            p11, p12, p22 = b1 + d * b2, b2, p22 + drift
-            top += slope * spacing
-            q00, q01, q11 = q00 + 2 * d * q01 + d * d * q11, q01 + d * q11, q11 + 0.01**2 * spacing
-        box[0], box[1], box[2], box[3] = x, y, np.cos(heading), np.sin(heading)
-        n = gather(points, starts, n_x, n_y, cell, box, work)
-        z_low, z_high = top - sheet, top + 0.03
-        u, number, spread = circle_centre(work, n, 0.0, radius, z_low, z_high)
-        gate = min(max(3.0 * np.sqrt(p00 + noise * noise), 0.08), 0.25)
-        measured = number >= 3 and abs(u) <= gate
-        if measured:
-            gap = 0.0
-            weight = noise * noise * (1.0 + 6.0 / number)
-            s = p00 + weight
-            k0, k1, k2 = p00 / s, p01 / s, p02 / s
-            x -= np.sin(heading) * k0 * u
-            y += np.cos(heading) * k0 * u
-            heading += k1 * u
-            curvature += k2 * u
-            p11, p12, p22 = p11 - k1 * p01, p12 - k1 * p02, p22 - k2 * p02
-            p00, p01, p02 = p00 * (1 - k0), p01 * (1 - k0), p02 * (1 - k0)
-            edge = top_edge(work, n, u, 0.75 * radius, top, 0.08)
-            blurred = 0.0 if not np.isnan(edge) else blurred + spacing
-            if blurred > 2.0 * max_gap:
-                break  # for long no edge at all: this is not a beam in a bush, but the bush
-            if not np.isnan(edge):
-                s = q00 + 0.03**2
-                g0, g1 = q00 / s, q01 / s
-                r = edge - top
-                top += g0 * r
-                slope += g1 * r
-                q11 -= g1 * q01
-                q00, q01 = q00 * (1 - g0), q01 * (1 - g0)
-        else:
-            gap += spacing
-            if gap > max_gap or n_out == 0:
-                break
-        out[n_out, 0], out[n_out, 1], out[n_out, 2], out[n_out, 3] = x, y, heading, top
-        out[n_out, 4], out[n_out, 5], out[n_out, 6] = number, spread, 1.0 if measured else 0.0
-        n_out += 1
-    while n_out > 0 and out[n_out - 1, 6] == 0.0:
-        n_out -= 1
-    return n_out
 
 
 @njit(cache=True, nogil=True)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
+from linework.kernels import bins as binning
 from linework.kernels import corridor as kernels
 from linework.methods.radon.seeds import Segments
-from linework.model.arrays import AnyArray, Float32Array, FloatArray, IntArray
+from linework.model.arrays import Float32Array, FloatArray, IntArray
 from linework.model.grid import Image
 from linework.model.settings import setting
 
@@ -59,7 +58,11 @@ class Bins:
     Parameters
     ----------
     points
-        (n, 4) float64 [m]: x, y from `origin`, z above it, height above road; in order of bins.
+        (n, 4) float64 [m]: x, y from `origin`, z above it, height above road; by bin, and in it by layer.
+    starts
+        (n_x * n_y + 1,) int64: where each bin's points begin; row-major from the south-west.
+    layers
+        What finds a bin's layers, see `linework.kernels.bins.sort_into_layers`.
     origin
         (3,) float64 [m, world].
     n_most
@@ -68,6 +71,7 @@ class Bins:
 
     points: FloatArray
     starts: IntArray
+    layers: tuple[IntArray, FloatArray, IntArray]
     n_x: int
     n_y: int
     cell_m: float
@@ -80,31 +84,23 @@ class Bins:
         return np.empty((64 * self.n_most, 4))
 
 
-def bin_near(xyz: FloatArray, height_m: Float32Array, binary: Image) -> Bins:
+def bin_near(xyz: FloatArray, height_m: Float32Array, binary: Image, cell_m: float = 0.5) -> Bins:
     """Bin the points within a metre of the image's set cells, from 0.6 m below the road to 2.2 m above it.
 
     That is what the profile looks at: the foot of a bank behind a rail, and what stands above one.
     """
     grid = binary.grid
     reach = max(round(1.0 / grid.cell_width_m), 1)
-    near = ndimage.binary_dilation(binary.values, iterations=reach)
-    index = kernels.near_mask(xyz, height_m, grid.east_m, grid.north_m, grid.cell_width_m, near, -0.6, 2.2)
-    return bin_points(xyz, height_m, index)
-
-
-def bin_points(xyz: FloatArray, height_m: Float32Array, index: AnyArray, cell_m: float = 0.5) -> Bins:
-    """Bin the points chosen by `index`."""
-    chosen = xyz[index]
-    if len(chosen) == 0:
-        return Bins(np.zeros((0, 4)), np.zeros(2, dtype=np.int64), 1, 1, cell_m, np.zeros(3), 1)
-    # Column by column: ten times as fast as along the first axis
-    origin = np.floor(np.array([column.min() for column in chosen.T]) / cell_m) * cell_m
-    local = chosen - origin
-    n_x, n_y = (int(column.max() // cell_m) + 1 for column in local.T[:2])
-    order, starts = kernels.bin_order(local[:, 0], local[:, 1], cell_m, n_x, n_y)
-    points = np.concatenate([local, height_m[index, None]], axis=1)[order]
+    frame = grid.east_m, grid.north_m, grid.cell_width_m
+    index, low, high = binning.choose_near(xyz, height_m, frame, binary.values, reach, (-0.6, 2.2))
+    if len(index) == 0:
+        low = high = np.zeros(3)
+    origin = np.floor(low / cell_m) * cell_m
+    n_x, n_y = (int(v / cell_m) + 1 for v in (high - origin)[:2])
+    points, starts = binning.sort_into_bins(xyz, height_m, index, origin, cell_m, n_x, n_y)
+    layers = binning.sort_into_layers(points, starts)
     n_most = int(np.max(np.diff(starts), initial=1))
-    return Bins(np.ascontiguousarray(points), starts, n_x, n_y, cell_m, origin, n_most)
+    return Bins(points, starts, layers, n_x, n_y, cell_m, origin, n_most)
 
 
 def find_starts(segments: Segments, bins: Bins, config: CircleConfig) -> FloatArray:
@@ -116,48 +112,6 @@ def find_starts(segments: Segments, bins: Bins, config: CircleConfig) -> FloatAr
     """
     turns = np.radians(np.arange(-3.0, 3.01, 0.5))
     shape = np.array([config.radius_m, config.sheet_m - 0.06, 0.10, 6.0, 0.4, 0.45, 1.3])
-    work, places = bins.work, np.empty((6, 4))
-    out = []
-    for start, end in zip(segments.start_xy, segments.end_xy, strict=True):
-        middle = 0.5 * (start + end) - bins.origin[:2]
-        heading = math.atan2(end[1] - start[1], end[0] - start[0])
-        along = np.array([math.cos(heading), math.sin(heading)])
-        box = np.array([*middle, *along, 0.5 * math.dist(start, end), 0.35, -1.0, 2.2])
-        args = (bins.points, bins.starts, bins.n_x, bins.n_y, bins.cell_m)
-        n = kernels.find_beams(*args, box, turns, shape, work, places)
-        for turn, u, top, score in places[:n]:
-            out.append((middle[0] - u * along[1], middle[1] + u * along[0], heading + turn, top, score))
-    return np.array(out).reshape(-1, 5)
-
-
-def follow_sheet(
-    start: FloatArray, bins: Bins, band_m: tuple[float, float], config: CircleConfig
-) -> FloatArray:
-    """Follow a sheet both ways from a start (x, y, heading, top z); return its nodes (n, 7), see the kernel.
-
-    Columns: x, y, heading, top z, number of points, spread, measured.
-    """
-    setting_ = np.array(
-        [config.spacing_m, config.radius_m, config.max_gap_m, config.spacing_m, *band_m, config.sheet_m]
-    )
-    work = bins.work
-    room = np.empty((20_000, 7))
-    ahead = np.array([start[0], start[1], math.cos(start[2]), math.sin(start[2]), start[3]])
+    ends = np.concatenate([segments.start_xy - bins.origin[:2], segments.end_xy - bins.origin[:2]], axis=1)
     args = (bins.points, bins.starts, bins.n_x, bins.n_y, bins.cell_m)
-    n = kernels.follow(*args, ahead, setting_, work, room)
-    forward = room[:n].copy()
-    if n == 0:
-        return forward
-    # Back from where the filter had settled, so that the first nodes are followed, not assumed
-    i = min(n - 1, 6)
-    back = np.array([*forward[i, :2], -math.cos(forward[i, 2]), -math.sin(forward[i, 2]), forward[i, 3]])
-    n = kernels.follow(*args, back, setting_, work, room)
-    backward = room[:n][::-1].copy()
-    backward[:, 2] += math.pi
-    nodes = np.concatenate([backward[:-1], forward[i:]]) if n else forward[i:]
-    known = ~np.isnan(nodes[:, 3])
-    if not known.any():
-        return nodes[:0]
-    at = np.arange(len(nodes))
-    nodes[:, 3] = np.interp(at, at[known], nodes[known, 3])
-    return nodes
+    return np.asarray(kernels.find_starts(*args, ends, turns, shape, bins.work))

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.kernels import corridor as kernels
-from linework.methods.radon.circles import Bins, CircleConfig, follow_sheet
+from linework.kernels import follow
+from linework.methods.radon.circles import Bins, CircleConfig
 from linework.methods.radon.profile import (
     Profile,
     ProfileConfig,
@@ -41,49 +42,29 @@ class FittedRail:
 def follow_all(
     starts: FloatArray, bins: Bins, band_m: tuple[float, float], least_m: float, config: CircleConfig
 ) -> list[FloatArray]:
-    """Follow every start (see `find_starts`) once, the clearest first; return node tables (n, 7).
+    """Follow every start (see `find_starts`) once, both ways, the clearest first; return node tables (n, 7).
 
     A start on a line already followed is passed over, and a line that runs into one ends there. What is
-    shorter than `least_m` is dropped.
+    shorter than `least_m` is dropped. Columns: x, y, heading, top z, number of points, spread, measured.
     """
-    chains: list[FloatArray] = []
     least = max(round(least_m / config.spacing_m), 4)
-    taken = _Taken(bins, config)
+    how = (config.spacing_m, config.radius_m, config.max_gap_m, config.spacing_m, *band_m, config.sheet_m)
     order = np.lexsort((starts[:, 1], starts[:, 0], -starts[:, 4]))
-    for start in starts[order]:
-        if taken.holds(start[None, :3])[0]:
-            continue
-        nodes = follow_sheet(start, bins, band_m, config)
-        chains.extend(nodes[run] for run in _runs(~taken.holds(nodes[:, :3]), least))
-        taken.add(nodes[:, :3])
-    return chains
-
-
-class _Taken:
-    """Where lines have been followed already: nodes chained per bin."""
-
-    def __init__(self, bins: Bins, config: CircleConfig) -> None:
-        self._frame = bins.n_x, bins.n_y, bins.cell_m
-        self._reach = config.spacing_m, 1.25 * config.radius_m
-        self._heads = np.full(bins.n_x * bins.n_y, -1, dtype=np.int64)
-        self._nodes, self._next, self._n = np.zeros((1024, 3)), np.full(1024, -1, dtype=np.int64), 0
-
-    def add(self, nodes: FloatArray) -> None:
-        first, self._n = self._n, self._n + len(nodes)
-        if self._n > len(self._nodes):
-            room = 2 * self._n
-            self._nodes = np.concatenate([self._nodes, np.zeros((room, 3))])
-            self._next = np.concatenate([self._next, np.full(room, -1, dtype=np.int64)])
-        self._nodes[first : self._n] = nodes
-        kernels.mark(self._nodes[: self._n], first, self._heads, self._next, *self._frame)
-
-    def holds(self, nodes: FloatArray) -> BoolArray:
-        """Which nodes (n, 3: x, y, heading) lie on a followed line, across it within its circle."""
-        return np.asarray(
-            kernels.marked(
-                np.ascontiguousarray(nodes), self._nodes, self._heads, self._next, *self._frame, *self._reach
-            )
-        )
+    nodes, free, ends = follow.follow_all(
+        bins.points,
+        bins.layers,
+        (bins.n_x, bins.n_y, bins.cell_m),
+        starts[order],
+        np.array(how),
+        (config.spacing_m, 1.25 * config.radius_m),
+        bins.work,
+    )
+    return [
+        nodes[begin:end][run]
+        for begin, end in zip(np.r_[0, ends[:-1]], ends, strict=True)
+        if end - begin >= least
+        for run in _runs(free[begin:end], least)
+    ]
 
 
 def fit_rail(nodes: FloatArray, bins: Bins, circles: CircleConfig, config: ProfileConfig) -> FittedRail:

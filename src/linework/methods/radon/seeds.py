@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.kernels import segments as kernels
 from linework.methods.radon.peaks import find_peaks_in
 from linework.methods.radon.transform import radon_of_cells, rho_bins
 from linework.model.arrays import FloatArray
@@ -148,37 +149,15 @@ def split_into_segments(seeds: SeedLines, binary: Image, config: SeedConfig) -> 
     more than `max_gap_m`; pieces shorter than half of `peak_threshold_m` are dropped.
     """
     grid = binary.grid
-    half = config.window_m / 2
-    t = np.arange(-half, half, grid.cell_width_m / 2)
-    out = []
-    for centre, theta, rho, strength in zip(
-        seeds.centre_xy, seeds.theta_rad, seeds.rho_m, seeds.strength_m, strict=True
-    ):
-        normal = np.array([math.cos(theta), math.sin(theta)])
-        along = np.array([-normal[1], normal[0]])
-        line = rho * normal + t[:, None] * along
-        line = line[np.all(np.abs(line) <= half, axis=1)] + centre
-        occupied = _occupied(binary, line, normal)
-        at = np.flatnonzero(occupied)
-        if not len(at):
-            continue
-        breaks = np.flatnonzero(np.diff(at) * (grid.cell_width_m / 2) > config.max_gap_m)
-        for first, last in zip(np.r_[at[0], at[breaks + 1]], np.r_[at[breaks], at[-1]], strict=True):
-            if (last - first) * grid.cell_width_m / 2 >= config.peak_threshold_m / 2:
-                out.append((*line[first], *line[last], strength))
-    table = np.array(out).reshape(-1, 5)
+    half, step = config.window_m / 2, grid.cell_width_m / 2
+    lines = np.column_stack([seeds.centre_xy, seeds.theta_rad, seeds.rho_m, seeds.strength_m])
+    table = kernels.segments_of(
+        binary.values,
+        (grid.east_m, grid.north_m, grid.cell_width_m),
+        lines,
+        np.arange(-half, half, step),
+        half,
+        math.floor(config.max_gap_m / step + 1e-6),
+        math.ceil(config.peak_threshold_m / 2 / step - 1e-6),
+    )
     return Segments(table[:, :2], table[:, 2:4], table[:, 4])
-
-
-def _occupied(
-    binary: Image, line: FloatArray, normal: FloatArray
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Which of the positions has an occupied cell at it or half a cell beside it."""
-    grid = binary.grid
-    hit = np.zeros(len(line), dtype=bool)
-    for offset in (-0.5, 0.0, 0.5):
-        rows, cols = grid.to_cell(line + offset * grid.cell_width_m * normal)
-        r, c = np.floor(rows).astype(np.int64), np.floor(cols).astype(np.int64)
-        inside = (r >= 0) & (r < grid.n_rows) & (c >= 0) & (c < grid.n_cols)
-        hit[inside] |= binary.values[r[inside], c[inside]]
-    return hit

@@ -1,0 +1,157 @@
+"""Points near an image's set cells, sorted into bins of a plane and, in each bin, into layers of height."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+F64 = npt.NDArray[np.float64]
+F32 = npt.NDArray[np.float32]
+I64 = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
+
+N_LAYERS = 16  # of 0.2 m above a bin's lowest point; the last one is open above
+LAYER_M = 0.20
+
+
+@njit(cache=True, nogil=True)
+def steps_to_set(image: Mask, most: int) -> npt.NDArray[np.uint8]:
+    """Return the steps to the nearest set cell over cells' sides (`most` + 1 where it is farther)."""
+    n_rows, n_cols = image.shape
+    steps = np.full((n_rows, n_cols), most + 1, dtype=np.uint8)
+    for r in range(n_rows):
+        for c in range(n_cols):
+            nearest = np.int64(most)
+            if image[r, c]:
+                nearest = np.int64(-1)
+            elif r > 0:
+                nearest = min(nearest, np.int64(steps[r - 1, c]))
+            if c > 0 and not image[r, c]:
+                nearest = min(nearest, np.int64(steps[r, c - 1]))
+            steps[r, c] = nearest + 1
+    for r in range(n_rows - 1, -1, -1):
+        for c in range(n_cols - 1, -1, -1):
+            nearest = np.int64(steps[r, c]) - 1
+            if r + 1 < n_rows:
+                nearest = min(nearest, np.int64(steps[r + 1, c]))
+            if c + 1 < n_cols:
+                nearest = min(nearest, np.int64(steps[r, c + 1]))
+            steps[r, c] = nearest + 1
+    return steps
+
+
+@njit(cache=True, nogil=True)
+def choose_near(
+    xyz: F64,
+    height: F32,
+    frame: tuple[float, float, float],
+    image: Mask,
+    most: int,
+    band: tuple[float, float],
+) -> tuple[I64, F64, F64]:
+    """Return the points in the height band within `most` steps of a set cell: index, lowest, highest x, y, z.
+
+    frame: west edge, north edge and cell size of the north-up image.
+    """
+    west, north, cell = frame
+    n_rows, n_cols = image.shape
+    steps = steps_to_set(image, most)
+    index = np.empty(len(xyz), dtype=np.int64)
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    n = 0
+    for i in range(len(xyz)):
+        if height[i] < band[0] or height[i] > band[1]:
+            continue
+        c = int(np.floor((xyz[i, 0] - west) / cell))
+        r = int(np.floor((north - xyz[i, 1]) / cell))
+        if r >= 0 and r < n_rows and c >= 0 and c < n_cols and steps[r, c] <= most:
+            index[n] = i
+            n += 1
+            for k in range(3):
+                low[k], high[k] = min(low[k], xyz[i, k]), max(high[k], xyz[i, k])
+    return index[:n], low, high
+
+
+@njit(cache=True, nogil=True)
+def sort_into_bins(
+    xyz: F64, height: F32, index: I64, origin: F64, cell: float, n_x: int, n_y: int
+) -> tuple[F64, I64]:
+    """Return chosen points (x, y, z from the origin, height) by bin, and the bins' starts; stable.
+
+    Bins are row-major from the south-west.
+    """
+    starts = np.zeros(n_x * n_y + 1, dtype=np.int64)
+    bins = np.empty(len(index), dtype=np.int64)
+    for k in range(len(index)):
+        i = index[k]
+        b = int((xyz[i, 1] - origin[1]) / cell) * n_x + int((xyz[i, 0] - origin[0]) / cell)
+        bins[k] = b
+        starts[b + 1] += 1
+    for b in range(n_x * n_y):
+        starts[b + 1] += starts[b]
+    fill = starts[:-1].copy()
+    points = np.empty((len(index), 4))
+    for k in range(len(index)):
+        i, at = index[k], fill[bins[k]]
+        fill[bins[k]] += 1
+        points[at, 0] = xyz[i, 0] - origin[0]
+        points[at, 1] = xyz[i, 1] - origin[1]
+        points[at, 2] = xyz[i, 2] - origin[2]
+        points[at, 3] = height[i]
+    return points, starts
+
+
+@njit(cache=True, nogil=True)
+def layer_of(z: float, floor: float) -> int:
+    """Return the layer of height z in a bin whose lowest point is `floor`."""
+    return int(min(max((z - floor) / LAYER_M, 0.0), N_LAYERS - 1.0))
+
+
+@njit(cache=True, nogil=True)
+def sort_into_layers(points: F64, starts: I64) -> tuple[I64, F64, I64]:
+    """Sort each bin's points by layer, in place and stable; return what finds them.
+
+    Returns
+    -------
+    slot
+        (n_bins,): number of the bin among those that hold points, else -1.
+    floor
+        (n_slots,): lowest z of the bin.
+    layers
+        (n_slots, N_LAYERS + 1): where each layer's points begin.
+    """
+    n_bins = len(starts) - 1
+    slot = np.full(n_bins, -1, dtype=np.int64)
+    n_slots, n_most = 0, 0
+    for b in range(n_bins):
+        if starts[b + 1] > starts[b]:
+            slot[b] = n_slots
+            n_slots += 1
+            n_most = max(n_most, starts[b + 1] - starts[b])
+    floor = np.empty(n_slots)
+    layers = np.zeros((n_slots, N_LAYERS + 1), dtype=np.int64)
+    copy = np.empty((n_most, 4))
+    fill = np.empty(N_LAYERS, dtype=np.int64)
+    for b in range(n_bins):
+        k, first, last = slot[b], starts[b], starts[b + 1]
+        if k < 0:
+            continue
+        lowest = np.inf
+        for i in range(first, last):
+            lowest = min(lowest, points[i, 2])
+            for j in range(4):
+                copy[i - first, j] = points[i, j]
+        for i in range(first, last):
+            layers[k, layer_of(points[i, 2], lowest) + 1] += 1
+        layers[k, 0] = first
+        for j in range(N_LAYERS):
+            fill[j] = layers[k, j]
+            layers[k, j + 1] += layers[k, j]
+        for i in range(last - first):
+            j = layer_of(copy[i, 2], lowest)
+            for m in range(4):
+                points[fill[j], m] = copy[i, m]
+            fill[j] += 1
+        floor[k] = lowest
+    return slot, floor, layers

@@ -1,0 +1,65 @@
+"""Where along lines through windows of a binary image its cells are set."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+F64 = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+
+@njit(cache=True, nogil=True)
+def is_set_beside(
+    image: Mask, frame: tuple[float, float, float], x: float, y: float, nx: float, ny: float
+) -> bool:
+    """Return whether the cell at (x, y), or half a cell beside it along the normal (nx, ny), is set.
+
+    frame: west edge, north edge and cell size of the north-up image.
+    """
+    west, north, cell = frame
+    n_rows, n_cols = image.shape
+    for offset in (-0.5, 0.0, 0.5):
+        c = int(np.floor((x + offset * cell * nx - west) / cell))
+        r = int(np.floor((north - (y + offset * cell * ny)) / cell))
+        if r >= 0 and r < n_rows and c >= 0 and c < n_cols and image[r, c]:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def segments_of(
+    image: Mask, frame: tuple[float, float, float], lines: F64, t: F64, half: float, gap: int, least: int
+) -> F64:
+    """Return the occupied pieces (m, 5: x, y of both ends, strength) of lines through square windows.
+
+    lines: (n, 5) window centre x, y; theta, rho about it; strength. t: evenly spaced places along a line,
+    of which those within `half` of the centre in x and y count. Pieces are parted where more than `gap`
+    places in a row have no set cell beside them; those over fewer than `least` places are dropped.
+    """
+    out = np.empty((len(lines) * (len(t) // max(gap, 1) + 1), 5))
+    n = 0
+    for i in range(len(lines)):
+        nx, ny, rho = np.cos(lines[i, 2]), np.sin(lines[i, 2]), lines[i, 3]
+        first, last = -1, -1
+        for k in range(len(t) + 1):
+            x, y = 0.0, 0.0
+            inside = k < len(t)
+            if inside:
+                x, y = rho * nx - t[k] * ny, rho * ny + t[k] * nx
+                inside = abs(x) <= half and abs(y) <= half
+            is_set = inside and is_set_beside(image, frame, x + lines[i, 0], y + lines[i, 1], nx, ny)
+            if first >= 0 and (k == len(t) or (is_set and k - last > gap)):
+                if last - first >= least:
+                    out[n, 0] = rho * nx - t[first] * ny + lines[i, 0]
+                    out[n, 1] = rho * ny + t[first] * nx + lines[i, 1]
+                    out[n, 2] = rho * nx - t[last] * ny + lines[i, 0]
+                    out[n, 3] = rho * ny + t[last] * nx + lines[i, 1]
+                    out[n, 4] = lines[i, 4]
+                    n += 1
+                first = -1
+            if is_set:
+                first = k if first < 0 else first
+                last = k
+    return out[:n].copy()
