@@ -12,8 +12,8 @@ from numba import njit
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
 
-DEPTH_BINS = 30  # of 5 cm: from 0.30 m above the top edge to 1.20 m below it
-DEPTH_ABOVE_M = 0.30
+DEPTH_BINS = 40  # of 5 cm: from 0.70 m above the top edge to 1.30 m below it
+DEPTH_ABOVE_M = 0.70
 DEPTH_BIN_M = 0.05
 
 
@@ -70,7 +70,7 @@ def _filled_along(
         d = top - work[i, 2]
         if d >= -0.05 and d <= beam and abs(work[i, 1] - tan * work[i, 0] - u) <= half_width:
             filled[min(int((work[i, 0] + half_s) / 0.5), n_bins - 1)] = 1.0
-    return filled.mean()
+    return float(np.sum(filled)) / n_bins
 
 
 @njit(cache=True, nogil=True)
@@ -307,7 +307,7 @@ def profile_along(
         the top edge, lowest and highest s of them.
     depth
         (n, 2, DEPTH_BINS): points within `radius`, left and right of the line, per 5 cm below the top
-        edge, from 0.30 m above it.
+        edge, from 0.70 m above it.
     sides
         (n, 4, 2): points left and right of it within `reach`: at the sheet's heights; below them (deeper
         than 0.45 m under the top); on the ground (lower than 0.12 m); and within 0.40 m between ground

@@ -40,7 +40,7 @@ class ProfileConfig:
         high=1,
     )
     max_spread_m: float = setting(
-        0.046,
+        0.040,
         unit="m",
         reason="the beam with 2 cm noise: 3.5 cm; a filled strip of 20 cm: 5.8 cm",
         low=0.005,
@@ -67,7 +67,7 @@ class ProfileConfig:
     )
     max_top_m: float = setting(1.30, unit="m", reason="bridge rails, and 0.15 m of verge", low=0, high=5)
     max_wobble: float = setting(
-        2.0,
+        1.6,
         unit="sigma",
         reason="top edges of rails are straight; bonnets, bushes and hedges are not",
         low=0,
@@ -97,16 +97,23 @@ class ProfileConfig:
     max_second: float = setting(
         0.50,
         unit="ratio",
-        reason="between beam and ground is no second row of points: fences have boards there",
+        reason="no second row of points stands over or under a beam: fences have boards there",
         low=0,
         high=9,
     )
     max_wander: float = setting(
-        1.8,
+        1.45,
         unit="sigma",
         reason="across its line a beam lies still to what its points' number allows",
         low=0,
         high=99,
+    )
+    max_rough: float = setting(
+        0.8,
+        unit="ratio",
+        reason="spread, wobble and wander against their limits, together: foliage is near all",
+        low=0,
+        high=9,
     )
     min_core: float = setting(
         0.5,
@@ -267,7 +274,12 @@ def _beam_height(ratio: FloatArray) -> FloatArray:
 
 
 def classify(
-    profile: Profile, wobble: FloatArray, height_m: FloatArray, paired: AnyArray, config: ProfileConfig
+    profile: Profile,
+    wobble: FloatArray,
+    height_m: FloatArray,
+    above_ground_m: FloatArray,
+    paired: AnyArray,
+    config: ProfileConfig,
 ) -> Verdict:
     """Return how sure it is at every node that this is a guardrail or a barrier, and that it goes on.
 
@@ -275,8 +287,8 @@ def classify(
     ----------
     wobble
         (n,) float64: how far each station's top is from the fitted edge, in sigmas; NaN where unknown.
-    height_m
-        (n,) float64: height of the top edge above the road.
+    height_m, above_ground_m
+        (n,) float64: height of the top edge above the road, and above the ground below it.
     paired
         (n,) bool: a guardrail runs close beside it. Of the second beam on a post only the upper edge is
         seen, over the first: its height and depth say nothing then, nor does what stands before it.
@@ -292,30 +304,42 @@ def classify(
         profile.number > 0, np.minimum(np.abs(np.nan_to_num(profile.offset_m)) / allowed, 4.0), 0.0
     )
     wander = np.sqrt(_moving_mean(swerve**2, window))
+    rough = np.sqrt(
+        (
+            (profile.spread_m / config.max_spread_m) ** 2
+            + (unrest / config.max_wobble) ** 2
+            + (wander / config.max_wander) ** 2
+        )
+        / 3
+    )
     # Each test as a margin: 1 well inside the limit, 0.5 at it, 0 well outside
     goes_on = _least(
-        _below(profile.spread_m, config.max_spread_m, 0.003),
-        _below(unrest, config.max_wobble, 0.15),
-        _below(wander, config.max_wander, 0.15),
+        _below(profile.spread_m, 1.15 * config.max_spread_m, 0.003),
+        _below(unrest, 1.25 * config.max_wobble, 0.15),
+        _below(wander, 1.25 * config.max_wander, 0.15),
         _below(-occupied, -0.4, 0.08),
         _below(height_m, config.max_top_m, 0.03),
     )
     beam = _least(
         goes_on,
+        _below(rough, config.max_rough, 0.03),
         _below(profile.beam_m, config.max_beam_m, 0.03),
         _below(profile.above, config.max_above, 0.06),
         _below(profile.below, config.max_below, 0.08),
         _below(profile.apron, config.max_apron, 0.05),
-        _below(_second_row(profile.rows, height_m), config.max_second, 0.06),
+        _below(_row_under(profile.rows, above_ground_m), config.max_second, 0.06),
         _below(-height_m, -config.min_top_m, 0.03),
     )
+    deep = _below(-profile.spread_m, -config.min_spread_m, 0.002)
+    lone = _below(_row_over(profile.rows), config.max_second, 0.06)
     alone = _least(
         beam,
-        _below(-profile.spread_m, -config.min_spread_m, 0.002),
+        deep,
+        lone,
         _below(-profile.beam_m, -config.min_beam_m, 0.02),
         _below(profile.front, config.max_front, 0.08),
     )
-    beside = np.where(paired, np.minimum(beam, _below(-occupied, -0.6, 0.08)), 0.0)
+    beside = _least(beam, np.maximum(deep, lone), _below(-occupied, -0.6, 0.08), paired.astype(np.float64))
     barrier = _least(
         goes_on,
         _below(profile.above, config.max_above, 0.06),
@@ -336,12 +360,17 @@ def _least(*margins: FloatArray) -> FloatArray:
     return np.asarray(np.min(np.stack(margins), axis=0))
 
 
-def _second_row(rows: FloatArray, height_m: FloatArray) -> FloatArray:
-    """Densest 10 cm between the beam (0.36 m below its top) and 0.20 m above the ground."""
+def _row_over(rows: FloatArray) -> FloatArray:
+    """Densest 10 cm from 0.10 m over the top edge up."""
+    return np.asarray(np.max(0.5 * (rows[:, 1 : _TOP - 1] + rows[:, : _TOP - 2]), axis=1))
+
+
+def _row_under(rows: FloatArray, above_ground_m: FloatArray) -> FloatArray:
+    """Densest 10 cm from 0.36 m under the top edge down to 0.20 m above the ground."""
     depth = (np.arange(rows.shape[1]) - _TOP + 1) * _BIN  # lower edge of each bin
-    between = (depth > 0.36 + _BIN) & (depth <= height_m[:, None] - 0.20)
+    under = (depth > 0.36 + _BIN) & (depth <= above_ground_m[:, None] - 0.20)
     pairs = 0.5 * (rows[:, 1:] + rows[:, :-1])
-    return np.asarray(np.max(np.where(between[:, 1:] & between[:, :-1], pairs, 0.0), axis=1))
+    return np.asarray(np.max(np.where(under[:, 1:] & under[:, :-1], pairs, 0.0), axis=1))
 
 
 def _below(value: FloatArray, limit: float | FloatArray, width: float) -> FloatArray:

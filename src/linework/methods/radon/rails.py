@@ -19,7 +19,7 @@ from linework.methods.radon.profile import (
 )
 from linework.model.arrays import BoolArray, FloatArray
 from linework.model.lines import LineSet
-from linework.surface.road import RoadSurface, height_above_road
+from linework.surface.road import RoadSurface, height_above_ground, height_above_road
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,9 +136,11 @@ def rail_lines(rails: list[FittedRail], bins: Bins, surface: RoadSurface, config
     """Return the stretches that are guardrails or barriers, surely enough and long enough, as lines."""
     xyz = [np.column_stack([rail.xy, rail.top_m]) + bins.origin for rail in rails]
     height = [height_above_road(surface, v).astype(np.float64) for v in xyz]
+    ground = [height_above_ground(surface, v).astype(np.float64) for v in xyz]
     alone = [np.zeros(len(v), dtype=bool) for v in xyz]
     verdicts = [
-        classify(r.profile, r.wobble, h, p, config) for r, h, p in zip(rails, height, alone, strict=True)
+        classify(r.profile, r.wobble, h, g, p, config)
+        for r, h, g, p in zip(rails, height, ground, alone, strict=True)
     ]
     chainages = [_chainage(rail.xy) for rail in rails]
     runs = [_guardrail_runs(v, s, config) for v, s in zip(verdicts, chainages, strict=True)]
@@ -147,7 +149,7 @@ def rail_lines(rails: list[FittedRail], bins: Bins, surface: RoadSurface, config
     pairs = _close_beside(xyz, found, config)
     chosen: list[tuple[str, int, slice, float]] = []
     for i, rail in enumerate(rails):
-        verdict = classify(rail.profile, rail.wobble, height[i], pairs[i], config)
+        verdict = classify(rail.profile, rail.wobble, height[i], ground[i], pairs[i], config)
         chosen += [("guardrail", i, *run) for run in _guardrail_runs(verdict, chainages[i], config)]
         chosen += [("barrier", i, *run) for run in _barrier_runs(verdict, chainages[i], config)]
     if not chosen:
