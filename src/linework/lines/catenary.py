@@ -56,21 +56,6 @@ class Catenary:
         """Build the catenary with its lowest point there and a = H / w = `parameter_m`."""
         return cls(station_m, height_m, 0.0, 1.0 / parameter_m)
 
-    @classmethod
-    def between(cls, length_m: float, start_m: float, end_m: float, sag_m: float) -> Catenary:
-        """Build the wire over stations 0 to `length_m` from its end heights and its sag below the chord's middle.
-
-        Exact for level ends, and to the order of (slope of the chord)^2 otherwise.
-        """
-        half = length_m / 2.0
-        k = 8.0 * sag_m / length_m**2
-        for _ in range(4):  # sag = (cosh(k half) - 1) / k, by fixed point from the parabola
-            k *= sag_m / (2.0 * math.sinh(k * half / 2.0) ** 2 / k) if k > 0 else 1.0
-        chord = (end_m - start_m) / length_m
-        middle = (start_m + end_m) / 2.0 - sag_m
-        slope = chord / (math.sinh(k * half) / (k * half)) if k > 0 else chord
-        return cls(half, middle, slope, k)
-
     def height_at(self, station_m: FloatArray) -> FloatArray:
         """Return the wire's height [m] at (n,) stations [m]."""
         u = np.asarray(station_m, dtype=np.float64) - self.station_m
@@ -81,11 +66,6 @@ class Catenary:
         """Return the wire's slope dz/ds at (n,) stations [m]."""
         u = (np.asarray(station_m, dtype=np.float64) - self.station_m) * self.curvature_per_m
         return self.slope * np.cosh(u) + math.hypot(1.0, self.slope) * np.sinh(u)
-
-    def sag_m(self, start_m: float, end_m: float) -> float:
-        """Return how far the middle of the wire hangs below the chord between two stations. [m]."""
-        ends_and_middle = self.height_at(np.array([start_m, end_m, (start_m + end_m) / 2.0]))
-        return float((ends_and_middle[0] + ends_and_middle[1]) / 2.0 - ends_and_middle[2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +174,7 @@ def meeting_stations(left: Catenary, right: Catenary, low_m: float, high_m: floa
         step = np.where(np.abs(rate) > 1e-9, difference / np.where(rate == 0, 1.0, rate), 0.0)
         stations = np.clip(stations - step, low_m - 1.0, high_m + 1.0)
     meet = np.abs(left.height_at(stations) - right.height_at(stations)) < 1e-6
-    return np.unique(stations[meet & (stations >= low_m) & (stations <= high_m)])
+    return np.unique(stations[meet & (stations >= low_m) & (stations <= high_m)].round(9))
 
 
 def _terms(u: FloatArray, k: float) -> tuple[FloatArray, FloatArray]:

@@ -245,7 +245,7 @@ def surroundings(band: Band, wire: Wire, of_wire: BoolArray) -> Surroundings:
 
 
 def _wavy(metre: IntArray, o: FloatArray, dz: FloatArray, on: BoolArray) -> float:
-    """Return the deviation of the metres' means that the scatter within them does not explain. [m]"""
+    """Return the deviation of the metres' means that the scatter within them does not explain [m]."""
     count = np.bincount(metre[on])
     n, m = int(count.sum()), int(np.count_nonzero(count))
     if n - m < 3:

@@ -11,7 +11,7 @@ import numpy as np
 from linework.lines.catenary import meeting_stations
 from linework.methods.radon.cable_band import Band
 from linework.methods.radon.cable_fit import Wire, fit_wire, main_run, split_at_kink
-from linework.model.arrays import BoolArray, FloatArray
+from linework.model.arrays import FloatArray
 
 #: A hidden stretch may be as long as the visible pieces together, but no longer than this [m].
 MOST_HIDDEN_M = 40.0
@@ -22,6 +22,8 @@ LEAST_OWN = 0.5
 CARRY_M = 3.0
 #: How far to one where the wire of the next span arrives at the same height [m]: across a crown.
 MEET_CARRY_M = 10.0
+#: How far to the support of the wires beside it [m].
+BUNDLE_CARRY_M = 6.0
 #: How far it is carried on where no support is in sight [m]: what is within 1 m of a hit counts as seen.
 OPEN_M = 0.8
 #: How far a wire may have been followed past its support [m]: into the next span when that is taut.
@@ -30,8 +32,9 @@ PAST_M = 2.0
 BUNDLE_RAD, BUNDLE_PLAN_M, BUNDLE_UP_M = math.radians(12.0), 2.5, 5.0
 #: Wires of a bundle run alike: a degree in plan, and in height as far as their sags differ by a fifth.
 BESIDE_TURN, BESIDE_TILT = 0.02, 0.03
-#: A pole is a column of points at least this high [m] up to near the wire, this near to it in plan [m].
-POLE_M, POLE_SIDE_M = 1.5, 0.6
+#: A pole (or a wall that the wire ends at) is a column of points at least this high [m] up to near the wire,
+#: this near to it in plan [m] and no wider along it [m]: a crown is wider.
+POLE_M, POLE_SIDE_M, POLE_WIDE_M = 1.5, 0.6, 0.75
 
 
 class End(NamedTuple):
@@ -140,22 +143,25 @@ def end_at_supports(band: Band, wires: list[Wire], min_length_m: float) -> list[
     Notes
     -----
     First wires of neighbouring spans are paired by where their lines or catenaries meet; then an end
-    without a partner takes the support of the wires beside it; then the pole that stands at its end. No
-    wire ends in the air: without any support it is carried on a little.
+    without a partner takes the pole that stands there, or the support of the wires beside it. No wire ends
+    in the air: without any support it is carried on a little.
     """
     wires = _with_partners(wires, min_length_m)
     ends = [_end(wires, i, side) for i in range(len(wires)) for side in (0, 1)]
-    met = {(e.wire, e.side): place for pair, place in _met(wires, ends) for e in pair}
+    support = {(e.wire, e.side): place for pair, place in _met(wires, ends) for e in pair}
+    for end in ends:
+        if (end.wire, end.side) not in support:
+            pole = _pole_at(band, wires[end.wire], end)
+            if pole is not None:
+                support[end.wire, end.side] = pole
     limits = [[w.low_m, w.high_m] for w in wires]
     for end in ends:
-        support = met.get((end.wire, end.side))
-        if support is None:
-            support = _support_of_bundle(wires, ends, met, end)
-        if support is None:
-            support = _pole_at(band, wires[end.wire], end)
-        if support is None:
-            support = end.xy + OPEN_M * end.out
-        limits[end.wire][end.side] = float(wires[end.wire].plan.stations(support[None])[0][0])
+        place = support.get((end.wire, end.side))
+        if place is None:
+            place = _support_of_bundle(wires, ends, support, end)
+        if place is None:
+            place = end.xy + OPEN_M * end.out
+        limits[end.wire][end.side] = float(wires[end.wire].plan.stations(place[None])[0][0])
     return [
         replace(w, low_m=low, high_m=high)
         for w, (low, high) in zip(wires, limits, strict=True)
@@ -271,35 +277,37 @@ def _height(wire: Wire, place: FloatArray) -> float:
 
 
 def _support_of_bundle(
-    wires: list[Wire], ends: list[End], met: dict[tuple[int, int], FloatArray], end: End
+    wires: list[Wire], ends: list[End], support: dict[tuple[int, int], FloatArray], end: End
 ) -> FloatArray | None:
     """Return the place on the wire beside the supports that its neighbours end at, or None."""
     own_height = _height(wires[end.wire], end.xy)
     stations = []
     for other in ends:
-        place = met.get((other.wire, other.side))
+        place = support.get((other.wire, other.side))
         if place is None or float(other.out @ end.out) < math.cos(BUNDLE_RAD):
             continue
         off = place - end.xy
         on, aside = float(off @ end.out), abs(float(end.out[0] * off[1] - end.out[1] * off[0]))
         up = abs(_height(wires[other.wire], place) - own_height)
-        if aside <= BUNDLE_PLAN_M and up <= BUNDLE_UP_M and -PAST_M <= on <= CARRY_M:
+        if aside <= BUNDLE_PLAN_M and up <= BUNDLE_UP_M and -PAST_M <= on <= BUNDLE_CARRY_M:
             stations.append(on)
     return end.xy + float(np.median(stations)) * end.out if stations else None
 
 
 def _pole_at(band: Band, wire: Wire, end: End) -> FloatArray | None:
     """Return the place on the wire at a pole just beyond its end, or None."""
-    line = np.array([*end.xy, *end.out, -1.0, CARRY_M])
+    line = np.array([*end.xy, *end.out, -POLE_WIDE_M, CARRY_M])
     near = band.near(line, POLE_SIDE_M)
     along = (band.xyz[near, :2] - end.xy) @ end.out
     drop = _height(wire, end.xy) - band.xyz[near, 2]
     below = (drop > -0.5) & (drop < POLE_M + 1.0)
-    bins = np.floor((along[below] + 1.0) / 0.25).astype(np.int64)
+    bins = np.floor((along[below] + POLE_WIDE_M) / 0.25).astype(np.int64)
     levels = np.unique(np.stack([bins, np.floor(drop[below] / 0.25).astype(np.int64)]), axis=1)[0]
-    counts = np.bincount(levels, minlength=1)
-    column: BoolArray = counts >= POLE_M / 0.25 * 0.6
-    if not column.any():
+    column = np.flatnonzero(np.bincount(levels, minlength=1) >= 0.6 * POLE_M / 0.25)
+    if len(column) == 0:
         return None
-    first = int(np.argmax(column))
-    return end.xy + float(np.median(along[below][bins == first])) * end.out
+    run = column[column - np.arange(len(column)) == column[0]]
+    if 0.25 * len(run) > POLE_WIDE_M:
+        return None
+    at_pole = (bins >= run[0]) & (bins <= run[-1])
+    return end.xy + float(np.median(along[below][at_pole])) * end.out

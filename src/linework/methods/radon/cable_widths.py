@@ -57,7 +57,3 @@ class Widths:
     def crowd_m(self) -> float:
         """Within this, a roof's edge or a ledge has its wall; a wire has at most other wires [m]."""
         return 6.0 * self.gate_m
-
-    def wider(self) -> Widths:
-        """Return widths twice as wide."""
-        return Widths(2.0 * self.gate_m)

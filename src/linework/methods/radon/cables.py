@@ -21,12 +21,9 @@ from linework.model.settings import setting
 LEAST_POINTS = 8
 #: Points of a wire that scatter widely do so alike in height and across, within this ratio.
 ROUND_RATIO = 2.5
-#: A uniform scatter over the gate has a median absolute deviation of half of it, times 1.48; 0.4 is half way
-#: from there to the noise that a gate is meant for. Widest gate [m]: wires of a power line part from 1 m.
-FILLED, MOST_GATE_M = 0.4, 0.4
-#: Other points than wires within 0.6 m in at most this share of a wire's metres: a wire may pass through a
-#: crown, an edge has its wall or roof all along.
-MOST_CROWDED = 0.6
+#: Other points than wires within 0.6 m in at most this share of a short wire's metres: a wire may pass through
+#: a crown, an edge has its wall or roof all along. A wire of this length [m] that sags needs no such proof.
+MOST_CROWDED, LONG_M = 0.6, 16.0
 #: Wires break at a = H / w of 3 km: steel at a fifth of its strength, copper and aluminium before. What is
 #: straighter than that must be thin, with nothing about it but in a tenth of its metres (contact wires).
 TAUTEST_PER_M, MOST_CROWDED_TAUT = 1.0 / 3000.0, 0.1
@@ -101,10 +98,6 @@ def find_cables(
     # Peaks of Radon transforms of the plan image, each followed in its vertical slice
     widths = Widths(config.gate_m)
     wires = _found_wires(band, config, widths)
-    # Again with twice the width where the noise fills it
-    while widths.gate_m < MOST_GATE_M and _fill_the_gate(wires):
-        widths = widths.wider()
-        wires = _found_wires(band, config, widths)
     # One catenary per wire and span, ends at the supports
     pieces, wires = _spans(band, wires, config)
     # What is still alone now that all wires are known, and hangs
@@ -126,13 +119,6 @@ def _found_wires(band: Band, config: CableConfig, widths: Widths) -> list[Wire]:
                     mine = mine[(mine < len(lonely))]
                     free[mine[np.isin(lonely[mine], wire.members)]] = False
     return wires
-
-
-def _fill_the_gate(wires: list[Wire]) -> bool:
-    """Whether most metres of wire scatter so much that the gate cuts them off."""
-    metres = np.array([w.length_m for w in wires])
-    wide = np.array([max(w.sigma_o_m, w.fit.sigma_m) > FILLED * w.widths.gate_m for w in wires], dtype=bool)
-    return bool(metres[wide].sum() > 0.5 * metres.sum())
 
 
 def _pieces(band: Band, points: IntArray, widths: Widths) -> list[Wire]:
@@ -197,7 +183,7 @@ def _hangs(wire: Wire, around: Surroundings) -> bool:
     one_sweep = min(wire.sigma_o_m, wire.fit.sigma_m) < ONE_SWEEP_M
     is_thin = max(wire.sigma_o_m, wire.fit.sigma_m) <= wire.widths.round_m
     return (
-        (_sags(wire) and not one_sweep and around.crowded <= MOST_CROWDED)
+        (_sags(wire) and not one_sweep and (around.crowded <= MOST_CROWDED or wire.length_m >= LONG_M))
         or (is_alone and is_thin)
         or (wire.length_m < SHORT_M and around.crowded <= MOST_CROWDED)
     )
