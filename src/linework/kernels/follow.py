@@ -253,14 +253,14 @@ def follow_all(
         (n, 7): see `follow`, line after line.
     free
         (n,): on no line that was followed before.
-    ends
-        (n_lines,): where each line ends.
+    offsets
+        (n_lines + 1,): line i has the nodes from offsets[i] to offsets[i + 1].
     """
     n_x, n_y, cell = frame
     ahead, back = np.empty((LONGEST, 7)), np.empty((LONGEST, 7))
     nodes, free, following = np.empty((4096, 7)), np.empty(4096, np.bool_), np.empty(4096, np.int64)
     heads = np.full(n_x * n_y, -1, dtype=np.int64)
-    ends = np.empty(len(begin), dtype=np.int64)
+    offsets = np.zeros(len(begin) + 1, dtype=np.int64)
     n, n_lines = 0, 0
     for i in range(len(begin)):
         if is_taken(begin[i], nodes, heads, following, frame, reach):
@@ -286,6 +286,6 @@ def follow_all(
             if c >= 0 and c < n_x and r >= 0 and r < n_y:
                 following[k] = heads[r * n_x + c]
                 heads[r * n_x + c] = k
-        ends[n_lines] = n
         n_lines += 1
-    return nodes[:n].copy(), free[:n].copy(), ends[:n_lines].copy()
+        offsets[n_lines] = n
+    return nodes[:n].copy(), free[:n].copy(), offsets[: n_lines + 1].copy()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -50,7 +51,7 @@ def follow_all(
     least = max(round(least_m / config.spacing_m), 4)
     how = (config.spacing_m, config.radius_m, config.max_gap_m, config.spacing_m, *band_m, config.sheet_m)
     order = np.lexsort((starts[:, 1], starts[:, 0], -starts[:, 4]))
-    nodes, free, ends = follow.follow_all(
+    nodes, free, offsets = follow.follow_all(
         bins.points,
         bins.layers,
         (bins.n_x, bins.n_y, bins.cell_m),
@@ -61,7 +62,7 @@ def follow_all(
     )
     return [
         nodes[begin:end][run]
-        for begin, end in zip(np.r_[0, ends[:-1]], ends, strict=True)
+        for begin, end in pairwise(offsets.tolist())
         if end - begin >= least
         for run in _runs(free[begin:end], least)
     ]
