@@ -12,7 +12,7 @@ Conventions, written once
 - One clock: GPS seconds, float64.
 - A line normal form is ``x cos(theta) + y sin(theta) = rho``.
 
-Three rungs: one call (`extract`), a few steps (`open_survey`, `read_points`, `RadonMethod`), each step
+Three rungs: one call (`extract`), a few steps (`open_survey`, `read_survey_points`, `RadonMethod`), each step
 (the rooms: `linework.surface`, `linework.imaging`, `linework.methods.radon`, `linework.lines`).
 """
 
@@ -33,11 +33,26 @@ _PUBLIC = {
     "Survey": "linework.model.survey",
     "TileData": "linework.model.tile",
     "Trajectory": "linework.model.trajectory",
+    "RadonMethod": "linework.methods.radon.method",
+    "evaluate_lines": "linework.evaluation.measures",
+    "extract": "linework.tiling.extract",
+    "open_survey": "linework.files.survey",
+    "read_lines": "linework.files.vectors",
+    "read_survey_points": "linework.files.survey_points",
+    "read_survey_trajectory": "linework.files.survey_points",
+    "write_lines": "linework.files.vectors",
 }
 __all__ = ["__version__", *_PUBLIC]  # noqa: PLE0604
 
 if TYPE_CHECKING:
     from linework.errors import LineworkError as LineworkError
+    from linework.evaluation.measures import evaluate_lines as evaluate_lines
+    from linework.files.survey import open_survey as open_survey
+    from linework.files.survey_points import read_survey_points as read_survey_points
+    from linework.files.survey_points import read_survey_trajectory as read_survey_trajectory
+    from linework.files.vectors import read_lines as read_lines
+    from linework.files.vectors import write_lines as write_lines
+    from linework.methods.radon.method import RadonMethod as RadonMethod
     from linework.model.grid import Bounds as Bounds
     from linework.model.grid import Grid as Grid
     from linework.model.grid import Image as Image
@@ -46,6 +61,7 @@ if TYPE_CHECKING:
     from linework.model.survey import Survey as Survey
     from linework.model.tile import TileData as TileData
     from linework.model.trajectory import Trajectory as Trajectory
+    from linework.tiling.extract import extract as extract
 
 
 def __getattr__(name: str) -> Any:

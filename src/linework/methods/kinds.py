@@ -5,7 +5,7 @@ from __future__ import annotations
 from linework.errors import UsageError
 
 #: The kinds each method finds; `auto` takes the first method that finds a kind.
-KINDS_OF = {"radon": ("guardrail", "cable")}
+KINDS_OF = {"radon": ("guardrail", "barrier", "cable")}
 ALL_KINDS = tuple(dict.fromkeys(kind for kinds in KINDS_OF.values() for kind in kinds))
 
 

@@ -51,16 +51,16 @@ class RadonConfig:
 
 @dataclass(frozen=True, slots=True)
 class RadonMethod:
-    """Guardrails and cables: peaks of Radon transforms of height-band images of the points."""
+    """Guardrails, barriers and cables: peaks of Radon transforms of height-band images of the points."""
 
     config: RadonConfig = field(default_factory=RadonConfig)
-    kinds: tuple[str, ...] = ("guardrail", "cable")
+    kinds: tuple[str, ...] = ("guardrail", "barrier", "cable")
     name: str = "radon"
     #: Twice the longest cable span: what has to be seen whole to be told from all else.
     buffer_m: float = 120.0
 
     def extract(self, tile: TileData) -> LineSet:
-        """Return the guardrails and cables of a tile."""
+        """Return the guardrails, concrete barriers and cables of a tile."""
         points = tile.points
         if len(points) == 0:
             return LineSet.empty()
@@ -69,18 +69,19 @@ class RadonMethod:
         above_road = height_above_road(surface, points.xyz)
         above_ground = height_above_ground(surface, points.xyz)
         found = []
-        if "guardrail" in self.kinds:
+        if {"guardrail", "barrier"} & set(self.kinds):
             # A bank that rises beside the road is ground, not a rail
             found.append(find_guardrails(points, np.minimum(above_road, above_ground), surface, self.config))
         if "cable" in self.kinds:
             found.append(find_cables(points.xyz, points.time_s, above_ground, self.config.cable))
-        return LineSet.concatenate(found)
+        lines = LineSet.concatenate(found)
+        return lines.take(np.isin(lines.kind, self.kinds))
 
 
 def find_guardrails(
     points: Points, height_m: Float32Array, surface: RoadSurface, config: RadonConfig
 ) -> LineSet:
-    """Return the guardrails among points of known height (n,) float32 [m] above road and ground."""
+    """Return the guardrails and barriers among points of known height (n,) float32 [m] above road and ground."""
     # Raster image: the cells that hold points of the height band
     grid = grid_for(points, config.cell_m)
     binary = in_height_band(points.xyz, height_m, grid, config.min_height_m, config.max_height_m)
@@ -96,5 +97,5 @@ def find_guardrails(
     )
     # Local straight fits of the corrected centres; the height from the highest points
     rails = [fit_rail(chain, bins, config.circles, config.profile) for chain in chains]
-    # The vertical profile tells guardrails from hedges, walls, cars and handrails
+    # The vertical profile tells guardrails and barriers from hedges, walls, cars and fences
     return rail_lines(rails, bins, surface, config.profile)
