@@ -107,17 +107,19 @@ def find_cables(
 
 def _found_wires(band: Band, config: CableConfig, widths: Widths) -> list[Wire]:
     lonely = np.flatnonzero(band.lonely)
+    lonely = lonely[np.lexsort(band.xyz[lonely].T)]  # whatever order the points came in
     xyz = np.ascontiguousarray(band.xyz[lonely])
     free = np.ones(len(xyz), dtype=bool)
+    number = np.full(len(band.xyz), -1)
+    number[lonely] = np.arange(len(lonely))
     wires: list[Wire] = []
     for seed in find_cable_seeds(xyz[:, :2], window_m=config.window_m, cell_m=config.cell_m):
         for points in follow_seed(xyz, free, seed, widths=widths, max_gap_m=config.max_gap_m):
             for wire in _pieces(band, lonely[points], widths):
                 if _is_thin(band, wire, config.low_m):
                     wires.append(wire)
-                    mine = np.searchsorted(lonely, wire.members)
-                    mine = mine[(mine < len(lonely))]
-                    free[mine[np.isin(lonely[mine], wire.members)]] = False
+                    mine = number[wire.members]
+                    free[mine[mine >= 0]] = False
     return wires
 
 
