@@ -34,6 +34,7 @@ def gather(points: F64, starts: I64, n_x: int, n_y: int, cell: float, box: F64, 
     """
     x0, y0, dx, dy = box[0], box[1], box[2], box[3]
     half_s, half_u, low, high = box[4], box[5], box[6], box[7]
+    last = len(out) - 1
     reach_y = abs(dy) * half_s + abs(dx) * half_u
     r0, r1 = int(np.floor((y0 - reach_y) / cell)), int(np.floor((y0 + reach_y) / cell))
     n = 0
@@ -50,12 +51,10 @@ def gather(points: F64, starts: I64, n_x: int, n_y: int, cell: float, box: F64, 
             ex, ey = points[i, 0] - x0, points[i, 1] - y0
             s = ex * dx + ey * dy
             u = ey * dx - ex * dy
-            if (abs(s) <= half_s) & (abs(u) <= half_u) & (h >= low) & (h <= high) & (n < len(out)):
-                out[n, 0] = s
-                out[n, 1] = u
-                out[n, 2] = points[i, 2]
-                out[n, 3] = h
-                n += 1
+            inside = (abs(s) <= half_s) & (abs(u) <= half_u) & (h >= low) & (h <= high) & (n < last)
+            # Written in any case, kept or not: a branch here is as good as random, and half as fast
+            out[n, 0], out[n, 1], out[n, 2], out[n, 3] = s, u, points[i, 2], h
+            n += np.int64(inside)
     return n
 
 
@@ -225,11 +224,10 @@ def top_edge(work: F64, n: int, u: float, half_width: float, top: float, reach: 
         inside, outside, highest = 0, 0, -1e9
         for i in range(m):
             d = e - z[i]
-            if d >= 0.0 and d < 0.30:
-                inside += 1
-                highest = max(highest, z[i])
-            elif (d < 0.0 and d >= -0.10) or (d >= 0.36 and d < 0.46):
-                outside += 1
+            under = (d >= 0.0) & (d < 0.30)
+            inside += np.int64(under)
+            highest = max(highest, z[i] if under else -1e9)
+            outside += np.int64(((d < 0.0) & (d >= -0.10)) | ((d >= 0.36) & (d < 0.46)))
         score = inside - 3.0 * outside
         if score > best:  # the lowest of equal edges: it ends on a point
             best = score

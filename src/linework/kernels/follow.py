@@ -33,6 +33,7 @@ def gather_level(
     """Collect like `gather` the points whose z lies within `level`: of each bin only the layers it meets."""
     slot, floor, begin = layers
     n_x, n_y, cell = frame
+    last = len(out) - 1
     x0, y0, dx, dy = box[0], box[1], box[2], box[3]
     half_s, half_u, low, high = box[4], box[5], box[6], box[7]
     reach_y = abs(dy) * half_s + abs(dx) * half_u
@@ -54,9 +55,10 @@ def gather_level(
                 s = ex * dx + ey * dy
                 u = ey * dx - ex * dy
                 inside = (abs(s) <= half_s) & (abs(u) <= half_u) & (h >= low) & (h <= high)
-                if inside & (z >= level[0]) & (z <= level[1]) & (n < len(out)):
-                    out[n, 0], out[n, 1], out[n, 2], out[n, 3] = s, u, z, h
-                    n += 1
+                inside = inside & (z >= level[0]) & (z <= level[1]) & (n < last)
+                # Written in any case, kept or not: which points are inside is as good as random
+                out[n, 0], out[n, 1], out[n, 2], out[n, 3] = s, u, z, h
+                n += np.int64(inside)
     return n
 
 
@@ -68,19 +70,24 @@ def circle_centre(
 
     The circle moves to the mean of the points it holds until it rests (mean shift).
     """
+    offsets = np.empty(n)
+    m = 0
+    for i in range(n):
+        if work[i, 2] >= z_low and work[i, 2] <= z_high:
+            offsets[m] = work[i, 1]
+            m += 1
     u = u_start
     number = 0
     spread = 0.0
     for _ in range(6):
         total, square, number = 0.0, 0.0, 0
-        for i in range(n):
-            if work[i, 2] < z_low or work[i, 2] > z_high:
-                continue
-            d = work[i, 1] - u
-            if abs(d) <= radius:
-                total += d
-                square += d * d
-                number += 1
+        for i in range(m):
+            d = offsets[i] - u
+            inside = abs(d) <= radius
+            d = d if inside else 0.0  # a choice of values, not a branch
+            total += d
+            square += d * d
+            number += np.int64(inside)
         if number == 0:
             return u, 0, 0.0
         shift = total / number

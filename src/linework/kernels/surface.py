@@ -82,6 +82,30 @@ def lowest_layer(
 
 
 @njit(cache=True, nogil=True)
+def median_about(image: F64, row: int, col: int, reach: int, values: F64) -> float:
+    """Return the median of the known values within `reach` cells; 0 where none is. `values`: room for them.
+
+    They are kept in order as they come: faster than a selection for so few.
+    """
+    n_rows, n_cols = image.shape
+    n = 0
+    for r in range(max(row - reach, 0), min(row + reach + 1, n_rows)):
+        for c in range(max(col - reach, 0), min(col + reach + 1, n_cols)):
+            value = image[r, c]
+            if np.isnan(value):
+                continue
+            k = n
+            while k > 0 and values[k - 1] > value:
+                values[k] = values[k - 1]
+                k -= 1
+            values[k] = value
+            n += 1
+    if n == 0:
+        return 0.0
+    return values[n // 2] if n % 2 else 0.5 * (values[n // 2 - 1] + values[n // 2])
+
+
+@njit(cache=True, nogil=True)
 def median_slope(height: F32, cell: float, reach: int) -> tuple[F32, F32]:
     """Return slope east and north: medians of neighbour differences within `reach` cells around.
 
@@ -90,26 +114,19 @@ def median_slope(height: F32, cell: float, reach: int) -> tuple[F32, F32]:
     n_rows, n_cols = height.shape
     east = np.full((n_rows, n_cols), np.float32(np.nan), dtype=np.float32)
     north = np.full((n_rows, n_cols), np.float32(np.nan), dtype=np.float32)
-    d_east = np.empty((2 * reach + 1) ** 2)
-    d_north = np.empty((2 * reach + 1) ** 2)
+    to_east, to_north = np.full((n_rows, n_cols), np.nan), np.full((n_rows, n_cols), np.nan)
     for r in range(n_rows):
         for c in range(n_cols):
-            if np.isnan(height[r, c]):
-                continue
-            n_e, n_n = 0, 0
-            for rr in range(max(r - reach, 0), min(r + reach + 1, n_rows)):
-                for cc in range(max(c - reach, 0), min(c + reach + 1, n_cols)):
-                    z = height[rr, cc]
-                    if np.isnan(z):
-                        continue
-                    if cc + 1 < n_cols and not np.isnan(height[rr, cc + 1]):
-                        d_east[n_e] = (height[rr, cc + 1] - z) / cell
-                        n_e += 1
-                    if rr + 1 < n_rows and not np.isnan(height[rr + 1, cc]):
-                        d_north[n_n] = (z - height[rr + 1, cc]) / cell
-                        n_n += 1
-            east[r, c] = np.median(d_east[:n_e]) if n_e > 0 else 0.0
-            north[r, c] = np.median(d_north[:n_n]) if n_n > 0 else 0.0
+            if c + 1 < n_cols:
+                to_east[r, c] = (height[r, c + 1] - height[r, c]) / cell
+            if r + 1 < n_rows:
+                to_north[r, c] = (height[r, c] - height[r + 1, c]) / cell
+    values = np.empty((2 * reach + 1) ** 2)
+    for r in range(n_rows):
+        for c in range(n_cols):
+            if not np.isnan(height[r, c]):
+                east[r, c] = median_about(to_east, r, c, reach, values)
+                north[r, c] = median_about(to_north, r, c, reach, values)
     return east, north
 
 

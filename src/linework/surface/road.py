@@ -200,7 +200,8 @@ def _regions(
     cell: float,
     max_step: float,
 ) -> AnyArray:
-    rows, cols = np.nonzero(seeds)
+    # Contiguous, always: of one position only, numpy's are so, and numba would compile for both
+    rows, cols = (np.ascontiguousarray(index) for index in np.nonzero(seeds))
     return np.asarray(kernels.label_regions(height, slope[0], slope[1], allowed, rows, cols, cell, max_step))
 
 

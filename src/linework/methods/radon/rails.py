@@ -78,7 +78,7 @@ def fit_rail(nodes: FloatArray, bins: Bins, circles: CircleConfig, config: Profi
     chainage = _chainage(nodes[:, :2])
     weight = np.minimum(nodes[:, 4], 10.0) * nodes[:, 6] + 1e-3
     xy, heading, *_ = _fit_plan(chainage, nodes[:, :2], weight, half)
-    top, *_ = kernels.fit_locally(chainage, nodes[:, 3], weight, half)
+    top, *_ = kernels.fit_locally(chainage, np.ascontiguousarray(nodes[:, 3]), weight, half)
     profile = measure_profile(np.column_stack([xy, heading, top]), bins, circles, config)
 
     # Centre the line on the sheet's points

@@ -92,9 +92,10 @@ def find_seed_lines(binary: Image, config: SeedConfig) -> SeedLines:
     rho = rho_bins(half * math.sqrt(2), grid.cell_width_m)
     found: list[FloatArray] = []
     for centre, xy in _windows(binary, config):
+        x, y = np.ascontiguousarray(xy.T)  # as cables give them: numba compiles for either layout
         values = radon_of_cells(
-            xy[:, 0],
-            xy[:, 1],
+            x,
+            y,
             np.ones(len(xy)),
             cell_width_m=grid.cell_width_m,
             cell_height_m=grid.cell_height_m,
