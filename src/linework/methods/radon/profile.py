@@ -232,7 +232,8 @@ def measure_profile(nodes: FloatArray, bins: Bins, circles: CircleConfig, config
     apron = apron[np.arange(len(half)), np.argmax(ground, axis=1)] * (_BIN / 0.26)
     apron = apron / np.maximum(np.sum(density, axis=1), 1e-9)
     empty = number == 0
-    # Its height over both halves, unless the other half is filled far down
+    # Its height over both halves, unless something behind it fills the other half far down
+    behind = np.max(_moving_mean(sides[:, 0] > 0, window), axis=1)
     both = np.sum(halves, axis=1) / np.maximum(np.sum(density, axis=1), 1e-9)[:, None]
     beam = _beam_height(both)
     return Profile(
@@ -243,7 +244,7 @@ def measure_profile(nodes: FloatArray, bins: Bins, circles: CircleConfig, config
         spread_m=np.sqrt(square),
         above=above[at],
         below=below[at],
-        beam_m=np.where(beam <= config.max_beam_m, beam, _beam_height(ratio[at])),
+        beam_m=np.where((beam <= config.max_beam_m) | (behind <= 0.5), beam, _beam_height(ratio[at])),
         front=np.min(_moving_mean(sides[:, 0] > 0, window), axis=1),
         open_=np.min(_moving_mean(_moving_sum(sides[:, 1], 5) > 0.5, window), axis=1),
         apron=apron,

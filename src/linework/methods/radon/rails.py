@@ -206,7 +206,7 @@ def _barrier_runs(verdict: Verdict, chainage: FloatArray, config: ProfileConfig)
 
 
 def _close_beside(xyz: list[FloatArray], found: list[FloatArray], config: ProfileConfig) -> list[BoolArray]:
-    """Which nodes have a node of another found line within `pair_m` in plan and 15 cm in height."""
+    """Which nodes have a node of a found line abreast, within `pair_m` in plan and 15 cm in height."""
     if not found:
         return [np.zeros(len(v), dtype=bool) for v in xyz]
     nodes = np.concatenate(found)
@@ -214,11 +214,16 @@ def _close_beside(xyz: list[FloatArray], found: list[FloatArray], config: Profil
     out = []
     for v in xyz:
         near = tree.query_ball_point(v[:, :2], config.pair_m)
-        out.append(np.array([_has_pair(p, nodes[i]) for p, i in zip(v, near, strict=True)], dtype=bool))
+        step = np.gradient(v[:, :2], axis=0)
+        ahead = step / np.maximum(np.hypot(step[:, :1], step[:, 1:]), 1e-9)
+        pairs = [_has_pair(p, a, nodes[i]) for p, a, i in zip(v, ahead, near, strict=True)]
+        out.append(np.array(pairs, dtype=bool))
     return out
 
 
-def _has_pair(point: FloatArray, nodes: FloatArray) -> bool:
+def _has_pair(point: FloatArray, ahead: FloatArray, nodes: FloatArray) -> bool:
+    """Whether one of the nodes lies abreast of a point of a line; the line's own lie before and behind it."""
     d = nodes - point
-    apart = np.hypot(d[:, 0], d[:, 1])
-    return bool(np.any((apart > 0.12) & (np.abs(d[:, 2]) < 0.15)))
+    along, across = d[:, :2] @ ahead, d[:, 1] * ahead[0] - d[:, 0] * ahead[1]
+    # Abreast: to half the spacing of the nodes
+    return bool(np.any((np.abs(along) < 0.3) & (np.abs(across) > 0.12) & (np.abs(d[:, 2]) < 0.15)))
