@@ -54,7 +54,7 @@ def gather(points: F64, starts: I64, n_x: int, n_y: int, cell: float, box: F64, 
             inside = (abs(s) <= half_s) & (abs(u) <= half_u) & (h >= low) & (h <= high) & (n < last)
             # Written in any case, kept or not: a branch here is as good as random, and half as fast
             out[n, 0], out[n, 1], out[n, 2], out[n, 3] = s, u, points[i, 2], h
-            n += np.int64(inside)
+            n += int(inside)
     return n
 
 
@@ -225,9 +225,9 @@ def top_edge(work: F64, n: int, u: float, half_width: float, top: float, reach: 
         for i in range(m):
             d = e - z[i]
             under = (d >= 0.0) & (d < 0.30)
-            inside += np.int64(under)
+            inside += int(under)
             highest = max(highest, z[i] if under else -1e9)
-            outside += np.int64(((d < 0.0) & (d >= -0.10)) | ((d >= 0.36) & (d < 0.46)))
+            outside += int(((d < 0.0) & (d >= -0.10)) | ((d >= 0.36) & (d < 0.46)))
         score = inside - 3.0 * outside
         if score > best:  # the lowest of equal edges: it ends on a point
             best = score

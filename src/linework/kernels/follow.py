@@ -58,7 +58,7 @@ def gather_level(
                 inside = inside & (z >= level[0]) & (z <= level[1]) & (n < last)
                 # Written in any case, kept or not: which points are inside is as good as random
                 out[n, 0], out[n, 1], out[n, 2], out[n, 3] = s, u, z, h
-                n += np.int64(inside)
+                n += int(inside)
     return n
 
 
@@ -87,7 +87,7 @@ def circle_centre(
             d = d if inside else 0.0  # a choice of values, not a branch
             total += d
             square += d * d
-            number += np.int64(inside)
+            number += int(inside)
         if number == 0:
             return u, 0, 0.0
         shift = total / number

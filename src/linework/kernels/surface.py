@@ -102,7 +102,7 @@ def median_about(image: F64, row: int, col: int, reach: int, values: F64) -> flo
             n += 1
     if n == 0:
         return 0.0
-    return values[n // 2] if n % 2 else 0.5 * (values[n // 2 - 1] + values[n // 2])
+    return float(values[n // 2] if n % 2 else 0.5 * (values[n // 2 - 1] + values[n // 2]))
 
 
 @njit(cache=True, nogil=True)
