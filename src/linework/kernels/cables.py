@@ -135,7 +135,7 @@ def grow(s: Array, o: Array, z: Array, member: Array, gates: Array, ring: float,
     where the ring about it holds more points than the tube: in a crown, and in a bundle that it crosses.
 
     Points are sorted by s. `gates` is (floor, ceiling) of the gate [m]; in between it is four standard
-    deviations of the members about their fit and of the prediction.
+    deviations of the members about their fit and of the prediction. `ring` is the ring's outer radius over it.
     """
     member = member.copy()
     done = [False, False]
@@ -191,7 +191,7 @@ def _stretch(
             if abs(dz) <= gate_z and abs(do) <= gate_o:
                 joined[n] = i
                 n += 1
-            elif 1.25 * max(gate_z, gate_o) < math.hypot(dz, do) <= ring:
+            elif 1.25 * max(gate_z, gate_o) < math.hypot(dz, do) <= ring * max(gate_z, gate_o):
                 around += 1
     return joined[:n], around
 
@@ -252,7 +252,7 @@ def thinness(
     """Return length, share of metres with a point, and share of these with more than a third in the ring.
 
     The tube about the members' fit is four deviations wide, within `gates` (floor, ceiling); the ring lies
-    between one and a quarter times that and `ring`.
+    between one and a quarter times that and `ring` times that.
     """
     low, high, centre, fit, _, sigma_z, sigma_o = _parabola(s, o, z, member)
     n = math.ceil(high - low)
@@ -267,7 +267,7 @@ def thinness(
             metre = min(int(s[i] - low), n - 1)
             if r <= tube:
                 inside[metre] += 1
-            elif 1.25 * tube < r <= ring:
+            elif 1.25 * tube < r <= ring * tube:
                 around[metre] += 1
     has, ringed = 0, 0
     for m in range(n):

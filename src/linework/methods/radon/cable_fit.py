@@ -12,7 +12,7 @@ from linework.kernels import cable_fit as kernels
 from linework.lines.catenary import Catenary, CatenaryFit, fit_catenary
 from linework.methods.radon.cable_band import Band
 from linework.methods.radon.cable_follow import Plan
-from linework.methods.radon.cable_widths import Widths
+from linework.methods.radon.cable_widths import RING, Widths
 from linework.model.arrays import BoolArray, FloatArray, IntArray
 
 #: What lies beyond a gap of this length [m], or this many usual gaps, must be a stretch of this length [m]
@@ -137,14 +137,14 @@ def _on_wire(band: Band, wire: Wire) -> IntArray:
 
     It ends with the first and the last metre that are clear of other points: in a crown leaves lie on any line.
     """
-    near = band.near(_line_of(wire.plan, wire.low_m - 0.5, wire.high_m + 0.5), wire.widths.ring_m)
+    near = band.near(_line_of(wire.plan, wire.low_m - 0.5, wire.high_m + 0.5), RING * wire.gate_m)
     s, o, dz = wire.residuals(band.xyz[near])
     r = np.hypot(o, dz)
     on = r <= wire.gate_m
     metre = np.floor(s - wire.low_m + 1.0).astype(np.int64)
     counts = [
         np.bincount(metre[chosen], minlength=math.ceil(wire.length_m) + 3)
-        for chosen in (on, (r > 1.25 * wire.gate_m) & (r <= wire.widths.ring_m))
+        for chosen in (on, (r > 1.25 * wire.gate_m) & (r <= RING * wire.gate_m))
     ]
     clear = np.flatnonzero((counts[0] > 0) & (3 * counts[1] <= counts[0]))
     if len(clear) == 0:
@@ -231,7 +231,7 @@ def surroundings(band: Band, wire: Wire, of_wire: BoolArray) -> Surroundings:
         return np.bincount(metre[chosen], minlength=n_metres + 1)[:n_metres].astype(np.float64)
 
     on = count(r <= wire.gate_m)
-    ring = count((r > 1.25 * wire.gate_m) & (r <= wire.widths.ring_m))
+    ring = count((r > 1.25 * wire.gate_m) & (r <= RING * wire.gate_m))
     others = count((r > 1.25 * wire.gate_m) & (r <= wire.widths.crowd_m) & ~of_wire[near])
     has = on > 0
     n_has = max(int(has.sum()), 1)

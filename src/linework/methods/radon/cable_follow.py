@@ -9,7 +9,7 @@ import numpy as np
 
 from linework.kernels import cables as kernels
 from linework.methods.radon.cable_seeds import Seed
-from linework.methods.radon.cable_widths import Widths
+from linework.methods.radon.cable_widths import RING, Widths
 from linework.model.arrays import BoolArray, FloatArray, IntArray
 
 #: A slice's cells [m]: one vote per half metre of wire, however many points hit it.
@@ -137,7 +137,7 @@ def _best_curve(
 
 def _thin(s: FloatArray, o: FloatArray, z: FloatArray, member: BoolArray, widths: Widths) -> bool:
     length, occupied, ringed = kernels.thinness(
-        s, o, z, member, np.array([widths.tube_m, widths.gate_m]), widths.ring_m
+        s, o, z, member, np.array([widths.tube_m, widths.gate_m]), RING
     )
     return bool(length >= LEAST_SEEN_M and occupied >= LEAST_OCCUPIED and ringed <= MOST_RINGED)
 
@@ -164,7 +164,7 @@ def _grown(
         z[unclaimed],
         np.isin(near[unclaimed], members),
         gates,
-        widths.ring_m,
+        RING,
         max_gap_m,
     )
     if not _thin(s, o, z, member, widths):
