@@ -155,6 +155,7 @@ def rail_lines(rails: list[FittedRail], bins: Bins, surface: RoadSurface, config
         chosen += [("barrier", i, *run) for run in _barrier_runs(verdict, chainages[i], config)]
     if not chosen:
         return LineSet.empty()
+    pairs = _close_beside(xyz, [xyz[i][run] for kind, i, run, _ in chosen if kind == "guardrail"], config)
     edges = [np.column_stack([rail.edge_xy, rail.top_m]) + bins.origin for rail in rails]
     return LineSet.from_lines(
         [(xyz if kind == "guardrail" else edges)[i][run] for kind, i, run, _ in chosen],
@@ -206,7 +207,7 @@ def _barrier_runs(verdict: Verdict, chainage: FloatArray, config: ProfileConfig)
 
 
 def _close_beside(xyz: list[FloatArray], found: list[FloatArray], config: ProfileConfig) -> list[BoolArray]:
-    """Which nodes have a node of a found line abreast, within `pair_m` in plan and 15 cm in height."""
+    """Which nodes have a node of a found line abreast, within `pair_m` in plan, and level with them."""
     if not found:
         return [np.zeros(len(v), dtype=bool) for v in xyz]
     nodes = np.concatenate(found)
@@ -224,6 +225,7 @@ def _close_beside(xyz: list[FloatArray], found: list[FloatArray], config: Profil
 def _has_pair(point: FloatArray, ahead: FloatArray, nodes: FloatArray) -> bool:
     """Whether one of the nodes lies abreast of a point of a line; the line's own lie before and behind it."""
     d = nodes - point
-    along, across = d[:, :2] @ ahead, d[:, 1] * ahead[0] - d[:, 0] * ahead[1]
-    # Abreast: to half the spacing of the nodes
-    return bool(np.any((np.abs(along) < 0.3) & (np.abs(across) > 0.12) & (np.abs(d[:, 2]) < 0.15)))
+    along, across = d[:, :2] @ ahead, np.abs(d[:, 1] * ahead[0] - d[:, 0] * ahead[1])
+    # Abreast: to half the spacing of the nodes. Level: to 10 cm, and a crossfall of 6 % in between
+    is_level = np.abs(d[:, 2]) < 0.10 + 0.06 * across
+    return bool(np.any((np.abs(along) < 0.3) & (across > 0.12) & is_level))
