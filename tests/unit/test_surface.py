@@ -47,7 +47,7 @@ def path(grade=0.0):
 @pytest.mark.parametrize("noise_m", [0.003, 0.02])
 @pytest.mark.parametrize("with_path", [True, False])
 def test_the_road_is_zero_and_ends_at_the_kerb(grade, crossfall, noise_m, with_path):
-    points, labels, road = scene(grade, crossfall, noise_m=noise_m)
+    points, labels, _ = scene(grade, crossfall, noise_m=noise_m)
     surface = find_road(points, path(grade) if with_path else None, RoadConfig())
     y = points.xyz[labels == 0][:, 1] - ORIGIN[1]
     height = height_above_road(surface, points.xyz)[labels == 0]
@@ -79,7 +79,7 @@ def test_walls_and_bridges_stand_above_the_ground_and_strays_below():
 
 
 def test_ground_beyond_a_hole_in_the_data_is_ground():
-    points, labels, _ = scene()
+    points, _, _ = scene()
     x = points.xyz[:, 0] - ORIGIN[0]
     surface = find_road(points.take((x < 20) | (x > 32)), path(), RoadConfig())
     far = np.array([[45.0, 7.0, 0.12 - 0.14]]) + ORIGIN
