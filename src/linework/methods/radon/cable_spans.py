@@ -11,7 +11,7 @@ import numpy as np
 from linework.lines.catenary import meeting_stations
 from linework.methods.radon.cable_band import Band
 from linework.methods.radon.cable_fit import Wire, fit_wire, main_run, split_at_kink
-from linework.model.arrays import FloatArray
+from linework.model.arrays import BoolArray, FloatArray
 
 #: A hidden stretch may be as long as the visible pieces together, but no longer than this [m].
 MOST_HIDDEN_M = 40.0
@@ -148,10 +148,13 @@ def end_at_supports(band: Band, wires: list[Wire], min_length_m: float) -> list[
     """
     wires = _with_partners(wires, min_length_m)
     ends = [_end(wires, i, side) for i in range(len(wires)) for side in (0, 1)]
+    of_wire = np.zeros(len(band.xyz), dtype=bool)
+    for w in wires:
+        of_wire[w.members] = True
     support = {(e.wire, e.side): place for pair, place in _met(wires, ends) for e in pair}
     for end in ends:
         if (end.wire, end.side) not in support:
-            pole = _pole_at(band, wires[end.wire], end)
+            pole = _pole_at(band, of_wire, wires[end.wire], end)
             if pole is not None:
                 support[end.wire, end.side] = pole
     limits = [[w.low_m, w.high_m] for w in wires]
@@ -294,10 +297,11 @@ def _support_of_bundle(
     return end.xy + float(np.median(stations)) * end.out if stations else None
 
 
-def _pole_at(band: Band, wire: Wire, end: End) -> FloatArray | None:
+def _pole_at(band: Band, of_wire: BoolArray, wire: Wire, end: End) -> FloatArray | None:
     """Return the place on the wire at a pole just beyond its end, or None."""
     line = np.array([*end.xy, *end.out, -POLE_WIDE_M, CARRY_M])
     near = band.near(line, POLE_SIDE_M)
+    near = near[~of_wire[near]]  # a stack of wires is no pole
     along = (band.xyz[near, :2] - end.xy) @ end.out
     drop = _height(wire, end.xy) - band.xyz[near, 2]
     below = (drop > -0.5) & (drop < POLE_M + 1.0)

@@ -22,8 +22,9 @@ LEAST_POINTS = 8
 #: Points of a wire that scatter widely do so alike in height and across, within this ratio.
 ROUND_RATIO = 2.5
 #: Other points than wires within 0.6 m in at most this share of a short wire's metres: a wire may pass through
-#: a crown, an edge has its wall or roof all along. A wire of this length [m] that sags needs no such proof.
-MOST_CROWDED, LONG_M = 0.6, 16.0
+#: a crown, an edge has its wall or roof all along. A wire of this length [m] that sags and is
+#: thin in all but this share of its metres needs no such proof.
+MOST_CROWDED, LONG_M, MOST_RINGED_LONG = 0.6, 16.0, 0.3
 #: Wires break at a = H / w of 3 km: steel at a fifth of its strength, copper and aluminium before. What is
 #: straighter than that must be thin, with nothing about it but in a tenth of its metres (contact wires).
 TAUTEST_PER_M, MOST_CROWDED_TAUT = 1.0 / 3000.0, 0.1
@@ -181,11 +182,12 @@ def _free_hanging(band: Band, wires: list[Wire], pieces: list[Wire]) -> tuple[li
 
 def _hangs(wire: Wire, around: Surroundings) -> bool:
     """Whether it sags, or is so thin and alone that it may be taut: the edges of buildings are straight."""
-    is_alone = around.crowded + around.ringed <= MOST_CROWDED_TAUT
-    one_sweep = min(wire.sigma_o_m, wire.fit.sigma_m) < ONE_SWEEP_M
-    is_thin = max(wire.sigma_o_m, wire.fit.sigma_m) <= wire.widths.round_m
-    return (
-        (_sags(wire) and not one_sweep and (around.crowded <= MOST_CROWDED or wire.length_m >= LONG_M))
-        or (is_alone and is_thin)
-        or (wire.length_m < SHORT_M and around.crowded <= MOST_CROWDED)
+    sags, is_short = _sags(wire), wire.length_m < SHORT_M
+    in_company = around.crowded <= MOST_CROWDED or (
+        wire.length_m >= LONG_M and around.ringed <= MOST_RINGED_LONG
     )
+    is_alone = around.crowded + around.ringed <= MOST_CROWDED_TAUT
+    is_thin = max(wire.sigma_o_m, wire.fit.sigma_m) <= wire.widths.round_m
+    if min(wire.sigma_o_m, wire.fit.sigma_m) < ONE_SWEEP_M:
+        return sags and is_alone
+    return ((sags or is_short) and in_company) or (is_alone and is_thin)
