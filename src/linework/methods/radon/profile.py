@@ -39,6 +39,13 @@ class ProfileConfig:
         low=0,
         high=1,
     )
+    min_plate_m: float = setting(
+        0.22,
+        unit="m",
+        reason="height of a beam too flat for its spread to show; boards are up to 0.2 m",
+        low=0,
+        high=5,
+    )
     max_spread_m: float = setting(
         0.040,
         unit="m",
@@ -331,16 +338,23 @@ def classify(
         _below(_row_under(profile.rows, above_ground_m), config.max_second, 0.06),
         _below(-height_m, -config.min_top_m, 0.03),
     )
-    deep = _below(-profile.spread_m, -config.min_spread_m, 0.002)
+    # A tube is neither deep nor high; a beam is one of both, as a corrugated or a flat plate
+    deep = np.maximum(
+        _below(-profile.spread_m, -config.min_spread_m, 0.002),
+        _below(-profile.beam_m, -config.min_plate_m, 0.02),
+    )
     lone = _below(_row_over(profile.rows), config.max_second, 0.06)
+    whole = _below(-occupied, -0.6, 0.08)  # the posts behind a beam fill less
     alone = _least(
         beam,
         deep,
         lone,
         _below(-profile.beam_m, -config.min_beam_m, 0.02),
         _below(profile.front, config.max_front, 0.08),
+        np.where(paired, whole, 1.0),
     )
-    beside = _least(beam, np.maximum(deep, lone), _below(-occupied, -0.6, 0.08), paired.astype(np.float64))
+    lip = np.minimum(lone, _below(profile.beam_m, config.min_beam_m, 0.02))
+    beside = _least(beam, np.maximum(deep, lip), whole, paired.astype(np.float64))
     barrier = _least(
         goes_on,
         _below(profile.above, config.max_above, 0.06),
