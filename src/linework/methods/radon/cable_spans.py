@@ -17,13 +17,11 @@ from linework.model.arrays import BoolArray, FloatArray
 MOST_HIDDEN_M = 40.0
 #: Least share of points of its own: wires that part from 0.3 m share those where spans meet, no more.
 LEAST_OWN = 0.5
-#: How far a wire is carried on to its support [m]: hits are a metre apart at worst, insulators and the
-#: crossarm hide as much again.
-CARRY_M = 3.0
-#: How far to one where the wire of the next span arrives at the same height [m]: across a crown.
+#: How far a wire is carried on to the support of the wires beside it, and to a pole [m]: at the far end hits are
+#: metres apart, and insulators and the crossarm hide as much again.
+CARRY_M, POLE_CARRY_M = 6.0, 4.0
+#: How far to where the wire of the next span arrives at the same height [m]: across a crown.
 MEET_CARRY_M = 10.0
-#: How far to the support of the wires beside it [m].
-BUNDLE_CARRY_M = 6.0
 #: How far it is carried on where no support is in sight [m]: what is within 1 m of a hit counts as seen.
 OPEN_M = 0.8
 #: How far a wire may have been followed past its support [m]: into the next span when that is taut.
@@ -292,14 +290,14 @@ def _support_of_bundle(
         off = place - end.xy
         on, aside = float(off @ end.out), abs(float(end.out[0] * off[1] - end.out[1] * off[0]))
         up = abs(_height(wires[other.wire], place) - own_height)
-        if aside <= BUNDLE_PLAN_M and up <= BUNDLE_UP_M and -PAST_M <= on <= BUNDLE_CARRY_M:
+        if aside <= BUNDLE_PLAN_M and up <= BUNDLE_UP_M and -PAST_M <= on <= CARRY_M:
             stations.append(on)
     return end.xy + float(np.median(stations)) * end.out if stations else None
 
 
 def _pole_at(band: Band, of_wire: BoolArray, wire: Wire, end: End) -> FloatArray | None:
     """Return the place on the wire at a pole just beyond its end, or None."""
-    line = np.array([*end.xy, *end.out, -POLE_WIDE_M, CARRY_M])
+    line = np.array([*end.xy, *end.out, -POLE_WIDE_M, POLE_CARRY_M])
     near = band.near(line, POLE_SIDE_M)
     near = near[~of_wire[near]]  # a stack of wires is no pole
     along = (band.xyz[near, :2] - end.xy) @ end.out

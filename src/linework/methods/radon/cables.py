@@ -28,6 +28,8 @@ MOST_CROWDED, LONG_M, MOST_RINGED_LONG = 0.6, 16.0, 0.3
 #: Wires break at a = H / w of 3 km: steel at a fifth of its strength, copper and aluminium before. What is
 #: straighter than that must be thin, with nothing about it but in a tenth of its metres (contact wires).
 TAUTEST_PER_M, MOST_CROWDED_TAUT = 1.0 / 3000.0, 0.1
+#: ... with points that scatter by no more than this share of the gate: the chord of a truss is 6 cm and more.
+THIN_GATES = 0.2
 #: Too short for its sag to be told from the noise [m]; such pieces stay only beside longer wires.
 SHORT_M = 8.0
 #: The metres of a wire lie on its catenary within this share of the gate, beyond what their scatter explains
@@ -187,7 +189,7 @@ def _hangs(wire: Wire, around: Surroundings) -> bool:
         wire.length_m >= LONG_M and around.ringed <= MOST_RINGED_LONG
     )
     is_alone = around.crowded + around.ringed <= MOST_CROWDED_TAUT
-    is_thin = max(wire.sigma_o_m, wire.fit.sigma_m) <= wire.widths.round_m
+    is_thin = max(wire.sigma_o_m, wire.fit.sigma_m) <= THIN_GATES * wire.widths.gate_m
     if min(wire.sigma_o_m, wire.fit.sigma_m) < ONE_SWEEP_M:
         return sags and is_alone
     return ((sags or is_short) and in_company) or (is_alone and is_thin)
