@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from linework.errors import OutputExistsError, UsageError
 from linework.simulation.draw import ROADS, draw_scenario
@@ -105,11 +106,11 @@ def test_wire_mesh_lets_a_part_of_the_beams_through_and_passing_cars_are_in_one_
 def test_observed_flags_equal_a_brute_force_recount(kind):
     scenario = draw_scenario(kind, 2, 50.0, points_per_m=400)
     from linework.simulation.materials import GROUND
-    from linework.simulation.truth import truth_lines
+    from linework.simulation.truth import TIMED_M, truth_lines
 
     scene = build_scene(scenario)
     hits = Hits.concatenate(list(measured(scenario, scene, drives_of(scenario))))
-    truth = truth_lines(scenario, scene, (hits.xyz, hits.triangle), "local")
+    truth = truth_lines(scenario, scene, (hits.xyz, hits.triangle, hits.time_s), "local")
     material = scene.mesh.material[hits.triangle]
     target = scene.mesh.target[hits.triangle]
     xyz = hits.xyz + np.array(scenario.origin_m)
@@ -128,6 +129,11 @@ def test_observed_flags_equal_a_brute_force_recount(kind):
         count = np.array([np.sum(np.linalg.norm(near - v, axis=1) <= within) for v in line[some]])
         flags = truth.observed[truth.offsets[i] : truth.offsets[i + 1]][some]
         assert np.array_equal(count >= n, flags), line_kind
+        away = cKDTree(line).query(xyz, distance_upper_bound=TIMED_M)[0]
+        times = hits.time_s[np.isfinite(away)]
+        assert np.isnan(truth.time_start_s[i]) == (len(times) == 0)
+        if len(times):
+            assert (truth.time_start_s[i], truth.time_end_s[i]) == (times.min(), times.max())
 
 
 def test_wear_takes_its_share_of_the_paint():

@@ -73,15 +73,18 @@ def simulate_survey(
     points: list[Points] = []
     places: list[FloatArray] = []
     triangles: list[AnyArray] = []
+    times: list[FloatArray] = []
     for hits in measured(scenario, scene, drives):
         points.append(recorded(scenario, scene, hits, rng))
         places.append(hits.xyz)
         triangles.append(hits.triangle)
+        times.append(hits.time_s)
+    all_hits = np.concatenate(places), np.concatenate(triangles), np.concatenate(times)
     crs = parse_crs(SIMULATED_CRS)
     return SimulatedSurvey(
         points=in_time_order(points),
         trajectory=reported_trajectory(drives, scenario.origin_m),
-        truth=truth_lines(scenario, scene, (np.concatenate(places), np.concatenate(triangles)), crs),
+        truth=truth_lines(scenario, scene, all_hits, crs),
         crs=crs,
         scenario=scenario,
     )

@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 from scipy.spatial import cKDTree
 
+from linework.kernels.times import times_near
 from linework.model.arrays import AnyArray, BoolArray, FloatArray
 from linework.model.lines import KINDS, LineSet
 from linework.simulation.materials import GROUND, Material
@@ -27,7 +28,14 @@ OBSERVED: dict[str, tuple[int, float]] = {
 }
 
 
-def truth_lines(scenario: Scenario, scene: Scene, hits: tuple[FloatArray, AnyArray], crs: str) -> LineSet:
+#: The time of a line is that of the hits within this of its vertices: the face of a beam reaches 0.31 m down
+#: from its top edge. [m]
+TIMED_M = 0.3
+
+
+def truth_lines(
+    scenario: Scenario, scene: Scene, hits: tuple[FloatArray, AnyArray, FloatArray], crs: str
+) -> LineSet:
     """Return all truth lines in the world frame, with `observed` per vertex, ordered by kind.
 
     Parameters
@@ -35,13 +43,17 @@ def truth_lines(scenario: Scenario, scene: Scene, hits: tuple[FloatArray, AnyArr
     scenario, scene
         The world.
     hits
-        (n, 3) positions [m, local] and (n,) triangles of all hits, without noise.
+        (n, 3) positions [m, local], (n,) triangles and (n,) times [s] of all hits, without noise.
     crs
         WKT2.
     """
     order = sorted(range(len(scene.lines)), key=lambda i: KINDS.index(scene.lines[i].kind))
     lines = [scene.lines[i] for i in order]
-    observed = _observed(scene, *hits)
+    xyz, triangle, time_s = hits
+    observed = _observed(scene, xyz, triangle)
+    vertices = np.concatenate([line.xyz for line in lines])
+    owner = np.repeat(np.arange(len(lines)), [len(line.xyz) for line in lines])
+    start_s, end_s = times_near(xyz, time_s, vertices, owner, len(lines), TIMED_M)
     columns = {
         name: [getattr(line, name) for line in lines]
         for name in ("kind", "role", "pattern", "form", "double", "width_m", "height_m", "clearance_m")
@@ -53,8 +65,10 @@ def truth_lines(scenario: Scenario, scene: Scene, hits: tuple[FloatArray, AnyArr
         source=[f"simulated {scenario.kind} seed {scenario.seed}"] * len(lines),
         method=["truth"] * len(lines),
         observed=np.concatenate([observed[i] for i in order]),
-        sigma_xy_m=np.zeros(sum(len(line.xyz) for line in lines)),
-        sigma_z_m=np.zeros(sum(len(line.xyz) for line in lines)),
+        sigma_xy_m=np.zeros(len(vertices)),
+        sigma_z_m=np.zeros(len(vertices)),
+        time_start_s=start_s,
+        time_end_s=end_s,
         **columns,
     )
 
