@@ -15,6 +15,7 @@ from linework.model.lines import LineSet
 from linework.model.trajectory import Trajectory
 from linework.tiling import outputs, run
 from linework.tiling.plan import Tile, plan_tiles
+from linework.tiling.sources import with_sources
 from linework.tiling.steps import Steps
 
 
@@ -152,3 +153,26 @@ def test_two_files_are_one_survey(las_file, method):
     found = run.extract_lines(open_survey([las_file.parent]), [method])
     assert len(found.read.points) == 800
     assert found.tiles[0].n_points == 800
+
+
+def test_lines_without_a_source_name_the_files_about_them(las_file, method):
+    beside = las_file.with_name("b.laz")
+    write_las(road_points(seed=2, east_m=500_100.0), beside, crs=CRS)
+    facts = run.extract_lines(open_survey([las_file.parent]), [method]).read.files
+    lines = LineSet.from_lines(
+        [np.array([[500_000.0 + e, 5_400_000.0, 0], [500_000.0 + e + dx, 5_400_001.0, 0]])
+         for e, dx in ((10.0, 5.0), (110.0, 5.0), (10.0, 100.0), (60.0, 5.0), (10.0, 5.0))],
+        source=["", "", "", "", "own"],
+    )  # fmt: skip
+    named = with_sources(lines, facts, "survey")
+    assert named.source.tolist() == ["a.laz", "b.laz", "a.laz, b.laz", "survey", "own"]
+    assert with_sources(named, facts, "survey") is named
+
+
+def test_every_extracted_line_has_a_source(las_file, method):
+    class Silent(Diagonal):
+        def extract(self, tile):
+            return super().extract(tile).with_columns(source=[""])
+
+    assert run.extract_lines(open_survey([las_file]), [Silent()]).lines.source.tolist() == ["a.laz"]
+    assert run.extract_lines(open_survey([las_file]), [method]).lines.source.tolist() == ["a"]

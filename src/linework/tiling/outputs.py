@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from linework.files.run_record import hash_file, write_json
 from linework.files.vectors import write_lines
 from linework.tiling.record import record_path, set_aside, versions
 from linework.tiling.run import Extraction
+from linework.tiling.sources import path_text
 from linework.tiling.steps import Steps
 
 
@@ -69,10 +69,10 @@ def record_of(
         "crs": {"name": describe_crs(lines.crs), "wkt": lines.crs},
         "parameters": dict(parameters),
         "inputs": [
-            {"file": _name(file), "bytes": file.stat().st_size, "sha256": digest}
+            {"file": path_text(file), "bytes": file.stat().st_size, "sha256": digest}
             for file, digest in extraction.hashes.items()
         ],
-        "output": {"file": _name(output), "bytes": output.stat().st_size, "sha256": hash_file(output)},
+        "output": {"file": path_text(output), "bytes": output.stat().st_size, "sha256": hash_file(output)},
         "counts": {
             "points_in_files": n_promised,
             "points_used": len(read.points),
@@ -94,10 +94,5 @@ def record_of(
             for report in extraction.tiles
         ],
         "warnings": list(extraction.warnings),
-        "failures": [{"file": _name(file), "problem": problem} for file, problem in read.failures],
+        "failures": [{"file": path_text(file), "problem": problem} for file, problem in read.failures],
     }
-
-
-def _name(path: Path) -> str:
-    """Return a path as text that any JSON reader takes, bytes that are no UTF-8 escaped."""
-    return os.fsencode(path).decode("utf-8", errors="backslashreplace")

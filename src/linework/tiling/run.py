@@ -31,6 +31,7 @@ from linework.tiling.executors import in_order
 from linework.tiling.identify import identify
 from linework.tiling.plan import Tile, plan_tiles
 from linework.tiling.seams import inside_core, join_seams
+from linework.tiling.sources import with_sources
 from linework.tiling.steps import Steps
 
 
@@ -160,7 +161,7 @@ def extract_lines(
         lines = LineSet.concatenate([found for _, found in worked])
         if len(tiles) > 1:
             lines = join_seams(lines, [tile.core for tile in tiles])
-        lines = identify(lines)
+        lines = identify(with_sources(lines, read.points.files, name))
     return Extraction(
         source=read.survey.name,
         lines=lines,
