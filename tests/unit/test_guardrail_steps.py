@@ -6,7 +6,6 @@ from tests import rail_scenes as made
 from tests.rail_scenes import RADON, TOP_M, bend, extract, prepare, rail_scene, scene, straight
 
 from linework.methods.radon.circles import find_starts
-from linework.methods.radon.method import find_guardrails
 from linework.methods.radon.rails import fit_rail, follow_all, rail_lines
 from linework.methods.radon.seeds import SeedConfig, SeedLines, find_seed_lines, split_into_segments
 from linework.model.grid import Grid, Image
@@ -328,16 +327,20 @@ def full_scene(seed=3):
     return rail_scene(rng, made.rail(rng, (2.0, 30.0), -4.5, faces=1), behind=[hedge])
 
 
-def test_the_steps_are_the_method():
+def test_the_steps_one_by_one_give_the_lines_of_the_method():
     p = prepare(straight(full_scene()))
     rails = [fit_rail(chain, p.bins, CIRCLES, PROFILE) for chain in followed_in(p)]
     by_step = rail_lines(rails, p.bins, p.surface, PROFILE)
-    at_once = find_guardrails(p.points, p.height_m, p.surface, RADON)
     method = extract(p.points.xyz)
-    assert len(method) == 2
-    for lines in (by_step, at_once):
-        np.testing.assert_array_equal(lines.xyz, method.xyz)
-        assert lines.kind.tolist() == method.kind.tolist()
+    assert by_step.kind.tolist() == method.kind.tolist() == ["guardrail", "guardrail"]
+    for side in (-1, 1):
+        own, whole = (lines.xyz[side * lines.xyz[:, 1] > 0] for lines in (by_step, method))
+        whole = whole[np.argsort(whole[:, 0])]
+        inner = own[(own[:, 0] > 4.0) & (own[:, 0] < 28.0)]
+        assert len(inner) > 40
+        for k in (1, 2):
+            there = np.interp(inner[:, 0], whole[:, 0], whole[:, k])
+            assert np.abs(inner[:, k] - there).max() < 0.01
 
 
 def test_shuffled_points_give_the_same_lines():
