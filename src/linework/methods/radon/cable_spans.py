@@ -17,11 +17,12 @@ from linework.model.arrays import BoolArray, FloatArray
 MOST_HIDDEN_M = 40.0
 #: Least share of points of its own: wires that part from 0.3 m share those where spans meet, no more.
 LEAST_OWN = 0.5
-#: How far a wire is carried on to the support of the wires beside it, and to a pole [m]: at the far end hits are
-#: metres apart, and insulators and the crossarm hide as much again.
-CARRY_M, POLE_CARRY_M = 6.0, 4.0
-#: How far to where the wire of the next span arrives at the same height [m]: across a crown.
-MEET_CARRY_M = 10.0
+#: How far a wire is carried on to a pole [m]: at the far end hits are metres apart, and insulators and the
+#: crossarm hide as much again.
+POLE_CARRY_M = 4.0
+#: How far to where the wire of the next span arrives at the same height, or those beside it end [m]: across a
+#: crown, and over the sparse hits of the far end.
+CARRY_M = 10.0
 #: How far it is carried on where no support is in sight [m]: what is within 1 m of a hit counts as seen.
 OPEN_M = 0.8
 #: How far a wire may have been followed past its support [m]: into the next span when that is taut.
@@ -223,7 +224,7 @@ def _meetings(wires: list[Wire], ends: list[End]) -> list[tuple[float, int, int,
     xy = np.array([e.xy for e in ends])
     found = []
     for a, end in enumerate(ends):
-        near = np.flatnonzero(np.hypot(*(xy - end.xy).T) <= MEET_CARRY_M + CARRY_M)
+        near = np.flatnonzero(np.hypot(*(xy - end.xy).T) <= CARRY_M + POLE_CARRY_M)
         for b in near[near > a]:
             other = ends[b]
             if other.wire != end.wire and float(end.out @ other.out) < -0.5:
@@ -248,8 +249,8 @@ def _meeting(wire: Wire, other: Wire, end: End, end2: End) -> tuple[float, Float
         on1, on2 = float((place - end.xy) @ end.out), float((place - end2.xy) @ end2.out)
         gap = abs(_height(wire, place) - _height(other, place))
         if (
-            max(on1, on2) <= MEET_CARRY_M
-            and on1 + on2 <= MEET_CARRY_M + CARRY_M
+            max(on1, on2) <= CARRY_M
+            and on1 + on2 <= CARRY_M + POLE_CARRY_M
             and min(on1, on2) >= -PAST_M
             and gap <= wire.widths.side_m
         ):

@@ -22,9 +22,11 @@ LEAST_POINTS = 8
 #: Points of a wire that scatter widely do so alike in height and across, within this ratio.
 ROUND_RATIO = 2.5
 #: Other points than wires within 0.6 m in at most this share of a short wire's metres: a wire may pass through
-#: a crown, an edge has its wall or roof all along. A wire of this length [m] that sags and is
-#: thin in all but this share of its metres needs no such proof.
-MOST_CROWDED, LONG_M, MOST_RINGED_LONG = 0.6, 16.0, 0.3
+#: a crown, an edge has its wall or roof all along. A wire of this length [m] that sags
+#: needs no such proof.
+MOST_CROWDED, LONG_M = 0.6, 16.0
+#: Where the points scatter like those of a beam, the ring about them is empty in all but this share of metres.
+MOST_RINGED_THICK = 0.3
 #: Wires break at a = H / w of 3 km: steel at a fifth of its strength, copper and aluminium before. What is
 #: straighter than that must be thin, with nothing about it but in a tenth of its metres (contact wires).
 TAUTEST_PER_M, MOST_CROWDED_TAUT = 1.0 / 3000.0, 0.1
@@ -165,7 +167,7 @@ def _is_round(wire: Wire) -> bool:
 
 def _sags(wire: Wire) -> bool:
     """Whether it has a curvature that stands out of its error, and more than the tautest wire."""
-    return wire.fit.curve.curvature_per_m > max(2.0 * wire.fit.curvature_sigma_per_m, TAUTEST_PER_M)
+    return wire.fit.curve.curvature_per_m > max(3.0 * wire.fit.curvature_sigma_per_m, TAUTEST_PER_M)
 
 
 def _free_hanging(band: Band, wires: list[Wire], pieces: list[Wire]) -> tuple[list[Wire], list[Surroundings]]:
@@ -185,11 +187,10 @@ def _free_hanging(band: Band, wires: list[Wire], pieces: list[Wire]) -> tuple[li
 def _hangs(wire: Wire, around: Surroundings) -> bool:
     """Whether it sags, or is so thin and alone that it may be taut: the edges of buildings are straight."""
     sags, is_short = _sags(wire), wire.length_m < SHORT_M
-    in_company = around.crowded <= MOST_CROWDED or (
-        wire.length_m >= LONG_M and around.ringed <= MOST_RINGED_LONG
-    )
+    scatter = max(wire.sigma_o_m, wire.fit.sigma_m)
+    is_clear = around.ringed <= MOST_RINGED_THICK or scatter <= wire.widths.round_m
+    in_company = (around.crowded <= MOST_CROWDED and is_clear) or wire.length_m >= LONG_M
     is_alone = around.crowded + around.ringed <= MOST_CROWDED_TAUT
-    is_thin = max(wire.sigma_o_m, wire.fit.sigma_m) <= THIN_GATES * wire.widths.gate_m
     if min(wire.sigma_o_m, wire.fit.sigma_m) < ONE_SWEEP_M:
         return sags and is_alone
-    return ((sags or is_short) and in_company) or (is_alone and is_thin)
+    return ((sags or is_short) and in_company) or (is_alone and scatter <= THIN_GATES * wire.widths.gate_m)
