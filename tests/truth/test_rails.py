@@ -20,7 +20,7 @@ from linework.surface.road import RoadConfig, find_road, height_above_road
 SEEDS = range(31, 37)
 TOLERANCE_M = 0.10
 KINDS = ("guardrail", "barrier")
-#: Parked cars part the short rails of towns into pieces of a few metres, of which those under 6 m are none.
+#: Parked cars part the short rails of towns into pieces of a few metres, of which the shortest are none.
 LEAST_COMPLETE = {"straight": 0.95, "bends": 0.95, "urban": 0.85, "motorway": 0.95}
 MOST_PIECES = {"straight": 1.3, "bends": 1.3, "urban": 1.6, "motorway": 1.3}
 

@@ -282,9 +282,10 @@ def test_a_rail_runs_on_down_to_its_buried_end():
     assert low[2] == pytest.approx(TOP_M - np.interp(low[0], [30.0, 38.0], [0.0, TOP_M - 0.06]), abs=0.08)
 
 
-def test_a_piece_shorter_than_a_rail_section_and_a_half_is_none():
-    assert len(extract(straight(rail_scene(rng_of(), s=(10.0, 14.5))))) == 0
-    assert len(extract(straight(rail_scene(rng_of(), s=(10.0, 19.0))))) == 1
+def test_a_rail_shorter_than_the_least_length_is_none():
+    end = 10.0 + PROFILE.min_length_m
+    assert len(extract(straight(rail_scene(rng_of(), s=(10.0, end - 1.0))))) == 0
+    assert len(extract(straight(rail_scene(rng_of(), s=(10.0, end + 1.5))))) == 1
 
 
 # ---------------------------------------------------------------- whole scenes: all else
