@@ -57,12 +57,15 @@ def test_the_summary_is_on_stdout_and_progress_on_stderr(linework, las_file, tmp
     assert "read points" not in quiet.stderr
 
 
-def test_a_second_output_in_the_folder_keeps_the_first_ones_record(linework, las_file, tmp_path):
+def test_each_output_in_a_folder_has_its_own_record(linework, las_file, tmp_path):
     linework("extract", las_file, "-o", tmp_path / "one.gpkg")
     first = (tmp_path / "run.json").read_text()
-    assert linework("extract", las_file, "-o", tmp_path / "two.gpkg").code == 0
-    assert (tmp_path / "run.json").read_text() == first
-    assert json.loads((tmp_path / "two.run.json").read_text())["output"]["file"] == str(tmp_path / "two.gpkg")
+    for name in ("two.gpkg", "one.geojson", "one.dxf"):
+        output = tmp_path / name
+        assert linework("extract", las_file, "-o", output, "--overwrite").code == 0
+        record = json.loads((tmp_path / f"{name}.run.json").read_text())
+        assert record["output"]["file"] == str(output)
+        assert (tmp_path / "run.json").read_text() == first
 
 
 def test_overwriting_gives_the_same_bytes_and_leaves_only_lines_and_record(linework, las_file, tmp_path):

@@ -106,7 +106,7 @@ def test_the_same_input_gives_the_same_bytes(las_file, tmp_path, method):
         found = run.extract_lines(open_survey([las_file]), [method])
         outputs.publish_extraction(found, tmp_path / name, {})
     assert (tmp_path / "one.gpkg").read_bytes() == (tmp_path / "two.gpkg").read_bytes()
-    assert (tmp_path / "two.run.json").exists()
+    assert (tmp_path / "two.gpkg.run.json").exists()
 
 
 def test_old_lines_and_their_record_stay_if_the_new_ones_cannot_be_written(

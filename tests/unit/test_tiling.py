@@ -95,15 +95,18 @@ def test_two_outputs_in_a_folder_have_two_records(tmp_path):
     assert record_path(first).name == "run.json"
     write_json({"output": {"file": "a.gpkg"}}, record_path(first))
     assert record_path(first).name == "run.json"
-    assert record_path(second).name == "b.run.json"
+    assert record_path(second).name == "b.gpkg.run.json"
+    assert record_path(tmp_path / "a.dxf").name == "a.dxf.run.json"
     first.unlink()
     assert record_path(second).name == "run.json"
+    write_json({"output": {"file": "b.gpkg"}}, tmp_path / "b.gpkg.run.json")
+    assert record_path(second).name == "b.gpkg.run.json"
 
 
 def test_a_file_of_somebody_else_is_not_a_record(tmp_path):
     (tmp_path / "run.json").write_text('{"mine": 1}')
-    assert record_path(tmp_path / "a.gpkg").name == "a.run.json"
-    assert record_path(tmp_path / "run.json").name == "run.run.json"
+    assert record_path(tmp_path / "a.gpkg").name == "a.gpkg.run.json"
+    assert record_path(tmp_path / "run.json").name == "run.json.run.json"
 
 
 def test_an_old_record_comes_back_only_if_the_new_output_fails(tmp_path):

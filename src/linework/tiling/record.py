@@ -30,15 +30,17 @@ def record_path(output: Path) -> Path:
     """Return where the record of `output` belongs: run.json beside it.
 
     Where run.json there belongs to another output that still exists, or is no record at all, it is
-    ``<stem>.run.json``.
+    the output's full name and ``.run.json``: lines.gpkg.run.json, so that lines.dxf has another. There it stays.
     """
-    plain = output.with_name("run.json")
+    plain, own = output.with_name("run.json"), output.with_name(f"{output.name}.run.json")
+    if _output_of(own) == output.name:
+        return own
     owner = _output_of(plain)
     ours = not plain.exists() or owner == output.name
     deserted = owner and not output.with_name(owner).exists()
     if plain.name != output.name and (ours or deserted):
         return plain
-    return output.with_name(f"{output.stem}.run.json")
+    return own
 
 
 def facts_of(record: Mapping[str, Any]) -> dict[str, str]:
