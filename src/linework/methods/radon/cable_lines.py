@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from linework.methods.radon.cable_band import Band
 from linework.methods.radon.cable_fit import Surroundings, Wire
@@ -109,11 +110,17 @@ def _bridged(band: Band, wire: Wire, line: FloatArray) -> BoolArray:
 
 
 def _clearance(band: Band, wire: Wire, line: FloatArray) -> float:
-    """Return the smallest height of the wire above the ground under its points. [m]."""
+    """Return the smallest height of the wire above the ground under its points [m].
+
+    A median of seven points along the wire takes single cells of the ground model out that hold a vehicle or
+    a bush.
+    """
     s = wire.plan.stations(band.xyz[wire.members, :2])[0]
-    ground = band.xyz[wire.members, 2] - band.height_m[wire.members]
+    order = np.argsort(s, kind="stable")
+    ground = (band.xyz[wire.members, 2] - band.height_m[wire.members])[order]
     at = wire.plan.stations(line[:, :2])[0]
-    return float((line[:, 2] - np.interp(at, s, ground)).min())
+    level = np.interp(at, s[order], median_filter(ground, size=7, mode="nearest"))
+    return float((line[:, 2] - level).min())
 
 
 def _time_span(band: Band, wire: Wire, time_s: FloatArray | None) -> tuple[float, float]:
