@@ -15,6 +15,7 @@ I64 = npt.NDArray[np.int64]
 DEPTH_BINS = 40  # of 5 cm: from 0.70 m above the top edge to 1.30 m below it
 DEPTH_ABOVE_M = 0.70
 DEPTH_BIN_M = 0.05
+FLOOR_M = 0.06  # above the ground: lower is the ground and its noise
 
 
 @njit(cache=True, nogil=True)
@@ -332,7 +333,7 @@ def profile_along(
             below = top - work[k, 2]
             u = work[k, 1]
             side = 0 if u > 0 else 1
-            inside = below > -0.03 and below < 0.33
+            inside = below > -0.03 and below < 0.33 and work[k, 3] >= FLOOR_M
             if below >= 0.36 and below <= 0.62 and abs(u) <= 0.40 and work[k, 3] >= 0.12:
                 sides[i, 3, side] += 1.0
             if abs(u) <= radius:

@@ -46,6 +46,23 @@ class CircleConfig:
         low=0.5,
         high=50,
     )
+    min_height_m: float = setting(
+        0.06,
+        unit="m",
+        reason="above the ground: three sigma of 2 cm noise; a buried end dips so far",
+        low=0,
+        high=1,
+    )
+    min_top_m: float = setting(
+        0.45,
+        unit="m",
+        reason="of a beam to start from, above the ground: 0.31 m, and a gap below it",
+        low=0,
+        high=5,
+    )
+    max_top_m: float = setting(
+        1.3, unit="m", reason="of a beam to start from, above the ground: bridge rails", low=0, high=5
+    )
     sheet_m: float = setting(
         0.36, unit="m", reason="height of a W-beam (31 cm) and the noise of its top", low=0.05, high=2
     )
@@ -111,7 +128,9 @@ def find_starts(segments: Segments, bins: Bins, config: CircleConfig) -> FloatAr
     beam's height, none above, none below. Seeds in hedges, walls and cars end here.
     """
     turns = np.radians(np.arange(-3.0, 3.01, 0.5))
-    shape = np.array([config.radius_m, config.sheet_m - 0.06, 0.10, 6.0, 0.4, 0.45, 1.3])
+    shape = np.array(
+        [config.radius_m, config.sheet_m - 0.06, 0.10, 6.0, 0.4, config.min_top_m, config.max_top_m]
+    )
     ends = np.concatenate([segments.start_xy - bins.origin[:2], segments.end_xy - bins.origin[:2]], axis=1)
     args = (bins.points, bins.starts, bins.n_x, bins.n_y, bins.cell_m)
     return np.asarray(kernels.find_starts(*args, ends, turns, shape, bins.work))

@@ -12,6 +12,7 @@ import numpy as np
 
 from linework.imaging.binary import in_height_band
 from linework.imaging.raster import grid_for
+from linework.methods.radon.buried_ends import carry_into_ground
 from linework.methods.radon.cables import CableConfig, find_cables
 from linework.methods.radon.circles import CircleConfig, bin_near, find_starts
 from linework.methods.radon.line_times import with_times
@@ -72,8 +73,7 @@ class RadonMethod:
         above_ground = height_above_ground(surface, points.xyz)
         found = []
         if {"guardrail", "barrier"} & set(self.kinds):
-            # A bank that rises beside the road is ground, not a rail
-            found.append(find_guardrails(points, np.minimum(above_road, above_ground), surface, self.config))
+            found.append(find_guardrails(points, above_road, above_ground, surface, self.config))
         if "cable" in self.kinds:
             found.append(find_cables(points.xyz, points.time_s, above_ground, self.config.cable))
         lines = LineSet.concatenate(found)
@@ -82,23 +82,34 @@ class RadonMethod:
 
 
 def find_guardrails(
-    points: Points, height_m: Float32Array, surface: RoadSurface, config: RadonConfig
+    points: Points,
+    above_road: Float32Array,
+    above_ground: Float32Array,
+    surface: RoadSurface,
+    config: RadonConfig,
 ) -> LineSet:
-    """Return the guardrails and barriers among points of known height (n,) float32 [m] above road and ground."""
-    # Raster image: the cells that hold points of the height band
+    """Return the guardrails and barriers among points of known heights (n,) float32 [m]."""
+    # Raster image: the cells that hold points of the height band; a bank beside the road is ground, no rail
     grid = grid_for(points, config.cell_m)
-    binary = in_height_band(points.xyz, height_m, grid, config.min_height_m, config.max_height_m)
+    height = np.minimum(above_road, above_ground)
+    binary = in_height_band(points.xyz, height, grid, config.min_height_m, config.max_height_m)
     # Prominent directions: peaks of the Radon transform after dilation, window by window
     seeds = find_seed_lines(binary, config.seeds)
     # Where along each seed line the feature really is
     segments = split_into_segments(seeds, binary, config.seeds)
     # Back to the points: circles about each seed settle on the beam, and follow it through bends
-    bins = bin_near(points.xyz, height_m, binary)
+    bins = bin_near(points.xyz, above_ground, binary)
     starts = find_starts(segments, bins, config.circles)
     chains = follow_all(
-        starts, bins, (-1.0, config.max_height_m), config.profile.min_length_m, config.circles
+        starts,
+        bins,
+        (config.circles.min_height_m, config.circles.max_top_m + 0.2),
+        config.profile.min_length_m,
+        config.circles,
     )
     # Local straight fits of the corrected centres; the height from the highest points
     rails = [fit_rail(chain, bins, config.circles, config.profile) for chain in chains]
     # The vertical profile tells guardrails and barriers from hedges, walls, cars and fences
-    return rail_lines(rails, bins, surface, config.profile)
+    lines = rail_lines(rails, bins, surface, config.profile)
+    # What dips into the ground goes on until it reaches it
+    return carry_into_ground(lines, surface)
