@@ -160,6 +160,20 @@ def test_degrees(refused, tmp_path):
     assert "degree" in refused(path)
 
 
+@pytest.mark.parametrize("crs", ["local", CRS])
+@pytest.mark.parametrize("length_m", [40.0, 5_000.0])
+def test_degrees_called_metres(refused, tmp_path, crs, length_m):
+    rng = np.random.default_rng(3)
+    xyz = rng.uniform(0, [length_m, 40, 12], (2000, 3)) / [77_000, 111_000, 1] + [11.03, 45.88, 190.0]
+    xyz[7] = 60.0, 2.0, 300.0  # a stray point does not hide them
+    path = with_crs(
+        tmp_path / "degrees.las", "", scale=1e-7, xyz=xyz, intensity=1 + xyz[:, 0], gps_time=3e8 + xyz[:, 2]
+    )
+    line = refused(path, "--crs", crs)
+    assert "degrees.las: coordinates are geographic (degrees)" in line
+    assert "45.88" in line
+
+
 def test_the_option_and_the_file_name_different_crss(refused, las_file):
     line = refused(las_file, "--crs", "EPSG:25833")
     assert "25832" in line

@@ -294,3 +294,19 @@ def test_trajectory_at_another_time(described):
         check_trajectory_covers(*shifted(described, time=18_000.0))
     (warning,) = check_trajectory_covers(*shifted(described, time=1.25))
     assert warning == "50 % of the points are outside the trajectory's time"
+
+
+@pytest.mark.parametrize("size", [(60.0, 40.0, 9.0), (0.4, 0.4, 12.0), (2.0, 1.0, 150.0), (0.01, 0.01, 0.4)])
+def test_small_local_surveys_are_no_degrees(tmp_path, size):
+    xyz = np.random.default_rng(5).uniform(-0.5, 0.5, (500, 3)) * size
+    write_las(Points(xyz), tmp_path / "a.laz", crs="local")
+    assert len(read_survey_points(open_survey([tmp_path / "a.laz"], crs="local")).points) == 500
+
+
+@pytest.mark.parametrize("file", ["kitti-drive0005/kitti_drive0005_154scans.laz", "av2"])
+def test_real_local_surveys_are_no_degrees(file):
+    path = Path(__file__).parents[2] / "../shared/data" / file
+    files = sorted(path.glob("*.la[sz]")) if path.is_dir() else [path]
+    if not files or not files[0].exists():
+        pytest.skip(f"{file} is not beside this checkout")
+    assert len(read_survey_points(open_survey(files[:1], crs="local")).points) > 10_000

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.errors import InputError
+from linework.errors import CrsError, InputError
 from linework.files.las import LasContent, NoPointsError, TimeKind, read_las
 from linework.files.run_record import hash_file
 from linework.files.trajectories import read_trajectory
@@ -28,6 +28,11 @@ _TAIL = 0.001
 _REACH_SIZES, _REACH_M = 3.0, 1000.0
 #: A van and what it scans are within some 300 m; farther apart is another place or another CRS.
 _MAX_APART_M = 1000.0
+#: Degrees taken for metres: 50 km of road are 0.5, and what stands along them is hundreds of times as high (10 m
+#: over 0.01 for a kilometre). In metres that would be a thread: a mast cut out alone is 30 times as high as wide.
+_DEGREES_SIZE, _DEGREES_SLENDER = 0.5, 50.0
+#: Where all are within half a metre of height, or so few, there is nothing to compare.
+_DEGREES_HEIGHT_M, _DEGREES_LEAST = 0.5, 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +85,7 @@ def read_survey_points(survey: Survey, *, progress: Callable[[int], None] | None
     InputError
         No file can be used (the first file's error), or the files' GPS times are of different kinds.
     CrsError
-        A file's CRS is missing or contradicts the survey's.
+        A file's CRS is missing or contradicts the survey's, or the coordinates are degrees.
     """
     if not survey.point_files:
         raise InputError(
@@ -112,6 +117,7 @@ def read_survey_points(survey: Survey, *, progress: Callable[[int], None] | None
         raise failures[0][1] if failures else empty or InputError("no points", where=survey.root)
     kind = _common_kind(contents)
     points = _joined([content.points for _, content in contents], warnings)
+    _refuse_degrees(points, where=contents[0][0])
     points, n_far = _without_far(points)
     rejected = sum((Counter(content.n_rejected) for _, content in contents), Counter())
     if n_far:
@@ -177,10 +183,31 @@ def _joined(parts: Sequence[Points], warnings: list[str]) -> Points:
     return Points(np.concatenate([part.xyz for part in parts]), intensity, time)
 
 
-def _without_far(points: Points) -> tuple[Points, int]:
-    """Return the points without those far from where nearly all others are, and how many were left out."""
+def _refuse_degrees(points: Points, where: Path) -> None:
+    """Refuse longitudes and latitudes with heights in metres, whatever the files or the user call them."""
+    low, high = _middle_extent(points)
+    plan, height = float((high - low)[:2].max()), float((high - low)[2])
+    in_range = np.all(np.abs([low[0], high[0]]) <= 180.0) and np.all(np.abs([low[1], high[1]]) <= 90.0)
+    slender = height > max(_DEGREES_SLENDER * plan, _DEGREES_HEIGHT_M)
+    if len(points) >= _DEGREES_LEAST and in_range and plan < _DEGREES_SIZE and slender:
+        raise CrsError(
+            f"coordinates are geographic (degrees), lengths need metres: {low[0]:.5f} to {high[0]:.5f} and {low[1]:.5f}"
+            f" to {high[1]:.5f}, with heights over {height:.1f} m",
+            where=where,
+            advice="transform to a projected CRS",
+        )
+
+
+def _middle_extent(points: Points) -> tuple[FloatArray, FloatArray]:
+    """Return the box (low, high), (3,) each, that holds all points but a tail at either side of each axis."""
     step = max(1, len(points) // _SAMPLE)
     low, high = np.quantile(points.xyz[::step], [_TAIL, 1.0 - _TAIL], axis=0)
+    return low, high
+
+
+def _without_far(points: Points) -> tuple[Points, int]:
+    """Return the points without those far from where nearly all others are, and how many were left out."""
+    low, high = _middle_extent(points)
     # Plan is one place: a long road east-west may bend north by as much.
     size = high - low
     size[:2] = size[:2].max()
