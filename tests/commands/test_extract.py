@@ -57,6 +57,18 @@ def test_the_summary_is_on_stdout_and_progress_on_stderr(linework, las_file, tmp
     assert "read points" not in quiet.stderr
 
 
+@pytest.mark.parametrize("features", ["", "barrier", "cable,barrier"])
+def test_every_kind_asked_for_is_told_recorded_and_has_its_layer(linework, las_file, tmp_path, features):
+    output = tmp_path / "lines.gpkg"
+    asked = [kind for kind in ("guardrail", "barrier", "cable") if kind in (features or kind)]
+    found = linework("extract", las_file, "-o", output, *(["--features", features] if features else []))
+    assert found.code == 0, found.stderr
+    assert [line.split()[0] for line in found.stdout.splitlines()] == asked
+    counts = json.loads((tmp_path / "run.json").read_text())["counts"]
+    assert list(counts["lines"]) == list(counts["length_m"]) == asked
+    assert [name for name, _ in pyogrio.list_layers(output)][: len(asked)] == asked
+
+
 def test_each_output_in_a_folder_has_its_own_record(linework, las_file, tmp_path):
     linework("extract", las_file, "-o", tmp_path / "one.gpkg")
     first = (tmp_path / "run.json").read_text()

@@ -1,5 +1,6 @@
 """The main job with a method of our own: what it is given, what becomes of what it returns."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -99,6 +100,14 @@ def test_the_record_balances_and_hashes(las_file, tmp_path, method):
     assert len(record["inputs"][0]["sha256"]) == 64
     assert set(record["timings_s"]) == {"read points", "find lines", "write lines"}
     assert len(read_lines(tmp_path / "lines.gpkg")) == 1
+
+
+def test_lines_of_a_kind_not_looked_for_are_a_fault(las_file, tmp_path, method):
+    found = run.extract_lines(open_survey([las_file]), [method])
+    astray = dataclasses.replace(found, lines=found.lines.with_columns(kind=["fence"]))
+    (tmp_path / "lines.gpkg").touch()
+    with pytest.raises(RuntimeError, match=r"1 lines, but .*'guardrail': 0"):
+        outputs.record_of(astray, tmp_path / "lines.gpkg", {}, Steps())
 
 
 def test_the_same_input_gives_the_same_bytes(las_file, tmp_path, method):

@@ -56,13 +56,16 @@ def record_of(
     Raises
     ------
     RuntimeError
-        Points in the files are not points used and points left out.
+        Points in the files are not points used and points left out, or lines are of kinds not looked for.
     """
     read, lines = extraction.read, extraction.lines
     n_promised = sum(facts.n_promised for facts in read.files)
     n_rejected = sum(read.rejected.values())
     if n_promised != len(read.points) + n_rejected:
         raise RuntimeError(f"{n_promised} points, but {len(read.points)} used and {n_rejected} left out")
+    n_lines = {kind: int((lines.kind == kind).sum()) for kind in extraction.kinds}
+    if sum(n_lines.values()) != len(lines):
+        raise RuntimeError(f"{len(lines)} lines, but {n_lines} of the kinds that were looked for")
     return {
         "command": "extract",
         "versions": versions(),
@@ -77,7 +80,7 @@ def record_of(
             "points_in_files": n_promised,
             "points_used": len(read.points),
             "points_rejected": dict(read.rejected),
-            "lines": {kind: int((lines.kind == kind).sum()) for kind in extraction.kinds},
+            "lines": n_lines,
             "length_m": {
                 kind: round(float(lines.length_m[lines.kind == kind].sum()), 3) for kind in extraction.kinds
             },
