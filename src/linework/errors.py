@@ -35,11 +35,15 @@ class LineworkError(Exception):
 
         >>> str(InputError("empty file", where="a.laz", advice="copy it again"))
         'a.laz: empty file. Copy it again.'
+        >>> str(UsageError("no such thing. Did you mean 'x'?", advice="linework config prints all"))
+        "no such thing. Did you mean 'x'? linework config prints all."
         """
         text = f"{self.where}: " if self.where is not None else ""
-        text += f"{self.problem}."
+        text += self.problem if self.problem.endswith("?") else f"{self.problem}."
         if self.advice:
-            text += f" {self.advice[0].upper()}{self.advice[1:]}."
+            # The command is typed as it is written, also where a sentence begins
+            is_command = self.advice.startswith("linework ")
+            text += f" {self.advice if is_command else self.advice[0].upper() + self.advice[1:]}."
         return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 

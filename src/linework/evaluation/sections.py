@@ -113,7 +113,7 @@ def cable_section(
     bottom = float(flat[:, 1].min()) if len(flat) else float(longest[:, 2].min())
     top = max([flat[:, 1].max(initial=bottom)] + [line[:, 1].max() for line in [*found, *truth]])
     down = np.array([0.0, bottom])
-    title = f"{len(found)} cables along a span of {span_m:.0f} m"
+    title = f"{len(found)} {'cable' if len(found) == 1 else 'cables'} along a span of {span_m:.0f} m"
     return Section(
         title, flat - down, [line - down for line in found], [line - down for line in truth],
         "the lowest point", -0.5, float(top - bottom) + 1.0,
