@@ -103,7 +103,7 @@ def find_guardrails(
     chains = follow_all(
         starts,
         bins,
-        (config.circles.min_height_m, config.circles.max_top_m + 0.2),
+        (config.circles.min_height_m, config.max_height_m),
         config.profile.min_length_m,
         config.circles,
     )

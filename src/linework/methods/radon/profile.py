@@ -344,7 +344,7 @@ def classify(
         _below(-profile.beam_m, -config.min_plate_m, 0.02),
     )
     lone = _below(_row_over(profile.rows), config.max_second, 0.06)
-    whole = _below(-occupied, -0.5, 0.06)  # the posts behind a beam fill less
+    whole = _below(-occupied, -0.6, 0.08)  # the posts behind a beam fill less
     alone = _least(
         beam,
         deep,
