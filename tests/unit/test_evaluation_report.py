@@ -114,6 +114,8 @@ def test_right_of_a_rail_is_right(truth):
 def test_cables_above_one_another_are_in_one_section(truth, points):
     section = cable_section(points, truth, truth)
     assert section.title == "2 cables along a span of 40 m"
+    one = truth.take(np.flatnonzero(truth.kind == "cable")[:1])
+    assert cable_section(points, one, None).title == "1 cable along a span of 40 m"
     assert len(section.found) == len(section.truth) == 2
     lowest = [line[:, 1].min() for line in section.found]
     assert lowest == pytest.approx([6.0, 6.6])

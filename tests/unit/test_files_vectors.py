@@ -57,6 +57,21 @@ def test_round_trip(tmp_path, suffix, crs):
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
+@pytest.mark.parametrize("suffix", LOSSLESS)
+@pytest.mark.parametrize(
+    ("columns", "is_written"),
+    [({}, False), ({"observed": np.arange(57) < 50}, True), ({"method": ["truth"] * 5}, True)],
+)
+def test_observed_is_written_for_truth_only_and_never_lost(tmp_path, suffix, columns, is_written):
+    path, lines = tmp_path / f"lines{suffix}", sample().with_columns(**columns)
+    write_lines(lines, path)
+    assert_equal(read_lines(path), lines)
+    if suffix == ".gpkg":
+        assert ("observed" in pyogrio.read_info(path, layer="vertex")["fields"]) == is_written
+    else:
+        assert ("vertex_observed" in path.read_text()) == is_written
+
+
 @pytest.mark.parametrize("suffix", LOSSY)
 @pytest.mark.parametrize("crs", ["local", UTM])
 def test_round_trip_without_vertex_columns(tmp_path, suffix, crs):

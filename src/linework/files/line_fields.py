@@ -11,7 +11,7 @@ import shapely
 
 from linework.errors import InputError, UsageError
 from linework.model.arrays import AnyArray, FloatArray, IntArray
-from linework.model.lines import KINDS, LINE_COLUMNS, LineSet
+from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: Fields in the order of the manual; clearance_m follows for cables.
 FIELDS = (
@@ -38,6 +38,16 @@ def field_values(lines: LineSet) -> dict[str, AnyArray]:
 def fields_of_kind(kind: str) -> tuple[str, ...]:
     """Return the names of the fields that the layer of a kind has."""
     return (*FIELDS, "clearance_m") if kind == "cable" else FIELDS
+
+
+def vertex_columns(lines: LineSet) -> tuple[str, ...]:
+    """Return the columns per vertex that a file of these lines has: `observed` means something for truth only.
+
+    Truth is what says so (``method``), or has a vertex that was not observed; nothing is lost by leaving out
+    the column where all are True, its default.
+    """
+    is_truth = bool(np.any(lines.method == "truth")) or not bool(np.all(lines.observed))
+    return tuple(name for name in VERTEX_COLUMNS if is_truth or name != "observed")
 
 
 def _rms_per_line(lines: LineSet, sigma: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ import shapely.geometry
 from linework.errors import CrsError, InputError, MachineError
 from linework.files.crs import LOCAL, epsg_text, parse_crs
 from linework.files.las_header import regular_file_bytes
-from linework.files.line_fields import column_values, field_values, fields_of_kind
+from linework.files.line_fields import column_values, field_values, fields_of_kind, vertex_columns
 from linework.files.vectors_foreign import foreign_lines
 from linework.model.arrays import AnyArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
@@ -38,13 +38,13 @@ def write_geojson(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None
     """Write lines as one FeatureCollection, a feature per line of text (called through `publish`)."""
     head = {"type": "FeatureCollection", "name": "lines", "crs": _crs_member(lines.crs), "crs_wkt": lines.crs}
     values = {name: _plain(column) for name, column in field_values(lines).items()}
-    vertex = {name: _plain(getattr(lines, name)) for name in VERTEX_COLUMNS}
+    vertex = {name: _plain(getattr(lines, name)) for name in vertex_columns(lines)}
     with part.open("w", encoding="utf-8", newline="\n") as file:
         file.write(_text(head)[:-1] + ',"features":[')
         for i in range(len(lines)):
             start, end = int(lines.offsets[i]), int(lines.offsets[i + 1])
             properties = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]))}
-            properties |= {label: vertex[name][start:end] for name, label in _VERTEX_PROPERTIES.items()}
+            properties |= {_VERTEX_PROPERTIES[name]: column[start:end] for name, column in vertex.items()}
             feature = {
                 "type": "Feature",
                 "properties": properties,
@@ -195,14 +195,17 @@ def _epsg_of(name: str) -> str:
 
 def _own_lines(shapes: AnyArray, columns: Mapping[str, list[Any]], crs: str) -> LineSet | None:
     """Return our own lines with their vertex columns; None where someone changed the geometry since."""
-    wanted = [*LINE_COLUMNS, *_VERTEX_PROPERTIES.values()]
+    optional = {"clearance_m", _VERTEX_PROPERTIES["observed"]}
+    wanted = {*LINE_COLUMNS, *_VERTEX_PROPERTIES.values()} - optional
     if not len(shapes):
         return LineSet.empty(crs)
-    if not set(wanted) - {"clearance_m"} <= set(columns) or not (shapely.get_type_id(shapes) == 1).all():
+    if not wanted <= set(columns) or not (shapely.get_type_id(shapes) == 1).all():
         return None
     counts = shapely.get_num_coordinates(shapes)
     vertex = {}
     for name, label in _VERTEX_PROPERTIES.items():
+        if label in optional and label not in columns:
+            continue
         lists = columns[label]
         if [len(v) if isinstance(v, list) else -1 for v in lists] != counts.tolist():
             return None

@@ -21,6 +21,7 @@ from linework.files.line_fields import (
     geometries,
     layer_names,
     ordered_layers,
+    vertex_columns,
 )
 from linework.files.styles import qgis_style
 from linework.files.vector_input import pyogrio, readable
@@ -36,7 +37,7 @@ def write_gpkg(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
 
     Layers hold the lines of one kind in the set's order; `vertex` holds for every vertex the number of its
     line in the whole set (`line`), the layer and its feature (`layer`, `line_fid`), its place in the line
-    (`vertex`), its sigmas and flags.
+    (`vertex`), its sigmas and flags (`observed` for truth only).
     """
     layers, shapes, values = layer_names(lines), geometries(lines), field_values(lines)
     # An empty layer keeps the CRS of a set without lines
@@ -73,7 +74,7 @@ def _vertex_columns(lines: LineSet, layers: AnyArray) -> dict[str, AnyArray]:
         "line_id": _storable(lines.id)[owner],
         "vertex": np.arange(len(owner), dtype=np.int64) - lines.offsets[owner],
     }
-    return columns | {name: getattr(lines, name) for name in VERTEX_COLUMNS}
+    return columns | {name: getattr(lines, name) for name in vertex_columns(lines)}
 
 
 def _style_columns(layers: Sequence[str]) -> dict[str, AnyArray]:
@@ -154,7 +155,7 @@ def read_own_gpkg(path: Path) -> LineSet | None:
 
 def _own_lines(path: Path) -> LineSet | None:
     layers = [str(name) for name, _ in pyogrio.list_layers(path)]
-    wanted = {"line", "layer", "line_fid", *VERTEX_COLUMNS}
+    wanted = {"line", "layer", "line_fid", *VERTEX_COLUMNS} - {"observed"}
     if VERTEX_TABLE not in layers or not wanted <= set(pyogrio.read_info(path, layer=VERTEX_TABLE)["fields"]):
         return None
     meta, _, _, values = pyogrio.raw.read(path, layer=VERTEX_TABLE)
@@ -184,7 +185,7 @@ def _own_lines(path: Path) -> LineSet | None:
     if n_features != len(first):
         return None
     own: dict[str, Any] = {name: column_values(name, column) for name, column in columns.items()}
-    own |= {name: column_values(name, vertex[name]) for name in VERTEX_COLUMNS}
+    own |= {name: column_values(name, vertex[name]) for name in VERTEX_COLUMNS if name in vertex}
     return LineSet(xyz=xyz, offsets=offsets, crs=crs, **own)
 
 
