@@ -42,8 +42,11 @@ def demo(
 
     check_output_folder(folder, overwrite=overwrite)
     with open_display(quiet=quiet) as display:
+        from linework.cli.first_run import tell_of_compiling
+        from linework.methods.kinds import ALL_KINDS
         from linework.tiling.steps import Steps
 
+        tell_of_compiling(ALL_KINDS, quiet=quiet)
         steps = Steps(display)
         _simulate(folder / "survey", seed, steps, overwrite=overwrite)
         found, record = _extract(folder, n_workers, steps, overwrite=overwrite)

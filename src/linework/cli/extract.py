@@ -79,9 +79,11 @@ def extract(
         read = read_survey(survey, steps)
         ahead.join()
 
+        from linework.cli.first_run import tell_of_compiling
         from linework.methods.choose import RunSettings, choose_methods
         from linework.tiling.outputs import publish_extraction
 
+        tell_of_compiling(kinds, quiet=quiet)
         settings = settings or RunSettings()
         methods = choose_methods(method, kinds, settings)
         found = extract_lines(read, methods, n_workers=n_workers, steps=steps)
