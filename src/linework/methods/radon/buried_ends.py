@@ -12,8 +12,10 @@ from linework.surface.road import RoadSurface, height_above_ground
 LOW_END_M = 0.30
 #: The gentlest dip in use: 0.7 m over 12 m.
 LEAST_FALL = 0.05
-#: What is left of the dip when the lowest 0.10 to 0.15 m, no more than the ground's noise and grass, is missing.
-LONGEST_M = 2.0
+#: Height of the top edge at which a beam counts as sunk: the ground's noise and grass.
+SUNK_M = 0.06
+#: No further than two stations beyond what was measured: the fall there is known from a smoothed edge.
+LONGEST_M = 1.0
 
 
 def carry_into_ground(lines: LineSet, surface: RoadSurface) -> LineSet:
@@ -33,14 +35,14 @@ def carry_into_ground(lines: LineSet, surface: RoadSurface) -> LineSet:
 
 
 def _with_end(line: LineSet, height: FloatArray, *, first: bool) -> LineSet:
-    """Add a vertex where the line's first (or last) end reaches the ground; `height` starts at that end."""
+    """Add a vertex where the line's first (or last) end is sunk; `height` starts at that end."""
     xyz = line.xyz if first else line.xyz[::-1]
     back = xyz[0] - xyz[3]
     run = float(np.hypot(back[0], back[1]))
     fall = (height[3] - height[0]) / max(run, 1e-9)
-    if height[0] > LOW_END_M or height[0] <= 0.0 or fall < LEAST_FALL:
+    if height[0] > LOW_END_M or height[0] <= SUNK_M or fall < LEAST_FALL:
         return line
-    further = min(height[0] / fall, LONGEST_M)
+    further = min((height[0] - SUNK_M) / fall, LONGEST_M)
     end = xyz[0] + back / run * further
     end[2] = xyz[0, 2] - further * fall
     at = 0 if first else len(line.xyz)

@@ -357,6 +357,7 @@ def classify(
     beside = _least(beam, np.maximum(deep, lip), whole, paired.astype(np.float64))
     barrier = _least(
         goes_on,
+        _below(rough, config.max_rough, 0.03),
         _below(profile.above, config.max_above, 0.06),
         _below(profile.front, config.max_front, 0.08),
         _below(-profile.apron, -1.5 * config.max_apron, 0.05),
