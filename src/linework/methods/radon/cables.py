@@ -30,6 +30,9 @@ MOST_RINGED_THICK = 0.3
 #: Wires break at a = H / w of 3 km: steel at a fifth of its strength, copper and aluminium before. What is
 #: straighter than that must be thin, with nothing about it but in a tenth of its metres (contact wires).
 TAUTEST_PER_M, MOST_CROWDED_TAUT = 1.0 / 3000.0, 0.1
+#: A wire turns from end to end by eight times its sag over its length; 0.5 is a slack drop line, 6 % (main lines
+#: 1 to 3 %). At its ends it is no steeper than a drop line from a pole down to a low eave.
+MOST_TURN, STEEPEST = 0.5, 0.45
 #: ... with points that scatter by no more than this share of the gate: the chord of a truss is 6 cm and more.
 THIN_GATES = 0.2
 #: Too short for its sag to be told from the noise [m]; such pieces stay only beside longer wires.
@@ -38,9 +41,9 @@ SHORT_M = 8.0
 #: (poses of two passes differ by 5 mm, hits wander over the wire's width); of a curve laid across a bundle
 #: they do not.
 WAVY_GATES = 0.2
-#: Points of a wire that a scanner crosses scatter by more than this [m]; the edge of something thick that one
-#: sweep runs along does not.
-ONE_SWEEP_M = 0.002
+#: A line that one sweep drew may be the edge or the face of anything: it must sag and be alone. Such points lie
+#: in a plane to this [m]; and two turns of the slowest scanner [s] see every wall as a few lines only.
+ONE_SWEEP_M, ONE_SWEEP_S = 0.002, 0.2
 #: Points gathered in a few metres are an object that the line passes; wires are hit all along.
 LEAST_EVEN = 0.3
 
@@ -106,7 +109,7 @@ def find_cables(
     # One catenary per wire and span, ends at the supports
     pieces, wires = _spans(band, wires, config)
     # What is still alone now that all wires are known, and hangs
-    wires, around = _free_hanging(band, wires, pieces)
+    wires, around = _free_hanging(band, wires, pieces, time_s)
     return lines_of_wires(band, wires, around, time_s, config.spacing_m)
 
 
@@ -170,7 +173,9 @@ def _sags(wire: Wire) -> bool:
     return wire.fit.curve.curvature_per_m > max(3.0 * wire.fit.curvature_sigma_per_m, TAUTEST_PER_M)
 
 
-def _free_hanging(band: Band, wires: list[Wire], pieces: list[Wire]) -> tuple[list[Wire], list[Surroundings]]:
+def _free_hanging(
+    band: Band, wires: list[Wire], pieces: list[Wire], time_s: FloatArray | None
+) -> tuple[list[Wire], list[Surroundings]]:
     """Return the wires that hang free, and what lies around each.
 
     Points of any piece of wire do not crowd, only those of straight ones do: the beams of a scanner that
@@ -180,17 +185,30 @@ def _free_hanging(band: Band, wires: list[Wire], pieces: list[Wire]) -> tuple[li
     for wire in pieces:
         of_wire[wire.members] |= _sags(wire) or wire.length_m < SHORT_M
     kept = [(w, surroundings(band, w, of_wire)) for w in wires]
-    kept = [(w, a) for w, a in kept if _hangs(w, a)]
+    kept = [(w, a) for w, a in kept if _is_gentle(w) and _hangs(w, a, _is_one_sweep(w, time_s))]
     return [w for w, _ in kept], [a for _, a in kept]
 
 
-def _hangs(wire: Wire, around: Surroundings) -> bool:
+def _is_one_sweep(wire: Wire, time_s: FloatArray | None) -> bool:
+    """Whether its points lie in one plane as those of one sweep do, or the whole survey is one sweep."""
+    flat = min(wire.sigma_o_m, wire.fit.sigma_m) < ONE_SWEEP_M
+    return flat or (time_s is not None and float(np.ptp(time_s)) < ONE_SWEEP_S)
+
+
+def _is_gentle(wire: Wire) -> bool:
+    """Whether it sags and slopes no more than wires do; leaves and rows of beams on walls make any curve."""
+    ends = wire.fit.curve.slope_at(np.array([wire.low_m, wire.high_m]))
+    turn = wire.fit.curve.curvature_per_m * wire.length_m
+    return bool(turn <= MOST_TURN and np.abs(ends).max() <= STEEPEST)
+
+
+def _hangs(wire: Wire, around: Surroundings, one_sweep: bool) -> bool:
     """Whether it sags, or is so thin and alone that it may be taut: the edges of buildings are straight."""
     sags, is_short = _sags(wire), wire.length_m < SHORT_M
     scatter = max(wire.sigma_o_m, wire.fit.sigma_m)
     is_clear = around.ringed <= MOST_RINGED_THICK or scatter <= wire.widths.round_m
     in_company = (around.crowded <= MOST_CROWDED and is_clear) or wire.length_m >= LONG_M
     is_alone = around.crowded + around.ringed <= MOST_CROWDED_TAUT
-    if min(wire.sigma_o_m, wire.fit.sigma_m) < ONE_SWEEP_M:
+    if one_sweep:
         return sags and is_alone
     return ((sags or is_short) and in_company) or (is_alone and scatter <= THIN_GATES * wire.widths.gate_m)
