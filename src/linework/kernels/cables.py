@@ -127,15 +127,16 @@ def slice_peak(
 
 
 @njit(cache=True, nogil=True)
-def grow(s: Array, o: Array, z: Array, member: Array, gates: Array, ring: float, max_gap: float) -> Array:
+def grow(s: Array, o: Array, z: Array, member: Array, gates: Array, max_gap: float) -> Array:
     """Follow a wire along its line in both directions and return which points belong to it.
 
     A parabola z(s) and a straight o(s) are fitted to all members so far; they predict the next stretch, a
     quarter of the length known; points within the gate join. It stops where `max_gap` holds no point, and
     where the ring about it holds more points than the tube: in a crown, and in a bundle that it crosses.
 
-    Points are sorted by s. `gates` is (floor, ceiling) of the gate [m]; in between it is four standard
-    deviations of the members about their fit and of the prediction. `ring` is the ring's outer radius over it.
+    Points are sorted by s. `gates` is (floor [m], ceiling [m], ring): the gate is four standard deviations of
+    the members about their fit and of the prediction, between floor and ceiling; the ring's outer radius is
+    `ring` gates.
     """
     member = member.copy()
     done = [False, False]
@@ -147,7 +148,7 @@ def grow(s: Array, o: Array, z: Array, member: Array, gates: Array, ring: float,
         for side in range(2):
             reach = step
             while not done[side]:
-                joined, around = _stretch(s, o, z, member, fit, side, reach, gates, ring)
+                joined, around = _stretch(s, o, z, member, fit, side, reach, gates)
                 if around > len(joined):
                     done[side] = True
                 elif len(joined) > 0:
@@ -173,7 +174,7 @@ def grow(s: Array, o: Array, z: Array, member: Array, gates: Array, ring: float,
 
 @njit(cache=True, nogil=True)
 def _stretch(
-    s: Array, o: Array, z: Array, member: Array, fit: Any, side: int, reach: float, gates: Array, ring: float
+    s: Array, o: Array, z: Array, member: Array, fit: Any, side: int, reach: float, gates: Array
 ) -> tuple[Array, int]:
     """Return the points that join in the next `reach` metres, and how many lie in the ring about them."""
     low, high, centre, curve, cofactor, sigma_z, sigma_o = fit
@@ -191,7 +192,7 @@ def _stretch(
             if abs(dz) <= gate_z and abs(do) <= gate_o:
                 joined[n] = i
                 n += 1
-            elif 1.25 * max(gate_z, gate_o) < math.hypot(dz, do) <= ring * max(gate_z, gate_o):
+            elif 1.25 * max(gate_z, gate_o) < math.hypot(dz, do) <= gates[2] * max(gate_z, gate_o):
                 around += 1
     return joined[:n], around
 
@@ -246,13 +247,11 @@ def settle(
 
 
 @njit(cache=True, nogil=True)
-def thinness(
-    s: Array, o: Array, z: Array, member: Array, gates: Array, ring: float
-) -> tuple[float, float, float]:
+def thinness(s: Array, o: Array, z: Array, member: Array, gates: Array) -> tuple[float, float, float]:
     """Return length, share of metres with a point, and share of these with more than a third in the ring.
 
-    The tube about the members' fit is four deviations wide, within `gates` (floor, ceiling); the ring lies
-    between one and a quarter times that and `ring` times that.
+    The tube about the members' fit is four deviations wide, within `gates` (floor, ceiling, ring); the ring
+    lies between one and a quarter times that and `ring` times that.
     """
     low, high, centre, fit, _, sigma_z, sigma_o = _parabola(s, o, z, member)
     n = math.ceil(high - low)
@@ -267,7 +266,7 @@ def thinness(
             metre = min(int(s[i] - low), n - 1)
             if r <= tube:
                 inside[metre] += 1
-            elif 1.25 * tube < r <= ring * tube:
+            elif 1.25 * tube < r <= gates[2] * tube:
                 around[metre] += 1
     has, ringed = 0, 0
     for m in range(n):

@@ -9,7 +9,7 @@ import numpy as np
 
 from linework.kernels import cables as kernels
 from linework.methods.radon.cable_seeds import Seed
-from linework.methods.radon.cable_widths import RING, Widths
+from linework.methods.radon.cable_widths import Widths
 from linework.model.arrays import BoolArray, FloatArray, IntArray
 
 #: A slice's cells [m]: one vote per half metre of wire, however many points hit it.
@@ -136,9 +136,7 @@ def _best_curve(
 
 
 def _thin(s: FloatArray, o: FloatArray, z: FloatArray, member: BoolArray, widths: Widths) -> bool:
-    length, occupied, ringed = kernels.thinness(
-        s, o, z, member, np.array([widths.tube_m, widths.gate_m]), RING
-    )
+    length, occupied, ringed = kernels.thinness(s, o, z, member, widths.gates)
     return bool(length >= LEAST_SEEN_M and occupied >= LEAST_OCCUPIED and ringed <= MOST_RINGED)
 
 
@@ -157,14 +155,12 @@ def _grown(
     near, s, o, z = _slice(xyz, line, widths.slice_m, math.inf)
     unclaimed = free[near]
     member = np.zeros(len(near), dtype=bool)
-    gates = np.array([widths.tube_m, widths.gate_m])
     member[unclaimed] = kernels.grow(
         s[unclaimed],
         o[unclaimed],
         z[unclaimed],
         np.isin(near[unclaimed], members),
-        gates,
-        RING,
+        widths.gates,
         max_gap_m,
     )
     if not _thin(s, o, z, member, widths):

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from linework.model.arrays import FloatArray
+
 #: Outer over inner radius of the ring about a wire that must be empty. Leaves fill it with 3 times as many
 #: points as the tube, a wall with as many; the next wire, from 0.3 m, is beyond it, and still is where sags
 #: differ and bring two wires as near as 0.15 m.
@@ -27,6 +31,11 @@ class Widths:
     def tube_m(self) -> float:
         """Narrowest gate: a wire is up to 4 cm thick, a beam 2 cm wide, and hits lie anywhere on it."""
         return 0.5 * self.gate_m
+
+    @property
+    def gates(self) -> FloatArray:
+        """For the kernels: narrowest and widest gate [m], and the ring's outer radius over the gate's."""
+        return np.array([self.tube_m, self.gate_m, RING])
 
     @property
     def sigma_m(self) -> float:

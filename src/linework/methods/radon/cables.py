@@ -114,6 +114,7 @@ def find_cables(
 
 
 def _found_wires(band: Band, config: CableConfig, widths: Widths) -> list[Wire]:
+    """Return the thin pieces of wire about all seed lines, the strongest seed first."""
     lonely = np.flatnonzero(band.lonely)
     lonely = lonely[np.lexsort(band.xyz[lonely].T)]  # whatever order the points came in
     xyz = np.ascontiguousarray(band.xyz[lonely])
@@ -122,12 +123,12 @@ def _found_wires(band: Band, config: CableConfig, widths: Widths) -> list[Wire]:
     number[lonely] = np.arange(len(lonely))
     wires: list[Wire] = []
     for seed in find_cable_seeds(xyz[:, :2], window_m=config.window_m, cell_m=config.cell_m):
-        for points in follow_seed(xyz, free, seed, widths=widths, max_gap_m=config.max_gap_m):
-            for wire in _pieces(band, lonely[points], widths):
-                if _is_thin(band, wire, config.low_m):
-                    wires.append(wire)
-                    mine = number[wire.members]
-                    free[mine[mine >= 0]] = False
+        followed = follow_seed(xyz, free, seed, widths=widths, max_gap_m=config.max_gap_m)
+        pieces = [piece for points in followed for piece in _pieces(band, lonely[points], widths)]
+        for wire in [piece for piece in pieces if _is_thin(band, piece, config.low_m)]:
+            wires.append(wire)
+            mine = number[wire.members]
+            free[mine[mine >= 0]] = False
     return wires
 
 
@@ -185,14 +186,14 @@ def _free_hanging(
     for wire in pieces:
         of_wire[wire.members] |= _sags(wire) or wire.length_m < SHORT_M
     kept = [(w, surroundings(band, w, of_wire)) for w in wires]
-    kept = [(w, a) for w, a in kept if _is_gentle(w) and _hangs(w, a, _is_one_sweep(w, time_s))]
+    all_one_sweep = time_s is not None and float(np.ptp(time_s)) < ONE_SWEEP_S
+    kept = [(w, a) for w, a in kept if _is_gentle(w) and _hangs(w, a, all_one_sweep or _is_flat(w))]
     return [w for w, _ in kept], [a for _, a in kept]
 
 
-def _is_one_sweep(wire: Wire, time_s: FloatArray | None) -> bool:
-    """Whether its points lie in one plane as those of one sweep do, or the whole survey is one sweep."""
-    flat = min(wire.sigma_o_m, wire.fit.sigma_m) < ONE_SWEEP_M
-    return flat or (time_s is not None and float(np.ptp(time_s)) < ONE_SWEEP_S)
+def _is_flat(wire: Wire) -> bool:
+    """Whether its points lie in one plane, as those of one sweep along an edge do."""
+    return min(wire.sigma_o_m, wire.fit.sigma_m) < ONE_SWEEP_M
 
 
 def _is_gentle(wire: Wire) -> bool:
