@@ -328,18 +328,17 @@ def _parabola(
     fit[4] = (normal[0, 0] * right_o[1] - normal[0, 1] * right_o[0]) / determinant / scale
     fit[1] /= scale
     fit[2] /= scale * scale
-    square_z, square_o = 0.0, 0.0
-    for i in range(len(s)):
+    sigma_z, sigma_o = _scatter(s - centre, o, z, member, fit)
+    return low, high, centre, fit, cofactor, sigma_z, sigma_o
+
+
+@njit(cache=True, nogil=True)
+def _scatter(u: Array, o: Array, z: Array, member: Array, fit: Array) -> tuple[float, float]:
+    """Return the standard deviations of the members about parabola and line."""
+    square_z, square_o, n = 0.0, 0.0, 0
+    for i in range(len(u)):
         if member[i]:
-            u = s[i] - centre
-            square_z += (z[i] - fit[0] - fit[1] * u - fit[2] * u * u) ** 2
-            square_o += (o[i] - fit[3] - fit[4] * u) ** 2
-    return (
-        low,
-        high,
-        centre,
-        fit,
-        cofactor,
-        math.sqrt(square_z / max(n - 3, 1)),
-        math.sqrt(square_o / max(n - 2, 1)),
-    )
+            n += 1
+            square_z += (z[i] - fit[0] - fit[1] * u[i] - fit[2] * u[i] * u[i]) ** 2
+            square_o += (o[i] - fit[3] - fit[4] * u[i]) ** 2
+    return math.sqrt(square_z / max(n - 3, 1)), math.sqrt(square_o / max(n - 2, 1))

@@ -59,10 +59,10 @@ def find_cable_seeds(xy: FloatArray, *, window_m: float, cell_m: float) -> list[
     rho = rho_bins(rho_max, cell_m)
     seeds: list[Seed] = []
     for members, centre in _windows(centres, window_m):
-        x, y = (centres[members] - centre).T
+        x, y = (np.ascontiguousarray(column) for column in (centres[members] - centre).T)
         values = radon_of_cells(
-            np.ascontiguousarray(x),
-            np.ascontiguousarray(y),
+            x,
+            y,
             np.ones(len(members)),
             cell_width_m=cell_m,
             cell_height_m=cell_m,
@@ -70,33 +70,32 @@ def find_cable_seeds(xy: FloatArray, *, window_m: float, cell_m: float) -> list[
             rho_step_m=cell_m,
             rho_max_m=rho_max,
         )
-        peaks = find_peaks_in(
-            values,
-            angles,
-            rho,
-            threshold=LEAST_STRENGTH_M,
-            theta_window_rad=math.radians(THETA_WINDOW_DEG),
-            rho_window_m=RHO_WINDOW_M,
-        )
-        scatter = _scatter(values, cell_m)
-        at_angle = np.minimum(np.searchsorted(angles, peaks.theta_rad), len(angles) - 1)
-        at_rho = np.minimum(np.searchsorted(rho, peaks.rho_m), len(rho) - 1)
-        stands_out = peaks.strength_m > scatter[at_angle, at_rho]
-        for theta, distance, strength in zip(
-            peaks.theta_rad[stands_out], peaks.rho_m[stands_out], peaks.strength_m[stands_out], strict=True
-        ):
-            cos, sin = math.cos(theta), math.sin(theta)
-            seeds.append(
-                Seed(
-                    strength,
-                    centre[0] + distance * cos,
-                    centre[1] + distance * sin,
-                    -sin,
-                    cos,
-                    window_m / 2.0,
-                )
-            )
+        seeds += _seeds_of(values, angles, rho, centre, window_m / 2.0)
     return sorted(seeds, key=lambda seed: (-seed.strength_m, seed[1:]))
+
+
+def _seeds_of(
+    values: FloatArray, angles: FloatArray, rho: FloatArray, centre: FloatArray, half_m: float
+) -> list[Seed]:
+    """Return the peaks of a window's Radon image that stand out of their neighbourhood."""
+    peaks = find_peaks_in(
+        values,
+        angles,
+        rho,
+        threshold=LEAST_STRENGTH_M,
+        theta_window_rad=math.radians(THETA_WINDOW_DEG),
+        rho_window_m=RHO_WINDOW_M,
+    )
+    scatter = _scatter(values, float(rho[1] - rho[0]))
+    at_angle = np.minimum(np.searchsorted(angles, peaks.theta_rad), len(angles) - 1)
+    at_rho = np.minimum(np.searchsorted(rho, peaks.rho_m), len(rho) - 1)
+    out = np.flatnonzero(peaks.strength_m > scatter[at_angle, at_rho])
+    cos, sin = np.cos(peaks.theta_rad[out]), np.sin(peaks.theta_rad[out])
+    x, y = centre[0] + peaks.rho_m[out] * cos, centre[1] + peaks.rho_m[out] * sin
+    return [
+        Seed(*(float(v) for v in seed), half_m)
+        for seed in zip(peaks.strength_m[out], x, y, -sin, cos, strict=True)
+    ]
 
 
 def _scatter(values: FloatArray, cell_m: float) -> FloatArray:

@@ -45,7 +45,7 @@ WAVY_GATES = 0.2
 #: in a plane to this [m]; and two turns of the slowest scanner [s] see every wall as a few lines only.
 ONE_SWEEP_M, ONE_SWEEP_S = 0.002, 0.2
 #: Points gathered in a few metres are an object that the line passes; wires are hit all along.
-LEAST_EVEN = 0.3
+LEAST_EVEN = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
