@@ -92,9 +92,10 @@ def _seeds_of(
     out = np.flatnonzero(peaks.strength_m > scatter[at_angle, at_rho])
     cos, sin = np.cos(peaks.theta_rad[out]), np.sin(peaks.theta_rad[out])
     x, y = centre[0] + peaks.rho_m[out] * cos, centre[1] + peaks.rho_m[out] * sin
+    strength = peaks.strength_m[out]
     return [
-        Seed(*(float(v) for v in seed), half_m)
-        for seed in zip(peaks.strength_m[out], x, y, -sin, cos, strict=True)
+        Seed(float(strength[i]), float(x[i]), float(y[i]), -float(sin[i]), float(cos[i]), half_m)
+        for i in range(len(out))
     ]
 
 
