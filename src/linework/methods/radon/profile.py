@@ -323,8 +323,8 @@ def classify(
     # Each test as a margin: 1 well inside the limit, 0.5 at it, 0 well outside
     goes_on = _least(
         _below(profile.spread_m, 1.15 * config.max_spread_m, 0.003),
-        _below(unrest, 1.25 * config.max_wobble, 0.15),
-        _below(wander, 1.25 * config.max_wander, 0.15),
+        _below(unrest, 1.6 * config.max_wobble, 0.15),
+        _below(wander, 1.6 * config.max_wander, 0.15),
         _below(-occupied, -0.4, 0.08),
         _below(height_m, config.max_top_m, 0.03),
     )
