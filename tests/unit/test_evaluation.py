@@ -377,3 +377,8 @@ def test_blocks_of_queries_do_not_show(monkeypatch):
 def test_kinds_come_in_the_order_of_the_layers():
     found = lines(straight(), straight(), straight(), kind=["cable", "ditch", "guardrail"])
     assert kinds_of(found, lines(straight(), kind="fence")) == ("guardrail", "fence", "cable", "ditch")
+
+
+def test_nothing_against_nothing_is_refused():
+    with pytest.raises(UsageError, match="hold a line"):
+        evaluate_lines(LineSet.empty(), LineSet.empty())

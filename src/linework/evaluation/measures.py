@@ -77,6 +77,12 @@ def evaluate_lines(
     (1.0, 0.03)
     """
     parts = match_lines(extracted, reference, tolerance_m=tolerance_m, kinds=kinds, curve_m=curve_m)
+    if not parts:
+        raise UsageError(
+            "neither the lines nor the reference hold a line",
+            where="evaluate",
+            advice="name the kinds to score",
+        )
     return scores_of(parts, tolerance_m=tolerance_m, curve_m=curve_m)
 
 
