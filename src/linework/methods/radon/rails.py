@@ -149,8 +149,10 @@ def rail_lines(rails: list[FittedRail], bins: Bins, surface: RoadSurface, config
     found = [v[run] for v, own in zip(xyz, runs, strict=True) for run, _ in own]
     pairs = _close_beside(xyz, found, config)
     chosen: list[tuple[str, int, slice, float]] = []
+    bridged: list[BoolArray] = []
     for i, rail in enumerate(rails):
         verdict = classify(rail.profile, rail.wobble, height[i], ground[i], pairs[i], config)
+        bridged.append(~rail.measured | (verdict.goes_on < 0.5))
         chosen += [("guardrail", i, *run) for run in _guardrail_runs(verdict, chainages[i], config)]
         chosen += [("barrier", i, *run) for run in _barrier_runs(verdict, chainages[i], config)]
     if not chosen:
@@ -166,7 +168,7 @@ def rail_lines(rails: list[FittedRail], bins: Bins, surface: RoadSurface, config
         double=[bool(np.mean(pairs[i][run]) > 0.5) for _, i, run, _ in chosen],
         sigma_xy_m=np.concatenate([rails[i].sigma_xy_m[run] for _, i, run, _ in chosen]),
         sigma_z_m=np.concatenate([rails[i].sigma_z_m[run] for _, i, run, _ in chosen]),
-        bridged=np.concatenate([~rails[i].measured[run] for _, i, run, _ in chosen]),
+        bridged=np.concatenate([bridged[i][run] for _, i, run, _ in chosen]),
     )
 
 
@@ -185,15 +187,27 @@ def _guardrail_runs(
     ahead = core[np.clip(np.searchsorted(core, at), 0, len(core) - 1)]
     behind = core[np.clip(np.searchsorted(core, at, side="right") - 1, 0, len(core) - 1)]
     away = np.minimum(np.abs(chainage[ahead] - chainage), np.abs(chainage[behind] - chainage))
-    out = []
+    out: list[slice] = []
     for run in _runs((sure >= 0.5) | ((verdict.goes_on >= 0.5) & (away <= config.max_run_on_m)), 2):
         core_share = float(np.mean(sure[run] >= 0.5))
         length = core_share * (chainage[run][-1] - chainage[run][0])
         is_open = np.mean(verdict.open_[run]) >= 0.5
         enough = config.min_length_m if is_open else config.min_closed_length_m
         if core_share >= config.min_core and length >= enough:
-            out.append((run, float(np.mean(np.maximum(sure[run], 0.5)))))
-    return out
+            out.append(run)
+    whole = _joined(out, chainage, config.max_run_on_m)
+    return [(run, float(np.mean(np.maximum(sure[run], 0.5)))) for run in whole]
+
+
+def _joined(runs: list[slice], chainage: FloatArray, gap_m: float) -> list[slice]:
+    """Join runs with less than `gap_m` between them: the circles have followed one thing from one to the other."""
+    whole: list[slice] = []
+    for run in runs:
+        if whole and chainage[run.start] - chainage[whole[-1].stop - 1] <= gap_m:
+            whole[-1] = slice(whole[-1].start, run.stop)
+        else:
+            whole.append(run)
+    return whole
 
 
 def _barrier_runs(verdict: Verdict, chainage: FloatArray, config: ProfileConfig) -> list[tuple[slice, float]]:
