@@ -17,8 +17,8 @@ from linework.methods.radon.circles import Bins, CircleConfig
 from linework.model.arrays import AnyArray, FloatArray
 from linework.model.settings import setting
 
-_BIN = kernels.DEPTH_BIN_M
-_TOP = round(kernels.DEPTH_ABOVE_M / _BIN)  # first bin below the top edge
+BIN_M = kernels.DEPTH_BIN_M
+TOP_BIN = round(kernels.DEPTH_ABOVE_M / BIN_M)  # first bin below the top edge
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,6 +169,8 @@ class Profile:
         Mean offset of the points just below the top edge; NaN where none.
     rows
         (n, DEPTH_BINS): densities per 5 cm below the top edge against the sheet's, of the clearer half.
+    window
+        Number of stations in the moving window.
     """
 
     offset_m: FloatArray
@@ -184,27 +186,7 @@ class Profile:
     apron: FloatArray
     edge_m: FloatArray
     rows: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """What a line is, node by node: each (n,) from 0 to 1.
-
-    Parameters
-    ----------
-    guardrail, barrier
-        How sure.
-    goes_on
-        How sure that it is the same sheet still: a rail that is sure in one place goes on over bushes and
-        down to its buried end, where its height and its clear gap tell nothing.
-    open_
-        (n,) bool: the ground behind is seen below it.
-    """
-
-    guardrail: FloatArray
-    barrier: FloatArray
-    goes_on: FloatArray
-    open_: AnyArray
+    window: int
 
 
 def measure_profile(nodes: FloatArray, bins: Bins, circles: CircleConfig, config: ProfileConfig) -> Profile:
@@ -223,24 +205,24 @@ def measure_profile(nodes: FloatArray, bins: Bins, circles: CircleConfig, config
     )
     window = max(round(config.window_m / circles.spacing_m), 1)
     number = sheet[:, 0]
-    halves = _moving_sum(depth, window)
-    density = np.mean(halves[:, :, _TOP : _TOP + 4], axis=2)
+    halves = moving_sum(depth, window)
+    density = np.mean(halves[:, :, TOP_BIN : TOP_BIN + 4], axis=2)
     ratio = halves / np.maximum(density, 1e-9)[:, :, None]
-    above = np.mean(ratio[:, :, _TOP - 5 : _TOP - 2], axis=2)
-    clear = 0.5 * (ratio[:, :, _TOP + 6 : _TOP + 13] + ratio[:, :, _TOP + 7 : _TOP + 14])
+    above = np.mean(ratio[:, :, TOP_BIN - 5 : TOP_BIN - 2], axis=2)
+    clear = 0.5 * (ratio[:, :, TOP_BIN + 6 : TOP_BIN + 13] + ratio[:, :, TOP_BIN + 7 : TOP_BIN + 14])
     below = np.min(clear, axis=2)
     # A hedge behind a rail fills the half of the sheet that is turned to it: the clearer half counts
     enough = density >= 0.2 * np.sum(density, axis=1, keepdims=True)
     half = np.argmin(np.where(enough, above / config.max_above + below / config.max_below, np.inf), axis=1)
     at = np.arange(len(half)), half
-    square = _moving_sum(number * sheet[:, 2] ** 2, window) / np.maximum(_moving_sum(number, window), 1e-9)
+    square = moving_sum(number * sheet[:, 2] ** 2, window) / np.maximum(moving_sum(number, window), 1e-9)
     # The road side shows more ground; what stands before the sheet's foot there is a barrier's slope
-    ground, apron = _moving_sum(sides[:, 2], window), _moving_sum(sides[:, 3], window)
-    apron = apron[np.arange(len(half)), np.argmax(ground, axis=1)] * (_BIN / 0.26)
+    ground, apron = moving_sum(sides[:, 2], window), moving_sum(sides[:, 3], window)
+    apron = apron[np.arange(len(half)), np.argmax(ground, axis=1)] * (BIN_M / 0.26)
     apron = apron / np.maximum(np.sum(density, axis=1), 1e-9)
     empty = number == 0
     # Its height over both halves, unless something behind it fills the other half far down
-    behind = np.max(_moving_mean(sides[:, 0] > 0, window), axis=1)
+    behind = np.max(moving_mean(sides[:, 0] > 0, window), axis=1)
     both = np.sum(halves, axis=1) / np.maximum(np.sum(density, axis=1), 1e-9)[:, None]
     beam = _beam_height(both)
     return Profile(
@@ -252,22 +234,25 @@ def measure_profile(nodes: FloatArray, bins: Bins, circles: CircleConfig, config
         above=above[at],
         below=below[at],
         beam_m=np.where((beam <= config.max_beam_m) | (behind <= 0.5), beam, _beam_height(ratio[at])),
-        front=np.min(_moving_mean(sides[:, 0] > 0, window), axis=1),
-        open_=np.min(_moving_mean(_moving_sum(sides[:, 1], 5) > 0.5, window), axis=1),
+        front=np.min(moving_mean(sides[:, 0] > 0, window), axis=1),
+        open_=np.min(moving_mean(moving_sum(sides[:, 1], 5) > 0.5, window), axis=1),
         apron=apron,
         edge_m=edge,
         rows=ratio[at],
+        window=window,
     )
 
 
-def _moving_sum(values: AnyArray, window: int) -> FloatArray:
+def moving_sum(values: AnyArray, window: int) -> FloatArray:
+    """Return the sums over `window` stations about each; beyond the ends there is nothing."""
     total = ndimage.uniform_filter1d(values.astype(np.float64), window, axis=0, mode="constant") * window
     return np.asarray(np.maximum(total, 0.0))
 
 
-def _moving_mean(values: AnyArray, window: int) -> FloatArray:
-    total = _moving_sum(np.ones(len(values)), window)
-    return np.asarray((_moving_sum(values, window).T / total).T)
+def moving_mean(values: AnyArray, window: int) -> FloatArray:
+    """Return the means over the stations that there are, of `window` about each."""
+    total = moving_sum(np.ones(len(values)), window)
+    return np.asarray((moving_sum(values, window).T / total).T)
 
 
 def _beam_height(ratio: FloatArray) -> FloatArray:
@@ -275,119 +260,7 @@ def _beam_height(ratio: FloatArray) -> FloatArray:
 
     15 cm: one half of a W-beam's sheet holds its two humps, the other the valley between them.
     """
-    filled = ratio[:, _TOP:] >= 0.4
+    filled = ratio[:, TOP_BIN:] >= 0.4
     gap = ~(filled[:, :-2] | filled[:, 1:-1] | filled[:, 2:])
     first = np.where(gap.any(axis=1), np.argmax(gap, axis=1), gap.shape[1])
-    return np.asarray(first * _BIN)
-
-
-def classify(
-    profile: Profile,
-    wobble: FloatArray,
-    height_m: FloatArray,
-    above_ground_m: FloatArray,
-    paired: AnyArray,
-    config: ProfileConfig,
-) -> Verdict:
-    """Return how sure it is at every node that this is a guardrail or a barrier, and that it goes on.
-
-    Parameters
-    ----------
-    wobble
-        (n,) float64: how far each station's top is from the fitted edge, in sigmas; NaN where unknown.
-    height_m, above_ground_m
-        (n,) float64: height of the top edge above the road, and above the ground below it.
-    paired
-        (n,) bool: a guardrail runs close beside it. Of the second beam on a post only the upper edge is
-        seen, over the first: its height and depth say nothing then, nor does what stands before it.
-
-    """
-    window = max(round(config.window_m / 0.5), 1)
-    known = ~np.isnan(wobble)
-    square = np.where(known, np.minimum(np.nan_to_num(wobble), 4.0) ** 2, 0.0)
-    unrest = np.sqrt(_moving_sum(square, window) / np.maximum(_moving_sum(known, window), 1.0))
-    occupied = _moving_mean(profile.number >= 2, window)
-    allowed = np.hypot(profile.spread_m / np.sqrt(np.maximum(profile.number, 1.0)), 0.005)
-    swerve = np.where(
-        profile.number > 0, np.minimum(np.abs(np.nan_to_num(profile.offset_m)) / allowed, 4.0), 0.0
-    )
-    wander = np.sqrt(_moving_mean(swerve**2, window))
-    rough = np.sqrt(
-        (
-            (profile.spread_m / config.max_spread_m) ** 2
-            + (unrest / config.max_wobble) ** 2
-            + (wander / config.max_wander) ** 2
-        )
-        / 3
-    )
-    # Each test as a margin: 1 well inside the limit, 0.5 at it, 0 well outside
-    goes_on = _least(
-        _below(profile.spread_m, 1.15 * config.max_spread_m, 0.003),
-        _below(unrest, 1.6 * config.max_wobble, 0.15),
-        _below(wander, 1.6 * config.max_wander, 0.15),
-        _below(-occupied, -0.4, 0.08),
-        _below(height_m, config.max_top_m, 0.03),
-    )
-    beam = _least(
-        goes_on,
-        _below(rough, config.max_rough, 0.03),
-        _below(profile.beam_m, config.max_beam_m, 0.03),
-        _below(profile.above, config.max_above, 0.06),
-        _below(profile.below, config.max_below, 0.08),
-        _below(profile.apron, config.max_apron, 0.05),
-        _below(_row_under(profile.rows, above_ground_m), config.max_second, 0.06),
-        _below(-height_m, -config.min_top_m, 0.03),
-    )
-    # A tube is neither deep nor high; a beam is one of both, as a corrugated or a flat plate
-    deep = np.maximum(
-        _below(-profile.spread_m, -config.min_spread_m, 0.002),
-        _below(-profile.beam_m, -config.min_plate_m, 0.02),
-    )
-    lone = _below(_row_over(profile.rows), config.max_second, 0.06)
-    whole = _below(-occupied, -0.6, 0.08)  # the posts behind a beam fill less
-    alone = _least(
-        beam,
-        deep,
-        lone,
-        _below(-profile.beam_m, -config.min_beam_m, 0.02),
-        _below(profile.front, config.max_front, 0.08),
-        np.where(paired, whole, 1.0),
-    )
-    lip = np.minimum(lone, _below(profile.beam_m, config.min_beam_m, 0.02))
-    beside = _least(beam, np.maximum(deep, lip), whole, paired.astype(np.float64))
-    barrier = _least(
-        goes_on,
-        _below(rough, config.max_rough, 0.03),
-        _below(profile.above, config.max_above, 0.06),
-        _below(profile.front, config.max_front, 0.08),
-        _below(-profile.apron, -1.5 * config.max_apron, 0.05),
-        _below(profile.open_, config.min_open, 0.1),
-        _below(-height_m, -1.5 * config.min_top_m, 0.03),
-    )
-    return Verdict(
-        guardrail=np.maximum(alone, beside),
-        barrier=barrier,
-        goes_on=goes_on,
-        open_=profile.open_ >= config.min_open,
-    )
-
-
-def _least(*margins: FloatArray) -> FloatArray:
-    return np.asarray(np.min(np.stack(margins), axis=0))
-
-
-def _row_over(rows: FloatArray) -> FloatArray:
-    """Densest 10 cm from 0.10 m over the top edge up."""
-    return np.asarray(np.max(0.5 * (rows[:, 1 : _TOP - 1] + rows[:, : _TOP - 2]), axis=1))
-
-
-def _row_under(rows: FloatArray, above_ground_m: FloatArray) -> FloatArray:
-    """Densest 10 cm from 0.36 m under the top edge down to 0.20 m above the ground."""
-    depth = (np.arange(rows.shape[1]) - _TOP + 1) * _BIN  # lower edge of each bin
-    under = (depth > 0.36 + _BIN) & (depth <= above_ground_m[:, None] - 0.20)
-    pairs = 0.5 * (rows[:, 1:] + rows[:, :-1])
-    return np.asarray(np.max(np.where(under[:, 1:] & under[:, :-1], pairs, 0.0), axis=1))
-
-
-def _below(value: FloatArray, limit: float | FloatArray, width: float) -> FloatArray:
-    return np.asarray(1.0 / (1.0 + np.exp(np.clip((value - limit) / width, -30, 30))))
+    return np.asarray(first * BIN_M)

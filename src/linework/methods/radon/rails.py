@@ -11,13 +11,8 @@ from scipy.spatial import cKDTree
 from linework.kernels import corridor as kernels
 from linework.kernels import follow
 from linework.methods.radon.circles import Bins, CircleConfig
-from linework.methods.radon.profile import (
-    Profile,
-    ProfileConfig,
-    Verdict,
-    classify,
-    measure_profile,
-)
+from linework.methods.radon.profile import Profile, ProfileConfig, measure_profile
+from linework.methods.radon.verdict import Verdict, classify
 from linework.model.arrays import BoolArray, FloatArray
 from linework.model.lines import LineSet
 from linework.surface.road import RoadSurface, height_above_ground, height_above_road
