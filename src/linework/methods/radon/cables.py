@@ -186,13 +186,14 @@ def _free_hanging(
     for wire in pieces:
         of_wire[wire.members] |= _sags(wire) or wire.length_m < SHORT_M
     kept = [(w, surroundings(band, w, of_wire)) for w in wires]
-    all_one_sweep = time_s is not None and float(np.ptp(time_s)) < ONE_SWEEP_S
-    kept = [(w, a) for w, a in kept if _is_gentle(w) and _hangs(w, a, all_one_sweep or _is_flat(w))]
+    kept = [(w, a) for w, a in kept if _is_gentle(w) and _hangs(w, a, _is_of_one_sweep(band, w, time_s))]
     return [w for w, _ in kept], [a for _, a in kept]
 
 
-def _is_flat(wire: Wire) -> bool:
-    """Whether its points lie in one plane, as those of one sweep along an edge do."""
+def _is_of_one_sweep(band: Band, wire: Wire, time_s: FloatArray | None) -> bool:
+    """Whether one sweep drew all of it: by its points' times or, without them, because they lie in a plane."""
+    if time_s is not None:
+        return float(np.ptp(time_s[band.index[wire.members]])) < ONE_SWEEP_S
     return min(wire.sigma_o_m, wire.fit.sigma_m) < ONE_SWEEP_M
 
 
