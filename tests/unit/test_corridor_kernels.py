@@ -246,7 +246,7 @@ def slow_profile(points, node, half_s, radius, reach):
     local = turned_into(points, *node[:3])
     local = local[(np.abs(local[:, 0]) <= half_s) & (np.abs(local[:, 1]) <= reach)]
     s, u, below, height = local[:, 0], local[:, 1], node[3] - local[:, 2], local[:, 3]
-    is_near, is_sheet = np.abs(u) <= radius, (below > -0.03) & (below < 0.33)
+    is_near, is_sheet = np.abs(u) <= radius, (below > -0.03) & (below < 0.33) & (height >= kernels.FLOOR_M)
     held = is_near & is_sheet
     sheet = np.array([held.sum(), u[held].mean(), u[held].std(), slow_top_edge(local, 0.0, 0.75 * radius, node[3], 0.06),
                       s[held].min(), s[held].max()])  # fmt: skip
@@ -254,10 +254,10 @@ def slow_profile(points, node, half_s, radius, reach):
     depth, sides = np.zeros((2, kernels.DEPTH_BINS)), np.zeros((4, 2))
     for side, on_side in enumerate((u > 0, u <= 0)):
         for b in range(kernels.DEPTH_BINS):
-            depth[side, b] = np.sum(on_side & is_near & (bins == b))
+            depth[side, b] = np.sum(on_side & is_near & (height >= kernels.FLOOR_M) & (bins == b))
         apart = on_side & ~is_near
         sides[0, side] = np.sum(apart & is_sheet)
-        sides[1, side] = np.sum(apart & (below >= 0.45))
+        sides[1, side] = np.sum(apart & (below >= 0.36))
         sides[2, side] = np.sum(apart & (height < 0.12))
         sides[3, side] = np.sum(
             on_side & (np.abs(u) <= 0.40) & (below >= 0.36) & (below <= 0.62) & (height >= 0.12)

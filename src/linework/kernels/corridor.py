@@ -305,11 +305,11 @@ def profile_along(
         (n, 6): points of the sheet within `radius`, their mean offset and spread, the highest point under
         the top edge, lowest and highest s of them.
     depth
-        (n, 2, DEPTH_BINS): points within `radius`, left and right of the line, per 5 cm below the top
-        edge, from 0.70 m above it.
+        (n, 2, DEPTH_BINS): points within `radius`, left and right of the line, not on the ground, per 5 cm
+        below the top edge, from 0.70 m above it.
     sides
         (n, 4, 2): points left and right of it within `reach`: at the sheet's heights; below them (deeper
-        than 0.45 m under the top); on the ground (lower than 0.12 m); and within 0.40 m between ground
+        than 0.36 m under the top); on the ground (lower than 0.12 m); and within 0.40 m between ground
         and sheet (0.36 to 0.62 m under the top).
     edge
         (n,): mean offset of the sheet's points 2 to 10 cm below the top; NaN where none.
@@ -338,7 +338,7 @@ def profile_along(
                 sides[i, 3, side] += 1.0
             if abs(u) <= radius:
                 b = int(np.floor((below + DEPTH_ABOVE_M) / DEPTH_BIN_M))
-                if b >= 0 and b < DEPTH_BINS:
+                if b >= 0 and b < DEPTH_BINS and work[k, 3] >= FLOOR_M:
                     depth[i, side, b] += 1.0
                 if inside:
                     number += 1
@@ -351,7 +351,7 @@ def profile_along(
                 continue
             if inside:
                 sides[i, 0, side] += 1.0
-            if below >= 0.45:
+            if below >= 0.36:
                 sides[i, 1, side] += 1.0
             if work[k, 3] < 0.12:
                 sides[i, 2, side] += 1.0

@@ -54,7 +54,7 @@ class CircleConfig:
         high=1,
     )
     min_top_m: float = setting(
-        0.45,
+        0.42,
         unit="m",
         reason="of a beam to start from, above the ground: 0.31 m, and a gap below it",
         low=0,
