@@ -245,11 +245,12 @@ def slow_profile(points, node, half_s, radius, reach):
     """Sheet, depth, sides and edge of one node from all points."""
     local = turned_into(points, *node[:3])
     local = local[(np.abs(local[:, 0]) <= half_s) & (np.abs(local[:, 1]) <= reach)]
-    s, u, below, height = local[:, 0], local[:, 1], node[3] - local[:, 2], local[:, 3]
+    u, below, height = local[:, 1], node[3] - local[:, 2], local[:, 3]
     is_near, is_sheet = np.abs(u) <= radius, (below > -0.03) & (below < 0.33) & (height >= kernels.FLOOR_M)
     held = is_near & is_sheet
-    sheet = np.array([held.sum(), u[held].mean(), u[held].std(), slow_top_edge(local, 0.0, 0.75 * radius, node[3], 0.06),
-                      s[held].min(), s[held].max()])  # fmt: skip
+    sheet = np.array(
+        [held.sum(), u[held].mean(), u[held].std(), slow_top_edge(local, 0.0, 0.75 * radius, node[3], 0.06)]
+    )
     bins = np.floor((below + kernels.DEPTH_ABOVE_M) / kernels.DEPTH_BIN_M).astype(int)
     depth, sides = np.zeros((2, kernels.DEPTH_BINS)), np.zeros((4, 2))
     for side, on_side in enumerate((u > 0, u <= 0)):

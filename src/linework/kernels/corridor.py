@@ -302,8 +302,8 @@ def profile_along(
     Returns
     -------
     sheet
-        (n, 6): points of the sheet within `radius`, their mean offset and spread, the highest point under
-        the top edge, lowest and highest s of them.
+        (n, 4): points of the sheet within `radius`, their mean offset and spread, the highest point under
+        the top edge.
     depth
         (n, 2, DEPTH_BINS): points within `radius`, left and right of the line, not on the ground, per 5 cm
         below the top edge, from 0.70 m above it.
@@ -315,7 +315,7 @@ def profile_along(
         (n,): mean offset of the sheet's points 2 to 10 cm below the top; NaN where none.
     """
     n_nodes = len(nodes)
-    sheet = np.zeros((n_nodes, 6))
+    sheet = np.zeros((n_nodes, 4))
     depth = np.zeros((n_nodes, 2, DEPTH_BINS))
     sides = np.zeros((n_nodes, 4, 2))
     edge = np.full(n_nodes, np.nan)
@@ -328,7 +328,6 @@ def profile_along(
         n = gather(points, starts, n_x, n_y, cell, box, work)
         number, total, square = 0, 0.0, 0.0
         n_edge, u_edge = 0, 0.0
-        s_low, s_high = np.inf, -np.inf
         for k in range(n):
             below = top - work[k, 2]
             u = work[k, 1]
@@ -344,7 +343,6 @@ def profile_along(
                     number += 1
                     total += u
                     square += u * u
-                    s_low, s_high = min(s_low, work[k, 0]), max(s_high, work[k, 0])
                 if below >= 0.02 and below <= 0.10:
                     n_edge += 1
                     u_edge += u
@@ -362,6 +360,5 @@ def profile_along(
             mean = total / number
             sheet[i, 1] = mean
             sheet[i, 2] = np.sqrt(max(square / number - mean * mean, 0.0))
-            sheet[i, 4], sheet[i, 5] = s_low, s_high
         sheet[i, 3] = top_edge(work, n, 0.0, 0.75 * radius, top, 0.06)
     return sheet, depth, sides, edge

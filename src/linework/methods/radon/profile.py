@@ -176,7 +176,6 @@ class Profile:
     offset_m: FloatArray
     top_m: FloatArray
     number: FloatArray
-    reach_m: FloatArray
     spread_m: FloatArray
     above: FloatArray
     below: FloatArray
@@ -229,7 +228,6 @@ def measure_profile(nodes: FloatArray, bins: Bins, circles: CircleConfig, config
         offset_m=np.where(empty, np.nan, sheet[:, 1]),
         top_m=sheet[:, 3],
         number=number,
-        reach_m=sheet[:, 4:6],
         spread_m=np.sqrt(square),
         above=above[at],
         below=below[at],
