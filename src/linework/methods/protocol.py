@@ -30,6 +30,11 @@ class Method(Protocol):
         """Width of the margin of points around a core that makes the lines in the core whole, in metres."""
         ...
 
+    @property
+    def least_height_m(self) -> float:
+        """How high above the ground points must be to matter to it, in metres; lower ones are not loaded."""
+        ...
+
     def extract(self, tile: TileData) -> LineSet:
         """Return the lines that the tile's core answers for."""
         ...

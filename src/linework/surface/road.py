@@ -24,6 +24,7 @@ from linework.model.arrays import AnyArray, BoolArray, Float32Array, FloatArray
 from linework.model.grid import Grid
 from linework.model.points import Points
 from linework.model.settings import setting
+from linework.model.surface import RoadSurface as RoadSurface
 from linework.model.trajectory import Trajectory
 
 
@@ -77,32 +78,6 @@ class RoadConfig:
     max_cells: int = setting(
         60_000_000, unit="cells", reason="bounds the memory to about 2 GB", low=1000, high=2_000_000_000
     )
-
-
-@dataclass(frozen=True, slots=True)
-class RoadSurface:
-    """The road's and the ground's height on one grid, without holes.
-
-    Parameters
-    ----------
-    grid
-        North-up grid on the global lattice.
-    z0_m
-        Local height origin: the surfaces are float32 above it. [m, world]
-    road_m
-        (rows, cols) float32 [m above z0_m]: the road, carried on beyond its edge into the ground.
-    ground_m
-        (rows, cols) float32 [m above z0_m]: the ground.
-    is_road, is_ground
-        (rows, cols) bool: cells where the surface was measured.
-    """
-
-    grid: Grid
-    z0_m: float
-    road_m: Float32Array
-    ground_m: Float32Array
-    is_road: BoolArray
-    is_ground: BoolArray
 
 
 def find_road(points: Points, trajectory: Trajectory | None, config: RoadConfig) -> RoadSurface:

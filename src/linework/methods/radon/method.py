@@ -6,6 +6,7 @@ beyond the paper is named in docs/methods/radon.md.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -61,6 +62,8 @@ class RadonMethod:
     #: Half the longest span that is sure to be seen whole (240 m) by the tile whose core holds its middle. Of a
     #: longer one tiles see parts: it may come out shorter, or twice. One tile alone loses nothing.
     buffer_m: float = 120.0
+    #: Rails stand on the ground: all points matter.
+    least_height_m: float = -math.inf
 
     def extract(self, tile: TileData) -> LineSet:
         """Return the guardrails, concrete barriers and cables of a tile."""
@@ -68,7 +71,7 @@ class RadonMethod:
         if len(points) == 0:
             return LineSet.empty()
         # Height above the road, road = 0; above the ground where there is no road
-        surface = find_road(points, tile.trajectory, self.config.road)
+        surface = tile.surface or find_road(points, tile.trajectory, self.config.road)
         above_road = height_above_road(surface, points.xyz)
         above_ground = height_above_ground(surface, points.xyz)
         found = []
