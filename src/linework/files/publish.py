@@ -29,7 +29,7 @@ def check_output(path: Path, *, overwrite: bool = False) -> None:
         The parent is no folder, or cannot be written to.
     """
     part = part_path(path)
-    with _machine_errors(path):
+    with machine_errors(path):
         if path.is_dir():
             raise OutputExistsError(
                 "is a folder, expected the name of a file", where=path, advice="name a file"
@@ -78,7 +78,7 @@ def publish(
     _remove_dead_parts(path)
     part = part_path(path)
     try:
-        with _machine_errors(path):
+        with machine_errors(path):
             write(part)
             verify(part)
             _sync(part)
@@ -115,7 +115,7 @@ def publish_folder(
     _remove_dead_parts(path)
     part = part_path(path)
     try:
-        with _machine_errors(path):
+        with machine_errors(path):
             part.mkdir()
             write(part)
             verify(part)
@@ -140,7 +140,7 @@ def check_output_folder(path: Path, *, overwrite: bool = False) -> None:
         )
     _make_parent(path)
     part = part_path(path)
-    with _machine_errors(path):
+    with machine_errors(path):
         part.mkdir()
         part.rmdir()
 
@@ -166,12 +166,12 @@ def _make_parent(path: Path) -> None:
     parent = path.parent
     if os.path.lexists(parent) and not parent.is_dir():
         raise MachineError(f"{parent} is not a folder", where=path, advice="choose another place")
-    with _machine_errors(path):
+    with machine_errors(path):
         parent.mkdir(parents=True, exist_ok=True)
 
 
 @contextlib.contextmanager
-def _machine_errors(path: Path) -> Iterator[None]:
+def machine_errors(path: Path) -> Iterator[None]:
     """Turn the operating system's refusals into one line that names the output."""
     try:
         yield
@@ -225,11 +225,12 @@ def _remove_dead_parts(path: Path) -> None:
     with contextlib.suppress(OSError):
         for other in sorted(path.parent.iterdir()):
             found = pattern.fullmatch(other.name)
-            if found and not _is_alive(int(found[1])):
+            if found and not is_alive(int(found[1])):
                 _remove_part(other)
 
 
-def _is_alive(pid: int) -> bool:
+def is_alive(pid: int) -> bool:
+    """Return whether a process of this number runs on this machine."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:

@@ -10,6 +10,7 @@ from linework.errors import UsageError
 from linework.files.crs import LOCAL, parse_crs
 from linework.files.line_fields import check_writable
 from linework.files.publish import check_output, publish
+from linework.files.run_record import hash_file
 from linework.files.vector_input import checked_vector_file
 from linework.model.lines import LineSet
 
@@ -41,13 +42,22 @@ def check_format(path: Path) -> None:
         raise UsageError(f"cannot write '{suffix}' files", where=path, advice=f"use {', '.join(_WRITERS)}")
 
 
-def write_lines(lines: LineSet, path: Path, *, kinds: Sequence[str] = (), overwrite: bool = False) -> None:
+def write_lines(
+    lines: LineSet,
+    path: Path,
+    *,
+    kinds: Sequence[str] = (),
+    overwrite: bool = False,
+    note: Callable[[str], None] | None = None,
+) -> None:
     """Write lines; the suffix says the format.
 
     Parameters
     ----------
     kinds
         Kinds that get a layer even where no line is of that kind (formats with layers).
+    note
+        Told the SHA-256 of the verified file before it gets its name.
 
     Raises
     ------
@@ -68,12 +78,13 @@ def write_lines(lines: LineSet, path: Path, *, kinds: Sequence[str] = (), overwr
         from linework.files.vectors_dxf import write_prj
 
         write_prj(lines.crs, path.with_suffix(".prj"), overwrite=overwrite)
-    publish(
-        path,
-        lambda part: write(lines, part, kinds),
-        lambda part: verify(part, lines, path),
-        overwrite=overwrite,
-    )
+
+    def verify_and_note(part: Path) -> None:
+        verify(part, lines, path)
+        if note is not None:
+            note(hash_file(part))
+
+    publish(path, lambda part: write(lines, part, kinds), verify_and_note, overwrite=overwrite)
 
 
 def read_lines(

@@ -1,7 +1,7 @@
 """Where tasks are done: here one after the other, or in processes that may die without taking the run along.
 
 A task carries names, paths and settings, never points; what comes back is a receipt. The same protocol
-serves a cluster.
+serves a cluster: `linework.tiling.processes` is one way to do tasks elsewhere, Dask will be another.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ Receipt = TypeVar("Receipt")
 
 @dataclass(frozen=True, slots=True)
 class Outcome(Generic[Task, Receipt]):
-    """What came of a task: a receipt, or the problem in one line."""
+    """What came of a task: a receipt, or the problem in one line and the traceback for the log."""
 
     task: Task
     receipt: Receipt | None
     problem: str = ""
+    trace: str = ""
 
 
 class Executor(Protocol):
@@ -41,6 +42,11 @@ class Executor(Protocol):
         ----------
         work
             A function of a module, so that another process finds it by its name.
+
+        Raises
+        ------
+        MachineError
+            The machine refused (disk full): no fault of a task, so it ends the run.
         """
         ...
 
@@ -57,17 +63,21 @@ class Serial:
         [1, 2]
         """
         for task in tasks:
-            yield _outcome(work, task)
+            yield outcome_of(work, task)
 
 
-def _outcome(work: Callable[[Task], Receipt], task: Task) -> Outcome[Task, Receipt]:
-    """Return what came of a task; the machine's refusals (disk full) end the run, they are no fault of the task."""
+def outcome_of(work: Callable[[Task], Receipt], task: Task) -> Outcome[Task, Receipt]:
+    """Do a task here; whatever it raises is its problem, but for what the machine refuses."""
     try:
         return Outcome(task, work(task))
     except MachineError:
         raise
+    except MemoryError:
+        return Outcome(task, None, "needs more memory than there is")
     except Exception as error:
-        return Outcome(task, None, str(error) or type(error).__name__)
+        import traceback
+
+        return Outcome(task, None, f"{type(error).__name__}: {error}", traceback.format_exc())
 
 
 Item = TypeVar("Item")

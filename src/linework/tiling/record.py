@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import glob
 import json
 import os
 import platform
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import linework
+from linework.files.publish import is_alive
 
 #: What can change the result: named in every record.
 PACKAGES = ("numpy", "scipy", "numba", "laspy", "lazrs", "pyproj", "pyogrio", "shapely")
@@ -69,6 +71,7 @@ def set_aside(path: Path) -> Iterator[None]:
     The order is: old record away, new output in place, new record in place. Whenever the run is killed,
     no output stands beside the record of another.
     """
+    _put_back(path)
     aside = path.with_name(f".{path.name}.{os.getpid()}.old")
     had_one = path.exists()
     if had_one:
@@ -80,6 +83,17 @@ def set_aside(path: Path) -> Iterator[None]:
             aside.replace(path)
         raise
     aside.unlink(missing_ok=True)
+
+
+def _put_back(path: Path) -> None:
+    """Put back, or remove where there is a newer one, the old record that a killed run took away."""
+    for aside in sorted(path.parent.glob(f".{glob.escape(path.name)}.*.old")):
+        number = aside.name.removesuffix(".old").rpartition(".")[2]
+        if number.isdigit() and not is_alive(int(number)):
+            if path.exists():
+                aside.unlink()
+            else:
+                aside.replace(path)
 
 
 def _output_of(record: Path) -> str:

@@ -1,0 +1,134 @@
+"""The work folder of a survey: tile stores and unfinished runs, which everything can be made anew without.
+
+.linework/
+    stores/<key>/           points of one state of the input files, and the surfaces found in them
+    runs/<key>/             journal and lines of the tiles of a run that is not finished
+    *.lock                  held by whoever makes or uses what they are named for
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from linework.errors import InputError, MachineError, OutputExistsError
+from linework.files.publish import machine_errors
+from linework.model.survey import Survey
+
+NAME = ".linework"
+STORES, RUNS = "stores", "runs"
+
+
+def work_folder(survey: Survey, given: Path | None = None) -> Path:
+    """Return the survey's work folder, made if it is missing.
+
+    Beside the survey; where that cannot be written, in the user's cache.
+
+    Raises
+    ------
+    MachineError
+        `given` is no folder, or cannot be written.
+    """
+    if given is not None:
+        _make(given)
+        return given
+    beside = survey.root / NAME
+    try:
+        _make(beside)
+    except MachineError:
+        elsewhere = _cache() / hashlib.sha256(os.fsencode(survey.root.resolve())).hexdigest()[:16]
+        _make(elsewhere)
+        return elsewhere
+    return beside
+
+
+def existing_work_folders(survey: Survey, given: Path | None = None) -> list[Path]:
+    """Return the survey's work folders that are there."""
+    cached = _cache() / hashlib.sha256(os.fsencode(survey.root.resolve())).hexdigest()[:16]
+    candidates = [given] if given is not None else [survey.root / NAME, cached]
+    return [folder for folder in candidates if folder.is_dir()]
+
+
+def clean(folder: Path) -> int:
+    """Remove what linework has put into a work folder, and the folder if nothing else is in it.
+
+    Returns
+    -------
+    int
+        Bytes that were freed.
+
+    Raises
+    ------
+    OutputExistsError
+        A run is using it.
+    InputError
+        It is not a work folder.
+    """
+    ours = [
+        path for path in sorted(folder.iterdir()) if path.name in (STORES, RUNS) or path.suffix == ".lock"
+    ]
+    if not ours and any(folder.iterdir()):
+        raise InputError(
+            "is not a work folder of linework", where=folder, advice="name the folder given as --work"
+        )
+    held = contextlib.ExitStack()
+    with held, machine_errors(folder):
+        for lock in [path for path in ours if path.suffix == ".lock"]:
+            held.enter_context(locked(lock, wait=False))
+        n_bytes = sum(f.stat().st_size for path in ours for f in path.rglob("*") if f.is_file())
+        for path in ours:
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+    with contextlib.suppress(OSError):
+        folder.rmdir()
+    return n_bytes
+
+
+@contextlib.contextmanager
+def locked(lock: Path, *, shared: bool = False, wait: bool = True) -> Iterator[None]:
+    """Hold a lock file; the system lets go of it when the process ends, however it ends.
+
+    Raises
+    ------
+    OutputExistsError
+        Another run holds it, and `wait` is not set.
+    """
+    kind = (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB)
+    with machine_errors(lock):
+        handle = os.open(lock, os.O_RDWR | os.O_CREAT, 0o666)
+    try:
+        try:
+            fcntl.flock(handle, kind)
+        except BlockingIOError:
+            raise OutputExistsError(
+                "another run is using it", where=lock.parent, advice="wait for it"
+            ) from None
+        yield
+    finally:
+        os.close(handle)
+
+
+def _make(folder: Path) -> None:
+    """Make a folder and see that files can be made in it."""
+    if os.path.lexists(folder) and not folder.is_dir():
+        raise MachineError("is not a folder", where=folder, advice="give --work another place")
+    with machine_errors(folder):
+        for name in (STORES, RUNS):
+            (folder / name).mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder / RUNS):
+            pass
+
+
+def _cache() -> Path:
+    """Return the user's cache for linework; without a home, a place among the temporary files."""
+    given = os.environ.get("XDG_CACHE_HOME", "")
+    try:
+        base = Path(given) if given else Path.home() / ".cache"
+    except RuntimeError:
+        base = Path(tempfile.gettempdir())
+    return base / "linework"
