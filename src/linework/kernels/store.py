@@ -1,0 +1,252 @@
+"""Points to runs of packed keys, and back. What the bits mean is told in `linework.files.store_layout`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+Array = npt.NDArray[Any]
+U64 = np.uint64
+
+#: Added to a coordinate in steps: whole blocks, so that what is counted is never negative. Beyond 1e8 m.
+_PLAN_BLOCKS, _UP_BLOCKS = 2**21, 2**16
+_PLAN_SHIFT, _UP_SHIFT = _PLAN_BLOCKS * 640_000, _UP_BLOCKS * 2**24
+_PLAN_END, _UP_END = U64(2 * _PLAN_SHIFT), U64(2 * _UP_SHIFT)
+_BLOCK, _CELL = U64(640_000), U64(5_000)
+#: A block's code: north, east, up, so that codes in order are blocks row-major from the south-west.
+_NORTH_BITS, _EAST_BITS = U64(39), U64(17)
+_EAST_MASK, _UP_MASK = U64(2**22 - 1), U64(2**17 - 1)
+_NO_CODE = U64(2**64 - 1)
+#: Odd, and even: their sum with any multiple of the second is odd, so that a change of one word always shows.
+_MIX_SUM, _MIX_SUMS = U64(0x9E3779B97F4A7C15), U64(0xD1B54A32D192ED02)
+#: Fibonacci hashing.
+_GOLDEN = U64(0x9E3779B97F4A7C15)
+
+
+@njit(cache=True, nogil=True)
+def pack_points(
+    xyz: Array, keys: Array, ends: Array, owners: Array, heights: Array, middle: int
+) -> tuple[int, int, Array, Array, int, int]:
+    """Write the key of each point, and find which block each stretch of points lies in.
+
+    Parameters
+    ----------
+    xyz
+        (n, 3) float64 [m].
+    keys
+        (n,) uint64, written.
+    ends, owners
+        (n,) int32, written: where each stretch of points of one block ends, and the number of the block.
+    heights
+        int64, added to: points by bucket of 64 m; bucket 0 is at `middle`.
+
+    Returns
+    -------
+    number of stretches (-1 where a coordinate is too far or no number), number of blocks, codes and counts of
+    the blocks (in the order in which they came up), lowest and highest bucket.
+    """
+    n_slots = 1024
+    table = np.full(n_slots, -1, np.int32)
+    codes = np.empty(n_slots // 2, np.uint64)
+    counts = np.zeros(n_slots // 2, np.int64)
+    n_blocks, n_stretches = 0, 0
+    last_code, owner, start = _NO_CODE, 0, 0
+    low, high = len(heights), -1
+    last_bucket, n_bucket = -1, 0
+    for i in range(len(xyz)):
+        x = U64(np.int64(np.rint(xyz[i, 0] * 10000.0)) + _PLAN_SHIFT)
+        y = U64(np.int64(np.rint(xyz[i, 1] * 10000.0)) + _PLAN_SHIFT)
+        up = np.int64(np.rint(xyz[i, 2] * 10000.0))
+        z = U64(up + _UP_SHIFT)
+        if x >= _PLAN_END or y >= _PLAN_END or z >= _UP_END:
+            return -1, 0, codes, counts, 0, 0
+        east, north = x // _BLOCK, y // _BLOCK
+        x -= east * _BLOCK
+        y -= north * _BLOCK
+        col, row = x // _CELL, y // _CELL
+        keys[i] = (
+            (row << U64(57))
+            | (col << U64(50))
+            | ((y - row * _CELL) << U64(37))
+            | ((x - col * _CELL) << U64(24))
+            | (z & U64(0xFFFFFF))
+        )
+        bucket = np.int64(U64(up + _PLAN_SHIFT) // _BLOCK) - _PLAN_BLOCKS + middle
+        if bucket != last_bucket:
+            if n_bucket:
+                heights[last_bucket] += n_bucket
+            last_bucket, n_bucket = bucket, 0
+            low, high = min(low, bucket), max(high, bucket)
+        n_bucket += 1
+        code = (north << _NORTH_BITS) | (east << _EAST_BITS) | (z >> U64(24))
+        if code == last_code:
+            continue
+        if i > start:
+            counts[owner] += i - start
+            ends[n_stretches], owners[n_stretches] = i, owner
+            n_stretches += 1
+        start, last_code = i, code
+        owner = _slot_of(code, table, codes)
+        if owner >= 0:
+            owner = table[owner]
+        else:
+            if n_blocks == len(codes):
+                table, codes, counts = _doubled(codes, counts)
+                owner = _slot_of(code, table, codes)
+            table[-1 - owner] = n_blocks
+            codes[n_blocks] = code
+            owner = n_blocks
+            n_blocks += 1
+    if len(xyz) > start:
+        counts[owner] += len(xyz) - start
+        ends[n_stretches], owners[n_stretches] = len(xyz), owner
+        n_stretches += 1
+        heights[last_bucket] += n_bucket
+    return n_stretches, n_blocks, codes[:n_blocks], counts[:n_blocks], low, high
+
+
+@njit(cache=True, nogil=True)
+def _slot_of(code: Any, table: Array, codes: Array) -> int:
+    """Return the slot of the hash table that holds `code`, or -1 - the free slot where it belongs."""
+    mask = U64(len(table) - 1)
+    slot = (code * _GOLDEN) >> U64(32) & mask
+    while table[slot] >= 0:
+        if codes[table[slot]] == code:
+            return np.int64(slot)
+        slot = (slot + U64(1)) & mask
+    return -1 - np.int64(slot)
+
+
+@njit(cache=True, nogil=True)
+def _doubled(codes: Array, counts: Array) -> tuple[Array, Array, Array]:
+    """Return table, codes and counts with room for twice as many blocks; the table is half full at most."""
+    n = len(codes)
+    table = np.full(4 * n, -1, np.int32)
+    more_codes = np.empty(2 * n, np.uint64)
+    more_counts = np.zeros(2 * n, np.int64)
+    for i in range(n):
+        more_codes[i], more_counts[i] = codes[i], counts[i]
+        table[-1 - _slot_of(codes[i], table, more_codes)] = i
+    return table, more_codes, more_counts
+
+
+@njit(cache=True, nogil=True)
+def blocks_of(codes: Array) -> Array:
+    """Return the (n, 3) int64 block numbers (east, north, up) of codes."""
+    blocks = np.empty((len(codes), 3), np.int64)
+    for i in range(len(codes)):
+        blocks[i, 0] = np.int64((codes[i] >> _EAST_BITS) & _EAST_MASK) - _PLAN_BLOCKS
+        blocks[i, 1] = np.int64(codes[i] >> _NORTH_BITS) - _PLAN_BLOCKS
+        blocks[i, 2] = np.int64(codes[i] & _UP_MASK) - _UP_BLOCKS
+    return blocks
+
+
+@njit(cache=True, nogil=True)
+def scatter_runs(
+    keys: Array, intensity: Array, time: Array, ends: Array, owners: Array, firsts: Array, words: Array
+) -> None:
+    """Write the points' columns to their runs.
+
+    Parameters
+    ----------
+    time
+        (n,) float64, or of length 0: none.
+    ends, owners
+        (m,) int32: the stretches of `pack_points`.
+    firsts
+        (n_blocks, 3) int64: where in `words` (keys, times) and in its quarters (intensities) the next point of
+        each block goes; moved on.
+    words
+        (w,) uint64, written.
+    """
+    halves = words.view(np.uint16)
+    reals = words.view(np.float64)
+    with_time = len(time) > 0
+    start = 0
+    for s in range(len(ends)):
+        owner, end = owners[s], ends[s]
+        n = end - start
+        to_key, to_time, to_intensity = firsts[owner, 0], firsts[owner, 1], firsts[owner, 2]
+        for i in range(n):
+            words[to_key + i] = keys[start + i]
+        if with_time:
+            for i in range(n):
+                reals[to_time + i] = time[start + i]
+        for i in range(n):
+            halves[to_intensity + i] = intensity[start + i]
+        firsts[owner, 0] += n
+        firsts[owner, 1] += n
+        firsts[owner, 2] += n
+        start = end
+
+
+@njit(cache=True, nogil=True)
+def checksum(keys: Array, times: Array, intensities: Array) -> Any:
+    """Return a 64-bit checksum of a run's columns (times as uint64, or of length 0).
+
+    Two running sums as in Fletcher (1982), modulo 2**64: a changed word and swapped words show, and it costs a
+    sixth of CRC-32.
+    """
+    a, b = U64(0), U64(0)
+    for i in range(len(keys)):
+        a += keys[i]
+        b += a
+    for i in range(len(times)):
+        a += times[i]
+        b += a
+    n = len(intensities)
+    for i in range(0, n - 3, 4):
+        a += (
+            U64(intensities[i])
+            | (U64(intensities[i + 1]) << U64(16))
+            | (U64(intensities[i + 2]) << U64(32))
+            | (U64(intensities[i + 3]) << U64(48))
+        )
+        b += a
+    word = U64(0)
+    for i in range(n - n % 4, n):
+        word |= U64(intensities[i]) << U64(16 * (i % 4))
+    a += word
+    b += a
+    return a * _MIX_SUM + b * _MIX_SUMS
+
+
+@njit(cache=True, nogil=True)
+def extent_of(keys: Array) -> tuple[int, int, int, int, int, int]:
+    """Return the closed extent (west, south, low, east, north, high) of keys in steps from the block's corner."""
+    west, south, low = np.int64(2**24), np.int64(2**24), np.int64(2**24)
+    east, north, high = np.int64(-1), np.int64(-1), np.int64(-1)
+    for i in range(len(keys)):
+        key = keys[i]
+        x = np.int64((key >> U64(50)) & U64(127)) * 5000 + np.int64((key >> U64(24)) & U64(8191))
+        y = np.int64(key >> U64(57)) * 5000 + np.int64((key >> U64(37)) & U64(8191))
+        z = np.int64(key & U64(0xFFFFFF))
+        west, east = min(west, x), max(east, x)
+        south, north = min(south, y), max(north, y)
+        low, high = min(low, z), max(high, z)
+    return west, south, low, east, north, high
+
+
+@njit(cache=True, nogil=True)
+def describe_runs(
+    words: Array, firsts: Array, counts: Array, with_time: bool, sums: Array, extents: Array
+) -> None:
+    """Write the checksum and the extent of each run that `scatter_runs` has made.
+
+    Parameters
+    ----------
+    firsts
+        (m, 3) int64: where each run's columns begin, as before scattering.
+    """
+    halves = words.view(np.uint16)
+    for r in range(len(counts)):
+        n = counts[r]
+        keys = words[firsts[r, 0] : firsts[r, 0] + n]
+        times = words[firsts[r, 1] : firsts[r, 1] + (n if with_time else 0)]
+        sums[r] = checksum(keys, times, halves[firsts[r, 2] : firsts[r, 2] + n])
+        (
+            extents[r, 0], extents[r, 1], extents[r, 2], extents[r, 3], extents[r, 4], extents[r, 5]
+        ) = extent_of(keys)  # fmt: skip
