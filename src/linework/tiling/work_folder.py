@@ -14,21 +14,20 @@ import hashlib
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from linework.errors import InputError, MachineError, OutputExistsError
 from linework.files.publish import machine_errors
-from linework.model.survey import Survey
 
 NAME = ".linework"
 STORES, RUNS = "stores", "runs"
 
 
-def work_folder(survey: Survey, given: Path | None = None) -> Path:
-    """Return the survey's work folder, made if it is missing.
+def work_folder(root: Path, given: Path | None = None) -> Path:
+    """Return a survey's work folder, made if it is missing.
 
-    Beside the survey; where that cannot be written, in the user's cache.
+    Beside the survey, in `root`; where that cannot be written, in the user's cache.
 
     Raises
     ------
@@ -38,20 +37,24 @@ def work_folder(survey: Survey, given: Path | None = None) -> Path:
     if given is not None:
         _make(given)
         return given
-    beside = survey.root / NAME
+    beside = root / NAME
     try:
         _make(beside)
     except MachineError:
-        elsewhere = _cache() / hashlib.sha256(os.fsencode(survey.root.resolve())).hexdigest()[:16]
+        elsewhere = _in_cache(root)
         _make(elsewhere)
         return elsewhere
     return beside
 
 
-def existing_work_folders(survey: Survey, given: Path | None = None) -> list[Path]:
-    """Return the survey's work folders that are there."""
-    cached = _cache() / hashlib.sha256(os.fsencode(survey.root.resolve())).hexdigest()[:16]
-    candidates = [given] if given is not None else [survey.root / NAME, cached]
+def root_of(inputs: Sequence[Path]) -> Path:
+    """Return the folder a survey lies in: what was named, or what holds it."""
+    return inputs[0] if inputs[0].is_dir() else inputs[0].parent
+
+
+def existing_work_folders(root: Path, given: Path | None = None) -> list[Path]:
+    """Return a survey's work folders that are there."""
+    candidates = [given] if given is not None else [root / NAME, _in_cache(root)]
     return [folder for folder in candidates if folder.is_dir()]
 
 
@@ -124,11 +127,11 @@ def _make(folder: Path) -> None:
             pass
 
 
-def _cache() -> Path:
-    """Return the user's cache for linework; without a home, a place among the temporary files."""
+def _in_cache(root: Path) -> Path:
+    """Return the survey's place in the user's cache; without a home, among the temporary files."""
     given = os.environ.get("XDG_CACHE_HOME", "")
     try:
         base = Path(given) if given else Path.home() / ".cache"
     except RuntimeError:
         base = Path(tempfile.gettempdir())
-    return base / "linework"
+    return base / "linework" / hashlib.sha256(os.fsencode(root.resolve())).hexdigest()[:16]

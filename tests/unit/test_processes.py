@@ -1,0 +1,141 @@
+"""Tasks in processes that die, hang and fail: each costs its own task, by name."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from linework.errors import MachineError
+from linework.tiling.executors import Serial
+from linework.tiling.processes import Processes
+
+HERE = Path(__file__).parent
+WORK = """
+import os, signal, time
+from linework.errors import MachineError
+
+def work(task):
+    if task.startswith("signal"):
+        os.kill(os.getpid(), int(task.split()[1]))
+    if task == "once":  # dies the first time only
+        if not os.path.exists(os.environ["DIED"]):
+            open(os.environ["DIED"], "w").close()
+            os._exit(7)
+    if task == "leave":
+        os._exit(0)
+    if task == "hang":
+        time.sleep(60)
+    if task == "stop":
+        os.kill(os.getpid(), signal.SIGSTOP)
+    if task == "fail":
+        raise KeyError("x")
+    if task == "eat":
+        raise MemoryError
+    if task == "full":
+        raise MachineError("cannot be written: no space", where="tile", advice="free some")
+    if task == "pid":
+        return os.getpid()
+    return task.upper()
+"""
+
+
+@pytest.fixture
+def work(tmp_path, monkeypatch):
+    (tmp_path / "some_work.py").write_text(WORK)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("DIED", str(tmp_path / "died"))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    sys.modules.pop("some_work", None)
+    import some_work
+
+    return some_work.work
+
+
+def outcomes(executor, work, tasks):
+    return {o.task: (o.receipt, o.problem) for o in executor.run(work, tasks)}
+
+
+def test_what_dies_or_fails_costs_its_own_task(work):
+    tasks = [
+        "a",
+        f"signal {signal.SIGKILL:d}",
+        "b",
+        f"signal {signal.SIGSEGV:d}",
+        "leave",
+        "fail",
+        "once",
+        "c",
+        "eat",
+    ]
+    with Processes(2) as executor:
+        found = outcomes(executor, work, tasks)
+    assert set(found) == set(tasks)
+    assert [found[task] for task in ("a", "b", "c")] == [("A", ""), ("B", ""), ("C", "")]
+    assert found["once"] == ("ONCE", ""), "a task that died once is tried again"
+    assert found["signal 9"] == (None, "the worker died (SIGKILL)")
+    assert found["signal 11"] == (None, "the worker died (SIGSEGV)")
+    assert found["leave"] == (None, "the worker died (exit code 0)")
+    assert found["fail"] == (None, "KeyError: 'x'")
+    assert found["eat"] == (None, "needs more memory than there is")
+
+
+@pytest.mark.parametrize("task", ["hang", "stop"])
+def test_what_hangs_is_given_up(work, task):
+    with Processes(2, limit_s=0.7) as executor:
+        found = outcomes(executor, work, [task, "a"])
+    assert found == {task: (None, "took longer than 1 s"), "a": ("A", "")}
+
+
+@pytest.mark.parametrize("make", [Serial, lambda: Processes(1)])
+def test_a_full_disk_ends_the_run_and_leaves_no_process(work, make):
+    executor = make()
+    with pytest.raises(MachineError, match=r"tile: cannot be written: no space. Free some."):
+        outcomes(executor, work, ["a", "full", "b"])
+    if isinstance(executor, Processes):
+        executor.__exit__(None, None, None)
+
+
+def test_the_order_of_tasks_and_the_number_of_processes_change_nothing(work):
+    tasks = [f"task {i}" for i in range(20)]
+    with Processes(2) as executor:
+        assert outcomes(executor, work, tasks) == outcomes(Serial(), work, tasks[::-1])
+
+
+def test_processes_end_with_their_parent_however_it_ends(work, tmp_path):
+    script = tmp_path / "parent.py"
+    script.write_text(
+        "import some_work, sys, time\n"
+        "from linework.tiling.processes import Processes\n"
+        "executor = Processes(2)\n"
+        "pids = [o.receipt for o in executor.run(some_work.work, ['pid'])]\n"
+        "print(*[w.process.pid for w in executor._workers], flush=True)\n"
+        "time.sleep(60)\n"
+    )
+    with subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        pids = [int(word) for word in parent.stdout.readline().split()]
+        parent.send_signal(signal.SIGKILL)
+    assert len(pids) == 2
+    deadline = time.monotonic() + 5.0
+    while any(map(_lives, pids)) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not any(map(_lives, pids))
+
+
+def _lives(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_processes_are_gone_when_the_executor_is_left(work):
+    with Processes(2) as executor:
+        (pid,) = (o.receipt for o in executor.run(work, ["pid"]))
+        assert _lives(pid)
+        assert pid != os.getpid()
+    assert not _lives(pid)
