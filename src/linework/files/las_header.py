@@ -25,6 +25,8 @@ from linework.files.las_chunks import LazTable, read_laz_table
 
 #: Bytes of a point record without extra bytes, by point format (specification tables 7 to 17).
 RECORD_BYTES = {0: 20, 1: 28, 2: 26, 3: 34, 4: 57, 5: 63, 6: 30, 7: 36, 8: 38, 9: 59, 10: 67}
+#: Point formats with a GPS time.
+_WITH_TIME = (1, 3, 4, 5, 6, 7, 8, 9, 10)
 #: Header bytes by minor version; some writers add more, none can have less.
 _HEADER_BYTES = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}
 _DAMAGED = "copy the file again, or leave it out"
@@ -45,6 +47,16 @@ class LasHeader:
     projection: tuple[tuple[int, bytes], ...]
     laz: LazTable | None
     warnings: tuple[str, ...]
+
+    @property
+    def has_time(self) -> bool:
+        """Whether the point format has a time."""
+        return self.point_format in _WITH_TIME
+
+    @property
+    def version_text(self) -> str:
+        """Version, as people write it."""
+        return f"{self.version[0]}.{self.version[1]}"
 
 
 def read_las_header(path: Path) -> LasHeader:
