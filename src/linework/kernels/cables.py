@@ -64,9 +64,9 @@ def near_segment(
     """Return the indices of points within `reach` of a plan line's stretch.
 
     `keys` (columns,) are the sorted row-major numbers of the occupied columns, `grid` is (cell size, number
-    of columns per row), `segment` is (x, y, ux, uy, from, to): a point, a unit direction, two stations.
+    of columns per row, first column, first row), `segment` is (x, y, ux, uy, from, to): a point, a unit direction, two stations.
     """
-    cell, n_cols = grid[0], int(grid[1])
+    cell, n_cols, west_col, south_row = grid[0], int(grid[1]), int(grid[2]), int(grid[3])
     x0, y0, ux, uy, low, high = segment
     xa, xb = x0 + ux * low, x0 + ux * high
     ya, yb = y0 + uy * low, y0 + uy * high
@@ -74,7 +74,7 @@ def near_segment(
     row_high = math.floor((max(ya, yb) + reach) / cell)
     found = np.empty(256, np.int64)
     n = 0
-    for row in range(max(row_low, 0), row_high + 1):
+    for row in range(max(row_low, south_row), row_high + 1):
         west, east = min(xa, xb) - reach, max(xa, xb) + reach
         if abs(uy) > 1e-6:  # the stretch of the line that can touch this row
             t1 = (row * cell - reach - y0) / uy
@@ -82,9 +82,11 @@ def near_segment(
             ta, tb = max(min(t1, t2), low), min(max(t1, t2), high)
             west = max(west, min(x0 + ux * ta, x0 + ux * tb) - 1.5 * reach)
             east = min(east, max(x0 + ux * ta, x0 + ux * tb) + 1.5 * reach)
-        col_low, col_high = max(math.floor(west / cell), 0), min(math.floor(east / cell), n_cols - 1)
-        k = np.searchsorted(keys, row * n_cols + col_low)
-        while k < len(keys) and keys[k] <= row * n_cols + col_high:
+        col_low = max(math.floor(west / cell) - west_col, 0)
+        col_high = min(math.floor(east / cell) - west_col, n_cols - 1)
+        first = (row - south_row) * n_cols
+        k = np.searchsorted(keys, first + col_low)
+        while k < len(keys) and keys[k] <= first + col_high:
             for i in range(start[k], start[k + 1]):
                 p = order[i]
                 dx, dy = xy[p, 0] - x0, xy[p, 1] - y0

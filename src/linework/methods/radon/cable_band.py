@@ -42,10 +42,10 @@ class Band:
     lonely
         (n,) bool: not crowded, and in the band or up to `BELOW_M` below it: may be a wire.
     origin
-        (3,) float64 [m, world], whole multiples of 100 m: keeps the digits, and every tile's lattice the same.
+        (3,) float64 [m, world], shared by all tiles of a survey: keeps the digits, and the lattices the same.
     keys, start, order, grid
         The columns: sorted row-major numbers of the occupied ones, where each starts in `order`, the points
-        by column, and (column side [m], columns per row).
+        by column, and (column side [m], columns per row, first column, first row).
     """
 
     index: IntArray
@@ -66,7 +66,7 @@ class Band:
         return found
 
 
-def cable_band(xyz: FloatArray, height_m: Float32Array, low_m: float) -> Band | None:
+def cable_band(xyz: FloatArray, height_m: Float32Array, low_m: float, origin: FloatArray) -> Band | None:
     """Return the points above `low_m` and, for context, those up to 2 m below it; None where there are none.
 
     Parameters
@@ -75,6 +75,8 @@ def cable_band(xyz: FloatArray, height_m: Float32Array, low_m: float) -> Band | 
         (n, 3) float64 [m, world].
     height_m
         (n,) float32 [m] above the ground; NaN where not known (left out).
+    origin
+        (3,) float64 [m, world] that columns, layers and cells are counted from.
 
     Notes
     -----
@@ -83,14 +85,13 @@ def cable_band(xyz: FloatArray, height_m: Float32Array, low_m: float) -> Band | 
     index = np.flatnonzero(height_m >= low_m - BELOW_M - REACH_M)
     if len(index) == 0:
         return None
-    points = xyz[index]
-    origin = np.floor(points.min(axis=0) / 100.0) * 100.0
-    local = points - origin
+    local = xyz[index] - origin
     height = height_m[index].astype(np.float64)
     sub = np.floor(local[:, :2] / (COLUMN_M / kernels.SIDE)).astype(np.int64)
     column = sub // kernels.SIDE
-    n_cols = int(column[:, 0].max()) + 1
-    key = column[:, 1] * n_cols + column[:, 0]
+    west, south = column.min(axis=0).tolist()
+    n_cols = int(column[:, 0].max()) - west + 1
+    key = (column[:, 1] - south) * n_cols + column[:, 0] - west
     order = np.argsort(key, kind="stable")
     ordered = key[order]
     first = np.flatnonzero(np.diff(ordered, prepend=-1))
@@ -108,5 +109,5 @@ def cable_band(xyz: FloatArray, height_m: Float32Array, low_m: float) -> Band | 
         ordered[first],
         start,
         order,
-        np.array([COLUMN_M, float(n_cols)]),
+        np.array([COLUMN_M, n_cols, west, south], dtype=np.float64),
     )

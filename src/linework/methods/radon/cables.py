@@ -16,6 +16,7 @@ from linework.methods.radon.cable_widths import Widths
 from linework.model.arrays import Float32Array, FloatArray, IntArray
 from linework.model.lines import LineSet
 from linework.model.settings import setting
+from linework.model.tile import local_origin
 
 #: A catenary and a line have five unknowns; eight points leave three to judge them by.
 LEAST_POINTS = 8
@@ -72,7 +73,11 @@ class CableConfig:
 
 
 def find_cables(
-    xyz: FloatArray, time_s: FloatArray | None, height_m: Float32Array, config: CableConfig
+    xyz: FloatArray,
+    time_s: FloatArray | None,
+    height_m: Float32Array,
+    config: CableConfig,
+    origin: tuple[float, float, float] | None = None,
 ) -> LineSet:
     """Return the wires above a tile, one line per wire and span.
 
@@ -84,6 +89,8 @@ def find_cables(
         (n,) float64 [s], or None.
     height_m
         (n,) float32 [m] above the road or ground; NaN where not known.
+    origin
+        Shared by all tiles of a survey, whole multiples of 1200 m [m, world]; None: made from the points.
 
     Returns
     -------
@@ -100,7 +107,10 @@ def find_cables(
     can also be identified, though they need further analysis". The further analysis is ours.
     """
     # The height band, and in it the points that are alone in their column
-    band = cable_band(xyz, height_m, config.low_m)
+    if len(xyz) == 0:
+        return LineSet.empty()
+    shared = np.array(origin or local_origin(*xyz.min(axis=0).tolist()))
+    band = cable_band(xyz, height_m, config.low_m, shared)
     if band is None:
         return LineSet.empty()
     # Peaks of Radon transforms of the plan image, each followed in its vertical slice
