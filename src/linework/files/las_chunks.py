@@ -27,12 +27,19 @@ _POINT_BY_POINT, _LAYERED = 1, 3
 _FIRST_LAYERED_ITEM, _LAST_ITEM = 10, 14
 #: Layers by item type: point, RGB, RGB and infrared, wave packet; extra bytes have one each.
 _LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}
+#: More points than a chunk can have: decoders count them in 32 bits, and all ones stand for chunks of own sizes.
+_ONE_CHUNK = 0xFFFFFFFE
+#: What follows the header of a compressed file without points: the place of the chunk table, and an empty one.
+_EMPTY_BYTES = 64
 #: Chunk size that says: every chunk has its own (COPC).
 _VARIABLE_CHUNKS = 0xFFFFFFFF
 #: Decoders allocate a chunk at once; writers use 50,000 points and hardly ever more than a million.
 _MAX_CHUNK = 10_000_000
-#: A scan line of zeros compresses to about 0.02 bytes a point at the very best; a count beyond is made up.
+#: A million equal points take 0.007 bytes each (measured); a count beyond is made up.
 _MAX_POINTS_PER_BYTE = 1000
+#: Points of a scanner, noise in every coordinate, take 1 to 10 bytes each. A large file with 20 points to a byte
+#: is made to fill the disk of whoever unpacks it; a small one does no harm.
+_BOMB_POINTS_PER_BYTE, _BOMB_POINTS = 20, 20_000_000
 _DAMAGED = "copy the file again, or leave it out"
 
 
@@ -45,7 +52,7 @@ class LazTable:
     vlr
         The record that decoders want.
     chunk_size
-        Points a chunk.
+        Points a chunk; 0 where the points are not in chunks.
     table_offset
         Where the chunk table begins, None where the points are not in chunks.
     is_sound
@@ -66,6 +73,7 @@ def read_laz_table(
     point_offset: int,
     record_bytes: int,
     n_points: int,
+    points_end: int,
 ) -> LazTable:
     """Return how the points are packed.
 
@@ -73,6 +81,8 @@ def read_laz_table(
     ----------
     vlrs
         (user id, record id, data) of the variable length records.
+    points_end
+        Byte where the points and their chunk table end: the file's end, or where other records follow.
 
     Raises
     ------
@@ -87,39 +97,86 @@ def read_laz_table(
     if compressor not in (1, 2, 3):
         raise _newer(path, f"LAZ compressor {compressor}, expected 1 to 3")
     _check_items(path, data, compressor, record_bytes)
-    n_bytes = path.stat().st_size
-    if n_points > (n_bytes - point_offset) * _MAX_POINTS_PER_BYTE:
-        raise _too_many(path, n_points, f"{n_bytes - point_offset:,} bytes of them")
-    if compressor == _POINT_BY_POINT or n_points == 0:
-        return LazTable(data, chunk_size, None, False)
+    _check_share(path, n_points, points_end - point_offset)
+    if compressor == _POINT_BY_POINT:
+        # Decoders take no chunk size for chunks of several sizes; this is one chunk without an end
+        return LazTable(data[:12] + struct.pack("<I", _ONE_CHUNK) + data[16:], 0, None, False)
     if not (0 < chunk_size <= _MAX_CHUNK or chunk_size == _VARIABLE_CHUNKS):
         raise _error(path, f"laszip record says chunks of {chunk_size:,} points, expected some 50,000")
-    at = _table_offset(path, file, point_offset, n_bytes, n_points)
-    chunks = _listed_chunks(file, data, point_offset, at)
-    is_sound = bool(chunks)
+    if n_points == 0:
+        refuse_unfinished(path, points_end - point_offset, _EMPTY_BYTES)
+        return LazTable(data, chunk_size, None, False)
+    at = _table_offset(path, file, point_offset, n_points)
+    listed = _listed_chunks(file, data, point_offset, at)
     if compressor == _LAYERED:
         walked = _walked_chunks(path, file, data, point_offset, at, record_bytes)
-        # A short last chunk is listed as a whole one, so only the bytes can be compared
-        is_sound = [size for _, size in chunks] == [size for _, size in walked]
-        chunks = walked
-    return _judged(path, LazTable(data, chunk_size, at, is_sound), chunks, n_points)
+        table = LazTable(data, chunk_size, at, _agree(path, listed, walked, chunk_size))
+        return _judged(path, table, walked, n_points, is_exact=True)
+    return _judged(path, LazTable(data, chunk_size, at, bool(listed)), listed, n_points, is_exact=False)
 
 
-def _judged(path: Path, table: LazTable, chunks: Sequence[tuple[int, int]], n_points: int) -> LazTable:
+def _check_share(path: Path, n_points: int, n_bytes: int) -> None:
+    """Refuse more points than bytes can hold, or than points of a scanner can be squeezed into."""
+    if n_points > n_bytes * _MAX_POINTS_PER_BYTE:
+        raise _too_many(path, n_points, f"{n_bytes:,} bytes of them")
+    if n_points > max(_BOMB_POINTS, n_bytes * _BOMB_POINTS_PER_BYTE):
+        raise InputError(
+            f"header promises {n_points:,} points in {n_bytes:,} bytes, {n_points / n_bytes:.0f} to a byte: no scanner's"
+            " points are so much alike",
+            where=path,
+            advice="leave it out",
+        )
+
+
+def refuse_unfinished(path: Path, n_bytes: int, empty_bytes: int) -> None:
+    """Refuse a file whose header was never brought up to date after the points were written."""
+    if n_bytes > empty_bytes:
+        raise InputError(
+            f"no points (0 in the header), but {n_bytes:,} bytes of them follow: the recording was not closed", where=path,
+            advice="repair it with the tool that made it, or leave it out",
+        )  # fmt: skip
+
+
+def _agree(
+    path: Path, listed: Sequence[tuple[int, int]], walked: Sequence[tuple[int, int]], chunk_size: int
+) -> bool:
+    """Return whether the chunk table says what the chunks say; refuse chunks that decoders loop on.
+
+    A short last chunk is listed as a whole one, so of chunks of one size only the bytes can be compared.
+    """
+    if chunk_size == _VARIABLE_CHUNKS:
+        largest = max((n for n, _ in walked), default=0)
+        if largest > _MAX_CHUNK:
+            raise _error(path, f"a chunk of {largest:,} points, expected some 50,000")
+        return list(listed) == list(walked)
+    for i, (n, _) in enumerate(walked):
+        if n > chunk_size or (n < chunk_size and i + 1 < len(walked)):
+            raise _error(
+                path,
+                f"chunk {i + 1} of {len(walked):,} holds {n:,} points, the laszip record says {chunk_size:,}",
+            )
+    return [size for _, size in listed] == [size for _, size in walked]
+
+
+def _judged(
+    path: Path, table: LazTable, chunks: Sequence[tuple[int, int]], n_points: int, *, is_exact: bool
+) -> LazTable:
     """Compare the points the chunks hold with those promised; add what to tell the user."""
     n_held = sum(n for n, _ in chunks)
     if chunks and n_points > n_held:
         raise _too_many(path, n_points, f"{n_held:,} in {len(chunks):,} chunks")
-    is_variable = table.chunk_size == _VARIABLE_CHUNKS
+    warnings = []
     if not table.is_sound:
-        if is_variable:
+        if table.chunk_size == _VARIABLE_CHUNKS:
             raise _error(
                 path, "damaged chunk table, and chunks of different sizes cannot be told apart without it"
             )
-        return replace(table, warnings=("damaged chunk table: decoded one chunk after the other",))
-    if n_held - n_points >= (1 if is_variable else table.chunk_size):
-        return replace(table, warnings=(f"chunks for {n_held:,} points, the header says {n_points:,}",))
-    return table
+        warnings.append("damaged chunk table: decoded one chunk after the other")
+    if n_held - n_points >= (1 if is_exact else table.chunk_size):
+        warnings.append(
+            f"chunks for {n_held:,} points, the header says {n_points:,}: the others are not read"
+        )
+    return replace(table, warnings=tuple(warnings))
 
 
 def _too_many(path: Path, n_points: int, held: str) -> InputError:
@@ -155,7 +212,8 @@ def _check_items(path: Path, data: bytes, compressor: int, record_bytes: int) ->
         raise _newer(path, f"LAZ items of version {newest}, expected at most 3")
 
 
-def _table_offset(path: Path, file: BinaryIO, point_offset: int, n_bytes: int, n_points: int) -> int:
+def _table_offset(path: Path, file: BinaryIO, point_offset: int, n_points: int) -> int:
+    n_bytes = file.seek(0, os.SEEK_END)
     file.seek(point_offset)
     at: int = struct.unpack("<q", file.read(8).ljust(8, b"\0"))[0]
     if at == -1:  # a writer that could not seek puts it last

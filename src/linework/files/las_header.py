@@ -6,8 +6,7 @@ itself, and refuses what cannot be true.
 
 References
 ----------
-ASPRS, LAS Specification 1.4 - R15, sections 2.4 (header), 2.5 (VLRs), 2.6 (point formats); laszip VLR as in
-LASzip's `laszip.hpp`.
+ASPRS, LAS Specification 1.4 - R15, sections 2.4 (header) and 2.6 (point formats).
 """
 
 from __future__ import annotations
@@ -21,7 +20,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from linework.errors import InputError
-from linework.files.las_chunks import LazTable, read_laz_table
+from linework.files.las_chunks import LazTable, read_laz_table, refuse_unfinished
+from linework.files.las_records import HEAD_BYTES, read_extended_records, read_records
 
 #: Bytes of a point record without extra bytes, by point format (specification tables 7 to 17).
 RECORD_BYTES = {0: 20, 1: 28, 2: 26, 3: 34, 4: 57, 5: 63, 6: 30, 7: 36, 8: 38, 9: 59, 10: 67}
@@ -29,12 +29,23 @@ RECORD_BYTES = {0: 20, 1: 28, 2: 26, 3: 34, 4: 57, 5: 63, 6: 30, 7: 36, 8: 38, 9
 _WITH_TIME = (1, 3, 4, 5, 6, 7, 8, 9, 10)
 #: Header bytes by minor version; some writers add more, none can have less.
 _HEADER_BYTES = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}
+#: Bits of the header's global encoding.
+_HAS_ADJUSTED_TIME, _HAS_WAVEFORMS = 1, 2
 _DAMAGED = "copy the file again, or leave it out"
+_Corner = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class LasHeader:
-    """What is needed of a checked header; `projection` holds the CRS records as (record id, bytes)."""
+    """What is needed of a checked header.
+
+    Parameters
+    ----------
+    low, high
+        The box of the points, as the header says; None where that is no box. [unit of the file]
+    projection
+        The CRS records as (record id, bytes).
+    """
 
     version: tuple[int, int]
     point_format: int
@@ -43,6 +54,8 @@ class LasHeader:
     point_offset: int
     scales: tuple[float, float, float]
     offsets: tuple[float, float, float]
+    low: tuple[float, float, float] | None
+    high: tuple[float, float, float] | None
     has_adjusted_time: bool
     projection: tuple[tuple[int, bytes], ...]
     laz: LazTable | None
@@ -103,41 +116,54 @@ class _Reader:
 
     def header(self) -> LasHeader:
         """Return the checked header."""
-        head = self.file.read(375)
+        head, version = self._head()
+        header_bytes, point_offset, n_records = struct.unpack_from("<HII", head, 94)
+        format_byte, record_bytes, n_points = struct.unpack_from("<BHI", head, 104)
+        point_format, is_laz = format_byte & 0x3F, bool(format_byte & 0xC0)
+        self._check_sizes(version[1], header_bytes, point_offset, n_records, point_format, record_bytes)
+        encoding = struct.unpack_from("<H", head, 6)[0]
+        records = read_records(self.path, self.file, header_bytes, n_records, point_offset)
+        # Where the points end: at the waveforms or the extended records behind them, if any
+        ends = [self.n_bytes]
+        if version[1] >= 3 and encoding & _HAS_WAVEFORMS:
+            ends.append(struct.unpack_from("<Q", head, 227)[0])
+        if version[1] == 4:
+            n_points = struct.unpack_from("<Q", head, 247)[0] or n_points
+            start, n_extended = struct.unpack_from("<QI", head, 235)
+            records += read_extended_records(self.path, self.file, start, n_extended, self.n_bytes)
+            ends += [start] if n_extended else []
+        end = min(end for end in ends if end >= point_offset)
+        scales, offsets = struct.unpack_from("<3d", head, 131), struct.unpack_from("<3d", head, 155)
+        self._check_scales(scales, offsets)
+        low, high = self._box(struct.unpack_from("<6d", head, 179))
+        laz = None
+        if is_laz:
+            laz = read_laz_table(self.path, self.file, records, point_offset, record_bytes, n_points, end)
+            self.warnings += laz.warnings
+        else:
+            self._check_length(n_points, point_offset, record_bytes, end)
+        projection = tuple((record, data) for user, record, data in records if user == b"LASF_Projection")
+        return LasHeader(
+            version, point_format, record_bytes, n_points, point_offset, scales, offsets, low, high,
+            bool(encoding & _HAS_ADJUSTED_TIME), projection, laz, tuple(self.warnings),
+        )  # fmt: skip
+
+    def _head(self) -> tuple[bytes, tuple[int, int]]:
+        """Return the bytes of the longest header there is, or as many as there are, and the version."""
+        head = self.file.read(max(_HEADER_BYTES.values()))
         if head[:4] != b"LASF":
             raise self._error("not a LAS/LAZ file (it does not begin with LASF)", "check what this file is")
-        if len(head) < 227:
-            raise self._error(f"cut off inside the header: {len(head)} of at least 227 bytes")
+        if len(head) < _HEADER_BYTES[0]:
+            raise self._error(f"cut off inside the header: {len(head)} of at least {_HEADER_BYTES[0]} bytes")
         version = (head[24], head[25])
         if version[0] != 1 or version[1] not in _HEADER_BYTES:
+            newer = ": made by a newer tool" if version[0] == 1 else ""
             raise self._error(
-                f"LAS version {version[0]}.{version[1]}, expected 1.0 to 1.4", "convert it to LAS 1.4"
+                f"LAS version {version[0]}.{version[1]}, expected 1.0 to 1.4{newer}", "convert it to LAS 1.4"
             )
         if len(head) < _HEADER_BYTES[version[1]]:
             raise self._error(f"cut off inside the header: {len(head)} of {_HEADER_BYTES[version[1]]} bytes")
-        header_bytes, point_offset, n_vlrs = struct.unpack_from("<HII", head, 94)
-        format_byte, record_bytes, n_legacy = struct.unpack_from("<BHI", head, 104)
-        point_format, is_laz = format_byte & 0x3F, bool(format_byte & 0xC0)
-        self._check_sizes(version[1], header_bytes, point_offset, n_vlrs, point_format, record_bytes)
-        n_points = n_legacy
-        if version[1] == 4:
-            n_points = struct.unpack_from("<Q", head, 247)[0] or n_legacy
-        vlrs = self._vlrs(header_bytes, n_vlrs, point_offset)
-        if version[1] == 4:
-            vlrs += self._evlrs(*struct.unpack_from("<QI", head, 235))
-        scales, offsets = struct.unpack_from("<3d", head, 131), struct.unpack_from("<3d", head, 155)
-        self._check_scales(scales, offsets)
-        laz = None
-        if is_laz:
-            laz = read_laz_table(self.path, self.file, vlrs, point_offset, record_bytes, n_points)
-            self.warnings += laz.warnings
-        else:
-            self._check_length(n_points, point_offset, record_bytes)
-        projection = tuple((record, data) for user, record, data in vlrs if user == b"LASF_Projection")
-        return LasHeader(
-            version, point_format, record_bytes, n_points, point_offset, scales, offsets,
-            bool(struct.unpack_from("<H", head, 6)[0] & 1), projection, laz, tuple(self.warnings),
-        )  # fmt: skip
+        return head, version
 
     def _error(self, problem: str, advice: str = _DAMAGED) -> InputError:
         return InputError(problem, where=self.path, advice=advice)
@@ -147,17 +173,17 @@ class _Reader:
     ) -> None:
         if header < _HEADER_BYTES[minor] or header > self.n_bytes:
             raise self._error(
-                f"header says it is {header} bytes long, expected {_HEADER_BYTES[minor]} or a little more"
-                f" in a file of {self.n_bytes}"
+                f"header says it is {header:,} bytes long, expected {_HEADER_BYTES[minor]} or a little more"
+                f" in a file of {self.n_bytes:,}"
             )
         if not header <= points <= self.n_bytes:
             raise self._error(
-                f"points should start at byte {points}, but the header ends at {header} and the file at"
-                f" {self.n_bytes}"
+                f"points should start at byte {points:,}, but the header ends at {header:,} and the file at"
+                f" {self.n_bytes:,}"
             )
-        if n_vlrs * 54 > points - header:
+        if n_vlrs * HEAD_BYTES > points - header:
             raise self._error(
-                f"header promises {n_vlrs} variable length records, but there are {points - header} bytes for them"
+                f"header promises {n_vlrs:,} variable length records, but there are {points - header:,} bytes for them"
             )
         if point_format not in RECORD_BYTES:
             raise self._error(f"point format {point_format}, expected 0 to 10", "convert it to LAS 1.4")
@@ -177,55 +203,27 @@ class _Reader:
             if scale < 0:
                 self.warnings.append(f"{axis} scale is negative ({scale:g})")
 
-    def _check_length(self, n_points: int, point_offset: int, record_bytes: int) -> None:
-        held, rest = divmod(self.n_bytes - point_offset, record_bytes)
+    def _box(self, values: tuple[float, ...]) -> tuple[_Corner, _Corner] | tuple[None, None]:
+        """Return the header's box as (low, high) corners; writers leave it empty, inverted or made up."""
+        high, low = (values[0], values[2], values[4]), (values[1], values[3], values[5])
+        for axis, least, most in zip("xyz", low, high, strict=True):
+            if not (math.isfinite(least) and math.isfinite(most) and least <= most):
+                self.warnings.append(
+                    f"the header's box is none ({axis} from {least:g} to {most:g}): not used"
+                )
+                return None, None
+        return low, high
+
+    def _check_length(self, n_points: int, point_offset: int, record_bytes: int, end: int) -> None:
+        held, rest = divmod(end - point_offset, record_bytes)
         if n_points > held:
+            behind = "" if end == self.n_bytes else f" before other records at byte {end:,}"
             raise self._error(
-                f"header promises {n_points:,} points but the file holds {held:,} (cut off or damaged)"
+                f"header promises {n_points:,} points but the file holds {held:,}{behind} (cut off or damaged)"
             )
-        if n_points < held and n_points:
+        if n_points == 0:
+            refuse_unfinished(self.path, end - point_offset, record_bytes - 1)
+        elif n_points < held:
             self.warnings.append(
                 f"{(held - n_points) * record_bytes + rest:,} bytes after the last of {n_points:,} points"
             )
-
-    def _vlrs(self, start: int, n_vlrs: int, end: int) -> list[tuple[bytes, int, bytes]]:
-        """Return (user id, record id, data) of the variable length records; `end` is where the points start."""
-        self.file.seek(start)
-        block = self.file.read(end - start)
-        found, at = [], 0
-        for i in range(n_vlrs):
-            if at + 54 > len(block):
-                raise self._error(f"only {i} of {n_vlrs} variable length records fit before the points")
-            user, record, length = struct.unpack_from("<16sHH", block, at + 2)
-            if at + 54 + length > len(block):
-                raise self._error(
-                    f"variable length record {i + 1} of {n_vlrs} runs {at + 54 + length - len(block)} bytes into"
-                    " the points"
-                )
-            found.append((user.split(b"\0")[0], record, block[at + 54 : at + 54 + length]))
-            at += 54 + length
-        return found
-
-    def _evlrs(self, start: int, n_evlrs: int) -> list[tuple[bytes, int, bytes]]:
-        """Return the CRS records among the extended ones; others (waveforms, COPC hierarchy) are passed over."""
-        if n_evlrs == 0:
-            return []
-        if start < 375 or start + 60 * n_evlrs > self.n_bytes:
-            raise self._error(
-                f"header promises {n_evlrs} extended records from byte {start}, the file ends at {self.n_bytes}"
-            )
-        found, at = [], start
-        for i in range(n_evlrs):
-            self.file.seek(at)
-            head = self.file.read(60)
-            if len(head) < 60:
-                raise self._error(f"only {i} of {n_evlrs} extended records are in the file")
-            user, record, length = struct.unpack_from("<16sHQ", head, 2)
-            if at + 60 + length > self.n_bytes:
-                raise self._error(f"extended record {i + 1} of {n_evlrs} runs past the end of the file")
-            name = user.split(b"\0")[0]
-            # A WKT is some kB; what calls itself one and is larger than 1 MB is not read.
-            if name == b"LASF_Projection" and length <= 1 << 20:
-                found.append((name, record, self.file.read(length)))
-            at += 60 + length
-        return found
