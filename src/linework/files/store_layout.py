@@ -15,9 +15,13 @@ runs; where they are is in the table of runs.
 from __future__ import annotations
 
 import io
+import json
 import math
+import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -34,6 +38,7 @@ BLOCK_UP_M = 2**24 / STEPS_PER_M
 BLOCK_STEPS, BLOCK_UP_STEPS = 640_000, 2**24
 #: Heights are counted, and limited, in buckets of this. [m]
 HEIGHT_BUCKET_M = 64.0
+HEIGHT_BUCKET_STEPS = 640_000
 #: Cell of the key, and how many of them lie side by side in a block. [m]
 CELL_M, CELLS_PER_BLOCK = 0.5, 128
 #: Coordinates lie within this. [m]
@@ -52,6 +57,8 @@ RUN_DTYPE = np.dtype(
         ("has_time", "?"),
     ]
 )  # fmt: skip
+#: The columns of a run's extent, as `linework.kernels.store.extent_of` returns it.
+EXTENT_COLUMNS = ("west", "south", "low", "east_most", "north_most", "high")
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +108,7 @@ class RunTable:
 
     @classmethod
     def from_bytes(cls, data: bytes) -> RunTable:
-        """Read what `to_bytes` made; ValueError where it is something else."""
+        """Return the table that `to_bytes` was given; ValueError for anything else."""
         return cls(np.load(io.BytesIO(data), allow_pickle=False))
 
     def save(self, path: Path) -> None:
@@ -140,7 +147,7 @@ class Limits:
     def around(
         cls, *, west: float, south: float, low: float, east: float, north: float, high: float
     ) -> Limits:
-        """Return the smallest limits that hold a closed box. [m, world]"""
+        """Return the smallest limits that hold a closed box, its edges in metres."""
         return cls(
             west=math.floor(west / BLOCK_M),
             south=math.floor(south / BLOCK_M),
@@ -151,8 +158,15 @@ class Limits:
         )
 
 
+def facts_crc32(document: Mapping[str, Any]) -> int:
+    """Return the CRC-32 of all that `store.json` says, save itself."""
+    # As it will be read: JSON knows no tuples and no keys that are numbers
+    content = json.loads(json.dumps({key: value for key, value in document.items() if key != "crc32"}))
+    return zlib.crc32(json.dumps(content, sort_keys=True).encode())
+
+
 def first_step(value_m: float) -> int:
-    """Return the lowest step whose coordinate is not below `value_m`; infinite values are the world's ends.
+    """Return the lowest step whose coordinate is not below `value_m`; the ends of the world for infinite ones.
 
     Together with the comparison of steps, which is exact, it answers as comparing coordinates would.
 

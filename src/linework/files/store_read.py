@@ -1,83 +1,118 @@
-"""Read points of any place from the tile store."""
+"""Read the points of any place from the tile store."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from linework.errors import MachineError
-from linework.files.store_layout import INDEX_FILE, POINTS_SUFFIX, RUNS_FILE, Limits, RunTable
-from linework.imaging.raster import cells_of
-from linework.model.arrays import IntArray
+from linework.files.store_files import ADVICE, Columns, StoreFiles
+from linework.files.store_floors import Floors
+from linework.files.store_layout import (
+    BLOCK_STEPS,
+    BLOCK_UP_STEPS,
+    HEIGHT_BUCKET_STEPS,
+    INDEX_FILE,
+    RUNS_FILE,
+    STEPS_PER_M,
+    STORE_VERSION,
+    Limits,
+    RunTable,
+    facts_crc32,
+    first_step,
+)
+from linework.kernels import store_order as kernels
+from linework.model.arrays import AnyArray, IntArray
 from linework.model.grid import Bounds, Image
 from linework.model.points import Points
 
-_ADVICE = "linework clean removes the store, the next run makes it anew"
+#: Order of points that are given as they come.
+_AS_THEY_COME = np.empty(0, np.int32)
 
 
 class PointStore:
-    def __init__(self, folder, facts, limits, table):
+    """The points of a survey, on disk; any place can be read in milliseconds. Made by `PointStore.open`.
+
+    Parameters
+    ----------
+    folder
+        Where the store lies.
+    facts
+        What else is known of it.
+    limits
+        Points outside were left out as far away; None: none were.
+    table
+        The runs with points within the limits, in the order of their blocks.
+    """
+
+    def __init__(
+        self, folder: Path, facts: Mapping[str, Any], limits: Limits | None, table: RunTable
+    ) -> None:
         self.folder = folder
         self.facts = facts
         self.limits = limits
         self._rows = table.rows
+        self._extents = _world_extents(table.rows)
+        #: Files without times among others with times: then no point has one
+        self.has_time = len(table) > 0 and bool(table.rows["has_time"].all())
 
     @classmethod
     def open(cls, folder: Path) -> PointStore:
-        document = json.loads((folder / INDEX_FILE).read_text())
+        """Open a store; only its index is read.
+
+        Raises
+        ------
+        MachineError
+            The index is missing, damaged, or of another version.
+        """
+        index, runs = folder / INDEX_FILE, folder / RUNS_FILE
+        document = _read_index(index)
+        try:
+            data = runs.read_bytes()
+        except OSError as error:
+            raise _unreadable(runs, error.strerror or "missing") from error
+        if zlib.crc32(data) != document["runs_crc32"]:
+            raise _unreadable(runs, "not what was written (damaged)")
+        table = RunTable.from_bytes(data)
         limits = None if document["limits"] is None else Limits(**document["limits"])
-        table = RunTable.load(folder / RUNS_FILE)
-        r = table.rows
-        if limits is not None:
-            table = RunTable(
-                r[
-                    (r["east"] >= limits.west)
-                    & (r["east"] < limits.east)
-                    & (r["north"] >= limits.south)
-                    & (r["north"] < limits.north)
-                ]
-            )
-        return cls(folder, document["facts"], limits, table)
+        return cls(folder, document["facts"], limits, RunTable(table.rows[table.rows["kept"] > 0]))
 
     @property
     def n_points(self) -> int:
+        """Points within the limits."""
         return int(self._rows["kept"].sum())
 
     @property
     def bounds(self) -> Bounds:
-        r = self._rows
-        x, y = r["east"].astype(np.int64) * 640000, r["north"].astype(np.int64) * 640000
-        return Bounds(
-            float((x + r["west"]).min() / 10000),
-            float((y + r["south"]).min() / 10000),
-            float((x + r["east_most"]).max() / 10000),
-            float((y + r["north_most"]).max() / 10000),
-        )
+        """Extent in plan of the points within the limits, closed; ValueError when there are none."""
+        if not len(self._rows):
+            raise ValueError("no points: they have no extent")
+        west, south, east, north = self._extents
+        edges = west.min(), south.min(), east.max(), north.max()
+        return Bounds(*(int(edge) / STEPS_PER_M for edge in edges))
 
     @property
     def block_counts(self) -> tuple[IntArray, IntArray]:
-        r = self._rows
-        blocks, index = np.unique(np.stack([r["north"], r["east"]], axis=1), axis=0, return_inverse=True)
-        return blocks[:, ::-1].astype(np.int64), np.bincount(index.ravel(), r["kept"]).astype(np.int64)
+        """Return (n, 2) int64 numbers (east, north) of the blocks with points, and (n,) int64 how many each.
 
-    def _touched(self, bounds):
+        Row-major from the south-west; points of all heights are counted together.
+        """
         r = self._rows
-        if bounds is None:
-            return r
-        x, y = r["east"].astype(np.int64) * 640000, r["north"].astype(np.int64) * 640000
-        return r[
-            ((x + r["west"]) / 10000 < bounds.east)
-            & ((x + r["east_most"]) / 10000 >= bounds.west)
-            & ((y + r["south"]) / 10000 < bounds.north)
-            & ((y + r["north_most"]) / 10000 >= bounds.south)
-        ]
+        plan = np.stack([r["north"], r["east"]], axis=1)
+        blocks, index = np.unique(plan, axis=0, return_inverse=True)
+        counts = np.zeros(len(blocks), np.int64)
+        np.add.at(counts, index.ravel(), r["kept"])
+        return np.ascontiguousarray(blocks[:, ::-1].astype(np.int64)), counts
 
     def count_in(self, bounds: Bounds) -> int:
-        return int(self._touched(bounds)["kept"].sum())
+        """Return how many points lie within `bounds` at most: runs are counted whole."""
+        return int(self._rows["kept"][self._touched(_Window.of(bounds))].sum())
 
     def points(
         self,
@@ -88,48 +123,188 @@ class PointStore:
         with_time: bool = True,
         with_intensity: bool = True,
     ) -> Points:
-        blocks, keys, times, ints = (
-            [np.zeros((0, 3), np.int64)],
-            [np.zeros(0, np.uint64)],
-            [np.zeros(0)],
-            [np.zeros(0, np.uint16)],
+        """Return the points of a place.
+
+        Parameters
+        ----------
+        bounds
+            Half open; None: all there are.
+        lowest
+            Heights below which points of a cell are left out, NaN where none are; outside of the image
+            none are. North-up, its cells whole multiples of 0.5 m on their lattice.
+        ordered
+            In canonical order: blocks of 64 m row-major from the south-west, lower blocks first, in each
+            block by key (see `linework.files.store_layout`), then by time and intensity. Else as they come.
+
+        Raises
+        ------
+        MachineError
+            A file of the store is missing, cut off or damaged.
+        ValueError
+            `lowest` is on no such lattice.
+
+        Notes
+        -----
+        What is returned does not depend on the order in which points were written, nor on the files and
+        batches they came in. Times are given only where all files have them, intensities unless the facts
+        say `has_intensity` is false.
+        """
+        window = _Window.of(bounds)
+        rows = self._rows[self._touched(window)]
+        floors = None if lowest is None else Floors(lowest)
+        with_intensity = with_intensity and bool(self.facts.get("has_intensity", True))
+        out = _Output(int(rows["kept"].sum()), self.has_time and with_time, with_intensity)
+        blocks = list(_blocks(rows))
+        columns = Columns(max((int(block["count"].sum()) for block in blocks), default=0))
+        scratch = _Scratch(len(columns.keys) if ordered else 0)
+        with StoreFiles(self.folder) as files:
+            for block in blocks:
+                n = files.read(block, columns)
+                part = columns.part(n)
+                corner = _corner(block)
+                box = window.within(corner, self.limits)
+                if floors is not None or not _all_inside(block, box):
+                    table = Floors.NONE if floors is None else floors.of_block(block[0])
+                    part = columns.part(kernels.keep_inside(*part, box, table))
+                out.add(part, scratch.sorted(part) if ordered else None, corner)
+        return out.points()
+
+    def _touched(self, window: _Window) -> AnyArray:
+        west, south, east, north = self._extents
+        return (west < window.east) & (east >= window.west) & (south < window.north) & (north >= window.south)
+
+
+@dataclass(frozen=True, slots=True)
+class _Window:
+    """A rectangle in plan in steps, half open."""
+
+    west: int
+    south: int
+    east: int
+    north: int
+
+    @classmethod
+    def of(cls, bounds: Bounds | None) -> _Window:
+        edges = (-np.inf, -np.inf, np.inf, np.inf) if bounds is None else bounds
+        return cls(*(first_step(edge) for edge in edges))
+
+    def within(self, corner: IntArray, limits: Limits | None) -> IntArray:
+        """Return west, east, south, north, low, high from a block's corner, as kernels take them."""
+        low, high = 0, BLOCK_UP_STEPS
+        if limits is not None:
+            low = limits.low * HEIGHT_BUCKET_STEPS - int(corner[2])
+            high = limits.high * HEIGHT_BUCKET_STEPS - int(corner[2])
+        east, north = int(corner[0]), int(corner[1])
+        return np.array(
+            [self.west - east, self.east - east, self.south - north, self.north - north, low, high]
         )
-        for row in self._touched(bounds):
-            path = self.folder / f"{row['file']}{POINTS_SUFFIX}"
-            n = int(row["count"])
-            with path.open("rb") as file:
-                file.seek(row["offset"])
-                data = file.read(n * (18 if row["has_time"] else 10))
-            if len(data) < n * (18 if row["has_time"] else 10):
-                raise MachineError("shorter than its index says", where=path, advice=_ADVICE)
-            keys.append(np.frombuffer(data, np.uint64, n))
-            times.append(np.frombuffer(data, np.float64, n, 8 * n) if row["has_time"] else np.zeros(n))
-            ints.append(np.frombuffer(data, np.uint16, n, len(data) - 2 * n))
-            blocks.append(np.tile(np.array([row["east"], row["north"], row["up"]], np.int64), (n, 1)))
-        b, k, t, v = np.concatenate(blocks), np.concatenate(keys), np.concatenate(times), np.concatenate(ints)
-        i = k.astype(object) if False else k
-        x = ((i >> np.uint64(50)) & np.uint64(127)) * np.uint64(5000) + (
-            (i >> np.uint64(24)) & np.uint64(8191)
-        )
-        y = (i >> np.uint64(57)) * np.uint64(5000) + ((i >> np.uint64(37)) & np.uint64(8191))
-        z = i & np.uint64(0xFFFFFF)
-        steps = np.stack([x, y, z], axis=1).astype(np.int64) + b * np.array([640000, 640000, 2**24])
-        xyz = steps / 10000.0
-        keep = np.ones(len(xyz), bool)
-        if bounds is not None:
-            keep &= (xyz[:, 0] >= bounds.west) & (xyz[:, 0] < bounds.east)
-            keep &= (xyz[:, 1] >= bounds.south) & (xyz[:, 1] < bounds.north)
-        if self.limits is not None:
-            keep &= (steps[:, 2] >= self.limits.low * 640000) & (steps[:, 2] < self.limits.high * 640000)
-        if lowest is not None:
-            cell = cells_of(Points(xyz), lowest.grid)
-            limit = np.where(cell >= 0, lowest.values.ravel()[cell], np.nan)
-            keep &= ~(xyz[:, 2] < limit)
-        order = np.lexsort((v, t, k, b[:, 2], b[:, 0], b[:, 1]))
-        order = order[keep[order]]
-        has_time = with_time and bool(self._rows["has_time"].all())
+
+
+class _Output:
+    """The columns of the points to return, filled block by block."""
+
+    def __init__(self, n: int, with_time: bool, with_intensity: bool) -> None:
+        self._with_time, self._with_intensity = with_time, with_intensity
+        self._xyz = np.empty((n, 3))
+        self._times = np.empty(n if with_time else 0, np.uint64)
+        self._intensities = np.empty(n if with_intensity else 0, np.float32)
+        self._n = 0
+
+    def add(
+        self,
+        part: tuple[AnyArray, AnyArray, AnyArray],
+        in_order: tuple[AnyArray, AnyArray] | None,
+        corner: IntArray,
+    ) -> None:
+        """Add the points of a block, in the given order of keys and numbers."""
+        keys, times, intensities = part
+        keys, order = (keys, _AS_THEY_COME) if in_order is None else in_order
+        out = self._xyz, self._times, self._intensities
+        kernels.unpack_points(keys, times, intensities, order, corner, out, self._n)
+        self._n += len(keys)
+
+    def points(self) -> Points:
+        """Return what was added."""
         return Points(
-            xyz[order],
-            v[order].astype(np.float32) if with_intensity else None,
-            t[order] if has_time else None,
+            self._filled(self._xyz),
+            self._filled(self._intensities) if self._with_intensity else None,
+            self._filled(self._times).view(np.float64) if self._with_time else None,
         )
+
+    def _filled(self, column: AnyArray) -> AnyArray:
+        """Return the part that was filled; room that was not needed is given back where it is much."""
+        part = column[: self._n]
+        return part.copy() if 2 * self._n < len(column) else part
+
+
+class _Scratch:
+    """Room to sort a block in."""
+
+    def __init__(self, n: int) -> None:
+        self._keys = np.empty((2, n), np.uint64)
+        self._order = np.empty((2, n), np.int32)
+
+    def sorted(self, part: tuple[AnyArray, AnyArray, AnyArray]) -> tuple[AnyArray, AnyArray]:
+        """Return keys in canonical order and the number of each."""
+        n = len(part[0])
+        keys, order = self._keys[:, :n], self._order[:, :n]
+        kernels.sort_points(*part, keys, order)
+        return keys[0], order[0]
+
+
+def _blocks(rows: AnyArray) -> Iterator[AnyArray]:
+    """Yield the runs of one block after the other."""
+    if len(rows):
+        new = np.zeros(len(rows), np.bool_)
+        for name in ("east", "north", "up"):
+            new[1:] |= rows[name][1:] != rows[name][:-1]
+        yield from np.split(rows, np.flatnonzero(new))
+
+
+def _corner(block: AnyArray) -> IntArray:
+    """Return a block's corner in steps."""
+    numbers = np.array([block["east"][0], block["north"][0], block["up"][0]], np.int64)
+    corner: IntArray = numbers * np.array([BLOCK_STEPS, BLOCK_STEPS, BLOCK_UP_STEPS])
+    return corner
+
+
+def _all_inside(block: AnyArray, box: IntArray) -> bool:
+    """Whether all points of a block's runs lie in the box: then none has to be looked at."""
+    return bool(
+        block["west"].min() >= box[0]
+        and block["east_most"].max() < box[1]
+        and block["south"].min() >= box[2]
+        and block["north_most"].max() < box[3]
+        and np.array_equal(block["kept"], block["count"])
+    )
+
+
+def _world_extents(rows: AnyArray) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+    """Return west, south, east, north of the runs, closed, in steps."""
+    east, north = (rows[name].astype(np.int64) * BLOCK_STEPS for name in ("east", "north"))
+    return (
+        east + rows["west"],
+        north + rows["south"],
+        east + rows["east_most"],
+        north + rows["north_most"],
+    )
+
+
+def _read_index(path: Path) -> dict[str, Any]:
+    try:
+        document: Any = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise _unreadable(path, error.strerror or "missing") from error
+    except ValueError as error:
+        raise _unreadable(path, "not what was written (damaged)") from error
+    if not isinstance(document, dict) or "version" not in document:
+        raise _unreadable(path, "not what was written (damaged)")
+    if document["version"] != STORE_VERSION:
+        raise _unreadable(path, f"store of version {document['version']}, expected {STORE_VERSION}")
+    if document.get("crc32") != facts_crc32(document):
+        raise _unreadable(path, "not what was written (damaged)")
+    return document
+
+
+def _unreadable(path: Path, problem: str) -> MachineError:
+    return MachineError(problem, where=path, advice=ADVICE)
