@@ -138,7 +138,7 @@ def _read(
     warnings = read.warnings
     if path is not None:
         path = at_vehicle_origin(path, survey.trajectory_lever_m)
-        warnings += check_trajectory_covers(path, read.points, where=survey.trajectory_file)
+        warnings += check_trajectory_covers(path, read.facts, where=survey.trajectory_file)
     return read, path, warnings
 
 

@@ -48,10 +48,6 @@ class LasContent:
     warnings: tuple[str, ...]
 
 
-class NoPointsError(InputError):
-    """A sound file without points: nothing is lost by leaving it out."""
-
-
 def read_las(
     path: Path,
     *,
@@ -84,7 +80,7 @@ def read_las(
     """
     header = read_las_header(path)
     if header.n_points == 0:
-        raise NoPointsError("no points (0 in the header)", where=path, advice="leave the file out")
+        raise InputError("no points (0 in the header)", where=path, advice="leave the file out")
     resolved = resolve_crs(header.projection, crs, where=path)
     columns = _Columns.for_points(path, header)
     tally = LasTally()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,7 +64,7 @@ def read_las_batches(
     factors: tuple[float, float] = (1.0, 1.0),
     batch_points: int = BATCH_POINTS,
     is_sequential: bool = False,
-) -> Iterator[LasBatch]:
+) -> Generator[LasBatch, None, None]:
     """Yield all points that the header promises.
 
     Parameters

@@ -115,7 +115,7 @@ class LasTally:
         )
         self._last_s = float(time[-1])
         # Times of another unit are told when all have come; they need no counting
-        if -_LEAST_GPS_S <= self.time_low_s and self.time_high_s <= _LAST_S:
+        if self.time_low_s >= -_LEAST_GPS_S and self.time_high_s <= _LAST_S:
             self.time_counts.add(time)
 
     @property
@@ -124,9 +124,13 @@ class LasTally:
         return self.n_rejected["time not finite"] > 0 and not self._times_are_usable
 
     @property
+    def _times_are_zero(self) -> bool:
+        return self.time_low_s == 0.0 and self.time_high_s == 0.0
+
+    @property
     def _times_are_usable(self) -> bool:
         low, high = self.time_low_s, self.time_high_s
-        return low <= high and (low, high) != (0.0, 0.0) and low >= -_LEAST_GPS_S and high <= _LAST_S
+        return -_LEAST_GPS_S <= low <= high <= _LAST_S and not self._times_are_zero
 
     def verdict(self, header: LasHeader) -> Verdict:
         """Return what the whole file turned out to be, after its last batch."""
@@ -139,7 +143,7 @@ class LasTally:
     def _time_kind(self, *, has_adjusted_bit: bool) -> tuple[TimeKind, str]:
         """Return the kind of the times and what is odd about them; the values decide, the header's bit is often wrong."""
         low, high = self.time_low_s, self.time_high_s
-        if low > high or (low, high) == (0.0, 0.0):
+        if low > high or self._times_are_zero:
             return "none", "no GPS time (0 for all points)"
         if not self._times_are_usable:
             return "none", f"GPS times from {low:g} to {high:g} are not in seconds: left out"

@@ -8,7 +8,7 @@ import numpy as np
 
 from linework.errors import InputError
 from linework.files.crs import describe_crs, has_height
-from linework.files.survey_points import FileFacts
+from linework.files.store_facts import FileFacts, StoreFacts
 from linework.imaging.scan_lines import scan_line_spacing_m
 from linework.model.arrays import FloatArray
 from linework.model.points import Points
@@ -37,7 +37,7 @@ def describe_survey(read: SurveyRead) -> dict[str, Any]:
         "height_m": _quantiles(points.xyz[:, 2]),
         "density_per_m2": _quantiles(densities_per_m2(points)),
         "intensity": _intensity(points),
-        "time": _times(points, read.points.gps_time_kind),
+        "time": _times(points, read.points.facts),
         "scan_line_spacing_m": spacing,
         "trajectory": None if trajectory is None else _path(trajectory),
         "warnings": [*read.warnings, *([why_not] if why_not and trajectory is not None else [])],
@@ -91,17 +91,17 @@ def _intensity(points: Points) -> dict[str, Any] | None:
     }
 
 
-def _times(points: Points, kind: str) -> dict[str, Any] | None:
+def _times(points: Points, facts: StoreFacts) -> dict[str, Any] | None:
     if points.time_s is None:
         return None
-    times = points.time_s if np.all(np.diff(points.time_s) >= 0) else np.sort(points.time_s)
+    times = np.sort(points.time_s)
     at = np.flatnonzero(np.diff(times) > GAP_S)
     gaps = [{"start_s": float(times[i]), "end_s": float(times[i + 1])} for i in at[:MAX_GAPS]]
     return {
-        "kind": kind,
+        "kind": facts.gps_time_kind,
         "start_s": float(times[0]),
         "end_s": float(times[-1]),
-        "in_order": times is points.time_s,
+        "in_order": facts.in_time_order,
         "gap_longer_than_s": GAP_S,
         "n_gaps": len(at),
         "gaps": gaps,

@@ -116,7 +116,7 @@ def read_survey(survey: Survey, steps: Steps | None = None) -> SurveyRead:
     warnings = points.warnings
     if trajectory is not None:
         trajectory = at_vehicle_origin(trajectory, survey.trajectory_lever_m)
-        warnings += check_trajectory_covers(trajectory, points.points, where=survey.trajectory_file)
+        warnings += check_trajectory_covers(trajectory, points.facts, where=survey.trajectory_file)
     return SurveyRead(survey, points, trajectory, warnings, _readable(hashes))
 
 

@@ -1,0 +1,245 @@
+"""Decode laser files in a process of their own, watched: it may die or hang without taking the run along.
+
+Four changed bytes in a LAZ file can make a decoder abort its process, take all memory, or never come back.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import selectors
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from types import TracebackType
+from typing import IO, Any, Self
+
+from linework.errors import InputError
+from linework.files.decode_messages import Decoded, DecodeTask, refused
+from linework.files.las_batches import BATCH_POINTS
+
+#: Libraries that start threads of their own take address space and give nothing here; of the memory
+#: allocator's arenas each takes 128 MB of addresses.
+_SPARING = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "MALLOC_ARENA_MAX": "4",
+}
+#: Of what the process prints on stderr so much is kept: the end says why it died.
+_LAST_WORDS_BYTES = 4000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DecoderLimits:
+    """What a decoding process may take.
+
+    Parameters
+    ----------
+    stall_s
+        It says something every batch of points, which takes a tenth of a second, or seconds from a slow
+        disk: one that is silent for a minute hangs. [s]
+    address_bytes
+        Address space. Libraries and threads take 1 GiB of addresses (not of memory), the batches 0.2 GiB,
+        the largest chunk that headers may promise (10 million points) 0.7 GiB: twice that.
+    batch_points
+        Points decoded at a time; what comes out does not depend on it.
+    program
+        What Python is to run.
+    """
+
+    stall_s: float = 60.0
+    address_bytes: int = 4 << 30
+    batch_points: int = BATCH_POINTS
+    program: tuple[str, ...] = ("-m", "linework.files.decoding")
+
+
+class DecoderDiedError(RuntimeError):
+    """The process ended, or had to be ended, before its file was decoded."""
+
+    def __init__(self, how: str, n_read: int) -> None:
+        super().__init__(how)
+        self.how, self.n_read = how, n_read
+
+
+class Decoder:
+    """Decodes files one after the other in a process, which is replaced when it dies.
+
+    Parameters
+    ----------
+    n_threads
+        Threads it decodes on.
+
+    Notes
+    -----
+    The process belongs to this one's group and dies with it. It is started at once, so that it is ready when
+    the first file comes.
+    """
+
+    def __init__(self, n_threads: int, limits: DecoderLimits) -> None:
+        self._n_threads, self._limits = n_threads, limits
+        self.batch_points = limits.batch_points
+        self._process: _Process | None = _Process(n_threads, limits)
+
+    def decode(self, task: DecodeTask, progress: Callable[[int], None]) -> Decoded:
+        """Decode a file; where that kills the process, once more on a single thread in a fresh one.
+
+        Parameters
+        ----------
+        progress
+            Called with the points of the file decoded so far.
+
+        Raises
+        ------
+        InputError
+            The file is damaged, or the decoder died of it twice.
+        MachineError
+            The disk is full, or failed.
+        """
+        try:
+            return self._attempt(task, progress, self._n_threads)
+        except DecoderDiedError:
+            task.target.unlink(missing_ok=True)
+        try:
+            return self._attempt(replace(task, is_sequential=True), progress, 1)
+        except DecoderDiedError as death:
+            task.target.unlink(missing_ok=True)
+            raise InputError(
+                f"{death.how} after {death.n_read:,} points (damaged)",
+                where=task.path,
+                advice="copy the file again, or leave it out",
+            ) from death
+        finally:
+            self.close()  # the next file has a process with all threads
+
+    def _attempt(self, task: DecodeTask, progress: Callable[[int], None], n_threads: int) -> Decoded:
+        process = self._process or _Process(n_threads, self._limits)
+        self._process = process
+        try:
+            return process.decode(task, progress)
+        except DecoderDiedError:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """End the process, whatever it is doing."""
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class _Process:
+    """A decoding process and this end of its pipes."""
+
+    def __init__(self, n_threads: int, limits: DecoderLimits) -> None:
+        self._limits = limits
+        # -P: a module in the user's folder, which may be the survey's, is not ours
+        command = [sys.executable, "-P", *limits.program, str(os.getpid()), str(limits.address_bytes)]
+        self._popen = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env=os.environ | _SPARING | {"RAYON_NUM_THREADS": str(n_threads)},
+        )
+        self._stdin, self._stdout, self._stderr = self._pipes()
+        self._selector = selectors.DefaultSelector()
+        for pipe in (self._stdout, self._stderr):
+            self._selector.register(pipe, selectors.EVENT_READ)
+        self._unread = bytearray()
+        self._last_words = b""
+
+    def _pipes(self) -> tuple[IO[bytes], IO[bytes], IO[bytes]]:
+        popen = self._popen
+        assert popen.stdin is not None
+        assert popen.stdout is not None
+        assert popen.stderr is not None
+        return popen.stdin, popen.stdout, popen.stderr
+
+    def decode(self, task: DecodeTask, progress: Callable[[int], None]) -> Decoded:
+        """Give it a task and listen until that is done."""
+        n_read = 0
+        with contextlib.suppress(BrokenPipeError):  # that it died shows when it is listened to
+            self._stdin.write(task.to_line())
+            self._stdin.flush()
+        while True:
+            message = self._message(n_read)
+            if "read" in message:
+                n_read = message["read"]
+                progress(n_read)
+            elif "done" in message:
+                return Decoded.from_document(message["done"])
+            elif "refused" in message:
+                raise refused(message["refused"])
+            elif "died" in message:
+                raise self._death(f"the decoder failed ({message['died']})", n_read)
+            else:
+                raise RuntimeError(f"decoding {task.path}:\n{message['fault']}")
+
+    def _message(self, n_read: int) -> dict[str, Any]:
+        """Return the next message.
+
+        Raises
+        ------
+        DecoderDiedError
+            It ended, or said nothing for too long.
+        """
+        deadline = time.monotonic() + self._limits.stall_s
+        while b"\n" not in self._unread:
+            events = self._selector.select(max(deadline - time.monotonic(), 0.0))
+            if not events:
+                raise self._death(f"the decoder hung (no point in {self._limits.stall_s:g} s)", n_read)
+            for key, _ in events:
+                data = os.read(key.fd, 1 << 20)
+                if not data:
+                    self._selector.unregister(key.fileobj)
+                if key.fileobj is self._stderr:
+                    self._last_words = (self._last_words + data)[-_LAST_WORDS_BYTES:]
+                elif data:
+                    self._unread += data
+                else:
+                    raise self._death(f"the decoder died ({how_ended(self._popen.wait())})", n_read)
+        end = self._unread.index(b"\n") + 1
+        message: dict[str, Any] = json.loads(self._unread[:end])
+        del self._unread[:end]
+        return message
+
+    def _death(self, how: str, n_read: int) -> DecoderDiedError:
+        error = DecoderDiedError(how, n_read)
+        if self._last_words:
+            error.add_note(self._last_words.decode(errors="backslashreplace"))
+        return error
+
+    def kill(self) -> None:
+        """End it and close its pipes."""
+        self._popen.kill()
+        self._popen.wait()
+        self._selector.close()
+        for pipe in (self._stdin, self._stdout, self._stderr):
+            with contextlib.suppress(BrokenPipeError):
+                pipe.close()
+
+
+def how_ended(code: int) -> str:
+    """Return how a process ended, in words.
+
+    >>> how_ended(-9), how_ended(3)
+    ('SIGKILL', 'exit code 3')
+    """
+    if code >= 0:
+        return f"exit code {code}"
+    with contextlib.suppress(ValueError):
+        return signal.Signals(-code).name
+    return f"signal {-code}"
