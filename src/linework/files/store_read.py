@@ -59,8 +59,8 @@ class PointStore:
         self.limits = limits
         self._rows = table.rows
         self._extents = _world_extents(table.rows)
-        #: Files without times among others with times: then no point has one
-        self.has_time = len(table) > 0 and bool(table.rows["has_time"].all())
+        #: Where some files have no times, no point is given one
+        self.has_time = bool(table.rows["has_time"].all() and facts.get("has_time", True))
 
     @classmethod
     def open(cls, folder: Path) -> PointStore:
@@ -146,8 +146,8 @@ class PointStore:
         Notes
         -----
         What is returned does not depend on the order in which points were written, nor on the files and
-        batches they came in. Times are given only where all files have them, intensities unless the facts
-        say `has_intensity` is false.
+        batches they came in. Times are given only where all files have them; neither times nor intensities
+        where the facts say that `has_time` or `has_intensity` is false.
         """
         window = _Window.of(bounds)
         rows = self._rows[self._touched(window)]
