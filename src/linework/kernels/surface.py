@@ -1,4 +1,4 @@
-"""Loops of the surface room: lowest supported height per cell, its layer, region growing, heights."""
+"""Loops of the surface room over points and cells: heights per cell, slopes, heights above a surface."""
 
 from __future__ import annotations
 
@@ -12,176 +12,189 @@ I32 = npt.NDArray[np.int32]
 I64 = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
+#: Heights are added in steps of this: sums of whole numbers do not depend on the order of the points. [1/m]
+FIXED = 2.0**20
+
 
 @njit(cache=True, nogil=True)
 def lowest_supported(
-    xyz: F64, west: float, north: float, z0: float, cell: float, n_rows: int, n_cols: int, support: float
-) -> tuple[F32, I32]:
-    """Return per cell the lowest height that another point supports, and the number of points.
+    xyz: F64, west: int, south: int, n_rows: int, n_cols: int, cell: float, z0: float, support: float
+) -> tuple[I32, F32, I32]:
+    """Return each point's cell, and per cell the lowest height that another point supports and the points.
+
+    Cells are counted from the coordinates' zero: `west` and `south` are the numbers of the first column and
+    of the last row. A point on an edge belongs to the cell east or north of it. Points elsewhere: cell -1.
 
     A stray point below the ground stands alone: it is passed over when the next point above it is
     more than `support` higher. Of each cell the four lowest points are kept, so up to three strays
     are passed over. Heights are relative to z0; NaN where a cell holds no point.
     """
-    low = np.full((n_rows, n_cols, 4), np.float32(np.inf), dtype=np.float32)
-    count = np.zeros((n_rows, n_cols), dtype=np.int32)
+    cells = np.empty(len(xyz), dtype=np.int32)
+    low = np.full((n_rows * n_cols, 4), np.float32(np.inf), dtype=np.float32)
+    count = np.zeros(n_rows * n_cols, dtype=np.int32)
     for i in range(len(xyz)):
-        c = int(np.floor((xyz[i, 0] - west) / cell))
-        r = int(np.floor((north - xyz[i, 1]) / cell))
+        c = int(np.floor(xyz[i, 0] / cell)) - west
+        r = n_rows - 1 - (int(np.floor(xyz[i, 1] / cell)) - south)
         if r < 0 or r >= n_rows or c < 0 or c >= n_cols:
+            cells[i] = -1
             continue
-        count[r, c] += 1
+        at = r * n_cols + c
+        cells[i] = at
+        count[at] += 1
         z = np.float32(xyz[i, 2] - z0)
-        if z >= low[r, c, 3]:
+        if z >= low[at, 3]:
             continue
         k = 3
-        while k > 0 and low[r, c, k - 1] > z:
-            low[r, c, k] = low[r, c, k - 1]
+        while k > 0 and low[at, k - 1] > z:
+            low[at, k] = low[at, k - 1]
             k -= 1
-        low[r, c, k] = z
-    out = np.full((n_rows, n_cols), np.float32(np.nan), dtype=np.float32)
-    for r in range(n_rows):
-        for c in range(n_cols):
-            n = min(count[r, c], 4)
-            for k in range(n):
-                if k == n - 1 or low[r, c, k + 1] - low[r, c, k] <= support:
-                    out[r, c] = low[r, c, k]
-                    break
-    return out, count
+        low[at, k] = z
+    out = np.full(n_rows * n_cols, np.float32(np.nan), dtype=np.float32)
+    for at in range(n_rows * n_cols):
+        n = min(count[at], 4)
+        for k in range(n):
+            if k == n - 1 or low[at, k + 1] - low[at, k] <= support:
+                out[at] = low[at, k]
+                break
+    return cells, out.reshape((n_rows, n_cols)), count.reshape((n_rows, n_cols))
 
 
 @njit(cache=True, nogil=True)
-def lowest_layer(
-    xyz: F64, west: float, north: float, z0: float, cell: float, low: F32, thickness: float
-) -> tuple[F32, F32]:
-    """Return mean height and spread of the points within `thickness` above each cell's low."""
-    n_rows, n_cols = low.shape
-    total = np.zeros((n_rows, n_cols))
-    square = np.zeros((n_rows, n_cols))
-    number = np.zeros((n_rows, n_cols), dtype=np.int32)
-    for i in range(len(xyz)):
-        c = int(np.floor((xyz[i, 0] - west) / cell))
-        r = int(np.floor((north - xyz[i, 1]) / cell))
-        if r < 0 or r >= n_rows or c < 0 or c >= n_cols:
-            continue
-        above = xyz[i, 2] - z0 - low[r, c]
-        if above >= 0.0 and above <= thickness:
-            total[r, c] += above
-            square[r, c] += above * above
-            number[r, c] += 1
-    mean = np.full((n_rows, n_cols), np.float32(np.nan), dtype=np.float32)
-    spread = np.full((n_rows, n_cols), np.float32(np.nan), dtype=np.float32)
-    for r in range(n_rows):
-        for c in range(n_cols):
-            n = number[r, c]
-            if n > 0:
-                m = total[r, c] / n
-                mean[r, c] = low[r, c] + m
-                spread[r, c] = np.sqrt(max(square[r, c] / n - m * m, 0.0))
-    return mean, spread
+def lowest_layer(xyz: F64, cells: I32, z0: float, low: F32, thickness: float) -> tuple[F32, F32]:
+    """Return mean height and spread of the points within `thickness` above each cell's low.
 
-
-@njit(cache=True, nogil=True)
-def median_about(image: F64, row: int, col: int, reach: int, values: F64) -> float:
-    """Return the median of the known values within `reach` cells; 0 where none is. `values`: room for them.
-
-    They are kept in order as they come: faster than a selection for so few.
+    They are added in whole numbers: neither the order of the points nor their batches matter. Squares lose
+    their last 8 bits, so that 2**31 points of a layer 1 m thick have room in a cell.
     """
-    n_rows, n_cols = image.shape
-    n = 0
-    for r in range(max(row - reach, 0), min(row + reach + 1, n_rows)):
-        for c in range(max(col - reach, 0), min(col + reach + 1, n_cols)):
-            value = image[r, c]
-            if np.isnan(value):
-                continue
-            k = n
-            while k > 0 and values[k - 1] > value:
-                values[k] = values[k - 1]
-                k -= 1
-            values[k] = value
-            n += 1
-    if n == 0:
-        return 0.0
-    return float(values[n // 2] if n % 2 else 0.5 * (values[n // 2 - 1] + values[n // 2]))
+    n_rows, n_cols = low.shape
+    floor = low.reshape(-1)
+    total = np.zeros(n_rows * n_cols, dtype=np.int64)
+    square = np.zeros(n_rows * n_cols, dtype=np.int64)
+    number = np.zeros(n_rows * n_cols, dtype=np.int32)
+    for i in range(len(xyz)):
+        at = cells[i]
+        if at < 0:
+            continue
+        # As float32, like the lowest height itself: that point is 0 above itself
+        above = float(np.float32(xyz[i, 2] - z0)) - float(floor[at])
+        if above >= 0.0 and above <= thickness:
+            q = int(np.rint(above * FIXED))
+            total[at] += q
+            square[at] += (q * q) >> 8
+            number[at] += 1
+    mean = np.full(n_rows * n_cols, np.float32(np.nan), dtype=np.float32)
+    spread = np.full(n_rows * n_cols, np.float32(np.nan), dtype=np.float32)
+    for at in range(n_rows * n_cols):
+        n = number[at]
+        if n > 0:
+            m = total[at] / n / FIXED
+            mean[at] = np.float32(floor[at] + m)
+            if n > 1:
+                spread[at] = np.float32(np.sqrt(max(square[at] / n * (256.0 / FIXED / FIXED) - m * m, 0.0)))
+    return mean.reshape((n_rows, n_cols)), spread.reshape((n_rows, n_cols))
 
 
 @njit(cache=True, nogil=True)
-def median_slope(height: F32, cell: float, reach: int) -> tuple[F32, F32]:
+def median_slopes(height: F32, wanted: Mask, cell: float, reach: int, network: I32) -> tuple[F32, F32]:
     """Return slope east and north: medians of neighbour differences within `reach` cells around.
 
-    A median is not tilted by a kerb. NaN where no height is known; 0 where no difference is.
+    A median is not tilted by a kerb. NaN where not wanted; 0 where no difference is known.
+
+    Parameters
+    ----------
+    height
+        (n_rows + 2 h, n_cols + 2 h): with a halo of h = reach + 1 cells around the wanted ones.
+    wanted
+        (n_rows, n_cols).
+    network
+        (k, 2): comparisons that bring the middle of (2 reach + 1)**2 values, and the one below, to their places.
+
+    Notes
+    -----
+    The cells of a row are sorted side by side, each in its own lane: 50 ns a cell instead of 500.
     """
-    n_rows, n_cols = height.shape
+    n_rows, n_cols = wanted.shape
+    width = 2 * reach + 1
     east = np.full((n_rows, n_cols), np.float32(np.nan), dtype=np.float32)
     north = np.full((n_rows, n_cols), np.float32(np.nan), dtype=np.float32)
-    to_east, to_north = np.full((n_rows, n_cols), np.nan), np.full((n_rows, n_cols), np.nan)
+    step = np.empty((width, n_cols + 2 * reach), dtype=np.float32)
+    values = np.empty((width * width, n_cols), dtype=np.float32)
+    side = np.empty(n_cols, dtype=np.float32)
+    stretches = np.empty((n_cols // 8 + 1, 2), dtype=np.int64)
     for r in range(n_rows):
-        for c in range(n_cols):
-            if c + 1 < n_cols:
-                to_east[r, c] = (height[r, c + 1] - height[r, c]) / cell
-            if r + 1 < n_rows:
-                to_north[r, c] = (height[r, c] - height[r + 1, c]) / cell
-    values = np.empty((2 * reach + 1) ** 2)
-    for r in range(n_rows):
-        for c in range(n_cols):
-            if not np.isnan(height[r, c]):
-                east[r, c] = median_about(to_east, r, c, reach, values)
-                north[r, c] = median_about(to_north, r, c, reach, values)
+        n = _stretches_of(wanted[r], stretches)
+        if n == 0:
+            continue
+        for axis in range(2):
+            for k in range(width):
+                row = height[r + 1 + k]
+                other = height[r + 2 + k]
+                if axis == 0:
+                    for c in range(n_cols + 2 * reach):
+                        step[k, c] = row[c + 2] - row[c + 1]
+                else:
+                    for c in range(n_cols + 2 * reach):
+                        step[k, c] = row[c + 1] - other[c + 1]
+            out = east[r] if axis == 0 else north[r]
+            _medians(step, stretches[:n], reach, network, values, side, out)
+            for c in range(n_cols):
+                out[c] = out[c] / np.float32(cell) if wanted[r, c] else np.float32(np.nan)
     return east, north
 
 
 @njit(cache=True, nogil=True)
-def label_regions(
-    height: F32,
-    slope_east: F32,
-    slope_north: F32,
-    allowed: Mask,
-    seed_rows: I64,
-    seed_cols: I64,
-    cell: float,
-    max_step: float,
-) -> I32:
-    """Grow a region from every seed that no earlier one has reached; return labels 1, 2 ... and 0.
+def _stretches_of(wanted: Mask, stretches: I64) -> int:
+    """Write where each stretch of wanted columns begins and ends; return how many there are.
 
-    Growth runs over 4-neighbours, and across one missing cell. A neighbour joins when it is allowed and
-    its height differs from what the local slope predicts by at most `max_step`.
+    Stretches less than 8 columns apart are one: short ones cost more than the columns between them.
     """
-    n_rows, n_cols = height.shape
-    labels = np.zeros((n_rows, n_cols), dtype=np.int32)
-    stack = np.empty((n_rows * n_cols, 2), dtype=np.int32)
-    label = 0
-    for i in range(len(seed_rows)):
-        r, c = seed_rows[i], seed_cols[i]
-        if not allowed[r, c] or labels[r, c] != 0:
-            continue
-        label += 1
-        labels[r, c] = label
-        stack[0, 0] = r
-        stack[0, 1] = c
-        n = 1
-        while n > 0:
-            n -= 1
-            r, c = stack[n, 0], stack[n, 1]
-            for k in range(4):
-                dr = (k == 0) - (k == 1)
-                dc = (k == 2) - (k == 3)
-                for reach in range(1, 3):
-                    rr, cc = r + dr * reach, c + dc * reach
-                    if rr < 0 or rr >= n_rows or cc < 0 or cc >= n_cols:
-                        break
-                    if np.isnan(height[rr, cc]):
-                        continue  # look one cell further: a hole between two scan lines
-                    if allowed[rr, cc] and labels[rr, cc] == 0:
-                        east = 0.5 * (slope_east[r, c] + slope_east[rr, cc])
-                        north = 0.5 * (slope_north[r, c] + slope_north[rr, cc])
-                        expected = (east * dc - north * dr) * reach * cell
-                        if abs(height[rr, cc] - height[r, c] - expected) <= max_step:
-                            labels[rr, cc] = label
-                            stack[n, 0] = rr
-                            stack[n, 1] = cc
-                            n += 1
-                    break
-    return labels
+    n = 0
+    for c in range(len(wanted)):
+        if wanted[c]:
+            if n == 0 or c - stretches[n - 1, 1] >= 8:
+                stretches[n, 0] = c
+                n += 1
+            stretches[n - 1, 1] = c + 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _medians(step: F32, stretches: I64, reach: int, network: I32, values: F32, side: F32, out: F32) -> None:
+    """Write the median of the known steps around each column of the stretches.
+
+    Missing values become infinite, in turn above and below all others: the middle stays the middle.
+    """
+    width = 2 * reach + 1
+    m = 0
+    for s in range(len(stretches)):
+        begin, n = stretches[s, 0], stretches[s, 1] - stretches[s, 0]
+        for k in range(width):
+            for j in range(width):
+                lane, source = values[k * width + j], step[k]
+                for i in range(n):
+                    lane[m + i] = source[begin + j + i]
+        m += n
+    side[:m] = np.float32(np.inf)
+    for k in range(width * width):
+        lane = values[k]
+        for i in range(m):
+            value, missing = lane[i], side[i]
+            lane[i] = missing if value != value else value
+            side[i] = -missing if value != value else missing
+    for k in range(len(network)):
+        a, b = values[network[k, 0]], values[network[k, 1]]
+        for i in range(m):
+            x, y = a[i], b[i]
+            a[i] = x if x < y else y
+            b[i] = y if x < y else x
+    middle, below = values[width * width // 2], values[width * width // 2 - 1]
+    m = 0
+    for s in range(len(stretches)):
+        for c in range(stretches[s, 0], stretches[s, 1]):
+            # An odd number is missing: one more above than below, so the two middle values lie one lower
+            median = np.float32(0.5) * (below[m] + middle[m]) if side[m] < 0.0 else middle[m]
+            out[c] = median if np.isfinite(median) else np.float32(0.0)
+            m += 1
 
 
 @njit(cache=True, nogil=True)

@@ -1,0 +1,187 @@
+"""Loops that carry a surface on: nearest known cell within a reach, filling, softening."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+F32 = npt.NDArray[np.float32]
+I32 = npt.NDArray[np.int32]
+I64 = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
+
+
+@njit(cache=True, nogil=True)
+def nearest_known(known: Mask, reach: int, margin: int) -> tuple[I32, I32]:
+    """Return for each cell the nearest known one (flat index, -1: none within reach) and the square distance.
+
+    Parameters
+    ----------
+    reach
+        In cells. Of several nearest cells the westernmost counts, then the northernmost.
+    margin
+        Only the cells at least this far inside are asked for; the answer is of that smaller shape.
+
+    Notes
+    -----
+    Exact: first along columns, then the lower envelope of the columns' parabolas along rows (Meijster,
+    Roerdink, Hesselink 2000, doi:10.1007/0-306-47025-X_36), here with columns beyond the reach left out, so
+    that empty places cost little, and with ties decided by place, so that a part of a survey gives what the
+    whole gives.
+    """
+    n_rows, n_cols = known.shape
+    row_of = _nearest_in_columns(known, reach, margin)
+    index = np.full((n_rows - 2 * margin, n_cols - 2 * margin), -1, dtype=np.int32)
+    square = np.full((n_rows - 2 * margin, n_cols - 2 * margin), reach * reach + 1, dtype=np.int32)
+    site = np.empty(n_cols, dtype=np.int32)  # columns of the envelope
+    below = np.empty(n_cols, dtype=np.int32)  # and the squares of their distances along the column
+    begin = np.empty(n_cols, dtype=np.int32)  # and where each begins to be the nearest
+    for r in range(n_rows - 2 * margin):
+        n = 0
+        for c in range(n_cols):
+            if row_of[r, c] < 0:
+                continue
+            g = row_of[r, c] - (r + margin)
+            g = g * g
+            start = 0
+            while n > 0:
+                # The first column at which this one is nearer than the last of the envelope: ties stay west
+                num = (c * c - site[n - 1] * site[n - 1]) + (g - below[n - 1])
+                start = num // (2 * (c - site[n - 1])) + 1
+                if start > begin[n - 1]:
+                    break
+                n -= 1
+                start = 0
+            if n == 0:
+                start = 0
+            if start < n_cols:
+                site[n], below[n], begin[n] = c, g, max(start, 0)
+                n += 1
+        if n == 0:
+            continue
+        k = 0
+        for c in range(margin, n_cols - margin):
+            while k + 1 < n and begin[k + 1] <= c:
+                k += 1
+            d = (c - site[k]) * (c - site[k]) + below[k]
+            if d <= reach * reach:
+                square[r, c - margin] = d
+                index[r, c - margin] = row_of[r, site[k]] * n_cols + site[k]
+    return index, square
+
+
+@njit(cache=True, nogil=True)
+def _nearest_in_columns(known: Mask, reach: int, margin: int) -> I32:
+    """Return for the inner rows the row of the nearest known cell of each column, -1 beyond the reach."""
+    n_rows, n_cols = known.shape
+    far = -4 * (n_rows + reach)
+    out = np.empty((n_rows - 2 * margin, n_cols), dtype=np.int32)
+    last = np.full(n_cols, far, dtype=np.int32)
+    for r in range(n_rows - margin):
+        for c in range(n_cols):
+            last[c] = r if known[r, c] else last[c]
+        if r >= margin:
+            for c in range(n_cols):
+                out[r - margin, c] = last[c]
+    last[:] = -far
+    for r in range(n_rows - 1, margin - 1, -1):
+        for c in range(n_cols):
+            last[c] = r if known[r, c] else last[c]
+        if r < n_rows - margin:
+            for c in range(n_cols):
+                above = out[r - margin, c]
+                nearest = above if r - above <= last[c] - r else last[c]
+                out[r - margin, c] = nearest if abs(nearest - r) <= reach else -1
+    return out
+
+
+@njit(cache=True, nogil=True)
+def filled(height: F32, index: I32) -> F32:
+    """Return the heights of the cells that `index` names, NaN where it names none."""
+    flat = height.reshape(-1)
+    out = np.full(index.shape, np.float32(np.nan), dtype=np.float32)
+    for r in range(index.shape[0]):
+        for c in range(index.shape[1]):
+            if index[r, c] >= 0:
+                out[r, c] = flat[index[r, c]]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def softened(values: F32, square: I32, half: int, cell: float, over: float) -> F32:
+    """Return the inner cells, averaged over (2 half + 1)**2 cells more and more the farther they are carried.
+
+    Parameters
+    ----------
+    values, square
+        (n_rows + 2 half, n_cols + 2 half): heights, and square distances to where they come from [cells**2].
+    over
+        At this distance the mean has taken the place of the value. [m]
+
+    Notes
+    -----
+    Sums are added in one fixed order for every cell. A mean that would need a missing cell is not taken.
+    """
+    n_rows, n_cols = values.shape[0] - 2 * half, values.shape[1] - 2 * half
+    width = 2 * half + 1
+    out = np.empty((n_rows, n_cols), dtype=np.float32)
+    column = np.empty(n_cols + 2 * half, dtype=np.float32)
+    for r in range(n_rows):
+        column[:] = np.float32(0.0)
+        for k in range(width):
+            for c in range(n_cols + 2 * half):
+                column[c] += values[r + k, c]
+        for c in range(n_cols):
+            total = np.float32(0.0)
+            for k in range(width):
+                total += column[c + k]
+            value = values[r + half, c + half]
+            mean = total / np.float32(width * width)
+            if not np.isnan(mean):
+                share = np.float32(min(np.sqrt(float(square[r + half, c + half])) * cell / over, 1.0))
+                value = (np.float32(1.0) - share) * value + share * mean
+            out[r, c] = value
+    return out
+
+
+@njit(cache=True, nogil=True)
+def give_way(
+    road: F32, square: I32, ground: F32, far: F32, row_block: I64, col_block: I64, cell: float, carry: float
+) -> None:
+    """Fill what is missing of the ground from `far`, and let the road give way to the ground, in place.
+
+    Parameters
+    ----------
+    square
+        Square distances to the road. [cells**2]
+    far
+        Heights block by block; `row_block` and `col_block` give each row's and column's block.
+    carry
+        So far the road is the reference, and over as much again it gives way. [m]
+    """
+    for r in range(road.shape[0]):
+        for c in range(road.shape[1]):
+            if np.isnan(ground[r, c]):
+                ground[r, c] = far[row_block[r], col_block[c]]
+            if np.isnan(road[r, c]):
+                road[r, c] = ground[r, c]
+                continue
+            distance = np.sqrt(float(square[r, c])) * cell
+            share = np.float32(min(max((distance - carry) / max(carry, cell), 0.0), 1.0))
+            road[r, c] = (np.float32(1.0) - share) * road[r, c] + share * ground[r, c]
+
+
+@njit(cache=True, nogil=True)
+def block_sums(
+    height: F32, chosen: Mask, row_block: I64, col_block: I64, n_rows: int, n_cols: int, fixed: float
+) -> tuple[I64, I64]:
+    """Return per block the sum of the chosen cells' heights in steps of 1 / `fixed` and their number."""
+    total = np.zeros((n_rows, n_cols), dtype=np.int64)
+    number = np.zeros((n_rows, n_cols), dtype=np.int64)
+    for r in range(height.shape[0]):
+        for c in range(height.shape[1]):
+            if chosen[r, c]:
+                total[row_block[r], col_block[c]] += int(np.rint(height[r, c] * fixed))
+                number[row_block[r], col_block[c]] += 1
+    return total, number

@@ -1,0 +1,225 @@
+"""Loops over cells that belong together: labels of regions, links across edges, opening, cells on a path."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+F64 = npt.NDArray[np.float64]
+F32 = npt.NDArray[np.float32]
+I32 = npt.NDArray[np.int32]
+I64 = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
+
+#: So deep from an edge can a region go on beyond it: it steps over one missing cell.
+DEEP = 2
+
+
+@njit(cache=True, nogil=True)
+def label_regions(
+    height: F32, slope_east: F32, slope_north: F32, allowed: Mask, cell: float, max_step: float, level: bool
+) -> tuple[I32, int, I32]:
+    """Return the connected regions of the allowed cells: labels 1, 2 ... (0: not allowed).
+
+    Two cells are connected when they are neighbours in a row or a column, or have one missing cell between
+    them, and their heights differ by at most `max_step` from what the mean of their slopes predicts
+    (`level`: slopes count as 0). The relation is symmetric, so a region does not depend on where it starts.
+
+    Returns
+    -------
+    labels, how many of them come within `DEEP` cells of the edge (they come first), and each label's first
+    cell, row by row (flat index; entry 0 is label 1).
+    """
+    n_rows, n_cols = height.shape
+    parent = np.full(n_rows * n_cols, -1, dtype=np.int32)
+    for r in range(n_rows):
+        for c in range(n_cols):
+            if not allowed[r, c]:
+                continue
+            at = r * n_cols + c
+            parent[at] = at
+            for axis in range(2):
+                for reach in range(1, 3):
+                    rr, cc = (r, c - reach) if axis == 0 else (r - reach, c)
+                    if rr < 0 or cc < 0:
+                        break
+                    if np.isnan(height[rr, cc]):
+                        continue  # look one cell further: a hole between two scan lines
+                    if allowed[rr, cc]:
+                        slope = np.float32(0.0)
+                        if not level and axis == 0:
+                            slope = np.float32(0.5) * (slope_east[r, c] + slope_east[rr, cc])
+                        elif not level:
+                            slope = np.float32(-0.5) * (slope_north[r, c] + slope_north[rr, cc])
+                        rise = height[r, c] - height[rr, cc]
+                        if abs(rise - slope * np.float32(reach * cell)) <= max_step:
+                            _unite(parent, at, rr * n_cols + cc)
+                    break
+    return _numbered(parent, n_rows, n_cols)
+
+
+@njit(cache=True, nogil=True)
+def _root(parent: I32, at: int) -> int:
+    while parent[at] != at:
+        parent[at] = parent[parent[at]]
+        at = parent[at]
+    return at
+
+
+@njit(cache=True, nogil=True)
+def _unite(parent: I32, a: int, b: int) -> None:
+    a, b = _root(parent, a), _root(parent, b)
+    if a < b:
+        parent[b] = a
+    else:
+        parent[a] = b
+
+
+@njit(cache=True, nogil=True)
+def _numbered(parent: I32, n_rows: int, n_cols: int) -> tuple[I32, int, I32]:
+    """Return labels in the order of the regions' first cells, those near the edge first."""
+    label_of = np.zeros(n_rows * n_cols, dtype=np.int32)
+    first = np.empty(1024, dtype=np.int32)
+    n = 0
+    for r in range(n_rows):
+        inner = r >= DEEP and r < n_rows - DEEP
+        c = 0
+        while c < n_cols:
+            if inner and c == DEEP and n_cols > 2 * DEEP:
+                c = n_cols - DEEP
+            at = r * n_cols + c
+            c += 1
+            if parent[at] >= 0:
+                root = _root(parent, at)
+                if label_of[root] == 0:
+                    n += 1
+                    label_of[root] = n
+    n_border = n
+    labels = np.zeros((n_rows, n_cols), dtype=np.int32)
+    for r in range(n_rows):
+        for c in range(n_cols):
+            at = r * n_cols + c
+            if parent[at] < 0:
+                continue
+            if parent[at] == at:  # roots are the first cells of their regions
+                if label_of[at] == 0:
+                    n += 1
+                    label_of[at] = n
+                if n > len(first):
+                    more = np.empty(2 * n, dtype=np.int32)
+                    more[: len(first)] = first
+                    first = more
+                first[label_of[at] - 1] = at
+            labels[r, c] = label_of[_root(parent, at)]
+    return labels, n_border, first[:n]
+
+
+@njit(cache=True, nogil=True)
+def points_of_labels(labels: I32, count: I32, n: int) -> I64:
+    """Return the points in the cells of each label (entry 0 is label 1)."""
+    total = np.zeros(n, dtype=np.int64)
+    for r in range(labels.shape[0]):
+        for c in range(labels.shape[1]):
+            if labels[r, c] > 0:
+                total[labels[r, c] - 1] += count[r, c]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def links_across(
+    height: F32,
+    slope: F32,
+    labels: I32,
+    height_b: F32,
+    slope_b: F32,
+    labels_b: I32,
+    cell: float,
+    max_step: float,
+) -> I32:
+    """Return the (m, 2) labels that are connected across an edge, by the relation of `label_regions`.
+
+    Parameters
+    ----------
+    height, slope, labels
+        (n, 2): the cells along the edge on this side, the nearest to it last; slopes towards the other side.
+    height_b, slope_b, labels_b
+        (n, 2): those on the other side, the nearest to the edge first.
+    """
+    found = np.empty((len(height), 2), dtype=np.int32)
+    n = 0
+    for i in range(len(height)):
+        a, b = 1, 0
+        if np.isnan(height[i, 1]) and np.isnan(height_b[i, 0]):
+            continue
+        if np.isnan(height[i, 1]):
+            a = 0
+        elif np.isnan(height_b[i, 0]):
+            b = 1
+        if labels[i, a] == 0 or labels_b[i, b] == 0:
+            continue  # not allowed, or missing too: heights of labelled cells are known
+        reach = 2 - a + b
+        expected = np.float32(0.5) * (slope[i, a] + slope_b[i, b]) * np.float32(reach * cell)
+        if abs(height_b[i, b] - height[i, a] - expected) <= max_step:
+            if n > 0 and found[n - 1, 0] == labels[i, a] and found[n - 1, 1] == labels_b[i, b]:
+                continue
+            found[n, 0], found[n, 1] = labels[i, a], labels_b[i, b]
+            n += 1
+    return found[:n]
+
+
+@njit(cache=True, nogil=True)
+def drops_below(
+    path: F64, west: int, south: int, height: F32, cell: float, z0: float, reach: int
+) -> tuple[F32, F32]:
+    """Return per cell the least and the largest height of the path over it, for cells near the path, else NaN.
+
+    Parameters
+    ----------
+    path
+        (n, 3) [m, world].
+    reach
+        How far from the path, in cells along rows and columns.
+    """
+    n_rows, n_cols = height.shape
+    least = np.full((n_rows, n_cols), np.float32(np.nan), dtype=np.float32)
+    most = np.full((n_rows, n_cols), np.float32(np.nan), dtype=np.float32)
+    for i in range(len(path)):
+        c0 = int(np.floor(path[i, 0] / cell)) - west
+        r0 = n_rows - 1 - (int(np.floor(path[i, 1] / cell)) - south)
+        for r in range(max(r0 - reach, 0), min(r0 + reach + 1, n_rows)):
+            for c in range(max(c0 - reach, 0), min(c0 + reach + 1, n_cols)):
+                if np.isnan(height[r, c]):
+                    continue
+                drop = np.float32(path[i, 2] - z0 - height[r, c])
+                if not drop >= least[r, c]:
+                    least[r, c] = drop
+                if not drop <= most[r, c]:
+                    most[r, c] = drop
+    return least, most
+
+
+@njit(cache=True, nogil=True)
+def opened(mask: Mask) -> Mask:
+    """Return the mask opened by 3 x 3 cells; beyond the edge nothing is set."""
+    n_rows, n_cols = mask.shape
+    out = np.zeros((n_rows, n_cols), dtype=np.bool_)
+    for r in range(1, n_rows - 1):
+        run = 0
+        for c in range(n_cols):
+            run = run + 1 if mask[r - 1, c] and mask[r, c] and mask[r + 1, c] else 0
+            if run >= 3:
+                for rr in range(r - 1, r + 2):
+                    out[rr, c - 2] = out[rr, c - 1] = out[rr, c] = True
+    return out
+
+
+@njit(cache=True, nogil=True)
+def with_labels(labels: I32, chosen: Mask) -> Mask:
+    """Return where the labels are chosen ones; labels beyond the end of `chosen` are not."""
+    out = np.zeros(labels.shape, dtype=np.bool_)
+    for r in range(labels.shape[0]):
+        for c in range(labels.shape[1]):
+            label = labels[r, c]
+            out[r, c] = label < len(chosen) and chosen[label]
+    return out

@@ -1,0 +1,126 @@
+"""Ground that holes in the data part from the rest: smooth pieces that lie level with the ground nearby."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.kernels import nearest as nearest_kernels
+from linework.kernels import regions as kernels
+from linework.model.arrays import AnyArray, BoolArray, Float32Array
+from linework.surface.carry import reach_cells
+from linework.surface.config import RoadConfig
+from linework.surface.islands import united
+
+#: Opening by 3 x 3 cells drops wires; it needs so many cells around.
+HALO = 2
+#: A piece of ground is larger than a lorry's roof. [m2]
+_MIN_AREA_M2 = 25.0
+#: Level: within this of the nearest ground, and as much more as a steep road rises on the way there, but no
+#: more than over 25 m: a roof stands higher than that over the ground at its foot. [m]
+_MAX_STEP_M, _MAX_GRADE, _MAX_WAY_M = 1.0, 0.12, 25.0
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """Smooth pieces of a window that are not ground yet.
+
+    Parameters
+    ----------
+    n_border
+        Those near the window's edge, which may go on beyond it, are 1 .. `n_border`.
+    edges
+        (n,) int32: labels along the western, eastern, northern and southern edge; 0 where there is no piece.
+    cells, level
+        (n,) int64: cells of each piece, and how many of them lie level with the nearest ground.
+    pairs
+        (k, 2) int32: piece, ground label that shares cells with it.
+    """
+
+    n_border: int
+    edges: tuple[AnyArray, AnyArray, AnyArray, AnyArray]
+    cells: AnyArray
+    level: AnyArray
+    pairs: AnyArray
+
+
+def smooth_pieces(candidates: BoolArray) -> tuple[AnyArray, int, int]:
+    """Return labels of the pieces of candidate cells, how many are near the edge, and how many there are.
+
+    Parameters
+    ----------
+    candidates
+        (n_rows + 2 `HALO`, n_cols + 2 `HALO`): smooth and not ground.
+    """
+    mask = np.ascontiguousarray(kernels.opened(candidates)[HALO:-HALO, HALO:-HALO])
+    level = np.zeros(mask.shape, dtype=np.float32)
+    labels, n_border, first = kernels.label_regions(level, level, level, mask, 1.0, 1.0, True)
+    return labels, n_border, len(first)
+
+
+def describe_pieces(
+    labels: AnyArray,
+    counts: tuple[int, int],
+    ground: AnyArray,
+    height: Float32Array,
+    is_ground: BoolArray,
+    config: RoadConfig,
+) -> Pieces:
+    """Return the pieces with what tells whether they are ground.
+
+    Parameters
+    ----------
+    labels, counts
+        As `smooth_pieces` returns them.
+    ground
+        (n_rows, n_cols): labels of ground regions.
+    height, is_ground
+        (n_rows + 2 h, n_cols + 2 h) with a halo of h = `reach_cells`.
+    """
+    n_border, n = counts
+    reach = reach_cells(config)
+    index, square = nearest_kernels.nearest_known(is_ground, reach, reach)
+    rise = np.abs(height[reach:-reach, reach:-reach] - nearest_kernels.filled(height, index))
+    way = np.minimum(np.sqrt(square, dtype=np.float32) * np.float32(config.cell_m), np.float32(_MAX_WAY_M))
+    level = rise - np.float32(_MAX_GRADE) * way <= np.float32(_MAX_STEP_M)  # NaN, no ground near: no
+    on = labels > 0
+    pairs = np.unique((labels[on].astype(np.int64) << 32) | ground[on])
+    return Pieces(
+        n_border,
+        (labels[:, 0].copy(), labels[:, -1].copy(), labels[0].copy(), labels[-1].copy()),
+        np.bincount(labels[on], minlength=n + 1)[1:],
+        np.bincount(labels[on & level], minlength=n + 1)[1:],
+        np.stack([pairs >> 32, pairs & 0xFFFFFFFF], axis=-1).astype(np.int32),
+    )
+
+
+def touching(one: Pieces, other: Pieces, *, below: bool) -> AnyArray:
+    """Return the labels (n, 2) of pieces that touch across the edge to the east, or `below`: to the south."""
+    a, b = (one.edges[3], other.edges[2]) if below else (one.edges[1], other.edges[0])
+    return np.unique(np.stack([a, b], axis=-1)[(a > 0) & (b > 0)], axis=0)
+
+
+def ground_of_pieces(
+    pieces: Sequence[Pieces], links: Sequence[tuple[int, int, AnyArray]], cell_m: float
+) -> list[AnyArray]:
+    """Return for each window the ground labels that turn out to be ground, (k,) int32 each.
+
+    Parameters
+    ----------
+    links
+        Windows a and b, and the labels (n, 2) of pieces that touch across their edge.
+    """
+    offsets = np.concatenate([[0], np.cumsum([len(p.cells) for p in pieces])]).astype(np.int64)
+    pairs = [np.stack([offsets[a], offsets[b]]) + labels.astype(np.int64) - 1 for a, b, labels in links]
+    group = united(int(offsets[-1]), np.concatenate([np.zeros((0, 2), np.int64), *pairs]))
+    cells = np.bincount(group, np.concatenate([p.cells for p in pieces]), minlength=1)
+    level = np.bincount(group, np.concatenate([p.level for p in pieces]), minlength=1)
+    # Half of its cells and more: what the median of their heights says, and counts of parts add up
+    chosen = ((cells * cell_m**2 >= _MIN_AREA_M2) & (2 * level >= cells))[group]
+    found = []
+    for i, piece in enumerate(pieces):
+        mine = np.concatenate([[False], chosen[offsets[i] : offsets[i + 1]]])
+        found.append(np.unique(piece.pairs[mine[piece.pairs[:, 0]], 1]))
+    return found

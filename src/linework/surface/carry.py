@@ -1,0 +1,130 @@
+"""Road and ground everywhere: carried on from their nearest cells, the road giving way to the ground."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.kernels import nearest as kernels
+from linework.kernels.surface import FIXED
+from linework.model.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
+from linework.surface.cells import Window
+from linework.surface.config import RoadConfig
+
+#: So far the ground is carried on from its nearest cell: most of what a van sees beside and above a road lies
+#: within it. Farther away the mean height of the nearest block that has ground must do. [m]
+REACH_M = 60.0
+#: Rays of nearest cells meet in creases: over this distance an average takes their place. [m]
+_SOFT_M = 2.0
+
+
+def reach_cells(config: RoadConfig) -> int:
+    """Return how far the ground is carried on, in cells: at least as far as the road is."""
+    return math.ceil(max(REACH_M, 2.0 * config.carry_m) / config.cell_m)
+
+
+def halo_cells(config: RoadConfig) -> int:
+    """Return how many cells around a window its surface depends on."""
+    return reach_cells(config) + _soft_cells(config)
+
+
+def _soft_cells(config: RoadConfig) -> int:
+    return round(0.5 * _SOFT_M / config.cell_m)
+
+
+@dataclass(frozen=True, slots=True)
+class CoarseGround:
+    """The ground's mean height in blocks of 64 m.
+
+    Parameters
+    ----------
+    blocks
+        (n, 2) int64: numbers east and north, in order.
+    total
+        (n,) int64: sum of the heights of the block's ground cells, in steps of 1 / `FIXED` m.
+    cells
+        (n,) int64: how many there are.
+    """
+
+    blocks: IntArray
+    total: IntArray
+    cells: IntArray
+
+    @classmethod
+    def of(cls, window: Window, height: Float32Array, is_ground: BoolArray, cell_m: float) -> CoarseGround:
+        """Return what a window's ground cells add to the blocks."""
+        rows, cols = window.blocks(cell_m)
+        south, west = int(rows.min()), int(cols.min())
+        shape = int(rows.max()) - south + 1, int(cols.max()) - west + 1
+        total, cells = kernels.block_sums(height, is_ground, rows - south, cols - west, *shape, FIXED)
+        r, c = np.nonzero(cells)
+        return cls(np.stack([c + west, r + south], axis=-1), total[r, c], cells[r, c])
+
+    @classmethod
+    def added(cls, *parts: CoarseGround) -> CoarseGround:
+        """Return the sums over parts of a survey."""
+        blocks = np.concatenate([np.zeros((0, 2), np.int64), *(p.blocks for p in parts)])
+        blocks, index = np.unique(blocks, axis=0, return_inverse=True)
+        total, cells = np.zeros(len(blocks), np.int64), np.zeros(len(blocks), np.int64)
+        np.add.at(total, index.ravel(), np.concatenate([np.zeros(0, np.int64), *(p.total for p in parts)]))
+        np.add.at(cells, index.ravel(), np.concatenate([np.zeros(0, np.int64), *(p.cells for p in parts)]))
+        return cls(blocks, total, cells)
+
+    def near(self, east: IntArray, north: IntArray) -> Float32Array:
+        """Return the mean ground height (len(north), len(east)) of the nearest block to each; NaN without any."""
+        if len(self.blocks) == 0:
+            return np.full((len(north), len(east)), np.nan, dtype=np.float32)
+        # Off centre by an odd bit: no two blocks are equally near
+        places = np.stack(np.meshgrid(east + 1.2e-4, north + 3.1e-5), axis=-1).reshape(-1, 2)
+        nearest = cKDTree(self.blocks).query(places)[1]
+        mean: FloatArray = self.total / self.cells / FIXED
+        return np.asarray(mean[nearest].reshape(len(north), len(east)), dtype=np.float32)
+
+    def over(self, window: Window, cell_m: float) -> tuple[Float32Array, IntArray, IntArray]:
+        """Return the heights of the blocks about a window, and the block of each row and of each column."""
+        rows, cols = window.blocks(cell_m)
+        north, east = np.arange(rows.min(), rows.max() + 1), np.arange(cols.min(), cols.max() + 1)
+        return self.near(east, north), rows - north[0], cols - east[0]
+
+
+def carried(
+    window: Window,
+    height: Float32Array,
+    is_road: BoolArray,
+    is_ground: BoolArray,
+    coarse: CoarseGround,
+    config: RoadConfig,
+) -> tuple[Float32Array, Float32Array]:
+    """Return the heights (n_rows, n_cols) float32 of road and ground for every cell of a window.
+
+    Parameters
+    ----------
+    height, is_road, is_ground
+        (n_rows + 2 h, n_cols + 2 h) with a halo of h = `halo_cells` around the window.
+
+    Notes
+    -----
+    Nothing farther away has a say, so that any window gives the same, to the last bit.
+    """
+    half = _soft_cells(config)
+    reach = reach_cells(config)
+    ground, _ = _carried_on(height, is_ground, reach, reach, half, config.cell_m)
+    # As far as it is the reference, and a little more for the averages
+    near = min(math.ceil(2.0 * config.carry_m / config.cell_m) + half + 1, reach)
+    road, square = _carried_on(height, is_road, near, reach, half, config.cell_m)
+    far, rows, cols = coarse.over(window, config.cell_m)
+    kernels.give_way(road, square, ground, far, rows, cols, config.cell_m, config.carry_m)
+    return road, ground
+
+
+def _carried_on(
+    height: Float32Array, known: BoolArray, reach: int, margin: int, half: int, cell_m: float
+) -> tuple[Float32Array, AnyArray]:
+    """Return a surface filled from its nearest cells and softened, and the square distance to them."""
+    index, square = kernels.nearest_known(known, reach, margin)
+    values = kernels.softened(kernels.filled(height, index), square, half, cell_m, _SOFT_M)
+    inner = slice(half, -half or None)
+    return values, np.ascontiguousarray(square[inner, inner])

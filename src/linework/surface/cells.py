@@ -1,0 +1,97 @@
+"""The cells of the surface: one lattice for the whole world, looked at through windows."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from linework.model.arrays import IntArray
+from linework.model.grid import Bounds, Grid
+
+#: Blocks of the lattice that tells recorded places apart and holds coarse heights: the point store's. [m]
+BLOCK_M = 64.0
+
+
+class Window(NamedTuple):
+    """A rectangle of cells. Cell (i, j) covers i cell <= east < (i + 1) cell, and north likewise.
+
+    Parameters
+    ----------
+    west, south
+        Cell numbers of the first column and of the last row: row 0 is north.
+    """
+
+    west: int
+    south: int
+    n_rows: int
+    n_cols: int
+
+    @classmethod
+    def over(cls, bounds: Bounds, cell_m: float) -> Window:
+        """Return the cells that hold points of the bounds, their edges counted in.
+
+        >>> Window.over(Bounds(0.1, -0.1, 1.0, 0.4), 0.5)
+        Window(west=0, south=-1, n_rows=2, n_cols=3)
+        """
+        west, south = math.floor(bounds.west / cell_m), math.floor(bounds.south / cell_m)
+        east, north = math.floor(bounds.east / cell_m), math.floor(bounds.north / cell_m)
+        return cls(west, south, north - south + 1, east - west + 1)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(n_rows, n_cols)."""
+        return self.n_rows, self.n_cols
+
+    @property
+    def north(self) -> int:
+        """Cell number beyond the first row."""
+        return self.south + self.n_rows
+
+    @property
+    def east(self) -> int:
+        """Cell number beyond the last column."""
+        return self.west + self.n_cols
+
+    def grown(self, n: int) -> Window:
+        """Return the window with n cells more on every side."""
+        return Window(self.west - n, self.south - n, self.n_rows + 2 * n, self.n_cols + 2 * n)
+
+    def common(self, other: Window) -> Window | None:
+        """Return the cells that both hold, or None.
+
+        >>> Window(0, 0, 4, 4).common(Window(2, 3, 4, 4))
+        Window(west=2, south=3, n_rows=1, n_cols=2)
+        """
+        west, south = max(self.west, other.west), max(self.south, other.south)
+        east, north = min(self.east, other.east), min(self.north, other.north)
+        return Window(west, south, north - south, east - west) if west < east and south < north else None
+
+    def part(self, inner: Window) -> tuple[slice, slice]:
+        """Return where the cells of `inner` lie in an array of this window."""
+        top, left = self.north - inner.north, inner.west - self.west
+        return slice(top, top + inner.n_rows), slice(left, left + inner.n_cols)
+
+    def bounds(self, cell_m: float) -> Bounds:
+        """Return the rectangle that the cells cover. [m, world]"""  # noqa: D400
+        return Bounds(self.west * cell_m, self.south * cell_m, self.east * cell_m, self.north * cell_m)
+
+    def grid(self, cell_m: float) -> Grid:
+        """Return the cells as a grid."""
+        return Grid(self.west * cell_m, self.north * cell_m, cell_m, cell_m, self.n_rows, self.n_cols)
+
+    def blocks(self, cell_m: float) -> tuple[IntArray, IntArray]:
+        """Return the numbers of the blocks that the centres of rows (n_rows,) and columns (n_cols,) lie in."""
+        rows = self.north - 1 - np.arange(self.n_rows)
+        cols = self.west + np.arange(self.n_cols)
+        return block_of(rows, cell_m), block_of(cols, cell_m)
+
+
+def block_of(cells: IntArray, cell_m: float) -> IntArray:
+    """Return the block, along one axis, that holds the centre of each cell.
+
+    >>> block_of(np.array([-1, 0, 127, 128]), 0.5).tolist()
+    [-1, 0, 0, 1]
+    """
+    return np.asarray(np.floor((cells + 0.5) * cell_m / BLOCK_M), dtype=np.int64)

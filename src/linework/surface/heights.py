@@ -1,0 +1,78 @@
+"""Heights of cells: the lowest supported one, the mean of the layer above it, and how much that spreads."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.kernels import surface as kernels
+from linework.model.arrays import AnyArray, Float32Array, FloatArray, IntArray
+from linework.surface.cells import Window
+from linework.surface.config import RoadConfig
+
+#: Local height origins are whole multiples of this. [m]
+HEIGHT_ORIGIN_M = 100.0
+#: Spreads are counted in steps of this: a tenth of what tells asphalt from grass. [m]
+_SPREAD_STEP_M = 0.001
+
+
+@dataclass(frozen=True, slots=True)
+class CellHeights:
+    """What the points of each cell say about its surface.
+
+    Parameters
+    ----------
+    window
+        Which cells.
+    height, spread
+        (n_rows, n_cols) float32 [m above the local height origin; m]: mean and standard deviation of the
+        lowest layer; NaN where there is no point.
+    count
+        (n_rows, n_cols) int32: points.
+    """
+
+    window: Window
+    height: Float32Array
+    spread: Float32Array
+    count: AnyArray
+
+
+def cell_heights(xyz: FloatArray, window: Window, z0_m: float, config: RoadConfig) -> CellHeights:
+    """Return the heights of a window's cells from points (n, 3) [m, world]; points elsewhere are passed over.
+
+    The order of the points does not matter, to the last bit.
+    """
+    xyz = np.ascontiguousarray(xyz, dtype=np.float64)
+    cells, low, count = kernels.lowest_supported(xyz, *window, config.cell_m, z0_m, config.support_m)
+    height, spread = kernels.lowest_layer(xyz, cells, z0_m, low, config.layer_m)
+    return CellHeights(window, height, spread, count)
+
+
+def height_origin(z_m: FloatArray) -> float:
+    """Return the local height origin for heights (n,): near their median, so that float32 resolves 0.01 mm.
+
+    >>> height_origin(np.array([310.0, 320.0, 9999.0]))
+    300.0
+    """
+    return math.floor(float(np.median(z_m)) / HEIGHT_ORIGIN_M) * HEIGHT_ORIGIN_M
+
+
+def count_spreads(spread: Float32Array) -> IntArray:
+    """Return how many cells spread how much, in steps of 1 mm: counts of parts of a survey add up."""
+    known = spread[~np.isnan(spread)]
+    return np.bincount((known / _SPREAD_STEP_M).astype(np.int64), minlength=1).astype(np.int64)
+
+
+def rough_limit_m(counts: IntArray, config: RoadConfig) -> float:
+    """Return up to which spread a cell is smooth [m]: the setting, or where all is rough 1.5 times the median.
+
+    >>> rough_limit_m(np.array([5, 1]), RoadConfig()), rough_limit_m(np.eye(1, 101, 100)[0], RoadConfig())
+    (0.06, 0.15075)
+    """
+    total = np.cumsum(counts)
+    if len(total) == 0 or total[-1] == 0:
+        return config.roughness_m
+    median = (int(np.searchsorted(total, 0.5 * total[-1])) + 0.5) * _SPREAD_STEP_M
+    return max(config.roughness_m, 1.5 * median)

@@ -1,0 +1,202 @@
+"""Regions of cells: smooth ones that continue the slope (a road is one), looser ones (the ground is one)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.kernels import regions as kernels
+from linework.model.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
+from linework.surface.cells import Window, block_of
+from linework.surface.config import RoadConfig
+from linework.surface.islands import Islands
+from linework.surface.path import drops_of_cells
+from linework.surface.slopes import HALO, smooth_slopes
+
+
+@dataclass(frozen=True, slots=True)
+class CellRegions:
+    """Which region each cell belongs to, inside one window.
+
+    Parameters
+    ----------
+    height, slope_east, slope_north
+        (n_rows, n_cols) float32 [m, m/m]; slopes are NaN where the surface is rough.
+    road, ground
+        (n_rows, n_cols) int32: labels; 0: rough (road), no point (ground). Regions near the window's edge,
+        which may go on beyond it, come first.
+    """
+
+    window: Window
+    height: Float32Array
+    slope_east: Float32Array
+    slope_north: Float32Array
+    road: AnyArray
+    ground: AnyArray
+
+
+@dataclass(frozen=True, slots=True)
+class LabelTable:
+    """What is to be known of some regions of a window: all that may go on beyond it, and those that matter.
+
+    Parameters
+    ----------
+    labels
+        (n,) int32, rising: 1 .. `n_border` and some more.
+    points
+        (n,) int64: points in the region's cells.
+    first
+        (n,) int64: the place of its first cell, row by row; the same in every window.
+    island
+        (n,) int32: the recorded place it belongs to.
+    """
+
+    n_border: int
+    labels: AnyArray
+    points: IntArray
+    first: IntArray
+    island: AnyArray
+
+
+@dataclass(frozen=True, slots=True)
+class RegionFacts:
+    """What a window tells of its regions to whoever chooses among those of all windows.
+
+    Parameters
+    ----------
+    pairs
+        (k, 2) int32: a road label of the table, and a ground label that shares cells with it.
+    seeds
+        (s,) int32: road labels of cells near the path; `drops` (s, 2) float32: how far they are below it. [m]
+    """
+
+    road: LabelTable
+    ground: LabelTable
+    pairs: AnyArray
+    seeds: AnyArray
+    drops: Float32Array
+
+
+def cell_regions(
+    window: Window,
+    height: Float32Array,
+    spread: Float32Array,
+    count: AnyArray,
+    path: FloatArray,
+    islands: Islands,
+    rough_limit_m: float,
+    z0_m: float,
+    config: RoadConfig,
+) -> tuple[CellRegions, RegionFacts]:
+    """Return the regions of a window's cells, and what is to be known of them elsewhere.
+
+    Parameters
+    ----------
+    height
+        (n_rows + 2 `HALO`, n_cols + 2 `HALO`) float32: with the cells around the window.
+    spread, count
+        (n_rows, n_cols).
+    path
+        (n, 3): samples of the vehicle's path, at least all that lie near the window.
+    """
+    cell = config.cell_m
+    smooth, east, north = smooth_slopes(height, spread, rough_limit_m, config)
+    height = np.ascontiguousarray(height[HALO:-HALO, HALO:-HALO])
+    known = ~np.isnan(height)
+    road, n_road, first_road = kernels.label_regions(
+        height, east, north, smooth, cell, config.max_step_m, False
+    )
+    ground, n_ground, first_ground = kernels.label_regions(
+        height, east, north, known, cell, config.ground_step_m, True
+    )
+    cells, drops = drops_of_cells(path, window, height, smooth, z0_m, cell)
+    seeds = road.ravel()[cells]
+    roads = _table(window, road, n_road, first_road, count, islands, cell, np.unique(seeds))
+    # The ground of every road that may be chosen; nothing else of the ground is asked for
+    listed = np.zeros(len(first_road) + 1, dtype=bool)
+    listed[roads.labels] = True
+    on = listed[road]
+    pairs = np.unique((road[on].astype(np.int64) << 32) | ground[on])
+    pairs = np.stack([pairs >> 32, pairs & 0xFFFFFFFF], axis=-1).astype(np.int32)
+    grounds = _table(window, ground, n_ground, first_ground, count, islands, cell, np.unique(pairs[:, 1]))
+    return CellRegions(window, height, east, north, road, ground), RegionFacts(
+        roads, grounds, pairs, seeds, drops
+    )
+
+
+def _table(
+    window: Window,
+    labels: AnyArray,
+    n_border: int,
+    first: AnyArray,
+    count: AnyArray,
+    islands: Islands,
+    cell_m: float,
+    wanted: AnyArray,
+) -> LabelTable:
+    """Return the table of the border's labels, the wanted ones, and the one with most points of each island."""
+    points = kernels.points_of_labels(labels, count, len(first))
+    north = window.north - 1 - first // window.n_cols
+    east = window.west + first % window.n_cols
+    place = (-north.astype(np.int64) << 32) + east
+    island = islands.at(block_of(east, cell_m), block_of(north, cell_m))
+    chosen = [np.arange(1, n_border + 1), wanted]
+    inner = np.arange(n_border, len(first))
+    for number in np.unique(island[inner]):
+        of_it = inner[island[inner] == number]
+        most = of_it[points[of_it] == points[of_it].max()]
+        chosen.append(most[[np.argmin(place[most])]] + 1)
+    kept = np.unique(np.concatenate(chosen)).astype(np.int32)
+    return LabelTable(n_border, kept, points[kept - 1], place[kept - 1], island[kept - 1])
+
+
+def cells_with(labels: AnyArray, chosen: AnyArray) -> BoolArray:
+    """Return which cells (n_rows, n_cols) have one of the labels (n,)."""
+    table = np.zeros(int(chosen.max(initial=0)) + 1, dtype=bool)
+    table[chosen] = True
+    return np.asarray(kernels.with_labels(labels, table))
+
+
+def links_east(west: CellRegions, east: CellRegions, config: RoadConfig) -> tuple[AnyArray, AnyArray]:
+    """Return the labels (n, 2) of road, and of ground, that are connected across the edge of two windows.
+
+    Only the two columns on either side of the edge are looked at: windows may be cut down to them.
+    """
+    a, b = (slice(None), slice(-2, None)), (slice(None), slice(0, 2))
+    return _links(west, east, a, b, west.slope_east[a], east.slope_east[b], config, turned=False)
+
+
+def links_south(north: CellRegions, south: CellRegions, config: RoadConfig) -> tuple[AnyArray, AnyArray]:
+    """Return what `links_east` does, for windows one above the other."""
+    a, b = (slice(-2, None), slice(None)), (slice(0, 2), slice(None))
+    return _links(north, south, a, b, -north.slope_north[a], -south.slope_north[b], config, turned=True)
+
+
+def _links(
+    one: CellRegions,
+    other: CellRegions,
+    a: tuple[slice, slice],
+    b: tuple[slice, slice],
+    slope_a: Float32Array,
+    slope_b: Float32Array,
+    config: RoadConfig,
+    *,
+    turned: bool,
+) -> tuple[AnyArray, AnyArray]:
+    def strip(values: AnyArray) -> AnyArray:
+        return np.ascontiguousarray(values.T if turned else values)
+
+    heights = strip(one.height[a]), strip(other.height[b])
+    slopes = strip(slope_a), strip(slope_b)
+    level = np.zeros_like(slopes[0])
+    found = []
+    for labels, slope, step in (
+        ((strip(one.road[a]), strip(other.road[b])), slopes, config.max_step_m),
+        ((strip(one.ground[a]), strip(other.ground[b])), (level, level), config.ground_step_m),
+    ):
+        links = kernels.links_across(
+            heights[0], slope[0], labels[0], heights[1], slope[1], labels[1], config.cell_m, step
+        )
+        found.append(np.unique(links, axis=0))
+    return found[0], found[1]

@@ -1,0 +1,341 @@
+"""Road and ground of a whole survey, whatever its size: a global pass over tiles of cells, kept on disk.
+
+What has memory (how far a road reaches, which of the smooth regions it is) is decided for the survey as a
+whole: regions are found in every tile, united across the tiles' edges, and chosen together. So the surface
+does not depend on how the survey is split.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from linework.files.store_read import PointStore
+from linework.files.surface_tiles import (
+    SurfaceTiles,
+    TileNumber,
+    clear_surface,
+    read_surface_record,
+    write_surface_record,
+)
+from linework.model.arrays import AnyArray, IntArray
+from linework.model.grid import Bounds
+from linework.model.surface import RoadSurface
+from linework.model.trajectory import Trajectory
+from linework.surface.apart import ground_of_pieces, touching
+from linework.surface.carry import CoarseGround, halo_cells
+from linework.surface.cells import BLOCK_M, Window
+from linework.surface.choose import Choice, Link
+from linework.surface.config import RoadConfig
+from linework.surface.heights import height_origin, rough_limit_m
+from linework.surface.islands import Islands
+from linework.surface.path import path_samples
+from linework.surface.regions import links_east, links_south
+from linework.tiling import surface_passes as passes
+from linework.tiling.executors import Executor
+from linework.tiling.steps import Advance
+
+#: Raised whenever surfaces made by older versions are not to be used any more.
+_VERSION = 1
+
+
+class Layout(NamedTuple):
+    """How the cells are split into tiles: the surface does not depend on it.
+
+    Parameters
+    ----------
+    n_cells
+        Size of a tile: 512 cells of 0.5 m are 4 x 4 blocks of the point store, 1 million points of a dense
+        drive, and 40 MB while it is worked on.
+    origin
+        Cell numbers east and north that a tile begins at.
+    """
+
+    n_cells: int = 512
+    origin: tuple[int, int] = (0, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class SurveySurface:
+    """Road and ground of a survey, on disk.
+
+    Parameters
+    ----------
+    tiles
+        Where the arrays are.
+    cell_m, z0_m
+        Size of the cells; local height origin.
+    known
+        Tiles that have arrays.
+    failed
+        Tiles that could not be worked, and why, in one line: they have no surface.
+    """
+
+    tiles: SurfaceTiles
+    cell_m: float
+    z0_m: float
+    known: frozenset[TileNumber]
+    failed: Mapping[TileNumber, str]
+
+    @classmethod
+    def open(cls, folder: Path) -> SurveySurface:
+        """Open a surface that `make_surface` has made; its arrays are read where they are asked for.
+
+        Raises
+        ------
+        FileNotFoundError
+            There is none in the folder.
+        """
+        record = read_surface_record(folder)
+        if record is None or record.get("version") != _VERSION:
+            raise FileNotFoundError(f"no surface in {folder}")
+        return cls._from(folder, record)
+
+    @classmethod
+    def _from(cls, folder: Path, record: Mapping[str, Any]) -> SurveySurface:
+        east, north = record["origin"]
+        return cls(
+            SurfaceTiles(folder, record["n_cells"], (east, north)),
+            record["cell_m"],
+            record["z0_m"],
+            frozenset((e, n) for e, n in record["tiles"]),
+            {(e, n): problem for e, n, problem in record["failed"]},
+        )
+
+    @property
+    def failures(self) -> tuple[tuple[str, str], ...]:
+        """Name of each tile that has no surface, and the problem in one line."""
+        return tuple((f"surface e{e}n{n}", problem) for (e, n), problem in sorted(self.failed.items()))
+
+    def over(self, bounds: Bounds) -> RoadSurface:
+        """Return road and ground over a place: every cell that touches it, the same wherever it is asked from.
+
+        Heights are NaN in failed tiles, and in a survey without any point.
+        """
+        window = Window.over(bounds, self.cell_m)
+        heights = np.full((2, *window.shape), np.nan, dtype=np.float32)
+        kind = np.zeros(window.shape, dtype=np.uint8)
+        for tile in self.tiles.touching(window):
+            own = self.tiles.window(tile)
+            shared = own.common(window)
+            if shared is None or tile in self.failed:
+                continue
+            at = window.part(shared)
+            if tile in self.known:
+                surface, kinds = self.tiles.read(passes.SURFACE, tile), self.tiles.read(passes.KIND, tile)
+                assert surface is not None and kinds is not None
+                heights[(..., *at)] = surface[(..., *own.part(shared))]
+                kind[at] = kinds[own.part(shared)]
+            else:
+                heights[(..., *at)] = self._far(shared)
+        grid = window.grid(self.cell_m)
+        return RoadSurface(grid, self.z0_m, heights[0], heights[1], kind & 1 > 0, kind & 2 > 0)
+
+    def _far(self, window: Window) -> AnyArray:
+        """Return the ground far from any ground: as high as the nearest block that has some."""
+        coarse = passes.coarse_ground(self.tiles.read_common(passes.COARSE))
+        far, rows, cols = coarse.over(window, self.cell_m)
+        return np.asarray(far[rows[:, None], cols])
+
+
+def make_surface(
+    store: PointStore | passes.PointSource,
+    trajectory: Trajectory | None,
+    config: RoadConfig,
+    folder: Path,
+    executor: Executor,
+    advance: Advance,
+    *,
+    key: str,
+    layout: Layout = Layout(),  # noqa: B008 (immutable)
+) -> SurveySurface:
+    """Find road and ground of a survey, and keep them in a folder; what is there already for `key` is used.
+
+    Parameters
+    ----------
+    store
+        The survey's points.
+    trajectory
+        The vehicle's path; None: in each recorded place, the region with most points is the road.
+    folder
+        For the surface alone: what else is in it may be removed.
+    executor
+        Does the tiles.
+    advance
+        Told how many of the tiles' steps are done, and how many there are.
+    key
+        Fingerprint of points, trajectory and settings.
+
+    Raises
+    ------
+    MachineError
+        The folder cannot be written.
+
+    Notes
+    -----
+    A tile that cannot be worked has no surface; `SurveySurface.failures` names it, and the next call tries
+    again. Memory: one tile in each worker, and here what crosses the edges.
+    """
+    record = read_surface_record(folder)
+    if record and (record.get("version"), record.get("key")) == (_VERSION, key) and not record["failed"]:
+        return SurveySurface._from(folder, record)
+    clear_surface(folder)
+    making = _Making(store, trajectory, config, SurfaceTiles(folder, *layout), executor, advance)
+    known = making.surface()
+    write_surface_record(
+        folder,
+        {
+            "version": _VERSION,
+            "key": key,
+            "cell_m": config.cell_m,
+            "z0_m": making.z0_m,
+            "n_cells": layout.n_cells,
+            "origin": list(layout.origin),
+            "tiles": sorted(known),
+            "failed": [[*tile, problem] for tile, problem in sorted(making.failed.items())],
+        },
+    )
+    return SurveySurface.open(folder)
+
+
+class _Making:
+    """The passes of one surface."""
+
+    def __init__(
+        self,
+        store: PointStore | passes.PointSource,
+        trajectory: Trajectory | None,
+        config: RoadConfig,
+        tiles: SurfaceTiles,
+        executor: Executor,
+        advance: Advance,
+    ) -> None:
+        self._tiles, self._config, self._executor, self._advance = tiles, config, executor, advance
+        self._blocks, counts = store.block_counts
+        self.z0_m = _height_origin(store, trajectory, self._blocks, counts)
+        self.failed: dict[TileNumber, str] = {}
+        self._occupied = _tiles_of(self._blocks, tiles, config, 0)
+        self._reached = _tiles_of(self._blocks, tiles, config, halo_cells(config))
+        self._done = 0
+        source = store.folder if isinstance(store, PointStore) else store
+        self._task = passes.TileTask(source, tiles, (0, 0), config, self.z0_m)
+        path, islands = path_samples(trajectory, config.cell_m), Islands.of(self._blocks)
+        tiles.write_common(passes.PATH, path)
+        tiles.write_common(passes.BOXES, passes.path_boxes(path))
+        tiles.write_common(passes.ISLANDS, np.stack([islands.codes, islands.number]))
+
+    def surface(self) -> list[TileNumber]:
+        """Make the surface; return the tiles that have one."""
+        # The lowest supported height of every cell, and how much the layer above it spreads
+        spreads = self._run(passes.find_heights, self._occupied)
+        self._task = replace(self._task, rough_limit_m=rough_limit_m(_added(spreads.values()), self._config))
+        # Regions that continue the slope, and looser ones, united across the edges of tiles
+        facts = self._run(passes.find_regions, [tile for tile, counts in spreads.items() if len(counts)])
+        names = sorted(facts)
+        choice = Choice([facts.pop(name) for name in names], self._links(names))
+        # The road is under the van; the ground is what is connected to it, and level pieces apart from it
+        self._write_chosen(names, choice)
+        receipts = self._run(passes.find_apart, names)
+        self._add_ground(names, choice, receipts)
+        coarse = CoarseGround.added(*(receipt.coarse for receipt in receipts.values()))
+        self._tiles.write_common(passes.COARSE, passes.coarse_array(coarse), durable=True)
+        # Beyond its edge the road is carried on, and gives way to the ground
+        has = self._run(passes.carry_on, [tile for tile in self._reached if tile not in self.failed])
+        self._tiles.remove(
+            passes.HEIGHTS, passes.COUNT, passes.LABELS, passes.COLUMNS, passes.ROWS, passes.ROADS,
+            passes.GROUNDS, passes.PATH, passes.BOXES, passes.ISLANDS,
+        )  # fmt: skip
+        return [tile for tile, is_there in has.items() if is_there]
+
+    def _run(
+        self, work: Callable[[passes.TileTask], Any], tiles: Iterable[TileNumber]
+    ) -> dict[TileNumber, Any]:
+        """Do one pass over tiles, and return their receipts; failures are kept by tile."""
+        receipts = {}
+        for outcome in self._executor.run(work, [replace(self._task, tile=tile) for tile in tiles]):
+            if outcome.receipt is None:
+                self.failed.setdefault(outcome.task.tile, outcome.problem)
+            else:
+                receipts[outcome.task.tile] = outcome.receipt
+            self._done += 1
+            self._advance(self._done, 3 * len(self._occupied) + len(self._reached))
+        return receipts
+
+    def _links(self, names: Sequence[TileNumber]) -> list[Link]:
+        """Return what is connected across the edges between tiles."""
+        number = {name: i for i, name in enumerate(names)}
+        links = []
+        for (east, north), i in number.items():
+            for side, other, find in (
+                (("east", "west"), number.get((east + 1, north)), links_east),
+                (("south", "north"), number.get((east, north - 1)), links_south),
+            ):
+                if other is not None:
+                    one = passes.edge_cells(self._tiles, names[i], side[0])
+                    two = passes.edge_cells(self._tiles, names[other], side[1])
+                    links.append(Link(i, other, *find(one, two, self._config)))
+        return links
+
+    def _write_chosen(self, names: Sequence[TileNumber], choice: Choice) -> None:
+        for i, name in enumerate(names):
+            self._tiles.write(passes.ROADS, name, choice.road_labels(i))
+            self._tiles.write(passes.GROUNDS, name, choice.ground_labels(i))
+
+    def _add_ground(
+        self, names: Sequence[TileNumber], choice: Choice, receipts: Mapping[TileNumber, passes.ApartReceipt]
+    ) -> None:
+        """Take for ground what lies level with it beyond holes in the data."""
+        with_pieces = [name for name in names if name in receipts and receipts[name].pieces]
+        number = {name: i for i, name in enumerate(with_pieces)}
+        pieces = [p for p in (receipts[name].pieces for name in with_pieces) if p]
+        links = []
+        for (east, north), i in number.items():
+            for other, below in (
+                (number.get((east + 1, north)), False),
+                (number.get((east, north - 1)), True),
+            ):
+                if other is not None:
+                    links.append((i, other, touching(pieces[i], pieces[other], below=below)))
+        if pieces:
+            for name, labels in zip(
+                with_pieces, ground_of_pieces(pieces, links, self._config.cell_m), strict=True
+            ):
+                choice.add_ground(names.index(name), labels)
+            self._write_chosen(names, choice)
+
+
+def _height_origin(
+    store: PointStore | passes.PointSource, trajectory: Trajectory | None, blocks: IntArray, counts: IntArray
+) -> float:
+    """Return the height origin of the path, or without one of the block with most points."""
+    if trajectory is not None and len(trajectory):
+        return height_origin(trajectory.xyz[:, 2])
+    if len(counts) == 0:
+        return 0.0
+    east, north = (blocks[np.argmax(counts)] * BLOCK_M).tolist()
+    block = Bounds(east, north, east + BLOCK_M, north + BLOCK_M)
+    return height_origin(store.points(block, ordered=False, with_time=False, with_intensity=False).xyz[:, 2])
+
+
+def _tiles_of(blocks: IntArray, tiles: SurfaceTiles, config: RoadConfig, margin: int) -> list[TileNumber]:
+    """Return the tiles that hold cells of blocks, or that lie within a margin of those, in cells."""
+    found: set[TileNumber] = set()
+    for east, north in (np.asarray(blocks) * BLOCK_M).tolist():
+        window = Window.over(Bounds(east, north, east + BLOCK_M, north + BLOCK_M), config.cell_m)
+        found.update(tiles.touching(window.grown(margin)))
+    return sorted(found)
+
+
+def _added(counts: Iterable[AnyArray]) -> IntArray:
+    """Return the sum of counts of different lengths."""
+    total = np.zeros(0, dtype=np.int64)
+    for part in counts:
+        longer = np.zeros(max(len(total), len(part)), dtype=np.int64)
+        longer[: len(total)] = total
+        longer[: len(part)] += part
+        total = longer
+    return total
