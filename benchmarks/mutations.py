@@ -3,8 +3,8 @@
 ``python -m benchmarks.mutations 12000 --first-seed 0`` prints what came of them, and the seeds of those that
 broke a rule; ``--seed 4711 --keep x.laz`` writes one of them. Header lies are timed first.
 
-Rules: an answer within 10 s; no signal, no traceback; points used and left out add up to the points that the
-damaged header promises; every coordinate finite.
+Rules: an answer within 10 s; no signal, no traceback, also not in the process that decodes; points used and
+left out add up to the points that the damaged header promises; every coordinate finite.
 """
 
 from __future__ import annotations
@@ -23,9 +23,10 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from benchmarks._laser_files import damaged, make_bases
+from benchmarks._damage import damaged, make_bases
 
-HANG_S = 10.0
+#: Nothing may take longer; the decoder is ended after so long without a word, here sooner than in a run.
+HANG_S, STALL_S = 30.0, 10.0
 #: Files of other projects' tests, where they lie beside the repository.
 HOSTILE = Path(__file__).parents[1] / "../shared/data/hostile"
 
@@ -35,12 +36,13 @@ def main(arguments=()):
     with tempfile.TemporaryDirectory(prefix="linework-mutations-") as folder:
         bases = all_bases(Path(folder) / "bases")
         if options.worker:
-            return work(Path(options.worker))
+            work(Path(options.worker))
+            return
         if options.seed is not None:
             name, done, data = damaged(options.seed, bases)
             Path(options.keep or f"mutant-{options.seed}.laz").write_bytes(data)
             print(f"seed {options.seed}: {name}, {done}")
-            return None
+            return
         header_lies(Path(folder))
         start = time.perf_counter()
         seeds = range(options.first_seed, options.first_seed + options.n)
@@ -63,7 +65,7 @@ def parsed(arguments):
 
 def all_bases(folder):
     """Return the bytes of all sound files by name."""
-    bases = {name: path.read_bytes() for name, path in make_bases(folder).items()}
+    bases = make_bases(folder)
     for path in sorted(HOSTILE.rglob("*.la[sz]")):
         bases[f"found-{path.relative_to(HOSTILE)}"] = path.read_bytes()
     return bases
@@ -115,93 +117,130 @@ class Watched:
 
 def work(folder):
     """Read jobs from stdin, one line each, and say what came of them."""
-    bases = all_bases(folder / f"worker{os.getpid()}")
-    path = folder / f"worker{os.getpid()}" / "mutant"
-    judged_file(folder, bases, path)
-    print("ready", flush=True)
-    for line in sys.stdin:
-        job = json.loads(line)
-        if "file" in job:
-            result = judged(Path(job["file"]), job["crs"])
-        else:
-            name, done, data = damaged(job["seed"], bases)
-            target = path.with_suffix(".las" if name.startswith("las-") else ".laz")
-            target.write_bytes(data)
-            result = {"base": name, "done": done, **judged(target, None)}
-        print(json.dumps(result), flush=True)
+    own = folder / f"worker{os.getpid()}"
+    bases = all_bases(own)
+    with Reader(own) as reader:
+        target = own / "mutant.laz"
+        target.write_bytes(bases["laz-6.laz"])
+        judged(reader, target)  # imports and caches are not to be the first one's
+        print("ready", flush=True)
+        for line in sys.stdin:
+            job = json.loads(line)
+            if "file" in job:
+                result = judged(reader, Path(job["file"]))
+            else:
+                name, done, data = damaged(job["seed"], bases)
+                target = own / f"mutant{Path(name).suffix}"
+                target.write_bytes(data)
+                result = {"base": name, "done": done, **judged(reader, target)}
+            print(json.dumps(result), flush=True)
 
 
-def judged_file(folder, bases, path):
-    """Read one sound file, so that imports and caches are not counted as the first one's."""
-    target = path.with_suffix(".laz")
-    target.write_bytes(bases["laz-6"])
-    judged(target, None)
+class Reader:
+    """Reads single files as a run does: headers in this process, points in the one that decodes."""
+
+    def __init__(self, folder):
+        from linework.files.decoder import Decoder, DecoderLimits
+
+        self.target = folder / "0.points"
+        self.decoder = Decoder(1, DecoderLimits(stall_s=STALL_S))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.decoder.close()
+
+    def read(self, path, crs):
+        """Return what the decoder found; errors as a run raises them."""
+        from linework.files.decode_messages import DecodeTask
+        from linework.files.las_crs import resolve_crs
+        from linework.files.las_header import read_las_header
+        from linework.files.survey import open_survey
+
+        open_survey([path], crs=crs)
+        header = read_las_header(path)
+        factors = resolve_crs(header.projection, crs, where=path).factors
+        self.target.unlink(missing_ok=True)
+        task = DecodeTask(path=path, target=self.target, factors=factors)
+        return header, self.decoder.decode(task, lambda _: None)
 
 
-def judged(path, crs):
+def judged(reader, path):
     """Return what reading a file came to, against the rules."""
-    before = reset_peak_mb()
+    before = reset_peaks_mb()
     start = time.perf_counter()
-    came, said, bad = outcome(path, crs)
-    result = {"came": came, "said": said, "bad": bad, "ms": 1e3 * (time.perf_counter() - start)}
-    return {**result, "mb": peak_mb() - before}
+    came, said, bad = outcome(reader, path)
+    ms = 1e3 * (time.perf_counter() - start)
+    return {
+        "came": came,
+        "said": said,
+        "bad": bad,
+        "ms": ms,
+        "mb": sum(peaks_mb().values()) - sum(before.values()),
+    }
 
 
-def outcome(path, crs):
+def outcome(reader, path):
     """Return (kind of outcome, message, does it break a rule)."""
     from linework.errors import CrsError, LineworkError
 
     try:
         try:
-            return read(path, crs)
+            return account(path, *reader.read(path, None))
         except CrsError:  # files made here say none, damaged ones may say any
-            if crs is not None:
-                raise
-            return read(path, "local")
+            return account(path, *reader.read(path, "local"))
     except LineworkError as error:
         text = str(error).replace(str(path), "FILE")
-        one_line = "\n" not in text and len(text) <= 320 and text.endswith(".") and bool(error.advice)
+        if "the decoder" in text:
+            return f"CONTAINED {text.split('(')[0]}", text, True
+        one_line = "\n" not in text and len(text) <= 300 and text.endswith(".") and bool(error.advice)
         return f"refused ({type(error).__name__})", text, not one_line
     except BaseException as error:
         return f"TRACEBACK {type(error).__name__}", str(error)[:300], True
 
 
-def read(path, crs):
-    """Read a file as the command line does, and compare the account with the file's own header."""
-    import numpy as np
-    from linework.files.survey import open_survey
-    from linework.files.survey_points import read_survey_points
-
-    found = read_survey_points(open_survey([path], crs=crs))
-    counted = len(found.points) + sum(found.rejected.values())
+def account(path, header, found):
+    """Compare the account of a file with its own header, read apart from our reader."""
+    counted = found.n_points + sum(found.n_rejected.values())
     with path.open("rb") as file:
         promised = promised_points(file.read(375))
-    if counted != promised:
-        return "SILENT LOSS", f"{counted} of {promised}", True
-    if not np.isfinite(found.points.xyz).all():
-        return "NOT FINITE", "", True
-    if found.points.time_s is not None and not np.isfinite(found.points.time_s).all():
-        return "TIME NOT FINITE", "", True
-    return ("read, warned" if found.warnings else "read"), " | ".join(found.warnings), False
+    if counted != promised or found.runs.n_points != found.n_points:
+        return "SILENT LOSS", f"{counted} of {promised}, {found.runs.n_points} written", True
+    times = () if found.gps_time_kind == "none" else (found.times.low_s, found.times.high_s)
+    if not all(map(math.isfinite, (*found.low, *found.high, *times))):
+        return "NOT FINITE", f"{found.low} to {found.high}, times {times}", True
+    warnings = (*header.warnings, *found.warnings)
+    return ("read, warned" if warnings else "read"), " | ".join(warnings), False
 
 
 def promised_points(head):
-    """Return the points a header promises, read apart from our reader."""
+    """Return the points a header promises."""
     old = struct.unpack_from("<I", head, 107)[0]
     return (struct.unpack_from("<Q", head, 247)[0] if head[25] == 4 else 0) or old
 
 
-def reset_peak_mb():
+def processes():
+    """Return this process and those it started."""
+    own = os.getpid()
+    children = Path(f"/proc/{own}/task/{own}/children").read_text().split()
+    return [own, *map(int, children)]
+
+
+def reset_peaks_mb():
     """Forget the highest memory so far, and return what is in use."""
-    Path("/proc/self/clear_refs").write_text("5")
-    return peak_mb()
+    for process in processes():
+        Path(f"/proc/{process}/clear_refs").write_text("5")
+    return peaks_mb()
 
 
-def peak_mb():
-    for line in Path("/proc/self/status").read_text().splitlines():
-        if line.startswith("VmHWM"):
-            return int(line.split()[1]) / 1024
-    return math.nan
+def peaks_mb():
+    """Return the highest memory of this process and those it started."""
+    found = {}
+    for process in processes():
+        lines = Path(f"/proc/{process}/status").read_text().splitlines()
+        found[process] = sum(int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM"))
+    return found
 
 
 #: What a header of 100,000 points may lie about: name, place from the start of a part, format, value.
@@ -224,19 +263,19 @@ LIES = (
 
 def header_lies(folder):
     """Time the refusal of each lie in a process of its own kind, LAS and LAZ of 100,000 points."""
-    from benchmarks._laser_files import laspy_file
+    from tests.laser_files import drive_file
 
     print(f"{'header lie':28} {'file':5} {'ms':>8} {'MB':>7}  outcome")
     watched = Watched(folder)
     for suffix in ("las", "laz"):
-        sound = laspy_file(folder / f"sound.{suffix}", 6, 100_000).read_bytes()
+        sound = drive_file(folder / f"sound.{suffix}", 6, 100_000).read_bytes()
         for name, part, place, form, value in LIES:
             if suffix == "las" and part != "head":
                 continue
             path = folder / f"lie.{suffix}"
             path.write_bytes(with_lie(sound, part, place, form, value))
-            watched.ask({"file": str(path), "crs": "local"})  # the first reading fills caches
-            result = watched.ask({"file": str(path), "crs": "local"})
+            watched.ask({"file": str(path)})  # the first reading fills caches
+            result = watched.ask({"file": str(path)})
             print(
                 f"{name:28} {suffix:5} {result.get('ms', math.nan):8.2f} {result.get('mb', math.nan):7.1f}  "
                 f"{result['came']}: {result['said']}"

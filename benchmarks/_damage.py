@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import io
 import struct
 from pathlib import Path
 
-import laspy
-import lazrs
 import numpy as np
+from tests.laser_files import COMPRESSED_FORMATS, copc_file, drive_file, point_by_point
 
 N_POINTS = 2_000
 #: Two chunks and a third that is not full.
 N_MANY = 120_000
-#: The compressor does not write waveforms (formats 4, 5, 9, 10).
-COMPRESSED_FORMATS = (0, 1, 2, 3, 6, 7, 8)
 _INTEGERS = {1: "<B", 2: "<H", 4: "<I", 8: "<Q"}
 #: (place, bytes) of the numbers of a header; floats are those of 8 bytes from 131 to 227.
 HEADER_FIELDS = (
@@ -27,92 +23,14 @@ EXTREME_FLOATS = (
 )  # fmt: skip
 
 
-def make_bases(folder: Path) -> dict[str, Path]:
-    """Write the sound files and return their paths by name."""
-    folder.mkdir(parents=True, exist_ok=True)
-    made = {}
-    for number in range(11):
-        for suffix in ("las", "laz"):
-            if suffix == "las" or number in COMPRESSED_FORMATS:
-                made[f"{suffix}-{number}"] = laspy_file(folder / f"format{number}.{suffix}", number, N_POINTS)
-    made["laz-1-chunks"] = laspy_file(folder / "chunks1.laz", 1, N_MANY)
-    made["laz-6-chunks"] = laspy_file(folder / "chunks6.laz", 6, N_MANY)
-    made["copc-7"] = write_copc(folder / "a.copc.laz")
-    return made
-
-
-def drive_records(header: laspy.LasHeader, n: int) -> laspy.ScaleAwarePointRecord:
-    """Return points of a road 40 m long: coordinates, intensities and times vary as a scanner's do."""
-    rng = np.random.default_rng(5)
-    record = laspy.ScaleAwarePointRecord.zeros(n, header=header)
-    low = np.array([500_000.0, 5_400_000.0, 100.0])
-    xyz = rng.uniform([0, -4, 0], [40, 4, 3], (n, 3)) + low
-    for axis, name in enumerate("XYZ"):
-        record[name] = np.rint((xyz[:, axis] - header.offsets[axis]) / header.scales[axis]).astype(np.int32)
-    record["intensity"] = rng.integers(1, 60_000, n)
-    if "gps_time" in record.point_format.dimension_names:
-        record["gps_time"] = 3e8 + np.arange(n) * 1e-5
-    return record
-
-
-def _header(number: int) -> laspy.LasHeader:
-    header = laspy.LasHeader(point_format=number, version="1.4" if number > 5 else "1.3")
-    header.scales, header.offsets = [0.001] * 3, [500_000.0, 5_400_000.0, 0.0]
-    header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
-    return header
-
-
-def laspy_file(path: Path, number: int, n: int) -> Path:
-    header = _header(number)
-    with laspy.open(path, mode="w", header=header) as writer:
-        writer.write_points(drive_records(header, n))
-    return path
-
-
-def write_copc(
-    path: Path, *, n: int = N_POINTS, n_chunks: int = 4, chunks: list[bytes] | None = None
-) -> Path:
-    """Write a file laid out as COPC: info record first, chunks of own sizes, the hierarchy at the end.
-
-    Parameters
-    ----------
-    chunks
-        Records of each chunk; None: `n` points of a drive.
-    """
-    header = _header(7)
-    if chunks is None:
-        records = drive_records(header, n).array
-        chunks = [part.tobytes() for part in np.array_split(records, n_chunks)]
-    counts = [len(chunk) // 36 for chunk in chunks]
-    vlr = lazrs.LazVlr.new_for_compression(7, 0, use_variable_size_chunks=True)
-    info = struct.pack("<5d2Q2d", 5e5, 5.4e6, 100.0, 20.0, 1.0, 0, 0, 3e8, 3e8 + 1) + bytes(88)
-    header.vlrs.append(laspy.VLR("copc", 1, "", info))
-    header.vlrs.append(laspy.VLR("laszip encoded", 22204, "", vlr.record_data()))
-    header.point_count = sum(counts)
-    header.are_points_compressed = True
-    stream = io.BytesIO()
-    header.write_to(stream)
-    start = stream.tell()
-    compressor = lazrs.ParLasZipCompressor(stream, vlr)
-    compressor.compress_chunks([np.frombuffer(chunk, np.uint8) for chunk in chunks])
-    compressor.done()
-    data = bytearray(stream.getvalue())
-    listed = lazrs.read_chunk_table(_at(data, start), vlr)
-    entries, at = b"", start + 8
-    for i, (count, size) in enumerate(zip(counts, (size for _, size in listed), strict=True)):
-        entries += struct.pack("<4iQ2i", min(i, 1), i, 0, 0, at, size, count)
-        at += size
-    hierarchy = struct.pack("<H16sHQ32s", 0, b"copc", 1000, len(entries), b"") + entries
-    struct.pack_into("<QI", data, 235, len(data), 1)
-    struct.pack_into("<2Q", data, 375 + 54 + 40, len(data) + 60, len(entries))
-    path.write_bytes(data + hierarchy)
-    return path
-
-
-def _at(data: bytearray, place: int) -> io.BytesIO:
-    stream = io.BytesIO(data)
-    stream.seek(place)
-    return stream
+def make_bases(folder: Path) -> dict[str, bytes]:
+    """Return the bytes of sound files of every kind, by name; they are written to `folder`."""
+    made = [drive_file(folder / f"las-{number}.las", number, N_POINTS) for number in range(11)]
+    made += [drive_file(folder / f"laz-{number}.laz", number, N_POINTS) for number in COMPRESSED_FORMATS]
+    made += [drive_file(folder / f"chunks-{number}.laz", number, N_MANY) for number in (1, 6)]
+    made.append(copc_file(folder / "copc-7.copc.laz", n=N_POINTS))
+    made.append(point_by_point(folder / "old-1.laz"))
+    return {path.name: path.read_bytes() for path in made}
 
 
 def damaged(seed: int, bases: dict[str, bytes]) -> tuple[str, str, bytes]:
