@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tests.conftest import CRS, road_points
 
-from linework.errors import InputError, MachineError
+from linework.errors import InputError, MachineError, PartialError
 from linework.files.las_write import write_las
 from linework.files.survey import open_survey
 from linework.files.trajectories import write_trajectory
@@ -15,9 +15,14 @@ from linework.files.vectors import read_lines
 from linework.model.lines import LineSet
 from linework.model.trajectory import Trajectory
 from linework.tiling import outputs, run
-from linework.tiling.plan import Tile, plan_tiles
+from linework.tiling.plan import TilingConfig
 from linework.tiling.sources import with_sources
 from linework.tiling.steps import Steps
+from linework.tiling.unfinished import run_folder
+from linework.tiling.work_folder import work_folder
+
+#: So many tiles that the 40 m of road lie in at least two.
+SMALL = TilingConfig(core_m=64.0, shift_east_m=20.0, max_points=10_000)
 
 
 class Diagonal:
@@ -26,6 +31,7 @@ class Diagonal:
     name = "diagonal"
     kinds = ("cable", "guardrail")
     buffer_m = 5.0
+    least_height_m = -np.inf
 
     def __init__(self):
         self.tiles = []
@@ -37,92 +43,174 @@ class Diagonal:
         return LineSet.from_lines([line], kind=["guardrail"], method=[self.name], source=[tile.source])
 
 
+class Fails(Diagonal):
+    """Fails in every tile whose core begins west of the road's middle."""
+
+    def extract(self, tile):
+        if tile.core.west < 500_020.0:
+            raise ArithmeticError("no line here")
+        return super().extract(tile)
+
+
 @pytest.fixture
 def method():
     return Diagonal()
 
 
-def test_a_method_gets_all_points_uncopied_and_its_lines_come_back_in_the_survey_crs(las_file, method):
-    survey = open_survey([las_file])
-    found = run.extract_lines(survey, [method])
+@pytest.fixture
+def extracted(tmp_path):
+    """Extract with one method; the work folder is kept from one call to the next."""
+
+    def run_it(path, method, **settings):
+        survey, work = open_survey([path]), work_folder(tmp_path, tmp_path / "work")
+        with (
+            run.opened_survey(survey, work, steps=settings.get("steps")) as opened,
+            run_folder(work, tmp_path / "lines.gpkg", {}) as folder,
+        ):
+            return run.extract_lines(opened, [method], folder, **settings)
+
+    return run_it
+
+
+def spread_points():
+    """Return 12,000 points along 140 m of road: more than one small tile may hold."""
+    parts = [road_points(4000, east_m=500_000.0 + 50 * i, seed=i) for i in range(3)]
+    xyz = np.concatenate([part.xyz for part in parts])
+    return dataclasses.replace(parts[0], xyz=xyz, intensity=None, time_s=None)
+
+
+@pytest.fixture
+def long_file(tmp_path):
+    path = tmp_path / "survey" / "long.laz"
+    write_las(spread_points(), path, crs=CRS)
+    return path
+
+
+def test_a_method_gets_all_points_and_its_lines_come_back_in_the_survey_crs(las_file, method, extracted):
+    found = extracted(las_file, method)
     (tile,) = method.tiles
     assert len(tile.points) == 400
-    assert tile.points is found.read.points
     assert tile.trajectory is None
+    assert tile.surface is not None
+    assert tile.origin == (499_200.0, 5_398_800.0, 0.0)
     assert found.kinds == ("guardrail", "cable")
-    assert found.lines.crs == survey.crs
+    assert found.lines.crs == open_survey([las_file]).crs
     assert "DHHN2016" in found.lines.crs
     assert found.lines.id[0].startswith("guardrail-")
 
 
-def test_several_tiles_see_core_and_buffer_only_and_workers_change_nothing(las_file, monkeypatch):
-    def halves(bounds, buffer_m):
-        (whole,) = plan_tiles(bounds, buffer_m)
-        middle = (bounds.west + bounds.east) / 2
-        return (
-            Tile("w", whole.core._replace(east=middle), buffer_m),
-            Tile("e", whole.core._replace(west=middle), buffer_m),
-        )
-
-    monkeypatch.setattr(run, "plan_tiles", halves)
-    results = []
-    for n_workers in (1, 2):
-        method = Diagonal()
-        results.append(run.extract_lines(open_survey([las_file]), [method], n_workers=n_workers))
-        for tile in method.tiles:
-            inside = tile.core.grown(5.0)
-            assert tile.points.xyz[:, 0].min() >= inside.west
-            assert tile.points.xyz[:, 0].max() < inside.east
-            assert 200 < len(tile.points) < 400
-    np.testing.assert_array_equal(results[0].lines.xyz, results[1].lines.xyz)
-    assert results[0].lines.id.tolist() == results[1].lines.id.tolist()
-    assert [t.tile.tile_id for t in results[0].tiles] == ["w", "e"]
+def test_several_tiles_see_core_and_buffer_only(long_file, method, extracted):
+    found = extracted(long_file, method, tiling=SMALL)
+    assert len(method.tiles) == len(found.tiles) > 1
+    for tile, report in zip(method.tiles, found.tiles, strict=True):
+        inside = tile.core.grown(5.0)
+        assert tile.points.xyz[:, 0].min() >= inside.west
+        assert tile.points.xyz[:, 0].max() < inside.east
+        assert len(tile.points) == report.n_points < 12_000
+        assert tile.origin == method.tiles[0].origin
+    assert [t.tile.tile_id for t in found.tiles] == [tile.tile_id for tile in method.tiles]
 
 
-def test_a_damaged_file_among_good_ones_is_listed_and_has_its_hash(las_file, method):
+def test_only_points_that_matter_are_loaded(las_file, method, extracted):
+    high = road_points(100, seed=5)
+    high = dataclasses.replace(high, xyz=high.xyz + np.array([0, 0, 6.0]))
+    write_las(high, las_file.with_name("high.laz"), crs=CRS)
+    method.least_height_m = 2.0
+    extracted(las_file.parent, method)
+    (tile,) = method.tiles
+    assert len(tile.points) == 100
+    assert tile.points.xyz[:, 2].min() > 105.0
+
+
+def test_a_tile_that_fails_is_named_and_the_others_go_on(long_file, extracted):
+    found = extracted(long_file, Fails(), tiling=SMALL)
+    failed = [report for report in found.tiles if report.problem]
+    assert 0 < len(failed) < len(found.tiles)
+    assert {report.problem for report in failed} == {"ArithmeticError: no line here"}
+    assert [name for name, _ in found.failures] == [report.tile.tile_id for report in failed]
+    assert len(found.lines) >= 1
+
+
+def test_a_survey_of_failed_tiles_only_is_no_result(las_file, extracted):
+    with pytest.raises(PartialError, match=r"none of 1 tiles could be worked: ArithmeticError: no line here"):
+        extracted(las_file, Fails())
+
+
+def test_tiles_that_are_done_are_not_done_again(long_file, method, tmp_path):
+    survey, work = open_survey([long_file]), work_folder(tmp_path, tmp_path / "work")
+
+    class Stops(Diagonal):
+        def extract(self, tile):
+            if self.tiles:
+                raise MachineError("the disk is full")
+            return super().extract(tile)
+
+    def go(method):
+        with (
+            run.opened_survey(survey, work) as opened,
+            run_folder(work, tmp_path / "lines.gpkg", {}, resume=True) as folder,
+        ):
+            return run.extract_lines(opened, [method], folder, tiling=SMALL)
+
+    undisturbed = go(Diagonal())
+    with pytest.raises(MachineError):
+        go(Stops())
+    resumed = go(method)
+    assert len(method.tiles) == len(undisturbed.tiles) - 1
+    np.testing.assert_array_equal(resumed.lines.xyz, undisturbed.lines.xyz)
+    assert resumed.tiles == undisturbed.tiles
+
+
+def test_a_damaged_file_among_good_ones_is_listed_and_has_its_hash(las_file, method, extracted):
     bad = las_file.with_name("b.laz")
     bad.write_bytes(las_file.read_bytes()[:-200])
-    found = run.extract_lines(open_survey([las_file.parent]), [method])
+    found = extracted(las_file.parent, method)
     ((failed, problem),) = found.read.failures
     assert failed == bad
     assert str(bad) in problem
     assert set(found.hashes) == {las_file, bad}
 
 
-def test_the_record_balances_and_hashes(las_file, tmp_path, method):
+def test_the_record_balances_and_hashes(las_file, tmp_path, method, extracted):
     steps = Steps()
-    found = run.extract_lines(open_survey([las_file]), [method], steps=steps)
+    found = extracted(las_file, method, steps=steps)
     record = outputs.publish_extraction(found, tmp_path / "lines.gpkg", {"features": []}, steps=steps)
     assert json.loads((tmp_path / "run.json").read_text()) == record
     counts = record["counts"]
     assert counts["points_in_files"] == counts["points_used"] + sum(counts["points_rejected"].values()) == 400
     assert counts["lines"] == {"guardrail": 1, "cable": 0}
+    assert (counts["files"], counts["tiles"]) == (1, 1)
     assert len(record["inputs"][0]["sha256"]) == 64
-    assert set(record["timings_s"]) == {"read points", "find lines", "write lines"}
+    assert list(record["timings_s"]) == [
+        "read points",
+        "find the road",
+        "find lines",
+        "join lines",
+        "write lines",
+    ]
     assert len(read_lines(tmp_path / "lines.gpkg")) == 1
 
 
-def test_lines_of_a_kind_not_looked_for_are_a_fault(las_file, tmp_path, method):
-    found = run.extract_lines(open_survey([las_file]), [method])
+def test_lines_of_a_kind_not_looked_for_are_a_fault(las_file, tmp_path, method, extracted):
+    found = extracted(las_file, method)
     astray = dataclasses.replace(found, lines=found.lines.with_columns(kind=["fence"]))
     (tmp_path / "lines.gpkg").touch()
     with pytest.raises(RuntimeError, match=r"1 lines, but .*'guardrail': 0"):
         outputs.record_of(astray, tmp_path / "lines.gpkg", {}, Steps())
 
 
-def test_the_same_input_gives_the_same_bytes(las_file, tmp_path, method):
+def test_the_same_input_gives_the_same_bytes(las_file, tmp_path, method, extracted):
     for name in ("one.gpkg", "two.gpkg"):
-        found = run.extract_lines(open_survey([las_file]), [method])
-        outputs.publish_extraction(found, tmp_path / name, {})
+        outputs.publish_extraction(extracted(las_file, method), tmp_path / name, {})
     assert (tmp_path / "one.gpkg").read_bytes() == (tmp_path / "two.gpkg").read_bytes()
     assert (tmp_path / "two.gpkg.run.json").exists()
 
 
 def test_old_lines_and_their_record_stay_if_the_new_ones_cannot_be_written(
-    las_file, tmp_path, method, monkeypatch
+    las_file, tmp_path, method, extracted, monkeypatch
 ):
     output = tmp_path / "lines.gpkg"
-    found = run.extract_lines(open_survey([las_file]), [method])
+    found = extracted(las_file, method)
     outputs.publish_extraction(found, output, {"try": 1})
     before = output.read_bytes(), (tmp_path / "run.json").read_bytes()
 
@@ -135,7 +223,21 @@ def test_old_lines_and_their_record_stay_if_the_new_ones_cannot_be_written(
     assert (output.read_bytes(), (tmp_path / "run.json").read_bytes()) == before
 
 
-def test_a_trajectory_of_another_place_is_refused(las_file, tmp_path, method):
+def test_the_store_is_made_once_and_anew_when_a_file_changes(las_file, method, extracted, tmp_path):
+    stores = tmp_path / "work" / "stores"
+    one, steps = extracted(las_file, method), Steps()
+    (before,) = stores.iterdir()
+    two = extracted(las_file, method, steps=steps)
+    assert "read points" not in steps.timings_s
+    np.testing.assert_array_equal(one.lines.xyz, two.lines.xyz)
+    write_las(road_points(seed=9), las_file, crs=CRS, overwrite=True)
+    three = extracted(las_file, method)
+    (after,) = stores.iterdir()
+    assert before != after
+    assert not np.array_equal(one.lines.xyz, three.lines.xyz)
+
+
+def test_a_trajectory_of_another_place_is_refused(las_file, tmp_path, method, extracted):
     away = Trajectory(np.array([3.0e8, 3.0e8 + 4]), np.array([[0.0, 0, 0], [40.0, 0, 0]]))
     path = tmp_path / "trajectory.csv"
     write_trajectory(away, path)
@@ -143,31 +245,32 @@ def test_a_trajectory_of_another_place_is_refused(las_file, tmp_path, method):
         f'[points]\nfiles = ["a.laz"]\n[trajectory]\nfile = "{path}"\n'
     )
     with pytest.raises(InputError, match="km apart"):
-        run.extract_lines(open_survey([las_file.parent]), [method])
+        extracted(las_file.parent, method)
 
 
-def test_the_lever_arm_is_taken_off(las_file, method):
+def test_the_lever_arm_is_taken_off(las_file, method, extracted):
     path = las_file.parent / "trajectory.csv"
     xyz = np.array([[500_000.0, 5_400_000.0, 102.0], [500_040.0, 5_400_000.0, 102.0]])
     write_trajectory(Trajectory(np.array([3.0e8, 3.0e8 + 4]), xyz), path)
     (las_file.parent / "survey.toml").write_text(
         '[points]\nfiles = ["a.laz"]\n[trajectory]\nfile = "trajectory.csv"\nlever_m = [1.0, 0.0, 2.0]\n'
     )
-    run.extract_lines(open_survey([las_file.parent]), [method])
+    found = extracted(las_file.parent, method)
     np.testing.assert_allclose(method.tiles[0].trajectory.xyz, xyz - [1.0, 0.0, 2.0])
+    assert path in found.hashes
 
 
-def test_two_files_are_one_survey(las_file, method):
+def test_two_files_are_one_survey(las_file, method, extracted):
     write_las(road_points(seed=2, east_m=500_040.0), las_file.with_name("b.las"), crs=CRS)
-    found = run.extract_lines(open_survey([las_file.parent]), [method])
-    assert len(found.read.points) == 800
+    found = extracted(las_file.parent, method)
+    assert found.read.n_points == 800
     assert found.tiles[0].n_points == 800
 
 
-def test_lines_without_a_source_name_the_files_about_them(las_file, method):
+def test_lines_without_a_source_name_the_files_about_them(las_file, method, extracted):
     beside = las_file.with_name("b.laz")
     write_las(road_points(seed=2, east_m=500_100.0), beside, crs=CRS)
-    facts = run.extract_lines(open_survey([las_file.parent]), [method]).read.files
+    facts = extracted(las_file.parent, method).read.files
     lines = LineSet.from_lines(
         [np.array([[500_000.0 + e, 5_400_000.0, 0], [500_000.0 + e + dx, 5_400_001.0, 0]])
          for e, dx in ((10.0, 5.0), (110.0, 5.0), (10.0, 100.0), (60.0, 5.0), (10.0, 5.0))],
@@ -178,10 +281,10 @@ def test_lines_without_a_source_name_the_files_about_them(las_file, method):
     assert with_sources(named, facts, "survey") is named
 
 
-def test_every_extracted_line_has_a_source(las_file, method):
+def test_every_extracted_line_has_a_source(las_file, method, extracted):
     class Silent(Diagonal):
         def extract(self, tile):
             return super().extract(tile).with_columns(source=[""])
 
-    assert run.extract_lines(open_survey([las_file]), [Silent()]).lines.source.tolist() == ["a.laz"]
-    assert run.extract_lines(open_survey([las_file]), [method]).lines.source.tolist() == ["a"]
+    assert extracted(las_file, Silent()).lines.source.tolist() == ["a.laz"]
+    assert extracted(las_file, method).lines.source.tolist() == ["a"]

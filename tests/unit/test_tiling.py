@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 from linework.files.run_record import write_json
-from linework.model.grid import Bounds
 from linework.model.lines import LineSet
-from linework.tiling.executors import in_order
 from linework.tiling.identify import identify, midpoints
-from linework.tiling.plan import plan_tiles
 from linework.tiling.record import record_path, set_aside
 from linework.tiling.steps import Steps
 
@@ -19,19 +16,6 @@ def some_lines() -> LineSet:
     rng = np.random.default_rng(7)
     lines = [rng.uniform(0, 100, (3, 3)) for _ in range(12)]
     return LineSet.from_lines(lines, kind=["cable", "guardrail", "fence"] * 4)
-
-
-def test_the_core_holds_points_on_its_far_edges():
-    (tile,) = plan_tiles(Bounds(0.0, 0.0, 50.0, 30.0), buffer_m=4.0)
-    assert tile.core.east > 50.0
-    assert tile.core.north > 30.0
-    assert tile.extent == Bounds(-4.0, -4.0, 64.0, 44.0)
-
-
-@pytest.mark.parametrize("bounds", [Bounds(0, 0, np.nan, 1), Bounds(5, 0, 4, 1)])
-def test_a_plan_needs_sound_bounds(bounds):
-    with pytest.raises(ValueError, match="bounds"):
-        plan_tiles(bounds, 0.0)
 
 
 def test_names_and_order_do_not_depend_on_the_order_lines_came_in():
@@ -61,11 +45,6 @@ def test_a_name_survives_a_change_of_a_few_millimetres():
 def test_the_midpoint_is_half_way_along_not_the_middle_vertex():
     line = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [10.0, 0.0, 0.0]])
     np.testing.assert_allclose(midpoints(LineSet.from_lines([line])), [[5.0, 0.0, 0.0]])
-
-
-@pytest.mark.parametrize("n_workers", [1, 3])
-def test_results_come_in_the_order_of_the_tiles(n_workers):
-    assert list(in_order(lambda x: -x, range(20), n_workers)) == [-x for x in range(20)]
 
 
 def test_steps_add_up_and_are_shown():

@@ -19,6 +19,7 @@ from typing import Annotated, TextIO
 import typer
 
 import linework
+from linework.cli.clean import clean
 from linework.cli.config import config
 from linework.cli.convert import convert
 from linework.cli.demo import demo
@@ -36,7 +37,7 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,  # plain help: rich alone would double its time
 )
-for command in (demo, info, extract, evaluate, raster, convert, simulate, config):
+for command in (demo, info, extract, evaluate, raster, convert, simulate, config, clean):
     app.command()(command)
 
 

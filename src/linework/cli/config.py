@@ -19,8 +19,8 @@ def config(
     from dataclasses import fields
 
     from linework.errors import UsageError
-    from linework.methods.choose import RunSettings
     from linework.model.settings import settings_toml
+    from linework.tiling.settings import RunSettings
 
     names = [f.name for f in fields(RunSettings)]
     if method and method not in names:

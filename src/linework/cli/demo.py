@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +12,7 @@ if TYPE_CHECKING:
 
     from linework.evaluation.tolerance import KindMatch
     from linework.model.lines import LineSet
+    from linework.model.points import Points
     from linework.tiling.run import Extraction
     from linework.tiling.steps import Steps
 
@@ -34,9 +34,6 @@ def demo(
     The survey is made up from --seed: a bending road with guardrails and cables, and the exact lines beside
     the laser points. What is extracted never sees them; the report compares both.
     """
-    n_workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    # Read once, when the decoder first runs: nothing of it is loaded yet
-    os.environ["RAYON_NUM_THREADS"] = str(n_workers)
     from linework.cli.progress import open_display
     from linework.files.publish import check_output_folder
 
@@ -49,8 +46,7 @@ def demo(
         tell_of_compiling(ALL_KINDS, quiet=quiet)
         steps = Steps(display)
         _simulate(folder / "survey", seed, steps, overwrite=overwrite)
-        found, record = _extract(folder, n_workers, steps, overwrite=overwrite)
-        _score_and_report(folder, found, record, steps, overwrite=overwrite)
+        _extract_and_score(folder, steps, overwrite=overwrite)
     for name, what in (
         ("survey", "the survey: points, trajectory, truth.gpkg"),
         ("lines.gpkg", "the lines; open it in QGIS"),
@@ -69,27 +65,46 @@ def _simulate(folder: Path, seed: int, steps: Steps, *, overwrite: bool) -> None
         write_survey_folder(survey, folder, overwrite=overwrite)
 
 
-def _extract(
-    folder: Path, n_workers: int, steps: Steps, *, overwrite: bool
-) -> tuple[Extraction, dict[str, Any]]:
-    """Do what `linework extract DIR/survey -o DIR/lines.gpkg` does."""
+def _extract_and_score(folder: Path, steps: Steps, *, overwrite: bool) -> None:
+    """Do what `linework extract DIR/survey -o DIR/lines.gpkg` does, and score what it made."""
     from dataclasses import asdict
 
+    from linework.cli.extract import executor_for, usable_cores
     from linework.files.survey import open_survey
-    from linework.methods.choose import ALL_KINDS, RunSettings, choose_methods
-    from linework.tiling.outputs import publish_extraction
-    from linework.tiling.run import extract_lines
+    from linework.methods.choose import ALL_KINDS, choose_methods
+    from linework.tiling.extract_to import Order, extract_to
+    from linework.tiling.overview import points_for_pictures
+    from linework.tiling.run import opened_survey
+    from linework.tiling.settings import RunSettings
+    from linework.tiling.work_folder import work_folder
 
     survey, settings = open_survey([folder / "survey"]), RunSettings()
-    methods = choose_methods("auto", ALL_KINDS, settings)
-    found = extract_lines(survey, methods, n_workers=n_workers, steps=steps)
-    parameters = {"features": list(ALL_KINDS), "method": "auto", "settings": asdict(settings)}
-    output = folder / "lines.gpkg"
-    return found, publish_extraction(found, output, parameters, overwrite=overwrite, steps=steps)
+    order = Order(
+        output=folder / "lines.gpkg",
+        methods=choose_methods("auto", ALL_KINDS, settings.radon),
+        settings=settings,
+        parameters={"features": list(ALL_KINDS), "method": "auto", "settings": asdict(settings)},
+        overwrite=overwrite,
+    )
+    work, n_workers = work_folder(survey.root), usable_cores()
+    with (
+        executor_for(survey, n_workers, settings) as executor,
+        opened_survey(survey, work, n_threads=n_workers, steps=steps) as opened,
+    ):
+        record, found = extract_to(order, opened, work, executor, steps)
+        assert found is not None  # only a run that is resumed may find itself finished
+        points = points_for_pictures(opened.points)
+    _score_and_report(folder, found, points, record, steps, overwrite=overwrite)
 
 
 def _score_and_report(
-    folder: Path, found: Extraction, record: Mapping[str, Any], steps: Steps, *, overwrite: bool
+    folder: Path,
+    found: Extraction,
+    points: Points,
+    record: Mapping[str, Any],
+    steps: Steps,
+    *,
+    overwrite: bool,
 ) -> None:
     """Compare the lines with the truth, write the report and print its main tables."""
     from linework.cli.score_tables import print_tables
@@ -108,7 +123,7 @@ def _score_and_report(
         report = Report(
             title="A simulated survey, its lines, and how good they are",
             lines=found.lines,
-            points=found.read.points,
+            points=points,
             facts=facts_of(record),
             reference=truth,
             parts=parts,

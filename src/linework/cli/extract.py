@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from linework.cli.ahead import import_ahead
 from linework.cli.failures import warn
+from linework.cli.first_run import tell_of_compiling
 
 if TYPE_CHECKING:
-    from linework.methods.choose import RunSettings
     from linework.model.survey import Survey
-    from linework.tiling.run import Extraction
+    from linework.tiling.executors import Executor
+    from linework.tiling.run import Extraction, OpenedSurvey
+    from linework.tiling.settings import RunSettings
+
+#: More failures than this are counted, not listed: run.json has all.
+MAX_LISTED = 3
 
 
 def extract(
@@ -38,8 +46,16 @@ def extract(
         str, typer.Option("--crs", help="EPSG:... or local: the CRS where the files do not say.")
     ] = "",
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, max=256, help="Threads to use; all cores if not given.")
+        int | None,
+        typer.Option("--workers", min=1, max=256, help="Processes to use; all cores if not given."),
     ] = None,
+    work: Annotated[
+        Path | None,
+        typer.Option(
+            "--work", help="Folder for points and unfinished runs; .linework beside the survey if not given."
+        ),
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was killed.")] = False,
     report: Annotated[
         Path | None, typer.Option("--report", help="Page (.html) with pictures and tables of the lines.")
     ] = None,
@@ -50,68 +66,89 @@ def extract(
     """Find the lines in SURVEY and write them.
 
     run.json beside them says what was read, with which settings, and how long it took. An output that exists is not touched without --overwrite. Nothing found is no error: the layers are there
-    and empty.
+    and empty. A run that was killed goes on where it was with --resume.
     """
-    n_workers = workers or _usable_cores()
-    # Read once, when the decoder first runs: nothing of it is loaded yet
-    os.environ["RAYON_NUM_THREADS"] = str(n_workers)
     from linework.cli.progress import open_display
     from linework.files.reserve import reserved_output
 
-    _check_report(report, output, overwrite=overwrite)
-    with reserved_output(output, overwrite=overwrite), open_display(quiet=quiet) as display:
-        from linework.cli.ahead import import_ahead
+    _check_report(report, output, overwrite=overwrite or resume)
+    with contextlib.ExitStack() as held:
+        held.enter_context(reserved_output(output, overwrite=overwrite or resume))
+        display = held.enter_context(open_display(quiet=quiet))
         from linework.files.survey import open_survey
         from linework.files.vectors import check_format
         from linework.methods.kinds import ALL_KINDS, check_method, parse_kinds
-        from linework.tiling.run import extract_lines, read_survey
         from linework.tiling.steps import Steps
+        from linework.tiling.work_folder import work_folder
 
         check_format(output)
         kinds = parse_kinds(features) if features else ALL_KINDS
         check_method(method, kinds)
-        settings = _read_settings(config) if config else None
-        survey = _with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
-        steps = Steps(display)
+        settings = _read_settings(config)
+        survey = with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
+        folder, n_workers, steps = work_folder(survey.root, work), workers or usable_cores(), Steps(display)
+        executor = held.enter_context(executor_for(survey, n_workers, settings))
         ahead = import_ahead(
-            "linework.methods.choose", "linework.tiling.outputs", "linework.files.vectors_gpkg"
+            "linework.tiling.extract_to", "linework.methods.choose", "linework.files.vectors_gpkg"
         )
-        read = read_survey(survey, steps)
-        ahead.join()
+        from linework.tiling.run import opened_survey
 
-        from linework.cli.first_run import tell_of_compiling
-        from linework.methods.choose import RunSettings, choose_methods
-        from linework.tiling.outputs import publish_extraction
+        opened = held.enter_context(opened_survey(survey, folder, n_threads=n_workers, steps=steps))
+        ahead.join()
+        from linework.methods.choose import choose_methods
+        from linework.tiling.extract_to import Order, extract_to
 
         tell_of_compiling(kinds, quiet=quiet)
-        settings = settings or RunSettings()
-        methods = choose_methods(method, kinds, settings)
-        found = extract_lines(read, methods, n_workers=n_workers, steps=steps)
-        parameters = _parameters(survey, kinds, method, crs, settings)
-        record = publish_extraction(found, output, parameters, overwrite=overwrite, steps=steps)
-        if report is not None:
+        order = Order(
+            output=output,
+            methods=choose_methods(method, kinds, settings.radon),
+            settings=settings,
+            parameters=_parameters(survey, kinds, method, crs, settings),
+            overwrite=overwrite,
+            resume=resume,
+        )
+        record, found = extract_to(order, opened, folder, executor, steps)
+        if report is not None and found is not None:
             with steps.step("write report"):
-                _write_report(report, found, record, overwrite=overwrite)
-    for warning in found.warnings:
+                _write_report(report, found, opened, record, overwrite=overwrite or resume)
+    for warning in record["warnings"]:
         warn(warning)
     _print_result(record, as_json=as_json)
-    _tell_what_is_missing(found, output)
+    _tell_what_is_missing(record, output)
 
 
-def _usable_cores() -> int:
+def usable_cores() -> int:
     """Return the cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _read_settings(path: Path) -> RunSettings:
+@contextlib.contextmanager
+def executor_for(survey: Survey, n_workers: int, settings: RunSettings) -> Iterator[Executor]:
+    """Give what works the tiles: processes, started now, where there will be several tiles and workers."""
+    from linework.tiling.executors import Serial
+    from linework.tiling.processes import Processes
+    from linework.tiling.stores import promised_points
+
+    if n_workers == 1 or promised_points(survey) <= settings.tiling.max_points:
+        yield Serial()
+        return
+    with Processes(
+        n_workers, modules=("linework.tiling.tile_task", "linework.methods.radon.method")
+    ) as processes:
+        yield processes
+
+
+def _read_settings(path: Path | None) -> RunSettings:
     """Return the settings of a run file; what it does not name keeps its default."""
     import tomllib
 
     from linework.errors import ConfigError
     from linework.files.las_header import regular_file_bytes
-    from linework.methods.choose import RunSettings
     from linework.model.settings import settings_from
+    from linework.tiling.settings import RunSettings
 
+    if path is None:
+        return RunSettings()
     regular_file_bytes(path)
     try:
         values = tomllib.loads(path.read_text(encoding="utf-8-sig"))
@@ -120,7 +157,7 @@ def _read_settings(path: Path) -> RunSettings:
     return settings_from(RunSettings, values, where=path)
 
 
-def _with_trajectory(survey: Survey, path: Path | None) -> Survey:
+def with_trajectory(survey: Survey, path: Path | None) -> Survey:
     """Return the survey with this trajectory in the place of its own, whose lever arm goes with it."""
     from dataclasses import replace
 
@@ -159,14 +196,20 @@ def _check_report(report: Path | None, output: Path, *, overwrite: bool) -> None
     check_output(report, overwrite=overwrite)
 
 
-def _write_report(report: Path, found: Extraction, record: dict[str, Any], *, overwrite: bool) -> None:
+def _write_report(
+    report: Path, found: Extraction, opened: OpenedSurvey, record: dict[str, Any], *, overwrite: bool
+) -> None:
     """Draw the lines over the points, and list them."""
     from linework.evaluation.report import Report, report_html
     from linework.files.pages import write_page
+    from linework.tiling.overview import points_for_pictures
     from linework.tiling.record import facts_of
 
     page = Report(
-        title=f"Lines of {found.source}", lines=found.lines, points=found.read.points, facts=facts_of(record)
+        title=f"Lines of {found.source}",
+        lines=found.lines,
+        points=points_for_pictures(opened.points),
+        facts=facts_of(record),
     )
     write_page(report_html(page), report, overwrite=overwrite)
 
@@ -183,16 +226,24 @@ def _print_result(record: dict[str, Any], *, as_json: bool) -> None:
         typer.echo(f"{kind:14} {n_lines:6,} lines {counts['length_m'][kind]:12,.1f} m")
 
 
-def _tell_what_is_missing(found: Extraction, output: Path) -> None:
-    """Warn where nothing was found; end as unfinished where files were left out."""
+def _tell_what_is_missing(record: dict[str, Any], output: Path) -> None:
+    """Warn where nothing was found; end as unfinished where files or tiles were left out."""
     from linework.errors import PartialError
 
-    if len(found.lines) == 0:
+    if not any(record["counts"]["lines"].values()):
         warn(f"{output}: nothing found: its layers are there and empty")
-    failures = found.read.failures
+    failures = record["failures"]
     if failures:
-        n_files = len(failures) + len(found.read.files)
-        listed = "; ".join(problem.rstrip(".") for _, problem in failures)
-        raise PartialError(
-            f"{len(failures)} of {n_files} files left out: {listed}", where=output, advice="see run.json"
+        what = " and ".join(
+            f"{n} of {of} {name}s"
+            for name, of in (("file", record["counts"]["files"]), ("tile", record["counts"]["tiles"]))
+            if (n := sum(name in failure for failure in failures))
         )
+        listed = "; ".join(
+            failure["problem"].rstrip(".")
+            if "file" in failure
+            else f"tile {failure['tile']}: {failure['problem']}"
+            for failure in failures[:MAX_LISTED]
+        )
+        more = f" and {len(failures) - MAX_LISTED} more" if len(failures) > MAX_LISTED else ""
+        raise PartialError(f"{what} left out: {listed}{more}", where=output, advice="see run.json")

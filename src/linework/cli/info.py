@@ -19,6 +19,10 @@ def info(
     crs: Annotated[
         str, typer.Option("--crs", help="EPSG:... or local: the CRS where the files do not say.")
     ] = "",
+    work: Annotated[
+        Path | None,
+        typer.Option("--work", help="Folder for the points; .linework beside the survey if not given."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
 ) -> None:
@@ -26,15 +30,20 @@ def info(
 
     Files, CRS, extents, heights, densities, scan lines, intensity, times and their gaps, trajectory.
     """
+    from linework.cli.extract import usable_cores
     from linework.cli.progress import open_display
     from linework.files.survey import open_survey
     from linework.tiling.describe import describe_survey
-    from linework.tiling.run import read_survey
+    from linework.tiling.run import opened_survey
     from linework.tiling.steps import Steps
+    from linework.tiling.survey_read import in_memory
+    from linework.tiling.work_folder import work_folder
 
     with open_display(quiet=quiet) as display:
         survey = open_survey(surveys, crs=crs or None)
-        document = describe_survey(read_survey(survey, Steps(display)))
+        folder = work_folder(survey.root, work)
+        with opened_survey(survey, folder, n_threads=usable_cores(), steps=Steps(display)) as opened:
+            document = describe_survey(in_memory(opened))
     if as_json:
         import json
 

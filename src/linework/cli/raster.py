@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from linework.model.survey import Survey
     from linework.model.trajectory import Trajectory
     from linework.tiling.steps import Steps
+    from linework.tiling.survey_read import SurveyRead
 
 
 def raster(
@@ -50,6 +51,10 @@ def raster(
     crs: Annotated[
         str, typer.Option("--crs", help="EPSG:... or local: the CRS where the files do not say.")
     ] = "",
+    work: Annotated[
+        Path | None,
+        typer.Option("--work", help="Folder for the points; .linework beside the survey if not given."),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the images in DIR.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the record of the run as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
@@ -57,6 +62,7 @@ def raster(
     """Draw density, heights, intensity, road, binary and Radon images of SURVEY, with run.json beside them."""
     import json
 
+    from linework.cli.extract import with_trajectory
     from linework.cli.progress import open_display
     from linework.errors import PartialError
     from linework.files.publish import check_output_folder
@@ -70,11 +76,12 @@ def raster(
     check_output_folder(output, overwrite=overwrite)
     with open_display(quiet=quiet) as display:
         steps = Steps(display)
-        survey = open_survey(surveys, crs=crs or None)
-        read, path, warnings = _read(survey, trajectory, steps)
+        survey = with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
+        opened = _read(survey, work, steps)
+        read, path = opened.points, opened.trajectory
         grid = _grid(survey, read.points, path, cells)
         record = _publish(survey, read, path, (grid, config), output, overwrite=overwrite, steps=steps)
-    for warning in warnings:
+    for warning in opened.warnings:
         warn(warning)
     typer.echo(json.dumps(record, indent=1, allow_nan=False) if as_json else _summary(record, output))
     if read.failures:
@@ -117,29 +124,16 @@ def _check_band(config: FigureConfig) -> None:
         )
 
 
-def _read(
-    survey: Survey, trajectory: Path | None, steps: Steps
-) -> tuple[SurveyPoints, Trajectory | None, tuple[str, ...]]:
-    """Read points and trajectory (one that is given takes the place of the survey's own)."""
-    from dataclasses import replace
+def _read(survey: Survey, work: Path | None, steps: Steps) -> SurveyRead:
+    """Read points and trajectory."""
+    from linework.cli.extract import usable_cores
+    from linework.tiling.run import opened_survey
+    from linework.tiling.survey_read import in_memory
+    from linework.tiling.work_folder import work_folder
 
-    from linework.files.survey_points import (
-        check_trajectory_covers,
-        read_survey_points,
-        read_survey_trajectory,
-    )
-    from linework.navigation.lever import at_vehicle_origin
-
-    if trajectory is not None:
-        survey = replace(survey, trajectory_file=trajectory, trajectory_lever_m=(0.0, 0.0, 0.0))
-    with steps.step("read points"):
-        path = read_survey_trajectory(survey)
-        read = read_survey_points(survey)
-    warnings = read.warnings
-    if path is not None:
-        path = at_vehicle_origin(path, survey.trajectory_lever_m)
-        warnings += check_trajectory_covers(path, read.facts, where=survey.trajectory_file)
-    return read, path, warnings
+    folder = work_folder(survey.root, work)
+    with opened_survey(survey, folder, n_threads=usable_cores(), steps=steps) as opened:
+        return in_memory(opened)
 
 
 def _grid(

@@ -13,7 +13,7 @@ from linework.imaging.scan_lines import scan_line_spacing_m
 from linework.model.arrays import FloatArray
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
-from linework.tiling.run import SurveyRead
+from linework.tiling.survey_read import SurveyRead
 
 #: Density is counted in cells of this size: holds several scan lines, and shows where the van was near. [m]
 CELL_M = 1.0

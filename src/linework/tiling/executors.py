@@ -6,8 +6,7 @@ serves a cluster: `linework.tiling.processes` is one way to do tasks elsewhere, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
@@ -78,16 +77,3 @@ def outcome_of(work: Callable[[Task], Receipt], task: Task) -> Outcome[Task, Rec
         import traceback
 
         return Outcome(task, None, f"{type(error).__name__}: {error}", traceback.format_exc())
-
-
-Item = TypeVar("Item")
-Result = TypeVar("Result")
-
-
-def in_order(work: Callable[[Item], Result], items: Iterable[Item], n_workers: int) -> Iterator[Result]:
-    """Yield ``work(item)`` for each item, in the items' order, whatever the number of workers."""
-    if n_workers == 1:
-        yield from map(work, items)
-        return
-    with ThreadPoolExecutor(max_workers=n_workers) as pool:
-        yield from pool.map(work, items)

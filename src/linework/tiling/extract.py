@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from linework.errors import PartialError
 from linework.files.survey import open_survey
-from linework.methods.choose import ALL_KINDS, RunSettings, choose_methods
+from linework.methods.choose import ALL_KINDS, choose_methods
 from linework.model.lines import LineSet
-from linework.tiling.run import extract_lines
+from linework.tiling.run import extract_lines, opened_survey
+from linework.tiling.settings import RunSettings
+from linework.tiling.unfinished import run_folder
+from linework.tiling.work_folder import work_folder
 
 
 def extract(
@@ -17,6 +22,7 @@ def extract(
     kinds: tuple[str, ...] = ALL_KINDS,
     crs: str | None = None,
     settings: RunSettings | None = None,
+    work: Path | None = None,
 ) -> LineSet:
     """Return the lines of a survey: LAS / LAZ files, a folder of them, or a folder with a survey.toml.
 
@@ -26,11 +32,14 @@ def extract(
         Kinds of line to look for.
     crs
         "EPSG:n", "EPSG:n+m" or "local", where the files do not say.
+    work
+        Folder where the decoded points stay for the next call; None: they are kept among the temporary
+        files, for this call only.
 
     Raises
     ------
     LineworkError
-        One line: which file, what is wrong, what to do.
+        One line: which file, what is wrong, what to do. A tile that could not be worked is an error here.
 
     >>> import linework
     >>> linework.extract("no-such-file.laz")
@@ -39,4 +48,18 @@ def extract(
     """
     listed = [inputs] if isinstance(inputs, str | Path) else list(inputs)
     survey = open_survey([Path(item) for item in listed], crs=crs)
-    return extract_lines(survey, choose_methods("auto", kinds, settings or RunSettings())).lines
+    settings = settings or RunSettings()
+    methods = choose_methods("auto", kinds, settings.radon)
+    with tempfile.TemporaryDirectory(prefix="linework-") as temporary:
+        folder = work_folder(survey.root, work or Path(temporary))
+        with (
+            opened_survey(survey, folder) as opened,
+            run_folder(folder, Path(temporary) / "lines", {}) as run,
+        ):
+            found = extract_lines(opened, methods, run, road=settings.road, tiling=settings.tiling)
+    if found.failures:
+        tile, problem = found.failures[0]
+        raise PartialError(
+            f"{len(found.failures)} tiles failed, the first {tile}: {problem}", where=survey.name
+        )
+    return found.lines

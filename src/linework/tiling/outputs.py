@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ def publish_extraction(
     parameters: Mapping[str, Any],
     *,
     overwrite: bool = False,
+    note: Callable[[str], None] | None = None,
     steps: Steps | None = None,
 ) -> dict[str, Any]:
     """Write the lines and run.json, and return the record.
@@ -29,6 +30,8 @@ def publish_extraction(
     ----------
     parameters
         All that was asked for and all settings, as they go into the record.
+    note
+        Told the SHA-256 of the lines' file before it gets its name.
 
     Raises
     ------
@@ -42,7 +45,7 @@ def publish_extraction(
     steps = steps or Steps()
     path = record_path(output)
     with steps.step("write lines"), set_aside(path):
-        write_lines(extraction.lines, output, kinds=extraction.kinds, overwrite=overwrite)
+        write_lines(extraction.lines, output, kinds=extraction.kinds, overwrite=overwrite, note=note)
     record = record_of(extraction, output, parameters, steps)
     write_json(record, path, overwrite=True)
     return record
@@ -61,8 +64,8 @@ def record_of(
     read, lines = extraction.read, extraction.lines
     n_promised = sum(facts.n_promised for facts in read.files)
     n_rejected = sum(read.rejected.values())
-    if n_promised != len(read.points) + n_rejected:
-        raise RuntimeError(f"{n_promised} points, but {len(read.points)} used and {n_rejected} left out")
+    if n_promised != read.n_points + n_rejected:
+        raise RuntimeError(f"{n_promised} points, but {read.n_points} used and {n_rejected} left out")
     n_lines = {kind: int((lines.kind == kind).sum()) for kind in extraction.kinds}
     if sum(n_lines.values()) != len(lines):
         raise RuntimeError(f"{len(lines)} lines, but {n_lines} of the kinds that were looked for")
@@ -77,8 +80,10 @@ def record_of(
         ],
         "output": {"file": path_text(output), "bytes": output.stat().st_size, "sha256": hash_file(output)},
         "counts": {
+            "files": len(read.files) + len(read.failures),
+            "tiles": len(extraction.tiles),
             "points_in_files": n_promised,
-            "points_used": len(read.points),
+            "points_used": read.n_points,
             "points_rejected": dict(read.rejected),
             "lines": n_lines,
             "length_m": {
@@ -93,9 +98,13 @@ def record_of(
                 "buffer_m": report.tile.buffer_m,
                 "points": report.n_points,
                 "lines": report.n_lines,
+                "problem": report.problem or None,
             }
             for report in extraction.tiles
         ],
         "warnings": list(extraction.warnings),
-        "failures": [{"file": path_text(file), "problem": problem} for file, problem in read.failures],
+        "failures": [
+            *({"file": path_text(file), "problem": problem} for file, problem in read.failures),
+            *({"tile": tile, "problem": problem} for tile, problem in extraction.failures),
+        ],
     }

@@ -3,18 +3,41 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
+from linework.model.arrays import IntArray
 from linework.model.grid import Bounds
+from linework.model.settings import setting
 
-#: Cores begin and end on whole multiples of this, so that the same survey has the same tiles in every run
-#: and a point on the eastern or northern edge of the extent lies inside the half-open core. [m]
-CORE_LATTICE_M = 10.0
-#: A survey no larger than this, east-west and north-south, is one tile: its raster image at the default
+#: A survey no larger than this, east-west and north-south, may be one tile: its raster image at the default
 #: cell of 0.2 m has 36 million cells, of the 50 million that `linework.imaging` allows. [m]
 MAX_SINGLE_M = 1200.0
-#: Size of the cores of larger surveys: with 120 m of buffer all round, 38 million cells. [m]
-CORE_M = 1000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TilingConfig:
+    """Settings of the plan; the lines do not depend on them."""
+
+    core_m: float = setting(
+        512.0,
+        unit="m",
+        reason="eight blocks of the tile store; its buffer is a sixth of it",
+        low=64,
+        high=4096,
+    )
+    max_points: int = setting(
+        3_000_000,
+        unit="points",
+        reason="a tile with more, buffer included, is divided: a worker needs some 150 bytes a point",
+        low=10_000,
+        high=1_000_000_000,
+    )
+    least_core_m: float = setting(
+        64.0, unit="m", reason="tiles are not divided below a block of the tile store", low=16, high=4096
+    )
+    shift_east_m: float = setting(0.0, unit="m", reason="moves the lattice of the cores", low=-1e7, high=1e7)
+    shift_north_m: float = setting(0.0, unit="m", reason="moves the lattice of the cores", low=-1e7, high=1e7)
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +47,7 @@ class Tile:
     Parameters
     ----------
     tile_id
-        Its south-west corner in lattice steps: the same place has the same name in every run.
+        Its south-west corner and its size: the same place has the same name in every run.
     core
         Half open; cores of a plan do not overlap.
     buffer_m
@@ -41,33 +64,82 @@ class Tile:
         return self.core.grown(self.buffer_m)
 
 
-def plan_tiles(bounds: Bounds, buffer_m: float) -> tuple[Tile, ...]:
-    """Return the tiles that cover `bounds` (closed: points may lie on its edges), south-west first.
+def plan_tiles(
+    extent: Bounds,
+    blocks: IntArray,
+    block_m: float,
+    count_in: Callable[[Bounds], int],
+    buffer_m: float,
+    config: TilingConfig,
+) -> tuple[Tile, ...]:
+    """Return the tiles that cover a survey, south-west first.
 
-    >>> [t.core for t in plan_tiles(Bounds(3.0, 20.0, 30.0, 41.0), 5.0)]
-    [Bounds(west=0.0, south=20.0, east=40.0, north=50.0)]
-    >>> [t.tile_id for t in plan_tiles(Bounds(500.0, 0.0, 2500.0, 30.0), 5.0)]
-    ['e0n0', 'e100n0', 'e200n0']
+    Parameters
+    ----------
+    extent
+        Of all points.
+    blocks
+        (n, 2) int64: east and north number of every block of `block_m` that holds points.
+    count_in
+        Tells how many points lie in a rectangle, or a few more.
+
+    Notes
+    -----
+    What a tile sees has at most `max_points`, unless its core is `least_core_m` already. A survey that fits
+    into one tile is one.
     """
-    if not all(map(math.isfinite, bounds)) or bounds.west > bounds.east or bounds.south > bounds.north:
-        raise ValueError(f"bounds {tuple(bounds)}: expected finite numbers, west <= east, south <= north")
-    if max(bounds.width_m, bounds.height_m) <= MAX_SINGLE_M:
-        west, south = _lattice(bounds.west, CORE_LATTICE_M), _lattice(bounds.south, CORE_LATTICE_M)
-        east, north = _lattice(bounds.east, CORE_LATTICE_M), _lattice(bounds.north, CORE_LATTICE_M)
-        whole = Bounds(west, south, east + CORE_LATTICE_M, north + CORE_LATTICE_M)
+    if not all(map(math.isfinite, extent)) or extent.west > extent.east or extent.south > extent.north:
+        raise ValueError(f"extent {tuple(extent)}: expected finite numbers, west <= east, south <= north")
+    # The far edges belong to the next core: a little more, so that a single core holds points on its own
+    whole = Bounds(
+        math.floor(extent.west), math.floor(extent.south),
+        math.floor(extent.east) + 1.0, math.floor(extent.north) + 1.0,
+    )  # fmt: skip
+    is_small = max(whole.width_m, whole.height_m) <= max(MAX_SINGLE_M, config.core_m)
+    if is_small and count_in(whole) <= config.max_points:
         return (_tile(whole, buffer_m),)
-    return tuple(
-        _tile(Bounds(col * CORE_M, row * CORE_M, (col + 1) * CORE_M, (row + 1) * CORE_M), buffer_m)
-        for row in range(math.floor(bounds.south / CORE_M), math.floor(bounds.north / CORE_M) + 1)
-        for col in range(math.floor(bounds.west / CORE_M), math.floor(bounds.east / CORE_M) + 1)
-    )
+    tiles = [
+        _tile(part, buffer_m)
+        for core in _cores(blocks, block_m, config)
+        for part in _divided(core, count_in, buffer_m, config)
+    ]
+    return tuple(sorted(tiles, key=lambda tile: (tile.core.south, tile.core.west)))
 
 
-def _lattice(value_m: float, step_m: float) -> float:
-    """Return the last lattice line at or below a coordinate."""
-    return math.floor(value_m / step_m) * step_m
+def _cores(blocks: IntArray, block_m: float, config: TilingConfig) -> list[Bounds]:
+    """Return the cells of the lattice of cores that blocks with points reach into."""
+    core_m, east_m, north_m = config.core_m, config.shift_east_m, config.shift_north_m
+    found = set()
+    for east, north in (blocks * block_m).tolist():
+        cols = range(math.floor((east - east_m) / core_m), math.ceil((east + block_m - east_m) / core_m))
+        rows = range(math.floor((north - north_m) / core_m), math.ceil((north + block_m - north_m) / core_m))
+        found |= {(row, col) for row in rows for col in cols}
+    return [
+        Bounds(
+            east_m + col * core_m,
+            north_m + row * core_m,
+            east_m + (col + 1) * core_m,
+            north_m + (row + 1) * core_m,
+        )
+        for row, col in sorted(found)
+    ]
+
+
+def _divided(
+    core: Bounds, count_in: Callable[[Bounds], int], buffer_m: float, config: TilingConfig
+) -> list[Bounds]:
+    """Return the core, or its quarters where it sees too many points; nothing where it holds none."""
+    if count_in(core) == 0:
+        return []
+    if count_in(core.grown(buffer_m)) <= config.max_points or core.width_m / 2 < config.least_core_m:
+        return [core]
+    east, north = (core.west + core.east) / 2, (core.south + core.north) / 2
+    quarters = (
+        Bounds(core.west, core.south, east, north), Bounds(east, core.south, core.east, north),
+        Bounds(core.west, north, east, core.north), Bounds(east, north, core.east, core.north),
+    )  # fmt: skip
+    return [part for quarter in quarters for part in _divided(quarter, count_in, buffer_m, config)]
 
 
 def _tile(core: Bounds, buffer_m: float) -> Tile:
-    east, north = round(core.west / CORE_LATTICE_M), round(core.south / CORE_LATTICE_M)
-    return Tile(f"e{east}n{north}", core, buffer_m)
+    return Tile(f"e{core.west:.0f}n{core.south:.0f}s{core.width_m:.0f}", core, buffer_m)

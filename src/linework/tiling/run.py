@@ -1,47 +1,48 @@
-"""The main job: read a survey, work its tiles, name and order the lines."""
+"""The main job: a survey's points and surface, its tiles, the lines of all of them joined, named and ordered."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import numpy as np
-
-from linework.errors import InputError
-from linework.files.las_header import read_las_header
+from linework.errors import PartialError
+from linework.files.journal import Entry
+from linework.files.line_parts import read_line_part
 from linework.files.run_record import hash_file
-from linework.files.survey_points import (
-    SurveyPoints,
-    check_trajectory_covers,
-    read_survey_points,
-    read_survey_trajectory,
-)
+from linework.files.store_facts import StoreFacts
+from linework.files.store_layout import BLOCK_M
+from linework.files.store_read import PointStore
+from linework.files.survey_points import check_trajectory_covers, read_survey_trajectory
+from linework.files.trajectories import write_trajectory
 from linework.methods.protocol import Method
-from linework.model.arrays import BoolArray
-from linework.model.grid import Bounds
 from linework.model.lines import KINDS, LineSet
-from linework.model.points import Points
 from linework.model.survey import Survey
-from linework.model.tile import TileData
+from linework.model.tile import local_origin
 from linework.model.trajectory import Trajectory
 from linework.navigation.lever import at_vehicle_origin
-from linework.tiling.executors import in_order
+from linework.surface.road import RoadConfig
+from linework.tiling.executors import Executor, Serial
 from linework.tiling.identify import identify
-from linework.tiling.plan import Tile, plan_tiles
-from linework.tiling.seams import inside_core, join_seams
+from linework.tiling.plan import Tile, TilingConfig, plan_tiles
+from linework.tiling.seams import join_seams
 from linework.tiling.sources import with_sources
 from linework.tiling.steps import Steps
+from linework.tiling.stores import held_store
+from linework.tiling.surfaces import SurveySurface, make_surface
+from linework.tiling.tile_task import Job, TileReceipt, TileTask, work_tile
+from linework.tiling.unfinished import RunFolder, fingerprint_of
 
 
 @dataclass(frozen=True, slots=True)
 class TileReport:
-    """What came of a tile: points it saw (core and buffer) and lines found."""
+    """What came of a tile: points it saw (core and buffer), lines found, or the problem."""
 
     tile: Tile
-    n_points: int
-    n_lines: int
+    n_points: int = 0
+    n_lines: int = 0
+    problem: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +59,8 @@ class Extraction:
         What was looked for.
     read
         Points used and left out, file by file.
+    failures
+        (tile, problem) of what could not be worked.
     hashes
         SHA-256 of every input file.
     """
@@ -65,145 +68,199 @@ class Extraction:
     source: str
     lines: LineSet
     kinds: tuple[str, ...]
-    read: SurveyPoints
+    read: StoreFacts
     tiles: tuple[TileReport, ...]
+    failures: tuple[tuple[str, str], ...]
     hashes: Mapping[Path, str]
     warnings: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class SurveyRead:
-    """A survey with its points and its trajectory in memory.
+class OpenedSurvey:
+    """A survey whose points are at hand and whose trajectory has been read.
 
     Parameters
     ----------
     points
+        The tile store.
+    facts
         Points used and left out, file by file.
     trajectory
         Path of the vehicle's origin, or None.
     warnings
         One line each.
+    key, path_hash
+        Stand for the content of the files of points, and for the trajectory ("" without one).
     hashes
         SHA-256 of every input file that can be read.
     """
 
     survey: Survey
-    points: SurveyPoints
+    points: PointStore
+    facts: StoreFacts
     trajectory: Trajectory | None
     warnings: tuple[str, ...]
+    key: str
+    path_hash: str
     hashes: Mapping[Path, str]
 
 
-def read_survey(survey: Survey, steps: Steps | None = None) -> SurveyRead:
-    """Read points and trajectory, and check that they belong together.
+@contextlib.contextmanager
+def opened_survey(
+    survey: Survey, work: Path, *, n_threads: int = 1, steps: Steps | None = None
+) -> Iterator[OpenedSurvey]:
+    """Give a survey with its points in the tile store of `work`, and see that points and trajectory belong together.
 
     Raises
     ------
     InputError
         No file can be used, or the trajectory does not go with the points. Damaged files among good ones
-        are no error here: ``points.failures`` lists them.
+        are no error here: ``facts.failures`` lists them.
     """
-    inputs = [*survey.point_files, *([survey.trajectory_file] if survey.trajectory_file else [])]
-    n_promised = sum(map(_n_promised, survey.point_files))
-    with (
-        (steps or Steps()).step("read points", unit="points") as advance,
-        ThreadPoolExecutor(max_workers=1, thread_name_prefix="hash") as pool,
-    ):
-        # Hashing lets go of the interpreter's lock: it costs next to no time beside the decoding
-        hashes = {path: pool.submit(hash_file, path) for path in inputs}
-        trajectory = read_survey_trajectory(survey)
-        points = read_survey_points(survey, progress=lambda done: advance(done, n_promised))
-    warnings = points.warnings
-    if trajectory is not None:
-        trajectory = at_vehicle_origin(trajectory, survey.trajectory_lever_m)
-        warnings += check_trajectory_covers(trajectory, points.facts, where=survey.trajectory_file)
-    return SurveyRead(survey, points, trajectory, warnings, _readable(hashes))
+    # Before the points: it is read in no time, and may be wrong
+    trajectory = read_survey_trajectory(survey)
+    with held_store(survey, work, n_threads=n_threads, steps=steps) as held:
+        warnings, hashes, path_hash = held.facts.warnings, dict(held.hashes), ""
+        if trajectory is not None and survey.trajectory_file is not None:
+            trajectory = at_vehicle_origin(trajectory, survey.trajectory_lever_m)
+            warnings += check_trajectory_covers(trajectory, held.facts, where=survey.trajectory_file)
+            hashes[survey.trajectory_file] = hash_file(survey.trajectory_file)
+            path_hash = f"{hashes[survey.trajectory_file]} {survey.trajectory_lever_m}"
+        yield OpenedSurvey(survey, held.points, held.facts, trajectory, warnings, held.key, path_hash, hashes)
 
 
 def extract_lines(
-    survey: Survey | SurveyRead, methods: Sequence[Method], *, n_workers: int = 1, steps: Steps | None = None
+    opened: OpenedSurvey,
+    methods: Sequence[Method],
+    run: RunFolder,
+    *,
+    road: RoadConfig | None = None,
+    tiling: TilingConfig | None = None,
+    executor: Executor | None = None,
+    steps: Steps | None = None,
 ) -> Extraction:
     """Return all lines that the methods find in a survey.
 
     Parameters
     ----------
-    survey
-        Read already, or to be read.
-    n_workers
-        How many tiles are worked at a time; the lines do not depend on it.
+    run
+        Where tiles that are done are kept; what an earlier process has done there is taken over.
+    road
+        Settings of the surface that all methods share.
+    tiling
+        Settings of the plan; the lines do not depend on them.
+    executor
+        Works the tiles; the lines do not depend on it.
     steps
         Times and shows the steps.
 
     Raises
     ------
-    InputError
-        As for `read_survey`.
+    PartialError
+        Not one tile could be worked. If some could not, `tiles` tells.
     """
-    steps = steps or Steps()
-    read = survey if isinstance(survey, SurveyRead) else read_survey(survey, steps)
-    points, name = read.points.points, read.survey.name
-    bounds = points.bounds
-    tiles = plan_tiles(bounds, max(method.buffer_m for method in methods))
-    tiles = tiles if len(tiles) == 1 else tuple(tile for tile in tiles if _has_points(tile.core, points))
-
-    def work(tile: Tile) -> tuple[TileReport, LineSet]:
-        data = TileData(tile.tile_id, tile.core, _points_of(tile, points, bounds), read.trajectory, name)
-        found = LineSet.concatenate([_in_crs(method.extract(data), read.survey.crs) for method in methods])
-        found = found if len(tiles) == 1 else inside_core(found, tile.core)
-        return TileReport(tile, len(data.points), len(found)), found
-
+    steps, executor = steps or Steps(), executor or Serial()
+    survey, store = opened.survey, opened.points
+    surface = _surface(opened, road or RoadConfig(), executor, steps)
+    tiles = _plan(store, methods, tiling or TilingConfig())
+    tasks = _tasks(opened, methods, run, surface, tiles)
     with steps.step("find lines", unit="tiles") as advance:
-        worked = []
-        for result in in_order(work, tiles, n_workers):
-            worked.append(result)
-            if len(tiles) > 1:
-                advance(len(worked), len(tiles))
-        lines = LineSet.concatenate([found for _, found in worked])
-        if len(tiles) > 1:
-            lines = join_seams(lines, [tile.core for tile in tiles])
-        lines = identify(with_sources(lines, read.points.files, name))
+        done = _taken_over(run, tasks)
+        problems: dict[str, str] = {}
+        todo = [task for task in tasks if task.tile.tile_id not in done]
+        advance(len(done), len(tasks))
+        for outcome in executor.run(work_tile, todo):
+            tile_id = outcome.task.tile.tile_id
+            if outcome.receipt is None:
+                problems[tile_id] = outcome.problem
+            else:
+                done[tile_id] = outcome.receipt
+                run.journal.enter(Entry(tile_id, outcome.receipt.sha256, outcome.receipt.as_document()))
+            advance(len(done) + len(problems), len(tasks))
+    if not done:
+        raise PartialError(
+            f"none of {len(tasks)} tiles could be worked: {next(iter(problems.values()))}",
+            where=survey.name, advice="run again with --debug",
+        )  # fmt: skip
+    with steps.step("join lines"):
+        lines = LineSet.concatenate([_lines_of(task, done) for task in tasks if task.tile.tile_id in done])
+        if len(tasks) > 1:
+            lines = join_seams(lines, [task.tile.core for task in tasks])
+        lines = identify(with_sources(lines, opened.facts.files, survey.name))
     return Extraction(
-        source=read.survey.name,
+        source=survey.name,
         lines=lines,
         kinds=tuple(kind for kind in KINDS if any(kind in method.kinds for method in methods)),
-        read=read.points,
-        tiles=tuple(report for report, _ in worked),
-        hashes=read.hashes,
-        warnings=read.warnings,
+        read=opened.facts,
+        tiles=_reports(tiles, done, problems),
+        failures=(*surface.failures, *sorted(problems.items())),
+        hashes=opened.hashes,
+        warnings=opened.warnings,
     )
 
 
-def _n_promised(path: Path) -> int:
-    """Return the points a file's header promises, 0 where it cannot be read: said when its points are."""
-    try:
-        return read_las_header(path).n_points
-    except InputError:
-        return 0
+def _surface(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps: Steps) -> SurveySurface:
+    """Return the road and the ground of the survey, made once for a store, a trajectory and settings."""
+    with steps.step("find the road", unit="tiles") as advance:
+        key = fingerprint_of({"points": opened.key, "path": opened.path_hash, "road": asdict(road)})
+        folder = opened.points.folder / f"surface-{key[:16]}"
+        return make_surface(opened.points, opened.trajectory, road, folder, executor, advance, key=key)
 
 
-def _points_of(tile: Tile, points: Points, bounds: Bounds) -> Points:
-    """Return the tile's points in core and buffer: all of them, uncopied, where it covers the survey."""
-    west, south, east, north = tile.extent
-    if west <= bounds.west and south <= bounds.south and bounds.east < east and bounds.north < north:
-        return points
-    return points.take(np.flatnonzero(_inside(tile.extent, points)))
+def _plan(store: PointStore, methods: Sequence[Method], config: TilingConfig) -> tuple[Tile, ...]:
+    """Return the tiles; what limits their size is the method that wants all points."""
+    all_points = [method.buffer_m for method in methods if method.least_height_m == float("-inf")]
+    buffer_m = max(all_points or [0.0])
+    blocks, _ = store.block_counts
+    return plan_tiles(store.bounds, blocks, BLOCK_M, store.count_in, buffer_m, config)
 
 
-def _has_points(core: Bounds, points: Points) -> bool:
-    return bool(_inside(core, points).any())
+def _tasks(
+    opened: OpenedSurvey,
+    methods: Sequence[Method],
+    run: RunFolder,
+    surface: SurveySurface,
+    tiles: Sequence[Tile],
+) -> list[TileTask]:
+    path = None
+    if opened.trajectory is not None:
+        path = run.path / "trajectory.csv"
+        write_trajectory(opened.trajectory, path, overwrite=True)
+    bounds = opened.points.bounds
+    job = Job(
+        opened.points.folder, surface.tiles.folder, path, run.results, tuple(methods), opened.survey.crs,
+        opened.survey.name, local_origin(bounds.west, bounds.south, surface.z0_m),
+    )  # fmt: skip
+    return [TileTask(tile, job, is_whole=len(tiles) == 1) for tile in tiles]
 
 
-def _inside(bounds: Bounds, points: Points) -> BoolArray:
-    east, north = points.xyz[:, 0], points.xyz[:, 1]
-    inside: BoolArray = (east >= bounds.west) & (east < bounds.east)
-    return inside & (north >= bounds.south) & (north < bounds.north)
+def _taken_over(run: RunFolder, tasks: Sequence[TileTask]) -> dict[str, TileReceipt]:
+    """Return the receipts of tiles that an earlier process has done, if their lines are still what they were."""
+    entries = run.journal.done()
+    found = {}
+    for task in tasks:
+        entry = entries.get(task.tile.tile_id)
+        if entry is not None and read_line_part(task.result, entry.sha256) is not None:
+            found[task.tile.tile_id] = TileReceipt(**entry.receipt)
+    return found
 
 
-def _in_crs(lines: LineSet, crs: str) -> LineSet:
-    """Return a method's lines in the survey's CRS: methods know metres only."""
-    return lines if lines.crs == crs else lines.with_columns(crs=crs)
+def _lines_of(task: TileTask, done: Mapping[str, TileReceipt]) -> LineSet:
+    lines = read_line_part(task.result, done[task.tile.tile_id].sha256)
+    if lines is None:
+        raise RuntimeError(f"{task.result}: the lines of a tile are not what was written")
+    return lines
 
 
-def _readable(hashes: Mapping[Path, Future[str]]) -> dict[Path, str]:
-    """Return the hashes; a file that cannot be read is told about by whoever reads its points."""
-    return {path: future.result() for path, future in hashes.items() if future.exception() is None}
+def _reports(
+    tiles: Sequence[Tile], done: Mapping[str, TileReceipt], problems: Mapping[str, str]
+) -> tuple[TileReport, ...]:
+    """Return what came of each tile, in the plan's order."""
+    reports = []
+    for tile in tiles:
+        receipt = done.get(tile.tile_id)
+        if receipt is None:
+            reports.append(TileReport(tile, problem=problems[tile.tile_id]))
+        else:
+            reports.append(TileReport(tile, receipt.n_points, receipt.n_lines))
+    return tuple(reports)

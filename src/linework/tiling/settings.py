@@ -1,0 +1,19 @@
+"""The settings of a run: the tables of a run file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from linework.methods.radon.method import RadonConfig
+from linework.model.settings import group
+from linework.surface.road import RoadConfig
+from linework.tiling.plan import TilingConfig
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSettings:
+    """The settings of the surface that all methods share, of every method, and of the plan."""
+
+    road: RoadConfig = group(RoadConfig)
+    radon: RadonConfig = group(RadonConfig)
+    tiling: TilingConfig = group(TilingConfig)

@@ -1,0 +1,137 @@
+"""What is done with one tile: load its points and surface, run the methods, keep the lines of its core."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from linework.files.line_parts import write_line_part
+from linework.files.store_read import PointStore
+from linework.files.trajectories import read_trajectory
+from linework.methods.protocol import Method
+from linework.model.grid import Image
+from linework.model.lines import LineSet
+from linework.model.surface import RoadSurface
+from linework.model.tile import TileData
+from linework.model.trajectory import Trajectory
+from linework.tiling.plan import Tile
+from linework.tiling.seams import inside_core
+from linework.tiling.surfaces import SurveySurface
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What is the same for all tiles of a run.
+
+    Parameters
+    ----------
+    store, surface, trajectory
+        Where points, surface and path of the vehicle (or None) are.
+    results
+        Folder for the lines of each tile.
+    origin
+        Local origin of the survey [m, world].
+    """
+
+    store: Path
+    surface: Path
+    trajectory: Path | None
+    results: Path
+    methods: tuple[Method, ...]
+    crs: str
+    source: str
+    origin: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class TileTask:
+    """A tile to be worked; `is_whole`: it is the only one, and nothing is cut."""
+
+    tile: Tile
+    job: Job
+    is_whole: bool
+
+    @property
+    def result(self) -> Path:
+        """Where its lines go."""
+        return self.job.results / f"{self.tile.tile_id}.npz"
+
+
+@dataclass(frozen=True, slots=True)
+class TileReceipt:
+    """What came of a tile: points it saw (core and buffer), lines found, and the hash of its result file."""
+
+    tile_id: str
+    n_points: int
+    n_lines: int
+    seconds: float
+    sha256: str
+
+    def as_document(self) -> dict[str, Any]:
+        """Return it for the journal."""
+        return asdict(self)
+
+
+def work_tile(task: TileTask) -> TileReceipt:
+    """Work a tile and write its lines; what it needs it opens by its path, so that any process can do it."""
+    start = time.perf_counter()
+    job, tile = task.job, task.tile
+    found, n_points = [], 0
+    surface = _surface_over(job, tile)
+    for method in job.methods:
+        data = _tile_data(job, tile, method, surface)
+        n_points = max(n_points, len(data.points))
+        if len(data.points):
+            found.append(_in_crs(method.extract(data), job.crs))
+    lines = LineSet.concatenate(found) if found else LineSet.empty(job.crs)
+    lines = lines if task.is_whole else inside_core(lines, tile.core)
+    sha256 = write_line_part(lines, task.result)
+    return TileReceipt(tile.tile_id, n_points, len(lines), time.perf_counter() - start, sha256)
+
+
+def widest_buffer_m(methods: Sequence[Method]) -> float:
+    """Return the buffer that serves all methods."""
+    return max(method.buffer_m for method in methods)
+
+
+def _surface_over(job: Job, tile: Tile) -> RoadSurface:
+    surface = _opened_surface(job.surface)
+    return surface.over(tile.core.grown(widest_buffer_m(job.methods)))
+
+
+def _tile_data(job: Job, tile: Tile, method: Method, surface: RoadSurface) -> TileData:
+    """Return what a method sees of a tile."""
+    lowest = None
+    if np.isfinite(method.least_height_m):
+        heights = surface.ground_m + np.float32(surface.z0_m + method.least_height_m)
+        lowest = Image(heights, surface.grid)
+    points = _opened_store(job.store).points(tile.core.grown(method.buffer_m), lowest=lowest)
+    path = _trajectory(job.trajectory) if job.trajectory else None
+    return TileData(tile.tile_id, tile.core, points, path, job.source, surface, job.origin)
+
+
+# A process works many tiles of one run: what they share stays open
+@lru_cache(maxsize=1)
+def _opened_store(folder: Path) -> PointStore:
+    return PointStore.open(folder)
+
+
+@lru_cache(maxsize=1)
+def _opened_surface(folder: Path) -> SurveySurface:
+    return SurveySurface.open(folder)
+
+
+@lru_cache(maxsize=1)
+def _trajectory(path: Path) -> Trajectory:
+    return read_trajectory(path)
+
+
+def _in_crs(lines: LineSet, crs: str) -> LineSet:
+    """Return a method's lines in the survey's CRS: methods know metres only."""
+    return lines if lines.crs == crs else lines.with_columns(crs=crs)
