@@ -1,6 +1,6 @@
 """What the run and its decoding process tell each other: a line of JSON per message.
 
-To the process: a task. From it, while a file is decoded: ``{"read": points so far}``; at its end one of
+To the process: a task. From it, once: ``{"ready": true}``. While a file is decoded: ``{"read": points so far}``; at its end one of
 ``{"done": ...}``, ``{"refused": an error of the file or the machine}``, ``{"died": why it cannot go on}`` and
 ``{"fault": traceback of a fault of ours}``.
 """
@@ -22,7 +22,7 @@ from linework.files.las_batches import BATCH_POINTS
 from linework.files.las_tally import TimeKind
 from linework.files.store_layout import RunTable
 from linework.files.time_counts import TimeCounts
-from linework.model.arrays import FloatArray
+from linework.model.arrays import AnyArray, FloatArray
 
 _ERRORS: dict[str, type[LineworkError]] = {e.__name__: e for e in (InputError, MachineError)}
 
@@ -39,6 +39,8 @@ class DecodeTask:
         Metres per unit of the file, in plan and in height.
     sample_step
         Of the points used, every so many-th is a sample.
+    repeat_bits
+        How thinly points are sampled to find those that are there twice, see `linework.files.repeats`.
     is_sequential
         Decode on one thread, chunk after chunk.
     """
@@ -47,6 +49,7 @@ class DecodeTask:
     target: Path
     factors: tuple[float, float] = (1.0, 1.0)
     sample_step: int = 1
+    repeat_bits: int = 0
     batch_points: int = BATCH_POINTS
     is_sequential: bool = False
 
@@ -81,6 +84,8 @@ class Decoded:
         Whether the times never run backwards.
     sample
         (k, 3) float64 [m]: some of the points; None where they cannot be degrees.
+    repeats
+        (k,) uint64: the sample that tells points that are there twice.
     runs
         Where the points lie in the file written.
     warnings
@@ -97,6 +102,7 @@ class Decoded:
     times: TimeCounts
     in_time_order: bool
     sample: FloatArray | None
+    repeats: AnyArray
     runs: RunTable
     warnings: tuple[str, ...]
 
@@ -104,8 +110,9 @@ class Decoded:
         """Return it as JSON."""
         fields = {name: getattr(self, name) for name in self.__dataclass_fields__}
         sample = None if self.sample is None else _text(self.sample.tobytes())
+        repeats = _text(self.repeats.tobytes())
         own = {"times": self.times.to_document(), "runs": _text(self.runs.to_bytes()), "sample": sample}
-        return fields | own
+        return fields | own | {"repeats": repeats}
 
     @classmethod
     def from_document(cls, document: Mapping[str, Any]) -> Self:
@@ -117,6 +124,7 @@ class Decoded:
             "height_counts": {int(bucket): n for bucket, n in document["height_counts"].items()},
             "times": TimeCounts.from_document(document["times"]),
             "sample": None if sample is None else np.frombuffer(_data(sample)).reshape(-1, 3),
+            "repeats": np.frombuffer(_data(document["repeats"]), np.uint64),
             "runs": RunTable.from_bytes(_data(document["runs"])),
             "warnings": tuple(document["warnings"]),
         }

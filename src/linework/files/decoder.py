@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import IO, Any, Self
 
-from linework.errors import InputError
+from linework.errors import InputError, MachineError
 from linework.files.decode_messages import Decoded, DecodeTask, refused
 from linework.files.las_batches import BATCH_POINTS
 
@@ -32,6 +32,8 @@ _SPARING = {
 }
 #: Of what the process prints on stderr so much is kept: the end says why it died.
 _LAST_WORDS_BYTES = 4000
+#: A process that closed its pipe is gone within milliseconds. [s]
+_ENDING_S = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,8 +46,9 @@ class DecoderLimits:
         It says something every batch of points, which takes a tenth of a second, or seconds from a slow
         disk: one that is silent for a minute hangs. [s]
     address_bytes
-        Address space. Libraries and threads take 1 GiB of addresses (not of memory), the batches 0.2 GiB,
-        the largest chunk that headers may promise (10 million points) 0.7 GiB: twice that.
+        Address space. A process with 64 threads takes 0.8 GiB of addresses (0.3 GiB of memory) for files of
+        any size; the largest chunk a header may promise, 10 million points, twice 0.7 GiB, compressed and
+        not. This is nearly twice that.
     batch_points
         Points decoded at a time; what comes out does not depend on it.
     program
@@ -158,6 +161,7 @@ class _Process:
         self._selector = selectors.DefaultSelector()
         for pipe in (self._stdout, self._stderr):
             self._selector.register(pipe, selectors.EVENT_READ)
+        self._is_ready = False
         self._unread = bytearray()
         self._last_words = b""
 
@@ -176,7 +180,9 @@ class _Process:
             self._stdin.flush()
         while True:
             message = self._message(n_read)
-            if "read" in message:
+            if "ready" in message:
+                self._is_ready = True
+            elif "read" in message:
                 n_read = message["read"]
                 progress(n_read)
             elif "done" in message:
@@ -195,6 +201,8 @@ class _Process:
         ------
         DecoderDiedError
             It ended, or said nothing for too long.
+        MachineError
+            It ended before it looked at a file.
         """
         deadline = time.monotonic() + self._limits.stall_s
         while b"\n" not in self._unread:
@@ -210,16 +218,31 @@ class _Process:
                 elif data:
                     self._unread += data
                 else:
-                    raise self._death(f"the decoder died ({how_ended(self._popen.wait())})", n_read)
+                    raise self._death(f"the decoder died ({self._ending()})", n_read)
         end = self._unread.index(b"\n") + 1
         message: dict[str, Any] = json.loads(self._unread[:end])
         del self._unread[:end]
         return message
 
-    def _death(self, how: str, n_read: int) -> DecoderDiedError:
+    def _ending(self) -> str:
+        """Return in words how it ended, after its end of a pipe was closed."""
+        try:
+            return how_ended(self._popen.wait(timeout=_ENDING_S))
+        except subprocess.TimeoutExpired:
+            return "it fell silent"
+
+    def _death(self, how: str, n_read: int) -> DecoderDiedError | MachineError:
+        words = self._last_words.decode(errors="backslashreplace")
+        if not self._is_ready:
+            last = (words.splitlines() or [""])[-1]
+            return MachineError(
+                f"the process that decodes laser files does not start: {how}; {last}".rstrip("; "),
+                where="linework",
+                advice="check the limits on memory and processes (ulimit -a), and the installation",
+            )
         error = DecoderDiedError(how, n_read)
-        if self._last_words:
-            error.add_note(self._last_words.decode(errors="backslashreplace"))
+        if words:
+            error.add_note(words)
         return error
 
     def kill(self) -> None:

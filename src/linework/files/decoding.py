@@ -17,20 +17,24 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from linework.errors import InputError, MachineError
 from linework.files.decode_messages import Decoded, DecodeTask, message_line, refusal
+from linework.files.header_box import HeaderBox
 from linework.files.las_batches import read_las_batches
 from linework.files.las_header import LasHeader, read_las_header
 from linework.files.las_tally import LasTally, Verdict
+from linework.files.repeats import PointSample, repeated_inside
 from linework.files.time_counts import TimeCounts
 from linework.model.arrays import FloatArray
 
 if TYPE_CHECKING:
     from linework.files.store_layout import RunTable
+    from linework.files.store_write import StoreWriter
 
 _PR_SET_PDEATHSIG = 1
 Report = Callable[[Mapping[str, Any]], None]
@@ -47,6 +51,7 @@ def main(arguments: list[str]) -> None:
         def report(message: Mapping[str, Any]) -> None:
             pipe.write(message_line(message))
 
+        report({"ready": True})
         _import_ahead("linework.files.store_write")
         for line in sys.stdin.buffer:
             report(answer(DecodeTask.from_line(line), report))
@@ -102,10 +107,12 @@ def decode_file(task: DecodeTask, report: Report) -> Decoded:
 class _Written:
     """What came of writing a file."""
 
-    __slots__ = ("height_counts", "runs", "samples", "tally")
+    __slots__ = ("box", "height_counts", "repeats", "runs", "samples", "tally")
 
-    def __init__(self, tally: LasTally) -> None:
+    def __init__(self, tally: LasTally, task: DecodeTask, header: LasHeader) -> None:
         self.tally = tally
+        self.box = HeaderBox(header, task.factors)
+        self.repeats = PointSample(task.repeat_bits)
         self.samples: list[FloatArray] = []
         self.runs: RunTable
         self.height_counts: Mapping[int, int]
@@ -113,7 +120,7 @@ class _Written:
 
 def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: Report) -> _Written:
     """Write all batches; nothing is left of the target where that fails."""
-    written = _Written(tally)
+    written = _Written(tally, task, header)
     writer = None
     batches = read_las_batches(
         task.path, header, factors=task.factors, batch_points=task.batch_points, is_sequential=task.is_sequential
@@ -121,14 +128,13 @@ def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: Report)
     try:
         with contextlib.closing(batches):
             for batch in batches:
-                if writer is None:  # imported beside the first batch's decoding
-                    from linework.files.store_write import StoreWriter
-
-                    writer = StoreWriter(task.target)
+                writer = writer or _writer(task.target)
                 first = -tally.n_kept % task.sample_step
                 xyz, intensity, time = tally.add(batch)
                 writer.append(xyz, intensity, time)
                 written.samples.append(xyz[first :: task.sample_step].copy())
+                written.box.add(xyz, tally.low, tally.high)
+                written.repeats.add(xyz, intensity, time)
                 report({"read": tally.n_read})
         tally.check(task.path, header)
         assert writer is not None  # a file without points has been refused
@@ -139,9 +145,24 @@ def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: Report)
     return written
 
 
+def _writer(target: Path) -> StoreWriter:
+    """Return the writer of a file; its imports went on beside the decoding of the first batch."""
+    try:
+        from linework.files.store_write import StoreWriter
+    except MemoryError as error:
+        raise MachineError(
+            "too little even to start decoding",
+            where="memory",
+            advice="close other programs, or raise ulimit -v",
+        ) from error
+    return StoreWriter(target)
+
+
 def _decoded(written: _Written, verdict: Verdict) -> Decoded:
     tally = written.tally
     has_time = verdict.gps_time_kind != "none"
+    repeats = written.repeats.numbers()
+    doubts = *written.box.warnings(tally.n_kept), *repeated_inside(repeats, has_time=has_time)
     return Decoded(
         n_points=tally.n_kept,
         n_rejected=dict(tally.n_rejected),
@@ -153,8 +174,9 @@ def _decoded(written: _Written, verdict: Verdict) -> Decoded:
         times=tally.time_counts if has_time else TimeCounts(),
         in_time_order=tally.in_time_order,
         sample=_sample(written.samples),
+        repeats=repeats,
         runs=written.runs,
-        warnings=verdict.warnings,
+        warnings=(*verdict.warnings, *doubts),
     )
 
 

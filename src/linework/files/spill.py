@@ -15,6 +15,7 @@ from linework.files.decoder import Decoder, DecoderLimits
 from linework.files.las_crs import ResolvedCrs, resolve_crs
 from linework.files.las_header import LasHeader, read_las_header
 from linework.files.las_tally import TimeKind
+from linework.files.repeats import repeated_elsewhere, said_elsewhere, sample_bits
 from linework.files.run_record import hash_file
 from linework.files.store_facts import FileFacts, StoreFacts, facts_document, facts_of
 from linework.files.store_layout import POINTS_SUFFIX, STEPS_PER_M, RunTable
@@ -91,6 +92,7 @@ def spill_survey(
     if not decoded:
         first = next((account.failures[p] for p in survey.point_files if p in account.failures), None)
         raise first or account.empty or InputError("no points", where=survey.root)
+    decoded = _without_copies(decoded, account, folder)
     results = [result for _, result in decoded]
     n_points = sum(result.n_points for result in results)
     refuse_degrees([result.sample for result in results], n_points, where=decoded[0][0].path)
@@ -143,7 +145,8 @@ def _decode_all(
         target = folder / f"{number}{POINTS_SUFFIX}"
         task = DecodeTask(
             path=file.path, target=target, factors=file.crs.factors,
-            sample_step=max(1, n_promised // _SAMPLE), batch_points=decoder.batch_points,
+            sample_step=max(1, n_promised // _SAMPLE), repeat_bits=sample_bits(n_promised),
+            batch_points=decoder.batch_points,
         )  # fmt: skip
         try:
             result = decoder.decode(task, report)
@@ -158,6 +161,28 @@ def _decode_all(
             decoded.append((file, result))
         n_before += file.header.n_points
     return decoded
+
+
+def _without_copies(
+    decoded: Sequence[tuple[_Planned, Decoded]], account: _Account, folder: Path
+) -> list[tuple[_Planned, Decoded]]:
+    """Return the files without those all of whose points another file holds too; tell of those and of parts."""
+    has_time = all(result.gps_time_kind != "none" for _, result in decoded)
+    found = repeated_elsewhere([result.repeats for _, result in decoded], has_time=has_time)
+    kept = []
+    for i, (file, result) in enumerate(decoded):
+        if i not in found:
+            kept.append((file, result))
+            continue
+        other, share = found[i]
+        text = said_elsewhere(share, decoded[other][0].path.name, has_time=has_time)
+        if share < 1.0:
+            account.warnings[file.path].append(text)
+            kept.append((file, result))
+        else:
+            account.warnings[file.path].append(f"{text}, left out")
+            (folder / f"{result.runs.rows['file'][0]}{POINTS_SUFFIX}").unlink()
+    return kept
 
 
 def _check_result(file: _Planned, result: Decoded) -> None:

@@ -1,0 +1,60 @@
+"""A decoding process that dies: `dying_decoder.py HOW NAME PARENT ADDRESS_BYTES`.
+
+It dies after the first batch of every file whose name begins with NAME, in the way HOW says; with
+"once-" before that only where it decodes on all threads.
+"""
+
+import os
+import signal
+import sys
+import time
+
+import numpy as np
+
+from linework.files import decoding
+
+HOW, NAME = sys.argv[1].removeprefix("once-"), sys.argv[2]
+IS_ONCE = sys.argv[1].startswith("once-")
+read_las_batches = decoding.read_las_batches
+
+
+class Panic(BaseException):
+    """What the LAZ library raises is no Exception either."""
+
+
+def die() -> None:
+    """End this process in the way asked for."""
+    if HOW.startswith("SIG"):
+        os.kill(os.getpid(), signal.Signals[HOW])
+        time.sleep(600)
+    elif HOW == "exit":
+        os._exit(3)
+    elif HOW == "hang":
+        time.sleep(600)
+    elif HOW == "memory":
+        held = [np.empty(1 << 27, np.uint8) for _ in range(1000)]
+        print(len(held))
+    elif HOW == "panic":
+        raise Panic("index out of bounds")
+    elif HOW == "fault":
+        raise ValueError("a fault of ours")
+    elif HOW == "silence":
+        os.closerange(3, 50)
+        time.sleep(600)
+    elif HOW == "talk":
+        for stream in (sys.stderr, sys.stdout):
+            for _ in range(300):
+                print("x" * 9999, file=stream)
+
+
+def dying_batches(path, header, *, is_sequential, **settings):
+    """Yield what is to be yielded, and die."""
+    dies = path.name.startswith(NAME) and not (IS_ONCE and is_sequential)
+    for i, batch in enumerate(read_las_batches(path, header, is_sequential=is_sequential, **settings)):
+        if dies and i == 1:
+            die()
+        yield batch
+
+
+decoding.read_las_batches = dying_batches
+decoding.main(sys.argv[3:])
