@@ -11,11 +11,11 @@ def sorted_twin(keys, times, intensities):
 
 
 def in_order(keys, times, intensities):
-    keys2, order2 = np.empty((2, len(keys)), np.uint64), np.empty((2, len(keys)), np.int32)
-    store_order.sort_points(keys, times.view(np.uint64), intensities, keys2, order2)
-    assert np.array_equal(np.sort(order2[0]), np.arange(len(keys)))
-    assert np.array_equal(keys2[0], keys[order2[0]])
-    return order2[0]
+    room = tuple(np.empty(len(keys), dtype) for dtype in (np.uint64, np.int32, np.uint64, np.int32))
+    store_order.sort_points(keys, times.view(np.uint64), intensities, room)
+    assert np.array_equal(np.sort(room[1]), np.arange(len(keys)))
+    assert np.array_equal(room[0], keys[room[1]])
+    return room[1]
 
 
 def some_keys(rng, n, kind):

@@ -241,15 +241,13 @@ class _Scratch:
     """Room to sort a block in."""
 
     def __init__(self, n: int) -> None:
-        self._keys = np.empty((2, n), np.uint64)
-        self._order = np.empty((2, n), np.int32)
+        self._room = [np.empty(n, dtype) for dtype in (np.uint64, np.int32) * 2]
 
     def sorted(self, part: tuple[AnyArray, AnyArray, AnyArray]) -> tuple[AnyArray, AnyArray]:
         """Return keys in canonical order and the number of each."""
-        n = len(part[0])
-        keys, order = self._keys[:, :n], self._order[:, :n]
-        kernels.sort_points(*part, keys, order)
-        return keys[0], order[0]
+        keys, order, more_keys, more_order = (column[: len(part[0])] for column in self._room)
+        kernels.sort_points(*part, (keys, order, more_keys, more_order))
+        return keys, order
 
 
 def _blocks(rows: AnyArray) -> Iterator[AnyArray]:

@@ -15,6 +15,8 @@ from linework.kernels.store import checksum
 
 Array = npt.NDArray[Any]
 U64 = np.uint64
+#: Two columns of keys (uint64) and numbers of points (int32), and as much again.
+Room = tuple[Array, Array, Array, Array]
 
 #: Ranges so short are sorted by insertion: measured best between 8 and 32.
 _FEW = 16
@@ -77,15 +79,14 @@ def keep_inside(keys: Array, times: Array, intensities: Array, box: Array, floor
 
 
 @njit(cache=True, nogil=True)
-def sort_points(keys: Array, times: Array, intensities: Array, keys2: Array, order2: Array) -> None:
+def sort_points(keys: Array, times: Array, intensities: Array, room: Room) -> None:
     """Find the canonical order: by key, then by time, then by intensity.
 
     Parameters
     ----------
-    keys2
-        (2, n) uint64: the first row is written with the keys in order; the second is scratch.
-    order2
-        (2, n) int32: the first row is written with the number of the point at each place.
+    room
+        Keys (n,) uint64 and numbers (n,) int32, and the same again. The first two are written: the keys in
+        order, and the number of the point at each place; the others are scratch.
 
     Notes
     -----
@@ -101,20 +102,20 @@ def sort_points(keys: Array, times: Array, intensities: Array, keys2: Array, ord
         fill[(keys[i] >> shift) + U64(1)] += 1
     for k in range(1, len(fill)):
         fill[k] += fill[k - 1]
-    to_keys, to_order = keys2[0], order2[0]
+    to_keys, to_order = room[0], room[1]
     for i in range(n):
         k = keys[i] >> shift
         at = fill[k]
         fill[k] = at + 1
         to_keys[at], to_order[at] = keys[i], i
     buckets = np.empty((1 << _MOST_BITS) + 1, np.int32)
-    first = 0
+    first = np.int64(0)
     for k in range(1 << bits):
-        last = fill[k]  # moved on to where the next bucket begins
+        last = np.int64(fill[k])  # moved on to where the next bucket begins
         if last - first > 1:
-            _sort_bucket(keys2, order2, first, last, 64 - bits, buckets)
+            _sort_bucket(room, first, last, 64 - bits, buckets)
         first = last
-    _settle_ties(times, intensities, keys2, order2)
+    _settle_ties(times, intensities, room)
 
 
 @njit(cache=True, nogil=True)
@@ -127,10 +128,10 @@ def _bits_for(n: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _sort_bucket(keys2: Array, order2: Array, first: int, last: int, shift: int, fill: Array) -> None:
+def _sort_bucket(room: Room, first: Any, last: Any, shift: int, fill: Array) -> None:
     """Sort a range of keys that differ below bit `shift` only."""
     n = last - first
-    keys, order, spare_keys, spare_order = keys2[0], order2[0], keys2[1], order2[1]
+    keys, order, spare_keys, spare_order = room
     if n > _FEW:
         bits = min(_MOST_BITS, _bits_for(n))
         down, mask = U64(shift - bits), U64((1 << bits) - 1)
@@ -149,15 +150,15 @@ def _sort_bucket(keys2: Array, order2: Array, first: int, last: int, shift: int,
             keys[i], order[i] = spare_keys[i], spare_order[i]
         begin = first
         for k in range(n_buckets):
-            end = first + fill[k]
+            end = first + np.int64(fill[k])
             if end - begin > _FEW:
-                _merge_sort(keys2, order2, begin, end)
+                _merge_sort(room, begin, end)
             begin = end
     _insertion_sort(keys, order, first, last)
 
 
 @njit(cache=True, nogil=True)
-def _insertion_sort(keys: Array, order: Array, first: int, last: int) -> None:
+def _insertion_sort(keys: Array, order: Array, first: Any, last: Any) -> None:
     for i in range(first + 1, last):
         key = keys[i]
         if keys[i - 1] <= key:
@@ -171,13 +172,13 @@ def _insertion_sort(keys: Array, order: Array, first: int, last: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _merge_sort(keys2: Array, order2: Array, first: int, last: int) -> None:
+def _merge_sort(room: Room, first: Any, last: Any) -> None:
     """Sort a range from the bottom up: never more than n log n steps, whatever the points."""
+    keys, order, to_keys, to_order = room
     for i in range(first, last, _FEW):
-        _insertion_sort(keys2[0], order2[0], i, min(i + _FEW, last))
-    source, width = 0, _FEW
+        _insertion_sort(keys, order, i, min(i + _FEW, last))
+    is_swapped, width = False, _FEW
     while width < last - first:
-        keys, order, to_keys, to_order = keys2[source], order2[source], keys2[1 - source], order2[1 - source]
         for begin in range(first, last, 2 * width):
             middle, end = min(begin + width, last), min(begin + 2 * width, last)
             a, b = begin, middle
@@ -188,22 +189,23 @@ def _merge_sort(keys2: Array, order2: Array, first: int, last: int) -> None:
                 else:
                     to_keys[at], to_order[at] = keys[b], order[b]
                     b += 1
-        source = 1 - source
+        keys, order, to_keys, to_order = to_keys, to_order, keys, order
+        is_swapped = not is_swapped
         width *= 2
-    if source == 1:
+    if is_swapped:
         for i in range(first, last):
-            keys2[0, i], order2[0, i] = keys2[1, i], order2[1, i]
+            to_keys[i], to_order[i] = keys[i], order[i]
 
 
 @njit(cache=True, nogil=True)
-def _settle_ties(times: Array, intensities: Array, keys2: Array, order2: Array) -> None:
+def _settle_ties(times: Array, intensities: Array, room: Room) -> None:
     """Order points of equal keys by time, and those of equal times by intensity.
 
     The keys of such a range are replaced by what it is sorted by, and put back.
     """
-    keys, order = keys2[0], order2[0]
-    n = len(keys)
-    first = 0
+    keys, order = room[0], room[1]
+    n = np.int64(len(keys))
+    first = np.int64(0)
     while first < n:
         last = first + 1
         while last < n and keys[last] == keys[first]:
@@ -212,7 +214,7 @@ def _settle_ties(times: Array, intensities: Array, keys2: Array, order2: Array) 
             key = keys[first]
             for i in range(first, last):
                 keys[i] = _sortable(times[order[i]])
-            _merge_sort(keys2, order2, first, last)
+            _merge_sort(room, first, last)
             begin = first
             while begin < last:
                 end = begin + 1
@@ -221,7 +223,7 @@ def _settle_ties(times: Array, intensities: Array, keys2: Array, order2: Array) 
                 if end - begin > 1:
                     for i in range(begin, end):
                         keys[i] = U64(intensities[order[i]])
-                    _merge_sort(keys2, order2, begin, end)
+                    _merge_sort(room, begin, end)
                 begin = end
             keys[first:last] = key
         first = last
