@@ -27,6 +27,7 @@ from linework.tiling.executors import Executor, Serial
 from linework.tiling.identify import identify
 from linework.tiling.plan import Tile, TilingConfig, plan_tiles
 from linework.tiling.seams import join_seams
+from linework.tiling.source_hash import source_hash
 from linework.tiling.sources import with_sources
 from linework.tiling.steps import Steps
 from linework.tiling.stores import held_store
@@ -202,7 +203,13 @@ def extract_lines(
 def _surface(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps: Steps) -> SurveySurface:
     """Return the road and the ground of the survey, made once for a store, a trajectory and settings."""
     with steps.step("find the road", unit="tiles") as advance:
-        key = fingerprint_of({"points": opened.key, "path": opened.path_hash, "road": asdict(road)})
+        made_of = {
+            "points": opened.key,
+            "path": opened.path_hash,
+            "road": asdict(road),
+            "code": source_hash(),
+        }
+        key = fingerprint_of(made_of)
         folder = opened.points.folder / f"surface-{key[:16]}"
         return make_surface(opened.points, opened.trajectory, road, folder, executor, advance, key=key)
 

@@ -18,9 +18,9 @@ from linework.files.publish import machine_errors
 from linework.files.run_record import hash_file
 from linework.files.spill import spill_survey
 from linework.files.store_facts import StoreFacts, facts_of
-from linework.files.store_layout import STORE_VERSION
 from linework.files.store_read import PointStore
 from linework.model.survey import Survey
+from linework.tiling.source_hash import source_hash
 from linework.tiling.steps import Steps
 from linework.tiling.work_folder import STORES, locked
 
@@ -104,7 +104,7 @@ def _names(survey: Survey, hashes: Mapping[Path, str]) -> tuple[str, str]:
     """Return what stands for the files by name, and for what they hold and are taken for."""
     names = [os.fsdecode(os.fsencode(path.absolute())) for path in survey.point_files]
     content = [
-        STORE_VERSION,
+        source_hash("files", "kernels"),
         survey.crs,
         survey.settings.get("crs"),
         [hashes.get(p) for p in survey.point_files],

@@ -10,16 +10,15 @@ import shutil
 import sqlite3
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import linework
 from linework.errors import UsageError
 from linework.files.journal import Journal
 from linework.files.publish import machine_errors
 from linework.files.run_record import hash_file
 from linework.tiling.record import versions
+from linework.tiling.source_hash import source_hash
 from linework.tiling.work_folder import RUNS, locked
 
 _DESCRIPTION, _JOURNAL, _RESULTS = "run.json", "journal.sqlite", "tiles"
@@ -46,7 +45,7 @@ class RunFolder:
 def describe_run(parameters: Mapping[str, Any], hashes: Mapping[Path, str]) -> dict[str, Any]:
     """Return all that the result of a run depends on: parameters, the bytes of its inputs, the program."""
     inputs = {os.fsencode(path).decode("utf-8", "backslashreplace"): text for path, text in hashes.items()}
-    found = {"inputs": inputs, **parameters, "code": _code_hash(), "versions": versions()}
+    found = {"inputs": inputs, **parameters, "code": source_hash(), "versions": versions()}
     described: dict[str, Any] = json.loads(json.dumps(found, default=str))
     return described
 
@@ -171,13 +170,3 @@ def _flat(document: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 def _short(value: Any) -> str:
     text = json.dumps(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-@lru_cache(maxsize=1)
-def _code_hash() -> str:
-    """Return what stands for the program itself: lines of two versions do not belong into one output."""
-    root = Path(linework.__file__).parent
-    total = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        total.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
-    return total.hexdigest()[:16]
