@@ -37,6 +37,7 @@ def nearest_known(known: Mask, reach: int, margin: int) -> tuple[I32, I32]:
     site = np.empty(n_cols, dtype=np.int32)  # columns of the envelope
     below = np.empty(n_cols, dtype=np.int32)  # and the squares of their distances along the column
     begin = np.empty(n_cols, dtype=np.int32)  # and where each begins to be the nearest
+    inverse = 0.5 / np.maximum(np.arange(n_cols), 1)
     for r in range(n_rows - 2 * margin):
         n = 0
         for c in range(n_cols):
@@ -47,8 +48,15 @@ def nearest_known(known: Mask, reach: int, margin: int) -> tuple[I32, I32]:
             start = 0
             while n > 0:
                 # The first column at which this one is nearer than the last of the envelope: ties stay west
-                num = (c * c - site[n - 1] * site[n - 1]) + (g - below[n - 1])
-                start = num // (2 * (c - site[n - 1])) + 1
+                step = c - site[n - 1]
+                num = step * (c + site[n - 1]) + (g - below[n - 1])
+                start = int(num * inverse[step])
+                rest = num - start * 2 * step  # the quotient's last bit, whichever way it was rounded
+                if rest < 0:
+                    start -= 1
+                elif rest >= 2 * step:
+                    start += 1
+                start += 1
                 if start > begin[n - 1]:
                     break
                 n -= 1
@@ -125,23 +133,27 @@ def softened(values: F32, square: I32, half: int, cell: float, over: float) -> F
     """
     n_rows, n_cols = values.shape[0] - 2 * half, values.shape[1] - 2 * half
     width = 2 * half + 1
+    one, scale, size = np.float32(1.0), np.float32(cell / over), np.float32(width * width)
     out = np.empty((n_rows, n_cols), dtype=np.float32)
     column = np.empty(n_cols + 2 * half, dtype=np.float32)
+    total = np.empty(n_cols, dtype=np.float32)
     for r in range(n_rows):
         column[:] = np.float32(0.0)
         for k in range(width):
+            row = values[r + k]
             for c in range(n_cols + 2 * half):
-                column[c] += values[r + k, c]
+                column[c] += row[c]
+        total[:] = np.float32(0.0)
+        for k in range(width):
+            for c in range(n_cols):
+                total[c] += column[c + k]
+        row, away, to = values[r + half], square[r + half], out[r]
         for c in range(n_cols):
-            total = np.float32(0.0)
-            for k in range(width):
-                total += column[c + k]
-            value = values[r + half, c + half]
-            mean = total / np.float32(width * width)
-            if not np.isnan(mean):
-                share = np.float32(min(np.sqrt(float(square[r + half, c + half])) * cell / over, 1.0))
-                value = (np.float32(1.0) - share) * value + share * mean
-            out[r, c] = value
+            value, mean = row[c + half], total[c] / size
+            share = np.sqrt(np.float32(away[c + half])) * scale
+            share = share if share < one else one
+            soft = (one - share) * value + share * mean
+            to[c] = soft if mean == mean else value
     return out
 
 
@@ -160,16 +172,19 @@ def give_way(
     carry
         So far the road is the reference, and over as much again it gives way. [m]
     """
+    one, size, begin = np.float32(1.0), np.float32(cell), np.float32(carry)
+    scale = np.float32(1.0 / max(carry, cell))
     for r in range(road.shape[0]):
+        row, away, base = road[r], square[r], ground[r]
         for c in range(road.shape[1]):
-            if np.isnan(ground[r, c]):
-                ground[r, c] = far[row_block[r], col_block[c]]
-            if np.isnan(road[r, c]):
-                road[r, c] = ground[r, c]
-                continue
-            distance = np.sqrt(float(square[r, c])) * cell
-            share = np.float32(min(max((distance - carry) / max(carry, cell), 0.0), 1.0))
-            road[r, c] = (np.float32(1.0) - share) * road[r, c] + share * ground[r, c]
+            if np.isnan(base[c]):
+                base[c] = far[row_block[r], col_block[c]]
+        for c in range(road.shape[1]):
+            share = (np.sqrt(np.float32(away[c])) * size - begin) * scale
+            share = share if share > np.float32(0.0) else np.float32(0.0)
+            share = share if share < one else one
+            mixed = (one - share) * row[c] + share * base[c]
+            row[c] = mixed if mixed == mixed else base[c]
 
 
 @njit(cache=True, nogil=True)

@@ -33,8 +33,9 @@ def label_regions(
     """
     n_rows, n_cols = height.shape
     parent = np.full(n_rows * n_cols, -1, dtype=np.int32)
+    spans = _spans_of(allowed)
     for r in range(n_rows):
-        for c in range(n_cols):
+        for c in range(spans[r, 0], spans[r, 1]):
             if not allowed[r, c]:
                 continue
             at = r * n_cols + c
@@ -56,7 +57,22 @@ def label_regions(
                         if abs(rise - slope * np.float32(reach * cell)) <= max_step:
                             _unite(parent, at, rr * n_cols + cc)
                     break
-    return _numbered(parent, n_rows, n_cols)
+    return _numbered(parent, spans, n_rows, n_cols)
+
+
+@njit(cache=True, nogil=True)
+def _spans_of(mask: Mask) -> I32:
+    """Return where the set cells of each row begin and end: of a tile with a road most cells are empty."""
+    n_rows, n_cols = mask.shape
+    spans = np.zeros((n_rows, 2), dtype=np.int32)
+    for r in range(n_rows):
+        begin, end = 0, n_cols
+        while begin < n_cols and not mask[r, begin]:
+            begin += 1
+        while end > begin and not mask[r, end - 1]:
+            end -= 1
+        spans[r, 0], spans[r, 1] = begin, end
+    return spans
 
 
 @njit(cache=True, nogil=True)
@@ -77,7 +93,7 @@ def _unite(parent: I32, a: int, b: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _numbered(parent: I32, n_rows: int, n_cols: int) -> tuple[I32, int, I32]:
+def _numbered(parent: I32, spans: I32, n_rows: int, n_cols: int) -> tuple[I32, int, I32]:
     """Return labels in the order of the regions' first cells, those near the edge first."""
     label_of = np.zeros(n_rows * n_cols, dtype=np.int32)
     first = np.empty(1024, dtype=np.int32)
@@ -98,7 +114,7 @@ def _numbered(parent: I32, n_rows: int, n_cols: int) -> tuple[I32, int, I32]:
     n_border = n
     labels = np.zeros((n_rows, n_cols), dtype=np.int32)
     for r in range(n_rows):
-        for c in range(n_cols):
+        for c in range(spans[r, 0], spans[r, 1]):
             at = r * n_cols + c
             if parent[at] < 0:
                 continue

@@ -19,8 +19,8 @@ FIXED = 2.0**20
 @njit(cache=True, nogil=True)
 def lowest_supported(
     xyz: F64, west: int, south: int, n_rows: int, n_cols: int, cell: float, z0: float, support: float
-) -> tuple[I32, F32, I32]:
-    """Return each point's cell, and per cell the lowest height that another point supports and the points.
+) -> tuple[I32, F32, F32, I32]:
+    """Return each point's cell and height, and per cell the lowest supported height and the number of points.
 
     Cells are counted from the coordinates' zero: `west` and `south` are the numbers of the first column and
     of the last row. A point on an edge belongs to the cell east or north of it. Points elsewhere: cell -1.
@@ -30,6 +30,7 @@ def lowest_supported(
     are passed over. Heights are relative to z0; NaN where a cell holds no point.
     """
     cells = np.empty(len(xyz), dtype=np.int32)
+    heights = np.empty(len(xyz), dtype=np.float32)
     low = np.full((n_rows * n_cols, 4), np.float32(np.inf), dtype=np.float32)
     count = np.zeros(n_rows * n_cols, dtype=np.int32)
     for i in range(len(xyz)):
@@ -42,13 +43,12 @@ def lowest_supported(
         cells[i] = at
         count[at] += 1
         z = np.float32(xyz[i, 2] - z0)
-        if z >= low[at, 3]:
-            continue
-        k = 3
-        while k > 0 and low[at, k - 1] > z:
-            low[at, k] = low[at, k - 1]
-            k -= 1
-        low[at, k] = z
+        heights[i] = z
+        # Pushed down the four places without a branch: whether a point is among the lowest cannot be foreseen
+        for k in range(4):
+            kept = low[at, k]
+            low[at, k] = z if z < kept else kept
+            z = kept if z < kept else z
     out = np.full(n_rows * n_cols, np.float32(np.nan), dtype=np.float32)
     for at in range(n_rows * n_cols):
         n = min(count[at], 4)
@@ -56,11 +56,11 @@ def lowest_supported(
             if k == n - 1 or low[at, k + 1] - low[at, k] <= support:
                 out[at] = low[at, k]
                 break
-    return cells, out.reshape((n_rows, n_cols)), count.reshape((n_rows, n_cols))
+    return cells, heights, out.reshape((n_rows, n_cols)), count.reshape((n_rows, n_cols))
 
 
 @njit(cache=True, nogil=True)
-def lowest_layer(xyz: F64, cells: I32, z0: float, low: F32, thickness: float) -> tuple[F32, F32]:
+def lowest_layer(cells: I32, heights: F32, low: F32, thickness: float) -> tuple[F32, F32]:
     """Return mean height and spread of the points within `thickness` above each cell's low.
 
     They are added in whole numbers: neither the order of the points nor their batches matter. Squares lose
@@ -71,12 +71,12 @@ def lowest_layer(xyz: F64, cells: I32, z0: float, low: F32, thickness: float) ->
     total = np.zeros(n_rows * n_cols, dtype=np.int64)
     square = np.zeros(n_rows * n_cols, dtype=np.int64)
     number = np.zeros(n_rows * n_cols, dtype=np.int32)
-    for i in range(len(xyz)):
+    for i in range(len(cells)):
         at = cells[i]
         if at < 0:
             continue
-        # As float32, like the lowest height itself: that point is 0 above itself
-        above = float(np.float32(xyz[i, 2] - z0)) - float(floor[at])
+        # Both as float32: the lowest point is 0 above itself
+        above = float(heights[i]) - float(floor[at])
         if above >= 0.0 and above <= thickness:
             q = int(np.rint(above * FIXED))
             total[at] += q
@@ -92,6 +92,17 @@ def lowest_layer(xyz: F64, cells: I32, z0: float, low: F32, thickness: float) ->
             if n > 1:
                 spread[at] = np.float32(np.sqrt(max(square[at] / n * (256.0 / FIXED / FIXED) - m * m, 0.0)))
     return mean.reshape((n_rows, n_cols)), spread.reshape((n_rows, n_cols))
+
+
+@njit(cache=True, nogil=True)
+def count_in_steps(values: F32, step: float, n: int) -> I64:
+    """Return how many values lie in each of the first n steps from 0; larger ones count in the last."""
+    counts = np.zeros(n, dtype=np.int64)
+    for r in range(values.shape[0]):
+        for c in range(values.shape[1]):
+            if not np.isnan(values[r, c]):
+                counts[min(int(values[r, c] / step), n - 1)] += 1
+    return counts
 
 
 @njit(cache=True, nogil=True)

@@ -21,6 +21,7 @@ _MIN_AREA_M2 = 25.0
 #: Level: within this of the nearest ground, and as much more as a steep road rises on the way there, but no
 #: more than over 25 m: a roof stands higher than that over the ground at its foot. [m]
 _MAX_STEP_M, _MAX_GRADE, _MAX_WAY_M = 1.0, 0.12, 25.0
+_NOTHING = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,20 +81,35 @@ def describe_pieces(
         (n_rows + 2 h, n_cols + 2 h) with a halo of h = `reach_cells`.
     """
     n_border, n = counts
-    reach = reach_cells(config)
-    index, square = nearest_kernels.nearest_known(is_ground, reach, reach)
-    rise = np.abs(height[reach:-reach, reach:-reach] - nearest_kernels.filled(height, index))
-    way = np.minimum(np.sqrt(square, dtype=np.float32) * np.float32(config.cell_m), np.float32(_MAX_WAY_M))
-    level = rise - np.float32(_MAX_GRADE) * way <= np.float32(_MAX_STEP_M)  # NaN, no ground near: no
+    edges = labels[:, 0].copy(), labels[:, -1].copy(), labels[0].copy(), labels[-1].copy()
+    # The smallest rectangle that holds all pieces: most windows have few
+    rows, cols = np.flatnonzero(labels.any(axis=1)), np.flatnonzero(labels.any(axis=0))
+    if n == 0:
+        return Pieces(0, edges, _NOTHING, _NOTHING, np.zeros((0, 2), dtype=np.int32))
+    part = slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1)
+    around = tuple(slice(p.start, p.stop + 2 * reach_cells(config)) for p in part)
+    labels = labels[part]
+    level = _is_level(np.ascontiguousarray(height[around]), np.ascontiguousarray(is_ground[around]), config)
     on = labels > 0
-    pairs = np.unique((labels[on].astype(np.int64) << 32) | ground[on])
+    pairs = np.unique((labels[on].astype(np.int64) << 32) | ground[part][on])
     return Pieces(
         n_border,
-        (labels[:, 0].copy(), labels[:, -1].copy(), labels[0].copy(), labels[-1].copy()),
+        edges,
         np.bincount(labels[on], minlength=n + 1)[1:],
         np.bincount(labels[on & level], minlength=n + 1)[1:],
         np.stack([pairs >> 32, pairs & 0xFFFFFFFF], axis=-1).astype(np.int32),
     )
+
+
+def _is_level(height: Float32Array, is_ground: BoolArray, config: RoadConfig) -> BoolArray:
+    """Return which of the inner cells lie level with the nearest ground."""
+    reach = reach_cells(config)
+    index, square = nearest_kernels.nearest_known(is_ground, reach, reach)
+    rise = np.abs(height[reach:-reach, reach:-reach] - nearest_kernels.filled(height, index))
+    way = np.minimum(np.sqrt(square, dtype=np.float32) * np.float32(config.cell_m), np.float32(_MAX_WAY_M))
+    return np.asarray(
+        rise - np.float32(_MAX_GRADE) * way <= np.float32(_MAX_STEP_M)
+    )  # NaN, no ground near: no
 
 
 def touching(one: Pieces, other: Pieces, *, below: bool) -> AnyArray:

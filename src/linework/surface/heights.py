@@ -14,8 +14,9 @@ from linework.surface.config import RoadConfig
 
 #: Local height origins are whole multiples of this. [m]
 HEIGHT_ORIGIN_M = 100.0
-#: Spreads are counted in steps of this: a tenth of what tells asphalt from grass. [m]
-_SPREAD_STEP_M = 0.001
+#: Spreads are counted in steps of this: a tenth of what tells asphalt from grass. No layer is thicker than 1 m,
+#: so none spreads more than half of that. [m]
+_SPREAD_STEP_M, _N_SPREADS = 0.001, 501
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +46,8 @@ def cell_heights(xyz: FloatArray, window: Window, z0_m: float, config: RoadConfi
     The order of the points does not matter, to the last bit.
     """
     xyz = np.ascontiguousarray(xyz, dtype=np.float64)
-    cells, low, count = kernels.lowest_supported(xyz, *window, config.cell_m, z0_m, config.support_m)
-    height, spread = kernels.lowest_layer(xyz, cells, z0_m, low, config.layer_m)
+    cells, z, low, count = kernels.lowest_supported(xyz, *window, config.cell_m, z0_m, config.support_m)
+    height, spread = kernels.lowest_layer(cells, z, low, config.layer_m)
     return CellHeights(window, height, spread, count)
 
 
@@ -61,8 +62,7 @@ def height_origin(z_m: FloatArray) -> float:
 
 def count_spreads(spread: Float32Array) -> IntArray:
     """Return how many cells spread how much, in steps of 1 mm: counts of parts of a survey add up."""
-    known = spread[~np.isnan(spread)]
-    return np.bincount((known / _SPREAD_STEP_M).astype(np.int64), minlength=1).astype(np.int64)
+    return np.asarray(kernels.count_in_steps(spread, _SPREAD_STEP_M, _N_SPREADS))
 
 
 def rough_limit_m(counts: IntArray, config: RoadConfig) -> float:

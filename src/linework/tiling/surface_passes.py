@@ -29,15 +29,18 @@ from linework.surface.slopes import HALO
 
 #: The path is looked up by boxes around so many samples: 256 m of it.
 PATH_BOX = 1024
-#: Names of the arrays. What is needed only while the surface is made is removed in the end.
-HEIGHTS, COUNT, LABELS, COLUMNS, ROWS, ROADS, GROUNDS = (
-    "heights", "count", "labels", "columns", "rows", "roads", "grounds",
-)  # fmt: skip
-PATH, BOXES, ISLANDS, COARSE = "path", "boxes", "islands", "coarse"
-SURFACE, KIND = "surface", "kind"
-#: What is kept of the cells along a tile's edges.
+#: Names of the arrays that are needed only while the surface is made: height, spread and number of points of
+#: the cells; road and ground labels; edges; road and ground labels that were chosen.
+CELLS, LABELS, EDGES, CHOSEN = "cells", "labels", "edges", "chosen"
+#: For all tiles: samples and boxes of the path; codes and numbers of islands.
+PATH, ISLANDS = "path", "islands"
+#: What stays: road, ground and kind of the cells; coarse ground.
+SURFACE, COARSE = "surface", "coarse"
+#: What comes first, where there is something of the road and of the ground.
+_ROAD, _GROUND = 0, 1
+#: What is kept of the cells along a tile's edges, two deep.
 _EDGE = np.dtype([("height", "f4"), ("east", "f4"), ("north", "f4"), ("road", "i4"), ("ground", "i4")])
-_NO_HEIGHT = np.full(2, np.nan, dtype=np.float32)
+_SIDES = {"west": np.s_[:, :2], "east": np.s_[:, -2:], "north": np.s_[:2, :], "south": np.s_[-2:, :]}
 
 
 class PointSource(Protocol):
@@ -87,9 +90,8 @@ def find_heights(task: TileTask) -> IntArray:
     heights = cell_heights(points.xyz, window, task.z0_m, task.config)
     if not heights.count.any():
         return np.zeros(0, dtype=np.int64)
-    task.tiles.write(HEIGHTS, task.tile, np.stack([heights.height, heights.spread]))
-    task.tiles.write(COUNT, task.tile, heights.count)
-    return np.append(count_spreads(heights.spread), 0)  # never empty
+    task.tiles.write(CELLS, task.tile, heights.height, heights.spread, heights.count)
+    return count_spreads(heights.spread)
 
 
 @lru_cache(maxsize=1)
@@ -100,38 +102,31 @@ def _opened(folder: Path) -> PointStore:
 def find_regions(task: TileTask) -> RegionFacts:
     """Write the labels of a tile's cells and what neighbours need of its edges; return what it tells of them."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
-    heights = tiles.over(HEIGHTS, window.grown(HALO), _NO_HEIGHT)
-    count = tiles.read(COUNT, task.tile)
-    assert count is not None
-    codes, numbers = tiles.read_common(ISLANDS)
+    _, spread, count = tiles.read(CELLS, task.tile) or ()
     regions, facts = cell_regions(
         window,
-        heights[0],
-        np.ascontiguousarray(heights[1, HALO:-HALO, HALO:-HALO]),
+        tiles.over(CELLS, 0, window.grown(HALO), np.float32(np.nan)),
+        np.array(spread),
         np.array(count),
         _path_near(tiles, window.bounds(config.cell_m)),
-        Islands(codes, numbers.astype(np.int32)),
+        Islands(*tiles.read_common(ISLANDS)),
         task.rough_limit_m,
         task.z0_m,
         config,
     )
-    tiles.write(LABELS, task.tile, np.stack([regions.road, regions.ground]))
-    columns = [_edge(regions, np.s_[:, :2]), _edge(regions, np.s_[:, -2:])]
-    rows = [_edge(regions, np.s_[:2]), _edge(regions, np.s_[-2:])]
-    tiles.write(COLUMNS, task.tile, np.stack(columns))
-    tiles.write(ROWS, task.tile, np.stack(rows))
+    tiles.write(LABELS, task.tile, regions.road, regions.ground)
+    tiles.write(EDGES, task.tile, *(_edge(regions, part) for part in _SIDES.values()))
     return facts
 
 
 def edge_cells(tiles: SurfaceTiles, tile: TileNumber, side: str) -> CellRegions:
     """Return the two columns or rows of a tile's cells along its "west", "east", "north" or "south" edge."""
-    values = tiles.read(COLUMNS if side in ("west", "east") else ROWS, tile)
-    assert values is not None
-    part = values[0 if side in ("west", "north") else 1]
-    return CellRegions(tiles.window(tile), *(np.array(part[name]) for name in _EDGE.names or ()))
+    edges = tiles.read(EDGES, tile) or ()
+    edge = edges[list(_SIDES).index(side)]
+    return CellRegions(tiles.window(tile), *(np.array(edge[name]) for name in _EDGE.names or ()))
 
 
-def _edge(regions: CellRegions, part: tuple[slice, ...] | slice) -> AnyArray:
+def _edge(regions: CellRegions, part: tuple[slice, slice]) -> AnyArray:
     planes = regions.height, regions.slope_east, regions.slope_north, regions.road, regions.ground
     edge = np.empty(regions.height[part].shape, dtype=_EDGE)
     for name, plane in zip(_EDGE.names or (), planes, strict=True):
@@ -152,7 +147,7 @@ def path_boxes(path: FloatArray) -> FloatArray:
 def _path_near(tiles: SurfaceTiles, bounds: Bounds) -> FloatArray:
     """Return all samples of the path that can be near cells of the bounds, and some more."""
     near = bounds.grown(2.0 * NEAR_M + 5.0)  # cells are 5 m at most
-    boxes, path = tiles.read_common(BOXES), tiles.read_common(PATH)
+    path, boxes = tiles.read_common(PATH)
     hit = (boxes[:, 0] <= near.east) & (boxes[:, 2] >= near.west)
     hit &= (boxes[:, 1] <= near.north) & (boxes[:, 3] >= near.south)
     parts = [path[i * PATH_BOX : (i + 1) * PATH_BOX] for i in np.flatnonzero(hit)]
@@ -170,15 +165,13 @@ class ApartReceipt:
 def find_apart(task: TileTask) -> ApartReceipt:
     """Return what is to be known of a tile's pieces that data holes may part from the ground."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
-    heights, labels = tiles.read(HEIGHTS, task.tile), tiles.read(LABELS, task.tile)
-    assert heights is not None and labels is not None
+    height, *_ = tiles.read(CELLS, task.tile) or ()
+    _, ground = tiles.read(LABELS, task.tile) or ()
     around = window.grown(apart.HALO)
-    is_ground = _cells_of(tiles, 1, GROUNDS, around)
-    inner = around.part(window)
-    coarse = CoarseGround.of(
-        window, np.array(heights[0]), np.ascontiguousarray(is_ground[inner]), config.cell_m
-    )
-    smooth = tiles.over(LABELS, around, np.zeros(2, dtype=np.int32))[0] > 0
+    is_ground = _cells_of(tiles, _GROUND, around)
+    inner = np.ascontiguousarray(is_ground[around.part(window)])
+    coarse = CoarseGround.of(window, np.array(height), inner, config.cell_m)
+    smooth = tiles.over(LABELS, _ROAD, around, np.int32(0)) > 0
     found, n_border, n = apart.smooth_pieces(smooth & ~is_ground)
     if n == 0:
         return ApartReceipt(None, coarse)
@@ -186,9 +179,9 @@ def find_apart(task: TileTask) -> ApartReceipt:
     pieces = apart.describe_pieces(
         found,
         (n_border, n),
-        labels[1],
-        tiles.over(HEIGHTS, around, _NO_HEIGHT)[0],
-        _cells_of(tiles, 1, GROUNDS, around),
+        ground,
+        tiles.over(CELLS, 0, around, np.float32(np.nan)),
+        _cells_of(tiles, _GROUND, around),
         config,
     )
     return ApartReceipt(pieces, coarse)
@@ -198,42 +191,32 @@ def carry_on(task: TileTask) -> bool:
     """Write road and ground of a tile; False where there is neither near."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
     around = window.grown(halo_cells(config))
-    is_ground = _cells_of(tiles, 1, GROUNDS, around)
+    is_ground = _cells_of(tiles, _GROUND, around)
     if not is_ground.any():
         return False
-    is_road = _cells_of(tiles, 0, ROADS, around)
-    height = tiles.over(HEIGHTS, around, _NO_HEIGHT)[0]
-    coarse = CoarseGround(*_columns(tiles.read_common(COARSE)))
+    is_road = _cells_of(tiles, _ROAD, around)
+    height = tiles.over(CELLS, 0, around, np.float32(np.nan))
+    coarse = CoarseGround(*tiles.read_common(COARSE))
     road_m, ground_m = carried(window, height, is_road, is_ground, coarse, config)
     inner = around.part(window)
-    kind = is_road[inner].astype(np.uint8) | (is_ground[inner].astype(np.uint8) << 1)
-    tiles.write(SURFACE, task.tile, np.stack([road_m, ground_m]), durable=True)
-    tiles.write(KIND, task.tile, kind, durable=True)
+    kind = is_road[inner].view(np.uint8) << _ROAD | is_ground[inner].view(np.uint8) << _GROUND
+    tiles.write(SURFACE, task.tile, road_m, ground_m, kind)
     return True
 
 
-def coarse_array(coarse: CoarseGround) -> AnyArray:
-    """Return coarse ground as one array (n, 4), to be kept in a file."""
-    return np.column_stack([coarse.blocks, coarse.total, coarse.cells])
+def is_kind(kind: AnyArray) -> tuple[BoolArray, BoolArray]:
+    """Return which cells are road, and which are ground, by the third array of a tile's surface."""
+    return (kind >> _ROAD) & 1 > 0, (kind >> _GROUND) & 1 > 0
 
 
-def coarse_ground(array: AnyArray) -> CoarseGround:
-    """Return what `coarse_array` was made of."""
-    return CoarseGround(*_columns(array))
-
-
-def _columns(array: AnyArray) -> tuple[IntArray, IntArray, IntArray]:
-    return array[:, :2], array[:, 2], array[:, 3]
-
-
-def _cells_of(tiles: SurfaceTiles, plane: int, chosen: str, window: Window) -> BoolArray:
-    """Return which cells of a window have labels that were chosen: of roads (plane 0) or grounds (plane 1)."""
+def _cells_of(tiles: SurfaceTiles, what: int, window: Window) -> BoolArray:
+    """Return which cells of a window have labels that were chosen for road, or for ground."""
     out = np.zeros(window.shape, dtype=bool)
     for tile in tiles.touching(window):
         own = tiles.window(tile)
         shared = own.common(window)
-        labels, names = tiles.read(LABELS, tile), tiles.read(chosen, tile)
-        if shared and labels is not None and names is not None:
-            part = np.array(labels[(plane, *own.part(shared))])
-            out[window.part(shared)] = cells_with(part, names)
+        labels, chosen = tiles.read(LABELS, tile), tiles.read(CHOSEN, tile)
+        if shared and labels and chosen:
+            part = np.array(labels[what][own.part(shared)])
+            out[window.part(shared)] = cells_with(part, chosen[what])
     return out

@@ -117,8 +117,9 @@ class SurveySurface:
         Heights are NaN in failed tiles, and in a survey without any point.
         """
         window = Window.over(bounds, self.cell_m)
-        heights = np.full((2, *window.shape), np.nan, dtype=np.float32)
-        kind = np.zeros(window.shape, dtype=np.uint8)
+        road_m = np.full(window.shape, np.nan, dtype=np.float32)
+        ground_m, kind = road_m.copy(), np.zeros(window.shape, dtype=np.uint8)
+        out: tuple[AnyArray, ...] = road_m, ground_m, kind
         for tile in self.tiles.touching(window):
             own = self.tiles.window(tile)
             shared = own.common(window)
@@ -126,18 +127,16 @@ class SurveySurface:
                 continue
             at = window.part(shared)
             if tile in self.known:
-                surface, kinds = self.tiles.read(passes.SURFACE, tile), self.tiles.read(passes.KIND, tile)
-                assert surface is not None and kinds is not None
-                heights[(..., *at)] = surface[(..., *own.part(shared))]
-                kind[at] = kinds[own.part(shared)]
+                arrays = self.tiles.read(passes.SURFACE, tile) or ()
+                for to, values in zip(out, arrays, strict=True):
+                    to[at] = values[own.part(shared)]
             else:
-                heights[(..., *at)] = self._far(shared)
-        grid = window.grid(self.cell_m)
-        return RoadSurface(grid, self.z0_m, heights[0], heights[1], kind & 1 > 0, kind & 2 > 0)
+                road_m[at] = ground_m[at] = self._far(shared)
+        return RoadSurface(window.grid(self.cell_m), self.z0_m, road_m, ground_m, *passes.is_kind(kind))
 
     def _far(self, window: Window) -> AnyArray:
         """Return the ground far from any ground: as high as the nearest block that has some."""
-        coarse = passes.coarse_ground(self.tiles.read_common(passes.COARSE))
+        coarse = CoarseGround(*self.tiles.read_common(passes.COARSE))
         far, rows, cols = coarse.over(window, self.cell_m)
         return np.asarray(far[rows[:, None], cols])
 
@@ -224,9 +223,8 @@ class _Making:
         source = store.folder if isinstance(store, PointStore) else store
         self._task = passes.TileTask(source, tiles, (0, 0), config, self.z0_m)
         path, islands = path_samples(trajectory, config.cell_m), Islands.of(self._blocks)
-        tiles.write_common(passes.PATH, path)
-        tiles.write_common(passes.BOXES, passes.path_boxes(path))
-        tiles.write_common(passes.ISLANDS, np.stack([islands.codes, islands.number]))
+        tiles.write_common(passes.PATH, path, passes.path_boxes(path))
+        tiles.write_common(passes.ISLANDS, islands.codes, islands.number)
 
     def surface(self) -> list[TileNumber]:
         """Make the surface; return the tiles that have one."""
@@ -242,13 +240,10 @@ class _Making:
         receipts = self._run(passes.find_apart, names)
         self._add_ground(names, choice, receipts)
         coarse = CoarseGround.added(*(receipt.coarse for receipt in receipts.values()))
-        self._tiles.write_common(passes.COARSE, passes.coarse_array(coarse), durable=True)
+        self._tiles.write_common(passes.COARSE, coarse.blocks, coarse.total, coarse.cells)
         # Beyond its edge the road is carried on, and gives way to the ground
         has = self._run(passes.carry_on, [tile for tile in self._reached if tile not in self.failed])
-        self._tiles.remove(
-            passes.HEIGHTS, passes.COUNT, passes.LABELS, passes.COLUMNS, passes.ROWS, passes.ROADS,
-            passes.GROUNDS, passes.PATH, passes.BOXES, passes.ISLANDS,
-        )  # fmt: skip
+        self._tiles.keep_only(passes.SURFACE, passes.COARSE)
         return [tile for tile, is_there in has.items() if is_there]
 
     def _run(
@@ -282,8 +277,7 @@ class _Making:
 
     def _write_chosen(self, names: Sequence[TileNumber], choice: Choice) -> None:
         for i, name in enumerate(names):
-            self._tiles.write(passes.ROADS, name, choice.road_labels(i))
-            self._tiles.write(passes.GROUNDS, name, choice.ground_labels(i))
+            self._tiles.write(passes.CHOSEN, name, choice.road_labels(i), choice.ground_labels(i))
 
     def _add_ground(
         self, names: Sequence[TileNumber], choice: Choice, receipts: Mapping[TileNumber, passes.ApartReceipt]
