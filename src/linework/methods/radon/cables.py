@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.methods.radon.cable_band import Band, cable_band
+from linework.methods.radon.cable_band import BELOW_M, REACH_M, Band, cable_band
 from linework.methods.radon.cable_fit import Surroundings, Wire, exact, fit_wire, split_at_kink, surroundings
 from linework.methods.radon.cable_follow import LEAST_OCCUPIED, LEAST_SEEN_M, MOST_RINGED, follow_seed
 from linework.methods.radon.cable_lines import lines_of_wires
@@ -70,6 +70,15 @@ class CableConfig:
         8.0, unit="m", low=2.0, high=100.0, reason="lamp arms and branches are shorter"
     )
     spacing_m: float = setting(1.0, unit="m", low=0.1, high=10.0, reason="distance of vertices along a wire")
+
+
+def least_height_m(config: CableConfig) -> float:
+    """Return the height above ground of the lowest points that the search looks at [m]: others may be missing.
+
+    >>> least_height_m(CableConfig())
+    2.0
+    """
+    return config.low_m - BELOW_M - REACH_M
 
 
 def find_cables(
