@@ -1,5 +1,7 @@
 """CRS texts: only codes and WKT, one text per CRS, feet and axes understood."""
 
+import struct
+
 import pyproj
 import pytest
 
@@ -14,6 +16,7 @@ from linework.files.crs import (
     same_plan,
     unit_factors,
 )
+from linework.files.las_crs import resolve_crs
 
 CODES = [
     "EPSG:25832",
@@ -138,3 +141,40 @@ def test_reading_a_crs_sends_nothing(monkeypatch):
     monkeypatch.setattr(socket.socket, "connect", refuse)
     with pytest.raises(CrsError):
         parse_crs("https://127.0.0.1:1/crs.wkt")
+
+
+def keys(*entries):
+    """A GeoKeyDirectory with values in place."""
+    return struct.pack("<4H", 1, 1, 0, len(entries)) + b"".join(
+        struct.pack("<4H", k, 0, 1, v) for k, v in entries
+    )
+
+
+OWN_PROJECTION = ((1024, 1), (3072, 32767))
+
+
+@pytest.mark.parametrize(
+    ("entries", "given", "factors"),
+    [
+        (OWN_PROJECTION, "local", (1.0, 1.0)),
+        ((*OWN_PROJECTION, (3076, 9001)), "local", (1.0, 1.0)),
+        ((*OWN_PROJECTION, (3076, 9003)), "local", (1200 / 3937, 1200 / 3937)),
+        ((*OWN_PROJECTION, (3076, 9002), (4099, 9001)), "local", (0.3048, 1.0)),
+        ((*OWN_PROJECTION, (3076, 9001), (4099, 9002)), "EPSG:25832", (1.0, 0.3048)),
+        ((*OWN_PROJECTION, (3076, 9002)), "EPSG:2994", (0.3048, 0.3048)),
+    ],
+)
+def test_units_of_a_projection_without_a_code(entries, given, factors):
+    resolved = resolve_crs([(34735, keys(*entries))], given)
+    assert resolved.factors == factors
+    assert resolved.warnings[0].endswith("without EPSG code: taken from --crs")
+    assert any("feet converted" in text for text in resolved.warnings) == (factors != (1.0, 1.0))
+
+
+def test_units_of_a_projection_without_a_code_that_contradict_the_given_crs():
+    with pytest.raises(CrsError) as caught:
+        resolve_crs([(34735, keys(*OWN_PROJECTION, (3076, 9003)))], "EPSG:25832", where="a.las")
+    assert str(caught.value) == (
+        "a.las: its GeoTIFF keys say a unit of 0.30480061 m, --crs ETRS89 / UTM zone 32N (EPSG:25832) has 1 m."
+        " Give the CRS that the coordinates are in, or correct the header."
+    )

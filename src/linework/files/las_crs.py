@@ -33,11 +33,12 @@ class ResolvedCrs:
 
 @dataclass(frozen=True, slots=True)
 class _Stated:
-    """What a file states: a CRS ("" none, or not understood), the unit of the heights if said apart."""
+    """What a file states: a CRS ("" none, or not understood), and units [m] if said apart from it."""
 
     crs: str = ""
     vertical_factor: float | None = None
     problem: str = ""
+    horizontal_factor: float | None = None
 
 
 def resolve_crs(
@@ -63,9 +64,7 @@ def resolve_crs(
         raise CrsError(stated.problem or "the file does not say its CRS", where=where, advice=_ADVICE)
     warnings = [f"{stated.problem}: taken from --crs"] if stated.problem else []
     crs = _agreed(stated.crs, wanted, where)
-    horizontal, vertical = crs_texts.unit_factors(crs)
-    if stated.vertical_factor is not None and not crs_texts.has_height(crs):
-        vertical = stated.vertical_factor
+    horizontal, vertical = _factors(crs, stated, where)
     if (horizontal, vertical) != (1.0, 1.0):
         warnings.append(
             f"feet converted to metres (x, y times {horizontal:.10g}, z times {vertical:.10g}): {crs_texts.describe_crs(crs)}"
@@ -84,6 +83,23 @@ def _agreed(stated: str, wanted: str | None, where: object) -> str:
     if not crs_texts.has_height(wanted) or crs_texts.same_crs(stated, wanted):
         return stated
     raise _conflict("the file", stated, "--crs", wanted, where)
+
+
+def _factors(crs: str, stated: _Stated, where: object) -> tuple[float, float]:
+    """Return the metres per unit in plan and in height; a local CRS takes the units that the file states."""
+    horizontal, vertical = crs_texts.unit_factors(crs)
+    unit = stated.horizontal_factor
+    if unit is not None and abs(unit / horizontal - 1.0) > 1e-9:
+        if crs != crs_texts.LOCAL:
+            raise CrsError(
+                f"its GeoTIFF keys say a unit of {unit:.9g} m, --crs {crs_texts.describe_crs(crs)} has {horizontal:.9g} m",
+                where=where,
+                advice="give the CRS that the coordinates are in, or correct the header",
+            )
+        horizontal = vertical = unit
+    if stated.vertical_factor is not None and not crs_texts.has_height(crs):
+        vertical = stated.vertical_factor
+    return horizontal, vertical
 
 
 def _conflict(first: str, a: str, second: str, b: str, where: object) -> CrsError:
@@ -127,21 +143,23 @@ def _from_keys(data: bytes, where: object) -> _Stated:
             f"CRS EPSG:{geographic} is geographic (degrees), lengths need metres", where=where,
             advice="transform to a projected CRS",
         )  # fmt: skip
+    unit, height_unit = _UNIT_M.get(keys.get(_UNIT, 0)), _UNIT_M.get(keys.get(_VERTICAL_UNIT, 0))
     if projected == _USER_DEFINED:
-        return _Stated(problem="the file's GeoTIFF keys define a projection of their own, without EPSG code")
+        problem = "the file's GeoTIFF keys define a projection of their own, without EPSG code"
+        return _Stated("", height_unit, problem, unit)
     try:
         plan = pyproj.CRS.from_epsg(projected)
     except ProjError:
-        return _Stated(problem=f"the file's GeoTIFF keys name EPSG:{projected}, which PROJ does not know")
+        problem = f"the file's GeoTIFF keys name EPSG:{projected}, which PROJ does not know"
+        return _Stated("", height_unit, problem, unit)
     crs_texts.check_usable(plan, where=where)
-    unit, own_unit = _UNIT_M.get(keys.get(_UNIT, 0)), plan.axis_info[0].unit_conversion_factor
+    own_unit = plan.axis_info[0].unit_conversion_factor
     if unit is not None and abs(unit / own_unit - 1.0) > 1e-9:
         raise CrsError(
             f"the GeoTIFF keys say EPSG:{projected} (1 unit = {own_unit:.9g} m) and a unit of {unit:.9g} m",
             where=where,
             advice="correct the header",
         )
-    height_unit = _UNIT_M.get(keys.get(_VERTICAL_UNIT, 0))
     height = _vertical(keys.get(_VERTICAL, _UNDEFINED), height_unit)
     crs = plan if height is None else crs_texts.compound(plan, height)
     return _Stated(crs_texts.canonical_wkt(crs), height_unit)
