@@ -18,7 +18,7 @@ from linework.tiling.seams import inside_core
 #: Margin of points about a core [m], as cables ask for it.
 BUFFER_M = 200.0
 #: One tile finds more than a handful of lines in each of these.
-SURVEYS = [("straight", 608, 300.0), ("bends", 621, 300.0), ("urban", 614, 200.0), ("motorway", 615, 300.0)]
+SURVEYS = [("straight", 620, 300.0), ("bends", 605, 300.0), ("urban", 614, 150.0), ("motorway", 619, 300.0)]
 
 
 @cache
