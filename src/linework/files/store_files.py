@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from linework.errors import MachineError
+from linework.files.store_columns import Columns
 from linework.files.store_layout import POINTS_SUFFIX
 from linework.kernels.store_order import first_damaged
 from linework.model.arrays import AnyArray
@@ -18,26 +19,6 @@ from linework.model.arrays import AnyArray
 #: A survey may have a thousand files, a process often no more than 64 open ones.
 _MOST_OPEN = 8
 ADVICE = "linework clean removes the store, and the next run makes it anew"
-
-
-class Columns:
-    """Room for the columns of some points, as they lie in the store.
-
-    Parameters
-    ----------
-    n
-        Points that fit.
-    """
-
-    def __init__(self, n: int) -> None:
-        self.keys = np.empty(n, np.uint64)
-        #: The bits of float64
-        self.times = np.empty(n, np.uint64)
-        self.intensities = np.empty(n, np.uint16)
-
-    def part(self, n: int) -> tuple[AnyArray, AnyArray, AnyArray]:
-        """Return the first `n` keys, times and intensities."""
-        return self.keys[:n], self.times[:n], self.intensities[:n]
 
 
 class StoreFiles:

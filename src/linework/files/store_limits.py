@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.files.store_files import Columns, StoreFiles
+from linework.files.store_columns import Columns
+from linework.files.store_files import StoreFiles
 from linework.files.store_layout import (
     BLOCK_STEPS,
     BLOCK_UP_STEPS,
