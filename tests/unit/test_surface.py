@@ -102,7 +102,7 @@ def test_a_handful_of_points_has_a_surface(n):
 def test_lowest_supported_passes_over_strays():
     xyz = np.array([[0.1, 0.1, z] for z in (-3.0, -1.0, 0.0, 0.01, 0.02, 2.0)])
     for function in (kernels.lowest_supported, kernels.lowest_supported.py_func):
-        cells, z, low, count = function(xyz, 0, 0, 1, 1, 0.5, 0.0, 0.15)
+        cells, _, low, count = function(xyz, 0, 0, 1, 1, 0.5, 0.0, 0.15)
         assert cells.tolist() == [0] * 6
         assert low[0, 0] == pytest.approx(0.0)
         assert count[0, 0] == 6

@@ -132,14 +132,15 @@ def _numbered(parent: I32, spans: I32, n_rows: int, n_cols: int) -> tuple[I32, i
 
 
 @njit(cache=True, nogil=True)
-def points_of_labels(labels: I32, count: I32, n: int) -> I64:
-    """Return the points in the cells of each label (entry 0 is label 1)."""
-    total = np.zeros(n, dtype=np.int64)
+def sizes_of_labels(labels: I32, count: I32, n: int) -> tuple[I64, I64]:
+    """Return the cells of each label (entry 0 is label 1), and the points in them."""
+    cells, points = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
     for r in range(labels.shape[0]):
         for c in range(labels.shape[1]):
             if labels[r, c] > 0:
-                total[labels[r, c] - 1] += count[r, c]
-    return total
+                cells[labels[r, c] - 1] += 1
+                points[labels[r, c] - 1] += count[r, c]
+    return cells, points
 
 
 @njit(cache=True, nogil=True)

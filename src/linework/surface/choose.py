@@ -12,6 +12,8 @@ from linework.surface.islands import united
 from linework.surface.path import under_the_wheels
 from linework.surface.regions import LabelTable, RegionFacts
 
+#: In a place without path the road is larger than a lorry's roof, or a few cells of a wire. [m2]
+MIN_ROAD_M2 = 25.0
 _NO_NODES = np.zeros(0, dtype=np.int64)
 
 
@@ -35,25 +37,32 @@ class Choice:
     links
         Between them.
 
+    cell_m
+        Size of the cells.
+
     Notes
     -----
     Roads are the regions under the path; in a recorded place where no path leads through, the one with most
-    points: what the van drove on. Ground is what is connected to a road; where nothing is smooth enough to
-    be a road, the region with most points.
+    points: what the van drove on, if it is larger than a few stray points could be. Ground is what is connected
+    to a road. Where no region in all the survey will do, the one with most points must.
     """
 
-    def __init__(self, facts: Sequence[RegionFacts], links: Sequence[Link]) -> None:
+    def __init__(self, facts: Sequence[RegionFacts], links: Sequence[Link], cell_m: float) -> None:
         roads, grounds = _Nodes([f.road for f in facts]), _Nodes([f.ground for f in facts])
         roads.unite([(link.a, link.b, link.road) for link in links])
         grounds.unite([(link.a, link.b, link.ground) for link in links])
         seeds = np.concatenate([_NO_NODES, *(roads.nodes(i, f.seeds) for i, f in enumerate(facts))])
         drops = np.concatenate([np.zeros((0, 2), np.float32), *(f.drops for f in facts)])
         roads.choose(seeds[under_the_wheels(drops)])
-        roads.choose(roads.largest(apart_from=roads.island[roads.chosen]))
+        least = MIN_ROAD_M2 / cell_m**2
+        roads.choose(roads.largest(roads.island, apart_from=roads.island[roads.chosen], least=least))
+        if not roads.chosen.any():
+            roads.choose(roads.largest(np.zeros_like(roads.island)))
         for i, f in enumerate(facts):
             on = roads.chosen[roads.nodes(i, f.pairs[:, 0])]
             grounds.choose(grounds.nodes(i, f.pairs[on, 1]))
-        grounds.choose(grounds.largest(apart_from=grounds.island[grounds.chosen]))
+        if not grounds.chosen.any():
+            grounds.choose(grounds.largest(np.zeros_like(grounds.island)))
         self._roads, self._grounds = roads, grounds
         self._more: dict[int, list[AnyArray]] = {}
 
@@ -97,22 +106,23 @@ class _Nodes:
         groups[self.group[nodes]] = True
         self.chosen |= groups[self.group]
 
-    def largest(self, apart_from: AnyArray) -> IntArray:
-        """Return a node of the region with most points of each island, but for some islands.
+    def largest(self, place: AnyArray, apart_from: AnyArray = _NO_NODES, least: float = 0.0) -> IntArray:
+        """Return a node of the region with most points of each place (n,), but for some places.
 
-        Of several that have as many, the northernmost, then westernmost, begins first.
+        Of several that have as many, the one that begins farther north, then west. Regions of fewer than
+        `least` cells do not count.
         """
-        open_ = ~np.isin(self.island, apart_from)
-        if not open_.any():
+        if len(self.group) == 0:
             return _NO_NODES
-        points = np.zeros(len(self.group), dtype=np.int64)
+        cells, points = np.zeros((2, len(self.group)), dtype=np.int64)
         first = np.full(len(self.group), np.iinfo(np.int64).max)
+        np.add.at(cells, self.group, np.concatenate([t.cells for t in self.tables]))
         np.add.at(points, self.group, np.concatenate([t.points for t in self.tables]))
         np.minimum.at(first, self.group, np.concatenate([t.first for t in self.tables]))
-        nodes = np.flatnonzero(open_)
+        nodes = np.flatnonzero(~np.isin(place, apart_from) & (cells[self.group] >= least))
         group = self.group[nodes]
-        order = np.lexsort((first[group], -points[group], self.island[nodes]))
-        _, begin = np.unique(self.island[nodes][order], return_index=True)
+        order = np.lexsort((first[group], -points[group], place[nodes]))
+        _, begin = np.unique(place[nodes][order], return_index=True)
         return nodes[order][begin]
 
     def chosen_labels(self, i: int) -> AnyArray:

@@ -44,8 +44,8 @@ class LabelTable:
     ----------
     labels
         (n,) int32, rising: 1 .. `n_border` and some more.
-    points
-        (n,) int64: points in the region's cells.
+    cells, points
+        (n,) int64: the region's cells, and the points in them.
     first
         (n,) int64: the place of its first cell, row by row; the same in every window.
     island
@@ -54,6 +54,7 @@ class LabelTable:
 
     n_border: int
     labels: AnyArray
+    cells: IntArray
     points: IntArray
     first: IntArray
     island: AnyArray
@@ -136,7 +137,7 @@ def _table(
     wanted: AnyArray,
 ) -> LabelTable:
     """Return the table of the border's labels, the wanted ones, and the one with most points of each island."""
-    points = kernels.points_of_labels(labels, count, len(first))
+    cells, points = kernels.sizes_of_labels(labels, count, len(first))
     north = window.north - 1 - first // window.n_cols
     east = window.west + first % window.n_cols
     place = (-north.astype(np.int64) << 32) + east
@@ -148,7 +149,7 @@ def _table(
         most = of_it[points[of_it] == points[of_it].max()]
         chosen.append(most[[np.argmin(place[most])]] + 1)
     kept = np.unique(np.concatenate(chosen)).astype(np.int32)
-    return LabelTable(n_border, kept, points[kept - 1], place[kept - 1], island[kept - 1])
+    return LabelTable(n_border, kept, cells[kept - 1], points[kept - 1], place[kept - 1], island[kept - 1])
 
 
 def cells_with(labels: AnyArray, chosen: AnyArray) -> BoolArray:

@@ -67,7 +67,7 @@ def find_road(points: Points, trajectory: Trajectory | None, config: RoadConfig)
         config,
     )
     # The road is under the van; the ground is what is connected to it, and level pieces apart from it
-    choice = Choice([facts], [])
+    choice = Choice([facts], [], config.cell_m)
     is_road = cells_with(regions.road, choice.road_labels(0))
     is_ground = cells_with(regions.ground, choice.ground_labels(0))
     coarse = CoarseGround.of(window, regions.height, is_ground, config.cell_m)

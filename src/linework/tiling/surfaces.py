@@ -234,7 +234,7 @@ class _Making:
         # Regions that continue the slope, and looser ones, united across the edges of tiles
         facts = self._run(passes.find_regions, [tile for tile, counts in spreads.items() if len(counts)])
         names = sorted(facts)
-        choice = Choice([facts.pop(name) for name in names], self._links(names))
+        choice = Choice([facts.pop(name) for name in names], self._links(names), self._config.cell_m)
         # The road is under the van; the ground is what is connected to it, and level pieces apart from it
         self._write_chosen(names, choice)
         receipts = self._run(passes.find_apart, names)
