@@ -5,6 +5,8 @@ heights -> regions -> (regions are united and chosen) -> pieces apart -> (chosen
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -19,7 +21,7 @@ from linework.model.grid import Bounds
 from linework.model.points import Points
 from linework.surface import apart
 from linework.surface.carry import CoarseGround, carried, halo_cells, reach_cells
-from linework.surface.cells import Window
+from linework.surface.cells import BLOCK_M, Window
 from linework.surface.config import RoadConfig
 from linework.surface.heights import cell_heights, count_spreads
 from linework.surface.islands import Islands
@@ -80,18 +82,32 @@ class TileTask:
 
 def find_heights(task: TileTask) -> IntArray:
     """Write the heights of a tile's cells; return how many cells spread how much (none: there is no point)."""
-    window, cell_m = task.tiles.window(task.tile), task.config.cell_m
+    cell_m = task.config.cell_m
     # Edges that binary fractions do not hit: points on them may lie either way, so a little more is read
     margin_m = 0.0 if (cell_m * 1024).is_integer() else 1e-3
     source = _opened(task.source) if isinstance(task.source, Path) else task.source
-    points = source.points(
-        window.bounds(cell_m).grown(margin_m), ordered=False, with_time=False, with_intensity=False
+    bands = []
+    for band in _bands(task.tiles.window(task.tile), cell_m):
+        points = source.points(
+            band.bounds(cell_m).grown(margin_m), ordered=False, with_time=False, with_intensity=False
+        )
+        bands.append(cell_heights(points.xyz, band, task.z0_m, task.config))
+    height, spread, count = (
+        np.concatenate([getattr(band, name) for band in bands]) for name in ("height", "spread", "count")
     )
-    heights = cell_heights(points.xyz, window, task.z0_m, task.config)
-    if not heights.count.any():
+    if not count.any():
         return np.zeros(0, dtype=np.int64)
-    task.tiles.write(CELLS, task.tile, heights.height, heights.spread, heights.count)
-    return count_spreads(heights.spread)
+    task.tiles.write(CELLS, task.tile, height, spread, count)
+    return count_spreads(spread)
+
+
+def _bands(window: Window, cell_m: float) -> Iterator[Window]:
+    """Yield the rows of a window from the north, as many at a time as a block has: fewer points in memory."""
+    n = max(math.floor(BLOCK_M / cell_m), 1)
+    for first in range((window.north - 1) // n, window.south // n - 1, -1):
+        band = window.common(Window(window.west, first * n, n, window.n_cols))
+        if band:
+            yield band
 
 
 @lru_cache(maxsize=1)
