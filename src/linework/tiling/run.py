@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from linework.errors import PartialError
+from linework.files.decoder import DecoderLimits
 from linework.files.journal import Entry
 from linework.files.line_parts import read_line_part
 from linework.files.run_record import hash_file
@@ -108,7 +109,12 @@ class OpenedSurvey:
 
 @contextlib.contextmanager
 def opened_survey(
-    survey: Survey, work: Path, *, n_threads: int = 1, steps: Steps | None = None
+    survey: Survey,
+    work: Path,
+    *,
+    n_threads: int = 1,
+    limits: DecoderLimits | None = None,
+    steps: Steps | None = None,
 ) -> Iterator[OpenedSurvey]:
     """Give a survey with its points in the tile store of `work`, and see that points and trajectory belong together.
 
@@ -120,7 +126,7 @@ def opened_survey(
     """
     # Before the points: it is read in no time, and may be wrong
     trajectory = read_survey_trajectory(survey)
-    with held_store(survey, work, n_threads=n_threads, steps=steps) as held:
+    with held_store(survey, work, n_threads=n_threads, limits=limits, steps=steps) as held:
         warnings, hashes, path_hash = held.facts.warnings, dict(held.hashes), ""
         if trajectory is not None and survey.trajectory_file is not None:
             trajectory = at_vehicle_origin(trajectory, survey.trajectory_lever_m)

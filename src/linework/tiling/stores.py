@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from linework.errors import InputError
+from linework.files.decoder import DecoderLimits
 from linework.files.las_header import read_las_header
 from linework.files.publish import machine_errors
 from linework.files.run_record import hash_file
@@ -45,9 +46,19 @@ class HeldStore:
 
 @contextlib.contextmanager
 def held_store(
-    survey: Survey, work: Path, *, n_threads: int = 1, steps: Steps | None = None
+    survey: Survey,
+    work: Path,
+    *,
+    n_threads: int = 1,
+    limits: DecoderLimits | None = None,
+    steps: Steps | None = None,
 ) -> Iterator[HeldStore]:
     """Give the store of a survey, made if the work folder has none for what the files hold now.
+
+    Parameters
+    ----------
+    n_threads, limits
+        Of the process that decodes; the store does not depend on them.
 
     Raises
     ------
@@ -69,7 +80,7 @@ def held_store(
     if not folder.is_dir():
         with locked(lock):
             if not folder.is_dir():
-                _make(survey, folder, n_threads, steps)
+                _make(survey, folder, n_threads, limits, steps)
                 _refuse_changed(before, _states(survey))
                 _remove_earlier(work, family, name)
     with locked(lock, shared=True):
@@ -86,7 +97,7 @@ def promised_points(survey: Survey) -> int:
     return total
 
 
-def _make(survey: Survey, folder: Path, n_threads: int, steps: Steps) -> None:
+def _make(survey: Survey, folder: Path, n_threads: int, limits: DecoderLimits | None, steps: Steps) -> None:
     """Decode all files into a part folder, and give it its name when it is whole."""
     part = folder.with_name(f".{folder.name}.part")
     with machine_errors(folder):
@@ -94,7 +105,7 @@ def _make(survey: Survey, folder: Path, n_threads: int, steps: Steps) -> None:
         part.mkdir(parents=True)
         try:
             with steps.step("read points", unit="points") as advance:
-                spill_survey(survey, part, n_threads=n_threads, progress=advance)
+                spill_survey(survey, part, n_threads=n_threads, progress=advance, limits=limits)
             part.replace(folder)
         finally:
             shutil.rmtree(part, ignore_errors=True)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from linework.files.line_parts import write_line_part
+from linework.files.store_layout import CELL_M
 from linework.files.store_read import PointStore
 from linework.files.trajectories import read_trajectory
 from linework.methods.protocol import Method
@@ -108,7 +109,8 @@ def _surface_over(job: Job, tile: Tile) -> RoadSurface:
 def _tile_data(job: Job, tile: Tile, method: Method, surface: RoadSurface) -> TileData:
     """Return what a method sees of a tile."""
     lowest = None
-    if np.isfinite(method.least_height_m):
+    # A surface of cells that do not fit into those of the store cannot say which points to pass over
+    if np.isfinite(method.least_height_m) and surface.grid.cell_width_m % CELL_M == 0.0:
         heights = surface.ground_m + np.float32(surface.z0_m + method.least_height_m)
         lowest = Image(heights, surface.grid)
     points = _opened_store(job.store).points(tile.core.grown(method.buffer_m), lowest=lowest)

@@ -1,0 +1,133 @@
+"""Splitting does not change the answer: batches, files, order of points, workers; tiles' size and origin."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from linework.files.decoder import DecoderLimits
+from linework.files.las_write import write_las
+from linework.files.survey import open_survey
+from linework.files.trajectories import write_trajectory
+from linework.methods.choose import ALL_KINDS, choose_methods
+from linework.methods.radon.method import RadonConfig
+from linework.model.lines import LineSet
+from linework.simulation.simulate import simulate_survey
+from linework.tiling.executors import Serial
+from linework.tiling.plan import TilingConfig
+from linework.tiling.processes import Processes
+from linework.tiling.run import extract_lines, opened_survey
+from linework.tiling.unfinished import run_folder
+from linework.tiling.work_folder import work_folder
+
+#: Several tiles, whatever the survey.
+SMALL = {"core_m": 64.0, "max_points": 10_000}
+_number = itertools.count()
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    return simulate_survey("bends", 611, 120.0, points_per_m=1500)
+
+
+@pytest.fixture(scope="module")
+def places(tmp_path_factory):
+    """Return a function that gives a new empty folder."""
+    base = tmp_path_factory.mktemp("splitting")
+    return lambda: base / f"{next(_number)}"
+
+
+@pytest.fixture(scope="module")
+def workers():
+    with Processes(2, modules=("linework.tiling.tile_task",)) as processes:
+        yield processes
+
+
+def write_survey(simulated, folder, order=None, n_files=1):
+    """Write the points in an order, spread over files."""
+    points = simulated.points if order is None else simulated.points.take(order)
+    for i, part in enumerate(np.array_split(np.arange(len(points)), n_files)):
+        write_las(points.take(part), folder / f"p{i}.laz", crs=simulated.crs)
+    write_trajectory(simulated.trajectory, folder / "trajectory.csv")
+    (folder / "survey.toml").write_text(
+        'name = "s"\n[points]\nfiles = ["*.laz"]\n[trajectory]\nfile = "trajectory.csv"\n'
+    )
+    return folder
+
+
+def extracted(folder, work, executor=None, batch_points=500_000, **tiling):
+    survey, work = open_survey([folder]), work_folder(folder, work)
+    limits = dataclasses.replace(DecoderLimits(), batch_points=batch_points)
+    with (
+        opened_survey(survey, work, limits=limits) as opened,
+        run_folder(work, work / "lines", {}) as run,
+    ):
+        methods = choose_methods("auto", ALL_KINDS, RadonConfig())
+        config = TilingConfig(**(SMALL | tiling))
+        found = extract_lines(opened, methods, run, tiling=config, executor=executor or Serial())
+    assert len(found.tiles) > 1 or not SMALL.keys() <= tiling.keys()
+    assert not found.failures
+    return found.lines
+
+
+def everything(lines):
+    """Return all columns but the names of the files."""
+    return {f.name: getattr(lines, f.name) for f in dataclasses.fields(LineSet) if f.name != "source"}
+
+
+def assert_same(one, two):
+    assert len(one) > 2
+    for name, values in everything(one).items():
+        np.testing.assert_array_equal(values, everything(two)[name], err_msg=name)
+
+
+@pytest.fixture(scope="module")
+def reference(simulated, places):
+    folder = write_survey(simulated, places())
+    return folder, extracted(folder, places())
+
+
+@settings(max_examples=4, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@given(
+    seed=st.integers(0, 2**32), n_files=st.integers(1, 4), batch_points=st.sampled_from([997, 20_011, 10**6])
+)
+def test_batches_files_and_order_change_not_a_byte(simulated, places, reference, seed, n_files, batch_points):
+    order = np.random.default_rng(seed).permutation(len(simulated.points))
+    folder = write_survey(simulated, places(), order, n_files)
+    assert_same(reference[1], extracted(folder, places(), batch_points=batch_points))
+
+
+def test_workers_change_not_a_byte(places, reference, workers):
+    assert_same(reference[1], extracted(reference[0], places(), executor=workers))
+
+
+@settings(max_examples=5, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@given(
+    core_m=st.sampled_from([64.0, 100.0, 150.0, 4096.0]),
+    east=st.floats(-200.0, 200.0),
+    north=st.floats(-200.0, 200.0),
+)
+def test_tiles_change_no_line_by_a_millimetre(places, reference, core_m, east, north):
+    folder, one = reference
+    two = extracted(
+        folder, places(), core_m=core_m, shift_east_m=east, shift_north_m=north,
+        max_points=10_000 if core_m < 4096.0 else 10**9, least_core_m=min(core_m, 64.0),
+    )  # fmt: skip
+    assert sorted(one.kind) == sorted(two.kind)
+    assert sorted(one.id) == sorted(two.id)
+    for i, name in enumerate(one.id):
+        a, b = one.line(i), two.line(two.id.tolist().index(name))
+        ends = [np.linalg.norm(a[[0, -1]] - other[[0, -1]], axis=1).max() for other in (b, b[::-1])]
+        assert min(ends) <= 0.001, name
+        assert shapely.hausdorff_distance(shapely.LineString(a), shapely.LineString(b), densify=0.05) <= 0.001
+        z = np.interp(_along(a), _along(b), b[:, 2] if ends[0] <= ends[1] else b[::-1, 2])
+        assert np.abs(z - a[:, 2]).max() <= 0.002, name
+
+
+def _along(xyz):
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
+    return along / along[-1]
