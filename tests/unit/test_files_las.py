@@ -1,6 +1,7 @@
 """Laser files: what is written reads back, every format reads right, feet become metres."""
 
 import struct
+from dataclasses import replace
 
 import laspy
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 from linework.errors import CrsError, UsageError
 from linework.files.crs import parse_crs
 from linework.files.las import read_las
+from linework.files.las_batches import _rounded_batch
+from linework.files.las_header import read_las_header
 from linework.files.las_write import write_las
 from linework.model.points import Points
 
@@ -238,6 +241,33 @@ def test_crs_whose_first_axis_is_north_keeps_east_first(tmp_path):
     points = Points(np.array([[500_000.0, 480_000.0, 1.0]]))
     write_las(points, path, crs="EPSG:2180")
     np.testing.assert_allclose(read_las(path).points.xyz, points.xyz)
+
+
+def test_batches_are_bounded_in_bytes(tmp_path):
+    write_las(sample(), tmp_path / "a.laz", crs=UTM)
+    header = read_las_header(tmp_path / "a.laz")
+    large = replace(header, n_points=10**9, record_bytes=60_000, laz=None)
+    assert 100 < _rounded_batch(large, 500_000) * 60_000 <= 32 << 20
+    assert _rounded_batch(replace(large, record_bytes=30), 500_000) == 500_000
+    whole_chunks = _rounded_batch(replace(header, n_points=10**9), 500_000)
+    assert whole_chunks % header.laz.chunk_size == 0
+    assert 500_000 <= whole_chunks <= (32 << 20) / 30
+
+
+@pytest.mark.parametrize("batch_points", [1, 999, 50_000])
+def test_what_is_read_does_not_depend_on_batches(tmp_path, batch_points):
+    write_las(sample(), tmp_path / "a.laz", crs=UTM)
+    whole, again = read_las(tmp_path / "a.laz"), read_las(tmp_path / "a.laz", batch_points=batch_points)
+    np.testing.assert_array_equal(whole.points.xyz, again.points.xyz)
+    np.testing.assert_array_equal(whole.points.time_s, again.points.time_s)
+
+
+def test_times_that_are_none_cost_no_points(tmp_path):
+    times = np.array([0.0, np.nan, 0.0, np.inf])
+    write_las(Points(np.zeros((4, 3)), np.ones(4, np.float32), times), tmp_path / "a.las", crs="local")
+    content = read_las(tmp_path / "a.las", crs="local")
+    assert (len(content.points), content.n_rejected, content.points.time_s) == (4, {}, None)
+    assert content.warnings == ("no GPS time (0 for all points)",)
 
 
 def test_progress_counts_up_to_all(tmp_path):

@@ -1,8 +1,9 @@
 """What the run and its decoding process tell each other: a line of JSON per message.
 
-To the process: a task. From it, once: ``{"ready": true}``. While a file is decoded: ``{"read": points so far}``; at its end one of
-``{"done": ...}``, ``{"refused": an error of the file or the machine}``, ``{"died": why it cannot go on}`` and
-``{"fault": traceback of a fault of ours}``.
+To the process: a task. From it, once, ``{"ready": true}``, and before its first points are written
+``{"loading": true}``: the kernels may have to be compiled. While a file is decoded, ``{"read": points so far}``;
+at its end one of ``{"done": ...}``, ``{"refused": an error of the file or the machine}``, ``{"died": why it
+cannot go on}`` and ``{"fault": traceback of a fault of ours}``.
 """
 
 from __future__ import annotations

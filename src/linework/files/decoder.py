@@ -32,6 +32,8 @@ _SPARING = {
 }
 #: Of what the process prints on stderr so much is kept: the end says why it died.
 _LAST_WORDS_BYTES = 4000
+#: A machine's first run compiles the kernels that write points: 5 s, and minutes where the machine is busy. [s]
+_LOADING_S = 600.0
 #: A process that closed its pipe is gone within milliseconds. [s]
 _ENDING_S = 5.0
 
@@ -162,6 +164,7 @@ class _Process:
         for pipe in (self._stdout, self._stderr):
             self._selector.register(pipe, selectors.EVENT_READ)
         self._is_ready = False
+        self._patience_s = limits.stall_s
         self._unread = bytearray()
         self._last_words = b""
 
@@ -182,8 +185,11 @@ class _Process:
             message = self._message(n_read)
             if "ready" in message:
                 self._is_ready = True
+            elif "loading" in message:
+                self._patience_s = max(_LOADING_S, self._limits.stall_s)
             elif "read" in message:
                 n_read = message["read"]
+                self._patience_s = self._limits.stall_s
                 progress(n_read)
             elif "done" in message:
                 return Decoded.from_document(message["done"])
@@ -204,11 +210,11 @@ class _Process:
         MachineError
             It ended before it looked at a file.
         """
-        deadline = time.monotonic() + self._limits.stall_s
+        deadline = time.monotonic() + self._patience_s
         while b"\n" not in self._unread:
             events = self._selector.select(max(deadline - time.monotonic(), 0.0))
             if not events:
-                raise self._death(f"the decoder hung (no point in {self._limits.stall_s:g} s)", n_read)
+                raise self._death(f"the decoder hung (no point in {self._patience_s:g} s)", n_read)
             for key, _ in events:
                 data = os.read(key.fd, 1 << 20)
                 if not data:
@@ -248,7 +254,9 @@ class _Process:
     def kill(self) -> None:
         """End it and close its pipes."""
         self._popen.kill()
-        self._popen.wait()
+        # It may be stuck in a read from a network disk, which nothing ends: it is left behind then
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._popen.wait(timeout=_ENDING_S)
         self._selector.close()
         for pipe in (self._stdin, self._stdout, self._stderr):
             with contextlib.suppress(BrokenPipeError):

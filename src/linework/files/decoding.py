@@ -128,7 +128,7 @@ def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: Report)
     try:
         with contextlib.closing(batches):
             for batch in batches:
-                writer = writer or _writer(task.target)
+                writer = writer or _writer(task.target, report)
                 first = -tally.n_kept % task.sample_step
                 xyz, intensity, time = tally.add(batch)
                 writer.append(xyz, intensity, time)
@@ -145,8 +145,9 @@ def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: Report)
     return written
 
 
-def _writer(target: Path) -> StoreWriter:
+def _writer(target: Path, report: Report) -> StoreWriter:
     """Return the writer of a file; its imports went on beside the decoding of the first batch."""
+    report({"loading": True})
     try:
         from linework.files.store_write import StoreWriter
     except MemoryError as error:

@@ -31,6 +31,8 @@ _CHUNKS_PER_CORE = 2
 #: Farther than any projected coordinate.
 _ABSURD_M = 1e8
 _NOISE, _HIGH_NOISE = 7, 18
+#: Chunk size that says: every chunk has its own (COPC).
+_VARIABLE_CHUNKS = 0xFFFFFFFF
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,9 +247,9 @@ class _Source:
         if laz.is_sound and not self._is_sequential:
             return lazrs.ParLasZipDecompressor(self._file, laz.vlr, selection).decompress_many  # type: ignore[no-any-return]
         source: io.BufferedIOBase = self._file
-        # Decoders read the table of chunks of one size even where they need none; of chunks of several sizes
-        # (sequential because a decoder died) they need it
-        if laz.table_offset is not None and not laz.is_sound:
+        # This decoder reads the chunk table even where it needs none, and a decoder may have died of that table;
+        # to tell apart chunks of several sizes it needs it
+        if laz.table_offset is not None and laz.chunk_size != _VARIABLE_CHUNKS:
             source = io.BufferedReader(_WithoutChunkTable(self._file, laz.table_offset), 1 << 20)
             source.seek(offset)
         return lazrs.LasZipDecompressor(source, laz.vlr, selection).decompress_many  # type: ignore[no-any-return]
