@@ -24,6 +24,7 @@ from linework.model.points import Points
 from linework.model.trajectory import Trajectory
 from linework.surface.cells import Window
 from linework.surface.road import find_road, height_above_ground, height_above_road, is_road_point
+from linework.tiling import surface_passes as passes
 from linework.tiling.surfaces import Layout, SurveySurface
 
 #: One tile of 32 m holds what is 31 m or less from here.
@@ -206,6 +207,37 @@ def test_a_tile_that_fails_is_named_has_no_surface_and_is_tried_again(tmp_path):
     again = surface_of(replace(broken, is_broken=False), along(), tmp_path / "surface")
     assert not again.failures
     assert np.isfinite(again.over(store.bounds).road_m).all()
+
+
+@pytest.mark.parametrize("step", ["find_regions", "find_apart", "carry_on"])
+def test_a_tile_may_fail_at_any_step(tmp_path, monkeypatch, step):
+    """It has done half of its work when it dies: its neighbours do not rely on that half."""
+    store = store_of(tmp_path / "store", winding_road(1))
+    expected = surface_of(store, along(), tmp_path / "whole").over(store.bounds)
+    done = getattr(passes, step)
+    east = ORIGIN[0] + 50.0
+
+    def dies(task):
+        done(task)
+        bounds = task.tiles.window(task.tile).bounds(CONFIG.cell_m)
+        if bounds.west <= east < bounds.east:
+            raise MemoryError
+
+    def lives(task):
+        dies(task)
+        return done(task)
+
+    monkeypatch.setattr(passes, step, lives)
+    surface = surface_of(store, along(), tmp_path / "surface")
+    assert {problem for _, problem in surface.failures} == {"needs more memory than there is"}
+    over = surface.over(store.bounds)
+    row, col = (int(v[0]) for v in over.grid.to_cell(ORIGIN[None, :2] + [[50.0, 12.0 * np.sin(2.0)]]))
+    assert np.isnan(over.ground_m[row, col])
+    has = ~np.isnan(over.ground_m)
+    assert 0.5 < has.mean() < 0.9
+    # What does not depend on the half-done tile is as it was
+    same = has if step == "carry_on" else np.s_[:, :20]
+    assert np.array_equal(over.ground_m[same], expected.ground_m[same])
 
 
 def test_a_finished_surface_is_used_again_for_the_same_key_only(tmp_path):

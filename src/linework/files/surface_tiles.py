@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import math
-import mmap
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -63,10 +63,32 @@ class SurfaceTiles:
         """Write arrays of a tile, whole or not at all."""
         self.write_common(_tile_name(name, tile), *arrays)
 
-    def read(self, name: str, tile: TileNumber) -> tuple[AnyArray, ...] | None:
-        """Return the arrays of a tile, mapped into memory, or None where the tile has none."""
+    def has(self, name: str, tile: TileNumber) -> bool:
+        """Return whether a tile has arrays of this name."""
+        return (self.folder / f"{_tile_name(name, tile)}{_SUFFIX}").exists()
+
+    def read(self, name: str, tile: TileNumber) -> tuple[AnyArray, ...]:
+        """Return the arrays of a tile.
+
+        Raises
+        ------
+        FileNotFoundError
+            The tile has none of this name.
+        MachineError
+            The file is damaged.
+        """
+        return self.read_common(_tile_name(name, tile))
+
+    def part(self, name: str, which: int, tile: TileNumber, window: Window) -> AnyArray | None:
+        """Return of one of a tile's arrays the cells in a window; None where the tile has none of this name."""
+        own = self.window(tile)
+        shared = own.common(window)
+        if shared is None:
+            return None
+        rows, cols = own.part(shared)
         try:
-            return self.read_common(_tile_name(name, tile))
+            with _opened(self.folder, _tile_name(name, tile)) as arrays:
+                return np.ascontiguousarray(arrays.rows(which, rows.start, rows.stop)[:, cols])
         except FileNotFoundError:
             return None
 
@@ -80,12 +102,15 @@ class SurfaceTiles:
         """
         out = np.full(window.shape, empty)
         for tile in self.touching(window):
-            own = self.window(tile)
-            shared = own.common(window)
-            arrays = self.read(name, tile)
-            if shared and arrays:
-                out[window.part(shared)] = arrays[which][own.part(shared)]
+            values = self.part(name, which, tile, window)
+            if values is not None:
+                out[self.place(tile, window)] = values
         return out
+
+    def place(self, tile: TileNumber, window: Window) -> tuple[slice, slice]:
+        """Return where in a window's array the cells lie that a tile shares with it."""
+        shared = self.window(tile).common(window)
+        return window.part(shared) if shared else (slice(0), slice(0))
 
     def write_common(self, name: str, *arrays: AnyArray) -> None:
         """Write arrays that belong to no tile."""
@@ -99,12 +124,9 @@ class SurfaceTiles:
             part.replace(path)
 
     def read_common(self, name: str) -> tuple[AnyArray, ...]:
-        """Return arrays that belong to no tile, mapped into memory."""
-        path = f"{self.folder}/{name}{_SUFFIX}"
-        try:
-            return _mapped(path)
-        except ValueError as error:
-            raise MachineError(f"is damaged: {error}", where=path, advice=_ADVICE) from error
+        """Return arrays that belong to no tile."""
+        with _opened(self.folder, name) as arrays:
+            return arrays.all()
 
     def keep_only(self, *names: str) -> None:
         """Ask the disk to keep the arrays of these names; remove all others."""
@@ -116,24 +138,54 @@ class SurfaceTiles:
                 os.fsync(file.fileno())
 
 
-def _mapped(path: str) -> tuple[AnyArray, ...]:
-    """Return the arrays of a file, mapped into memory: numpy's own way takes ten times as long to open one."""
-    handle = os.open(path, os.O_RDONLY)
+class _Arrays:
+    """An open file of arrays: read, not mapped, since a map of a file that fails kills the process."""
+
+    def __init__(self, handle: int) -> None:
+        self._handle = handle
+        self._layout = []
+        size, begin = os.fstat(handle).st_size, 0
+        while begin < size:
+            start = begin + 10 + int.from_bytes(os.pread(handle, 2, begin + 8), "little")
+            dtype, shape = _header(os.pread(handle, start - begin, begin))
+            self._layout.append((dtype, shape, start))
+            begin = start + math.prod(shape) * dtype.itemsize
+            if begin > size:
+                raise ValueError(f"{size} bytes, expected {begin}")
+            begin += -begin % _ALIGNED
+
+    def all(self) -> tuple[AnyArray, ...]:
+        """Return all arrays."""
+        return tuple(self.rows(i, 0, shape[0]) for i, (_, shape, _) in enumerate(self._layout))
+
+    def rows(self, which: int, first: int, last: int) -> AnyArray:
+        """Return some rows of one of the arrays."""
+        dtype, shape, start = self._layout[which]
+        out = np.empty((last - first, *shape[1:]), dtype)
+        row = math.prod(shape[1:]) * dtype.itemsize
+        view, got = memoryview(out.reshape(-1).view(np.uint8)), 0
+        while got < len(view):
+            n = os.preadv(self._handle, [view[got:]], start + first * row + got)
+            if n == 0:
+                raise ValueError(f"ends before row {last}")
+            got += n
+        return out
+
+
+@contextlib.contextmanager
+def _opened(folder: Path, name: str) -> Iterator[_Arrays]:
+    path = f"{folder}/{name}{_SUFFIX}"
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
     try:
-        data = mmap.mmap(handle, 0, access=mmap.ACCESS_READ)
+        yield _Arrays(handle)
+    except ValueError as error:
+        raise MachineError(f"is damaged: {error}", where=path, advice=_ADVICE) from error
+    except OSError as error:
+        raise MachineError(
+            f"cannot be read: {error.strerror or error}", where=path, advice=_ADVICE
+        ) from error
     finally:
         os.close(handle)
-    arrays, begin = [], 0
-    while begin < len(data):
-        start = begin + 10 + int.from_bytes(data[begin + 8 : begin + 10], "little")
-        dtype, shape = _header(data[begin:start])
-        n = math.prod(shape)
-        end = start + n * dtype.itemsize
-        if end > len(data):
-            raise ValueError(f"{len(data)} bytes, expected {end}")
-        arrays.append(np.frombuffer(data, dtype, n, start).reshape(shape) if n else np.zeros(shape, dtype))
-        begin = end + -end % _ALIGNED
-    return tuple(arrays)
 
 
 @lru_cache

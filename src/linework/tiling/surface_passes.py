@@ -118,12 +118,12 @@ def _opened(folder: Path) -> PointStore:
 def find_regions(task: TileTask) -> RegionFacts:
     """Write the labels of a tile's cells and what neighbours need of its edges; return what it tells of them."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
-    _, spread, count = tiles.read(CELLS, task.tile) or ()
+    _, spread, count = tiles.read(CELLS, task.tile)
     regions, facts = cell_regions(
         window,
         tiles.over(CELLS, 0, window.grown(HALO), np.float32(np.nan)),
-        np.array(spread),
-        np.array(count),
+        spread,
+        count,
         _path_near(tiles, window.bounds(config.cell_m)),
         Islands(*tiles.read_common(ISLANDS)),
         task.rough_limit_m,
@@ -137,8 +137,7 @@ def find_regions(task: TileTask) -> RegionFacts:
 
 def edge_cells(tiles: SurfaceTiles, tile: TileNumber, side: str) -> CellRegions:
     """Return the two columns or rows of a tile's cells along its "west", "east", "north" or "south" edge."""
-    edges = tiles.read(EDGES, tile) or ()
-    edge = edges[list(_SIDES).index(side)]
+    edge = tiles.read(EDGES, tile)[list(_SIDES).index(side)]
     return CellRegions(tiles.window(tile), *(np.array(edge[name]) for name in _EDGE.names or ()))
 
 
@@ -181,12 +180,12 @@ class ApartReceipt:
 def find_apart(task: TileTask) -> ApartReceipt:
     """Return what is to be known of a tile's pieces that data holes may part from the ground."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
-    height, *_ = tiles.read(CELLS, task.tile) or ()
-    _, ground = tiles.read(LABELS, task.tile) or ()
+    height, *_ = tiles.read(CELLS, task.tile)
+    _, ground = tiles.read(LABELS, task.tile)
     around = window.grown(apart.HALO)
     is_ground = _cells_of(tiles, _GROUND, around)
     inner = np.ascontiguousarray(is_ground[around.part(window)])
-    coarse = CoarseGround.of(window, np.array(height), inner, config.cell_m)
+    coarse = CoarseGround.of(window, height, inner, config.cell_m)
     smooth = tiles.over(LABELS, _ROAD, around, np.int32(0)) > 0
     found, n_border, n = apart.smooth_pieces(smooth & ~is_ground)
     if n == 0:
@@ -229,10 +228,8 @@ def _cells_of(tiles: SurfaceTiles, what: int, window: Window) -> BoolArray:
     """Return which cells of a window have labels that were chosen for road, or for ground."""
     out = np.zeros(window.shape, dtype=bool)
     for tile in tiles.touching(window):
-        own = tiles.window(tile)
-        shared = own.common(window)
-        labels, chosen = tiles.read(LABELS, tile), tiles.read(CHOSEN, tile)
-        if shared and labels and chosen:
-            part = np.array(labels[what][own.part(shared)])
-            out[window.part(shared)] = cells_with(part, chosen[what])
+        labels = tiles.part(LABELS, what, tile, window)
+        # Where labels lie and nothing was chosen, the tile has failed on the way
+        if labels is not None and tiles.has(CHOSEN, tile):
+            out[tiles.place(tile, window)] = cells_with(labels, tiles.read(CHOSEN, tile)[what])
     return out

@@ -121,17 +121,13 @@ class SurveySurface:
         ground_m, kind = road_m.copy(), np.zeros(window.shape, dtype=np.uint8)
         out: tuple[AnyArray, ...] = road_m, ground_m, kind
         for tile in self.tiles.touching(window):
-            own = self.tiles.window(tile)
-            shared = own.common(window)
-            if shared is None or tile in self.failed:
-                continue
-            at = window.part(shared)
+            at = self.tiles.place(tile, window)
             if tile in self.known:
-                arrays = self.tiles.read(passes.SURFACE, tile) or ()
-                for to, values in zip(out, arrays, strict=True):
-                    to[at] = values[own.part(shared)]
-            else:
-                road_m[at] = ground_m[at] = self._far(shared)
+                for i, to in enumerate(out):
+                    to[at] = self.tiles.part(passes.SURFACE, i, tile, window)
+            elif tile not in self.failed:
+                shared = self.tiles.window(tile).common(window)
+                road_m[at] = ground_m[at] = self._far(shared) if shared else np.nan
         return RoadSurface(window.grid(self.cell_m), self.z0_m, road_m, ground_m, *passes.is_kind(kind))
 
     def _far(self, window: Window) -> AnyArray:
