@@ -76,6 +76,14 @@ def check_writable(lines: LineSet, where: object) -> None:
     if len(short):
         raise UsageError(f"line {int(short[0])} has {int(counts[short[0]])} vertices, at least 2 make a line",
                          where=where, advice="leave such lines out")  # fmt: skip
+    # Some vertex after the line's first is elsewhere than the one before it
+    moves = np.r_[False, np.any(np.diff(lines.xyz, axis=0) != 0.0, axis=1)]
+    moves[lines.offsets[:-1]] = False
+    still = np.flatnonzero(np.logical_or.reduceat(moves, lines.offsets[:-1]) == 0) if len(lines) else short
+    if len(still):
+        i = int(still[0])
+        raise UsageError(f"line {i} has no length, all its {int(counts[i])} vertices are one place", where=where,
+                         advice="leave such lines out")  # fmt: skip
 
 
 def geometries(lines: LineSet) -> AnyArray:
