@@ -38,7 +38,8 @@ def strategy_of(name):
 def line_sets(draw):
     counts = draw(st.lists(st.integers(2, 5), max_size=4))
     n = sum(counts)
-    xyz = draw(st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), min_size=n, max_size=n))
+    # Each vertex somewhere else: lines without length are refused
+    xyz = draw(st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), min_size=n, max_size=n, unique=True))
     columns = {name: draw(st.lists(strategy_of(name), min_size=n, max_size=n)) for name in VERTEX_COLUMNS}
     m = len(counts)
     columns |= {name: draw(st.lists(strategy_of(name), min_size=m, max_size=m)) for name in LINE_COLUMNS}
