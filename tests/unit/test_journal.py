@@ -8,6 +8,7 @@ import pytest
 from linework.errors import InputError, MachineError, OutputExistsError, UsageError
 from linework.files.journal import Entry, Journal
 from linework.files.line_parts import read_line_part, write_line_part
+from linework.files.locks import locked
 from linework.model.lines import LineSet
 from linework.tiling import work_folder
 from linework.tiling.record import set_aside
@@ -153,7 +154,7 @@ def test_clean_removes_ours_only(tmp_path):
 def test_clean_waits_for_nobody(tmp_path):
     folder = work_folder.work_folder(tmp_path)
     with (
-        work_folder.locked(folder / "store-x.lock", shared=True),
+        locked(folder / "store-x.lock", shared=True, keep=True),
         pytest.raises(OutputExistsError, match="another run is using it"),
     ):
         work_folder.clean(folder)

@@ -7,15 +7,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, FloatArray
+from linework.model.arrays import AnyArray, BoolArray, FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.tiling.identify import midpoints
 
 #: A wire's span is shorter than any buffer: it belongs whole to the core that holds its middle.
 WHOLE_KINDS = ("cable",)
-#: What is left of a line in a corner of a core, shorter than this, is no line. [m]
+#: What is left of a line on the other side of a seam, shorter than this, is no line. [m]
 MIN_PIECE_M = 0.05
+#: Tiles that see the same stations cut the same line at the same place, to rounding. [m]
+MEET_M = 0.001
+#: Where the line runs on straight through a cut, no vertex stays there. [m]
+STRAIGHT_M = 0.0001
 #: Two tiles see the same points about a seam: what they find there is apart by less than this. [m]
 MAX_STEP_M = 0.15
 #: And has the same direction within this.
@@ -43,10 +47,9 @@ def inside_core(lines: LineSet, core: Bounds) -> LineSet:
         else:
             intervals = _intervals_inside(xyz, core)
         for interval in intervals:
-            piece = _piece(lines, i, interval, core)
-            if float(np.linalg.norm(np.diff(piece["xyz"], axis=0), axis=1).sum()) >= MIN_PIECE_M:
-                owner.append(i)
-                pieces.append(piece)
+            # However short: what goes on beyond the seam belongs to it
+            owner.append(i)
+            pieces.append(_piece(lines, i, interval, core))
     return _assembled(lines, owner, pieces)
 
 
@@ -54,17 +57,22 @@ def join_seams(lines: LineSet, cores: Sequence[Bounds]) -> LineSet:
     """Return the lines with pieces that meet at a core's edge joined into one.
 
     Two ends are joined when both lie on an edge, are less than `MAX_STEP_M` apart and go on in the same
-    direction; of several the closest.
+    direction (or are at one place: shards are too short for a direction); of several the closest. Shards
+    that go on nowhere are left out.
     """
     ends, tangents = _ends(lines)
     on_edge = np.isin(ends[:, 0], [x for c in cores for x in (c.west, c.east)])
     on_edge |= np.isin(ends[:, 1], [y for c in cores for y in (c.south, c.north)])
+    is_shard = (lines.length_m < MIN_PIECE_M) & on_edge.reshape(-1, 2).any(axis=1)
     partner = _partners(lines.kind, ends, tangents, np.flatnonzero(on_edge))
     chains = _chains(len(lines), partner)
     pieces = [
         _joined([_turned(_vertices(lines, i), is_turned=turned) for i, turned in chain]) for chain in chains
     ]
     owner = [[i for i, _ in chain] for chain in chains]
+    long_enough = [len(m) > 1 or not is_shard[m[0]] for m in owner]
+    pieces = [piece for piece, kept in zip(pieces, long_enough, strict=True) if kept]
+    owner = [members for members, kept in zip(owner, long_enough, strict=True) if kept]
     joined = _assembled(lines, [members[0] for members in owner], pieces)
     return joined.with_columns(**_merged_columns(lines, owner)) if len(joined) else joined
 
@@ -128,13 +136,34 @@ def _turned(vertices: dict[str, AnyArray], *, is_turned: bool) -> dict[str, AnyA
 
 
 def _joined(parts: Sequence[dict[str, AnyArray]]) -> dict[str, AnyArray]:
-    """Return the vertices of parts that follow each other; two ends that meet become one, half-way."""
+    """Return the vertices of parts that follow each other.
+
+    Two ends that meet become one, half-way; none where the line runs straight through.
+    """
     columns = {name: [part[name][min(k, 1) :] for k, part in enumerate(parts)] for name in parts[0]}
     joined = {name: np.concatenate(arrays) for name, arrays in columns.items()}
     last = np.cumsum([len(array) for array in columns["xyz"]])[:-1] - 1
     for at, before, after in zip(last, parts, parts[1:], strict=False):
         joined["xyz"][at] = 0.5 * (before["xyz"][-1] + after["xyz"][0])
-    return joined
+    kept = _without_straight(joined["xyz"], last.tolist())
+    return {name: values[kept] for name, values in joined.items()}
+
+
+def _without_straight(xyz: FloatArray, cuts: Sequence[int]) -> BoolArray:
+    """Return which vertices stay: all but the cuts that lie on the line between what is before and after them."""
+    kept = np.ones(len(xyz), dtype=bool)
+    for at in cuts:
+        before, after = at - 1, at + 1
+        while before >= 0 and not kept[before]:
+            before -= 1
+        while after in cuts:
+            after += 1
+        if before < 0 or after >= len(xyz):
+            continue
+        way, step = xyz[after] - xyz[before], xyz[at] - xyz[before]
+        share = float(np.clip(step @ way / max(float(way @ way), 1e-18), 0.0, 1.0))
+        kept[at] = float(np.linalg.norm(step - share * way)) > STRAIGHT_M
+    return kept
 
 
 def _assembled(lines: LineSet, owner: Sequence[int], pieces: Sequence[dict[str, AnyArray]]) -> LineSet:
@@ -165,7 +194,11 @@ def _partners(kind: AnyArray, ends: FloatArray, tangents: FloatArray, edge: AnyA
         others = edge[n + 1 :]
         apart = np.linalg.norm(ends[others] - ends[a], axis=1)
         goes_on = tangents[others] @ tangents[a] <= -math.cos(math.radians(MAX_TURN_DEG))
-        fits = (apart < MAX_STEP_M) & goes_on & (kind[others // 2] == kind[a // 2]) & (others // 2 != a // 2)
+        fits = (
+            ((apart < MEET_M) | ((apart < MAX_STEP_M) & goes_on))
+            & (kind[others // 2] == kind[a // 2])
+            & (others // 2 != a // 2)
+        )
         pairs += [(float(apart[k]), a, int(others[k])) for k in np.flatnonzero(fits)]
     partner: dict[int, int] = {}
     for _, a, b in sorted(pairs):
@@ -192,11 +225,15 @@ def _chains(n_lines: int, partner: dict[int, int]) -> list[list[tuple[int, bool]
 
 
 def _merged_columns(lines: LineSet, owner: Sequence[Sequence[int]]) -> dict[str, AnyArray]:
-    """Return the numbers of joined lines: means weighted by length, the least clearance, all of the time."""
+    """Return the numbers of joined lines: means and votes by length, the least clearance, all of the time."""
     merged: dict[str, AnyArray] = {}
     weights = np.maximum(lines.length_m, 1e-9)
     for name in LINE_COLUMNS:
         column = getattr(lines, name)
+        if column.dtype == np.bool_:
+            merged[name] = np.array(
+                [np.average(column[list(m)], weights=weights[list(m)]) > 0.5 for m in owner]
+            )
         if column.dtype != np.float64:
             continue
         merged[name] = np.array([_merged(name, column[list(m)], weights[list(m)]) for m in owner])

@@ -15,6 +15,7 @@ from pathlib import Path
 from linework.errors import InputError
 from linework.files.decoder import DecoderLimits
 from linework.files.las_header import read_las_header
+from linework.files.locks import locked
 from linework.files.publish import machine_errors
 from linework.files.run_record import hash_file
 from linework.files.spill import spill_survey
@@ -23,7 +24,7 @@ from linework.files.store_read import PointStore
 from linework.model.survey import Survey
 from linework.tiling.source_hash import source_hash
 from linework.tiling.steps import Steps
-from linework.tiling.work_folder import STORES, locked
+from linework.tiling.work_folder import STORES, in_use
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +79,12 @@ def held_store(
     name = f"{family}-{key}"
     folder, lock = work / STORES / name, work / f"store-{name}.lock"
     if not folder.is_dir():
-        with locked(lock):
+        with locked(lock, keep=True):
             if not folder.is_dir():
                 _make(survey, folder, n_threads, limits, steps)
                 _refuse_changed(before, _states(survey))
                 _remove_earlier(work, family, name)
-    with locked(lock, shared=True):
+    with locked(lock, shared=True, keep=True):
         points = PointStore.open(folder)
         yield HeldStore(points, facts_of(points), key, hashes)
 
@@ -159,6 +160,5 @@ def _remove_earlier(work: Path, family: str, name: str) -> None:
     for folder in sorted((work / STORES).glob(f"{family}-*")):
         if folder.name != name:
             lock = work / f"store-{folder.name}.lock"
-            with contextlib.suppress(OSError), locked(lock, wait=False):
+            with contextlib.suppress(OSError), locked(lock, in_use(work)):
                 shutil.rmtree(folder)
-                lock.unlink()

@@ -15,11 +15,12 @@ from typing import Any
 
 from linework.errors import UsageError
 from linework.files.journal import Journal
+from linework.files.locks import locked
 from linework.files.publish import machine_errors
 from linework.files.run_record import hash_file
 from linework.tiling.record import versions
 from linework.tiling.source_hash import source_hash
-from linework.tiling.work_folder import RUNS, locked
+from linework.tiling.work_folder import RUNS, in_use
 
 _DESCRIPTION, _JOURNAL, _RESULTS = "run.json", "journal.sqlite", "tiles"
 
@@ -96,7 +97,7 @@ def run_folder(
         Another process is at it.
     """
     folder = _folder(work, output)
-    with locked(work / f"run-{folder.name}.lock", wait=False), machine_errors(folder):
+    with locked(work / f"run-{folder.name}.lock", in_use(work)), machine_errors(folder):
         begun = _description(folder)
         if begun is not None and resume:
             _refuse_other(begun, described, output)

@@ -9,15 +9,15 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from linework.errors import InputError, MachineError, OutputExistsError
+from linework.files.locks import locked
 from linework.files.publish import machine_errors
 
 NAME = ".linework"
@@ -83,37 +83,18 @@ def clean(folder: Path) -> int:
     held = contextlib.ExitStack()
     with held, machine_errors(folder):
         for lock in [path for path in ours if path.suffix == ".lock"]:
-            held.enter_context(locked(lock, wait=False))
+            held.enter_context(locked(lock, in_use(folder)))
         n_bytes = sum(f.stat().st_size for path in ours for f in path.rglob("*") if f.is_file())
         for path in ours:
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
+            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
     with contextlib.suppress(OSError):
         folder.rmdir()
     return n_bytes
 
 
-@contextlib.contextmanager
-def locked(lock: Path, *, shared: bool = False, wait: bool = True) -> Iterator[None]:
-    """Hold a lock file; the system lets go of it when the process ends, however it ends.
-
-    Raises
-    ------
-    OutputExistsError
-        Another run holds it, and `wait` is not set.
-    """
-    kind = (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB)
-    with machine_errors(lock):
-        handle = os.open(lock, os.O_RDWR | os.O_CREAT, 0o666)
-    try:
-        try:
-            fcntl.flock(handle, kind)
-        except BlockingIOError:
-            raise OutputExistsError(
-                "another run is using it", where=lock.parent, advice="wait for it"
-            ) from None
-        yield
-    finally:
-        os.close(handle)
+def in_use(folder: Path) -> OutputExistsError:
+    """Return what is raised where another run uses a work folder."""
+    return OutputExistsError("another run is using it", where=folder, advice="wait for it")
 
 
 def _make(folder: Path) -> None:
