@@ -263,7 +263,7 @@ def test_b10_times_that_are_no_numbers(lines_of, scene, tmp_path):
     time = 3e8 + np.arange(len(scene)) * 1e-5
     time[:5], time[5:7] = np.nan, np.inf
     lines, record, _ = lines_of(cloud(tmp_path / "a.las", scene + PLACE, time=time), "--crs", "local")
-    assert record["counts"]["points_rejected"] == {"time not finite": 7}
+    assert record["counts"]["points_rejected"] == {"impossible time": 7}
     assert record["counts"]["points_used"] == len(scene) - 7
     assert np.isfinite(lines.time_start_s).all()
     assert np.isfinite(lines.time_end_s).all()

@@ -127,7 +127,7 @@ def test_times_that_are_not_finite_are_rejected(tmp_path):
     times = np.array([3e8, np.nan, 3e8 + 1, np.inf])
     write_las(Points(np.zeros((4, 3)), np.ones(4, np.float32), times), path, crs="local")
     content = read_las(path, crs="local")
-    assert content.n_rejected == {"time not finite": 2}
+    assert content.n_rejected == {"impossible time": 2}
     np.testing.assert_array_equal(content.points.time_s, [3e8, 3e8 + 1])
 
 

@@ -97,9 +97,31 @@ def test_points_left_out_are_counted_by_reason(drive, folder):
     times[[3, 10]] = np.nan, np.inf
     odd_points(drive / "odd.las", classes=[7, 18, 2, 7], times=times)
     facts = spilled(drive / "odd.las", folder, crs="local")
-    assert facts.rejected == {"noise class": 3, "time not finite": 1}
+    assert facts.rejected == {"noise class": 3, "impossible time": 1}
     assert facts.n_points == len(PointStore.open(folder).points()) == 36
     assert facts.files[0].n_promised == 40
+
+
+@pytest.mark.parametrize(
+    ("times", "said"),
+    [
+        (3e17 + np.arange(40.0) * 1e9, "GPS times from 3e+17 to 3e+17 are not in seconds: left out"),
+        (np.full(40, np.nan), "GPS times are no numbers: left out"),
+    ],
+)
+def test_times_in_another_unit_cost_no_points(drive, folder, times, said):
+    odd_points(drive / "odd.las", times=times)
+    facts = spilled(drive / "odd.las", folder, crs="local")
+    assert (facts.n_points, facts.rejected, facts.has_time) == (40, {}, False)
+    assert f"odd.las: {said}" in facts.warnings
+
+
+def test_a_damaged_time_costs_its_point(drive, folder):
+    times = 3e8 + np.arange(40.0)
+    times[7] = 1e100
+    odd_points(drive / "odd.las", times=times)
+    facts = spilled(drive / "odd.las", folder, crs="local")
+    assert (facts.n_points, facts.rejected, facts.has_time) == (39, {"impossible time": 1}, True)
 
 
 def test_times_that_cannot_be_used_cost_no_points(drive, folder):

@@ -30,6 +30,8 @@ _BUFFERS = 4
 _CHUNKS_PER_CORE = 2
 #: Farther than any projected coordinate.
 _ABSURD_M = 1e8
+#: Times of laser points: seconds of a week, GPS seconds, or those less 1e9, from 1980 to the year 2106. [s]
+_FIRST_S, _LAST_S = -1e9, 4e9
 _NOISE, _HIGH_NOISE = 7, 18
 #: Chunk size that says: every chunk has its own (COPC).
 _VARIABLE_CHUNKS = 0xFFFFFFFF
@@ -48,8 +50,8 @@ class LasBatch:
     time_s
         (n,) float64 [s] as stored, or None where the point format has no time.
     is_noise, is_absurd, is_untimed
-        (n,) bool: of a noise class or withheld; coordinates that no projected CRS has; time not finite.
-        None: not a single one.
+        (n,) bool: of a noise class or withheld; coordinates that no projected CRS has; a time that is none in
+        any of the known epochs. None: not a single one.
     """
 
     xyz: FloatArray
@@ -177,8 +179,9 @@ def _converted(
     if columns.time_s is not None:
         time = columns.time_s[:n]
         time[:] = records["time"]
-        finite = np.isfinite(time)
-        is_untimed = None if finite.all() else ~finite
+        # Comparisons with what is no number are false; two extremes cost less than a mask
+        if not (time.min() >= _FIRST_S and time.max() <= _LAST_S):
+            is_untimed = ~((time >= _FIRST_S) & (time <= _LAST_S))
     return LasBatch(
         xyz, intensity, time, _noise(records, header.point_format), _absurd(xyz, header, factors), is_untimed
     )

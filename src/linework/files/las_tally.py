@@ -20,8 +20,10 @@ TimeKind = Literal["week", "adjusted", "gps", "none"]
 _WEEK_S = 604_800.0
 #: As adjusted standard time this is the year 2043, as GPS seconds 2011: larger numbers are the latter.
 _LEAST_GPS_S = 1e9
-#: GPS seconds of the year 2106; larger numbers are milliseconds or nanoseconds.
-_LAST_S = 4e9
+#: Where more than this share of the times is none, they are in milliseconds, nanoseconds or no unit at all; fewer
+#: are damaged, and their points with them.
+_ODD_SHARE = 0.5
+_IMPOSSIBLE_TIME = "impossible time"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +41,7 @@ class LasTally:
     Parameters
     ----------
     uses_time
-        Whether points whose time is not finite are left out.
+        Whether points whose time is none are left out.
     n_read, n_kept
         Points so far, and those of them that are used.
     n_rejected
@@ -49,7 +51,9 @@ class LasTally:
     low, high
         (3,) float64 [m]: extent of the points used.
     time_low_s, time_high_s
-        Of all finite times, also of points left out.
+        Of all times that can be, also of points left out.
+    n_odd, odd_low_s, odd_high_s
+        Times that cannot be, and the extent of those that are numbers.
     time_counts
         Points used, by time.
     in_time_order
@@ -65,6 +69,9 @@ class LasTally:
     high: FloatArray = field(default_factory=lambda: np.full(3, -np.inf))
     time_low_s: float = np.inf
     time_high_s: float = -np.inf
+    n_odd: int = 0
+    odd_low_s: float = np.inf
+    odd_high_s: float = -np.inf
     time_counts: TimeCounts = field(default_factory=TimeCounts)
     in_time_order: bool = True
     _last_s: float = -np.inf
@@ -75,7 +82,7 @@ class LasTally:
         self.has_intensity = self.has_intensity or bool(batch.intensity.any())
         xyz, intensity, time = batch.xyz, batch.intensity, batch.time_s if self.uses_time else None
         if time is not None:
-            self._add_all_times(time if batch.is_untimed is None else time[~batch.is_untimed])
+            self._add_all_times(time, batch.is_untimed)
         kept = self._kept(batch)
         if kept is not None:
             xyz, intensity, time = xyz[kept], intensity[kept], None if time is None else time[kept]
@@ -94,7 +101,7 @@ class LasTally:
         for reason, mask in (
             ("noise class", batch.is_noise),
             ("absurd coordinates", batch.is_absurd),
-            ("time not finite", batch.is_untimed if self.uses_time else None),
+            (_IMPOSSIBLE_TIME, batch.is_untimed if self.uses_time else None),
         ):
             if mask is None:
                 continue
@@ -104,7 +111,13 @@ class LasTally:
             kept = ~mask if kept is None else kept & ~mask
         return kept
 
-    def _add_all_times(self, time: FloatArray) -> None:
+    def _add_all_times(self, time: FloatArray, is_untimed: BoolArray | None) -> None:
+        if is_untimed is not None:
+            odd, time = time[is_untimed], time[~is_untimed]
+            self.n_odd += len(odd)
+            numbers = odd[np.isfinite(odd)]
+            self.odd_low_s = float(np.min(numbers, initial=self.odd_low_s))
+            self.odd_high_s = float(np.max(numbers, initial=self.odd_high_s))
         if len(time):
             self.time_low_s = min(self.time_low_s, float(time.min()))
             self.time_high_s = max(self.time_high_s, float(time.max()))
@@ -114,14 +127,12 @@ class LasTally:
             self.in_time_order and bool(time[0] >= self._last_s) and bool(np.all(time[1:] >= time[:-1]))
         )
         self._last_s = float(time[-1])
-        # Times of another unit are told when all have come; they need no counting
-        if self.time_low_s >= -_LEAST_GPS_S and self.time_high_s <= _LAST_S:
-            self.time_counts.add(time)
+        self.time_counts.add(time)
 
     @property
     def must_go_without_time(self) -> bool:
         """Whether points were left out for their times, though no time of the file can be used."""
-        return self.n_rejected["time not finite"] > 0 and not self._times_are_usable
+        return self.n_rejected[_IMPOSSIBLE_TIME] > 0 and not self._times_are_usable
 
     @property
     def _times_are_zero(self) -> bool:
@@ -129,8 +140,8 @@ class LasTally:
 
     @property
     def _times_are_usable(self) -> bool:
-        low, high = self.time_low_s, self.time_high_s
-        return -_LEAST_GPS_S <= low <= high <= _LAST_S and not self._times_are_zero
+        is_any = self.time_low_s <= self.time_high_s and not self._times_are_zero
+        return is_any and self.n_odd <= _ODD_SHARE * self.n_read
 
     def verdict(self, header: LasHeader) -> Verdict:
         """Return what the whole file turned out to be, after its last batch."""
@@ -143,10 +154,16 @@ class LasTally:
     def _time_kind(self, *, has_adjusted_bit: bool) -> tuple[TimeKind, str]:
         """Return the kind of the times and what is odd about them; the values decide, the header's bit is often wrong."""
         low, high = self.time_low_s, self.time_high_s
-        if low > high or self._times_are_zero:
+        if self._times_are_zero:
             return "none", "no GPS time (0 for all points)"
         if not self._times_are_usable:
-            return "none", f"GPS times from {low:g} to {high:g} are not in seconds: left out"
+            low, high = self.odd_low_s, self.odd_high_s
+            what = (
+                f"GPS times from {low:g} to {high:g} are not in seconds"
+                if low <= high
+                else "GPS times are no numbers"
+            )
+            return "none", f"{what}: left out"
         in_week = low >= 0.0 and high <= _WEEK_S
         kind: TimeKind = "week" if in_week else "gps" if low > _LEAST_GPS_S else "adjusted"
         if kind == "gps" or (kind == "adjusted") != has_adjusted_bit:
