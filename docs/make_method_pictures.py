@@ -16,9 +16,11 @@ from PIL import Image as Picture
 from linework.evaluation.picture import png
 from linework.imaging.binary import in_height_band
 from linework.imaging.raster import grid_for
+from linework.methods.radon.chains import follow_all
 from linework.methods.radon.circles import Bins, bin_near, find_starts
 from linework.methods.radon.method import RadonConfig
-from linework.methods.radon.rails import FittedRail, fit_rail, follow_all, rail_lines
+from linework.methods.radon.rail_lines import rail_lines
+from linework.methods.radon.rails import FittedRail, fit_rail
 from linework.methods.radon.seeds import SeedLines, Segments, find_seed_lines, split_into_segments
 from linework.model.grid import Image
 from linework.model.lines import LineSet
@@ -62,7 +64,7 @@ def steps_of(survey: SimulatedSurvey) -> Steps:
     band = (-1.0, CONFIG.max_height_m)
     chains = follow_all(starts, bins, band, CONFIG.profile.min_length_m, CONFIG.circles)
     rails = [fit_rail(chain, bins, CONFIG.circles, CONFIG.profile) for chain in chains]
-    lines = rail_lines(rails, bins, surface, CONFIG.profile)
+    lines = rail_lines(rails, bins, surface, CONFIG.circles, CONFIG.profile)
     return Steps(survey, above_road, binary, bins, seeds, segments, starts, chains, rails, lines)
 
 

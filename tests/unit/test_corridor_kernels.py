@@ -208,9 +208,9 @@ def slow_fit(s, v, weight, half):
             continue
         basis = np.column_stack([np.ones(len(s)), d, d * d])
         normal = basis.T @ (w[:, None] * basis) + 1e-6 * w.sum() * np.eye(3)
-        c = np.linalg.solve(normal, basis.T @ (w * v))
-        value[i], slope[i] = c[0], c[1] / half
-        rms[i] = np.sqrt(np.sum(w * (v - basis @ c) ** 2) / w.sum())
+        c = np.linalg.solve(normal, basis.T @ (w * (v - v[i])))
+        value[i], slope[i] = v[i] + c[0], c[1] / half
+        rms[i] = np.sqrt(np.sum(w * (v - v[i] - basis @ c) ** 2) / w.sum())
         effective[i] = w.sum() ** 2 / np.sum(w**2)
     return value, slope, rms, effective
 

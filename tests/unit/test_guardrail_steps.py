@@ -5,8 +5,10 @@ import pytest
 from tests import rail_scenes as made
 from tests.rail_scenes import RADON, TOP_M, bend, extract, prepare, rail_scene, scene, straight
 
+from linework.methods.radon.chains import follow_all
 from linework.methods.radon.circles import find_starts
-from linework.methods.radon.rails import fit_rail, follow_all, rail_lines
+from linework.methods.radon.rail_lines import rail_lines
+from linework.methods.radon.rails import fit_rail
 from linework.methods.radon.seeds import SeedConfig, SeedLines, find_seed_lines, split_into_segments
 from linework.model.grid import Grid, Image
 
@@ -161,7 +163,7 @@ def test_a_rail_is_followed_once_from_end_to_end():
     assert np.abs(xy[:, 1] - 5.0).max() < 0.04
     steps = np.hypot(*np.diff(xy, axis=0).T)
     np.testing.assert_allclose(steps, CIRCLES.spacing_m, atol=0.05)
-    assert np.mean(chains[0][:, 6]) > 0.95  # measured, not predicted
+    assert np.mean(chains[0][:, 4]) > 0.95  # measured, not predicted
 
 
 @pytest.mark.parametrize("turns", [-1, 1])
@@ -187,7 +189,7 @@ def test_short_gaps_are_bridged_and_marked_and_long_ones_end_a_line(gap_m, n_cha
     assert len(chains) == n_chains
     x = np.concatenate([c[:, 0] for c in chains]) + p.bins.origin[0]
     inside = (x > 18.51) & (x < 18.0 + gap_m - 0.51)  # a circle's station reaches half a metre
-    measured = np.concatenate([c[:, 6] for c in chains])
+    measured = np.concatenate([c[:, 4] for c in chains])
     assert not measured[inside].any()
     lines = extract(p.points.xyz)
     assert len(lines) == n_chains
@@ -331,7 +333,7 @@ def full_scene(seed=3):
 def test_the_steps_one_by_one_give_the_lines_of_the_method():
     p = prepare(straight(full_scene()))
     rails = [fit_rail(chain, p.bins, CIRCLES, PROFILE) for chain in followed_in(p)]
-    by_step = rail_lines(rails, p.bins, p.surface, PROFILE)
+    by_step = rail_lines(rails, p.bins, p.surface, CIRCLES, PROFILE)
     method = extract(p.points.xyz)
     assert by_step.kind.tolist() == method.kind.tolist() == ["guardrail", "guardrail"]
     for side in (-1, 1):

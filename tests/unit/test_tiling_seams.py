@@ -4,15 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.conftest import CRS
 
-from linework.files.las_write import write_las
-from linework.files.survey import open_survey
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
-from linework.model.points import Points
-from linework.tiling import plan, run
-from linework.tiling.plan import plan_tiles
 from linework.tiling.seams import inside_core, join_seams
 
 CORES = [Bounds(x, y, x + 50.0, y + 50.0) for y in (0.0, 50.0) for x in (0.0, 50.0)]
@@ -73,7 +67,7 @@ def test_ends_that_differ_by_a_little_meet_half_way_and_far_ones_do_not():
         return LineSet.from_lines([west, east], kind=["guardrail"] * 2, confidence=[0.5, 0.9])
 
     joined = join_seams(pieces(0.04), CORES)
-    assert joined.xyz.tolist() == [[40, 10, 1], [50, 10.02, 1], [60, 10.04, 1]]
+    assert joined.xyz.tolist() == [[40, 10, 1], [60, 10.04, 1]]  # half-way lies on the line
     assert joined.confidence.tolist() == pytest.approx([0.7])
     assert len(join_seams(pieces(0.2), CORES)) == 2
 
@@ -96,38 +90,49 @@ def test_a_ring_comes_back_as_one_line():
     assert joined.length_m[0] == pytest.approx(lines.length_m[0])
 
 
-def test_large_surveys_have_tiles_that_share_no_place():
-    tiles = plan_tiles(Bounds(100.0, -300.0, 2600.0, 1500.0), 120.0)
-    assert len({t.tile_id for t in tiles}) == len(tiles) == 9
-    places = np.random.default_rng(2).uniform([100, -300], [2600, 1500], (500, 2))
-    held = sum(
-        ((places >= [t.core.west, t.core.south]) & (places < [t.core.east, t.core.north])).all(axis=1)
-        for t in tiles
+def test_no_vertex_stays_where_a_line_was_cut():
+    lines = winding().of_kind("guardrail")
+    for cores in (CORES, [Bounds(x, y, x + 7.0, y + 7.0) for y in range(0, 98, 7) for x in range(0, 98, 7)]):
+        joined = join_seams(LineSet.concatenate([inside_core(lines, core) for core in cores]), cores)
+        assert len(joined) == 2
+        for one, two in zip(in_place(joined), in_place(lines), strict=True):
+            np.testing.assert_allclose(one, two, atol=1e-9)
+        for name in ("bridged", "sigma_xy_m"):
+            own, whole = (np.sort(getattr(x, name)) for x in (joined, lines))
+            np.testing.assert_allclose(own, whole, atol=1e-12)
+
+
+def test_a_kink_at_a_seam_keeps_its_vertex():
+    west = np.array([[40.0, 10.0, 1.0], [50.0, 10.0, 1.0]])
+    east = np.array([[50.0, 10.0, 1.0], [60.0, 11.0, 1.0]])
+    joined = join_seams(LineSet.from_lines([west, east], kind=["guardrail"] * 2), CORES)
+    assert joined.xyz.tolist() == [[40, 10, 1], [50, 10, 1], [60, 11, 1]]
+
+
+@pytest.mark.parametrize("over_m", [1e-7, 0.0004, 0.02, 0.3])
+def test_a_line_that_ends_just_beyond_a_seam_keeps_its_end(over_m):
+    line = np.array([[30.0, 10.0, 1.0], [40.0, 10.0, 1.0], [50.0 + over_m, 10.1, 1.2]])
+    lines = LineSet.from_lines([line], kind=["guardrail"])
+    joined = join_seams(LineSet.concatenate([inside_core(lines, core) for core in CORES]), CORES)
+    assert len(joined) == 1
+    np.testing.assert_allclose(joined.xyz, line, atol=1e-9)
+
+
+def test_a_shard_that_goes_on_nowhere_is_left_out():
+    shard = np.array([[50.0, 10.0, 1.0], [50.01, 10.0, 1.0]])
+    lines = LineSet.from_lines([shard, shard + 5.0], kind=["guardrail"] * 2)
+    assert join_seams(lines, CORES).xyz.tolist() == (shard + 5.0).tolist()
+
+
+def test_pieces_vote_by_their_length():
+    west = np.array([[20.0, 10.0, 1.0], [50.0, 10.0, 1.0]])
+    east = np.array([[50.0, 10.0, 1.0], [60.0, 10.0, 1.0]])
+    pieces = LineSet.from_lines(
+        [east, west], kind=["guardrail"] * 2, double=[False, True], time_start_s=[5.0, np.nan], width_m=[1, 2]
     )
-    assert (held == 1).all()
-
-
-class Kerb:
-    """Finds the straight line y = 4 over the points it is given, a little off by where its tile is."""
-
-    name, kinds, buffer_m = "kerb", ("guardrail",), 20.0
-
-    def extract(self, tile):
-        xyz = tile.points.xyz
-        north = 5_400_004.0 + (0.01 if tile.core.west > 500_050 else 0.0)
-        ends = np.array([[xyz[:, 0].min(), north, 100.0], [xyz[:, 0].max(), north, 100.0]])
-        return LineSet.from_lines([ends], kind=["guardrail"], method=["kerb"])
-
-
-def test_a_survey_in_tiles_gives_one_line_whatever_the_workers(tmp_path, monkeypatch):
-    rng = np.random.default_rng(4)
-    xyz = rng.uniform([0, 0, 0], [300, 10, 0.1], (3000, 3)) + np.array([500_000.0, 5_400_000.0, 100.0])
-    write_las(Points(xyz), tmp_path / "a.laz", crs=CRS)
-    survey = open_survey([tmp_path / "a.laz"])
-    monkeypatch.setattr(plan, "MAX_SINGLE_M", 150.0)
-    monkeypatch.setattr(plan, "CORE_M", 100.0)
-    found = [run.extract_lines(survey, [Kerb()], n_workers=n) for n in (1, 3)]
-    assert len(found[0].tiles) == 3
-    assert len(found[0].lines) == 1
-    assert found[0].lines.length_m[0] == pytest.approx(np.ptp(xyz[:, 0]), abs=0.01)
-    np.testing.assert_array_equal(found[0].lines.xyz, found[1].lines.xyz)
+    joined = join_seams(pieces, CORES)
+    assert (joined.double.tolist(), joined.time_start_s.tolist(), joined.width_m.tolist()) == (
+        [True],
+        [5],
+        [1.75],
+    )

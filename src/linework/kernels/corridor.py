@@ -241,7 +241,8 @@ def top_edge(work: F64, n: int, u: float, half_width: float, top: float, reach: 
 def fit_locally(s: F64, v: F64, weight: F64, half_window: float) -> tuple[F64, F64, F64, F64]:
     """Fit v(s) by a quadratic about every node; return value, slope, residual rms and effective number.
 
-    Weights fall off as a tricube towards the window's ends.
+    Weights fall off as a tricube towards the window's ends. What is fitted is the difference from the node's
+    own value, so that the result does not depend on where the origin is.
     """
     n = len(s)
     value, slope, rms, effective = v.copy(), np.zeros(n), np.zeros(n), np.ones(n)
@@ -259,7 +260,7 @@ def fit_locally(s: F64, v: F64, weight: F64, half_window: float) -> tuple[F64, F
             if w > 0.0:
                 basis = (1.0, d, d * d)
                 for p in range(3):
-                    b[p] += w * basis[p] * v[k]
+                    b[p] += w * basis[p] * (v[k] - v[i])
                     for q in range(3):
                         m[p, q] += w * basis[p] * basis[q]
                 w_total += w
@@ -270,13 +271,13 @@ def fit_locally(s: F64, v: F64, weight: F64, half_window: float) -> tuple[F64, F
         for p in range(3):
             m[p, p] += 1e-6 * w_total
         c = np.linalg.solve(m, b)
-        value[i], slope[i] = c[0], c[1] / half_window
+        value[i], slope[i] = v[i] + c[0], c[1] / half_window
         total = 0.0
         k = first
         while k < n and s[k] <= s[i] + half_window:
             d = (s[k] - s[i]) / half_window
             w = weight[k] * (1.0 - abs(d) ** 3) ** 3
-            r = v[k] - (c[0] + c[1] * d + c[2] * d * d)
+            r = v[k] - v[i] - (c[0] + c[1] * d + c[2] * d * d)
             total += w * r * r
             k += 1
         rms[i] = np.sqrt(total / w_total)

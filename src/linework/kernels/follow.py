@@ -1,4 +1,4 @@
-"""Following thin sheets of points by circles, every start once.
+"""Following thin sheets of points by circles, from many starts.
 
 Positions are local: x east and y north of the bins' south-west corner, z above a local origin. [m]
 `layers` are the three arrays of `linework.kernels.bins.sort_into_layers`, `frame` is the bins' n_x, n_y and size.
@@ -15,10 +15,9 @@ from linework.kernels.corridor import crossed, top_edge
 
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
 Layers = tuple[I64, F64, I64]
 
-LONGEST = 20_000  # nodes one way
+SETTLED = 6  # nodes after which the filter no longer knows what it was begun with
 
 
 @njit(cache=True, nogil=True)
@@ -201,7 +200,7 @@ def follow_both_ways(
     n_ahead = follow(points, layers, frame, begin, setting, work, ahead)
     if n_ahead == 0:
         return 0, 0, 0
-    first = min(n_ahead - 1, 6)
+    first = min(n_ahead - 1, SETTLED)
     turned = np.arctan2(-np.sin(ahead[first, 2]), -np.cos(ahead[first, 2]))
     begin = ahead[first, 0], ahead[first, 1], turned, ahead[first, 3]
     n_back = follow(points, layers, frame, begin, setting, work, back)
@@ -250,33 +249,45 @@ def follow_all(
     begin: F64,
     setting: F64,
     reach: tuple[float, float],
+    limits: tuple[int, int, int],
     work: F64,
-) -> tuple[F64, Mask, I64]:
-    """Follow every start (x, y, heading, top z) that is on no line yet, in their order.
+) -> tuple[F64, I64, I64, I64]:
+    """Follow the starts (x, y, heading, top z), in their order, each for itself and not far.
+
+    A start near another one that was followed, and on its line, is passed over. What is followed from a
+    start depends on nothing but the start and the points within reach.
+
+    limits: fewest nodes of a line, most nodes one way, and how many of those keep other starts away.
 
     Returns
     -------
     nodes
         (n, 7): see `follow`, line after line.
-    free
-        (n,): on no line that was followed before.
     offsets
         (n_lines + 1,): line i has the nodes from offsets[i] to offsets[i + 1].
+    middle
+        (n_lines,): number of the node that lies where the line was begun.
+    number
+        (n_lines,): which start it was.
     """
     n_x, n_y, cell = frame
-    ahead, back = np.empty((LONGEST, 7)), np.empty((LONGEST, 7))
-    nodes, free, following = np.empty((4096, 7)), np.empty(4096, np.bool_), np.empty(4096, np.int64)
+    least, most, near = limits
+    ahead, back = np.empty((most, 7)), np.empty((most + SETTLED, 7))
+    nodes, following = np.empty((4096, 7)), np.empty(4096, np.int64)
     heads = np.full(n_x * n_y, -1, dtype=np.int64)
-    offsets = np.zeros(len(begin) + 1, dtype=np.int64)
-    n, n_lines = 0, 0
+    # Of every line, also of those that are left out, which keep other starts from being followed again
+    ends, middle, number = np.zeros((3, len(begin)), dtype=np.int64)
+    kept = np.zeros(len(begin), dtype=np.bool_)
+    n, m = 0, 0
     for i in range(len(begin)):
         if is_taken(begin[i], nodes, heads, following, frame, reach):
             continue
         n_back, first, n_ahead = follow_both_ways(points, layers, frame, begin[i], setting, work, ahead, back)
+        if n_ahead == 0:
+            continue
         if n + n_back + n_ahead > len(nodes):
-            room = n + n_back + n_ahead
+            room = len(nodes) + n_back + n_ahead
             nodes = np.concatenate((nodes, np.empty((room, 7))))
-            free = np.concatenate((free, np.empty(room, np.bool_)))
             following = np.concatenate((following, np.empty(room, np.int64)))
         begins = n
         for k in range(n_back - 1, 0, -1):
@@ -286,13 +297,30 @@ def follow_all(
         for k in range(first, n_ahead):
             nodes[n] = ahead[k]
             n += 1
-        for k in range(begins, n):
-            free[k] = not is_taken(nodes[k], nodes, heads, following, frame, reach)
-        for k in range(begins, n):
+        at = begins + max(n_back - 1 - first, 0)
+        # Too short; or the circles have moved over to a line that was followed before
+        kept[m] = n - begins >= least and not is_taken(nodes[at], nodes, heads, following, frame, reach)
+        ends[m], middle[m], number[m] = n, at, i
+        m += 1
+        for k in range(max(at - near, begins), min(at + near + 1, n)):
             c, r = int(np.floor(nodes[k, 0] / cell)), int(np.floor(nodes[k, 1] / cell))
             if c >= 0 and c < n_x and r >= 0 and r < n_y:
                 following[k] = heads[r * n_x + c]
                 heads[r * n_x + c] = k
-        n_lines += 1
-        offsets[n_lines] = n
-    return nodes[:n].copy(), free[:n].copy(), offsets[: n_lines + 1].copy()
+    offsets, n_lines = np.zeros(m + 1, dtype=np.int64), 0
+    for k in range(m):
+        if kept[k]:
+            begins = ends[k - 1] if k > 0 else 0
+            shift = begins - offsets[n_lines]
+            for j in range(begins, ends[k]):
+                nodes[j - shift] = nodes[j]
+            middle[n_lines], number[n_lines] = middle[k] - shift, number[k]
+            n_lines += 1
+            offsets[n_lines] = ends[k] - shift
+    last = offsets[n_lines]
+    return (
+        nodes[:last].copy(),
+        offsets[: n_lines + 1].copy(),
+        middle[:n_lines].copy(),
+        number[:n_lines].copy(),
+    )

@@ -7,22 +7,24 @@ import numpy.typing as npt
 from numba import njit
 
 F64 = npt.NDArray[np.float64]
+I64 = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
 
 @njit(cache=True, nogil=True)
 def is_set_beside(
-    image: Mask, frame: tuple[float, float, float], x: float, y: float, nx: float, ny: float
+    image: Mask, place: tuple[int, int, float, float], x: float, y: float, nx: float, ny: float
 ) -> bool:
     """Return whether the cell at (x, y), or half a cell beside it along the normal (nx, ny), is set.
 
-    frame: west edge, north edge and cell size of the north-up image.
+    place: column and row of the cell of x = y = 0, and where in that cell, from its west and its south edge;
+    all in cells, as are x (east) and y (north).
     """
-    west, north, cell = frame
+    col, row, from_west, from_south = place
     n_rows, n_cols = image.shape
     for offset in (-0.5, 0.0, 0.5):
-        c = int(np.floor((x + offset * cell * nx - west) / cell))
-        r = int(np.floor((north - (y + offset * cell * ny)) / cell))
+        c = col + int(np.floor(x + offset * nx + from_west))
+        r = row - int(np.floor(y + offset * ny + from_south))
         if r >= 0 and r < n_rows and c >= 0 and c < n_cols and image[r, c]:
             return True
     return False
@@ -30,18 +32,20 @@ def is_set_beside(
 
 @njit(cache=True, nogil=True)
 def segments_of(
-    image: Mask, frame: tuple[float, float, float], lines: F64, t: F64, half: float, gap: int, least: int
+    image: Mask, cell: float, lines: F64, places: I64, within: F64, t: F64, half: float, gap: int, least: int
 ) -> F64:
     """Return the occupied pieces (m, 5: x, y of both ends, strength) of lines through square windows.
 
-    lines: (n, 5) window centre x, y; theta, rho about it; strength. t: evenly spaced places along a line,
-    of which those within `half` of the centre in x and y count. Pieces are parted where more than `gap`
-    places in a row have no set cell beside them; those over fewer than `least` places are dropped.
+    lines: (n, 5) window centre x, y; theta, rho about it; strength. places, within: (n, 2) column and row of
+    the cell of the centre, and where in the cell it lies (see `is_set_beside`). t: evenly spaced places along
+    a line, of which those within `half` of the centre in x and y count. Pieces are parted where more than
+    `gap` places in a row have no set cell beside them; those over fewer than `least` places are dropped.
     """
     out = np.empty((len(lines) * (len(t) // max(gap, 1) + 1), 5))
     n = 0
     for i in range(len(lines)):
         nx, ny, rho = np.cos(lines[i, 2]), np.sin(lines[i, 2]), lines[i, 3]
+        place = places[i, 0], places[i, 1], within[i, 0], within[i, 1]
         first, last = -1, -1
         for k in range(len(t) + 1):
             x, y = 0.0, 0.0
@@ -49,7 +53,7 @@ def segments_of(
             if inside:
                 x, y = rho * nx - t[k] * ny, rho * ny + t[k] * nx
                 inside = abs(x) <= half and abs(y) <= half
-            is_set = inside and is_set_beside(image, frame, x + lines[i, 0], y + lines[i, 1], nx, ny)
+            is_set = inside and is_set_beside(image, place, x / cell, y / cell, nx, ny)
             if first >= 0 and (k == len(t) or (is_set and k - last > gap)):
                 if last - first >= least:
                     out[n, 0] = rho * nx - t[first] * ny + lines[i, 0]

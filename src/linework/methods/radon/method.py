@@ -7,7 +7,7 @@ beyond the paper is named in docs/methods/radon.md.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,19 +15,18 @@ from linework.imaging.binary import in_height_band
 from linework.imaging.raster import grid_for
 from linework.methods.radon.buried_ends import carry_into_ground
 from linework.methods.radon.cables import CableConfig, find_cables
+from linework.methods.radon.chains import follow_all
 from linework.methods.radon.circles import CircleConfig, bin_near, find_starts
 from linework.methods.radon.line_times import with_times
 from linework.methods.radon.profile import ProfileConfig
-from linework.methods.radon.rails import fit_rail, follow_all, rail_lines
+from linework.methods.radon.rail_lines import rail_lines
+from linework.methods.radon.rails import fit_rail
 from linework.methods.radon.seeds import SeedConfig, find_seed_lines, split_into_segments
-from linework.model.arrays import Float32Array
 from linework.model.lines import LineSet
-from linework.model.points import Points
 from linework.model.settings import group, setting
 from linework.model.tile import TileData
 from linework.surface.road import (
     RoadConfig,
-    RoadSurface,
     find_road,
     height_above_ground,
     height_above_road,
@@ -52,67 +51,107 @@ class RadonConfig:
     cable: CableConfig = group(CableConfig)
 
 
+RAIL_KINDS, CABLE_KINDS = ("guardrail", "barrier"), ("cable",)
+
+
 @dataclass(frozen=True, slots=True)
-class RadonMethod:
-    """Guardrails, barriers and cables: peaks of Radon transforms of height-band images of the points."""
+class RailMethod:
+    """Guardrails and concrete barriers: peaks of Radon transforms of an image of the points near the ground."""
 
     config: RadonConfig = field(default_factory=RadonConfig)
-    kinds: tuple[str, ...] = ("guardrail", "barrier", "cable")
+    kinds: tuple[str, ...] = RAIL_KINDS
     name: str = "radon"
-    #: Half the longest span that is sure to be seen whole (240 m) by the tile whose core holds its middle. Of a
-    #: longer one tiles see parts: it may come out shorter, or twice. One tile alone loses nothing.
-    buffer_m: float = 120.0
+    #: What is found at a place depends on the points within `REACH_M` of the starts near it, and on what a line
+    #: is over twice `min_closed_length_m`: 24 + 40 m at most. See tests/laws/test_rail_splitting.py.
+    buffer_m: float = 64.0
     #: Rails stand on the ground: all points matter.
     least_height_m: float = -math.inf
 
     def extract(self, tile: TileData) -> LineSet:
-        """Return the guardrails, concrete barriers and cables of a tile."""
-        points = tile.points
+        """Return the guardrails and concrete barriers of a tile."""
+        points, c = tile.points, self.config
         if len(points) == 0:
             return LineSet.empty()
         # Height above the road, road = 0; above the ground where there is no road
-        surface = tile.surface or find_road(points, tile.trajectory, self.config.road)
+        surface = tile.surface or find_road(points, tile.trajectory, c.road)
         above_road = height_above_road(surface, points.xyz)
         above_ground = height_above_ground(surface, points.xyz)
-        found = []
-        if {"guardrail", "barrier"} & set(self.kinds):
-            found.append(find_guardrails(points, above_road, above_ground, surface, self.config))
-        if "cable" in self.kinds:
-            found.append(find_cables(points.xyz, points.time_s, above_ground, self.config.cable))
-        lines = LineSet.concatenate(found)
+        # Raster image: the cells that hold points of the height band; a bank beside the road is ground, no rail
+        height, grid = np.minimum(above_road, above_ground), grid_for(points, c.cell_m)
+        binary = in_height_band(points.xyz, height, grid, c.min_height_m, c.max_height_m)
+        # Prominent directions: peaks of the Radon transform after dilation, window by window
+        seeds = find_seed_lines(binary, c.seeds)
+        # Where along each seed line the feature really is
+        segments = split_into_segments(seeds, binary, c.seeds)
+        # Back to the points: circles about each seed settle on the beam, and follow it through bends
+        bins = bin_near(points.xyz, above_ground, binary)
+        starts = find_starts(segments, bins, c.circles)
+        band_m = c.circles.min_height_m, c.max_height_m
+        chains = follow_all(starts, bins, band_m, c.profile.min_length_m, c.circles)
+        # Local fits of the corrected centres; the height from the highest points
+        rails = [fit_rail(chain, bins, c.circles, c.profile) for chain in chains]
+        # The vertical profile tells guardrails and barriers from hedges, walls, cars and fences
+        lines = rail_lines(rails, bins, surface, c.circles, c.profile, tile.core)
+        # What dips into the ground goes on until it reaches it
+        lines = carry_into_ground(lines, surface)
         # When the points on each line were measured
         return with_times(lines.take(np.isin(lines.kind, self.kinds)), points)
 
 
-def find_guardrails(
-    points: Points,
-    above_road: Float32Array,
-    above_ground: Float32Array,
-    surface: RoadSurface,
-    config: RadonConfig,
-) -> LineSet:
-    """Return the guardrails and barriers among points of known heights (n,) float32 [m]."""
-    # Raster image: the cells that hold points of the height band; a bank beside the road is ground, no rail
-    grid = grid_for(points, config.cell_m)
-    height = np.minimum(above_road, above_ground)
-    binary = in_height_band(points.xyz, height, grid, config.min_height_m, config.max_height_m)
-    # Prominent directions: peaks of the Radon transform after dilation, window by window
-    seeds = find_seed_lines(binary, config.seeds)
-    # Where along each seed line the feature really is
-    segments = split_into_segments(seeds, binary, config.seeds)
-    # Back to the points: circles about each seed settle on the beam, and follow it through bends
-    bins = bin_near(points.xyz, above_ground, binary)
-    starts = find_starts(segments, bins, config.circles)
-    chains = follow_all(
-        starts,
-        bins,
-        (config.circles.min_height_m, config.max_height_m),
-        config.profile.min_length_m,
-        config.circles,
-    )
-    # Local straight fits of the corrected centres; the height from the highest points
-    rails = [fit_rail(chain, bins, config.circles, config.profile) for chain in chains]
-    # The vertical profile tells guardrails and barriers from hedges, walls, cars and fences
-    lines = rail_lines(rails, bins, surface, config.profile)
-    # What dips into the ground goes on until it reaches it
-    return carry_into_ground(lines, surface)
+@dataclass(frozen=True, slots=True)
+class CableMethod:
+    """Overhead cables: peaks of Radon transforms of an image of the points high above the ground."""
+
+    config: RadonConfig = field(default_factory=RadonConfig)
+    kinds: tuple[str, ...] = CABLE_KINDS
+    name: str = "radon"
+    #: Spans of up to 400 m are seen whole by the tile whose core holds their middle.
+    buffer_m: float = 200.0
+    #: What a wire passes over counts as its surroundings from here on; cars, rails and grass do not.
+    least_height_m: float = 1.5
+
+    def extract(self, tile: TileData) -> LineSet:
+        """Return the wires of a tile, one line per wire and span."""
+        points = tile.points
+        if len(points) == 0:
+            return LineSet.empty()
+        # Height above the ground, of which the road is part
+        surface = tile.surface or find_road(points, tile.trajectory, self.config.road)
+        above_ground = height_above_ground(surface, points.xyz)
+        # Thin, alone in their column, straight in plan, hanging as catenaries between supports
+        lines = find_cables(points.xyz, points.time_s, above_ground, self.config.cable)
+        # When the points on each line were measured
+        return with_times(lines, points)
+
+
+@dataclass(frozen=True, slots=True)
+class RadonMethod:
+    """Guardrails, barriers and cables of one tile; runs over many tiles take the two methods apart."""
+
+    config: RadonConfig = field(default_factory=RadonConfig)
+    kinds: tuple[str, ...] = (*RAIL_KINDS, *CABLE_KINDS)
+    name: str = "radon"
+    buffer_m: float = 200.0
+    least_height_m: float = -math.inf
+
+    def extract(self, tile: TileData) -> LineSet:
+        """Return the guardrails, concrete barriers and cables of a tile."""
+        if len(tile.points) == 0:
+            return LineSet.empty()
+        # Road and ground, once for both
+        surface = tile.surface or find_road(tile.points, tile.trajectory, self.config.road)
+        tile = replace(tile, surface=surface)
+        # Each method looks for its own kinds
+        return LineSet.concatenate([method.extract(tile) for method in parts_of(self)])
+
+
+def parts_of(method: RadonMethod) -> tuple[RailMethod | CableMethod, ...]:
+    """Return the methods that find the kinds that are asked for.
+
+    >>> parts_of(RadonMethod(kinds=("barrier", "cable")))[0].kinds
+    ('barrier',)
+    """
+    rails = tuple(kind for kind in RAIL_KINDS if kind in method.kinds)
+    cables = tuple(kind for kind in CABLE_KINDS if kind in method.kinds)
+    parts: list[RailMethod | CableMethod] = [RailMethod(method.config, rails)] if rails else []
+    return tuple(parts + ([CableMethod(method.config, cables)] if cables else []))

@@ -11,7 +11,7 @@ from linework.kernels import segments as kernels
 from linework.methods.radon.peaks import find_peaks_in
 from linework.methods.radon.transform import radon_of_cells, rho_bins
 from linework.model.arrays import FloatArray
-from linework.model.grid import Image
+from linework.model.grid import Grid, Image
 from linework.model.settings import setting
 
 
@@ -126,7 +126,10 @@ def _windows(binary: Image, config: SeedConfig) -> list[tuple[FloatArray, FloatA
     rows, cols = np.nonzero(binary.values)
     if len(rows) == 0:
         return []
-    xy = grid.to_world(rows + 0.5, cols + 0.5)
+    # From whole numbers that all tiles share: the same cells give the same numbers to the last bit, and ties
+    # between peaks fall the same way
+    west, north = _corner(grid)
+    xy = np.column_stack([(west + cols + 0.5) * grid.cell_width_m, (north - rows - 0.5) * grid.cell_height_m])
     stride = config.window_m / 2
     lattice = np.floor(xy / stride).astype(np.int64)
     order = np.lexsort((lattice[:, 0], lattice[:, 1]))
@@ -149,16 +152,28 @@ def split_into_segments(seeds: SeedLines, binary: Image, config: SeedConfig) -> 
     A Radon peak says nothing about the extent: collinear pieces are parted where the image is empty for
     more than `max_gap_m`; pieces shorter than half of `peak_threshold_m` are dropped.
     """
-    grid = binary.grid
-    half, step = config.window_m / 2, grid.cell_width_m / 2
+    grid, cell = binary.grid, binary.grid.cell_width_m
+    half, step = config.window_m / 2, cell / 2
     lines = np.column_stack([seeds.centre_xy, seeds.theta_rad, seeds.rho_m, seeds.strength_m])
+    centre = seeds.centre_xy / cell
+    whole = np.round(centre)
+    centre = np.where(np.abs(centre - whole) < 1e-6, whole, centre)  # windows end on edges of cells
+    corner = np.floor(centre)
+    west, north = _corner(grid)
     table = kernels.segments_of(
         binary.values,
-        (grid.east_m, grid.north_m, grid.cell_width_m),
+        cell,
         lines,
+        np.column_stack([corner[:, 0] - west, north - 1 - corner[:, 1]]).astype(np.int64),
+        centre - corner,
         np.arange(-half, half, step),
         half,
         math.floor(config.max_gap_m / step + 1e-6),
         math.ceil(config.peak_threshold_m / 2 / step - 1e-6),
     )
     return Segments(table[:, :2], table[:, 2:4], table[:, 4])
+
+
+def _corner(grid: Grid) -> tuple[int, int]:
+    """Return the numbers of the grid's north-west corner on the lattice of its cells."""
+    return round(grid.east_m / grid.cell_width_m), round(grid.north_m / grid.cell_height_m)

@@ -1,0 +1,137 @@
+"""Lines of what was followed and fitted: the stretches that are guardrails, and those that are barriers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.methods.radon.beside import close_beside
+from linework.methods.radon.circles import Bins, CircleConfig
+from linework.methods.radon.profile import ProfileConfig
+from linework.methods.radon.rails import FittedRail, chainage_of
+from linework.methods.radon.raised import raised_rails
+from linework.methods.radon.stretches import barrier_stretches, guardrail_stretches
+from linework.methods.radon.verdict import Verdict, classify
+from linework.model.arrays import AnyArray, BoolArray, FloatArray
+from linework.model.grid import Bounds
+from linework.model.lines import LineSet
+from linework.surface.road import RoadSurface, height_above_ground, height_above_road
+
+
+@dataclass(frozen=True, slots=True)
+class _Placed:
+    """A fitted rail in the world: middle and edge [m], heights of the edge above road and ground [m]."""
+
+    rail: FittedRail
+    xyz: FloatArray
+    edge_xyz: FloatArray
+    height_m: FloatArray
+    above_ground_m: FloatArray
+    chainage: FloatArray
+
+    @classmethod
+    def of(cls, rail: FittedRail, bins: Bins, surface: RoadSurface) -> _Placed:
+        xyz = np.column_stack([rail.xy, rail.top_m]) + bins.origin
+        edge = np.column_stack([rail.edge_xy, rail.top_m]) + bins.origin
+        height = height_above_road(surface, xyz).astype(np.float64)
+        ground = height_above_ground(surface, xyz).astype(np.float64)
+        return cls(rail, xyz, edge, height, ground, chainage_of(rail.xy))
+
+    def judged(self, paired: BoolArray, config: ProfileConfig) -> Verdict:
+        rail = self.rail
+        return classify(rail.profile, rail.wobble, self.height_m, self.above_ground_m, paired, config)
+
+
+@dataclass(frozen=True, slots=True)
+class _Stretch:
+    """A run of nodes of a placed rail that is a line, the score of each, and what is judged of all nodes."""
+
+    kind: str
+    placed: _Placed
+    run: slice
+    score: FloatArray
+    verdict: Verdict
+    paired: BoolArray
+
+    @property
+    def xyz(self) -> FloatArray:
+        """What a beam's line is, or a barrier's."""
+        return (self.placed.xyz if self.kind == "guardrail" else self.placed.edge_xyz)[self.run]
+
+
+def rail_lines(
+    rails: list[FittedRail],
+    bins: Bins,
+    surface: RoadSurface,
+    circles: CircleConfig,
+    config: ProfileConfig,
+    core: Bounds | None = None,
+) -> LineSet:
+    """Return the stretches that are guardrails or barriers, surely enough and long enough, as lines.
+
+    Their height, confidence and whether they are double come from what lies in `core`, where a part does.
+    """
+    placed = [_Placed.of(rail, bins, surface) for rail in rails]
+    alone = [np.zeros(len(p.xyz), dtype=bool) for p in placed]
+    first = [p.judged(own, config) for p, own in zip(placed, alone, strict=True)]
+    # A second look at what runs close beside a guardrail
+    beside = _beside(placed, _guardrails(placed, first, alone, config), config)
+    verdicts = [p.judged(own, config) for p, own in zip(placed, beside, strict=True)]
+    found = _guardrails(
+        placed, verdicts, _beside(placed, _guardrails(placed, verdicts, alone, config), config), config
+    )
+    # Barriers from where their sheet ends above
+    for rail in raised_rails(rails, verdicts, bins, circles, config):
+        p = _Placed.of(rail, bins, surface)
+        nothing = np.zeros(len(p.xyz), dtype=bool)
+        verdict = p.judged(nothing, config)
+        stretches = barrier_stretches(verdict, p.chainage, config)
+        found += [_Stretch("barrier", p, *stretch, verdict, nothing) for stretch in stretches]
+    return _as_lines(found, core)
+
+
+def _guardrails(
+    placed: list[_Placed], verdicts: list[Verdict], paired: list[BoolArray], config: ProfileConfig
+) -> list[_Stretch]:
+    return [
+        _Stretch("guardrail", p, *stretch, verdict, own)
+        for p, verdict, own in zip(placed, verdicts, paired, strict=True)
+        for stretch in guardrail_stretches(verdict, p.chainage, config)
+    ]
+
+
+def _beside(placed: list[_Placed], found: list[_Stretch], config: ProfileConfig) -> list[BoolArray]:
+    return close_beside([p.xyz for p in placed], [stretch.xyz for stretch in found], config.pair_m)
+
+
+def _as_lines(found: list[_Stretch], core: Bounds | None) -> LineSet:
+    if not found:
+        return LineSet.empty()
+    own = [_in_core(s.xyz, core) for s in found]
+
+    def of_vertices(name: str) -> AnyArray:
+        return np.concatenate([getattr(s.placed.rail, name)[s.run] for s in found])
+
+    return LineSet.from_lines(
+        [s.xyz for s in found],
+        kind=[s.kind for s in found],
+        method=["radon"] * len(found),
+        confidence=[float(np.mean(s.score[k])) for s, k in zip(found, own, strict=True)],
+        height_m=[float(np.median(s.placed.height_m[s.run][k])) for s, k in zip(found, own, strict=True)],
+        double=[bool(np.mean(s.paired[s.run][k]) > 0.5) for s, k in zip(found, own, strict=True)],
+        sigma_xy_m=of_vertices("sigma_xy_m"),
+        sigma_z_m=of_vertices("sigma_z_m"),
+        bridged=np.logical_not(of_vertices("measured"))
+        | np.concatenate([s.verdict.goes_on[s.run] < 0.5 for s in found]),
+    )
+
+
+def _in_core(line: FloatArray, core: Bounds | None) -> BoolArray:
+    """Return which vertices lie in the core; all of them where none does, or there is no core."""
+    everywhere = np.ones(len(line), dtype=bool)
+    if core is None:
+        return everywhere
+    inside: BoolArray = (line[:, 0] >= core.west) & (line[:, 0] < core.east)
+    inside &= (line[:, 1] >= core.south) & (line[:, 1] < core.north)
+    return inside if inside.any() else everywhere

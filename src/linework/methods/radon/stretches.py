@@ -1,0 +1,90 @@
+"""Which stretches of a followed chain are lines: surely enough, and long enough.
+
+Nothing here asks for more of a chain than a few dozen metres about a place: how much of a long line a tile
+sees changes nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from linework.methods.radon.chains import runs
+from linework.methods.radon.profile import ProfileConfig
+from linework.methods.radon.verdict import Verdict
+from linework.model.arrays import AnyArray, BoolArray, FloatArray
+
+#: Lengths are compared with this to spare [m]: nodes are half a metre apart, and limits whole multiples of it.
+SPARE_M = 1e-6
+
+
+def guardrail_stretches(
+    verdict: Verdict, chainage: FloatArray, config: ProfileConfig
+) -> list[tuple[slice, FloatArray]]:
+    """Return runs of nodes that are guardrail, with the score of each node.
+
+    A run starts where it is firm, and goes on from there for `max_run_on_m` at most where it is not sure.
+    Two runs with no more than that between them are one: the circles have followed one thing from one to
+    the other.
+    """
+    sure = verdict.guardrail >= 0.5
+    goes_on = sure | (verdict.goes_on >= 0.5)
+    firm = np.zeros(len(sure), dtype=bool)
+    for run in runs(goes_on & within(sure, chainage, config.max_run_on_m), 2):
+        firm[run] = _is_firm(sure[run], verdict.open_[run], chainage[run], config)
+    found = runs(goes_on & within(firm, chainage, config.max_run_on_m), 2)
+    whole = _joined(found, chainage, config.max_run_on_m)
+    return [(run, np.maximum(verdict.guardrail[run], 0.5)) for run in whole]
+
+
+def barrier_stretches(
+    verdict: Verdict, chainage: FloatArray, config: ProfileConfig
+) -> list[tuple[slice, FloatArray]]:
+    """Return runs of nodes that are barrier and not guardrail, with the score of each node."""
+    sure = np.where(verdict.guardrail < 0.5, verdict.barrier, 0.0)
+    return [
+        (run, sure[run])
+        for run in runs(sure >= 0.5, 2)
+        if chainage[run][-1] - chainage[run][0] >= config.min_closed_length_m - SPARE_M
+    ]
+
+
+def _is_firm(sure: BoolArray, open_: AnyArray, chainage: FloatArray, config: ProfileConfig) -> BoolArray:
+    """Return which nodes of a run are sure, in a stretch that is sure over enough of it.
+
+    A stretch reaches over twice `min_closed_length_m`, or as far as the run does.
+    """
+    half = config.min_closed_length_m + SPARE_M
+    first = np.searchsorted(chainage, chainage - half)
+    stop = np.searchsorted(chainage, chainage + half, side="right")
+    share, n_open = _sums(sure, first, stop) / (stop - first), _sums(open_, first, stop)
+    is_open = 2 * n_open >= stop - first
+    length = share * (chainage[stop - 1] - chainage[first])
+    enough = np.where(is_open, config.min_length_m, config.min_closed_length_m) - SPARE_M
+    stands = (share >= config.min_core) & (length >= enough)
+    return np.asarray(sure & (_sums(stands, first, stop) > 0))
+
+
+def _sums(values: AnyArray, first: AnyArray, stop: AnyArray) -> AnyArray:
+    total = np.concatenate([[0], np.cumsum(values, dtype=np.int64)])
+    return np.asarray(total[stop] - total[first])
+
+
+def within(chosen: BoolArray, chainage: FloatArray, reach_m: float) -> BoolArray:
+    """Return which nodes have a chosen one within reach along the chain."""
+    places = chainage[chosen]
+    if not len(places):
+        return np.zeros(len(chosen), dtype=bool)
+    at = np.searchsorted(places, chainage)
+    ahead, behind = places[np.minimum(at, len(places) - 1)], places[np.maximum(at - 1, 0)]
+    away = np.minimum(np.abs(ahead - chainage), np.abs(behind - chainage))
+    return np.asarray(away <= reach_m + SPARE_M)
+
+
+def _joined(found: list[slice], chainage: FloatArray, gap_m: float) -> list[slice]:
+    whole: list[slice] = []
+    for run in found:
+        if whole and chainage[run.start] - chainage[whole[-1].stop - 1] <= gap_m + SPARE_M:
+            whole[-1] = slice(whole[-1].start, run.stop)
+        else:
+            whole.append(run)
+    return whole
