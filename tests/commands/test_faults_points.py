@@ -21,6 +21,7 @@ from pathlib import Path
 import lazrs
 import numpy as np
 import pytest
+import shapely
 from tests.laser_files import (
     BOX,
     EXTENDED,
@@ -47,6 +48,11 @@ from tests.laser_files import (
     point_by_point,
     points_start,
 )
+from tests.rail_scenes import rail_scene, straight
+
+from linework.files.las_write import write_las
+from linework.files.vectors import read_lines
+from linework.model.points import Points
 
 N = 400
 COPY = r"Copy the file again, or leave it out\."
@@ -302,6 +308,7 @@ READ = [
     Read("A23", changed(las, lambda d: [d.__setitem__(points_start(d) + 30 * i + 2, d[points_start(d) + 30 * i + 2] ^ 1) for i in range(7)]), N,
          (r"[1-7] of 400 points lie outside the box in its header",)),
     Read("A23 far away", put(partial(las, n=5_000), points_start, 3, "B", 0x70), 4_999, (r"1 of 5,000 points lie outside the box in its header", r"1 points far from all others left out"), 1),
+    Read("A23 a time of no epoch", changed(las, lambda d: struct.pack_into("<d", d, points_start(d) + 30 * 7 + 22, 1e100)), N - 1, (), 1),
     Read("A24", changed(copc, page_that_holds_itself), N),
     Read("A25", changed(copc, lies_of_copc), N),
     Read("A26 point by point", lambda folder: point_by_point(folder / "x.laz", N), N),
@@ -448,6 +455,27 @@ def test_a22_flipped_bytes(linework, tmp_path, seed):
         document = json.loads(found.stdout)
         assert document["points"] + sum(document["points_rejected"].values()) == 5_000
         assert any("outside the box" in text for text in document["warnings"])
+
+
+def test_a28_points_that_are_there_twice_give_each_line_once(linework, tmp_path):
+    xyz = straight(rail_scene(np.random.default_rng(4), s=(2.13, 37.91)), 0.31) + LOW
+    time = 3e8 + np.arange(len(xyz)) * 1e-5
+    points = Points(xyz, np.full(len(xyz), 500, np.float32), time)
+    write_las(points, tmp_path / "once.laz", crs="local")
+    write_las(points.take(np.tile(np.arange(len(xyz)), 2)), tmp_path / "twice.laz", crs="local")
+    lines = []
+    for name in ("once", "twice"):
+        output = tmp_path / f"{name}.gpkg"
+        found = linework(
+            "extract", tmp_path / f"{name}.laz", "-o", output, "--crs", "local", "--quiet", "--workers", "1"
+        )
+        assert found.code == 0, found.stderr
+        assert ("about 50% of the points repeat others" in found.stderr) == (name == "twice")
+        lines.append(read_lines(output))
+        (tmp_path / "run.json").unlink()
+    once, doubled = lines
+    assert len(once) == len(doubled) == 1
+    assert shapely.hausdorff_distance(*(shapely.LineString(found.xyz) for found in lines)) < 0.02
 
 
 def test_a28_a_file_under_two_names(linework, tmp_path):

@@ -52,6 +52,11 @@ def test_folder(folder):
     assert (read.rejected, read.warnings, read.failures, read.gps_time_kind) == ({}, (), (), "adjusted")
 
 
+def test_hidden_files_are_not_the_surveys(folder):
+    (folder / "._a.laz").write_bytes(b"what another system keeps beside a file")
+    assert [p.name for p in open_survey([folder]).point_files] == ["a.laz", "b.laz", "c.LAS"]
+
+
 def test_files_in_any_order_and_twice_are_one_survey(folder):
     files = [folder / "c.LAS", folder / "a.laz", folder / "a.laz"]
     (folder / "link.laz").symlink_to(folder / "a.laz")

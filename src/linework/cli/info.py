@@ -119,10 +119,15 @@ def _spread(values: dict[str, float]) -> str:
 
 def _tell_left_out(document: dict[str, Any]) -> None:
     """End as unfinished where files were left out."""
+    from linework.cli.extract import MAX_LISTED
     from linework.errors import PartialError
 
     failures = document["failures"]
     if failures:
         n_files = len(failures) + len(document["files"])
-        listed = "; ".join(failure["problem"].rstrip(".") for failure in failures)
-        raise PartialError(f"{len(failures)} of {n_files} files left out: {listed}", where=document["name"])
+        listed = "; ".join(failure["problem"].rstrip(".") for failure in failures[:MAX_LISTED])
+        more = f" and {len(failures) - MAX_LISTED} more" if len(failures) > MAX_LISTED else ""
+        raise PartialError(
+            f"{len(failures)} of {n_files} files left out: {listed}{more}", where=document["name"],
+            advice="--json lists them all" if more else "",
+        )  # fmt: skip

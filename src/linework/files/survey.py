@@ -90,7 +90,10 @@ def _survey_file_of(inputs: Sequence[Path]) -> Path | None:
 def _files_of(path: Path) -> list[Path]:
     """Return the laser files an input stands for."""
     if path.is_dir():
-        files = sorted(p for p in path.iterdir() if p.suffix.lower() in _SUFFIXES)
+        # Hidden files are what other systems leave beside a file (._a.laz), or what is just being written
+        files = sorted(
+            p for p in path.iterdir() if p.suffix.lower() in _SUFFIXES and not p.name.startswith(".")
+        )
         if not files:
             raise InputError("folder without .las/.laz files and without survey.toml", where=path,
                              advice="name the folder that holds them")  # fmt: skip
