@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -20,6 +21,14 @@ read_las_batches = decoding.read_las_batches
 
 class Panic(BaseException):
     """What the LAZ library raises is no Exception either."""
+
+
+def is_pipe(link):
+    """Whether an open file is a pipe."""
+    try:
+        return str(link.readlink()).startswith("pipe:")
+    except OSError:  # the one that lists them is closed by now
+        return False
 
 
 def die() -> None:
@@ -41,6 +50,10 @@ def die() -> None:
     elif HOW == "silence":
         os.closerange(3, 50)
         time.sleep(600)
+    elif HOW.startswith("{"):
+        # The only pipe of this process that is none of the three standard streams
+        (pipe,) = {int(link.name) for link in Path("/proc/self/fd").iterdir() if is_pipe(link)} - {0, 1, 2}
+        os.write(pipe, HOW.encode() + b"\n")
     elif HOW == "talk":
         for stream in (sys.stderr, sys.stdout):
             for _ in range(300):

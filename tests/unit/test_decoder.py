@@ -59,6 +59,9 @@ def spill(survey, folder, limits, **others):
         ("exit", "the decoder died (exit code 3) after 100 points"),
         ("memory", "the decoder failed (out of memory) after 100 points"),
         ("panic", "the decoder failed (Panic: index out of bounds) after 100 points"),
+        ("{garbage", "the decoder failed (its answer makes no sense) after 100 points"),
+        ('{"what": 1}', "the decoder failed (its answer makes no sense) after 100 points"),
+        ('{"done": {"n_points": 5}}', "the decoder failed (its answer makes no sense) after 100 points"),
         ("SIGSTOP", "the decoder hung (no point in 4 s) after 100 points"),
     ],
 )

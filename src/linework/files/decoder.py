@@ -32,6 +32,11 @@ _SPARING = {
 }
 #: Of what the process prints on stderr so much is kept: the end says why it died.
 _LAST_WORDS_BYTES = 4000
+#: What damage may leave of a process before it dies.
+_NONSENSE = "the decoder failed (its answer makes no sense)"
+#: The longest message is the table of a file's runs: this holds 4 million, and a run of a drive has thousands of
+#: points. What is longer was scattered over the world by damage.
+_LONGEST_BYTES = 1 << 29
 #: A machine's first run compiles the kernels that write points: 5 s, and minutes where the machine is busy. [s]
 _LOADING_S = 600.0
 #: A process that closed its pipe is gone within milliseconds. [s]
@@ -192,13 +197,21 @@ class _Process:
                 self._patience_s = self._limits.stall_s
                 progress(n_read)
             elif "done" in message:
-                return Decoded.from_document(message["done"])
+                return self._decoded(message["done"], n_read)
             elif "refused" in message:
                 raise refused(message["refused"])
             elif "died" in message:
                 raise self._death(f"the decoder failed ({message['died']})", n_read)
-            else:
+            elif "fault" in message:
                 raise RuntimeError(f"decoding {task.path}:\n{message['fault']}")
+            else:
+                raise self._death(_NONSENSE, n_read)
+
+    def _decoded(self, document: Any, n_read: int) -> Decoded:
+        try:
+            return Decoded.from_document(document)
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise self._death(_NONSENSE, n_read) from error
 
     def _message(self, n_read: int) -> dict[str, Any]:
         """Return the next message.
@@ -221,14 +234,20 @@ class _Process:
                     self._selector.unregister(key.fileobj)
                 if key.fileobj is self._stderr:
                     self._last_words = (self._last_words + data)[-_LAST_WORDS_BYTES:]
-                elif data:
+                elif data and len(self._unread) < _LONGEST_BYTES:
                     self._unread += data
+                elif data:
+                    raise self._death(_NONSENSE, n_read)
                 else:
                     raise self._death(f"the decoder died ({self._ending()})", n_read)
         end = self._unread.index(b"\n") + 1
-        message: dict[str, Any] = json.loads(self._unread[:end])
+        line = bytes(self._unread[:end])
         del self._unread[:end]
-        return message
+        try:
+            message = json.loads(line)
+        except ValueError as error:
+            raise self._death(_NONSENSE, n_read) from error
+        return message if isinstance(message, dict) else {}
 
     def _ending(self) -> str:
         """Return in words how it ended, after its end of a pipe was closed."""

@@ -45,11 +45,12 @@ def main(arguments: list[str]) -> None:
     parent, address_bytes = (int(argument) for argument in arguments)
     bound_process(parent, address_bytes)
     # What libraries print must not come between the messages
-    with os.fdopen(os.dup(1), "wb", buffering=0) as pipe:
+    with os.fdopen(os.dup(1), "wb") as pipe:
         os.dup2(2, 1)
 
         def report(message: Mapping[str, Any]) -> None:
             pipe.write(message_line(message))
+            pipe.flush()
 
         report({"ready": True})
         _import_ahead("linework.files.store_write")
