@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from linework.errors import InputError, MachineError
-from linework.files import decoder
+from linework.files import decoder_process
 from linework.files.decoder import DecoderLimits
 from linework.files.las_write import write_las
 from linework.files.spill import spill_survey
@@ -83,7 +83,7 @@ def test_what_kills_the_parallel_decoder_is_decoded_alone(survey, folder):
 
 
 def test_a_process_that_closes_its_pipe_is_not_waited_for(survey, folder, monkeypatch):
-    monkeypatch.setattr(decoder, "_ENDING_S", 0.1)
+    monkeypatch.setattr(decoder_process, "_ENDING_S", 0.1)
     facts = spill(survey, folder, dying("silence"))
     assert "the decoder died (it fell silent) after 100 points" in facts.failures[0][1]
 
@@ -134,7 +134,7 @@ def children_of(pid):
 PARENT = """
 import sys
 from pathlib import Path
-from linework.files import decoder
+from linework.files import decoder_process
 from linework.files.decoder import DecoderLimits
 from linework.files.spill import spill_survey
 from linework.files.survey import open_survey

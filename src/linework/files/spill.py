@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
 from linework.errors import InputError, MachineError
 from linework.files.decode_messages import Decoded, DecodeTask
 from linework.files.decoder import Decoder, DecoderLimits
-from linework.files.las_crs import ResolvedCrs, resolve_crs
-from linework.files.las_header import LasHeader, read_las_header
 from linework.files.las_tally import TimeKind
 from linework.files.repeats import repeated_elsewhere, said_elsewhere, sample_bits
-from linework.files.run_record import hash_file
+from linework.files.spill_plan import CHANGED_ADVICE, PlannedFile, SpillAccount, plan_files, state_of
 from linework.files.store_facts import FileFacts, StoreFacts, facts_document, facts_of
 from linework.files.store_layout import POINTS_SUFFIX, STEPS_PER_M, RunTable
 from linework.files.store_read import PointStore
@@ -30,26 +26,6 @@ from linework.model.survey import Survey
 _POINT_BYTES = 18
 #: Points used to see whether they are degrees; more changes the 0.1 % quantiles of a million points by little.
 _SAMPLE = 100_000
-_CHANGED_ADVICE = "run again when nothing writes to it"
-
-
-@dataclass(frozen=True, slots=True)
-class _Planned:
-    """A file whose header is sound, and its state then: size, time of change, inode."""
-
-    path: Path
-    header: LasHeader
-    crs: ResolvedCrs
-    state: tuple[int, int, int]
-
-
-@dataclass(slots=True)
-class _Account:
-    """What is found on the way, by file."""
-
-    warnings: dict[Path, list[str]]
-    failures: dict[Path, InputError] = field(default_factory=dict)
-    empty: InputError | None = None
 
 
 def spill_survey(
@@ -86,7 +62,7 @@ def spill_survey(
         )
     # The process starts while the headers are read
     with Decoder(n_threads, limits or DecoderLimits()) as decoder:
-        planned, account = _plan(survey)
+        planned, account = plan_files(survey)
         _check_free_space(folder, sum(file.header.n_points for file in planned))
         decoded = _decode_all(decoder, planned, account, folder, progress)
     if not decoded:
@@ -102,37 +78,13 @@ def spill_survey(
     return facts_of(PointStore.open(folder))
 
 
-def _plan(survey: Survey) -> tuple[list[_Planned], _Account]:
-    """Check the headers of all files before anything is decoded."""
-    planned, account = [], _Account({path: [] for path in survey.point_files})
-    repeated = _repeated(survey.point_files)
-    for path in survey.point_files:
-        if path in repeated:
-            account.warnings[path].append(f"the same bytes as {repeated[path].name}, left out")
-            continue
-        try:
-            header = read_las_header(path)
-            state = _state(path)
-        except InputError as error:
-            account.failures[path] = error
-            continue
-        if header.n_points == 0:
-            empty = InputError("no points (0 in the header)", where=path, advice="leave the file out")
-            account.warnings[path].append(f"{empty.problem}, left out")
-            account.empty = account.empty or empty
-            continue
-        crs = resolve_crs(header.projection, survey.settings.get("crs"), where=path)
-        planned.append(_Planned(path, header, crs, state))
-    return planned, account
-
-
 def _decode_all(
     decoder: Decoder,
-    planned: Sequence[_Planned],
-    account: _Account,
+    planned: Sequence[PlannedFile],
+    account: SpillAccount,
     folder: Path,
     progress: Callable[[int, int], None] | None,
-) -> list[tuple[_Planned, Decoded]]:
+) -> list[tuple[PlannedFile, Decoded]]:
     """Decode the files one after the other; what fails is kept in the account and leaves nothing behind."""
     n_promised = sum(file.header.n_points for file in planned)
     n_before, decoded = 0, []
@@ -164,8 +116,8 @@ def _decode_all(
 
 
 def _without_copies(
-    decoded: Sequence[tuple[_Planned, Decoded]], account: _Account, folder: Path
-) -> list[tuple[_Planned, Decoded]]:
+    decoded: Sequence[tuple[PlannedFile, Decoded]], account: SpillAccount, folder: Path
+) -> list[tuple[PlannedFile, Decoded]]:
     """Return the files without those all of whose points another file holds too; tell of those and of parts."""
     has_time = all(result.gps_time_kind != "none" for _, result in decoded)
     found = repeated_elsewhere([result.repeats for _, result in decoded], has_time=has_time)
@@ -185,43 +137,18 @@ def _without_copies(
     return kept
 
 
-def _check_result(file: _Planned, result: Decoded) -> None:
+def _check_result(file: PlannedFile, result: Decoded) -> None:
     """Refuse a file that changed while it was read, or whose points do not add up."""
-    if _state(file.path) != file.state:
-        raise InputError("changed while it was read", where=file.path, advice=_CHANGED_ADVICE)
+    if state_of(file.path) != file.state:
+        raise InputError("changed while it was read", where=file.path, advice=CHANGED_ADVICE)
     n_accounted = result.n_points + sum(result.n_rejected.values())
     if n_accounted != file.header.n_points or result.runs.n_points != result.n_points:
         raise InputError(
             f"{n_accounted:,} points read and {result.runs.n_points:,} written of {file.header.n_points:,} that the"
             " header promises",
             where=file.path,
-            advice=_CHANGED_ADVICE,
+            advice=CHANGED_ADVICE,
         )
-
-
-def _state(path: Path) -> tuple[int, int, int]:
-    try:
-        status = path.stat()
-    except OSError as error:
-        raise InputError(
-            f"went away while it was read: {error.strerror}", where=path, advice=_CHANGED_ADVICE
-        ) from error
-    return status.st_size, status.st_mtime_ns, status.st_ino
-
-
-def _repeated(files: Sequence[Path]) -> dict[Path, Path]:
-    """Return the files whose bytes are those of an earlier one."""
-    sizes = {path: path.stat().st_size for path in files if path.is_file()}
-    how_often = Counter(sizes.values())
-    first: dict[tuple[int, str], Path] = {}
-    found = {}
-    for path, size in sizes.items():
-        if how_often[size] < 2 or size == 0:
-            continue
-        other = first.setdefault((size, hash_file(path)), path)
-        if other is not path:
-            found[path] = other
-    return found
 
 
 def _check_free_space(folder: Path, n_points: int) -> None:
@@ -236,7 +163,7 @@ def _check_free_space(folder: Path, n_points: int) -> None:
 
 
 def _facts(
-    survey: Survey, decoded: Sequence[tuple[_Planned, Decoded]], account: _Account
+    survey: Survey, decoded: Sequence[tuple[PlannedFile, Decoded]], account: SpillAccount
 ) -> dict[str, object]:
     """Return what is to be known of the store, as JSON."""
     files = tuple(_file_facts(file, result) for file, result in decoded)
@@ -264,7 +191,7 @@ def _facts(
     )  # fmt: skip
 
 
-def _file_facts(file: _Planned, result: Decoded) -> FileFacts:
+def _file_facts(file: PlannedFile, result: Decoded) -> FileFacts:
     # On the store's lattice, so that its points lie within
     west, south, east, north = (
         round(v * STEPS_PER_M) / STEPS_PER_M for v in (*result.low[:2], *result.high[:2])
