@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from linework.files.las_header import LasHeader
-from linework.files.las_records import RecordSource
+from linework.files.las_source import RecordSource
 from linework.model.arrays import AnyArray, BoolArray, FloatArray
 
 #: Points decoded at a time: about 15 MB of records stay near the caches while they are converted, which

@@ -1,96 +1,95 @@
-"""The records of a laser file, one after the other, as they are or decompressed."""
+"""The variable length records of a LAS file, those before the points and the extended ones behind them.
+
+References
+----------
+ASPRS, LAS Specification 1.4 - R15, sections 2.5 and 2.7.
+"""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Callable
+import struct
 from pathlib import Path
-from typing import Any
-
-import lazrs
+from typing import BinaryIO
 
 from linework.errors import InputError
-from linework.files.las_header import LasHeader
-from linework.model.arrays import AnyArray
 
-#: Chunk size that says: every chunk has its own (COPC).
-_VARIABLE_CHUNKS = 0xFFFFFFFF
+#: (user id, record id, data)
+Record = tuple[bytes, int, bytes]
 
-
-class RecordSource:
-    """The records of one file, read one after the other into buffers."""
-
-    def __init__(
-        self, path: Path, file: io.BufferedReader, header: LasHeader, *, is_sequential: bool
-    ) -> None:
-        self._path, self._file, self._header = path, file, header
-        self._is_sequential = is_sequential
-        self._fill: Callable[[AnyArray], None] | None = None
-
-    def read(self, view: AnyArray, start: int) -> AnyArray:
-        """Fill a byte buffer with the records from point `start` on, and return it."""
-        try:
-            self._fill = self._fill or self._filler()
-            self._fill(view)
-        except (KeyboardInterrupt, SystemExit):
-            raise
-        except MemoryError:
-            raise
-        except BaseException as error:  # lazrs panics are no Exceptions
-            n = len(view) // self._header.record_bytes
-            raise InputError(
-                f"points {start:,} to {start + n:,} of {self._header.n_points:,} cannot be decoded (cut off or"
-                " damaged)",
-                where=self._path,
-                advice="copy the file again, or leave it out",
-            ) from error
-        return view
-
-    def _filler(self) -> Callable[[AnyArray], None]:
-        """Return a function that fills a byte buffer with the next records."""
-        laz, offset = self._header.laz, self._header.point_offset
-        self._file.seek(offset)
-        if laz is None:
-            return self._fill_plain
-        selection = lazrs.DecompressionSelection(
-            lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL | lazrs.SELECTIVE_DECOMPRESS_Z
-            | lazrs.SELECTIVE_DECOMPRESS_INTENSITY | lazrs.SELECTIVE_DECOMPRESS_GPS_TIME
-            | lazrs.SELECTIVE_DECOMPRESS_CLASSIFICATION | lazrs.SELECTIVE_DECOMPRESS_FLAGS
-        )  # fmt: skip
-        if laz.is_sound and not self._is_sequential:
-            return lazrs.ParLasZipDecompressor(self._file, laz.vlr, selection).decompress_many  # type: ignore[no-any-return]
-        source: io.BufferedIOBase = self._file
-        # This decoder reads the chunk table even where it needs none, and a decoder may have died of that table;
-        # to tell apart chunks of several sizes it needs it
-        if laz.table_offset is not None and laz.chunk_size != _VARIABLE_CHUNKS:
-            source = io.BufferedReader(_WithoutChunkTable(self._file, laz.table_offset), 1 << 20)
-            source.seek(offset)
-        return lazrs.LasZipDecompressor(source, laz.vlr, selection).decompress_many  # type: ignore[no-any-return]
-
-    def _fill_plain(self, view: AnyArray) -> None:
-        if self._file.readinto(view.data) != len(view):
-            raise EOFError("cut off")
+#: Bytes before the data of a record, and of an extended one.
+HEAD_BYTES, EXTENDED_HEAD_BYTES = 54, 60
+#: A WKT is some kB; what calls itself one and is larger is not read.
+_MAX_EXTENDED_BYTES = 1 << 20
+_DAMAGED = "copy the file again, or leave it out"
 
 
-class _WithoutChunkTable(io.RawIOBase):
-    """A file as if its chunk table had no chunks."""
+def read_records(path: Path, file: BinaryIO, start: int, n_records: int, end: int) -> list[Record]:
+    """Return the records between the header and the points; their number was bounded by the bytes there.
 
-    def __init__(self, file: io.BufferedReader, table_offset: int) -> None:
-        self._file, self._table_offset = file, table_offset
+    Parameters
+    ----------
+    end
+        Byte where the points start.
 
-    def readable(self) -> bool:
-        return True
+    Raises
+    ------
+    InputError
+        They do not fit there.
+    """
+    file.seek(start)
+    block = file.read(end - start)
+    found, at = [], 0
+    for i in range(n_records):
+        if at + HEAD_BYTES > len(block):
+            raise _error(path, f"only {i:,} of {n_records:,} variable length records fit before the points")
+        user, record, length = struct.unpack_from("<16sHH", block, at + 2)
+        over = at + HEAD_BYTES + length - len(block)
+        if over > 0:
+            raise _error(
+                path, f"variable length record {i + 1:,} of {n_records:,} runs {over:,} bytes into the points"
+            )
+        found.append((user.split(b"\0")[0], record, block[at + HEAD_BYTES : at + HEAD_BYTES + length]))
+        at += HEAD_BYTES + length
+    return found
 
-    def seekable(self) -> bool:
-        return True
 
-    def seek(self, offset: int, whence: int = 0, /) -> int:
-        return self._file.seek(offset, whence)
+def read_extended_records(
+    path: Path, file: BinaryIO, start: int, n_records: int, n_bytes: int
+) -> list[Record]:
+    """Return the CRS records among the extended ones; others (waveforms, COPC hierarchy) are passed over.
 
-    def readinto(self, buffer: Any, /) -> int:
-        at, view = self._file.tell(), memoryview(buffer).cast("B")
-        n = self._file.readinto(view)
-        first, last = max(self._table_offset - at, 0), min(self._table_offset + 8 - at, n)
-        if first < last:
-            view[first:last] = bytes(last - first)
-        return n
+    Parameters
+    ----------
+    n_bytes
+        Size of the file.
+
+    Raises
+    ------
+    InputError
+        They are not in the file.
+    """
+    if n_records == 0:
+        return []
+    if start < 375 or start + EXTENDED_HEAD_BYTES * n_records > n_bytes:
+        raise _error(
+            path,
+            f"header promises {n_records:,} extended records from byte {start:,}, the file ends at {n_bytes:,}",
+        )
+    found, at = [], start
+    for i in range(n_records):
+        file.seek(at)
+        head = file.read(EXTENDED_HEAD_BYTES)
+        if len(head) < EXTENDED_HEAD_BYTES:
+            raise _error(path, f"only {i:,} of {n_records:,} extended records are in the file")
+        user, record, length = struct.unpack_from("<16sHQ", head, 2)
+        if at + EXTENDED_HEAD_BYTES + length > n_bytes:
+            raise _error(path, f"extended record {i + 1:,} of {n_records:,} runs past the end of the file")
+        name = user.split(b"\0")[0]
+        if name == b"LASF_Projection" and length <= _MAX_EXTENDED_BYTES:
+            found.append((name, record, file.read(length)))
+        at += EXTENDED_HEAD_BYTES + length
+    return found
+
+
+def _error(path: Path, problem: str) -> InputError:
+    return InputError(problem, where=path, advice=_DAMAGED)
