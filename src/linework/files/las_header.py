@@ -21,7 +21,7 @@ from typing import BinaryIO
 
 from linework.errors import InputError
 from linework.files.las_chunks import LazTable, read_laz_table, refuse_unfinished
-from linework.files.las_records import HEAD_BYTES, read_extended_records, read_records
+from linework.files.las_vlrs import HEAD_BYTES, read_extended_records, read_records
 
 #: Bytes of a point record without extra bytes, by point format (specification tables 7 to 17).
 RECORD_BYTES = {0: 20, 1: 28, 2: 26, 3: 34, 4: 57, 5: 63, 6: 30, 7: 36, 8: 38, 9: 59, 10: 67}
