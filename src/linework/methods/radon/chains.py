@@ -266,12 +266,17 @@ def _assembled(strands: Strands, chain: list[int], partner: dict[int, Link], con
 
 
 def _between(strands: Strands, end: int, link: Link, back: Link, config: CircleConfig) -> FloatArray:
-    """Return the rows from the middle of a strand to that of the next, left out: what both followed, blended."""
+    """Return the rows from the middle of a strand to that of the next, left out.
+
+    What both followed, blended; the same rows whichever way they are gone through.
+    """
     steps = max(round(0.5 * (link.away_m + back.away_m) / config.spacing_m), 1)
     at = np.arange(steps) / steps
     own, other = strands.along(end, link.away_m, at), strands.along(link.end, back.away_m, 1.0 - at)
     if not (link.seen and back.seen):
-        return own if link.seen else other
+        rows = own if link.seen else other
+        rows[0] = strands.along(end, 0.0, np.zeros(1))[0]
+        return rows
     rows = (1.0 - at[:, None]) * own + at[:, None] * other
     rows[:, 4] = np.minimum(own[:, 4], other[:, 4]) >= 0.5
     return np.asarray(rows)
