@@ -1,5 +1,6 @@
 """Surveys: files, folders, survey.toml; what is left out is counted and said."""
 
+import os
 import shutil
 from pathlib import Path
 
@@ -55,6 +56,21 @@ def test_folder(folder):
 def test_hidden_files_are_not_the_surveys(folder):
     (folder / "._a.laz").write_bytes(b"what another system keeps beside a file")
     assert [p.name for p in open_survey([folder]).point_files] == ["a.laz", "b.laz", "c.LAS"]
+
+
+def test_what_is_no_file_does_not_stop_the_others(folder):
+    (folder / "folder.laz").mkdir()
+    (folder / "gone.laz").symlink_to(folder / "nowhere.laz")
+    (folder / "loop.laz").symlink_to(folder / "loop.laz")
+    os.mkfifo(folder / "pipe.laz")
+    read = read_survey_points(open_survey([folder]))
+    assert len(read.points) == 1500
+    (gone, loop, pipe) = (text.removeprefix(f"{path}: ") for path, text in read.failures)
+    assert gone.startswith("cannot be opened")
+    assert "No such file" in gone
+    assert loop.startswith("cannot be opened")
+    assert "Too many levels of symbolic links" in loop
+    assert pipe == "is not a regular file. Name a file on a disk."
 
 
 def test_files_in_any_order_and_twice_are_one_survey(folder):

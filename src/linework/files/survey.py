@@ -92,7 +92,9 @@ def _files_of(path: Path) -> list[Path]:
     if path.is_dir():
         # Hidden files are what other systems leave beside a file (._a.laz), or what is just being written
         files = sorted(
-            p for p in path.iterdir() if p.suffix.lower() in _SUFFIXES and not p.name.startswith(".")
+            p
+            for p in path.iterdir()
+            if p.suffix.lower() in _SUFFIXES and not p.name.startswith(".") and not p.is_dir()
         )
         if not files:
             raise InputError("folder without .las/.laz files and without survey.toml", where=path,
@@ -121,12 +123,15 @@ def _matching(root: Path, patterns: Sequence[str], where: Path) -> list[Path]:
 
 
 def _each_once(files: Sequence[Path]) -> tuple[Path, ...]:
-    """Return the files sorted, links to the same file once."""
-    kept: dict[tuple[int, int], Path] = {}
+    """Return the files sorted, links to the same file once; what cannot be read is named when that is tried."""
+    kept: dict[object, Path] = {}
     for path in sorted(files):
-        regular_file_bytes(path)
-        status = path.stat()
-        kept.setdefault((status.st_dev, status.st_ino), path)
+        try:
+            status = path.stat()
+        except OSError:
+            kept[path] = path
+        else:
+            kept.setdefault((status.st_dev, status.st_ino), path)
     return tuple(kept.values())
 
 
