@@ -76,7 +76,8 @@ def test_a_store_does_not_depend_on_batches_order_or_decoder(suffix, rows, data)
 
 
 ANY_TIMES = st.lists(
-    st.floats(-1e9, 4e9, allow_nan=False) | st.sampled_from([0.0, -1e-17, 3e8, 3e8 + 4096]), min_size=1
+    st.floats(-1e9, 4e9, allow_nan=False) | st.sampled_from([0.0, -1e-17, -5e-324, 3e8, 3e8 + 4096]),
+    min_size=1,
 )
 
 

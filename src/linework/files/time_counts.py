@@ -50,9 +50,8 @@ class TimeCounts:
         level = 0
         while _n_buckets(low, high, level) > _MAX_BUCKETS:
             level += 1
-        first = math.floor(low / 2.0**level)
-        # Powers of two: the division is exact
-        buckets = np.floor(time_s * 2.0**-level).astype(np.int64)
+        first = math.floor(low) >> level
+        buckets = np.floor(time_s).astype(np.int64) >> level
         self.merge(TimeCounts(level, first, np.bincount(buckets - first), low, high))
 
     def merge(self, other: TimeCounts) -> None:
@@ -63,7 +62,7 @@ class TimeCounts:
         level = max(self.level, other.level)
         while _n_buckets(low, high, level) > _MAX_BUCKETS:
             level += 1
-        first = math.floor(low / 2.0**level)
+        first = math.floor(low) >> level
         counts = np.zeros(_n_buckets(low, high, level), np.int64)
         for part in (self, other):
             at = ((part.first + np.arange(len(part.counts))) >> (level - part.level)) - first
@@ -106,5 +105,4 @@ class TimeCounts:
 
 
 def _n_buckets(low: float, high: float, level: int) -> int:
-    width = 2.0**level
-    return math.floor(high / width) - math.floor(low / width) + 1
+    return (math.floor(high) >> level) - (math.floor(low) >> level) + 1
