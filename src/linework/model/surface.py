@@ -10,7 +10,7 @@ from linework.model.grid import Grid
 
 @dataclass(frozen=True, slots=True)
 class RoadSurface:
-    """The road's and the ground's height on one grid, without holes.
+    """The road's and the ground's height on one grid, without holes (NaN only where making it failed).
 
     Parameters
     ----------

@@ -49,13 +49,13 @@ class Layout(NamedTuple):
     Parameters
     ----------
     n_cells
-        Size of a tile: 512 cells of 0.5 m are 4 x 4 blocks of the point store, 1 million points of a dense
-        drive, and 40 MB while it is worked on.
+        Size of a tile. 384 cells of 0.5 m are 3 x 3 blocks of the point store: smaller tiles have more edge
+        to look beyond, larger ones more empty cells along a road.
     origin
         Cell numbers east and north that a tile begins at.
     """
 
-    n_cells: int = 512
+    n_cells: int = 384
     origin: tuple[int, int] = (0, 0)
 
 
