@@ -46,7 +46,7 @@ def stored(folder, points):
 
 def main():
     length_m = float(sys.argv[1]) if len(sys.argv) > 1 else 1000.0
-    layout = Layout(int(sys.argv[2])) if len(sys.argv) > 2 else Layout()
+    layout = Layout(int(sys.argv[2])) if len(sys.argv) > 2 else None
     survey = simulate_survey("bends", 3, length_m, points_per_m=4000)
     n = len(survey.points)
     print(

@@ -1,5 +1,6 @@
 """The surface of a whole survey: which regions are road, what failed, what is used again."""
 
+import errno
 import json
 from dataclasses import dataclass, replace
 
@@ -285,6 +286,24 @@ def test_a_damaged_surface_is_said_with_its_file(tmp_path):
     assert read_surface_record(tmp_path / "surface") is None
 
 
+def test_a_full_disk_ends_the_pass_and_leaves_no_surface(tmp_path, monkeypatch):
+    store = store_of(tmp_path / "store", winding_road(3))
+    write, left = np.lib.format.write_array, [12]
+
+    def full(*arguments, **how):
+        left[0] -= 1
+        if left[0] < 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write(*arguments, **how)
+
+    monkeypatch.setattr(np.lib.format, "write_array", full)
+    with pytest.raises(MachineError, match=r"cannot be written: No space left on device.*Free some space"):
+        surface_of(store, along(), tmp_path / "surface")
+    assert read_surface_record(tmp_path / "surface") is None
+    monkeypatch.undo()
+    assert not surface_of(store, along(), tmp_path / "surface").failures
+
+
 def test_the_record_says_of_what_the_surface_is(tmp_path):
     store = store_of(tmp_path / "store", winding_road(3))
     surface = surface_of(store, None, tmp_path / "surface", key="points and path")
@@ -312,9 +331,21 @@ def test_progress_ends_where_it_said_it_would(tmp_path):
         layout=SMALL_TILES,
     )
     done, total = zip(*told, strict=True)
-    assert done == tuple(range(1, len(done) + 1))
+    assert list(done) == sorted(done)
     assert len(set(total)) == 1
-    assert done[-1] <= total[0]
+    assert done[-1] == total[0]
+
+
+def test_a_store_without_points_has_no_surface_and_no_error(tmp_path):
+    store = store_of(tmp_path / "store", np.zeros((0, 3)))
+    surface = surface_of(store, along(), tmp_path / "surface")
+    assert np.isnan(surface.over(place(0, 0, 5, 5)).road_m).all()
+
+
+def test_tiles_grow_with_what_they_look_beyond():
+    assert Layout.for_cells(CONFIG) == Layout(384)
+    assert Layout.for_cells(replace(CONFIG, cell_m=0.05)) == Layout(1200)
+    assert Layout.for_cells(replace(CONFIG, cell_m=0.2)).n_cells * 0.2 > 100.0
 
 
 def test_cells_that_binary_fractions_miss_lose_no_point_at_the_edges_of_tiles(tmp_path):

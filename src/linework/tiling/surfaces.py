@@ -49,14 +49,23 @@ class Layout(NamedTuple):
     Parameters
     ----------
     n_cells
-        Size of a tile. 384 cells of 0.5 m are 3 x 3 blocks of the point store: smaller tiles have more edge
-        to look beyond, larger ones more empty cells along a road.
+        Size of a tile, in rows and columns.
     origin
         Cell numbers east and north that a tile begins at.
     """
 
-    n_cells: int = 384
+    n_cells: int
     origin: tuple[int, int] = (0, 0)
+
+    @classmethod
+    def for_cells(cls, config: RoadConfig) -> Layout:
+        """Return the layout that costs least.
+
+        384 cells of 0.5 m are 3 x 3 blocks of the point store: smaller tiles have more edge to look beyond,
+        larger ones more empty cells along a road. Smaller cells look beyond farther in cells; 1200 of them,
+        with what is around, take 200 MB.
+        """
+        return cls(min(max(384, 2 * halo_cells(config)), 1200))
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +155,7 @@ def make_surface(
     advance: Advance,
     *,
     key: str,
-    layout: Layout = Layout(),  # noqa: B008 (immutable)
+    layout: Layout | None = None,
 ) -> SurveySurface:
     """Find road and ground of a survey, and keep them in a folder; what is there already for `key` is used.
 
@@ -164,6 +173,8 @@ def make_surface(
         Told how many of the tiles' steps are done, and how many there are.
     key
         Fingerprint of points, trajectory and settings.
+    layout
+        How the cells are split into tiles; None: as costs least.
 
     Raises
     ------
@@ -178,6 +189,7 @@ def make_surface(
     record = read_surface_record(folder)
     if record and (record.get("version"), record.get("key")) == (_VERSION, key) and not record["failed"]:
         return SurveySurface._from(folder, record)
+    layout = layout or Layout.for_cells(config)
     clear_surface(folder)
     making = _Making(store, trajectory, config, SurfaceTiles(folder, *layout), executor, advance)
     known = making.surface()
@@ -215,7 +227,6 @@ class _Making:
         self.failed: dict[TileNumber, str] = {}
         self._occupied = _tiles_of(self._blocks, tiles, config, 0)
         self._reached = _tiles_of(self._blocks, tiles, config, halo_cells(config))
-        self._done = 0
         source = store.folder if isinstance(store, PointStore) else store
         self._task = passes.TileTask(source, tiles, (0, 0), config, self.z0_m)
         path, islands = path_samples(trajectory, config.cell_m), Islands.of(self._blocks)
@@ -225,36 +236,41 @@ class _Making:
     def surface(self) -> list[TileNumber]:
         """Make the surface; return the tiles that have one."""
         # The lowest supported height of every cell, and how much the layer above it spreads
-        spreads = self._run(passes.find_heights, self._occupied)
+        spreads = self._run(0, passes.find_heights, self._occupied)
         self._task = replace(self._task, rough_limit_m=rough_limit_m(_added(spreads.values()), self._config))
         # Regions that continue the slope, and looser ones, united across the edges of tiles
-        facts = self._run(passes.find_regions, [tile for tile, counts in spreads.items() if len(counts)])
+        facts = self._run(1, passes.find_regions, [tile for tile, counts in spreads.items() if len(counts)])
         names = sorted(facts)
         choice = Choice([facts.pop(name) for name in names], self._links(names), self._config.cell_m)
         # The road is under the van; the ground is what is connected to it, and level pieces apart from it
         self._write_chosen(names, choice)
-        receipts = self._run(passes.find_apart, names)
+        receipts = self._run(2, passes.find_apart, names)
         self._add_ground(names, choice, receipts)
         coarse = CoarseGround.added(*(receipt.coarse for receipt in receipts.values()))
         self._tiles.write_common(passes.COARSE, coarse.blocks, coarse.total, coarse.cells)
         # Beyond its edge the road is carried on, and gives way to the ground
-        has = self._run(passes.carry_on, [tile for tile in self._reached if tile not in self.failed])
+        has = self._run(3, passes.carry_on, [tile for tile in self._reached if tile not in self.failed])
+        self._advance(self._n_steps, self._n_steps)
         self._tiles.keep_only(passes.SURFACE, passes.COARSE)
         return [tile for tile, is_there in has.items() if is_there]
 
     def _run(
-        self, work: Callable[[passes.TileTask], Any], tiles: Iterable[TileNumber]
+        self, number: int, work: Callable[[passes.TileTask], Any], tiles: Iterable[TileNumber]
     ) -> dict[TileNumber, Any]:
         """Do one pass over tiles, and return their receipts; failures are kept by tile."""
-        receipts = {}
+        receipts, done = {}, number * len(self._occupied)
         for outcome in self._executor.run(work, [replace(self._task, tile=tile) for tile in tiles]):
             if outcome.receipt is None:
                 self.failed.setdefault(outcome.task.tile, outcome.problem)
             else:
                 receipts[outcome.task.tile] = outcome.receipt
-            self._done += 1
-            self._advance(self._done, 3 * len(self._occupied) + len(self._reached))
+            done += 1
+            self._advance(done, self._n_steps)
         return receipts
+
+    @property
+    def _n_steps(self) -> int:
+        return 3 * len(self._occupied) + len(self._reached)
 
     def _links(self, names: Sequence[TileNumber]) -> list[Link]:
         """Return what is connected across the edges between tiles."""
@@ -301,12 +317,12 @@ class _Making:
 def _height_origin(
     store: PointStore | passes.PointSource, trajectory: Trajectory | None, blocks: IntArray, counts: IntArray
 ) -> float:
-    """Return the height origin of the path, or without one of the block with most points."""
+    """Return the height origin of the path, or without one of a block with neither few nor many points."""
     if trajectory is not None and len(trajectory):
         return height_origin(trajectory.xyz[:, 2])
     if len(counts) == 0:
         return 0.0
-    east, north = (blocks[np.argmax(counts)] * BLOCK_M).tolist()
+    east, north = (blocks[np.argsort(counts, kind="stable")[len(counts) // 2]] * BLOCK_M).tolist()
     block = Bounds(east, north, east + BLOCK_M, north + BLOCK_M)
     return height_origin(store.points(block, ordered=False, with_time=False, with_intensity=False).xyz[:, 2])
 
