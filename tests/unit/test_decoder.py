@@ -113,6 +113,14 @@ def test_a_process_that_does_not_start_is_no_damaged_file(survey, folder):
     assert list(folder.iterdir()) == []
 
 
+def test_too_little_memory_to_begin_is_no_damaged_file(survey, folder):
+    limits = DecoderLimits(address_bytes=400 << 20)
+    with pytest.raises(MachineError) as caught:
+        spill(survey, folder, limits)
+    assert "(ulimit -" in str(caught.value)
+    assert list(folder.iterdir()) == []
+
+
 def test_interrupted_the_process_is_gone_and_its_part_removed(survey, folder):
     (folder / "notes.txt").write_text("not ours")
 

@@ -152,11 +152,11 @@ def _writer(target: Path, report: Report) -> StoreWriter:
     report({"loading": True})
     try:
         from linework.files.store_write import StoreWriter
-    except MemoryError as error:
+    except (ImportError, MemoryError, OSError) as error:  # with too little memory it may be any of them
         raise MachineError(
-            "too little even to start decoding",
-            where="memory",
-            advice="close other programs, or raise ulimit -v",
+            f"the part that writes points cannot be loaded ({type(error).__name__})",
+            where="linework",
+            advice="raise the limit on memory (ulimit -v), or check the installation",
         ) from error
     return StoreWriter(target)
 
