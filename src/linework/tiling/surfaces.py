@@ -7,6 +7,7 @@ does not depend on how the survey is split.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -191,8 +192,14 @@ def make_surface(
         return SurveySurface._from(folder, record)
     layout = layout or Layout.for_cells(config)
     clear_surface(folder)
-    making = _Making(store, trajectory, config, SurfaceTiles(folder, *layout), executor, advance)
-    known = making.surface()
+    try:
+        making = _Making(store, trajectory, config, SurfaceTiles(folder, *layout), executor, advance)
+        known = making.surface()
+    except BaseException:
+        # Half a surface is of no use to the next run; on a full disk its room is
+        with contextlib.suppress(OSError):
+            clear_surface(folder)
+        raise
     write_surface_record(
         folder,
         {
