@@ -18,6 +18,11 @@ from linework.model.arrays import BoolArray, FloatArray, IntArray
 #: What lies beyond a gap of this length [m], or this many usual gaps, must be a stretch of this length [m]
 #: half as often hit as the wire itself.
 TAIL_GAP_M, TAIL_GAPS, TAIL_LONG_M = 3.0, 3.0, 2.0
+#: Points this far beyond a piece's ends [m] are looked at as it is collected; of a wire that is found, all
+#: that follow without a tail's gap, in as many rounds as that takes (two or three; some go to and fro).
+NEXT_M, MOST_ROUNDS = 0.5, 8
+#: Insulators, the crossarm and the pole lie within this many metres of a wire's ends.
+FITTING_METRES = 2
 #: Longer gaps [m] are not usual on any wire: something hides it.
 MOST_USUAL_M = 6.0
 
@@ -96,11 +101,41 @@ def fit_wire(band: Band, members: IntArray, widths: Widths) -> Wire | None:
         if len(members) < 4:
             return None
         wire = _fitted(band.xyz[members], members, widths)
-        collected = _on_wire(band, wire)
+        collected = _on_wire(band, wire, wire.low_m - NEXT_M, wire.high_m + NEXT_M)
         if np.array_equal(collected, wire.members):
             break
         members = collected
     return _fitted(band.xyz[members], members, widths) if len(members) >= 4 else None
+
+
+def settled(band: Band, wire: Wire) -> Wire:
+    """Return the wire with all points on it and on what follows its ends, however it was found."""
+    for _ in range(MOST_ROUNDS):
+        members = _on_wire(band, wire, wire.low_m - TAIL_GAP_M, wire.high_m + TAIL_GAP_M)
+        if len(members) < 4 or np.array_equal(members, wire.members):
+            break
+        wire = _fitted(band.xyz[members], members, wire.widths)
+    return wire
+
+
+def near_end(band: Band, wire: Wire, side: int, reach_m: float) -> Wire:
+    """Return the wire as its points within `reach_m` of its low (0) or high (1) end alone would make it."""
+    if wire.length_m <= reach_m:
+        return wire
+    s, _ = wire.plan.stations(band.xyz[wire.members, :2])
+    limits = (wire.high_m - reach_m, wire.high_m) if side else (wire.low_m, wire.low_m + reach_m)
+    edges = wire.plan.places(np.array(limits))
+    members = wire.members[(s >= limits[0]) & (s <= limits[1])]
+    if len(members) < 8:
+        return wire
+    near = _fitted(band.xyz[members], members, wire.widths)
+    for _ in range(MOST_ROUNDS):
+        low, high = near.plan.stations(edges)[0].tolist()
+        members = _on_wire(band, near, min(low, high), max(low, high))
+        if len(members) < 8 or np.array_equal(members, near.members):
+            break
+        near = _fitted(band.xyz[members], members, wire.widths)
+    return exact(band, near)
 
 
 def exact(band: Band, wire: Wire) -> Wire:
@@ -132,18 +167,20 @@ def _line_of(plan: Plan, low_m: float, high_m: float) -> FloatArray:
     return np.array([plan.x, plan.y, plan.ux, plan.uy, low_m, high_m])
 
 
-def _on_wire(band: Band, wire: Wire) -> IntArray:
-    """Return the band's points on a wire and half a metre beyond its ends, by station.
+def _on_wire(band: Band, wire: Wire, low: float, high: float) -> IntArray:
+    """Return the band's points on a wire, carried on, between two stations, by station.
 
     It ends with the first and the last metre that are clear of other points: in a crown leaves lie on any line.
     """
-    near = band.near(_line_of(wire.plan, wire.low_m - 0.5, wire.high_m + 0.5), RING * wire.gate_m)
+    near = band.near(_line_of(wire.plan, low, high), RING * wire.gate_m)
     s, o, dz = wire.residuals(band.xyz[near])
     r = np.hypot(o, dz)
     on = r <= wire.gate_m
-    metre = np.floor(s - wire.low_m + 1.0).astype(np.int64)
+    # metres are counted from the band's origin: where they begin must not depend on the wire's points
+    shift = wire.plan.x * wire.plan.ux + wire.plan.y * wire.plan.uy
+    metre = (np.floor(s + shift) - math.floor(low + shift)).astype(np.int64)
     counts = [
-        np.bincount(metre[chosen], minlength=math.ceil(wire.length_m) + 3)
+        np.bincount(metre[chosen], minlength=math.ceil(high - low) + 2)
         for chosen in (on, (r > 1.25 * wire.gate_m) & (r <= RING * wire.gate_m))
     ]
     clear = np.flatnonzero((counts[0] > 0) & (3 * counts[1] <= counts[0]))
@@ -198,6 +235,8 @@ class Surroundings:
         Share of these with points in the ring about it, more than every third of those on it.
     crowded
         Share of these with other points within 0.6 m that are no wire's.
+    taken
+        Metres that are ringed or crowded, other than those at its ends: there it hangs on something.
     even
         How evenly the points are spread over its metres, 0 to 1: (sum of r)^2 / sum of r^2 over the number
         of metres, r the root of a metre's points.
@@ -209,6 +248,7 @@ class Surroundings:
     occupied: float
     ringed: float
     crowded: float
+    taken: int
     even: float
     wavy_m: float
 
@@ -233,13 +273,14 @@ def surroundings(band: Band, wire: Wire, of_wire: BoolArray) -> Surroundings:
     on = count(r <= wire.gate_m)
     ring = count((r > 1.25 * wire.gate_m) & (r <= RING * wire.gate_m))
     others = count((r > 1.25 * wire.gate_m) & (r <= wire.widths.crowd_m) & ~of_wire[near])
-    has = on > 0
+    has, is_ringed, is_crowded = on > 0, ring > on / 3.0, others > 0
     n_has = max(int(has.sum()), 1)
     return Surroundings(
         n_points=int(on.sum()),
         occupied=float(has.mean()),
-        ringed=float((has & (ring > on / 3.0)).sum() / n_has),
-        crowded=float((has & (others > 0)).sum() / n_has),
+        ringed=float((has & is_ringed).sum() / n_has),
+        crowded=float((has & is_crowded).sum() / n_has),
+        taken=int((is_ringed | is_crowded)[FITTING_METRES : n_metres - FITTING_METRES].sum()),
         even=float(np.sqrt(on).sum() ** 2 / max(on.sum(), 1.0) / n_metres),
         wavy_m=_wavy(metre, o, dz, r <= wire.gate_m),
     )

@@ -7,8 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.methods.radon.cable_band import BELOW_M, REACH_M, Band, cable_band
-from linework.methods.radon.cable_fit import Surroundings, Wire, exact, fit_wire, split_at_kink, surroundings
-from linework.methods.radon.cable_follow import LEAST_OCCUPIED, LEAST_SEEN_M, MOST_RINGED, follow_seed
+from linework.methods.radon.cable_fit import (
+    Surroundings,
+    Wire,
+    exact,
+    fit_wire,
+    settled,
+    split_at_kink,
+    surroundings,
+)
+from linework.methods.radon.cable_follow import LEAST_OCCUPIED, LEAST_SEEN_M, MOST_RINGED, Lonely, follow_seed
 from linework.methods.radon.cable_lines import lines_of_wires
 from linework.methods.radon.cable_seeds import find_cable_seeds
 from linework.methods.radon.cable_spans import end_at_supports, join_pieces, without_mixtures, without_tails
@@ -42,7 +50,8 @@ SHORT_M = 8.0
 #: (poses of two passes differ by 5 mm, hits wander over the wire's width); of a curve laid across a bundle
 #: they do not.
 WAVY_GATES = 0.2
-#: A line that one sweep drew may be the edge or the face of anything: it must sag and be alone. Such points lie
+#: A line that one sweep drew may be the edge or the face of anything: it must sag, and nothing may be near it but
+#: what it hangs on. Such points lie
 #: in a plane to this [m]; and two turns of the slowest scanner [s] see every wall as a few lines only.
 ONE_SWEEP_M, ONE_SWEEP_S = 0.002, 0.2
 #: Points gathered in a few metres are an object that the line passes; wires are hit all along.
@@ -137,12 +146,12 @@ def _found_wires(band: Band, config: CableConfig, widths: Widths) -> list[Wire]:
     lonely = np.flatnonzero(band.lonely)
     lonely = lonely[np.lexsort(band.xyz[lonely].T)]  # whatever order the points came in
     xyz = np.ascontiguousarray(band.xyz[lonely])
-    free = np.ones(len(xyz), dtype=bool)
+    index, free = Lonely.of(xyz), np.ones(len(xyz), dtype=bool)
     number = np.full(len(band.xyz), -1)
     number[lonely] = np.arange(len(lonely))
     wires: list[Wire] = []
     for seed in find_cable_seeds(xyz[:, :2], window_m=config.window_m, cell_m=config.cell_m):
-        followed = follow_seed(xyz, free, seed, widths=widths, max_gap_m=config.max_gap_m)
+        followed = follow_seed(index, free, seed, widths=widths, max_gap_m=config.max_gap_m)
         pieces = [piece for points in followed for piece in _pieces(band, lonely[points], widths)]
         for wire in [piece for piece in pieces if _is_thin(band, piece, config.low_m)]:
             wires.append(wire)
@@ -164,7 +173,7 @@ def _pieces(band: Band, points: IntArray, widths: Widths) -> list[Wire]:
 
 def _spans(band: Band, wires: list[Wire], config: CableConfig) -> tuple[list[Wire], list[Wire]]:
     """Return all pieces of wire, and one wire per span, ended at its supports."""
-    whole = without_mixtures(band, join_pieces(band, wires))
+    whole = [settled(band, w) for w in without_mixtures(band, join_pieces(band, wires))]
     pieces = [exact(band, w) for w in without_tails(band, whole)]
     return pieces, end_at_supports(band, pieces, config.min_length_m)
 
@@ -231,5 +240,5 @@ def _hangs(wire: Wire, around: Surroundings, one_sweep: bool) -> bool:
     in_company = (around.crowded <= MOST_CROWDED and is_clear) or wire.length_m >= LONG_M
     is_alone = around.crowded + around.ringed <= MOST_CROWDED_TAUT
     if one_sweep:
-        return sags and is_alone
+        return sags and around.taken == 0
     return ((sags or is_short) and in_company) or (is_alone and scatter <= THIN_GATES * wire.widths.gate_m)
