@@ -31,6 +31,12 @@ LEAST_OCCUPIED = 0.35
 MOST_RINGED = 0.5
 
 
+#: Side of a column of points that may be wires [m]: a slice is a metre wide.
+LONELY_COLUMN_M = 2.0
+#: Farther from the points that have voted for it no seed lies: the diagonal of the largest window. [m]
+SEED_REACH_M = 150.0
+
+
 @dataclass(frozen=True, slots=True)
 class Plan:
     """A line in plan: stations s along (ux, uy) from (x, y), offsets o to the left of it. [m]."""
@@ -60,15 +66,65 @@ class Plan:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Lonely:
+    """Points that may be wires, in columns, so that those about a line are found without looking at all.
+
+    Parameters
+    ----------
+    xyz
+        (n, 3) float64 [m].
+    keys, start, order, grid
+        As in `linework.methods.radon.cable_band.Band`.
+    across_m
+        No two of them are farther apart in plan. [m]
+    """
+
+    xyz: FloatArray
+    keys: IntArray
+    start: IntArray
+    order: IntArray
+    grid: FloatArray
+    across_m: float
+
+    @classmethod
+    def of(cls, xyz: FloatArray) -> Lonely:
+        """Sort points into columns."""
+        cells = np.floor(xyz[:, :2] / LONELY_COLUMN_M).astype(np.int64)
+        west, south = cells.min(axis=0) if len(cells) else (0, 0)
+        n_cols = int(cells[:, 0].max() - west) + 1 if len(cells) else 1
+        key = (cells[:, 1] - south) * n_cols + cells[:, 0] - west
+        order = np.argsort(key, kind="stable")
+        keys, first = np.unique(key[order], return_index=True)
+        grid = np.array([LONELY_COLUMN_M, float(n_cols), float(west), float(south)])
+        across_m = float(np.hypot(*np.ptp(xyz[:, :2], axis=0))) if len(xyz) else 0.0
+        return cls(xyz, keys, np.append(first, len(xyz)), order, grid, across_m)
+
+    def slice(
+        self, plan: Plan, half_width_m: float, half_length_m: float
+    ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+        """Return the points about a line in plan, by station: their numbers, stations, offsets and heights."""
+        # A seed lies in a window about some of the points
+        reach_m = min(half_length_m, self.across_m + SEED_REACH_M)
+        line = np.array([plan.x, plan.y, plan.ux, plan.uy, -reach_m, reach_m])
+        near: IntArray = kernels.near_segment(
+            self.keys, self.start, self.order, self.grid, self.xyz[:, :2], line, half_width_m
+        )
+        s, o = plan.stations(self.xyz[near, :2])
+        z = self.xyz[near, 2]
+        by = np.lexsort((z, o, s))
+        return near[by], s[by], o[by], z[by]
+
+
 def follow_seed(
-    xyz: FloatArray, free: BoolArray, seed: Seed, *, widths: Widths, max_gap_m: float
+    lonely: Lonely, free: BoolArray, seed: Seed, *, widths: Widths, max_gap_m: float
 ) -> list[IntArray]:
     """Return the points of each wire that passes through the slice of a seed line.
 
     Parameters
     ----------
-    xyz
-        (n, 3) float64 [m]: lonely points.
+    lonely
+        Points that may be wires.
     free
         (n,) bool: not yet part of a wire.
     widths
@@ -82,7 +138,7 @@ def follow_seed(
         Points of each wire, as followed beyond the window. What is no wire stays in it: the tests follow.
     """
     plan = Plan(seed.x, seed.y, seed.ux, seed.uy)
-    near, s, o, z = _slice(xyz, plan, widths.slice_m, seed.half_m * math.sqrt(2.0))
+    near, s, o, z = lonely.slice(plan, widths.slice_m, seed.half_m * math.sqrt(2.0))
     left = free[near]
     wires: list[IntArray] = []
     failed = 0
@@ -96,22 +152,12 @@ def follow_seed(
         if not np.any(member):
             break
         if _thin(s, o, z, member, widths):
-            grown = _grown(xyz, free, plan, (s[member], o[member]), near[member], widths, max_gap_m)
+            grown = _grown(lonely, free, plan, (s[member], o[member]), near[member], widths, max_gap_m)
             if len(grown):
                 failed = 0
                 left &= ~np.isin(near, grown)
                 wires.append(grown)
     return wires
-
-
-def _slice(
-    xyz: FloatArray, plan: Plan, half_width_m: float, half_length_m: float
-) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-    """Return the points about a line in plan, by station: their numbers, stations, offsets and heights."""
-    s, o = plan.stations(xyz[:, :2])
-    near = np.flatnonzero((np.abs(o) <= half_width_m) & (np.abs(s) <= half_length_m))
-    near = near[np.lexsort((xyz[near, 2], o[near], s[near]))]
-    return near, s[near], o[near], xyz[near, 2]
 
 
 def _best_curve(
@@ -141,7 +187,7 @@ def _thin(s: FloatArray, o: FloatArray, z: FloatArray, member: BoolArray, widths
 
 
 def _grown(
-    xyz: FloatArray,
+    lonely: Lonely,
     free: BoolArray,
     plan: Plan,
     known: tuple[FloatArray, FloatArray],
@@ -152,7 +198,7 @@ def _grown(
     """Return the points of the wire far beyond its window: its direction is better known now."""
     slope, offset = np.polyfit(known[0], known[1], 1)
     line = plan.turned(float(offset), float(slope))
-    near, s, o, z = _slice(xyz, line, widths.slice_m, math.inf)
+    near, s, o, z = lonely.slice(line, widths.slice_m, math.inf)
     unclaimed = free[near]
     member = np.zeros(len(near), dtype=bool)
     member[unclaimed] = kernels.grow(

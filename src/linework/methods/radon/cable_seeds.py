@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from linework.methods.radon.peaks import find_peaks_in
 from linework.methods.radon.transform import evenly_spaced_angles, radon_of_cells, rho_bins
@@ -86,10 +85,10 @@ def _seeds_of(
         theta_window_rad=math.radians(THETA_WINDOW_DEG),
         rho_window_m=RHO_WINDOW_M,
     )
-    scatter = _scatter(values, float(rho[1] - rho[0]))
     at_angle = np.minimum(np.searchsorted(angles, peaks.theta_rad), len(angles) - 1)
     at_rho = np.minimum(np.searchsorted(rho, peaks.rho_m), len(rho) - 1)
-    out = np.flatnonzero(peaks.strength_m > scatter[at_angle, at_rho])
+    scatter = _scatter(values, at_angle, at_rho, float(rho[1] - rho[0]))
+    out = np.flatnonzero(peaks.strength_m > scatter)
     cos, sin = np.cos(peaks.theta_rad[out]), np.sin(peaks.theta_rad[out])
     x, y = centre[0] + peaks.rho_m[out] * cos, centre[1] + peaks.rho_m[out] * sin
     strength = peaks.strength_m[out]
@@ -99,10 +98,12 @@ def _seeds_of(
     ]
 
 
-def _scatter(values: FloatArray, cell_m: float) -> FloatArray:
-    """Return what scattered cells would reach: four deviations of a count above the mean nearby in rho."""
+def _scatter(values: FloatArray, at_angle: IntArray, at_rho: IntArray, cell_m: float) -> FloatArray:
+    """Return what scattered cells would reach at each peak: four deviations of a count above the mean nearby in rho."""
     around = round(SCATTER_M / cell_m)
-    mean = uniform_filter1d(values, size=2 * around + 1, axis=1, mode="constant")
+    padded = np.pad(values[at_angle], ((0, 0), (around, around)))
+    nearby = at_rho[:, None] + np.arange(2 * around + 1)
+    mean = np.take_along_axis(padded, nearby, axis=1).mean(axis=1)
     scatter: FloatArray = mean + 4.0 * np.sqrt(np.maximum(mean, 0.0) * cell_m)
     return scatter
 
