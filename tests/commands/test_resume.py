@@ -18,7 +18,7 @@ from linework.simulation.folder import write_survey_folder
 from linework.simulation.simulate import simulate_survey
 
 #: Many tiles, so that there is something to resume.
-SETTINGS = "[tiling]\ncore_m = 64.0\nmax_points = 10000\n"
+SETTINGS = "[tiling]\ncore_m = 64.0\nhigh_core_m = 64.0\nmax_points = 10000\n"
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,7 @@ from linework.tiling.unfinished import run_folder
 from linework.tiling.work_folder import work_folder
 
 #: Several tiles, whatever the survey.
-SMALL = {"core_m": 64.0, "max_points": 10_000}
+SMALL = {"core_m": 64.0, "high_core_m": 100.0, "max_points": 10_000}
 _number = itertools.count()
 
 
@@ -115,7 +115,7 @@ def test_tiles_change_no_line_by_a_millimetre(places, reference, core_m, east, n
     folder, one = reference
     two = extracted(
         folder, places(), core_m=core_m, shift_east_m=east, shift_north_m=north,
-        max_points=10_000 if core_m < 4096.0 else 10**9, least_core_m=min(core_m, 64.0),
+        high_core_m=1.5 * core_m, max_points=10_000 if core_m < 4096.0 else 10**9,
     )  # fmt: skip
     assert sorted(one.kind) == sorted(two.kind)
     assert sorted(one.id) == sorted(two.id)

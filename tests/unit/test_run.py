@@ -109,6 +109,7 @@ def test_several_tiles_see_core_and_buffer_only(long_file, method, extracted):
         assert len(tile.points) == report.n_points < 12_000
         assert tile.origin == method.tiles[0].origin
     assert [t.tile.tile_id for t in found.tiles] == [tile.tile_id for tile in method.tiles]
+    assert [t.name for t in found.tiles] == [f"cable+guardrail-{tile.tile_id}" for tile in method.tiles]
 
 
 def test_only_points_that_matter_are_loaded(las_file, method, extracted):
@@ -127,7 +128,7 @@ def test_a_tile_that_fails_is_named_and_the_others_go_on(long_file, extracted):
     failed = [report for report in found.tiles if report.problem]
     assert 0 < len(failed) < len(found.tiles)
     assert {report.problem for report in failed} == {"ArithmeticError: no line here"}
-    assert [name for name, _ in found.failures] == [report.tile.tile_id for report in failed]
+    assert [name for name, _ in found.failures] == [report.name for report in failed]
     assert len(found.lines) >= 1
 
 

@@ -93,7 +93,7 @@ def record_of(
         "timings_s": {step: round(seconds, 4) for step, seconds in steps.timings_s.items()},
         "tiles": [
             {
-                "id": report.tile.tile_id,
+                "id": report.name,
                 "core": list(report.tile.core),
                 "buffer_m": report.tile.buffer_m,
                 "points": report.n_points,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -25,6 +26,13 @@ class TilingConfig:
         reason="eight blocks of the tile store; its buffer is a sixth of it",
         low=64,
         high=4096,
+    )
+    high_core_m: float = setting(
+        2048.0,
+        unit="m",
+        reason="of methods that look at high points only: few, and a wide buffer that is a fifth of it",
+        low=64,
+        high=8192,
     )
     max_points: int = setting(
         3_000_000,
@@ -71,6 +79,8 @@ def plan_tiles(
     count_in: Callable[[Bounds], int],
     buffer_m: float,
     config: TilingConfig,
+    *,
+    only_high: bool = False,
 ) -> tuple[Tile, ...]:
     """Return the tiles that cover a survey, south-west first.
 
@@ -82,6 +92,8 @@ def plan_tiles(
         (n, 2) int64: east and north number of every block of `block_m` that holds points.
     count_in
         Tells how many points lie in a rectangle, or a few more.
+    only_high
+        Of a method that looks at high points only: its tiles are wider, and never too full.
 
     Notes
     -----
@@ -95,20 +107,22 @@ def plan_tiles(
         math.floor(extent.west), math.floor(extent.south),
         math.floor(extent.east) + 1.0, math.floor(extent.north) + 1.0,
     )  # fmt: skip
-    is_small = max(whole.width_m, whole.height_m) <= max(MAX_SINGLE_M, config.core_m)
-    if is_small and count_in(whole) <= config.max_points:
+    core_m = config.high_core_m if only_high else config.core_m
+    most = sys.maxsize if only_high else config.max_points
+    is_small = max(whole.width_m, whole.height_m) <= max(MAX_SINGLE_M, core_m)
+    if is_small and count_in(whole) <= most:
         return (_tile(whole, buffer_m),)
     tiles = [
         _tile(part, buffer_m)
-        for core in _cores(blocks, block_m, config)
-        for part in _divided(core, count_in, buffer_m, config)
+        for core in _cores(blocks, block_m, core_m, config)
+        for part in _divided(core, count_in, buffer_m, most, config)
     ]
     return tuple(sorted(tiles, key=lambda tile: (tile.core.south, tile.core.west)))
 
 
-def _cores(blocks: IntArray, block_m: float, config: TilingConfig) -> list[Bounds]:
+def _cores(blocks: IntArray, block_m: float, core_m: float, config: TilingConfig) -> list[Bounds]:
     """Return the cells of the lattice of cores that blocks with points reach into."""
-    core_m, east_m, north_m = config.core_m, config.shift_east_m, config.shift_north_m
+    east_m, north_m = config.shift_east_m, config.shift_north_m
     found = set()
     for east, north in (blocks * block_m).tolist():
         cols = range(math.floor((east - east_m) / core_m), math.ceil((east + block_m - east_m) / core_m))
@@ -126,19 +140,19 @@ def _cores(blocks: IntArray, block_m: float, config: TilingConfig) -> list[Bound
 
 
 def _divided(
-    core: Bounds, count_in: Callable[[Bounds], int], buffer_m: float, config: TilingConfig
+    core: Bounds, count_in: Callable[[Bounds], int], buffer_m: float, most: int, config: TilingConfig
 ) -> list[Bounds]:
     """Return the core, or its quarters where it sees too many points; nothing where it holds none."""
     if count_in(core) == 0:
         return []
-    if count_in(core.grown(buffer_m)) <= config.max_points or core.width_m / 2 < config.least_core_m:
+    if count_in(core.grown(buffer_m)) <= most or core.width_m / 2 < config.least_core_m:
         return [core]
     east, north = (core.west + core.east) / 2, (core.south + core.north) / 2
     quarters = (
         Bounds(core.west, core.south, east, north), Bounds(east, core.south, core.east, north),
         Bounds(core.west, north, east, core.north), Bounds(east, north, core.east, core.north),
     )  # fmt: skip
-    return [part for quarter in quarters for part in _divided(quarter, count_in, buffer_m, config)]
+    return [part for quarter in quarters for part in _divided(quarter, count_in, buffer_m, most, config)]
 
 
 def _tile(core: Bounds, buffer_m: float) -> Tile:

@@ -116,7 +116,7 @@ class _Worker:
         with theirs:
             # Its own words would get between the progress; what a task raises comes back as a message
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "linework.tiling.worker", str(theirs.fileno()), str(os.getpid()), *modules],
+                [sys.executable, "-P", "-m", "linework.tiling.worker", str(theirs.fileno()), str(os.getpid()), *modules],
                 pass_fds=[theirs.fileno()],
                 env=os.environ | _ONE_THREAD,
                 stdin=subprocess.DEVNULL,

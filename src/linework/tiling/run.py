@@ -41,6 +41,7 @@ from linework.tiling.unfinished import RunFolder, fingerprint_of
 class TileReport:
     """What came of a tile: points it saw (core and buffer), lines found, or the problem."""
 
+    name: str
     tile: Tile
     n_points: int = 0
     n_lines: int = 0
@@ -167,39 +168,24 @@ def extract_lines(
         Not one tile could be worked. If some could not, `tiles` tells.
     """
     steps, executor = steps or Steps(), executor or Serial()
-    survey, store = opened.survey, opened.points
+    survey = opened.survey
     surface = _surface(opened, road or RoadConfig(), executor, steps)
-    tiles = _plan(store, methods, tiling or TilingConfig())
-    tasks = _tasks(opened, methods, run, surface, tiles)
-    with steps.step("find lines", unit="tiles") as advance:
-        done = _taken_over(run, tasks)
-        problems: dict[str, str] = {}
-        todo = [task for task in tasks if task.tile.tile_id not in done]
-        advance(len(done), len(tasks))
-        for outcome in executor.run(work_tile, todo):
-            tile_id = outcome.task.tile.tile_id
-            if outcome.receipt is None:
-                problems[tile_id] = outcome.problem
-            else:
-                done[tile_id] = outcome.receipt
-                run.journal.enter(Entry(tile_id, outcome.receipt.sha256, outcome.receipt.as_document()))
-            advance(len(done) + len(problems), len(tasks))
+    tasks = _tasks(opened, methods, run, surface, tiling or TilingConfig())
+    done, problems = _worked(tasks, run, executor, steps)
     if not done:
         raise PartialError(
             f"none of {len(tasks)} tiles could be worked: {next(iter(problems.values()))}",
             where=survey.name, advice="run again with --debug",
         )  # fmt: skip
     with steps.step("join lines"):
-        lines = LineSet.concatenate([_lines_of(task, done) for task in tasks if task.tile.tile_id in done])
-        if len(tasks) > 1:
-            lines = join_seams(lines, [task.tile.core for task in tasks])
+        lines = LineSet.concatenate([_lines_of(tasks, method, done) for method in methods])
         lines = identify(with_sources(lines, opened.facts.files, survey.name))
     return Extraction(
         source=survey.name,
         lines=lines,
         kinds=tuple(kind for kind in KINDS if any(kind in method.kinds for method in methods)),
         read=opened.facts,
-        tiles=_reports(tiles, done, problems),
+        tiles=tuple(_report(task, done, problems) for task in tasks),
         failures=(*surface.failures, *sorted(problems.items())),
         hashes=opened.hashes,
         warnings=opened.warnings,
@@ -220,12 +206,13 @@ def _surface(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps: 
         return make_surface(opened.points, opened.trajectory, road, folder, executor, advance, key=key)
 
 
-def _plan(store: PointStore, methods: Sequence[Method], config: TilingConfig) -> tuple[Tile, ...]:
-    """Return the tiles; what limits their size is the method that wants all points."""
-    all_points = [method.buffer_m for method in methods if method.least_height_m == float("-inf")]
-    buffer_m = max(all_points or [0.0])
+def _plan(store: PointStore, method: Method, config: TilingConfig) -> tuple[Tile, ...]:
+    """Return the tiles of a method."""
     blocks, _ = store.block_counts
-    return plan_tiles(store.bounds, blocks, BLOCK_M, store.count_in, buffer_m, config)
+    return plan_tiles(
+        store.bounds, blocks, BLOCK_M, store.count_in, method.buffer_m, config,
+        only_high=method.least_height_m > float("-inf"),
+    )  # fmt: skip
 
 
 def _tasks(
@@ -233,18 +220,41 @@ def _tasks(
     methods: Sequence[Method],
     run: RunFolder,
     surface: SurveySurface,
-    tiles: Sequence[Tile],
+    tiling: TilingConfig,
 ) -> list[TileTask]:
+    """Return the tiles of all methods, those with the largest tiles first: what is left to the end is short."""
     path = None
     if opened.trajectory is not None:
         path = run.path / "trajectory.csv"
         write_trajectory(opened.trajectory, path, overwrite=True)
     bounds = opened.points.bounds
     job = Job(
-        opened.points.folder, surface.tiles.folder, path, run.results, tuple(methods), opened.survey.crs,
+        opened.points.folder, surface.tiles.folder, path, run.results, opened.survey.crs,
         opened.survey.name, local_origin(bounds.west, bounds.south, surface.z0_m),
     )  # fmt: skip
-    return [TileTask(tile, job, is_whole=len(tiles) == 1) for tile in tiles]
+    plans = [(method, _plan(opened.points, method, tiling)) for method in methods]
+    plans.sort(key=lambda plan: len(plan[1]))
+    return [
+        TileTask(tile, method, job, is_whole=len(tiles) == 1) for method, tiles in plans for tile in tiles
+    ]
+
+
+def _worked(
+    tasks: Sequence[TileTask], run: RunFolder, executor: Executor, steps: Steps
+) -> tuple[dict[str, TileReceipt], dict[str, str]]:
+    """Work the tiles that are not done yet; return receipts and problems by the tasks' names."""
+    with steps.step("find lines", unit="tiles") as advance:
+        done, problems = _taken_over(run, tasks), dict[str, str]()
+        advance(len(done), len(tasks))
+        for outcome in executor.run(work_tile, [task for task in tasks if task.name not in done]):
+            name = outcome.task.name
+            if outcome.receipt is None:
+                problems[name] = outcome.problem
+            else:
+                done[name] = outcome.receipt
+                run.journal.enter(Entry(name, outcome.receipt.sha256, outcome.receipt.as_document()))
+            advance(len(done) + len(problems), len(tasks))
+    return done, problems
 
 
 def _taken_over(run: RunFolder, tasks: Sequence[TileTask]) -> dict[str, TileReceipt]:
@@ -252,28 +262,28 @@ def _taken_over(run: RunFolder, tasks: Sequence[TileTask]) -> dict[str, TileRece
     entries = run.journal.done()
     found = {}
     for task in tasks:
-        entry = entries.get(task.tile.tile_id)
+        entry = entries.get(task.name)
         if entry is not None and read_line_part(task.result, entry.sha256) is not None:
-            found[task.tile.tile_id] = TileReceipt(**entry.receipt)
+            found[task.name] = TileReceipt(**entry.receipt)
     return found
 
 
-def _lines_of(task: TileTask, done: Mapping[str, TileReceipt]) -> LineSet:
-    lines = read_line_part(task.result, done[task.tile.tile_id].sha256)
-    if lines is None:
-        raise RuntimeError(f"{task.result}: the lines of a tile are not what was written")
-    return lines
+def _lines_of(tasks: Sequence[TileTask], method: Method, done: Mapping[str, TileReceipt]) -> LineSet:
+    """Return the lines of a method, those that were cut at the edges of cores joined again."""
+    own = [task for task in tasks if task.method is method]
+    parts = []
+    for task in own:
+        if task.name in done:
+            lines = read_line_part(task.result, done[task.name].sha256)
+            if lines is None:
+                raise RuntimeError(f"{task.result}: the lines of a tile are not what was written")
+            parts.append(lines)
+    lines = LineSet.concatenate(parts) if parts else LineSet.empty(own[0].job.crs)
+    return join_seams(lines, [task.tile.core for task in own]) if len(own) > 1 else lines
 
 
-def _reports(
-    tiles: Sequence[Tile], done: Mapping[str, TileReceipt], problems: Mapping[str, str]
-) -> tuple[TileReport, ...]:
-    """Return what came of each tile, in the plan's order."""
-    reports = []
-    for tile in tiles:
-        receipt = done.get(tile.tile_id)
-        if receipt is None:
-            reports.append(TileReport(tile, problem=problems[tile.tile_id]))
-        else:
-            reports.append(TileReport(tile, receipt.n_points, receipt.n_lines))
-    return tuple(reports)
+def _report(task: TileTask, done: Mapping[str, TileReceipt], problems: Mapping[str, str]) -> TileReport:
+    receipt = done.get(task.name)
+    if receipt is None:
+        return TileReport(task.name, task.tile, problem=problems[task.name])
+    return TileReport(task.name, task.tile, receipt.n_points, receipt.n_lines)

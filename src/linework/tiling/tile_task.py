@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -18,7 +17,6 @@ from linework.files.trajectories import read_trajectory
 from linework.methods.protocol import Method
 from linework.model.grid import Image
 from linework.model.lines import LineSet
-from linework.model.surface import RoadSurface
 from linework.model.tile import TileData
 from linework.model.trajectory import Trajectory
 from linework.tiling.plan import Tile
@@ -44,7 +42,6 @@ class Job:
     surface: Path
     trajectory: Path | None
     results: Path
-    methods: tuple[Method, ...]
     crs: str
     source: str
     origin: tuple[float, float, float]
@@ -52,23 +49,29 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class TileTask:
-    """A tile to be worked; `is_whole`: it is the only one, and nothing is cut."""
+    """A tile to be worked by a method; `is_whole`: it is the method's only one, and nothing is cut."""
 
     tile: Tile
+    method: Method
     job: Job
     is_whole: bool
 
     @property
+    def name(self) -> str:
+        """The kinds that are looked for, and the tile's name."""
+        return f"{'+'.join(self.method.kinds)}-{self.tile.tile_id}"
+
+    @property
     def result(self) -> Path:
         """Where its lines go."""
-        return self.job.results / f"{self.tile.tile_id}.npz"
+        return self.job.results / f"{self.name}.npz"
 
 
 @dataclass(frozen=True, slots=True)
 class TileReceipt:
     """What came of a tile: points it saw (core and buffer), lines found, and the hash of its result file."""
 
-    tile_id: str
+    name: str
     n_points: int
     n_lines: int
     seconds: float
@@ -82,38 +85,25 @@ class TileReceipt:
 def work_tile(task: TileTask) -> TileReceipt:
     """Work a tile and write its lines; what it needs it opens by its path, so that any process can do it."""
     start = time.perf_counter()
-    job, tile = task.job, task.tile
-    found, n_points = [], 0
-    surface = _surface_over(job, tile)
-    for method in job.methods:
-        data = _tile_data(job, tile, method, surface)
-        n_points = max(n_points, len(data.points))
-        if len(data.points):
-            found.append(_in_crs(method.extract(data), job.crs))
-    lines = LineSet.concatenate(found) if found else LineSet.empty(job.crs)
+    job, tile, method = task.job, task.tile, task.method
+    data = _tile_data(job, tile, method)
+    lines = LineSet.empty(job.crs)
+    if len(data.points):
+        lines = _in_crs(method.extract(data), job.crs)
     lines = lines if task.is_whole else inside_core(lines, tile.core)
     sha256 = write_line_part(lines, task.result)
-    return TileReceipt(tile.tile_id, n_points, len(lines), time.perf_counter() - start, sha256)
+    return TileReceipt(task.name, len(data.points), len(lines), time.perf_counter() - start, sha256)
 
 
-def widest_buffer_m(methods: Sequence[Method]) -> float:
-    """Return the buffer that serves all methods."""
-    return max(method.buffer_m for method in methods)
-
-
-def _surface_over(job: Job, tile: Tile) -> RoadSurface:
-    surface = _opened_surface(job.surface)
-    return surface.over(tile.core.grown(widest_buffer_m(job.methods)))
-
-
-def _tile_data(job: Job, tile: Tile, method: Method, surface: RoadSurface) -> TileData:
+def _tile_data(job: Job, tile: Tile, method: Method) -> TileData:
     """Return what a method sees of a tile."""
+    surface = _opened_surface(job.surface).over(tile.extent)
     lowest = None
     # A surface of cells that do not fit into those of the store cannot say which points to pass over
     if np.isfinite(method.least_height_m) and surface.grid.cell_width_m % CELL_M == 0.0:
         heights = surface.ground_m + np.float32(surface.z0_m + method.least_height_m)
         lowest = Image(heights, surface.grid)
-    points = _opened_store(job.store).points(tile.core.grown(method.buffer_m), lowest=lowest)
+    points = _opened_store(job.store).points(tile.extent, lowest=lowest)
     path = _trajectory(job.trajectory) if job.trajectory else None
     return TileData(tile.tile_id, tile.core, points, path, job.source, surface, job.origin)
 
