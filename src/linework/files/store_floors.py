@@ -19,6 +19,8 @@ class Floors:
     image
         (rows, cols) heights [m, world], NaN: no limit. North-up, its cells whole multiples of 0.5 m on
         their lattice, so that a cell of the store lies in one cell of the image.
+    above_m
+        Added to the heights.
 
     Raises
     ------
@@ -29,7 +31,7 @@ class Floors:
     #: No limits at all.
     NONE: ClassVar[AnyArray] = np.empty(0, np.int32)
 
-    def __init__(self, image: Image) -> None:
+    def __init__(self, image: Image, above_m: float = 0.0) -> None:
         grid = image.grid
         per_col, per_row = grid.cell_width_m / CELL_M, grid.cell_height_m / CELL_M
         first_col, top_row = grid.east_m / grid.cell_width_m, grid.north_m / grid.cell_height_m
@@ -37,7 +39,7 @@ class Floors:
         apart = [abs(v - round(v)) for v in (per_col, per_row, first_col, top_row)]
         if grid.rotation_deg != 0.0 or max(apart) > 1e-6 or min(per_col, per_row) < 0.5:
             raise ValueError(f"lowest: {grid} is not north-up on a lattice of multiples of {CELL_M} m")
-        self._values = image.values
+        self._values, self._above_m = image.values, above_m
         self._per_col, self._per_row = round(per_col), round(per_row)
         self._first_col, self._top_row = round(first_col), round(top_row)
 
@@ -57,7 +59,7 @@ class Floors:
         if not known.any():
             return np.full(known.size, -1, np.int32)
         values = self._values[np.clip(rows, 0, n_rows - 1)[:, None], np.clip(cols, 0, n_cols - 1)]
-        heights = np.where(known, values, np.nan).astype(np.float64)
+        heights = np.where(known, values, np.nan).astype(np.float64) + self._above_m
         steps = _first_steps(heights) - float(int(row["up"]) * BLOCK_UP_STEPS)
         # Above the highest possible: nothing is wanted
         limits = np.clip(np.nan_to_num(steps, nan=-1.0), -1, BLOCK_UP_STEPS)

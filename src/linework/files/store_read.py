@@ -117,6 +117,7 @@ class PointStore:
         bounds: Bounds | None = None,
         *,
         lowest: Image | None = None,
+        above_m: float = 0.0,
         ordered: bool = True,
         with_time: bool = True,
         with_intensity: bool = True,
@@ -130,6 +131,8 @@ class PointStore:
         lowest
             Heights below which points of a cell are left out, NaN where none are; outside of the image
             none are. North-up, its cells whole multiples of 0.5 m on their lattice.
+        above_m
+            Added to `lowest`, so that no other image of so many cells has to be made.
         ordered
             In canonical order: blocks of 64 m row-major from the south-west, lower blocks first, in each
             block by key (see `linework.files.store_layout`), then by time and intensity. Else as they come.
@@ -149,7 +152,7 @@ class PointStore:
         """
         window = _Window.of(bounds)
         rows = self._rows[self._touched(window)]
-        floors = None if lowest is None else Floors(lowest)
+        floors = None if lowest is None else Floors(lowest, above_m)
         with_intensity = with_intensity and bool(self.facts.get("has_intensity", True))
         out = Output(int(rows["kept"].sum()), self.has_time and with_time, with_intensity)
         blocks = list(_blocks(rows))

@@ -11,6 +11,7 @@ from linework.errors import PartialError
 from linework.files.decoder import DecoderLimits
 from linework.files.journal import Entry
 from linework.files.line_parts import read_line_part
+from linework.files.locks import locked
 from linework.files.run_record import hash_file
 from linework.files.store_facts import StoreFacts
 from linework.files.store_layout import BLOCK_M
@@ -203,7 +204,9 @@ def _surface(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps: 
         }
         key = fingerprint_of(made_of)
         folder = opened.points.folder / f"surface-{key[:16]}"
-        return make_surface(opened.points, opened.trajectory, road, folder, executor, advance, key=key)
+        # Two runs of one survey share its surface: the second waits for the first to make it
+        with locked(folder.with_suffix(".lock"), keep=True):
+            return make_surface(opened.points, opened.trajectory, road, folder, executor, advance, key=key)
 
 
 def _plan(store: PointStore, method: Method, config: TilingConfig) -> tuple[Tile, ...]:

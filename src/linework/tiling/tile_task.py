@@ -98,12 +98,11 @@ def work_tile(task: TileTask) -> TileReceipt:
 def _tile_data(job: Job, tile: Tile, method: Method) -> TileData:
     """Return what a method sees of a tile."""
     surface = _opened_surface(job.surface).over(tile.extent)
-    lowest = None
+    lowest, above_m = None, 0.0
     # A surface of cells that do not fit into those of the store cannot say which points to pass over
     if np.isfinite(method.least_height_m) and surface.grid.cell_width_m % CELL_M == 0.0:
-        heights = surface.ground_m + np.float32(surface.z0_m + method.least_height_m)
-        lowest = Image(heights, surface.grid)
-    points = _opened_store(job.store).points(tile.extent, lowest=lowest)
+        lowest, above_m = Image(surface.ground_m, surface.grid), surface.z0_m + method.least_height_m
+    points = _opened_store(job.store).points(tile.extent, lowest=lowest, above_m=above_m)
     path = _trajectory(job.trajectory) if job.trajectory else None
     return TileData(tile.tile_id, tile.core, points, path, job.source, surface, job.origin)
 
