@@ -163,7 +163,7 @@ class _Arrays:
         dtype, shape, start = self._layout[which]
         out = np.empty((last - first, *shape[1:]), dtype)
         row = math.prod(shape[1:]) * dtype.itemsize
-        view, got = memoryview(out.reshape(-1).view(np.uint8)), 0
+        view, got = out.reshape(-1).view(np.uint8).data, 0
         while got < len(view):
             n = os.preadv(self._handle, [view[got:]], start + first * row + got)
             if n == 0:

@@ -44,7 +44,6 @@ class RadonConfig:
     max_height_m: float = setting(
         1.20, unit="m", reason="the paper's band for guardrails: they are about 1 m high", low=-10, high=100
     )
-    road: RoadConfig = group(RoadConfig)
     seeds: SeedConfig = group(SeedConfig)
     circles: CircleConfig = group(CircleConfig)
     profile: ProfileConfig = group(ProfileConfig)
@@ -73,7 +72,7 @@ class RailMethod:
         if len(points) == 0:
             return LineSet.empty()
         # Height above the road, road = 0; above the ground where there is no road
-        surface = tile.surface or find_road(points, tile.trajectory, c.road)
+        surface = tile.surface or find_road(points, tile.trajectory, RoadConfig())
         above_road = height_above_road(surface, points.xyz)
         above_ground = height_above_ground(surface, points.xyz)
         # Raster image: the cells that hold points of the height band; a bank beside the road is ground, no rail
@@ -116,7 +115,7 @@ class CableMethod:
         if len(points) == 0:
             return LineSet.empty()
         # Height above the ground, of which the road is part
-        surface = tile.surface or find_road(points, tile.trajectory, self.config.road)
+        surface = tile.surface or find_road(points, tile.trajectory, RoadConfig())
         above_ground = height_above_ground(surface, points.xyz)
         # Thin, alone in their column, straight in plan, hanging as catenaries between supports
         lines = find_cables(points.xyz, points.time_s, above_ground, self.config.cable)
@@ -139,7 +138,7 @@ class RadonMethod:
         if len(tile.points) == 0:
             return LineSet.empty()
         # Road and ground, once for both
-        surface = tile.surface or find_road(tile.points, tile.trajectory, self.config.road)
+        surface = tile.surface or find_road(tile.points, tile.trajectory, RoadConfig())
         tile = replace(tile, surface=surface)
         # Each method looks for its own kinds
         return LineSet.concatenate([method.extract(tile) for method in parts_of(self)])
