@@ -19,6 +19,8 @@ import time
 from collections import Counter
 from pathlib import Path
 
+#: Takes long: not among those that are run without being named.
+ON_REQUEST = True
 SETTINGS = "[tiling]\ncore_m = 64.0\nhigh_core_m = 64.0\nmax_points = 10000\n"
 
 
