@@ -118,7 +118,7 @@ class CableMethod:
         surface = tile.surface or find_road(points, tile.trajectory, RoadConfig())
         above_ground = height_above_ground(surface, points.xyz)
         # Thin, alone in their column, straight in plan, hanging as catenaries between supports
-        lines = find_cables(points.xyz, points.time_s, above_ground, self.config.cable)
+        lines = find_cables(points.xyz, points.time_s, above_ground, self.config.cable, tile.origin)
         # When the points on each line were measured
         return with_times(lines, points)
 
