@@ -20,6 +20,8 @@ from pathlib import Path
 
 from benchmarks.kills import command, make_survey, run, sha256
 
+#: Takes long: not among those that are run without being named.
+ON_REQUEST = True
 ERRORS = {"ENOSPC": "28", "EIO": "5"}
 MODES: dict[str, tuple[dict[str, str], ...]] = {
     "write": ({}, {"FAULT_STICKY": "1"}, {"FAULT_SHORT": "1"}),

@@ -1,6 +1,6 @@
 """A large drive: `linework extract` against merely decoding it, and the memory of all its processes.
 
-    python -m benchmarks large [MILLIONS ...]      (5 15 50 if none are given)
+    python -m benchmarks.large [MILLIONS ...]      (5 15 50 if none are given)
 
 The drive is simulated in three pieces, and repeated beside itself until there are enough points: about 3,300 a
 metre of road, in files of 5 million.
@@ -19,6 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
+#: Takes long: not among those that are run without being named.
+ON_REQUEST = True
 PIECE_M, POINTS_PER_M, FILE_POINTS = 1500.0, 5700.0, 5_000_000
 #: Copies of the drive lie so far apart.
 APART_M = 4000.0

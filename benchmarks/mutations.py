@@ -31,6 +31,10 @@ HANG_S, STALL_S = 30.0, 10.0
 HOSTILE = Path(__file__).parents[1] / "../shared/data/hostile"
 
 
+#: Takes long: not among those that are run without being named.
+ON_REQUEST = True
+
+
 def main(arguments=()):
     options = parsed(arguments)
     with tempfile.TemporaryDirectory(prefix="linework-mutations-") as folder:
