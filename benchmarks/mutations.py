@@ -158,16 +158,15 @@ class Reader:
     def read(self, path, crs):
         """Return what the decoder found; errors as a run raises them."""
         from linework.files.decode_messages import DecodeTask
-        from linework.files.las_crs import resolve_crs
-        from linework.files.las_header import read_las_header
+        from linework.files.spill_plan import plan_files
         from linework.files.survey import open_survey
 
-        open_survey([path], crs=crs)
-        header = read_las_header(path)
-        factors = resolve_crs(header.projection, crs, where=path).factors
+        planned, found = plan_files(open_survey([path], crs=crs))
+        if not planned:
+            raise found.failures.get(path) or found.empty
         self.target.unlink(missing_ok=True)
-        task = DecodeTask(path=path, target=self.target, factors=factors)
-        return header, self.decoder.decode(task, lambda _: None)
+        task = DecodeTask(path=path, target=self.target, factors=planned[0].crs.factors)
+        return planned[0].header, self.decoder.decode(task, lambda _: None)
 
 
 def judged(reader, path):

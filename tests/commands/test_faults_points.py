@@ -246,6 +246,7 @@ REFUSED = [
     Refused("A08 none", partial(drive_file_of, 0), r"no points \(0 in the header\)\. Leave the file out\."),
     Refused("A08 none, but points follow", put(old_las, HEAD, N_POINTS_OLD, "I", 0), r"no points \(0 in the header\), but 11,200 bytes of them follow: the recording was not closed\. Repair it with the tool that made it, or leave it out\."),
     Refused("A08 none, but compressed points follow", put(old_laz, HEAD, N_POINTS_OLD, "I", 0), r"no points \(0 in the header\), but [\d,]+ bytes of them follow: the recording was not closed\. Repair .*"),
+    Refused("A08 none, but points follow one by one", put(lambda folder: point_by_point(folder / "x.laz"), HEAD, N_POINTS_OLD, "I", 0), r"no points \(0 in the header\), but [\d,]+ bytes of them follow: the recording was not closed\. Repair .*"),
     Refused("A09", put(laz, HEAD, N_RECORDS, "I", 4_000_000_000), rf"header promises 4,000,000,000 variable length records, but there are 94 bytes for them\. {COPY}"),
     Refused("A09 two instead of one", put(laz, HEAD, N_RECORDS, "I", 2), rf"header promises 2 variable length records, but there are 94 bytes for them\. {COPY}"),
     Refused("A09 a record of 65535 bytes", put(laz, 375, 20, "H", 65535), rf"variable length record 1 of 1 runs 65,495 bytes into the points\. {COPY}"),

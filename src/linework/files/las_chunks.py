@@ -98,14 +98,14 @@ def read_laz_table(
         raise _newer(path, f"LAZ compressor {compressor}, expected 1 to 3")
     _check_items(path, data, compressor, record_bytes)
     _check_share(path, n_points, points_end - point_offset)
+    if n_points == 0:
+        refuse_unfinished(path, points_end - point_offset, _EMPTY_BYTES)
+        return LazTable(data, 0, None, False)
     if compressor == _POINT_BY_POINT:
         # Decoders take no chunk size for chunks of several sizes; this is one chunk without an end
         return LazTable(data[:12] + struct.pack("<I", _ONE_CHUNK) + data[16:], 0, None, False)
     if not (0 < chunk_size <= _MAX_CHUNK or chunk_size == _VARIABLE_CHUNKS):
         raise _error(path, f"laszip record says chunks of {chunk_size:,} points, expected some 50,000")
-    if n_points == 0:
-        refuse_unfinished(path, points_end - point_offset, _EMPTY_BYTES)
-        return LazTable(data, chunk_size, None, False)
     at = _table_offset(path, file, point_offset, n_points)
     listed = _listed_chunks(file, data, point_offset, at)
     if compressor == _LAYERED:
