@@ -1,11 +1,14 @@
 """Every bad laser file ends in one line: the file, what is wrong with numbers, what to do."""
 
+import io
 import os
 import struct
 
 import laspy
+import lazrs
 import numpy as np
 import pytest
+from tests.laser_files import copc_file, copc_info, drive_file, hierarchy, point_by_point
 
 from linework.errors import CrsError, InputError, LineworkError
 from linework.files.las import read_las
@@ -338,3 +341,60 @@ def test_absurd_coordinates_are_rejected_and_counted(las):
     content = read_las(las)
     assert len(content.points) == 1000 - content.n_rejected["absurd coordinates"]
     assert (np.abs(content.points.xyz) < 1e8).all()
+
+
+COPC_LIES = [
+    (hierarchy, 24, "i", 2**31 - 1),
+    (hierarchy, 24, "i", -1),
+    (hierarchy, 28, "i", 2**31 - 1),
+    (hierarchy, 28, "i", -5),
+    (hierarchy, 28, "i", -1),
+    (copc_info, 24, "d", np.nan),
+    (copc_info, 32, "d", 0.0),
+    (copc_info, 40, "Q", 2**60),
+    (copc_info, 48, "Q", 2**63),
+]
+
+
+@pytest.mark.parametrize(("part", "place", "form", "value"), COPC_LIES)
+def test_the_hierarchy_of_a_copc_file_is_never_followed(tmp_path, part, place, form, value):
+    path = copc_file(tmp_path / "x.copc.laz")
+    whole = read_las(path, crs="local")
+    patch(path, part(path.read_bytes()) + place, form, value)
+    content = read_las(path, crs="local")
+    np.testing.assert_array_equal(content.points.xyz, whole.points.xyz)
+    assert content.warnings == ()
+
+
+@pytest.mark.parametrize("counts", [(100, 100, 100, 99), (100, 100, 100, 4_000_000_000), (200, 0, 100, 100)])
+def test_chunks_of_own_sizes_that_are_listed_wrong(tmp_path, counts):
+    """The table of a COPC file says how many points each chunk has, and so do the chunks."""
+    path = copc_file(tmp_path / "x.copc.laz", n=400, n_chunks=4)
+    data = path.read_bytes()
+    start, table = chunk_table(path)
+    record = data.index(b"laszip encoded") + 52
+    vlr = lazrs.LazVlr(data[record : record + 46])
+    stream = io.BytesIO(data)
+    stream.seek(start)
+    sizes = [size for _, size in lazrs.read_chunk_table(stream, vlr)]
+    stream = io.BytesIO(data)
+    stream.seek(table)
+    lazrs.write_chunk_table(stream, list(zip(counts, sizes, strict=True)), vlr)
+    path.write_bytes(stream.getvalue())
+    assert "damaged chunk table, and chunks of different sizes" in refusal(path, crs="local")
+
+
+def test_points_of_old_compressors_are_read(tmp_path):
+    expected = read_las(drive_file(tmp_path / "x.las", 1), crs="local").points
+    found = read_las(point_by_point(tmp_path / "x.laz"), crs="local").points
+    np.testing.assert_array_equal(found.xyz, expected.xyz)
+    np.testing.assert_array_equal(found.time_s, expected.time_s)
+
+
+def test_records_behind_the_points_are_not_points(las):
+    data = bytearray(las.read_bytes())
+    struct.pack_into("<QI", data, 235, len(data), 1)
+    las.write_bytes(bytes(data) + struct.pack("<H16sHQ32s", 0, b"other", 1, 8, b"") + bytes(8))
+    assert read_las(las).warnings == ()
+    patch(las, 247, "Q", 1001)
+    assert "the file holds 1,000 before other records at byte" in refusal(las)
