@@ -39,7 +39,7 @@ _MAX_CHUNK = 10_000_000
 _MAX_POINTS_PER_BYTE = 1000
 #: Points of a scanner, noise in every coordinate, take 1 to 10 bytes each. A large file with 20 points to a byte
 #: is made to fill the disk of whoever unpacks it; a small one does no harm.
-_BOMB_POINTS_PER_BYTE, _BOMB_POINTS = 20, 20_000_000
+_BOMB_POINTS_PER_BYTE, _BOMB_POINTS = 20, 2_000_000
 _DAMAGED = "copy the file again, or leave it out"
 
 

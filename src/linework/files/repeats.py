@@ -55,19 +55,19 @@ class PointSample:
         """
         if self._n >= _MOST_OF_A_FILE:
             return
-        east = _steps(xyz[:, 0])
-        chosen = (
-            np.flatnonzero((east * _SPREAD) >> np.uint64(64 - self._bits) == 0) if self._bits else slice(None)
-        )
-        key = np.zeros(len(east[chosen]), np.uint64)
-        columns = [
-            east[chosen],
-            _steps(xyz[chosen, 1]),
-            _steps(xyz[chosen, 2]),
-            intensity[chosen].astype(np.uint64),
-        ]
+        place = xyz
+        if self._bits:
+            # One multiplication a point: the high bits of the product are spread evenly
+            spread = _steps(xyz[:, 0])
+            spread *= _SPREAD
+            chosen = np.flatnonzero(spread < np.uint64(1 << (64 - self._bits)))
+            place, intensity = xyz[chosen], intensity[chosen]
+            time_s = None if time_s is None else time_s[chosen]
+        columns = [_steps(place[:, axis]) for axis in range(3)]
+        columns.append(intensity.astype(np.uint64))
+        key = np.zeros(len(place), np.uint64)
         if time_s is not None:
-            columns.append(time_s[chosen].view(np.uint64))
+            columns.append(time_s.view(np.uint64))
         for column in columns:
             key = (key ^ column) * _MIX
             key ^= key >> np.uint64(32)
@@ -133,6 +133,7 @@ def _same(has_time: bool) -> str:
 
 def _steps(column_m: FloatArray) -> AnyArray:
     """Return coordinates as whole steps of the store's lattice, their bits as (n,) uint64."""
-    steps = np.rint(column_m * STEPS_PER_M)
+    steps = column_m * STEPS_PER_M
+    np.rint(steps, out=steps)
     steps += 0.0  # -0 and 0 are one place
     return steps.view(np.uint64)
