@@ -130,8 +130,8 @@ def test_a_reader_that_leaves_is_no_trouble(las_file):
 def slow(tmp_path, las_file):
     """Return a running extraction whose method waits for ever, and its output's folder."""
     code = (
-        "import sys, time; from linework.cli.app import main; from linework.methods.radon.method import RadonMethod;"
-        "RadonMethod.extract = lambda self, tile: (print('waiting', flush=True), time.sleep(60));"
+        "import sys, time; from linework.cli.app import main; from linework.methods.radon.method import RailMethod;"
+        "RailMethod.extract = lambda self, tile: (print('waiting', flush=True), time.sleep(60));"
         f"sys.exit(main(['extract', {str(las_file)!r}, '-o', {str(tmp_path / 'out' / 'a.gpkg')!r}, '--quiet', '--workers', '1']))"
     )
     process = subprocess.Popen(
@@ -175,8 +175,8 @@ def test_a_killed_run_does_not_block_the_next(slow, las_file):
 
 def test_our_own_fault_is_said_and_logged(las_file, tmp_path):
     code = (
-        "import sys; from linework.cli.app import main; from linework.methods.radon.method import RadonMethod;"
-        "RadonMethod.extract = lambda self, tile: 1 / 0;"
+        "import sys; from linework.cli.app import main; from linework.methods.radon import method;"
+        "method.RailMethod.extract = method.CableMethod.extract = lambda self, tile: 1 / 0;"
         f"sys.exit(main(['extract', {str(las_file)!r}, '-o', {str(tmp_path / 'a.gpkg')!r}, '--quiet']))"
     )
     said = subprocess.run(
@@ -193,3 +193,18 @@ def test_our_own_fault_is_said_and_logged(las_file, tmp_path):
     assert str(log) in line
     assert "Traceback" in log.read_text()
     assert not (tmp_path / "a.gpkg").exists()
+
+
+def test_our_own_fault_in_a_tile_is_named_and_the_rest_is_written(las_file, tmp_path):
+    code = (
+        "import sys; from linework.cli.app import main; from linework.methods.radon.method import RailMethod;"
+        "RailMethod.extract = lambda self, tile: 1 / 0;"
+        f"sys.exit(main(['extract', {str(las_file)!r}, '-o', {str(tmp_path / 'a.gpkg')!r}, '--quiet']))"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert said.returncode == 4
+    assert "1 of 2 tiles left out: tile guardrail+barrier-" in said.stderr.splitlines()[-1]
+    assert "ZeroDivisionError: division by zero. See run.json." in said.stderr.splitlines()[-1]
+    (failure,) = json.loads((tmp_path / "run.json").read_text())["failures"]
+    assert "Traceback" in failure["trace"]
+    assert (tmp_path / "a.gpkg").exists()

@@ -129,12 +129,22 @@ def test_a_tile_that_fails_is_named_and_the_others_go_on(long_file, extracted):
     assert 0 < len(failed) < len(found.tiles)
     assert {report.problem for report in failed} == {"ArithmeticError: no line here"}
     assert [name for name, _ in found.failures] == [report.name for report in failed]
+    assert {"in extract" in trace for trace in found.traces.values()} == {True}
     assert len(found.lines) >= 1
 
 
 def test_a_survey_of_failed_tiles_only_is_no_result(las_file, extracted):
-    with pytest.raises(PartialError, match=r"none of 1 tiles could be worked: ArithmeticError: no line here"):
+    with pytest.raises(RuntimeError, match=r"ArithmeticError: no line here\nTraceback"):
         extracted(las_file, Fails())
+
+    class Refuses(Diagonal):
+        def extract(self, tile):
+            raise InputError("too many cells", where="grid", advice="take larger ones")
+
+    with pytest.raises(
+        PartialError, match=r"a: none of 1 tiles could be worked: grid: too many cells. Take larger"
+    ):
+        extracted(las_file, Refuses())
 
 
 def test_tiles_that_are_done_are_not_done_again(long_file, method, tmp_path):

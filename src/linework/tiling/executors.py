@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
-from linework.errors import MachineError
+from linework.errors import LineworkError, MachineError
 
 Task = TypeVar("Task")
 Receipt = TypeVar("Receipt")
@@ -73,6 +73,8 @@ def outcome_of(work: Callable[[Task], Receipt], task: Task) -> Outcome[Task, Rec
         raise
     except MemoryError:
         return Outcome(task, None, "needs more memory than there is")
+    except LineworkError as error:
+        return Outcome(task, None, str(error))
     except Exception as error:
         import traceback
 

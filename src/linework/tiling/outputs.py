@@ -105,6 +105,9 @@ def record_of(
         "warnings": list(extraction.warnings),
         "failures": [
             *({"file": path_text(file), "problem": problem} for file, problem in read.failures),
-            *({"tile": tile, "problem": problem} for tile, problem in extraction.failures),
+            *(
+                {"tile": tile, "problem": problem, "trace": extraction.traces.get(tile)}
+                for tile, problem in extraction.failures
+            ),
         ],
     }

@@ -6,6 +6,7 @@ import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NoReturn
 
 from linework.errors import PartialError
 from linework.files.decoder import DecoderLimits
@@ -25,7 +26,7 @@ from linework.model.tile import local_origin
 from linework.model.trajectory import Trajectory
 from linework.navigation.lever import at_vehicle_origin
 from linework.surface.road import RoadConfig
-from linework.tiling.executors import Executor, Serial
+from linework.tiling.executors import Executor, Outcome, Serial
 from linework.tiling.identify import identify
 from linework.tiling.plan import Tile, TilingConfig, plan_tiles
 from linework.tiling.seams import join_seams
@@ -65,6 +66,8 @@ class Extraction:
         Points used and left out, file by file.
     failures
         (tile, problem) of what could not be worked.
+    traces
+        Tracebacks of tiles that failed by a fault of linework's own.
     hashes
         SHA-256 of every input file.
     """
@@ -75,6 +78,7 @@ class Extraction:
     read: StoreFacts
     tiles: tuple[TileReport, ...]
     failures: tuple[tuple[str, str], ...]
+    traces: Mapping[str, str]
     hashes: Mapping[Path, str]
     warnings: tuple[str, ...]
 
@@ -172,12 +176,10 @@ def extract_lines(
     survey = opened.survey
     surface = _surface(opened, road or RoadConfig(), executor, steps)
     tasks = _tasks(opened, methods, run, surface, tiling or TilingConfig())
-    done, problems = _worked(tasks, run, executor, steps)
+    done, failed = _worked(tasks, run, executor, steps)
     if not done:
-        raise PartialError(
-            f"none of {len(tasks)} tiles could be worked: {next(iter(problems.values()))}",
-            where=survey.name, advice="run again with --debug",
-        )  # fmt: skip
+        _raise_failure(failed[0], len(tasks), survey.name)
+    problems = {outcome.task.name: outcome.problem for outcome in failed}
     with steps.step("join lines"):
         lines = LineSet.concatenate([_lines_of(tasks, method, done) for method in methods])
         lines = identify(with_sources(lines, opened.facts.files, survey.name))
@@ -188,6 +190,7 @@ def extract_lines(
         read=opened.facts,
         tiles=tuple(_report(task, done, problems) for task in tasks),
         failures=(*surface.failures, *sorted(problems.items())),
+        traces={outcome.task.name: outcome.trace for outcome in failed if outcome.trace},
         hashes=opened.hashes,
         warnings=opened.warnings,
     )
@@ -244,20 +247,30 @@ def _tasks(
 
 def _worked(
     tasks: Sequence[TileTask], run: RunFolder, executor: Executor, steps: Steps
-) -> tuple[dict[str, TileReceipt], dict[str, str]]:
-    """Work the tiles that are not done yet; return receipts and problems by the tasks' names."""
+) -> tuple[dict[str, TileReceipt], list[Outcome[TileTask, TileReceipt]]]:
+    """Work the tiles that are not done yet; return receipts by the tasks' names, and what failed."""
     with steps.step("find lines", unit="tiles") as advance:
-        done, problems = _taken_over(run, tasks), dict[str, str]()
+        done, failed = _taken_over(run, tasks), list[Outcome[TileTask, TileReceipt]]()
         advance(len(done), len(tasks))
         for outcome in executor.run(work_tile, [task for task in tasks if task.name not in done]):
             name = outcome.task.name
             if outcome.receipt is None:
-                problems[name] = outcome.problem
+                failed.append(outcome)
             else:
                 done[name] = outcome.receipt
                 run.journal.enter(Entry(name, outcome.receipt.sha256, outcome.receipt.as_document()))
-            advance(len(done) + len(problems), len(tasks))
-    return done, problems
+            advance(len(done) + len(failed), len(tasks))
+    return done, failed
+
+
+def _raise_failure(first: Outcome[TileTask, TileReceipt], n_tasks: int, name: str) -> NoReturn:
+    """End a run of which no tile could be worked; with the traceback, where that is our own fault."""
+    if first.trace:
+        raise RuntimeError(f"{first.problem}\n{first.trace}")
+    raise PartialError(
+        f"none of {n_tasks} tiles could be worked: {first.problem.rstrip('.')}", where=name,
+        advice="mend that, and run again",
+    )  # fmt: skip
 
 
 def _taken_over(run: RunFolder, tasks: Sequence[TileTask]) -> dict[str, TileReceipt]:
