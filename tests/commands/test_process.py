@@ -175,9 +175,9 @@ def test_a_killed_run_does_not_block_the_next(slow, las_file):
 
 def test_our_own_fault_is_said_and_logged(las_file, tmp_path):
     code = (
-        "import sys; from linework.cli.app import main; from linework.methods.radon import method;"
-        "method.RailMethod.extract = method.CableMethod.extract = lambda self, tile: 1 / 0;"
-        f"sys.exit(main(['extract', {str(las_file)!r}, '-o', {str(tmp_path / 'a.gpkg')!r}, '--quiet']))"
+        "import sys; from linework.cli.app import main; from linework.methods.radon.method import RailMethod;"
+        "RailMethod.extract = lambda self, tile: 1 / 0;"
+        f"sys.exit(main(['extract', {str(las_file)!r}, '-o', {str(tmp_path / 'a.gpkg')!r}, '--quiet', '--features', 'guardrail']))"
     )
     said = subprocess.run(
         [sys.executable, "-c", code],
