@@ -19,8 +19,8 @@ from linework.model.arrays import BoolArray, FloatArray, IntArray
 #: half as often hit as the wire itself.
 TAIL_GAP_M, TAIL_GAPS, TAIL_LONG_M = 3.0, 3.0, 2.0
 #: Points this far beyond a piece's ends [m] are looked at as it is collected; of a wire that is found, all
-#: that follow without a tail's gap, in as many rounds as that takes (two or three; some go to and fro).
-NEXT_M, MOST_ROUNDS = 0.5, 8
+#: that follow without a tail's gap, in as many rounds as that takes: two or three, more where much is missing.
+NEXT_M, MOST_ROUNDS = 0.5, 30
 #: Insulators, the crossarm and the pole lie within this many metres of a wire's ends.
 FITTING_METRES = 2
 #: Longer gaps [m] are not usual on any wire: something hides it.
@@ -96,26 +96,29 @@ def fit_wire(band: Band, members: IntArray, widths: Widths) -> Wire | None:
     The last fit depends on the points on the wire alone, not on how they were found. While they are
     collected a parabola does; it leaves a catenary of 40 m that sags 1 m by 0.2 mm.
     """
-    members = members[np.lexsort(band.xyz[members].T)]  # sums must not depend on the points' order
     for _ in range(3):
         if len(members) < 4:
             return None
-        wire = _fitted(band.xyz[members], members, widths)
+        wire = _fitted(band, members, widths)
         collected = _on_wire(band, wire, wire.low_m - NEXT_M, wire.high_m + NEXT_M)
         if np.array_equal(collected, wire.members):
             break
         members = collected
-    return _fitted(band.xyz[members], members, widths) if len(members) >= 4 else None
+    return _fitted(band, members, widths) if len(members) >= 4 else None
 
 
 def settled(band: Band, wire: Wire) -> Wire:
     """Return the wire with all points on it and on what follows its ends, however it was found."""
+    before = wire
     for _ in range(MOST_ROUNDS):
         members = _on_wire(band, wire, wire.low_m - TAIL_GAP_M, wire.high_m + TAIL_GAP_M)
         if len(members) < 4 or np.array_equal(members, wire.members):
             break
-        wire = _fitted(band.xyz[members], members, wire.widths)
-    return wire
+        after = _fitted(band, members, wire.widths)
+        if np.array_equal(after.members, before.members):  # to and fro: the one with more points
+            return max(wire, before, key=lambda w: len(w.members))
+        before, wire = wire, after
+    return _fitted(band, wire.members, wire.widths)
 
 
 def near_end(band: Band, wire: Wire, side: int, reach_m: float) -> Wire:
@@ -128,13 +131,13 @@ def near_end(band: Band, wire: Wire, side: int, reach_m: float) -> Wire:
     members = wire.members[(s >= limits[0]) & (s <= limits[1])]
     if len(members) < 8:
         return wire
-    near = _fitted(band.xyz[members], members, wire.widths)
+    near = _fitted(band, members, wire.widths)
     for _ in range(MOST_ROUNDS):
         low, high = near.plan.stations(edges)[0].tolist()
         members = _on_wire(band, near, min(low, high), max(low, high))
         if len(members) < 8 or np.array_equal(members, near.members):
             break
-        near = _fitted(band.xyz[members], members, wire.widths)
+        near = _fitted(band, members, wire.widths)
     return exact(band, near)
 
 
@@ -150,7 +153,10 @@ def exact(band: Band, wire: Wire) -> Wire:
     return replace(wire, fit=fit_catenary(s, xyz[:, 2], weights, straight=straight))
 
 
-def _fitted(xyz: FloatArray, members: IntArray, widths: Widths) -> Wire:
+def _fitted(band: Band, members: IntArray, widths: Widths) -> Wire:
+    """Return the wire through points; sums do not depend on the order they are given in."""
+    members = members[np.lexsort(band.xyz[members].T)]
+    xyz = band.xyz[members]
     x, y, z = (np.ascontiguousarray(column) for column in xyz.T)
     x0, y0, ux, uy, sigma_o, weights = kernels.robust_line(x, y, widths.sigma_m)
     plan = Plan(x0, y0, ux, uy)
@@ -170,7 +176,8 @@ def _line_of(plan: Plan, low_m: float, high_m: float) -> FloatArray:
 def _on_wire(band: Band, wire: Wire, low: float, high: float) -> IntArray:
     """Return the band's points on a wire, carried on, between two stations, by station.
 
-    It ends with the first and the last metre that are clear of other points: in a crown leaves lie on any line.
+    Beyond the first and the last metre that are clear of other points it goes on to the next other point: in a
+    crown leaves lie on any line.
     """
     near = band.near(_line_of(wire.plan, low, high), RING * wire.gate_m)
     s, o, dz = wire.residuals(band.xyz[near])
@@ -179,14 +186,14 @@ def _on_wire(band: Band, wire: Wire, low: float, high: float) -> IntArray:
     # metres are counted from the band's origin: where they begin must not depend on the wire's points
     shift = wire.plan.x * wire.plan.ux + wire.plan.y * wire.plan.uy
     metre = (np.floor(s + shift) - math.floor(low + shift)).astype(np.int64)
-    counts = [
-        np.bincount(metre[chosen], minlength=math.ceil(high - low) + 2)
-        for chosen in (on, (r > 1.25 * wire.gate_m) & (r <= RING * wire.gate_m))
-    ]
+    ring = (r > 1.25 * wire.gate_m) & (r <= RING * wire.gate_m)
+    counts = [np.bincount(metre[chosen], minlength=math.ceil(high - low) + 2) for chosen in (on, ring)]
     clear = np.flatnonzero((counts[0] > 0) & (3 * counts[1] <= counts[0]))
     if len(clear) == 0:
         return near[:0]
-    on &= (metre >= clear[0]) & (metre <= clear[-1])
+    on &= (s > s[ring & (metre < clear[0])].max(initial=low - 1.0)) & (
+        s < s[ring & (metre > clear[-1])].min(initial=high + 1.0)
+    )
     order = np.lexsort((band.xyz[near[on], 2], o[on], s[on]))
     members: IntArray = near[on][order]
     first, last = main_run(s[on][order])

@@ -1,0 +1,89 @@
+"""A wire takes all points on it however it was found, and its ends follow from what is near them alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from linework.lines.catenary import Catenary
+from linework.methods.radon.cable_band import cable_band
+from linework.methods.radon.cable_fit import FITTING_METRES, fit_wire, near_end, settled, surroundings
+from linework.methods.radon.cable_widths import Widths
+
+WIDTHS = Widths(0.10)
+
+
+def wire_points(length_m, seed, per_m=3.0):
+    """Return (n, 3) points of a wire that runs east through (7, 50), by station."""
+    rng = np.random.default_rng(seed)
+    s = np.sort(rng.uniform(0.0, length_m, round(per_m * length_m)))
+    hang = Catenary(length_m / 2.0, 8.0, 0.0, 8.0 * 0.02 / length_m)
+    noise = rng.normal(0.0, 0.01, (2, len(s)))
+    return np.column_stack([7.0 + s, 50.0 + noise[0], hang.height_at(s) + noise[1]])
+
+
+def band_of(points, origin=(0.0, 0.0, 0.0)):
+    band = cable_band(points, points[:, 2].astype(np.float32), 4.0, np.array(origin))
+    assert band is not None
+    return band
+
+
+@pytest.mark.parametrize("part", [slice(30, 60), slice(0, 40), slice(60, 110)])
+def test_any_part_of_a_wire_settles_to_the_whole(part):
+    band = band_of(wire_points(40.0, 1))
+    whole = fit_wire(band, np.arange(len(band.xyz)), WIDTHS)
+    found = fit_wire(band, np.arange(len(band.xyz))[part], WIDTHS)
+    assert whole is not None
+    assert found is not None
+    one, other = settled(band, whole), settled(band, found)
+    assert np.array_equal(one.members, other.members)
+    assert one.fit.curve == other.fit.curve
+    assert one.length_m > 39.0
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_an_end_of_a_long_wire_does_not_depend_on_its_other_end(side):
+    points = wire_points(240.0, 2)
+    x = points[:, 0]
+    kept = points[x < 187.0] if side == 0 else points[x > 67.0]
+    ends = []
+    for cloud in (points, kept):
+        band = band_of(cloud)
+        wire = fit_wire(band, np.arange(len(band.xyz)), WIDTHS)
+        assert wire is not None
+        ends.append(near_end(band, settled(band, wire), side, 60.0))
+    assert ends[0].length_m == pytest.approx(60.0, abs=1.0)
+    assert np.array_equal(ends[0].at(np.zeros(1)), ends[1].at(np.zeros(1)))
+
+
+def test_a_short_wire_is_its_own_end():
+    band = band_of(wire_points(40.0, 3))
+    wire = fit_wire(band, np.arange(len(band.xyz)), WIDTHS)
+    assert wire is not None
+    assert near_end(band, wire, 0, 60.0) is wire
+
+
+def test_what_a_wire_hangs_on_is_not_in_its_way():
+    points = wire_points(30.0, 4)
+    beside = np.array([0.0, 0.3, 0.0])
+    at_end = points[points[:, 0] < 7.0 + FITTING_METRES - 0.5] + beside
+    mid_span = points[(points[:, 0] > 20.0) & (points[:, 0] < 23.0)] + beside
+    for others, taken in ((at_end, 0), (mid_span, 3)):
+        band = band_of(np.concatenate([points, others]))
+        wire = fit_wire(band, np.arange(len(points)), WIDTHS)
+        assert wire is not None
+        around = surroundings(band, wire, np.zeros(len(band.xyz), dtype=bool))
+        assert taken <= around.taken <= 2 * taken
+        assert around.crowded > 0.0
+
+
+def test_columns_are_counted_from_an_origin_on_any_side():
+    points = wire_points(30.0, 5)
+    line = np.array([20.0, 50.0, 1.0, 0.0, -5.0, 5.0])
+    found = []
+    for origin in ((0.0, 0.0, 0.0), (1200.0, 1200.0, 0.0), (-1200.0, 0.0, 0.0)):
+        shifted = line.copy()
+        shifted[:2] -= origin[:2]
+        found.append(np.sort(band_of(points, origin).near(shifted, 0.2)))
+    inside = np.flatnonzero((points[:, 0] >= 15.0) & (points[:, 0] <= 25.0))
+    assert all(np.array_equal(numbers, inside) for numbers in found)
