@@ -266,7 +266,9 @@ def _worked(
 def _raise_failure(first: Outcome[TileTask, TileReceipt], n_tasks: int, name: str) -> NoReturn:
     """End a run of which no tile could be worked; with the traceback, where that is our own fault."""
     if first.trace:
-        raise RuntimeError(f"{first.problem}\n{first.trace}")
+        fault = RuntimeError(first.problem)
+        fault.add_note(first.trace)  # what the log shows
+        raise fault
     raise PartialError(
         f"none of {n_tasks} tiles could be worked: {first.problem.rstrip('.')}", where=name,
         advice="mend that, and run again",
