@@ -13,7 +13,7 @@ from linework.methods.radon.method import RadonConfig, RadonMethod
 from linework.model.grid import Image
 from linework.model.points import Points
 from linework.model.tile import TileData
-from linework.surface.road import RoadSurface, find_road, height_above_ground, height_above_road
+from linework.surface.road import RoadConfig, RoadSurface, find_road, height_above_ground, height_above_road
 
 NOISE_M = 0.005
 #: Height of the scanner over the road, at u = 0.
@@ -158,7 +158,7 @@ class Prepared:
 def prepare(xyz):
     """Road, heights, binary image and bins of a scene."""
     points = Points(xyz)
-    surface = find_road(points, None, RADON.road)
+    surface = find_road(points, None, RoadConfig())
     height = np.minimum(height_above_road(surface, points.xyz), height_above_ground(surface, points.xyz))
     grid = grid_for(points, RADON.cell_m)
     binary = in_height_band(points.xyz, height, grid, RADON.min_height_m, RADON.max_height_m)

@@ -286,6 +286,21 @@ def fit_locally(s: F64, v: F64, weight: F64, half_window: float) -> tuple[F64, F
 
 
 @njit(cache=True, nogil=True)
+def fit_lines_locally(
+    s: F64, v: F64, weight: F64, half_window: float, offsets: I64
+) -> tuple[F64, F64, F64, F64]:
+    """Fit many lines like `fit_locally`, each for itself: line i has nodes offsets[i] to offsets[i + 1]."""
+    n = len(s)
+    value, slope, rms, effective = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    for i in range(len(offsets) - 1):
+        a, b = offsets[i], offsets[i + 1]
+        value[a:b], slope[a:b], rms[a:b], effective[a:b] = fit_locally(
+            s[a:b], v[a:b], weight[a:b], half_window
+        )
+    return value, slope, rms, effective
+
+
+@njit(cache=True, nogil=True)
 def profile_along(
     points: F64,
     starts: I64,

@@ -20,7 +20,7 @@ from linework.methods.radon.circles import CircleConfig, bin_near, find_starts
 from linework.methods.radon.line_times import with_times
 from linework.methods.radon.profile import ProfileConfig
 from linework.methods.radon.rail_lines import rail_lines
-from linework.methods.radon.rails import fit_rail
+from linework.methods.radon.rails import fit_rails
 from linework.methods.radon.seeds import SeedConfig, find_seed_lines, split_into_segments
 from linework.model.lines import LineSet
 from linework.model.settings import group, setting
@@ -88,7 +88,7 @@ class RailMethod:
         band_m = c.circles.min_height_m, c.max_height_m
         chains = follow_all(starts, bins, band_m, c.profile.min_length_m, c.circles)
         # Local fits of the corrected centres; the height from the highest points
-        rails = [fit_rail(chain, bins, c.circles, c.profile) for chain in chains]
+        rails = fit_rails(chains, bins, c.circles, c.profile)
         # The vertical profile tells guardrails and barriers from hedges, walls, cars and fences
         lines = rail_lines(rails, bins, surface, c.circles, c.profile, tile.core)
         # What dips into the ground goes on until it reaches it

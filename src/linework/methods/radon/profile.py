@@ -7,13 +7,16 @@ A peak in the height band may be a guardrail, but also a row of parked cars, a h
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from linework.kernels import corridor as kernels
+from linework.kernels.moving import moving_sums
 from linework.methods.radon.circles import Bins, CircleConfig
-from linework.model.arrays import AnyArray, FloatArray
+from linework.model.arrays import AnyArray, FloatArray, IntArray
 from linework.model.settings import setting
 
 BIN_M = kernels.DEPTH_BIN_M
@@ -146,7 +149,7 @@ class ProfileConfig:
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """Measurements along a line, each (n,) float64 over a moving window.
+    """Measurements along lines, each (n,) float64 over a moving window.
 
     Parameters
     ----------
@@ -168,6 +171,8 @@ class Profile:
         Mean offset of the points just below the top edge; NaN where none.
     rows
         (n, DEPTH_BINS): densities per 5 cm below the top edge against the sheet's, of the clearer half.
+    offsets
+        (n_lines + 1,) int64: line i has the stations from offsets[i] to offsets[i + 1].
     window
         Number of stations in the moving window.
     """
@@ -184,11 +189,39 @@ class Profile:
     apron: FloatArray
     edge_m: FloatArray
     rows: FloatArray
+    offsets: IntArray
     window: int
 
+    def split(self) -> list[Profile]:
+        """Return the profile of each line."""
+        return [
+            replace(
+                self, offsets=np.array([0, b - a]), **{name: getattr(self, name)[a:b] for name in _COLUMNS}
+            )
+            for a, b in pairwise(self.offsets.tolist())
+        ]
 
-def measure_profile(nodes: FloatArray, bins: Bins, circles: CircleConfig, config: ProfileConfig) -> Profile:
-    """Measure the profile at nodes (n, 4): x, y, heading, top z."""
+    @classmethod
+    def joined(cls, profiles: list[Profile]) -> Profile:
+        """Return the profiles of one or more lines, measured with one window, as one."""
+        columns: dict[str, Any] = {
+            name: np.concatenate([getattr(p, name) for p in profiles]) for name in _COLUMNS
+        }
+        return replace(profiles[0], offsets=offsets_of([len(p.number) for p in profiles]), **columns)
+
+
+_COLUMNS = tuple(f.name for f in fields(Profile) if f.name not in ("offsets", "window"))
+
+
+def offsets_of(lengths: list[int]) -> IntArray:
+    """Return where lines of these lengths begin, one after the other, and where the last one ends."""
+    return np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(lengths, dtype=np.int64)])
+
+
+def measure_profile(
+    nodes: FloatArray, offsets: IntArray, bins: Bins, circles: CircleConfig, config: ProfileConfig
+) -> Profile:
+    """Measure the profile at nodes (n, 4) of lines: x, y, heading, top z; for `offsets` see `Profile`."""
     sheet, depth, sides, edge = kernels.profile_along(
         bins.points,
         bins.starts,
@@ -203,7 +236,7 @@ def measure_profile(nodes: FloatArray, bins: Bins, circles: CircleConfig, config
     )
     window = 2 * round(0.5 * config.window_m / circles.spacing_m) + 1  # the same both ways
     number = sheet[:, 0]
-    halves = moving_sum(depth, window)
+    halves = moving_sum(depth, window, offsets)
     density = np.mean(halves[:, :, TOP_BIN : TOP_BIN + 4], axis=2)
     ratio = halves / np.maximum(density, 1e-9)[:, :, None]
     above = np.mean(ratio[:, :, TOP_BIN - 5 : TOP_BIN - 2], axis=2)
@@ -211,16 +244,21 @@ def measure_profile(nodes: FloatArray, bins: Bins, circles: CircleConfig, config
     below = np.min(clear, axis=2)
     # A hedge behind a rail fills the half of the sheet that is turned to it: the clearer half counts
     enough = density >= 0.2 * np.sum(density, axis=1, keepdims=True)
-    half = np.argmin(np.where(enough, above / config.max_above + below / config.max_below, np.inf), axis=1)
+    unclear = np.where(enough, above / config.max_above + below / config.max_below, np.inf)
+    # Of two alike the denser one: left and right are one line's, gone through either way
+    half = np.lexsort((-density, unclear), axis=1)[:, 0]
     at = np.arange(len(half)), half
-    square = moving_sum(number * sheet[:, 2] ** 2, window) / np.maximum(moving_sum(number, window), 1e-9)
+    square = moving_sum(number * sheet[:, 2] ** 2, window, offsets)
+    square = square / np.maximum(moving_sum(number, window, offsets), 1e-9)
     # The road side shows more ground; what stands before the sheet's foot there is a barrier's slope
-    ground, apron = moving_sum(sides[:, 2], window), moving_sum(sides[:, 3], window)
-    apron = apron[np.arange(len(half)), np.argmax(ground, axis=1)] * (BIN_M / 0.26)
+    ground, apron = moving_sum(sides[:, 2], window, offsets), moving_sum(sides[:, 3], window, offsets)
+    road = (ground == np.max(ground, axis=1, keepdims=True)).astype(np.float64)
+    apron = np.sum(apron * road, axis=1) / np.sum(road, axis=1) * (BIN_M / 0.26)
     apron = apron / np.maximum(np.sum(density, axis=1), 1e-9)
     empty = number == 0
     # Its height over both halves, unless something behind it fills the other half far down
-    behind = np.max(moving_mean(sides[:, 0] > 0, window), axis=1)
+    beside = moving_mean(sides[:, 0] > 0, window, offsets)
+    behind = np.max(beside, axis=1)
     both = np.sum(halves, axis=1) / np.maximum(np.sum(density, axis=1), 1e-9)[:, None]
     beam = _beam_height(both)
     return Profile(
@@ -231,34 +269,30 @@ def measure_profile(nodes: FloatArray, bins: Bins, circles: CircleConfig, config
         above=above[at],
         below=below[at],
         beam_m=np.where((beam <= config.max_beam_m) | (behind <= 0.5), beam, _beam_height(ratio[at])),
-        front=np.min(moving_mean(sides[:, 0] > 0, window), axis=1),
-        open_=np.min(moving_mean(moving_sum(sides[:, 1], 5) > 0.5, window), axis=1),
+        front=np.min(beside, axis=1),
+        open_=np.min(moving_mean(moving_sum(sides[:, 1], 5, offsets) > 0.5, window, offsets), axis=1),
         apron=apron,
         edge_m=edge,
         rows=ratio[at],
+        offsets=offsets,
         window=window,
     )
 
 
-def moving_sum(values: AnyArray, window: int) -> FloatArray:
-    """Return the sums over `window` stations about each, an odd number; beyond the ends there is nothing.
+def moving_sum(values: AnyArray, window: int, offsets: IntArray) -> FloatArray:
+    """Return the sums over `window` stations about each, an odd number; beyond a line's ends there is nothing.
 
-    From cumulative sums: counts add up exactly, whatever lies before them.
-
-    >>> moving_sum(np.array([1, 0, 2, 0, 4]), 3).tolist()
-    [1.0, 3.0, 2.0, 6.0, 4.0]
+    >>> moving_sum(np.array([1, 0, 2, 0, 4, 9]), 3, np.array([0, 5, 6])).tolist()
+    [1.0, 3.0, 2.0, 6.0, 4.0, 9.0]
     """
-    half, n = window // 2, len(values)
-    total = np.zeros((n + 1, *values.shape[1:]))
-    np.cumsum(values, axis=0, dtype=np.float64, out=total[1:])
-    at = np.arange(n)
-    return np.asarray(np.maximum(total[np.minimum(at + half + 1, n)] - total[np.maximum(at - half, 0)], 0.0))
+    flat = np.ascontiguousarray(values, dtype=np.float64).reshape(len(values), -1)
+    return np.asarray(moving_sums(flat, offsets, window // 2).reshape(values.shape))
 
 
-def moving_mean(values: AnyArray, window: int) -> FloatArray:
+def moving_mean(values: AnyArray, window: int, offsets: IntArray) -> FloatArray:
     """Return the means over the stations that there are, of `window` about each."""
-    total = moving_sum(np.ones(len(values)), window)
-    return np.asarray((moving_sum(values, window).T / total).T)
+    total = moving_sum(np.ones(len(values)), window, offsets)
+    return np.asarray((moving_sum(values, window, offsets).T / total).T)
 
 
 def _beam_height(ratio: FloatArray) -> FloatArray:

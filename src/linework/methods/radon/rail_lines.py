@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from linework.methods.radon.beside import close_beside
 from linework.methods.radon.circles import Bins, CircleConfig
-from linework.methods.radon.profile import ProfileConfig
+from linework.methods.radon.profile import Profile, ProfileConfig, offsets_of
 from linework.methods.radon.rails import FittedRail, chainage_of
 from linework.methods.radon.raised import raised_rails
 from linework.methods.radon.stretches import barrier_stretches, guardrail_stretches
@@ -30,17 +31,45 @@ class _Placed:
     above_ground_m: FloatArray
     chainage: FloatArray
 
-    @classmethod
-    def of(cls, rail: FittedRail, bins: Bins, surface: RoadSurface) -> _Placed:
-        xyz = np.column_stack([rail.xy, rail.top_m]) + bins.origin
-        edge = np.column_stack([rail.edge_xy, rail.top_m]) + bins.origin
-        height = height_above_road(surface, xyz).astype(np.float64)
-        ground = height_above_ground(surface, xyz).astype(np.float64)
-        return cls(rail, xyz, edge, height, ground, chainage_of(rail.xy))
 
-    def judged(self, paired: BoolArray, config: ProfileConfig) -> Verdict:
-        rail = self.rail
-        return classify(rail.profile, rail.wobble, self.height_m, self.above_ground_m, paired, config)
+def _placed(rails: list[FittedRail], bins: Bins, surface: RoadSurface) -> list[_Placed]:
+    """Return the rails in the world; heights are asked for at once."""
+    if not rails:
+        return []
+    ends = list(pairwise(offsets_of([len(rail.xy) for rail in rails]).tolist()))
+    top = np.concatenate([rail.top_m for rail in rails])
+    xyz = np.column_stack([np.concatenate([rail.xy for rail in rails]), top]) + bins.origin
+    edge = np.column_stack([np.concatenate([rail.edge_xy for rail in rails]), top]) + bins.origin
+    height = height_above_road(surface, xyz).astype(np.float64)
+    ground = height_above_ground(surface, xyz).astype(np.float64)
+    return [
+        _Placed(rail, xyz[a:b], edge[a:b], height[a:b], ground[a:b], chainage_of(rail.xy))
+        for rail, (a, b) in zip(rails, ends, strict=True)
+    ]
+
+
+def _judged(placed: list[_Placed], paired: list[BoolArray], config: ProfileConfig) -> list[Verdict]:
+    """Return the verdict on each; chains are many and short, and are judged at once."""
+    if not placed:
+        return []
+    profile = Profile.joined([p.rail.profile for p in placed])
+    columns = (
+        np.concatenate([p.rail.wobble for p in placed]),
+        np.concatenate([p.height_m for p in placed]),
+        np.concatenate([p.above_ground_m for p in placed]),
+        np.concatenate(paired),
+    )
+    return classify(profile, *columns, config).split(profile.offsets)
+
+
+def _judged_again(
+    placed: list[_Placed], first: list[Verdict], paired: list[BoolArray], config: ProfileConfig
+) -> list[Verdict]:
+    """Return the verdicts, given what runs beside some of the lines; the others' stay as they are."""
+    changed = [i for i, own in enumerate(paired) if own.any()]
+    again = _judged([placed[i] for i in changed], [paired[i] for i in changed], config)
+    by_number = dict(zip(changed, again, strict=True))
+    return [by_number.get(i, verdict) for i, verdict in enumerate(first)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,33 +101,36 @@ def rail_lines(
 
     Their height, confidence and whether they are double come from what lies in `core`, where a part does.
     """
-    placed = [_Placed.of(rail, bins, surface) for rail in rails]
+    placed = _placed(rails, bins, surface)
     alone = [np.zeros(len(p.xyz), dtype=bool) for p in placed]
-    first = [p.judged(own, config) for p, own in zip(placed, alone, strict=True)]
+    first = _judged(placed, alone, config)
     # A second look at what runs close beside a guardrail
-    beside = _beside(placed, _guardrails(placed, first, alone, config), config)
-    verdicts = [p.judged(own, config) for p, own in zip(placed, beside, strict=True)]
-    found = _guardrails(
-        placed, verdicts, _beside(placed, _guardrails(placed, verdicts, alone, config), config), config
-    )
+    beside = _beside(placed, _guardrails(placed, first, config), config)
+    verdicts = _judged_again(placed, first, beside, config)
+    found = _guardrails(placed, verdicts, config)
+    found = _with_pairs(found, placed, _beside(placed, found, config))
     # Barriers from where their sheet ends above
-    for rail in raised_rails(rails, verdicts, bins, circles, config):
-        p = _Placed.of(rail, bins, surface)
-        nothing = np.zeros(len(p.xyz), dtype=bool)
-        verdict = p.judged(nothing, config)
+    raised = _placed(raised_rails(rails, verdicts, bins, circles, config), bins, surface)
+    alone = [np.zeros(len(p.xyz), dtype=bool) for p in raised]
+    for p, nothing, verdict in zip(raised, alone, _judged(raised, alone, config), strict=True):
         stretches = barrier_stretches(verdict, p.chainage, config)
         found += [_Stretch("barrier", p, *stretch, verdict, nothing) for stretch in stretches]
     return _as_lines(found, core)
 
 
-def _guardrails(
-    placed: list[_Placed], verdicts: list[Verdict], paired: list[BoolArray], config: ProfileConfig
-) -> list[_Stretch]:
+def _guardrails(placed: list[_Placed], verdicts: list[Verdict], config: ProfileConfig) -> list[_Stretch]:
+    """Return the stretches that are guardrails, each as one that stands alone."""
     return [
-        _Stretch("guardrail", p, *stretch, verdict, own)
-        for p, verdict, own in zip(placed, verdicts, paired, strict=True)
+        _Stretch("guardrail", p, *stretch, verdict, np.zeros(len(p.xyz), dtype=bool))
+        for p, verdict in zip(placed, verdicts, strict=True)
         for stretch in guardrail_stretches(verdict, p.chainage, config)
     ]
+
+
+def _with_pairs(found: list[_Stretch], placed: list[_Placed], paired: list[BoolArray]) -> list[_Stretch]:
+    """Return the stretches with which of their nodes have a guardrail beside them."""
+    of = {id(p): own for p, own in zip(placed, paired, strict=True)}
+    return [replace(stretch, paired=of[id(stretch.placed)]) for stretch in found]
 
 
 def _beside(placed: list[_Placed], found: list[_Stretch], config: ProfileConfig) -> list[BoolArray]:

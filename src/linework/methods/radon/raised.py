@@ -7,7 +7,7 @@ import numpy as np
 from linework.methods.radon.chains import runs
 from linework.methods.radon.circles import Bins, CircleConfig
 from linework.methods.radon.profile import BIN_M, TOP_BIN, ProfileConfig
-from linework.methods.radon.rails import FittedRail, chainage_of, fit_rail
+from linework.methods.radon.rails import FittedRail, chainage_of, fit_rails
 from linework.methods.radon.stretches import within
 from linework.methods.radon.verdict import Verdict
 from linework.model.arrays import FloatArray
@@ -38,16 +38,18 @@ def raised_rails(
     The face of a barrier is as high as a beam over its foot, too, and starts are found there. No more of a
     chain is taken than the shortest barrier away from where it may be one.
     """
-    out = []
+    chains = []
     for rail, verdict in zip(rails, verdicts, strict=True):
         higher = raise_of(rail)
         may_be = (verdict.barrier >= 0.5) | ((higher >= LEAST_RAISE_M) & (verdict.goes_on >= 0.5))
         near = within(may_be & (verdict.guardrail < 0.5), chainage_of(rail.xy), config.min_closed_length_m)
-        for run in runs(near, round(config.min_closed_length_m / circles.spacing_m)):
-            fitted, top = rail, rail.top_m + higher
-            for _ in range(ROUNDS):
-                chain = np.column_stack([fitted.xy, top, fitted.profile.number, fitted.measured])[run]
-                fitted = fit_rail(chain, bins, circles, config)
-                top, run = fitted.top_m, slice(None)  # noqa: PLW2901
-            out.append(fitted)
-    return out
+        chain = _chain_of(rail, rail.top_m + higher)
+        chains += [chain[run] for run in runs(near, round(config.min_closed_length_m / circles.spacing_m))]
+    fitted = fit_rails(chains, bins, circles, config)
+    for _ in range(ROUNDS - 1):
+        fitted = fit_rails([_chain_of(rail, rail.top_m) for rail in fitted], bins, circles, config)
+    return fitted
+
+
+def _chain_of(rail: FittedRail, top_m: FloatArray) -> FloatArray:
+    return np.column_stack([rail.xy, top_m, rail.profile.number, rail.measured])

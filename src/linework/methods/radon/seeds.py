@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.kernels import seed_windows as window_kernels
 from linework.kernels import segments as kernels
-from linework.methods.radon.peaks import find_peaks_in
-from linework.methods.radon.transform import radon_of_cells, rho_bins
-from linework.model.arrays import FloatArray
+from linework.methods.radon.transform import rho_bins
+from linework.model.arrays import FloatArray, IntArray
 from linework.model.grid import Grid, Image
 from linework.model.settings import setting
 
@@ -86,64 +86,56 @@ def find_seed_lines(binary: Image, config: SeedConfig) -> SeedLines:
     ----------
     Manandhar and Shibasaki (2002), "Line Detection by Radon Transformation".
     """
-    grid = binary.grid
     angles = np.radians(np.arange(0.0, 180.0 - 0.5 * config.step_deg, config.step_deg))
-    half = config.window_m / 2
-    rho = rho_bins(half * math.sqrt(2), grid.cell_width_m)
-    found: list[FloatArray] = []
-    for centre, xy in _windows(binary, config):
-        x, y = np.ascontiguousarray(xy.T)  # as cables give them: numba compiles for either layout
-        values = radon_of_cells(
-            x,
-            y,
-            np.ones(len(xy)),
-            cell_width_m=grid.cell_width_m,
-            cell_height_m=grid.cell_height_m,
-            angles_rad=angles,
-            rho_step_m=grid.cell_width_m,
-            rho_max_m=half * math.sqrt(2),
-        )
-        peaks = find_peaks_in(
-            values,
-            angles,
-            rho,
-            threshold=config.peak_threshold_m,
-            theta_window_rad=math.radians(15.0),
-            rho_window_m=3 * grid.cell_width_m,
-        )
-        n = len(peaks.rho_m)
-        if n:
-            found.append(
-                np.stack([*np.tile(centre, (n, 1)).T, peaks.theta_rad, peaks.rho_m, peaks.strength_m], 1)
-            )
-    table = np.concatenate(found) if found else np.zeros((0, 5))
-    return SeedLines(table[:, :2], table[:, 2], table[:, 3], table[:, 4])
+    cell, half = binary.grid.cell_width_m, config.window_m / 2
+    rho = rho_bins(half * math.sqrt(2), cell)
+    cells, starts, quarters, centres = _windows(binary, config)
+    table = window_kernels.peaks_of_windows(
+        cells,
+        starts,
+        (quarters, centres),
+        ((cell, binary.grid.cell_height_m, 0.0), cell),
+        angles,
+        rho,
+        # Of two peaks within half of 15 degrees and half of three cells the higher one counts
+        (config.peak_threshold_m, math.radians(7.5), 1),
+        config.peak_threshold_m / cell,
+    )
+    number, theta, offset, strength = table.T
+    order = np.lexsort((offset, theta, -strength, number))  # window by window, the strongest first
+    return SeedLines(centres[number[order].astype(np.int64)], theta[order], offset[order], strength[order])
 
 
-def _windows(binary: Image, config: SeedConfig) -> list[tuple[FloatArray, FloatArray]]:
-    """Centre and occupied cells (n, 2), relative to it, of every window that holds enough of them."""
+def _windows(binary: Image, config: SeedConfig) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
+    """Return occupied cells and windows as `linework.kernels.seed_windows` takes them.
+
+    They are cells (n, 2) by quarter of a window, where each quarter's begin, the quarters of each window
+    (m, 4) from the south-west, and centres (m, 2).
+    """
     grid = binary.grid
     rows, cols = np.nonzero(binary.values)
     if len(rows) == 0:
-        return []
+        nothing = np.zeros(0, dtype=np.int64)
+        return np.zeros((0, 2)), np.zeros(1, dtype=np.int64), nothing.reshape(0, 4), np.zeros((0, 2))
     # From whole numbers that all tiles share: the same cells give the same numbers to the last bit, and ties
     # between peaks fall the same way
     west, north = _corner(grid)
     xy = np.column_stack([(west + cols + 0.5) * grid.cell_width_m, (north - rows - 0.5) * grid.cell_height_m])
     stride = config.window_m / 2
     lattice = np.floor(xy / stride).astype(np.int64)
-    order = np.lexsort((lattice[:, 0], lattice[:, 1]))
-    keys, starts = np.unique(lattice[order][:, ::-1], axis=0, return_index=True)
-    blocks = dict(zip(map(tuple, keys.tolist()), np.split(xy[order], starts[1:]), strict=True))
-    enough = config.peak_threshold_m / grid.cell_width_m
-    out = []
-    for j, i in sorted({(j - dj, i - di) for j, i in blocks for dj in (0, 1) for di in (0, 1)}):
-        parts = [blocks[k] for k in ((j, i), (j, i + 1), (j + 1, i), (j + 1, i + 1)) if k in blocks]
-        cells = np.concatenate(parts)
-        if len(cells) >= enough:
-            centre = np.array([(i + 1) * stride, (j + 1) * stride])
-            out.append((centre, cells - centre))
-    return out
+    lowest = lattice.min(axis=0) - 1
+    place = lattice - lowest
+    wide = int(place[:, 0].max()) + 2
+    number = place[:, 1] * wide + place[:, 0]
+    order = np.argsort(number, kind="stable")
+    keys, starts = np.unique(number[order], return_index=True)
+    # A window has its south-west quarter's number
+    window = np.unique(np.concatenate([keys, keys - 1, keys - wide, keys - wide - 1]))
+    quarter = window[:, None] + np.array([0, 1, wide, wide + 1])
+    at = np.minimum(np.searchsorted(keys, quarter), len(keys) - 1)
+    quarters = np.where(keys[at] == quarter, at, -1)
+    corner = np.column_stack([window % wide, window // wide]) + lowest
+    return xy[order], np.append(starts, len(xy)), quarters, (corner + 1) * stride
 
 
 def split_into_segments(seeds: SeedLines, binary: Image, config: SeedConfig) -> Segments:

@@ -27,6 +27,8 @@ def guardrail_stretches(
     the other.
     """
     sure = verdict.guardrail >= 0.5
+    if not sure.any():
+        return []
     goes_on = sure | (verdict.goes_on >= 0.5)
     firm = np.zeros(len(sure), dtype=bool)
     for run in runs(goes_on & within(sure, chainage, config.max_run_on_m), 2):

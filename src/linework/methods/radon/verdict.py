@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from linework.methods.radon.profile import BIN_M, TOP_BIN, Profile, ProfileConfig, moving_mean, moving_sum
-from linework.model.arrays import AnyArray, FloatArray
+from linework.model.arrays import AnyArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +30,11 @@ class Verdict:
     barrier: FloatArray
     goes_on: FloatArray
     open_: AnyArray
+
+    def split(self, offsets: IntArray) -> list[Verdict]:
+        """Return the verdict on each line: on line i from offsets[i] to offsets[i + 1]."""
+        columns = self.guardrail, self.barrier, self.goes_on, self.open_
+        return [Verdict(*(column[a:b] for column in columns)) for a, b in pairwise(offsets.tolist())]
 
 
 def classify(
@@ -52,16 +58,16 @@ def classify(
         seen, over the first: its height and depth say nothing then, nor does what stands before it.
 
     """
-    window = profile.window
+    window, ends = profile.window, profile.offsets
     known = ~np.isnan(wobble)
     square = np.where(known, np.minimum(np.nan_to_num(wobble), 4.0) ** 2, 0.0)
-    unrest = np.sqrt(moving_sum(square, window) / np.maximum(moving_sum(known, window), 1.0))
-    occupied = moving_mean(profile.number >= 2, window)
+    unrest = np.sqrt(moving_sum(square, window, ends) / np.maximum(moving_sum(known, window, ends), 1.0))
+    occupied = moving_mean(profile.number >= 2, window, ends)
     allowed = np.hypot(profile.spread_m / np.sqrt(np.maximum(profile.number, 1.0)), 0.005)
     swerve = np.where(
         profile.number > 0, np.minimum(np.abs(np.nan_to_num(profile.offset_m)) / allowed, 4.0), 0.0
     )
-    wander = np.sqrt(moving_mean(swerve**2, window))
+    wander = np.sqrt(moving_mean(swerve**2, window, ends))
     rough = np.sqrt(
         (
             (profile.spread_m / config.max_spread_m) ** 2
