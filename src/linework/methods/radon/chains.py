@@ -229,40 +229,61 @@ def _ordered(n: int, partner: dict[int, Link]) -> list[list[int]]:
 
 @dataclass(frozen=True, slots=True)
 class _Chain:
-    """Rows of a chain, and how much each counts where two chains lie on each other: less is more."""
+    """Rows of a chain; and how far to trust each, where two chains lie on each other.
+
+    Parameters
+    ----------
+    far
+        (n,) bool: followed far, and from one side only.
+    score
+        (n,) float64: of the start; half of it where it was followed from one side only.
+    number
+        (n,) int64: the strand, which no other chain has.
+    """
 
     rows: FloatArray
-    rank: IntArray
+    far: BoolArray
+    score: FloatArray
+    number: IntArray
 
 
 def _assembled(strands: Strands, chain: list[int], partner: dict[int, Link], config: CircleConfig) -> _Chain:
-    """Return the nodes of a chain: those of its strands, evenly spaced and blended between two middles.
-
-    Where two chains lie on each other, what was followed from the clearer start counts; but what was followed
-    far, from one side only, counts less than all else.
-    """
-    n, near = len(strands), round(NEAR_M / config.spacing_m)
+    """Return the nodes of a chain: those of its strands, evenly spaced and blended between two middles."""
+    near, score = round(NEAR_M / config.spacing_m), strands.begin[:, 4]
     is_ring = chain[-1] in partner
     chain = [*chain, chain[0]] if is_ring else chain
 
-    def tail(end: int) -> tuple[FloatArray, IntArray]:
-        rows = strands.tail(end)[: 0 if is_ring else None]
-        return rows, end // 2 + n * (np.arange(len(rows)) >= near)
+    def from_one_side(rows: FloatArray, i: int, steps: IntArray) -> _Chain:
+        n = len(rows)
+        return _Chain(rows, steps >= near, np.full(n, 0.5 * score[i]), np.full(n, i))
 
-    rows, rank = tail(chain[0] ^ 1)
-    parts, ranks = [rows[::-1]], [rank[::-1]]
+    def tail(end: int) -> _Chain:
+        rows = strands.tail(end)[: 0 if is_ring else None]
+        return from_one_side(rows, end // 2, np.arange(len(rows)))
+
+    first = tail(chain[0] ^ 1)
+    parts = [_Chain(first.rows[::-1], first.far[::-1], first.score, first.number)]
     for end, following in pairwise(chain):
-        link = partner[end]
+        link, i, j = partner[end], end // 2, following // 2
         back = partner[link.end]
         rows = _between(strands, end, link, back, config)
-        at = np.arange(len(rows))
-        from_seen = np.zeros(len(rows)) if link.seen and back.seen else at if link.seen else at[::-1]
-        parts.append(rows)
-        ranks.append(max(end // 2, following // 2) + n * (from_seen >= near))
-    rows, rank = tail(chain[-1])
-    parts += [strands.along(chain[-1], 0.0, np.zeros(1)), rows]
-    ranks += [np.full(1, chain[-1] // 2), rank]
-    return _Chain(np.concatenate(parts), np.concatenate(ranks))
+        at, n = np.arange(len(rows)), len(rows)
+        if link.seen and back.seen:
+            least = np.full(n, min(score[i], score[j]))
+            parts.append(_Chain(rows, np.zeros(n, dtype=bool), least, np.full(n, max(i, j))))
+        else:
+            parts.append(from_one_side(rows, i if link.seen else j, at if link.seen else at[::-1]))
+    last = chain[-1]
+    parts += [
+        from_one_side(strands.along(last, 0.0, np.zeros(1)), last // 2, np.zeros(1, np.int64)),
+        tail(last),
+    ]
+    return _Chain(
+        np.concatenate([p.rows for p in parts]),
+        np.concatenate([p.far for p in parts]),
+        np.concatenate([p.score for p in parts]),
+        np.concatenate([p.number for p in parts]),
+    )
 
 
 def _between(strands: Strands, end: int, link: Link, back: Link, config: CircleConfig) -> FloatArray:
@@ -283,16 +304,22 @@ def _between(strands: Strands, end: int, link: Link, back: Link, config: CircleC
 
 
 def _each_place_once(chains: list[_Chain], least: int, config: CircleConfig) -> list[FloatArray]:
-    """Return the runs of nodes, of at least `least`, on which no other chain lies that counts more."""
+    """Return the runs of nodes, of at least `least`, on which no other chain lies that is to be trusted more.
+
+    What was followed from the clearer start is; what was followed from both sides is trusted twice as much, and
+    what was followed far from one side only less than all else.
+    """
     if not chains:
         return []
-    rows, rank = (np.concatenate(v) for v in ([c.rows for c in chains], [c.rank for c in chains]))
-    owner = np.repeat(np.arange(len(chains)), [len(c.rank) for c in chains])
+    lengths = [len(chain.rows) for chain in chains]
+    rows, owner = np.concatenate([c.rows for c in chains]), np.repeat(np.arange(len(chains)), lengths)
+    score, number = np.concatenate([c.score for c in chains]), np.concatenate([c.number for c in chains])
+    rank = np.empty(len(rows), dtype=np.int64)
+    rank[np.lexsort((number, -score, np.concatenate([c.far for c in chains])))] = np.arange(len(rows))
     ahead = np.concatenate([_ahead(chain.rows) for chain in chains])
     along, across = config.spacing_m, 1.25 * config.radius_m
     near = cKDTree(rows[:, :2]).query_pairs(float(np.hypot(along, across)), output_type="ndarray")
     near = near[owner[near[:, 0]] != owner[near[:, 1]]]
-    near = near[rank[near[:, 0]] != rank[near[:, 1]]]
     less = np.where((rank[near[:, 0]] > rank[near[:, 1]])[:, None], near, near[:, ::-1])
     node, over = less.T
     step, turn = rows[node, :2] - rows[over, :2], _cross(ahead[node], ahead[over])
@@ -300,12 +327,8 @@ def _each_place_once(chains: list[_Chain], least: int, config: CircleConfig) -> 
     lies_on &= (np.abs(_cross(step, ahead[over])) <= across) & (np.abs(turn) < 0.34)  # 20 degrees
     free = np.ones(len(rows), dtype=bool)
     free[node[lies_on]] = False
-    ends = np.cumsum([len(c.rank) for c in chains])
-    return [
-        chain.rows[run]
-        for chain, end in zip(chains, ends, strict=True)
-        for run in runs(free[end - len(chain.rank) : end], least)
-    ]
+    parts = np.split(free, np.cumsum(lengths)[:-1])
+    return [chain.rows[run] for chain, own in zip(chains, parts, strict=True) for run in runs(own, least)]
 
 
 def _ahead(rows: FloatArray) -> FloatArray:
