@@ -171,6 +171,8 @@ class Profile:
         Mean offset of the points just below the top edge; NaN where none.
     rows
         (n, DEPTH_BINS): densities per 5 cm below the top edge against the sheet's, of the clearer half.
+    all_rows
+        The same of both halves.
     offsets
         (n_lines + 1,) int64: line i has the stations from offsets[i] to offsets[i + 1].
     window
@@ -189,6 +191,7 @@ class Profile:
     apron: FloatArray
     edge_m: FloatArray
     rows: FloatArray
+    all_rows: FloatArray
     offsets: IntArray
     window: int
 
@@ -274,6 +277,7 @@ def measure_profile(
         apron=apron,
         edge_m=edge,
         rows=ratio[at],
+        all_rows=both,
         offsets=offsets,
         window=window,
     )

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from linework.methods.radon.beside import close_beside
 from linework.methods.radon.circles import Bins, CircleConfig
@@ -18,6 +19,9 @@ from linework.model.arrays import AnyArray, BoolArray, FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.surface.road import RoadSurface, height_above_ground, height_above_road
+
+#: The foot of a New Jersey profile stands 0.22 m before its top edge, and nodes are half a metre apart. [m]
+FOOT_M = 0.35
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,15 +111,12 @@ def rail_lines(
     # A second look at what runs close beside a guardrail
     beside = _beside(placed, _guardrails(placed, first, config), config)
     verdicts = _judged_again(placed, first, beside, config)
-    found = _guardrails(placed, verdicts, config)
-    found = _with_pairs(found, placed, _beside(placed, found, config))
-    # Barriers from where their sheet ends above
+    # Barriers from where their sheet ends above; what is more surely one of them is no guardrail
     raised = _placed(raised_rails(rails, verdicts, bins, circles, config), bins, surface)
-    alone = [np.zeros(len(p.xyz), dtype=bool) for p in raised]
-    for p, nothing, verdict in zip(raised, alone, _judged(raised, alone, config), strict=True):
-        stretches = barrier_stretches(verdict, p.chainage, config)
-        found += [_Stretch("barrier", p, *stretch, verdict, nothing) for stretch in stretches]
-    return _as_lines(found, core)
+    barriers = _barriers(raised, config)
+    found = _guardrails(placed, _without(placed, verdicts, barriers), config)
+    found = _with_pairs(found, placed, _beside(placed, found, config))
+    return _as_lines(found + barriers, core)
 
 
 def _guardrails(placed: list[_Placed], verdicts: list[Verdict], config: ProfileConfig) -> list[_Stretch]:
@@ -125,6 +126,30 @@ def _guardrails(placed: list[_Placed], verdicts: list[Verdict], config: ProfileC
         for p, verdict in zip(placed, verdicts, strict=True)
         for stretch in guardrail_stretches(verdict, p.chainage, config)
     ]
+
+
+def _barriers(placed: list[_Placed], config: ProfileConfig) -> list[_Stretch]:
+    """Return the stretches that are barriers."""
+    alone = [np.zeros(len(p.xyz), dtype=bool) for p in placed]
+    return [
+        _Stretch("barrier", p, *stretch, verdict, nothing)
+        for p, nothing, verdict in zip(placed, alone, _judged(placed, alone, config), strict=True)
+        for stretch in barrier_stretches(verdict, p.chainage, config)
+    ]
+
+
+def _without(placed: list[_Placed], verdicts: list[Verdict], barriers: list[_Stretch]) -> list[Verdict]:
+    """Return the verdicts with no guardrail where a barrier is that is surer of itself, as far as its foot."""
+    if not barriers:
+        return verdicts
+    tree = cKDTree(np.concatenate([stretch.xyz for stretch in barriers])[:, :2])
+    score = np.append(np.concatenate([stretch.score for stretch in barriers]), 0.0)
+    out = []
+    for p, verdict in zip(placed, verdicts, strict=True):
+        _, nearest = tree.query(p.xyz[:, :2], distance_upper_bound=FOOT_M)  # beyond: the last score
+        is_barrier = score[nearest] > verdict.guardrail
+        out.append(replace(verdict, guardrail=np.where(is_barrier, 0.0, verdict.guardrail)))
+    return out
 
 
 def _with_pairs(found: list[_Stretch], placed: list[_Placed], paired: list[BoolArray]) -> list[_Stretch]:

@@ -14,6 +14,8 @@ from linework.model.arrays import FloatArray
 
 #: A sheet goes on where it has this share of its density: the limit below which a beam ends.
 FILLED = 0.4
+#: What is a guardrail as surely as this is no barrier: the foot of one never is.
+CLEAR = 0.9
 #: The circles look 3 cm above the edge: a sheet that goes on for two bins more has its edge elsewhere.
 LEAST_RAISE_M = 2 * BIN_M
 #: Rounds of fits from the new edge: the first moves it by a few centimetres, the second comes to rest.
@@ -22,7 +24,7 @@ ROUNDS = 2
 
 def raise_of(rail: FittedRail) -> FloatArray:
     """Return how far above the followed edge the sheet goes on without a gap, (n,) float64 [m]."""
-    filled = rail.profile.rows[:, TOP_BIN - 1 :: -1] >= FILLED
+    filled = rail.profile.all_rows[:, TOP_BIN - 1 :: -1] >= FILLED
     return np.where(filled.all(axis=1), 0.0, np.argmin(filled, axis=1) * BIN_M)
 
 
@@ -42,7 +44,7 @@ def raised_rails(
     for rail, verdict in zip(rails, verdicts, strict=True):
         higher = raise_of(rail)
         may_be = (verdict.barrier >= 0.5) | ((higher >= LEAST_RAISE_M) & (verdict.goes_on >= 0.5))
-        near = within(may_be & (verdict.guardrail < 0.5), chainage_of(rail.xy), config.min_closed_length_m)
+        near = within(may_be & (verdict.guardrail < CLEAR), chainage_of(rail.xy), config.min_closed_length_m)
         chain = _chain_of(rail, rail.top_m + higher)
         chains += [chain[run] for run in runs(near, round(config.min_closed_length_m / circles.spacing_m))]
     fitted = fit_rails(chains, bins, circles, config)

@@ -53,17 +53,22 @@ def barrier_stretches(
 def _is_firm(sure: BoolArray, open_: AnyArray, chainage: FloatArray, config: ProfileConfig) -> BoolArray:
     """Return which nodes of a run are sure, in a stretch that is sure over enough of it.
 
-    A stretch reaches over twice `min_closed_length_m`, or as far as the run does.
+    A stretch is twice `min_closed_length_m` long, or all of a shorter run.
     """
-    half = config.min_closed_length_m + SPARE_M
-    first = np.searchsorted(chainage, chainage - half)
-    stop = np.searchsorted(chainage, chainage + half, side="right")
+    half = config.min_closed_length_m
+    low = np.clip(chainage - half, chainage[0], max(chainage[-1] - 2 * half, chainage[0]))
+    first = np.searchsorted(chainage, low - SPARE_M)
+    stop = np.searchsorted(chainage, low + 2 * half + SPARE_M, side="right")
     share, n_open = _sums(sure, first, stop) / (stop - first), _sums(open_, first, stop)
     is_open = 2 * n_open >= stop - first
     length = share * (chainage[stop - 1] - chainage[first])
     enough = np.where(is_open, config.min_length_m, config.min_closed_length_m) - SPARE_M
     stands = (share >= config.min_core) & (length >= enough)
-    return np.asarray(sure & (_sums(stands, first, stop) > 0))
+    # Of the stretch about each node that stands, all nodes
+    covered = np.zeros(len(sure) + 1, dtype=np.int64)
+    np.add.at(covered, first[stands], 1)
+    np.add.at(covered, stop[stands], -1)
+    return np.asarray(sure & (np.cumsum(covered)[:-1] > 0))
 
 
 def _sums(values: AnyArray, first: AnyArray, stop: AnyArray) -> AnyArray:
