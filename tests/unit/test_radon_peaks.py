@@ -47,7 +47,7 @@ def test_finds_a_line_within_half_a_cell_at_its_ends(theta, rho, low):
     off = x * math.cos(peaks.theta_rad[0]) + y * math.sin(peaks.theta_rad[0]) - peaks.rho_m[0]
     # a line along a cell's edge is seen half a cell (0.1 m) off; the staircase turns it a little
     assert np.abs(off).max() < 0.25
-    assert np.abs(off.mean()) < 0.13
+    assert np.abs(off.mean()) < 0.15
 
 
 def slow_dilation(values, angles, half_window, half_bins):
