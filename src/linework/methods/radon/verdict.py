@@ -115,6 +115,8 @@ def classify(
         goes_on,
         _below(rough, config.max_rough, 0.03),
         _below(profile.above, config.max_above, 0.06),
+        # Its lower face stands out before the upper one; the face of a hedge or a wall goes on below
+        _below(profile.below, 1.5 * config.max_below, 0.08),
         _below(profile.front, config.max_front, 0.08),
         _below(-profile.apron, -1.5 * config.max_apron, 0.05),
         _below(profile.open_, config.min_open, 0.1),
