@@ -60,8 +60,8 @@ class RailMethod:
     config: RadonConfig = field(default_factory=RadonConfig)
     kinds: tuple[str, ...] = RAIL_KINDS
     name: str = "radon"
-    #: What is found at a place depends on the points within `REACH_M` of the starts near it, and on what a line
-    #: is over twice `min_closed_length_m`: 24 + 40 m at most. See tests/laws/test_rail_splitting.py.
+    #: What is found at a place depends on the points as far as a line is followed (48 m), on what it is over 40 m,
+    #: and on what windows and fits add to that; see docs/methods/radon.md, "Tiles".
     buffer_m: float = 64.0
     #: Rails stand on the ground: all points matter.
     least_height_m: float = -math.inf
