@@ -14,7 +14,7 @@ import numpy as np
 from linework.imaging.binary import in_height_band
 from linework.imaging.raster import grid_for
 from linework.methods.radon.buried_ends import carry_into_ground
-from linework.methods.radon.cables import CableConfig, find_cables
+from linework.methods.radon.cables import CableConfig, find_cables, least_height_m
 from linework.methods.radon.chains import follow_all
 from linework.methods.radon.circles import CircleConfig, bin_near, find_starts
 from linework.methods.radon.line_times import with_times
@@ -153,4 +153,7 @@ def parts_of(method: RadonMethod) -> tuple[RailMethod | CableMethod, ...]:
     rails = tuple(kind for kind in RAIL_KINDS if kind in method.kinds)
     cables = tuple(kind for kind in CABLE_KINDS if kind in method.kinds)
     parts: list[RailMethod | CableMethod] = [RailMethod(method.config, rails)] if rails else []
-    return tuple(parts + ([CableMethod(method.config, cables)] if cables else []))
+    if cables:
+        lowest_m = min(CableMethod().least_height_m, least_height_m(method.config.cable))
+        parts.append(CableMethod(method.config, cables, least_height_m=lowest_m))
+    return tuple(parts)
