@@ -14,8 +14,9 @@ import numpy as np
 
 from linework.files import decoding
 
-HOW, NAME = sys.argv[1].removeprefix("once-"), sys.argv[2]
-IS_ONCE = sys.argv[1].startswith("once-")
+# Where doctests are collected it is imported with other arguments, or none
+HOW, NAME = (*sys.argv[1:3], "", "")[:2]
+IS_ONCE, HOW = HOW.startswith("once-"), HOW.removeprefix("once-")
 read_las_batches = decoding.read_las_batches
 
 
@@ -69,5 +70,6 @@ def dying_batches(path, header, *, is_sequential, **settings):
         yield batch
 
 
-decoding.read_las_batches = dying_batches
-decoding.main(sys.argv[3:])
+if __name__ == "__main__":
+    decoding.read_las_batches = dying_batches
+    decoding.main(sys.argv[3:])
