@@ -106,7 +106,7 @@ def test_wire_mesh_lets_a_part_of_the_beams_through_and_passing_cars_are_in_one_
 def test_observed_flags_equal_a_brute_force_recount(kind):
     scenario = draw_scenario(kind, 2, 50.0, points_per_m=400)
     from linework.simulation.materials import GROUND
-    from linework.simulation.truth import TIMED_M, truth_lines
+    from linework.simulation.truth import PAINT_KINDS, TIMED_M, truth_lines
 
     scene = build_scene(scenario)
     hits = Hits.concatenate(list(measured(scenario, scene, drives_of(scenario))))
@@ -119,7 +119,7 @@ def test_observed_flags_equal_a_brute_force_recount(kind):
     for i in range(len(truth)):
         line, line_kind = truth.line(i), str(truth.kind[i])
         own = target == starts[(line_kind, *np.round(line[0], 6))]
-        if line_kind.startswith("lane_marking"):
+        if line_kind in PAINT_KINDS:
             own = material == Material.ASPHALT
         elif line_kind in ("road_boundary", "kerb_top"):
             own = GROUND[material]

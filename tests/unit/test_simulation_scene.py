@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from linework.simulation.draw import ROADS, draw_scenario
-from linework.simulation.ground import boundaries, ground, marking_truth
+from linework.simulation.draw_pieces import arrow
+from linework.simulation.ground import boundaries, ground, marking_truth, symbol_truth
 from linework.simulation.materials import Material
 from linework.simulation.part import assembled
 from linework.simulation.rails import barrier, fence, guardrail, rail_top
 from linework.simulation.scanner import Caster
-from linework.simulation.scenario import Barrier, Cable, Fence, Marking, Rail
+from linework.simulation.scenario import Barrier, Cable, Fence, Marking, Rail, Symbol
 from linework.simulation.wires import cable, catenary
 
 
@@ -217,6 +218,23 @@ def test_a_dashed_line_runs_from_its_first_dash_to_its_last(road):
     assert np.allclose(whole.xyz[-1], dashes[-1].xyz[-1])
     s, _ = offsets_of(road, np.stack([d.xyz[-1] for d in dashes]))
     assert np.allclose(s, [4.0, 13.0, 22.0, 31.0, 40.0], atol=1e-6)
+
+
+def test_a_symbol_is_the_line_along_its_longer_side(road):
+    stop = Symbol(start_m=20.0, end_m=20.5, right_m=-3.0, left_m=-0.2, form="stop")
+    bar = Symbol(start_m=21.5, end_m=25.0, right_m=0.25, left_m=0.75, form="zebra")
+    across, along = (symbol_truth(road, symbol).lines[0] for symbol in (stop, bar))
+    s, q = offsets_of(road, across.xyz)
+    assert np.allclose(s, 20.25, atol=1e-6)
+    assert np.allclose((q[0], q[-1]), (-3.0, -0.2), atol=1e-6)
+    s, q = offsets_of(road, along.xyz)
+    assert np.allclose(q, 0.5, atol=1e-6)
+    assert np.allclose((s[0], s[-1]), (21.5, 25.0), atol=1e-6)
+    assert (across.kind, across.form, across.width_m) == ("road_marking_other", "stop", 0.5)
+    assert (along.kind, along.form, along.width_m) == ("road_marking_other", "zebra", 0.5)
+    shaft, *head = arrow(np.random.default_rng(1), 30.0, -1.5)
+    assert len(symbol_truth(road, shaft).lines) == 1
+    assert not any(symbol_truth(road, step).lines for step in head)
 
 
 def test_a_cable_hangs_as_a_catenary_between_its_fixings(road):

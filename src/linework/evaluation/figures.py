@@ -22,7 +22,7 @@ from linework.model.points import Points
 COLOURS = dict(
     zip(
         KINDS,
-        ("#e8b100", "#f0d060", "#8c564b", "#c49c94", "#d62728", "#7f3fbf", "#2a9d8f", "#1667c4"),
+        ("#e8b100", "#f0d060", "#ff7f0e", "#8c564b", "#c49c94", "#d62728", "#7f3fbf", "#2a9d8f", "#1667c4"),
         strict=True,
     )
 )

@@ -6,6 +6,7 @@ from __future__ import annotations
 _LOOKS = {
     "lane_marking": ((240, 228, 66), 0.5),
     "lane_marking_dash": ((240, 228, 66), 0.9),
+    "road_marking_other": ((230, 159, 0), 0.9),
     "road_boundary": ((213, 94, 0), 0.6),
     "kerb_top": ((204, 121, 167), 0.3),
     "guardrail": ((0, 114, 178), 0.7),

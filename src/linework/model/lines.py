@@ -12,7 +12,8 @@ from linework.model.arrays import AnyArray, BoolArray, FloatArray, IntArray, che
 
 #: The kinds of line, in the order of their layers.
 KINDS = (
-    "lane_marking", "lane_marking_dash", "road_boundary", "kerb_top", "guardrail", "barrier", "fence", "cable",
+    "lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top", "guardrail",
+    "barrier", "fence", "cable",
 )  # fmt: skip
 
 

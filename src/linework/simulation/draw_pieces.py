@@ -77,17 +77,21 @@ def zebra(rng: np.random.Generator, at_m: float, half_m: float) -> list[Symbol]:
     """Return the bars of a zebra crossing, 0.5 m wide and apart, and a stop line before it."""
     long, worn = uniform(rng, 3.0, 4.0), wear(rng)
     bars = [
-        Symbol(start_m=at_m, end_m=at_m + long, right_m=float(q), left_m=float(q) + 0.5, wear=worn)
+        Symbol(
+            start_m=at_m, end_m=at_m + long, right_m=float(q), left_m=float(q) + 0.5, wear=worn, form="zebra"
+        )
         for q in np.arange(-half_m + 0.25, half_m - 0.5, 1.0)
     ]
-    stop = Symbol(start_m=at_m - 1.5, end_m=at_m - 1.0, right_m=-half_m + 0.3, left_m=-0.2, wear=wear(rng))
+    stop = Symbol(
+        start_m=at_m - 1.5, end_m=at_m - 1.0, right_m=-half_m + 0.3, left_m=-0.2, wear=wear(rng), form="stop"
+    )
     return [*bars, stop]
 
 
 def arrow(rng: np.random.Generator, at_m: float, q_m: float) -> list[Symbol]:
     """Return a straight-on arrow of 4 to 5 m: a shaft and a head in steps."""
     worn, end = wear(rng), at_m + uniform(rng, 2.5, 3.5)
-    shaft = Symbol(start_m=at_m, end_m=end, right_m=q_m - 0.08, left_m=q_m + 0.08, wear=worn)
+    shaft = Symbol(start_m=at_m, end_m=end, right_m=q_m - 0.08, left_m=q_m + 0.08, wear=worn, form="arrow")
     head = [
         Symbol(
             start_m=end + 0.3 * i, end_m=end + 0.3 * (i + 1), right_m=q_m - half, left_m=q_m + half, wear=worn

@@ -12,12 +12,8 @@ from linework.files.las_write import write_las
 from linework.files.publish import publish_folder
 from linework.files.trajectories import write_trajectory
 from linework.files.vectors import write_lines
+from linework.model.lines import KINDS
 from linework.simulation.simulate import SIMULATED_CRS, SimulatedSurvey
-
-#: Layers that the truth always has, also empty ones.
-_LAYERS = (
-    "lane_marking", "lane_marking_dash", "road_boundary", "kerb_top", "guardrail", "barrier", "fence", "cable",
-)  # fmt: skip
 
 
 def write_survey_folder(survey: SimulatedSurvey, folder: Path, *, overwrite: bool = False) -> None:
@@ -46,7 +42,8 @@ def write_survey_folder(survey: SimulatedSurvey, folder: Path, *, overwrite: boo
             target = part / "points" / f"pass_{i + 1}.laz"
             write_las(survey.points.take(index), target, crs=survey.crs, intensity_bits=bits)
         write_trajectory(survey.trajectory, part / "trajectory.csv")
-        write_lines(survey.truth, part / "truth.gpkg", kinds=_LAYERS)
+        # A layer for every kind, also where the survey has none of it
+        write_lines(survey.truth, part / "truth.gpkg", kinds=KINDS)
         (part / "survey.toml").write_text(_survey_toml(survey), encoding="utf-8")
 
     def verify(part: Path) -> None:

@@ -14,7 +14,7 @@ from linework.simulation.meshes import Mesh, sheet
 from linework.simulation.mouth import kerb_paths, mouth_path
 from linework.simulation.part import Part, TruthLine
 from linework.simulation.road import KERB_BATTER_M, Road, Side
-from linework.simulation.scenario import Marking
+from linework.simulation.scenario import Marking, Symbol
 
 #: Depth of a kerb stone behind its face.
 _KERB_TOP_M = 0.15
@@ -125,6 +125,20 @@ def marking_truth(road: Road, marking: Marking) -> Part:
         for a, b in dashes.tolist()
     ]
     return Part((), (whole, *pieces))
+
+
+def symbol_truth(road: Road, symbol: Symbol) -> Part:
+    """Return a symbol's centreline along its longer side; a piece of another symbol has none."""
+    if not symbol.form:
+        return Part(())
+    length, width = symbol.end_m - symbol.start_m, symbol.left_m - symbol.right_m
+    s, q = 0.5 * (symbol.start_m + symbol.end_m), 0.5 * (symbol.right_m + symbol.left_m)
+    if length >= width:
+        xyz = road.on_ground(road.truth_chainages(symbol.start_m, symbol.end_m), q)
+    else:
+        xyz = road.on_ground(s, _filled(symbol.right_m, symbol.left_m, 0.5))
+    line = TruthLine(kind="road_marking_other", xyz=xyz, form=symbol.form, width_m=min(length, width))
+    return Part((), (line,))
 
 
 def dash_ends(marking: Marking) -> FloatArray:

@@ -28,13 +28,18 @@ class Marking:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Symbol:
-    """A painted rectangle that is no line: a bar of a zebra crossing, a stop line, an arrow's shaft."""
+    """A painted rectangle that is no line along the road.
+
+    `form` says what it is: a bar of a "zebra" crossing, a "stop" line, the shaft of an "arrow"; "" is a piece
+    of the one before it (a step of an arrow's head).
+    """
 
     start_m: float
     end_m: float
     right_m: float
     left_m: float
     wear: float = 0.0
+    form: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

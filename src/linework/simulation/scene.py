@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from linework.simulation.buildings import bridge, gantry, wall
-from linework.simulation.ground import boundaries, ground, marking_truth
+from linework.simulation.ground import boundaries, ground, marking_truth, symbol_truth
 from linework.simulation.part import Part, Scene, assembled
 from linework.simulation.plants import hedge, plant
 from linework.simulation.rails import barrier, fence, guardrail
@@ -26,6 +26,7 @@ def _parts(scenario: Scenario) -> Iterator[Part]:
     yield ground(road)
     yield boundaries(road, layout.far_edges_m)
     yield from (marking_truth(road, m) for m in layout.markings)
+    yield from (symbol_truth(road, s) for s in layout.symbols)
     yield from (guardrail(road, r) for r in layout.rails)
     yield from (barrier(road, b) for b in layout.barriers)
     yield from (fence(road, f) for f in layout.fences)

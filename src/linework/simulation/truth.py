@@ -19,6 +19,7 @@ from linework.simulation.scenario import Scenario
 OBSERVED: dict[str, tuple[int, float]] = {
     "lane_marking": (5, 0.30),
     "lane_marking_dash": (5, 0.30),
+    "road_marking_other": (5, 0.30),
     "road_boundary": (5, 0.25),
     "kerb_top": (5, 0.25),
     "guardrail": (5, 0.50),
@@ -26,7 +27,7 @@ OBSERVED: dict[str, tuple[int, float]] = {
     "fence": (5, 0.50),
     "cable": (1, 1.00),
 }
-
+PAINT_KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other")
 
 #: The time of a line is that of the hits within this of its vertices: the face of a beam reaches 0.31 m down
 #: from its top edge. [m]
@@ -90,7 +91,7 @@ def _observed(scene: Scene, xyz: FloatArray, triangle: AnyArray) -> list[BoolArr
     flags = []
     for i, line in enumerate(scene.lines):
         n, within = OBSERVED[line.kind]
-        if line.kind in ("lane_marking", "lane_marking_dash"):
+        if line.kind in PAINT_KINDS:
             tree = carriageway
         elif line.kind in ("road_boundary", "kerb_top"):
             tree = ground
