@@ -19,6 +19,12 @@ def evaluate(
     tolerance_m: Annotated[
         float, typer.Option("--tolerance-m", help="Distance within which a line counts as found.")
     ] = 0.10,
+    dash_end_m: Annotated[
+        float,
+        typer.Option(
+            "--dash-end-m", help="How far the end of a dash may be off: the spacing of scan lines if wider."
+        ),
+    ] = 0.10,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     picture: Annotated[
         Path | None, typer.Option("--picture", help="PNG of what was found, missed and wrong.")
@@ -60,7 +66,7 @@ def evaluate(
     held = (_kinds_held(lines, found, {}), _kinds_held(reference, truth, names))
     chosen = _asked_kinds(kinds, held) if kinds else _shared_kinds(lines, reference, held)
     _tell_left_out(chosen, found, truth)
-    parts = match_lines(found, truth, tolerance_m=tolerance_m, kinds=chosen)
+    parts = match_lines(found, truth, tolerance_m=tolerance_m, kinds=chosen, dash_end_m=dash_end_m)
     scores = scores_of(parts, tolerance_m=tolerance_m)
     if picture is not None:
         from linework.evaluation.picture import hits_figure, png

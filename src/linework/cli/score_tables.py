@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from linework.evaluation.tables import TextTable
+from linework.evaluation.table_texts import TextTable
 
 #: Without a terminal a table may have this many characters in a row.
 PLAIN_WIDTH = 160

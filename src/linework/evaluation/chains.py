@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -92,11 +92,20 @@ class Chains:
 
     def observed_at(self, line: IntArray, chainage_m: FloatArray) -> BoolArray:
         """Return (k,) bool: on a segment whose two ends were observed."""
+        start, end = self._segment_at(line, chainage_m)
+        return self.lines.observed[start] & self.lines.observed[end]
+
+    def bridged_at(self, line: IntArray, chainage_m: FloatArray) -> BoolArray:
+        """Return (k,) bool: on a segment of which one end was not measured."""
+        start, end = self._segment_at(line, chainage_m)
+        return self.lines.bridged[start] | self.lines.bridged[end]
+
+    def _segment_at(self, line: IntArray, chainage_m: FloatArray) -> tuple[IntArray, IntArray]:
+        """Return (k,) int64 first and last vertex of the segments that hold the places."""
         place = np.clip(chainage_m, 0.0, self.length_m[line]) + self.start_m[line]
         segment = np.searchsorted(self.axis_m, place, side="right") - 1
         segment = np.clip(segment, self.lines.offsets[line], np.maximum(self.lines.offsets[line + 1] - 2, 0))
-        ends = np.minimum(segment + 1, len(self.xyz) - 1)
-        return self.lines.observed[segment] & self.lines.observed[ends]
+        return segment, np.minimum(segment + 1, len(self.xyz) - 1)
 
     def divided(self, spacing_m: float) -> tuple[IntArray, FloatArray, FloatArray]:
         """Divide every line into equal parts of at most `spacing_m`.
@@ -142,6 +151,10 @@ class Pieces:
 
     def __len__(self) -> int:
         return len(self.line)
+
+    def take(self, chosen: BoolArray) -> Pieces:
+        """Return the chosen pieces."""
+        return Pieces(*(getattr(self, f.name)[chosen] for f in fields(self)))
 
 
 def cut_into_pieces(chains: Chains, piece_m: float = PIECE_M) -> Pieces:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from linework.evaluation.match import TIE_M, Match
-from linework.evaluation.scores import Calibration, SigmaTercile
+from linework.evaluation.values import Calibration, SigmaTercile
 from linework.model.arrays import BoolArray, FloatArray
 
 #: Confidence is judged per piece of about this length. [m]
@@ -74,7 +74,7 @@ def calibrate(matches: Sequence[Match], tolerance_m: float) -> Calibration:
     share, confidence = share[usable], confidence[usable]
     if len(share) == 0:
         return Calibration()
-    is_correct = share > 0.5
+    is_correct = share > 0.5 + TIE_M
     return Calibration(
         n_pieces=len(share),
         n_correct=int(is_correct.sum()),
@@ -91,7 +91,9 @@ def _judged_pieces(match: Match, tolerance_m: float) -> tuple[FloatArray, FloatA
     n_judged = np.maximum(np.rint(chains.length_m / JUDGED_PIECE_M), 1).astype(np.int64)
     first = np.cumsum(n_judged) - n_judged
     size_m = chains.length_m / n_judged
-    within = np.minimum(pieces.chainage_m // size_m[pieces.line], n_judged[pieces.line] - 1).astype(np.int64)
+    # The middle of a short piece may be on the border of two judged ones: rounding does not decide
+    within = ((pieces.chainage_m + TIE_M) // size_m[pieces.line]).astype(np.int64)
+    within = np.minimum(within, n_judged[pieces.line] - 1)
     judged = first[pieces.line] + within
     n = int(n_judged.sum())
     is_match = match.e_nearest.distance_m <= tolerance_m + TIE_M

@@ -44,6 +44,10 @@ class Nearest:
     distance_m: FloatArray
     line: IntArray
 
+    def take(self, chosen: BoolArray) -> Nearest:
+        """Return what was found for the chosen queries."""
+        return Nearest(self.distance_m[chosen], self.line[chosen])
+
 
 @dataclass(frozen=True, slots=True)
 class Match:
@@ -154,7 +158,7 @@ def pairs_within(
         yield found["i"].astype(np.int64) + first, found["j"].astype(np.int64)
 
 
-def first_per_query(query: IntArray, cost: FloatArray, tie: AnyArray) -> IntArray:
+def first_per_query(query: IntArray, cost: AnyArray, tie: AnyArray) -> IntArray:
     """Return the index of the cheapest entry of each query; ties go to the smallest `tie`.
 
     >>> first_per_query(np.array([1, 0, 1]), np.array([0.3, 0.2, 0.1]), np.array([0, 0, 0])).tolist()

@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from linework.errors import UsageError
 from linework.evaluation.agreement import check_crs
+from linework.evaluation.attributes import ATTRIBUTES, attribute_errors
+from linework.evaluation.bridges import bridged_scores
 from linework.evaluation.chains import PIECE_M, Chains
+from linework.evaluation.dashes import DASH_KIND, dash_scores
+from linework.evaluation.groups import group_scores
 from linework.evaluation.honesty import calibrate, sigma_terciles
 from linework.evaluation.instances import CHAMFER_M, average_precision
+from linework.evaluation.labels import LABELS, label_scores
 from linework.evaluation.match import TIE_M, Match, distance_to, match_chains
-from linework.evaluation.scores import ErrorStats, KindScores, Scores
+from linework.evaluation.scores import KindScores, Scores
 from linework.evaluation.stations import Stations, measure_stations
-from linework.evaluation.tolerance import KindMatch, at_tolerance, error_stats
+from linework.evaluation.tolerance import DASH_END_M, KindMatch, at_tolerance
 from linework.model.lines import KINDS, LineSet
 
 #: Tolerances of the curve (methods.md section 5). [m]
 CURVE_M = (0.05, 0.10, 0.20, 0.50)
 #: Wider than the distance between neighbouring lines nothing can be told from a match. [m]
 MAX_TOLERANCE_M = 10.0
-#: Per-line values that are compared where both lines have them.
-ATTRIBUTES = ("height_m", "width_m", "clearance_m")
 
 
 def evaluate_lines(
@@ -93,10 +97,14 @@ def match_lines(
     tolerance_m: float = 0.10,
     kinds: Sequence[str] | None = None,
     curve_m: Sequence[float] = CURVE_M,
+    dash_end_m: float = DASH_END_M,
 ) -> tuple[KindMatch, ...]:
-    """Match kind by kind, once for every tolerance: the first half of `evaluate_lines`, which see."""
+    """Match kind by kind, once for every tolerance: the first half of `evaluate_lines`, which see.
+
+    `dash_end_m` is how far the end of a dash may be off: the distance of the scan lines where that is wider.
+    """
     check_crs(extracted.crs, reference.crs)
-    for b in (tolerance_m, *curve_m):
+    for b in (tolerance_m, *curve_m, dash_end_m):
         if not 0 < b <= MAX_TOLERANCE_M:
             raise UsageError(
                 f"tolerance of {b:g} m, expected more than 0 and at most {MAX_TOLERANCE_M:g} m",
@@ -104,7 +112,8 @@ def match_lines(
             )
     reach_m = max(tolerance_m, *curve_m)
     chosen = kinds_of(extracted, reference) if kinds is None else tuple(kinds)
-    return tuple(match_kind(extracted, reference, kind, reach_m) for kind in chosen)
+    parts = (match_kind(extracted, reference, kind, reach_m) for kind in chosen)
+    return tuple(replace(part, dash_end_m=dash_end_m) for part in parts)
 
 
 def scores_of(
@@ -142,7 +151,9 @@ def score(
     """Return the measures of some kinds together."""
     matches = [part.match for part in parts]
     stations = Stations.concatenate([part.stations for part in parts])
-    is_met = stations.offset_m <= tolerance_m + TIE_M
+    measured = stations.take((stations.offset_m <= tolerance_m + TIE_M) & ~stations.is_bridged)
+    kinds = {part.kind for part in parts}
+    kind = next(iter(kinds)) if len(kinds) == 1 else ""
     far_m, far_p95_m = hausdorff(matches)
     return KindScores(
         kind=name,
@@ -160,25 +171,14 @@ def score(
         hausdorff_p95_m=far_p95_m,
         chamfer_ap=_mean_precision(parts),
         attributes={name: attribute_errors(matches, name, tolerance_m) for name in ATTRIBUTES},
-        sigma_xy=sigma_terciles(stations.lateral_m[is_met], stations.sigma_xy_m[is_met]),
-        sigma_z=sigma_terciles(stations.height_m[is_met], stations.sigma_z_m[is_met]),
+        sigma_xy=sigma_terciles(measured.lateral_m, measured.sigma_xy_m),
+        sigma_z=sigma_terciles(measured.height_m, measured.sigma_z_m),
         confidence=calibrate(matches, tolerance_m),
+        bridged=bridged_scores(parts, stations, tolerance_m),
+        labels={label: label_scores(matches, label, tolerance_m) for label in LABELS} if kind else {},
+        groups=group_scores(parts, kind, tolerance_m),
+        dashes=dash_scores(parts, tolerance_m) if kind == DASH_KIND else None,
     )
-
-
-def attribute_errors(matches: Sequence[Match], name: str, tolerance_m: float) -> ErrorStats:
-    """Return the errors of a per-line attribute, over the matched length where both lines have it.
-
-    `n` counts extracted lines.
-    """
-    errors, n = [np.zeros(0)], 0
-    for m in matches:
-        i = np.flatnonzero(m.e_nearest.distance_m <= tolerance_m + TIE_M)
-        e_line, r_line = m.e_pieces.line[i], m.e_nearest.line[i]
-        error = getattr(m.extracted.lines, name)[e_line] - getattr(m.reference.lines, name)[r_line]
-        errors.append(error)
-        n += len(np.unique(e_line[np.isfinite(error)]))
-    return error_stats(np.concatenate(errors), n=n)
 
 
 def hausdorff(matches: Sequence[Match]) -> tuple[float | None, float | None]:

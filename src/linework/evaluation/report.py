@@ -13,7 +13,8 @@ from linework.evaluation.figures import cable_figure, plan_figure, rail_figure
 from linework.evaluation.picture import hits_figure, png, tolerance_figure
 from linework.evaluation.scores import Scores
 from linework.evaluation.sections import cable_section, rail_sections
-from linework.evaluation.tables import TextTable, kinds_table, lines_table, score_tables
+from linework.evaluation.table_texts import TextTable
+from linework.evaluation.tables import kinds_table, lines_table, score_tables
 from linework.evaluation.tolerance import KindMatch
 from linework.model.lines import LineSet
 from linework.model.points import Points

@@ -1,4 +1,4 @@
-"""What an evaluation says: every measure as a named value with its unit, undefined ones as None."""
+"""What an evaluation says, kind by kind and overall."""
 
 from __future__ import annotations
 
@@ -6,117 +6,16 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ErrorStats:
-    """Errors in figures; all None where there were none.
-
-    Parameters
-    ----------
-    n
-        How many.
-    bias_m
-        Mean of the signed errors; None for distances, which have no sign.
-    rmse_m
-        Root of the mean square.
-    median_m, p95_m
-        Half, and 95 % of the errors are no larger than this, signs left out.
-    """
-
-    n: int = 0
-    bias_m: float | None = None
-    rmse_m: float | None = None
-    median_m: float | None = None
-    p95_m: float | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ToleranceScores:
-    """The measures that depend on the tolerance b.
-
-    E is what was extracted, R the reference, |.| a length.
-
-    Parameters
-    ----------
-    tolerance_m
-        b. ME is the part of E within b of R and of the same direction, MR the part of R within b of E.
-    matched_extracted_m, matched_reference_m, matched_observed_m
-        |ME|, |MR| and |MR| where the reference was observed.
-    completeness, completeness_all
-        |MR| / |R| over the observed reference, and over all of it.
-    correctness
-        |ME| / |E|, against all of the reference.
-    quality, quality_all
-        |ME| / (|E| + length of R without MR), R over the observed reference, and over all of it.
-    redundancy
-        (|ME| - |MR|) / |ME|, against all of the reference; a hair below 0 is possible at line ends.
-    gaps_per_km
-        Stretches of the observed reference without a match, per km of it.
-    pieces_per_line
-        Extracted lines on a reference line, mean over the reference lines that were found.
-    n_missed, n_missed_observed
-        Stations whose perpendicular met nothing within b; those of them on the observed reference.
-    lateral, height
-        Errors at the stations that met something; the RMSE cannot exceed b (in height: only for cables).
-    space
-        Cables: distances in the vertical plane across the reference.
-    """
-
-    tolerance_m: float
-    matched_extracted_m: float
-    matched_reference_m: float
-    matched_observed_m: float
-    completeness: float | None
-    completeness_all: float | None
-    correctness: float | None
-    quality: float | None
-    quality_all: float | None
-    redundancy: float | None
-    gaps_per_km: float | None
-    pieces_per_line: float | None
-    n_missed: int
-    n_missed_observed: int
-    lateral: ErrorStats
-    height: ErrorStats
-    space: ErrorStats
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SigmaTercile:
-    """A third of the stations by sigma: were their errors as large as it says.
-
-    Parameters
-    ----------
-    n, sigma_low_m, sigma_high_m
-        How many stations, and their range of sigma.
-    rms_ratio
-        rms(error / sigma): 1 is honest, above 1 is too sure.
-    """
-
-    n: int
-    sigma_low_m: float
-    sigma_high_m: float
-    rms_ratio: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Calibration:
-    """Does the confidence say how often a line is right: judged per piece of about 10 m.
-
-    Parameters
-    ----------
-    n_pieces, n_correct
-        Pieces; those of them with more than half their length within tolerance.
-    calibration_error
-        Mean difference between confidence and the share that is correct, over ten classes of confidence.
-    auc
-        Chance that a correct piece has a higher confidence than a wrong one; None without both.
-    """
-
-    n_pieces: int = 0
-    n_correct: int = 0
-    calibration_error: float | None = None
-    auc: float | None = None
+from linework.evaluation.values import (
+    BridgedScores,
+    Calibration,
+    DashScores,
+    ErrorStats,
+    GroupScores,
+    LabelScores,
+    SigmaTercile,
+    ToleranceScores,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,9 +47,17 @@ class KindScores:
     attributes
         Errors of height_m, width_m, clearance_m where both lines have them, weighted by length.
     sigma_xy, sigma_z
-        Terciles of sigma, smallest first; empty without sigmas.
+        Terciles of sigma where the extracted line was measured, smallest first; empty without sigmas.
     confidence
         See `Calibration`.
+    bridged
+        Stretches that were carried over gaps, and those that were hidden.
+    labels
+        By name (role, pattern, form, double): was the right word said. Of one kind only.
+    groups
+        Boundaries by form and markings by pattern, each scored apart.
+    dashes
+        Of the kind lane_marking_dash; None for others.
     """
 
     kind: str
@@ -171,6 +78,10 @@ class KindScores:
     sigma_xy: tuple[SigmaTercile, ...]
     sigma_z: tuple[SigmaTercile, ...]
     confidence: Calibration
+    bridged: BridgedScores
+    labels: dict[str, LabelScores]
+    groups: tuple[GroupScores, ...]
+    dashes: DashScores | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

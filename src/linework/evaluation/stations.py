@@ -38,6 +38,10 @@ class Stations:
         (k,) float64 [m]: what the extracted line itself says about that place.
     is_observed
         (k,) bool: the reference was observed there.
+    is_bridged
+        (k,) bool: the extracted line was not measured where it was met.
+    line
+        (k,) int64: the reference line, counted within its own set.
     """
 
     lateral_m: FloatArray
@@ -46,9 +50,15 @@ class Stations:
     sigma_xy_m: FloatArray
     sigma_z_m: FloatArray
     is_observed: BoolArray
+    is_bridged: BoolArray
+    line: IntArray
 
     def __len__(self) -> int:
         return len(self.lateral_m)
+
+    def take(self, chosen: BoolArray) -> Stations:
+        """Return the chosen stations."""
+        return Stations(*(getattr(self, f.name)[chosen] for f in fields(self)))
 
     @classmethod
     def concatenate(cls, parts: Sequence[Stations]) -> Stations:
@@ -120,6 +130,8 @@ def measure_stations(extracted: Chains, reference: Chains, reach_m: float) -> St
         sigma_xy_m=_sigma_at(extracted, extracted.lines.sigma_xy_m, met_line, met_m),
         sigma_z_m=_sigma_at(extracted, extracted.lines.sigma_z_m, met_line, met_m),
         is_observed=reference.observed_at(line, chainage_m),
+        is_bridged=_bridged_at(extracted, met_line, met_m),
+        line=line,
     )
 
 
@@ -148,3 +160,11 @@ def _sigma_at(extracted: Chains, column: FloatArray, line: IntArray, chainage_m:
     if met.any():
         sigma[met] = extracted.column_at(column, line[met], chainage_m[met])
     return sigma
+
+
+def _bridged_at(extracted: Chains, line: IntArray, chainage_m: FloatArray) -> BoolArray:
+    is_bridged = np.zeros(len(line), dtype=np.bool_)
+    met = line >= 0
+    if met.any():
+        is_bridged[met] = extracted.bridged_at(line[met], chainage_m[met])
+    return is_bridged

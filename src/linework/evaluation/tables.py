@@ -3,34 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from linework.evaluation.scores import ErrorStats, KindScores, Scores
+from linework.evaluation.detail_tables import bridged_table, dashes_table, groups_table, labels_table
+from linework.evaluation.scores import KindScores, Scores
+from linework.evaluation.table_texts import TextTable, centimetres, error_texts, number, percent, ratio_texts
 from linework.model.lines import LineSet
-
-
-@dataclass(frozen=True, slots=True)
-class TextTable:
-    """A table ready to be shown.
-
-    Parameters
-    ----------
-    title
-        What it is about, with the unit where all values share one.
-    columns
-        Their heads; the first column holds names.
-    rows
-        As many texts each as there are columns.
-    note
-        How to read it.
-    """
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
 
 
 def score_tables(scores: Scores) -> Iterator[TextTable]:
@@ -39,7 +18,10 @@ def score_tables(scores: Scores) -> Iterator[TextTable]:
     yield _found(rows, scores.tolerance_m)
     yield _exact(rows, scores.tolerance_m)
     yield _over_tolerance(rows)
-    for table in (_whole_lines(rows), _attributes(rows), _honest(rows)):
+    for table in (
+        groups_table(rows), labels_table(rows), dashes_table(rows), _attributes(rows), bridged_table(rows),
+        _whole_lines(rows), _honest(rows),
+    ):  # fmt: skip
         if table.rows:
             yield table
 
@@ -111,8 +93,8 @@ def _exact(rows: Sequence[KindScores], tolerance_m: float) -> TextTable:
     )  # fmt: skip
     texts = [
         (
-            row.kind, str(row.at.lateral.n), str(row.at.n_missed_observed), *_errors(row.at.lateral),
-            *_errors(row.at.height), centimetres(row.at.space.rmse_m), number(row.hausdorff_p95_m, 2),
+            row.kind, str(row.at.lateral.n), str(row.at.n_missed_observed), *error_texts(row.at.lateral),
+            *error_texts(row.at.height), centimetres(row.at.space.rmse_m), number(row.hausdorff_p95_m, 2),
             number(row.hausdorff_m, 2),
         )
         for row in rows
@@ -154,7 +136,7 @@ def _whole_lines(rows: Sequence[KindScores]) -> TextTable:
 
 def _attributes(rows: Sequence[KindScores]) -> TextTable:
     texts = [
-        (row.kind, name.removesuffix("_m"), str(errors.n), *_errors(errors))
+        (row.kind, name.removesuffix("_m"), str(errors.n), *error_texts(errors))
         for row in rows
         for name, errors in row.attributes.items()
         if errors.n
@@ -169,10 +151,7 @@ def _honest(rows: Sequence[KindScores]) -> TextTable:
     for row in rows:
         c = row.confidence
         if row.sigma_xy or row.sigma_z or c.n_pieces:
-            ratios = (
-                " / ".join(f"{t.rms_ratio:.2f}" for t in thirds) or "-"
-                for thirds in (row.sigma_xy, row.sigma_z)
-            )
+            ratios = (ratio_texts(row.sigma_xy), ratio_texts(row.sigma_z))
             texts.append(
                 (
                     row.kind,
@@ -185,38 +164,6 @@ def _honest(rows: Sequence[KindScores]) -> TextTable:
             )
     note = "sigma: rms(error / sigma) per third of the stations, smallest sigmas first; 1 is honest"
     return TextTable("Sigma, and confidence per piece of 10 m", columns, tuple(texts), note)
-
-
-def _errors(errors: ErrorStats) -> list[str]:
-    values = (errors.bias_m, errors.rmse_m, errors.median_m, errors.p95_m)
-    return [centimetres(value) for value in values]
-
-
-def percent(share: float | None) -> str:
-    """Return a share as text.
-
-    >>> percent(0.98765), percent(-0.0001), percent(None)
-    ('98.8 %', '0.0 %', '-')
-    """
-    return "-" if share is None else f"{number(100 * share, 1)} %"
-
-
-def centimetres(length_m: float | None) -> str:
-    """Return a length as text in centimetres.
-
-    >>> centimetres(0.0123)
-    '1.2'
-    """
-    return "-" if length_m is None else number(100 * length_m, 1)
-
-
-def number(value: float | None, decimals: int) -> str:
-    """Return a number as text; no minus before a zero.
-
-    >>> number(1.0, 2), number(-0.01, 1)
-    ('1.00', '0.0')
-    """
-    return "-" if value is None else f"{round(value, decimals) + 0.0:.{decimals}f}"
 
 
 def _finite(value: float) -> float | None:

@@ -8,23 +8,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.evaluation.match import TIE_M, Match
-from linework.evaluation.scores import ErrorStats, ToleranceScores
 from linework.evaluation.stations import Stations
+from linework.evaluation.values import ErrorStats, ToleranceScores
 from linework.model.arrays import FloatArray
 
 #: An extracted line is a piece of a reference line if it lies on it over this length, or over half of
 #: itself where it is shorter: one station, so that running past a joint does not count. [m]
 LEAST_OVERLAP_M = 0.5
+#: How far the end of a dash may be off, where the scan lines are no further apart. [m]
+DASH_END_M = 0.10
 
 
 @dataclass(frozen=True, slots=True)
 class KindMatch:
-    """All that is measured of one kind, before a tolerance is set."""
+    """All that is measured of one kind, before a tolerance is set.
+
+    `dash_end_m` is how far the end of a dash may be off: no less than the scan lines are apart.
+    """
 
     kind: str
     match: Match
     stations: Stations
     chamfer_ap: Mapping[float, float | None]
+    dash_end_m: float = DASH_END_M
 
 
 def at_tolerance(parts: Sequence[KindMatch], stations: Stations, b: float) -> ToleranceScores:
@@ -46,13 +52,13 @@ def at_tolerance(parts: Sequence[KindMatch], stations: Stations, b: float) -> To
         matched_extracted_m=right,
         matched_reference_m=found,
         matched_observed_m=found_observed,
-        completeness=_ratio(found_observed, found_observed + missed_observed),
-        completeness_all=_ratio(found, found + missed),
-        correctness=_ratio(right, right + wrong),
-        quality=_ratio(right, right + wrong + missed_observed),
-        quality_all=_ratio(right, right + wrong + missed),
-        redundancy=_ratio(right - found, right),
-        gaps_per_km=_ratio(n_gaps, (found_observed + missed_observed) / 1000),
+        completeness=ratio(found_observed, found_observed + missed_observed),
+        completeness_all=ratio(found, found + missed),
+        correctness=ratio(right, right + wrong),
+        quality=ratio(right, right + wrong + missed_observed),
+        quality_all=ratio(right, right + wrong + missed),
+        redundancy=ratio(right - found, right),
+        gaps_per_km=ratio(n_gaps, (found_observed + missed_observed) / 1000),
         pieces_per_line=_pieces_per_line([p.match for p in parts], b),
         n_missed=int((~is_met).sum()),
         n_missed_observed=int((~is_met & stations.is_observed).sum()),
@@ -103,5 +109,6 @@ def _pieces_per_line(matches: Sequence[Match], b: float) -> float | None:
     return n_pieces / n_found if n_found else None
 
 
-def _ratio(part: float, whole: float) -> float | None:
+def ratio(part: float, whole: float) -> float | None:
+    """Return a share; None of nothing."""
     return part / whole if whole > 0 else None
