@@ -1,21 +1,29 @@
 """How good the lines are on simulated surveys: all roads, several seeds, pooled.
 
 ``python -m benchmarks accuracy`` takes the seeds below; ``python -m benchmarks.accuracy --seeds 200-219
---roads bends,urban --length-m 200`` takes others. Nothing may be tuned on the seeds that are reported.
+--roads bends,urban --length-m 200`` takes others. ``--degrade half,quarter,noise3cm,no-trajectory,8bit`` scores
+the same surveys once more in each of these variants, and the confidence over all of them. Nothing may be tuned
+on the seeds that are reported.
 """
 
 import argparse
 import time
 
+from benchmarks._degrade import AS_DRAWN, VARIANTS, degraded
+from benchmarks._summary import confidence_table, summary_table
 from linework.cli.score_tables import print_tables
 from linework.evaluation.measures import match_lines, score
 from linework.evaluation.scores import Scores
 from linework.evaluation.tables import score_tables
-from linework.methods.choose import ALL_KINDS, RunSettings, choose_methods
+from linework.evaluation.tolerance import DASH_END_M
+from linework.methods.choose import choose_methods
+from linework.methods.kinds import ALL_KINDS, parse_kinds
+from linework.methods.radon.method import RadonConfig
 from linework.model.lines import LineSet
-from linework.model.tile import TileData
+from linework.model.tile import TileData, local_origin
 from linework.simulation.draw import ROADS
 from linework.simulation.simulate import simulate_survey
+from linework.surface.road import RoadConfig, find_road
 
 SEEDS = "100-109"
 TOLERANCE_M = 0.10
@@ -23,25 +31,42 @@ TOLERANCE_M = 0.10
 
 def main(arguments=()):
     options = parsed(arguments)
-    pooled = {}
-    for road in options.roads.split(","):
-        parts = []
+    variants = [AS_DRAWN, *filter(None, options.degrade.split(","))]
+    kinds = parse_kinds(options.kinds)
+    roads = options.roads.split(",")
+    pooled = {(variant, road): [] for variant in variants for road in roads}
+    for road in roads:
         for seed in seeds_of(options.seeds):
-            parts += survey_parts(road, seed, options.length_m, options.points_per_m)
+            survey = simulate_survey(road, seed, options.length_m, points_per_m=options.points_per_m)
+            for variant in variants:
+                pooled[variant, road] += survey_parts(*degraded(survey, variant), variant, kinds)
         print(f"\n=== {road}, seeds {options.seeds}, {options.length_m:g} m each")
-        print_tables(list(score_tables(scores_of(parts)))[:2])
-        pooled[road] = parts
-    print(f"\n=== all roads: {', '.join(pooled)}")
-    print_tables(score_tables(scores_of([part for parts in pooled.values() for part in parts])))
+        print_tables(list(score_tables(scores_of(pooled[AS_DRAWN, road])))[:2])
+    scores = {v: scores_of([part for road in roads for part in pooled[v, road]]) for v in variants}
+    for variant in variants:
+        print(f"\n=== all roads, {variant}: {', '.join(roads)}")
+        print_tables(score_tables(scores[variant]))
+    print(f"\n=== all roads, seeds {options.seeds}, {options.length_m:g} m each: in short")
+    print_tables([summary_table(scores)])
+    worse = [part for (variant, _), parts in pooled.items() if variant != AS_DRAWN for part in parts]
+    if worse:
+        print(f"\n=== confidence over {', '.join(variants[1:])}")
+        print_tables([confidence_table(worse, TOLERANCE_M)])
 
 
 def parsed(arguments):
     parser = argparse.ArgumentParser(prog="python -m benchmarks.accuracy")
     parser.add_argument("--seeds", default=SEEDS, help="first-last, or a list")
     parser.add_argument("--roads", default=",".join(ROADS))
+    parser.add_argument("--kinds", default=",".join(ALL_KINDS))
     parser.add_argument("--length-m", type=float, default=200.0)
     parser.add_argument("--points-per-m", type=float, default=None)
-    return parser.parse_args(list(arguments))
+    parser.add_argument("--degrade", default="", help="of " + ",".join(VARIANTS.keys() - {AS_DRAWN}))
+    options = parser.parse_args(list(arguments))
+    unknown = set(filter(None, options.degrade.split(","))) - set(VARIANTS)
+    if unknown:
+        parser.error(f"no variant {', '.join(sorted(unknown))}")
+    return options
 
 
 def seeds_of(text):
@@ -52,16 +77,19 @@ def seeds_of(text):
     return [int(seed) for seed in text.split(",")]
 
 
-def survey_parts(road, seed, length_m, points_per_m):
-    """Simulate, extract and match one survey; say in one line how it came out."""
-    survey = simulate_survey(road, seed, length_m, points_per_m=points_per_m)
+def survey_parts(survey, trajectory, variant, kinds):
+    """Extract and match one survey; say in one line how it came out."""
     start = time.perf_counter()
-    tile = TileData("benchmark", survey.points.bounds.grown(1.0), survey.points, survey.trajectory)
-    methods = choose_methods("auto", ALL_KINDS, RunSettings())
-    found = LineSet.concatenate([method.extract(tile) for method in methods])
+    found = extracted(survey, trajectory, kinds)
     seconds = time.perf_counter() - start
-    parts = match_lines(found.with_columns(crs=survey.crs), survey.truth, kinds=ALL_KINDS)
-    print(f"{road} {seed}: {len(survey.points) / 1e6:.2f} M points, {seconds:.1f} s", end="")
+    # No end of a dash is known better than the scan lines of one pass are apart
+    spacing_m = survey.scenario.passes[0].speed_mps / survey.scenario.scanners[0].turns_per_s
+    parts = match_lines(
+        found.with_columns(crs=survey.crs), survey.truth, kinds=kinds, dash_end_m=max(DASH_END_M, spacing_m)
+    )
+    scenario = survey.scenario
+    size = f"{len(survey.points) / 1e6:.2f} M points, {seconds:.1f} s"
+    print(f"{scenario.kind} {scenario.seed} {variant}: {size}", end="")
     for part in parts:
         at = score([part], part.kind, TOLERANCE_M, ()).at
         print(f"; {part.kind}", end="")
@@ -72,9 +100,22 @@ def survey_parts(road, seed, length_m, points_per_m):
     return list(parts)
 
 
+def extracted(survey, trajectory, kinds):
+    """Lines of a survey as one tile."""
+    points = survey.points
+    bounds = points.bounds
+    tile = TileData(
+        "benchmark", bounds.grown(1.0), points, trajectory,
+        surface=find_road(points, trajectory, RoadConfig()),
+        origin=local_origin(bounds.west, bounds.south, float(points.xyz[:, 2].min())),
+    )  # fmt: skip
+    methods = choose_methods("auto", kinds, radon=RadonConfig())
+    return LineSet.concatenate([method.extract(tile) for method in methods])
+
+
 def scores_of(parts):
     """Score the parts of many surveys as if they were one."""
-    by_kind = [[part for part in parts if part.kind == kind] for kind in ALL_KINDS]
+    by_kind = [[part for part in parts if part.kind == kind] for kind in dict.fromkeys(p.kind for p in parts)]
     kinds = tuple(score(own, own[0].kind, TOLERANCE_M) for own in by_kind)
     return Scores(tolerance_m=TOLERANCE_M, kinds=kinds, overall=score(parts, "overall", TOLERANCE_M))
 

@@ -319,6 +319,7 @@ def test_confidence_is_judged_per_ten_metres():
     c = evaluate_lines(found, lines(straight())).overall.confidence
     assert (c.n_pieces, c.n_correct, c.auc) == (15, 10, 1)
     assert c.calibration_error == pytest.approx((10 * 0.1 + 5 * 0.2) / 15)
+    assert [(k.n, round(k.said, 9), k.was) for k in c.classes] == [(5, 0.2, 0.0), (10, 0.9, 1.0)]
     same = evaluate_lines(found.with_columns(confidence=[0.5, 0.5]), lines(straight())).overall.confidence
     assert same.auc == 0.5
     assert evaluate_lines(lines(straight()), lines(straight())).overall.confidence.auc is None

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from linework.evaluation.match import TIE_M, Match
-from linework.evaluation.values import Calibration, SigmaTercile
+from linework.evaluation.values import Calibration, ConfidenceClass, SigmaTercile
 from linework.model.arrays import BoolArray, FloatArray
 
 #: Confidence is judged per piece of about this length. [m]
@@ -75,11 +75,13 @@ def calibrate(matches: Sequence[Match], tolerance_m: float) -> Calibration:
     if len(share) == 0:
         return Calibration()
     is_correct = share > 0.5 + TIE_M
+    classes = _classes(confidence, is_correct)
     return Calibration(
         n_pieces=len(share),
         n_correct=int(is_correct.sum()),
-        calibration_error=_calibration_error(confidence, is_correct),
+        calibration_error=sum(c.n * abs(c.said - c.was) for c in classes) / len(share),
         auc=_area_under_roc(confidence, is_correct),
+        classes=classes,
     )
 
 
@@ -104,12 +106,14 @@ def _judged_pieces(match: Match, tolerance_m: float) -> tuple[FloatArray, FloatA
     return matched_m[has_length] / total_m[has_length], confidence[has_length]
 
 
-def _calibration_error(confidence: FloatArray, is_correct: BoolArray) -> float:
+def _classes(confidence: FloatArray, is_correct: BoolArray) -> tuple[ConfidenceClass, ...]:
     which = np.clip((confidence * N_CLASSES).astype(np.int64), 0, N_CLASSES - 1)
-    n = np.bincount(which, minlength=N_CLASSES)
-    said = np.bincount(which, weights=confidence, minlength=N_CLASSES)
-    was = np.bincount(which, weights=is_correct, minlength=N_CLASSES)
-    return float(np.abs(said - was).sum() / n.sum())
+    return tuple(
+        ConfidenceClass(
+            n=int(own.sum()), said=float(confidence[own].mean()), was=float(is_correct[own].mean())
+        )
+        for own in (which == i for i in np.unique(which))
+    )
 
 
 def _area_under_roc(confidence: FloatArray, is_correct: BoolArray) -> float | None:

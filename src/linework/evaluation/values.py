@@ -98,6 +98,23 @@ class SigmaTercile:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ConfidenceClass:
+    """Pieces of about the same confidence: how sure they were said to be, and how often that was right.
+
+    Parameters
+    ----------
+    n
+        Pieces.
+    said, was
+        Their mean confidence; the share of them that is correct.
+    """
+
+    n: int
+    said: float
+    was: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
     """Does the confidence say how often a line is right: judged per piece of about 10 m.
 
@@ -109,12 +126,15 @@ class Calibration:
         Mean difference between confidence and the share that is correct, over ten classes of confidence.
     auc
         Chance that a correct piece has a higher confidence than a wrong one; None without both.
+    classes
+        The classes of confidence that hold pieces, least sure first.
     """
 
     n_pieces: int = 0
     n_correct: int = 0
     calibration_error: float | None = None
     auc: float | None = None
+    classes: tuple[ConfidenceClass, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -66,10 +66,14 @@ def simulate_survey(
     points_per_m
         About how many points per metre of road to record; None: as the seed draws it.
     """
-    scenario = draw_scenario(kind, seed, length_m, points_per_m=points_per_m)
+    return survey_of(draw_scenario(kind, seed, length_m, points_per_m=points_per_m))
+
+
+def survey_of(scenario: Scenario) -> SimulatedSurvey:
+    """Return the survey of a scenario, as it was drawn or with parts of it replaced."""
     scene = build_scene(scenario)
     drives = drives_of(scenario)
-    rng = np.random.default_rng([seed, 31])
+    rng = np.random.default_rng([scenario.seed, 31])
     points: list[Points] = []
     places: list[FloatArray] = []
     triangles: list[AnyArray] = []
