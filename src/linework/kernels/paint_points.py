@@ -1,0 +1,157 @@
+"""Points near the road in the cells of a global lattice, and how bright the road is around each cell."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+F64 = npt.NDArray[np.float64]
+F32 = npt.NDArray[np.float32]
+I64 = npt.NDArray[np.int64]
+I32 = npt.NDArray[np.int32]
+Mask = npt.NDArray[np.bool_]
+
+#: Points of a cell that its background is taken from, evenly chosen: 9 cells give 144, a quartile to 0.1 sigma.
+N_SAMPLE = 16
+
+
+@njit(cache=True, nogil=True)
+def cells_near_road(
+    xyz: F64,
+    origin: F64,
+    surface: tuple[float, int, int, float],
+    road: F32,
+    wanted: Mask,
+    tolerance: float,
+    lattice: tuple[float, int, int, int, int],
+) -> I32:
+    """Return the lattice cell of each point that is near the road, -1 for all others.
+
+    Parameters
+    ----------
+    xyz, origin
+        (n, 3), (3,): points and local origin, world.
+    surface
+        Cell size, numbers of its north row and west column from the local origin (rows are counted northwards),
+        and height of its zero above the origin.
+    road, wanted
+        (rows, cols): height of the road, north-up; where points are looked at.
+    tolerance
+        Largest distance from the road in height.
+    lattice
+        Cell size, numbers of the south row and the west column, number of rows and of columns.
+    """
+    size, north, west, z0 = surface
+    cell, south_row, west_col, n_rows, n_cols = lattice
+    rows, cols = road.shape
+    out = np.full(len(xyz), -1, dtype=np.int32)
+    for i in range(len(xyz)):
+        x, y = xyz[i, 0] - origin[0], xyz[i, 1] - origin[1]
+        # Bilinear between cell centres, from cell numbers of the whole survey
+        fx, fy = x / size - 0.5, y / size - 0.5
+        kx, ky = int(np.floor(fx)), int(np.floor(fy))
+        c, r = kx - west, north - ky
+        if c < 0 or c + 1 >= cols or r < 1 or r >= rows:
+            continue
+        a, b = fx - kx, fy - ky
+        if not wanted[r if b < 0.5 else r - 1, c if a < 0.5 else c + 1]:
+            continue
+        low = road[r, c] * (1.0 - a) + road[r, c + 1] * a
+        high = road[r - 1, c] * (1.0 - a) + road[r - 1, c + 1] * a
+        above = xyz[i, 2] - origin[2] - z0 - (low * (1.0 - b) + high * b)
+        if not abs(above) <= tolerance:
+            continue
+        col, row = int(np.floor(x / cell)) - west_col, int(np.floor(y / cell)) - south_row
+        if row >= 0 and row < n_rows and col >= 0 and col < n_cols:
+            out[i] = row * n_cols + col
+    return out
+
+
+@njit(cache=True, nogil=True)
+def sort_into_cells(xyz: F64, intensity: F32, origin: F64, cells: I32, n_cells: int) -> tuple[F64, I64, I64]:
+    """Return chosen points (x, y, z from the origin, intensity) by cell, their indices, the cells' starts; stable."""
+    starts = np.zeros(n_cells + 1, dtype=np.int64)
+    for i in range(len(cells)):
+        if cells[i] >= 0:
+            starts[cells[i] + 1] += 1
+    for c in range(n_cells):
+        starts[c + 1] += starts[c]
+    fill = starts[:-1].copy()
+    points = np.empty((starts[n_cells], 4))
+    index = np.empty(starts[n_cells], dtype=np.int64)
+    for i in range(len(cells)):
+        if cells[i] >= 0:
+            at = fill[cells[i]]
+            fill[cells[i]] += 1
+            index[at] = i
+            for k in range(3):
+                points[at, k] = xyz[i, k] - origin[k]
+            points[at, 3] = intensity[i]
+    return points, index, starts
+
+
+@njit(cache=True, nogil=True)
+def backgrounds(points: F64, starts: I64, n_cols: int) -> F64:
+    """Return (n_cells, 3): level and spread of the dark surface in 3 x 3 cells, and the 97 % quantile; NaN without points.
+
+    Level and spread are those of the normal distribution with these 10 and 25 % quantiles: what is bright
+    (paint, grass beside the road) may fill half of the cells and moves the level by one spread.
+    """
+    n_cells = len(starts) - 1
+    n_rows = n_cells // n_cols
+    out = np.full((n_cells, 3), np.nan)
+    sample = np.empty(9 * N_SAMPLE)
+    for row in range(n_rows):
+        for col in range(n_cols):
+            at = row * n_cols + col
+            if starts[at + 1] == starts[at]:
+                continue
+            n = 0
+            for r in range(max(row - 1, 0), min(row + 2, n_rows)):
+                for c in range(max(col - 1, 0), min(col + 2, n_cols)):
+                    first, number = (
+                        starts[r * n_cols + c],
+                        starts[r * n_cols + c + 1] - starts[r * n_cols + c],
+                    )
+                    taken = min(number, N_SAMPLE)
+                    for k in range(taken):
+                        sample[n] = points[first + k * number // taken, 3]
+                        n += 1
+            values = np.sort(sample[:n])
+            lower, quartile = values[int(0.10 * (n - 1))], values[int(0.25 * (n - 1))]
+            # Of a normal distribution: -1.2816 and -0.6745 spreads from its middle
+            spread = (quartile - lower) / 0.607
+            out[at, 0], out[at, 1] = quartile + 0.6745 * spread, spread
+            out[at, 2] = values[int(0.97 * (n - 1) + 0.5)]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def bright_centres(
+    points: F64, starts: I64, n_cols: int, background: F64, spreads: float, share: float
+) -> tuple[I64, F64]:
+    """Return the cells with more bright points than chance brings, and the mean place of these points.
+
+    Bright: `spreads` above the level interpolated between the cells. Chance: a share `share` of the points,
+    and three standard deviations of that number.
+    """
+    n_cells = len(starts) - 1
+    found, where = np.empty(n_cells, dtype=np.int64), np.empty((n_cells, 2))
+    m = 0
+    for at in range(n_cells):
+        n = starts[at + 1] - starts[at]
+        if n == 0:
+            continue
+        limit = background[at, 0] + spreads * background[at, 1]
+        bright, x, y = 0, 0.0, 0.0
+        for i in range(starts[at], starts[at + 1]):
+            if points[i, 3] > limit:
+                bright += 1
+                x += points[i, 0]
+                y += points[i, 1]
+        if bright > share * n + 3.0 * np.sqrt(share * n):
+            found[m] = at
+            where[m, 0], where[m, 1] = x / bright, y / bright
+            m += 1
+    return found[:m], where[:m]

@@ -1,0 +1,1 @@
+"""Lane markings and road boundaries: oriented boxes, tracked through the points."""

@@ -1,0 +1,191 @@
+"""Detection of paint: oriented boxes on stripes that are brighter than the road on both their sides (step 2.3).
+
+W.-S. Kang, K.-H. Lee, J.-H. Lee (2023), doi:10.3390/rs15194656: the points inside an intensity range chosen for
+the survey make a box. Here the range sets itself from the statistics of the search area, and centre, direction
+and width come from the two edges of the paint, fitted to the intensity of all the points around.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.special import expit
+
+from linework.kernels import paint_points, stripes
+from linework.kernels.stripes_all import all_stripes
+from linework.model.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
+from linework.model.boxes import BoxForm, BoxSet
+from linework.model.points import Points
+from linework.model.settings import setting
+from linework.model.surface import RoadSurface
+from linework.model.tile import TileData, local_origin
+
+#: Boxes lie one to a cell and stripe.
+CELL_M = 0.5
+#: What a box is depends on the points within this of its cell: the largest search area reaches 3.5 m.
+REACH_M = 4.0
+#: Share of the points of a road without paint that lie 2.5 spreads above its level, texture included.
+_CHANCE = 0.02
+_BRIGHT_SPREADS = 2.5
+#: A stripe that stands out less in the profile across is not looked at any closer.
+_LEAST_T = 4.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarkingConfig:
+    """Settings of the detection of paint."""
+
+    min_intensity: float = setting(
+        0.0, unit="as recorded", reason="paint from here up; both 0: set from the points", low=0, high=1e6
+    )
+    max_intensity: float = setting(
+        0.0, unit="as recorded", reason="paint up to here; both 0: set from the points", low=0, high=1e6
+    )
+    tolerance_m: float = setting(
+        0.15,
+        unit="m",
+        reason="paint lies on the road: 3 sigma of 3 cm noise and what a cell bends",
+        low=0.02,
+        high=1,
+    )
+    least_contrast: float = setting(
+        1.15,
+        unit="",
+        reason="paint over road; new asphalt 5 to 10, worn paint on concrete 1.3",
+        low=1,
+        high=10,
+    )
+    widest_line_m: float = setting(
+        0.45,
+        unit="m",
+        reason="lines are up to 0.40 m wide, stop lines and bars 0.5 m and more",
+        low=0.05,
+        high=1,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class PaintPoints:
+    """Points near the road with their intensities, in the cells of the global lattice.
+
+    Parameters
+    ----------
+    xyzi
+        (n, 4) float64: place from the local origin [m], intensity.
+    times
+        (n,) float64 [s], or of no length.
+    starts
+        (n_cells + 1,) int64: first point of each cell.
+    lattice
+        Cell size [m], numbers of the south row and the west column, number of rows and of columns.
+    background
+        (n_cells, 3): level and spread of the dark surface, and the brightest 3 %, in 3 x 3 cells.
+    """
+
+    xyzi: FloatArray
+    times: FloatArray
+    starts: IntArray
+    lattice: tuple[float, int, int, int, int]
+    background: FloatArray = field(repr=False)
+
+    @classmethod
+    def of(
+        cls, points: Points, surface: RoadSurface, origin: tuple[float, float, float], config: MarkingConfig
+    ) -> PaintPoints:
+        """Choose the points near the road and sort them into cells."""
+        intensity = np.zeros(len(points), np.float32) if points.intensity is None else points.intensity
+        if config.max_intensity > 0.0 or config.min_intensity > 0.0:
+            intensity = _inside_range(intensity, config)
+        grid, size = surface.grid, surface.grid.cell_width_m
+        north = round((grid.north_m - origin[1]) / size) - 1
+        west = round((grid.east_m - origin[0]) / size)
+        n_rows, n_cols = (int(np.ceil(n * size / CELL_M)) + 2 for n in grid.shape)
+        south_row = int(np.floor((north + 1 - grid.n_rows) * size / CELL_M))
+        lattice = (CELL_M, south_row, int(np.floor(west * size / CELL_M)), n_rows, n_cols)
+        local = np.asarray(origin, dtype=np.float64)
+        cells = paint_points.cells_near_road(
+            points.xyz, local, (size, north, west, surface.z0_m - origin[2]), surface.road_m,
+            _grown(surface.is_road), config.tolerance_m, lattice,
+        )  # fmt: skip
+        xyzi, index, starts = paint_points.sort_into_cells(
+            points.xyz, intensity, local, cells, n_rows * n_cols
+        )
+        times = np.zeros(0) if points.time_s is None else points.time_s[index]
+        return cls(xyzi, times, starts, lattice, paint_points.backgrounds(xyzi, starts, n_cols))
+
+
+def find_marking_boxes(tile: TileData, surface: RoadSurface, config: MarkingConfig) -> BoxSet:
+    """Return oriented boxes on all paint near the road, by cell row, column and position.
+
+    A box depends on the points within `REACH_M` of its cell only, in the order in which the tile has them.
+    """
+    if tile.points.intensity is None or len(tile.points) == 0:
+        return BoxSet.empty()
+    # Points near the road, and how bright the road is around each cell
+    paint = PaintPoints.of(tile.points, surface, origin_of(tile), config)
+    # Search areas: about the bright points of every cell that has more of them than chance brings
+    cells, places = paint_points.bright_centres(
+        paint.xyzi, paint.starts, paint.lattice[4], paint.background, _BRIGHT_SPREADS, _CHANCE
+    )
+    # Direction, edges and extent of the stripes in each
+    found = all_stripes(
+        paint.xyzi, paint.starts, paint.times, paint.lattice, cells, places, paint.background, _LEAST_T
+    )
+    return boxes_of(found, config, has_time=len(paint.times) > 0)
+
+
+def origin_of(tile: TileData) -> tuple[float, float, float]:
+    """Return the local origin of a tile's survey."""
+    if tile.origin is not None:
+        return tile.origin
+    bounds = tile.points.bounds
+    return local_origin(bounds.west, bounds.south, float(tile.points.xyz[:, 2].min()))
+
+
+def boxes_of(found: FloatArray, config: MarkingConfig, *, has_time: bool) -> BoxSet:
+    """Return the stripes that can be paint as boxes: bright enough, and on smooth ground.
+
+    Parameters
+    ----------
+    found
+        (n, 19) float64: rows of `linework.kernels.stripes`.
+    """
+    dark, bright = found[:, stripes.DARK], found[:, stripes.BRIGHT]
+    step, sigma_step = found[:, stripes.STEP], found[:, stripes.SIGMA_STEP]
+    # A kerb, a step of 2.5 cm and more that the noise does not explain, is no paint
+    is_flat = (np.abs(step) < 0.025) | (np.abs(step) < 3.0 * sigma_step)
+    found = found[is_flat & (bright >= config.least_contrast * dark)]
+    dark, bright = found[:, stripes.DARK], found[:, stripes.BRIGHT]
+    width, length = 2.0 * found[:, stripes.HALF_V], found[:, stripes.LENGTH]
+    is_stripe = (width >= 0.05) & (width <= config.widest_line_m) & (length >= 1.5 * width)
+    times = found[:, [stripes.FIRST, stripes.LAST]] if has_time else np.full((len(found), 2), np.nan)
+    return BoxSet(
+        centre=found[:, [stripes.CX, stripes.CY, stripes.CZ]],
+        u=found[:, [stripes.UX, stripes.UY]],
+        half_u_m=found[:, stripes.HALF_U],
+        half_v_m=found[:, stripes.HALF_V],
+        sigma_v_m=np.maximum(found[:, stripes.SIGMA_V], 0.001),
+        sigma_z_m=np.maximum(found[:, stripes.SIGMA_Z], 0.001),
+        sigma_u_rad=np.maximum(found[:, stripes.SIGMA_U], 0.001),
+        score=expit(found[:, stripes.T_VALUE] - 5.0),
+        form=np.where(is_stripe, BoxForm.STRIPE, BoxForm.OTHER_PAINT).astype(np.int8),
+        contrast=np.where(dark > 0.0, bright / np.where(dark > 0.0, dark, 1.0), np.nan),
+        n_points=found[:, stripes.NUMBER].astype(np.int64),
+        time_start_s=times[:, 0],
+        time_end_s=times[:, 1],
+    )
+
+
+def _inside_range(intensity: Float32Array, config: MarkingConfig) -> Float32Array:
+    """Return 1 for intensities inside the range that is given, else 0."""
+    high = config.max_intensity if config.max_intensity > 0.0 else np.inf
+    inside: AnyArray = (intensity >= config.min_intensity) & (intensity <= high)
+    return inside.astype(np.float32)
+
+
+def _grown(mask: BoolArray) -> BoolArray:
+    """Return the cells of a mask and those beside them, over sides and corners."""
+    padded = np.pad(mask, 1)
+    wide = padded[:, :-2] | padded[:, 1:-1] | padded[:, 2:]
+    return np.asarray(wide[:-2] | wide[1:-1] | wide[2:])
