@@ -1,0 +1,119 @@
+"""Boundary boxes: where the carriageway's surface ends, piece by piece.
+
+After Kang, Lee and Lee (2023), doi:10.3390/rs15194656: points whose normals stand upright on the road make
+the floor plane of a search area; the edge of that plane is the box's reference line. Beyond the paper the
+search areas are found by themselves, and the kerb's foot is where floor and face meet, to a fraction of the
+spacing of the points.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.kernels import boundary_boxes as kernels
+from linework.kernels import floor
+from linework.kernels.bins import steps_to_set
+from linework.model.arrays import AnyArray, FloatArray
+from linework.model.boxes import BoxSet
+from linework.model.points import Points
+from linework.model.settings import setting
+from linework.model.surface import RoadSurface
+from linework.model.tile import TileData, local_origin
+
+#: What a box is depends on points no farther from its cell than this: a search area of 2 m, and facets around it.
+REACH_M = 6.0
+#: Points of these heights over the ground matter: feet of walls stand up, grass hides what is lower.
+BAND_M = (-0.30, 0.60)
+#: Cells this many steps from road or ground matter: half a metre beyond holes.
+NEAR_CELLS = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoundaryConfig:
+    """Settings of the boundary boxes."""
+
+    min_step_m: float = setting(
+        0.015, unit="m", reason="dropped kerbs stand 2 to 3 cm over the gutter", low=0.005, high=0.2
+    )
+    max_step_m: float = setting(0.30, unit="m", reason="high kerbs have 25 cm", low=0.05, high=0.6)
+    normal_deg: float = setting(
+        5.0, unit="deg", reason="the paper's floor: normals of 85 degrees and more", low=1, high=30
+    )
+    max_noise_m: float = setting(
+        0.03,
+        unit="m",
+        reason="the paper's 2 cm for the points of the floor, and some reserve",
+        low=0.005,
+        high=0.1,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Floor:
+    """Points near the ground in the survey's lattice, as kernels take them."""
+
+    data: tuple[AnyArray, AnyArray, AnyArray, AnyArray, AnyArray]
+    ground: tuple[AnyArray, float, int, int]
+    source: AnyArray
+
+
+def find_boundary_boxes(tile: TileData, surface: RoadSurface, config: BoundaryConfig) -> BoxSet:
+    """Return the boundary boxes of a tile, core and buffer.
+
+    Boxes are ordered by row (from the south) and column of their cell, and are the same to the last bit in
+    every tile that holds the points within `REACH_M` of them.
+    """
+    points = tile.points
+    if len(points) == 0:
+        return BoxSet.empty()
+    base = _floor_of(points, surface, tile.origin or _origin_of(points))
+    rows = kernels.boxes_in_cells(base.data, base.ground, _limits(config))
+    return _box_set(rows)
+
+
+def _origin_of(points: Points) -> tuple[float, float, float]:
+    bounds = points.bounds
+    return local_origin(bounds.west, bounds.south, float(points.xyz[:, 2].min()))
+
+
+def _limits(c: BoundaryConfig) -> FloatArray:
+    return np.array([c.min_step_m, math.tan(math.radians(c.normal_deg)), c.max_step_m, c.max_noise_m])
+
+
+def _floor_of(points: Points, surface: RoadSurface, origin: tuple[float, float, float]) -> _Floor:
+    """Sort the points near the ground into the lattice, with sums and facets of its cells."""
+    g = surface.grid
+    west = round((g.east_m - origin[0]) / g.cell_width_m)
+    north = round((g.north_m - origin[1]) / g.cell_width_m)
+    near = steps_to_set(surface.is_road | surface.is_ground, NEAR_CELLS) <= NEAR_CELLS
+    ground_m = surface.ground_m + np.float32(surface.z0_m - origin[2])
+    at = np.array(origin)
+    col, row, span = floor.cells_near_ground(
+        points.xyz, at, g.cell_width_m, west, north, ground_m, near, BAND_M
+    )
+    strength = points.intensity if points.intensity is not None else np.zeros(len(points), dtype=np.float32)
+    local, source, starts = floor.sort_by_cell(points.xyz, strength, at, col, row, span)
+    sums = floor.cell_sums(local, starts, span)
+    facets = floor.facets_of(sums, span)
+    return _Floor((local, starts, span, sums, facets), (ground_m, g.cell_width_m, west, north), source)
+
+
+def _box_set(rows: FloatArray) -> BoxSet:
+    k = kernels
+    return BoxSet(
+        centre=rows[:, [k.X, k.Y, k.Z]],
+        u=rows[:, [k.UX, k.UY]],
+        half_u_m=rows[:, k.HALF_U],
+        half_v_m=np.full(len(rows), 0.25),
+        sigma_v_m=rows[:, k.S_V],
+        sigma_z_m=rows[:, k.S_Z],
+        sigma_u_rad=rows[:, k.S_U],
+        score=rows[:, k.SCORE],
+        form=rows[:, k.FORM],
+        height_m=rows[:, k.STEP],
+        top_v_m=rows[:, k.TOP_V],
+        n_points=rows[:, k.COUNT],
+    )
