@@ -1,0 +1,243 @@
+"""Bounding volumes of points: axis-aligned box, oriented box, polytope of fixed directions.
+
+The oriented box is the one that tracking uses; figure 1 of the paper compares the three [1]. Each is frozen,
+made from points, and knows its corners and what it contains. Whether two of them collide is told in
+`linework.methods.obb.separation`.
+
+References
+----------
+.. [1] W.-S. Kang, K.-H. Lee, J.-H. Lee (2023), doi:10.3390/rs15194656.
+.. [2] J. Klosowski et al. (1998), Efficient collision detection using bounding volume hierarchies of k-DOPs,
+   doi:10.1109/2945.675649.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+
+import numpy as np
+
+from linework.model.arrays import BoolArray, FloatArray, checked
+
+#: What rounding adds to a point's place in a box; less than any scanner resolves. [m]
+ROUNDING_M = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class AABB:
+    """Axis-aligned box: lowest and highest east, north, up, each (3,) [m].
+
+    >>> AABB.of(np.array([[0.0, 0.0, 0.0], [2.0, 1.0, 0.5]])).centre.tolist()
+    [1.0, 0.5, 0.25]
+    """
+
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def of(cls, xyz: FloatArray) -> AABB:
+        """Return the smallest box around points (n, 3)."""
+        xyz = _points(xyz)
+        return cls(xyz.min(axis=0), xyz.max(axis=0))
+
+    @property
+    def centre(self) -> FloatArray:
+        """Middle of the box, (3,)."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def corners(self) -> FloatArray:
+        """Corners, (8, 3), the last axis changing fastest."""
+        return np.where(_SIGNS < 0, self.low, self.high)
+
+    def contains(self, xyz: FloatArray) -> BoolArray:
+        """Return which points (n, 3) are in the box or on its sides."""
+        return np.asarray(((xyz >= self.low) & (xyz <= self.high)).all(axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class OBB:
+    """Oriented box: the smallest around points whose sides follow a reference line.
+
+    Parameters
+    ----------
+    centre
+        (3,) float64 [m].
+    axes
+        (3, 3) float64: unit vectors u (along the reference line), v (to its left), w (upwards), as rows.
+    half_m
+        (3,) float64 [m]: half extents along u, v and w; any may be 0.
+    """
+
+    centre: FloatArray
+    axes: FloatArray
+    half_m: FloatArray
+
+    @classmethod
+    def along(cls, xyz: FloatArray, line: FloatArray) -> OBB:
+        """Return the smallest box around points (n, 3) along a reference line.
+
+        Parameters
+        ----------
+        line
+            (2,) or (3,): direction of the line; with 3 numbers the box climbs with it, its v-axis stays level.
+
+        >>> box = OBB.along(np.array([[0.0, 0.0, 0.0], [2.0, 2.0, 1.0]]), np.array([1.0, 1.0]))
+        >>> box.half_m.round(3).tolist()
+        [1.414, 0.0, 0.5]
+        """
+        xyz = _points(xyz)
+        axes = _axes(line)
+        # From the first point on: world coordinates would cost digits
+        local = (xyz - xyz[0]) @ axes.T
+        low, high = local.min(axis=0), local.max(axis=0)
+        return cls(xyz[0] + 0.5 * (low + high) @ axes, axes, 0.5 * (high - low))
+
+    @classmethod
+    def smallest_in_plan(cls, xyz: FloatArray) -> OBB:
+        """Return the upright box of least area in plan around points (n, 3), its longer side along u.
+
+        One side of the smallest rectangle lies on an edge of the convex hull: every edge is tried.
+        """
+        hull = _hull_in_plan(_points(xyz)[:, :2])
+        edges = np.diff(np.concatenate([hull, hull[:1]]), axis=0)
+        edges = edges[np.hypot(*edges.T) > 0.0]
+        boxes = [cls.along(xyz, edge) for edge in edges] or [cls.along(xyz, np.array([1.0, 0.0]))]
+        best = min(boxes, key=lambda box: float(box.half_m[0] * box.half_m[1]))
+        if best.half_m[1] > best.half_m[0]:
+            return cls.along(xyz, best.axes[1])
+        return best
+
+    @property
+    def u(self) -> FloatArray:
+        """Unit vector along the reference line, (3,)."""
+        return np.asarray(self.axes[0])
+
+    @property
+    def v(self) -> FloatArray:
+        """Unit vector across it, to the left, (3,)."""
+        return np.asarray(self.axes[1])
+
+    @property
+    def height_m(self) -> float:
+        """Extent along w. [m]"""  # noqa: D400
+        return 2.0 * float(self.half_m[2])
+
+    @property
+    def corners(self) -> FloatArray:
+        """Corners, (8, 3), the w-axis changing fastest."""
+        return np.asarray(self.centre + (_SIGNS * self.half_m) @ self.axes)
+
+    def contains(self, xyz: FloatArray) -> BoolArray:
+        """Return which points (n, 3) are in the box or on its sides."""
+        local = (xyz - self.centre) @ self.axes.T
+        return np.asarray((np.abs(local) <= self.half_m + ROUNDING_M).all(axis=1))
+
+    def moved(self, along_m: float) -> OBB:
+        """Return the box moved along its u-axis: A' of the paper's figure 12."""
+        return replace(self, centre=self.centre + along_m * self.u)
+
+    def grown(self, by_m: float) -> OBB:
+        """Return the box with every side moved outwards."""
+        return replace(self, half_m=self.half_m + by_m)
+
+
+@dataclass(frozen=True, slots=True)
+class KDOP:
+    """Polytope of fixed directions: k = 2 m half spaces, two per direction [2].
+
+    Parameters
+    ----------
+    directions
+        (m, 3) float64, unit vectors.
+    low, high
+        (m,) float64 [m]: least and largest projection onto each direction.
+    """
+
+    directions: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def of(cls, xyz: FloatArray, directions: FloatArray) -> KDOP:
+        """Return the smallest polytope of these directions (m, 3) around points (n, 3)."""
+        directions = checked("directions", directions, np.float64, (None, 3))
+        directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        along = _points(xyz) @ directions.T
+        return cls(directions, along.min(axis=0), along.max(axis=0))
+
+    @property
+    def corners(self) -> FloatArray:
+        """Corners, (n, 3): where three of its planes meet and no other one cuts the place off."""
+        slabs = np.array(list(combinations(range(len(self.directions)), 3)))
+        normals = self.directions[slabs]
+        slabs = slabs[np.abs(np.linalg.det(normals)) > 1e-9]
+        sides = np.array(list(product((False, True), repeat=3)))
+        right = np.where(sides[None], self.high[slabs][:, None], self.low[slabs][:, None])
+        places = np.linalg.solve(self.directions[slabs][:, None], right[..., None])[..., 0].reshape(-1, 3)
+        places = places[self.contains(places)]
+        # Planes of more than three directions may meet in one corner
+        return np.asarray(np.unique(places.round(6), axis=0))
+
+    def contains(self, xyz: FloatArray) -> BoolArray:
+        """Return which points (n, 3) are in the polytope or on its sides."""
+        along = xyz @ self.directions.T
+        return np.asarray(((along >= self.low - ROUNDING_M) & (along <= self.high + ROUNDING_M)).all(axis=1))
+
+
+def dop_directions(k: int) -> FloatArray:
+    """Return the directions (k / 2, 3) of the usual k-DOPs: faces of a cube (6), its corners and edges cut off.
+
+    >>> [len(dop_directions(k)) for k in (6, 14, 18, 26)]
+    [3, 7, 9, 13]
+    """
+    faces = [(1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    corners = [(1, 1, 1), (1, -1, 1), (1, 1, -1), (1, -1, -1)]
+    edges = [(1, 1, 0), (1, 0, 1), (0, 1, 1), (1, -1, 0), (1, 0, -1), (0, 1, -1)]
+    known = {6: faces, 14: faces + corners, 18: faces + edges, 26: faces + corners + edges}
+    if k not in known:
+        raise ValueError(f"k is {k}, expected 6, 14, 18 or 26")
+    return np.array(known[k], dtype=np.float64)
+
+
+_SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
+
+
+def _points(xyz: FloatArray) -> FloatArray:
+    xyz = checked("xyz", xyz, np.float64, (None, 3))
+    if len(xyz) == 0:
+        raise ValueError("no points: they have no box")
+    return xyz
+
+
+def _axes(line: FloatArray) -> FloatArray:
+    """Return u, v, w as rows for a line's direction; v is level."""
+    u = np.zeros(3)
+    u[: len(line)] = line
+    level = float(np.hypot(u[0], u[1]))
+    if level == 0.0:
+        raise ValueError(f"line {np.asarray(line).tolist()} has no direction in plan")
+    u /= np.linalg.norm(u)
+    v = np.array([-u[1], u[0], 0.0]) / np.hypot(u[0], u[1])
+    return np.stack([u, v, np.cross(u, v)])
+
+
+def _hull_in_plan(xy: FloatArray) -> FloatArray:
+    """Return the corners (k, 2) of the convex hull, counter-clockwise (Andrew's monotone chain)."""
+    xy = np.unique(xy, axis=0)
+    if len(xy) < 3:
+        return xy
+    halves: list[list[FloatArray]] = []
+    for ordered in (xy, xy[::-1]):
+        half: list[FloatArray] = []
+        for p in ordered:
+            while len(half) > 1 and _turn(half[-2], half[-1], p) <= 0.0:
+                half.pop()
+            half.append(p)
+        halves.append(half[:-1])
+    return np.array(halves[0] + halves[1])
+
+
+def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
