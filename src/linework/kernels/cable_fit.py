@@ -10,6 +10,7 @@ import numpy.typing as npt
 from numba import njit
 
 Array = npt.NDArray[Any]
+Edges = tuple[float, float, float]
 
 #: Tukey's constant: residuals beyond this many deviations weigh nothing; 95 % efficient on Gaussian noise.
 TUKEY = 4.685
@@ -95,6 +96,68 @@ def tukey(residual: Array, sigma: float) -> Array:
         if abs(x) < 1.0:
             weights[i] = (1.0 - x * x) ** 2
     return weights
+
+
+@njit(cache=True, nogil=True)
+def on_wire(s: Array, o: Array, dz: Array, edges: Edges, radii: Edges) -> Array:
+    """Return which of (n,) points lie on a wire, up to the next other point beyond its first and last clear metre.
+
+    `edges` are the stations that points lie between, and what makes them stations from the survey's origin:
+    where metres begin must not depend on the wire's points. `radii` are the gate's and the ring's (inner, outer).
+    """
+    low, high, shift = edges
+    n_metres = math.ceil(high - low) + 2
+    inside, around = np.zeros(n_metres, np.int32), np.zeros(n_metres, np.int32)
+    metre, on = np.empty(len(s), np.int64), np.zeros(len(s), np.bool_)
+    beside = np.zeros(len(s), np.bool_)
+    for i in range(len(s)):
+        metre[i] = math.floor(s[i] + shift) - math.floor(low + shift)
+        r = math.hypot(o[i], dz[i])
+        on[i] = r <= radii[0]
+        if on[i]:
+            inside[metre[i]] += 1
+        beside[i] = radii[1] < r <= radii[2]
+        if beside[i]:
+            around[metre[i]] += 1
+    first, last = n_metres, -1
+    for m in range(n_metres):
+        if inside[m] > 0 and 3 * around[m] <= inside[m]:
+            first, last = min(first, m), m
+    before, after = low - 1.0, high + 1.0
+    for i in range(len(s)):
+        if beside[i] and metre[i] < first:
+            before = max(before, s[i])
+        elif beside[i] and metre[i] > last:
+            after = min(after, s[i])
+    for i in range(len(s)):
+        on[i] = on[i] and last >= 0 and before < s[i] < after
+    return on
+
+
+@njit(cache=True, nogil=True)
+def runs(s: Array, most_usual: float, gap_m: float, gaps: float) -> tuple[Array, Array]:
+    """Return the edges (k + 1,) of runs of rising stations without a long gap, and the metres (k,) seen in each.
+
+    A gap is long beyond `gap_m`, or `gaps` times the mean gap, each weighted by its length up to `most_usual`.
+    """
+    square, total = 0.0, 0.0
+    for i in range(1, len(s)):
+        short = min(s[i] - s[i - 1], most_usual)
+        square += short * short
+        total += short
+    limit = max(gap_m, gaps * (square / max(total, 1e-6)))
+    edges, seen = np.empty(len(s) + 1, np.int64), np.zeros(len(s))
+    edges[0], n, last = 0, 0, -math.inf
+    for i in range(len(s)):
+        if i > 0 and s[i] - s[i - 1] > limit:
+            n += 1
+            edges[n], last = i, -math.inf
+        half_metre = math.floor(2.0 * s[i])
+        if half_metre != last:
+            seen[n] += 0.5
+            last = half_metre
+    edges[n + 1] = len(s)
+    return edges[: n + 2], seen[: n + 1]
 
 
 @njit(cache=True, nogil=True)

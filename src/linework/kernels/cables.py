@@ -101,6 +101,49 @@ def near_segment(
 
 
 @njit(cache=True, nogil=True)
+def best_curve(
+    points: tuple[Array, Array, Array], left: Array, shapes: tuple[Array, Array], sides: tuple[float, ...]
+) -> tuple[int, tuple[float, float, float]]:
+    """Return the curve with most votes in a slice, and how many steps along it hold a vote for it.
+
+    `points` are stations (rising), offsets and heights; those that are `left` vote, one for each cell, and the
+    cells of one step along share a vote. `shapes` are slopes and curvatures, `sides` those of a cell along, up
+    and across and the height of a bin [m].
+    """
+    s, o, z = points
+    along, up, across, bin_m = sides
+    voter, weight, step_of = np.empty(len(s), np.int64), np.empty(len(s)), np.empty(len(s), np.int64)
+    key = np.empty(len(s))
+    n, first = 0, 0
+    for i in range(len(s)):
+        if not left[i]:
+            continue
+        step = math.floor(s[i] / along)
+        if n > first and step != step_of[first]:
+            weight[first:n] = 1.0 / (n - first)
+            first = n
+        cell = math.floor(z[i] / up) * 1e3 + math.floor(o[i] / across)
+        k = n  # cells of a step by rising number, the first point of each
+        while k > first and key[k - 1] > cell:
+            k -= 1
+        if k > first and key[k - 1] == cell:
+            continue
+        for j in range(n, k, -1):
+            key[j], voter[j] = key[j - 1], voter[j - 1]
+        key[k], voter[k], step_of[n] = cell, i, step
+        n += 1
+    weight[first:n] = 1.0 / max(n - first, 1)
+    s, z = s[voter[:n]], z[voter[:n]]
+    curve = slice_peak(s, z, weight[:n], shapes[0], shapes[1], bin_m)
+    seen, last = 0, -(10**9)
+    for i in range(n):
+        near = abs(z[i] - curve[0] - curve[1] * s[i] - 0.5 * curve[2] * s[i] * s[i]) <= bin_m
+        if near and step_of[i] != last:
+            seen, last = seen + 1, step_of[i]
+    return seen, curve
+
+
+@njit(cache=True, nogil=True)
 def slice_peak(
     s: Array, z: Array, weight: Array, slopes: Array, curvatures: Array, bin_m: float
 ) -> tuple[float, float, float]:
@@ -115,16 +158,26 @@ def slice_peak(
     tilt = np.abs(slopes).max() * max(abs(s.max()), abs(s.min()))
     lowest = z.min() - tilt - bend
     n_bins = int((z.max() + tilt - lowest) / bin_m) + 3
-    votes = np.zeros(n_bins)
+    votes = np.zeros(n_bins + 1)  # from one: the first bin has a neighbour below
+    sag, bins = np.empty(len(s)), np.empty(len(s), np.int32)
     for k in curvatures:
+        for i in range(len(s)):
+            sag[i] = 0.5 * k * s[i] * s[i]
         for m in slopes:
-            votes[:] = 0.0
             for i in range(len(s)):
-                votes[int((z[i] - m * s[i] - 0.5 * k * s[i] * s[i] - lowest) / bin_m)] += weight[i]
-            for b in range(n_bins - 1):
-                if votes[b] + votes[b + 1] > top:
-                    top = votes[b] + votes[b + 1]
-                    best = (lowest + (b + 1) * bin_m, m, k)
+                bins[i] = np.int32((z[i] - m * s[i] - sag[i] - lowest) / bin_m) + 1
+            highest = 0.0
+            for i in range(len(s)):
+                b = bins[i]
+                votes[b] += weight[i]
+                highest = max(highest, votes[b] + max(votes[b - 1], votes[b + 1]))
+            if highest > top:  # rarely: where it is
+                for b in range(1, n_bins):
+                    if votes[b] + votes[b + 1] > top:
+                        top = votes[b] + votes[b + 1]
+                        best = (lowest + b * bin_m, m, k)
+            for i in range(len(s)):
+                votes[bins[i]] = 0.0
     return best
 
 

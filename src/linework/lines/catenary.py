@@ -16,10 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.kernels import catenary as kernels
 from linework.model.arrays import FloatArray
 
-#: Below this |k u| the closed forms lose digits and their series (next term 1e-9 relative) take over.
-_SERIES_BELOW = 1e-3
 #: Gauss-Newton on this nearly linear problem gains three digits per step; eight are plenty.
 _MAX_STEPS = 8
 
@@ -58,9 +57,18 @@ class Catenary:
 
     def height_at(self, station_m: FloatArray) -> FloatArray:
         """Return the wire's height [m] at (n,) stations [m]."""
-        u = np.asarray(station_m, dtype=np.float64) - self.station_m
-        odd, even = _terms(u, self.curvature_per_m)
-        return self.height_m + self.slope * odd + math.hypot(1.0, self.slope) * even
+        heights: FloatArray = kernels.heights(np.ascontiguousarray(station_m, dtype=np.float64), self.numbers)
+        return heights
+
+    def height_of(self, station_m: float) -> float:
+        """Return the wire's height [m] at one station [m]."""
+        height: float = kernels.height(station_m, self.numbers)
+        return height
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """For the kernels: station, height, slope, curvature."""
+        return self.station_m, self.height_m, self.slope, self.curvature_per_m
 
     def slope_at(self, station_m: FloatArray) -> FloatArray:
         """Return the wire's slope dz/ds at (n,) stations [m]."""
@@ -128,31 +136,15 @@ def fit_catenary(
     Gauss-Newton from the least-squares parabola; the stations are centred and scaled to their extent, so
     that the normal equations stay well conditioned on any span.
     """
-    s, z = np.asarray(station_m, dtype=np.float64), np.asarray(height_m, dtype=np.float64)
-    w = np.ones_like(s) if weights is None else np.asarray(weights, dtype=np.float64)
+    s, z = (np.ascontiguousarray(a, dtype=np.float64) for a in (station_m, height_m))
+    w = np.ones_like(s) if weights is None else np.ascontiguousarray(weights, dtype=np.float64)
     n_unknowns = 2 if straight else 3
     used = int(np.count_nonzero(w > 0))
     if used < n_unknowns:
         raise ValueError(f"{used} points, a catenary needs at least {n_unknowns}")
-    total = float(w.sum())
-    middle = float(w @ s) / total
-    reach = max(float(np.abs(s - middle).max()), 1e-3)
-    scale = np.array([1.0, 1.0 / reach, 2.0 / reach**2])[:n_unknowns]
-    curve = Catenary(middle, float(w @ z) / total, 0.0, 0.0)
-    cofactor = np.zeros((3, 3))
-    for _ in range(_MAX_STEPS):
-        columns = _derivatives(curve, s)[:, :n_unknowns] * scale
-        inverse = np.linalg.inv((columns * w[:, None]).T @ columns + 1e-9 * total * np.eye(n_unknowns))
-        step = inverse @ (columns.T @ (w * (z - curve.height_at(s))))
-        dz, dm, dk = (*(step * scale), 0.0)[:3]
-        curve = Catenary(middle, curve.height_m + dz, curve.slope + dm, curve.curvature_per_m + dk)
-        cofactor[:n_unknowns, :n_unknowns] = inverse * np.outer(scale, scale)
-        if np.abs(step).max() < 1e-10:
-            break
-    residual = z - curve.height_at(s)
-    freedom = max(used - n_unknowns, 1)
-    sigma = math.sqrt(float(w @ residual**2) / total * used / freedom)
-    return CatenaryFit(curve, cofactor, sigma)
+    numbers, cofactor, square = kernels.fit(s, z, w, n_unknowns, _MAX_STEPS)
+    sigma = math.sqrt(square * used / max(used - n_unknowns, 1))
+    return CatenaryFit(Catenary(*numbers), cofactor, sigma)
 
 
 def meeting_stations(left: Catenary, right: Catenary, low_m: float, high_m: float) -> FloatArray:
@@ -177,25 +169,8 @@ def meeting_stations(left: Catenary, right: Catenary, low_m: float, high_m: floa
     return np.unique(stations[meet & (stations >= low_m) & (stations <= high_m)].round(9))
 
 
-def _terms(u: FloatArray, k: float) -> tuple[FloatArray, FloatArray]:
-    """Return sinh(k u) / k and (cosh(k u) - 1) / k, right for k = 0 too."""
-    x = k * u
-    small = np.abs(x) < _SERIES_BELOW
-    safe = np.where(small, 1.0, x)
-    odd = u * np.where(small, 1.0 + x**2 / 6.0, np.sinh(safe) / safe)
-    even = u * np.where(small, x / 2.0 * (1.0 + x**2 / 12.0), 2.0 * np.sinh(safe / 2.0) ** 2 / safe)
-    return odd, even
-
-
 def _derivatives(curve: Catenary, station_m: FloatArray) -> FloatArray:
     """Return (n, 3) derivatives of the height by z_c, m and k."""
-    u = station_m - curve.station_m
-    k, m = curve.curvature_per_m, curve.slope
-    odd, even = _terms(u, k)
-    stretch = math.hypot(1.0, m)
-    x = k * u
-    small = np.abs(x) < _SERIES_BELOW
-    k_safe = k if k != 0.0 else 1.0
-    d_odd = np.where(small, x * u**2 / 3.0, (u * np.cosh(x) - odd) / k_safe)
-    d_even = np.where(small, u**2 / 2.0 * (1.0 + x**2 / 4.0), (u * np.sinh(x) - even) / k_safe)
-    return np.stack([np.ones_like(u), odd + m / stretch * even, m * d_odd + stretch * d_even], axis=1)
+    stations = (station_m - curve.station_m).tolist()
+    rows = [kernels.derivatives(u, curve.slope, curve.curvature_per_m) for u in stations]
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)

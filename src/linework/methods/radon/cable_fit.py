@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from linework.kernels import cable_fit as kernels
+from linework.kernels import catenary as hanging
 from linework.lines.catenary import Catenary, CatenaryFit, fit_catenary
 from linework.methods.radon.cable_band import Band
 from linework.methods.radon.cable_follow import Plan
@@ -25,6 +26,8 @@ NEXT_M, MOST_ROUNDS = 0.5, 30
 FITTING_METRES = 2
 #: Longer gaps [m] are not usual on any wire: something hides it.
 MOST_USUAL_M = 6.0
+#: From the coefficient of u^2 to the curvature, in cofactors.
+_TWICE = np.outer((1.0, 1.0, 2.0), (1.0, 1.0, 2.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +71,12 @@ class Wire:
 
     def residuals(self, xyz: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return (n,) stations, offsets and heights above the wire [m] of (n, 3) points."""
-        s, o = self.plan.stations(xyz[:, :2])
-        return s, o, xyz[:, 2] - self.fit.curve.height_at(s)
+        plan = self.plan
+        line = plan.x, plan.y, plan.ux, plan.uy
+        found: tuple[FloatArray, FloatArray, FloatArray] = hanging.residuals(
+            xyz, line, self.fit.curve.numbers
+        )
+        return found
 
     def at(self, station_m: FloatArray) -> FloatArray:
         """Return (n, 3) places [m] on the wire."""
@@ -163,7 +170,7 @@ def _fitted(band: Band, members: IntArray, widths: Widths) -> Wire:
     s, _ = plan.stations(xyz[:, :2])
     centre, curve, cofactor, sigma_z, _ = kernels.robust_parabola(s, z, weights, widths.sigma_m)
     hang = Catenary(centre, curve[0], curve[1], max(2.0 * curve[2] / math.hypot(1.0, curve[1]), 0.0))
-    cofactor = cofactor * np.outer((1.0, 1.0, 2.0), (1.0, 1.0, 2.0))
+    cofactor = cofactor * _TWICE
     order = np.lexsort((xyz[:, 2], xyz[:, 1], s))
     fit = CatenaryFit(hang, cofactor, sigma_z)
     return Wire(plan, fit, float(s.min()), float(s.max()), members[order], sigma_o, widths)
@@ -181,22 +188,16 @@ def _on_wire(band: Band, wire: Wire, low: float, high: float) -> IntArray:
     """
     near = band.near(_line_of(wire.plan, low, high), RING * wire.gate_m)
     s, o, dz = wire.residuals(band.xyz[near])
-    r = np.hypot(o, dz)
-    on = r <= wire.gate_m
+    gate = wire.gate_m
     # metres are counted from the band's origin: where they begin must not depend on the wire's points
     shift = wire.plan.x * wire.plan.ux + wire.plan.y * wire.plan.uy
-    metre = (np.floor(s + shift) - math.floor(low + shift)).astype(np.int64)
-    ring = (r > 1.25 * wire.gate_m) & (r <= RING * wire.gate_m)
-    counts = [np.bincount(metre[chosen], minlength=math.ceil(high - low) + 2) for chosen in (on, ring)]
-    clear = np.flatnonzero((counts[0] > 0) & (3 * counts[1] <= counts[0]))
-    if len(clear) == 0:
+    on = np.flatnonzero(kernels.on_wire(s, o, dz, (low, high, shift), (gate, 1.25 * gate, RING * gate)))
+    if len(on) == 0:
         return near[:0]
-    on &= (s > s[ring & (metre < clear[0])].max(initial=low - 1.0)) & (
-        s < s[ring & (metre > clear[-1])].min(initial=high + 1.0)
-    )
-    order = np.lexsort((band.xyz[near[on], 2], o[on], s[on]))
-    members: IntArray = near[on][order]
-    first, last = main_run(s[on][order])
+    near, s = near[on], s[on]
+    order = np.lexsort((band.xyz[near, 2], o[on], s))
+    members: IntArray = near[order]
+    first, last = main_run(s[order])
     return members[first:last]
 
 
@@ -208,15 +209,13 @@ def main_run(s: FloatArray) -> tuple[int, int]:
     """
     if len(s) < 4:
         return 0, len(s)
-    gaps = np.diff(s)
-    short = np.minimum(gaps, MOST_USUAL_M)
-    usual = float((short**2).sum() / max(float(short.sum()), 1e-6))
-    cuts = np.flatnonzero(gaps > max(TAIL_GAP_M, TAIL_GAPS * usual)) + 1
-    edges = np.concatenate([[0], cuts, [len(s)]])
+    found, metres = kernels.runs(s, MOST_USUAL_M, TAIL_GAP_M, TAIL_GAPS)
+    edges, seen = found.tolist(), metres.tolist()
+    if len(seen) == 1:
+        return 0, len(s)
     runs = list(itertools.pairwise(edges))
-    seen = [len(np.unique(np.floor(2.0 * s[a:b]))) / 2.0 for a, b in runs]
     long = [float(s[b - 1] - s[a]) for a, b in runs]
-    first = last = int(np.argmax(seen))
+    first = last = seen.index(max(seen))
     density = min(seen[first] / max(long[first], 1.0), 1.0)
     is_wire = [
         length >= TAIL_LONG_M and m >= 0.5 * density * length for m, length in zip(seen, long, strict=True)
@@ -225,7 +224,7 @@ def main_run(s: FloatArray) -> tuple[int, int]:
         first -= 1
     while last < len(runs) - 1 and is_wire[last + 1]:
         last += 1
-    return int(edges[first]), int(edges[last + 1])
+    return edges[first], edges[last + 1]
 
 
 @dataclass(frozen=True, slots=True)

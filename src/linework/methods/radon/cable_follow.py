@@ -101,15 +101,20 @@ class Lonely:
         return cls(xyz, keys, np.append(first, len(xyz)), order, grid, across_m)
 
     def slice(
-        self, plan: Plan, half_width_m: float, half_length_m: float
+        self, plan: Plan, half_width_m: float, half_length_m: float, free: BoolArray | None = None
     ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-        """Return the points about a line in plan, by station: their numbers, stations, offsets and heights."""
+        """Return the points about a line in plan, by station: their numbers, stations, offsets and heights.
+
+        No points where fewer than `LEAST_VOTES` of them are `free`.
+        """
         # A seed lies in a window about some of the points
         reach_m = min(half_length_m, self.across_m + SEED_REACH_M)
         line = np.array([plan.x, plan.y, plan.ux, plan.uy, -reach_m, reach_m])
         near: IntArray = kernels.near_segment(
             self.keys, self.start, self.order, self.grid, self.xyz[:, :2], line, half_width_m
         )
+        if free is not None and np.count_nonzero(free[near]) < LEAST_VOTES:
+            near = near[:0]  # the usual case: another seed has led to the same wires before
         s, o = plan.stations(self.xyz[near, :2])
         z = self.xyz[near, 2]
         by = np.lexsort((z, o, s))
@@ -138,7 +143,7 @@ def follow_seed(
         Points of each wire, as followed beyond the window. What is no wire stays in it: the tests follow.
     """
     plan = Plan(seed.x, seed.y, seed.ux, seed.uy)
-    near, s, o, z = lonely.slice(plan, widths.slice_m, seed.half_m * math.sqrt(2.0))
+    near, s, o, z = lonely.slice(plan, widths.slice_m, seed.half_m * math.sqrt(2.0), free)
     left = free[near]
     wires: list[IntArray] = []
     failed = 0
@@ -167,18 +172,9 @@ def _best_curve(
 
     Every half metre has one vote, shared by its cells: a wall or a crown in the slice has no more than a wire.
     """
-    chosen = np.flatnonzero(left)
-    half_metre = np.floor(s[chosen] / ALONG_M).astype(np.int64)
-    cell = half_metre * 1e8 + np.floor(z[chosen] / UP_M) * 1e3 + np.floor(o[chosen] / ACROSS_M)
-    _, first = np.unique(cell, return_index=True)
-    voters, half_metre = chosen[first], half_metre[first] - half_metre.min()
-    weight = 1.0 / np.bincount(half_metre)[half_metre]
-    curve: tuple[float, float, float] = kernels.slice_peak(
-        s[voters], z[voters], weight, SLOPES, CURVATURES, vote_m
-    )
-    at = s[voters]
-    near = np.abs(z[voters] - curve[0] - curve[1] * at - 0.5 * curve[2] * at * at) <= vote_m
-    return curve if len(np.unique(half_metre[near])) >= LEAST_VOTES else None
+    sides = (ALONG_M, UP_M, ACROSS_M, vote_m)
+    seen, curve = kernels.best_curve((s, o, z), left, (SLOPES, CURVATURES), sides)
+    return curve if seen >= LEAST_VOTES else None
 
 
 def _thin(s: FloatArray, o: FloatArray, z: FloatArray, member: BoolArray, widths: Widths) -> bool:

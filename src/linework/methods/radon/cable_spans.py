@@ -251,17 +251,19 @@ def _ends(band: Band, wires: list[Wire]) -> list[End]:
 def _meetings(ends: list[End]) -> list[tuple[float, int, int, FloatArray]]:
     """Return (cost, end, end, place) of every two ends that may hang on one support."""
     xy = np.array([e.xy for e in ends]).reshape(-1, 2)
+    out = np.array([e.out for e in ends]).reshape(-1, 2)
+    of_wire = np.array([e.wire for e in ends], dtype=np.int64)
     order = np.lexsort(xy.T)  # by place: which of two wires is the first must not depend on their lengths
     found = []
     for n, a in enumerate(order):
         end = ends[a]
         later = order[n + 1 :]
-        for b in later[np.hypot(*(xy[later] - end.xy).T) <= CARRY_M + POLE_CARRY_M]:
-            other = ends[b]
-            if other.wire != end.wire and float(end.out @ other.out) < -0.5:
-                meeting = _meeting(end.near, other.near, end, other)
-                if meeting is not None:
-                    found.append((meeting[0], int(a), int(b), meeting[1]))
+        off, facing = xy[later] - end.xy, out[later] @ end.out < -0.5
+        near = np.hypot(off[:, 0], off[:, 1]) <= CARRY_M + POLE_CARRY_M
+        for b in later[near & facing & (of_wire[later] != end.wire)]:
+            meeting = _meeting(end.near, ends[b].near, end, ends[b])
+            if meeting is not None:
+                found.append((meeting[0], int(a), int(b), meeting[1]))
     return sorted(found, key=lambda m: m[0])
 
 
@@ -278,16 +280,12 @@ def _meeting(wire: Wire, other: Wire, end: End, end2: End) -> tuple[float, Float
     best: tuple[float, FloatArray] | None = None
     for place in places:
         on1, on2 = float((place - end.xy) @ end.out), float((place - end2.xy) @ end2.out)
+        if max(on1, on2) > CARRY_M or on1 + on2 > CARRY_M + POLE_CARRY_M or min(on1, on2) < -PAST_M:
+            continue
         gap = abs(_height(wire, place) - _height(other, place))
-        if (
-            max(on1, on2) <= CARRY_M
-            and on1 + on2 <= CARRY_M + POLE_CARRY_M
-            and min(on1, on2) >= -PAST_M
-            and gap <= wire.widths.side_m
-        ):
-            cost = abs(on1) + abs(on2) + 10.0 * gap
-            if best is None or cost < best[0]:
-                best = (cost, place)
+        cost = abs(on1) + abs(on2) + 10.0 * gap
+        if gap <= wire.widths.side_m and (best is None or cost < best[0]):
+            best = (cost, place)
     return best
 
 
@@ -306,7 +304,8 @@ def _height_meetings(wire: Wire, other: Wire, end: End, apart_m: float) -> list[
 
 
 def _height(wire: Wire, place: FloatArray) -> float:
-    return float(wire.fit.curve.height_at(wire.plan.stations(place[None])[0])[0])
+    x, y = place.tolist()
+    return wire.fit.curve.height_of((x - wire.plan.x) * wire.plan.ux + (y - wire.plan.y) * wire.plan.uy)
 
 
 def _support_of_bundle(
