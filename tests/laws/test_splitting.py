@@ -18,9 +18,10 @@ from linework.methods.radon.method import RadonConfig
 from linework.model.lines import LineSet
 from linework.simulation.simulate import simulate_survey
 from linework.tiling.executors import Serial
+from linework.tiling.opened import opened_survey
 from linework.tiling.plan import TilingConfig
 from linework.tiling.processes import Processes
-from linework.tiling.run import extract_lines, opened_survey
+from linework.tiling.run import extract_lines
 from linework.tiling.unfinished import run_folder
 from linework.tiling.work_folder import work_folder
 
@@ -66,7 +67,7 @@ def extracted(folder, work, executor=None, batch_points=500_000, **tiling):
         opened_survey(survey, work, limits=limits) as opened,
         run_folder(work, work / "lines", {}) as run,
     ):
-        methods = choose_methods("auto", ALL_KINDS, RadonConfig())
+        methods = choose_methods("auto", ALL_KINDS)
         config = TilingConfig(**(SMALL | tiling))
         found = extract_lines(opened, methods, run, tiling=config, executor=executor or Serial())
     assert len(found.tiles) > 1 or not SMALL.keys() <= tiling.keys()

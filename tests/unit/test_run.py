@@ -15,6 +15,7 @@ from linework.files.vectors import read_lines
 from linework.model.lines import LineSet
 from linework.model.trajectory import Trajectory
 from linework.tiling import outputs, run
+from linework.tiling.opened import opened_survey
 from linework.tiling.plan import TilingConfig
 from linework.tiling.sources import with_sources
 from linework.tiling.steps import Steps
@@ -64,7 +65,7 @@ def extracted(tmp_path):
     def run_it(path, method, **settings):
         survey, work = open_survey([path]), work_folder(tmp_path, tmp_path / "work")
         with (
-            run.opened_survey(survey, work, steps=settings.get("steps")) as opened,
+            opened_survey(survey, work, steps=settings.get("steps")) as opened,
             run_folder(work, tmp_path / "lines.gpkg", {}) as folder,
         ):
             return run.extract_lines(opened, [method], folder, **settings)
@@ -159,7 +160,7 @@ def test_tiles_that_are_done_are_not_done_again(long_file, method, tmp_path):
 
     def go(method):
         with (
-            run.opened_survey(survey, work) as opened,
+            opened_survey(survey, work) as opened,
             run_folder(work, tmp_path / "lines.gpkg", {}, resume=True) as folder,
         ):
             return run.extract_lines(opened, [method], folder, tiling=SMALL)

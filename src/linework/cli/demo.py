@@ -73,15 +73,15 @@ def _extract_and_score(folder: Path, steps: Steps, *, overwrite: bool) -> None:
     from linework.files.survey import open_survey
     from linework.methods.choose import ALL_KINDS, choose_methods
     from linework.tiling.extract_to import Order, extract_to
+    from linework.tiling.opened import opened_survey
     from linework.tiling.overview import points_for_pictures
-    from linework.tiling.run import opened_survey
     from linework.tiling.settings import RunSettings
     from linework.tiling.work_folder import work_folder
 
     survey, settings = open_survey([folder / "survey"]), RunSettings()
     order = Order(
         output=folder / "lines.gpkg",
-        methods=choose_methods("auto", ALL_KINDS, settings.radon),
+        methods=choose_methods("auto", ALL_KINDS, radon=settings.radon, obb=settings.obb),
         settings=settings,
         parameters={"features": list(ALL_KINDS), "method": "auto", "settings": asdict(settings)},
         overwrite=overwrite,

@@ -17,7 +17,8 @@ from linework.cli.first_run import tell_of_compiling
 if TYPE_CHECKING:
     from linework.model.survey import Survey
     from linework.tiling.executors import Executor
-    from linework.tiling.run import Extraction, OpenedSurvey
+    from linework.tiling.opened import OpenedSurvey
+    from linework.tiling.run import Extraction
     from linework.tiling.settings import RunSettings
 
 #: More failures than this are counted, not listed: run.json has all.
@@ -91,7 +92,7 @@ def extract(
         ahead = import_ahead(
             "linework.tiling.extract_to", "linework.methods.choose", "linework.files.vectors_gpkg"
         )
-        from linework.tiling.run import opened_survey
+        from linework.tiling.opened import opened_survey
 
         opened = held.enter_context(opened_survey(survey, folder, n_threads=n_workers, steps=steps))
         ahead.join()
@@ -101,7 +102,7 @@ def extract(
         tell_of_compiling(kinds, quiet=quiet)
         order = Order(
             output=output,
-            methods=choose_methods(method, kinds, settings.radon),
+            methods=choose_methods(method, kinds, radon=settings.radon, obb=settings.obb),
             settings=settings,
             parameters=_parameters(survey, kinds, method, crs, settings),
             overwrite=overwrite,

@@ -34,7 +34,7 @@ def info(
     from linework.cli.progress import open_display
     from linework.files.survey import open_survey
     from linework.tiling.describe import describe_survey
-    from linework.tiling.run import opened_survey
+    from linework.tiling.opened import opened_survey
     from linework.tiling.steps import Steps
     from linework.tiling.survey_read import in_memory
     from linework.tiling.work_folder import work_folder

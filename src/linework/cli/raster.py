@@ -127,7 +127,7 @@ def _check_band(config: FigureConfig) -> None:
 def _read(survey: Survey, work: Path | None, steps: Steps) -> SurveyRead:
     """Read points and trajectory."""
     from linework.cli.extract import usable_cores
-    from linework.tiling.run import opened_survey
+    from linework.tiling.opened import opened_survey
     from linework.tiling.survey_read import in_memory
     from linework.tiling.work_folder import work_folder
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 from linework.errors import UsageError
 
 #: The kinds each method finds; `auto` takes the first method that finds a kind.
-KINDS_OF = {"radon": ("guardrail", "barrier", "cable")}
+KINDS_OF = {
+    "obb": ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top"),
+    "radon": ("guardrail", "barrier", "cable"),
+}
 ALL_KINDS = tuple(dict.fromkeys(kind for kinds in KINDS_OF.values() for kind in kinds))
 
 

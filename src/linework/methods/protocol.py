@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
+from linework.methods.sight import Sight
+from linework.model.boxes import BoxSet
 from linework.model.lines import LineSet
 from linework.model.tile import TileData
 
@@ -37,4 +39,25 @@ class Method(Protocol):
 
     def extract(self, tile: TileData) -> LineSet:
         """Return the lines that the tile's core answers for."""
+        ...
+
+
+@runtime_checkable
+class BoxMethod(Method, Protocol):
+    """A method whose lines have a memory: it finds boxes in tiles, and tracks lines through those of all tiles."""
+
+    def detect(self, tile: TileData) -> BoxSet:
+        """Return the boxes in a tile; those whose centre lies in the core are kept."""
+        ...
+
+    def track(self, boxes: BoxSet, origin: tuple[float, float, float], seen: Sight) -> LineSet:
+        """Return the lines through the boxes of a survey, in world coordinates.
+
+        Parameters
+        ----------
+        origin
+            The local origin of the boxes. [m, world]
+        seen
+            Says where road or ground was measured.
+        """
         ...

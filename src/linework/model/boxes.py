@@ -113,6 +113,17 @@ class BoxSet:
         names = ("centre", "u", *BOX_COLUMNS)
         return cls(**{name: np.concatenate([getattr(s, name) for s in kept]) for name in names})
 
+    def time_span(self, index: AnyArray) -> tuple[float, float]:
+        """Return the first and the last time of some boxes [s]; NaN where none has times."""
+        start, end = self.time_start_s[index], self.time_end_s[index]
+        known = np.isfinite(start) & np.isfinite(end)
+        return (float(start[known].min()), float(end[known].max())) if known.any() else (np.nan, np.nan)
+
+    def along(self, index: AnyArray) -> FloatArray:
+        """Return (k,) distances [m] along the centres of some boxes, in plan, from the first."""
+        step = np.linalg.norm(np.diff(self.centre[index, :2], axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(step)])
+
     def take(self, index: AnyArray | BoolArray) -> BoxSet:
         """Return the boxes chosen by a mask or an index array, in that order."""
         return BoxSet(**{name: getattr(self, name)[index] for name in ("centre", "u", *BOX_COLUMNS)})

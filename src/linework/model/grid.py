@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, FloatArray
+from linework.model.arrays import AnyArray, BoolArray, FloatArray
 
 
 class Bounds(NamedTuple):
@@ -34,6 +34,16 @@ class Bounds(NamedTuple):
         return Bounds(
             self.west - margin_m, self.south - margin_m, self.east + margin_m, self.north + margin_m
         )
+
+
+def holds(bounds: Bounds, places: FloatArray) -> BoolArray:
+    """Return which of (n, 2 or 3) places lie within bounds, half open.
+
+    >>> holds(Bounds(0, 0, 1, 1), np.array([[0.0, 0.5], [1.0, 0.5]])).tolist()
+    [True, False]
+    """
+    east, north = places[:, 0], places[:, 1]
+    return (east >= bounds.west) & (east < bounds.east) & (north >= bounds.south) & (north < bounds.north)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,8 @@ from linework.errors import PartialError
 from linework.files.survey import open_survey
 from linework.methods.choose import ALL_KINDS, choose_methods
 from linework.model.lines import LineSet
-from linework.tiling.run import extract_lines, opened_survey
+from linework.tiling.opened import opened_survey
+from linework.tiling.run import extract_lines
 from linework.tiling.settings import RunSettings
 from linework.tiling.unfinished import run_folder
 from linework.tiling.work_folder import work_folder
@@ -49,7 +50,7 @@ def extract(
     listed = [inputs] if isinstance(inputs, str | Path) else list(inputs)
     survey = open_survey([Path(item) for item in listed], crs=crs)
     settings = settings or RunSettings()
-    methods = choose_methods("auto", kinds, settings.radon)
+    methods = choose_methods("auto", kinds, radon=settings.radon, obb=settings.obb)
     with tempfile.TemporaryDirectory(prefix="linework-") as temporary:
         folder = work_folder(survey.root, work or Path(temporary))
         with (

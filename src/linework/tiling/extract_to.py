@@ -13,9 +13,10 @@ from linework.errors import OutputExistsError
 from linework.files.run_record import hash_file
 from linework.methods.protocol import Method
 from linework.tiling.executors import Executor
+from linework.tiling.opened import OpenedSurvey
 from linework.tiling.outputs import publish_extraction
 from linework.tiling.record import record_path
-from linework.tiling.run import Extraction, OpenedSurvey, extract_lines
+from linework.tiling.run import Extraction, extract_lines
 from linework.tiling.settings import RunSettings
 from linework.tiling.steps import Steps
 from linework.tiling.unfinished import describe_run, fingerprint_of, made_here, run_folder

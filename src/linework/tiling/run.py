@@ -2,41 +2,37 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 from linework.errors import PartialError
-from linework.files.decoder import DecoderLimits
 from linework.files.journal import Entry
-from linework.files.line_parts import read_line_part
 from linework.files.locks import locked
-from linework.files.run_record import hash_file
+from linework.files.parts import part_is_whole, read_box_part, read_line_part, write_path_part
 from linework.files.store_facts import StoreFacts
 from linework.files.store_layout import BLOCK_M
 from linework.files.store_read import PointStore
-from linework.files.survey_points import check_trajectory_covers, read_survey_trajectory
-from linework.files.trajectories import write_trajectory
-from linework.methods.protocol import Method
+from linework.methods.protocol import BoxMethod, Method
+from linework.model.boxes import BoxSet
 from linework.model.lines import KINDS, LineSet
-from linework.model.survey import Survey
 from linework.model.tile import local_origin
-from linework.model.trajectory import Trajectory
-from linework.navigation.lever import at_vehicle_origin
 from linework.surface.road import RoadConfig
 from linework.tiling.executors import Executor, Outcome, Serial
 from linework.tiling.identify import identify
+from linework.tiling.opened import OpenedSurvey
 from linework.tiling.plan import Tile, TilingConfig, plan_tiles
 from linework.tiling.seams import join_seams
+from linework.tiling.sight import SurveySight
 from linework.tiling.source_hash import source_hash
 from linework.tiling.sources import with_sources
 from linework.tiling.steps import Steps
-from linework.tiling.stores import held_store
 from linework.tiling.surfaces import SurveySurface, make_surface
 from linework.tiling.tile_task import Job, TileReceipt, TileTask, work_tile
 from linework.tiling.unfinished import RunFolder, fingerprint_of
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,65 +79,6 @@ class Extraction:
     warnings: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class OpenedSurvey:
-    """A survey whose points are at hand and whose trajectory has been read.
-
-    Parameters
-    ----------
-    points
-        The tile store.
-    facts
-        Points used and left out, file by file.
-    trajectory
-        Path of the vehicle's origin, or None.
-    warnings
-        One line each.
-    key, path_hash
-        Stand for the content of the files of points, and for the trajectory ("" without one).
-    hashes
-        SHA-256 of every input file that can be read.
-    """
-
-    survey: Survey
-    points: PointStore
-    facts: StoreFacts
-    trajectory: Trajectory | None
-    warnings: tuple[str, ...]
-    key: str
-    path_hash: str
-    hashes: Mapping[Path, str]
-
-
-@contextlib.contextmanager
-def opened_survey(
-    survey: Survey,
-    work: Path,
-    *,
-    n_threads: int = 1,
-    limits: DecoderLimits | None = None,
-    steps: Steps | None = None,
-) -> Iterator[OpenedSurvey]:
-    """Give a survey with its points in the tile store of `work`, and see that points and trajectory belong together.
-
-    Raises
-    ------
-    InputError
-        No file can be used, or the trajectory does not go with the points. Damaged files among good ones
-        are no error here: ``facts.failures`` lists them.
-    """
-    # Before the points: it is read in no time, and may be wrong
-    trajectory = read_survey_trajectory(survey)
-    with held_store(survey, work, n_threads=n_threads, limits=limits, steps=steps) as held:
-        warnings, hashes, path_hash = held.facts.warnings, dict(held.hashes), ""
-        if trajectory is not None and survey.trajectory_file is not None:
-            trajectory = at_vehicle_origin(trajectory, survey.trajectory_lever_m)
-            warnings += check_trajectory_covers(trajectory, held.facts, where=survey.trajectory_file)
-            hashes[survey.trajectory_file] = hash_file(survey.trajectory_file)
-            path_hash = f"{hashes[survey.trajectory_file]} {survey.trajectory_lever_m}"
-        yield OpenedSurvey(survey, held.points, held.facts, trajectory, warnings, held.key, path_hash, hashes)
-
-
 def extract_lines(
     opened: OpenedSurvey,
     methods: Sequence[Method],
@@ -181,7 +118,8 @@ def extract_lines(
         _raise_failure(failed[0], len(tasks), survey.name)
     problems = {outcome.task.name: outcome.problem for outcome in failed}
     with steps.step("join lines"):
-        lines = LineSet.concatenate([_lines_of(tasks, method, done) for method in methods])
+        sight = SurveySight(surface)
+        lines = LineSet.concatenate([_lines_of(tasks, method, done, sight) for method in methods])
         lines = identify(with_sources(lines, opened.facts.files, survey.name))
     return Extraction(
         source=survey.name,
@@ -231,8 +169,8 @@ def _tasks(
     """Return the tiles of all methods, those with the largest tiles first: what is left to the end is short."""
     path = None
     if opened.trajectory is not None:
-        path = run.path / "trajectory.csv"
-        write_trajectory(opened.trajectory, path, overwrite=True)
+        path = run.path / "trajectory.npz"
+        write_path_part(opened.trajectory, path)
     bounds = opened.points.bounds
     job = Job(
         opened.points.folder, surface.tiles.folder, path, run.results, opened.survey.crs,
@@ -281,23 +219,32 @@ def _taken_over(run: RunFolder, tasks: Sequence[TileTask]) -> dict[str, TileRece
     found = {}
     for task in tasks:
         entry = entries.get(task.name)
-        if entry is not None and read_line_part(task.result, entry.sha256) is not None:
+        if entry is not None and part_is_whole(task.result, entry.sha256):
             found[task.name] = TileReceipt(**entry.receipt)
     return found
 
 
-def _lines_of(tasks: Sequence[TileTask], method: Method, done: Mapping[str, TileReceipt]) -> LineSet:
-    """Return the lines of a method, those that were cut at the edges of cores joined again."""
+def _lines_of(
+    tasks: Sequence[TileTask], method: Method, done: Mapping[str, TileReceipt], sight: SurveySight
+) -> LineSet:
+    """Return the lines of a method: tracked through the boxes of all tiles, or found in tiles and joined again."""
     own = [task for task in tasks if task.method is method]
-    parts = []
-    for task in own:
-        if task.name in done:
-            lines = read_line_part(task.result, done[task.name].sha256)
-            if lines is None:
-                raise RuntimeError(f"{task.result}: the lines of a tile are not what was written")
-            parts.append(lines)
-    lines = LineSet.concatenate(parts) if parts else LineSet.empty(own[0].job.crs)
+    worked = [task for task in own if task.name in done]
+    job = own[0].job
+    if isinstance(method, BoxMethod):
+        boxes = BoxSet.concatenate(_whole(task, read_box_part, done) for task in worked)
+        return method.track(boxes, job.origin, sight).with_columns(crs=job.crs)
+    parts = [_whole(task, read_line_part, done) for task in worked]
+    lines = LineSet.concatenate(parts) if parts else LineSet.empty(job.crs)
     return join_seams(lines, [task.tile.core for task in own]) if len(own) > 1 else lines
+
+
+def _whole(task: TileTask, read: Callable[[Path, str], T | None], done: Mapping[str, TileReceipt]) -> T:
+    """Return what a tile found."""
+    part = read(task.result, done[task.name].sha256)
+    if part is None:
+        raise RuntimeError(f"{task.result}: what a tile found is not what was written")
+    return part
 
 
 def _report(task: TileTask, done: Mapping[str, TileReceipt], problems: Mapping[str, str]) -> TileReport:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from linework.methods.obb.method import ObbConfig
 from linework.methods.radon.method import RadonConfig
 from linework.model.settings import group
 from linework.surface.road import RoadConfig
@@ -16,4 +17,5 @@ class RunSettings:
 
     road: RoadConfig = group(RoadConfig)
     radon: RadonConfig = group(RadonConfig)
+    obb: ObbConfig = group(ObbConfig)
     tiling: TilingConfig = group(TilingConfig)

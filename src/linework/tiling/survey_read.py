@@ -9,7 +9,7 @@ from pathlib import Path
 from linework.files.survey_points import SurveyPoints
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
-from linework.tiling.run import OpenedSurvey
+from linework.tiling.opened import OpenedSurvey
 
 
 @dataclass(frozen=True, slots=True)

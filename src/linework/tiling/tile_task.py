@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from linework.files.line_parts import write_line_part
+from linework.files.parts import read_path_part, write_box_part, write_line_part
 from linework.files.store_layout import CELL_M
 from linework.files.store_read import PointStore
-from linework.files.trajectories import read_trajectory
-from linework.methods.protocol import Method
-from linework.model.grid import Image
+from linework.methods.protocol import BoxMethod, Method
+from linework.model.boxes import BoxSet
+from linework.model.grid import Image, holds
 from linework.model.lines import LineSet
 from linework.model.tile import TileData
 from linework.model.trajectory import Trajectory
@@ -69,7 +69,7 @@ class TileTask:
 
 @dataclass(frozen=True, slots=True)
 class TileReceipt:
-    """What came of a tile: points it saw (core and buffer), lines found, and the hash of its result file."""
+    """What came of a tile: points it saw (core and buffer), lines or boxes found, and the hash of its result file."""
 
     name: str
     n_points: int
@@ -83,16 +83,20 @@ class TileReceipt:
 
 
 def work_tile(task: TileTask) -> TileReceipt:
-    """Work a tile and write its lines; what it needs it opens by its path, so that any process can do it."""
+    """Work a tile and write its lines or boxes; what it needs it opens by its path, so that any process can do it."""
     start = time.perf_counter()
     job, tile, method = task.job, task.tile, task.method
     data = _tile_data(job, tile, method)
-    lines = LineSet.empty(job.crs)
-    if len(data.points):
-        lines = _in_crs(method.extract(data), job.crs)
-    lines = lines if task.is_whole else inside_core(lines, tile.core)
-    sha256 = write_line_part(lines, task.result)
-    return TileReceipt(task.name, len(data.points), len(lines), time.perf_counter() - start, sha256)
+    if isinstance(method, BoxMethod):
+        boxes = method.detect(data) if len(data.points) else BoxSet.empty()
+        boxes = boxes.take(holds(tile.core, boxes.centre + job.origin))
+        n_found, sha256 = len(boxes), write_box_part(boxes, task.result)
+    else:
+        lines = method.extract(data) if len(data.points) else LineSet.empty()
+        lines = lines.with_columns(crs=job.crs)
+        lines = lines if task.is_whole else inside_core(lines, tile.core)
+        n_found, sha256 = len(lines), write_line_part(lines, task.result)
+    return TileReceipt(task.name, len(data.points), n_found, time.perf_counter() - start, sha256)
 
 
 def _tile_data(job: Job, tile: Tile, method: Method) -> TileData:
@@ -120,9 +124,4 @@ def _opened_surface(folder: Path) -> SurveySurface:
 
 @lru_cache(maxsize=1)
 def _trajectory(path: Path) -> Trajectory:
-    return read_trajectory(path)
-
-
-def _in_crs(lines: LineSet, crs: str) -> LineSet:
-    """Return a method's lines in the survey's CRS: methods know metres only."""
-    return lines if lines.crs == crs else lines.with_columns(crs=crs)
+    return read_path_part(path)

@@ -1,0 +1,118 @@
+"""A line smoothed through measured places: Kalman filter along it and Rauch-Tung-Striebel smoother back."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+F64 = npt.NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True)
+def smooth_plane(t: F64, xy: F64, variance: F64, change: F64) -> tuple[F64, F64, F64]:
+    """Smooth places in plan along a line whose curvature wanders.
+
+    State: place, direction, curvature vector, each in x and y; both axes share one covariance.
+
+    Parameters
+    ----------
+    t : (n,) ascending [m]
+    xy : (n, 2) measured [m]
+    variance : (n,) of a measurement across [m^2]; inf: nothing measured there
+    change : (n,) density of the curvature's random walk up to each place [1/m^3]
+
+    Returns
+    -------
+    (n, 3, 2) smoothed states, (n, 3, 3) their covariance.
+    (n,) squared innovation over its variance, per axis pair (expected: 2); 0 where nothing was measured.
+
+    References
+    ----------
+    H. E. Rauch, F. Tung, C. T. Striebel (1965), doi:10.2514/3.3166.
+    """
+    n = len(t)
+    state, cov = np.zeros((n, 3, 2)), np.zeros((n, 3, 3))
+    state_before, cov_before = np.zeros((n, 3, 2)), np.zeros((n, 3, 3))
+    innovation = np.zeros(n)
+    step, noise = np.eye(3), np.zeros((3, 3))
+    x, p = np.zeros((3, 2)), np.zeros((3, 3))
+    x[0] = xy[0]
+    # A place known to a metre, any direction, any curvature down to a bend of 2 m
+    p[0, 0], p[1, 1], p[2, 2] = 1.0, 1.0, 0.25
+    for k in range(n):
+        if k > 0:
+            d = t[k] - t[k - 1]
+            step[0, 1], step[0, 2], step[1, 2] = d, 0.5 * d * d, d
+            q = change[k]
+            noise[0, 0], noise[0, 1], noise[0, 2] = q * d**5 / 20.0, q * d**4 / 8.0, q * d**3 / 6.0
+            noise[1, 0], noise[1, 1], noise[1, 2] = q * d**4 / 8.0, q * d**3 / 3.0, q * d**2 / 2.0
+            noise[2, 0], noise[2, 1], noise[2, 2] = q * d**3 / 6.0, q * d**2 / 2.0, q * d
+            x = step @ x
+            p = step @ p @ step.T + noise
+        state_before[k], cov_before[k] = x, p
+        if np.isfinite(variance[k]):
+            s = p[0, 0] + variance[k]
+            gain = p[:, 0] / s
+            e0, e1 = xy[k, 0] - x[0, 0], xy[k, 1] - x[0, 1]
+            innovation[k] = (e0 * e0 + e1 * e1) / s
+            row = p[0].copy()
+            for i in range(3):
+                x[i, 0] += gain[i] * e0
+                x[i, 1] += gain[i] * e1
+                for j in range(3):
+                    p[i, j] -= gain[i] * row[j]
+        state[k], cov[k] = x, p
+    for k in range(n - 2, -1, -1):
+        d = t[k + 1] - t[k]
+        step[0, 1], step[0, 2], step[1, 2] = d, 0.5 * d * d, d
+        back = cov[k] @ step.T @ np.linalg.inv(cov_before[k + 1])
+        state[k] += back @ (state[k + 1] - state_before[k + 1])
+        cov[k] += back @ (cov[k + 1] - cov_before[k + 1]) @ back.T
+    return state, cov, innovation
+
+
+@njit(cache=True, nogil=True)
+def smooth_height(t: F64, z: F64, variance: F64, change: float) -> tuple[F64, F64]:
+    """Smooth heights along a line whose grade wanders: (n,) heights and variances.
+
+    change: density of the grade's random walk [1/m]; the rest as for `smooth_plane`.
+    """
+    n = len(t)
+    h, g = np.zeros(n), np.zeros(n)
+    p00, p01, p11 = np.zeros(n), np.zeros(n), np.zeros(n)
+    b = np.zeros((n, 5))
+    a0, a1, c00, c01, c11 = z[0], 0.0, 100.0, 0.0, 1.0
+    for k in range(n):
+        if k > 0:
+            d = t[k] - t[k - 1]
+            a0 += d * a1
+            c00 += 2.0 * d * c01 + d * d * c11 + change * d**3 / 3.0
+            c01 += d * c11 + change * d * d / 2.0
+            c11 += change * d
+        b[k] = a0, a1, c00, c01, c11
+        if np.isfinite(variance[k]):
+            s = c00 + variance[k]
+            e, k0, k1 = z[k] - a0, c00 / s, c01 / s
+            a0, a1 = a0 + k0 * e, a1 + k1 * e
+            c11 -= k1 * c01
+            c01 -= k0 * c01
+            c00 -= k0 * c00
+        h[k], g[k], p00[k], p01[k], p11[k] = a0, a1, c00, c01, c11
+    for k in range(n - 2, -1, -1):
+        d = t[k + 1] - t[k]
+        q0, q1, q00, q01, q11 = b[k + 1]
+        det = q00 * q11 - q01 * q01
+        # Covariance of now and then, times the inverse of then's
+        m00, m01 = p00[k] + d * p01[k], p01[k]
+        m10, m11 = p01[k] + d * p11[k], p11[k]
+        g00, g01 = (m00 * q11 - m01 * q01) / det, (m01 * q00 - m00 * q01) / det
+        g10, g11 = (m10 * q11 - m11 * q01) / det, (m11 * q00 - m10 * q01) / det
+        e0, e1 = h[k + 1] - q0, g[k + 1] - q1
+        d00, d01, d11 = p00[k + 1] - q00, p01[k + 1] - q01, p11[k + 1] - q11
+        h[k] += g00 * e0 + g01 * e1
+        g[k] += g10 * e0 + g11 * e1
+        p00[k] += g00 * g00 * d00 + 2.0 * g00 * g01 * d01 + g01 * g01 * d11
+        p01[k] += g00 * (g10 * d00 + g11 * d01) + g01 * (g10 * d01 + g11 * d11)
+        p11[k] += g10 * g10 * d00 + 2.0 * g10 * g11 * d01 + g11 * g11 * d11
+    return h, np.maximum(p00, 0.0)

@@ -1,0 +1,115 @@
+"""Road boundaries and kerb tops out of tracked boundary boxes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.methods.obb.smooth import SmoothLine, smooth_line, smooth_value
+from linework.methods.obb.track import Tracks
+from linework.methods.sight import Sight, seen_share
+from linework.model.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from linework.model.boxes import BoxForm, BoxSet
+from linework.model.lines import LineSet
+
+#: A boundary runs on through dropped kerbs of drives, up to 6 m wide with their ramps; where it is not seen for
+#: longer, on ground that was, it has ended. [m]
+LONGEST_DROP_M = 8.0
+#: Shorter boundaries are tree pits, drains, edges of things that lie about. [m]
+LEAST_LINE_M = 4.0
+#: Without a box for longer than this a boundary was not measured. [m]
+BARE_M = 1.5
+#: A kerb's height and width keep still: they change by so much over ten metres, squared, per metre. [m]
+STEP_CHANGE = 0.02**2 / 10.0
+FORMS = {BoxForm.KERB: "kerb", BoxForm.EDGE: "edge", BoxForm.BARRIER: "barrier"}
+
+
+@dataclass(frozen=True, slots=True)
+class Boundary:
+    """A smoothed boundary with its boxes; height [m] and place of its top across [m] per station."""
+
+    line: SmoothLine
+    boxes: IntArray
+    form: str
+    height_m: FloatArray
+    top_v_m: FloatArray
+
+
+def boundaries(boxes: BoxSet, tracks: Tracks, seen: Sight) -> list[Boundary]:
+    """Return the boundaries among tracked boxes, the carriageway to the left of each."""
+    found: list[Boundary] = []
+    for i in range(len(tracks)):
+        box, way = tracks.line(i)
+        box = box if way.sum() >= 0 else box[::-1]
+        pieces = _pieces(boxes, box, seen)
+        found += [_boundary(boxes, piece) for piece in pieces if boxes.along(piece)[-1] >= LEAST_LINE_M]
+    return found
+
+
+def _pieces(boxes: BoxSet, box: IntArray, seen: Sight) -> list[IntArray]:
+    """Return the boxes of a track, cut where the boundary has ended."""
+    gap = np.diff(boxes.along(box))
+    cuts = [
+        k + 1
+        for k in np.flatnonzero(gap > LONGEST_DROP_M).tolist()
+        if seen_share(seen, boxes.centre[box[k]], boxes.centre[box[k + 1]]) > 0.5
+    ]
+    return [piece for piece in np.split(box, cuts) if len(piece) >= 3]
+
+
+def _boundary(boxes: BoxSet, box: IntArray) -> Boundary:
+    reach = float(boxes.half_u_m[box[0]]), float(boxes.half_u_m[box[-1]])
+    line = smooth_line(boxes, box, reach)
+    form = int(np.argmax(np.bincount(boxes.form[box], weights=boxes.score[box], minlength=5)))
+    at = np.maximum(line.box, 0)
+    is_form = line.is_measured & (boxes.form[at] == form)
+    sigma = np.hypot(boxes.sigma_z_m[at], 0.005)
+    height = smooth_value(line.t_m, np.where(is_form, boxes.height_m[at], np.nan), sigma, STEP_CHANGE)
+    top = smooth_value(line.t_m, np.where(is_form, boxes.top_v_m[at], np.nan), sigma, STEP_CHANGE)
+    return Boundary(line, box, FORMS[BoxForm(form)], height, top)
+
+
+def bridged_of(line: SmoothLine) -> BoolArray:
+    """Return (n,) which stations lie in gaps without a box."""
+    measured = line.t_m[line.is_measured]
+    after = np.searchsorted(measured, line.t_m, side="left")
+    before = np.maximum(after - 1, 0)
+    after = np.minimum(after, len(measured) - 1)
+    width = measured[after] - measured[before]
+    return np.asarray(~line.is_measured & (width > BARE_M))
+
+
+def as_lines(found: list[Boundary], boxes: BoxSet) -> LineSet:
+    """Return boundaries as lines, in local coordinates."""
+    return _line_set(found, boxes, "road_boundary", [b.line.xyz for b in found])
+
+
+def top_lines(found: list[Boundary], boxes: BoxSet) -> LineSet:
+    """Return the top edges of kerbs, parallel to their feet."""
+    kerbs = [b for b in found if b.form == "kerb" and np.isfinite(b.top_v_m).all()]
+    tops = [
+        np.column_stack(
+            [b.line.xyz[:, :2] + b.top_v_m[:, None] * b.line.normal, b.line.xyz[:, 2] + b.height_m]
+        )
+        for b in kerbs
+    ]
+    return _line_set(kerbs, boxes, "kerb_top", tops)
+
+
+def _line_set(found: list[Boundary], boxes: BoxSet, kind: str, xyz: list[AnyArray]) -> LineSet:
+    if not found:
+        return LineSet.empty()
+    return LineSet.from_lines(
+        xyz,
+        kind=[kind] * len(found),
+        method=["obb"] * len(found),
+        form=[b.form for b in found],
+        sigma_xy_m=np.concatenate([b.line.sigma_xy_m for b in found]),
+        sigma_z_m=np.concatenate([b.line.sigma_z_m for b in found]),
+        bridged=np.concatenate([bridged_of(b.line) for b in found]),
+        height_m=[float(np.median(b.height_m)) for b in found],
+        confidence=[float(np.mean(boxes.score[b.boxes])) for b in found],
+        time_start_s=[boxes.time_span(b.boxes)[0] for b in found],
+        time_end_s=[boxes.time_span(b.boxes)[1] for b in found],
+    )

@@ -1,0 +1,148 @@
+"""Lane markings out of tracked stripes: solid and dashed lines, their dashes, and what is no line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.methods.obb.pattern import Rhythm, dashes_of, find_rhythm, united
+from linework.methods.obb.smooth import SmoothLine, smooth_line
+from linework.methods.obb.track import Tracks
+from linework.methods.sight import Sight, seen_share
+from linework.model.arrays import BoolArray, FloatArray, IntArray
+from linework.model.boxes import BoxSet
+from linework.model.lines import LineSet
+
+#: Paint of two boxes nearer than this is one: search areas stand half a metre apart. [m]
+CLOSE_M = 0.30
+#: A solid line that is not there for longer, on a road that was seen there, has ended: worn patches are shorter. [m]
+LONGEST_WORN_M = 5.0
+#: Paint shorter than this that is no dash of a dashed line is an arrow, a bar, a letter: arrows are up to 5 m,
+#: 7.5 m where traffic is fast, with 3.5 m of shaft. [m]
+LEAST_LINE_M = 6.0
+#: Of two stripes no farther apart than this, side by side, both are a double line. [m]
+DOUBLE_M = 0.50
+
+
+@dataclass(frozen=True, slots=True)
+class Marking:
+    """A smoothed line of paint.
+
+    Parameters
+    ----------
+    boxes
+        (k,) int64: the boxes it was tracked through.
+    paint
+        (j, 2) float64: intervals of paint along the line. [m]
+    rhythm, dashes
+        Of a dashed line, and its (j, 2) single dashes [m]; None and no dashes of a solid one.
+    """
+
+    line: SmoothLine
+    boxes: IntArray
+    paint: FloatArray
+    rhythm: Rhythm | None
+    dashes: FloatArray
+
+
+def marking_lines(boxes: BoxSet, tracks: Tracks, seen: Sight) -> tuple[list[Marking], list[Marking]]:
+    """Return the lane markings among tracked stripes, and the paint that is none."""
+    found: list[Marking] = []
+    for i in range(len(tracks)):
+        found += _markings(boxes, tracks.line(i)[0], seen)
+    is_line = [m.rhythm is not None or float(np.ptp(m.paint)) >= LEAST_LINE_M for m in found]
+    return [m for m, yes in zip(found, is_line, strict=True) if yes], [
+        m for m, yes in zip(found, is_line, strict=True) if not yes
+    ]
+
+
+def _markings(boxes: BoxSet, box: IntArray, seen: Sight) -> list[Marking]:
+    """Return what a track holds: cut where the line has ended, each piece smoothed."""
+    t = boxes.along(box)
+    reach = boxes.half_u_m[box]
+    rhythm = find_rhythm(united(t - reach, t + reach, CLOSE_M))
+    longest = LONGEST_WORN_M if rhythm is None else 2.2 * rhythm.period_m
+    gap = (t[1:] - reach[1:]) - (t[:-1] + reach[:-1])
+    cuts = [
+        k + 1
+        for k in np.flatnonzero(gap > longest).tolist()
+        if seen_share(seen, boxes.centre[box[k]], boxes.centre[box[k + 1]]) > 0.5
+    ]
+    pieces = [piece for piece in np.split(box, cuts) if len(piece) >= 2]
+    return [_marking(boxes, piece) for piece in pieces]
+
+
+def _marking(boxes: BoxSet, box: IntArray) -> Marking:
+    t = boxes.along(box)
+    reach = boxes.half_u_m[box]
+    paint = united(t - reach, t + reach, CLOSE_M)
+    rhythm = find_rhythm(paint)
+    line = smooth_line(boxes, box, (-float(paint[0, 0]), float(paint[-1, 1] - t[-1])))
+    dashes = np.zeros((0, 2)) if rhythm is None else dashes_of(paint, rhythm)
+    return Marking(line, box, paint, rhythm, dashes)
+
+
+def bridged_of(marking: Marking) -> BoolArray:
+    """Return (n,) which stations are on no paint although paint should be there.
+
+    Gaps of a dashed line are its pattern; a dash that is missing altogether is not.
+    """
+    t = marking.line.t_m
+    i = np.searchsorted(marking.paint[:, 0], t, side="right") - 1
+    bare = t > marking.paint[np.maximum(i, 0), 1] + CLOSE_M
+    if marking.rhythm is None:
+        return np.asarray(bare & ~marking.line.is_measured)
+    start, end = marking.dashes[:-1, 1], marking.dashes[1:, 0]
+    missing = end - start > marking.rhythm.period_m
+    k = np.searchsorted(start, t, side="right") - 1
+    if len(start) == 0:
+        return np.zeros(len(t), dtype=np.bool_)
+    inside = (k >= 0) & (t < end[np.maximum(k, 0)]) & missing[np.maximum(k, 0)]
+    return np.asarray(inside)
+
+
+def as_lines(markings: list[Marking], boxes: BoxSet, kind: str) -> LineSet:
+    """Return markings as lines of a kind, in local coordinates."""
+    if not markings:
+        return LineSet.empty()
+    used = [m.boxes for m in markings]
+    return LineSet.from_lines(
+        [m.line.xyz for m in markings],
+        kind=[kind] * len(markings),
+        method=["obb"] * len(markings),
+        pattern=["solid" if m.rhythm is None else "dashed" for m in markings],
+        sigma_xy_m=np.concatenate([m.line.sigma_xy_m for m in markings]),
+        sigma_z_m=np.concatenate([m.line.sigma_z_m for m in markings]),
+        bridged=np.concatenate([bridged_of(m) for m in markings]),
+        width_m=[2.0 * float(np.median(boxes.half_v_m[box])) for box in used],
+        confidence=[float(np.mean(boxes.score[box])) for box in used],
+        time_start_s=[boxes.time_span(box)[0] for box in used],
+        time_end_s=[boxes.time_span(box)[1] for box in used],
+    )
+
+
+def dash_lines(markings: list[Marking], boxes: BoxSet) -> LineSet:
+    """Return the single dashes of dashed lines, on their smoothed lines."""
+    parts: list[Marking] = []
+    for m in markings:
+        for start, end in m.dashes.tolist():
+            parts.append(
+                Marking(_cut(m.line, start, end), m.boxes, np.array([[start, end]]), None, np.zeros((0, 2)))
+            )
+    return as_lines(parts, boxes, "lane_marking_dash").with_columns(
+        pattern=np.full(len(parts), "", dtype=np.str_)
+    )
+
+
+def _cut(line: SmoothLine, start: float, end: float) -> SmoothLine:
+    """Return the piece of a line between two stations."""
+    inner = np.flatnonzero((line.t_m > start) & (line.t_m < end))
+    t = np.concatenate([[start], line.t_m[inner], [end]])
+
+    def at(values: FloatArray) -> FloatArray:
+        return np.asarray(np.interp(t, line.t_m, values))
+
+    xyz, normal = (np.column_stack([at(c) for c in values.T]) for values in (line.xyz, line.normal))
+    box = np.concatenate([[-1], line.box[inner], [-1]])
+    return SmoothLine(t, xyz, normal, at(line.sigma_xy_m), at(line.sigma_z_m), box)

@@ -1,0 +1,121 @@
+"""The obb method on a page: lane markings and road boundaries by tracking oriented bounding boxes.
+
+W.-S. Kang, K.-H. Lee, J.-H. Lee (2023): Automatic extraction of road boundaries and lane markings by oriented
+bounding boxes, doi:10.3390/rs15194656. What goes beyond the paper is named in docs/methods/obb.md.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from linework.methods.obb import boundary_lines, marking_lines
+from linework.methods.obb.arrangement import behind_another, is_double, roles
+from linework.methods.obb.boundary import BoundaryConfig, find_boundary_boxes
+from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
+from linework.methods.obb.neighbours import Course
+from linework.methods.obb.track import TrackConfig, track_lines
+from linework.methods.sight import Sight, sight_of
+from linework.model.boxes import BoxForm, BoxSet
+from linework.model.grid import holds
+from linework.model.lines import LineSet
+from linework.model.settings import group
+from linework.model.tile import TileData, local_origin
+from linework.surface.road import RoadConfig, find_road
+
+KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top")
+#: Boxes this near a line, side by side with it, are the same feature. [m]
+SAME_PAINT_M, SAME_BOUNDARY_M = 0.06, 0.15
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObbConfig:
+    """Settings of the obb method, each step's own in a group."""
+
+    marking: MarkingConfig = group(MarkingConfig)
+    boundary: BoundaryConfig = group(BoundaryConfig)
+    track: TrackConfig = group(TrackConfig)
+
+
+@dataclass(frozen=True, slots=True)
+class ObbMethod:
+    """Lane markings and road boundaries: oriented boxes in the points, tracked by collision."""
+
+    config: ObbConfig = field(default_factory=ObbConfig)
+    kinds: tuple[str, ...] = KINDS
+    name: str = "obb"
+    #: No box depends on points farther from its cell.
+    buffer_m: float = 8.0
+    #: Paint and kerbs are on the ground.
+    least_height_m: float = -math.inf
+
+    def extract(self, tile: TileData) -> LineSet:
+        """Return the lane markings and road boundaries of a tile that is a survey of its own."""
+        if len(tile.points) == 0:
+            return LineSet.empty()
+        surface = tile.surface or find_road(tile.points, tile.trajectory, RoadConfig())
+        bounds = tile.points.bounds
+        origin = tile.origin or local_origin(bounds.west, bounds.south, surface.z0_m)
+        tile = TileData(
+            tile.tile_id, tile.core, tile.points, tile.trajectory, tile.source, surface, origin
+        )  # fmt: skip
+        boxes = self.detect(tile)
+        boxes = boxes.take(holds(tile.core, boxes.centre + origin))
+        return self.track(boxes, origin, sight_of(surface))
+
+    def detect(self, tile: TileData) -> BoxSet:
+        """Return the boxes in a tile: pieces of paint by intensity, pieces of boundaries by normals."""
+        assert tile.surface is not None, "a tile of a survey comes with its surface"
+        found = []
+        if self._seeks_paint:
+            found.append(find_marking_boxes(tile, tile.surface, self.config.marking))
+        if self._seeks_boundaries:
+            found.append(find_boundary_boxes(tile, tile.surface, self.config.boundary))
+        return BoxSet.concatenate(found)
+
+    def track(self, boxes: BoxSet, origin: tuple[float, float, float], seen: Sight) -> LineSet:
+        """Return the lines through the boxes of a survey, in world coordinates."""
+        # In an order of their own, whatever tiles they come from
+        boxes = boxes.take(np.lexsort((boxes.centre[:, 1], boxes.centre[:, 0], boxes.form)))
+        stripes = boxes.take(boxes.form == BoxForm.STRIPE)
+        edges = boxes.take(boxes.form >= BoxForm.KERB)
+        # Boxes that collide, moved on by the search length, are joined: forward and backward, over gaps
+        paint = track_lines(stripes, self.config.track, width_m=SAME_PAINT_M)
+        rims = track_lines(edges, self.config.track, width_m=SAME_BOUNDARY_M)
+
+        def seen_here(xy: np.ndarray) -> np.ndarray:
+            return seen(xy + origin[:2])
+
+        # Lines through the boxes' centres, smoothed, with what they are: solid, dashed, kerb, edge
+        markings, other = marking_lines.marking_lines(stripes, paint, seen_here)
+        bounds = boundary_lines.boundaries(edges, rims, seen_here)
+        # What stands behind a boundary bounds no carriageway
+        courses = [Course.of(b.line.t_m, b.line.xyz) for b in bounds]
+        behind = behind_another(courses, np.array([b.form == "kerb" for b in bounds], dtype=np.bool_))
+        bounds = [b for b, yes in zip(bounds, behind, strict=True) if not yes]
+        courses = [c for c, yes in zip(courses, behind, strict=True) if not yes]
+        # Roles, from how the lines lie to one another
+        lanes = [Course.of(m.line.t_m, m.line.xyz) for m in markings]
+        double = is_double(lanes)
+        lines = LineSet.concatenate([
+            marking_lines.as_lines(markings, stripes, "lane_marking").with_columns(
+                double=double, role=np.array(roles([*lanes, *courses], len(lanes), double), dtype=np.str_)
+            ),
+            marking_lines.dash_lines(markings, stripes),
+            marking_lines.as_lines(other, stripes, "road_marking_other"),
+            boundary_lines.as_lines(bounds, edges),
+            boundary_lines.top_lines(bounds, edges),
+        ])  # fmt: skip
+        lines = lines.take(np.isin(lines.kind, self.kinds))
+        return lines.with_columns(xyz=lines.xyz + np.asarray(origin))
+
+    @property
+    def _seeks_paint(self) -> bool:
+        return any(kind.endswith(("marking", "dash", "other")) for kind in self.kinds)
+
+    @property
+    def _seeks_boundaries(self) -> bool:
+        # Boundaries tell edge lines from others, too
+        return any(kind in ("road_boundary", "kerb_top", "lane_marking") for kind in self.kinds)

@@ -1,0 +1,86 @@
+"""What lies beside a line: the next lines to its left and to its right, station by station."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.model.arrays import FloatArray, IntArray
+
+#: Lines are looked at every so many metres.
+STATION_M = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """Where a line runs: (n, 2) places about every `STATION_M` [m] and (n, 2) unit vectors to its left."""
+
+    xy: FloatArray
+    normal: FloatArray
+
+    @classmethod
+    def of(cls, t_m: FloatArray, xyz: FloatArray) -> Course:
+        """Return the course of a line with vertices at distances `t_m`."""
+        n = max(int(np.ceil((t_m[-1] - t_m[0]) / STATION_M)), 1)
+        edges = np.linspace(t_m[0], t_m[-1], n + 1)
+        ends = np.stack([np.interp(edges, t_m, xyz[:, axis]) for axis in range(2)], axis=1)
+        step = np.diff(ends, axis=0)
+        step /= np.maximum(np.linalg.norm(step, axis=1), 1e-9)[:, None]
+        return cls(0.5 * (ends[1:] + ends[:-1]), np.stack([-step[:, 1], step[:, 0]], axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class Neighbours:
+    """The lines beside stations of lines.
+
+    Parameters
+    ----------
+    line, other
+        (k,) int64: a line's number, and that of a line beside it.
+    station
+        (k,) int64: number of the station, over all lines.
+    across_m
+        (k,) float64 [m]: how far to the left (negative: to the right) of the line the other one is.
+    facing
+        (k,) float64: cosine between the lines' left sides.
+    """
+
+    line: IntArray
+    other: IntArray
+    station: IntArray
+    across_m: FloatArray
+    facing: FloatArray
+
+
+def find_neighbours(courses: Sequence[Course], reach_m: float) -> Neighbours:
+    """Return every line beside every station, within `reach_m` across; the nearest place of each other line.
+
+    Lines count as beside a station where they run within 30 degrees of its direction.
+    """
+    xy = np.concatenate([np.zeros((0, 2)), *(c.xy for c in courses)])
+    normal = np.concatenate([np.zeros((0, 2)), *(c.normal for c in courses)])
+    owner = np.repeat(np.arange(len(courses)), [len(c.xy) for c in courses])
+    if len(xy) == 0:
+        none = np.zeros(0, dtype=np.int64)
+        return Neighbours(none, none, none, np.zeros(0), np.zeros(0))
+    pairs = cKDTree(xy).query_pairs(reach_m, output_type="ndarray").astype(np.int64)
+    pairs = np.concatenate([pairs, pairs[:, ::-1]])
+    a, b = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]].T
+    step = xy[b] - xy[a]
+    across = np.sum(step * normal[a], axis=1)
+    along = np.abs(normal[a, 1] * step[:, 0] - normal[a, 0] * step[:, 1])
+    facing = np.sum(normal[a] * normal[b], axis=1)
+    beside = (along <= 0.75 * STATION_M) & (np.abs(facing) > 0.866)
+    a, b, across, facing = a[beside], b[beside], across[beside], facing[beside]
+    # Of the places of one other line the nearest
+    order = np.lexsort((np.abs(across), owner[b], a))
+    a, b, across, facing = a[order], b[order], across[order], facing[order]
+    first = (
+        np.concatenate([[True], (np.diff(a) != 0) | (np.diff(owner[b]) != 0)])
+        if len(a)
+        else np.zeros(0, bool)
+    )
+    return Neighbours(owner[a[first]], owner[b[first]], a[first], across[first], facing[first])
