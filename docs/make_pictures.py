@@ -12,8 +12,9 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from linework.cli.app import main
-from linework.evaluation.figures import cable_figure, plan_figure, rail_figure
+from linework.evaluation.figures import cable_figure, rail_figure
 from linework.evaluation.picture import png
+from linework.evaluation.plan import plan_figure
 from linework.evaluation.sections import cable_section, rail_sections
 from linework.files.survey import open_survey
 from linework.files.survey_points import read_survey_points

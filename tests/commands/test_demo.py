@@ -28,8 +28,11 @@ def test_everything_is_there(folder):
 
 def test_the_report_is_a_page_of_its_own(folder):
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert page.count("<img ") == 5
+    assert page.count("<img ") == 8
     for title in (
+        "Close up",
+        "Across the road&#39;s boundary",
+        "Across markings",
         "Across a guardrail",
         "Along a span of cables",
         "Found, missed, wrong",

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from linework.evaluation.chains import Chains, cut_into_pieces
-from linework.evaluation.figures import plan_figure
+from linework.evaluation.line_tables import kinds_table, lines_table
 from linework.evaluation.measures import evaluate_lines, match_lines, scores_of
 from linework.evaluation.picture import hits_figure, png, runs_of, tolerance_figure
+from linework.evaluation.plan import plan_figure
 from linework.evaluation.report import Report, report_html
 from linework.evaluation.sections import cable_section, rail_sections
-from linework.evaluation.tables import kinds_table, lines_table, score_tables
+from linework.evaluation.tables import score_tables
 from linework.model.lines import LineSet
 from linework.model.points import Points
 
@@ -55,7 +56,7 @@ def test_tables_have_a_text_in_every_cell(truth):
         assert all(isinstance(text, str) for row in table.rows for text in row)
     assert [row[0] for row in tables[0].rows] == ["guardrail", "cable", "overall"]
     assert tables[1].rows[0][3:7] == ("2.0", "2.0", "2.0", "2.0")
-    assert lines_table(found).rows[0][:3] == ("rail-1", "guardrail", "60.0")
+    assert lines_table(found).rows[0][:5] == ("rail-1", "guardrail", "", "", "60.0")
 
 
 def test_one_kind_needs_no_overall(truth):
@@ -137,7 +138,7 @@ def test_the_page_is_whole_and_safe(truth, points):
     page = report_html(report)
     assert "<script" not in page
     assert "a &amp; b" in page
-    assert page.count("<img ") == 5
+    assert page.count("<img ") == 6
     # Nothing is fetched: pictures are inside, and the page forbids the rest
     assert not re.search(r'(src|href)="(?!data:image/png;base64,)', page)
     assert "default-src 'none'" in page
@@ -146,7 +147,7 @@ def test_the_page_is_whole_and_safe(truth, points):
 
 def test_a_page_without_reference_says_what_was_found(truth, points):
     page = report_html(Report(title="lines", lines=truth, points=points))
-    assert page.count("<img ") == 3
+    assert page.count("<img ") == 4
     assert "rail-1" in page
     assert "complete" not in page
     bare = report_html(Report(title="lines", lines=truth))

@@ -210,6 +210,7 @@ def _write_report(
         title=f"Lines of {found.source}",
         lines=found.lines,
         points=points_for_pictures(opened.points),
+        points_in=opened.points.points,
         facts=facts_of(record),
     )
     write_page(report_html(page), report, overwrite=overwrite)

@@ -9,13 +9,18 @@ from dataclasses import dataclass, field
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from linework.evaluation.figures import cable_figure, plan_figure, rail_figure
+from linework.evaluation.figures import cable_figure, rail_figure
+from linework.evaluation.line_tables import kinds_table, lines_table
 from linework.evaluation.picture import hits_figure, png, tolerance_figure
+from linework.evaluation.plan import PointsIn, close_up_figure, plan_figure
+from linework.evaluation.road_figures import kerb_figure, marking_figure
+from linework.evaluation.road_sections import kerb_cuts, marking_cuts
 from linework.evaluation.scores import Scores
 from linework.evaluation.sections import cable_section, rail_sections
 from linework.evaluation.table_texts import TextTable
-from linework.evaluation.tables import kinds_table, lines_table, score_tables
+from linework.evaluation.tables import score_tables
 from linework.evaluation.tolerance import KindMatch
+from linework.model.grid import Bounds, holds
 from linework.model.lines import LineSet
 from linework.model.points import Points
 
@@ -34,7 +39,9 @@ class Report:
     lines
         What was extracted.
     points
-        What it was extracted from, or None: no density under the plan, no sections.
+        What it was extracted from, or an even share of it, or None: nothing under the plan, no sections.
+    points_in
+        Reads all points of a place, for what is drawn large; None: `points` are all.
     facts
         Names and values for the head of the page: the survey, the CRS, times, versions.
     reference
@@ -46,6 +53,7 @@ class Report:
     title: str
     lines: LineSet
     points: Points | None = None
+    points_in: PointsIn | None = None
     facts: Mapping[str, str] = field(default_factory=dict)
     reference: LineSet | None = None
     parts: Sequence[KindMatch] = ()
@@ -82,22 +90,15 @@ def report_html(report: Report) -> str:
 
 def _figures(report: Report) -> Iterator[tuple[str, str, Figure]]:
     """Yield title, caption and figure of what there is to draw."""
+    over = "brightness of the ground, made even" if _has_intensity(report) else "how many points per cell"
     yield (
         "Lines over the points",
-        "Plan; grey: how many points per cell (dark: many). Turned so that the road lies along the picture.",
+        f"Plan; grey: {over}. Turned so that the road lies along the picture.",
         plan_figure(report.lines, report.points),
     )
-    if report.points is not None:
-        sections = rail_sections(report.points, report.lines, report.reference)
-        if sections:
-            yield (
-                "Across a guardrail",
-                "Slices 0.6 m thick. The line is the top edge of the beam, in plan midway between crest and valley.",
-                rail_figure(sections),
-            )
-        section = cable_section(report.points, report.lines, report.reference)
-        if section is not None:
-            yield "Along a span of cables", "Vertical slice 6 m thick.", cable_figure(section)
+    if report.points is not None and len(report.points):
+        yield from _close_figures(report, report.points_in or _reader(report.points))
+        yield from _section_figures(report, report.points)
     if report.parts and report.scores is not None:
         yield (
             "Found, missed, wrong",
@@ -105,6 +106,54 @@ def _figures(report: Report) -> Iterator[tuple[str, str, Figure]]:
             hits_figure(report.parts, report.scores.tolerance_m),
         )
         yield "Over the tolerance", "", tolerance_figure(report.scores)
+
+
+def _close_figures(report: Report, points_in: PointsIn) -> Iterator[tuple[str, str, Figure]]:
+    """Yield what is drawn large, at some places along the lines: plan, kerbs, markings."""
+    near = close_up_figure(report.lines, points_in)
+    if near is not None:
+        yield "Close up", "The same, at three places along the road.", near
+    kerbs = kerb_cuts(report.lines, points_in, report.reference)
+    if kerbs:
+        yield (
+            "Across the road's boundary",
+            "Slices 0.5 m thick. The line is the foot of the kerb, or the edge of the pavement.",
+            kerb_figure(kerbs),
+        )
+    markings = marking_cuts(report.lines, points_in, report.reference) if _has_intensity(report) else ()
+    if markings:
+        yield (
+            "Across markings",
+            "Intensity in slices 1.5 m thick. The line is the middle of the paint.",
+            marking_figure(markings),
+        )
+
+
+def _section_figures(report: Report, points: Points) -> Iterator[tuple[str, str, Figure]]:
+    """Yield sections across a rail and along a span."""
+    sections = rail_sections(points, report.lines, report.reference)
+    if sections:
+        yield (
+            "Across a guardrail",
+            "Slices 0.6 m thick. The line is the top edge of the beam, in plan midway between crest and valley.",
+            rail_figure(sections),
+        )
+    section = cable_section(points, report.lines, report.reference)
+    if section is not None:
+        yield "Along a span of cables", "Vertical slice 6 m thick.", cable_figure(section)
+
+
+def _has_intensity(report: Report) -> bool:
+    return report.points is not None and report.points.intensity is not None
+
+
+def _reader(points: Points) -> PointsIn:
+    """Return what reads the points of a place out of points in memory."""
+
+    def points_in(bounds: Bounds) -> Points:
+        return points.take(holds(bounds, points.xyz))
+
+    return points_in
 
 
 def _tables(report: Report) -> Iterator[TextTable]:

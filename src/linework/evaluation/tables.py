@@ -1,15 +1,12 @@
-"""Scores and lines as tables of text, for the terminal and for the report alike."""
+"""Scores as tables of text, for the terminal and for the report alike."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from linework.evaluation.detail_tables import bridged_table, dashes_table, groups_table, labels_table
 from linework.evaluation.scores import KindScores, Scores
 from linework.evaluation.table_texts import TextTable, centimetres, error_texts, number, percent, ratio_texts
-from linework.model.lines import LineSet
 
 
 def score_tables(scores: Scores) -> Iterator[TextTable]:
@@ -24,45 +21,6 @@ def score_tables(scores: Scores) -> Iterator[TextTable]:
     ):  # fmt: skip
         if table.rows:
             yield table
-
-
-def kinds_table(lines: LineSet) -> TextTable:
-    """Return how many lines of each kind there are, how long, and how much of them is measured."""
-    kinds = list(dict.fromkeys(str(kind) for kind in lines.kind))
-    rows = []
-    for kind in kinds:
-        own = lines.of_kind(kind)
-        rows.append(
-            (
-                kind, str(len(own)), f"{own.length_m.sum():.1f}", f"{own.bridged_m.sum():.1f}",
-                number(_mean(own.confidence), 2), centimetres(_rms(own.sigma_xy_m)), centimetres(_rms(own.sigma_z_m)),
-            )
-        )  # fmt: skip
-    columns = ("kind", "lines", "length m", "bridged m", "confidence", "sigma across cm", "sigma height cm")
-    return TextTable(
-        "Lines", columns, tuple(rows), "confidence: mean; sigma: root mean square over the vertices"
-    )
-
-
-def lines_table(lines: LineSet) -> TextTable:
-    """Return every line with its own values."""
-    columns = (
-        "id", "kind", "length m", "bridged m", "height m", "clearance m", "confidence", "sigma across cm",
-        "sigma height cm",
-    )  # fmt: skip
-    length_m, bridged_m = lines.length_m, lines.bridged_m
-    rows = []
-    for i in range(len(lines)):
-        of_line = slice(lines.offsets[i], lines.offsets[i + 1])
-        rows.append(
-            (
-                str(lines.id[i]) or str(i), str(lines.kind[i]), f"{length_m[i]:.1f}", f"{bridged_m[i]:.1f}",
-                number(_finite(lines.height_m[i]), 2), number(_finite(lines.clearance_m[i]), 2),
-                number(_finite(lines.confidence[i]), 2), centimetres(_rms(lines.sigma_xy_m[of_line])),
-                centimetres(_rms(lines.sigma_z_m[of_line])),
-            )
-        )  # fmt: skip
-    return TextTable("Every line", columns, tuple(rows))
 
 
 def _found(rows: Sequence[KindScores], tolerance_m: float) -> TextTable:
@@ -162,19 +120,8 @@ def _honest(rows: Sequence[KindScores]) -> TextTable:
                     str(c.n_correct),
                 )
             )
-    note = "sigma: rms(error / sigma) per third of the stations, smallest sigmas first; 1 is honest"
+    note = (
+        "sigma: rms(error / sigma) where lines were measured, per third of the stations, smallest sigmas first; "
+        "1 is honest"
+    )
     return TextTable("Sigma, and confidence per piece of 10 m", columns, tuple(texts), note)
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _mean(values: np.ndarray) -> float | None:
-    values = values[np.isfinite(values)]
-    return float(values.mean()) if len(values) else None
-
-
-def _rms(values: np.ndarray) -> float | None:
-    values = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(values**2))) if len(values) else None
