@@ -6,14 +6,20 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from linework.kernels.visits import MOST_VISITS, dark_level, split_into_visits, visit_of
+
 F64 = npt.NDArray[np.float64]
 F32 = npt.NDArray[np.float32]
 I64 = npt.NDArray[np.int64]
 I32 = npt.NDArray[np.int32]
 Mask = npt.NDArray[np.bool_]
 
-#: Points of a cell that its background is taken from, evenly chosen: 9 cells give 144, a quartile to 0.1 sigma.
-N_SAMPLE = 16
+#: Points of a cell that the background is taken from, evenly chosen: 9 cells give 108, a quartile to 0.13 sigma.
+N_SAMPLE = 12
+#: From fewer there is no background.
+LEAST_SAMPLE = 10
+#: Cells with fewer points than this are looked at together with those around them.
+FEW = 40
 
 
 @njit(cache=True, nogil=True)
@@ -92,16 +98,18 @@ def sort_into_cells(xyz: F64, intensity: F32, origin: F64, cells: I32, n_cells: 
 
 
 @njit(cache=True, nogil=True)
-def backgrounds(points: F64, starts: I64, n_cols: int) -> F64:
-    """Return (n_cells, 3): level and spread of the dark surface in 3 x 3 cells, and the 97 % quantile; NaN without points.
+def count_bright(points: F64, times: F64, starts: I64, n_cols: int, spreads: float) -> F64:
+    """Return (n_cells, 3): number of bright points in each cell and the sums of their x and y.
 
-    Level and spread are those of the normal distribution with these 10 and 25 % quantiles: what is bright
-    (paint, grass beside the road) may fill half of the cells and moves the level by one spread.
+    Bright: `spreads` spreads above the level of the dark surface in 3 x 3 cells, for each visit of the scanner by
+    itself (`times`: (n,), or of no length).
     """
     n_cells = len(starts) - 1
     n_rows = n_cells // n_cols
-    out = np.full((n_cells, 3), np.nan)
-    sample = np.empty(9 * N_SAMPLE)
+    out = np.zeros((n_cells, 3))
+    value, time, part = np.empty(9 * N_SAMPLE), np.zeros(9 * N_SAMPLE), np.empty(9 * N_SAMPLE)
+    visit, spans = np.zeros(9 * N_SAMPLE, dtype=np.int64), np.zeros((MOST_VISITS, 2))
+    limits = np.empty(MOST_VISITS)
     for row in range(n_rows):
         for col in range(n_cols):
             at = row * n_cols + col
@@ -116,42 +124,56 @@ def backgrounds(points: F64, starts: I64, n_cols: int) -> F64:
                     )
                     taken = min(number, N_SAMPLE)
                     for k in range(taken):
-                        sample[n] = points[first + k * number // taken, 3]
+                        i = first + k * number // taken
+                        value[n] = points[i, 3]
+                        if len(times):
+                            time[n] = times[i]
                         n += 1
-            values = np.sort(sample[:n])
-            lower, quartile = values[int(0.10 * (n - 1))], values[int(0.25 * (n - 1))]
-            # Of a normal distribution: -1.2816 and -0.6745 spreads from its middle
-            spread = (quartile - lower) / 0.607
-            out[at, 0], out[at, 1] = quartile + 0.6745 * spread, spread
-            out[at, 2] = values[int(0.97 * (n - 1) + 0.5)]
+            m = split_into_visits(time, n, visit, spans)
+            for v in range(m):
+                number = 0
+                for i in range(n):
+                    if visit[i] == v:
+                        part[number] = value[i]
+                        number += 1
+                limits[v] = np.inf
+                if number >= LEAST_SAMPLE:
+                    level, spread = dark_level(part[:number])
+                    # `part` is sorted now. Saturated paint is no brighter than the brightest
+                    limits[v] = min(level + spreads * spread, part[number - 1])
+                    if limits[v] <= level:
+                        limits[v] = np.inf
+            for i in range(starts[at], starts[at + 1]):
+                limit = limits[visit_of(times[i], spans, m) if m > 1 else 0]
+                if points[i, 3] >= limit:
+                    out[at, 0] += 1.0
+                    out[at, 1] += points[i, 0]
+                    out[at, 2] += points[i, 1]
     return out
 
 
 @njit(cache=True, nogil=True)
-def bright_centres(
-    points: F64, starts: I64, n_cols: int, background: F64, spreads: float, share: float
-) -> tuple[I64, F64]:
+def bright_centres(bright: F64, starts: I64, n_cols: int, share: float) -> tuple[I64, F64]:
     """Return the cells with more bright points than chance brings, and the mean place of these points.
 
-    Bright: `spreads` above the level interpolated between the cells. Chance: a share `share` of the points,
-    and three standard deviations of that number.
+    Chance: a share `share` of the points, and three standard deviations of that number; in a cell or, where
+    points are few, in the 3 x 3 cells around one with a bright point.
     """
     n_cells = len(starts) - 1
     found, where = np.empty(n_cells, dtype=np.int64), np.empty((n_cells, 2))
     m = 0
     for at in range(n_cells):
-        n = starts[at + 1] - starts[at]
-        if n == 0:
+        if bright[at, 0] == 0.0:
             continue
-        limit = background[at, 0] + spreads * background[at, 1]
-        bright, x, y = 0, 0.0, 0.0
-        for i in range(starts[at], starts[at + 1]):
-            if points[i, 3] > limit:
-                bright += 1
-                x += points[i, 0]
-                y += points[i, 1]
-        if bright > share * n + 3.0 * np.sqrt(share * n):
+        n, k = starts[at + 1] - starts[at], bright[at, 0]
+        if n < FEW:
+            n, k = 0, 0.0
+            for r in range(max(at // n_cols - 1, 0), min(at // n_cols + 2, n_cells // n_cols)):
+                for c in range(max(at % n_cols - 1, 0), min(at % n_cols + 2, n_cols)):
+                    n += starts[r * n_cols + c + 1] - starts[r * n_cols + c]
+                    k += bright[r * n_cols + c, 0]
+        if k > share * n + 3.0 * np.sqrt(share * n):
             found[m] = at
-            where[m, 0], where[m, 1] = x / bright, y / bright
+            where[m, 0], where[m, 1] = bright[at, 1] / bright[at, 0], bright[at, 2] / bright[at, 0]
             m += 1
     return found[:m], where[:m]

@@ -25,11 +25,13 @@ from linework.kernels.stripes import (
     TOO_FEW_POINTS,
     UX,
     UY,
+    Q,
     X,
     Y,
     gather,
     stripes_in_area,
 )
+from linework.kernels.visits import MOST_VISITS, dark_level, split_into_visits
 
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
@@ -37,18 +39,74 @@ I64 = npt.NDArray[np.int64]
 #: Radii of search areas [m]: the paper's, and larger ones for sparse points (airborne: 20 points/m2; one
 #: turn of a car's scanner).
 RADII_M = (0.5, 1.0, 2.0)
-#: A search area with fewer points shows no stripe: of 1.4 x 2.8 radii paint 0.12 m wide covers a twelfth.
-LEAST_POINTS = 60
+#: A search area with fewer points shows no stripe: paint 0.12 m wide covers a twelfth of it. One with many
+#: shows all there is.
+LEAST_POINTS, MANY_POINTS = 80, 400
+#: Points that say how dark the road and how bright the paint is, and the fewest of a visit.
+N_LEVEL, LEAST_VISIT = 64, 16
+
+
+@njit(cache=True, nogil=True)
+def even_out(work: F64, n: int, times: F64) -> tuple[int, float, float]:
+    """Bring all visits of the scanner to the same road, in place; return number of points, dark and bright level.
+
+    Each visit's intensities are divided by the level of its dark surface; a visit of few points is left out.
+    Where the level is 0 (intensities of dark points not known) they stay as they are.
+    """
+    time, visit, spans = np.zeros(n), np.zeros(n, dtype=np.int64), np.zeros((MOST_VISITS, 2))
+    if len(times):
+        for i in range(n):
+            time[i] = times[int(work[i, INDEX])]
+    m = split_into_visits(time, n, visit, spans)
+    levels, counts = np.zeros(MOST_VISITS), np.zeros(MOST_VISITS, dtype=np.int64)
+    for i in range(n):
+        counts[visit[i]] += 1
+    sample = np.empty(2 * N_LEVEL)
+    lowest = np.inf
+    for v in range(m):
+        stride, seen, taken = max(counts[v] // N_LEVEL, 1), 0, 0
+        for i in range(n):
+            if visit[i] == v:
+                if seen % stride == 0 and taken < len(sample):
+                    sample[taken] = work[i, Q]
+                    taken += 1
+                seen += 1
+        if taken >= LEAST_VISIT:
+            levels[v], _ = dark_level(sample[:taken])
+            lowest = min(lowest, levels[v])
+    kept, dark = 0, 1.0 if lowest > 0.0 else 0.0
+    for i in range(n):
+        v = visit[i]
+        if counts[v] >= LEAST_VISIT:
+            for c in range(work.shape[1]):
+                work[kept, c] = work[i, c]
+            if lowest > 0.0:
+                work[kept, Q] /= levels[v]
+            kept += 1
+    stride, taken = max(kept // N_LEVEL, 1), 0
+    for i in range(0, kept, stride):
+        if taken < len(sample):
+            sample[taken] = work[i, Q]
+            taken += 1
+    if taken == 0:
+        return 0, 0.0, 0.0
+    chosen = sample[:taken]
+    chosen.sort()
+    # Paint 0.12 m wide covers a twelfth of the area
+    bright = chosen[int(0.95 * (taken - 1) + 0.5)]
+    if bright <= dark:
+        bright = chosen[taken - 1]
+    return kept, dark, bright
 
 
 @njit(cache=True, nogil=True)
 def stripes_at(
     points: F64,
     starts: I64,
+    times: F64,
     lattice: tuple[float, int, int, int, int],
     place: tuple[float, float],
     cell: tuple[float, float, float, float],
-    levels: tuple[float, float],
     least_t: float,
     work: F64,
     out: F64,
@@ -59,8 +117,6 @@ def stripes_at(
     -------
     Their number, why there are none, and the work space (grown where it was too small).
     """
-    if not levels[1] > levels[0]:
-        return 0, NO_BRIGHT, work
     x, y = place
     box = (cell[0] - x, cell[1] - y, cell[2] - x, cell[3] - y)
     why = TOO_FEW_POINTS
@@ -72,16 +128,20 @@ def stripes_at(
             n = gather(points, starts, lattice, x, y, reach, work)
         if n < LEAST_POINTS:
             continue
+        n, dark, bright = even_out(work, n, times)
+        if n < LEAST_POINTS:
+            continue
         if n < len(work):
             work[n, INDEX] = -1.0
-        number, why = stripes_in_area(work, n, radius, levels, box, least_t, out)
+        if not bright > dark:
+            why = NO_BRIGHT
+            continue
+        number, why = stripes_in_area(work, n, radius, (dark, bright), box, least_t, out)
         for k in range(number):
             out[k, CX] += x
             out[k, CY] += y
-        if why != HOLES:
-            return number, why, work
-        if number > 0:
-            return number, FOUND, work
+        if number > 0 or (why != HOLES and n > MANY_POINTS):
+            return number, FOUND if number > 0 else why, work
     return 0, why, work
 
 
@@ -93,7 +153,6 @@ def all_stripes(
     lattice: tuple[float, int, int, int, int],
     cells: I64,
     places: F64,
-    background: F64,
     least_t: float,
 ) -> F64:
     """Return the stripes of all the cells in their order, one row each (see `linework.kernels.stripes`).
@@ -108,10 +167,8 @@ def all_stripes(
     for k in range(len(cells)):
         row, col = cells[k] // n_cols + south, cells[k] % n_cols + west
         cell = (col * size, row * size, (col + 1) * size, (row + 1) * size)
-        levels = (background[cells[k], 0], background[cells[k], 2])
-        number, _, work = stripes_at(
-            points, starts, lattice, (places[k, 0], places[k, 1]), cell, levels, least_t, work, some
-        )
+        place = (places[k, 0], places[k, 1])
+        number, _, work = stripes_at(points, starts, times, lattice, place, cell, least_t, work, some)
         for j in range(number):
             # Half open: a centre on the northern or eastern edge is another cell's
             if np.floor(some[j, CX] / size) != col or np.floor(some[j, CY] / size) != row:
@@ -122,13 +179,13 @@ def all_stripes(
                 out = grown
             out[m] = some[j]
             if len(times):
-                _span(work, points, times, (places[k, 0], places[k, 1]), out[m])
+                write_times(work, times, place, out[m])
             m += 1
     return out[:m]
 
 
 @njit(cache=True, nogil=True)
-def _span(work: F64, points: F64, times: F64, place: tuple[float, float], stripe: F64) -> None:
+def write_times(work: F64, times: F64, place: tuple[float, float], stripe: F64) -> None:
     """Write when the points on a stripe were measured."""
     dx, dy = stripe[CX] - place[0], stripe[CY] - place[1]
     first, last = np.inf, -np.inf

@@ -7,7 +7,7 @@ and width come from the two edges of the paint, fitted to the intensity of all t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import expit
@@ -79,15 +79,12 @@ class PaintPoints:
         (n_cells + 1,) int64: first point of each cell.
     lattice
         Cell size [m], numbers of the south row and the west column, number of rows and of columns.
-    background
-        (n_cells, 3): level and spread of the dark surface, and the brightest 3 %, in 3 x 3 cells.
     """
 
     xyzi: FloatArray
     times: FloatArray
     starts: IntArray
     lattice: tuple[float, int, int, int, int]
-    background: FloatArray = field(repr=False)
 
     @classmethod
     def of(
@@ -112,7 +109,7 @@ class PaintPoints:
             points.xyz, intensity, local, cells, n_rows * n_cols
         )
         times = np.zeros(0) if points.time_s is None else points.time_s[index]
-        return cls(xyzi, times, starts, lattice, paint_points.backgrounds(xyzi, starts, n_cols))
+        return cls(xyzi, times, starts, lattice)
 
 
 def find_marking_boxes(tile: TileData, surface: RoadSurface, config: MarkingConfig) -> BoxSet:
@@ -122,16 +119,14 @@ def find_marking_boxes(tile: TileData, surface: RoadSurface, config: MarkingConf
     """
     if tile.points.intensity is None or len(tile.points) == 0:
         return BoxSet.empty()
-    # Points near the road, and how bright the road is around each cell
+    # Points near the road, in cells
     paint = PaintPoints.of(tile.points, surface, origin_of(tile), config)
+    n_cols = paint.lattice[4]
     # Search areas: about the bright points of every cell that has more of them than chance brings
-    cells, places = paint_points.bright_centres(
-        paint.xyzi, paint.starts, paint.lattice[4], paint.background, _BRIGHT_SPREADS, _CHANCE
-    )
+    bright = paint_points.count_bright(paint.xyzi, paint.times, paint.starts, n_cols, _BRIGHT_SPREADS)
+    cells, places = paint_points.bright_centres(bright, paint.starts, n_cols, _CHANCE)
     # Direction, edges and extent of the stripes in each
-    found = all_stripes(
-        paint.xyzi, paint.starts, paint.times, paint.lattice, cells, places, paint.background, _LEAST_T
-    )
+    found = all_stripes(paint.xyzi, paint.starts, paint.times, paint.lattice, cells, places, _LEAST_T)
     return boxes_of(found, config, has_time=len(paint.times) > 0)
 
 
@@ -154,7 +149,7 @@ def boxes_of(found: FloatArray, config: MarkingConfig, *, has_time: bool) -> Box
     dark, bright = found[:, stripes.DARK], found[:, stripes.BRIGHT]
     step, sigma_step = found[:, stripes.STEP], found[:, stripes.SIGMA_STEP]
     # A kerb, a step of 2.5 cm and more that the noise does not explain, is no paint
-    is_flat = (np.abs(step) < 0.025) | (np.abs(step) < 3.0 * sigma_step)
+    is_flat = (np.abs(step) < 0.025) | (np.abs(step) < 2.5 * sigma_step)
     found = found[is_flat & (bright >= config.least_contrast * dark)]
     dark, bright = found[:, stripes.DARK], found[:, stripes.BRIGHT]
     width, length = 2.0 * found[:, stripes.HALF_V], found[:, stripes.LENGTH]

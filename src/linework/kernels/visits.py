@@ -1,0 +1,75 @@
+"""Points of one place by the visits of the scanner: its passes and its heads see the same paint differently bright."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+F64 = npt.NDArray[np.float64]
+I64 = npt.NDArray[np.int64]
+
+#: Points of a place that lie further apart in time are of two visits [s]: the turns of a scanner follow each other
+#: by 0.1 s and less, the second head looks at a place 3 m beside the van about that much later.
+APART_S = 0.3
+MOST_VISITS = 8
+
+
+@njit(cache=True, nogil=True)
+def split_into_visits(times: F64, n: int, visit: I64, spans: F64) -> int:
+    """Write the visit of each of n times, return how many there are.
+
+    spans: (8, 2), takes the first and the last time of each. Visits beyond the eighth join the nearest.
+    """
+    m = 0
+    for i in range(n):
+        nearest, at = np.inf, -1
+        for k in range(m):
+            apart = max(spans[k, 0] - times[i], times[i] - spans[k, 1])
+            if apart < nearest:
+                nearest, at = apart, k
+        if nearest > APART_S and m < MOST_VISITS:
+            spans[m, 0], spans[m, 1] = times[i], times[i]
+            m += 1
+        elif at >= 0:
+            spans[at, 0], spans[at, 1] = min(spans[at, 0], times[i]), max(spans[at, 1], times[i])
+    # What was apart may have met
+    k = 0
+    while k < m:
+        for j in range(k + 1, m):
+            if spans[j, 0] - spans[k, 1] <= APART_S and spans[k, 0] - spans[j, 1] <= APART_S:
+                spans[k, 0], spans[k, 1] = min(spans[j, 0], spans[k, 0]), max(spans[j, 1], spans[k, 1])
+                spans[j, 0], spans[j, 1] = spans[m - 1, 0], spans[m - 1, 1]
+                m -= 1
+                k = -1
+                break
+        k += 1
+    for i in range(n):
+        visit[i] = visit_of(times[i], spans, m)
+    return m
+
+
+@njit(cache=True, nogil=True)
+def visit_of(time: float, spans: F64, m: int) -> int:
+    """Return the visit whose span is nearest to a time."""
+    nearest, at = np.inf, 0
+    for k in range(m):
+        apart = max(spans[k, 0] - time, time - spans[k, 1])
+        if apart < nearest:
+            nearest, at = apart, k
+    return at
+
+
+@njit(cache=True, nogil=True)
+def dark_level(values: F64) -> tuple[float, float]:
+    """Return level and spread of the dark surface among n values, sorted in place.
+
+    They are those of the normal distribution with these 10 and 25 % quantiles: what is bright (paint, grass beside
+    the road) may be half of the values and moves the level by one spread.
+    """
+    values.sort()
+    n = len(values)
+    lower, quartile = values[int(0.10 * (n - 1) + 0.5)], values[int(0.25 * (n - 1) + 0.5)]
+    # They lie 1.2816 and 0.6745 spreads below the middle
+    spread = (quartile - lower) / 0.607
+    return quartile + 0.6745 * spread, spread
