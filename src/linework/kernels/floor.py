@@ -20,6 +20,8 @@ Mask = npt.NDArray[np.bool_]
 FINE_M = 0.25
 #: A facet of fewer points takes one more ring of cells, up to this many. A plane has three unknowns.
 FACET_POINTS, FACET_RINGS = 9, 3
+#: Cells of two fine ones, 4 m.
+FACETS_AROUND = 8
 
 
 @njit(cache=True, nogil=True)
@@ -81,7 +83,13 @@ def cells_near_ground(
         low_c, low_r, high_c, high_r = min(low_c, c), min(low_r, r), max(high_c, c), max(high_r, r)
     if low_c > high_c:
         return col, row, np.zeros(4, dtype=np.int64)
-    return col, row, np.array([low_c, low_r, high_c - low_c + 1, high_r - low_r + 1])
+    # Whole cells of two fine ones
+    low_c, low_r = 2 * (low_c // 2), 2 * (low_r // 2)
+    return (
+        col,
+        row,
+        np.array([low_c, low_r, 2 * ((high_c - low_c) // 2 + 1), 2 * ((high_r - low_r) // 2 + 1)]),
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -161,28 +169,52 @@ def plane_of(s: F64) -> tuple[float, float, float, float]:
 
 @njit(cache=True, nogil=True)
 def facets_of(sums: F64, span: I64) -> F64:
-    """Return (cells, 5) the facet about each fine cell: points, height at its centre, slopes, rms distance.
+    """Return (cells of two fine ones, 6) the facet at each cell's middle: points, height, slopes, rms distance.
 
-    Facets are 3 x 3 cells wide, more where the points are few. Without enough: 0 points.
+    The last column is the rms distance of the smoothest facet within 4 m. Facets are 1 m wide, more where the
+    points are few. Without enough, or without any in the cell: 0 points.
     """
     n_cols, n_rows = span[2], span[3]
-    out = np.zeros((len(sums), 5))
+    out = np.zeros((len(sums) // 4, 6))
     s = np.empty(10)
+    for k in range(len(out)):
+        r, c = 2 * (k // (n_cols // 2)), 2 * (k % (n_cols // 2))
+        at = r * n_cols + c
+        if sums[at, 0] + sums[at + 1, 0] + sums[at + n_cols, 0] + sums[at + n_cols + 1, 0] == 0.0:
+            continue
+        for ring in range(1, FACET_RINGS + 1):
+            s[:] = 0.0
+            for i in range(max(r - ring, 0), min(r + ring + 2, n_rows)):
+                for j in range(max(c - ring, 0), min(c + ring + 2, n_cols)):
+                    _add_shifted(s, sums[i * n_cols + j], (j - c - 0.5) * FINE_M, (i - r - 0.5) * FINE_M)
+            if s[0] >= FACET_POINTS:
+                break
+        if s[0] >= FACET_POINTS:
+            z, a, b, rms = plane_of(s)
+            if rms == rms:
+                out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4] = s[0], z, a, b, rms
+    _smoothest_near(out, n_rows // 2, n_cols // 2)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _smoothest_near(facets: F64, n_rows: int, n_cols: int) -> None:
+    """Write each facet's last column: the least rms distance within `FACETS_AROUND` cells, rows before columns."""
+    least = np.full((n_rows, n_cols), np.inf)
     for r in range(n_rows):
         for c in range(n_cols):
-            for ring in range(1, FACET_RINGS + 1):
-                s[:] = 0.0
-                for i in range(max(r - ring, 0), min(r + ring + 1, n_rows)):
-                    for j in range(max(c - ring, 0), min(c + ring + 1, n_cols)):
-                        _add_shifted(s, sums[i * n_cols + j], (j - c) * FINE_M, (i - r) * FINE_M)
-                if s[0] >= FACET_POINTS:
-                    break
-            if s[0] >= FACET_POINTS:
-                z, a, b, rms = plane_of(s)
-                if rms == rms:
-                    f = out[r * n_cols + c]
-                    f[0], f[1], f[2], f[3], f[4] = s[0], z, a, b, rms
-    return out
+            if facets[r * n_cols + c, 0] == 0.0:
+                continue
+            rms = facets[r * n_cols + c, 4]
+            for j in range(max(c - FACETS_AROUND, 0), min(c + FACETS_AROUND + 1, n_cols)):
+                least[r, j] = min(least[r, j], rms)
+    for r in range(n_rows):
+        for i in range(max(r - FACETS_AROUND, 0), min(r + FACETS_AROUND + 1, n_rows)):
+            for c in range(n_cols):
+                at = r * n_cols + c
+                facets[at, 5] = (
+                    least[i, c] if i == max(r - FACETS_AROUND, 0) else min(facets[at, 5], least[i, c])
+                )
 
 
 @njit(cache=True, nogil=True)

@@ -37,6 +37,7 @@ def best_step(work: F64, n: int, frame: tuple[float, float], scale: float, sums:
     out: v-axis, clearness, v, heights below and above, noise.
     """
     step, half_u = 0.02 * scale, 0.5 * scale
+    half = int(REACH_V / step) + 1
     out[0], out[1] = frame
     out[2] = 0.0
     for stage in range(len(TURNS)):
@@ -44,13 +45,12 @@ def best_step(work: F64, n: int, frame: tuple[float, float], scale: float, sums:
         for turn in TURNS[stage]:
             x, y = x0 * np.cos(turn) - y0 * np.sin(turn), x0 * np.sin(turn) + y0 * np.cos(turn)
             profile_across(work, n, x, y, half_u, step, sums)
-            found = step_in(sums, step)
+            found = step_in(sums, step, half, 2 if stage == 0 else 1)
             if found[0] > out[2]:
                 out[0], out[1], out[2], out[3], out[4], out[5], out[6] = x, y, *found
-        # The line turns about the place: it comes no nearer
-        if out[2] < CLEAR or abs(out[3]) > REACH_V:
+        if out[2] < (0.5 * CLEAR if stage == 0 else CLEAR):
             return False
-    return True
+    return abs(out[3]) <= REACH_V
 
 
 @njit(cache=True, nogil=True)

@@ -22,7 +22,7 @@ N_BINS, LOW_BINS, HIGH_BINS, FACE_BINS = 72, 30, 20, 1
 STEEP = 0.3
 #: No scanner measures smoother floors. [m]
 LEAST_NOISE_M = 0.002
-NOTHING = np.zeros(8)
+NOTHING = np.zeros(9)
 #: Fewest points in the pieces beside a break: three unknowns there, and one to judge them.
 PIECE_POINTS = 4
 #: A place needs no more points than this to be measured (what is left is not noise), and to be found.
@@ -75,9 +75,9 @@ def gather_at(
 
 @njit(cache=True, nogil=True)
 def profile_across(work: F64, n: int, vx: float, vy: float, half_u: float, step: float, sums: F64) -> None:
-    """Write running sums over the bins of a profile along v: 1, v, vv, r, vr, rr, strength and its square.
+    """Write running sums over the bins of a profile along v: 1, v, vv, r, vr, rr, strength i, vi, ii.
 
-    sums: (N_BINS + 1, 8); of bins a to b - 1 the sums are ``sums[b] - sums[a]``.
+    sums: (N_BINS + 1, 9); of bins a to b - 1 the sums are ``sums[b] - sums[a]``.
     """
     sums[:] = 0.0
     for i in range(n):
@@ -95,9 +95,10 @@ def profile_across(work: F64, n: int, vx: float, vy: float, half_u: float, step:
         s[4] += v * r
         s[5] += r * r
         s[6] += strength
-        s[7] += strength * strength
+        s[7] += v * strength
+        s[8] += strength * strength
     for k in range(1, N_BINS + 1):
-        for j in range(8):
+        for j in range(9):
             sums[k, j] += sums[k - 1, j]
 
 
@@ -116,15 +117,15 @@ def line_through(a: F64, b: F64, v: float) -> tuple[float, float, float, float]:
 
 
 @njit(cache=True, nogil=True)
-def step_in(sums: F64, step: float) -> tuple[float, float, float, float, float]:
+def step_in(sums: F64, step: float, half: int, stride: int) -> tuple[float, float, float, float, float]:
     """Return where a profile steps up towards -v: clearness, v, heights below and above, and noise beside it.
 
     Clearness: how much two lines, broken there, leave less of the squares than one, over their noise. Bins in
-    the break itself, where a kerb has its face, are left out.
+    the break itself, where a kerb has its face, are left out. Breaks are tried up to `half` bins from the middle.
     """
     best, at, below, above, noise = 0.0, 0.0, 0.0, 0.0, 0.0
-    both = np.empty(8)
-    for k in range(4, N_BINS - 4):
+    both = np.empty(9)
+    for k in range(N_BINS // 2 - half, N_BINS // 2 + half + 1, stride):
         v = (k - 0.5 * N_BINS) * step
         k_low, k_high = k + FACE_BINS, k - FACE_BINS
         low, high = sums[min(k_low + LOW_BINS, N_BINS)], sums[max(k_high - HIGH_BINS, 0)]
@@ -137,7 +138,7 @@ def step_in(sums: F64, step: float) -> tuple[float, float, float, float, float]:
             or abs(slope_high - slope_low) > STEEP
         ):
             continue
-        for j in range(8):
+        for j in range(9):
             both[j] = low[j] - sums[k_low, j] + sums[k_high, j] - high[j]
         square = (left_low + left_high) / max(n_low + n_high - 4.0, 1.0) + LEAST_NOISE_M**2
         clear = (line_through(NOTHING, both, v)[1] - left_low - left_high) / square
@@ -209,19 +210,3 @@ def fit_side(
         left = mean_square - m * mr * mr - b * ur - c * vr
         spread = max(np.sqrt(max(left, 0.0) / max(weights - 2.0, 1.0)), 1e-3)
     return a, b, c, spread, count
-
-
-@njit(cache=True, nogil=True)
-def chord_in_cell(x: float, y: float, ux: float, uy: float, half: float) -> tuple[float, float]:
-    """Return from where to where (along u) a line is inside the square ``|x|, |y| <= half``; empty: 0, -1."""
-    low, high = -1e9, 1e9
-    for p, d in ((x, ux), (y, uy)):
-        if abs(d) < 1e-12:
-            if abs(p) > half:
-                return 0.0, -1.0
-            continue
-        a, b = (-half - p) / d, (half - p) / d
-        low, high = max(low, min(a, b)), min(high, max(a, b))
-    if low > high:
-        return 0.0, -1.0
-    return low, high

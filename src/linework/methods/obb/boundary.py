@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.kernels import boundary_boxes as kernels
-from linework.kernels import floor
+from linework.kernels import floor, places
 from linework.kernels.bins import steps_to_set
 from linework.model.arrays import AnyArray, FloatArray
 from linework.model.boxes import BoxSet
@@ -102,7 +102,7 @@ def _floor_of(points: Points, surface: RoadSurface, origin: tuple[float, float, 
 
 
 def _box_set(rows: FloatArray) -> BoxSet:
-    k = kernels
+    k = places
     return BoxSet(
         centre=rows[:, [k.X, k.Y, k.Z]],
         u=rows[:, [k.UX, k.UY]],

@@ -1,0 +1,259 @@
+"""Where the pavement ends without a kerb: smooth here, rough or of another brightness there.
+
+Positions are local [m]; v points to the smooth, carriageway side; heights r are over the place's plane.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from linework.kernels.floor import FINE_M
+from linework.kernels.profiles import (
+    LEAST_NOISE_M,
+    LOW_BINS,
+    N_BINS,
+    NOTHING,
+    line_through,
+    profile_across,
+)
+
+F64 = npt.NDArray[np.float64]
+I64 = npt.NDArray[np.int64]
+
+#: Turns that are tried about the first direction, from coarse to fine. [rad]
+TURNS = (
+    np.deg2rad(np.array([0.0])),
+    np.deg2rad(np.array([-16.0, 16.0])),
+    np.deg2rad(np.array([-8.0, 8.0])),
+    np.deg2rad(np.array([-4.0, 4.0])),
+)
+FINE_TURNS = (
+    np.deg2rad(np.array([0.0, -6.0, 6.0])),
+    np.deg2rad(np.array([-3.0, 3.0])),
+    np.deg2rad(np.array([-1.5, 1.5])),
+)
+#: Half of a cell's diagonal and 5 cm. [m]
+REACH_V = 0.40
+#: Spreads of height beyond this are no verge. [m]
+ROUGHEST_M = 0.06
+#: Brightness differs by this share at least from one stone to the next; one level is known to it.
+LEAST_CONTRAST = 0.03
+#: Bins to either side in which an edge is found again.
+NEAR_BINS = 10
+#: Points next to each other lie on the same tuft and the same stain: this share of them tells something new.
+NEW_SHARE = 0.2
+#: In a scanner's shadow lies less than this share of the usual points. The pavement's rim crumbles by this. [m]
+SHADOW_SHARE, SHADOW_SIGMA_M = 0.3, 0.005
+#: Halves of one brightness each differ by this many spreads; a stripe of up to 0.4 m in one of them does not.
+STRIPE = 1.5
+#: Fewest points on either side: two spreads are to be compared.
+SIDE_POINTS = 10
+#: Two more spreads and two more levels explain twice this log likelihood by chance once in 10 000 places.
+CLEAR = 24.0
+#: Columns of an edge: v-axis, clearness, v, spreads on the smooth and on the other side, step up beyond it,
+#: brightness beyond over that before it, points on both sides, standard deviation of v.
+EDGE_COLUMNS = 11
+
+
+@njit(cache=True, nogil=True)
+def rougher(sums: F64, span: I64, place: tuple[float, float], radius: float, plane: F64, out: F64) -> None:
+    """Write the directions in which fine cells get rougher, and brighter, and how well that explains them.
+
+    out: (2, 4): slopes east and north, explained share and mean, for roughness and brightness.
+    """
+    x, y = place
+    reach = int(radius / FINE_M)
+    c0, r0 = int(np.floor(x / FINE_M)) - span[0], int(np.floor(y / FINE_M)) - span[1]
+    t = np.zeros(15)
+    for r in range(max(r0 - reach, 0), min(r0 + reach, span[3])):
+        for c in range(max(c0 - reach, 0), min(c0 + reach, span[2])):
+            s = sums[r * span[2] + c]
+            n = s[0]
+            if n < 2.0:
+                continue
+            ox, oy = (span[0] + c + 0.5) * FINE_M - x, (span[1] + r + 0.5) * FINE_M - y
+            # Mean square of the heights over the plane, from the sums
+            a, b = plane[1], plane[2]
+            p = plane[0] + a * ox + b * oy
+            square = s[9] + n * p * p + a * a * s[4] + b * b * s[6] + 2.0 * (a * b * s[5])
+            square += 2.0 * (p * (a * s[1] + b * s[2]) - p * s[3] - a * s[7] - b * s[8])
+            rough = min(np.sqrt(max(square / n, 0.0)), ROUGHEST_M)
+            bright = s[10] / n
+            dx, dy = s[1] / n + ox, s[2] / n + oy
+            w = min(n, 6.0)
+            t[0] += w
+            t[1] += w * dx
+            t[2] += w * dy
+            t[3] += w * dx * dx
+            t[4] += w * dx * dy
+            t[5] += w * dy * dy
+            for k, f in ((6, rough), (10, bright)):
+                t[k] += w * f
+                t[k + 1] += w * dx * f
+                t[k + 2] += w * dy * f
+                t[k + 3] += w * f * f
+    out[:] = 0.0
+    if t[0] < 12.0:
+        return
+    n, mx, my = t[0], t[1] / t[0], t[2] / t[0]
+    xx, xy, yy = t[3] / n - mx * mx, t[4] / n - mx * my, t[5] / n - my * my
+    det = xx * yy - xy * xy
+    if det <= 1e-6:
+        return
+    for k, row in ((6, out[0]), (10, out[1])):
+        mf = t[k] / n
+        fx, fy, ff = t[k + 1] / n - mx * mf, t[k + 2] / n - my * mf, t[k + 3] / n - mf * mf
+        gx, gy = (fx * yy - fy * xy) / det, (fy * xx - fx * xy) / det
+        if ff > 0.0:
+            row[0], row[1], row[2], row[3] = gx, gy, (gx * fx + gy * fy) / ff, mf
+
+
+@njit(cache=True, nogil=True)
+def _spread_of(a: F64, b: F64, v: float) -> tuple[float, float, float, float, float]:
+    """Return points, variances of height and brightness, and levels of both of the bins from `a` to `b`."""
+    n, left, z, _ = line_through(a, b, v)
+    if n < SIDE_POINTS:
+        return 0.0, 1.0, 1.0, 0.0, 0.0
+    bright = (b[6] - a[6]) / n
+    square = max((b[8] - a[8]) / n - bright * bright, 0.0)
+    return (
+        n,
+        left / max(n - 2.0, 1.0) + LEAST_NOISE_M**2,
+        square + (LEAST_CONTRAST * bright) ** 2 + 1e-12,
+        z,
+        bright,
+    )
+
+
+@njit(cache=True, nogil=True)
+def split_in(sums: F64, step: float, half: int, stride: int, by: int, gains: F64, out: F64) -> None:
+    """Write where a profile changes most clearly: twice the log likelihood of two halves over that of one.
+
+    by: 0 roughness, 1 brightness, 2 both, of which the first decides. The other side is the rougher, brighter one.
+    gains: of each break. out: clearness, v, spreads before and beyond, step, contrast, points before and beyond.
+    """
+    out[:] = 0.0
+    gains[:] = 0.0
+    both = np.empty(9)
+    for k in range(N_BINS // 2 - half, N_BINS // 2 + half + 1, stride):
+        v = (k - 0.5 * N_BINS) * step
+        low, high = sums[min(k + LOW_BINS, N_BINS)], sums[max(k - LOW_BINS, 0)]
+        n_a, r_a, i_a, z_a, b_a = _spread_of(sums[k], low, v)
+        n_b, r_b, i_b, z_b, b_b = _spread_of(high, sums[k], v)
+        if n_a == 0.0 or n_b == 0.0:
+            continue
+        if by != 1 and (r_b <= r_a or r_b > ROUGHEST_M**2):
+            continue
+        # One brightness there and another here, not a stripe of paint in one of them
+        if by == 1 and (b_b <= b_a or (b_b - b_a) ** 2 < STRIPE**2 * max(i_a, i_b)):
+            continue
+        for j in range(9):
+            both[j] = low[j] - high[j]
+        n, r, i, _, mean = _spread_of(NOTHING, both, v)
+        # Brightness that falls off with distance is a slope in one piece, not two levels
+        mv = both[1] / n
+        vi = both[7] / n - mv * mean
+        i = max(i - vi * vi / (both[2] / n - mv * mv + 1e-9), (LEAST_CONTRAST * mean) ** 2 + 1e-12)
+        gain = 0.0
+        if by != 1:
+            gain += n * np.log(r) - n_a * np.log(r_a) - n_b * np.log(r_b)
+        if by != 0:
+            gain += n * np.log(i) - n_a * np.log(i_a) - n_b * np.log(i_b)
+        gains[k] = gain
+        if gain > out[0]:
+            out[0], out[1], out[2], out[3] = gain, v, np.sqrt(r_a), np.sqrt(r_b)
+            out[4], out[5], out[6], out[7] = z_b - z_a, b_b / max(b_a, 1e-6), n_a, n_b
+
+
+@njit(cache=True, nogil=True)
+def best_split(
+    work: F64, n: int, frame: tuple[float, float], scale: float, by: int, sums: F64, out: F64
+) -> bool:
+    """Turn the v-axis until the profile changes most clearly; False when it does not, or not near the place.
+
+    out: see `EDGE_COLUMNS`.
+    """
+    step, half_u = 0.02 * scale, 0.5 * scale
+    # Looked for beyond the cell as well: what is clearest there is not clearest at the cell's rim
+    half = int(1.4 * REACH_V / step)
+    found, gains = np.zeros(8), np.zeros(N_BINS)
+    out[0], out[1] = frame
+    out[2] = 0.0
+    for stage in range(len(TURNS)):
+        x0, y0 = out[0], out[1]
+        for turn in TURNS[stage]:
+            x, y = x0 * np.cos(turn) - y0 * np.sin(turn), x0 * np.sin(turn) + y0 * np.cos(turn)
+            profile_across(work, n, x, y, half_u, step, sums)
+            split_in(sums, step, half, 2, by, gains, found)
+            if found[0] > out[2]:
+                out[0], out[1] = x, y
+                out[2:10] = found
+        if out[2] < (0.5 * CLEAR if stage == 0 else CLEAR):
+            return False
+    return abs(out[3]) <= REACH_V
+
+
+@njit(cache=True, nogil=True)
+def sharpen_split(work: F64, n: int, first: F64, scale: float, by: int, sums: F64, out: F64) -> bool:
+    """Find the change again within 20 cm of the place, in fine steps; v is the mean of where it may be.
+
+    out: see `EDGE_COLUMNS`. Paint beside the edge is brighter than both sides: it has no say farther off.
+    """
+    step = 0.02 * scale
+    found, gains = np.zeros(8), np.zeros(N_BINS)
+    out[0], out[1], out[2] = first[0], first[1], 0.0
+    for stage in range(len(FINE_TURNS)):
+        x0, y0 = out[0], out[1]
+        for turn in FINE_TURNS[stage]:
+            x, y = x0 * np.cos(turn) - y0 * np.sin(turn), x0 * np.sin(turn) + y0 * np.cos(turn)
+            profile_across(work, n, x, y, 0.5 * scale, step, sums)
+            split_in(sums, step, NEAR_BINS, 1, by, gains, found)
+            if found[0] > out[2]:
+                out[0], out[1] = x, y
+                out[2:10] = found
+    if out[2] < CLEAR or abs(out[3]) > (NEAR_BINS - 0.5) * step:
+        return False
+    profile_across(work, n, out[0], out[1], 0.5 * scale, step, sums)
+    split_in(sums, step, NEAR_BINS, 1, by, gains, found)
+    total, mean, square = 0.0, 0.0, 0.0
+    for k in range(N_BINS):
+        if gains[k] > 0.0:
+            likely, v = np.exp(0.5 * NEW_SHARE * (gains[k] - found[0])), (k - 0.5 * N_BINS) * step
+            total += likely
+            mean += likely * v
+            square += likely * v * v
+    mean /= total
+    out[3], out[10] = mean, np.sqrt(max(square / total - mean * mean, 0.0) + step * step / 12.0)
+    _out_of_shadow(work, n, step, 0.5 * scale, sums, out)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _out_of_shadow(work: F64, n: int, step: float, half_u: float, sums: F64, out: F64) -> None:
+    """Move an edge that lies among few points to the pavement's last ones.
+
+    Behind an edge over a lower verge lies the scanner's shadow: the change may be anywhere in it, the edge is
+    where it begins.
+    """
+    usual = (sums[N_BINS, 0] - sums[N_BINS // 2, 0]) / (N_BINS // 2)
+    k = int(np.floor(out[3] / step)) + N_BINS // 2
+    for j in (k - 1, k + 1):
+        if sums[j + 1, 0] - sums[j, 0] < sums[k + 1, 0] - sums[k, 0]:
+            k = j
+    if sums[k + 1, 0] - sums[k, 0] >= SHADOW_SHARE * usual:
+        return
+    while k < N_BINS - 1 and sums[k + 1, 0] - sums[k, 0] < SHADOW_SHARE * usual:
+        k += 1
+    # The last but one point, so that one stray does no harm, and what lies on average beyond it
+    begin = (k - 0.5 * N_BINS) * step
+    last, next_to_last = begin + 4.0 * step, begin + 4.0 * step
+    for i in range(n):
+        x, y = work[i, 0], work[i, 1]
+        v = x * out[0] + y * out[1]
+        if v >= begin and abs(x * out[1] - y * out[0]) <= half_u and abs(work[i, 2]) <= ROUGHEST_M:
+            next_to_last = min(next_to_last, max(v, last))
+            last = min(last, v)
+    spacing = step / max(usual, 0.5)
+    out[3], out[10] = next_to_last - 1.5 * spacing, 1.5 * spacing + SHADOW_SIGMA_M
