@@ -15,10 +15,14 @@ from linework.cli.app import main
 from linework.evaluation.figures import cable_figure, rail_figure
 from linework.evaluation.picture import png
 from linework.evaluation.plan import plan_figure
+from linework.evaluation.road_figures import kerb_figure, marking_figure
+from linework.evaluation.road_sections import kerb_cuts, marking_cuts
 from linework.evaluation.sections import cable_section, rail_sections
 from linework.files.survey import open_survey
 from linework.files.survey_points import read_survey_points
 from linework.files.vectors import read_lines
+from linework.model.grid import Bounds, holds
+from linework.model.points import Points
 
 PICTURES = Path(__file__).parent / "pictures"
 #: Colours of the palette: keeps the picture under 300 kB.
@@ -26,10 +30,19 @@ N_COLOURS = 128
 
 
 def make_lines_picture(folder: Path) -> Image.Image:
-    """Return plan, slices across a rail and along a span, one below the other, of a finished demo."""
+    """Return plan, cuts across kerbs, markings and a rail, and a span, one below the other, of a finished demo."""
     lines, truth = read_lines(folder / "lines.gpkg"), read_lines(folder / "survey" / "truth.gpkg")
     points = read_survey_points(open_survey([folder / "survey"])).points
-    figures = [plan_figure(lines, points), rail_figure(rail_sections(points, lines, truth))]
+
+    def points_in(bounds: Bounds) -> Points:
+        return points.take(holds(bounds, points.xyz))
+
+    figures = [
+        plan_figure(lines, points),
+        kerb_figure(kerb_cuts(lines, points_in, truth)),
+        marking_figure(marking_cuts(lines, points_in, truth)),
+        rail_figure(rail_sections(points, lines, truth)),
+    ]
     span = cable_section(points, lines, truth)
     if span is not None:
         figures.append(cable_figure(span))

@@ -16,9 +16,10 @@ if TYPE_CHECKING:
     from linework.tiling.run import Extraction
     from linework.tiling.steps import Steps
 
-#: The survey: a winding road with rails on both sides, cables above one another, hedges, a wall, fences, trees
-#: and a car, and few enough points for a minute. Chosen for what stands along it, not for how it comes out.
-ROAD, SEED, LENGTH_M, POINTS_PER_M = "bends", 2, 200.0, 5000.0
+#: The survey: a street with every kind of line (kerbs that turn into a side street, dashed and solid markings,
+#: a crossing with its stop line, arrows, a rail, cables), parked cars, hedges and walls, and few enough points
+#: for half a minute. Chosen for what stands along it, not for how it comes out.
+ROAD, SEED, LENGTH_M, POINTS_PER_M = "urban", 108, 150.0, 6000.0
 
 
 def demo(
@@ -31,8 +32,8 @@ def demo(
 ) -> None:
     """Simulate a small survey, extract its lines, score them, and write lines and report: the whole job.
 
-    The survey is made up from --seed: a bending road with guardrails and cables, and the exact lines beside
-    the laser points. What is extracted never sees them; the report compares both.
+    The survey is made up from --seed: a street with kerbs, markings, parked cars, a guardrail and cables, and
+    the exact lines beside the laser points. What is extracted never sees them; the report compares both.
     """
     from linework.cli.progress import open_display
     from linework.files.publish import check_output_folder

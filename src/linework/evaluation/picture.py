@@ -34,7 +34,7 @@ def hits_figure(parts: Sequence[KindMatch], tolerance_m: float) -> Figure:
     turn = main_direction([m.r_pieces.xyz[:, :2] for m in shown] + [m.e_pieces.xyz[:, :2] for m in shown])
     # One extent for all panels: what is beside what can be seen
     box = _box(shown, turn) if shown else ((0.0, 1.0), (0.0, 1.0))
-    height = min(panel_height(box), 12.0 / max(len(shown), 1))
+    height = min(panel_height(box), 18.0 / max(len(shown), 1))
     figure = Figure(figsize=(WIDTH_IN, height * len(shown) + 0.6), layout="constrained", dpi=110)
     if not shown:
         figure.text(0.5, 0.5, "no lines", ha="center")
