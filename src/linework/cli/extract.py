@@ -85,7 +85,7 @@ def extract(
         check_format(output)
         kinds = parse_kinds(features) if features else ALL_KINDS
         check_method(method, kinds)
-        settings = _read_settings(config)
+        settings = read_settings(config)
         survey = with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
         folder, n_workers, steps = work_folder(survey.root, work), workers or usable_cores(), Steps(display)
         executor = held.enter_context(executor_for(survey, n_workers, settings))
@@ -139,7 +139,7 @@ def executor_for(survey: Survey, n_workers: int, settings: RunSettings) -> Itera
         yield processes
 
 
-def _read_settings(path: Path | None) -> RunSettings:
+def read_settings(path: Path | None) -> RunSettings:
     """Return the settings of a run file; what it does not name keeps its default."""
     import tomllib
 

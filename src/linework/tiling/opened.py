@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from linework.files.decoder import DecoderLimits
+from linework.files.locks import locked
 from linework.files.run_record import hash_file
 from linework.files.store_facts import StoreFacts
 from linework.files.store_read import PointStore
@@ -15,8 +16,13 @@ from linework.files.survey_points import check_trajectory_covers, read_survey_tr
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 from linework.navigation.lever import at_vehicle_origin
+from linework.surface.road import RoadConfig
+from linework.tiling.executors import Executor
+from linework.tiling.source_hash import source_hash
 from linework.tiling.steps import Steps
 from linework.tiling.stores import held_store
+from linework.tiling.surfaces import SurveySurface, make_surface
+from linework.tiling.unfinished import fingerprint_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,3 +82,19 @@ def opened_survey(
             hashes[survey.trajectory_file] = hash_file(survey.trajectory_file)
             path_hash = f"{hashes[survey.trajectory_file]} {survey.trajectory_lever_m}"
         yield OpenedSurvey(survey, held.points, held.facts, trajectory, warnings, held.key, path_hash, hashes)
+
+
+def surface_of(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps: Steps) -> SurveySurface:
+    """Return the road and the ground of the survey, made once for a store, a trajectory and settings."""
+    with steps.step("find the road", unit="tiles") as advance:
+        made_of = {
+            "points": opened.key,
+            "path": opened.path_hash,
+            "road": asdict(road),
+            "code": source_hash(),
+        }
+        key = fingerprint_of(made_of)
+        folder = opened.points.folder / f"surface-{key[:16]}"
+        # Two runs of one survey share its surface: the second waits for the first to make it
+        with locked(folder.with_suffix(".lock"), keep=True):
+            return make_surface(opened.points, opened.trajectory, road, folder, executor, advance, key=key)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
 from linework.errors import PartialError
 from linework.files.journal import Entry
-from linework.files.locks import locked
 from linework.files.parts import part_is_whole, read_box_part, read_line_part, write_path_part
 from linework.files.store_facts import StoreFacts
 from linework.files.store_layout import BLOCK_M
@@ -21,16 +20,15 @@ from linework.model.tile import local_origin
 from linework.surface.road import RoadConfig
 from linework.tiling.executors import Executor, Outcome, Serial
 from linework.tiling.identify import identify
-from linework.tiling.opened import OpenedSurvey
+from linework.tiling.opened import OpenedSurvey, surface_of
 from linework.tiling.plan import Tile, TilingConfig, plan_tiles
 from linework.tiling.seams import join_seams
 from linework.tiling.sight import SurveySight
-from linework.tiling.source_hash import source_hash
 from linework.tiling.sources import with_sources
 from linework.tiling.steps import Steps
-from linework.tiling.surfaces import SurveySurface, make_surface
+from linework.tiling.surfaces import SurveySurface
 from linework.tiling.tile_task import Job, TileReceipt, TileTask, work_tile
-from linework.tiling.unfinished import RunFolder, fingerprint_of
+from linework.tiling.unfinished import RunFolder
 
 T = TypeVar("T")
 
@@ -111,7 +109,7 @@ def extract_lines(
     """
     steps, executor = steps or Steps(), executor or Serial()
     survey = opened.survey
-    surface = _surface(opened, road or RoadConfig(), executor, steps)
+    surface = surface_of(opened, road or RoadConfig(), executor, steps)
     tasks = _tasks(opened, methods, run, surface, tiling or TilingConfig())
     done, failed = _worked(tasks, run, executor, steps)
     if not done:
@@ -132,22 +130,6 @@ def extract_lines(
         hashes=opened.hashes,
         warnings=opened.warnings,
     )
-
-
-def _surface(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps: Steps) -> SurveySurface:
-    """Return the road and the ground of the survey, made once for a store, a trajectory and settings."""
-    with steps.step("find the road", unit="tiles") as advance:
-        made_of = {
-            "points": opened.key,
-            "path": opened.path_hash,
-            "road": asdict(road),
-            "code": source_hash(),
-        }
-        key = fingerprint_of(made_of)
-        folder = opened.points.folder / f"surface-{key[:16]}"
-        # Two runs of one survey share its surface: the second waits for the first to make it
-        with locked(folder.with_suffix(".lock"), keep=True):
-            return make_surface(opened.points, opened.trajectory, road, folder, executor, advance, key=key)
 
 
 def _plan(store: PointStore, method: Method, config: TilingConfig) -> tuple[Tile, ...]:

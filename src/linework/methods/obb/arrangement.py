@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from linework.methods.obb.neighbours import Course, Neighbours, find_neighbours
+from linework.methods.obb.neighbours import STATION_M, Course, Neighbours, find_neighbours
 from linework.model.arrays import AnyArray, BoolArray, FloatArray
+from linework.model.boxes import BoxSet
 
 #: A footway or verge with what stands at its back is no wider than this. [m]
 BEHIND_M = 12.0
@@ -15,6 +17,22 @@ BEHIND_M = 12.0
 DOUBLE_M = 0.50
 #: Lanes are no wider than this. [m]
 LANE_M = 6.0
+
+
+def beside_kerb(boxes: BoxSet, kerbs: Sequence[Course], from_m: float, to_m: float) -> BoolArray:
+    """Return which boxes lie beside a kerb, between two offsets from its foot, positive on the carriageway."""
+    out = np.zeros(len(boxes), dtype=np.bool_)
+    if not kerbs or len(boxes) == 0:
+        return out
+    xy = np.concatenate([c.xy for c in kerbs])
+    normal = np.concatenate([c.normal for c in kerbs])
+    reach = float(np.hypot(max(abs(from_m), abs(to_m)), 0.75 * STATION_M))
+    distance, nearest = cKDTree(xy).query(boxes.centre[:, :2], distance_upper_bound=reach)
+    near = np.isfinite(distance)
+    step = boxes.centre[near, :2] - xy[nearest[near]]
+    across = np.sum(step * normal[nearest[near]], axis=1)
+    out[near] = (across > from_m) & (across < to_m)
+    return out
 
 
 def behind_another(courses: Sequence[Course], is_kerb: BoolArray) -> BoolArray:

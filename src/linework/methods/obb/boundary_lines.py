@@ -27,13 +27,29 @@ FORMS = {BoxForm.KERB: "kerb", BoxForm.EDGE: "edge", BoxForm.BARRIER: "barrier"}
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
-    """A smoothed boundary with its boxes; height [m] and place of its top across [m] per station."""
+    """A smoothed boundary.
+
+    Parameters
+    ----------
+    boxes
+        (k,) int64: the boxes it was tracked through.
+    form
+        kerb, edge or barrier.
+    height_m, top_v_m
+        (n,) float64 [m]: height of the step, and where its top is across the line, per station.
+    confidence
+        0 to 1.
+    times_s
+        First and last time of its points. [s]
+    """
 
     line: SmoothLine
     boxes: IntArray
     form: str
     height_m: FloatArray
     top_v_m: FloatArray
+    confidence: float
+    times_s: tuple[float, float]
 
 
 def boundaries(boxes: BoxSet, tracks: Tracks, seen: Sight) -> list[Boundary]:
@@ -67,7 +83,8 @@ def _boundary(boxes: BoxSet, box: IntArray) -> Boundary:
     sigma = np.hypot(boxes.sigma_z_m[at], 0.005)
     height = smooth_value(line.t_m, np.where(is_form, boxes.height_m[at], np.nan), sigma, STEP_CHANGE)
     top = smooth_value(line.t_m, np.where(is_form, boxes.top_v_m[at], np.nan), sigma, STEP_CHANGE)
-    return Boundary(line, box, FORMS[BoxForm(form)], height, top)
+    confidence = float(np.mean(boxes.score[box]))
+    return Boundary(line, box, FORMS[BoxForm(form)], height, top, confidence, boxes.time_span(box))
 
 
 def bridged_of(line: SmoothLine) -> BoolArray:
@@ -80,12 +97,12 @@ def bridged_of(line: SmoothLine) -> BoolArray:
     return np.asarray(~line.is_measured & (width > BARE_M))
 
 
-def as_lines(found: list[Boundary], boxes: BoxSet) -> LineSet:
+def as_lines(found: list[Boundary]) -> LineSet:
     """Return boundaries as lines, in local coordinates."""
-    return _line_set(found, boxes, "road_boundary", [b.line.xyz for b in found])
+    return _line_set(found, "road_boundary", [b.line.xyz for b in found])
 
 
-def top_lines(found: list[Boundary], boxes: BoxSet) -> LineSet:
+def top_lines(found: list[Boundary]) -> LineSet:
     """Return the top edges of kerbs, parallel to their feet."""
     kerbs = [b for b in found if b.form == "kerb" and np.isfinite(b.top_v_m).all()]
     tops = [
@@ -94,10 +111,10 @@ def top_lines(found: list[Boundary], boxes: BoxSet) -> LineSet:
         )
         for b in kerbs
     ]
-    return _line_set(kerbs, boxes, "kerb_top", tops)
+    return _line_set(kerbs, "kerb_top", tops)
 
 
-def _line_set(found: list[Boundary], boxes: BoxSet, kind: str, xyz: list[AnyArray]) -> LineSet:
+def _line_set(found: list[Boundary], kind: str, xyz: list[AnyArray]) -> LineSet:
     if not found:
         return LineSet.empty()
     return LineSet.from_lines(
@@ -109,7 +126,7 @@ def _line_set(found: list[Boundary], boxes: BoxSet, kind: str, xyz: list[AnyArra
         sigma_z_m=np.concatenate([b.line.sigma_z_m for b in found]),
         bridged=np.concatenate([bridged_of(b.line) for b in found]),
         height_m=[float(np.median(b.height_m)) for b in found],
-        confidence=[float(np.mean(boxes.score[b.boxes])) for b in found],
-        time_start_s=[boxes.time_span(b.boxes)[0] for b in found],
-        time_end_s=[boxes.time_span(b.boxes)[1] for b in found],
+        confidence=[b.confidence for b in found],
+        time_start_s=[b.times_s[0] for b in found],
+        time_end_s=[b.times_s[1] for b in found],
     )

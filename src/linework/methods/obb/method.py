@@ -7,17 +7,19 @@ bounding boxes, doi:10.3390/rs15194656. What goes beyond the paper is named in d
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from linework.methods.obb import boundary_lines, marking_lines
-from linework.methods.obb.arrangement import behind_another, is_double, roles
+from linework.methods.obb.arrangement import behind_another, beside_kerb, is_double, roles
 from linework.methods.obb.boundary import BoundaryConfig, find_boundary_boxes
+from linework.methods.obb.boundary_lines import Boundary
 from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
 from linework.methods.obb.neighbours import Course
 from linework.methods.obb.track import TrackConfig, track_lines
 from linework.methods.sight import Sight, sight_of
+from linework.model.arrays import BoolArray, FloatArray
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.grid import holds
 from linework.model.lines import LineSet
@@ -28,6 +30,10 @@ from linework.surface.road import RoadConfig, find_road
 KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top")
 #: Boxes this near a line, side by side with it, are the same feature. [m]
 SAME_PAINT_M, SAME_BOUNDARY_M = 0.06, 0.15
+#: To either side of a kerb's foot: gutter, kerb stone and its bed look like edges of the pavement. [m]
+KERB_SIDE_M = 1.0
+#: Behind the foot: kerb stones are brighter than asphalt and up to 0.3 m wide. Paint keeps off the foot. [m]
+KERB_STONE_M, ON_FOOT_M = 0.45, 0.04
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,22 +85,28 @@ class ObbMethod:
         """Return the lines through the boxes of a survey, in world coordinates."""
         # In an order of their own, whatever tiles they come from
         boxes = boxes.take(np.lexsort((boxes.centre[:, 1], boxes.centre[:, 0], boxes.form)))
-        stripes = boxes.take(boxes.form == BoxForm.STRIPE)
-        edges = boxes.take(boxes.form >= BoxForm.KERB)
-        # Boxes that collide, moved on by the search length, are joined: forward and backward, over gaps
-        paint = track_lines(stripes, self.config.track, width_m=SAME_PAINT_M)
-        rims = track_lines(edges, self.config.track, width_m=SAME_BOUNDARY_M)
+        parts = {form: boxes.take(boxes.form == form) for form in BoxForm}
 
-        def seen_here(xy: np.ndarray) -> np.ndarray:
+        def seen_here(xy: FloatArray) -> BoolArray:
             return seen(xy + origin[:2])
 
+        # Boxes that collide, moved on by the search length, are joined: forward and backward, over gaps.
+        # Kerbs first: what lies beside them, stone or gutter, is neither paint nor an edge of its own
+        kerbs, kerb_courses = self._boundaries(parts[BoxForm.KERB], seen_here)
+        rims, courses = list(kerbs), list(kerb_courses)
+        for form in (BoxForm.EDGE, BoxForm.BARRIER):
+            own = parts[form].take(~beside_kerb(parts[form], kerb_courses, -KERB_SIDE_M, KERB_SIDE_M))
+            more = self._boundaries(own, seen_here)
+            rims, courses = rims + more[0], courses + more[1]
+        stripes = parts[BoxForm.STRIPE].take(
+            ~beside_kerb(parts[BoxForm.STRIPE], kerb_courses, -KERB_STONE_M, ON_FOOT_M)
+        )
         # Lines through the boxes' centres, smoothed, with what they are: solid, dashed, kerb, edge
+        paint = track_lines(stripes, self.config.track, width_m=SAME_PAINT_M)
         markings, other = marking_lines.marking_lines(stripes, paint, seen_here)
-        bounds = boundary_lines.boundaries(edges, rims, seen_here)
         # What stands behind a boundary bounds no carriageway
-        courses = [Course.of(b.line.t_m, b.line.xyz) for b in bounds]
-        behind = behind_another(courses, np.array([b.form == "kerb" for b in bounds], dtype=np.bool_))
-        bounds = [b for b, yes in zip(bounds, behind, strict=True) if not yes]
+        behind = behind_another(courses, np.array([b.form == "kerb" for b in rims], dtype=np.bool_))
+        rims = [b for b, yes in zip(rims, behind, strict=True) if not yes]
         courses = [c for c, yes in zip(courses, behind, strict=True) if not yes]
         # Roles, from how the lines lie to one another
         lanes = [Course.of(m.line.t_m, m.line.xyz) for m in markings]
@@ -105,11 +117,21 @@ class ObbMethod:
             ),
             marking_lines.dash_lines(markings, stripes),
             marking_lines.as_lines(other, stripes, "road_marking_other"),
-            boundary_lines.as_lines(bounds, edges),
-            boundary_lines.top_lines(bounds, edges),
+            boundary_lines.as_lines(rims),
+            boundary_lines.top_lines(rims),
         ])  # fmt: skip
         lines = lines.take(np.isin(lines.kind, self.kinds))
         return lines.with_columns(xyz=lines.xyz + np.asarray(origin))
+
+    def only(self, kind: str) -> ObbMethod:
+        """Return the method with what it takes to find boxes of one kind only."""
+        return replace(self, kinds=("kerb_top",) if kind == "road_boundary" else ("lane_marking_dash",))
+
+    def _boundaries(self, boxes: BoxSet, seen: Sight) -> tuple[list[Boundary], list[Course]]:
+        """Return the boundaries through boxes of one form, and where they run."""
+        tracks = track_lines(boxes, self.config.track, width_m=SAME_BOUNDARY_M)
+        found = boundary_lines.boundaries(boxes, tracks, seen)
+        return found, [Course.of(b.line.t_m, b.line.xyz) for b in found]
 
     @property
     def _seeks_paint(self) -> bool:

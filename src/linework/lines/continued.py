@@ -1,0 +1,106 @@
+"""A line picked further on continues the one that is there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from linework.model.arrays import BoolArray, FloatArray
+from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+
+#: Lines of one kind that run this near each other are the same line, seen from two picks. [m]
+SAME_M = 0.15
+#: A line is continued over a gap of no more than this, where it leads straight on. [m]
+LONGEST_GAP_M = 60.0
+#: Straight on: within this of the direction of the line's last metres, and of the other's first ones.
+MAX_TURN_DEG = 20.0
+#: The last metres of a line that say where it leads. [m]
+_END_M = 5.0
+
+
+def continued(there: LineSet, new: LineSet) -> LineSet:
+    """Return the lines that are there with new ones: those that go on from a line's end, or overlap it, joined.
+
+    The gap between two joined lines is bridged. Lines of other kinds are never joined.
+    """
+    if len(there) == 0:
+        return new
+    lines = there.with_columns(crs=new.crs)
+    for i in range(len(new)):
+        lines = _added(lines, new.take([i]))
+    return lines
+
+
+def _added(lines: LineSet, one: LineSet) -> LineSet:
+    """Return the lines with one more, joined to the first that it continues."""
+    for i in np.flatnonzero(lines.kind == one.kind[0]).tolist():
+        joined = _joined(lines.take([i]), one)
+        if joined is not None:
+            rest = np.arange(len(lines)) != i
+            return LineSet.concatenate([lines.take(rest), joined])
+    return LineSet.concatenate([lines, one])
+
+
+def _joined(a: LineSet, b: LineSet) -> LineSet | None:
+    """Return two lines as one, or None where neither continues the other."""
+    for turned_a in (False, True):
+        for turned_b in (False, True):
+            first, second = _turned(a, turned=turned_a), _turned(b, turned=turned_b)
+            beyond = _beyond(first.xyz, second.xyz)
+            if beyond is None:
+                continue
+            keep = second.xyz[beyond:]
+            if len(keep) == 0:
+                return a  # all of it is there already
+            columns = {
+                name: np.concatenate([getattr(first, name), getattr(second, name)[beyond:]])
+                for name in VERTEX_COLUMNS
+            }
+            if beyond == 0:
+                columns["bridged"][len(first.xyz) - 1 : len(first.xyz) + 1] = True
+            columns |= {name: getattr(a, name) for name in LINE_COLUMNS}
+            return LineSet.from_lines([np.concatenate([first.xyz, keep])], crs=a.crs, **columns)
+    return None
+
+
+def _turned(line: LineSet, *, turned: bool) -> LineSet:
+    if not turned:
+        return line
+    columns = {name: getattr(line, name)[::-1] for name in VERTEX_COLUMNS}
+    return line.with_columns(xyz=line.xyz[::-1], **columns)
+
+
+def _beyond(first: FloatArray, second: FloatArray) -> int | None:
+    """Return the first vertex of `second` that lies beyond the end of `first`, or None if it does not go on."""
+    near = _near(second, first)
+    if near.any():
+        # They overlap: what comes behind the last shared vertex is new, if they run the same way
+        last = int(np.flatnonzero(near)[-1])
+        runs_on = np.linalg.norm(second[last, :2] - first[-1, :2]) <= np.linalg.norm(
+            second[last, :2] - first[0, :2]
+        )
+        return last + 1 if runs_on and not near[last + 1 :].any() else None
+    step = second[0, :2] - first[-1, :2]
+    gap = float(np.linalg.norm(step))
+    if gap > LONGEST_GAP_M or gap == 0.0:
+        return None
+    least = np.cos(np.radians(MAX_TURN_DEG))
+    leads = float(step / gap @ _direction(first[::-1]))
+    goes_on = float(step / gap @ _direction(second))
+    return 0 if leads <= -least and goes_on >= least else None
+
+
+def _near(places: FloatArray, line: FloatArray) -> BoolArray:
+    """Return which places (n, 3) lie within `SAME_M` of a line, in plan."""
+    a, way = line[:-1, :2], np.diff(line[:, :2], axis=0)
+    length2 = np.maximum(np.sum(way * way, axis=1), 1e-12)
+    step = places[:, None, :2] - a
+    share = np.clip(np.sum(step * way, axis=2) / length2, 0.0, 1.0)
+    distance = np.linalg.norm(step - share[:, :, None] * way, axis=2)
+    return np.asarray(distance.min(axis=1) <= SAME_M)
+
+
+def _direction(line: FloatArray) -> FloatArray:
+    """Return the direction of a line's first metres."""
+    away = np.linalg.norm(line[:, :2] - line[0, :2], axis=1)
+    inner = int(np.argmax(away >= min(_END_M, float(away.max()))))
+    return (line[inner, :2] - line[0, :2]) / max(float(away[inner]), 1e-9)
