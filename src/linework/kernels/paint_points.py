@@ -14,7 +14,7 @@ I64 = npt.NDArray[np.int64]
 I32 = npt.NDArray[np.int32]
 Mask = npt.NDArray[np.bool_]
 
-#: Points of a cell that the background is taken from, evenly chosen: 9 cells give 108, a quartile to 0.13 sigma.
+#: Points of a cell that the background is taken from, evenly chosen: 9 cells give 108, the spread to a fifth.
 N_SAMPLE = 12
 #: From fewer there is no background.
 LEAST_SAMPLE = 10
@@ -75,8 +75,13 @@ def cells_near_road(
 
 
 @njit(cache=True, nogil=True)
-def sort_into_cells(xyz: F64, intensity: F32, origin: F64, cells: I32, n_cells: int) -> tuple[F64, I64, I64]:
-    """Return chosen points (x, y, z from the origin, intensity) by cell, their indices, the cells' starts; stable."""
+def sort_into_cells(
+    xyz: F64, intensity: F32, time: F64, origin: F64, cells: I32, n_cells: int
+) -> tuple[F64, I64]:
+    """Return chosen points (x, y, z from the origin, intensity, time) by cell, and the cells' starts; stable.
+
+    time: (n,), or of no length, then times are 0.
+    """
     starts = np.zeros(n_cells + 1, dtype=np.int64)
     for i in range(len(cells)):
         if cells[i] >= 0:
@@ -84,25 +89,24 @@ def sort_into_cells(xyz: F64, intensity: F32, origin: F64, cells: I32, n_cells: 
     for c in range(n_cells):
         starts[c + 1] += starts[c]
     fill = starts[:-1].copy()
-    points = np.empty((starts[n_cells], 4))
-    index = np.empty(starts[n_cells], dtype=np.int64)
+    points = np.empty((starts[n_cells], 5))
     for i in range(len(cells)):
         if cells[i] >= 0:
             at = fill[cells[i]]
             fill[cells[i]] += 1
-            index[at] = i
             for k in range(3):
                 points[at, k] = xyz[i, k] - origin[k]
             points[at, 3] = intensity[i]
-    return points, index, starts
+            points[at, 4] = time[i] if len(time) else 0.0
+    return points, starts
 
 
 @njit(cache=True, nogil=True)
-def count_bright(points: F64, times: F64, starts: I64, n_cols: int, spreads: float) -> F64:
+def count_bright(points: F64, starts: I64, n_cols: int, spreads: float) -> F64:
     """Return (n_cells, 3): number of bright points in each cell and the sums of their x and y.
 
     Bright: `spreads` spreads above the level of the dark surface in 3 x 3 cells, for each visit of the scanner by
-    itself (`times`: (n,), or of no length).
+    itself; or as bright as the brightest, where that is less (saturated).
     """
     n_cells = len(starts) - 1
     n_rows = n_cells // n_cols
@@ -125,27 +129,24 @@ def count_bright(points: F64, times: F64, starts: I64, n_cols: int, spreads: flo
                     taken = min(number, N_SAMPLE)
                     for k in range(taken):
                         i = first + k * number // taken
-                        value[n] = points[i, 3]
-                        if len(times):
-                            time[n] = times[i]
+                        value[n], time[n] = points[i, 3], points[i, 4]
                         n += 1
             m = split_into_visits(time, n, visit, spans)
             for v in range(m):
-                number = 0
+                number, highest = 0, -np.inf
                 for i in range(n):
                     if visit[i] == v:
                         part[number] = value[i]
+                        highest = max(highest, value[i])
                         number += 1
                 limits[v] = np.inf
                 if number >= LEAST_SAMPLE:
                     level, spread = dark_level(part[:number])
-                    # `part` is sorted now. Saturated paint is no brighter than the brightest
-                    limits[v] = min(level + spreads * spread, part[number - 1])
-                    if limits[v] <= level:
-                        limits[v] = np.inf
+                    if highest > level:
+                        limits[v] = min(level + spreads * spread, highest)
             for i in range(starts[at], starts[at + 1]):
-                limit = limits[visit_of(times[i], spans, m) if m > 1 else 0]
-                if points[i, 3] >= limit:
+                limit = limits[visit_of(points[i, 4], spans, m) if m > 1 else 0]
+                if points[i, 3] >= limit and limit < np.inf:
                     out[at, 0] += 1.0
                     out[at, 1] += points[i, 0]
                     out[at, 2] += points[i, 1]

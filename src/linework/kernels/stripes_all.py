@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from linework.kernels.stripe_search import ACROSS, MOST_STRIPES, TIME, Q, X, Y, gather
 from linework.kernels.stripes import (
-    ACROSS,
     CX,
     CY,
     FIRST,
@@ -17,21 +17,15 @@ from linework.kernels.stripes import (
     HALF_U,
     HALF_V,
     HOLES,
-    INDEX,
     LAST,
-    MOST_STRIPES,
     N_COLUMNS,
     NO_BRIGHT,
     TOO_FEW_POINTS,
     UX,
     UY,
-    Q,
-    X,
-    Y,
-    gather,
     stripes_in_area,
 )
-from linework.kernels.visits import MOST_VISITS, dark_level, split_into_visits
+from linework.kernels.visits import MOST_VISITS, dark_level, smallest, split_into_visits, visit_of
 
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
@@ -42,60 +36,54 @@ RADII_M = (0.5, 1.0, 2.0)
 #: A search area with fewer points shows no stripe: paint 0.12 m wide covers a twelfth of it. One with many
 #: shows all there is.
 LEAST_POINTS, MANY_POINTS = 80, 400
-#: Points that say how dark the road and how bright the paint is, and the fewest of a visit.
-N_LEVEL, LEAST_VISIT = 64, 16
+#: Points that say how dark the road and how bright the paint is, about, and the fewest of a visit.
+N_LEVEL, LEAST_VISIT = 200, 10
 
 
 @njit(cache=True, nogil=True)
-def even_out(work: F64, n: int, times: F64) -> tuple[int, float, float]:
+def even_out(work: F64, n: int) -> tuple[int, float, float]:
     """Bring all visits of the scanner to the same road, in place; return number of points, dark and bright level.
 
     Each visit's intensities are divided by the level of its dark surface; a visit of few points is left out.
     Where the level is 0 (intensities of dark points not known) they stay as they are.
     """
-    time, visit, spans = np.zeros(n), np.zeros(n, dtype=np.int64), np.zeros((MOST_VISITS, 2))
-    if len(times):
-        for i in range(n):
-            time[i] = times[int(work[i, INDEX])]
-    m = split_into_visits(time, n, visit, spans)
-    levels, counts = np.zeros(MOST_VISITS), np.zeros(MOST_VISITS, dtype=np.int64)
-    for i in range(n):
-        counts[visit[i]] += 1
-    sample = np.empty(2 * N_LEVEL)
+    # A part of the points, evenly chosen, says which visits there are and how dark the road is in each
+    stride = n // N_LEVEL + 1
+    taken = (n + stride - 1) // stride
+    time, value = np.empty(N_LEVEL), np.empty(N_LEVEL)
+    visit, spans = np.zeros(taken, dtype=np.int64), np.zeros((MOST_VISITS, 2))
+    for k in range(taken):
+        time[k], value[k] = work[k * stride, TIME], work[k * stride, Q]
+    m = split_into_visits(time, taken, visit, spans)
+    levels, counts, part = np.zeros(MOST_VISITS), np.zeros(MOST_VISITS, dtype=np.int64), np.empty(N_LEVEL)
     lowest = np.inf
     for v in range(m):
-        stride, seen, taken = max(counts[v] // N_LEVEL, 1), 0, 0
-        for i in range(n):
-            if visit[i] == v:
-                if seen % stride == 0 and taken < len(sample):
-                    sample[taken] = work[i, Q]
-                    taken += 1
-                seen += 1
-        if taken >= LEAST_VISIT:
-            levels[v], _ = dark_level(sample[:taken])
+        for k in range(taken):
+            if visit[k] == v:
+                part[counts[v]] = value[k]
+                counts[v] += 1
+        if counts[v] >= LEAST_VISIT:
+            levels[v], _ = dark_level(part[: counts[v]])
             lowest = min(lowest, levels[v])
     kept, dark = 0, 1.0 if lowest > 0.0 else 0.0
     for i in range(n):
-        v = visit[i]
+        v = visit_of(work[i, TIME], spans, m) if m > 1 else 0
         if counts[v] >= LEAST_VISIT:
-            for c in range(work.shape[1]):
-                work[kept, c] = work[i, c]
+            if kept < i:
+                work[kept] = work[i]
             if lowest > 0.0:
                 work[kept, Q] /= levels[v]
             kept += 1
-    stride, taken = max(kept // N_LEVEL, 1), 0
-    for i in range(0, kept, stride):
-        if taken < len(sample):
-            sample[taken] = work[i, Q]
-            taken += 1
-    if taken == 0:
+    if kept == 0:
         return 0, 0.0, 0.0
-    chosen = sample[:taken]
-    chosen.sort()
+    stride = kept // N_LEVEL + 1
+    taken = (kept + stride - 1) // stride
+    for k in range(taken):
+        value[k] = work[k * stride, Q]
     # Paint 0.12 m wide covers a twelfth of the area
-    bright = chosen[int(0.95 * (taken - 1) + 0.5)]
+    bright = smallest(value[:taken], int(0.95 * (taken - 1) + 0.5))
     if bright <= dark:
-        bright = chosen[taken - 1]
+        bright = value[:taken].max()
     return kept, dark, bright
 
 
@@ -103,7 +91,6 @@ def even_out(work: F64, n: int, times: F64) -> tuple[int, float, float]:
 def stripes_at(
     points: F64,
     starts: I64,
-    times: F64,
     lattice: tuple[float, int, int, int, int],
     place: tuple[float, float],
     cell: tuple[float, float, float, float],
@@ -128,11 +115,11 @@ def stripes_at(
             n = gather(points, starts, lattice, x, y, reach, work)
         if n < LEAST_POINTS:
             continue
-        n, dark, bright = even_out(work, n, times)
+        n, dark, bright = even_out(work, n)
         if n < LEAST_POINTS:
             continue
         if n < len(work):
-            work[n, INDEX] = -1.0
+            work[n, TIME] = np.nan
         if not bright > dark:
             why = NO_BRIGHT
             continue
@@ -149,16 +136,12 @@ def stripes_at(
 def all_stripes(
     points: F64,
     starts: I64,
-    times: F64,
     lattice: tuple[float, int, int, int, int],
     cells: I64,
     places: F64,
     least_t: float,
 ) -> F64:
-    """Return the stripes of all the cells in their order, one row each (see `linework.kernels.stripes`).
-
-    times: (n,) of the points, or of no length.
-    """
+    """Return the stripes of all the cells in their order, one row each (see `linework.kernels.stripes`)."""
     size, south, west, _, n_cols = lattice
     out = np.empty((256, N_COLUMNS))
     some = np.empty((MOST_STRIPES, N_COLUMNS))
@@ -168,7 +151,7 @@ def all_stripes(
         row, col = cells[k] // n_cols + south, cells[k] % n_cols + west
         cell = (col * size, row * size, (col + 1) * size, (row + 1) * size)
         place = (places[k, 0], places[k, 1])
-        number, _, work = stripes_at(points, starts, times, lattice, place, cell, least_t, work, some)
+        number, _, work = stripes_at(points, starts, lattice, place, cell, least_t, work, some)
         for j in range(number):
             # Half open: a centre on the northern or eastern edge is another cell's
             if np.floor(some[j, CX] / size) != col or np.floor(some[j, CY] / size) != row:
@@ -178,24 +161,22 @@ def all_stripes(
                 grown[:m] = out
                 out = grown
             out[m] = some[j]
-            if len(times):
-                write_times(work, times, place, out[m])
+            write_times(work, place, out[m])
             m += 1
     return out[:m]
 
 
 @njit(cache=True, nogil=True)
-def write_times(work: F64, times: F64, place: tuple[float, float], stripe: F64) -> None:
+def write_times(work: F64, place: tuple[float, float], stripe: F64) -> None:
     """Write when the points on a stripe were measured."""
     dx, dy = stripe[CX] - place[0], stripe[CY] - place[1]
     first, last = np.inf, -np.inf
     for i in range(len(work)):
-        k = int(work[i, INDEX])
-        if k < 0:
+        if np.isnan(work[i, TIME]):
             break
         u = (work[i, X] - dx) * stripe[UX] + (work[i, Y] - dy) * stripe[UY]
         v = (work[i, Y] - dy) * stripe[UX] - (work[i, X] - dx) * stripe[UY]
         if abs(u) <= stripe[HALF_U] and abs(v) <= stripe[HALF_V]:
-            first, last = min(first, times[k]), max(last, times[k])
+            first, last = min(first, work[i, TIME]), max(last, work[i, TIME])
     if first <= last:
         stripe[FIRST], stripe[LAST] = first, last

@@ -29,7 +29,7 @@ REACH_M = 4.0
 _CHANCE = 0.02
 _BRIGHT_SPREADS = 2.5
 #: A stripe that stands out less in the profile across is not looked at any closer.
-_LEAST_T = 4.0
+LEAST_T = 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,22 +67,19 @@ class MarkingConfig:
 
 @dataclass(frozen=True, slots=True)
 class PaintPoints:
-    """Points near the road with their intensities, in the cells of the global lattice.
+    """Points near the road in the cells of the global lattice.
 
     Parameters
     ----------
-    xyzi
-        (n, 4) float64: place from the local origin [m], intensity.
-    times
-        (n,) float64 [s], or of no length.
+    rows
+        (n, 5) float64: place from the local origin [m], intensity, time [s].
     starts
         (n_cells + 1,) int64: first point of each cell.
     lattice
         Cell size [m], numbers of the south row and the west column, number of rows and of columns.
     """
 
-    xyzi: FloatArray
-    times: FloatArray
+    rows: FloatArray
     starts: IntArray
     lattice: tuple[float, int, int, int, int]
 
@@ -105,11 +102,11 @@ class PaintPoints:
             points.xyz, local, (size, north, west, surface.z0_m - origin[2]), surface.road_m,
             _grown(surface.is_road), config.tolerance_m, lattice,
         )  # fmt: skip
-        xyzi, index, starts = paint_points.sort_into_cells(
-            points.xyz, intensity, local, cells, n_rows * n_cols
+        time_s = np.zeros(0) if points.time_s is None else points.time_s
+        rows, starts = paint_points.sort_into_cells(
+            points.xyz, intensity, time_s, local, cells, n_rows * n_cols
         )
-        times = np.zeros(0) if points.time_s is None else points.time_s[index]
-        return cls(xyzi, times, starts, lattice)
+        return cls(rows, starts, lattice)
 
 
 def find_marking_boxes(tile: TileData, surface: RoadSurface, config: MarkingConfig) -> BoxSet:
@@ -123,11 +120,11 @@ def find_marking_boxes(tile: TileData, surface: RoadSurface, config: MarkingConf
     paint = PaintPoints.of(tile.points, surface, origin_of(tile), config)
     n_cols = paint.lattice[4]
     # Search areas: about the bright points of every cell that has more of them than chance brings
-    bright = paint_points.count_bright(paint.xyzi, paint.times, paint.starts, n_cols, _BRIGHT_SPREADS)
+    bright = paint_points.count_bright(paint.rows, paint.starts, n_cols, _BRIGHT_SPREADS)
     cells, places = paint_points.bright_centres(bright, paint.starts, n_cols, _CHANCE)
     # Direction, edges and extent of the stripes in each
-    found = all_stripes(paint.xyzi, paint.starts, paint.times, paint.lattice, cells, places, _LEAST_T)
-    return boxes_of(found, config, has_time=len(paint.times) > 0)
+    found = all_stripes(paint.rows, paint.starts, paint.lattice, cells, places, LEAST_T)
+    return boxes_of(found, config, has_time=tile.points.time_s is not None)
 
 
 def origin_of(tile: TileData) -> tuple[float, float, float]:

@@ -1,0 +1,42 @@
+"""Small systems of linear equations with a positive definite matrix, solved in place."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+F64 = npt.NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True)
+def factor(matrix: F64) -> None:
+    """Replace the lower triangle of a positive definite matrix by its Cholesky factor."""
+    n = len(matrix)
+    for a in range(n):
+        for b in range(a + 1):
+            total = matrix[a, b]
+            for c in range(b):
+                total -= matrix[a, c] * matrix[b, c]
+            if a == b:
+                matrix[a, a] = math.sqrt(max(total, 1e-12))
+            else:
+                matrix[a, b] = total / matrix[b, b]
+
+
+@njit(cache=True, nogil=True)
+def solve(lower: F64, right: F64, out: F64) -> None:
+    """Write the solution of a system whose matrix has this Cholesky factor."""
+    n = len(lower)
+    for a in range(n):
+        total = right[a]
+        for c in range(a):
+            total -= lower[a, c] * out[c]
+        out[a] = total / lower[a, a]
+    for a in range(n - 1, -1, -1):
+        total = out[a]
+        for c in range(a + 1, n):
+            total -= lower[c, a] * out[c]
+        out[a] = total / lower[a, a]
