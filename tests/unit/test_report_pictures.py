@@ -152,16 +152,31 @@ def test_places_are_measured_ones():
 def test_pictures_are_the_same_twice_and_need_no_reference(street, lines):
     for draw in (
         lambda: plan_figure(lines, street),
-        lambda: close_up_figure(lines, reader(street)),
+        lambda: close_up_figure(lines, street, reader(street)),
         lambda: kerb_figure(kerb_cuts(lines, reader(street), None)),
         lambda: marking_figure(marking_cuts(lines, reader(street), None)),
     ):
         image = png(draw())
         assert image.startswith(b"\x89PNG")
         assert image == png(draw())
-    short = LineSet.from_lines([along(0.0, x1=20.0)], kind=["cable"])
-    assert close_up_figure(short, reader(street)) is None
-    assert close_up_figure(LineSet.empty(), reader(street)) is None
+    short = street.take(street.xyz[:, 0] < ORIGIN[0] + 20.0)
+    assert close_up_figure(LineSet.empty(), short, reader(short)) is None
+    assert close_up_figure(lines, Points(np.zeros((0, 3))), reader(street)) is None
+
+
+def test_what_was_missed_is_drawn_too(street, lines):
+    places = []
+
+    def points_in(bounds):
+        places.append((bounds.west + bounds.east) / 2 - ORIGIN[0])
+        return reader(street)(bounds)
+
+    # One short line at the start of the road
+    found = LineSet.from_lines([along(0.0, x1=5.0)], kind=["lane_marking"])
+    assert png(close_up_figure(found, street, points_in)).startswith(b"\x89PNG")
+    assert sorted(places) == pytest.approx([100 / 6, 50, 500 / 6], abs=1.0)
+    ax = plan_figure(found, street).axes[0]
+    assert np.ptp(ax.get_xlim()) > 80
 
 
 def test_the_page_has_all_of_them(street, lines):

@@ -84,24 +84,26 @@ def plan_figure(lines: LineSet, points: Points | None) -> Figure:
     return figure
 
 
-def close_up_figure(lines: LineSet, points_in: PointsIn) -> Figure | None:
-    """Draw some places along the lines so large that paint has a width; None where the plan itself does.
+def close_up_figure(lines: LineSet, points: Points, points_in: PointsIn) -> Figure | None:
+    """Draw some places so large that paint has a width; None where the plan itself does.
 
     Parameters
     ----------
+    points
+        An even share of all points: places are chosen where points are, found lines or not.
     points_in
-        Gives the points within bounds.
+        Gives all points within bounds.
     """
-    view, whole = _view_of(lines, None)
-    boxes = _close_up_boxes(view.seen(lines.xyz[:, :2])) if len(lines) else ()
-    if not boxes or whole[0][1] - whole[0][0] < 1.5 * CLOSE_UP_M[0]:
+    view, whole = _view_of(lines, points)
+    if len(points) == 0 or whole[0][1] - whole[0][0] < 1.5 * CLOSE_UP_M[0]:
         return None
+    boxes = _close_up_boxes(view.seen(lines.xyz[:, :2]), view.seen(_few(points)))
     height = WIDTH_IN * CLOSE_UP_M[1] / CLOSE_UP_M[0]
     figure = Figure(figsize=(WIDTH_IN, height * len(boxes) + 0.5), layout="constrained", dpi=110)
     for ax, box in zip(figure.subplots(len(boxes), 1, squeeze=False)[:, 0], boxes, strict=True):
-        points = points_in(view.bounds(box))
-        if len(points):
-            _draw_ground(ax, points, view, box)
+        near = points_in(view.bounds(box))
+        if len(near):
+            _draw_ground(ax, near, view, box)
         _draw_lines(ax, lines, view, box, 0.9)
         draw_scale_bar(ax)
         draw_north_arrow(ax, math.degrees(view.turn))
@@ -109,30 +111,39 @@ def close_up_figure(lines: LineSet, points_in: PointsIn) -> Figure | None:
     return figure
 
 
+def _few(points: Points) -> FloatArray:
+    """Return (k, 2) places of an even share of the points: enough to say where they are."""
+    return points.xyz[:: max(1, len(points) // 100_000), :2]
+
+
 def _view_of(lines: LineSet, points: Points | None) -> tuple[View, Box]:
-    """Return the view and extent of the lines, or without lines of the points."""
-    places = lines.xyz[:, :2]
-    if len(places) == 0 and points is not None:
-        places = points.xyz[:: max(1, len(points) // PLAN_POINTS), :2]
-    if len(places) == 0:
-        return View.of(places), ((-10.0, 10.0), (-5.0, 5.0))
-    view = View.of(places)
-    (x0, y0), (x1, y1) = (f(view.seen(places), axis=0) for f in (np.min, np.max))
+    """Return the view along the lines, or without lines along the points, and the extent of both.
+
+    Of the points a tenth at each side is left out: a scanner sees far beyond the road.
+    """
+    places, cloud = lines.xyz[:, :2], np.zeros((0, 2)) if points is None else _few(points)
+    view = View.of(places if len(places) else cloud)
+    corners = [view.seen(places)]
+    if len(cloud):
+        corners.append(np.quantile(view.seen(cloud), [0.1, 0.9], axis=0))
+    inside = np.concatenate(corners)
+    if len(inside) == 0:
+        return view, ((-10.0, 10.0), (-5.0, 5.0))
+    (x0, y0), (x1, y1) = inside.min(axis=0), inside.max(axis=0)
     margin = max(0.04 * (x1 - x0), 6.0)
     return view, ((float(x0 - margin), float(x1 + margin)), (float(y0 - margin), float(y1 + margin)))
 
 
-def _close_up_boxes(places: FloatArray) -> tuple[Box, ...]:
-    """Return boxes at even shares of the vertices along the plan, each centred across on those about it."""
-    boxes = []
-    for along in np.quantile(places[:, 0], (np.arange(N_CLOSE_UPS) + 0.5) / N_CLOSE_UPS, method="nearest"):
-        across = np.median(places[np.abs(places[:, 0] - along) < CLOSE_UP_M[0] / 2, 1])
-        boxes.append(
-            (
-                (float(along - CLOSE_UP_M[0] / 2), float(along + CLOSE_UP_M[0] / 2)),
-                (float(across - CLOSE_UP_M[1] / 2), float(across + CLOSE_UP_M[1] / 2)),
-            )
-        )
+def _close_up_boxes(lines: FloatArray, cloud: FloatArray) -> tuple[Box, ...]:
+    """Return boxes at even shares of the points along the plan, each centred across on the lines, if any."""
+    half_m, boxes = np.array(CLOSE_UP_M) / 2, []
+    for along in np.quantile(cloud[:, 0], (np.arange(N_CLOSE_UPS) + 0.5) / N_CLOSE_UPS, method="nearest"):
+        beside = lines[np.abs(lines[:, 0] - along) < half_m[0], 1]
+        if len(beside) == 0:
+            beside = cloud[np.abs(cloud[:, 0] - along) < half_m[0], 1]
+        middle = np.array([along, np.median(beside)])
+        (x0, y0), (x1, y1) = (middle - half_m).tolist(), (middle + half_m).tolist()
+        boxes.append(((x0, x1), (y0, y1)))
     return tuple(dict.fromkeys(boxes))
 
 

@@ -97,7 +97,7 @@ def _figures(report: Report) -> Iterator[tuple[str, str, Figure]]:
         plan_figure(report.lines, report.points),
     )
     if report.points is not None and len(report.points):
-        yield from _close_figures(report, report.points_in or _reader(report.points))
+        yield from _close_figures(report, report.points, report.points_in or _reader(report.points))
         yield from _section_figures(report, report.points)
     if report.parts and report.scores is not None:
         yield (
@@ -108,9 +108,9 @@ def _figures(report: Report) -> Iterator[tuple[str, str, Figure]]:
         yield "Over the tolerance", "", tolerance_figure(report.scores)
 
 
-def _close_figures(report: Report, points_in: PointsIn) -> Iterator[tuple[str, str, Figure]]:
+def _close_figures(report: Report, points: Points, points_in: PointsIn) -> Iterator[tuple[str, str, Figure]]:
     """Yield what is drawn large, at some places along the lines: plan, kerbs, markings."""
-    near = close_up_figure(report.lines, points_in)
+    near = close_up_figure(report.lines, points, points_in)
     if near is not None:
         yield "Close up", "The same, at three places along the road.", near
     kerbs = kerb_cuts(report.lines, points_in, report.reference)
