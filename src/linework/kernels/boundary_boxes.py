@@ -9,16 +9,30 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from linework.kernels.edge_boxes import edge_in_cell
+from linework.kernels.edge_boxes import differs, edge_in_cell
 from linework.kernels.floor import FINE_M
-from linework.kernels.kerb_boxes import kerb_in_cell
+from linework.kernels.kerb_boxes import kerb_in_cell, may_be_kerb
 from linework.kernels.kerb_steps import STEP_COLUMNS
-from linework.kernels.places import COLUMNS, FOUND, HOLE, NO_ROAD, floor_near, roughest, slope_at
+from linework.kernels.places import (
+    ALL_ROAD,
+    COLUMNS,
+    FOUND,
+    HOLE,
+    NO_ROAD,
+    floor_near,
+    gather_area,
+    roughest,
+    slope_at,
+)
 from linework.kernels.profiles import MOST_POINTS, N_BINS
+from linework.kernels.surroundings import look_around
 
 F64 = npt.NDArray[np.float64]
 F32 = npt.NDArray[np.float32]
 I64 = npt.NDArray[np.int64]
+
+#: Of the cells about a pavement's edge this share is floor at least.
+LEAST_FLOOR = 0.15
 
 
 @njit(cache=True, nogil=True)
@@ -43,8 +57,18 @@ def box_in_cell(
     if noise > roughest(usual, limits):
         return NO_ROAD
     floor = (plane, noise, east, north, usual)
-    why = kerb_in_cell(data, place, floor, limits, rooms, box)
-    return why if why == FOUND else edge_in_cell(data, place, floor, limits, rooms, box)
+    slopes = np.empty((4, 4))
+    rise, share = look_around(data[3], data[2], place, plane, noise, slopes)
+    if rise < 0.0:
+        return HOLE
+    why = ALL_ROAD
+    if may_be_kerb(floor, (slopes, rise), limits):
+        area = gather_area(data[0], data[1], data[2], place, plane, rooms[0])
+        why = kerb_in_cell(data, place, floor, (slopes, rise), area, limits, rooms, box)
+    if why != FOUND and share >= LEAST_FLOOR and (differs(slopes, noise, 0) or differs(slopes, noise, 1)):
+        area = gather_area(data[0], data[1], data[2], place, plane, rooms[0])
+        why = edge_in_cell(data, place, floor, (slopes, rise), area, limits, rooms, box)
+    return why
 
 
 @njit(cache=True, nogil=True)

@@ -20,10 +20,10 @@ from linework.kernels.places import (
     HOLE,
     NO_ROAD,
     chord_in_cell,
-    gather_area,
     roughest,
 )
 from linework.kernels.profiles import MOST_POINTS, fit_side, gather_at
+from linework.kernels.surroundings import ROUGH
 
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
@@ -38,10 +38,21 @@ STEP_M = 0.15
 
 
 @njit(cache=True, nogil=True)
+def differs(slopes: F64, noise: float, by: int) -> bool:
+    """Return whether the fine cells get rougher (by = 0) or brighter (by = 1) as next to a pavement's edge."""
+    row = slopes[ROUGH + by]
+    # By how much both sides of the area differ, if it is cut in half: 0.85 / R is the slope of a step of 1
+    least = (ROUGHER - 1.0) * noise if by == 0 else 0.5 * (BRIGHTER - 1.0) * row[3]
+    return bool(row[2] >= EXPLAINED and np.hypot(row[0], row[1]) * AREA_M >= least)
+
+
+@njit(cache=True, nogil=True)
 def edge_in_cell(
     data: tuple[F64, I64, I64, F64, F64],
     place: tuple[float, float],
     floor: tuple[F64, float, float, float, float],
+    around: tuple[F64, float],
+    area: tuple[int, float],
     limits: F64,
     rooms: tuple[F64, F64, F64],
     box: F64,
@@ -50,29 +61,20 @@ def edge_in_cell(
 
     Arguments as for a kerb. First by roughness; where that tells nothing, by brightness alone.
     """
-    points, starts, span, cells, _ = data
+    points, starts, span, _, _ = data
     work, sums, edge = rooms
     x, y = place
-    ways, plane = np.zeros((2, 4)), floor[0].copy()
-    first = np.zeros(pe.EDGE_COLUMNS)
-    pe.rougher(cells, span, place, AREA_M, plane, ways)
-    # By how much both sides of the area differ, if it is cut in half: 0.85 / R is the slope of a step of 1
-    amount = np.hypot(ways[0, 0], ways[0, 1]) * AREA_M, np.hypot(ways[1, 0], ways[1, 1]) * AREA_M
-    wanted = (
-        ways[0, 2] >= EXPLAINED and amount[0] >= 0.5 * (ROUGHER - 1.0) * floor[1],
-        ways[1, 2] >= EXPLAINED and amount[1] >= 0.5 * (BRIGHTER - 1.0) * ways[1, 3],
-    )
-    if not (wanted[0] or wanted[1]):
-        return ALL_ROAD
-    n, scale = gather_area(points, starts, span, place, plane, work)
+    n, scale = area
+    plane, first = floor[0].copy(), np.zeros(pe.EDGE_COLUMNS)
     if n < 2 * pe.SIDE_POINTS:
         return HOLE
     by, found = 0, False
     for k in range(2):
-        size = np.hypot(ways[k, 0], ways[k, 1])
-        if not found and wanted[k] and size > 0.0:
+        gx, gy = around[0][ROUGH + k, 0], around[0][ROUGH + k, 1]
+        size = np.hypot(gx, gy)
+        if not found and differs(around[0], floor[1], k) and size > 0.0:
             by = k
-            found = pe.best_split(work, n, (-ways[k, 0] / size, -ways[k, 1] / size), scale, k, sums, first)
+            found = pe.best_split(work, n, (-gx / size, -gy / size), scale, k, sums, first)
     if not found:
         return ALL_ROAD if first[2] < pe.CLEAR else ELSEWHERE
     vx, vy, v = first[0], first[1], first[3]

@@ -11,7 +11,6 @@ from numba import njit
 
 from linework.kernels import kerb_steps as ks
 from linework.kernels import places as at_place
-from linework.kernels.floor import FINE_M
 from linework.kernels.kerbs import CLEAR, best_step
 from linework.kernels.places import (
     ALL_ROAD,
@@ -19,60 +18,34 @@ from linework.kernels.places import (
     CELL_M,
     ELSEWHERE,
     FOUND,
-    HOLE,
     NO_ROAD,
     chord_in_cell,
-    gather_area,
     roughest,
 )
 from linework.kernels.profiles import CLIP_M, MOST_POINTS, gather_at
+from linework.kernels.surroundings import HEIGHT, RISE
 
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
 
 #: A kerb is higher than this many times the noise of its floor: grass is not.
 LEAST_CLEAR = 1.5
+#: Share of the cells' heights that a slope explains: three quarters across a step in the middle, a third of that
+#: off the middle and in noise, a tenth by chance.
+EXPLAINED = 0.25
 
 
 @njit(cache=True, nogil=True)
-def uphill(sums: F64, span: I64, x: float, y: float, plane: F64, noise: float) -> tuple[float, float, float]:
-    """Return the direction in which the fine cells' mean heights leave the plane, and by how much they do.
-
-    Cells within the search area; those over 0.3 m from the plane count for how far only.
-    """
-    c0, r0 = int(np.floor(x / FINE_M)) - span[0], int(np.floor(y / FINE_M)) - span[1]
-    n, sx, sy, sr, xx, xy, yy, xr, yr = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    low, high = 1e9, -1e9
-    for r in range(max(r0 - 3, 0), min(r0 + 3, span[3])):
-        for c in range(max(c0 - 3, 0), min(c0 + 3, span[2])):
-            s = sums[r * span[2] + c]
-            if s[0] == 0.0:
-                continue
-            dx = s[1] / s[0] + (span[0] + c + 0.5) * FINE_M - x
-            dy = s[2] / s[0] + (span[1] + r + 0.5) * FINE_M - y
-            if dx * dx + dy * dy > AREA_M**2:
-                continue
-            d = s[3] / s[0] - plane[0] - plane[1] * dx - plane[2] * dy
-            w = min(s[0], 5.0) if abs(d) <= CLIP_M else 0.0
-            low, high = min(low, d + 2.0 * noise / np.sqrt(s[0])), max(high, d - 2.0 * noise / np.sqrt(s[0]))
-            n += w
-            sx += w * dx
-            sy += w * dy
-            sr += w * d
-            xx += w * dx * dx
-            xy += w * dx * dy
-            yy += w * dy * dy
-            xr += w * dx * d
-            yr += w * dy * d
-    if n < 6.0:
-        return 0.0, 0.0, -2.0
-    xx, xy, yy = xx - sx * sx / n, xy - sx * sy / n, yy - sy * sy / n
-    xr, yr = xr - sx * sr / n, yr - sy * sr / n
-    det = xx * yy - xy * xy
-    if det <= 1e-9:
-        return 0.0, 0.0, -2.0
-    gx, gy = (xr * yy - yr * xy) / det, (yr * xx - xr * xy) / det
-    return gx, gy, high - low
+def may_be_kerb(
+    floor: tuple[F64, float, float, float, float], around: tuple[F64, float], limits: F64
+) -> bool:
+    """Return whether the fine cells around a place rise as next to a kerb."""
+    slopes, rise = around
+    size = np.hypot(slopes[HEIGHT, 0], slopes[HEIGHT, 1])
+    # Across a disc of radius R that a step h cuts in half the slope is 0.85 h / R; half of it off its middle
+    least = 0.5 * max(limits[0], LEAST_CLEAR * floor[1])
+    steady = size * AREA_M >= 0.8 * least and slopes[HEIGHT, 2] >= EXPLAINED
+    return bool(rise >= least and (rise >= CLIP_M or steady))
 
 
 @njit(cache=True, nogil=True)
@@ -80,33 +53,30 @@ def kerb_in_cell(
     data: tuple[F64, I64, I64, F64, F64],
     place: tuple[float, float],
     floor: tuple[F64, float, float, float, float],
+    around: tuple[F64, float],
+    area: tuple[int, float],
     limits: F64,
     rooms: tuple[F64, F64, F64],
     box: F64,
 ) -> int:
     """Find the foot of a kerb in the cell about `place`; write the box, return FOUND or why there is none.
 
-    data: points, starts, span, sums, facets. floor: plane, its noise, the road's slopes, noise of the smoothest floor around. limits: see `_is_kerb`.
-    rooms: work, sums of a profile, step: overwritten.
+    data: points, starts, span, sums, facets. floor: plane, its noise, the road's slopes, noise of the smoothest
+    floor around. around: slopes about the place, and rise. area: number of points in `work`, and scale.
+    limits: see `_is_kerb`. rooms: work, sums of a profile, step: overwritten.
     """
-    points, starts, span, cells, _ = data
+    points, starts, span, _, _ = data
     work, sums, step = rooms
     x, y = place
+    n, scale = area
     share, first, plane = np.zeros(5), np.zeros(7), floor[0].copy()
-    gx, gy, rise = uphill(cells, span, x, y, plane, floor[1])
-    size = np.hypot(gx, gy)
-    # Across a disc of radius R that a step h cuts in half the slope is 0.85 h / R; half of it off its middle
-    least = 0.5 * max(limits[0], LEAST_CLEAR * floor[1])
-    if rise < -1.0:
-        return HOLE
-    if rise < least or (rise < CLIP_M and size * AREA_M < 0.8 * least):
-        return ALL_ROAD
-    n, scale = gather_area(points, starts, span, place, plane, work)
-    if n < 12:
-        return HOLE
-    found = size > 0.0 and best_step(work, n, (-gx / size, -gy / size), scale, sums, first)
-    if rise >= 0.5 * CLIP_M:
-        # Next to a car, a hedge or a wall the slope is not the kerb's: all ways round
+    found = False
+    for k in (HEIGHT, RISE):
+        # Next to a car, a hedge or a wall the heights' slope is not the kerb's
+        size = np.hypot(around[0][k, 0], around[0][k, 1])
+        if not found and size > 0.0:
+            found = best_step(work, n, (-around[0][k, 0] / size, -around[0][k, 1] / size), scale, sums, first)
+    if around[1] >= 0.5 * CLIP_M:
         for k in range(8):
             if not found:
                 turn = 0.25 * np.pi * k

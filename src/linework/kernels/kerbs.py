@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from linework.kernels.profiles import profile_across, step_in
+from linework.kernels.profiles import beside_cell, profile_across, step_in
 
 F64 = npt.NDArray[np.float64]
 
@@ -50,7 +50,9 @@ def best_step(work: F64, n: int, frame: tuple[float, float], scale: float, sums:
                 out[0], out[1], out[2], out[3], out[4], out[5], out[6] = x, y, *found
         if out[2] < (0.5 * CLEAR if stage == 0 else CLEAR):
             return False
-    return abs(out[3]) <= REACH_V
+        if stage > 0 and beside_cell(out[0], out[1], out[3]):
+            return False
+    return True
 
 
 @njit(cache=True, nogil=True)

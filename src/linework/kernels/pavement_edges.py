@@ -9,18 +9,18 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from linework.kernels.floor import FINE_M
 from linework.kernels.profiles import (
     LEAST_NOISE_M,
     LOW_BINS,
     N_BINS,
     NOTHING,
+    beside_cell,
     line_through,
     profile_across,
 )
+from linework.kernels.surroundings import ROUGHEST_M
 
 F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
 
 #: Turns that are tried about the first direction, from coarse to fine. [rad]
 TURNS = (
@@ -36,8 +36,6 @@ FINE_TURNS = (
 )
 #: Half of a cell's diagonal and 5 cm. [m]
 REACH_V = 0.40
-#: Spreads of height beyond this are no verge. [m]
-ROUGHEST_M = 0.06
 #: Brightness differs by this share at least from one stone to the next; one level is known to it.
 LEAST_CONTRAST = 0.03
 #: Bins to either side in which an edge is found again.
@@ -55,59 +53,6 @@ CLEAR = 24.0
 #: Columns of an edge: v-axis, clearness, v, spreads on the smooth and on the other side, step up beyond it,
 #: brightness beyond over that before it, points on both sides, standard deviation of v.
 EDGE_COLUMNS = 11
-
-
-@njit(cache=True, nogil=True)
-def rougher(sums: F64, span: I64, place: tuple[float, float], radius: float, plane: F64, out: F64) -> None:
-    """Write the directions in which fine cells get rougher, and brighter, and how well that explains them.
-
-    out: (2, 4): slopes east and north, explained share and mean, for roughness and brightness.
-    """
-    x, y = place
-    reach = int(radius / FINE_M)
-    c0, r0 = int(np.floor(x / FINE_M)) - span[0], int(np.floor(y / FINE_M)) - span[1]
-    t = np.zeros(15)
-    for r in range(max(r0 - reach, 0), min(r0 + reach, span[3])):
-        for c in range(max(c0 - reach, 0), min(c0 + reach, span[2])):
-            s = sums[r * span[2] + c]
-            n = s[0]
-            if n < 2.0:
-                continue
-            ox, oy = (span[0] + c + 0.5) * FINE_M - x, (span[1] + r + 0.5) * FINE_M - y
-            # Mean square of the heights over the plane, from the sums
-            a, b = plane[1], plane[2]
-            p = plane[0] + a * ox + b * oy
-            square = s[9] + n * p * p + a * a * s[4] + b * b * s[6] + 2.0 * (a * b * s[5])
-            square += 2.0 * (p * (a * s[1] + b * s[2]) - p * s[3] - a * s[7] - b * s[8])
-            rough = min(np.sqrt(max(square / n, 0.0)), ROUGHEST_M)
-            bright = s[10] / n
-            dx, dy = s[1] / n + ox, s[2] / n + oy
-            w = min(n, 6.0)
-            t[0] += w
-            t[1] += w * dx
-            t[2] += w * dy
-            t[3] += w * dx * dx
-            t[4] += w * dx * dy
-            t[5] += w * dy * dy
-            for k, f in ((6, rough), (10, bright)):
-                t[k] += w * f
-                t[k + 1] += w * dx * f
-                t[k + 2] += w * dy * f
-                t[k + 3] += w * f * f
-    out[:] = 0.0
-    if t[0] < 12.0:
-        return
-    n, mx, my = t[0], t[1] / t[0], t[2] / t[0]
-    xx, xy, yy = t[3] / n - mx * mx, t[4] / n - mx * my, t[5] / n - my * my
-    det = xx * yy - xy * xy
-    if det <= 1e-6:
-        return
-    for k, row in ((6, out[0]), (10, out[1])):
-        mf = t[k] / n
-        fx, fy, ff = t[k + 1] / n - mx * mf, t[k + 2] / n - my * mf, t[k + 3] / n - mf * mf
-        gx, gy = (fx * yy - fy * xy) / det, (fy * xx - fx * xy) / det
-        if ff > 0.0:
-            row[0], row[1], row[2], row[3] = gx, gy, (gx * fx + gy * fy) / ff, mf
 
 
 @njit(cache=True, nogil=True)
@@ -186,13 +131,15 @@ def best_split(
         for turn in TURNS[stage]:
             x, y = x0 * np.cos(turn) - y0 * np.sin(turn), x0 * np.sin(turn) + y0 * np.cos(turn)
             profile_across(work, n, x, y, half_u, step, sums)
-            split_in(sums, step, half, 2, by, gains, found)
+            split_in(sums, step, half, 4 if stage == 0 else 2, by, gains, found)
             if found[0] > out[2]:
                 out[0], out[1] = x, y
                 out[2:10] = found
         if out[2] < (0.5 * CLEAR if stage == 0 else CLEAR):
             return False
-    return abs(out[3]) <= REACH_V
+        if stage > 0 and beside_cell(out[0], out[1], out[3]):
+            return False
+    return True
 
 
 @njit(cache=True, nogil=True)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from numba import njit
 
 from linework.kernels.floor import ground_at
-from linework.kernels.profiles import ENOUGH_POINTS, gather_at
+from linework.kernels.profiles import ENOUGH_POINTS, count_near, gather_at
 
 F64 = npt.NDArray[np.float64]
 F32 = npt.NDArray[np.float32]
@@ -42,7 +42,9 @@ KERB, EDGE, BARRIER = 2.0, 3.0, 4.0
 
 
 @njit(cache=True, nogil=True)
-def floor_near(facets: F64, span: I64, x: float, y: float, slope: tuple[float, float], plane: F64) -> float:
+def floor_near(
+    facets: F64, span: I64, x: float, y: float, slope: tuple[float, float], plane: F64
+) -> tuple[float, float]:
     """Choose the smoothest facet of the road's slope within the search area; write its plane at (x, y).
 
     Returns its rms distance, negative without any, and that of the smoothest facets around.
@@ -69,7 +71,7 @@ def floor_near(facets: F64, span: I64, x: float, y: float, slope: tuple[float, f
 @njit(cache=True, nogil=True)
 def roughest(usual: float, limits: F64) -> float:
     """Return how rough the floor of a place may be, where the smoothest floor around is known."""
-    return min(limits[3], max(ROUGHER_FLOOR * usual, SMOOTH_M))
+    return float(min(limits[3], max(ROUGHER_FLOOR * usual, SMOOTH_M)))
 
 
 @njit(cache=True, nogil=True)
@@ -77,13 +79,12 @@ def gather_area(
     points: F64, starts: I64, span: I64, place: tuple[float, float], plane: F64, work: F64
 ) -> tuple[int, float]:
     """Collect the points of the search area about a place, wider where they are few; return how many, and scale."""
-    n, scale = 0, 1.0
+    scale = SCALES[0]
     for k in range(len(SCALES)):
         scale = SCALES[k]
-        n = gather_at(points, starts, span, place, AREA_M * scale, plane, ENOUGH_POINTS, work)
-        if n >= AREA_POINTS:
+        if k == len(SCALES) - 1 or count_near(starts, span, place, AREA_M * scale) >= AREA_POINTS:
             break
-    return n, scale
+    return gather_at(points, starts, span, place, AREA_M * scale, plane, ENOUGH_POINTS, work), scale
 
 
 @njit(cache=True, nogil=True)

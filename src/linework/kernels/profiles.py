@@ -32,6 +32,21 @@ CLIP_M = 0.30
 
 
 @njit(cache=True, nogil=True)
+def count_near(starts: I64, span: I64, place: tuple[float, float], radius: float) -> int:
+    """Return how many points the fine cells within `radius` of a place (east, north) hold."""
+    n_cols, n_rows = span[2], span[3]
+    c0 = max(int(np.floor((place[0] - radius) / FINE_M)) - span[0], 0)
+    c1 = min(int(np.floor((place[0] + radius) / FINE_M)) - span[0], n_cols - 1)
+    r0 = max(int(np.floor((place[1] - radius) / FINE_M)) - span[1], 0)
+    r1 = min(int(np.floor((place[1] + radius) / FINE_M)) - span[1], n_rows - 1)
+    total = 0
+    if c0 <= c1:
+        for r in range(r0, r1 + 1):
+            total += starts[r * n_cols + c1 + 1] - starts[r * n_cols + c0]
+    return total
+
+
+@njit(cache=True, nogil=True)
 def gather_at(
     points: F64,
     starts: I64,
@@ -55,10 +70,7 @@ def gather_at(
     r1 = min(int(np.floor((py + radius) / FINE_M)) - span[1], n_rows - 1)
     if c0 > c1:
         return 0
-    total = 0
-    for r in range(r0, r1 + 1):
-        total += starts[r * n_cols + c1 + 1] - starts[r * n_cols + c0]
-    step = 1 + total // most
+    step = 1 + count_near(starts, span, place, radius) // most
     n, turn = 0, 0
     for r in range(r0, r1 + 1):
         for i in range(starts[r * n_cols + c0], starts[r * n_cols + c1 + 1]):
@@ -100,6 +112,12 @@ def profile_across(work: F64, n: int, vx: float, vy: float, half_u: float, step:
     for k in range(1, N_BINS + 1):
         for j in range(9):
             sums[k, j] += sums[k - 1, j]
+
+
+@njit(cache=True, nogil=True)
+def beside_cell(vx: float, vy: float, v: float) -> bool:
+    """Return whether the line at `v` passes the cell about the place by more than 8 cm (a turn may bring it in)."""
+    return bool(abs(v) > FINE_M * (abs(vx) + abs(vy)) + 0.08)
 
 
 @njit(cache=True, nogil=True)
