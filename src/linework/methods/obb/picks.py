@@ -19,7 +19,7 @@ LEAST_LINE_M = 2.0
 LONG_M = 10.0
 #: Points that make a floor: three on each of its sides, and some strays.
 LEAST_FLOOR = 10
-#: Stretch of the van's way from which a place is looked at, to either side of its nearest point. [m]
+#: The van's way is looked from where it is farther from a place than at its nearest by no more than this. [m]
 WAY_M, N_SIGHTS = 12.0, 9
 #: Beyond a boundary there is a footway or a verge as wide as this; then there may be another carriageway. [m]
 BEHIND_M = 12.0
@@ -126,11 +126,10 @@ class Surroundings:
         return bool(np.mean(_is_beyond_last(a, b, self._sights(place), place, within_m)) <= 0.5)
 
     def _sights(self, place: FloatArray) -> FloatArray:
-        """Return places (n, 2) on the van's way from which to look at a place."""
-        chainage = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.way, axis=0).T))])
-        nearest = chainage[np.argmin(np.hypot(*(self.way - place).T))]
-        at = np.clip(nearest + np.linspace(-WAY_M, WAY_M, N_SIGHTS), 0.0, chainage[-1])
-        return np.column_stack([np.interp(at, chainage, column) for column in self.way.T])
+        """Return places (n, 2) on the van's way from which to look at a place: the nearest, and some about it."""
+        distance = np.hypot(*(self.way - place).T)
+        near = np.flatnonzero(distance <= distance.min() + WAY_M)
+        return self.way[near[np.linspace(0, len(near) - 1, min(N_SIGHTS, len(near))).astype(np.int64)]]
 
 
 def why_not(
