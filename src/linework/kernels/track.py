@@ -33,6 +33,10 @@ N_END = 2
 SHARED = 2.0
 #: Longest piece of the past that says where a line leads. [m]
 PAST_M = 20.0
+#: A parabola is a bend as far as 45 degrees: cosine.
+LEAST_ALONG = 0.7
+#: The last boxes always count in full: fewer do not show a curvature. [m]
+RECENT_M = 2.0
 #: Roads change their curvature over lengths of about this (clothoids), [m] and never less than by that of a
 #: bend of this radius. [m]
 CLOTHOID_M, STRAIGHT_M = 20.0, 200.0
@@ -113,20 +117,21 @@ def lead(boxes: F64, path: I64, way: F64, n: int, faster: float, out: F64) -> No
         j = path[k]
         dx, dy = boxes[j, X] - boxes[i, X], boxes[j, Y] - boxes[i, Y]
         s, v = dx * hx + dy * hy, dy * hx - dx * hy
-        if s < -PAST_M:
+        along = way[k] * (boxes[j, UX] * hx + boxes[j, UY] * hy)
+        across = way[k] * (boxes[j, UY] * hx - boxes[j, UX] * hy)
+        # Farther back, or before a turn that no parabola follows
+        if s < -PAST_M or along < LEAST_ALONG:
             break
-        w = 1.0 / (SHARED * boxes[j, SIGMA_V] ** 2 + (change * s * s * s / 6.0) ** 2 + 1e-6)
+        far = max(-s - RECENT_M, 0.0)
+        w = 1.0 / (SHARED * boxes[j, SIGMA_V] ** 2 + (change * far * far * far / 6.0) ** 2 + 1e-6)
         half = 0.5 * s * s
         aa, ab, ac = aa + w, ab + w * s, ac + w * half
         bb, bc, cc = bb + w * s * s, bc + w * s * half, cc + w * half * half
         ra, rb, rc = ra + w * v, rb + w * s * v, rc + w * half * v
-        along = way[k] * (boxes[j, UX] * hx + boxes[j, UY] * hy)
-        across = way[k] * (boxes[j, UY] * hx - boxes[j, UX] * hy)
-        if along > 0.5:
-            slope = across / along
-            w = 1.0 / (SHARED * boxes[j, SIGMA_U] ** 2 + (change * s * s / 2.0) ** 2 + 1e-6)
-            bb, bc, cc = bb + w, bc + w * s, cc + w * s * s
-            rb, rc = rb + w * slope, rc + w * s * slope
+        slope = across / along
+        w = 1.0 / (SHARED * boxes[j, SIGMA_U] ** 2 + (change * far * far / 2.0) ** 2 + 1e-6)
+        bb, bc, cc = bb + w, bc + w * s, cc + w * s * s
+        rb, rc = rb + w * slope, rc + w * s * slope
     # Inverse of the symmetric 3 x 3 normal matrix by cofactors
     c00, c01, c02 = bb * cc - bc * bc, ac * bc - ab * cc, ab * bc - ac * bb
     c11, c12, c22 = aa * cc - ac * ac, ab * ac - aa * bc, aa * bb - ab * ab
@@ -221,6 +226,11 @@ def next_box(
                 turn = math.atan2(across, along) - math.atan(slope)
                 sigma2 = sigma * sigma + SHARED * boxes[j, SIGMA_V] ** 2
                 off = abs(v - expected)
+                if s > NEAR_M:
+                    # Over a gap: an arc that leaves as this line does and arrives as that box lies
+                    off = abs(v - fit[0] - 0.5 * s * (fit[1] + across / max(along, 0.1)))
+                    sigma2 = fit[3] + 0.25 * s * s * (fit[6] + SHARED * boxes[j, SIGMA_U] ** 2)
+                    sigma2 += (0.5 * fit[9] * s * s * s / 6.0) ** 2 + SHARED * boxes[j, SIGMA_V] ** 2
                 if off > min(3.0 * math.sqrt(sigma2) + 0.01, widest):
                     continue
                 turn2 = sigma_slope * sigma_slope + SHARED * boxes[j, SIGMA_U] ** 2

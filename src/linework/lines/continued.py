@@ -9,10 +9,10 @@ from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: Lines of one kind that run this near each other are the same line, seen from two picks. [m]
 SAME_M = 0.15
-#: A line is continued over a gap of no more than this, where it leads straight on. [m]
+#: A line is continued over a gap of no more than this, where one end leads to the other. [m]
 LONGEST_GAP_M = 60.0
-#: Straight on: within this of the direction of the line's last metres, and of the other's first ones.
-MAX_TURN_DEG = 20.0
+#: It may turn by this over the gap, and the gap's chord is off the mean of both directions by no more than that.
+MAX_TURN_DEG, MAX_OFF_DEG = 60.0, 5.0
 #: The last metres of a line that say where it leads. [m]
 _END_M = 5.0
 
@@ -72,21 +72,22 @@ def _turned(line: LineSet, *, turned: bool) -> LineSet:
 def _beyond(first: FloatArray, second: FloatArray) -> int | None:
     """Return the first vertex of `second` that lies beyond the end of `first`, or None if it does not go on."""
     near = _near(second, first)
-    if near.any():
+    if near[0]:
         # They overlap: what comes behind the last shared vertex is new, if they run the same way
-        last = int(np.flatnonzero(near)[-1])
-        runs_on = np.linalg.norm(second[last, :2] - first[-1, :2]) <= np.linalg.norm(
-            second[last, :2] - first[0, :2]
-        )
-        return last + 1 if runs_on and not near[last + 1 :].any() else None
+        last = len(near) if near.all() else int(np.argmin(near))
+        to_end = np.linalg.norm(second[[0, last - 1], :2] - first[-1, :2], axis=1)
+        return last if to_end[1] < to_end[0] and not near[last:].any() else None
+    if near.any():
+        return None
     step = second[0, :2] - first[-1, :2]
     gap = float(np.linalg.norm(step))
-    if gap > LONGEST_GAP_M or gap == 0.0:
+    if gap > LONGEST_GAP_M:
         return None
-    least = np.cos(np.radians(MAX_TURN_DEG))
-    leads = float(step / gap @ _direction(first[::-1]))
-    goes_on = float(step / gap @ _direction(second))
-    return 0 if leads <= -least and goes_on >= least else None
+    here, there = -_direction(first[::-1]), _direction(second)
+    # An arc leads from one end to the other: its chord halves the turn
+    middle = (here + there) / max(float(np.linalg.norm(here + there)), 1e-9)
+    turns = float(here @ there) < np.cos(np.radians(MAX_TURN_DEG))
+    return None if turns or float(step @ middle) < gap * np.cos(np.radians(MAX_OFF_DEG)) else 0
 
 
 def _near(places: FloatArray, line: FloatArray) -> BoolArray:

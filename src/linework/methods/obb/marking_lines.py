@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,8 +17,10 @@ from linework.model.lines import LineSet
 
 #: Paint of two boxes nearer than this is one: search areas stand half a metre apart. [m]
 CLOSE_M = 0.30
-#: A solid line that is not there for longer, on a road that was seen there, has ended: worn patches are shorter. [m]
-LONGEST_WORN_M = 5.0
+#: Worn patches are about this long [m]; a gap that so worn a line has with less than this chance is its end.
+PATCH_M, CHANCE = 1.0, 0.01
+#: Gaps from wear are no longer than this, and gaps that short are never an end. [m]
+LONGEST_WORN_M, SHORT_M = 13.0, 3.0
 #: Paint shorter than this that is no dash of a dashed line is an arrow, a bar, a letter: arrows are up to 5 m,
 #: 7.5 m where traffic is fast, with 3.5 m of shaft. [m]
 LEAST_LINE_M = 6.0
@@ -62,8 +65,8 @@ def _markings(boxes: BoxSet, box: IntArray, seen: Sight) -> list[Marking]:
     t = boxes.along(box)
     reach = boxes.half_u_m[box]
     rhythm = find_rhythm(united(t - reach, t + reach, CLOSE_M))
-    longest = LONGEST_WORN_M if rhythm is None else 2.2 * rhythm.period_m
     gap = (t[1:] - reach[1:]) - (t[:-1] + reach[:-1])
+    longest = _longest_worn(t, gap) if rhythm is None else 2.2 * rhythm.period_m
     cuts = [
         k + 1
         for k in np.flatnonzero(gap > longest).tolist()
@@ -71,6 +74,14 @@ def _markings(boxes: BoxSet, box: IntArray, seen: Sight) -> list[Marking]:
     ]
     pieces = [piece for piece in np.split(box, cuts) if len(piece) >= 2]
     return [_marking(boxes, piece) for piece in pieces]
+
+
+def _longest_worn(t: FloatArray, gap: FloatArray) -> float:
+    """Return the longest gap that wear explains in a solid line of which so much is left. [m]"""  # noqa: D400
+    bare = float(gap[(gap > CLOSE_M) & (gap <= LONGEST_WORN_M)].sum())
+    far = float(gap[gap > LONGEST_WORN_M].sum())
+    gone = min(max(bare / max(t[-1] - far, 1.0), 0.01), 0.99)
+    return min(max(PATCH_M * math.log(CHANCE) / math.log(gone), SHORT_M), LONGEST_WORN_M)
 
 
 def _marking(boxes: BoxSet, box: IntArray) -> Marking:

@@ -30,16 +30,16 @@ class TrackConfig:
     """Settings of the search for the next box."""
 
     longest_gap_m: float = setting(
-        15.0,
+        32.0,
         unit="m",
-        reason="the longest gap of dashed lines in use is 12 m; a parked lorry",
+        reason="a dash that is worn off where they come every 18 m leaves 30 m; so do a few parked cars",
         low=0.5,
         high=100,
     )
     widest_m: float = setting(
-        0.5,
+        1.5,
         unit="m",
-        reason="half the search width beyond a gap: neighbouring lines are farther",
+        reason="half the search width at most: half a lane; an arc to the box decides",
         low=0.02,
         high=5,
     )
