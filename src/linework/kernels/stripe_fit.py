@@ -148,12 +148,14 @@ def fit_stripe(
         if number < 8:
             return 0
         variance = squares / number + 1e-6
-        # Known before: the width to about 5 cm (lines are 0.10 m and wider), the slope to 0.2
+        # Known before: the width to about 5 cm (lines are 0.10 m and wider), the slope to 0.2, the paint to 0.3
         normal[0, 0] += variance / 0.1**2
         normal[1, 1] += variance / 0.2**2
         normal[2, 2] += variance / 0.05**2
         right[2] = (width0 - fit[2]) * variance / 0.05**2
         right[1] = -fit[1] * variance / 0.2**2
+        normal[5, 5] += variance / 0.3**2
+        right[5] = (1.0 - fit[5]) * variance / 0.3**2
         for a in range(6):
             normal[a, a] += 1e-3 * variance
             for b in range(N_SLICES):
@@ -208,47 +210,83 @@ def edge_variance(strip: F64, stretch: tuple[float, float], across: float, fit: 
 
 @njit(cache=True, nogil=True)
 def height_of(
-    strip: F64, stretch: tuple[float, float], fit: F64, at: float
+    strip: F64, stretch: tuple[float, float], fit: F64, at: float, side: float
 ) -> tuple[float, float, float, float]:
-    """Return the height of the stripe's centre at `at` and its sigma; the larger step beside it and its sigma.
+    """Return the height of the stripe's centre at `at` and its sigma, and how much the ground is no plane.
 
-    One plane over the stripe and what it was fitted to, and a step at each edge: paint has none, a kerb has.
+    That is the mean distance, and its sigma, from the plane through all points, of the points within
+    `side` of the stripe or on half of it, whichever lie farthest off: a kerb of height h leaves 0.3 h, paint on the road nothing.
     """
-    normal, right, solution = np.zeros((5, 5)), np.zeros(5), np.zeros(5)
-    row = np.ones(5)
+    normal, right, solution, row = np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.ones(3)
     half = 0.5 * fit[2]
-    z0, squares, number = 0.0, 0.0, 0
+    z0, number = 0.0, 0
+    for i in range(len(strip)):
+        u = strip[i, 0]
+        d = strip[i, 1] - fit[0] - fit[1] * u
+        if u < stretch[0] or u > stretch[1] or abs(d) > half + side:
+            continue
+        if number == 0:
+            z0 = strip[i, 3]
+        number += 1
+        row[1], row[2] = u - at, d
+        for a in range(3):
+            right[a] += row[a] * (strip[i, 3] - z0)
+            for b in range(a + 1):
+                normal[a, b] += row[a] * row[b]
+    if number < 8:
+        return z0, 0.05, 0.0, 1.0
+    for a in range(3):
+        normal[a, a] += 1e-4
+    factor(normal)
+    solve(normal, right, solution)
+    zones = np.zeros((4, 3))
     for i in range(len(strip)):
         u = strip[i, 0]
         if u < stretch[0] or u > stretch[1]:
             continue
         d = strip[i, 1] - fit[0] - fit[1] * u
-        if number == 0:
-            z0 = strip[i, 3]
-        number += 1
-        row[1], row[2] = u - at, d
-        row[3], row[4] = 1.0 if d > half else 0.0, 1.0 if d < -half else 0.0
-        z = strip[i, 3] - z0
-        squares += z * z
-        for a in range(5):
-            right[a] += row[a] * z
-            for b in range(a + 1):
-                normal[a, b] += row[a] * row[b]
-    if number < 8:
-        return z0, 0.05, 0.0, 1.0
-    for a in range(5):
-        normal[a, a] += 1e-4
-    factor(normal)
-    solve(normal, right, solution)
-    for a in range(5):
-        squares -= solution[a] * right[a]
-    variance = max(squares, 0.0) / max(number - 5, 1) + 1e-8
-    z, k = z0 + solution[0], 3 if abs(solution[3]) > abs(solution[4]) else 4
-    step = solution[k]
+        if abs(d) > half + side:
+            continue
+        zone = (0 if d < -half else 1) if d < 0.0 else (2 if d < half else 3)
+        off = strip[i, 3] - z0 - solution[0] - solution[1] * (u - at) - solution[2] * d
+        zones[zone, 0] += 1.0
+        zones[zone, 1] += off
+        zones[zone, 2] += off * off
+    largest, sigma, total = bent(zones)
+    z = z0 + solution[0]
     right[:] = 0.0
-    right[0] = variance
+    right[0] = total / max(number - 3, 1) + 1e-8
     solve(normal, right, solution)
-    sigma = math.sqrt(solution[0])
-    right[0], right[k] = 0.0, variance
-    solve(normal, right, solution)
-    return z, sigma, step, math.sqrt(solution[k])
+    return z, math.sqrt(solution[0]), largest, sigma
+
+
+@njit(cache=True, nogil=True)
+def bent(zones: F64) -> tuple[float, float, float]:
+    """Return by how much four zones are no plane and the sigma of that, and the sum of all squares.
+
+    zones: number, sum and sum of squares of the distances from the plane: right of the stripe, its right and left
+    half, left of it. The noise is that of the calmer side; half of what the stripe is rougher counts as well (the
+    face of a kerb, grass).
+    """
+    noise, total, largest, sigma = np.inf, 0.0, 0.0, 1.0
+    inner = np.zeros(2)
+    for k in range(4):
+        n = zones[k, 0]
+        total += zones[k, 2]
+        if n >= 3.0:
+            square = max(zones[k, 2] - zones[k, 1] ** 2 / n, 0.0)
+            if k == 0 or k == 3:
+                noise = min(noise, square / (n - 1.0))
+            else:
+                inner += np.array((n - 1.0, square))
+    if noise == np.inf:
+        return 0.0, 1.0, total
+    noise = math.sqrt(noise + 1e-8)
+    for k in range(4):
+        if zones[k, 0] >= 3.0 and abs(zones[k, 1] / zones[k, 0]) > abs(largest):
+            largest, sigma = zones[k, 1] / zones[k, 0], noise / math.sqrt(zones[k, 0])
+    if inner[0] > 0.0:
+        rougher = 0.5 * math.sqrt(max(inner[1] / inner[0] - noise * noise, 0.0))
+        if rougher > abs(largest):
+            largest, sigma = rougher, 0.5 * noise / math.sqrt(inner[0])
+    return largest, sigma, total

@@ -15,7 +15,7 @@ F64 = npt.NDArray[np.float64]
 
 #: Columns of a stripe.
 (
-    CX, CY, CZ, UX, UY, HALF_U, HALF_V, SIGMA_V, SIGMA_Z, SIGMA_U, T_VALUE, STEP, SIGMA_STEP,
+    CX, CY, CZ, UX, UY, HALF_U, HALF_V, SIGMA_V, SIGMA_Z, SIGMA_U, T_VALUE, BENT, SIGMA_BENT,
     DARK, BRIGHT, NUMBER, FIRST, LAST, LENGTH,
 ) = range(19)  # fmt: skip
 N_COLUMNS = 19
@@ -103,7 +103,7 @@ def stripes_in_area(
         k = strip_of(work, n, axes, radius, (low, high), strip)
         near = strip[:k]
         fit[0], fit[1], fit[2], fit[3], fit[4], fit[5] = offset, 0.0, width, 0.0, 0.0, 0.7
-        if fit_stripe(near, (-radius, radius), 0.03 * scale, 3, fit, covariance) == 0:
+        if fit_stripe(near, (-radius, radius), min(0.03 * scale, width / 3.0), 3, fit, covariance) == 0:
             sparse = True
             continue
         begin, end, parts = extent(near, radius, fit)
@@ -111,8 +111,8 @@ def stripes_in_area(
             sparse = True
         if parts < 2 or end - begin < 0.15 * scale:
             continue
-        # Precisely, on this stretch: an edge is passed over by 8 points or more
-        blur = min(max(4.0 * (high - low) * scale / ((end - begin) * k), 0.01), 0.04 * scale)
+        # Precisely, on this stretch: an edge is passed over by 8 points, if it can be
+        blur = min(max(4.0 * (high - low) * scale / ((end - begin) * k), 0.01), fit[2] / 3.0)
         used = fit_stripe(near, (begin, end), blur, 4, fit, covariance)
         if used == 0 or not (fit[5] > fit[3] and fit[5] > fit[4]):
             continue
@@ -140,7 +140,9 @@ def stripes_in_area(
             (fit[5] - fit[3]) / math.sqrt(covariance[5, 5] + covariance[3, 3] - 2.0 * covariance[5, 3]),
             (fit[5] - fit[4]) / math.sqrt(covariance[5, 5] + covariance[4, 4] - 2.0 * covariance[5, 4]),
         )
-        row[CZ], row[SIGMA_Z], row[STEP], row[SIGMA_STEP] = height_of(near, (begin, end), fit, at)
+        row[CZ], row[SIGMA_Z], row[BENT], row[SIGMA_BENT] = height_of(
+            near, (begin, end), fit, at, 0.09 * scale
+        )
         row[DARK] = dark + (bright - dark) * max(fit[3], fit[4])
         row[BRIGHT] = dark + (bright - dark) * fit[5]
         row[NUMBER] = used

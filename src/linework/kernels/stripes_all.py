@@ -25,7 +25,7 @@ from linework.kernels.stripes import (
     UY,
     stripes_in_area,
 )
-from linework.kernels.visits import MOST_VISITS, dark_level, smallest, split_into_visits, visit_of
+from linework.kernels.visits import MOST_VISITS, dark_level, split_into_visits, visit_of
 
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
@@ -33,6 +33,8 @@ I64 = npt.NDArray[np.int64]
 #: Radii of search areas [m]: the paper's, and larger ones for sparse points (airborne: 20 points/m2; one
 #: turn of a car's scanner).
 RADII_M = (0.5, 1.0, 2.0)
+#: Bright points stand out from the road by this many spreads.
+BRIGHT_SPREADS = 2.5
 #: A search area with fewer points shows no stripe: paint 0.12 m wide covers a twelfth of it. One with many
 #: shows all there is.
 LEAST_POINTS, MANY_POINTS = 80, 400
@@ -65,7 +67,7 @@ def even_out(work: F64, n: int) -> tuple[int, float, float]:
         if counts[v] >= LEAST_VISIT:
             levels[v], _ = dark_level(part[: counts[v]])
             lowest = min(lowest, levels[v])
-    kept, dark = 0, 1.0 if lowest > 0.0 else 0.0
+    kept = 0
     for i in range(n):
         v = visit_of(work[i, TIME], spans, m) if m > 1 else 0
         if counts[v] >= LEAST_VISIT:
@@ -80,11 +82,15 @@ def even_out(work: F64, n: int) -> tuple[int, float, float]:
     taken = (kept + stride - 1) // stride
     for k in range(taken):
         value[k] = work[k * stride, Q]
-    # Paint 0.12 m wide covers a twelfth of the area
-    bright = smallest(value[:taken], int(0.95 * (taken - 1) + 0.5))
-    if bright <= dark:
-        bright = value[:taken].max()
-    return kept, dark, bright
+    dark, spread = dark_level(value[:taken])
+    # The mean of what stands out, or the brightest
+    total, number, brightest = 0.0, 0, dark
+    for i in range(kept):
+        brightest = max(brightest, work[i, Q])
+        if work[i, Q] > dark + BRIGHT_SPREADS * spread:
+            total += work[i, Q]
+            number += 1
+    return kept, dark, total / number if number > 0 else brightest
 
 
 @njit(cache=True, nogil=True)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import expit
 
 from linework.kernels import paint_points, stripes
-from linework.kernels.stripes_all import all_stripes
+from linework.kernels.stripes_all import BRIGHT_SPREADS, all_stripes
 from linework.model.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.points import Points
@@ -27,7 +27,6 @@ CELL_M = 0.5
 REACH_M = 4.0
 #: Share of the points of a road without paint that lie 2.5 spreads above its level, texture included.
 _CHANCE = 0.02
-_BRIGHT_SPREADS = 2.5
 #: A stripe that stands out less in the profile across is not looked at any closer.
 LEAST_T = 4.0
 
@@ -120,7 +119,7 @@ def find_marking_boxes(tile: TileData, surface: RoadSurface, config: MarkingConf
     paint = PaintPoints.of(tile.points, surface, origin_of(tile), config)
     n_cols = paint.lattice[4]
     # Search areas: about the bright points of every cell that has more of them than chance brings
-    bright = paint_points.count_bright(paint.rows, paint.starts, n_cols, _BRIGHT_SPREADS)
+    bright = paint_points.count_bright(paint.rows, paint.starts, n_cols, BRIGHT_SPREADS)
     cells, places = paint_points.bright_centres(bright, paint.starts, n_cols, _CHANCE)
     # Direction, edges and extent of the stripes in each
     found = all_stripes(paint.rows, paint.starts, paint.lattice, cells, places, LEAST_T)
@@ -144,9 +143,9 @@ def boxes_of(found: FloatArray, config: MarkingConfig, *, has_time: bool) -> Box
         (n, 19) float64: rows of `linework.kernels.stripes`.
     """
     dark, bright = found[:, stripes.DARK], found[:, stripes.BRIGHT]
-    step, sigma_step = found[:, stripes.STEP], found[:, stripes.SIGMA_STEP]
-    # A kerb, a step of 2.5 cm and more that the noise does not explain, is no paint
-    is_flat = (np.abs(step) < 0.025) | (np.abs(step) < 2.5 * sigma_step)
+    bent, sigma_bent = np.abs(found[:, stripes.BENT]), found[:, stripes.SIGMA_BENT]
+    # Where the ground beside the stripe or on half of it is off its plane as at a kerb of 2.5 cm, it is no paint
+    is_flat = (bent < 0.3 * 0.025) | (bent < 3.0 * sigma_bent)
     found = found[is_flat & (bright >= config.least_contrast * dark)]
     dark, bright = found[:, stripes.DARK], found[:, stripes.BRIGHT]
     width, length = 2.0 * found[:, stripes.HALF_V], found[:, stripes.LENGTH]

@@ -1,0 +1,88 @@
+"""Kernels of the detection of paint against slow obvious twins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from linework.kernels.cholesky import factor, solve
+from linework.kernels.stripe_fit import extent
+from linework.kernels.stripe_search import direction
+from linework.kernels.stripes import clipped
+from linework.kernels.visits import MOST_VISITS, dark_level, smallest, split_into_visits, visit_of
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20)
+
+
+def test_selection_is_that_of_a_sort(rng: np.random.Generator) -> None:
+    for n in (1, 2, 7, 60):
+        values = rng.integers(0, 20, n).astype(np.float64)
+        for k in range(n):
+            assert smallest(values.copy(), k) == np.sort(values)[k]
+
+
+def test_the_dark_level_does_not_see_the_bright_half(rng: np.random.Generator) -> None:
+    road = rng.normal(100.0, 10.0, 4000)
+    level, spread = dark_level(road.copy())
+    assert level == pytest.approx(100.0, abs=1.0) and spread == pytest.approx(10.0, abs=1.0)
+    level, spread = dark_level(np.concatenate([road, rng.normal(300.0, 20.0, 4000)]))
+    assert level < 115.0 and spread < 20.0
+
+
+def test_visits_are_parted_by_time_whatever_the_order(rng: np.random.Generator) -> None:
+    true = rng.integers(0, 3, 200)
+    times = 10.0 * true + rng.uniform(0.0, 2.0, 200)
+    visit, spans = np.zeros(200, dtype=np.int64), np.zeros((MOST_VISITS, 2))
+    assert split_into_visits(times, 200, visit, spans) == 3
+    assert len(set(zip(true.tolist(), visit.tolist(), strict=True))) == 3
+    assert visit_of(float(times[5]), spans, 3) == visit[5]
+
+
+def test_more_visits_than_there_is_room_for_join_others() -> None:
+    times = np.arange(20.0) * 5.0
+    visit, spans = np.zeros(20, dtype=np.int64), np.zeros((MOST_VISITS, 2))
+    assert split_into_visits(times, 20, visit, spans) <= MOST_VISITS
+    assert visit.max() < MOST_VISITS
+
+
+def test_systems_are_solved_as_numpy_does(rng: np.random.Generator) -> None:
+    a = rng.normal(size=(6, 6))
+    matrix, right, out = a @ a.T + np.eye(6), rng.normal(size=6), np.zeros(6)
+    lower = matrix.copy()
+    factor(lower)
+    solve(lower, right, out)
+    np.testing.assert_allclose(out, np.linalg.solve(matrix, right), rtol=1e-9)
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 17.0, 83.0, 171.0])
+def test_the_direction_is_that_of_the_stripe(rng: np.random.Generator, angle_deg: float) -> None:
+    # Scan lines 0.2 m apart at 40 degrees: the points are dense along them, not along the stripe
+    s, line = rng.uniform(-0.9, 0.9, 2000), 0.2 * rng.integers(-5, 6, 2000)
+    cos, sin = np.cos(np.radians(40.0)), np.sin(np.radians(40.0))
+    work = np.zeros((2000, 5))
+    work[:, 0], work[:, 1] = s * cos - line * sin, s * sin + line * cos
+    a = np.radians(angle_deg)
+    work[:, 3] = np.abs(-work[:, 0] * np.sin(a) + work[:, 1] * np.cos(a)) < 0.08
+    found = np.degrees(direction(work, 2000, 0.5))
+    assert abs((found - angle_deg + 90.0) % 180.0 - 90.0) < 6.0
+
+
+def test_the_extent_is_the_best_stretch_of_paint() -> None:
+    u = np.arange(-0.49, 0.5, 0.02)
+    strip = np.column_stack([u, np.zeros_like(u), np.zeros_like(u), np.zeros_like(u)])
+    # Paint from -0.2 to 0.3 with a worn place in it, and a speck beyond
+    strip[(u > -0.2) & (u < 0.3), 2] = 1.0
+    strip[(u > 0.0) & (u < 0.06), 2] = 0.0
+    strip[np.abs(u - 0.45) < 0.005, 2] = 1.0
+    begin, end, parts = extent(strip, 0.5, np.array([0.0, 0.0, 0.12, 0.0, 0.0, 1.0]))
+    assert begin == pytest.approx(-0.2, abs=0.011) and end == pytest.approx(0.3, abs=0.011)
+    assert parts == 5
+
+
+def test_a_line_is_clipped_to_a_cell() -> None:
+    assert clipped(0.0, 0.1, 1.0, 0.0, (-1.0, 1.0), (-0.2, 0.0, 0.3, 0.5)) == (-0.2, 0.3)
+    begin, end = clipped(0.0, 0.6, 1.0, 0.0, (-1.0, 1.0), (-0.2, 0.0, 0.3, 0.5))
+    assert begin > end, "it passes by"
