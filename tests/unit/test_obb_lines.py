@@ -5,7 +5,7 @@ import pytest
 from tests.box_scenes import bend, boxes_on, everything_seen, nothing_seen, straight
 
 from linework.methods.obb import boundary_lines, marking_lines
-from linework.methods.obb.arrangement import behind_another, beside_kerb, is_double, roles
+from linework.methods.obb.arrangement import beside_kerb, bounds_carriageway, is_double, roles
 from linework.methods.obb.neighbours import Course
 from linework.methods.obb.pattern import find_rhythm, united
 from linework.methods.obb.smooth import smooth_line
@@ -135,14 +135,30 @@ def course(y, *, turned=False, length=40.0):
     return Course.of(t, xyz)
 
 
+def bounds(courses, kerbs, lanes=()):
+    return bounds_carriageway(courses, np.array(kerbs), lanes).tolist()
+
+
 def test_what_stands_behind_a_kerb_is_no_boundary():
     # Carriageway north of both: kerb at 0, wall at -2; across the road a kerb that looks back
     courses = [course(0.0), course(-2.0), course(7.0, turned=True)]
-    assert behind_another(courses, np.array([True, False, True])).tolist() == [False, True, False]
+    assert bounds(courses, [True, False, True]) == [True, False, True]
 
 
-def test_an_edge_does_not_hide_a_kerb():
-    assert behind_another([course(0.0), course(3.0)], np.array([True, False])).tolist() == [False, False]
+def test_an_edge_does_not_hide_a_kerb_and_is_none_beside_it():
+    courses = [course(0.0), course(1.0), course(7.0, turned=True)]
+    assert bounds(courses, [True, False, True]) == [True, False, True]
+
+
+def test_a_seam_of_the_asphalt_is_no_boundary():
+    courses = [course(0.0), course(4.0), course(8.0, turned=True)]
+    assert bounds(courses, [False, False, False], [course(3.5)]) == [True, False, True]
+
+
+def test_a_boundary_of_nothing_is_none():
+    assert bounds([course(0.0)], [True]) == [False]
+    assert bounds([course(0.0)], [True], [course(3.0)]) == [True]
+    assert bounds([course(0.0)], [True], [course(-3.0)]) == [False]
 
 
 def test_kerb_stones_are_no_paint():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol, runtime_checkable
 
 from linework.methods.sight import Sight
+from linework.model.arrays import FloatArray
 from linework.model.boxes import BoxSet
 from linework.model.lines import LineSet
 from linework.model.tile import TileData
@@ -50,7 +51,13 @@ class BoxMethod(Method, Protocol):
         """Return the boxes in a tile; those whose centre lies in the core are kept."""
         ...
 
-    def track(self, boxes: BoxSet, origin: tuple[float, float, float], seen: Sight) -> LineSet:
+    def track(
+        self,
+        boxes: BoxSet,
+        origin: tuple[float, float, float],
+        seen: Sight,
+        path: FloatArray | None = None,
+    ) -> LineSet:
         """Return the lines through the boxes of a survey, in world coordinates.
 
         Parameters
@@ -59,5 +66,7 @@ class BoxMethod(Method, Protocol):
             The local origin of the boxes. [m, world]
         seen
             Says where road or ground was measured.
+        path
+            (n, 3) where the vehicle was [m, world], or None.
         """
         ...

@@ -17,6 +17,7 @@ from linework.methods.protocol import BoxMethod, Method
 from linework.model.boxes import BoxSet
 from linework.model.lines import KINDS, LineSet
 from linework.model.tile import local_origin
+from linework.model.trajectory import Trajectory
 from linework.surface.road import RoadConfig
 from linework.tiling.executors import Executor, Outcome, Serial
 from linework.tiling.identify import identify
@@ -117,7 +118,9 @@ def extract_lines(
     problems = {outcome.task.name: outcome.problem for outcome in failed}
     with steps.step("join lines"):
         sight = SurveySight(surface)
-        lines = LineSet.concatenate([_lines_of(tasks, method, done, sight) for method in methods])
+        lines = LineSet.concatenate(
+            [_lines_of(tasks, method, done, sight, opened.trajectory) for method in methods]
+        )
         lines = identify(with_sources(lines, opened.facts.files, survey.name))
     return Extraction(
         source=survey.name,
@@ -207,7 +210,11 @@ def _taken_over(run: RunFolder, tasks: Sequence[TileTask]) -> dict[str, TileRece
 
 
 def _lines_of(
-    tasks: Sequence[TileTask], method: Method, done: Mapping[str, TileReceipt], sight: SurveySight
+    tasks: Sequence[TileTask],
+    method: Method,
+    done: Mapping[str, TileReceipt],
+    sight: SurveySight,
+    trajectory: Trajectory | None,
 ) -> LineSet:
     """Return the lines of a method: tracked through the boxes of all tiles, or found in tiles and joined again."""
     own = [task for task in tasks if task.method is method]
@@ -215,7 +222,8 @@ def _lines_of(
     job = own[0].job
     if isinstance(method, BoxMethod):
         boxes = BoxSet.concatenate(_whole(task, read_box_part, done) for task in worked)
-        return method.track(boxes, job.origin, sight).with_columns(crs=job.crs)
+        path = None if trajectory is None else trajectory.xyz
+        return method.track(boxes, job.origin, sight, path).with_columns(crs=job.crs)
     parts = [_whole(task, read_line_part, done) for task in worked]
     lines = LineSet.concatenate(parts) if parts else LineSet.empty(job.crs)
     return join_seams(lines, [task.tile.core for task in own]) if len(own) > 1 else lines

@@ -11,8 +11,12 @@ from linework.methods.obb.neighbours import STATION_M, Course, Neighbours, find_
 from linework.model.arrays import AnyArray, BoolArray, FloatArray
 from linework.model.boxes import BoxSet
 
-#: A footway or verge with what stands at its back is no wider than this. [m]
-BEHIND_M = 12.0
+#: A carriageway, or half of one with paint in its middle, is no wider than this. [m]
+FACING_M = 20.0
+#: Paint this close behind an edge: it lies within the carriageway. [m]
+SEAM_M = 3.0
+#: Gutters and kerb beds are no wider than this. [m]
+GUTTER_M = 1.5
 #: The stripes of a double line are no farther apart, middle to middle (two of 0.15 m and 0.2 m of gap between). [m]
 DOUBLE_M = 0.50
 #: Lanes are no wider than this. [m]
@@ -35,12 +39,13 @@ def beside_kerb(boxes: BoxSet, kerbs: Sequence[Course], from_m: float, to_m: flo
     return out
 
 
-def behind_another(courses: Sequence[Course], is_kerb: BoolArray) -> BoolArray:
-    """Return which boundaries stand behind another one, seen from the carriageway.
+def bounds_carriageway(courses: Sequence[Course], is_kerb: BoolArray, lanes: Sequence[Course]) -> BoolArray:
+    """Return which boundaries have a carriageway in front of them, and none behind.
 
-    Walls, hedges and garden edges at the back of a footway end no carriageway: looking from them towards it
-    one meets the kerb from behind. Edges without a kerb do not hide one: gutters and patches of asphalt lie
-    in front of kerbs; those that do are left out themselves.
+    Looking across from a boundary towards its carriageway one meets paint, the van's way, or a boundary that
+    looks back. One that is met from behind is the carriageway's end: walls, hedges and garden edges at the back
+    of a footway stand behind it. An edge without a kerb that has paint or the van's way close behind it is a
+    seam of the asphalt; and one beside a kerb is its gutter: neither hides a kerb.
 
     Parameters
     ----------
@@ -48,13 +53,35 @@ def behind_another(courses: Sequence[Course], is_kerb: BoolArray) -> BoolArray:
         Boundaries, each with the carriageway to its left.
     is_kerb
         (m,) bool.
+    lanes
+        Lines of paint and the ways of vans.
     """
-    n = find_neighbours(courses, BEHIND_M)
-    # The other one is on my carriageway side, and turns its own back on me
-    hidden = (n.across_m > 0.0) & (n.facing > 0.0) & (is_kerb[n.other] | ~is_kerb[n.line])
-    gutter = (n.across_m < 0.0) & (n.across_m > -1.5) & (n.facing > 0.0) & ~is_kerb[n.line] & is_kerb[n.other]
-    share = _share_of_stations(n, hidden | gutter, courses)
-    return np.asarray(share > 0.5)
+    m = len(courses)
+    n = find_neighbours([*courses, *lanes], FACING_M)
+    own = n.line < m
+    is_lane = n.other >= m
+    kerb = np.concatenate([is_kerb, np.zeros(len(lanes), dtype=np.bool_)])
+    counts = is_lane | kerb[n.other] | ~kerb[n.line]
+    ahead = own & counts & (n.across_m > 0.0)
+    first = _nearest_per_station(n, ahead)
+    in_front = first & (is_lane[:] | (n.facing < 0.0))
+    behind = own & (n.across_m < 0.0) & ~kerb[n.line]
+    seam = behind & is_lane & (n.across_m > -SEAM_M)
+    gutter = behind & kerb[n.other] & (n.across_m > -GUTTER_M) & (n.facing > 0.0)
+    every = [*courses, *lanes]
+    good = _share_of_stations(n, in_front, every)[:m] > 0.5
+    bad = _share_of_stations(n, seam | gutter, every)[:m] > 0.5
+    return np.asarray(good & ~bad)
+
+
+def _nearest_per_station(n: Neighbours, chosen: BoolArray) -> BoolArray:
+    """Return which of the chosen neighbours are the nearest at their station."""
+    index = np.flatnonzero(chosen)
+    order = index[np.lexsort((np.abs(n.across_m[index]), n.station[index]))]
+    first = np.concatenate([[True], np.diff(n.station[order]) != 0]) if len(order) else np.zeros(0, bool)
+    out = np.zeros(len(chosen), dtype=np.bool_)
+    out[order[first]] = True
+    return out
 
 
 def is_double(courses: Sequence[Course]) -> BoolArray:

@@ -18,6 +18,8 @@ from linework.model.lines import LineSet
 LONGEST_DROP_M = 8.0
 #: Shorter boundaries are tree pits, drains, edges of things that lie about. [m]
 LEAST_LINE_M = 4.0
+#: Without a step there is less to go by: shorter edges are patches. [m]
+LEAST_EDGE_M = 8.0
 #: Without a box for longer than this a boundary was not measured. [m]
 BARE_M = 1.5
 #: A kerb's height and width keep still: they change by so much over ten metres, squared, per metre. [m]
@@ -55,11 +57,13 @@ class Boundary:
 def boundaries(boxes: BoxSet, tracks: Tracks, seen: Sight) -> list[Boundary]:
     """Return the boundaries among tracked boxes, the carriageway to the left of each."""
     found: list[Boundary] = []
+    is_edge = len(boxes) > 0 and boxes.form[0] == BoxForm.EDGE
+    least = LEAST_EDGE_M if is_edge else LEAST_LINE_M
     for i in range(len(tracks)):
         box, way = tracks.line(i)
         box = box if way.sum() >= 0 else box[::-1]
         pieces = _pieces(boxes, box, seen)
-        found += [_boundary(boxes, piece) for piece in pieces if boxes.along(piece)[-1] >= LEAST_LINE_M]
+        found += [_boundary(boxes, piece) for piece in pieces if boxes.along(piece)[-1] >= least]
     return found
 
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from linework.methods.obb import boundary_lines, marking_lines
-from linework.methods.obb.arrangement import behind_another, beside_kerb, is_double, roles
+from linework.methods.obb.arrangement import beside_kerb, bounds_carriageway, is_double, roles
 from linework.methods.obb.boundary import BoundaryConfig, find_boundary_boxes
 from linework.methods.obb.boundary_lines import Boundary
 from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
-from linework.methods.obb.neighbours import Course
+from linework.methods.obb.neighbours import Course, courses_of_path
 from linework.methods.obb.track import TrackConfig, track_lines
 from linework.methods.sight import Sight, sight_of
 from linework.model.arrays import BoolArray, FloatArray
@@ -69,7 +69,8 @@ class ObbMethod:
         )  # fmt: skip
         boxes = self.detect(tile)
         boxes = boxes.take(holds(tile.core, boxes.centre + origin))
-        return self.track(boxes, origin, sight_of(surface))
+        path = None if tile.trajectory is None else tile.trajectory.xyz
+        return self.track(boxes, origin, sight_of(surface), path)
 
     def detect(self, tile: TileData) -> BoxSet:
         """Return the boxes in a tile: pieces of paint by intensity, pieces of boundaries by normals."""
@@ -81,8 +82,14 @@ class ObbMethod:
             found.append(find_boundary_boxes(tile, tile.surface, self.config.boundary))
         return BoxSet.concatenate(found)
 
-    def track(self, boxes: BoxSet, origin: tuple[float, float, float], seen: Sight) -> LineSet:
-        """Return the lines through the boxes of a survey, in world coordinates."""
+    def track(
+        self,
+        boxes: BoxSet,
+        origin: tuple[float, float, float],
+        seen: Sight,
+        path: FloatArray | None = None,
+    ) -> LineSet:
+        """Return the lines through the boxes of a survey, in world coordinates (see `BoxMethod`)."""
         # In an order of their own, whatever tiles they come from
         boxes = boxes.take(np.lexsort((boxes.centre[:, 1], boxes.centre[:, 0], boxes.form)))
         parts = {form: boxes.take(boxes.form == form) for form in BoxForm}
@@ -104,12 +111,14 @@ class ObbMethod:
         # Lines through the boxes' centres, smoothed, with what they are: solid, dashed, kerb, edge
         paint = track_lines(stripes, self.config.track, width_m=SAME_PAINT_M)
         markings, other = marking_lines.marking_lines(stripes, paint, seen_here)
-        # What stands behind a boundary bounds no carriageway
-        behind = behind_another(courses, np.array([b.form == "kerb" for b in rims], dtype=np.bool_))
-        rims = [b for b, yes in zip(rims, behind, strict=True) if not yes]
-        courses = [c for c, yes in zip(courses, behind, strict=True) if not yes]
-        # Roles, from how the lines lie to one another
+        # What has no carriageway in front of it, or has one behind it, bounds none
         lanes = [Course.of(m.line.t_m, m.line.xyz) for m in markings]
+        way = [] if path is None else courses_of_path(path - np.asarray(origin))
+        is_kerb = np.array([b.form == "kerb" for b in rims], dtype=np.bool_)
+        kept = bounds_carriageway(courses, is_kerb, [*lanes, *way])
+        rims = [b for b, yes in zip(rims, kept, strict=True) if yes]
+        courses = [c for c, yes in zip(courses, kept, strict=True) if yes]
+        # Roles, from how the lines lie to one another
         double = is_double(lanes)
         lines = LineSet.concatenate([
             marking_lines.as_lines(markings, stripes, "lane_marking").with_columns(

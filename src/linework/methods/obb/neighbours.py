@@ -12,6 +12,8 @@ from linework.model.arrays import FloatArray, IntArray
 
 #: Lines are looked at every so many metres.
 STATION_M = 2.0
+#: Places of a van's way farther apart than this are not joined. [m]
+_JUMP_M = 50.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +32,22 @@ class Course:
         step = np.diff(ends, axis=0)
         step /= np.maximum(np.linalg.norm(step, axis=1), 1e-9)[:, None]
         return cls(0.5 * (ends[1:] + ends[:-1]), np.stack([-step[:, 1], step[:, 0]], axis=1))
+
+
+def courses_of_path(path: FloatArray) -> list[Course]:
+    """Return the courses of a van's way (n, 2 or 3), cut where it was off the road for a while.
+
+    Places nearer than a metre to the one before are passed over: a van that stands has no direction.
+    """
+    kept = [0]
+    for i in range(1, len(path)):
+        if np.hypot(*(path[i, :2] - path[kept[-1], :2])) >= 1.0:
+            kept.append(i)
+    xy = path[kept, :2]
+    step = np.hypot(*np.diff(xy, axis=0).T)
+    pieces = np.split(np.arange(len(xy)), np.flatnonzero(step > _JUMP_M) + 1)
+    t = np.concatenate([[0.0], np.cumsum(step)])
+    return [Course.of(t[piece], xy[piece]) for piece in pieces if len(piece) >= 2]
 
 
 @dataclass(frozen=True, slots=True)
