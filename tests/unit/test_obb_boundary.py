@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from linework.methods.obb.boundary import BoundaryConfig, find_boundary_boxes
+from linework.methods.obb.boundary_pick import BoundaryFound, boundary_box_at
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.points import Points
 from linework.model.tile import TileData
@@ -88,3 +89,35 @@ def test_no_points_no_boxes():
         len(find_boundary_boxes(TileData("t", some.bounds, none, surface=surface), surface, BoundaryConfig()))
         == 0
     )
+
+
+@pytest.mark.parametrize(
+    ("u", "v", "why"),
+    [
+        (10.0, 0.1, BoundaryFound.FOUND),
+        (10.0, 3.0, BoundaryFound.ALL_ROAD),
+        (10.0, 60.0, BoundaryFound.HOLES),
+    ],
+)
+def test_a_pick_gives_the_kerb_or_says_why_not(u, v, why):
+    points = Points(street(np.random.default_rng(4), heading_deg=0.0))
+    surface = find_road(points, None, RoadConfig())
+    tile = TileData("t", points.bounds, points, origin=ORIGIN)
+    box, found = boundary_box_at(tile, surface, CORNER[0] + u, CORNER[1] + v, BoundaryConfig())
+    assert found == why
+    assert len(box) == (why == BoundaryFound.FOUND)
+
+
+def test_the_edge_of_the_pavement_at_a_rough_and_bright_verge():
+    rng = np.random.default_rng(6)
+    u, v = rng.uniform(0, 20, 42_000), rng.uniform(-3, 5, 42_000)
+    grass = v < 0
+    h = rng.normal(0, 0.006, len(u)) + np.where(grass, 0.03 * np.abs(rng.normal(size=len(u))), 0.0)
+    strength = np.where(grass, 60.0, 30.0) * rng.uniform(0.8, 1.2, len(u))
+    boxes = boxes_of(turned(np.column_stack([u, v, h]), 70.0), strength.astype(np.float32))
+    edge = boxes.take(boxes.form == BoxForm.EDGE)
+    off, _ = across(edge, 70.0)
+    inside = np.abs(off) < 0.15
+    assert np.count_nonzero(inside) >= 38 and np.count_nonzero(~inside) <= 4
+    assert np.sqrt(np.mean(off[inside] ** 2)) < 0.03
+    assert (edge.u[inside] @ [np.cos(np.radians(70.0)), np.sin(np.radians(70.0))] > 0.9).all()

@@ -15,10 +15,15 @@ from linework.kernels.kerb_boxes import kerb_in_cell, may_be_kerb
 from linework.kernels.kerb_steps import STEP_COLUMNS
 from linework.kernels.places import (
     ALL_ROAD,
+    CELL_M,
     COLUMNS,
+    END,
     FOUND,
     HOLE,
     NO_ROAD,
+    START,
+    X,
+    Y,
     floor_near,
     gather_area,
     roughest,
@@ -81,11 +86,13 @@ def make_rooms() -> tuple[F64, F64, F64]:
 def boxes_in_cells(
     data: tuple[F64, I64, I64, F64, F64],
     ground: tuple[F32, float, int, int],
+    times: tuple[I64, F64],
     limits: F64,
 ) -> F64:
     """Return (n, COLUMNS) the boxes of all cells that hold points, by row from the south, then column.
 
     ground: height over the origin, its cell, first column and row after the last (from the origin).
+    times: where each point was, and the times there; no times: (0,).
     """
     starts, span = data[1], data[2]
     n_cols = span[2]
@@ -101,5 +108,47 @@ def boxes_in_cells(
             if n == len(out):
                 out = np.concatenate((out, np.empty_like(out)))
             if box_in_cell(data, ground, place, limits, rooms, out[n]) == FOUND:
+                write_times(starts, span, times, out[n])
                 n += 1
     return out[:n]
+
+
+@njit(cache=True, nogil=True)
+def boxes_around(
+    data: tuple[F64, I64, I64, F64, F64],
+    ground: tuple[F32, float, int, int],
+    times: tuple[I64, F64],
+    picked: tuple[float, float],
+    limits: F64,
+) -> tuple[F64, I64]:
+    """Return (9, COLUMNS) the boxes of the cell that holds a picked place and of its neighbours, and why not (9,).
+
+    The picked place's own cell comes first.
+    """
+    rooms = make_rooms()
+    out, why = np.zeros((9, COLUMNS)), np.empty(9, dtype=np.int64)
+    col, row = np.floor(picked[0] / CELL_M), np.floor(picked[1] / CELL_M)
+    for k in range(9):
+        # 0 is the middle one
+        r, c = (k + 4) % 9 // 3 - 1, (k + 4) % 9 % 3 - 1
+        place = (col + c + 0.5) * CELL_M, (row + r + 0.5) * CELL_M
+        why[k] = box_in_cell(data, ground, place, limits, rooms, out[k])
+        if why[k] == FOUND:
+            write_times(data[1], data[2], times, out[k])
+    return out, why
+
+
+@njit(cache=True, nogil=True)
+def write_times(starts: I64, span: I64, times: tuple[I64, F64], box: F64) -> None:
+    """Write when the first and the last point within about 0.25 m of the box was measured."""
+    box[START], box[END] = np.nan, np.nan
+    source, time = times
+    if len(time) == 0:
+        return
+    c, r = int(np.floor(box[X] / FINE_M)) - span[0], int(np.floor(box[Y] / FINE_M)) - span[1]
+    first, last = np.inf, -np.inf
+    for i in range(max(r - 1, 0), min(r + 2, span[3])):
+        for k in range(starts[i * span[2] + max(c - 1, 0)], starts[i * span[2] + min(c + 2, span[2])]):
+            first, last = min(first, time[source[k]]), max(last, time[source[k]])
+    if first <= last:
+        box[START], box[END] = first, last

@@ -28,9 +28,6 @@ from linework.kernels.surroundings import ROUGH
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
 
-#: The verge is rougher than the pavement by this factor, or brighter by that one: asphalt differs less from
-#: asphalt.
-ROUGHER, BRIGHTER = 1.3, 1.3
 #: Share of the fine cells' differences that a slope must explain before their points are looked at.
 EXPLAINED = 0.25
 #: A verge lies this far below or above the pavement at most. [m]
@@ -42,7 +39,7 @@ def differs(slopes: F64, noise: float, by: int) -> bool:
     """Return whether the fine cells get rougher (by = 0) or brighter (by = 1) as next to a pavement's edge."""
     row = slopes[ROUGH + by]
     # By how much both sides of the area differ, if it is cut in half: 0.85 / R is the slope of a step of 1
-    least = (ROUGHER - 1.0) * noise if by == 0 else 0.5 * (BRIGHTER - 1.0) * row[3]
+    least = (pe.ROUGHER - 1.0) * noise if by == 0 else 0.5 * (pe.BRIGHTER - 1.0) * row[3]
     return bool(row[2] >= EXPLAINED and np.hypot(row[0], row[1]) * AREA_M >= least)
 
 
@@ -74,7 +71,7 @@ def edge_in_cell(
         size = np.hypot(gx, gy)
         if not found and differs(around[0], floor[1], k) and size > 0.0:
             by = k
-            found = pe.best_split(work, n, (-gx / size, -gy / size), scale, k, sums, first)
+            found = pe.best_split(work, n, (-gx / size, -gy / size), scale, 2 - k, sums, first)
     if not found:
         return ALL_ROAD if first[2] < pe.CLEAR else ELSEWHERE
     vx, vy, v = first[0], first[1], first[3]
@@ -120,5 +117,5 @@ def edge_in_cell(
 def _is_edge(edge: F64, by: int, most: float) -> bool:
     """Return whether pavement lies on one side and a verge on the other."""
     smooth, rough, contrast = edge[4], edge[5], edge[7]
-    verge = rough >= ROUGHER * smooth if by == 0 else contrast >= BRIGHTER
+    verge = rough >= pe.ROUGHER * smooth if by == 0 else contrast >= pe.BRIGHTER
     return bool(verge and smooth <= most and abs(edge[6]) <= STEP_M)

@@ -20,8 +20,8 @@ Mask = npt.NDArray[np.bool_]
 FINE_M = 0.25
 #: A facet of fewer points takes one more ring of cells, up to this many. A plane has three unknowns.
 FACET_POINTS, FACET_RINGS = 9, 3
-#: Cells of two fine ones, 4 m.
-FACETS_AROUND = 8
+#: Cells of two fine ones, 3 m.
+FACETS_AROUND = 6
 
 
 @njit(cache=True, nogil=True)
@@ -171,7 +171,7 @@ def plane_of(s: F64) -> tuple[float, float, float, float]:
 def facets_of(sums: F64, span: I64) -> F64:
     """Return (cells of two fine ones, 6) the facet at each cell's middle: points, height, slopes, rms distance.
 
-    The last column is the rms distance of the smoothest facet within 4 m. Facets are 1 m wide, more where the
+    The last column is the rms distance of the smoothest facet within 3 m. Facets are 1 m wide, more where the
     points are few. Without enough, or without any in the cell: 0 points.
     """
     n_cols, n_rows = span[2], span[3]

@@ -135,7 +135,11 @@ def _is_kerb(step: F64, share: F64, floor: tuple[F64, float, float, float, float
     tilt_y = plane[2] + step[ks.FLOOR_C] * vy - step[ks.FLOOR_B] * vx - floor[3]
     # The road's slope is known from cells on both sides, 3 m apart, and holds part of the step
     level = np.hypot(tilt_x, tilt_y) <= limits[1] + h / 3.0
-    high = limits[0] <= h <= limits[2] and h >= LEAST_CLEAR * step[ks.NOISE] and h >= 4.0 * step[ks.SIGMA_H]
+    high = (
+        limits[0] <= h <= limits[2]
+        and h >= LEAST_CLEAR * max(step[ks.NOISE], step[ks.NOISE_TOP])
+        and h >= 4.0 * step[ks.SIGMA_H]
+    )
     smooth = step[ks.NOISE] <= roughest(floor[4], limits) and step[ks.NOISE_TOP] <= max(limits[3], 0.35 * h)
     top = abs(step[ks.TOP_C] - step[ks.FLOOR_C]) <= 0.25
     seen = share[0] >= 0.6 and share[1] >= 0.5 and share[3] - share[2] > 0.15 and share[4] >= 0.25

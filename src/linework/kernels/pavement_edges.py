@@ -11,9 +11,7 @@ from numba import njit
 
 from linework.kernels.profiles import (
     LEAST_NOISE_M,
-    LOW_BINS,
     N_BINS,
-    NOTHING,
     beside_cell,
     line_through,
     profile_across,
@@ -22,6 +20,9 @@ from linework.kernels.surroundings import ROUGHEST_M
 
 F64 = npt.NDArray[np.float64]
 
+#: The verge is rougher than the pavement by this factor, or brighter by that one: asphalt differs less from
+#: asphalt.
+ROUGHER, BRIGHTER = 1.3, 1.3
 #: Turns that are tried about the first direction, from coarse to fine. [rad]
 TURNS = (
     np.deg2rad(np.array([0.0])),
@@ -38,6 +39,8 @@ FINE_TURNS = (
 REACH_V = 0.40
 #: Brightness differs by this share at least from one stone to the next; one level is known to it.
 LEAST_CONTRAST = 0.03
+#: The verge is looked at from 0.5 m beyond the place on: farther off it may fall away.
+FAR_BIN = N_BINS // 2 - 25
 #: Bins to either side in which an edge is found again.
 NEAR_BINS = 10
 #: Points next to each other lie on the same tuft and the same stain: this share of them tells something new.
@@ -46,6 +49,8 @@ NEW_SHARE = 0.2
 SHADOW_SHARE, SHADOW_SIGMA_M = 0.3, 0.005
 #: Halves of one brightness each differ by this many spreads; a stripe of up to 0.4 m in one of them does not.
 STRIPE = 1.5
+#: Paint has this many bins, 30 cm, at most: brightness alone tells over more.
+WIDE_BINS = 15
 #: Fewest points on either side: two spreads are to be compared.
 SIDE_POINTS = 10
 #: Two more spreads and two more levels explain twice this log likelihood by chance once in 10 000 places.
@@ -81,29 +86,34 @@ def split_in(sums: F64, step: float, half: int, stride: int, by: int, gains: F64
     """
     out[:] = 0.0
     gains[:] = 0.0
-    both = np.empty(9)
-    for k in range(N_BINS // 2 - half, N_BINS // 2 + half + 1, stride):
+    far = sums[FAR_BIN]
+    n, r, i, _, mean = _spread_of(far, sums[N_BINS], 0.0)
+    if n == 0.0:
+        return
+    # Brightness that falls off with distance is a slope in one piece, not two levels
+    mv = (sums[N_BINS, 1] - far[1]) / n
+    vi = (sums[N_BINS, 7] - far[7]) / n - mv * mean
+    vv = (sums[N_BINS, 2] - far[2]) / n - mv * mv + 1e-9
+    i = max(i - vi * vi / vv, (LEAST_CONTRAST * mean) ** 2 + 1e-12)
+    for k in range(max(N_BINS // 2 - half, FAR_BIN + 4), N_BINS // 2 + half + 1, stride):
         v = (k - 0.5 * N_BINS) * step
-        low, high = sums[min(k + LOW_BINS, N_BINS)], sums[max(k - LOW_BINS, 0)]
-        n_a, r_a, i_a, z_a, b_a = _spread_of(sums[k], low, v)
-        n_b, r_b, i_b, z_b, b_b = _spread_of(high, sums[k], v)
+        n_a, r_a, i_a, z_a, b_a = _spread_of(sums[k], sums[N_BINS], v)
+        n_b, r_b, i_b, z_b, b_b = _spread_of(far, sums[k], v)
         if n_a == 0.0 or n_b == 0.0:
             continue
-        if by != 1 and (r_b <= r_a or r_b > ROUGHEST_M**2):
-            continue
         # One brightness there and another here, not a stripe of paint in one of them
-        if by == 1 and (b_b <= b_a or (b_b - b_a) ** 2 < STRIPE**2 * max(i_a, i_b)):
+        if by == 1 and (
+            k < FAR_BIN + WIDE_BINS or b_b <= b_a or (b_b - b_a) ** 2 < STRIPE**2 * max(i_a, i_b)
+        ):
             continue
-        for j in range(9):
-            both[j] = low[j] - high[j]
-        n, r, i, _, mean = _spread_of(NOTHING, both, v)
-        # Brightness that falls off with distance is a slope in one piece, not two levels
-        mv = both[1] / n
-        vi = both[7] / n - mv * mean
-        i = max(i - vi * vi / (both[2] / n - mv * mv + 1e-9), (LEAST_CONTRAST * mean) ** 2 + 1e-12)
         gain = 0.0
         if by != 1:
-            gain += n * np.log(r) - n_a * np.log(r_a) - n_b * np.log(r_b)
+            # A spread of few points is not well known
+            if r_b <= ROUGHER**2 * (1.0 + 2.0 / np.sqrt(n_b)) * r_a or r_b > ROUGHEST_M**2:
+                continue
+            gain = n * np.log(r) - n_a * np.log(r_a) - n_b * np.log(r_b)
+            if gain < 0.5 * CLEAR:
+                continue
         if by != 0:
             gain += n * np.log(i) - n_a * np.log(i_a) - n_b * np.log(i_b)
         gains[k] = gain

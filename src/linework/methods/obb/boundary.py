@@ -52,12 +52,43 @@ class BoundaryConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class _Floor:
-    """Points near the ground in the survey's lattice, as kernels take them."""
+class FloorPoints:
+    """Points near the ground in the survey's lattice, as kernels take them.
+
+    Parameters
+    ----------
+    data
+        Points (x, y, z, intensity from the local origin) by fine cell, the cells' starts and span, their sums,
+        and the facets that they make.
+    ground
+        The ground's height over the origin, its cell size, first column and row after the last.
+    times
+        Where each point was in the tile, and the tile's times (none: empty).
+    """
 
     data: tuple[AnyArray, AnyArray, AnyArray, AnyArray, AnyArray]
     ground: tuple[AnyArray, float, int, int]
-    source: AnyArray
+    times: tuple[AnyArray, AnyArray]
+
+    @classmethod
+    def of(cls, points: Points, surface: RoadSurface, origin: tuple[float, float, float]) -> FloorPoints:
+        """Sort the points near the ground into the lattice, with sums and facets of its cells."""
+        g = surface.grid
+        west = round((g.east_m - origin[0]) / g.cell_width_m)
+        north = round((g.north_m - origin[1]) / g.cell_width_m)
+        near = steps_to_set(surface.is_road | surface.is_ground, NEAR_CELLS) <= NEAR_CELLS
+        ground_m = surface.ground_m + np.float32(surface.z0_m - origin[2])
+        at = np.array(origin)
+        col, row, span = floor.cells_near_ground(
+            points.xyz, at, g.cell_width_m, west, north, ground_m, near, BAND_M
+        )
+        no_strength = np.zeros(len(points), dtype=np.float32)
+        strength = no_strength if points.intensity is None else points.intensity
+        local, source, starts = floor.sort_by_cell(points.xyz, strength, at, col, row, span)
+        sums = floor.cell_sums(local, starts, span)
+        data = local, starts, span, sums, floor.facets_of(sums, span)
+        time_s = np.zeros(0) if points.time_s is None else points.time_s
+        return cls(data, (ground_m, g.cell_width_m, west, north), (source, time_s))
 
 
 def find_boundary_boxes(tile: TileData, surface: RoadSurface, config: BoundaryConfig) -> BoxSet:
@@ -66,42 +97,29 @@ def find_boundary_boxes(tile: TileData, surface: RoadSurface, config: BoundaryCo
     Boxes are ordered by row (from the south) and column of their cell, and are the same to the last bit in
     every tile that holds the points within `REACH_M` of them.
     """
-    points = tile.points
-    if len(points) == 0:
+    if len(tile.points) == 0:
         return BoxSet.empty()
-    base = _floor_of(points, surface, tile.origin or _origin_of(points))
-    rows = kernels.boxes_in_cells(base.data, base.ground, _limits(config))
-    return _box_set(rows)
+    # Points near the ground; planes of their cells
+    base = FloorPoints.of(tile.points, surface, origin_of(tile))
+    # In every cell: where floor and face of a kerb meet, or where smooth ends and rough begins
+    return boxes_of(kernels.boxes_in_cells(base.data, base.ground, base.times, limits_of(config)))
 
 
-def _origin_of(points: Points) -> tuple[float, float, float]:
-    bounds = points.bounds
-    return local_origin(bounds.west, bounds.south, float(points.xyz[:, 2].min()))
+def origin_of(tile: TileData) -> tuple[float, float, float]:
+    """Return the local origin of a tile's survey."""
+    if tile.origin is not None:
+        return tile.origin
+    bounds = tile.points.bounds
+    return local_origin(bounds.west, bounds.south, float(tile.points.xyz[:, 2].min()))
 
 
-def _limits(c: BoundaryConfig) -> FloatArray:
+def limits_of(c: BoundaryConfig) -> FloatArray:
+    """Return the settings as kernels take them."""
     return np.array([c.min_step_m, math.tan(math.radians(c.normal_deg)), c.max_step_m, c.max_noise_m])
 
 
-def _floor_of(points: Points, surface: RoadSurface, origin: tuple[float, float, float]) -> _Floor:
-    """Sort the points near the ground into the lattice, with sums and facets of its cells."""
-    g = surface.grid
-    west = round((g.east_m - origin[0]) / g.cell_width_m)
-    north = round((g.north_m - origin[1]) / g.cell_width_m)
-    near = steps_to_set(surface.is_road | surface.is_ground, NEAR_CELLS) <= NEAR_CELLS
-    ground_m = surface.ground_m + np.float32(surface.z0_m - origin[2])
-    at = np.array(origin)
-    col, row, span = floor.cells_near_ground(
-        points.xyz, at, g.cell_width_m, west, north, ground_m, near, BAND_M
-    )
-    strength = points.intensity if points.intensity is not None else np.zeros(len(points), dtype=np.float32)
-    local, source, starts = floor.sort_by_cell(points.xyz, strength, at, col, row, span)
-    sums = floor.cell_sums(local, starts, span)
-    facets = floor.facets_of(sums, span)
-    return _Floor((local, starts, span, sums, facets), (ground_m, g.cell_width_m, west, north), source)
-
-
-def _box_set(rows: FloatArray) -> BoxSet:
+def boxes_of(rows: FloatArray) -> BoxSet:
+    """Return rows of `linework.kernels.places` as boxes."""
     k = places
     return BoxSet(
         centre=rows[:, [k.X, k.Y, k.Z]],
@@ -116,4 +134,6 @@ def _box_set(rows: FloatArray) -> BoxSet:
         height_m=rows[:, k.STEP],
         top_v_m=rows[:, k.TOP_V],
         n_points=rows[:, k.COUNT],
+        time_start_s=rows[:, k.START],
+        time_end_s=rows[:, k.END],
     )

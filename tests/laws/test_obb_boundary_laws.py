@@ -1,0 +1,107 @@
+"""Boundary boxes do not depend on how the survey is cut into tiles."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from linework.methods.obb.boundary import REACH_M, BoundaryConfig, find_boundary_boxes
+from linework.methods.obb.boundary_pick import BoundaryFound, boundary_box_at
+from linework.model.boxes import BOX_COLUMNS, BoxForm, BoxSet
+from linework.model.grid import Bounds
+from linework.model.points import Points
+from linework.model.surface import RoadSurface
+from linework.model.tile import TileData
+from linework.surface.road import RoadConfig, find_road
+
+ORIGIN = (499_200.0, 5_400_000.0, 0.0)
+WEST, SOUTH, SIZE_M = 499_230.0, 5_400_030.0, 24.0
+
+
+def survey() -> Points:
+    """A carriageway between a kerb in the north and grass in the south, a little askew; two densities."""
+    rng = np.random.default_rng(5)
+    x, y = rng.uniform(0, SIZE_M, (2, 60_000))
+    keep = (x < 14.0) | (rng.random(len(x)) < 0.25)
+    x, y = x[keep], y[keep]
+    v = y - 0.2 * x
+    kerb = 0.12 * np.clip((v - 13.0) / 0.02, 0, 1)
+    grass = np.where(v < 5.0, 0.03 * np.abs(rng.normal(size=len(x))), 0.0)
+    z = 30.0 + 0.02 * x + kerb + grass + rng.normal(0, 0.004, len(x))
+    intensity = np.where(v < 5.0, 900, 400) * rng.uniform(0.8, 1.2, len(x))
+    time_s = 100.0 + x
+    order = np.lexsort((x, y))
+    xyz = np.column_stack([WEST + x, SOUTH + y, z])
+    return Points(xyz[order], intensity[order].astype(np.float32), time_s[order])
+
+
+POINTS = survey()
+SURFACE = find_road(POINTS, None, RoadConfig())
+WHOLE = TileData("whole", POINTS.bounds, POINTS, origin=ORIGIN)
+BOXES = find_boundary_boxes(WHOLE, SURFACE, BoundaryConfig())
+
+
+def same_bytes(a: BoxSet, b: BoxSet) -> bool:
+    return all(getattr(a, n).tobytes() == getattr(b, n).tobytes() for n in ("centre", "u", *BOX_COLUMNS))
+
+
+def inside(boxes: BoxSet, b: Bounds) -> BoxSet:
+    x, y = (boxes.centre[:, :2] + np.array(ORIGIN[:2])).T
+    return boxes.take((x >= b.west) & (x < b.east) & (y >= b.south) & (y < b.north))
+
+
+def part_of_surface(b: Bounds) -> RoadSurface:
+    g = SURFACE.grid
+    c0, c1 = max(int((b.west - g.east_m) // 0.5), 0), int(-(-(b.east - g.east_m) // 0.5))
+    r0, r1 = max(int((g.north_m - b.north) // 0.5), 0), int(-(-(g.north_m - b.south) // 0.5))
+    part = slice(r0, r1), slice(c0, c1)
+    grid = dataclasses.replace(
+        g,
+        east_m=g.east_m + 0.5 * c0,
+        north_m=g.north_m - 0.5 * r0,
+        n_rows=SURFACE.road_m[part].shape[0],
+        n_cols=SURFACE.road_m[part].shape[1],
+    )
+    columns = (SURFACE.road_m, SURFACE.ground_m, SURFACE.is_road, SURFACE.is_ground)
+    return RoadSurface(grid, SURFACE.z0_m, *(column[part] for column in columns))
+
+
+def tile_over(core: Bounds) -> tuple[TileData, RoadSurface]:
+    extent = core.grown(REACH_M)
+    x, y = POINTS.xyz[:, 0], POINTS.xyz[:, 1]
+    held = (x >= extent.west) & (x < extent.east) & (y >= extent.south) & (y < extent.north)
+    return TileData("part", core, POINTS.take(held), origin=ORIGIN), part_of_surface(extent.grown(2.0))
+
+
+def test_the_scene_has_both_forms():
+    assert np.count_nonzero(BOXES.form == BoxForm.KERB) > 30
+    assert np.count_nonzero(BOXES.form == BoxForm.EDGE) > 30
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0.0, 18.0), st.floats(0.0, 18.0), st.floats(1.0, 8.0), st.floats(1.0, 8.0))
+def test_boxes_are_the_same_to_the_last_bit_in_every_tile(west, south, width, height):
+    core = Bounds(WEST + west, SOUTH + south, WEST + west + width, SOUTH + south + height)
+    tile, surface = tile_over(core)
+    part = find_boundary_boxes(tile, surface, BoundaryConfig())
+    assert same_bytes(inside(part, core), inside(BOXES, core))
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, len(BOXES) - 1), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
+def test_a_picked_place_gives_the_box_that_detection_gives(i, dx, dy):
+    east, north = BOXES.centre[i, :2] + np.array(ORIGIN[:2]) + (dx, dy)
+    tile, surface = tile_over(Bounds(east - 1.5, north - 1.5, east + 1.5, north + 1.5))
+    box, why = boundary_box_at(tile, surface, east, north, BoundaryConfig())
+    away = np.hypot(*(BOXES.centre[:, :2] + np.array(ORIGIN[:2]) - (east, north)).T)
+    assert why == BoundaryFound.FOUND
+    assert same_bytes(box, BOXES.take(np.array([np.argmin(away)])))
+
+
+def test_times_are_those_of_the_points_nearby():
+    x = BOXES.centre[:, 0] - (WEST - ORIGIN[0])
+    assert (BOXES.time_start_s >= 100.0 + x - 0.6).all() and (BOXES.time_end_s <= 100.0 + x + 0.6).all()
+    assert (BOXES.time_start_s <= BOXES.time_end_s).all()
