@@ -5,7 +5,7 @@ import pytest
 from tests.box_scenes import bend, boxes_on, everything_seen, nothing_seen, straight
 
 from linework.methods.obb import boundary_lines, marking_lines
-from linework.methods.obb.arrangement import beside_kerb, bounds_carriageway, is_double, roles
+from linework.methods.obb.arrangement import beside_kerb, bounds_carriageway, is_double, paint_forms, roles
 from linework.methods.obb.neighbours import Course
 from linework.methods.obb.pattern import find_rhythm, united
 from linework.methods.obb.smooth import smooth_line
@@ -84,12 +84,10 @@ def test_a_worn_solid_line_has_none(left):
 def test_a_dashed_line_is_one_line_with_its_dashes():
     markings, other = lines_of(boxes_on(*[straight(3.0, x=9.0 * k) for k in range(7)]))
     assert len(markings) == 1 and not other
-    lines = marking_lines.as_lines(
-        markings, boxes := boxes_on(*[straight(3.0, x=9.0 * k) for k in range(7)]), "lane_marking"
-    )
+    lines = marking_lines.as_lines(markings, "lane_marking")
     assert lines.pattern.tolist() == ["dashed"]
     assert not lines.bridged.any()
-    dashes = marking_lines.dash_lines(markings, boxes)
+    dashes = marking_lines.dash_lines(markings, ["centre"])
     assert len(dashes) == 7
     np.testing.assert_allclose(dashes.length_m, 3.0, atol=0.5)
     starts = sorted(dashes.line(k)[:, 0].min() for k in range(7))
@@ -101,9 +99,7 @@ def test_a_solid_line_ends_where_there_is_road_and_no_paint():
     assert len(lines_of(boxes_on(*courses), everything_seen)[0]) == 2
     hidden, _ = lines_of(boxes_on(*courses), nothing_seen)
     assert len(hidden) == 1
-    assert marking_lines.as_lines(hidden, boxes_on(*courses), "lane_marking").bridged_m[0] == pytest.approx(
-        10.0, abs=1.5
-    )
+    assert marking_lines.as_lines(hidden, "lane_marking").bridged_m[0] == pytest.approx(10.0, abs=1.5)
 
 
 def test_a_short_piece_of_paint_is_no_lane_marking():
@@ -172,8 +168,25 @@ def test_double_lines_and_roles():
     kerbs = [course(-0.8), course(8.0, turned=True)]
     double = is_double(markings)
     assert double.tolist() == [False, True, True, False]
-    assert roles([*markings, *kerbs], 4, double) == ["edge", "centre", "centre", "edge"]
-    one = [course(3.6), course(-1.0), course(8.2, turned=True)]
-    assert roles(one, 1, is_double(one[:1])) == ["centre"]
-    motorway = [course(0.0), course(3.75), course(7.5)]
-    assert roles(motorway, 3, is_double(motorway)) == ["edge", "lane", "edge"]
+    assert roles(markings, kerbs, [], double) == ["edge", "centre", "centre", "edge"]
+    one, kerbs = [course(3.6)], [course(-1.0), course(8.2, turned=True)]
+    assert roles(one, kerbs, [], is_double(one)) == ["centre"]
+    motorway = [course(0.0), course(3.75), course(7.5), course(11.25)]
+    assert roles(motorway, [], [], is_double(motorway)) == ["edge", "lane", "lane", "edge"]
+    three = [course(0.0), course(3.75), course(7.5)]
+    assert roles(three, [], [course(1.8), course(5.6)], is_double(three)) == ["edge", "lane", "edge"]
+    assert roles(three, [], [course(1.8), course(5.6, turned=True)], is_double(three)) == [
+        "edge",
+        "centre",
+        "edge",
+    ]
+
+
+def test_bars_stop_lines_and_arrows():
+    bars = [course(float(y), length=3.5) for y in range(4)]
+    stop = Course.of(
+        np.linspace(0, 3, 7), np.column_stack([np.full(7, 50.0), np.linspace(0, 3, 7), np.zeros(7)])
+    )
+    arrow = course(20.0, length=3.5)
+    road = [course(-1.0, length=60.0), course(22.0, length=60.0)]
+    assert paint_forms([*bars, stop, arrow], road) == ["zebra"] * 4 + ["stop", "arrow"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -19,6 +20,8 @@ SEAM_M = 3.0
 GUTTER_M = 1.5
 #: The stripes of a double line are no farther apart, middle to middle (two of 0.15 m and 0.2 m of gap between). [m]
 DOUBLE_M = 0.50
+#: Bars of a zebra crossing lie this far apart, middle to middle. [m]
+ZEBRA_M = (0.5, 1.3)
 #: Lanes are no wider than this. [m]
 LANE_M = 6.0
 
@@ -90,51 +93,109 @@ def is_double(courses: Sequence[Course]) -> BoolArray:
     return np.asarray(_share_of_stations(n, np.ones(len(n.line), dtype=np.bool_), courses) > 0.5)
 
 
-def roles(courses: Sequence[Course], n_markings: int, double: BoolArray) -> list[str]:
-    """Return the role of each marking, "" where it cannot be told.
+def paint_forms(bars: Sequence[Course], road: Sequence[Course]) -> list[str]:
+    """Return what paint that is no line is: a bar of a zebra crossing, a stop line, an arrow's shaft.
 
-    The outermost line of paint, next to the end of the carriageway, is an edge line; a double line that is
-    not is the centre line; of a road with one line of paint inside, half-way between its edges, so is that.
+    Bars of a crossing lie side by side, 0.5 to 1.3 m from each other; a stop line lies across the road; what is
+    alone and along it is an arrow.
 
     Parameters
     ----------
-    courses
-        Markings, then boundaries.
+    bars
+        The paint.
+    road
+        Lines along the road: lane markings, boundaries, the van's way.
     """
-    n = find_neighbours(courses, 2.0 * LANE_M)
-    is_marking = np.arange(len(courses)) < n_markings
-    found = []
-    for i in range(n_markings):
+    n = find_neighbours(bars, ZEBRA_M[1])
+    beside = np.bincount(n.line[np.abs(n.across_m) >= ZEBRA_M[0]], minlength=len(bars))
+    along = _cosine_with(bars, road)
+    return [
+        "zebra" if beside[i] > 0 else "stop" if along[i] < 0.5 else "arrow" if along[i] > 0.866 else ""
+        for i in range(len(bars))
+    ]
+
+
+def _cosine_with(bars: Sequence[Course], road: Sequence[Course]) -> FloatArray:
+    """Return the cosine between each bar and the nearest line of the road; NaN where there is none near."""
+    if not road:
+        return np.full(len(bars), np.nan)
+    xy, normal = np.concatenate([c.xy for c in road]), np.concatenate([c.normal for c in road])
+    tree = cKDTree(xy)
+    out = np.full(len(bars), np.nan)
+    for i, bar in enumerate(bars):
+        distance, nearest = tree.query(bar.xy.mean(axis=0), distance_upper_bound=2.0 * LANE_M)
+        if np.isfinite(distance):
+            out[i] = abs(float(normal[nearest] @ bar.normal[0]))
+    return out
+
+
+def roles(
+    lanes: Sequence[Course], bounds: Sequence[Course], way: Sequence[Course], double: BoolArray
+) -> list[str]:
+    """Return the role of each marking, "" where it cannot be told.
+
+    The outermost line of paint, next to the end of the carriageway, is an edge line. A double line is the
+    centre line, and so is one that vans pass in opposite directions on either side, or a single line half-way
+    between two boundaries. Lines inside that vans pass the same way on both sides, and one of several inside,
+    part lanes.
+
+    Parameters
+    ----------
+    lanes, bounds, way
+        Markings, boundaries, and the ways of vans.
+    """
+    n = find_neighbours([*lanes, *bounds, *way], 2.0 * LANE_M)
+    m, k = len(lanes), len(lanes) + len(bounds)
+    sides = []
+    for i in range(m):
         own = n.line == i
-        sides = []
+        across, other, facing, station = n.across_m[own], n.other[own], n.facing[own], n.station[own]
+        found = []
         for sign in (1.0, -1.0):
-            across = n.across_m[own] * sign
-            here = across > DOUBLE_M
-            paint = here & is_marking[n.other[own]]
-            bound = here & ~is_marking[n.other[own]]
-            stations = max(len(courses[i].xy), 1)
-            sides.append((
-                _typical(across[paint], n.station[own][paint], stations),
-                _typical(across[bound], n.station[own][bound], stations),
-            ))  # fmt: skip
-        found.append(_role(*sides, is_double=bool(double[i])))
-    return found
+            here = across * sign > DOUBLE_M
+            n_stations = len(lanes[i].xy)
+            paint, bound, van = (
+                here & chosen for chosen in (other < m, (other >= m) & (other < k), other >= k)
+            )
+            near = van & (np.abs(across) < LANE_M)
+            found.append(
+                _Side(
+                    _typical(np.abs(across[paint]), station[paint], n_stations),
+                    _typical(np.abs(across[bound]), station[bound], n_stations),
+                    float(np.sign(facing[near].sum())),
+                )
+            )
+        sides.append(found)
+    inside = [not s[0].is_outer and not s[1].is_outer for s in sides]
+    return [_role(*sides[i], is_double=bool(double[i]), is_one_of_many=sum(inside) > 1) for i in range(m)]
 
 
-def _role(left: tuple[float, float], right: tuple[float, float], *, is_double: bool) -> str:
-    """Return the role of a line with these distances to the next paint and the next boundary on either side."""
-    outer = [paint > bound or not np.isfinite(paint) for paint, bound in (left, right)]
-    if is_double:
+class _Side(NamedTuple):
+    """What is on one side of a line: distance to the next paint and boundary [m], and which way vans go there."""
+
+    paint_m: float
+    bound_m: float
+    way: float
+
+    @property
+    def is_outer(self) -> bool:
+        """Whether no paint lies between the line and the end of the carriageway."""
+        return not np.isfinite(self.paint_m) or self.paint_m > self.bound_m
+
+
+def _role(left: _Side, right: _Side, *, is_double: bool, is_one_of_many: bool) -> str:
+    """Return the role of a line with this on either side."""
+    if is_double or left.way * right.way < 0.0:
         return "centre"
-    if all(outer):
-        (_, a), (_, b) = left, right
-        if not (np.isfinite(a) and np.isfinite(b)):
+    if left.is_outer and right.is_outer:
+        if not (np.isfinite(left.bound_m) and np.isfinite(right.bound_m)):
             return ""
-        return "centre" if 0.6 < a / b < 1.67 else "edge"
-    if any(outer):
-        (_, bound), (paint, _) = (left, right) if outer[0] else (right, left)
-        return "edge" if not np.isfinite(bound) or bound < 0.8 * paint else "centre"
-    return "lane"
+        return "centre" if 0.6 < left.bound_m / right.bound_m < 1.67 else "edge"
+    if left.is_outer or right.is_outer:
+        outer, inner = (left, right) if left.is_outer else (right, left)
+        is_edge = not np.isfinite(outer.bound_m) or outer.bound_m < 0.8 * inner.paint_m
+        return "edge" if is_edge else "centre"
+    return "lane" if is_one_of_many or left.way * right.way > 0.0 else ""
 
 
 def _typical(across: FloatArray, station: AnyArray, n_stations: int) -> float:

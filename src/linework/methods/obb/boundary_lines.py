@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,12 +102,12 @@ def bridged_of(line: SmoothLine) -> BoolArray:
     return np.asarray(~line.is_measured & (width > BARE_M))
 
 
-def as_lines(found: list[Boundary]) -> LineSet:
+def as_lines(found: Sequence[Boundary]) -> LineSet:
     """Return boundaries as lines, in local coordinates."""
     return _line_set(found, "road_boundary", [b.line.xyz for b in found])
 
 
-def top_lines(found: list[Boundary]) -> LineSet:
+def top_lines(found: Sequence[Boundary]) -> LineSet:
     """Return the top edges of kerbs, parallel to their feet."""
     kerbs = [b for b in found if b.form == "kerb" and np.isfinite(b.top_v_m).all()]
     tops = [
@@ -118,7 +119,7 @@ def top_lines(found: list[Boundary]) -> LineSet:
     return _line_set(kerbs, "kerb_top", tops)
 
 
-def _line_set(found: list[Boundary], kind: str, xyz: list[AnyArray]) -> LineSet:
+def _line_set(found: Sequence[Boundary], kind: str, xyz: list[AnyArray]) -> LineSet:
     if not found:
         return LineSet.empty()
     return LineSet.from_lines(

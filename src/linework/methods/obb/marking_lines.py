@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,8 +25,8 @@ LONGEST_WORN_M, SHORT_M = 13.0, 3.0
 #: Paint shorter than this that is no dash of a dashed line is an arrow, a bar, a letter: arrows are up to 5 m,
 #: 7.5 m where traffic is fast, with 3.5 m of shaft. [m]
 LEAST_LINE_M = 6.0
-#: Of two stripes no farther apart than this, side by side, both are a double line. [m]
-DOUBLE_M = 0.50
+#: Shorter blobs of paint are stains. [m]
+LEAST_BAR_M = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +41,12 @@ class Marking:
         (j, 2) float64: intervals of paint along the line. [m]
     rhythm, dashes
         Of a dashed line, and its (j, 2) single dashes [m]; None and no dashes of a solid one.
+    width_m
+        Of the paint. [m]
+    confidence
+        0 to 1.
+    times_s
+        First and last time of its points. [s]
     """
 
     line: SmoothLine
@@ -47,6 +54,9 @@ class Marking:
     paint: FloatArray
     rhythm: Rhythm | None
     dashes: FloatArray
+    width_m: float
+    confidence: float
+    times_s: tuple[float, float]
 
 
 def marking_lines(boxes: BoxSet, tracks: Tracks, seen: Sight) -> tuple[list[Marking], list[Marking]]:
@@ -58,6 +68,12 @@ def marking_lines(boxes: BoxSet, tracks: Tracks, seen: Sight) -> tuple[list[Mark
     return [m for m, yes in zip(found, is_line, strict=True) if yes], [
         m for m, yes in zip(found, is_line, strict=True) if not yes
     ]
+
+
+def bar_lines(boxes: BoxSet, tracks: Tracks, seen: Sight) -> list[Marking]:
+    """Return the bars among tracked boxes of wide paint: stop lines, crossings."""
+    found = [m for i in range(len(tracks)) for m in _markings(boxes, tracks.line(i)[0], seen)]
+    return [m for m in found if float(np.ptp(m.paint)) >= LEAST_BAR_M]
 
 
 def _markings(boxes: BoxSet, box: IntArray, seen: Sight) -> list[Marking]:
@@ -91,7 +107,10 @@ def _marking(boxes: BoxSet, box: IntArray) -> Marking:
     rhythm = find_rhythm(paint)
     line = smooth_line(boxes, box, (-float(paint[0, 0]), float(paint[-1, 1] - t[-1])))
     dashes = np.zeros((0, 2)) if rhythm is None else dashes_of(paint, rhythm)
-    return Marking(line, box, paint, rhythm, dashes)
+    return Marking(
+        line, box, paint, rhythm, dashes, 2.0 * float(np.median(boxes.half_v_m[box])),
+        float(np.mean(boxes.score[box])), boxes.time_span(box),
+    )  # fmt: skip
 
 
 def bridged_of(marking: Marking) -> BoolArray:
@@ -113,11 +132,10 @@ def bridged_of(marking: Marking) -> BoolArray:
     return np.asarray(inside)
 
 
-def as_lines(markings: list[Marking], boxes: BoxSet, kind: str) -> LineSet:
+def as_lines(markings: Sequence[Marking], kind: str) -> LineSet:
     """Return markings as lines of a kind, in local coordinates."""
     if not markings:
         return LineSet.empty()
-    used = [m.boxes for m in markings]
     return LineSet.from_lines(
         [m.line.xyz for m in markings],
         kind=[kind] * len(markings),
@@ -126,24 +144,25 @@ def as_lines(markings: list[Marking], boxes: BoxSet, kind: str) -> LineSet:
         sigma_xy_m=np.concatenate([m.line.sigma_xy_m for m in markings]),
         sigma_z_m=np.concatenate([m.line.sigma_z_m for m in markings]),
         bridged=np.concatenate([bridged_of(m) for m in markings]),
-        width_m=[2.0 * float(np.median(boxes.half_v_m[box])) for box in used],
-        confidence=[float(np.mean(boxes.score[box])) for box in used],
-        time_start_s=[boxes.time_span(box)[0] for box in used],
-        time_end_s=[boxes.time_span(box)[1] for box in used],
+        width_m=[m.width_m for m in markings],
+        confidence=[m.confidence for m in markings],
+        time_start_s=[m.times_s[0] for m in markings],
+        time_end_s=[m.times_s[1] for m in markings],
     )
 
 
-def dash_lines(markings: list[Marking], boxes: BoxSet) -> LineSet:
+def dash_lines(markings: Sequence[Marking], roles: Sequence[str]) -> LineSet:
     """Return the single dashes of dashed lines, on their smoothed lines."""
     parts: list[Marking] = []
-    for m in markings:
+    names: list[str] = []
+    for m, role in zip(markings, roles, strict=True):
         for start, end in m.dashes.tolist():
-            parts.append(
-                Marking(_cut(m.line, start, end), m.boxes, np.array([[start, end]]), None, np.zeros((0, 2)))
-            )
-    return as_lines(parts, boxes, "lane_marking_dash").with_columns(
-        pattern=np.full(len(parts), "", dtype=np.str_)
-    )
+            whole = np.array([[start, end]])
+            parts.append(replace(m, line=_cut(m.line, start, end), paint=whole, rhythm=None))
+            names.append(role)
+    dashed = np.full(len(parts), "dashed", dtype=np.str_)
+    lines = as_lines(parts, "lane_marking_dash")
+    return lines.with_columns(pattern=dashed, role=np.array(names, dtype=np.str_))
 
 
 def _cut(line: SmoothLine, start: float, end: float) -> SmoothLine:

@@ -7,15 +7,23 @@ bounding boxes, doi:10.3390/rs15194656. What goes beyond the paper is named in d
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from linework.methods.obb import boundary_lines, marking_lines
-from linework.methods.obb.arrangement import beside_kerb, bounds_carriageway, is_double, roles
+from linework.methods.obb.arrangement import (
+    beside_kerb,
+    bounds_carriageway,
+    is_double,
+    paint_forms,
+    roles,
+)
 from linework.methods.obb.boundary import BoundaryConfig, find_boundary_boxes
 from linework.methods.obb.boundary_lines import Boundary
 from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
+from linework.methods.obb.marking_lines import Marking
 from linework.methods.obb.neighbours import Course, courses_of_path
 from linework.methods.obb.track import TrackConfig, track_lines
 from linework.methods.sight import Sight, sight_of
@@ -99,36 +107,20 @@ class ObbMethod:
 
         # Boxes that collide, moved on by the search length, are joined: forward and backward, over gaps.
         # Kerbs first: what lies beside them, stone or gutter, is neither paint nor an edge of its own
-        kerbs, kerb_courses = self._boundaries(parts[BoxForm.KERB], seen_here)
-        rims, courses = list(kerbs), list(kerb_courses)
+        kerbs = self._boundaries(parts[BoxForm.KERB], seen_here)
+        rims = list(kerbs)
         for form in (BoxForm.EDGE, BoxForm.BARRIER):
-            own = parts[form].take(~beside_kerb(parts[form], kerb_courses, -KERB_SIDE_M, KERB_SIDE_M))
-            more = self._boundaries(own, seen_here)
-            rims, courses = rims + more[0], courses + more[1]
-        stripes = parts[BoxForm.STRIPE].take(
-            ~beside_kerb(parts[BoxForm.STRIPE], kerb_courses, -KERB_STONE_M, ON_FOOT_M)
-        )
-        # Lines through the boxes' centres, smoothed, with what they are: solid, dashed, kerb, edge
-        paint = track_lines(stripes, self.config.track, width_m=SAME_PAINT_M)
-        markings, other = marking_lines.marking_lines(stripes, paint, seen_here)
+            away = ~beside_kerb(parts[form], courses_of(kerbs), -KERB_SIDE_M, KERB_SIDE_M)
+            rims += self._boundaries(parts[form].take(away), seen_here)
+        # Paint: solid and dashed lines, and what is no line
+        markings, other = self._paint(parts, courses_of(kerbs), seen_here)
         # What has no carriageway in front of it, or has one behind it, bounds none
-        lanes = [Course.of(m.line.t_m, m.line.xyz) for m in markings]
         way = [] if path is None else courses_of_path(path - np.asarray(origin))
         is_kerb = np.array([b.form == "kerb" for b in rims], dtype=np.bool_)
-        kept = bounds_carriageway(courses, is_kerb, [*lanes, *way])
+        kept = bounds_carriageway(courses_of(rims), is_kerb, [*courses_of(markings), *way])
         rims = [b for b, yes in zip(rims, kept, strict=True) if yes]
-        courses = [c for c, yes in zip(courses, kept, strict=True) if yes]
-        # Roles, from how the lines lie to one another
-        double = is_double(lanes)
-        lines = LineSet.concatenate([
-            marking_lines.as_lines(markings, stripes, "lane_marking").with_columns(
-                double=double, role=np.array(roles([*lanes, *courses], len(lanes), double), dtype=np.str_)
-            ),
-            marking_lines.dash_lines(markings, stripes),
-            marking_lines.as_lines(other, stripes, "road_marking_other"),
-            boundary_lines.as_lines(rims),
-            boundary_lines.top_lines(rims),
-        ])  # fmt: skip
+        # What each is, from how the lines lie to one another
+        lines = as_line_set(markings, other, rims, way)
         lines = lines.take(np.isin(lines.kind, self.kinds))
         return lines.with_columns(xyz=lines.xyz + np.asarray(origin))
 
@@ -136,11 +128,23 @@ class ObbMethod:
         """Return the method with what it takes to find boxes of one kind only."""
         return replace(self, kinds=("kerb_top",) if kind == "road_boundary" else ("lane_marking_dash",))
 
-    def _boundaries(self, boxes: BoxSet, seen: Sight) -> tuple[list[Boundary], list[Course]]:
-        """Return the boundaries through boxes of one form, and where they run."""
+    def _boundaries(self, boxes: BoxSet, seen: Sight) -> list[Boundary]:
+        """Return the boundaries through boxes of one form."""
         tracks = track_lines(boxes, self.config.track, width_m=SAME_BOUNDARY_M)
-        found = boundary_lines.boundaries(boxes, tracks, seen)
-        return found, [Course.of(b.line.t_m, b.line.xyz) for b in found]
+        return boundary_lines.boundaries(boxes, tracks, seen)
+
+    def _paint(
+        self, parts: Mapping[BoxForm, BoxSet], kerbs: Sequence[Course], seen: Sight
+    ) -> tuple[list[Marking], list[Marking]]:
+        """Return the lane markings, and the paint that is none."""
+        stripes, blobs = (
+            parts[form].take(~beside_kerb(parts[form], kerbs, -KERB_STONE_M, ON_FOOT_M))
+            for form in (BoxForm.STRIPE, BoxForm.OTHER_PAINT)
+        )
+        lines = track_lines(stripes, self.config.track, width_m=SAME_PAINT_M)
+        bars = track_lines(blobs, self.config.track, width_m=SAME_BOUNDARY_M)
+        markings, other = marking_lines.marking_lines(stripes, lines, seen)
+        return markings, other + marking_lines.bar_lines(blobs, bars, seen)
 
     @property
     def _seeks_paint(self) -> bool:
@@ -150,3 +154,29 @@ class ObbMethod:
     def _seeks_boundaries(self) -> bool:
         # Boundaries tell edge lines from others, too
         return any(kind in ("road_boundary", "kerb_top", "lane_marking") for kind in self.kinds)
+
+
+def courses_of(lines: Sequence[Marking] | Sequence[Boundary]) -> list[Course]:
+    """Return where lines run."""
+    return [Course.of(line.line.t_m, line.line.xyz) for line in lines]
+
+
+def as_line_set(
+    markings: Sequence[Marking], other: Sequence[Marking], rims: Sequence[Boundary], way: Sequence[Course]
+) -> LineSet:
+    """Return all lines with their roles and forms, in local coordinates."""
+    lanes, bounds = courses_of(markings), courses_of(rims)
+    double = is_double(lanes)
+    names = roles(lanes, bounds, way, double)
+    forms = np.array(paint_forms(courses_of(other), [*lanes, *bounds, *way]), dtype=np.str_)
+    return LineSet.concatenate([
+        marking_lines.as_lines(markings, "lane_marking").with_columns(
+            double=double, role=np.array(names, dtype=np.str_)
+        ),
+        marking_lines.dash_lines(markings, names),
+        marking_lines.as_lines(other, "road_marking_other").with_columns(
+            form=forms, pattern=np.full(len(other), "", dtype=np.str_)
+        ),
+        boundary_lines.as_lines(rims),
+        boundary_lines.top_lines(rims),
+    ])  # fmt: skip

@@ -81,7 +81,10 @@ def trace_line(
         chosen = [m for m in lines if pick.box in m.boxes]
         # A short piece of paint is an arrow or a bar where nobody says what it is: here somebody does
         chosen = chosen or [m for m in other if pick.box in m.boxes]
-        found = [marking_lines.as_lines(chosen, boxes, pick.kind), marking_lines.dash_lines(chosen, boxes)]
+        found = [
+            marking_lines.as_lines(chosen, pick.kind),
+            marking_lines.dash_lines(chosen, [""] * len(chosen)),
+        ]
     else:
         bounds = [b for b in boundary_lines.boundaries(boxes, tracks, seen) if pick.box in b.boxes]
         found = [boundary_lines.as_lines(bounds), boundary_lines.top_lines(bounds)]
