@@ -117,5 +117,5 @@ def edge_in_cell(
 def _is_edge(edge: F64, by: int, most: float) -> bool:
     """Return whether pavement lies on one side and a verge on the other."""
     smooth, rough, contrast = edge[4], edge[5], edge[7]
-    verge = rough >= pe.ROUGHER * smooth if by == 0 else contrast >= pe.BRIGHTER
+    verge = (by == 0 and rough >= pe.ROUGHER * smooth) or contrast >= pe.BRIGHTER
     return bool(verge and smooth <= most and abs(edge[6]) <= STEP_M)

@@ -137,7 +137,7 @@ def _is_kerb(step: F64, share: F64, floor: tuple[F64, float, float, float, float
     level = np.hypot(tilt_x, tilt_y) <= limits[1] + h / 3.0
     high = (
         limits[0] <= h <= limits[2]
-        and h >= LEAST_CLEAR * max(step[ks.NOISE], step[ks.NOISE_TOP])
+        and h >= max(LEAST_CLEAR * step[ks.NOISE], 2.0 * step[ks.NOISE_TOP])
         and h >= 4.0 * step[ks.SIGMA_H]
     )
     smooth = step[ks.NOISE] <= roughest(floor[4], limits) and step[ks.NOISE_TOP] <= max(limits[3], 0.35 * h)

@@ -28,6 +28,8 @@ TOP_A, TOP_C, NOISE, NOISE_TOP, N_FLOOR, N_TOP, N_FACE, SIGMA_V, SIGMA_U, SIGMA_
 STEP_COLUMNS = 18
 #: What floor and top keep clear of foot and top edge, half of a usual scan spot; and before these are known. [m]
 CLEAR_M, FIRST_CLEAR_M = 0.02, 0.05
+#: Kerb stones are set this straight. [m]
+STRAIGHT_M = 0.001
 #: Places, over 16 cm, at which floor and top may change over where no face is seen.
 N_CHANGE = 32
 
@@ -73,7 +75,7 @@ def measure_step(work: F64, n: int, first: F64, scale: float, out: F64) -> bool:
             lean_sigma = 1.0 / np.sqrt(
                 1.0 / LEAN_SIGMA**2 + n_face * (0.29 * (band[1] - band[0])) ** 2 / spread**2
             )
-            sigma_v = np.sqrt(spread**2 / n_face + (lean_sigma * half) ** 2)
+            sigma_v = np.sqrt(2.0 * spread**2 / n_face + (lean_sigma * half) ** 2 + STRAIGHT_M**2)
         else:
             # No face: where the points change over from the floor to the top, to their spacing
             at, spacing = _change_over(work, n, (vx, vy), (a, b, c), (a2, c2), middle, scale)

@@ -44,9 +44,9 @@ FAR_BIN = N_BINS // 2 - 25
 #: Bins to either side in which an edge is found again.
 NEAR_BINS = 10
 #: Points next to each other lie on the same tuft and the same stain: this share of them tells something new.
-NEW_SHARE = 0.2
-#: In a scanner's shadow lies less than this share of the usual points. The pavement's rim crumbles by this. [m]
-SHADOW_SHARE, SHADOW_SIGMA_M = 0.3, 0.005
+NEW_SHARE = 0.15
+#: In a scanner's shadow lies less than this share of the usual points. The pavement's rim is this straight. [m]
+SHADOW_SHARE, SHADOW_SIGMA_M = 0.3, 0.01
 #: Halves of one brightness each differ by this many spreads; a stripe of up to 0.4 m in one of them does not.
 STRIPE = 1.5
 #: Paint has this many bins, 30 cm, at most: brightness alone tells over more.
@@ -78,6 +78,17 @@ def _spread_of(a: F64, b: F64, v: float) -> tuple[float, float, float, float, fl
 
 
 @njit(cache=True, nogil=True)
+def is_steady(sums: F64, k: int, level: float, above: bool) -> bool:
+    """Return whether all beyond bin k is on one side of a level of brightness: a stripe of paint is not."""
+    for a in range(k, FAR_BIN, -5):
+        b = max(a - 5, FAR_BIN)
+        n = sums[a, 0] - sums[b, 0]
+        if n >= 3.0 and (sums[a, 6] - sums[b, 6] > level * n) != above:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
 def split_in(sums: F64, step: float, half: int, stride: int, by: int, gains: F64, out: F64) -> None:
     """Write where a profile changes most clearly: twice the log likelihood of two halves over that of one.
 
@@ -102,19 +113,24 @@ def split_in(sums: F64, step: float, half: int, stride: int, by: int, gains: F64
         if n_a == 0.0 or n_b == 0.0:
             continue
         # One brightness there and another here, not a stripe of paint in one of them
+        steady = by != 0 and is_steady(sums, k, 0.5 * (b_a + b_b), b_b > b_a)
         if by == 1 and (
-            k < FAR_BIN + WIDE_BINS or b_b <= b_a or (b_b - b_a) ** 2 < STRIPE**2 * max(i_a, i_b)
+            not steady
+            or k < FAR_BIN + WIDE_BINS
+            or b_b <= b_a
+            or (b_b - b_a) ** 2 < STRIPE**2 * max(i_a, i_b)
         ):
             continue
         gain = 0.0
         if by != 1:
-            # A spread of few points is not well known
-            if r_b <= ROUGHER**2 * (1.0 + 2.0 / np.sqrt(n_b)) * r_a or r_b > ROUGHEST_M**2:
+            # A spread of few points is not well known; once an edge is there, that is no matter
+            least = ROUGHER**2 * (1.0 + 2.0 / np.sqrt(n_b)) if stride > 1 else 1.0
+            if r_b <= least * r_a or r_b > ROUGHEST_M**2:
                 continue
             gain = n * np.log(r) - n_a * np.log(r_a) - n_b * np.log(r_b)
-            if gain < 0.5 * CLEAR:
+            if stride > 1 and gain < 0.5 * CLEAR:
                 continue
-        if by != 0:
+        if steady:
             gain += n * np.log(i) - n_a * np.log(i_a) - n_b * np.log(i_b)
         gains[k] = gain
         if gain > out[0]:
@@ -203,14 +219,17 @@ def _out_of_shadow(work: F64, n: int, step: float, half_u: float, sums: F64, out
         return
     while k < N_BINS - 1 and sums[k + 1, 0] - sums[k, 0] < SHADOW_SHARE * usual:
         k += 1
-    # The last but one point, so that one stray does no harm, and what lies on average beyond it
+    # The fourth last point, so that strays do no harm, and what lies on average beyond it
     begin = (k - 0.5 * N_BINS) * step
-    last, next_to_last = begin + 4.0 * step, begin + 4.0 * step
+    last = np.full(4, begin + 4.0 * step)
     for i in range(n):
         x, y = work[i, 0], work[i, 1]
         v = x * out[0] + y * out[1]
-        if v >= begin and abs(x * out[1] - y * out[0]) <= half_u and abs(work[i, 2]) <= ROUGHEST_M:
-            next_to_last = min(next_to_last, max(v, last))
-            last = min(last, v)
+        if v < begin or abs(x * out[1] - y * out[0]) > half_u or abs(work[i, 2]) > ROUGHEST_M:
+            continue
+        for j in range(4):
+            nearer = min(last[j], v)
+            v = max(last[j], v)
+            last[j] = nearer
     spacing = step / max(usual, 0.5)
-    out[3], out[10] = next_to_last - 1.5 * spacing, 1.5 * spacing + SHADOW_SIGMA_M
+    out[3], out[10] = last[3] - 3.5 * spacing, 2.0 * spacing + SHADOW_SIGMA_M
