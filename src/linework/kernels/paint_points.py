@@ -157,8 +157,8 @@ def count_bright(points: F64, starts: I64, n_cols: int, spreads: float) -> F64:
 def bright_centres(bright: F64, starts: I64, n_cols: int, share: float) -> tuple[I64, F64]:
     """Return the cells with more bright points than chance brings, and the mean place of these points.
 
-    Chance: a share `share` of the points, and three standard deviations of that number; in a cell or, where
-    points are few, in the 3 x 3 cells around one with a bright point.
+    Chance: a share `share` of the points, and three standard deviations of that number; where points are few,
+    two standard deviations in the 3 x 3 cells around one with a bright point.
     """
     n_cells = len(starts) - 1
     found, where = np.empty(n_cells, dtype=np.int64), np.empty((n_cells, 2))
@@ -166,14 +166,14 @@ def bright_centres(bright: F64, starts: I64, n_cols: int, share: float) -> tuple
     for at in range(n_cells):
         if bright[at, 0] == 0.0:
             continue
-        n, k = starts[at + 1] - starts[at], bright[at, 0]
+        n, k, sigmas = starts[at + 1] - starts[at], bright[at, 0], 3.0
         if n < FEW:
-            n, k = 0, 0.0
+            n, k, sigmas = 0, 0.0, 2.0
             for r in range(max(at // n_cols - 1, 0), min(at // n_cols + 2, n_cells // n_cols)):
                 for c in range(max(at % n_cols - 1, 0), min(at % n_cols + 2, n_cols)):
                     n += starts[r * n_cols + c + 1] - starts[r * n_cols + c]
                     k += bright[r * n_cols + c, 0]
-        if k > share * n + 3.0 * np.sqrt(share * n):
+        if k > share * n + sigmas * np.sqrt(share * n):
             found[m] = at
             where[m, 0], where[m, 1] = bright[at, 1] / bright[at, 0], bright[at, 2] / bright[at, 0]
             m += 1

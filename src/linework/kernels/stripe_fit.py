@@ -265,28 +265,26 @@ def bent(zones: F64) -> tuple[float, float, float]:
     """Return by how much four zones are no plane and the sigma of that, and the sum of all squares.
 
     zones: number, sum and sum of squares of the distances from the plane: right of the stripe, its right and left
-    half, left of it. The noise is that of the calmer side; half of what the stripe is rougher counts as well (the
+    half, left of it. The noise is that of both sides; half of what the stripe is rougher counts as well (the
     face of a kerb, grass).
     """
-    noise, total, largest, sigma = np.inf, 0.0, 0.0, 1.0
-    inner = np.zeros(2)
+    total, largest, sigma = 0.0, 0.0, 1.0
+    # Degrees of freedom and squares of what scatters: beside the stripe, and on it
+    free, square = np.zeros(2), np.zeros(2)
     for k in range(4):
-        n = zones[k, 0]
         total += zones[k, 2]
-        if n >= 3.0:
-            square = max(zones[k, 2] - zones[k, 1] ** 2 / n, 0.0)
-            if k == 0 or k == 3:
-                noise = min(noise, square / (n - 1.0))
-            else:
-                inner += np.array((n - 1.0, square))
-    if noise == np.inf:
+        if zones[k, 0] >= 2.0:
+            on = 1 if k == 1 or k == 2 else 0
+            free[on] += zones[k, 0] - 1.0
+            square[on] += max(zones[k, 2] - zones[k, 1] ** 2 / zones[k, 0], 0.0)
+    if free[0] < 3.0:
         return 0.0, 1.0, total
-    noise = math.sqrt(noise + 1e-8)
+    noise = math.sqrt(square[0] / free[0] + 1e-8)
     for k in range(4):
         if zones[k, 0] >= 3.0 and abs(zones[k, 1] / zones[k, 0]) > abs(largest):
             largest, sigma = zones[k, 1] / zones[k, 0], noise / math.sqrt(zones[k, 0])
-    if inner[0] > 0.0:
-        rougher = 0.5 * math.sqrt(max(inner[1] / inner[0] - noise * noise, 0.0))
-        if rougher > abs(largest):
-            largest, sigma = rougher, 0.5 * noise / math.sqrt(inner[0])
+    if free[1] > 0.0:
+        rougher = 0.5 * math.sqrt(max(square[1] / free[1] - noise * noise, 0.0))
+        if rougher > abs(largest) and rougher > 0.7 * noise:
+            largest, sigma = rougher, 0.5 * noise / math.sqrt(free[1])
     return largest, sigma, total

@@ -9,16 +9,16 @@ import numpy.typing as npt
 from numba import njit
 
 from linework.kernels.stripe_fit import edge_variance, extent, fit_stripe, height_of, strip_of
-from linework.kernels.stripe_search import MOST_STRIPES, Q, direction, stripes_across
+from linework.kernels.stripe_search import ACROSS, MOST_STRIPES, Q, direction, stripes_across
 
 F64 = npt.NDArray[np.float64]
 
 #: Columns of a stripe.
 (
     CX, CY, CZ, UX, UY, HALF_U, HALF_V, SIGMA_V, SIGMA_Z, SIGMA_U, T_VALUE, BENT, SIGMA_BENT,
-    DARK, BRIGHT, NUMBER, FIRST, LAST, LENGTH,
-) = range(19)  # fmt: skip
-N_COLUMNS = 19
+    DARK, BRIGHT, NUMBER, FIRST, LAST, LENGTH, APART,
+) = range(20)  # fmt: skip
+N_COLUMNS = 20
 
 #: Why a search area has no stripe.
 FOUND, TOO_FEW_POINTS, HOLES, NO_BRIGHT, NO_STRIPE = range(5)
@@ -146,6 +146,7 @@ def stripes_in_area(
         row[DARK] = dark + (bright - dark) * max(fit[3], fit[4])
         row[BRIGHT] = dark + (bright - dark) * fit[5]
         row[NUMBER] = used
+        row[APART] = radius * math.sqrt(math.pi * (1.0 + ACROSS * ACROSS) / n)
         row[FIRST], row[LAST] = -1.0, -1.0
         number += 1
     return number, HOLES if sparse else (FOUND if number else NO_STRIPE)

@@ -84,10 +84,10 @@ def even_out(work: F64, n: int) -> tuple[int, float, float]:
         value[k] = work[k * stride, Q]
     dark, spread = dark_level(value[:taken])
     # The mean of what stands out, or the brightest
-    total, number, brightest = 0.0, 0, dark
+    limit, total, number, brightest = dark + BRIGHT_SPREADS * spread, 0.0, 0, dark
     for i in range(kept):
         brightest = max(brightest, work[i, Q])
-        if work[i, Q] > dark + BRIGHT_SPREADS * spread:
+        if work[i, Q] > limit:
             total += work[i, Q]
             number += 1
     return kept, dark, total / number if number > 0 else brightest

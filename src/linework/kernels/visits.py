@@ -64,15 +64,17 @@ def visit_of(time: float, spans: F64, m: int) -> int:
 def dark_level(values: F64) -> tuple[float, float]:
     """Return level and spread of the dark surface among n values, which are put into another order.
 
-    They are those of the normal distribution with these 10 and 25 % quantiles: what is bright (paint, grass beside
-    the road) may be half of the values and moves the level by one spread.
+    They are those of the normal distribution with the same quantiles: 25 %, and 10 or 40 %, whichever is nearer.
+    What is bright (paint, grass beside the road) may be half of the values and moves the level by one spread; what
+    is very dark (seams, wet places) a fifth.
     """
     n = len(values)
-    high = smallest(values, int(0.25 * (n - 1) + 0.5))
+    middle = smallest(values, int(0.40 * (n - 1) + 0.5))
+    quartile = smallest(values, int(0.25 * (n - 1) + 0.5))
     low = smallest(values, int(0.10 * (n - 1) + 0.5))
-    # They lie 0.6745 and 1.2816 spreads below the middle
-    spread = (high - low) / 0.6071
-    return high + 0.6745 * spread, spread
+    # They lie 0.2533, 0.6745 and 1.2816 spreads below the middle of the distribution
+    spread = min((quartile - low) / 0.6071, (middle - quartile) / 0.4212)
+    return quartile + 0.6745 * spread, spread
 
 
 @njit(cache=True, nogil=True)

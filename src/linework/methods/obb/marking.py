@@ -140,7 +140,7 @@ def boxes_of(found: FloatArray, config: MarkingConfig, *, has_time: bool) -> Box
     Parameters
     ----------
     found
-        (n, 19) float64: rows of `linework.kernels.stripes`.
+        (n, 20) float64: rows of `linework.kernels.stripes`.
     """
     dark, bright = found[:, stripes.DARK], found[:, stripes.BRIGHT]
     bent, sigma_bent = np.abs(found[:, stripes.BENT]), found[:, stripes.SIGMA_BENT]
@@ -149,7 +149,9 @@ def boxes_of(found: FloatArray, config: MarkingConfig, *, has_time: bool) -> Box
     found = found[is_flat & (bright >= config.least_contrast * dark)]
     dark, bright = found[:, stripes.DARK], found[:, stripes.BRIGHT]
     width, length = 2.0 * found[:, stripes.HALF_V], found[:, stripes.LENGTH]
-    is_stripe = (width >= 0.05) & (width <= config.widest_line_m) & (length >= 1.5 * width)
+    # Points farther apart than lines are wide (0.1 m, airborne), and spots as large, make paint wider by that
+    widest = config.widest_line_m + np.maximum(found[:, stripes.APART] - 0.1, 0.0)
+    is_stripe = (width >= 0.05) & (width <= widest) & (length >= 1.5 * width)
     times = found[:, [stripes.FIRST, stripes.LAST]] if has_time else np.full((len(found), 2), np.nan)
     return BoxSet(
         centre=found[:, [stripes.CX, stripes.CY, stripes.CZ]],
