@@ -17,7 +17,7 @@ from linework.model.trajectory import Trajectory
 
 IMAGES = {
     "classes", "density", "maximum_height", "minimum_height", "mean_height", "height_above_road",
-    "intensity", "binary", "binary_lines", "radon", "radon_dilated",
+    "intensity", "intensity_normalised", "binary", "binary_lines", "radon", "radon_dilated",
 }  # fmt: skip
 EAST, NORTH = 664_000.0, 5_080_000.0
 
@@ -120,7 +120,7 @@ def test_no_intensity_and_nothing_in_the_band(tmp_path):
         "--min-height-m", 50, "--max-height-m", 60,
     )  # fmt: skip
     assert result.exception is None, result.output
-    assert set(json.loads(result.stdout)["images"]) == IMAGES - {"intensity"}
+    assert set(json.loads(result.stdout)["images"]) == IMAGES - {"intensity", "intensity_normalised"}
     with rasterio.open(tmp_path / "out" / "binary_lines.tif") as lines:
         assert lines.crs is None
         assert not lines.read(1).any()

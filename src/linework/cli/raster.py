@@ -13,8 +13,10 @@ from linework.cli.failures import warn
 if TYPE_CHECKING:
     from linework.files.survey_points import SurveyPoints
     from linework.methods.radon.figures import FigureConfig
+    from linework.model.arrays import Float32Array
     from linework.model.grid import Grid
     from linework.model.points import Points
+    from linework.model.surface import RoadSurface
     from linework.model.survey import Survey
     from linework.model.trajectory import Trajectory
     from linework.tiling.steps import Steps
@@ -178,6 +180,7 @@ def _publish(
         surface = find_road(read.points, path, RoadConfig())
         height_m = height_above_road(surface, read.points.xyz)
         is_road = is_road_point(surface, read.points.xyz)
+        normal = _normalised(read.points, surface, path)
     crs_name = (
         "local coordinates" if survey.crs == "local" else epsg_text(survey.crs) or describe_crs(survey.crs)
     )
@@ -186,7 +189,9 @@ def _publish(
 
     def write(folder: Path) -> None:
         with steps.step("draw images", unit="images"):
-            for figure in raster_figures(read.points, height_m, is_road, grid, config, crs_name=crs_name):
+            for figure in raster_figures(
+                read.points, height_m, is_road, grid, config, crs_name=crs_name, normal=normal
+            ):
                 crs = survey.crs if figure.in_world else "local"
                 write_geotiff(figure.image, folder / f"{figure.name}.tif", crs=crs)
                 (folder / f"{figure.name}.png").write_bytes(figure.png)
@@ -202,6 +207,12 @@ def _publish(
 
     publish_folder(output, write, verify, overwrite=overwrite)
     return record
+
+
+def _normalised(points: Points, surface: RoadSurface, path: Trajectory | None) -> Float32Array | None:
+    from linework.surface.intensity import normalised_intensity
+
+    return None if points.intensity is None else normalised_intensity(points, surface, path)[0]
 
 
 def _record(

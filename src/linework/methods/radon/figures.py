@@ -169,6 +169,7 @@ def raster_figures(
     config: FigureConfig,
     *,
     crs_name: str,
+    normal: Float32Array | None = None,
 ) -> Iterator[RasterFigure]:
     """Yield the figures one by one, so that only one is held.
 
@@ -180,6 +181,8 @@ def raster_figures(
         (n,) bool: the point is on the road.
     crs_name
         For the captions.
+    normal
+        (n,) float32: intensities with asphalt at 1, or None.
     """
     raw = rasterise(points, grid)
     caption = _Caption(crs_name, close_ups(raw.density, *CLOSE_UP_M))
@@ -188,6 +191,9 @@ def raster_figures(
     yield caption.figure("classes", "Road and non-road points", classes, _CLASSES)
     # Figure 3: density; figure 4: maximum height, and its relatives; intensity
     yield from _measured(raw, caption)
+    bright = None if normal is None else rasterise(Points(points.xyz, normal), grid).intensity
+    if bright is not None:
+        yield caption.figure("intensity_normalised", "Intensity over that of asphalt", bright, _OVER_ASPHALT)
     above = rasterise(Points(points.xyz), grid, height_m=height_m).maximum
     yield caption.figure("height_above_road", "Highest point above the road", above, _ABOVE_ROAD)
     # Figure 5 without and with the candidate lines; figures 6 and 7: Radon image, dilation and peaks
@@ -220,6 +226,9 @@ class _Caption:
 
 
 _CLASSES = Style(classes=((ROAD, "#d6301f", "road"), (OFF_ROAD, "#2b5fc4", "non-road")), keep="smallest")
+_OVER_ASPHALT = Style(
+    unit="mean intensity, asphalt = 1, white from 3", colours="gray", empty="#bcd3e0", limits=(0.0, 3.0)
+)
 _ABOVE_ROAD = Style(
     unit="height above the road [m], colours end at 6 m",
     colours="turbo",
