@@ -212,79 +212,99 @@ def edge_variance(strip: F64, stretch: tuple[float, float], across: float, fit: 
 def height_of(
     strip: F64, stretch: tuple[float, float], fit: F64, at: float, side: float
 ) -> tuple[float, float, float, float]:
-    """Return the height of the stripe's centre at `at` and its sigma, and how much the ground is no plane.
+    """Return the height of the stripe's centre at `at` and its sigma; the height of a kerb here and its sigma.
 
-    That is the mean distance, and its sigma, from the plane through all points, of the points within
-    `side` of the stripe or on half of it, whichever lie farthest off: a kerb of height h leaves 0.3 h, paint on the road nothing.
+    What lies within `side` of the stripe counts. Paint lies in one plane with the road on both its sides.
     """
-    normal, right, solution, row = np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.ones(3)
+    normal, right, solution, row = np.zeros((4, 4)), np.zeros(4), np.zeros(4), np.ones(4)
     half = 0.5 * fit[2]
-    z0, number = 0.0, 0
+    points, number = np.empty((len(strip), 3)), 0
     for i in range(len(strip)):
         u = strip[i, 0]
         d = strip[i, 1] - fit[0] - fit[1] * u
-        if u < stretch[0] or u > stretch[1] or abs(d) > half + side:
-            continue
-        if number == 0:
-            z0 = strip[i, 3]
-        number += 1
-        row[1], row[2] = u - at, d
-        for a in range(3):
-            right[a] += row[a] * (strip[i, 3] - z0)
-            for b in range(a + 1):
-                normal[a, b] += row[a] * row[b]
+        if u >= stretch[0] and u <= stretch[1] and abs(d) <= half + side:
+            points[number, 0], points[number, 1] = u - at, d
+            points[number, 2] = strip[i, 3] - strip[0, 3]
+            number += 1
     if number < 8:
-        return z0, 0.05, 0.0, 1.0
-    for a in range(3):
-        normal[a, a] += 1e-4
-    factor(normal)
-    solve(normal, right, solution)
+        return strip[0, 3], 0.05, 0.0, 1.0
+    points = points[:number]
+    # The plane through all points
+    for i in range(number):
+        row[1], row[2], row[3] = points[i, 0], points[i, 1], 0.0
+        _add(row, points[i, 2], normal, right)
+    _solve(normal, right, solution)
     zones = np.zeros((4, 3))
-    for i in range(len(strip)):
-        u = strip[i, 0]
-        if u < stretch[0] or u > stretch[1]:
-            continue
-        d = strip[i, 1] - fit[0] - fit[1] * u
-        if abs(d) > half + side:
-            continue
+    total = 0.0
+    for i in range(number):
+        off = points[i, 2] - solution[0] - solution[1] * points[i, 0] - solution[2] * points[i, 1]
+        d = points[i, 1]
         zone = (0 if d < -half else 1) if d < 0.0 else (2 if d < half else 3)
-        off = strip[i, 3] - z0 - solution[0] - solution[1] * (u - at) - solution[2] * d
         zones[zone, 0] += 1.0
         zones[zone, 1] += off
         zones[zone, 2] += off * off
-    largest, sigma, total = bent(zones)
-    z = z0 + solution[0]
+        total += off * off
+    z, variance = strip[0, 3] + solution[0], total / max(number - 3, 1) + 1e-8
     right[:] = 0.0
-    right[0] = total / max(number - 3, 1) + 1e-8
+    right[0] = variance
     solve(normal, right, solution)
-    return z, math.sqrt(solution[0]), largest, sigma
+    sigma = math.sqrt(solution[0])
+    # A step between the planes of the two sides
+    normal[:], right[:] = 0.0, 0.0
+    for i in range(number):
+        if abs(points[i, 1]) >= half:
+            row[1], row[2], row[3] = points[i, 0], points[i, 1], 0.5 if points[i, 1] > 0.0 else -0.5
+            _add(row, points[i, 2], normal, right)
+    _solve(normal, right, solution)
+    height, noise = bent(zones)
+    step = abs(solution[3])
+    right[:] = 0.0
+    right[3] = noise * noise
+    solve(normal, right, solution)
+    sigma_step, sigma_height = math.sqrt(solution[3]), noise / 0.3 / math.sqrt(0.25 * number)
+    if step - 3.0 * sigma_step > height - 3.0 * sigma_height:
+        return z, sigma, step, sigma_step
+    return z, sigma, height, sigma_height
 
 
 @njit(cache=True, nogil=True)
-def bent(zones: F64) -> tuple[float, float, float]:
-    """Return by how much four zones are no plane and the sigma of that, and the sum of all squares.
+def _add(row: F64, value: float, normal: F64, right: F64) -> None:
+    """Add an observation to normal equations of four unknowns."""
+    for a in range(4):
+        right[a] += row[a] * value
+        for b in range(a + 1):
+            normal[a, b] += row[a] * row[b]
+
+
+@njit(cache=True, nogil=True)
+def _solve(normal: F64, right: F64, out: F64) -> None:
+    """Solve normal equations in place, unknowns without observations become 0."""
+    for a in range(4):
+        normal[a, a] += 1e-4
+    factor(normal)
+    solve(normal, right, out)
+
+
+@njit(cache=True, nogil=True)
+def bent(zones: F64) -> tuple[float, float]:
+    """Return the height of a kerb that would bend four zones off their plane as far, and the noise.
 
     zones: number, sum and sum of squares of the distances from the plane: right of the stripe, its right and left
-    half, left of it. The noise is that of both sides; half of what the stripe is rougher counts as well (the
-    face of a kerb, grass).
+    half, left of it. A kerb leaves 0.3 of its height in one of them. The noise is that on both sides; where the
+    stripe is twice as rough (the face of a kerb, grass), it is as if half of that were a bend.
     """
-    total, largest, sigma = 0.0, 0.0, 1.0
     # Degrees of freedom and squares of what scatters: beside the stripe, and on it
-    free, square = np.zeros(2), np.zeros(2)
+    free, square, largest = np.zeros(2), np.zeros(2), 0.0
     for k in range(4):
-        total += zones[k, 2]
-        if zones[k, 0] >= 2.0:
+        if zones[k, 0] >= 3.0:
             on = 1 if k == 1 or k == 2 else 0
+            mean = zones[k, 1] / zones[k, 0]
             free[on] += zones[k, 0] - 1.0
-            square[on] += max(zones[k, 2] - zones[k, 1] ** 2 / zones[k, 0], 0.0)
+            square[on] += max(zones[k, 2] - mean * zones[k, 1], 0.0)
+            largest = max(largest, abs(mean))
     if free[0] < 3.0:
-        return 0.0, 1.0, total
+        return 0.0, 1.0
     noise = math.sqrt(square[0] / free[0] + 1e-8)
-    for k in range(4):
-        if zones[k, 0] >= 3.0 and abs(zones[k, 1] / zones[k, 0]) > abs(largest):
-            largest, sigma = zones[k, 1] / zones[k, 0], noise / math.sqrt(zones[k, 0])
-    if free[1] > 0.0:
-        rougher = 0.5 * math.sqrt(max(square[1] / free[1] - noise * noise, 0.0))
-        if rougher > abs(largest) and rougher > 0.7 * noise:
-            largest, sigma = rougher, 0.5 * noise / math.sqrt(free[1])
-    return largest, sigma, total
+    if free[1] > 0.0 and square[1] / free[1] > 3.0 * noise * noise:
+        largest = max(largest, 0.5 * math.sqrt(square[1] / free[1] - noise * noise))
+    return largest / 0.3, noise

@@ -15,7 +15,7 @@ F64 = npt.NDArray[np.float64]
 
 #: Columns of a stripe.
 (
-    CX, CY, CZ, UX, UY, HALF_U, HALF_V, SIGMA_V, SIGMA_Z, SIGMA_U, T_VALUE, BENT, SIGMA_BENT,
+    CX, CY, CZ, UX, UY, HALF_U, HALF_V, SIGMA_V, SIGMA_Z, SIGMA_U, T_VALUE, STEP, SIGMA_STEP,
     DARK, BRIGHT, NUMBER, FIRST, LAST, LENGTH, APART,
 ) = range(20)  # fmt: skip
 N_COLUMNS = 20
@@ -140,7 +140,7 @@ def stripes_in_area(
             (fit[5] - fit[3]) / math.sqrt(covariance[5, 5] + covariance[3, 3] - 2.0 * covariance[5, 3]),
             (fit[5] - fit[4]) / math.sqrt(covariance[5, 5] + covariance[4, 4] - 2.0 * covariance[5, 4]),
         )
-        row[CZ], row[SIGMA_Z], row[BENT], row[SIGMA_BENT] = height_of(
+        row[CZ], row[SIGMA_Z], row[STEP], row[SIGMA_STEP] = height_of(
             near, (begin, end), fit, at, 0.09 * scale
         )
         row[DARK] = dark + (bright - dark) * max(fit[3], fit[4])

@@ -143,9 +143,8 @@ def boxes_of(found: FloatArray, config: MarkingConfig, *, has_time: bool) -> Box
         (n, 20) float64: rows of `linework.kernels.stripes`.
     """
     dark, bright = found[:, stripes.DARK], found[:, stripes.BRIGHT]
-    bent, sigma_bent = np.abs(found[:, stripes.BENT]), found[:, stripes.SIGMA_BENT]
-    # Where the ground beside the stripe or on half of it is off its plane as at a kerb of 2.5 cm, it is no paint
-    is_flat = (bent < 0.3 * 0.025) | (bent < 3.0 * sigma_bent)
+    # A kerb of 2.5 cm and more, beyond the noise, is no paint
+    is_flat = found[:, stripes.STEP] < np.maximum(0.025, 3.0 * found[:, stripes.SIGMA_STEP])
     found = found[is_flat & (bright >= config.least_contrast * dark)]
     dark, bright = found[:, stripes.DARK], found[:, stripes.BRIGHT]
     width, length = 2.0 * found[:, stripes.HALF_V], found[:, stripes.LENGTH]
