@@ -25,6 +25,8 @@ LONGEST_WORN_M, SHORT_M = 13.0, 3.0
 #: Paint shorter than this that is no dash of a dashed line is an arrow, a bar, a letter: arrows are up to 5 m,
 #: 7.5 m where traffic is fast, with 3.5 m of shaft. [m]
 LEAST_LINE_M = 6.0
+#: Paint of which less than this is left shows no line: of the most worn ones that are seen 0.3 is.
+LEAST_SHARE = 0.25
 #: Shorter blobs of paint are stains. [m]
 LEAST_BAR_M = 1.0
 
@@ -64,10 +66,16 @@ def marking_lines(boxes: BoxSet, tracks: Tracks, seen: Sight) -> tuple[list[Mark
     found: list[Marking] = []
     for i in range(len(tracks)):
         found += _markings(boxes, tracks.line(i)[0], seen)
-    is_line = [m.rhythm is not None or float(np.ptp(m.paint)) >= LEAST_LINE_M for m in found]
+    is_line = [m.rhythm is not None or _is_solid(m.paint) for m in found]
     return [m for m, yes in zip(found, is_line, strict=True) if yes], [
         m for m, yes in zip(found, is_line, strict=True) if not yes
     ]
+
+
+def _is_solid(paint: FloatArray) -> bool:
+    """Return whether paint without a rhythm is long enough, and enough of it is there, for a line."""
+    length = float(np.ptp(paint))
+    return length >= LEAST_LINE_M and float((paint[:, 1] - paint[:, 0]).sum()) >= LEAST_SHARE * length
 
 
 def bar_lines(boxes: BoxSet, tracks: Tracks, seen: Sight) -> list[Marking]:
@@ -80,9 +88,10 @@ def _markings(boxes: BoxSet, box: IntArray, seen: Sight) -> list[Marking]:
     """Return what a track holds: cut where the line has ended, each piece smoothed."""
     t = boxes.along(box)
     reach = boxes.half_u_m[box]
-    rhythm = find_rhythm(united(t - reach, t + reach, CLOSE_M))
+    paint = united(t - reach, t + reach, CLOSE_M)
+    rhythm = find_rhythm(paint)
     gap = (t[1:] - reach[1:]) - (t[:-1] + reach[:-1])
-    longest = _longest_worn(t, gap) if rhythm is None else 2.2 * rhythm.period_m
+    longest = _longest_worn(t, gap) if rhythm is None else _longest_missing(paint, rhythm)
     cuts = [
         k + 1
         for k in np.flatnonzero(gap > longest).tolist()
@@ -98,6 +107,16 @@ def _longest_worn(t: FloatArray, gap: FloatArray) -> float:
     far = float(gap[gap > LONGEST_WORN_M].sum())
     gone = min(max(bare / max(t[-1] - far, 1.0), 0.01), 0.99)
     return min(max(PATCH_M * math.log(CHANCE) / math.log(gone), SHORT_M), LONGEST_WORN_M)
+
+
+def _longest_missing(paint: FloatArray, rhythm: Rhythm) -> float:
+    """Return the longest gap that worn-off dashes explain in a line of which so many are left. [m]"""  # noqa: D400
+    dashes = dashes_of(paint, rhythm)
+    gap = dashes[1:, 0] - dashes[:-1, 1]
+    gone = np.rint((gap + rhythm.dash_m) / rhythm.period_m) - 1.0
+    missing = float(gone[gap <= LONGEST_WORN_M + 2.0 * rhythm.period_m].sum())
+    share = min(max(missing / (missing + len(dashes)), 0.05), 0.8)
+    return rhythm.period_m * (1.0 + math.log(CHANCE) / math.log(share))
 
 
 def _marking(boxes: BoxSet, box: IntArray) -> Marking:

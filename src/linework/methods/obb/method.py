@@ -22,6 +22,7 @@ from linework.methods.obb.arrangement import (
 )
 from linework.methods.obb.boundary import BoundaryConfig, find_boundary_boxes
 from linework.methods.obb.boundary_lines import Boundary
+from linework.methods.obb.guides import join_along, surer
 from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
 from linework.methods.obb.marking_lines import Marking
 from linework.methods.obb.neighbours import Course, courses_of_path
@@ -113,9 +114,9 @@ class ObbMethod:
             away = ~beside_kerb(parts[form], courses_of(kerbs), -KERB_SIDE_M, KERB_SIDE_M)
             rims += self._boundaries(parts[form].take(away), seen_here)
         # Paint: solid and dashed lines, and what is no line
-        markings, other = self._paint(parts, courses_of(kerbs), seen_here)
-        # What has no carriageway in front of it, or has one behind it, bounds none
         way = [] if path is None else courses_of_path(path - np.asarray(origin))
+        markings, other = self._paint(parts, courses_of(kerbs), [*courses_of(rims), *way], seen_here)
+        # What has no carriageway in front of it, or has one behind it, bounds none
         is_kerb = np.array([b.form == "kerb" for b in rims], dtype=np.bool_)
         kept = bounds_carriageway(courses_of(rims), is_kerb, [*courses_of(markings), *way])
         rims = [b for b, yes in zip(rims, kept, strict=True) if yes]
@@ -134,14 +135,19 @@ class ObbMethod:
         return boundary_lines.boundaries(boxes, tracks, seen)
 
     def _paint(
-        self, parts: Mapping[BoxForm, BoxSet], kerbs: Sequence[Course], seen: Sight
+        self, parts: Mapping[BoxForm, BoxSet], kerbs: Sequence[Course], guides: Sequence[Course], seen: Sight
     ) -> tuple[list[Marking], list[Marking]]:
         """Return the lane markings, and the paint that is none."""
         stripes, blobs = (
             parts[form].take(~beside_kerb(parts[form], kerbs, -KERB_STONE_M, ON_FOOT_M))
             for form in (BoxForm.STRIPE, BoxForm.OTHER_PAINT)
         )
-        lines = track_lines(stripes, self.config.track, width_m=SAME_PAINT_M)
+        pieces = track_lines(stripes, self.config.track, width_m=SAME_PAINT_M, least_boxes=1)
+        pieces = surer(pieces, stripes.score)
+        # Worn pieces go on along the lines that are whole
+        whole, _ = marking_lines.marking_lines(stripes, pieces.with_boxes(3), seen)
+        gap_m = self.config.track.longest_gap_m
+        lines = join_along(stripes, pieces, [*courses_of(whole), *guides], gap_m).with_boxes(3)
         bars = track_lines(blobs, self.config.track, width_m=SAME_BOUNDARY_M)
         markings, other = marking_lines.marking_lines(stripes, lines, seen)
         return markings, other + marking_lines.bar_lines(blobs, bars, seen)

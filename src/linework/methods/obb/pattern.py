@@ -74,6 +74,8 @@ def find_rhythm(paint: FloatArray) -> Rhythm | None:
         for a, b in itertools.pairwise(edges.tolist())
     ]
     seen = sorted((r for r in found if r is not None), key=lambda r: r.period_m)
+    if 2 * len(seen) == n:  # the whole line decides
+        return _rhythm_within(paint)
     return seen[len(seen) // 2] if 2 * len(seen) > n else None
 
 

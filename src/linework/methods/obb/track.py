@@ -124,19 +124,32 @@ class Tracks:
     def __len__(self) -> int:
         return len(self.offsets) - 1
 
+    def with_boxes(self, least: int) -> Tracks:
+        """Return the lines through at least so many boxes."""
+        return self.take(np.diff(self.offsets) >= least)
+
+    def take(self, chosen: BoolArray) -> Tracks:
+        """Return the chosen of the lines."""
+        n = np.diff(self.offsets)
+        kept = np.repeat(chosen, n)
+        offsets = np.concatenate([[0], np.cumsum(n[chosen])]).astype(np.int64)
+        return Tracks(self.box[kept], self.way[kept], offsets)
+
     def line(self, i: int) -> tuple[IntArray, FloatArray]:
         """Return the boxes of line i and their ways."""
         part = slice(self.offsets[i], self.offsets[i + 1])
         return self.box[part], self.way[part]
 
 
-def track_lines(boxes: BoxSet, config: TrackConfig, *, width_m: float) -> Tracks:
+def track_lines(boxes: BoxSet, config: TrackConfig, *, width_m: float, least_boxes: int = 3) -> Tracks:
     """Return all lines through the boxes, each tracked once.
 
     Parameters
     ----------
     width_m
         Boxes within this of a line are the same feature seen from other cells. [m]
+    least_boxes
+        Lines through fewer are left out.
 
     Notes
     -----
@@ -145,12 +158,13 @@ def track_lines(boxes: BoxSet, config: TrackConfig, *, width_m: float) -> Tracks
     if len(boxes) == 0:
         return Tracks(np.zeros(0, np.int64), np.zeros(0), np.zeros(1, np.int64))
     table = BoxTable.of(boxes)
-    seeds = np.flatnonzero(table.support >= config.least_support)
+    least = config.least_support if least_boxes > 1 else 0.0
+    seeds = np.flatnonzero(table.support >= least)
     seeds = seeds[np.argsort(-table.support[seeds] * table.score[seeds], kind="stable")]
     sided = bool(boxes.form[0] >= BoxForm.KERB)
     limits = (config.longest_gap_m, config.widest_m, config.least_support, sided, width_m)
     path, way, offsets, _, joins = track_all(
-        table.rows, table.codes, table.lattice, seeds, limits, table.support, 3
+        table.rows, table.codes, table.lattice, seeds, limits, table.support, least_boxes
     )
     return _joined(table.order[path], way, offsets, joins)
 
