@@ -21,8 +21,8 @@ LONG_M = 10.0
 LEAST_FLOOR = 10
 #: The van's way is looked from where it is farther from a place than at its nearest by no more than this. [m]
 WAY_M, N_SIGHTS = 12.0, 9
-#: Beyond a boundary there is a footway or a verge as wide as this; then there may be another carriageway. [m]
-BEHIND_M = 12.0
+#: Beyond a boundary there is no road as far as this, if no marking says that there is. [m]
+BEHIND_M = 25.0
 #: A boundary has road to its left, this far from it: beyond any gutter. [m]
 BESIDE_M = 0.5
 #: Boxes this near a line, side by side with it, are the same feature. [m]

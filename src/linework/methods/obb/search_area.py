@@ -25,6 +25,8 @@ RADIUS_M = 0.50
 FLOOR_M = 0.02
 #: Steeper than any road, crossfall and grade together: the surface's own bound. [m/m]
 MAX_GRADE = 0.25
+#: In a disc of 0.50 m no road and no kerb reaches higher above its lowest point: 0.25 m each. [m]
+HIGHEST_M = 0.50
 #: Data all around, as far as this, makes an empty place a hole: cars and the shadows behind them are shorter. [m]
 AROUND_M = 8.0
 #: An angle without any point that makes a place the edge of the data: less than that of a straight edge, and
@@ -114,12 +116,16 @@ def lowest_plane(xyz: FloatArray, place: FloatArray) -> FloatArray:
     """Return the plane through the lowest points: height at the place and slopes, (3,); NaN where too few.
 
     Points above the plane pull on it a hundred times less than points below it, so that it comes to lie
-    on the road and not on the kerb beside it (asymmetric least squares).
+    on the road and not on the kerb beside it (asymmetric least squares). What stands higher than kerbs and
+    slopes make it in a disc is left out from the start: cars and walls.
     """
     if len(xyz) < 3:
         return np.full(3, np.nan)
+    # Strays below the ground are fewer than one in fifty
+    low = float(np.sort(xyz[:, 2])[len(xyz) // 50])
+    xyz = xyz[xyz[:, 2] <= low + HIGHEST_M]
     design = np.column_stack([np.ones(len(xyz)), xyz[:, :2] - place])
-    z = xyz[:, 2] - xyz[0, 2]
+    z = xyz[:, 2] - low
     weight, plane = np.ones(len(xyz)), np.zeros(3)
     for _ in range(_MOST_ROUNDS):
         last = weight
@@ -127,7 +133,7 @@ def lowest_plane(xyz: FloatArray, place: FloatArray) -> FloatArray:
         weight = np.where(z > design @ plane + FLOOR_M, 0.01, 1.0)
         if np.array_equal(weight, last):
             break
-    plane[0] += xyz[0, 2]
+    plane[0] += low
     return np.asarray(plane)
 
 
