@@ -121,3 +121,31 @@ def test_the_edge_of_the_pavement_at_a_rough_and_bright_verge():
     assert np.count_nonzero(inside) >= 38 and np.count_nonzero(~inside) <= 4
     assert np.sqrt(np.mean(off[inside] ** 2)) < 0.03
     assert (edge.u[inside] @ [np.cos(np.radians(70.0)), np.sin(np.radians(70.0))] > 0.9).all()
+
+
+def wall(rng, low_m, high_m, depth_m=0.01):
+    """An upright face over v = 0, from `low_m` to `high_m`; (n, 3) along u, v, h."""
+    n = 8_000
+    return np.column_stack([rng.uniform(0, 20, n), rng.normal(0, depth_m, n), rng.uniform(low_m, high_m, n)])
+
+
+def road_before(rng):
+    u, v = rng.uniform(0, 20, 25_000), rng.uniform(0, 5, 25_000)
+    return np.column_stack([u, v, rng.normal(0, 0.006, len(u))])
+
+
+def test_the_foot_of_a_barrier_on_the_edge():
+    rng = np.random.default_rng(8)
+    boxes = boxes_of(turned(np.concatenate([road_before(rng), wall(rng, 0.0, 0.8)]), 110.0))
+    barrier = boxes.take(boxes.form == BoxForm.BARRIER)
+    off, _ = across(barrier, 110.0)
+    assert len(barrier) >= 35 and np.sqrt(np.mean(off**2)) < 0.01
+    assert (barrier.u @ [np.cos(np.radians(110.0)), np.sin(np.radians(110.0))] > 0.99).all()
+
+
+@pytest.mark.parametrize(("low_m", "depth_m"), [(0.22, 0.01), (0.0, 0.15)])
+def test_neither_a_cars_side_nor_a_hedge_is_a_barrier(low_m, depth_m):
+    rng = np.random.default_rng(9)
+    boxes = boxes_of(turned(np.concatenate([road_before(rng), wall(rng, low_m, 0.8, depth_m)]), 110.0))
+    assert np.count_nonzero(boxes.form == BoxForm.BARRIER) == 0
+    assert np.count_nonzero(boxes.form == BoxForm.KERB) == 0

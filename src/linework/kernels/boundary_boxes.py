@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from linework.kernels.barrier_boxes import barrier_in_cell
 from linework.kernels.edge_boxes import differs, edge_in_cell
 from linework.kernels.floor import FINE_M
 from linework.kernels.kerb_boxes import kerb_in_cell, may_be_kerb
@@ -29,7 +30,7 @@ from linework.kernels.places import (
     roughest,
     slope_at,
 )
-from linework.kernels.profiles import MOST_POINTS, N_BINS
+from linework.kernels.profiles import CLIP_M, MOST_POINTS, N_BINS
 from linework.kernels.surroundings import look_around
 
 F64 = npt.NDArray[np.float64]
@@ -73,6 +74,9 @@ def box_in_cell(
     if why != FOUND and share >= LEAST_FLOOR and (differs(slopes, noise, 0) or differs(slopes, noise, 1)):
         area = gather_area(data[0], data[1], data[2], place, plane, rooms[0])
         why = edge_in_cell(data, place, floor, (slopes, rise), area, limits, rooms, box)
+    if why != FOUND and rise >= CLIP_M:
+        area = gather_area(data[0], data[1], data[2], place, plane, rooms[0])
+        why = barrier_in_cell(data, place, floor, slopes, area, limits, rooms, box)
     return why
 
 
