@@ -41,6 +41,8 @@ KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other", "road_bounda
 SAME_PAINT_M, SAME_BOUNDARY_M = 0.06, 0.15
 #: To either side of a kerb's foot: gutter, kerb stone and its bed look like edges of the pavement. [m]
 KERB_SIDE_M = 1.0
+#: Bars of crossings and stop lines are no wider: wider bright things are no paint. [m]
+WIDEST_BAR_M = 1.0
 #: Behind the foot: kerb stones are brighter than asphalt and up to 0.3 m wide. Paint keeps off the foot. [m]
 KERB_STONE_M, ON_FOOT_M = 0.45, 0.04
 
@@ -148,6 +150,7 @@ class ObbMethod:
         whole, _ = marking_lines.marking_lines(stripes, pieces.with_boxes(3), seen)
         gap_m = self.config.track.longest_gap_m
         lines = join_along(stripes, pieces, [*courses_of(whole), *guides], gap_m).with_boxes(3)
+        blobs = blobs.take(blobs.half_v_m <= 0.5 * WIDEST_BAR_M)
         bars = track_lines(blobs, self.config.track, width_m=SAME_BOUNDARY_M)
         markings, other = marking_lines.marking_lines(stripes, lines, seen)
         return markings, other + marking_lines.bar_lines(blobs, bars, seen)
