@@ -118,6 +118,14 @@ def test_the_floor_is_the_road_and_not_the_kerb() -> None:
     assert np.median(area.above_m()[area.xyz[:, 1] > KERB_Y + 0.03]) == pytest.approx(0.12, abs=0.006)
 
 
+def test_strays_below_and_a_car_above_do_not_tilt_the_floor() -> None:
+    near = XYZ[np.hypot(*XYZ[:, :2].T) < 0.5]
+    side = np.column_stack([np.full(300, 0.3), np.linspace(-0.4, 0.4, 300), np.linspace(0.02, 1.4, 300)])
+    strays = np.array([[0.4, 0.0, -0.4], [0.4, 0.1, -9.0]])
+    plane = lowest_plane(np.concatenate([near, side, strays]), np.zeros(2))
+    np.testing.assert_allclose(plane, [0.0, 0.02, 0.03], atol=0.015)
+
+
 def test_the_floor_does_not_depend_on_where_the_origin_is() -> None:
     near = XYZ[np.hypot(*XYZ[:, :2].T) < 0.5]
     moved = lowest_plane(near + np.array([1000.0, 1000.0, 500.0]), np.array([1000.0, 1000.0]))

@@ -36,7 +36,7 @@ EDGE_RAD = np.radians(140.0)
 HOLE_RAD = np.radians(120.0)
 #: Fewer points within 2 m show no line: of these 60, three lie on one 0.12 m wide. The detectors ask for more.
 LEAST_POINTS, SPARSE_M = 60, 2.0
-_MOST_ROUNDS = 20
+_N_ROUNDS = 12
 
 
 class Failure(StrEnum):
@@ -116,23 +116,22 @@ def lowest_plane(xyz: FloatArray, place: FloatArray) -> FloatArray:
     """Return the plane through the lowest points: height at the place and slopes, (3,); NaN where too few.
 
     Points above the plane pull on it a hundred times less than points below it, so that it comes to lie
-    on the road and not on the kerb beside it (asymmetric least squares). What stands higher than kerbs and
-    slopes make it in a disc is left out from the start: cars and walls.
+    on the road and not on the kerb beside it (asymmetric least squares); strays far below hardly pull. What
+    stands higher than kerbs and slopes make it in a disc is left out from the start: cars and walls.
     """
     if len(xyz) < 3:
         return np.full(3, np.nan)
-    # Strays below the ground are fewer than one in fifty
     low = float(np.sort(xyz[:, 2])[len(xyz) // 50])
-    xyz = xyz[xyz[:, 2] <= low + HIGHEST_M]
+    xyz = xyz[np.abs(xyz[:, 2] - low) <= HIGHEST_M]
     design = np.column_stack([np.ones(len(xyz)), xyz[:, :2] - place])
     z = xyz[:, 2] - low
     weight, plane = np.ones(len(xyz)), np.zeros(3)
-    for _ in range(_MOST_ROUNDS):
-        last = weight
+    for _ in range(_N_ROUNDS):
         plane = np.linalg.lstsq(design * np.sqrt(weight)[:, None], z * np.sqrt(weight), rcond=None)[0]
-        weight = np.where(z > design @ plane + FLOOR_M, 0.01, 1.0)
-        if np.array_equal(weight, last):
-            break
+        above = z - design @ plane
+        weight = np.where(
+            above > FLOOR_M, 0.01, np.minimum(1.0, (FLOOR_M / np.maximum(-above, FLOOR_M)) ** 2)
+        )
     plane[0] += low
     return np.asarray(plane)
 
