@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from PIL import Image
 
 from linework.evaluation.picture import png
 from linework.imaging.brightness import brightness_picture, near_ground
@@ -53,9 +55,9 @@ def run() -> int:
     way = np.diff(survey.trajectory.xyz[len(survey.trajectory.xyz) // 2 :: 200, :2], axis=0)[0]
     way /= np.linalg.norm(way)
     turn = np.column_stack([way, [-way[1], way[0]]])
-    (PICTURES / "obb_plan.png").write_bytes(
-        png(drawn(points, boxes, lines, np.asarray(origin), turn, centre))
-    )
+    figure = drawn(points, boxes, lines, np.asarray(origin), turn, centre)
+    picture = Image.open(io.BytesIO(png(figure))).convert("RGB")
+    picture.quantize(64, dither=Image.Dither.NONE).save(PICTURES / "obb_plan.png", optimize=True)
     return 0
 
 
