@@ -12,8 +12,9 @@ Conventions, written once
 - One clock: GPS seconds, float64.
 - A line normal form is ``x cos(theta) + y sin(theta) = rho``.
 
-Three rungs: one call (`extract`), a few steps (`open_survey`, `read_survey_points`, `RadonMethod`), each step
-(the rooms: `linework.surface`, `linework.imaging`, `linework.methods.radon`, `linework.lines`).
+Three rungs: one call (`extract`), a few steps (`open_survey`, `read_survey_points`, `ObbMethod`,
+`RadonMethod`), each step (the rooms: `linework.surface`, `linework.imaging`, `linework.methods.obb`,
+`linework.methods.radon`, `linework.lines`).
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ _PUBLIC = {
     "Survey": "linework.model.survey",
     "TileData": "linework.model.tile",
     "Trajectory": "linework.model.trajectory",
+    "ObbMethod": "linework.methods.obb.method",
     "RadonMethod": "linework.methods.radon.method",
     "evaluate_lines": "linework.evaluation.measures",
     "extract": "linework.tiling.extract",
@@ -52,6 +54,7 @@ if TYPE_CHECKING:
     from linework.files.survey_points import read_survey_trajectory as read_survey_trajectory
     from linework.files.vectors import read_lines as read_lines
     from linework.files.vectors import write_lines as write_lines
+    from linework.methods.obb.method import ObbMethod as ObbMethod
     from linework.methods.radon.method import RadonMethod as RadonMethod
     from linework.model.grid import Bounds as Bounds
     from linework.model.grid import Grid as Grid

@@ -35,7 +35,7 @@ def extract(
         str,
         typer.Option("--features", help="Kinds to look for, for example guardrail,cable; all if not given."),
     ] = "",
-    method: Annotated[str, typer.Option("--method", help="auto or radon.")] = "auto",
+    method: Annotated[str, typer.Option("--method", help="auto, obb or radon.")] = "auto",
     trajectory: Annotated[
         Path | None,
         typer.Option("--trajectory", help="Where the van was (CSV), its origin, not an antenna's."),
@@ -78,12 +78,12 @@ def extract(
         display = held.enter_context(open_display(quiet=quiet))
         from linework.files.survey import open_survey
         from linework.files.vectors import check_format
-        from linework.methods.kinds import ALL_KINDS, check_method, parse_kinds
+        from linework.methods.kinds import check_method, kinds_of, parse_kinds
         from linework.tiling.steps import Steps
         from linework.tiling.work_folder import work_folder
 
         check_format(output)
-        kinds = parse_kinds(features) if features else ALL_KINDS
+        kinds = parse_kinds(features) if features else kinds_of(method)
         check_method(method, kinds)
         settings = read_settings(config)
         survey = with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
@@ -133,9 +133,7 @@ def executor_for(survey: Survey, n_workers: int, settings: RunSettings) -> Itera
     if n_workers == 1 or promised_points(survey) <= settings.tiling.max_points:
         yield Serial()
         return
-    with Processes(
-        n_workers, modules=("linework.tiling.tile_task", "linework.methods.radon.method")
-    ) as processes:
+    with Processes(n_workers, modules=("linework.tiling.tile_task", "linework.methods.choose")) as processes:
         yield processes
 
 

@@ -33,6 +33,15 @@ def parse_kinds(text: str) -> tuple[str, ...]:
     return tuple(kind for kind in ALL_KINDS if kind in asked)
 
 
+def kinds_of(method: str) -> tuple[str, ...]:
+    """Return the kinds that a method finds, in their fixed order; all for "auto" and for a method that is not there.
+
+    >>> kinds_of("radon")
+    ('guardrail', 'barrier', 'cable')
+    """
+    return KINDS_OF.get(method, ALL_KINDS)
+
+
 def check_method(method: str, kinds: tuple[str, ...]) -> None:
     """Refuse a method that is not there, or does not find one of the kinds.
 
