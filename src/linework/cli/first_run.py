@@ -8,7 +8,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 #: A kernel that the search for a kind always comes to; where it is compiled, so are the others.
-_KERNEL_OF = {"guardrail": "follow", "barrier": "follow", "cable": "cable_fit"}
+_KERNEL_OF = {
+    "lane_marking": "stripes_all", "road_boundary": "boundary_boxes",
+    "guardrail": "follow", "barrier": "follow", "cable": "cable_fit",
+}  # fmt: skip
 
 
 def tell_of_compiling(kinds: Iterable[str], *, quiet: bool) -> None:
