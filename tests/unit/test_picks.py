@@ -71,6 +71,7 @@ def test_reasons(place: tuple[float, float], wanted: str, expected: Failure | No
 
 def test_a_wall_at_the_back_of_a_footway_bounds_no_road() -> None:
     assert why_not(XYZ, np.array([0.0, WALL_Y]), FOUND) is Failure.NO_ROAD
+    assert FOUND.bounds_road(np.array([0.0, KERB_Y])) and not FOUND.bounds_road(np.array([0.0, WALL_Y]))
     alone = BoxSet.concatenate([row_of_boxes(WALL_Y, BoxForm.BARRIER, way=-1.0)])
     assert why_not(XYZ, np.array([0.0, WALL_Y]), Surroundings.of(alone, WAY)) is None
 

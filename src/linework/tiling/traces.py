@@ -89,6 +89,8 @@ class Tracer:
         """
         local = np.asarray(at) - self._origin[:2]
         picks = [pick for k in _FORMS if kind in ("", k) if (pick := self._pick(k, local)) is not None]
+        # A wall at the back of a footway bounds no road
+        picks = [p for p in picks if p.kind != "road_boundary" or self._bounds_road(p)]
         if picks:
             pick = min(picks, key=lambda p: p.distance_m)
             way = None if toward is None else np.asarray(toward) - np.asarray(at)
@@ -124,15 +126,24 @@ class Tracer:
     def _seen(self, xy: FloatArray) -> BoolArray:
         return self._world_sight(xy + self._origin[:2])
 
+    def _bounds_road(self, pick: Pick) -> bool:
+        centre = self._boxes[pick.kind].boxes.centre[pick.box, :2]
+        return self._surroundings(centre).bounds_road(centre)
+
+    def _surroundings(self, local: FloatArray) -> Surroundings:
+        """Return all lines about a place: boundaries tell the carriageway of markings, too."""
+        for source in self._boxes.values():
+            source.load(local, AROUND_M)
+        boxes = [_near_boxes(source.boxes, local) for source in self._boxes.values()]
+        path = self._opened.trajectory
+        way = None if path is None else path.xyz - np.asarray(self._origin)
+        return Surroundings.of(BoxSet.concatenate(boxes), way, self._settings.obb.track)
+
     def _refusal(self, at: tuple[float, float], local: FloatArray, kind: str) -> InputError:
         """Return why there is no line at a place, and where the nearest one is."""
         near = Bounds(at[0], at[1], at[0], at[1]).grown(AROUND_M)
         points = self._opened.points.points(near, ordered=False, with_time=False, with_intensity=False)
-        boxes = [_near_boxes(self._boxes[k].boxes, local) for k in _FORMS if kind in ("", k)]
-        path = self._opened.trajectory
-        found = Surroundings.of(
-            BoxSet.concatenate(boxes), None if path is None else path.xyz - np.asarray(self._origin)
-        )
+        found = self._surroundings(local)
         wanted = kind if kind in _FORMS else ""
         surface = self._surface.over(near)
         rows, cols = (int(v[0]) for v in surface.grid.to_cell(np.array([at])))

@@ -77,6 +77,11 @@ class Surroundings:
         box, distance_m = self._nearest_of(lines, place)
         return (box, distance_m) if distance_m <= PROPOSE_M else (-1, float("inf"))
 
+    def bounds_road(self, place: FloatArray) -> bool:
+        """Return whether the boundary at a place ends a carriageway, and does not stand behind another one."""
+        distance = [self._nearest_of([line], place)[1] for line in self.boundaries]
+        return not distance or not self._is_behind(int(np.argmin(distance)))
+
     def on_carriageway(self, place: FloatArray) -> bool:
         """Return whether a place is on the carriageway's side of the boundaries, as far as these tell.
 
