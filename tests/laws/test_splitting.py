@@ -14,7 +14,6 @@ from linework.files.las_write import write_las
 from linework.files.survey import open_survey
 from linework.files.trajectories import write_trajectory
 from linework.methods.choose import ALL_KINDS, choose_methods
-from linework.methods.radon.method import RadonConfig
 from linework.model.lines import LineSet
 from linework.simulation.simulate import simulate_survey
 from linework.tiling.executors import Serial

@@ -7,8 +7,8 @@ import pytest
 
 from linework.errors import InputError, MachineError, OutputExistsError, UsageError
 from linework.files.journal import Entry, Journal
-from linework.files.parts import read_line_part, write_line_part
 from linework.files.locks import locked
+from linework.files.parts import read_line_part, write_line_part
 from linework.model.lines import LineSet
 from linework.tiling import work_folder
 from linework.tiling.record import set_aside
