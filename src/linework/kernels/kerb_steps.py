@@ -41,16 +41,16 @@ def measure_step(work: F64, n: int, first: F64, scale: float, out: F64) -> bool:
     first: what `best_step` found. out: see the columns' names.
     """
     vx, vy = first[0], first[1]
-    a, a2, noise, noise2 = first[4], first[5], first[6] + 0.01, first[6] + 0.01
+    a, a2, noise, noise2 = first[4], first[5], first[6], first[6]
     foot = top = 0.0
     about, reach = np.zeros(4), np.zeros(3)
     clear = FIRST_CLEAR_M * scale
     for _ in range(3):
         low = (foot + clear, foot + 0.60 * scale, 0.5 * scale)
         high = (top - clear - 0.30 * scale, top - clear, 0.5 * scale)
-        a, b, c, noise, n_floor = fit_side(work, n, (vx, vy), low, (a, noise), (0.04, 0.04))
-        a2, _, c2, noise2, n_top = fit_side(work, n, (vx, vy), high, (a2, noise2), (0.10, 0.02))
-        if n_floor < 6 or n_top < 4:
+        a, b, c, noise, n_floor = fit_side(work, n, (vx, vy), low, (a, noise + 0.01), (0.04, 0.04))
+        a2, _, c2, noise2, n_top = fit_side(work, n, (vx, vy), high, (a2, noise2 + 0.01), (0.10, 0.02))
+        if n_floor < 5 or n_top < 4:
             return False
         h = a2 + c2 * top - a - c * foot
         if h < 0.005:

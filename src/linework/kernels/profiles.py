@@ -21,7 +21,7 @@ N_BINS, LOW_BINS, HIGH_BINS, FACE_BINS = 72, 30, 20, 1
 #: Ramps behind dropped kerbs rise by 1 in 8, kerbs' flat tops by less: more is no top. [m/m]
 STEEP = 0.3
 #: No scanner measures smoother floors. [m]
-LEAST_NOISE_M = 0.002
+LEAST_NOISE_M = 0.0025
 NOTHING = np.zeros(9)
 #: Fewest points in the pieces beside a break: three unknowns there, and one to judge them.
 PIECE_POINTS = 4
@@ -226,5 +226,5 @@ def fit_side(
         b, c = (ur * vv - vr * uv) / det, (vr * uu - ur * uv) / det
         a = mr - b * mu - c * mv
         left = mean_square - m * mr * mr - b * ur - c * vr
-        spread = max(np.sqrt(max(left, 0.0) / max(weights - 2.0, 1.0)), 1e-3)
+        spread = max(np.sqrt(max(left, 0.0) / max(weights - 3.0, 1.0)), LEAST_NOISE_M)
     return a, b, c, spread, count
