@@ -92,10 +92,12 @@ def boxes_in_cells(
     ground: tuple[F32, float, int, int],
     times: tuple[I64, F64],
     limits: F64,
+    core: tuple[float, float, float, float],
 ) -> F64:
     """Return (n, COLUMNS) the boxes of all cells that hold points, by row from the south, then column.
 
     ground: height over the origin, its cell, first column and row after the last (from the origin).
+    core: west, south, east, north; only cells that touch it are looked at.
     times: where each point was, and the times there; no times: (0,).
     """
     starts, span = data[1], data[2]
@@ -109,6 +111,10 @@ def boxes_in_cells(
             if starts[south + 2] == starts[south] and starts[north + 2] == starts[north]:
                 continue
             place = (span[0] + c + 1) * FINE_M, (span[1] + r + 1) * FINE_M
+            if place[0] < core[0] - FINE_M or place[0] > core[2] + FINE_M:
+                continue
+            if place[1] < core[1] - FINE_M or place[1] > core[3] + FINE_M:
+                continue
             if n == len(out):
                 out = np.concatenate((out, np.empty_like(out)))
             if box_in_cell(data, ground, place, limits, rooms, out[n]) == FOUND:

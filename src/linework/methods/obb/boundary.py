@@ -92,7 +92,7 @@ class FloorPoints:
 
 
 def find_boundary_boxes(tile: TileData, surface: RoadSurface, config: BoundaryConfig) -> BoxSet:
-    """Return the boundary boxes of a tile, core and buffer.
+    """Return the boundary boxes of the cells that touch a tile's core.
 
     Boxes are ordered by row (from the south) and column of their cell, and are the same to the last bit in
     every tile that holds the points within `REACH_M` of them.
@@ -100,9 +100,11 @@ def find_boundary_boxes(tile: TileData, surface: RoadSurface, config: BoundaryCo
     if len(tile.points) == 0:
         return BoxSet.empty()
     # Points near the ground; planes of their cells
-    base = FloorPoints.of(tile.points, surface, origin_of(tile))
+    origin, core = origin_of(tile), tile.core
+    base = FloorPoints.of(tile.points, surface, origin)
+    local = core.west - origin[0], core.south - origin[1], core.east - origin[0], core.north - origin[1]
     # In every cell: where floor and face of a kerb meet, or where smooth ends and rough begins
-    return boxes_of(kernels.boxes_in_cells(base.data, base.ground, base.times, limits_of(config)))
+    return boxes_of(kernels.boxes_in_cells(base.data, base.ground, base.times, limits_of(config), local))
 
 
 def origin_of(tile: TileData) -> tuple[float, float, float]:

@@ -16,6 +16,7 @@ from linework.kernels import paint_points, stripes
 from linework.kernels.stripes_all import BRIGHT_SPREADS, all_stripes
 from linework.model.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.model.boxes import BoxForm, BoxSet
+from linework.model.grid import Bounds
 from linework.model.points import Points
 from linework.model.settings import setting
 from linework.model.surface import RoadSurface
@@ -109,7 +110,7 @@ class PaintPoints:
 
 
 def find_marking_boxes(tile: TileData, surface: RoadSurface, config: MarkingConfig) -> BoxSet:
-    """Return oriented boxes on all paint near the road, by cell row, column and position.
+    """Return oriented boxes on all paint near the road of a tile's core, by cell row, column and position.
 
     A box depends on the points within `REACH_M` of its cell only, in the order in which the tile has them.
     """
@@ -121,9 +122,24 @@ def find_marking_boxes(tile: TileData, surface: RoadSurface, config: MarkingConf
     # Search areas: about the bright points of every cell that has more of them than chance brings
     bright = paint_points.count_bright(paint.rows, paint.starts, n_cols, BRIGHT_SPREADS)
     cells, places = paint_points.bright_centres(bright, paint.starts, n_cols, _CHANCE)
+    inside = _touches(tile.core, origin_of(tile), cells, paint.lattice)
+    cells, places = cells[inside], places[inside]
     # Direction, edges and extent of the stripes in each
     found = all_stripes(paint.rows, paint.starts, paint.lattice, cells, places, LEAST_T)
     return boxes_of(found, config, has_time=tile.points.time_s is not None)
+
+
+def _touches(
+    core: Bounds,
+    origin: tuple[float, float, float],
+    cells: IntArray,
+    lattice: tuple[float, int, int, int, int],
+) -> BoolArray:
+    """Return which cells touch a core: those of the buffer are another tile's."""
+    size, south, west, _, n_cols = lattice
+    x, y = (cells % n_cols + west) * size + origin[0], (cells // n_cols + south) * size + origin[1]
+    inside: BoolArray = (x + size >= core.west) & (x <= core.east)
+    return inside & (y + size >= core.south) & (y <= core.north)
 
 
 def origin_of(tile: TileData) -> tuple[float, float, float]:
