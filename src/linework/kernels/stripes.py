@@ -8,17 +8,24 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from linework.kernels.stripe_fit import edge_variance, extent, fit_stripe, height_of, strip_of
+from linework.kernels.stripe_fit import extent, fit_stripe, strip_of
 from linework.kernels.stripe_search import ACROSS, MOST_STRIPES, Q, direction, stripes_across
+from linework.kernels.stripe_sides import bright_beside, edge_variance, height_of
 
 F64 = npt.NDArray[np.float64]
 
 #: Columns of a stripe.
 (
     CX, CY, CZ, UX, UY, HALF_U, HALF_V, SIGMA_V, SIGMA_Z, SIGMA_U, T_VALUE, STEP, SIGMA_STEP,
-    DARK, BRIGHT, NUMBER, FIRST, LAST, LENGTH, APART,
-) = range(20)  # fmt: skip
-N_COLUMNS = 20
+    DARK, BRIGHT, NUMBER, FIRST, LAST, LENGTH, APART, ALONG,
+) = range(21)  # fmt: skip
+N_COLUMNS = 21
+#: Stripes so near to a cell may pass through it when measured; a piece in it is at least so long. [m]
+NEAR_M, LEAST_PIECE_M = 0.05, 0.04
+#: Points on the paint in fewer of 8 parts of a stripe are too few.
+LEAST_PARTS = 3
+#: Share of points beside a stripe that may be as bright as its paint (specks, a ragged edge).
+MOST_BESIDE = 0.25
 
 #: Why a search area has no stripe.
 FOUND, TOO_FEW_POINTS, HOLES, NO_BRIGHT, NO_STRIPE = range(5)
@@ -78,75 +85,112 @@ def stripes_in_area(
     for i in range(n):
         work[i, Q] = min(max((work[i, Q] - dark) / (bright - dark), -1.0), 1.5)
     angle = direction(work, n, radius)
-    found = np.empty((MOST_STRIPES, 3))
-    m = stripes_across(work, n, angle, radius, least_t, found)
+    edges = np.empty((MOST_STRIPES, 3))
+    m = stripes_across(work, n, angle, radius, least_t, edges)
     axes = (math.cos(angle), math.sin(angle))
-    fit, covariance = np.empty(6), np.empty((6, 6))
+    wide = (cell[0] - NEAR_M, cell[1] - NEAR_M, cell[2] + NEAR_M, cell[3] + NEAR_M)
+    fit, covariance, strip = np.empty(6), np.empty((6, 6)), np.empty((n, 4))
     number, sparse = 0, False
-    scale = 2.0 * radius
-    wide = (cell[0] - 0.05, cell[1] - 0.05, cell[2] + 0.05, cell[3] + 0.05)
-    strip = np.empty((n, 4))
     for j in range(m):
-        right_edge, left_edge = found[j, 0], found[j, 1]
-        offset, width = 0.5 * (right_edge + left_edge), left_edge - right_edge
-        low, high = right_edge - 0.12 * scale, left_edge + 0.12 * scale
-        for k in range(m):
-            # Half way into the gap there is no paint of the neighbour
-            if k != j and found[k, 1] <= right_edge:
-                low = max(low, found[k, 1] + 0.2 * (right_edge - found[k, 1]))
-            if k != j and found[k, 0] >= left_edge:
-                high = min(high, found[k, 0] - 0.2 * (found[k, 0] - left_edge))
         # Stripes that do not come near the cell are left to others
+        offset = 0.5 * (edges[j, 0] + edges[j, 1])
         s0, s1 = clipped(-offset * axes[1], offset * axes[0], axes[0], axes[1], (-radius, radius), wide)
         if s1 <= s0:
             continue
-        k = strip_of(work, n, axes, radius, (low, high), strip)
-        near = strip[:k]
-        fit[0], fit[1], fit[2], fit[3], fit[4], fit[5] = offset, 0.0, width, 0.0, 0.0, 0.7
-        if fit_stripe(near, (-radius, radius), min(0.03 * scale, width / 3.0), 3, fit, covariance) == 0:
-            sparse = True
+        low, high = limits_of(edges[:m], j, radius)
+        near = strip[: strip_of(work, n, axes, radius, (low, high), strip)]
+        fit[:] = 0.0
+        fit[0], fit[2], fit[5] = offset, edges[j, 1] - edges[j, 0], 0.7
+        begin, end, used, parts = fit_closely(near, radius, high - low, fit, covariance)
+        sparse = sparse or parts < LEAST_PARTS
+        if used == 0 or bright_beside(near, (begin, end), fit, 0.16 * radius) > MOST_BESIDE:
             continue
-        begin, end, parts = extent(near, radius, fit)
-        if parts < 3:
-            sparse = True
-        if parts < 2 or end - begin < 0.15 * scale:
-            continue
-        # Precisely, on this stretch: an edge is passed over by 8 points, if it can be
-        blur = min(max(4.0 * (high - low) * scale / ((end - begin) * k), 0.01), fit[2] / 3.0)
-        used = fit_stripe(near, (begin, end), blur, 4, fit, covariance)
-        if used == 0 or not (fit[5] > fit[3] and fit[5] > fit[4]):
-            continue
-        begin, end, parts = extent(near, radius, fit)
-        if parts < 2 or end - begin < 0.15 * scale:
-            continue
-        # The piece of the centreline in this cell
-        root = math.sqrt(1.0 + fit[1] ** 2)
-        ux, uy = (axes[0] - fit[1] * axes[1]) / root, (axes[1] + fit[1] * axes[0]) / root
-        px, py = -fit[0] * axes[1], fit[0] * axes[0]
-        s0, s1 = clipped(px, py, ux, uy, (begin * root, end * root), cell)
-        if s1 - s0 < 0.04:
-            continue
-        s = 0.5 * (s0 + s1)
-        at = s / root
         row = out[number]
-        row[CX], row[CY], row[UX], row[UY] = px + s * ux, py + s * uy, ux, uy
-        row[HALF_U] = min(s - begin * root, end * root - s)
-        row[LENGTH] = (end - begin) * root
-        row[HALF_V] = 0.5 * fit[2] / root
-        variance = covariance[0, 0] + 2.0 * at * covariance[0, 1] + at * at * covariance[1, 1]
-        row[SIGMA_V] = math.sqrt(variance + edge_variance(near, (begin, end), high - low, fit)) / root
-        row[SIGMA_U] = math.sqrt(covariance[1, 1])
-        row[T_VALUE] = min(
-            (fit[5] - fit[3]) / math.sqrt(covariance[5, 5] + covariance[3, 3] - 2.0 * covariance[5, 3]),
-            (fit[5] - fit[4]) / math.sqrt(covariance[5, 5] + covariance[4, 4] - 2.0 * covariance[5, 4]),
-        )
-        row[CZ], row[SIGMA_Z], row[STEP], row[SIGMA_STEP] = height_of(
-            near, (begin, end), fit, at, 0.09 * scale
-        )
-        row[DARK] = dark + (bright - dark) * max(fit[3], fit[4])
-        row[BRIGHT] = dark + (bright - dark) * fit[5]
-        row[NUMBER] = used
-        row[APART] = radius * math.sqrt(math.pi * (1.0 + ACROSS * ACROSS) / n)
-        row[FIRST], row[LAST] = -1.0, -1.0
-        number += 1
+        if write_place(fit, (begin, end), axes, cell, row):
+            write_figures(near, (begin, end), high - low, radius, fit, covariance, row)
+            row[DARK] = dark + (bright - dark) * max(fit[3], fit[4])
+            row[BRIGHT] = dark + (bright - dark) * fit[5]
+            row[NUMBER] = used
+            row[APART] = radius * math.sqrt(math.pi * (1.0 + ACROSS * ACROSS) / n)
+            number += 1
     return number, HOLES if sparse else (FOUND if number else NO_STRIPE)
+
+
+@njit(cache=True, nogil=True)
+def limits_of(edges: F64, j: int, radius: float) -> tuple[float, float]:
+    """Return between which offsets a stripe is fitted: road on both sides, no paint of its neighbours."""
+    right, left = edges[j, 0], edges[j, 1]
+    low, high = right - 0.24 * radius, left + 0.24 * radius
+    for k in range(len(edges)):
+        # Most of the gap, but not its border
+        if k != j and edges[k, 1] <= right:
+            low = max(low, edges[k, 1] + 0.2 * (right - edges[k, 1]))
+        if k != j and edges[k, 0] >= left:
+            high = min(high, edges[k, 0] - 0.2 * (edges[k, 0] - left))
+    return low, high
+
+
+@njit(cache=True, nogil=True)
+def fit_closely(
+    near: F64, radius: float, across: float, fit: F64, covariance: F64
+) -> tuple[float, float, int, int]:
+    """Fit a stripe roughly, find how far along there is paint, and fit it precisely on that stretch.
+
+    Returns
+    -------
+    Begin and end of the stretch; the points used, 0 where there is no stripe; and in how many of 8 parts of the
+    stretch there are points on the paint.
+    """
+    least = 0.3 * radius
+    if fit_stripe(near, (-radius, radius), min(0.06 * radius, fit[2] / 3.0), 3, fit, covariance) == 0:
+        return 0.0, 0.0, 0, 0
+    begin, end, parts = extent(near, radius, fit)
+    if parts < 2 or end - begin < least:
+        return begin, end, 0, parts
+    # An edge is passed over by 8 points, if it can be
+    blur = min(max(8.0 * across * radius / ((end - begin) * len(near)), 0.01), fit[2] / 3.0)
+    used = fit_stripe(near, (begin, end), blur, 4, fit, covariance)
+    begin, end, last = extent(near, radius, fit)
+    if last < 2 or end - begin < least or not (fit[5] > fit[3] and fit[5] > fit[4]):
+        return begin, end, 0, parts
+    return begin, end, used, parts
+
+
+@njit(cache=True, nogil=True)
+def write_place(
+    fit: F64,
+    stretch: tuple[float, float],
+    axes: tuple[float, float],
+    cell: tuple[float, float, float, float],
+    row: F64,
+) -> bool:
+    """Write where the stripe lies in a cell: the middle of the piece in it; return whether there is such a piece."""
+    root = math.sqrt(1.0 + fit[1] ** 2)
+    ux, uy = (axes[0] - fit[1] * axes[1]) / root, (axes[1] + fit[1] * axes[0]) / root
+    px, py = -fit[0] * axes[1], fit[0] * axes[0]
+    begin, end = stretch[0] * root, stretch[1] * root
+    s0, s1 = clipped(px, py, ux, uy, (begin, end), cell)
+    if s1 - s0 < LEAST_PIECE_M:
+        return False
+    s = 0.5 * (s0 + s1)
+    row[CX], row[CY], row[UX], row[UY] = px + s * ux, py + s * uy, ux, uy
+    row[HALF_U], row[LENGTH], row[HALF_V] = min(s - begin, end - s), end - begin, 0.5 * fit[2] / root
+    row[ALONG] = s / root
+    return True
+
+
+@njit(cache=True, nogil=True)
+def write_figures(
+    near: F64, stretch: tuple[float, float], across: float, radius: float, fit: F64, covariance: F64, row: F64
+) -> None:
+    """Write how precise a stripe is, how much it stands out, and its height."""
+    at = row[ALONG]
+    variance = covariance[0, 0] + 2.0 * at * covariance[0, 1] + at * at * covariance[1, 1]
+    row[SIGMA_V] = math.sqrt(variance + edge_variance(near, stretch, across, fit))
+    row[SIGMA_U] = math.sqrt(covariance[1, 1])
+    row[T_VALUE] = min(
+        (fit[5] - fit[3]) / math.sqrt(covariance[5, 5] + covariance[3, 3] - 2.0 * covariance[5, 3]),
+        (fit[5] - fit[4]) / math.sqrt(covariance[5, 5] + covariance[4, 4] - 2.0 * covariance[5, 4]),
+    )
+    row[CZ], row[SIGMA_Z], row[STEP], row[SIGMA_STEP] = height_of(near, stretch, fit, at, 0.18 * radius)
+    row[FIRST], row[LAST] = -1.0, -1.0

@@ -156,7 +156,7 @@ def boxes_of(found: FloatArray, config: MarkingConfig, *, has_time: bool) -> Box
     Parameters
     ----------
     found
-        (n, 20) float64: rows of `linework.kernels.stripes`.
+        (n, 21) float64: rows of `linework.kernels.stripes`.
     """
     dark, bright = found[:, stripes.DARK], found[:, stripes.BRIGHT]
     # A kerb of 2.5 cm and more, beyond the noise, is no paint
