@@ -45,8 +45,8 @@ FAR_BIN = N_BINS // 2 - 25
 NEAR_BINS = 10
 #: Points next to each other lie on the same tuft and the same stain: this share of them tells something new.
 NEW_SHARE = 0.15
-#: In a scanner's shadow lies less than this share of the usual points. The pavement's rim is this straight. [m]
-SHADOW_SHARE, SHADOW_SIGMA_M = 0.3, 0.01
+#: In a scanner's shadow lies less than this share of the usual points, where there should be this many. The pavement's rim is this straight. [m]
+SHADOW_SHARE, SHADOW_POINTS, SHADOW_SIGMA_M = 0.3, 2.0, 0.01
 #: Halves of one brightness each differ by this many spreads; a stripe of up to 0.4 m in one of them does not.
 STRIPE = 1.5
 #: Paint has this many bins, 30 cm, at most: brightness alone tells over more.
@@ -217,8 +217,14 @@ def _out_of_shadow(work: F64, n: int, step: float, half_u: float, sums: F64, out
             k = j
     if sums[k + 1, 0] - sums[k, 0] >= SHADOW_SHARE * usual:
         return
+    first = k
+    while first > FAR_BIN and sums[first, 0] - sums[first - 1, 0] < SHADOW_SHARE * usual:
+        first -= 1
     while k < N_BINS - 1 and sums[k + 1, 0] - sums[k, 0] < SHADOW_SHARE * usual:
         k += 1
+    # So few points by chance are no shadow
+    if (k - first) * usual < SHADOW_POINTS:
+        return
     # The fourth last point, so that strays do no harm, and what lies on average beyond it
     begin = (k - 0.5 * N_BINS) * step
     last = np.full(4, begin + 4.0 * step)
