@@ -186,8 +186,10 @@ def write_figures(
     """Write how precise a stripe is, how much it stands out, and its height."""
     at = row[ALONG]
     variance = covariance[0, 0] + 2.0 * at * covariance[0, 1] + at * at * covariance[1, 1]
-    row[SIGMA_V] = math.sqrt(variance + edge_variance(near, stretch, across, fit))
-    row[SIGMA_U] = math.sqrt(covariance[1, 1])
+    unseen = edge_variance(near, stretch, across, fit)
+    row[SIGMA_V] = math.sqrt(variance + unseen)
+    # What the fit does not see is another at the other end: over half the length at the least
+    row[SIGMA_U] = math.sqrt(covariance[1, 1] + 4.0 * unseen / row[LENGTH] ** 2)
     row[T_VALUE] = min(
         (fit[5] - fit[3]) / math.sqrt(covariance[5, 5] + covariance[3, 3] - 2.0 * covariance[5, 3]),
         (fit[5] - fit[4]) / math.sqrt(covariance[5, 5] + covariance[4, 4] - 2.0 * covariance[5, 4]),
