@@ -23,7 +23,7 @@ from linework.kernels.places import (
     roughest,
 )
 from linework.kernels.profiles import MOST_POINTS, fit_side, gather_at
-from linework.kernels.surroundings import ROUGH
+from linework.kernels.surroundings import ROUGH, ROUGHEST_M
 
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
@@ -32,6 +32,8 @@ I64 = npt.NDArray[np.int64]
 EXPLAINED = 0.25
 #: A verge lies this far below or above the pavement at most. [m]
 STEP_M = 0.15
+#: Gravel, soil and cut grass are rough by this at least. [m]
+VERGE_M = 0.005
 
 
 @njit(cache=True, nogil=True)
@@ -117,5 +119,7 @@ def edge_in_cell(
 def _is_edge(edge: F64, by: int, most: float) -> bool:
     """Return whether pavement lies on one side and a verge on the other."""
     smooth, rough, contrast = edge[4], edge[5], edge[7]
-    verge = (by == 0 and rough >= pe.ROUGHER * smooth) or contrast >= pe.BRIGHTER
+    rougher = by == 0 and rough >= pe.ROUGHER * smooth and rough**2 - smooth**2 >= VERGE_M**2
+    # What is only just no wall was made so by the road before it
+    verge = (rougher or contrast >= pe.BRIGHTER) and rough <= 0.8 * ROUGHEST_M
     return bool(verge and smooth <= most and abs(edge[6]) <= STEP_M)

@@ -56,7 +56,7 @@ SIDE_POINTS = 10
 #: Two more spreads and two more levels explain twice this log likelihood by chance once in 10 000 places.
 CLEAR = 24.0
 #: Columns of an edge: v-axis, clearness, v, spreads on the smooth and on the other side, step up beyond it,
-#: brightness beyond over that before it, points on both sides, standard deviation of v.
+#: brightness beyond over that before it (1 if it changes beyond), points on both sides, standard deviation of v.
 EDGE_COLUMNS = 11
 
 
@@ -135,7 +135,7 @@ def split_in(sums: F64, step: float, half: int, stride: int, by: int, gains: F64
         gains[k] = gain
         if gain > out[0]:
             out[0], out[1], out[2], out[3] = gain, v, np.sqrt(r_a), np.sqrt(r_b)
-            out[4], out[5], out[6], out[7] = z_b - z_a, b_b / max(b_a, 1e-6), n_a, n_b
+            out[4], out[5], out[6], out[7] = z_b - z_a, b_b / max(b_a, 1e-6) if steady else 1.0, n_a, n_b
 
 
 @njit(cache=True, nogil=True)
