@@ -149,3 +149,15 @@ def test_neither_a_cars_side_nor_a_hedge_is_a_barrier(low_m, depth_m):
     boxes = boxes_of(turned(np.concatenate([road_before(rng), wall(rng, low_m, 0.8, depth_m)]), 110.0))
     assert np.count_nonzero(boxes.form == BoxForm.BARRIER) == 0
     assert np.count_nonzero(boxes.form == BoxForm.KERB) == 0
+
+
+def test_a_level_reference_refuses_a_road_on_a_grade():
+    rng = np.random.default_rng(11)
+    xyz = street(rng, heading_deg=0.0)
+    xyz[:, 2] += 0.11 * (xyz[:, 0] - CORNER[0])  # 14 % in all
+    points = Points(xyz)
+    surface = find_road(points, None, RoadConfig())
+    tile = TileData("t", points.bounds, points, surface=surface, origin=ORIGIN)
+    level = find_boundary_boxes(tile, surface, BoundaryConfig(level_reference=True))
+    assert np.count_nonzero(level.form == BoxForm.KERB) == 0
+    assert np.count_nonzero(find_boundary_boxes(tile, surface, BoundaryConfig()).form == BoxForm.KERB) >= 38

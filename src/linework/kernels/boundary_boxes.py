@@ -57,6 +57,8 @@ def box_in_cell(
     """
     plane = np.zeros(3)
     east, north = slope_at(place, ground)
+    if limits[4] > 0.0:
+        east, north = 0.0, 0.0
     noise, usual = floor_near(data[4], data[2], place[0], place[1], (east, north), plane)
     if noise < 0.0:
         return HOLE

@@ -127,7 +127,8 @@ def _write_step(step: F64, share: F64, box: F64) -> None:
 def _is_kerb(step: F64, share: F64, floor: tuple[F64, float, float, float, float], limits: F64) -> bool:
     """Return whether floor and top are what a kerb lies between.
 
-    limits: least step, steepest floor against the road, highest step, noise of the roughest floor.
+    limits: least step, steepest floor against the road, highest step, noise of the roughest floor, and whether
+    it is the vertical, not the road, that floors are measured against.
     """
     plane = floor[0]
     h, vx, vy = step[ks.HEIGHT], step[ks.VX], step[ks.VY]

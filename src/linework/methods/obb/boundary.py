@@ -42,6 +42,9 @@ class BoundaryConfig:
     normal_deg: float = setting(
         5.0, unit="deg", reason="the paper's floor: normals of 85 degrees and more", low=1, high=30
     )
+    level_reference: bool = setting(
+        False, unit="-", reason="the paper takes normals from the vertical; on a grade that refuses the road"
+    )
     max_noise_m: float = setting(
         0.03,
         unit="m",
@@ -117,7 +120,8 @@ def origin_of(tile: TileData) -> tuple[float, float, float]:
 
 def limits_of(c: BoundaryConfig) -> FloatArray:
     """Return the settings as kernels take them."""
-    return np.array([c.min_step_m, math.tan(math.radians(c.normal_deg)), c.max_step_m, c.max_noise_m])
+    steepest = math.tan(math.radians(c.normal_deg))
+    return np.array([c.min_step_m, steepest, c.max_step_m, c.max_noise_m, float(c.level_reference)])
 
 
 def boxes_of(rows: FloatArray) -> BoxSet:
