@@ -76,6 +76,12 @@ def test_a_wall_at_the_back_of_a_footway_bounds_no_road() -> None:
     assert why_not(XYZ, np.array([0.0, WALL_Y]), Surroundings.of(alone, WAY)) is None
 
 
+@pytest.mark.parametrize(("edge_y", "bounds"), [(3.2, True), (1.0, False)])
+def test_a_gutter_hides_no_kerb_but_the_pavements_edge_hides_a_bank(edge_y: float, bounds: bool) -> None:
+    rows = [row_of_boxes(edge_y, BoxForm.EDGE, way=-1.0), row_of_boxes(KERB_Y, BoxForm.KERB, way=-1.0)]
+    assert Surroundings.of(BoxSet.concatenate(rows), WAY).bounds_road(np.array([0.0, KERB_Y])) is bounds
+
+
 def test_the_surface_and_the_floor_tell_what_is_no_road() -> None:
     place = np.array([0.0, 2.0])
     assert why_not(XYZ, place, FOUND, is_road=False) is Failure.NO_ROAD

@@ -25,6 +25,8 @@ WAY_M, N_SIGHTS = 12.0, 9
 BEHIND_M = 25.0
 #: A boundary has road to its left, this far from it: beyond any gutter. [m]
 BESIDE_M = 0.5
+#: A gutter or a patch before a kerb is no wider than this. [m]
+GUTTER_M = 1.5
 #: Boxes this near a line, side by side with it, are the same feature. [m]
 SAME_M = 0.10
 
@@ -88,7 +90,8 @@ class Surroundings:
         Seen from several places on the van's way: the boundary last crossed before the place decides. Without
         a way, the nearest boundary.
         """
-        return self._in_front(np.asarray(place), [self.boxes.centre[line, :2] for line in self.boundaries])
+        lines = [self.boxes.centre[line, :2] for line in self.boundaries]
+        return self._in_front(np.asarray(place), lines, [0.0] * len(lines))
 
     def _nearest_of(self, lines: list[IntArray], place: FloatArray) -> tuple[int, float]:
         """Return the nearest box of some lines and the distance of the piece of line it stands for. [m]"""  # noqa: D400
@@ -104,21 +107,24 @@ class Surroundings:
     def _is_behind(self, i: int) -> bool:
         """Return whether a boundary stands behind another one: a wall at the back of a footway.
 
-        Edges without a kerb hide no kerb: gutters and patches of asphalt lie in front of one.
+        Edges without a kerb hide no kerb that is near: gutters and patches of asphalt lie in front of one.
         """
         b = self.boxes
-        own = self._is_kerb(i)
-        others = [k for k in range(len(self.boundaries)) if k != i and self._is_kerb(k) >= own]
+        others = [k for k in range(len(self.boundaries)) if k != i]
         lines = [b.centre[self.boundaries[k], :2] for k in others]
+        from_m = [GUTTER_M if self._is_kerb(i) and not self._is_kerb(k) else 0.0 for k in others]
         some = self.boundaries[i][:: max(len(self.boundaries[i]) // 4, 1)]
         beside = b.centre[some, :2] + BESIDE_M * np.column_stack([-b.u[some, 1], b.u[some, 0]])
-        return sum(self._in_front(place, lines) for place in beside) < 0.5 * len(beside)
+        return sum(self._in_front(place, lines, from_m) for place in beside) < 0.5 * len(beside)
 
     def _is_kerb(self, i: int) -> bool:
         return bool(np.mean(self.boxes.form[self.boundaries[i]] == BoxForm.KERB) > 0.5)
 
-    def _in_front(self, place: FloatArray, lines: list[FloatArray]) -> bool:
-        """Return whether a place is in front of boundaries (n, 2), on the side of the carriageway."""
+    def _in_front(self, place: FloatArray, lines: list[FloatArray], from_m: list[float]) -> bool:
+        """Return whether a place is in front of boundaries (n, 2), on the side of the carriageway.
+
+        from_m: places no farther behind a boundary than this are not hidden by it.
+        """
         if not lines:
             return True
         a = np.concatenate([line[:-1] for line in lines])
@@ -126,9 +132,11 @@ class Surroundings:
         # A long marking that is nearer than the boundary is that of another carriageway
         long = [line for line in self.markings if self.boxes.along(line)[-1] >= LONG_M]
         within_m = min(BEHIND_M, self._nearest_of(long, place)[1])
+        least_m = np.repeat(from_m, [len(line) - 1 for line in lines])
         if len(self.way) == 0:
-            return not _is_beyond_nearest(a, b, place, within_m)
-        return bool(np.mean(_is_beyond_last(a, b, self._sights(place), place, within_m)) <= 0.5)
+            return not _is_beyond_nearest(a, b, place, (least_m, within_m))
+        beyond = _is_beyond_last(a, b, self._sights(place), place, (least_m, within_m))
+        return bool(np.mean(beyond) <= 0.5)
 
     def _sights(self, place: FloatArray) -> FloatArray:
         """Return places (n, 2) on the van's way from which to look at a place: the nearest, and some about it."""
@@ -185,11 +193,11 @@ def _lines_through(boxes: BoxSet, index: IntArray, config: TrackConfig) -> list[
 
 
 def _is_beyond_last(
-    a: FloatArray, b: FloatArray, sights: FloatArray, place: FloatArray, within_m: float
+    a: FloatArray, b: FloatArray, sights: FloatArray, place: FloatArray, limits_m: tuple[FloatArray, float]
 ) -> BoolArray:
     """Return for each sight (s, 2) whether the place is right of the piece a-b (n, 2) last crossed before it.
 
-    False where none is crossed, and farther beyond than `within_m`, square to the piece.
+    False where none is crossed, and nearer or farther beyond than the limits, square to the piece.
     """
     start = sights[:, None]
     side = _cross(b - a, place - a)
@@ -200,17 +208,20 @@ def _is_beyond_last(
     left_m = np.where(crossed, np.hypot(at[..., 0], at[..., 1]), np.inf)
     last = np.argmin(left_m, axis=1)
     beyond_m = -side / np.maximum(np.hypot(*(b - a).T), 1e-12)
-    return np.asarray(crossed.any(axis=1) & (beyond_m[last] > 0.0) & (beyond_m[last] <= within_m))
+    is_beyond = (beyond_m > limits_m[0]) & (beyond_m <= limits_m[1])
+    return np.asarray(crossed.any(axis=1) & is_beyond[last])
 
 
-def _is_beyond_nearest(a: FloatArray, b: FloatArray, place: FloatArray, within_m: float) -> bool:
-    """Return whether the place is right of the nearest piece a-b (n, 2), and within `within_m` of it."""
+def _is_beyond_nearest(
+    a: FloatArray, b: FloatArray, place: FloatArray, limits_m: tuple[FloatArray, float]
+) -> bool:
+    """Return whether the place is right of the nearest piece a-b (n, 2), and within the limits from it."""
     step = b - a
     length = np.maximum(np.sum(step * step, axis=1), 1e-12)
     share = np.clip(np.sum((place - a) * step, axis=1) / length, 0.0, 1.0)
     distance = np.hypot(*(a + share[:, None] * step - place).T)
     k = int(np.argmin(distance))
-    return bool(distance[k] <= within_m and _cross(step[k], place - a[k]) < 0.0)
+    return bool(limits_m[0][k] < distance[k] <= limits_m[1] and _cross(step[k], place - a[k]) < 0.0)
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
