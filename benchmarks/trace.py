@@ -19,8 +19,10 @@ from linework.tiling.settings import RunSettings
 from linework.tiling.traces import Tracer
 
 WITHIN_M, FOLLOW_M = 0.10, 100.0
-#: Ends are not known better than this; a line that is hidden for longer than a parked lorry has its end there. [m]
-END_M, HIDDEN_M = 2.0, 12.0
+#: Ends are not known better than this, those of dashed lines than the longest gap between dashes. [m]
+END_M = {"solid": 2.0, "dashed": 12.0}
+#: A line that is hidden for longer than by a parked lorry has its end there. [m]
+HIDDEN_M = 12.0
 #: Of lines that lie above one another, or as near to the place as this, either is right. [m]
 AS_NEAR_M = 0.10
 
@@ -120,7 +122,7 @@ def missing_m(truth, i, own, place):
         bad = visible[:n] & ~good[:n]
         # From the first metre that is off, all is lost; so near to the end, nothing is
         lost = np.flatnonzero(np.convolve(bad, np.ones(3), "valid") >= 3)
-        if len(lost) and (n - lost[0]) * step > END_M:
+        if len(lost) and (n - lost[0]) * step > END_M.get(truth.pattern[i], END_M["solid"]):
             missing += (n - lost[0]) * step
     return missing
 

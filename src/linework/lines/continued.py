@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from linework.model.arrays import BoolArray, FloatArray
@@ -9,15 +11,34 @@ from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: Lines of one kind that run this near each other are the same line, seen from two picks. [m]
 SAME_M = 0.15
-#: A line is continued over a gap of no more than this, where one end leads to the other. [m]
-LONGEST_GAP_M = 60.0
-#: It may turn by this over the gap, and the gap's chord is off the mean of both directions by no more than that.
-MAX_TURN_DEG, MAX_OFF_DEG = 60.0, 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Over what gap a line is continued.
+
+    Parameters
+    ----------
+    longest_m
+        Between the ends.
+    off_deg
+        The gap's chord is off the mean of both directions by no more than this.
+    turn_deg
+        The line may turn by this over the gap.
+    """
+
+    longest_m: float
+    off_deg: float
+    turn_deg: float
+
+
+#: Somebody picked both lines, and says that they are one.
+PICKED_TWICE = Gap(longest_m=60.0, off_deg=5.0, turn_deg=60.0)
 #: The last metres of a line that say where it leads. [m]
 _END_M = 5.0
 
 
-def continued(there: LineSet, new: LineSet) -> LineSet:
+def continued(there: LineSet, new: LineSet, gap: Gap = PICKED_TWICE) -> LineSet:
     """Return the lines that are there with new ones: those that go on from a line's end, or overlap it, joined.
 
     The gap between two joined lines is bridged. Lines of other kinds are never joined.
@@ -26,26 +47,26 @@ def continued(there: LineSet, new: LineSet) -> LineSet:
         return new
     lines = there.with_columns(crs=new.crs)
     for i in range(len(new)):
-        lines = _added(lines, new.take([i]))
+        lines = _added(lines, new.take([i]), gap)
     return lines
 
 
-def _added(lines: LineSet, one: LineSet) -> LineSet:
+def _added(lines: LineSet, one: LineSet, gap: Gap) -> LineSet:
     """Return the lines with one more, joined to the first that it continues."""
     for i in np.flatnonzero(lines.kind == one.kind[0]).tolist():
-        joined = _joined(lines.take([i]), one)
+        joined = _joined(lines.take([i]), one, gap)
         if joined is not None:
             rest = np.arange(len(lines)) != i
             return LineSet.concatenate([lines.take(rest), joined])
     return LineSet.concatenate([lines, one])
 
 
-def _joined(a: LineSet, b: LineSet) -> LineSet | None:
+def _joined(a: LineSet, b: LineSet, over: Gap) -> LineSet | None:
     """Return two lines as one, or None where neither continues the other."""
     for turned_a in (False, True):
         for turned_b in (False, True):
             first, second = _turned(a, turned=turned_a), _turned(b, turned=turned_b)
-            beyond = _beyond(first.xyz, second.xyz)
+            beyond = _beyond(first.xyz, second.xyz, over)
             if beyond is None:
                 continue
             keep = second.xyz[beyond:]
@@ -69,7 +90,7 @@ def _turned(line: LineSet, *, turned: bool) -> LineSet:
     return line.with_columns(xyz=line.xyz[::-1], **columns)
 
 
-def _beyond(first: FloatArray, second: FloatArray) -> int | None:
+def _beyond(first: FloatArray, second: FloatArray, over: Gap) -> int | None:
     """Return the first vertex of `second` that lies beyond the end of `first`, or None if it does not go on."""
     near = _near(second, first)
     if near[0]:
@@ -81,13 +102,13 @@ def _beyond(first: FloatArray, second: FloatArray) -> int | None:
         return None
     step = second[0, :2] - first[-1, :2]
     gap = float(np.linalg.norm(step))
-    if gap > LONGEST_GAP_M:
+    if gap > over.longest_m:
         return None
     here, there = -_direction(first[::-1]), _direction(second)
     # An arc leads from one end to the other: its chord halves the turn
     middle = (here + there) / max(float(np.linalg.norm(here + there)), 1e-9)
-    turns = float(here @ there) < np.cos(np.radians(MAX_TURN_DEG))
-    return None if turns or float(step @ middle) < gap * np.cos(np.radians(MAX_OFF_DEG)) else 0
+    turns = float(here @ there) < np.cos(np.radians(over.turn_deg))
+    return None if turns or float(step @ middle) < gap * np.cos(np.radians(over.off_deg)) else 0
 
 
 def _near(places: FloatArray, line: FloatArray) -> BoolArray:

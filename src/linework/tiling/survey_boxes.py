@@ -8,23 +8,24 @@ import numpy as np
 
 from linework.files.store_read import PointStore
 from linework.methods.protocol import BoxMethod
-from linework.model.arrays import BoolArray, FloatArray
+from linework.model.arrays import FloatArray
 from linework.model.boxes import BoxSet
 from linework.model.grid import Bounds, holds
+from linework.model.points import Points
 from linework.model.tile import TileData
 from linework.tiling.surfaces import SurveySurface
 
-#: Boxes are found block by block: half a block of the tile store on a side. [m]
-BLOCK_M = 32.0
+#: Boxes are found block by block, so that a line's surroundings are few points. [m]
+BLOCK_M = 16.0
+#: Points are read by larger squares, those of the tile store, and so many of them stay at hand. [m]
+READ_M, N_READ = 64.0, 6
 
 
 class SurveyBoxes:
-    """The boxes of some forms of a method (a `linework.methods.obb.follow.BoxSource`).
+    """The boxes of a survey, as far as they have been asked for.
 
     Parameters
     ----------
-    forms
-        Of `linework.model.boxes.BoxForm`: what is kept.
     origin
         Local origin of the survey [m, world].
     """
@@ -34,50 +35,50 @@ class SurveyBoxes:
         store: PointStore,
         surface: SurveySurface,
         method: BoxMethod,
-        forms: tuple[int, ...],
         origin: tuple[float, float, float],
     ) -> None:
-        self._store, self._surface, self._method = store, surface, method
-        self._forms, self._origin = forms, origin
-        self._loaded: set[tuple[int, int]] = set()
-        self._boxes = BoxSet.empty()
+        self._store, self._surface, self._method, self._origin = store, surface, method, origin
+        self._found: dict[tuple[int, int], BoxSet] = {}
+        self._read: dict[tuple[int, int], Points] = {}
 
     @property
     def boxes(self) -> BoxSet:
-        """All boxes found so far; more are added behind them."""
-        return self._boxes
+        """All boxes found so far [m, from the local origin]."""
+        return BoxSet.concatenate(self._found.values()) if self._found else BoxSet.empty()
 
-    def load(self, xy: FloatArray, reach_m: float) -> bool:
-        """Find all boxes within `reach_m` of a place [m, from the local origin]; return whether any were added."""
-        east, north = float(xy[0]) + self._origin[0], float(xy[1]) + self._origin[1]
-        found = [
-            self._detect(col, row)
-            for row in range(
-                math.floor((north - reach_m) / BLOCK_M), math.floor((north + reach_m) / BLOCK_M) + 1
-            )
-            for col in range(
-                math.floor((east - reach_m) / BLOCK_M), math.floor((east + reach_m) / BLOCK_M) + 1
-            )
-            if (col, row) not in self._loaded
-        ]
-        added = [boxes for boxes in found if len(boxes)]
-        if added:
-            self._boxes = BoxSet.concatenate([self._boxes, *added])
-        return bool(added)
+    def load(self, places: FloatArray, reach_m: float) -> bool:
+        """Find all boxes within `reach_m` of places (n, 2) [m, world]; return whether any were added."""
+        low = np.floor((places - reach_m) / BLOCK_M).astype(np.int64)
+        high = np.floor((places + reach_m) / BLOCK_M).astype(np.int64)
+        asked = {
+            (col, row)
+            for (west, south), (east, north) in zip(low.tolist(), high.tolist(), strict=True)
+            for row in range(south, north + 1)
+            for col in range(west, east + 1)
+        }
+        new = sorted(asked - self._found.keys())
+        for block in new:
+            self._found[block] = self._detect(*block)
+        return any(len(self._found[block]) for block in new)
 
     def _detect(self, col: int, row: int) -> BoxSet:
-        self._loaded.add((col, row))
         core = Bounds(col * BLOCK_M, row * BLOCK_M, (col + 1) * BLOCK_M, (row + 1) * BLOCK_M)
         if self._store.count_in(core) == 0:
             return BoxSet.empty()
         extent = core.grown(self._method.buffer_m)
-        points = self._store.points(extent)
+        square = self._square(math.floor(core.west / READ_M), math.floor(core.south / READ_M))
+        points = square.take(np.flatnonzero(holds(extent, square.xyz)))
         if len(points) == 0:
             return BoxSet.empty()
-        surface = self._surface.over(extent)
-        tile = TileData(f"e{col}n{row}", core, points, None, "", surface, self._origin)
+        tile = TileData(f"e{col}n{row}", core, points, None, "", self._surface.over(extent), self._origin)
         boxes = self._method.detect(tile)
-        kept: BoolArray = holds(core, boxes.centre + np.asarray(self._origin)) & np.isin(
-            boxes.form, self._forms
-        )
-        return boxes.take(kept)
+        return boxes.take(holds(core, boxes.centre + np.asarray(self._origin)))
+
+    def _square(self, east: int, north: int) -> Points:
+        """Return the points of a square and of the buffer around it, in canonical order."""
+        if (east, north) not in self._read:
+            while len(self._read) >= N_READ:
+                del self._read[next(iter(self._read))]
+            bounds = Bounds(east * READ_M, north * READ_M, (east + 1) * READ_M, (north + 1) * READ_M)
+            self._read[east, north] = self._store.points(bounds.grown(self._method.buffer_m))
+        return self._read[east, north]

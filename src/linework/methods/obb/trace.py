@@ -1,115 +1,100 @@
-"""From a picked place to one line: the box it means, the line through it, followed both ways."""
+"""From a picked place to one line among those tracked around it, and what belongs to that line."""
 
 from __future__ import annotations
 
-from collections.abc import Generator
-from dataclasses import dataclass
-
 import numpy as np
 
-from linework.methods.obb import boundary_lines, marking_lines
-from linework.methods.obb.follow import BoxSource, Step, Stop, follow_ways
-from linework.methods.obb.smooth import SmoothLine
-from linework.methods.obb.track import TrackConfig, Tracks, track_lines
+from linework.methods.obb.follow import Stop
 from linework.methods.sight import Sight
 from linework.model.arrays import FloatArray, IntArray
-from linework.model.boxes import BoxSet
-from linework.model.lines import LineSet
+from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
-#: Kinds that can be picked, and the width within which boxes beside a line are the same feature. [m]
-WIDTH_M = {"lane_marking": 0.06, "road_boundary": 0.15}
 #: The paper's search area: a place picked no farther from a line than this means it. [m]
 PICK_M = 0.50
+#: What a picked line may be tracked as: a short piece of paint is a bar where nobody says what it is.
+TRACKED_AS = {
+    "lane_marking": ("lane_marking", "road_marking_other"),
+    "road_boundary": ("road_boundary",),
+}
+#: Dashes lie on their line, a kerb's top no farther from its foot than a kerb stone is wide. [m]
+BESIDE_M = {"lane_marking_dash": 0.05, "kerb_top": 0.45}
+#: Whether there is anything to see beyond an end is asked this far on; nearer ends of a line meet. [m]
+_AHEAD_M, _RING_M = 3.0, 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class Pick:
-    """The line that a place means: a box on it, and how far [m] the place is from it."""
-
-    kind: str
-    box: int
-    distance_m: float
-
-
-@dataclass(frozen=True, slots=True)
-class Traced:
-    """A followed line (with its dashes or its kerb top), and why it ends at its start and at its end."""
-
-    lines: LineSet
-    stops: tuple[Stop, Stop]
-
-
-def pick_line(boxes: BoxSet, kind: str, xy: FloatArray, config: TrackConfig, seen: Sight) -> Pick | None:
-    """Return the line nearest to a place among those through the boxes around it; None if none is near enough.
-
-    A place in the gap of a dashed line, or behind a parked car, means the line that goes through it.
-    """
-    if len(boxes) == 0:
-        return None
-    tracks = track_lines(boxes, config, width_m=WIDTH_M[kind])
-    best: Pick | None = None
-    for line in _smoothed(boxes, tracks, kind, seen):
-        distance, at = _nearest(line.xyz[:, :2], xy)
-        if distance > PICK_M or (best is not None and distance >= best.distance_m):
-            continue
-        measured = np.flatnonzero(line.box >= 0)
-        box = int(line.box[measured[np.argmin(np.abs(line.t_m[measured] - line.t_m[at]))]])
-        best = Pick(kind, box, distance)
-    return best
-
-
-def trace_line(
-    source: BoxSource, pick: Pick, config: TrackConfig, seen: Sight, toward: FloatArray | None = None
-) -> Generator[Step, None, Traced]:
-    """Follow the picked line; yield its steps and return it whole, as `extract` would.
+def nearest_line(lines: LineSet, xy: FloatArray, kind: str = "") -> tuple[int, str, float]:
+    """Return the line that a place (2,) means, the kind it is picked as, and its distance [m]; -1 if none.
 
     Parameters
     ----------
-    toward
-        (2,): follow it this way only; None: both ways.
+    kind
+        A key of `TRACKED_AS`, or "" for any.
     """
-    ways: tuple[float, ...] = (1.0, -1.0)
-    if toward is not None:
-        ways = (1.0,) if float(toward @ source.boxes.u[pick.box]) >= 0.0 else (-1.0,)
-    box, stops = yield from follow_ways(
-        source, pick.box, ways, config, width_m=WIDTH_M[pick.kind], seen=seen
-    )  # fmt: skip
-    boxes = source.boxes
-    tracks = Tracks(box, _ways(boxes, box), np.array([0, len(box)], dtype=np.int64))
-    if pick.kind == "lane_marking":
-        lines, other = marking_lines.marking_lines(boxes, tracks, seen)
-        chosen = [m for m in lines if pick.box in m.boxes]
-        # A short piece of paint is an arrow or a bar where nobody says what it is: here somebody does
-        chosen = chosen or [m for m in other if pick.box in m.boxes]
-        found = [
-            marking_lines.as_lines(chosen, pick.kind),
-            marking_lines.dash_lines(chosen, [""] * len(chosen)),
-        ]
-    else:
-        bounds = [b for b in boundary_lines.boundaries(boxes, tracks, seen) if pick.box in b.boxes]
-        found = [boundary_lines.as_lines(bounds), boundary_lines.top_lines(bounds)]
-    return Traced(LineSet.concatenate(found), stops)
+    best = -1, "", float("inf")
+    for picked_as, kinds in TRACKED_AS.items():
+        if kind not in ("", picked_as):
+            continue
+        for i in np.flatnonzero(np.isin(lines.kind, kinds)).tolist():
+            distance_m = nearest_vertex(lines.line(i)[:, :2], xy)[1]
+            if distance_m <= PICK_M and distance_m < best[2]:
+                best = i, picked_as, distance_m
+    return best
 
 
-def _smoothed(boxes: BoxSet, tracks: Tracks, kind: str, seen: Sight) -> list[SmoothLine]:
-    if kind == "lane_marking":
-        lines, other = marking_lines.marking_lines(boxes, tracks, seen)
-        return [m.line for m in (*lines, *other)]
-    return [b.line for b in boundary_lines.boundaries(boxes, tracks, seen)]
+def nearest_vertex(line: FloatArray, xy: FloatArray) -> tuple[int, float]:
+    """Return the vertex of a line (n, 2) before the point nearest to a place, and the distance of that point.
 
-
-def _ways(boxes: BoxSet, box: IntArray) -> FloatArray:
-    """Return +1 where the line runs along a box's u-axis, -1 where against it."""
-    step = np.gradient(boxes.centre[box, :2], axis=0) if len(box) > 1 else boxes.u[box]
-    return np.where(np.sum(step * boxes.u[box], axis=1) >= 0.0, 1.0, -1.0)
-
-
-def _nearest(line: FloatArray, xy: FloatArray) -> tuple[float, int]:
-    """Return the distance of a place from a line (n, 2), and the vertex before the nearest point."""
-    a, b = line[:-1], line[1:]
-    way = b - a
+    >>> nearest_vertex(np.array([[0.0, 0.0], [10.0, 0.0], [20.0, 0.0]]), np.array([12.0, 2.0]))
+    (1, 2.0)
+    """
+    a, way = line[:-1], np.diff(line, axis=0)
     length2 = np.maximum(np.sum(way * way, axis=1), 1e-12)
     share = np.clip(np.sum((xy - a) * way, axis=1) / length2, 0.0, 1.0)
     distance = np.linalg.norm(a + share[:, None] * way - xy, axis=1)
     i = int(np.argmin(distance))
-    return float(distance[i]), i
+    return i, float(distance[i])
+
+
+def beside(lines: LineSet, line: FloatArray, kind: str) -> IntArray:
+    """Return which lines of a kind of `BESIDE_M` belong to a line (n, 3): its dashes, or the top of its kerb."""
+    own = []
+    for i in np.flatnonzero(lines.kind == kind).tolist():
+        xyz = lines.line(i)
+        some = xyz[[0, len(xyz) // 2, -1], :2]
+        if max(nearest_vertex(line[:, :2], place)[1] for place in some) <= BESIDE_M[kind]:
+            own.append(i)
+    return np.array(own, dtype=np.int64)
+
+
+def part_of(one: LineSet, vertices: slice) -> LineSet:
+    """Return a piece of a single line: two vertices at least."""
+    columns = {name: getattr(one, name)[vertices] for name in VERTEX_COLUMNS}
+    columns |= {name: getattr(one, name) for name in LINE_COLUMNS}
+    return LineSet.from_lines([one.xyz[vertices]], crs=one.crs, **columns)
+
+
+def leads(line: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the ends (2, 2) of a line (n, 3), start first, and the directions (2, 2) in which it leads on."""
+    away = np.hypot(*(line[:, :2] - line[0, :2]).T), np.hypot(*(line[:, :2] - line[-1, :2]).T)
+    first = line[int(np.argmax(away[0] >= min(_AHEAD_M, away[0].max()))), :2]
+    last = line[len(line) - 1 - int(np.argmax(away[1][::-1] >= min(_AHEAD_M, away[1].max()))), :2]
+    tips = line[[0, -1], :2]
+    ways = tips - np.stack([first, last])
+    return tips, ways / np.maximum(np.hypot(*ways.T), 1e-9)[:, None]
+
+
+def stops_of(line: FloatArray, seen: Sight) -> tuple[Stop, Stop]:
+    """Return why a line (n, 3) goes no further at its start and at its end."""
+    tips, ways = leads(line)
+    if len(line) > 4 and float(np.hypot(*(tips[0] - tips[1]))) <= _RING_M:
+        return Stop.RING, Stop.RING
+    start, end = (_stop(tip, way, seen) for tip, way in zip(tips, ways, strict=True))
+    return start, end
+
+
+def _stop(tip: FloatArray, way: FloatArray, seen: Sight) -> Stop:
+    """Return why a line ends: there is no ground ahead, or nothing on it."""
+    left = np.array([-way[1], way[0]])
+    ahead = tip + np.linspace(0.5, _AHEAD_M, 6)[:, None] * way
+    places = np.concatenate([ahead, ahead + 0.5 * left, ahead - 0.5 * left])
+    return Stop.FADED if np.mean(seen(places)) > 0.5 else Stop.END_OF_DATA
