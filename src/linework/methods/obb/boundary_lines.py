@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from linework.methods.obb.smooth import SmoothLine, smooth_line, smooth_value
 from linework.methods.obb.track import Tracks
 from linework.methods.sight import Sight, seen_share
-from linework.model.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LineSet
 
@@ -34,12 +34,14 @@ class Boundary:
 
     Parameters
     ----------
+    top
+        The top edge of the step at the same stations; NaN where there is none.
     boxes
         (k,) int64: the boxes it was tracked through.
     form
         kerb, edge or barrier.
-    height_m, top_v_m
-        (n,) float64 [m]: height of the step, and where its top is across the line, per station.
+    height_m
+        (n,) float64 [m]: height of the step, per station.
     confidence
         0 to 1.
     times_s
@@ -47,10 +49,10 @@ class Boundary:
     """
 
     line: SmoothLine
+    top: SmoothLine
     boxes: IntArray
     form: str
     height_m: FloatArray
-    top_v_m: FloatArray
     confidence: float
     times_s: tuple[float, float]
 
@@ -85,11 +87,16 @@ def _boundary(boxes: BoxSet, box: IntArray) -> Boundary:
     form = int(np.argmax(np.bincount(boxes.form[box], weights=boxes.score[box], minlength=5)))
     at = np.maximum(line.box, 0)
     is_form = line.is_measured & (boxes.form[at] == form)
-    sigma = np.hypot(boxes.sigma_z_m[at], 0.005)
-    height = smooth_value(line.t_m, np.where(is_form, boxes.height_m[at], np.nan), sigma, STEP_CHANGE)
-    top = smooth_value(line.t_m, np.where(is_form, boxes.top_v_m[at], np.nan), sigma, STEP_CHANGE)
+    height = smooth_value(line.t_m, np.where(is_form, boxes.height_m[at], np.nan), STEP_CHANGE)
+    top_v = smooth_value(line.t_m, np.where(is_form, boxes.top_v_m[at], np.nan), STEP_CHANGE)
+    top = replace(
+        line,
+        xyz=line.xyz + np.column_stack([top_v[0][:, None] * line.normal, height[0]]),
+        sigma_xy_m=np.hypot(line.sigma_xy_m, top_v[1]),
+        sigma_z_m=np.hypot(line.sigma_z_m, height[1]),
+    )
     confidence = float(np.mean(boxes.score[box]))
-    return Boundary(line, box, FORMS[BoxForm(form)], height, top, confidence, boxes.time_span(box))
+    return Boundary(line, top, box, FORMS[BoxForm(form)], height[0], confidence, boxes.time_span(box))
 
 
 def bridged_of(line: SmoothLine) -> BoolArray:
@@ -104,32 +111,26 @@ def bridged_of(line: SmoothLine) -> BoolArray:
 
 def as_lines(found: Sequence[Boundary]) -> LineSet:
     """Return boundaries as lines, in local coordinates."""
-    return _line_set(found, "road_boundary", [b.line.xyz for b in found])
+    return _line_set(found, "road_boundary", [b.line for b in found])
 
 
 def top_lines(found: Sequence[Boundary]) -> LineSet:
-    """Return the top edges of kerbs, parallel to their feet."""
-    kerbs = [b for b in found if b.form == "kerb" and np.isfinite(b.top_v_m).all()]
-    tops = [
-        np.column_stack(
-            [b.line.xyz[:, :2] + b.top_v_m[:, None] * b.line.normal, b.line.xyz[:, 2] + b.height_m]
-        )
-        for b in kerbs
-    ]
-    return _line_set(kerbs, "kerb_top", tops)
+    """Return the top edges of kerbs."""
+    kerbs = [b for b in found if b.form == "kerb" and np.isfinite(b.top.xyz).all()]
+    return _line_set(kerbs, "kerb_top", [b.top for b in kerbs])
 
 
-def _line_set(found: Sequence[Boundary], kind: str, xyz: list[AnyArray]) -> LineSet:
+def _line_set(found: Sequence[Boundary], kind: str, lines: Sequence[SmoothLine]) -> LineSet:
     if not found:
         return LineSet.empty()
     return LineSet.from_lines(
-        xyz,
+        [line.xyz for line in lines],
         kind=[kind] * len(found),
         method=["obb"] * len(found),
         form=[b.form for b in found],
-        sigma_xy_m=np.concatenate([b.line.sigma_xy_m for b in found]),
-        sigma_z_m=np.concatenate([b.line.sigma_z_m for b in found]),
-        bridged=np.concatenate([bridged_of(b.line) for b in found]),
+        sigma_xy_m=np.concatenate([line.sigma_xy_m for line in lines]),
+        sigma_z_m=np.concatenate([line.sigma_z_m for line in lines]),
+        bridged=np.concatenate([bridged_of(line) for line in lines]),
         height_m=[float(np.median(b.height_m)) for b in found],
         confidence=[b.confidence for b in found],
         time_start_s=[b.times_s[0] for b in found],

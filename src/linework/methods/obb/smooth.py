@@ -8,6 +8,7 @@ say how well each vertex is known, over gaps too.
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,8 @@ STATION_M = 1.0
 GRADE_CHANGE = 1.0 / 500.0**2
 #: A centre this many standard deviations off weighs less, the more the farther off it is (Huber 1964).
 HUBER = 2.0
+#: No number is known better at one place. [m]
+LEAST_NOISE_M = 0.002
 #: Curvature is taken as the largest within this of a place: it changes on entering a bend. [m]
 _NEAR_M = 5.0
 
@@ -91,15 +94,21 @@ def smooth_line(boxes: BoxSet, box: IntArray, ends_m: tuple[float, float]) -> Sm
     )  # fmt: skip
 
 
-def smooth_value(t_m: FloatArray, value: FloatArray, sigma: FloatArray, change: float) -> FloatArray:
-    """Smooth a number along a line (kerb height ...); places where it is NaN are filled from around them."""
+def smooth_value(t_m: FloatArray, value: FloatArray, change: float) -> tuple[FloatArray, FloatArray]:
+    """Smooth a number along a line (kerb height ...); return it and its standard deviation at every station.
+
+    Places where it is NaN are filled from around them. How well it is known at a place is taken from how much
+    it differs between neighbours (median, so that ramps do not count).
+    """
     known = np.isfinite(value)
     if not known.any():
-        return np.full(len(t_m), np.nan)
-    variance = np.where(known, SHARED * sigma**2, np.inf)
+        return np.full(len(t_m), np.nan), np.full(len(t_m), np.nan)
+    steps = np.abs(np.diff(value[known]))
+    noise = max(1.4826 * float(np.median(steps)) / math.sqrt(2.0) if len(steps) else 0.0, LEAST_NOISE_M)
+    variance = np.where(known, SHARED * noise**2, np.inf)
     first = value[np.argmax(known)]
-    smoothed, _ = smooth_height(t_m, np.where(known, value, first), variance, change)
-    return np.asarray(smoothed)
+    smoothed, var = smooth_height(t_m, np.where(known, value, first), variance, change)
+    return smoothed, np.sqrt(var)
 
 
 def _stations(t: FloatArray, ends_m: tuple[float, float]) -> tuple[FloatArray, IntArray]:
