@@ -36,7 +36,7 @@ RADII_M = (0.5, 1.0, 2.0)
 #: Bright points stand out from the road by this many spreads.
 BRIGHT_SPREADS = 2.5
 #: A search area with fewer points shows no stripe: paint 0.12 m wide covers a twelfth of it. One with many
-#: shows all there is.
+#: shows all there is; the larger the area, the fewer.
 LEAST_POINTS, MANY_POINTS = 80, 400
 #: Points that say how dark the road and how bright the paint is, about, and the fewest of a visit.
 N_LEVEL, LEAST_VISIT = 200, 10
@@ -133,7 +133,7 @@ def stripes_at(
         for k in range(number):
             out[k, CX] += x
             out[k, CY] += y
-        if number > 0 or (why != HOLES and n > MANY_POINTS):
+        if number > 0 or (why != HOLES and n > MANY_POINTS / (2.0 * radius)):
             return number, FOUND if number > 0 else why, work
     return 0, why, work
 
