@@ -30,6 +30,8 @@ I64 = npt.NDArray[np.int64]
 
 #: A kerb is higher than this many times the noise of its floor: grass is not.
 LEAST_CLEAR = 1.5
+#: Grass and soil are rougher than stone by this. [m]
+GRASS_M = 0.008
 #: Share of the cells' heights that a slope explains: three quarters across a step in the middle, a third of that
 #: off the middle and in noise, a tenth by chance.
 EXPLAINED = 0.25
@@ -136,12 +138,19 @@ def _is_kerb(step: F64, share: F64, floor: tuple[F64, float, float, float, float
     tilt_y = plane[2] + step[ks.FLOOR_C] * vy - step[ks.FLOOR_B] * vx - floor[3]
     # The road's slope is known from cells on both sides, 3 m apart, and holds part of the step
     level = np.hypot(tilt_x, tilt_y) <= limits[1] + h / 3.0
-    high = (
-        limits[0] <= h <= limits[2]
-        and h >= max(LEAST_CLEAR * step[ks.NOISE], 2.0 * step[ks.NOISE_TOP])
-        and h >= 4.0 * step[ks.SIGMA_H]
+    # A verge's grass is as high as it is rough; behind a kerb it may be, if the kerb stands out of it
+    grass = step[ks.NOISE_TOP] ** 2 - step[ks.NOISE] ** 2 > GRASS_M**2
+    least = max(
+        LEAST_CLEAR * step[ks.NOISE], (4.0 if grass else 2.0) * step[ks.NOISE_TOP], 4.0 * step[ks.SIGMA_H]
     )
-    smooth = step[ks.NOISE] <= roughest(floor[4], limits) and step[ks.NOISE_TOP] <= max(limits[3], 0.35 * h)
+    high = limits[0] <= h <= limits[2] and h >= least
+    # The pavement may lie over its verge: that is no kerb of the verge
+    verge = step[ks.NOISE] ** 2 - step[ks.NOISE_TOP] ** 2 > GRASS_M**2
+    smooth = (
+        not verge
+        and step[ks.NOISE] <= roughest(floor[4], limits)
+        and step[ks.NOISE_TOP] <= max(limits[3], 0.35 * h)
+    )
     top = abs(step[ks.TOP_C] - step[ks.FLOOR_C]) <= 0.25
     seen = share[0] >= 0.6 and share[1] >= 0.5 and share[3] - share[2] > 0.15 and share[4] >= 0.25
     return bool(level and high and smooth and top and seen)
