@@ -2,6 +2,7 @@
 
 ``python -m benchmarks trace``; ``python -m benchmarks.trace --seeds 800-803 --roads urban --worst`` takes others
 and lists what went wrong. Every pick is the first on its opened survey: nothing is at hand but points and surface.
+Seconds are the processor's, which one thread has: what else runs on the machine does not matter.
 """
 
 import argparse
@@ -78,17 +79,17 @@ def parsed(arguments):
 
 def picked(tracer, place):
     """Return the line (or the refusal), and the seconds to the end and to the first step."""
-    start, first = time.perf_counter(), None
+    start, first = time.process_time(), None
     steps = tracer.trace((float(place[0]), float(place[1])))
     try:
         while True:
             next(steps)
-            first = first or time.perf_counter() - start
+            first = first or time.process_time() - start
     except StopIteration as end:
         found = end.value
     except InputError as error:
         found = error
-    seconds = time.perf_counter() - start
+    seconds = time.process_time() - start
     return found, seconds, first or seconds
 
 

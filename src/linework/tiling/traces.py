@@ -140,7 +140,11 @@ class Tracer:
         one, rest = lines.take([i]), np.flatnonzero(lines.kind == lines.kind[i])
         left = [k for k in rest.tolist() if k != i]
         while left:
+            ends = one.xyz[[0, -1], :2]
             for k in left:
+                apart = lines.line(k)[[0, -1], None, :2] - ends
+                if np.hypot(apart[..., 0], apart[..., 1]).min() > SAME_LINE.longest_m:
+                    continue
                 joined = continued(one, lines.take([k]), SAME_LINE)
                 if len(joined) == 1:
                     one, left = joined, [other for other in left if other != k]
