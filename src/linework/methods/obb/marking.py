@@ -176,7 +176,8 @@ def boxes_of(found: FloatArray, config: MarkingConfig, *, has_time: bool) -> Box
         sigma_v_m=np.maximum(found[:, stripes.SIGMA_V], 0.001),
         sigma_z_m=np.maximum(found[:, stripes.SIGMA_Z], 0.001),
         sigma_u_rad=np.maximum(found[:, stripes.SIGMA_U], 0.001),
-        score=expit(found[:, stripes.T_VALUE] - 5.0),
+        # Of boxes that stand out by 1.5, 3.5, 5.5, 9 deviations 65, 88, 95, 99 % were on paint (simulated roads)
+        score=expit(0.5 * found[:, stripes.T_VALUE] - 0.5),
         form=np.where(is_stripe, BoxForm.STRIPE, BoxForm.OTHER_PAINT).astype(np.int8),
         contrast=np.where(dark > 0.0, bright / np.where(dark > 0.0, dark, 1.0), np.nan),
         n_points=found[:, stripes.NUMBER].astype(np.int64),
