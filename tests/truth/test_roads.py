@@ -76,7 +76,7 @@ def test_no_trajectory_is_needed(floor):
 
 @pytest.mark.parametrize(
     ("road", "seed", "least"),
-    # Reached 1.00 and 1.00; 0.48 in the bends of 821, whose worn solid line passes for dashed
+    # Reached 1.00 and 1.00; 0.48 in the bends of 821, where a solid line passes for dashed
     [("urban", 820, 0.97), ("motorway", 822, 0.86)],
 )
 def test_solid_and_dashed_are_told_apart(road, seed, least):
