@@ -277,7 +277,7 @@ def test_an_unknown_format(refused, las_file, tmp_path, linework):
     ("arguments", "said"),
     [
         (["--features", "hedge"], "hedge"),
-        (["--features", "lane_marking"], "lane_marking"),
+        (["--features", "fence"], "fence"),
         (["--method", "magic"], "magic"),
         (["--method", "stereo"], "stereo"),
         (["--workers", "1000000"], "'--workers'"),

@@ -11,6 +11,7 @@ from tests.conftest import CRS, road_points
 
 from linework.files.las_write import write_las
 from linework.files.trajectories import write_trajectory
+from linework.methods.kinds import ALL_KINDS
 from linework.model.trajectory import Trajectory
 
 
@@ -57,10 +58,10 @@ def test_the_summary_is_on_stdout_and_progress_on_stderr(linework, las_file, tmp
     assert "read points" not in quiet.stderr
 
 
-@pytest.mark.parametrize("features", ["", "barrier", "cable,barrier"])
+@pytest.mark.parametrize("features", ["", "barrier", "cable,barrier", "cable,kerb_top"])
 def test_every_kind_asked_for_is_told_recorded_and_has_its_layer(linework, las_file, tmp_path, features):
     output = tmp_path / "lines.gpkg"
-    asked = [kind for kind in ("guardrail", "barrier", "cable") if kind in (features or kind)]
+    asked = [kind for kind in ALL_KINDS if kind in (features or kind)]
     found = linework("extract", las_file, "-o", output, *(["--features", features] if features else []))
     assert found.code == 0, found.stderr
     assert [line.split()[0] for line in found.stdout.splitlines()] == asked

@@ -9,7 +9,8 @@ from pathlib import Path
 
 #: A kernel that the search for a kind always comes to; where it is compiled, so are the others.
 _KERNEL_OF = {
-    "lane_marking": "stripes_all", "road_boundary": "boundary_boxes",
+    "lane_marking": "stripes_all", "lane_marking_dash": "stripes_all", "road_marking_other": "stripes_all",
+    "road_boundary": "boundary_boxes", "kerb_top": "boundary_boxes",
     "guardrail": "follow", "barrier": "follow", "cable": "cable_fit",
 }  # fmt: skip
 
