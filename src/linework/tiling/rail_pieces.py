@@ -12,7 +12,7 @@ from linework.model.arrays import FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.tile import TileData
-from linework.tiling.seams import inside_core, join_seams
+from linework.tiling.seams import WHOLE_KINDS, inside_core, join_seams
 from linework.tiling.surfaces import SurveySurface
 
 #: Tiles of this size are worked. [m]
@@ -39,6 +39,8 @@ class RailPieces:
             if not distances or min(distances) > reach_m:
                 return None
             i = int(np.argmin(distances))
+            if lines.kind[i] in WHOLE_KINDS:
+                return lines.take([i]), float(distances[i])
             ends = lines.line(i)[[0, -1], :2]
             n = len(self._tiles)
             for x, y in ends.tolist():
@@ -65,7 +67,10 @@ class RailPieces:
         if len(points) == 0:
             return LineSet.empty()
         tile = TileData("trace", core, points, None, "", self._surface.over(extent), self._origin)
-        return inside_core(self._method.extract(tile), core)
+        lines = self._method.extract(tile)
+        # What is never cut belongs to the tile of its middle, where the place need not be: all of it is kept
+        is_whole = np.isin(lines.kind, WHOLE_KINDS)
+        return LineSet.concatenate([lines.take(is_whole), inside_core(lines.take(~is_whole), core)])
 
 
 def distance_m(line: FloatArray, place: FloatArray) -> float:
