@@ -5,7 +5,14 @@ import pytest
 from tests.box_scenes import bend, boxes_on, everything_seen, nothing_seen, straight
 
 from linework.methods.obb import boundary_lines, marking_lines
-from linework.methods.obb.arrangement import beside_kerb, bounds_carriageway, is_double, paint_forms, roles
+from linework.methods.obb.arrangement import (
+    beside_kerb,
+    beyond_kerbs,
+    bounds_carriageway,
+    is_double,
+    paint_forms,
+    roles,
+)
 from linework.methods.obb.neighbours import Course
 from linework.methods.obb.pattern import find_rhythm, united
 from linework.methods.obb.smooth import smooth_line
@@ -161,6 +168,12 @@ def test_kerb_stones_are_no_paint():
     stone, paint = boxes_on(straight(20.0, y=-0.1)), boxes_on(straight(20.0, y=0.3))
     assert beside_kerb(stone, [course(0.0)], -0.45, 0.04).all()
     assert not beside_kerb(paint, [course(0.0)], -0.45, 0.04).any()
+
+
+def test_bright_strips_behind_a_kerb_are_no_markings():
+    kerbs = [course(0.0), course(7.0, turned=True)]
+    assert beyond_kerbs([course(3.0), course(-2.0), course(9.0)], kerbs).tolist() == [False, True, True]
+    assert beyond_kerbs([course(3.0)], []).tolist() == [False]
 
 
 def test_double_lines_and_roles():

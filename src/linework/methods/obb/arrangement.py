@@ -14,6 +14,8 @@ from linework.model.boxes import BoxSet
 
 #: A carriageway, or half of one with paint in its middle, is no wider than this. [m]
 FACING_M = 20.0
+#: Footways and the yards behind them are looked at this far. [m]
+BEHIND_KERB_M = 15.0
 #: Paint this close behind an edge: it lies within the carriageway. [m]
 SEAM_M = 3.0
 #: Gutters and kerb beds are no wider than this. [m]
@@ -85,6 +87,16 @@ def _nearest_per_station(n: Neighbours, chosen: BoolArray) -> BoolArray:
     out = np.zeros(len(chosen), dtype=np.bool_)
     out[order[first]] = True
     return out
+
+
+def beyond_kerbs(lanes: Sequence[Course], kerbs: Sequence[Course]) -> BoolArray:
+    """Return which markings lie behind a kerb: bright strips on footways and in yards are no lane markings."""
+    m = len(lanes)
+    n = find_neighbours([*lanes, *kerbs], BEHIND_KERB_M)
+    first = _nearest_per_station(n, (n.line < m) & (n.other >= m))
+    # The kerb's carriageway is on its left; on that side is the marking, or it is behind
+    behind = first & (n.across_m * n.facing > 0.0)
+    return np.asarray(_share_of_stations(n, behind, [*lanes, *kerbs])[:m] > 0.5)
 
 
 def is_double(courses: Sequence[Course]) -> BoolArray:

@@ -21,6 +21,8 @@ LONGEST_DROP_M = 8.0
 LEAST_LINE_M = 4.0
 #: Without a step there is less to go by: shorter edges are patches. [m]
 LEAST_EDGE_M = 8.0
+#: And boxes that rather are none than one make no line, however many.
+LEAST_SCORE = 0.5
 #: Without a box for longer than this a boundary was not measured. [m]
 BARE_M = 1.5
 #: A kerb's height and width keep still: they change by so much over ten metres, squared, per metre. [m]
@@ -60,14 +62,19 @@ class Boundary:
 def boundaries(boxes: BoxSet, tracks: Tracks, seen: Sight) -> list[Boundary]:
     """Return the boundaries among tracked boxes, the carriageway to the left of each."""
     found: list[Boundary] = []
-    is_edge = len(boxes) > 0 and boxes.form[0] == BoxForm.EDGE
-    least = LEAST_EDGE_M if is_edge else LEAST_LINE_M
     for i in range(len(tracks)):
         box, way = tracks.line(i)
         box = box if way.sum() >= 0 else box[::-1]
         pieces = _pieces(boxes, box, seen)
-        found += [_boundary(boxes, piece) for piece in pieces if boxes.along(piece)[-1] >= least]
+        found += [_boundary(boxes, piece) for piece in pieces if _is_line(boxes, piece)]
     return found
+
+
+def _is_line(boxes: BoxSet, box: IntArray) -> bool:
+    """Return whether boxes are enough for a line: by length, and, without a kerb, by what they say themselves."""
+    if boxes.form[box[0]] == BoxForm.KERB:
+        return bool(boxes.along(box)[-1] >= LEAST_LINE_M)
+    return bool(boxes.along(box)[-1] >= LEAST_EDGE_M and np.mean(boxes.score[box]) >= LEAST_SCORE)
 
 
 def _pieces(boxes: BoxSet, box: IntArray, seen: Sight) -> list[IntArray]:

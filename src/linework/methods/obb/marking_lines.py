@@ -27,6 +27,8 @@ LONGEST_WORN_M, SHORT_M = 13.0, 3.0
 LEAST_LINE_M = 6.0
 #: Paint of which less than this is left shows no line: of the most worn ones that are seen 0.3 is.
 LEAST_SHARE = 0.25
+#: A rhythm shows in three dashes; of a line with most of its dashes gone nobody can say that it is one.
+LEAST_DASHES, LEAST_DASH_SHARE = 3, 0.5
 #: Shorter blobs of paint are stains. [m]
 LEAST_BAR_M = 1.0
 
@@ -66,10 +68,17 @@ def marking_lines(boxes: BoxSet, tracks: Tracks, seen: Sight) -> tuple[list[Mark
     found: list[Marking] = []
     for i in range(len(tracks)):
         found += _markings(boxes, tracks.line(i)[0], seen)
-    is_line = [m.rhythm is not None or _is_solid(m.paint) for m in found]
+    is_line = [_is_dashed(m) if m.rhythm is not None else _is_solid(m.paint) for m in found]
     return [m for m, yes in zip(found, is_line, strict=True) if yes], [
         m for m, yes in zip(found, is_line, strict=True) if not yes
     ]
+
+
+def _is_dashed(marking: Marking) -> bool:
+    """Return whether enough of the dashes are there that the rhythm asks for."""
+    assert marking.rhythm is not None
+    expected = 1.0 + float(np.ptp(marking.dashes)) / marking.rhythm.period_m
+    return len(marking.dashes) >= LEAST_DASHES and len(marking.dashes) >= LEAST_DASH_SHARE * expected
 
 
 def _is_solid(paint: FloatArray) -> bool:

@@ -15,6 +15,7 @@ import numpy as np
 from linework.methods.obb import boundary_lines, marking_lines
 from linework.methods.obb.arrangement import (
     beside_kerb,
+    beyond_kerbs,
     bounds_carriageway,
     is_double,
     paint_forms,
@@ -153,6 +154,8 @@ class ObbMethod:
         blobs = blobs.take(blobs.half_v_m <= 0.5 * WIDEST_BAR_M)
         bars = track_lines(blobs, self.config.track, width_m=SAME_BOUNDARY_M)
         markings, other = marking_lines.marking_lines(stripes, lines, seen)
+        beyond = beyond_kerbs(courses_of(markings), kerbs)
+        markings = [m for m, yes in zip(markings, beyond, strict=True) if not yes]
         return markings, other + marking_lines.bar_lines(blobs, bars, seen)
 
     @property
