@@ -46,7 +46,9 @@ NEAR_M, LEAST_STEP_M = 1.2, 0.02
 #: with 9 m between them are the least of paint in use.
 GAP_PER_LENGTH = 4.0
 #: How much faster than mostly the curvature changes: where a bend begins without a clothoid, and at corners.
-TURNS = (1.0, 4.0)
+TURNS = (1.0, 4.0, 4.0)
+#: At corners kerbs turn into arcs without a clothoid: standard deviation of the jump of the curvature. [1/m]
+CORNER = 1.0 / 6.0
 #: The tightest line that is looked for: a kerb's corner. [m]
 TIGHTEST_M = 3.0
 
@@ -104,7 +106,7 @@ def lead(boxes: F64, path: I64, way: F64, n: int, faster: float, out: F64) -> No
     A parabola v = a + b s + c s^2 / 2 in the frame of the last box (s along it, v to its left), by weighted
     least squares over centres and directions; boxes farther back weigh less, as the curvature may have
     changed since, `faster` times as fast as it mostly does. `out`: a, b, c, their covariance (6, upper triangle),
-    the change of curvature [1/m^2].
+    the change of curvature [1/m^2], and the standard deviation of a jump of it [1/m].
     """
     i = path[n - 1]
     hx, hy = way[n - 1] * boxes[i, UX], way[n - 1] * boxes[i, UY]
@@ -152,6 +154,7 @@ def predicted(fit: F64, s: float) -> tuple[float, float, float, float]:
     var = fit[3] + 2.0 * s * fit[4] + 2.0 * half * fit[5] + s * s * fit[6] + 2.0 * s * half * fit[7]
     var += half * half * fit[8] + (fit[9] * s * s * s / 6.0) ** 2
     var_slope = fit[6] + 2.0 * s * fit[7] + s * s * fit[8] + (fit[9] * half) ** 2
+    var, var_slope = var + (fit[10] * half) ** 2, var_slope + (fit[10] * s) ** 2
     return v, slope, math.sqrt(max(var, 0.0)), math.sqrt(max(var_slope, 0.0))
 
 
@@ -185,8 +188,9 @@ def next_box(
     longest = min(longest, NEAR_M + GAP_PER_LENGTH * tracked)
     length, done, turns = NEAR_M, LEAST_STEP_M, 0
     while True:
-        # Near by a second and a third time as for a line that turns off
+        # Near by a second time as for a line that turns off; a kerb a third time as at a corner
         lead(boxes, path, way, n, TURNS[turns], fit)
+        fit[10] = CORNER if turns == 2 else 0.0
         length = min(length, longest)
         v1, slope, sigma, _ = predicted(fit, length)
         gate = min(max(3.0 * sigma, 0.03), widest)
@@ -248,7 +252,7 @@ def next_box(
             if owner[best] <= END and into > 0.5:
                 return best, NOTHING_AHEAD
             return -1, MEETS_LINE
-        if turns < len(TURNS) - 1 and length <= NEAR_M:
+        if turns < (2 if is_sided else 1) and length <= NEAR_M:
             turns += 1
             continue
         turns = 0

@@ -30,7 +30,7 @@ def track_one(
     there (codes as in `owner`; 0: none).
     """
     path, way, owner, _ = state
-    fit = np.zeros(10)
+    fit = np.zeros(11)
     gates = limits[:4]
     owner[path[0]] = line
     n = 1

@@ -14,6 +14,8 @@ from linework.model.boxes import BoxSet
 
 #: A carriageway, or half of one with paint in its middle, is no wider than this. [m]
 FACING_M = 20.0
+#: A kerb goes on where the next one begins no farther off (stations stand a metre from the ends). [m]
+GOES_ON_M = 4.0
 #: Footways and the yards behind them are looked at this far. [m]
 BEHIND_KERB_M = 15.0
 #: Paint this close behind an edge: it lies within the carriageway. [m]
@@ -76,7 +78,22 @@ def bounds_carriageway(courses: Sequence[Course], is_kerb: BoolArray, lanes: Seq
     every = [*courses, *lanes]
     good = _share_of_stations(n, in_front, every)[:m] > 0.5
     bad = _share_of_stations(n, seam | gutter, every)[:m] > 0.5
-    return np.asarray(good & ~bad)
+    return _with_continued(courses, is_kerb, good & ~bad)
+
+
+def _with_continued(courses: Sequence[Course], is_kerb: BoolArray, kept: BoolArray) -> BoolArray:
+    """Return the boundaries that are kept, and the kerbs that go on from their ends: round corners of side streets."""
+    kept = kept.copy()
+    ends = np.array([(c.xy[0], c.xy[-1]) for c in courses]).reshape(-1, 2, 2)
+    open_ = [i for i in np.flatnonzero(kept).tolist() if is_kerb[i]]
+    while open_:
+        i = open_.pop()
+        before = np.linalg.norm(ends[:, 1] - ends[i, 0], axis=1) <= GOES_ON_M
+        behind = np.linalg.norm(ends[:, 0] - ends[i, 1], axis=1) <= GOES_ON_M
+        new = np.flatnonzero((before | behind) & is_kerb & ~kept).tolist()
+        kept[new] = True
+        open_ += new
+    return kept
 
 
 def _nearest_per_station(n: Neighbours, chosen: BoolArray) -> BoolArray:

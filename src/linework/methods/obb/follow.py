@@ -76,7 +76,7 @@ class _Path:
         self.boxes: list[int] = [start]
         self.ways: list[float] = [way]
         self._source = source
-        self._fit = np.zeros(10)
+        self._fit = np.zeros(11)
         self._rebuild()
 
     def _rebuild(self) -> None:
