@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,12 +17,14 @@ STEP_M = 0.10
 PERIODS_M = (1.8, 26.0)
 #: Dashes and gaps in use are no shorter than this. [m]
 LEAST_DASH_M, LEAST_GAP_M = 0.5, 0.8
-#: And the gap is no less of the period than this (warning lines: 6 m of paint, 3 m or 1.5 m of gap).
-LEAST_GAP_SHARE = 0.18
+#: And the gap is no less of the period than this (warning lines: 6 m of paint, 3 m of gap).
+LEAST_GAP_SHARE = 0.28
 #: In the gaps no more than this share is bright, as stains; in dashes no less, with 70 % worn off.
 GAP_PAINT, DASH_PAINT = 0.08, 0.25
 #: A period is seen where it comes again: so often at least.
 LEAST_PERIODS = 2.0
+#: Wear takes paint away in patches of about this [m]; a rhythm with more than this chance among them is none.
+PATCH_M, CHANCE = 2.5, 0.001
 #: Lines are judged over this length: a pattern keeps its period and phase that far. [m]
 WINDOW_M = 60.0
 
@@ -93,7 +96,13 @@ def _rhythm_within(paint: FloatArray) -> Rhythm | None:
         is_paint, STEP_M, (PERIODS_M[0], longest), (LEAST_DASH_M, LEAST_GAP_M, LEAST_GAP_SHARE),
         (GAP_PAINT, DASH_PAINT),
     )  # fmt: skip
-    return Rhythm(period, period - gap, contrast) if period > 0.0 else None
+    if period == 0.0:
+        return None
+    # How unlikely it is that wear left no paint in any of the gaps of a solid line
+    n_patches = (end - start) / period * gap / PATCH_M
+    if -n_patches * math.log(max(1.0 - contrast, 0.01)) < math.log(1.0 / CHANCE):
+        return None
+    return Rhythm(period, period - gap, contrast)
 
 
 def dashes_of(paint: FloatArray, rhythm: Rhythm) -> FloatArray:
