@@ -68,7 +68,7 @@ def test_a_wild_box_does_not_pull_the_line():
 
 
 @pytest.mark.parametrize("left", [1.0, 0.5])
-@pytest.mark.parametrize(("dash", "gap"), [(3.0, 6.0), (6.0, 12.0), (1.5, 1.5), (3.0, 9.0), (6.0, 3.0)])
+@pytest.mark.parametrize(("dash", "gap"), [(3.0, 6.0), (6.0, 12.0), (1.5, 1.5), (3.0, 9.0), (3.0, 3.0)])
 def test_dashes_have_a_rhythm_however_worn(dash, gap, left):
     rng = np.random.default_rng(4)
     start = np.arange(0.0, 90.0, dash + gap)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from linework.methods.obb.confidence import confidence_of
 from linework.methods.obb.smooth import SmoothLine, smooth_line, smooth_value
 from linework.methods.obb.track import Tracks
 from linework.methods.sight import Sight, seen_share
@@ -102,7 +103,7 @@ def _boundary(boxes: BoxSet, box: IntArray) -> Boundary:
         sigma_xy_m=np.hypot(line.sigma_xy_m, top_v[1]),
         sigma_z_m=np.hypot(line.sigma_z_m, height[1]),
     )
-    confidence = float(np.mean(boxes.score[box]))
+    confidence = confidence_of(boxes.score[box], line.sigma_xy_m)
     return Boundary(line, top, box, FORMS[BoxForm(form)], height[0], confidence, boxes.time_span(box))
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from linework.methods.obb.confidence import confidence_of
 from linework.methods.obb.pattern import Rhythm, dashes_of, find_rhythm, united
 from linework.methods.obb.smooth import SmoothLine, smooth_line
 from linework.methods.obb.track import Tracks
@@ -137,7 +138,7 @@ def _marking(boxes: BoxSet, box: IntArray) -> Marking:
     dashes = np.zeros((0, 2)) if rhythm is None else dashes_of(paint, rhythm)
     return Marking(
         line, box, paint, rhythm, dashes, 2.0 * float(np.median(boxes.half_v_m[box])),
-        float(np.mean(boxes.score[box])), boxes.time_span(box),
+        confidence_of(boxes.score[box], line.sigma_xy_m), boxes.time_span(box),
     )  # fmt: skip
 
 
