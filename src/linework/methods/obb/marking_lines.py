@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from linework.methods.obb.confidence import confidence_of
-from linework.methods.obb.pattern import Rhythm, dashes_of, find_rhythm, united
+from linework.methods.obb.pattern import PATCH_M, Rhythm, dashes_of, find_rhythm, united
 from linework.methods.obb.smooth import SmoothLine, smooth_line
 from linework.methods.obb.track import Tracks
 from linework.methods.sight import Sight, seen_share
@@ -19,10 +19,10 @@ from linework.model.lines import LineSet
 
 #: Paint of two boxes nearer than this is one: search areas stand half a metre apart. [m]
 CLOSE_M = 0.30
-#: Worn patches are about this long [m]; a gap that so worn a line has with less than this chance is its end.
-PATCH_M, CHANCE = 1.0, 0.01
+#: A gap that so worn a line has with less than this chance is its end.
+CHANCE = 0.01
 #: Gaps from wear are no longer than this, and gaps that short are never an end. [m]
-LONGEST_WORN_M, SHORT_M = 13.0, 3.0
+LONGEST_WORN_M, SHORT_M = 20.0, 3.0
 #: Paint shorter than this that is no dash of a dashed line is an arrow, a bar, a letter: arrows are up to 5 m,
 #: 7.5 m where traffic is fast, with 3.5 m of shaft. [m]
 LEAST_LINE_M = 6.0
