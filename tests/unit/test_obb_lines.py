@@ -6,8 +6,8 @@ from tests.box_scenes import bend, boxes_on, everything_seen, nothing_seen, stra
 
 from linework.methods.obb import boundary_lines, marking_lines
 from linework.methods.obb.arrangement import (
+    behind_boundaries,
     beside_kerb,
-    beyond_kerbs,
     bounds_carriageway,
     is_double,
     paint_forms,
@@ -139,7 +139,7 @@ def course(y, *, turned=False, length=40.0):
 
 
 def bounds(courses, kerbs, lanes=()):
-    return bounds_carriageway(courses, np.array(kerbs), lanes).tolist()
+    return bounds_carriageway(courses, np.array(kerbs), np.array(kerbs), lanes).tolist()
 
 
 def test_what_stands_behind_a_kerb_is_no_boundary():
@@ -172,8 +172,11 @@ def test_kerb_stones_are_no_paint():
 
 def test_bright_strips_behind_a_kerb_are_no_markings():
     kerbs = [course(0.0), course(7.0, turned=True)]
-    assert beyond_kerbs([course(3.0), course(-2.0), course(9.0)], kerbs).tolist() == [False, True, True]
-    assert beyond_kerbs([course(3.0)], []).tolist() == [False]
+    lanes, is_kerb = [course(3.0), course(-5.0), course(9.0)], np.ones(2, bool)
+    assert behind_boundaries(lanes, kerbs, is_kerb).tolist() == [False, True, True]
+    # Behind the edge of one carriageway the next may begin
+    assert behind_boundaries(lanes, kerbs, ~is_kerb).tolist() == [False, False, True]
+    assert behind_boundaries(lanes[:1], [], is_kerb[:0]).tolist() == [False]
 
 
 def test_double_lines_and_roles():

@@ -46,7 +46,9 @@ def beside_kerb(boxes: BoxSet, kerbs: Sequence[Course], from_m: float, to_m: flo
     return out
 
 
-def bounds_carriageway(courses: Sequence[Course], is_kerb: BoolArray, lanes: Sequence[Course]) -> BoolArray:
+def bounds_carriageway(
+    courses: Sequence[Course], is_kerb: BoolArray, is_sure: BoolArray, lanes: Sequence[Course]
+) -> BoolArray:
     """Return which boundaries have a carriageway in front of them, and none behind.
 
     Looking across from a boundary towards its carriageway one meets paint, the van's way, or a boundary that
@@ -60,6 +62,8 @@ def bounds_carriageway(courses: Sequence[Course], is_kerb: BoolArray, lanes: Seq
         Boundaries, each with the carriageway to its left.
     is_kerb
         (m,) bool.
+    is_sure
+        (m,) bool: paint behind these says nothing, there is none on grass.
     lanes
         Lines of paint and the ways of vans.
     """
@@ -73,7 +77,8 @@ def bounds_carriageway(courses: Sequence[Course], is_kerb: BoolArray, lanes: Seq
     first = _nearest_per_station(n, ahead)
     in_front = first & (is_lane[:] | (n.facing < 0.0))
     behind = own & (n.across_m < 0.0) & ~kerb[n.line]
-    seam = behind & is_lane & (n.across_m > -SEAM_M)
+    sure = np.concatenate([is_sure, np.zeros(len(lanes), dtype=np.bool_)])
+    seam = behind & is_lane & (n.across_m > -SEAM_M) & ~sure[n.line]
     gutter = behind & kerb[n.other] & (n.across_m > -GUTTER_M) & (n.facing > 0.0)
     every = [*courses, *lanes]
     good = _share_of_stations(n, in_front, every)[:m] > 0.5
@@ -106,14 +111,20 @@ def _nearest_per_station(n: Neighbours, chosen: BoolArray) -> BoolArray:
     return out
 
 
-def beyond_kerbs(lanes: Sequence[Course], kerbs: Sequence[Course]) -> BoolArray:
-    """Return which markings lie behind a kerb: bright strips on footways and in yards are no lane markings."""
+def behind_boundaries(lanes: Sequence[Course], bounds: Sequence[Course], is_kerb: BoolArray) -> BoolArray:
+    """Return which markings lie behind a boundary: bright strips on footways, in yards and on verges are none.
+
+    Behind a kerb there is no carriageway for a while; behind an edge without one there may be the next carriageway
+    whose own edge was not seen, but not at once.
+    """
     m = len(lanes)
-    n = find_neighbours([*lanes, *kerbs], BEHIND_KERB_M)
-    first = _nearest_per_station(n, (n.line < m) & (n.other >= m))
-    # The kerb's carriageway is on its left; on that side is the marking, or it is behind
+    n = find_neighbours([*lanes, *bounds], BEHIND_KERB_M)
+    reach = np.concatenate([np.zeros(m), np.where(is_kerb, BEHIND_KERB_M, SEAM_M)])
+    near = (n.line < m) & (n.other >= m) & (np.abs(n.across_m) <= reach[n.other])
+    first = _nearest_per_station(n, near)
+    # The boundary's carriageway is on its left; on that side is the marking, or it is behind
     behind = first & (n.across_m * n.facing > 0.0)
-    return np.asarray(_share_of_stations(n, behind, [*lanes, *kerbs])[:m] > 0.5)
+    return np.asarray(_share_of_stations(n, behind, [*lanes, *bounds])[:m] > 0.5)
 
 
 def is_double(courses: Sequence[Course]) -> BoolArray:

@@ -14,8 +14,8 @@ import numpy as np
 
 from linework.methods.obb import boundary_lines, marking_lines
 from linework.methods.obb.arrangement import (
+    behind_boundaries,
     beside_kerb,
-    beyond_kerbs,
     bounds_carriageway,
     is_double,
     paint_forms,
@@ -42,6 +42,8 @@ KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other", "road_bounda
 SAME_PAINT_M, SAME_BOUNDARY_M = 0.06, 0.15
 #: To either side of a kerb's foot: gutter, kerb stone and its bed look like edges of the pavement. [m]
 KERB_SIDE_M = 1.0
+#: Boundaries of this confidence are believed more than paint that they contradict: there is none on grass.
+SURE = 0.9
 #: Bars of crossings and stop lines are no wider: wider bright things are no paint. [m]
 WIDEST_BAR_M = 1.0
 #: Behind the foot: kerb stones are brighter than asphalt and up to 0.3 m wide. Paint keeps off the foot. [m]
@@ -119,9 +121,13 @@ class ObbMethod:
         # Paint: solid and dashed lines, and what is no line
         way = [] if path is None else courses_of_path(path - np.asarray(origin))
         markings, other = self._paint(parts, courses_of(kerbs), [*courses_of(rims), *way], seen_here)
-        # What has no carriageway in front of it, or has one behind it, bounds none
         is_kerb = np.array([b.form == "kerb" for b in rims], dtype=np.bool_)
-        kept = bounds_carriageway(courses_of(rims), is_kerb, [*courses_of(markings), *way])
+        is_sure = is_kerb | np.array([b.confidence >= SURE for b in rims], dtype=np.bool_)
+        sure = [b for b, yes in zip(rims, is_sure, strict=True) if yes]
+        behind = behind_boundaries(courses_of(markings), courses_of(sure), is_kerb[is_sure])
+        markings = [m for m, yes in zip(markings, behind, strict=True) if not yes]
+        # What has no carriageway in front of it, or has one behind it, bounds none
+        kept = bounds_carriageway(courses_of(rims), is_kerb, is_sure, [*courses_of(markings), *way])
         rims = [b for b, yes in zip(rims, kept, strict=True) if yes]
         # What each is, from how the lines lie to one another
         lines = as_line_set(markings, other, rims, way)
@@ -154,8 +160,6 @@ class ObbMethod:
         blobs = blobs.take(blobs.half_v_m <= 0.5 * WIDEST_BAR_M)
         bars = track_lines(blobs, self.config.track, width_m=SAME_BOUNDARY_M)
         markings, other = marking_lines.marking_lines(stripes, lines, seen)
-        beyond = beyond_kerbs(courses_of(markings), kerbs)
-        markings = [m for m, yes in zip(markings, beyond, strict=True) if not yes]
         return markings, other + marking_lines.bar_lines(blobs, bars, seen)
 
     @property
