@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from linework.kernels.track import SHARED
 from linework.methods.obb.confidence import confidence_of
 from linework.methods.obb.smooth import SmoothLine, smooth_line, smooth_value
 from linework.methods.obb.track import Tracks
@@ -26,6 +27,8 @@ LEAST_EDGE_M = 8.0
 LEAST_SCORE = 0.5
 #: Without a box for longer than this a boundary was not measured. [m]
 BARE_M = 1.5
+#: Tufts of grass and a verge's shadow hide a pavement's edge over some metres alike: so many boxes err as one.
+SHARED_EDGE = 6.0
 #: A kerb's height and width keep still: they change by so much over ten metres, squared, per metre. [m]
 STEP_CHANGE = 0.02**2 / 10.0
 FORMS = {BoxForm.KERB: "kerb", BoxForm.EDGE: "edge", BoxForm.BARRIER: "barrier"}
@@ -91,8 +94,8 @@ def _pieces(boxes: BoxSet, box: IntArray, seen: Sight) -> list[IntArray]:
 
 def _boundary(boxes: BoxSet, box: IntArray) -> Boundary:
     reach = float(boxes.half_u_m[box[0]]), float(boxes.half_u_m[box[-1]])
-    line = smooth_line(boxes, box, reach)
     form = int(np.argmax(np.bincount(boxes.form[box], weights=boxes.score[box], minlength=5)))
+    line = smooth_line(boxes, box, reach, SHARED if form == BoxForm.KERB else SHARED_EDGE)
     at = np.maximum(line.box, 0)
     is_form = line.is_measured & (boxes.form[at] == form)
     height = smooth_value(line.t_m, np.where(is_form, boxes.height_m[at], np.nan), STEP_CHANGE)

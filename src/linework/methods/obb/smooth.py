@@ -62,7 +62,9 @@ class SmoothLine:
         return np.asarray(self.box >= 0)
 
 
-def smooth_line(boxes: BoxSet, box: IntArray, ends_m: tuple[float, float]) -> SmoothLine:
+def smooth_line(
+    boxes: BoxSet, box: IntArray, ends_m: tuple[float, float], shared: float = SHARED
+) -> SmoothLine:
     """Smooth the line through boxes.
 
     Parameters
@@ -71,11 +73,13 @@ def smooth_line(boxes: BoxSet, box: IntArray, ends_m: tuple[float, float]) -> Sm
         (k,) int64, k >= 2: the boxes in the order of the line.
     ends_m
         How far the line goes on before the first and behind the last centre. [m]
+    shared
+        How many boxes in a row err as one.
     """
     t, at = _stations(boxes.along(box), ends_m)
     k, measured = box[np.maximum(at, 0)], at >= 0
     xy, z = boxes.centre[k, :2], boxes.centre[k, 2]
-    variance = np.where(measured, SHARED * boxes.sigma_v_m[k] ** 2, np.inf)
+    variance = np.where(measured, shared * boxes.sigma_v_m[k] ** 2, np.inf)
     change = _change(np.full(len(t), 1.0 / 50.0))
     states, _, _ = smooth_plane(t, xy, variance, change)
     # Again with what the first pass shows: how tight the bends are, and which centres are off the line
@@ -86,7 +90,7 @@ def smooth_line(boxes: BoxSet, box: IntArray, ends_m: tuple[float, float]) -> Sm
     variance *= np.maximum(off / (HUBER * np.sqrt(variance)), 1.0) ** 2
     states, cov, _ = smooth_plane(t, xy, variance, change)
     direction = states[:, 1] / np.maximum(np.linalg.norm(states[:, 1], axis=1), 1e-9)[:, None]
-    variance_z = np.where(measured, SHARED * boxes.sigma_z_m[k] ** 2, np.inf)
+    variance_z = np.where(measured, shared * boxes.sigma_z_m[k] ** 2, np.inf)
     height, height_var = smooth_height(t, z, variance_z, GRADE_CHANGE)
     return SmoothLine(
         t, np.column_stack([states[:, 0], height]), _left(direction),
