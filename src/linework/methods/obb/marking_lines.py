@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from linework.methods.obb.confidence import confidence_of
-from linework.methods.obb.pattern import PATCH_M, Rhythm, dashes_of, find_rhythm, united
+from linework.methods.obb.pattern import PATCH_M, Rhythm, completed, dashes_of, find_rhythm, united
 from linework.methods.obb.smooth import SmoothLine, smooth_line
 from linework.methods.obb.track import Tracks
 from linework.methods.sight import Sight, seen_share
@@ -135,7 +135,7 @@ def _marking(boxes: BoxSet, box: IntArray) -> Marking:
     paint = united(t - reach, t + reach, CLOSE_M)
     rhythm = find_rhythm(paint)
     line = smooth_line(boxes, box, (-float(paint[0, 0]), float(paint[-1, 1] - t[-1])))
-    dashes = np.zeros((0, 2)) if rhythm is None else dashes_of(paint, rhythm)
+    dashes = np.zeros((0, 2)) if rhythm is None else completed(dashes_of(paint, rhythm), rhythm)
     return Marking(
         line, box, paint, rhythm, dashes, 2.0 * float(np.median(boxes.half_v_m[box])),
         confidence_of(boxes.score[box], line.sigma_xy_m), boxes.time_span(box),

@@ -25,6 +25,9 @@ GAP_PAINT, DASH_PAINT = 0.08, 0.25
 LEAST_PERIODS = 2.0
 #: Wear takes paint away in patches of about this [m]; a rhythm with more than this chance among them is none.
 PATCH_M, CHANCE = 2.5, 0.001
+#: A dash is whole if it is this near the length that most have [m]; so many of them show where others belong, the
+#: nearest so many are asked.
+WHOLE_M, LEAST_WHOLE, N_NEAR = 0.25, 3, 4
 #: Lines are judged over this length: a pattern keeps its period and phase that far. [m]
 WINDOW_M = 60.0
 
@@ -123,3 +126,35 @@ def dashes_of(paint: FloatArray, rhythm: Rhythm) -> FloatArray:
         else:
             dashes.append([start, end])
     return np.array(dashes).reshape(-1, 2)
+
+
+def completed(dashes: FloatArray, rhythm: Rhythm) -> FloatArray:
+    """Return the dashes (k, 2) [m], those that wear has shortened drawn out to where their neighbours say they end.
+
+    Dashes of one line have one length and one period. Where the dashes that are whole, before and after, lead
+    to an interval that holds what is left of a worn one, that interval is the dash; else it stays as it is.
+
+    >>> dashes = np.array([[0.0, 3.0], [9.0, 12.0], [19.2, 20.1], [27.0, 30.0], [36.0, 39.0]])
+    >>> completed(dashes, Rhythm(9.0, 3.0, 0.9))[2].round(3).tolist()
+    [18.0, 21.0]
+    """
+    length = dashes[:, 1] - dashes[:, 0]
+    if len(dashes) < LEAST_WHOLE + 1:
+        return dashes
+    nominal = float(np.quantile(length, 0.8))
+    whole = np.flatnonzero(np.abs(length - nominal) <= WHOLE_M)
+    if len(whole) < LEAST_WHOLE:
+        return dashes
+    middle = dashes.mean(axis=1)
+    out = dashes.copy()
+    for i in np.flatnonzero(length < nominal - WHOLE_M).tolist():
+        near = whole[np.argsort(np.abs(middle[whole] - middle[i]), kind="stable")[:N_NEAR]]
+        number = np.rint((middle[near] - middle[i]) / rhythm.period_m)
+        # Phase from the nearest whole dashes, each a whole number of periods away
+        phase = middle[near] - number * rhythm.period_m
+        place = float(np.median(phase))
+        start, end = place - 0.5 * nominal, place + 0.5 * nominal
+        agree = float(np.ptp(phase)) <= 2.0 * WHOLE_M
+        if agree and start - WHOLE_M <= dashes[i, 0] and dashes[i, 1] <= end + WHOLE_M:
+            out[i] = min(start, dashes[i, 0]), max(end, dashes[i, 1])
+    return out
