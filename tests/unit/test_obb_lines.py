@@ -6,6 +6,7 @@ from tests.box_scenes import bend, boxes_on, everything_seen, nothing_seen, stra
 
 from linework.methods.obb import boundary_lines, marking_lines
 from linework.methods.obb.arrangement import (
+    along_lines,
     behind_boundaries,
     beside_kerb,
     bounds_carriageway,
@@ -96,6 +97,7 @@ def test_a_dashed_line_is_one_line_with_its_dashes():
     assert not lines.bridged.any()
     dashes = marking_lines.dash_lines(markings, ["centre"])
     assert len(dashes) == 7
+    assert set(dashes.pattern) == {"dashed"} and set(dashes.role) == {"centre"}
     np.testing.assert_allclose(dashes.length_m, 3.0, atol=0.5)
     starts = sorted(dashes.line(k)[:, 0].min() for k in range(7))
     np.testing.assert_allclose(starts, 9.0 * np.arange(7), atol=0.46)
@@ -177,6 +179,11 @@ def test_bright_strips_behind_a_kerb_are_no_markings():
     # Behind the edge of one carriageway the next may begin
     assert behind_boundaries(lanes, kerbs, ~is_kerb).tolist() == [False, False, True]
     assert behind_boundaries(lanes[:1], [], is_kerb[:0]).tolist() == [False]
+
+
+def test_a_piece_of_a_line_is_no_bar():
+    bars = [course(0.1, length=3.0), course(1.0, length=3.0)]
+    assert along_lines(bars, [course(0.0)], 0.45).tolist() == [True, False]
 
 
 def test_double_lines_and_roles():

@@ -127,6 +127,14 @@ def behind_boundaries(lanes: Sequence[Course], bounds: Sequence[Course], is_kerb
     return np.asarray(_share_of_stations(n, behind, [*lanes, *bounds])[:m] > 0.5)
 
 
+def along_lines(bars: Sequence[Course], lines: Sequence[Course], reach_m: float) -> BoolArray:
+    """Return which paint runs along a line, within reach: a piece of a marking, the face of a kerb or an edge."""
+    m = len(bars)
+    n = find_neighbours([*bars, *lines], reach_m)
+    beside = (n.line < m) & (n.other >= m)
+    return np.asarray(_share_of_stations(n, beside, [*bars, *lines])[:m] > 0.5)
+
+
 def is_double(courses: Sequence[Course]) -> BoolArray:
     """Return which markings run beside another one as one of a double line for most of their length."""
     n = find_neighbours(courses, DOUBLE_M)

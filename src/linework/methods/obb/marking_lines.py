@@ -189,7 +189,7 @@ def dash_lines(markings: Sequence[Marking], roles: Sequence[str]) -> LineSet:
             whole = np.array([[start, end]])
             parts.append(replace(m, line=_cut(m.line, start, end), paint=whole, rhythm=None))
             names.append(role)
-    dashed = np.full(len(parts), "dashed", dtype=np.str_)
+    dashed = np.array(["dashed"] * len(parts), dtype=np.str_)
     lines = as_lines(parts, "lane_marking_dash")
     return lines.with_columns(pattern=dashed, role=np.array(names, dtype=np.str_))
 

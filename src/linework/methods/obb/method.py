@@ -14,6 +14,7 @@ import numpy as np
 
 from linework.methods.obb import boundary_lines, marking_lines
 from linework.methods.obb.arrangement import (
+    along_lines,
     behind_boundaries,
     beside_kerb,
     bounds_carriageway,
@@ -129,6 +130,9 @@ class ObbMethod:
         # What has no carriageway in front of it, or has one behind it, bounds none
         kept = bounds_carriageway(courses_of(rims), is_kerb, is_sure, [*courses_of(markings), *way])
         rims = [b for b, yes in zip(rims, kept, strict=True) if yes]
+        # Bars and arrows stand free: what runs along a line is a piece of it
+        pieces = along_lines(courses_of(other), [*courses_of(markings), *courses_of(rims)], KERB_STONE_M)
+        other = [m for m, yes in zip(other, pieces, strict=True) if not yes and m.confidence >= SURE]
         # What each is, from how the lines lie to one another
         lines = as_line_set(markings, other, rims, way)
         lines = lines.take(np.isin(lines.kind, self.kinds))

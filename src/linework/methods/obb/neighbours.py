@@ -12,6 +12,8 @@ from linework.model.arrays import FloatArray, IntArray
 
 #: Lines are looked at every so many metres.
 STATION_M = 2.0
+#: Stations are beside each other where they are no farther apart along the line. [m]
+_ALONG_M = 0.75 * STATION_M
 #: Places of a van's way farther apart than this are not joined. [m]
 _JUMP_M = 50.0
 
@@ -84,14 +86,14 @@ def find_neighbours(courses: Sequence[Course], reach_m: float) -> Neighbours:
     if len(xy) == 0:
         none = np.zeros(0, dtype=np.int64)
         return Neighbours(none, none, none, np.zeros(0), np.zeros(0))
-    pairs = cKDTree(xy).query_pairs(reach_m, output_type="ndarray").astype(np.int64)
+    pairs = cKDTree(xy).query_pairs(np.hypot(reach_m, _ALONG_M), output_type="ndarray").astype(np.int64)
     pairs = np.concatenate([pairs, pairs[:, ::-1]])
     a, b = pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]].T
     step = xy[b] - xy[a]
     across = np.sum(step * normal[a], axis=1)
     along = np.abs(normal[a, 1] * step[:, 0] - normal[a, 0] * step[:, 1])
     facing = np.sum(normal[a] * normal[b], axis=1)
-    beside = (along <= 0.75 * STATION_M) & (np.abs(facing) > 0.866)
+    beside = (along <= _ALONG_M) & (np.abs(across) <= reach_m) & (np.abs(facing) > 0.866)
     a, b, across, facing = a[beside], b[beside], across[beside], facing[beside]
     # Of the places of one other line the nearest
     order = np.lexsort((np.abs(across), owner[b], a))
