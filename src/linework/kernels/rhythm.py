@@ -35,11 +35,15 @@ def best_rhythm(
     while period <= periods_m[1]:
         n_bins = max(round(period / (2.0 * step_m)), 4)
         count, total = np.zeros(n_bins), np.zeros(n_bins)
+        # The phase is carried on: a remainder for every place takes ten times as long
+        phase, per_step = 0.0, step_m / period * n_bins
         for i in range(n):
-            phase = (i * step_m) % period
-            k = min(int(phase / period * n_bins), n_bins - 1)
+            k = int(phase)
             count[k] += 1.0
             total[k] += is_paint[i]
+            phase += per_step
+            if phase >= n_bins:
+                phase -= n_bins
         # The longest run of free bins, round the end
         run = longest = 0
         last = 0

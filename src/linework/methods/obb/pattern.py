@@ -24,7 +24,7 @@ GAP_PAINT, DASH_PAINT = 0.08, 0.25
 #: A period is seen where it comes again: so often at least.
 LEAST_PERIODS = 2.0
 #: Wear takes paint away in patches of about this [m]; a rhythm with more than this chance among them is none.
-PATCH_M, CHANCE = 2.5, 0.001
+PATCH_M, CHANCE = 2.5, 0.005
 #: A dash is whole if it is this near the length that most have [m]; so many of them show where others belong, the
 #: nearest so many are asked.
 WHOLE_M, LEAST_WHOLE, N_NEAR = 0.25, 3, 4
