@@ -160,10 +160,14 @@ def test_a_seam_of_the_asphalt_is_no_boundary():
     assert bounds(courses, [False, False, False], [course(3.5)]) == [True, False, True]
 
 
-def test_a_boundary_of_nothing_is_none():
-    assert bounds([course(0.0)], [True]) == [False]
-    assert bounds([course(0.0)], [True], [course(3.0)]) == [True]
-    assert bounds([course(0.0)], [True], [course(-3.0)]) == [False]
+def test_an_edge_needs_a_carriageway_and_a_kerb_shows_it():
+    elsewhere = course(100.0)
+    assert bounds([course(0.0)], [False], [elsewhere]) == [False]
+    assert bounds([course(0.0)], [True], [elsewhere]) == [True]
+    assert bounds([course(0.0)], [False], [course(3.0)]) == [True]
+    assert bounds([course(0.0)], [False], [course(-2.0)]) == [False]
+    # Without paint or a van's way there is nothing to ask
+    assert bounds([course(0.0)], [False]) == [True]
 
 
 def test_kerb_stones_are_no_paint():

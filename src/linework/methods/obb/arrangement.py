@@ -75,13 +75,16 @@ def bounds_carriageway(
     counts = is_lane | kerb[n.other] | ~kerb[n.line]
     ahead = own & counts & (n.across_m > 0.0)
     first = _nearest_per_station(n, ahead)
-    in_front = first & (is_lane[:] | (n.facing < 0.0))
+    in_front = first & (is_lane | (n.facing < 0.0))
     behind = own & (n.across_m < 0.0) & ~kerb[n.line]
     sure = np.concatenate([is_sure, np.zeros(len(lanes), dtype=np.bool_)])
     seam = behind & is_lane & (n.across_m > -SEAM_M) & ~sure[n.line]
     gutter = behind & kerb[n.other] & (n.across_m > -GUTTER_M) & (n.facing > 0.0)
     every = [*courses, *lanes]
     good = _share_of_stations(n, in_front, every)[:m] > 0.5
+    # A kerb says itself on which side its carriageway is; so does all where there is neither paint nor a van's way
+    hidden = _share_of_stations(n, first & ~in_front, every)[:m] > 0.5
+    good |= ~hidden & (is_kerb | (len(lanes) == 0))
     bad = _share_of_stations(n, seam | gutter, every)[:m] > 0.5
     return _with_continued(courses, is_kerb, good & ~bad)
 
