@@ -122,9 +122,9 @@ def test_a_boundary_runs_on_through_drives_and_ends_at_mouths():
         tracks = track_lines(boxes, TrackConfig(), width_m=0.15)
         return boundary_lines.boundaries(boxes, tracks, seen)
 
-    assert len(found(6.0)) == 1
-    assert len(found(10.0)) == 2
-    assert len(found(10.0, nothing_seen)) == 1
+    assert len(found(8.0)) == 1
+    assert len(found(12.0)) == 2
+    assert len(found(12.0, nothing_seen)) == 1
     whole = found(6.0)
     lines, tops = boundary_lines.as_lines(whole), boundary_lines.top_lines(whole)
     assert lines.form.tolist() == ["kerb"]

@@ -16,9 +16,10 @@ from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LineSet
 
-#: A boundary runs on through dropped kerbs of drives, up to 6 m wide with their ramps; where it is not seen for
-#: longer, on ground that was, it has ended. [m]
-LONGEST_DROP_M = 8.0
+#: A boundary runs on through dropped kerbs of drives: up to 6 m wide, with ramps of 1 m on either side, and a box
+#: short of each; where it is not seen for longer, on ground that was, it has ended: mouths of streets are 11 m and
+#: more from kerb to kerb. [m]
+LONGEST_DROP_M = 10.0
 #: Shorter boundaries are tree pits, drains, edges of things that lie about. [m]
 LEAST_LINE_M = 4.0
 #: Without a step there is less to go by: shorter edges are patches. [m]
