@@ -12,7 +12,8 @@ from linework.lines.continued import Gap, continued
 from linework.methods.obb import trace
 from linework.methods.obb.follow import Stop
 from linework.methods.obb.method import ObbMethod
-from linework.methods.obb.picks import Surroundings, why_not
+from linework.methods.obb.picks import Surroundings, nearest_that_works, why_not
+from linework.methods.obb.search_area import Failure
 from linework.methods.obb.trace import PICK_M
 from linework.methods.radon.method import CABLE_KINDS, RAIL_KINDS, CableMethod, RailMethod
 from linework.model.arrays import FloatArray
@@ -189,13 +190,15 @@ class Tracer:
             points.xyz - np.asarray(self._origin), local, found, wanted=wanted,
             is_road=bool(surface.is_road[rows, cols]),
         )  # fmt: skip
-        box, distance = found.nearest(local, wanted)
-        advice = "pick a place on a line"
-        if np.isfinite(distance) and distance <= AROUND_M:
-            east, north = found.boxes.centre[box, :2] + self._origin[:2]
-            advice = f"the nearest line is {distance:.1f} m away, pick {east:.2f},{north:.2f}"
+        works, advice = nearest_that_works(local, found, wanted), "pick a place on a line"
+        if reason is None:
+            # There is one, but it bounds no carriageway: it stands behind another
+            reason, works = Failure.NO_ROAD, None
+        if works is not None:
+            away_m, (east, north) = np.hypot(*(works[:2] - local)), works[:2] + self._origin[:2]
+            advice = f"the nearest line is {away_m:.1f} m away, pick {east:.2f},{north:.2f}"
         return InputError(
-            f"{reason or 'no line'} within {PICK_M} m of {place[0]:.2f},{place[1]:.2f}",
+            f"{reason} within {PICK_M} m of {place[0]:.2f},{place[1]:.2f}",
             where=self._opened.survey.name, advice=advice,
         )  # fmt: skip
 
