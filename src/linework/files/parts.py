@@ -50,7 +50,7 @@ def read_box_part(path: Path, sha256: str) -> BoxSet | None:
 def write_path_part(trajectory: Trajectory, path: Path) -> str:
     """Write a trajectory: read back by many workers, a hundred times as fast as its CSV."""
     columns = {"time_s": trajectory.time_s, "xyz": trajectory.xyz}
-    for name in ("attitude_deg", "sigma_xyz_m"):
+    for name in ("attitude_deg", "sigma_xyz_m", "sigma_attitude_deg"):
         value = getattr(trajectory, name)
         columns |= {} if value is None else {name: value}
     return _write(columns, path)

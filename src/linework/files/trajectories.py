@@ -17,6 +17,7 @@ from linework.model.trajectory import Trajectory
 _POSITION = ("time_s", "easting_m", "northing_m", "height_m")
 _ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
 _SIGMA = ("sigma_e_m", "sigma_n_m", "sigma_z_m")
+_SIGMA_ATTITUDE = ("sigma_roll_deg", "sigma_pitch_deg", "sigma_heading_deg")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +43,7 @@ def read_trajectory_content(path: Path) -> TrajectoryContent:
     InputError
         Columns missing, lines that are not numbers (with the line number), fewer than two positions.
     """
-    table = read_table(path, _POSITION, (_ATTITUDE, _SIGMA))
+    table = read_table(path, _POSITION, (_ATTITUDE, _SIGMA, _SIGMA_ATTITUDE))
     columns, warnings = table.columns, list(table.warnings)
     time = columns["time_s"]
     order = np.argsort(time, kind="stable")
@@ -65,7 +66,7 @@ def read_trajectory_content(path: Path) -> TrajectoryContent:
 
     xyz = group(_POSITION[1:])
     assert xyz is not None
-    trajectory = Trajectory(time[kept], xyz, group(_ATTITUDE), group(_SIGMA))
+    trajectory = Trajectory(time[kept], xyz, group(_ATTITUDE), group(_SIGMA), group(_SIGMA_ATTITUDE))
     return TrajectoryContent(trajectory, tuple(warnings))
 
 
@@ -78,7 +79,11 @@ def write_trajectory(trajectory: Trajectory, path: Path, *, overwrite: bool = Fa
         As for `publish`.
     """
     names, blocks = list(_POSITION), [trajectory.time_s[:, None], trajectory.xyz]
-    for group, values in ((_ATTITUDE, trajectory.attitude_deg), (_SIGMA, trajectory.sigma_xyz_m)):
+    for group, values in (
+        (_ATTITUDE, trajectory.attitude_deg),
+        (_SIGMA, trajectory.sigma_xyz_m),
+        (_SIGMA_ATTITUDE, trajectory.sigma_attitude_deg),
+    ):
         if values is not None:
             names += group
             blocks.append(values)

@@ -1,0 +1,109 @@
+"""Rectify a stereo pair: take out the lenses' distortion and turn both images until rows are epipolar lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.model.arrays import AnyArray, Float32Array, FloatArray
+from linework.model.camera import Camera, RectifiedRig, StereoRig
+
+#: Cameras whose directions differ by less turn a corner of the image by less than 0.001 pixel: they are left as
+#: they are, and their images are not resampled. [rad]
+_SAME_DIRECTION = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Rectifier:
+    """How the two images of a rig are resampled.
+
+    Parameters
+    ----------
+    rig
+        Geometry of the rectified pair.
+    left_map, right_map
+        (height, width, 2) float32: column and row in the original image of each rectified pixel; None where
+        the image is rectified as it is.
+    """
+
+    rig: RectifiedRig
+    left_map: Float32Array | None
+    right_map: Float32Array | None
+
+    def rectified(self, left: AnyArray, right: AnyArray) -> tuple[AnyArray, AnyArray]:
+        """Return both grey images (uint8) resampled; outside of the original they are 0."""
+        return _resampled(left, self.left_map), _resampled(right, self.right_map)
+
+
+def rectifier_of(rig: StereoRig) -> Rectifier:
+    """Return how the images of a rig are rectified.
+
+    Notes
+    -----
+    The common x-axis is along the base, the common z-axis as near to both optical axes as that allows. The
+    focal length is the left camera's, so that the resolution stays what it was.
+
+    References
+    ----------
+    A. Fusiello, E. Trucco, A. Verri, "A compact algorithm for rectification of stereo pairs", Machine Vision and
+    Applications 12 (2000), doi:10.1007/s001380050120.
+    """
+    left, right = rig.left, rig.right
+    base = right.position_m - left.position_m
+    x = base / np.linalg.norm(base)
+    ahead = left.R_vehicle_camera[:, 2] + right.R_vehicle_camera[:, 2]
+    z = ahead - x * (ahead @ x)
+    z /= np.linalg.norm(z)
+    rotation = np.stack([x, np.cross(z, x), z], axis=1)
+    if all(_turn(c.R_vehicle_camera, rotation) < _SAME_DIRECTION for c in (left, right)):
+        rotation = left.R_vehicle_camera
+    common = RectifiedRig(
+        focal_px=left.fx, cx=left.cx, cy=left.cy, width=left.width, height=left.height,
+        base_m=float(np.linalg.norm(base)), position_m=left.position_m, R_vehicle_camera=rotation,
+    )  # fmt: skip
+    return Rectifier(common, _map_of(left, common), _map_of(right, common))
+
+
+def _turn(a: FloatArray, b: FloatArray) -> float:
+    return float(np.abs(a.T @ b - np.eye(3)).max())
+
+
+def _map_of(camera: Camera, rig: RectifiedRig) -> Float32Array | None:
+    """Return where in the camera's image each rectified pixel comes from."""
+    ideal = (rig.focal_px, rig.focal_px, rig.cx, rig.cy, rig.width, rig.height)
+    own = (camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
+    is_ideal = own == ideal and not any(camera.distortion)
+    if is_ideal and _turn(camera.R_vehicle_camera, rig.R_vehicle_camera) < _SAME_DIRECTION:
+        return None
+    row, col = np.mgrid[: rig.height, : rig.width]
+    ray = np.stack([(col - rig.cx) / rig.focal_px, (row - rig.cy) / rig.focal_px, np.ones(col.shape)], -1)
+    ray = ray @ (rig.R_vehicle_camera.T @ camera.R_vehicle_camera)
+    return np.asarray(distorted(camera, ray[..., :2] / ray[..., 2:]), dtype=np.float32)
+
+
+def distorted(camera: Camera, ideal: FloatArray) -> FloatArray:
+    """Return pixels (..., 2) of directions x/z, y/z in the camera frame, through its lens.
+
+    References
+    ----------
+    D. C. Brown, "Decentering distortion of lenses", Photogrammetric Engineering 32 (1966).
+    """
+    k1, k2, p1, p2, k3 = camera.distortion
+    x, y = ideal[..., 0], ideal[..., 1]
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    x_seen = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+    y_seen = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+    return np.stack([camera.fx * x_seen + camera.cx, camera.fy * y_seen + camera.cy], axis=-1)
+
+
+def _resampled(image: AnyArray, source: Float32Array | None) -> AnyArray:
+    if source is None:
+        return image
+    # Its codecs and its own threads are not used: images are decoded elsewhere, kernels are serial
+    import cv2
+
+    cv2.setNumThreads(1)
+    # Cubic: a linear one blurs a stripe two pixels wide, more or less as it lies between the pixels
+    return np.asarray(cv2.remap(image, source[..., 0], source[..., 1], cv2.INTER_CUBIC))
