@@ -13,11 +13,12 @@ from linework.errors import InputError, UsageError
 from linework.model.arrays import AnyArray, FloatArray, IntArray
 from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
-#: Fields in the order of the manual; clearance_m follows for cables.
+#: Fields in the order of the manual; clearance_m follows for cables, DISAGREEMENT where two methods saw a line.
 FIELDS = (
     "id", "kind", "role", "pattern", "double", "form", "width_m", "height_m", "length_m", "confidence",
     "sigma_xy_m", "sigma_z_m", "bridged_m", "method", "source", "time_start_s", "time_end_s",
 )  # fmt: skip
+DISAGREEMENT = ("disagreement_mean_m", "disagreement_rms_m")
 #: Decimals of what is computed for the table only; what a LineSet holds is written exactly.
 _COMPUTED_DECIMALS = 4
 
@@ -32,12 +33,13 @@ def field_values(lines: LineSet) -> dict[str, AnyArray]:
     }
     rounded = {name: np.round(values, _COMPUTED_DECIMALS) for name, values in computed.items()}
     own = {name: getattr(lines, name) for name in LINE_COLUMNS}
-    return {name: (rounded | own)[name] for name in (*FIELDS, "clearance_m")}
+    compared = [name for name in DISAGREEMENT if np.isfinite(getattr(lines, name)).any()]
+    return {name: (rounded | own)[name] for name in (*FIELDS, "clearance_m", *compared)}
 
 
-def fields_of_kind(kind: str) -> tuple[str, ...]:
-    """Return the names of the fields that the layer of a kind has."""
-    return (*FIELDS, "clearance_m") if kind == "cable" else FIELDS
+def fields_of_kind(kind: str, known: Iterable[str]) -> tuple[str, ...]:
+    """Return which of the known fields (see `field_values`) the layer of a kind has."""
+    return tuple(name for name in known if kind == "cable" or name != "clearance_m")
 
 
 def vertex_columns(lines: LineSet) -> tuple[str, ...]:

@@ -19,7 +19,13 @@ import shapely.geometry
 from linework.errors import CrsError, InputError, MachineError
 from linework.files.crs import LOCAL, epsg_text, parse_crs
 from linework.files.las_header import regular_file_bytes
-from linework.files.line_fields import column_values, field_values, fields_of_kind, vertex_columns
+from linework.files.line_fields import (
+    DISAGREEMENT,
+    column_values,
+    field_values,
+    fields_of_kind,
+    vertex_columns,
+)
 from linework.files.vectors_foreign import foreign_lines
 from linework.model.arrays import AnyArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
@@ -43,7 +49,7 @@ def write_geojson(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None
         file.write(_text(head)[:-1] + ',"features":[')
         for i in range(len(lines)):
             start, end = int(lines.offsets[i]), int(lines.offsets[i + 1])
-            properties = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]))}
+            properties = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]), values)}
             properties |= {_VERTEX_PROPERTIES[name]: column[start:end] for name, column in vertex.items()}
             feature = {
                 "type": "Feature",
@@ -195,7 +201,7 @@ def _epsg_of(name: str) -> str:
 
 def _own_lines(shapes: AnyArray, columns: Mapping[str, list[Any]], crs: str) -> LineSet | None:
     """Return our own lines with their vertex columns; None where someone changed the geometry since."""
-    optional = {"clearance_m", _VERTEX_PROPERTIES["observed"]}
+    optional = {"clearance_m", *DISAGREEMENT, _VERTEX_PROPERTIES["observed"]}
     wanted = {*LINE_COLUMNS, *_VERTEX_PROPERTIES.values()} - optional
     if not len(shapes):
         return LineSet.empty(crs)

@@ -45,7 +45,7 @@ def write_gpkg(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
     tables = []
     for layer in names:
         chosen = np.flatnonzero(layers == layer)
-        columns = {name: _storable(values[name][chosen]) for name in fields_of_kind(layer)}
+        columns = {name: _storable(values[name][chosen]) for name in fields_of_kind(layer, values)}
         tables.append(Table(layer, columns, shapes[chosen]))
     tables.append(Table(VERTEX_TABLE, _vertex_columns(lines, layers)))
     tables.append(Table(STYLE_TABLE, _style_columns(names), key="id", sql_types=_STYLE_TYPES))

@@ -47,6 +47,9 @@ class LineSet:
         (m,) bool: one of a pair of lines.
     width_m, height_m, clearance_m
         (m,) float64 [m]; NaN where it does not apply.
+    disagreement_mean_m, disagreement_rms_m
+        (m,) float64 [m]: how far another method saw the same feature from this line, positive to the left of
+        its direction; NaN where only one saw it.
     confidence
         (m,) float64, 0 to 1.
     time_start_s, time_end_s
@@ -71,6 +74,8 @@ class LineSet:
     width_m: FloatArray = _column(np.float64, np.nan)
     height_m: FloatArray = _column(np.float64, np.nan)
     clearance_m: FloatArray = _column(np.float64, np.nan)
+    disagreement_mean_m: FloatArray = _column(np.float64, np.nan)
+    disagreement_rms_m: FloatArray = _column(np.float64, np.nan)
     confidence: FloatArray = _column(np.float64, 1.0)
     time_start_s: FloatArray = _column(np.float64, np.nan)
     time_end_s: FloatArray = _column(np.float64, np.nan)

@@ -1,0 +1,202 @@
+"""Lines that two methods measured: each feature once, as the line with the smaller sigma, the other's offset beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.model.arrays import BoolArray, FloatArray, IntArray
+from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+
+#: Two lines of one kind are one feature where they are nearer than three standard deviations of their difference,
+LIKELY = 3.0
+#: but always within a stripe's width (their own sigmas may leave out what both share), and never beyond half of
+#: the distance of a double line's outer edges. [m]
+SAME_M, APART_M = 0.15, 0.5
+#: Places compared are so far apart along a line. [m]
+STEP_M = 0.25
+#: Neighbouring lines run within this angle of each other. [deg]
+TURN_DEG = 20.0
+#: A stretch that only one method saw is kept from this length; shorter ones are ends that differ. [m]
+LEAST_M = 3.0
+#: A dash of which the other method saw this share is the same dash. It is kept whole or not at all.
+SAME_SHARE = 0.3
+#: Kinds of short pieces that are not cut.
+WHOLE_KINDS = ("lane_marking_dash", "road_marking_other")
+
+
+@dataclass(frozen=True, slots=True)
+class _Places:
+    """Places along lines, every `STEP_M`: (k, 3), unit directions in plan, the line, its sigma, chainage."""
+
+    xyz: FloatArray
+    way: FloatArray
+    line: IntArray
+    chainage_m: FloatArray
+    sigma_m: FloatArray
+
+
+def merged(one: LineSet, other: LineSet) -> LineSet:
+    """Return all lines of two methods without those stretches that the other has with a smaller sigma.
+
+    Parameters
+    ----------
+    one, other
+        In the same CRS; lines within a set are different features. Where sigmas are equal, `one` is kept.
+
+    Returns
+    -------
+    LineSet
+        Lines of `one`, then of `other`. Lines that the other method saw too have ``disagreement_mean_m`` and
+        ``disagreement_rms_m``: the offset of the other's line from theirs, positive to their left. No vertex is
+        moved: nothing is averaged.
+
+    Notes
+    -----
+    A feature is decided on as a whole: for each pair of lines that run along each other, the smaller root mean
+    square of the sigmas over their common stretch says which of them stays there.
+    """
+    kinds = sorted(set(one.kind.tolist()) | set(other.kind.tolist()))
+    parts = [part for kind in kinds for part in _merged_kind(one.of_kind(kind), other.of_kind(kind), kind)]
+    return LineSet.concatenate(parts) if parts else LineSet.empty(one.crs)
+
+
+def _merged_kind(one: LineSet, other: LineSet, kind: str) -> tuple[LineSet, LineSet]:
+    """Return what stays of each side."""
+    if not len(one) or not len(other):
+        return one, other
+    a, b = _places(one), _places(other)
+    b_of_a, a_of_b = _nearest(a, b), _nearest(b, a)
+    contest = _contest(a, b, b_of_a)
+    sides = []
+    for lines, own, others, k, is_first in ((one, a, b, b_of_a, True), (other, b, a, a_of_b, False)):
+        met = k >= 0
+        stays = contest.stays(own.line[met], others.line[k[met]], is_first=is_first)
+        lost = np.zeros(len(k), dtype=bool)
+        lost[met] = ~stays
+        offsets = _offsets(own, others, k, stays, len(lines), in_space=kind == "cable")
+        sides.append(_kept(lines, own, lost, offsets))
+    return sides[0], sides[1]
+
+
+def _places(lines: LineSet) -> _Places:
+    """Return places every `STEP_M` along each line, its ends among them."""
+    found = []
+    for i in range(len(lines)):
+        xyz, sigma = lines.line(i), lines.sigma_xy_m[lines.offsets[i] : lines.offsets[i + 1]]
+        along = _chainage(xyz)
+        n = max(int(np.ceil(along[-1] / STEP_M)), 1) + 1
+        at = np.linspace(0.0, along[-1], n)
+        place = np.stack([np.interp(at, along, column) for column in xyz.T], axis=1)
+        way = np.gradient(place[:, :2], axis=0)
+        way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
+        found.append((place, way, np.full(n, i), at, np.interp(at, along, sigma)))
+    xyz, way, line, at, sigma = (np.concatenate(column) for column in zip(*found, strict=True))
+    return _Places(xyz, way, line.astype(np.int64), at, sigma)
+
+
+def _chainage(xyz: FloatArray) -> FloatArray:
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xyz[:, :2], axis=0), axis=1))])
+
+
+def _nearest(a: _Places, b: _Places) -> IntArray:
+    """Return for each place of `a` the nearest one of `b` of the same direction and feature, -1 where there is none."""
+    origin = a.xyz[0, :2]
+    tree = cKDTree(b.xyz[:, :2] - origin)
+    reach_m = float(np.hypot(APART_M, STEP_M))
+    distance, index = tree.query(a.xyz[:, :2] - origin, k=min(8, len(b.xyz)), distance_upper_bound=reach_m)
+    distance, index = distance.reshape(len(a.xyz), -1), index.reshape(len(a.xyz), -1)
+    there = np.minimum(index, len(b.xyz) - 1)
+    step = a.xyz[:, None, :2] - b.xyz[there, :2]
+    across = np.abs(b.way[there, 0] * step[..., 1] - b.way[there, 1] * step[..., 0])
+    along = np.abs(np.sum(b.way[there] * step, axis=2))
+    same_way = np.abs(np.sum(b.way[there] * a.way[:, None], axis=2)) >= np.cos(np.radians(TURN_DEG))
+    sigma = np.nan_to_num(np.hypot(a.sigma_m[:, None], b.sigma_m[there]))
+    within = np.clip(LIKELY * sigma, SAME_M, APART_M)
+    fits = np.isfinite(distance) & same_way & (across <= within) & (along <= STEP_M)
+    best = np.argmin(np.where(fits, across, np.inf), axis=1)
+    rows = np.arange(len(a.xyz))
+    return np.where(fits[rows, best], there[rows, best], -1).astype(np.int64)
+
+
+def _contest(a: _Places, b: _Places, b_of_a: IntArray) -> _Contest:
+    """Decide for every two lines that run along each other which of them stays."""
+    met = b_of_a >= 0
+    pairs, owner = np.unique(
+        np.stack([a.line[met], b.line[b_of_a[met]]], axis=1), axis=0, return_inverse=True
+    )
+    owner = owner.reshape(-1)
+    # A line that does not know its sigma gives way
+    one = np.bincount(owner, np.nan_to_num(a.sigma_m[met] ** 2, nan=np.inf), len(pairs))
+    other = np.bincount(owner, np.nan_to_num(b.sigma_m[b_of_a[met]] ** 2, nan=np.inf), len(pairs))
+    gives_way = {(int(i), int(j)) for (i, j), loses in zip(pairs, one > other, strict=True) if loses}
+    return _Contest(frozenset(gives_way))
+
+
+@dataclass(frozen=True, slots=True)
+class _Contest:
+    """Pairs (line of `one`, line of `other`) where the first gives way; in all others the second does."""
+
+    first_gives_way: frozenset[tuple[int, int]]
+
+    def stays(self, lines: IntArray, others: IntArray, *, is_first: bool) -> BoolArray:
+        """Return whether each of `lines` stays where it meets the one of `others` beside it."""
+        pairs = zip(*((lines, others) if is_first else (others, lines)), strict=True)
+        first_stays = np.array([(int(i), int(j)) not in self.first_gives_way for i, j in pairs], dtype=bool)
+        return first_stays if is_first else ~first_stays
+
+
+def _offsets(
+    a: _Places, b: _Places, k: IntArray, stays: BoolArray, n_lines: int, *, in_space: bool
+) -> FloatArray:
+    """Return (n_lines, 2): mean and root mean square of the other's offset from each line where that stays."""
+    at = np.flatnonzero(k >= 0)[stays]
+    line, step, way = a.line[at], b.xyz[k[at]] - a.xyz[at], a.way[at]
+    left = way[:, 0] * step[:, 1] - way[:, 1] * step[:, 0]
+    size2 = left**2 + (step[:, 2] ** 2 if in_space else 0.0)
+    n = np.bincount(line, minlength=n_lines).astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        mean = np.bincount(line, left, n_lines) / n
+        rms = np.sqrt(np.bincount(line, size2, n_lines) / n)
+    return np.stack([mean, rms], axis=1)
+
+
+def _kept(lines: LineSet, places: _Places, lost: BoolArray, offsets: FloatArray) -> LineSet:
+    """Return the lines without what is lost."""
+    compared = lines.with_columns(disagreement_mean_m=offsets[:, 0], disagreement_rms_m=offsets[:, 1])
+    parts = []
+    for i in range(len(lines)):
+        own = places.line == i
+        gone, at = lost[own], places.chainage_m[own]
+        one = compared.take([i])
+        if not gone.any():
+            parts.append(one)
+        elif str(one.kind[0]) in WHOLE_KINDS:
+            parts += [one] if gone.mean() < SAME_SHARE else []
+        else:
+            parts += [_stretch(one, at[k], at[m]) for k, m in _runs(~gone) if at[m] - at[k] >= LEAST_M]
+    return LineSet.concatenate(parts) if parts else LineSet.empty(lines.crs)
+
+
+def _runs(mask: BoolArray) -> list[tuple[int, int]]:
+    """Return first and last index of each run of True.
+
+    >>> _runs(np.array([True, False, True, True]))
+    [(0, 0), (2, 3)]
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
+
+
+def _stretch(line: LineSet, start_m: float, end_m: float) -> LineSet:
+    """Return a line from one chainage to another, its vertices and new ones at both ends."""
+    along = _chainage(line.xyz)
+    inside = np.flatnonzero((along > start_m + 1e-6) & (along < end_m - 1e-6))
+    at = np.concatenate([[start_m], along[inside], [end_m]])
+    xyz = np.stack([np.interp(at, along, column) for column in line.xyz.T], axis=1)
+    nearest = np.clip(np.searchsorted(along, at), 0, len(along) - 1)
+    columns = {name: getattr(line, name)[nearest] for name in VERTEX_COLUMNS}
+    columns |= {name: getattr(line, name) for name in LINE_COLUMNS}
+    return LineSet.from_lines([xyz], crs=line.crs, **columns)
