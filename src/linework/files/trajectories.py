@@ -11,6 +11,7 @@ import numpy as np
 from linework.errors import InputError, MachineError
 from linework.files.publish import publish
 from linework.files.tables import read_table
+from linework.files.time_order import in_time_order
 from linework.model.arrays import FloatArray
 from linework.model.trajectory import Trajectory
 
@@ -44,16 +45,9 @@ def read_trajectory_content(path: Path) -> TrajectoryContent:
         Columns missing, lines that are not numbers (with the line number), fewer than two positions.
     """
     table = read_table(path, _POSITION, (_ATTITUDE, _SIGMA, _SIGMA_ATTITUDE))
-    columns, warnings = table.columns, list(table.warnings)
+    columns = table.columns
     time = columns["time_s"]
-    order = np.argsort(time, kind="stable")
-    n_backward = int(np.count_nonzero(np.diff(time) < 0))
-    if n_backward:
-        first = int(table.line_numbers[1:][np.diff(time) < 0][0])
-        warnings.append(f"time runs backwards {n_backward} times, first at line {first}: sorted")
-    kept = order[np.concatenate([[True], np.diff(time[order]) > 0])]
-    if len(kept) < len(time):
-        warnings.append(f"{len(time) - len(kept)} rows with the time of another left out")
+    kept, said = in_time_order(time, table.line_numbers)
     if len(kept) < 2:
         raise InputError(
             f"{len(kept)} position, a trajectory needs at least 2", where=path, advice="check the file"
@@ -67,7 +61,7 @@ def read_trajectory_content(path: Path) -> TrajectoryContent:
     xyz = group(_POSITION[1:])
     assert xyz is not None
     trajectory = Trajectory(time[kept], xyz, group(_ATTITUDE), group(_SIGMA), group(_SIGMA_ATTITUDE))
-    return TrajectoryContent(trajectory, tuple(warnings))
+    return TrajectoryContent(trajectory, (*table.warnings, *said))
 
 
 def write_trajectory(trajectory: Trajectory, path: Path, *, overwrite: bool = False) -> None:

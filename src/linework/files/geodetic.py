@@ -1,0 +1,234 @@
+"""From latitude, longitude and ellipsoidal height to the survey's coordinates, and true headings to grid headings."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyproj
+from pyproj.exceptions import ProjError
+from pyproj.transformer import TransformerGroup
+
+from linework.errors import ConfigError, CrsError, InputError
+from linework.files.crs import LOCAL, describe_crs, has_height, horizontal_part
+from linework.files.las_header import regular_file_bytes
+from linework.model.arrays import FloatArray
+from linework.model.survey import Survey
+
+#: Transformations worse than this are said: the lines are good to centimetres.
+_SAID_ACCURACY_M = 0.5
+_GEOID_ADVICE = 'give [heights] geoid = "receiver", metres, or a PROJ grid file'
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EarthFrame:
+    """What geographic places become: the survey's CRS, and how its heights come about.
+
+    Parameters
+    ----------
+    crs
+        WKT2 of a projected CRS, or "local": east, north, up in the plane that touches the ellipsoid at the
+        first place.
+    geoid
+        None: the CRS says it; "receiver": the log's own undulation; a number: that undulation [m]; a text:
+        a PROJ grid file of undulations.
+    root
+        Folder that a relative grid file starts from.
+    """
+
+    crs: str
+    geoid: str | float | None = None
+    root: Path = Path()
+
+    @classmethod
+    def of(cls, survey: Survey) -> EarthFrame:
+        """Return the frame of a survey, from its CRS and the table [heights] of its survey.toml."""
+        geoid = survey.settings.get("heights", {}).get("geoid")
+        return cls(crs=survey.crs, geoid=geoid, root=survey.root)
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Places in the survey's frame.
+
+    Parameters
+    ----------
+    xyz
+        (n, 3) float64 [m, world].
+    convergence_deg
+        (n,) float64: what is taken off a true heading to get the heading from grid north.
+    warnings
+        What the user should know.
+    """
+
+    xyz: FloatArray
+    convergence_deg: FloatArray
+    warnings: tuple[str, ...] = ()
+
+
+def to_places(
+    latitude_deg: FloatArray,
+    longitude_deg: FloatArray,
+    height_m: FloatArray,
+    frame: EarthFrame,
+    *,
+    undulation_m: FloatArray | None = None,
+    where: object = None,
+) -> Places:
+    """Return (n,) geographic places (WGS 84, ellipsoidal heights) in the survey's frame.
+
+    Parameters
+    ----------
+    undulation_m
+        (n,) height of the geoid above the ellipsoid as the log has it, for ``geoid = "receiver"``.
+
+    Raises
+    ------
+    InputError
+        Places that are none on earth, or outside of the CRS.
+    CrsError
+        No transformation: a grid file of heights is not on this machine.
+    ConfigError
+        [heights] geoid asks for what is not there.
+    """
+    wrong = (np.abs(latitude_deg) > 90.0) | (np.abs(longitude_deg) > 360.0)
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        raise InputError(
+            f"latitude {latitude_deg[first]:g}, longitude {longitude_deg[first]:g} is no place on earth"
+            f" ({int(wrong.sum())} of {len(wrong)})",
+            where=where, advice="latitude and longitude are degrees",
+        )  # fmt: skip
+    if frame.crs == LOCAL:
+        return _local_places(latitude_deg, longitude_deg, height_m)
+    if frame.geoid is None and has_height(frame.crs):
+        xyz, said = _transformed(longitude_deg, latitude_deg, height_m, frame.crs, where)
+    else:
+        xyz, said = _transformed(longitude_deg, latitude_deg, None, _plan_of(frame.crs), where)
+        xyz[:, 2] = height_m - _undulation(longitude_deg, latitude_deg, frame, undulation_m, where)
+    _check_finite(xyz, frame.crs, where)
+    return Places(xyz, _convergence_deg(longitude_deg, latitude_deg, frame.crs), said)
+
+
+def _plan_of(crs: str) -> str:
+    return horizontal_part(pyproj.CRS.from_user_input(crs)).to_wkt()
+
+
+def _transformed(
+    longitude_deg: FloatArray, latitude_deg: FloatArray, height_m: FloatArray | None, crs: str, where: object
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return (n, 3) east, north and height (0 where none is given), and a warning where PROJ has no good way."""
+    source = "EPSG:4326" if height_m is None else "EPSG:4979"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # said below, in one line
+        ways = TransformerGroup(source, crs, always_xy=True, allow_ballpark=False)
+        missing = [g.short_name for way in ways.unavailable_operations for g in way.grids if not g.available]
+        if not ways.transformers:
+            raise CrsError(
+                f"ellipsoidal heights cannot become those of {describe_crs(crs)}: PROJ has no grid"
+                f" {missing[0] if missing else 'for it'}" if height_m is not None
+                else f"PROJ knows no way from WGS 84 to {describe_crs(crs)}",
+                where=where, advice=_GEOID_ADVICE if height_m is not None else "give another CRS",
+            )  # fmt: skip
+        transformer = pyproj.Transformer.from_crs(source, crs, always_xy=True, allow_ballpark=False)
+    said: tuple[str, ...] = ()
+    if not ways.best_available and missing:
+        best = ways.transformers[0].accuracy
+        good_to = f", good to {best:g} m" if best >= 0 else ""
+        said = (f"PROJ has no grid {missing[0]} for {describe_crs(crs)}: another way is taken{good_to}",)
+    try:
+        columns = transformer.transform(
+            longitude_deg, latitude_deg, *([] if height_m is None else [height_m]), errcheck=False
+        )
+    except ProjError as error:
+        raise CrsError(f"places cannot be transformed to {describe_crs(crs)}: {error}", where=where,
+                       advice="check the CRS") from error  # fmt: skip
+    columns = (*columns[:2], np.zeros(len(longitude_deg)) if height_m is None else columns[2])
+    return np.stack(columns, axis=1).astype(np.float64), said
+
+
+def _undulation(
+    longitude_deg: FloatArray,
+    latitude_deg: FloatArray,
+    frame: EarthFrame,
+    undulation_m: FloatArray | None,
+    where: object,
+) -> FloatArray | float:
+    """Return how high the zero of the survey's heights is above the ellipsoid."""
+    geoid = frame.geoid
+    if geoid is None:
+        return 0.0
+    if isinstance(geoid, int | float):
+        return float(geoid)
+    if geoid == "receiver":
+        if undulation_m is None:
+            raise ConfigError('heights.geoid is "receiver", but this file holds no undulation', where=where,
+                              advice="give metres or a PROJ grid file")  # fmt: skip
+        return undulation_m
+    return _grid_undulation(longitude_deg, latitude_deg, frame.root / geoid, where)
+
+
+def _grid_undulation(
+    longitude_deg: FloatArray, latitude_deg: FloatArray, path: Path, where: object
+) -> FloatArray:
+    """Return the undulations that a PROJ grid file holds."""
+    regular_file_bytes(path)
+    if any(c in str(path) for c in " ,+@="):
+        raise ConfigError("PROJ cannot read a grid file whose path holds one of ' ,+@='", where=path,
+                          advice="rename it")  # fmt: skip
+    try:
+        shift = pyproj.Transformer.from_pipeline(
+            f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad"
+            f" +step +proj=vgridshift +grids={path.resolve()} +multiplier=1"
+        )
+        shifted = shift.transform(longitude_deg, latitude_deg, np.zeros(len(longitude_deg)), errcheck=False)
+    except ProjError as error:
+        raise ConfigError("is no grid of undulations that PROJ can read", where=path,
+                          advice=_GEOID_ADVICE) from error  # fmt: skip
+    undulation = np.asarray(shifted[2], dtype=np.float64)
+    if not np.isfinite(undulation).all():
+        raise ConfigError(
+            f"{int(np.count_nonzero(~np.isfinite(undulation)))} of {len(undulation)} places of {where} are outside of the"
+            " grid", where=path, advice="give the grid of that country",
+        )  # fmt: skip
+    return undulation
+
+
+def _check_finite(xyz: FloatArray, crs: str, where: object) -> None:
+    outside = ~np.isfinite(xyz).all(axis=1)
+    if outside.any():
+        raise InputError(
+            f"{int(outside.sum())} of {len(xyz)} places have no coordinates in {describe_crs(crs)}",
+            where=where, advice="check the CRS of the survey",
+        )  # fmt: skip
+
+
+def _convergence_deg(longitude_deg: FloatArray, latitude_deg: FloatArray, crs: str) -> FloatArray:
+    """Return the meridian convergence: grid heading = true heading - convergence.
+
+    A step of some metres to the north, transformed: this holds for every projection and axis order.
+    """
+    plan = _plan_of(crs)
+    transformer = pyproj.Transformer.from_crs("EPSG:4326", plan, always_xy=True, allow_ballpark=False)
+    step = np.where(latitude_deg > 0.0, -1e-4, 1e-4)  # not over the pole
+    east_0, north_0 = transformer.transform(longitude_deg, latitude_deg, errcheck=False)
+    east_1, north_1 = transformer.transform(longitude_deg, latitude_deg + step, errcheck=False)
+    sign = np.sign(step)
+    # The meridian's direction on the grid, clockwise from grid north, is minus the convergence
+    return np.asarray(-np.degrees(np.arctan2(sign * (east_1 - east_0), sign * (north_1 - north_0))))
+
+
+def _local_places(latitude_deg: FloatArray, longitude_deg: FloatArray, height_m: FloatArray) -> Places:
+    """Return places in the tangent frame at the first of them."""
+    lat_0, lon_0, h_0 = float(latitude_deg[0]), float(longitude_deg[0]), float(height_m[0])
+    tangent = pyproj.Transformer.from_pipeline(
+        "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart +ellps=WGS84"
+        f" +step +proj=topocentric +ellps=WGS84 +lon_0={lon_0!r} +lat_0={lat_0!r} +h_0={h_0!r}"
+    )
+    xyz = np.stack(tangent.transform(longitude_deg, latitude_deg, height_m), axis=1)
+    # Meridians draw together towards the pole
+    turned = (longitude_deg - lon_0) * np.sin(np.radians(lat_0))
+    said = f"coordinates are metres east, north and up of latitude {lat_0:.7f}, longitude {lon_0:.7f}"
+    return Places(xyz, turned, (f"{said}, height {h_0:.2f} m",))
