@@ -67,6 +67,7 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
         trajectory_file=root / trajectory["file"] if "file" in trajectory else None,
         trajectory_lever_m=(lever_x, lever_y, lever_z),
         settings=settings,
+        settings_file=found,
     )
 
 

@@ -69,8 +69,8 @@ def _unit_quaternion(value: Any) -> str:
 
 
 _CAMERA = {
-    "images": _text, "times": _text, "model": _one_of("pinhole"), "width": _count, "height": _count,
-    "fx": _positive, "fy": _positive, "cx": _number, "cy": _number, "distortion": _numbers(5),
+    "images": _text, "times": _text, "rate_hz": _positive, "model": _one_of("pinhole"),
+    "width": _count, "height": _count, "fx": _positive, "fy": _positive, "cx": _number, "cy": _number, "distortion": _numbers(5),
     "position_m": _numbers(3), "rotation_wxyz": _unit_quaternion,
 }  # fmt: skip
 _KEYS: dict[str, Any] = {

@@ -39,11 +39,14 @@ class StereoSeries:
     ----------
     warnings
         One line each about images that are in no pair.
+    unpaired
+        Those images.
     """
 
     rig: StereoRig
     pairs: tuple[ImagePair, ...]
     warnings: tuple[str, ...] = ()
+    unpaired: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,12 @@ class Survey:
     trajectory_lever_m
         Position of the described point in the vehicle frame. [m, vehicle]
     settings
-        The survey.toml as read, for the parts that other rooms use (cameras, navigation, events).
+        The survey.toml as read, or what one would say of a KITTI folder, for the parts that other rooms use
+        (cameras, navigation, events).
+    settings_file
+        The survey.toml, or the calibration that says as much, for messages; None without one.
+    warnings
+        One line each: what was assumed because nothing says it.
     """
 
     name: str
@@ -37,3 +42,5 @@ class Survey:
     trajectory_file: Path | None = None
     trajectory_lever_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     settings: Mapping[str, Any] = field(default_factory=dict)
+    settings_file: Path | None = None
+    warnings: tuple[str, ...] = ()

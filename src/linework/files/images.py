@@ -1,0 +1,182 @@
+"""Read stereo images: nothing is decoded that the calibration does not expect, nothing half passes as whole."""
+
+from __future__ import annotations
+
+import io
+import warnings
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import PIL.Image
+
+from linework.errors import InputError
+from linework.files.las_header import regular_file_bytes
+from linework.model.arrays import AnyArray
+from linework.model.camera import Camera, StereoRig
+from linework.model.images import ImagePair
+
+#: What cameras write. Pillow knows fifty others; each is a decoder that nobody needs here.
+_FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM")
+#: Larger than 16 bits of red, green, blue and alpha without compression, and 16 MB of notes: no such image.
+_MAX_BYTES_PER_PIXEL, _MAX_NOTES_BYTES = 8, 1 << 24
+_ORIENTATION = 0x0112
+#: Rows that a JPEG decoder makes up at once where the data end early (one or two rows of 8 x 8 blocks).
+_BLOCK_ROWS = 16
+_DAMAGED = "copy the file again, or leave it out"
+
+
+def read_pair(pair: ImagePair, rig: StereoRig) -> tuple[AnyArray, AnyArray]:
+    """Read both images of a pair as grey values.
+
+    Returns
+    -------
+    left, right
+        (height, width) uint8, of the sizes of the calibration.
+
+    Raises
+    ------
+    InputError
+        As for `read_image`.
+    """
+    return read_image(pair.left, rig.left), read_image(pair.right, rig.right)
+
+
+def read_image(path: Path, camera: Camera) -> AnyArray:
+    """Read an image of a camera as grey values, (height, width) uint8.
+
+    Raises
+    ------
+    InputError
+        Missing, no image, of another size than the calibration's, to be turned by its EXIF, cut off, damaged.
+
+    Notes
+    -----
+    Grey = 0.299 red + 0.587 green + 0.114 blue (ITU-R BT.601). Of 16 bits the upper 8 count, the same in every
+    image; images of 10 or 12 bits that were not scaled up to 16 are refused. Sizes are compared before a pixel
+    is decoded. Exif that is damaged is ignored.
+    """
+    n_bytes = regular_file_bytes(path)
+    if n_bytes == 0:
+        raise InputError("empty file (0 bytes)", where=path, advice=_DAMAGED)
+    if n_bytes > camera.width * camera.height * _MAX_BYTES_PER_PIXEL + _MAX_NOTES_BYTES:
+        raise InputError(
+            f"{n_bytes:,} bytes, too many for an image of {camera.width} x {camera.height} pixels", where=path,
+            advice="check what this file is",
+        )  # fmt: skip
+    data = path.read_bytes()
+    with warnings.catch_warnings():
+        # Of Pillow's warnings one is about bombs, the others about Exif that is damaged
+        warnings.simplefilter("ignore")
+        warnings.simplefilter("error", PIL.Image.DecompressionBombWarning)
+        try:
+            return _decoded(data, path, camera)
+        except InputError:
+            raise
+        except (PIL.Image.DecompressionBombWarning, PIL.Image.DecompressionBombError) as error:
+            raise InputError(
+                f"image of more than {PIL.Image.MAX_IMAGE_PIXELS:,} pixels, the calibration says {_size(camera)}",
+                where=path, advice="check what this file is",
+            ) from error  # fmt: skip
+        # Pillow's decoders raise what they please for damaged files: SyntaxError, struct.error, KeyError ...
+        except Exception as error:
+            reason = str(error).strip("'\".").split("\n")[0][:80] or type(error).__name__
+            raise InputError(f"damaged image ({reason})", where=path, advice=_DAMAGED) from error
+
+
+def _decoded(data: bytes, path: Path, camera: Camera) -> AnyArray:
+    """Return the grey values, having looked at the size before decoding and at the end of the data after it."""
+    try:
+        image = PIL.Image.open(io.BytesIO(data), formats=_FORMATS)
+    except PIL.UnidentifiedImageError as error:
+        raise InputError("not an image (PNG, JPEG, TIFF, BMP, PGM), or its header is damaged", where=path,
+                         advice="check what this file is") from error  # fmt: skip
+    with image:
+        turned = _orientation(image)
+        if image.size != (camera.width, camera.height):
+            by_exif = f", to be turned (Exif orientation {turned})" if turned != 1 else ""
+            raise InputError(
+                f"{image.width} x {image.height} pixels{by_exif}, the calibration says {_size(camera)}",
+                where=path, advice="calibrate for this size, or leave the image out",
+            )  # fmt: skip
+        if turned != 1:
+            raise InputError(
+                f"its Exif says that it is to be turned (orientation {turned}), a calibration is for one way up",
+                where=path, advice="turn the images, or remove the tag",
+            )  # fmt: skip
+        _check_complete(data, str(image.format), path)
+        image.load()
+        grey = _grey(image, path)
+    if image.format in ("JPEG", "MPO"):
+        _check_tail(grey, path)
+    return grey
+
+
+def _size(camera: Camera) -> str:
+    return f"{camera.width} x {camera.height}"
+
+
+def _orientation(image: PIL.Image.Image) -> int:
+    """Return how Exif says the image is to be turned, 1 to 8; 1 where it does not, or is damaged."""
+    if "exif" not in image.info:
+        return 1
+    try:
+        value = image.getexif().get(_ORIENTATION, 1)
+    except Exception:
+        return 1
+    return value if isinstance(value, int) and 1 <= value <= 8 else 1
+
+
+def _check_complete(data: bytes, kind: str, path: Path) -> None:
+    """Refuse a JPEG without its end and a PNG whose checksums do not hold: decoders fill up what is missing."""
+    if kind in ("JPEG", "MPO") and data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda"):
+        raise InputError(
+            f"JPEG cut off after {len(data):,} bytes (it has no end)", where=path, advice=_DAMAGED
+        )
+    if kind == "PNG":
+        place, name = 8, b""
+        while name != b"IEND":
+            n = int.from_bytes(data[place : place + 4])
+            name, end = data[place + 4 : place + 8], place + 8 + n
+            if len(data) < end + 4:
+                raise InputError(f"PNG cut off after {len(data):,} bytes", where=path, advice=_DAMAGED)
+            # Notes that are damaged spoil no pixel; their names begin with a small letter
+            is_needed = name[:1].isupper()
+            if is_needed and zlib.crc32(data[place + 4 : end]) != int.from_bytes(data[end : end + 4]):
+                raise InputError(f"damaged PNG (checksum at byte {place:,})", where=path, advice=_DAMAGED)
+            place = end + 4
+
+
+def _check_tail(grey: AnyArray, path: Path) -> None:
+    """Refuse a JPEG whose last rows are one grey: its data ended early though its end is there.
+
+    Lenses, noise and rounding leave no 16 whole rows of one value, except where all is black or white.
+    """
+    tail = grey[-_BLOCK_ROWS:]
+    value = int(tail[0, 0])
+    if 0 < value < 255 and bool(np.all(tail == value)):
+        first = int(np.flatnonzero(np.any(grey != value, axis=1))[-1]) + 1 if np.any(grey != value) else 0
+        raise InputError(
+            f"rows {first} to {len(grey) - 1} are one grey ({value}): its data end early", where=path,
+            advice=_DAMAGED,
+        )  # fmt: skip
+
+
+def _grey(image: Any, path: Path) -> AnyArray:
+    """Return the grey values of an image in memory."""
+    if image.mode.startswith("I"):
+        values = np.asarray(image)
+        if values.min() < 0 or values.max() > 0xFFFF:
+            raise InputError(f"grey values from {values.min()} to {values.max()}, expected 8 or 16 bits",
+                             where=path, advice="write them as 16 bits")  # fmt: skip
+        if values.max() < 1 << 12:
+            raise InputError(
+                f"16 bits per pixel, but no value above {int(values.max())}: 12 bits or fewer in use", where=path,
+                advice="scale the images to 16 bits, all alike",
+            )  # fmt: skip
+        return np.asarray(values >> 8, dtype=np.uint8)
+    if image.mode == "F":
+        raise InputError("grey values that are no whole numbers", where=path, advice="write them as 16 bits")
+    plain = image if image.mode == "L" else image.convert("RGB").convert("L")
+    return np.array(plain, dtype=np.uint8)
