@@ -100,7 +100,7 @@ def _check_lengths(path: Path, block: TextBlock, left: bytes) -> None:
 
 
 def judge_bad_lines(
-    path: Path, bad: Sequence[int], n_good: int, expected: str, *, advice: str
+    path: Path, bad: Sequence[int], n_good: int, expected: str, *, advice: str, unit: str = "line"
 ) -> tuple[str, ...]:
     """Return the warning about lines left out.
 
@@ -114,6 +114,8 @@ def judge_bad_lines(
         What lines should be, for the user.
     advice
         What to do where none is usable.
+    unit
+        What is counted, if not lines.
 
     Raises
     ------
@@ -123,7 +125,7 @@ def judge_bad_lines(
     n_all = n_good + len(bad)
     if n_good == 0:
         problem = (
-            f"no usable rows ({len(bad)} lines cannot be read, the first is line {bad[0]})"
+            f"no usable rows ({len(bad)} {unit}s cannot be read, the first is {unit} {bad[0]})"
             if bad
             else "no rows"
         )
@@ -133,7 +135,7 @@ def judge_bad_lines(
     # One more than the share: a log that ends in the middle of a line is no reason to refuse it.
     if len(bad) > 1 + _MAX_BAD_SHARE * n_all:
         raise InputError(
-            f"line {bad[0]} and {len(bad) - 1} other of {n_all} lines are not {expected}", where=path,
-            advice="correct or remove these lines",
+            f"{unit} {bad[0]} and {len(bad) - 1} other of {n_all} {unit}s are not {expected}", where=path,
+            advice=f"correct or remove these {unit}s",
         )  # fmt: skip
-    return (f"{len(bad)} of {n_all} lines left out, the first is line {bad[0]}",)
+    return (f"{len(bad)} of {n_all} {unit}s left out, the first is {unit} {bad[0]}",)

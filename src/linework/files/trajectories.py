@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from linework.errors import InputError, MachineError
+from linework.errors import MachineError
 from linework.files.publish import publish
 from linework.files.tables import read_table
-from linework.files.time_order import in_time_order
+from linework.files.trajectory_content import TrajectoryContent, ordered_content
 from linework.model.arrays import FloatArray
 from linework.model.trajectory import Trajectory
 
@@ -19,14 +18,6 @@ _POSITION = ("time_s", "easting_m", "northing_m", "height_m")
 _ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
 _SIGMA = ("sigma_e_m", "sigma_n_m", "sigma_z_m")
 _SIGMA_ATTITUDE = ("sigma_roll_deg", "sigma_pitch_deg", "sigma_heading_deg")
-
-
-@dataclass(frozen=True, slots=True)
-class TrajectoryContent:
-    """A trajectory as read, with what was odd about the file."""
-
-    trajectory: Trajectory
-    warnings: tuple[str, ...] = ()
 
 
 def read_trajectory(path: Path) -> Trajectory:
@@ -46,22 +37,22 @@ def read_trajectory_content(path: Path) -> TrajectoryContent:
     """
     table = read_table(path, _POSITION, (_ATTITUDE, _SIGMA, _SIGMA_ATTITUDE))
     columns = table.columns
-    time = columns["time_s"]
-    kept, said = in_time_order(time, table.line_numbers)
-    if len(kept) < 2:
-        raise InputError(
-            f"{len(kept)} position, a trajectory needs at least 2", where=path, advice="check the file"
-        )
 
     def group(names: tuple[str, ...]) -> FloatArray | None:
-        if names[0] not in columns:
-            return None
-        return np.stack([columns[name][kept] for name in names], axis=1)
+        return np.stack([columns[name] for name in names], axis=1) if names[0] in columns else None
 
-    xyz = group(_POSITION[1:])
-    assert xyz is not None
-    trajectory = Trajectory(time[kept], xyz, group(_ATTITUDE), group(_SIGMA), group(_SIGMA_ATTITUDE))
-    return TrajectoryContent(trajectory, (*table.warnings, *said))
+    return ordered_content(
+        path,
+        columns["time_s"],
+        table.line_numbers,
+        {
+            "xyz": group(_POSITION[1:]),
+            "attitude_deg": group(_ATTITUDE),
+            "sigma_xyz_m": group(_SIGMA),
+            "sigma_attitude_deg": group(_SIGMA_ATTITUDE),
+        },
+        warnings=table.warnings,
+    )
 
 
 def write_trajectory(trajectory: Trajectory, path: Path, *, overwrite: bool = False) -> None:
