@@ -16,28 +16,42 @@ _LONG_M, _SMALL_M, _LONG_SHARE = 0.9, 0.05, 0.6
 
 
 def paint_cover(
-    chainage_offset: FloatArray, markings: Sequence[Marking], seed: int, symbols: Sequence[Symbol] = ()
+    chainage_offset: FloatArray,
+    markings: Sequence[Marking],
+    seed: int,
+    symbols: Sequence[Symbol] = (),
+    *,
+    edge_m: FloatArray | None = None,
 ) -> FloatArray:
-    """Return the share of paint, 0 to 1, at (n, 2) places on the road."""
+    """Return the share of paint, 0 to 1, at (n, 2) places on the road.
+
+    Its edges go from 0 to 1 over `edge_m` (n, 2), along the road and across; a beam's spot if not given.
+    """
     cover = np.zeros(len(chainage_offset))
     s, q = chainage_offset[:, 0], chainage_offset[:, 1]
+    edge_s, edge_q = np.full((2, len(s)), _SPOT_M) if edge_m is None else edge_m.T
     for i, m in enumerate(markings):
         near = np.flatnonzero(
-            (np.abs(q - m.q_m) < 0.5 * m.width_m + _SPOT_M) & (s >= m.start_m - 0.1) & (s <= m.end_m + 0.1)
+            (np.abs(q - m.q_m) < 0.5 * m.width_m + edge_q)
+            & (s >= m.start_m - 0.1 - edge_s)
+            & (s <= m.end_m + 0.1 + edge_s)
         )
         across = 0.5 * m.width_m - np.abs(q[near] - m.q_m)
         along = np.minimum(s[near] - m.start_m, m.end_m - s[near])
         if m.pattern == "dashed":
             along = np.minimum(along, _inside_dash(s[near], m))
-        here = np.clip(across / _SPOT_M + 0.5, 0.0, 1.0) * np.clip(along / _SPOT_M + 0.5, 0.0, 1.0)
+        # What is wider than the paint is covered by as much as the paint is wide
+        most = np.minimum(m.width_m / edge_q[near], 1.0)
+        here = np.clip(across / edge_q[near] + 0.5, 0.0, most) * np.clip(along / edge_s[near] + 0.5, 0.0, 1.0)
         cover[near] = np.maximum(cover[near], here * _left(s[near], q[near], m.wear, seed + 7919 * i))
     for i, symbol in enumerate(symbols):
         inside = np.minimum(
             np.minimum(s - symbol.start_m, symbol.end_m - s),
             np.minimum(q - symbol.right_m, symbol.left_m - q),
         )
-        near = np.flatnonzero(inside > -_SPOT_M)
-        here = np.clip(inside[near] / _SPOT_M + 0.5, 0.0, 1.0)
+        edge = np.maximum(edge_s, edge_q)
+        near = np.flatnonzero(inside > -edge)
+        here = np.clip(inside[near] / edge[near] + 0.5, 0.0, 1.0)
         left = _left(s[near], q[near], symbol.wear, seed + 104729 * (i + 1))
         cover[near] = np.maximum(cover[near], here * left)
     return cover
