@@ -1,0 +1,149 @@
+"""Stripes of single rows linked into lines, from near to far, on the plane of the road."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+F64 = npt.NDArray[np.float64]
+I64 = npt.NDArray[np.int64]
+
+#: Columns of the places to be linked: across and ahead on the road [m], width [m], standard deviation across [m].
+ACROSS, AHEAD, WIDE, OFF = range(4)
+#: A line's direction is taken from so much of its past [m], places at most and least.
+PAST_M, MOST_PAST, LEAST_PAST = 1.5, 24, 3
+#: How far a line may leave its direction per metre ahead: a bend of 20 m radius, over a metre. And so much of the
+#: width of paint, of whose edges some are worn.
+TURN, WORN = 0.05, 0.15
+
+
+@njit(cache=True, nogil=True)
+def _direction(places: F64, past: I64, n: int) -> tuple[float, float, float, float]:
+    """Return where a line leads: last place across and ahead, its slope and how well that is known; NaN if not."""
+    s = sx = sy = sxx = sxy = 0.0
+    last = past[(n - 1) % MOST_PAST]
+    y0, x0 = places[last, AHEAD], places[last, ACROSS]
+    for i in range(n - 1, max(n - 1 - MOST_PAST, -1), -1):
+        j = past[i % MOST_PAST]
+        x, y = places[j, ACROSS] - x0, places[j, AHEAD] - y0
+        if y < -PAST_M:
+            break
+        s, sx, sy, sxx, sxy = s + 1.0, sx + x, sy + y, sxx + y * y, sxy + x * y
+    det = s * sxx - sy * sy
+    if s < LEAST_PAST or det <= 1e-9:
+        return x0, y0, np.nan, np.nan
+    slope = (s * sxy - sy * sx) / det
+    return x0 + (sx - slope * sy) / s, y0, slope, places[last, OFF] * math.sqrt(s / det)
+
+
+@njit(cache=True, nogil=True)
+def link(places: F64, first: I64, n_rows: int, steepest: float, gap: tuple[float, int]) -> I64:
+    """Return (n,) the line that each place belongs to.
+
+    Parameters
+    ----------
+    places
+        (n, 4) in order of rows, from near to far.
+    first
+        (n_rows + 1,) first place of each row.
+    steepest
+        Metres across per metre ahead that a line has at most.
+    gap
+        Longest gap in a line [m] and in rows; the larger one counts.
+    """
+    n = len(places)
+    line = np.full(n, -1, dtype=np.int64)
+    most = 256
+    past = np.zeros((most, MOST_PAST), dtype=np.int64)
+    number, size, last_row = np.full(most, -1, np.int64), np.zeros(most, np.int64), np.zeros(most, np.int64)
+    wanted = np.zeros(most, dtype=np.int64)
+    cost = np.zeros(most)
+    n_lines = 0
+    for r in range(n_rows):
+        start, end = first[r], first[r + 1]
+        # Lines whose last place is too far back are ended
+        for a in range(most):
+            if number[a] >= 0 and start < end:
+                y = places[past[a, (size[a] - 1) % MOST_PAST], AHEAD]
+                if places[start, AHEAD] - y > gap[0] and r - last_row[a] > gap[1]:
+                    number[a] = -1
+        # Every line chooses its place, every place the line that it suits best
+        taken = np.full(end - start, -1, dtype=np.int64)
+        for a in range(most):
+            wanted[a] = -1
+            if number[a] < 0:
+                continue
+            x, y, slope, sigma = _direction(places, past[a], size[a])
+            j0 = past[a, (size[a] - 1) % MOST_PAST]
+            best = 1.0
+            for j in range(start, end):
+                ahead = places[j, AHEAD] - y
+                across = places[j, ACROSS] - x
+                wide = max(places[j, WIDE], places[j0, WIDE])
+                own = math.sqrt(places[j, OFF] ** 2 + places[j0, OFF] ** 2)
+                bound = 0.5 * wide + steepest * max(ahead, 0.0) + 3.0 * own
+                if not math.isnan(slope):
+                    if abs(across) > bound:
+                        continue
+                    across -= slope * ahead
+                    turn = TURN + 0.1 * abs(slope) + 3.0 * sigma
+                    bound = min(bound, WORN * wide + 3.0 * own + turn * ahead + 0.02)
+                other = abs(places[j, WIDE] - places[j0, WIDE]) / (0.4 * wide + 4.0 * own)
+                value = max(abs(across) / bound, other)
+                if value < best:
+                    best, wanted[a] = value, j
+            cost[a] = best
+            if wanted[a] >= 0:
+                k = wanted[a] - start
+                rival = taken[k]
+                # The longer line goes first
+                if rival < 0 or (cost[a] + 1.0 / size[a]) < (cost[rival] + 1.0 / size[rival]):
+                    taken[k] = a
+        for k in range(end - start):
+            j = start + k
+            a = taken[k]
+            if a < 0:
+                # A new line, in the first free seat
+                for b in range(most):
+                    if number[b] < 0:
+                        a = b
+                        break
+                if a < 0:
+                    continue
+                number[a], size[a] = n_lines, 0
+                n_lines += 1
+            past[a, size[a] % MOST_PAST] = j
+            size[a] += 1
+            last_row[a] = r
+            line[j] = number[a]
+    return line
+
+
+@njit(cache=True, nogil=True)
+def partners(left: F64, first_left: I64, right: F64, first_right: I64, n_rows: int, gate: F64) -> I64:
+    """Return (n,) the stripe of the right image that each stripe of the left one is, -1 where there is none.
+
+    Parameters
+    ----------
+    left, right
+        (n, 4): column, width and contrast, and the expected disparity of the left one [pixels].
+    first_left, first_right
+        First of each row; the same rows.
+    gate
+        (n_rows,) how far from the expected disparity [pixels].
+    """
+    out = np.full(len(left), -1, dtype=np.int64)
+    for r in range(n_rows):
+        for i in range(first_left[r], first_left[r + 1]):
+            best = 1.0
+            for j in range(first_right[r], first_right[r + 1]):
+                off = abs(left[i, 0] - right[j, 0] - left[i, 3]) / gate[r]
+                wide = abs(left[i, 1] - right[j, 1]) / (0.35 * max(left[i, 1], right[j, 1]) + 1.0)
+                bright = abs(math.log(left[i, 2] / right[j, 2])) / math.log(2.5)
+                value = max(off, wide, bright)
+                if value < best:
+                    best, out[i] = value, j
+    return out

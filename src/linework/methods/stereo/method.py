@@ -1,0 +1,108 @@
+"""The stereo method on a page: lane markings in stereo pairs, joined into long lines.
+
+G. He, K. Novak (1992): Automatic analysis of highway features from digital stereo-images, ISPRS XXIX B3, 119-124.
+What goes beyond the paper is named in docs/methods/stereo.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from linework.methods.obb import marking_lines
+from linework.methods.obb.arrangement import is_double, roles
+from linework.methods.obb.guides import join_along, surer
+from linework.methods.obb.neighbours import Course, courses_of_path
+from linework.methods.obb.track import TrackConfig, track_lines
+from linework.methods.stereo.pieces import fused_boxes, in_sight, pieces_of
+from linework.methods.stereo.road_plane import find_road_plane
+from linework.methods.stereo.sighted import sightings_of
+from linework.methods.stereo.stripes import StripeConfig, find_stripe_lines
+from linework.model.arrays import IntArray
+from linework.model.camera import RectifiedRig
+from linework.model.images import Poses, RectifiedPair
+from linework.model.lines import LineSet
+from linework.model.settings import group
+from linework.model.sightings import Sightings
+from linework.model.tile import local_origin
+
+KINDS = ("lane_marking", "lane_marking_dash")
+#: Places this near a line, side by side with it, are the same paint. [m]
+SAME_PAINT_M = 0.10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StereoConfig:
+    """Settings of the stereo method, each step's own in a group."""
+
+    stripes: StripeConfig = group(StripeConfig)
+    track: TrackConfig = group(TrackConfig)
+
+
+@dataclass(frozen=True, slots=True)
+class StereoMethod:
+    """Lane markings in stereo pairs."""
+
+    config: StereoConfig = field(default_factory=StereoConfig)
+    kinds: tuple[str, ...] = KINDS
+    name: str = "stereo"
+
+    def see(self, pair: RectifiedPair) -> Sightings:
+        """Return the places on lane markings that a pair shows, in the vehicle frame of its time."""
+        c = self.config
+        # The road's plane, from the pair itself
+        plane = find_road_plane(pair)
+        if plane is None:
+            return Sightings.empty()
+        # Bright lines in both images, row by row, followed from near to far, and matched along the rows
+        lines = find_stripe_lines(pair, plane, c.stripes)
+        # Those that are paint on the road, intersected
+        return sightings_of(pair, plane, lines, c.stripes)
+
+    def join(
+        self, seen: Sightings, poses: Poses, rig: RectifiedRig, numbers: IntArray | None = None
+    ) -> LineSet:
+        """Return the lines through the sightings of all pairs, in world coordinates.
+
+        Parameters
+        ----------
+        seen
+            Of all pairs, in any order of the pairs.
+        poses
+            Where the vehicle was when the pairs were taken.
+        rig
+            Geometry of the rectified pairs.
+        numbers
+            (n,) int64: the pair each pose belongs to, ascending; None: pose i belongs to pair i.
+        """
+        if len(seen) == 0:
+            return LineSet.empty()
+        origin = np.array(local_origin(*poses.xyz.min(axis=0).tolist()))
+        pose = seen.pair if numbers is None else np.searchsorted(numbers, seen.pair)
+        # All pairs' pieces of lines in the world; what many saw is one place, weighted by covariance
+        pieces = pieces_of(seen, poses, rig, np.asarray(pose), origin)
+        boxes = fused_boxes(pieces, poses, rig, origin)
+        boxes = boxes.take(np.lexsort((boxes.centre[:, 1], boxes.centre[:, 0])))
+        looked = in_sight(pieces, poses, rig, origin)
+        # Places that continue each other are joined into lines, over gaps; dashed ones by their rhythm
+        way = courses_of_path(poses.xyz - origin) if len(poses) > 1 else []
+        tracks = surer(track_lines(boxes, self.config.track, width_m=SAME_PAINT_M, least_boxes=1), boxes.score)
+        whole, _ = marking_lines.marking_lines(boxes, tracks.with_boxes(3), looked)
+        guides = [*(Course.of(m.line.t_m, m.line.xyz) for m in whole), *way]
+        tracks = join_along(boxes, tracks, guides, self.config.track.longest_gap_m).with_boxes(3)
+        markings, _ = marking_lines.marking_lines(boxes, tracks, looked)
+        # Edge, lane and centre lines by how they lie to one another
+        courses = [Course.of(m.line.t_m, m.line.xyz) for m in markings]
+        double = is_double(courses)
+        names = roles(courses, [], way, double)
+        lines = LineSet.concatenate([
+            marking_lines.as_lines(markings, "lane_marking").with_columns(
+                double=double, role=np.array(names, dtype=np.str_)
+            ),
+            marking_lines.dash_lines(markings, names),
+        ])  # fmt: skip
+        lines = lines.take(np.isin(lines.kind, self.kinds))
+        return lines.with_columns(
+            xyz=lines.xyz + origin, method=np.full(len(lines), self.name, dtype=np.str_)
+        )

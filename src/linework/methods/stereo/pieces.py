@@ -1,0 +1,189 @@
+"""The sightings of all pairs as pieces of lines in the world, fused place by place into oriented boxes.
+
+A piece is what one pair saw between two neighbouring places of one line. Its covariance comes from the image
+noise across the line and along the ray, from the base, and from the pose. Near pairs see a place best: they weigh
+most, and they say where paint begins and ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.kernels.fuse import fuse, looked_at
+from linework.model.arrays import BoolArray, FloatArray, IntArray
+from linework.model.boxes import BoxForm, BoxSet
+from linework.model.camera import RectifiedRig
+from linework.model.images import Poses
+from linework.model.sightings import Sightings
+
+#: Where the poses do not say how well they are known: a fair inertial system, in place from one pair to the next
+#: [m] and in direction [rad].
+POSE_SIGMA_M, POSE_SIGMA_RAD = 0.02, 0.0007
+#: Half the length of a fused place [m]: places of a line stand half a metre apart.
+ALONG_M = 0.3
+#: Pieces of one line of paint lie within this across and 3 of their standard deviations, and no farther apart than
+#: the stripes of a double line. [m]
+ACROSS_M = (0.06, 0.20)
+#: Paint is counted as looked at from no farther than this: single dashes have several rows there. [m]
+LOOKED_M = 20.0
+#: So many pairs show a place at least, where as many looked at it, and such a share of those that looked.
+LEAST_PAIRS, LEAST_SHARE = 2, 0.25
+#: Cells that pieces are looked up in. [m]
+_CELL_M = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """n pieces of lines [m, local]: middle, direction, half length, variances, and where they come from."""
+
+    centre: FloatArray
+    u: FloatArray
+    half_u_m: FloatArray
+    var_v: FloatArray
+    var_z: FloatArray
+    width_m: FloatArray
+    score: FloatArray
+    pose: IntArray
+    distance_m: FloatArray
+
+
+def pieces_of(
+    seen: Sightings, poses: Poses, rig: RectifiedRig, pose: IntArray, origin: FloatArray
+) -> Pieces:
+    """Return the pieces between neighbouring sightings of one line, about a local origin.
+
+    Parameters
+    ----------
+    pose
+        (n,) int64: the pose of each sighting.
+    """
+    here = poses.xyz - origin
+    xyz = np.einsum("nij,nj->ni", poses.R_world_vehicle[pose], seen.xyz) + here[pose]
+    a = np.flatnonzero((np.diff(seen.pair) == 0) & (np.diff(seen.line) == 0))
+    b = a + 1
+    step = xyz[b] - xyz[a]
+    length = np.hypot(step[:, 0], step[:, 1])
+    good = length > 1e-3
+    a, b, step, length = a[good], b[good], step[good], length[good]
+    u = step[:, :2] / length[:, None]
+    across = np.column_stack([-u[:, 1], u[:, 0], np.zeros(len(u))])
+    var_v = 0.5 * (_variance(seen, poses, rig, pose, a, across) + _variance(seen, poses, rig, pose, b, across))
+    up = np.tile([0.0, 0.0, 1.0], (len(u), 1))
+    var_z = 0.5 * (_variance(seen, poses, rig, pose, a, up) + _variance(seen, poses, rig, pose, b, up))
+    return Pieces(
+        0.5 * (xyz[a] + xyz[b]), u, 0.5 * length, var_v, var_z, seen.width_m[a], seen.score[a], pose[a],
+        rig.focal_px * rig.base_m / np.minimum(seen.disparity[a], seen.disparity[b]),
+    )  # fmt: skip
+
+
+def _variance(
+    seen: Sightings, poses: Poses, rig: RectifiedRig, pose: IntArray, at: IntArray, axis: FloatArray
+) -> FloatArray:
+    """Return the variance of sightings along directions in the world (k, 3). [m^2]"""  # noqa: D400
+    in_vehicle = np.einsum("kj,kji->ki", axis, poses.R_world_vehicle[pose[at]])
+    in_camera = in_vehicle @ rig.R_vehicle_camera
+    ray = (seen.xyz[at] - rig.position_m) @ rig.R_vehicle_camera
+    depth = ray[:, 2]
+    by_col = in_camera[:, 0] * depth / rig.focal_px * seen.sigma_px[at]
+    by_disparity = np.sum(in_camera * ray, axis=1) * seen.sigma_disparity_px[at] / seen.disparity[at]
+    place = np.where(np.isfinite(poses.sigma_xyz_m[pose[at]]), poses.sigma_xyz_m[pose[at]], POSE_SIGMA_M)
+    turn = np.where(
+        np.isfinite(poses.sigma_attitude_rad[pose[at]]), poses.sigma_attitude_rad[pose[at]], POSE_SIGMA_RAD
+    )
+    # Roll, pitch and heading turn about the vehicle's x, y and z: a place moves by the turn crossed with it
+    lever = np.cross(seen.xyz[at], in_vehicle)
+    return np.asarray(
+        by_col**2 + by_disparity**2 + np.sum((axis * place) ** 2, axis=1) + np.sum((lever * turn) ** 2, axis=1)
+    )
+
+
+def fused_boxes(pieces: Pieces, poses: Poses, rig: RectifiedRig, origin: FloatArray) -> BoxSet:
+    """Return one box per place on a line, from all pairs that saw it; what few of those that looked saw is left out."""
+    if len(pieces.u) == 0:
+        return BoxSet.empty()
+    xy = pieces.centre[:, :2]
+    west, south = (np.floor(xy.min(axis=0) / _CELL_M) * _CELL_M - 2.0 * _CELL_M).tolist()
+    cell = np.floor((xy - (west, south)) / _CELL_M).astype(np.int64)
+    n_cols = int(cell[:, 0].max()) + 4
+    codes = cell[:, 1] * n_cols + cell[:, 0]
+    # In an order of their own, whatever the order of pairs
+    rank = np.lexsort((xy[:, 0], xy[:, 1], codes))
+    table = np.column_stack([pieces.centre, pieces.u, pieces.var_v, pieces.var_z])[rank]
+    best = np.lexsort((table[:, 0], table[:, 1], pieces.distance_m[rank])).astype(np.int64)
+    seeds, place, fused = fuse(
+        table, best, codes[rank], (west, south, _CELL_M, n_cols), ALONG_M, ACROSS_M
+    )
+    return _boxes(pieces, rank, seeds, place, fused, poses, _stations(poses, rig, origin), rig)
+
+
+def _boxes(
+    pieces: Pieces, rank: IntArray, seeds: IntArray, place: IntArray, fused: FloatArray,
+    poses: Poses, stations: FloatArray, rig: RectifiedRig,
+) -> BoxSet:  # fmt: skip
+    """Return the boxes of fused places that enough pairs have seen."""
+    m = len(seeds)
+    seed = rank[seeds]
+    normal = np.column_stack([-pieces.u[seed, 1], pieces.u[seed, 0]])
+    centre = np.column_stack([pieces.centre[seed, :2] + fused[:, :1] * normal, fused[:, 3]])
+    pose = pieces.pose[rank]
+    n_pairs = _distinct(place, pose, m)
+    near = pieces.distance_m[rank] <= LOOKED_M
+    n_near = _distinct(place[near], pose[near], m)
+    view = (*_nearest_and_sides(pieces, rig),)
+    n_looked = looked_at(centre[:, :2], stations, (view[0], LOOKED_M, view[1], view[2]))
+    share = np.minimum(n_near / np.maximum(n_looked, 1), 1.0)
+    kept = (n_pairs >= np.minimum(LEAST_PAIRS, np.maximum(n_looked, 1))) & ((share >= LEAST_SHARE) | (n_looked == 0))
+    n = np.bincount(place, minlength=m)
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.asarray(np.bincount(place, values[rank], m) / n)
+
+    time = poses.time_s[pose]
+    start, end = np.full(m, np.inf), np.full(m, -np.inf)
+    np.minimum.at(start, place, time)
+    np.maximum.at(end, place, time)
+    inflation = np.maximum(fused[:, 6], 1.0)
+    # Pairs err together: calibration, and the drift of the poses between neighbouring ones
+    sigma_v = np.sqrt(fused[:, 4] * inflation * np.minimum(n_pairs, 4.0))
+    sigma_z = np.sqrt(fused[:, 5] * np.minimum(n_pairs, 4.0))
+    score = mean(pieces.score) * np.clip(0.4 + share, 0.0, 1.0) * np.clip(0.7 + 0.1 * n_pairs, 0.0, 1.0)
+    boxes = BoxSet(
+        centre=centre, u=fused[:, 1:3], half_u_m=pieces.half_u_m[seed], half_v_m=0.5 * mean(pieces.width_m),
+        sigma_v_m=sigma_v, sigma_z_m=sigma_z, sigma_u_rad=np.full(m, 0.03), score=score,
+        form=np.full(m, BoxForm.STRIPE), n_points=n, time_start_s=start, time_end_s=end,
+    )  # fmt: skip
+    return boxes.take(kept)
+
+
+def _distinct(place: IntArray, pose: IntArray, m: int) -> IntArray:
+    """Return (m,) how many different poses each place has."""
+    pairs = np.unique(np.column_stack([place, pose]), axis=0)
+    return np.bincount(pairs[:, 0], minlength=m)
+
+
+def _stations(poses: Poses, rig: RectifiedRig, origin: FloatArray) -> FloatArray:
+    """Return (k, 4): place and direction of view of the left camera, in plan."""
+    eye = poses.R_world_vehicle @ rig.position_m + poses.xyz - origin
+    ahead = (poses.R_world_vehicle @ rig.R_vehicle_camera)[:, :2, 2]
+    return np.column_stack([eye[:, :2], ahead / np.linalg.norm(ahead, axis=1)[:, None]])
+
+
+def _nearest_and_sides(pieces: Pieces, rig: RectifiedRig) -> tuple[float, float, float]:
+    """Return from where on the road is in the image [m], and how far to the left and right rays go."""
+    nearest = float(np.quantile(pieces.distance_m, 0.02))
+    # The base's parallax is cut off where both images must see
+    left = rig.cx / rig.focal_px - rig.base_m / nearest
+    return nearest, max(left, 0.0), (rig.width - 1.0 - rig.cx) / rig.focal_px
+
+
+def in_sight(pieces: Pieces, poses: Poses, rig: RectifiedRig, origin: FloatArray):  # type: ignore[no-untyped-def]
+    """Return a function that says for (n, 2) local places whether a pair looked there."""
+    stations = _stations(poses, rig, origin)
+    nearest, left, right = _nearest_and_sides(pieces, rig)
+
+    def seen(xy: FloatArray) -> BoolArray:
+        return np.asarray(looked_at(np.ascontiguousarray(xy[:, :2]), stations, (nearest, LOOKED_M, left, right)) > 0)
+
+    return seen

@@ -1,0 +1,150 @@
+"""Bright stripes of both images of a pair, row by row, linked into lines and matched left to right.
+
+Beyond the paper's bright lines (He and Novak 1992, 3.1): the grey values that count are those of the road beside
+the stripe, not those of the whole scan line; the width of paint is known from the road's plane; the middle is
+half-way between two edges at half contrast (T. Veit et al. 2008, doi:10.1109/ITSC.2008.4732564, compare such
+detectors and find local thresholds best).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.kernels.link_stripes import link, partners
+from linework.kernels.row_stripes import COL, CONTRAST, LEVEL, ROW, SIGMA, WIDTH, stripes_of_rows
+from linework.methods.stereo.road_plane import RoadPlane
+from linework.model.arrays import AnyArray, FloatArray, IntArray
+from linework.model.camera import RectifiedRig
+from linework.model.images import RectifiedPair
+from linework.model.settings import setting
+
+#: A line that runs more aslant than this from the direction of view is not cut across by rows. [rad]
+STEEPEST_RAD = math.radians(65.0)
+#: Paint is worn and covered; a line with longer gaps is another one: dashes stand farther apart. [m, rows]
+GAP = (0.6, 2)
+#: Sub-pixel edges are off by some hundredths of a pixel, whatever the noise: blur, sampling, lens. [pixels]
+LEAST_SIGMA_PX = 0.05
+#: How far from the road's plane paint may be: noise of the plane [m], and crests and sags of 750 m radius.
+OFF_PLANE_M, CREST_M = 0.15, 750.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StripeConfig:
+    """Settings of what is taken for a stripe of paint."""
+
+    least_width_m: float = setting(
+        0.07, unit="m", reason="the narrowest lane lines are 0.10 m, worn at their edges", low=0.02, high=1
+    )
+    largest_width_m: float = setting(
+        0.60, unit="m", reason="the widest lines, of motorways and bus lanes, are 0.50 m", low=0.05, high=2
+    )
+    least_contrast_sigmas: float = setting(
+        4.0, unit="", reason="of the noise of a row: less shows by chance in every row", low=1, high=20
+    )
+    least_contrast: float = setting(
+        0.06, unit="", reason="of the road beside it: repairs and stains differ by so much", low=0, high=2
+    )
+    farthest_m: float = setting(
+        35.0, unit="m", reason="a row is a metre of road there; nearer pairs see it better", low=5, high=200
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Stripes:
+    """Stripes of one image in order of rows, the lowest first.
+
+    Parameters
+    ----------
+    table
+        (n, 6): see `linework.kernels.row_stripes`.
+    first
+        (n_rows + 1,) int64: first stripe of each row.
+    disparity
+        (n,) of the road there [pixels].
+    """
+
+    table: FloatArray
+    first: IntArray
+    disparity: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class StripeLines:
+    """Stripes of the left image that are places of lines, with their partners in the right one.
+
+    Parameters
+    ----------
+    table
+        (n, 6): those of the left image.
+    line
+        (n,) int64: which line, -1: none.
+    disparity, sigma_disparity
+        (n,) [pixels]: NaN without a partner.
+    road_disparity
+        (n,) of the road's plane there. [pixels]
+    """
+
+    table: FloatArray
+    line: IntArray
+    disparity: FloatArray
+    sigma_disparity: FloatArray
+    road_disparity: FloatArray
+
+
+def find_stripe_lines(pair: RectifiedPair, plane: RoadPlane, config: StripeConfig) -> StripeLines:
+    """Return the lines of stripes in the left image of a pair, matched with the stripes of the right one."""
+    rig = pair.rig
+    left = find_stripes(pair.left, rig, plane, config)
+    right = find_stripes(pair.right, rig, plane.in_right(), config)
+    n_rows = len(left.first) - 1
+    # Linked on the road, where lines are straight or bend gently, whatever the perspective
+    per_px = rig.base_m / left.disparity
+    depth = rig.focal_px * per_px
+    sigma = np.maximum(left.table[:, SIGMA], LEAST_SIGMA_PX)
+    across = (left.table[:, COL] - rig.cx) * per_px
+    places = np.column_stack([across, depth, left.table[:, WIDTH] * per_px, sigma * per_px])
+    line = link(places, left.first, n_rows, math.tan(STEEPEST_RAD), GAP)
+    # The same stripe in the same row of the right image, about where the road's plane expects it
+    gate = _gates(left, rig, plane)
+    match = partners(
+        np.column_stack([left.table[:, (COL, WIDTH, CONTRAST)], left.disparity]), left.first,
+        np.column_stack([right.table[:, (COL, WIDTH, CONTRAST)], right.disparity]), right.first,
+        n_rows, gate,
+    )  # fmt: skip
+    found = match >= 0
+    disparity, sigma_d = np.full(len(line), np.nan), np.full(len(line), np.nan)
+    disparity[found] = left.table[found, COL] - right.table[match[found], COL]
+    own = np.maximum(right.table[match[found], SIGMA], LEAST_SIGMA_PX)
+    sigma_d[found] = np.hypot(sigma[found], own)
+    return StripeLines(left.table, line, disparity, sigma_d, left.disparity)
+
+
+def find_stripes(image: AnyArray, rig: RectifiedRig, plane: RoadPlane, config: StripeConfig) -> Stripes:
+    """Return the stripes of an image that are as wide as paint on the road's plane."""
+    at_zero = np.array([plane.d0 - plane.du * rig.cx - plane.dv * rig.cy, plane.du, plane.dv])
+    nearest = rig.focal_px * rig.base_m / config.farthest_m
+    top = int(np.ceil(rig.cy + (nearest - plane.d0) / plane.dv))
+    rows = (rig.height - 1, min(max(top, 0), rig.height - 1) - 1)
+    widths = config.least_width_m, config.largest_width_m / math.cos(STEEPEST_RAD)
+    gates = config.least_contrast_sigmas, config.least_contrast
+    table, first = stripes_of_rows(image, at_zero, 1.0 / rig.base_m, rows, widths, gates)
+    first = first[: rows[0] - rows[1] + 1]
+    return Stripes(table, first, plane.disparity(rig, table[:, COL], table[:, ROW]))
+
+
+def _gates(stripes: Stripes, rig: RectifiedRig, plane: RoadPlane) -> FloatArray:
+    """Return (n_rows,) how far disparities of paint may be from the plane's. [pixels]"""  # noqa: D400
+    n_rows = len(stripes.first) - 1
+    d = plane.disparity(rig, np.full(n_rows, rig.cx), rig.height - 1.0 - np.arange(n_rows))
+    d = np.maximum(d, 1.0)
+    off_m = OFF_PLANE_M + (rig.focal_px * rig.base_m / d) ** 2 / (2.0 * CREST_M)
+    return np.asarray(np.maximum(d * off_m / plane.camera_height_m(rig), 1.0))
+
+
+__all__ = [
+    "COL", "CONTRAST", "LEVEL", "ROW", "SIGMA", "WIDTH", "StripeConfig", "StripeLines", "Stripes", "find_stripe_lines",
+    "find_stripes",
+]  # fmt: skip
