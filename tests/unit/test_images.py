@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from tests.stereo_folders import HEIGHT, WIDTH, picture
+from tests.image_folders import HEIGHT, WIDTH, picture
 
 from linework.errors import InputError
 from linework.files.images import read_image

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.stereo_folders import camera_toml, picture, stereo_folder, write_images
+from tests.image_folders import camera_toml, picture, stereo_folder, write_images
 
 from linework.errors import ConfigError, InputError, LineworkError
 from linework.files.stereo_series import open_stereo

@@ -6,7 +6,7 @@ import datetime
 import fnmatch
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -107,20 +107,23 @@ def _matching(root: Path, pattern: str, name: str) -> list[Path]:
     # Folders by pattern too, but never through links: they may go round in circles
     parent = str(place.parent.relative_to(base))
     folders = sorted(base.glob(parent)) if any(c in parent for c in "*?[") else [base / parent]
-    files = [path for folder in folders for path in _images_in(folder) if is_wanted.fullmatch(path.name)]
+    files = [path for folder in folders for path in find_images(folder) if is_wanted.fullmatch(path.name)]
     if not files:
         raise InputError(f"{name}.images: '{pattern}' matches no image", where=root,
                          advice="patterns start from the folder of the survey.toml")  # fmt: skip
     return sorted(files, key=name_order)
 
 
-def _images_in(folder: Path) -> Iterator[Path]:
-    """Yield the images of a folder; what is hidden is what other systems leave there."""
-    if folder.is_dir():
-        with os.scandir(folder) as entries:
-            for entry in entries:
-                if entry.name.lower().endswith(IMAGE_SUFFIXES) and not entry.name.startswith("."):
-                    yield folder / entry.name
+def find_images(folder: Path) -> list[Path]:
+    """Return the images of a folder in the order of the numbers in their names.
+
+    What is hidden is no image: other systems leave such files beside one.
+    """
+    if not folder.is_dir():
+        return []
+    with os.scandir(folder) as entries:
+        names = [entry.name for entry in entries if entry.name.lower().endswith(IMAGE_SUFFIXES)]
+    return sorted((folder / name for name in names if not name.startswith(".")), key=name_order)
 
 
 def name_order(path: Path) -> tuple[str, list[tuple[int, str]], str]:
@@ -233,10 +236,10 @@ def _in_time_order(
     order = np.arange(len(files))
     if np.any(np.diff(time_s) < 0.0):
         # A list in another order is no fault where the names are in the order of the times
-        by_name = np.array(sorted(order, key=lambda i: name_order(files[i])), dtype=np.int64)
+        by_name = np.array(sorted(order, key=lambda i: name_order(files[int(i)])), dtype=np.int64)
         if np.all(np.diff(time_s[by_name]) >= 0.0):
             order = by_name
-    files, time_s = [files[i] for i in order], time_s[order]
+    files, time_s = [files[int(i)] for i in order], time_s[order]
     certain = certain_times(time_s)
     steps = np.diff(time_s)
     warnings = []
@@ -252,4 +255,4 @@ def _in_time_order(
         warnings.append(f"{name}: {n_same} images with the time of the one before left out, first {first}")
     kept = np.flatnonzero(certain)
     kept = kept[np.argsort(time_s[kept], kind="stable")]
-    return tuple(files[i] for i in kept), time_s[kept], tuple(warnings)
+    return tuple(files[int(i)] for i in kept), time_s[kept], tuple(warnings)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import warnings
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import PIL.Image
@@ -57,42 +59,69 @@ def read_image(path: Path, camera: Camera) -> AnyArray:
     image; images of 10 or 12 bits that were not scaled up to 16 are refused. Sizes are compared before a pixel
     is decoded. Exif that is damaged is ignored.
     """
-    n_bytes = regular_file_bytes(path)
-    if n_bytes == 0:
-        raise InputError("empty file (0 bytes)", where=path, advice=_DAMAGED)
+    n_bytes = _bytes_of(path)
     if n_bytes > camera.width * camera.height * _MAX_BYTES_PER_PIXEL + _MAX_NOTES_BYTES:
         raise InputError(
             f"{n_bytes:,} bytes, too many for an image of {camera.width} x {camera.height} pixels", where=path,
             advice="check what this file is",
         )  # fmt: skip
     data = path.read_bytes()
+    with _as_input_errors(path, f", the calibration says {_size(camera)}"):
+        return _decoded(data, path, camera)
+
+
+def image_size(path: Path) -> tuple[int, int]:
+    """Return width and height of an image by its header.
+
+    Raises
+    ------
+    InputError
+        Missing, no image, absurdly large.
+    """
+    _bytes_of(path)
+    with _as_input_errors(path), path.open("rb") as file, _opened(file, path) as image:
+        return int(image.width), int(image.height)
+
+
+def _bytes_of(path: Path) -> int:
+    n_bytes = regular_file_bytes(path)
+    if n_bytes == 0:
+        raise InputError("empty file (0 bytes)", where=path, advice=_DAMAGED)
+    return n_bytes
+
+
+@contextlib.contextmanager
+def _as_input_errors(path: Path, expected: str = "") -> Iterator[None]:
+    """Turn whatever Pillow raises for a damaged file into one line that names it."""
     with warnings.catch_warnings():
         # Of Pillow's warnings one is about bombs, the others about Exif that is damaged
         warnings.simplefilter("ignore")
         warnings.simplefilter("error", PIL.Image.DecompressionBombWarning)
         try:
-            return _decoded(data, path, camera)
+            yield
         except InputError:
             raise
         except (PIL.Image.DecompressionBombWarning, PIL.Image.DecompressionBombError) as error:
-            raise InputError(
-                f"image of more than {PIL.Image.MAX_IMAGE_PIXELS:,} pixels, the calibration says {_size(camera)}",
-                where=path, advice="check what this file is",
-            ) from error  # fmt: skip
-        # Pillow's decoders raise what they please for damaged files: SyntaxError, struct.error, KeyError ...
+            raise InputError(f"image of more than {PIL.Image.MAX_IMAGE_PIXELS:,} pixels{expected}", where=path,
+                             advice="check what this file is") from error  # fmt: skip
+        # Its decoders raise what they please: SyntaxError, struct.error, KeyError, MemoryError ...
         except Exception as error:
             reason = str(error).strip("'\".").split("\n")[0][:80] or type(error).__name__
             raise InputError(f"damaged image ({reason})", where=path, advice=_DAMAGED) from error
 
 
-def _decoded(data: bytes, path: Path, camera: Camera) -> AnyArray:
-    """Return the grey values, having looked at the size before decoding and at the end of the data after it."""
+def _opened(file: BinaryIO, path: Path) -> PIL.Image.Image:
+    """Return an image whose header has been read."""
     try:
-        image = PIL.Image.open(io.BytesIO(data), formats=_FORMATS)
+        return PIL.Image.open(file, formats=_FORMATS)
     except PIL.UnidentifiedImageError as error:
         raise InputError("not an image (PNG, JPEG, TIFF, BMP, PGM), or its header is damaged", where=path,
                          advice="check what this file is") from error  # fmt: skip
-    with image:
+
+
+def _decoded(data: bytes, path: Path, camera: Camera) -> AnyArray:
+    """Return the grey values, having looked at the size before decoding and at the end of the data after it."""
+    with _opened(io.BytesIO(data), path) as image:
         turned = _orientation(image)
         if image.size != (camera.width, camera.height):
             by_exif = f", to be turned (Exif orientation {turned})" if turned != 1 else ""

@@ -1,13 +1,13 @@
-"""Open a survey: laser files, a folder of them, or a folder with a survey.toml."""
+"""Open a survey: laser files, a folder of them, a folder with a survey.toml, or a KITTI folder."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from linework.errors import CrsError, InputError, UsageError
-from linework.files.crs import describe_crs, has_height, parse_crs, same_crs, same_plan
+from linework.files.crs import LOCAL, describe_crs, has_height, parse_crs, same_crs, same_plan
+from linework.files.kitti import read_kitti_folder
 from linework.files.las_crs import resolve_crs
 from linework.files.las_header import read_las_header, regular_file_bytes
 from linework.files.survey_file import read_survey_file
@@ -23,7 +23,8 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
     Parameters
     ----------
     inputs
-        .las, .laz or .copc.laz files, folders of them, one folder with a survey.toml, or that file.
+        .las, .laz or .copc.laz files, folders of them, one folder with a survey.toml, or that file; or one
+        KITTI raw drive or odometry sequence.
     crs
         The CRS where the files do not say it: "EPSG:...", WKT or "local".
 
@@ -47,13 +48,16 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
     for path in inputs:
         _check_local(path)
     found = _survey_file_of(inputs)
-    if found is None:
-        settings: dict[str, Any] = {}
-        root = inputs[0] if inputs[0].is_dir() else inputs[0].parent
-        files = _each_once([file for path in inputs for file in _files_of(path)])
-    else:
+    kitti = read_kitti_folder(inputs[0]) if found is None and len(inputs) == 1 else None
+    if found is not None:
         settings, root = read_survey_file(found), found.parent
         files = _each_once(_matching(root, settings.get("points", {}).get("files", []), found))
+    elif kitti is not None:
+        settings, root, files = {"crs": crs or LOCAL, **kitti.settings}, inputs[0], ()
+    else:
+        settings = {}
+        root = inputs[0] if inputs[0].is_dir() else inputs[0].parent
+        files = _each_once([file for path in inputs for file in _files_of(path)])
     given = _given_crs(crs, settings.get("crs"), found)
     if given is not None:
         settings = {**settings, "crs": given}
@@ -67,7 +71,8 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
         trajectory_file=root / trajectory["file"] if "file" in trajectory else None,
         trajectory_lever_m=(lever_x, lever_y, lever_z),
         settings=settings,
-        settings_file=found,
+        settings_file=kitti.calibration if kitti else found,
+        warnings=kitti.warnings if kitti else (),
     )
 
 
