@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from linework.evaluation.tolerance import KindMatch
     from linework.model.lines import LineSet
     from linework.model.points import Points
-    from linework.tiling.run import Extraction
+    from linework.tiling.extraction import Extraction
     from linework.tiling.steps import Steps
 
 #: The survey: a street with every kind of line (kerbs that turn into a side street, dashed and solid markings,
@@ -74,8 +74,8 @@ def _extract_and_score(folder: Path, steps: Steps, *, overwrite: bool) -> None:
     from linework.files.survey import open_survey
     from linework.methods.choose import ALL_KINDS, choose_methods
     from linework.tiling.extract_to import Order, extract_to
-    from linework.tiling.opened import opened_survey
     from linework.tiling.overview import points_for_pictures
+    from linework.tiling.recordings import opened_recordings
     from linework.tiling.settings import RunSettings
     from linework.tiling.work_folder import work_folder
 
@@ -90,11 +90,12 @@ def _extract_and_score(folder: Path, steps: Steps, *, overwrite: bool) -> None:
     work, n_workers = work_folder(survey.root), usable_cores()
     with (
         executor_for(survey, n_workers, settings) as executor,
-        opened_survey(survey, work, n_threads=n_workers, steps=steps) as opened,
+        opened_recordings(survey, work, images=False, n_threads=n_workers, steps=steps) as recordings,
     ):
-        record, found = extract_to(order, opened, work, executor, steps)
-        assert found is not None  # only a run that is resumed may find itself finished
-        points = points_for_pictures(opened.points)
+        record, found = extract_to(order, recordings, work, executor, steps)
+        # Only a run that is resumed may find itself finished; the demo's survey has points
+        assert found is not None and recordings.points is not None
+        points = points_for_pictures(recordings.points.points)
     _score_and_report(folder, found, points, record, steps, overwrite=overwrite)
 
 

@@ -1,4 +1,4 @@
-"""`linework extract`: the main job, from laser points to lines."""
+"""`linework extract`: the main job, from laser points and stereo images to lines."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from linework.cli.first_run import tell_of_compiling
 if TYPE_CHECKING:
     from linework.model.survey import Survey
     from linework.tiling.executors import Executor
-    from linework.tiling.opened import OpenedSurvey
-    from linework.tiling.run import Extraction
+    from linework.tiling.extraction import Extraction
+    from linework.tiling.recordings import Recordings
     from linework.tiling.settings import RunSettings
 
 #: More failures than this are counted, not listed: run.json has all.
@@ -28,14 +28,18 @@ MAX_LISTED = 3
 def extract(
     surveys: Annotated[
         list[Path],
-        typer.Argument(metavar="SURVEY...", help="Laser files, a folder of them, or a survey folder."),
+        typer.Argument(
+            metavar="SURVEY...", help="Laser files, a folder of them, a survey folder, or a KITTI drive."
+        ),
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Lines to write: .gpkg, .geojson, .dxf ...")],
     features: Annotated[
         str,
         typer.Option("--features", help="Kinds to look for, for example guardrail,cable; all if not given."),
     ] = "",
-    method: Annotated[str, typer.Option("--method", help="auto, obb or radon.")] = "auto",
+    method: Annotated[
+        str, typer.Option("--method", help="auto, obb, radon (laser points) or stereo (images).")
+    ] = "auto",
     trajectory: Annotated[
         Path | None,
         typer.Option("--trajectory", help="Where the van was (CSV), its origin, not an antenna's."),
@@ -87,35 +91,54 @@ def extract(
         check_method(method, kinds)
         settings = read_settings(config)
         survey = with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
+        kinds = findable_kinds(survey, kinds, asked=bool(features))
         folder, n_workers, steps = work_folder(survey.root, work), workers or usable_cores(), Steps(display)
         executor = held.enter_context(executor_for(survey, n_workers, settings))
         ahead = import_ahead(
             "linework.tiling.extract_to", "linework.methods.choose", "linework.files.vectors_gpkg"
         )
-        from linework.tiling.opened import opened_survey
+        from linework.tiling.recordings import opened_recordings
 
-        opened = held.enter_context(opened_survey(survey, folder, n_threads=n_workers, steps=steps))
+        wanted = {"laser": method != "stereo", "images": method in ("auto", "stereo")}
+        recordings = held.enter_context(
+            opened_recordings(survey, folder, n_threads=n_workers, steps=steps, **wanted)
+        )
         ahead.join()
-        from linework.methods.choose import choose_methods
+        from linework.methods.choose import choose_methods, stereo_method
         from linework.tiling.extract_to import Order, extract_to
 
         tell_of_compiling(kinds, quiet=quiet)
         order = Order(
             output=output,
             methods=choose_methods(method, kinds, radon=settings.radon, obb=settings.obb),
+            stereo=stereo_method(method, kinds, settings.stereo),
             settings=settings,
             parameters=_parameters(survey, kinds, method, crs, settings),
             overwrite=overwrite,
             resume=resume,
         )
-        record, found = extract_to(order, opened, folder, executor, steps)
+        record, found = extract_to(order, recordings, folder, executor, steps)
         if report is not None and found is not None:
             with steps.step("write report"):
-                _write_report(report, found, opened, record, overwrite=overwrite or resume)
+                _write_report(report, found, recordings, record, overwrite=overwrite or resume)
     for warning in record["warnings"]:
         warn(warning)
     _print_result(record, as_json=as_json)
     _tell_what_is_missing(record, output)
+
+
+def findable_kinds(survey: Survey, kinds: tuple[str, ...], *, asked: bool) -> tuple[str, ...]:
+    """Return those kinds that can be found in what the survey has; refuse others that were asked for by name."""
+    from linework.errors import UsageError
+    from linework.methods.kinds import KINDS_OF
+
+    if survey.point_files:
+        return kinds
+    missing = [kind for kind in kinds if kind not in KINDS_OF["stereo"]]
+    if missing and asked:
+        raise UsageError(f"{', '.join(missing)}: only laser points show them, and the survey has none",
+                         where="--features", advice=f"ask for {','.join(KINDS_OF['stereo'])}")  # fmt: skip
+    return tuple(kind for kind in kinds if kind in KINDS_OF["stereo"])
 
 
 def usable_cores() -> int:
@@ -130,7 +153,9 @@ def executor_for(survey: Survey, n_workers: int, settings: RunSettings) -> Itera
     from linework.tiling.processes import Processes
     from linework.tiling.stores import promised_points
 
-    if n_workers == 1 or promised_points(survey) <= settings.tiling.max_points:
+    # Images are many small windows of work: they are worth workers as soon as there are any
+    is_small = promised_points(survey) <= settings.tiling.max_points and not survey.settings.get("cameras")
+    if n_workers == 1 or is_small:
         yield Serial()
         return
     with Processes(n_workers, modules=("linework.tiling.tile_task", "linework.methods.choose")) as processes:
@@ -177,6 +202,7 @@ def _parameters(
         "crs": crs or None,
         "trajectory": str(survey.trajectory_file) if survey.trajectory_file else None,
         "lever_m": list(survey.trajectory_lever_m),
+        "cameras": survey.settings.get("cameras"),
         "settings": asdict(settings),
     }
 
@@ -196,19 +222,22 @@ def _check_report(report: Path | None, output: Path, *, overwrite: bool) -> None
 
 
 def _write_report(
-    report: Path, found: Extraction, opened: OpenedSurvey, record: dict[str, Any], *, overwrite: bool
+    report: Path, found: Extraction, recordings: Recordings, record: dict[str, Any], *, overwrite: bool
 ) -> None:
     """Draw the lines over the points, and list them."""
     from linework.evaluation.report import Report, report_html
+    from linework.evaluation.stereo_views import StereoViews
     from linework.files.pages import write_page
     from linework.tiling.overview import points_for_pictures
     from linework.tiling.record import facts_of
 
+    store, stereo = recordings.points.points if recordings.points else None, recordings.stereo
     page = Report(
         title=f"Lines of {found.source}",
         lines=found.lines,
-        points=points_for_pictures(opened.points),
-        points_in=opened.points.points,
+        points=points_for_pictures(store) if store else None,
+        points_in=store.points if store else None,
+        views=StereoViews(stereo.poses, stereo.numbers, stereo.pair) if stereo else None,
         facts=facts_of(record),
     )
     write_page(report_html(page), report, overwrite=overwrite)
@@ -234,15 +263,17 @@ def _tell_what_is_missing(record: dict[str, Any], output: Path) -> None:
         warn(f"{output}: nothing found: its layers are there and empty")
     failures = record["failures"]
     if failures:
+        counts = record["counts"]
+        totals = {"file": counts["files"], "tile": counts["tiles"], "image": 2 * counts["stereo_pairs"]}
         what = " and ".join(
-            f"{n} of {of} {name}s"
-            for name, of in (("file", record["counts"]["files"]), ("tile", record["counts"]["tiles"]))
+            f"{n} of {of} {name}s" if of else f"all {name}s"
+            for name, of in totals.items()
             if (n := sum(name in failure for failure in failures))
         )
         listed = "; ".join(
-            failure["problem"].rstrip(".")
-            if "file" in failure
-            else f"tile {failure['tile']}: {failure['problem']}"
+            f"tile {failure['tile']}: {failure['problem']}"
+            if "tile" in failure
+            else failure["problem"].rstrip(".")
             for failure in failures[:MAX_LISTED]
         )
         more = f" and {len(failures) - MAX_LISTED} more" if len(failures) > MAX_LISTED else ""

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
+from linework.errors import InputError
 from linework.evaluation.figures import cable_figure, rail_figure
 from linework.evaluation.line_tables import kinds_table, lines_table
 from linework.evaluation.picture import hits_figure, png, tolerance_figure
@@ -17,6 +20,7 @@ from linework.evaluation.road_figures import kerb_figure, marking_figure
 from linework.evaluation.road_sections import kerb_cuts, marking_cuts
 from linework.evaluation.scores import Scores
 from linework.evaluation.sections import cable_section, rail_sections
+from linework.evaluation.stereo_views import StereoViews, chosen_numbers, views_figure
 from linework.evaluation.table_texts import TextTable
 from linework.evaluation.tables import score_tables
 from linework.evaluation.tolerance import KindMatch
@@ -48,6 +52,8 @@ class Report:
         Lines that are right, or None.
     parts, scores
         Their comparison (`match_lines`, `scores_of`); empty and None without a reference.
+    views
+        Stereo pairs to draw the lines into, or None.
     """
 
     title: str
@@ -58,6 +64,7 @@ class Report:
     reference: LineSet | None = None
     parts: Sequence[KindMatch] = ()
     scores: Scores | None = None
+    views: StereoViews | None = None
 
 
 def report_html(report: Report) -> str:
@@ -91,14 +98,17 @@ def report_html(report: Report) -> str:
 def _figures(report: Report) -> Iterator[tuple[str, str, Figure]]:
     """Yield title, caption and figure of what there is to draw."""
     over = "brightness of the ground, made even" if _has_intensity(report) else "how many points per cell"
+    has_points = report.points is not None and len(report.points) > 0
     yield (
-        "Lines over the points",
-        f"Plan; grey: {over}. Turned so that the road lies along the picture.",
+        "Lines over the points" if has_points else "Lines",
+        f"Plan{f'; grey: {over}' if has_points else ''}. Turned so that the road lies along the picture.",
         plan_figure(report.lines, report.points),
     )
     if report.points is not None and len(report.points):
         yield from _close_figures(report, report.points, report.points_in or _reader(report.points))
         yield from _section_figures(report, report.points)
+    if report.views is not None and len(report.views.numbers):
+        yield from _view_figures(report.lines, report.views)
     if report.parts and report.scores is not None:
         yield (
             "Found, missed, wrong",
@@ -141,6 +151,18 @@ def _section_figures(report: Report, points: Points) -> Iterator[tuple[str, str,
     section = cable_section(points, report.lines, report.reference)
     if section is not None:
         yield "Along a span of cables", "Vertical slice 6 m thick.", cable_figure(section)
+
+
+def _view_figures(lines: LineSet, views: StereoViews) -> Iterator[tuple[str, str, Figure]]:
+    """Yield the lines in some stereo pairs; pairs that cannot be read are passed over, the run has told of them."""
+    as_measured = lines.take(np.char.endswith(lines.kind, "_stereo")) if len(lines) else lines
+    shown = as_measured if len(as_measured) else lines
+    with contextlib.suppress(InputError):
+        yield (
+            "Lines in the images",
+            "Left and right image, rectified; the lines as the images show them, projected back into both.",
+            views_figure(views, shown, chosen_numbers(shown, views)),
+        )
 
 
 def _has_intensity(report: Report) -> bool:

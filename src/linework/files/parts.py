@@ -15,6 +15,7 @@ from linework.files.publish import machine_errors
 from linework.model.arrays import AnyArray
 from linework.model.boxes import BOX_COLUMNS, BoxSet
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+from linework.model.sightings import SIGHTING_COLUMNS, Sightings
 from linework.model.trajectory import Trajectory
 
 
@@ -45,6 +46,17 @@ def read_box_part(path: Path, sha256: str) -> BoxSet | None:
     """Return the boxes of a part, or None where it is gone or is not what was written."""
     columns = _read(path, sha256)
     return None if columns is None else BoxSet(**columns)
+
+
+def write_sighting_part(seen: Sightings, path: Path) -> str:
+    """Write sightings, as `write_line_part` does lines."""
+    return _write({name: getattr(seen, name) for name in ("xyz", *SIGHTING_COLUMNS)}, path)
+
+
+def read_sighting_part(path: Path, sha256: str) -> Sightings | None:
+    """Return the sightings of a part, or None where it is gone or is not what was written."""
+    columns = _read(path, sha256)
+    return None if columns is None else Sightings(**columns)
 
 
 def write_path_part(trajectory: Trajectory, path: Path) -> str:

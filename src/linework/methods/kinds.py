@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from linework.errors import UsageError
 
-#: The kinds each method finds; `auto` takes the first method that finds a kind.
+#: The kinds each method finds: obb and radon in laser points, stereo in images. `auto` takes all of them.
 KINDS_OF = {
     "obb": ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top"),
     "radon": ("guardrail", "barrier", "cable"),
+    "stereo": ("lane_marking", "lane_marking_dash"),
 }
 ALL_KINDS = tuple(dict.fromkeys(kind for kinds in KINDS_OF.values() for kind in kinds))
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from linework.errors import PartialError
 from linework.files.survey import open_survey
-from linework.methods.choose import ALL_KINDS, choose_methods
+from linework.methods.choose import ALL_KINDS, choose_methods, stereo_method
 from linework.model.lines import LineSet
-from linework.tiling.opened import opened_survey
-from linework.tiling.run import extract_lines
+from linework.tiling.find import find_lines
+from linework.tiling.recordings import opened_recordings
 from linework.tiling.settings import RunSettings
 from linework.tiling.unfinished import run_folder
 from linework.tiling.work_folder import work_folder
@@ -25,7 +25,7 @@ def extract(
     settings: RunSettings | None = None,
     work: Path | None = None,
 ) -> LineSet:
-    """Return the lines of a survey: LAS / LAZ files, a folder of them, or a folder with a survey.toml.
+    """Return the lines of a survey: LAS / LAZ files, a folder of them, a survey folder, or a KITTI drive.
 
     Parameters
     ----------
@@ -40,7 +40,8 @@ def extract(
     Raises
     ------
     LineworkError
-        One line: which file, what is wrong, what to do. A tile that could not be worked is an error here.
+        One line: which file, what is wrong, what to do. A tile or an image that could not be worked is an
+        error here.
 
     >>> import linework
     >>> linework.extract("no-such-file.laz")
@@ -51,16 +52,18 @@ def extract(
     survey = open_survey([Path(item) for item in listed], crs=crs)
     settings = settings or RunSettings()
     methods = choose_methods("auto", kinds, radon=settings.radon, obb=settings.obb)
+    stereo = stereo_method("auto", kinds, settings.stereo)
     with tempfile.TemporaryDirectory(prefix="linework-") as temporary:
         folder = work_folder(survey.root, work or Path(temporary))
         with (
-            opened_survey(survey, folder) as opened,
+            opened_recordings(survey, folder, images=stereo is not None) as recordings,
             run_folder(folder, Path(temporary) / "lines", {}) as run,
         ):
-            found = extract_lines(opened, methods, run, road=settings.road, tiling=settings.tiling)
-    if found.failures:
-        tile, problem = found.failures[0]
+            found = find_lines(recordings, methods, stereo, run, settings=settings)
+    failures = [*found.failures, *(found.pairs.failures if found.pairs else ())]
+    if failures:
+        what, problem = failures[0]
         raise PartialError(
-            f"{len(found.failures)} tiles failed, the first {tile}: {problem}", where=survey.name
+            f"{len(failures)} tiles or images failed, the first {what}: {problem}", where=survey.name
         )
     return found.lines

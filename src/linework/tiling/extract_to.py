@@ -12,11 +12,13 @@ from typing import Any
 from linework.errors import OutputExistsError
 from linework.files.run_record import hash_file
 from linework.methods.protocol import Method
+from linework.methods.stereo.method import StereoMethod
 from linework.tiling.executors import Executor
-from linework.tiling.opened import OpenedSurvey
+from linework.tiling.extraction import Extraction
+from linework.tiling.find import find_lines
 from linework.tiling.outputs import publish_extraction
 from linework.tiling.record import record_path
-from linework.tiling.run import Extraction, extract_lines
+from linework.tiling.recordings import Recordings
 from linework.tiling.settings import RunSettings
 from linework.tiling.steps import Steps
 from linework.tiling.unfinished import describe_run, fingerprint_of, made_here, run_folder
@@ -30,6 +32,8 @@ class Order:
     ----------
     output
         File of the lines.
+    methods, stereo
+        What looks at the points, and what looks at the stereo pairs.
     parameters
         All that was asked for, as it goes into the record.
     overwrite
@@ -42,12 +46,13 @@ class Order:
     methods: Sequence[Method]
     settings: RunSettings
     parameters: Mapping[str, Any]
+    stereo: StereoMethod | None = None
     overwrite: bool = False
     resume: bool = False
 
 
 def extract_to(
-    order: Order, opened: OpenedSurvey, work: Path, executor: Executor, steps: Steps
+    order: Order, recordings: Recordings, work: Path, executor: Executor, steps: Steps
 ) -> tuple[dict[str, Any], Extraction | None]:
     """Make the lines of a survey; return the record, and what was found unless it had been finished before.
 
@@ -58,7 +63,7 @@ def extract_to(
     UsageError
         The run to resume was begun with other parameters.
     """
-    described = describe_run(order.parameters, opened.hashes)
+    described = describe_run(order.parameters, recordings.hashes)
     fingerprint = fingerprint_of(described)
     if order.resume and os.path.lexists(order.output):
         record = _finished(order.output, fingerprint)
@@ -70,9 +75,9 @@ def extract_to(
                 advice="choose another name or give --overwrite",
             )  # fmt: skip
     with run_folder(work, order.output, described, resume=order.resume) as run:
-        found = extract_lines(
-            opened, order.methods, run,
-            road=order.settings.road, tiling=order.settings.tiling, executor=executor, steps=steps,
+        found = find_lines(
+            recordings, order.methods, order.stereo, run,
+            settings=order.settings, executor=executor, steps=steps,
         )  # fmt: skip
         record = publish_extraction(
             found, order.output, {**order.parameters, "fingerprint": fingerprint},

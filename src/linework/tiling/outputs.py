@@ -8,9 +8,10 @@ from typing import Any
 
 from linework.files.crs import describe_crs
 from linework.files.run_record import hash_file, write_json
+from linework.files.store_facts import StoreFacts
 from linework.files.vectors import write_lines
+from linework.tiling.extraction import Extraction
 from linework.tiling.record import record_path, set_aside, versions
-from linework.tiling.run import Extraction
 from linework.tiling.sources import path_text
 from linework.tiling.steps import Steps
 
@@ -61,11 +62,7 @@ def record_of(
     RuntimeError
         Points in the files are not points used and points left out, or lines are of kinds not looked for.
     """
-    read, lines = extraction.read, extraction.lines
-    n_promised = sum(facts.n_promised for facts in read.files)
-    n_rejected = sum(read.rejected.values())
-    if n_promised != read.n_points + n_rejected:
-        raise RuntimeError(f"{n_promised} points, but {read.n_points} used and {n_rejected} left out")
+    read, lines, pairs = extraction.read, extraction.lines, extraction.pairs
     n_lines = {kind: int((lines.kind == kind).sum()) for kind in extraction.kinds}
     if sum(n_lines.values()) != len(lines):
         raise RuntimeError(f"{len(lines)} lines, but {n_lines} of the kinds that were looked for")
@@ -80,11 +77,10 @@ def record_of(
         ],
         "output": {"file": path_text(output), "bytes": output.stat().st_size, "sha256": hash_file(output)},
         "counts": {
-            "files": len(read.files) + len(read.failures),
+            **_point_counts(read),
             "tiles": len(extraction.tiles),
-            "points_in_files": n_promised,
-            "points_used": read.n_points,
-            "points_rejected": dict(read.rejected),
+            "stereo_pairs": pairs.n_pairs if pairs else 0,
+            "stereo_pairs_used": pairs.n_used if pairs else 0,
             "lines": n_lines,
             "length_m": {
                 kind: round(float(lines.length_m[lines.kind == kind].sum()), 3) for kind in extraction.kinds
@@ -104,10 +100,33 @@ def record_of(
         ],
         "warnings": list(extraction.warnings),
         "failures": [
-            *({"file": path_text(file), "problem": problem} for file, problem in read.failures),
+            *(
+                {"file": path_text(file), "problem": problem}
+                for file, problem in (read.failures if read else ())
+            ),
             *(
                 {"tile": tile, "problem": problem, "trace": extraction.traces.get(tile)}
                 for tile, problem in extraction.failures
             ),
+            *(
+                {"image": path_text(Path(image)), "problem": problem}
+                for image, problem in (pairs.failures if pairs else ())
+            ),
         ],
+    }
+
+
+def _point_counts(read: StoreFacts | None) -> dict[str, Any]:
+    """Return the account of the points: those in the files are those used and those left out."""
+    if read is None:
+        return {"files": 0, "points_in_files": 0, "points_used": 0, "points_rejected": {}}
+    n_promised = sum(facts.n_promised for facts in read.files)
+    n_rejected = sum(read.rejected.values())
+    if n_promised != read.n_points + n_rejected:
+        raise RuntimeError(f"{n_promised} points, but {read.n_points} used and {n_rejected} left out")
+    return {
+        "files": len(read.files) + len(read.failures),
+        "points_in_files": n_promised,
+        "points_used": read.n_points,
+        "points_rejected": dict(read.rejected),
     }

@@ -1,16 +1,13 @@
-"""The main job: a survey's points and surface, its tiles, the lines of all of them joined, named and ordered."""
+"""Lines of a survey's laser points: its surface, its tiles, the lines of all of them joined, named and ordered."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
 from linework.errors import PartialError
-from linework.files.journal import Entry
-from linework.files.parts import part_is_whole, read_box_part, read_line_part, write_path_part
-from linework.files.store_facts import StoreFacts
+from linework.files.parts import read_box_part, read_line_part, write_path_part
 from linework.files.store_layout import BLOCK_M
 from linework.files.store_read import PointStore
 from linework.methods.protocol import BoxMethod, Method
@@ -20,6 +17,7 @@ from linework.model.tile import local_origin
 from linework.model.trajectory import Trajectory
 from linework.surface.road import RoadConfig
 from linework.tiling.executors import Executor, Outcome, Serial
+from linework.tiling.extraction import Extraction, TileReport
 from linework.tiling.identify import identify
 from linework.tiling.opened import OpenedSurvey, surface_of
 from linework.tiling.plan import Tile, TilingConfig, plan_tiles
@@ -30,52 +28,9 @@ from linework.tiling.steps import Steps
 from linework.tiling.surfaces import SurveySurface
 from linework.tiling.tile_task import Job, TileReceipt, TileTask, work_tile
 from linework.tiling.unfinished import RunFolder
+from linework.tiling.work_all import work_all
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True)
-class TileReport:
-    """What came of a tile: points it saw (core and buffer), lines found, or the problem."""
-
-    name: str
-    tile: Tile
-    n_points: int = 0
-    n_lines: int = 0
-    problem: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Extraction:
-    """Lines of a survey and the account of how they came about.
-
-    Parameters
-    ----------
-    source
-        Name of the survey.
-    lines
-        In their fixed order, with their names.
-    kinds
-        What was looked for.
-    read
-        Points used and left out, file by file.
-    failures
-        (tile, problem) of what could not be worked.
-    traces
-        Tracebacks of tiles that failed by a fault of linework's own.
-    hashes
-        SHA-256 of every input file.
-    """
-
-    source: str
-    lines: LineSet
-    kinds: tuple[str, ...]
-    read: StoreFacts
-    tiles: tuple[TileReport, ...]
-    failures: tuple[tuple[str, str], ...]
-    traces: Mapping[str, str]
-    hashes: Mapping[Path, str]
-    warnings: tuple[str, ...]
 
 
 def extract_lines(
@@ -112,7 +67,8 @@ def extract_lines(
     survey = opened.survey
     surface = surface_of(opened, road or RoadConfig(), executor, steps)
     tasks = _tasks(opened, methods, run, surface, tiling or TilingConfig())
-    done, failed = _worked(tasks, run, executor, steps)
+    with steps.step("find lines", unit="tiles") as advance:
+        done, failed = work_all(work_tile, tasks, TileReceipt, run, executor, advance)
     if not done:
         _raise_failure(failed[0], len(tasks), survey.name)
     problems = {outcome.task.name: outcome.problem for outcome in failed}
@@ -168,24 +124,6 @@ def _tasks(
     ]
 
 
-def _worked(
-    tasks: Sequence[TileTask], run: RunFolder, executor: Executor, steps: Steps
-) -> tuple[dict[str, TileReceipt], list[Outcome[TileTask, TileReceipt]]]:
-    """Work the tiles that are not done yet; return receipts by the tasks' names, and what failed."""
-    with steps.step("find lines", unit="tiles") as advance:
-        done, failed = _taken_over(run, tasks), list[Outcome[TileTask, TileReceipt]]()
-        advance(len(done), len(tasks))
-        for outcome in executor.run(work_tile, [task for task in tasks if task.name not in done]):
-            name = outcome.task.name
-            if outcome.receipt is None:
-                failed.append(outcome)
-            else:
-                done[name] = outcome.receipt
-                run.journal.enter(Entry(name, outcome.receipt.sha256, outcome.receipt.as_document()))
-            advance(len(done) + len(failed), len(tasks))
-    return done, failed
-
-
 def _raise_failure(first: Outcome[TileTask, TileReceipt], n_tasks: int, name: str) -> NoReturn:
     """End a run of which no tile could be worked; with the traceback, where that is our own fault."""
     if first.trace:
@@ -196,17 +134,6 @@ def _raise_failure(first: Outcome[TileTask, TileReceipt], n_tasks: int, name: st
         f"none of {n_tasks} tiles could be worked: {first.problem.rstrip('.')}", where=name,
         advice="mend that, and run again",
     )  # fmt: skip
-
-
-def _taken_over(run: RunFolder, tasks: Sequence[TileTask]) -> dict[str, TileReceipt]:
-    """Return the receipts of tiles that an earlier process has done, if their lines are still what they were."""
-    entries = run.journal.done()
-    found = {}
-    for task in tasks:
-        entry = entries.get(task.name)
-        if entry is not None and part_is_whole(task.result, entry.sha256):
-            found[task.name] = TileReceipt(**entry.receipt)
-    return found
 
 
 def _lines_of(

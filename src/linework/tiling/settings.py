@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from linework.methods.obb.method import ObbConfig
 from linework.methods.radon.method import RadonConfig
+from linework.methods.stereo.method import StereoConfig
 from linework.model.settings import group
 from linework.surface.road import RoadConfig
 from linework.tiling.plan import TilingConfig
@@ -18,4 +19,5 @@ class RunSettings:
     road: RoadConfig = group(RoadConfig)
     radon: RadonConfig = group(RadonConfig)
     obb: ObbConfig = group(ObbConfig)
+    stereo: StereoConfig = group(StereoConfig)
     tiling: TilingConfig = group(TilingConfig)

@@ -1,0 +1,118 @@
+"""All that a survey's van recorded, opened: laser points, stereo pairs, or both."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from linework.errors import ConfigError, InputError
+from linework.files.run_record import hash_file
+from linework.files.stereo_series import open_stereo
+from linework.files.survey_points import read_survey_trajectory
+from linework.model.survey import Survey
+from linework.model.trajectory import Trajectory
+from linework.navigation.lever import at_vehicle_origin
+from linework.tiling.opened import OpenedSurvey, opened_survey
+from linework.tiling.opened_stereo import OpenedStereo, place_pairs
+from linework.tiling.steps import Steps
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recordings:
+    """What there is to find lines in.
+
+    Parameters
+    ----------
+    points, stereo
+        None where the survey has none, or none was asked for.
+    problems
+        (what, problem) of what cannot be used at all although the rest can.
+    hashes
+        SHA-256 of every input file that can be read.
+    """
+
+    survey: Survey
+    points: OpenedSurvey | None
+    stereo: OpenedStereo | None
+    problems: tuple[tuple[str, str], ...] = ()
+    hashes: Mapping[Path, str] = field(default_factory=dict)
+
+    @property
+    def trajectory(self) -> Trajectory | None:
+        """Path of the vehicle's origin."""
+        opened = self.stereo or self.points
+        return None if opened is None else opened.trajectory
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """One line each."""
+        of_points = self.points.warnings if self.points else ()
+        return (*of_points, *(self.stereo.series.warnings if self.stereo else ()))
+
+
+@contextlib.contextmanager
+def opened_recordings(
+    survey: Survey,
+    work: Path,
+    *,
+    laser: bool = True,
+    images: bool = True,
+    n_threads: int = 1,
+    steps: Steps | None = None,
+) -> Iterator[Recordings]:
+    """Give the recordings of a survey that are asked for.
+
+    Parameters
+    ----------
+    laser, images
+        Whether points, whether stereo pairs are to be used where the survey has them.
+
+    Raises
+    ------
+    InputError
+        There is nothing that can be used. Where one kind of recording can be used and the other cannot, that is
+        no error here: `Recordings.problems` tells.
+    """
+    has_points, has_images = (
+        laser and bool(survey.point_files),
+        images and bool(survey.settings.get("cameras")),
+    )
+    if not has_points and not has_images:
+        asked = " and no ".join([*["laser points"] * laser, *["stereo images ([cameras])"] * images])
+        raise InputError(f"no {asked} in this survey", where=survey.name,
+                         advice="see what there is with linework info")  # fmt: skip
+    with contextlib.ExitStack() as held:
+        points = None
+        if has_points:
+            points = held.enter_context(opened_survey(survey, work, n_threads=n_threads, steps=steps))
+        stereo: OpenedStereo | None = None
+        problems: tuple[tuple[str, str], ...] = ()
+        if has_images:
+            try:
+                stereo = _opened_stereo(survey, points)
+            except (InputError, ConfigError) as error:
+                if points is None:
+                    raise
+                problems = (("stereo pairs", str(error)),)
+        hashes = dict(points.hashes) if points else {}
+        if stereo is not None:
+            hashes |= stereo.hashes()
+            if survey.trajectory_file is not None and survey.trajectory_file.is_file():
+                hashes[survey.trajectory_file] = hash_file(survey.trajectory_file)
+        yield Recordings(survey=survey, points=points, stereo=stereo, problems=problems, hashes=hashes)
+
+
+def _opened_stereo(survey: Survey, points: OpenedSurvey | None) -> OpenedStereo | None:
+    """Return the stereo pairs with their poses; the trajectory is the one that the points have, where there are any."""
+    series = open_stereo(survey)
+    if series is None:
+        return None
+    if points is not None:
+        trajectory = points.trajectory
+    else:
+        trajectory = read_survey_trajectory(survey)
+        if trajectory is not None:
+            trajectory = at_vehicle_origin(trajectory, survey.trajectory_lever_m)
+    return place_pairs(survey, series, trajectory)
