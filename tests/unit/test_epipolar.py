@@ -1,0 +1,129 @@
+"""Do two images belong together: made-up scenes of known depth, and real pairs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.ndimage import gaussian_filter, map_coordinates
+from tests.image_folders import camera_toml
+
+from linework.errors import InputError
+from linework.files.pair_check import check_pairs
+from linework.files.stereo_series import open_stereo
+from linework.files.survey import open_survey
+from linework.imaging.epipolar import row_fit
+from linework.imaging.rectify import rectifier_of
+from linework.model.arrays import AnyArray
+from linework.model.images import StereoSeries
+
+RAMP = Path(__file__).parents[3] / "shared/data/stereo-ramp"
+SIZE, FOCAL_PX, BASE_M, HEIGHT_M = (320, 240), 250.0, 0.5, 1.6
+
+
+def _view(x_m: float, ahead_m: float, *, row_offset: float = 0.0) -> AnyArray:
+    """Return what a camera `x_m` to the right sees of a road of noise and a wall 40 m ahead, having driven on."""
+    texture = gaussian_filter(np.random.default_rng(5).normal(size=(800, 800)), 1.0)
+    col, row = np.meshgrid(np.arange(SIZE[0]) - SIZE[0] / 2 + 0.5, np.arange(SIZE[1]) - 60.0 + row_offset)
+    with np.errstate(divide="ignore"):
+        road = np.where(row > 0.0, FOCAL_PX * HEIGHT_M / np.maximum(row, 1e-9), np.inf)
+    wall = 40.0 - ahead_m
+    depth = np.minimum(road, wall)
+    x, y = x_m + col * depth / FOCAL_PX, row * depth / FOCAL_PX
+    is_wall = road >= wall
+    # Grain of the road 5 cm, of the wall 20 cm
+    u, v = np.where(is_wall, x / 0.2, x / 0.05), np.where(is_wall, y / 0.2 + 400, (depth + ahead_m) / 0.05)
+    values = map_coordinates(texture, [v % 799, u % 799], order=1)
+    return np.clip(128 + 120 * values, 0, 255).astype(np.uint8)
+
+
+@pytest.fixture(scope="module")
+def series(tmp_path_factory: pytest.TempPathFactory) -> StereoSeries:
+    """Eight pairs, a metre apart."""
+    folder = tmp_path_factory.mktemp("pairs")
+    for side, x in (("left", 0.0), ("right", BASE_M)):
+        (folder / side).mkdir()
+        for i in range(8):
+            Image.fromarray(_view(x, float(i))).save(folder / side / f"{i}.png")
+    tables = [
+        camera_toml(
+            side, images=f"{side}/*.png", rate_hz=10.0, width=SIZE[0], height=SIZE[1], fx=FOCAL_PX, fy=FOCAL_PX,
+            cx=SIZE[0] / 2 - 0.5, cy=60.0, position_m=[1.0, y, HEIGHT_M],
+        )
+        for side, y in (("left", 0.0), ("right", -BASE_M))
+    ]  # fmt: skip
+    (folder / "survey.toml").write_text('crs = "local"\n' + "".join(tables))
+    found = open_stereo(open_survey([folder]))
+    assert found is not None
+    return found
+
+
+def _shifted(series: StereoSeries, by: int, first: int = 0) -> StereoSeries:
+    """Return the series with the right images of others from pair `first` on."""
+    pairs = series.pairs
+    chosen = [i for i in range(len(pairs)) if 0 <= i + (by if i >= first else 0) < len(pairs)]
+    moved = [replace(pairs[i], right=pairs[i + (by if i >= first else 0)].right) for i in chosen]
+    return replace(series, pairs=tuple(moved))
+
+
+def test_rows_of_one_moment_are_the_same() -> None:
+    fit = row_fit(_view(0.0, 0.0), _view(BASE_M, 0.0))
+    assert fit.is_known and fit.error_px < 0.2 and fit.n_fitting > 0.9 * fit.n_matches
+
+
+def test_an_offset_of_rows_is_measured() -> None:
+    fit = row_fit(_view(0.0, 0.0), _view(BASE_M, 0.0, row_offset=-2.5))
+    assert fit.offset_px == pytest.approx(2.5, abs=0.2)
+
+
+def test_nothing_is_said_of_images_without_corners() -> None:
+    grey = np.full((240, 320), 90, dtype=np.uint8)
+    assert not row_fit(grey, grey).is_known
+
+
+def test_pairs_of_one_moment_pass(series: StereoSeries) -> None:
+    check = check_pairs(series, rectifier_of(series.rig))
+    assert check.n_looked_at == 5 and check.error_px < 0.2
+    assert check.doubtful == () and check.warnings == ()
+
+
+@pytest.mark.parametrize(("by", "fitting"), [(1, "earlier"), (-1, "later")])
+def test_an_order_off_by_one_is_refused(series: StereoSeries, by: int, fitting: str) -> None:
+    with pytest.raises(InputError, match=f"the right image one {fitting} fits better"):
+        check_pairs(_shifted(series, by), rectifier_of(series.rig), where="drive")
+
+
+def test_an_order_off_by_one_from_some_pair_on_makes_the_rest_doubtful(series: StereoSeries) -> None:
+    check = check_pairs(_shifted(series, 1, first=3), rectifier_of(series.rig))
+    # The right image of pair 3 is in no pair: no neighbour fits better. 1 to 5 are looked at
+    assert check.doubtful == (4, 5, 6) and "around 0.400, 0.500 s" in check.warnings[0]
+
+
+def test_swapped_images_are_refused(series: StereoSeries) -> None:
+    swapped = tuple(replace(p, left=p.right, right=p.left) for p in series.pairs)
+    with pytest.raises(InputError, match="swapped"):
+        check_pairs(replace(series, pairs=swapped), rectifier_of(series.rig))
+
+
+def test_a_calibration_that_is_not_theirs_is_refused(series: StereoSeries) -> None:
+    wrong = replace(series.rig, right=replace(series.rig.right, cy=65.0))
+    with pytest.raises(InputError, match=r"5\.\d rows apart"):
+        check_pairs(replace(series, rig=wrong), rectifier_of(wrong))
+
+
+def test_unreadable_images_are_left_to_who_uses_them(series: StereoSeries) -> None:
+    gone = tuple(replace(p, left=Path("gone.png")) for p in series.pairs)
+    assert check_pairs(replace(series, pairs=gone), rectifier_of(series.rig)).n_looked_at == 0
+
+
+@pytest.mark.skipif(not RAMP.is_dir(), reason="needs ../shared/data")
+def test_the_real_ramp_is_paired_rightly_and_off_by_one_is_seen() -> None:
+    series = open_stereo(open_survey([RAMP]))
+    assert series is not None
+    rectifier = rectifier_of(series.rig)
+    assert 0.1 < check_pairs(series, rectifier).error_px < 0.6
+    with pytest.raises(InputError, match="one earlier fits better"):
+        check_pairs(_shifted(series, 1), rectifier)
