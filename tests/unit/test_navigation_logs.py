@@ -1,11 +1,15 @@
 """GNSS, gyro and wheel logs of a survey.toml: columns, units, order, what is left out."""
 
+import datetime
+
 import numpy as np
 import pytest
+from tests import gnss_files as made
 
 from linework.errors import ConfigError, InputError
 from linework.files.navigation_logs import read_navigation_logs
 from linework.files.survey import open_survey
+from linework.files.survey_time import to_survey_time
 
 GNSS = "time_s,easting_m,northing_m,height_m,sigma_e_m,sigma_n_m,sigma_z_m\n"
 DEGREES = "time_s,latitude_deg,longitude_deg,ellipsoid_height_m,sigma_e_m,sigma_n_m,sigma_z_m\n"
@@ -41,7 +45,7 @@ def test_values_are_in_si_and_counts_stay_as_logged(tmp_path):
 
 def test_speed_in_place_of_ticks_and_a_gyro_without_tilt(tmp_path):
     logs = read_navigation_logs(
-        survey_of(tmp_path, gyro="yaw_rate_dps,time_s\n1,5\n", wheels="time_s,speed_mps\n0,5\n")
+        survey_of(tmp_path, gyro="yaw_rate_dps,time_s\n5,1\n", wheels="time_s,speed_mps\n0,5\n")
     ).logs
     assert logs.wheels.ticks is None
     np.testing.assert_array_equal(logs.wheels.speed_mps, [5])
@@ -79,6 +83,42 @@ def test_degrees_become_the_surveys_coordinates(tmp_path):
     assert abs(np.hypot(*step[:2]) / parallel - 1.0) < 1e-3
     assert step[0] > 0
     assert step[2] == 1.0
+
+
+@pytest.mark.parametrize("epoch", ["gps_week", "gps_adjusted", "gps", "unix"])
+@pytest.mark.parametrize("is_stated", [True, False])
+def test_all_logs_get_one_clock(tmp_path, epoch, is_stated):
+    noon = datetime.datetime(2024, 5, 28, 12, tzinfo=datetime.UTC).timestamp()
+    start = float(to_survey_time(np.array([noon]), "unix", epoch)[0])
+    survey = survey_of(tmp_path, gyro=f"time_s,yaw_rate_dps\n{start!r},0\n{start + 1!r},1\n")
+    lines = [made.rmc("120000.00", "280524"), *(made.gga(f"12000{i}.00", 46.0, 9.0, 1.0) for i in (0, 1))]
+    (tmp_path / "gnss.csv").rename(tmp_path / "gnss.nmea")
+    (tmp_path / "gnss.nmea").write_text("\n".join(lines))
+    text = (tmp_path / "survey.toml").read_text().replace("gnss.csv", "gnss.nmea")
+    time = {"gps_week": "[time]\nepoch = 'gps_week'\nweek = 2316\n"}.get(
+        epoch, f"[time]\nepoch = '{epoch}'\n"
+    )
+    (tmp_path / "survey.toml").write_text(text + time * is_stated)
+    survey = open_survey([tmp_path])
+    logs = read_navigation_logs(survey).logs
+    np.testing.assert_allclose(logs.gnss.time_s, [start, start + 1], atol=1e-6)
+    np.testing.assert_allclose(logs.gyro.time_s, [start, start + 1], atol=1e-6)
+
+
+def test_logs_of_two_clocks(tmp_path):
+    # Fixes in seconds since 1970, the gyro in GPS seconds of the week
+    fixes = GNSS + "1716897600,1,2,3,.1,.2,.3\n1716897601,2,3,4,.1,.2,.3\n"
+    content = read_navigation_logs(
+        survey_of(tmp_path, gnss=fixes, gyro="time_s,yaw_rate_dps\n216017,0\n216019,1\n")
+    )
+    np.testing.assert_allclose(content.logs.gyro.time_s, [1716897599, 1716897601])
+    assert content.warnings == (
+        "gyro.csv: times are GPS seconds of the week: converted to seconds since 1970",
+    )
+    with pytest.raises(
+        InputError, match=r"gyro\.csv: from 7\.0 to 8\.0 s, the GNSS fixes from .*no common time"
+    ):
+        read_navigation_logs(survey_of(tmp_path, gyro="time_s,yaw_rate_dps\n7,0\n8,1\n"))
 
 
 @pytest.mark.parametrize(

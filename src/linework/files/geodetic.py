@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pyproj
 from pyproj.exceptions import ProjError
+from pyproj.network import set_network_enabled  # type: ignore[attr-defined]
 from pyproj.transformer import TransformerGroup
 
 from linework.errors import ConfigError, CrsError, InputError
@@ -57,30 +58,27 @@ class Places:
     ----------
     xyz
         (n, 3) float64 [m, world].
-    convergence_deg
-        (n,) float64: what is taken off a true heading to get the heading from grid north.
     warnings
         What the user should know.
     """
 
     xyz: FloatArray
-    convergence_deg: FloatArray
     warnings: tuple[str, ...] = ()
 
 
 def to_places(
-    latitude_deg: FloatArray,
-    longitude_deg: FloatArray,
-    height_m: FloatArray,
+    geographic: FloatArray,
     frame: EarthFrame,
     *,
     undulation_m: FloatArray | None = None,
     where: object = None,
 ) -> Places:
-    """Return (n,) geographic places (WGS 84, ellipsoidal heights) in the survey's frame.
+    """Return geographic places in the survey's frame.
 
     Parameters
     ----------
+    geographic
+        (n, 3): latitude, longitude [deg], height above the ellipsoid [m], WGS 84.
     undulation_m
         (n,) height of the geoid above the ellipsoid as the log has it, for ``geoid = "receiver"``.
 
@@ -93,6 +91,7 @@ def to_places(
     ConfigError
         [heights] geoid asks for what is not there.
     """
+    latitude_deg, longitude_deg, height_m = geographic.T
     wrong = (np.abs(latitude_deg) > 90.0) | (np.abs(longitude_deg) > 360.0)
     if wrong.any():
         first = int(np.argmax(wrong))
@@ -109,7 +108,7 @@ def to_places(
         xyz, said = _transformed(longitude_deg, latitude_deg, None, _plan_of(frame.crs), where)
         xyz[:, 2] = height_m - _undulation(longitude_deg, latitude_deg, frame, undulation_m, where)
     _check_finite(xyz, frame.crs, where)
-    return Places(xyz, _convergence_deg(longitude_deg, latitude_deg, frame.crs), said)
+    return Places(xyz, said)
 
 
 def _plan_of(crs: str) -> str:
@@ -121,6 +120,7 @@ def _transformed(
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Return (n, 3) east, north and height (0 where none is given), and a warning where PROJ has no good way."""
     source = "EPSG:4326" if height_m is None else "EPSG:4979"
+    set_network_enabled(active=False)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # said below, in one line
         ways = TransformerGroup(source, crs, always_xy=True, allow_ballpark=False)
@@ -139,13 +139,11 @@ def _transformed(
         good_to = f", good to {best:g} m" if best >= 0 else ""
         said = (f"PROJ has no grid {missing[0]} for {describe_crs(crs)}: another way is taken{good_to}",)
     try:
-        columns = transformer.transform(
-            longitude_deg, latitude_deg, *([] if height_m is None else [height_m]), errcheck=False
-        )
+        height = np.zeros(len(longitude_deg)) if height_m is None else height_m
+        columns = transformer.transform(longitude_deg, latitude_deg, height, errcheck=False)
     except ProjError as error:
         raise CrsError(f"places cannot be transformed to {describe_crs(crs)}: {error}", where=where,
                        advice="check the CRS") from error  # fmt: skip
-    columns = (*columns[:2], np.zeros(len(longitude_deg)) if height_m is None else columns[2])
     return np.stack(columns, axis=1).astype(np.float64), said
 
 
@@ -175,13 +173,13 @@ def _grid_undulation(
 ) -> FloatArray:
     """Return the undulations that a PROJ grid file holds."""
     regular_file_bytes(path)
-    if any(c in str(path) for c in " ,+@="):
-        raise ConfigError("PROJ cannot read a grid file whose path holds one of ' ,+@='", where=path,
+    if any(c in str(path.resolve()) for c in ',"'):
+        raise ConfigError("PROJ cannot read a grid whose path holds a comma or a quotation mark", where=path,
                           advice="rename it")  # fmt: skip
     try:
         shift = pyproj.Transformer.from_pipeline(
             f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad"
-            f" +step +proj=vgridshift +grids={path.resolve()} +multiplier=1"
+            f" +step +proj=vgridshift +grids=\"{path.resolve()}\" +multiplier=1"
         )
         shifted = shift.transform(longitude_deg, latitude_deg, np.zeros(len(longitude_deg)), errcheck=False)
     except ProjError as error:
@@ -190,8 +188,8 @@ def _grid_undulation(
     undulation = np.asarray(shifted[2], dtype=np.float64)
     if not np.isfinite(undulation).all():
         raise ConfigError(
-            f"{int(np.count_nonzero(~np.isfinite(undulation)))} of {len(undulation)} places of {where} are outside of the"
-            " grid", where=path, advice="give the grid of that country",
+            f"{int(np.count_nonzero(~np.isfinite(undulation)))} of {len(undulation)} places of {where} are outside"
+            " of this grid", where=path, advice="give the grid of that country",
         )  # fmt: skip
     return undulation
 
@@ -205,13 +203,20 @@ def _check_finite(xyz: FloatArray, crs: str, where: object) -> None:
         )  # fmt: skip
 
 
-def _convergence_deg(longitude_deg: FloatArray, latitude_deg: FloatArray, crs: str) -> FloatArray:
-    """Return the meridian convergence: grid heading = true heading - convergence.
+def convergence_deg(latitude_deg: FloatArray, longitude_deg: FloatArray, frame: EarthFrame) -> FloatArray:
+    """Return the meridian's convergence, (n,): grid heading = true heading - convergence.
 
-    A step of some metres to the north, transformed: this holds for every projection and axis order.
+    Notes
+    -----
+    The meridian through each place is followed for some metres, and its direction taken on the grid: this holds for
+    every projection.
     """
-    plan = _plan_of(crs)
-    transformer = pyproj.Transformer.from_crs("EPSG:4326", plan, always_xy=True, allow_ballpark=False)
+    if frame.crs == LOCAL:
+        # Meridians draw together towards the pole
+        return np.asarray((longitude_deg - longitude_deg[0]) * np.sin(np.radians(latitude_deg[0])))
+    transformer = pyproj.Transformer.from_crs(
+        "EPSG:4326", _plan_of(frame.crs), always_xy=True, allow_ballpark=False
+    )
     step = np.where(latitude_deg > 0.0, -1e-4, 1e-4)  # not over the pole
     east_0, north_0 = transformer.transform(longitude_deg, latitude_deg, errcheck=False)
     east_1, north_1 = transformer.transform(longitude_deg, latitude_deg + step, errcheck=False)
@@ -228,7 +233,5 @@ def _local_places(latitude_deg: FloatArray, longitude_deg: FloatArray, height_m:
         f" +step +proj=topocentric +ellps=WGS84 +lon_0={lon_0!r} +lat_0={lat_0!r} +h_0={h_0!r}"
     )
     xyz = np.stack(tangent.transform(longitude_deg, latitude_deg, height_m), axis=1)
-    # Meridians draw together towards the pole
-    turned = (longitude_deg - lon_0) * np.sin(np.radians(lat_0))
     said = f"coordinates are metres east, north and up of latitude {lat_0:.7f}, longitude {lon_0:.7f}"
-    return Places(xyz, turned, (f"{said}, height {h_0:.2f} m",))
+    return Places(xyz, (f"{said}, height {h_0:.2f} m",))

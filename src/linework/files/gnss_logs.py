@@ -1,33 +1,29 @@
-"""Read GNSS fixes: CSV in coordinates of the survey or in degrees."""
+"""Read GNSS fixes: CSV in coordinates of the survey or in degrees, NMEA, RTKLIB's .pos."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from linework.errors import InputError
 from linework.files.geodetic import EarthFrame, to_places
+from linework.files.gnss_content import GnssContent, RawFixes, usable_fixes
+from linework.files.las_header import regular_file_bytes
+from linework.files.nmea import read_nmea
+from linework.files.rtklib_pos import read_rtklib_pos
 from linework.files.tables import read_table
-from linework.files.time_order import in_time_order
+from linework.files.text_lines import TextBlock, text_blocks
 from linework.model.logs import GnssLog
 
 _GRID = ("easting_m", "northing_m", "height_m")
 _DEGREES = ("latitude_deg", "longitude_deg", "ellipsoid_height_m")
 _SIGMA = ("sigma_e_m", "sigma_n_m", "sigma_z_m")
-
-
-@dataclass(frozen=True, slots=True)
-class GnssContent:
-    """Fixes as read, with what was odd about the file."""
-
-    log: GnssLog
-    warnings: tuple[str, ...] = ()
+#: A receiver may write other messages first.
+_FIRST_LINES = 1000
 
 
 def read_gnss(path: Path, frame: EarthFrame) -> GnssContent:
-    """Read GNSS fixes of any kind.
+    """Read GNSS fixes of any kind, told by the first lines.
 
     Parameters
     ----------
@@ -39,28 +35,41 @@ def read_gnss(path: Path, frame: EarthFrame) -> GnssContent:
     InputError, CrsError, ConfigError
         The file or its places cannot be used.
     """
-    return _read_csv(path, frame)
+    kind = _kind(path)
+    if kind == "nmea":
+        return read_nmea(path, frame)
+    return read_rtklib_pos(path, frame) if kind == "pos" else _read_csv(path, frame)
+
+
+def is_gnss_file(path: Path) -> bool:
+    """Return whether a file holds NMEA sentences or is a .pos of RTKLIB."""
+    return _kind(path) != "csv"
+
+
+def _kind(path: Path) -> str:
+    if regular_file_bytes(path) == 0 or path.suffix.lower() == ".csv":
+        return "csv"
+    if path.suffix.lower() in (".nmea", ".pos"):
+        return path.suffix.lower()[1:]
+    for number, line in next(text_blocks(path), TextBlock(b"", 1)).lines():
+        if line.startswith("%"):
+            return "pos"
+        if "$G" in line:
+            return "nmea"
+        if number > _FIRST_LINES:
+            break
+    return "csv"
 
 
 def _read_csv(path: Path, frame: EarthFrame) -> GnssContent:
     """Read ``time_s``, three columns of position and three of sigma."""
     table = read_table(path, ("time_s", *_SIGMA), (_GRID, _DEGREES), one_of=True)
-    columns, warnings = table.columns, list(table.warnings)
-    sigma = np.stack([columns[name] for name in _SIGMA], axis=1)
-    fixes = np.flatnonzero((sigma > 0.0).all(axis=1))
-    if len(fixes) < len(sigma):
-        warnings.append(
-            f"{len(sigma) - len(fixes)} of {len(sigma)} fixes have a sigma of 0 or below: left out"
-        )
-    order, said = in_time_order(columns["time_s"][fixes], table.line_numbers[fixes])
-    kept = fixes[order]
-    if len(kept) == 0:
-        raise InputError("no fix with sigmas above 0", where=path, advice="sigmas are in metres")
-    warnings += said
-    if _GRID[0] in columns:
-        xyz = np.stack([columns[name][kept] for name in _GRID], axis=1)
-    else:
-        places = to_places(*(columns[name][kept] for name in _DEGREES), frame, where=path)
-        xyz = places.xyz
-        warnings += places.warnings
-    return GnssContent(GnssLog(columns["time_s"][kept], xyz, sigma[kept]), tuple(warnings))
+    columns = table.columns
+    names = _GRID if _GRID[0] in columns else _DEGREES
+    places, sigma = (np.stack([columns[name] for name in group], axis=1) for group in (names, _SIGMA))
+    fixes, said = usable_fixes(path, RawFixes(columns["time_s"], places, sigma, table.line_numbers))
+    warnings, xyz = (*table.warnings, *said), fixes.places
+    if names == _DEGREES:
+        placed = to_places(fixes.places, frame, where=path)
+        warnings, xyz = (*warnings, *placed.warnings), placed.xyz
+    return GnssContent(GnssLog(fixes.time_s, xyz, fixes.sigma_m), warnings)

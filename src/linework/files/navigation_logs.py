@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
-from linework.errors import ConfigError
+from linework.errors import ConfigError, InputError
 from linework.files.geodetic import EarthFrame
+from linework.files.gnss_content import GnssContent
 from linework.files.gnss_logs import read_gnss
+from linework.files.raw_times import in_seconds
+from linework.files.survey_time import epoch_by_values, fitted_times, to_survey_time
 from linework.files.tables import Table, read_table
 from linework.files.time_order import in_time_order
-from linework.model.logs import GyroLog, NavigationLogs, WheelLog
+from linework.model.logs import GnssLog, GyroLog, NavigationLogs, WheelLog
 from linework.model.survey import Survey
 
 _TICKS = ("left_ticks", "right_ticks")
 _TILT = ("roll_deg", "pitch_deg")
+_Log = TypeVar("_Log", GyroLog, WheelLog)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +60,57 @@ def read_navigation_logs(survey: Survey) -> NavigationContent:
     if "wheels" in named:
         wheels, said = _read_wheels(survey.root / named["wheels"])
         warnings += said
+    # One clock for all
+    time = survey.settings.get("time", {})
+    fixes, epoch = _on_the_surveys_clock(gnss, time, gyro or wheels)
+    gyro, said = _on_the_clock_of(fixes, epoch, gyro, named.get("gyro", ""), survey)
+    wheels, more = _on_the_clock_of(fixes, epoch, wheels, named.get("wheels", ""), survey)
     vehicle = survey.settings.get("vehicle", {})
     x, y, z = (float(v) for v in vehicle.get("gnss_lever_m", (0.0, 0.0, 0.0)))
     known = {key: float(vehicle[key]) for key in ("tick_m", "track_m") if key in vehicle}
-    logs = NavigationLogs(gnss=gnss.log, gyro=gyro, wheels=wheels, gnss_lever_m=(x, y, z), **known)
-    return NavigationContent(logs, tuple(warnings))
+    logs = NavigationLogs(gnss=fixes, gyro=gyro, wheels=wheels, gnss_lever_m=(x, y, z), **known)
+    return NavigationContent(logs, (*warnings, *said, *more))
+
+
+def _on_the_surveys_clock(
+    gnss: GnssContent, time: Mapping[str, Any], other: GyroLog | WheelLog | None
+) -> tuple[GnssLog, str]:
+    """Return the fixes in the epoch of [time], or of the other logs, or else in adjusted GPS seconds; and that epoch.
+
+    Fixes of a file that does not say its epoch stay as they are.
+    """
+    stated = str(time.get("epoch", ""))
+    if not gnss.epoch:
+        return gnss.log, stated
+    epoch = stated or (epoch_by_values(other.time_s) if other is not None else "gps_adjusted")
+    time_s = to_survey_time(gnss.log.time_s, gnss.epoch, epoch, week=time.get("week"))
+    return replace(gnss.log, time_s=time_s), epoch
+
+
+def _on_the_clock_of(
+    gnss: GnssLog, epoch: str, log: _Log | None, name: str, survey: Survey
+) -> tuple[_Log | None, list[str]]:
+    """Return a log in the epoch of the fixes, and what was done to it.
+
+    Raises
+    ------
+    InputError
+        No common time: with both intervals.
+    """
+    if log is None:
+        return None, []
+    span = float(gnss.time_s[0]), float(gnss.time_s[-1])
+    stated = survey.settings.get("time", {})
+    time_s, said = fitted_times(
+        log.time_s, str(stated.get("epoch", "")), span, epoch, week=stated.get("week")
+    )
+    start, end = float(time_s[0]), float(time_s[-1])
+    if start > span[1] or end < span[0]:
+        raise InputError(
+            f"from {start:.1f} to {end:.1f} s, the GNSS fixes from {span[0]:.1f} to {span[1]:.1f} s: no common time",
+            where=survey.root / name, advice="check the epochs ([time] epoch)",
+        )  # fmt: skip
+    return replace(log, time_s=time_s), [f"{Path(name).name}: {text}" for text in said]
 
 
 def _read_gyro(path: Path) -> tuple[GyroLog, list[str]]:
@@ -82,7 +134,8 @@ def _read_wheels(path: Path) -> tuple[WheelLog, list[str]]:
 
 def _in_order(table: Table, path: Path) -> tuple[Table, list[str]]:
     """Return the rows of a table in strictly increasing time, and the warnings with the file's name."""
-    kept, said = in_time_order(table.columns["time_s"], table.line_numbers)
-    columns = {name: values[kept] for name, values in table.columns.items()}
-    warnings = [f"{path.name}: {text}" for text in (*table.warnings, *said)]
+    time_s, odd = in_seconds(table.columns["time_s"], path)
+    kept, said = in_time_order(time_s, table.line_numbers)
+    columns = {name: values[kept] for name, values in {**table.columns, "time_s": time_s}.items()}
+    warnings = [f"{path.name}: {text}" for text in (*table.warnings, *odd, *said)]
     return Table(columns, table.line_numbers[kept]), warnings

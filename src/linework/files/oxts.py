@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from linework.errors import InputError
-from linework.files.geodetic import EarthFrame, to_places
+from linework.files.geodetic import EarthFrame, convergence_deg, to_places
 from linework.files.text_lines import judge_bad_lines, text_blocks
 from linework.files.trajectory_content import TrajectoryContent, ordered_content
 from linework.model.arrays import FloatArray
@@ -63,9 +63,9 @@ def read_oxts_content(folder: Path, frame: EarthFrame) -> TrajectoryContent:
         folder, bad, int(good.sum()), "poses with a time", advice="copy the folder again", unit="file"
     )
     values = np.array([rows[i] for i in np.flatnonzero(good)], dtype=np.float64)
-    places = to_places(values[:, 0], values[:, 1], values[:, 2], frame, where=folder)
+    places = to_places(values[:, :3], frame, where=folder)
     roll, pitch, yaw = np.degrees(values[:, 3:6]).T
-    heading = (90.0 - yaw - places.convergence_deg) % 360.0
+    heading = (90.0 - yaw - convergence_deg(values[:, 0], values[:, 1], frame)) % 360.0
     accuracy = values[:, 6]
     sigma = accuracy[:, None] * [1.0, 1.0, UP_PER_PLAN] if np.all(accuracy > 0.0) else None
     return ordered_content(
