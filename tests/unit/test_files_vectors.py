@@ -152,7 +152,7 @@ def test_geopackage_whose_index_is_missing_does_not_verify(tmp_path):
     with sqlite3.connect(part) as db:
         db.execute("DELETE FROM rtree_cable_geom WHERE id = 1")
     db.close()
-    with pytest.raises(MachineError, match="layer cable has 2 lines, 1 in its index"):
+    with pytest.raises(MachineError, match="layer cable has 2 features, 1 in its index"):
         verify_gpkg(part, sample(), part)
 
 

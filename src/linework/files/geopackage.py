@@ -84,7 +84,7 @@ _PUT = (
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A layer of LineString Z (`lines` given) or a table without geometry; rows are numbered from 1.
+    """A layer of LineString Z or Point Z (`shapes` given) or a table without geometry; rows are numbered from 1.
 
     Parameters
     ----------
@@ -92,19 +92,22 @@ class Table:
         A plain identifier.
     columns
         Columns by name; NaN and None become NULL.
-    lines
-        (n,) shapely LineString Z, or None.
+    shapes
+        (n,) shapely LineString Z or Point Z, or None.
     key
         Name of the column with the row's number.
     sql_types
         SQL types of columns where their values do not tell.
+    geometry
+        What the shapes are, as the standard names it.
     """
 
     name: str
     columns: Mapping[str, AnyArray]
-    lines: AnyArray | None = None
+    shapes: AnyArray | None = None
     key: str = "fid"
     sql_types: Mapping[str, str] = field(default_factory=dict)
+    geometry: str = "LINESTRING"
 
 
 def geopackage_bytes(tables: Sequence[Table], crs: str) -> bytes:
@@ -153,48 +156,51 @@ def _add_table(db: sqlite3.Connection, table: Table, srs_id: int) -> None:
     names = [f'"{name}" {kind}' for name, kind in kinds.items()]
     values: list[Sequence[object]] = [_plain(column) for column in table.columns.values()]
     bounds = np.zeros((0, 6))
-    if table.lines is not None:
-        names.insert(0, "geom LINESTRING")
-        bounds = _bounds(table.lines)
-        values.insert(0, _blobs(table.lines, bounds, srs_id))
+    if table.shapes is not None:
+        names.insert(0, f"geom {table.geometry}")
+        bounds = _bounds(table.shapes)
+        values.insert(0, _blobs(table.shapes, bounds, srs_id))
     db.execute(f'CREATE TABLE "{table.name}" ("{table.key}" INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, {", ".join(names)})')  # fmt: skip
     places = ", ".join("?" * len(values))
     rows = zip(*values, strict=True)
     db.executemany(f'INSERT INTO "{table.name}" VALUES (NULL, {places})', rows)
     extent = [*bounds[:, [0, 2]].min(axis=0), *bounds[:, [1, 3]].max(axis=0)] if len(bounds) else [None] * 4
-    of_lines = table.lines is not None
+    has_shapes = table.shapes is not None
     db.execute(
         "INSERT INTO gpkg_contents VALUES (?, ?, ?, '', ?, ?, ?, ?, ?, ?)",
-        (table.name, "features" if of_lines else "attributes", table.name, FIXED_DATE, *extent,
-         srs_id if of_lines else None),
+        (table.name, "features" if has_shapes else "attributes", table.name, FIXED_DATE, *extent,
+         srs_id if has_shapes else None),
     )  # fmt: skip
-    if of_lines:
-        _add_index(db, table.name, bounds, srs_id)
+    if has_shapes:
+        _add_index(db, table, bounds, srs_id)
 
 
-def _add_index(db: sqlite3.Connection, name: str, bounds: FloatArray, srs_id: int) -> None:
-    db.execute("INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', 'LINESTRING', ?, 1, 0)", (name, srs_id))
+def _add_index(db: sqlite3.Connection, table: Table, bounds: FloatArray, srs_id: int) -> None:
+    name = table.name
+    db.execute(
+        "INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, 1, 0)", (name, table.geometry, srs_id)
+    )
     db.executescript(_INDEX.format(t=name, put=_PUT.format(t=name)))
     numbered = ((i, *row) for i, row in enumerate(bounds[:, :4].tolist(), start=1))
     db.executemany(f'INSERT INTO "rtree_{name}_geom" VALUES (?, ?, ?, ?, ?)', numbered)
 
 
-def _bounds(lines: AnyArray) -> FloatArray:
+def _bounds(shapes: AnyArray) -> FloatArray:
     """Return (n, 6): min x, max x, min y, max y, min z, max z."""
-    xyz, owner = shapely.get_coordinates(lines, include_z=True, return_index=True)
-    if len(lines) == 0:
+    xyz, owner = shapely.get_coordinates(shapes, include_z=True, return_index=True)
+    if len(shapes) == 0:
         return np.zeros((0, 6))
     first = np.flatnonzero(np.diff(owner, prepend=-1))
     low, high = np.minimum.reduceat(xyz, first, axis=0), np.maximum.reduceat(xyz, first, axis=0)
     return np.stack([low, high], axis=2).reshape(-1, 6)
 
 
-def _blobs(lines: AnyArray, bounds: FloatArray, srs_id: int) -> list[bytes]:
+def _blobs(shapes: AnyArray, bounds: FloatArray, srs_id: int) -> list[bytes]:
     """Return the geometries as the standard stores them: a header with the extent, then WKB."""
     head = struct.Struct("<2sBBi6d")
     return [
         head.pack(b"GP", 0, _BLOB_FLAGS, srs_id, *row) + wkb
-        for row, wkb in zip(bounds.tolist(), shapely.to_wkb(lines, flavor="iso"), strict=True)
+        for row, wkb in zip(bounds.tolist(), shapely.to_wkb(shapes, flavor="iso"), strict=True)
     ]
 
 

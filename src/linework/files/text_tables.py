@@ -36,8 +36,17 @@ class TextTable:
     bad_lines: tuple[int, ...] = ()
 
 
-def read_text_table(path: Path, required: Sequence[str], optional: Sequence[str] = ()) -> TextTable:
+def read_text_table(
+    path: Path, required: Sequence[str], optional: Sequence[str] = (), *, rest_in_last: bool = False
+) -> TextTable:
     """Read columns of a CSV file with a header row; UTF-8, any line ends, with or without BOM.
+
+    Parameters
+    ----------
+    required, optional
+        Columns that must be there, and those that may.
+    rest_in_last
+        Whether lines with more cells than the header are texts with commas in the last column.
 
     Raises
     ------
@@ -57,6 +66,8 @@ def read_text_table(path: Path, required: Sequence[str], optional: Sequence[str]
     rows, numbers, bad = [], [], []
     for number, line in lines[1:]:
         values = next(csv.reader([line]), [])
+        if rest_in_last and len(values) > len(cells):
+            values = [*values[: len(cells) - 1], ",".join(values[len(cells) - 1 :])]
         if len(values) == len(cells):
             rows.append([values[i].strip() for i in wanted.values()])
             numbers.append(number)

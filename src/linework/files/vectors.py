@@ -9,13 +9,15 @@ from pathlib import Path
 from linework.errors import UsageError
 from linework.files.crs import LOCAL, parse_crs
 from linework.files.line_fields import check_writable
+from linework.files.point_layers import point_layers
 from linework.files.publish import check_output, publish
 from linework.files.run_record import hash_file
 from linework.files.vector_input import checked_vector_file
 from linework.model.lines import LineSet
+from linework.model.van_log import VanLog
 
-_Write = Callable[[LineSet, Path, Sequence[str]], None]
-_Verify = Callable[[Path, LineSet, Path], None]
+_Write = Callable[..., None]
+_Verify = Callable[..., None]
 _Read = Callable[[Path, str, "Mapping[str, str] | None", "str | None"], LineSet]
 #: The module of each format that is written. It is imported when a file of that format is first met: of
 #: the 0.35 s that all of them take (measured), GeoPackage alone needs a tenth.
@@ -27,6 +29,8 @@ _WRITERS = {
     ".kml": "kml",
     ".fgb": "flatgeobuf",
 }
+#: Formats that hold layers of points beside the lines.
+_WITH_POINTS = (".gpkg", ".geojson", ".json")
 
 
 def check_format(path: Path) -> None:
@@ -47,6 +51,7 @@ def write_lines(
     path: Path,
     *,
     kinds: Sequence[str] = (),
+    points: VanLog | None = None,
     overwrite: bool = False,
     note: Callable[[str], None] | None = None,
 ) -> None:
@@ -56,6 +61,9 @@ def write_lines(
     ----------
     kinds
         Kinds that get a layer even where no line is of that kind (formats with layers).
+    points
+        Images and keys, as layers of points; formats that have no place for them leave them out
+        (`points_left_out` says so).
     note
         Told the SHA-256 of the verified file before it gets its name.
 
@@ -73,6 +81,7 @@ def write_lines(
     check_format(path)
     check_writable(lines, path)
     write, verify = _writer(path)
+    extra = {"points": point_layers(points)} if path.suffix.lower() in _WITH_POINTS else {}
     check_output(path, overwrite=overwrite)
     if path.suffix.lower() == ".dxf" and lines.crs != LOCAL:
         from linework.files.vectors_dxf import write_prj
@@ -80,11 +89,22 @@ def write_lines(
         write_prj(lines.crs, path.with_suffix(".prj"), overwrite=overwrite)
 
     def verify_and_note(part: Path) -> None:
-        verify(part, lines, path)
+        verify(part, lines, path, **extra)
         if note is not None:
             note(hash_file(part))
 
-    publish(path, lambda part: write(lines, part, kinds), verify_and_note, overwrite=overwrite)
+    publish(path, lambda part: write(lines, part, kinds, **extra), verify_and_note, overwrite=overwrite)
+
+
+def points_left_out(path: Path, points: VanLog | None) -> tuple[str, ...]:
+    """Return one line about the layers of points that this file's format has no place for, or none."""
+    layers = () if path.suffix.lower() in _WITH_POINTS else point_layers(points)
+    if not layers:
+        return ()
+    named = " and ".join(f"{layer.name} ({len(layer.xyz)} points)" for layer in layers)
+    return (
+        f"{path}: {named} left out, {path.suffix} holds lines only ({', '.join(_WITH_POINTS)} hold both)",
+    )
 
 
 def read_lines(

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from linework.files.line_fields import (
     fields_of_kind,
     vertex_columns,
 )
+from linework.files.point_layers import PointLayer
 from linework.files.vectors_foreign import foreign_lines
 from linework.model.arrays import AnyArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
@@ -40,24 +42,48 @@ _LOCAL_WKT = (
 _MAX_BYTES = 1 << 29
 
 
-def write_geojson(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:  # noqa: ARG001
-    """Write lines as one FeatureCollection, a feature per line of text (called through `publish`)."""
+def write_geojson(
+    lines: LineSet,
+    part: Path,
+    kinds: Sequence[str] = (),  # noqa: ARG001
+    points: Sequence[PointLayer] = (),
+) -> None:
+    """Write lines, then points, as one FeatureCollection, a feature per line of text (called through `publish`).
+
+    The points of a layer have its name as their `kind`.
+    """
     head = {"type": "FeatureCollection", "name": "lines", "crs": _crs_member(lines.crs), "crs_wkt": lines.crs}
-    values = {name: _plain(column) for name, column in field_values(lines).items()}
-    vertex = {name: _plain(getattr(lines, name)) for name in vertex_columns(lines)}
     with part.open("w", encoding="utf-8", newline="\n") as file:
         file.write(_text(head)[:-1] + ',"features":[')
-        for i in range(len(lines)):
-            start, end = int(lines.offsets[i]), int(lines.offsets[i + 1])
-            properties = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]), values)}
-            properties |= {_VERTEX_PROPERTIES[name]: column[start:end] for name, column in vertex.items()}
-            feature = {
-                "type": "Feature",
-                "properties": properties,
-                "geometry": {"type": "LineString", "coordinates": lines.line(i).tolist()},
-            }
+        for i, feature in enumerate(chain(_line_features(lines), _point_features(points))):
             file.write(("\n" if i == 0 else ",\n") + _text(feature))
         file.write("\n]}\n")
+
+
+def _line_features(lines: LineSet) -> Iterator[dict[str, Any]]:
+    values = {name: _plain(column) for name, column in field_values(lines).items()}
+    vertex = {name: _plain(getattr(lines, name)) for name in vertex_columns(lines)}
+    for i in range(len(lines)):
+        start, end = int(lines.offsets[i]), int(lines.offsets[i + 1])
+        properties = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]), values)}
+        properties |= {_VERTEX_PROPERTIES[name]: column[start:end] for name, column in vertex.items()}
+        yield _feature(properties, "LineString", lines.line(i).tolist())
+
+
+def _point_features(points: Sequence[PointLayer]) -> Iterator[dict[str, Any]]:
+    for layer in points:
+        values = {name: _plain(column) for name, column in layer.fields.items()}
+        for i, place in enumerate(layer.xyz.tolist()):
+            properties = {"kind": layer.name} | {name: column[i] for name, column in values.items()}
+            yield _feature(properties, "Point", place)
+
+
+def _feature(properties: dict[str, Any], kind: str, coordinates: Any) -> dict[str, Any]:
+    return {
+        "type": "Feature",
+        "properties": properties,
+        "geometry": {"type": kind, "coordinates": coordinates},
+    }
 
 
 def _text(value: Any) -> str:
@@ -84,8 +110,8 @@ def _crs_member(crs: str) -> dict[str, Any]:
     return {"type": "name", "properties": {"name": name}}
 
 
-def verify_geojson(part: Path, lines: LineSet, path: Path) -> None:
-    """Read the file back and compare every coordinate.
+def verify_geojson(part: Path, lines: LineSet, path: Path, points: Sequence[PointLayer] = ()) -> None:
+    """Read the file back and compare every coordinate of the lines, and the number of points.
 
     Raises
     ------
@@ -93,14 +119,16 @@ def verify_geojson(part: Path, lines: LineSet, path: Path) -> None:
         Not the lines that were written.
     """
     back = read_geojson(part, "kind", None, None)
-    if back.crs != lines.crs or not np.array_equal(back.xyz, lines.xyz) or len(back) != len(lines):
+    n_features = len(lines) + sum(len(layer.xyz) for layer in points)
+    same = back.crs == lines.crs and np.array_equal(back.xyz, lines.xyz) and len(back) == len(lines)
+    if not same or len(_load(part)["features"]) != n_features:
         raise MachineError(
             "written file does not read back the same", where=path, advice="check for free space"
         )
 
 
 def read_geojson(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
-    """Read the lines of a GeoJSON file, our own exactly.
+    """Read the lines of a GeoJSON file, our own exactly; points are passed over.
 
     Raises
     ------
@@ -110,7 +138,7 @@ def read_geojson(path: Path, kind_field: str, kinds: Mapping[str, str] | None, c
         Coordinates in degrees, or a CRS that is not understood.
     """
     document = _load(path)
-    features = [f for f in document.get("features", [document]) if isinstance(f, dict)]
+    features = [f for f in document.get("features", [document]) if isinstance(f, dict) and not _is_point(f)]
     shapes = np.array([_shape(f, i, path) for i, f in enumerate(features)] + [None], dtype=object)[:-1]
     tables = [f.get("properties") or {} for f in features]
     names = {name for table in tables for name in table}
@@ -122,6 +150,11 @@ def read_geojson(path: Path, kind_field: str, kinds: Mapping[str, str] | None, c
             return own
     values = columns.get(kind_field, [path.stem] * len(features))
     return foreign_lines(shapes, values, columns, kinds, own_crs, path)
+
+
+def _is_point(feature: dict[str, Any]) -> bool:
+    geometry = feature.get("geometry")
+    return isinstance(geometry, dict) and geometry.get("type") == "Point"
 
 
 def _load(path: Path) -> dict[str, Any]:

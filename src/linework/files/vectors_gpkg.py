@@ -1,4 +1,4 @@
-"""Lines as GeoPackage: a layer per kind, a table of vertices, QGIS styles."""
+"""Lines as GeoPackage: a layer per kind, layers of points, a table of vertices, QGIS styles."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from linework.files.line_fields import (
     ordered_layers,
     vertex_columns,
 )
+from linework.files.point_layers import PointLayer
 from linework.files.styles import qgis_style
 from linework.files.vector_input import pyogrio, readable
 from linework.model.arrays import AnyArray, IntArray
@@ -32,8 +33,10 @@ VERTEX_TABLE, STYLE_TABLE = "vertex", "layer_styles"
 _STYLE_TYPES = {"update_time": "DATETIME"}
 
 
-def write_gpkg(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
-    """Write lines to a new GeoPackage (called through `publish`).
+def write_gpkg(
+    lines: LineSet, part: Path, kinds: Sequence[str] = (), points: Sequence[PointLayer] = ()
+) -> None:
+    """Write lines and points to a new GeoPackage (called through `publish`).
 
     Layers hold the lines of one kind in the set's order; `vertex` holds for every vertex the number of its
     line in the whole set (`line`), the layer and its feature (`layer`, `line_fid`), its place in the line
@@ -47,6 +50,9 @@ def write_gpkg(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
         chosen = np.flatnonzero(layers == layer)
         columns = {name: _storable(values[name][chosen]) for name in fields_of_kind(layer, values)}
         tables.append(Table(layer, columns, shapes[chosen]))
+    for extra in points:
+        places = np.asarray(shapely.points(extra.xyz), dtype=object)
+        tables.append(Table(extra.name, extra.fields, places, geometry="POINT"))
     tables.append(Table(VERTEX_TABLE, _vertex_columns(lines, layers)))
     tables.append(Table(STYLE_TABLE, _style_columns(names), key="id", sql_types=_STYLE_TYPES))
     part.write_bytes(geopackage_bytes(tables, lines.crs))
@@ -92,7 +98,7 @@ def _style_columns(layers: Sequence[str]) -> dict[str, AnyArray]:
     return columns
 
 
-def verify_gpkg(part: Path, lines: LineSet, path: Path) -> None:
+def verify_gpkg(part: Path, lines: LineSet, path: Path, points: Sequence[PointLayer] = ()) -> None:
     """Check a written GeoPackage with SQLite, then read the lines back with GDAL, which had no part in writing.
 
     Raises
@@ -101,7 +107,7 @@ def verify_gpkg(part: Path, lines: LineSet, path: Path) -> None:
         Damaged, rows or index entries missing, journal left, or other lines than were written.
     """
     try:
-        problem = _gpkg_problem(part, len(lines))
+        problem = _gpkg_problem(part, len(lines) + sum(len(layer.xyz) for layer in points))
         if not problem:
             back = read_own_gpkg(part)
             same = back is not None and same_crs(back.crs, lines.crs) and np.array_equal(back.xyz, lines.xyz)
@@ -114,7 +120,7 @@ def verify_gpkg(part: Path, lines: LineSet, path: Path) -> None:
         )
 
 
-def _gpkg_problem(part: Path, n_lines: int) -> str:
+def _gpkg_problem(part: Path, n_features: int) -> str:
     for ending in ("-journal", "-wal"):
         if part.with_name(part.name + ending).exists():
             return f"{ending[1:]} left beside it"
@@ -129,11 +135,11 @@ def _gpkg_problem(part: Path, n_lines: int) -> str:
             n = db.execute(f'SELECT count(*) FROM "{layer}"').fetchone()[0]
             n_indexed = db.execute(f'SELECT count(*) FROM "rtree_{layer}_geom"').fetchone()[0]
             if n != n_indexed:
-                return f"layer {layer} has {n} lines, {n_indexed} in its index"
+                return f"layer {layer} has {n} features, {n_indexed} in its index"
             if n and low is None:
                 return f"layer {layer} has no extent"
             total += n
-        return "" if total == n_lines else f"{total} lines, expected {n_lines}"
+        return "" if total == n_features else f"{total} features, expected {n_features}"
 
 
 def _uri(path: Path) -> str:
@@ -154,7 +160,7 @@ def read_own_gpkg(path: Path) -> LineSet | None:
 
 
 def _own_lines(path: Path) -> LineSet | None:
-    layers = [str(name) for name, _ in pyogrio.list_layers(path)]
+    layers = [str(name) for name, kind in pyogrio.list_layers(path) if "Point" not in str(kind)]
     wanted = {"line", "layer", "line_fid", *VERTEX_COLUMNS} - {"observed"}
     if VERTEX_TABLE not in layers or not wanted <= set(pyogrio.read_info(path, layer=VERTEX_TABLE)["fields"]):
         return None
