@@ -10,6 +10,7 @@ import pytest
 from linework.errors import ConfigError, CrsError, InputError, UsageError
 from linework.files.crs import parse_crs
 from linework.files.las_write import write_las
+from linework.files.stereo_series import open_stereo
 from linework.files.survey import open_survey
 from linework.files.survey_points import check_trajectory_covers, read_survey_points, read_survey_trajectory
 from linework.files.trajectories import write_trajectory
@@ -292,7 +293,8 @@ def test_survey_toml_with_mistakes(described, old, new, words):
     path = described / "survey.toml"
     path.write_text(TOML.replace(old, new))
     with pytest.raises(ConfigError) as caught:
-        open_survey([described])
+        # What is wrong with the cameras is said when their images are wanted: it stops nothing else
+        open_stereo(open_survey([described]))
     assert str(caught.value).startswith(f"{path}: ")
     assert words in str(caught.value)
     assert caught.value.advice

@@ -10,6 +10,7 @@ import numpy as np
 
 from linework.errors import ConfigError, InputError
 from linework.files.image_lists import ImageList, read_image_list
+from linework.files.survey_file import check_cameras
 from linework.imaging.pairing import PairedTimes, pair_by_time
 from linework.model.arrays import FloatArray, IntArray
 from linework.model.camera import Camera, StereoRig
@@ -50,6 +51,7 @@ def open_stereo(survey: Survey) -> StereoSeries | None:
     if not cameras:
         return None
     where = survey.settings_file or survey.root
+    check_cameras(cameras, where)
     rig = rig_of(cameras, where)
     left, right = (read_image_list(cameras[side], survey.root, f"cameras.{side}") for side in _SIDES)
     for side, images in zip(_SIDES, (left, right), strict=True):

@@ -68,6 +68,10 @@ def _unit_quaternion(value: Any) -> str:
     return "" if abs(norm - 1.0) <= 0.01 else f"a unit quaternion (this one has length {norm:.3f})"
 
 
+def _table(value: Any) -> str:
+    return "" if isinstance(value, dict) else "a table"
+
+
 _CAMERA = {
     "images": _text, "times": _text, "rate_hz": _positive, "model": _one_of("pinhole"),
     "width": _count, "height": _count, "fx": _positive, "fy": _positive, "cx": _number, "cy": _number, "distortion": _numbers(5),
@@ -79,16 +83,18 @@ _KEYS: dict[str, Any] = {
     "time": {"epoch": _one_of("gps_adjusted", "gps_week", "gps", "unix"), "week": _count},
     "heights": {"geoid": _text_or_number},
     "points": {"files": _texts},
-    "trajectory": {"file": _text, "lever_m": _numbers(3), "boresight_deg": _numbers(3)},
+    "trajectory": {
+        "file": _text, "times": _text, "rate_hz": _positive, "lever_m": _numbers(3), "boresight_deg": _numbers(3),
+    },
     "navigation": {"gnss": _text, "gyro": _text, "wheels": _text},
     "vehicle": {"tick_m": _positive, "track_m": _positive, "gnss_lever_m": _numbers(3)},
-    "cameras": {"left": _CAMERA, "right": _CAMERA},
+    "cameras": _table,
     "events": {"file": _text},
 }
 
 
 def read_survey_file(path: Path) -> dict[str, Any]:
-    """Read a survey.toml; every key is known and of the right type.
+    """Read a survey.toml; every key is known and of the right type, but for those of cameras (`check_cameras`).
 
     Raises
     ------
@@ -108,7 +114,18 @@ def read_survey_file(path: Path) -> dict[str, Any]:
     return document
 
 
-def _check(values: Mapping[str, Any], known: Mapping[str, Any], prefix: str, path: Path) -> None:
+def check_cameras(cameras: Mapping[str, Any], where: object) -> None:
+    """Check the table [cameras], when its images are wanted: what is wrong there stops nothing else.
+
+    Raises
+    ------
+    ConfigError
+        An unknown key, or a value of the wrong type or out of its range.
+    """
+    _check(cameras, {"left": _CAMERA, "right": _CAMERA}, "cameras.", where)
+
+
+def _check(values: Mapping[str, Any], known: Mapping[str, Any], prefix: str, path: object) -> None:
     for key, value in values.items():
         name = prefix + key
         if key not in known:

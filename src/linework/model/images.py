@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -109,6 +110,11 @@ class Poses:
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    def take(self, index: AnyArray | Sequence[int]) -> Poses:
+        """Return the poses chosen by an index array, in that order."""
+        chosen = np.asarray(index, dtype=np.int64)
+        return Poses(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
     def to_world(self, i: int, xyz_vehicle: FloatArray) -> FloatArray:
         """Return (k, 3) places of the vehicle frame of pose i in the world. [m]"""  # noqa: D400

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from linework.errors import InputError
 from linework.files.images import read_pair
+from linework.files.pair_check import check_pairs
 from linework.files.run_record import hash_file
 from linework.imaging.rectify import Rectifier, rectifier_of
 from linework.model.arrays import FloatArray, IntArray
@@ -39,6 +40,8 @@ class OpenedStereo:
         Path of the vehicle's origin.
     failures
         (left image, problem) of pairs that cannot be used, and of images in no pair.
+    warnings
+        One line each.
     """
 
     survey: Survey
@@ -48,6 +51,7 @@ class OpenedStereo:
     poses: Poses
     trajectory: Trajectory
     failures: tuple[tuple[str, str], ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def numbers(self) -> IntArray:
@@ -66,6 +70,28 @@ class OpenedStereo:
         if found is None:
             raise InputError(f"there is no pair {number}", where=self.survey.name)
         return rectified_pair(found, self.series, self.rectifier)
+
+    def checked(self) -> OpenedStereo:
+        """Return the survey without pairs whose images do not belong together (see `check_pairs`).
+
+        Raises
+        ------
+        InputError
+            None belongs together.
+        """
+        where = self.survey.settings_file or self.survey.root
+        check = check_pairs(self.series, self.rectifier, where=where)
+        doubtful = set(check.doubtful)
+        kept = [i for i, pair in enumerate(self.pairs) if pair.number not in doubtful]
+        left_out = [pair for pair in self.pairs if pair.number in doubtful]
+        problem = "its left and right images are not of one moment"
+        return replace(
+            self,
+            pairs=tuple(self.pairs[i] for i in kept),
+            poses=self.poses.take(kept),
+            failures=(*self.failures, *((str(p.left), f"{p.left.name}: {problem}") for p in left_out)),
+            warnings=(*self.warnings, *check.warnings),
+        )
 
     def hashes(self) -> Mapping[Path, str]:
         """Return the SHA-256 of every image that can be read."""
@@ -138,6 +164,7 @@ def place_pairs(survey: Survey, series: StereoSeries, trajectory: Trajectory | N
                 for path in series.unpaired
             ),
         ),
+        warnings=series.warnings,
     )
 
 

@@ -49,7 +49,7 @@ class Recordings:
     def warnings(self) -> tuple[str, ...]:
         """One line each."""
         of_points = self.points.warnings if self.points else ()
-        return (*of_points, *(self.stereo.series.warnings if self.stereo else ()))
+        return (*of_points, *(self.stereo.warnings if self.stereo else ()))
 
 
 @contextlib.contextmanager
@@ -91,10 +91,10 @@ def opened_recordings(
         problems: tuple[tuple[str, str], ...] = ()
         if has_images:
             try:
-                stereo = _opened_stereo(survey, points)
+                stereo = _opened_stereo(survey, points, steps or Steps())
             except (InputError, ConfigError) as error:
-                if points is None:
-                    raise
+                if points is None:  # nothing usable, whatever it is that is wrong
+                    raise InputError(error.problem, where=error.where, advice=error.advice) from error
                 problems = (("stereo pairs", str(error)),)
         hashes = dict(points.hashes) if points else {}
         if stereo is not None:
@@ -104,7 +104,7 @@ def opened_recordings(
         yield Recordings(survey=survey, points=points, stereo=stereo, problems=problems, hashes=hashes)
 
 
-def _opened_stereo(survey: Survey, points: OpenedSurvey | None) -> OpenedStereo | None:
+def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: Steps) -> OpenedStereo | None:
     """Return the stereo pairs with their poses; the trajectory is the one that the points have, where there are any."""
     series = open_stereo(survey)
     if series is None:
@@ -115,4 +115,6 @@ def _opened_stereo(survey: Survey, points: OpenedSurvey | None) -> OpenedStereo 
         trajectory = read_survey_trajectory(survey)
         if trajectory is not None:
             trajectory = at_vehicle_origin(trajectory, survey.trajectory_lever_m)
-    return place_pairs(survey, series, trajectory)
+    placed = place_pairs(survey, series, trajectory)
+    with steps.step("check stereo pairs"):
+        return placed.checked()
