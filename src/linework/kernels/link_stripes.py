@@ -17,7 +17,7 @@ ACROSS, AHEAD, WIDE, OFF = range(4)
 PAST_M, MOST_PAST, LEAST_PAST = 1.5, 24, 3
 #: How far a line may leave its direction per metre ahead: a bend of 20 m radius, over a metre. And so much of the
 #: width of paint, of whose edges some are worn.
-TURN, WORN = 0.05, 0.15
+TURN, WORN = 0.05, 0.30
 
 
 @njit(cache=True, nogil=True)

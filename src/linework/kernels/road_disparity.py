@@ -10,7 +10,7 @@ F64 = npt.NDArray[np.float64]
 U8 = npt.NDArray[np.uint8]
 
 #: Half size of the windows that are compared: wide and flat, as the road is slanted. [pixels]
-HALF_COLS, HALF_ROWS = 6, 1
+HALF_COLS, HALF_ROWS = 6, 2
 #: The second best place, out of reach of the best, must differ so much more.
 DISTINCT = 1.15
 

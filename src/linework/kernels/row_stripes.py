@@ -20,6 +20,9 @@ MOST_PER_ROW = 64
 GRAIN_M = 0.025
 #: The road beside a stripe is judged over this width [m], from so far off its edge [pixels]: blur of the image.
 BESIDE_M, BLUR_PX = 0.15, 1.0
+#: And farther off, from where to where [m]: a strip of light between two narrow shadows is no brighter than that. So
+#: much of its contrast paint has over the darker side there.
+FAR_M, FAR_SHARE = (0.20, 0.60), 0.5
 
 
 @njit(cache=True, nogil=True)
@@ -160,7 +163,12 @@ def _measured(
         for u in range(start, end):
             paint = max(paint, float(row[u]))
     contrast = paint - level
-    if contrast <= 0.0:
+    c0, c1 = int(start - FAR_M[1] * local), int(start - FAR_M[0] * local)
+    d0, d1 = int(end + FAR_M[0] * local), int(end + FAR_M[1] * local)
+    far = level
+    if c0 >= 0 and d1 < width and c1 > c0 and d1 > d0:
+        far = min(_mean(total, c0, c1), _mean(total, d0, d1))
+    if contrast <= 0.0 or paint - far < FAR_SHARE * contrast:
         return np.nan, 0.0, contrast, 0.0, level
     if end - start >= 4:
         reach = max((end - start) // 2, 2)

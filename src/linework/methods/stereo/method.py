@@ -16,7 +16,7 @@ from linework.methods.obb.guides import join_along, surer
 from linework.methods.obb.neighbours import Course, courses_of_path
 from linework.methods.obb.track import TrackConfig, track_lines
 from linework.methods.stereo.pieces import fused_boxes, in_sight, pieces_of
-from linework.methods.stereo.road_plane import find_road_plane
+from linework.methods.stereo.road_plane import find_road
 from linework.methods.stereo.sighted import sightings_of
 from linework.methods.stereo.stripes import StripeConfig, find_stripe_lines
 from linework.model.arrays import IntArray
@@ -51,14 +51,14 @@ class StereoMethod:
     def see(self, pair: RectifiedPair) -> Sightings:
         """Return the places on lane markings that a pair shows, in the vehicle frame of its time."""
         c = self.config
-        # The road's plane, from the pair itself
-        plane = find_road_plane(pair)
-        if plane is None:
+        # The road's surface, from the pair itself
+        road = find_road(pair)
+        if road is None:
             return Sightings.empty()
         # Bright lines in both images, row by row, followed from near to far, and matched along the rows
-        lines = find_stripe_lines(pair, plane, c.stripes)
+        lines = find_stripe_lines(pair, road, c.stripes)
         # Those that are paint on the road, intersected
-        return sightings_of(pair, plane, lines, c.stripes)
+        return sightings_of(pair, road, lines, c.stripes)
 
     def join(
         self, seen: Sightings, poses: Poses, rig: RectifiedRig, numbers: IntArray | None = None

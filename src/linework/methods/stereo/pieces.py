@@ -134,7 +134,7 @@ def _boxes(
     view = (*_nearest_and_sides(pieces, rig),)
     n_looked = looked_at(centre[:, :2], stations, (view[0], LOOKED_M, view[1], view[2]))
     share = np.minimum(n_near / np.maximum(n_looked, 1), 1.0)
-    kept = (n_pairs >= np.minimum(LEAST_PAIRS, np.maximum(n_looked, 1))) & ((share >= LEAST_SHARE) | (n_looked == 0))
+    kept = (n_near >= np.clip(n_looked, 1, LEAST_PAIRS)) & (share >= LEAST_SHARE)
     n = np.bincount(place, minlength=m)
 
     def mean(values: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""The road of a stereo pair: a plane in disparity, from the textured places in front of the van.
+"""The road of a stereo pair: a plane in disparity, and how the road departs from it, from textured places.
 
 How high the cameras stand above the road need not be known: the pair shows it.
 """
@@ -20,15 +20,26 @@ HEIGHT_M = (1.0, 4.0)
 #: The road ahead is so far from level to the vehicle: crossfall, springs, changes of grade. [rad]
 TILT_RAD = math.radians(8.0)
 #: Cells that give one place each. [columns, rows]
-CELL = (16, 6)
-#: The road's surface is looked for so far ahead and to the sides of the cameras. [m]
-AHEAD_M, ASIDE_M = 30.0, 5.0
+CELL = (12, 5)
+#: The road's plane is looked for so far ahead and to the sides of the cameras, its shape so far. [m]
+AHEAD_M, ASIDE_M = 20.0, 4.0
+SHAPE_AHEAD_M, SHAPE_ASIDE_M = 25.0, 8.0
+#: A place this far to the side counts half as much for the plane: it may be beyond the crown, or on the verge. [m]
+HALF_WEIGHT_M = 2.0
+#: Largest heights that belong to the road's shape, pass by pass [m], and the noise of a place [m, pixels].
+SHAPE_GATES_M = (0.40, 0.25, 0.15, 0.10)
+SHAPE_NOISE = (0.02, 0.5)
+#: What is known of the shape beforehand, as standard deviations: height, slopes across and ahead, crown (4 % to
+#: both sides, over 4 m: 0.01/m), crests and sags (500 m radius), change of crossfall (1 % in 10 m).
+SHAPE_SIGMAS = (0.10, 0.03, 0.02, 0.01, 0.001, 0.001)
 #: Places of one plane differ by the noise of matching slanted windows, and by the road's shape. [pixels]
 TOLERANCE_PX = 1.0
 #: Trials of three places: a plane that a third of the places are on is met once in 27.
 N_TRIALS = 300
 #: Fewer places in agreement are no road.
-LEAST_PLACES = 25
+LEAST_PLACES, LEAST_SUPPORT = 25, 8.0
+#: Neighbouring places err together where the road is not what a polynomial says: so many as one.
+SHARED_PLACES = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +72,37 @@ class RoadPlane:
         return rig.cy - (self.d0 + self.du * (0.5 * rig.width - rig.cx)) / self.dv
 
 
-def find_road_plane(pair: RectifiedPair) -> RoadPlane | None:
-    """Return the road's plane in a pair, or None where no surface lies where a road must.
+@dataclass(frozen=True, slots=True)
+class RoadShape:
+    """The road of a pair: its plane, and its height above it as a polynomial of second order.
+
+    Parameters
+    ----------
+    plane
+        In front of the van.
+    shape
+        (6,) of 1, X, Z, X^2, Z^2, X Z with X across and Z ahead of the left camera [m].
+    """
+
+    plane: RoadPlane
+    shape: FloatArray
+
+    def disparity(self, rig: RectifiedRig, col: FloatArray, row: FloatArray) -> FloatArray:
+        """Return the road's disparity at left pixels below the plane's horizon."""
+        d = np.maximum(self.plane.disparity(rig, col, row), 1e-3)
+        per_px = rig.base_m / d
+        z = np.minimum(rig.focal_px * per_px, SHAPE_AHEAD_M)
+        x = np.clip((col - rig.cx) * per_px, -SHAPE_ASIDE_M, SHAPE_ASIDE_M)
+        height = _terms(x, z) @ self.shape
+        return np.asarray(d / (1.0 - np.clip(height / self.plane.camera_height_m(rig), -0.5, 0.5)))
+
+
+def _terms(x: FloatArray, z: FloatArray) -> FloatArray:
+    return np.column_stack([np.ones(len(x)), x, z, x * x, z * z, x * z])
+
+
+def find_road(pair: RectifiedPair) -> RoadShape | None:
+    """Return the road in a pair, or None where no surface lies where a road must.
 
     Notes
     -----
@@ -75,22 +115,51 @@ def find_road_plane(pair: RectifiedPair) -> RoadPlane | None:
     first = int(np.argmax(limits[:, 1] > 2.0))
     found = cell_disparities(pair.left, pair.right, limits, CELL, first)
     u, v, d = found[:, 0] - rig.cx, found[:, 1] - rig.cy, found[:, 2]
-    depth = rig.focal_px * rig.base_m / d
-    ahead = (depth < AHEAD_M) & (np.abs(u * depth / rig.focal_px) < ASIDE_M)
-    places = np.column_stack([u, v, d, np.ones(len(d))])[ahead]
+    x, z = u * rig.base_m / d, rig.focal_px * rig.base_m / d
+    weight = 1.0 / (1.0 + (x / HALF_WEIGHT_M) ** 2)
+    places = np.column_stack([u, v, d, weight])
+    ahead = (z < AHEAD_M) & (np.abs(x) < ASIDE_M)
+    plane = _fitted_plane(rig, places[ahead], _plane_limits(rig, up))
+    if plane is None:
+        return None
+    near = (z < SHAPE_AHEAD_M) & (np.abs(x) < SHAPE_ASIDE_M)
+    return RoadShape(plane, _fitted_shape(rig, plane, found[near]))
+
+
+def _fitted_plane(rig: RectifiedRig, places: FloatArray, limits: FloatArray) -> RoadPlane | None:
+    """Return the plane of most of the places (n, 4): u, v, disparity, weight."""
     if len(places) < LEAST_PLACES:
         return None
     trials = np.random.default_rng(7).integers(0, len(places), (N_TRIALS, 3))
-    plane = best_plane(places, trials, _plane_limits(rig, up), TOLERANCE_PX)
-    if plane[3] < 0.5 * LEAST_PLACES:
+    best = best_plane(places, trials, limits, TOLERANCE_PX)
+    if best[3] < LEAST_SUPPORT:
         return None
-    p = plane[:3]
+    p = best[:3]
     design = np.column_stack([np.ones(len(places)), places[:, :2]])
     for _ in range(4):
         residual = np.abs(places[:, 2] - design @ p) / TOLERANCE_PX
-        weight = np.sqrt(np.clip(1.0 - residual**2, 0.0, None))
+        weight = np.sqrt(np.clip(1.0 - residual**2, 0.0, None) * places[:, 3])
         p, *_ = np.linalg.lstsq(design * weight[:, None], places[:, 2] * weight, rcond=None)
     return RoadPlane(*p.tolist()) if p[2] > 0.0 else None
+
+
+def _fitted_shape(rig: RectifiedRig, plane: RoadPlane, found: FloatArray) -> FloatArray:
+    """Return how the road departs from its plane, from places (n, 3): column, row, disparity."""
+    road = plane.disparity(rig, found[:, 0], found[:, 1])
+    below = road > 1.0
+    road, d = road[below], found[below, 2]
+    h = plane.camera_height_m(rig)
+    height = h * (1.0 - road / d)
+    terms = _terms((found[below, 0] - rig.cx) * rig.base_m / d, rig.focal_px * rig.base_m / d)
+    sigma = np.hypot(SHAPE_NOISE[0], h * SHAPE_NOISE[1] / d)
+    prior = np.diag(1.0 / np.array(SHAPE_SIGMAS))
+    shape = np.zeros(6)
+    for gate in SHAPE_GATES_M:
+        off = (height - terms @ shape) / np.hypot(gate, 2.0 * sigma)
+        weight = np.sqrt(np.clip(1.0 - off * off, 0.0, None) / SHARED_PLACES) / sigma
+        a = np.vstack([terms * weight[:, None], prior])
+        shape = np.linalg.lstsq(a, np.concatenate([height * weight, np.zeros(6)]), rcond=None)[0]
+    return np.asarray(shape)
 
 
 def _disparity_limits(rig: RectifiedRig, up: FloatArray) -> FloatArray:

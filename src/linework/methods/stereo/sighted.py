@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.kernels.local_lines import fit_at
-from linework.methods.stereo.road_plane import RoadPlane
+from linework.methods.stereo.road_plane import RoadShape
 from linework.methods.stereo.stripes import COL, CONTRAST, LEAST_SIGMA_PX, ROW, SIGMA, WIDTH, StripeConfig, StripeLines
 from linework.model.arrays import FloatArray, IntArray
 from linework.model.camera import RectifiedRig
@@ -18,17 +18,24 @@ from linework.model.sightings import Sightings
 #: Places on a line stand about so far apart. [m]
 SPACING_M = 0.5
 #: Paint in fewer rows, or shorter, shows no line.
-LEAST_ROWS, LEAST_LENGTH_M = 4, 0.4
+LEAST_ROWS, LEAST_LENGTH_M = 3, 0.3
 #: Of a line so many of the stripes have a partner in the other image.
-LEAST_MATCHED = 0.5
+LEAST_MATCHED = 0.4
 #: A line is straight over so much of it across the image, its distance changes as the road's over so much. [m]
 STRAIGHT_M, SMOOTH_M = 0.6, 3.0
 #: Both edges of paint are parallel: widths differ by no more than this share (median), blur apart. [1, pixels]
-RAGGED, BLUR_PX = 0.25, 0.35
-#: Paint is flat on the road: what stands up from its plane more steeply is a post or a wheel.
-STEEP = 0.12
+RAGGED, BLUR_PX = 0.5, 0.35
+#: Steps of this length turn little from one to the next [m, rad], as in a bend of 5 m radius, and where paint is worn
+#: to one side by this share of its width: blades of grass and the grain of asphalt, linked by chance, wind about.
+STEP_M, WINDING_RAD, WORN = 0.5, 0.12, 0.5
+#: Paint is flat on the road: what stands up from it by this share of upright is a post or a wheel.
+STEEP = 0.5
 #: Paint is on the road's surface within the shape of gutters, ruts and crowns; kerbs stand higher. [m]
-ON_ROAD_M = 0.10
+UNDER_M, OVER_M = 0.15, 0.10
+#: Of crests and sags within the reach of the cameras the shape of the road misses those of this radius. [m]
+BEND_M = 1500.0
+#: Paint is flat: of a kerb stone the one edge is at its foot. [m]
+EDGE_STEP_M = 0.04
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +49,7 @@ class _Line:
     score: float
 
 
-def sightings_of(pair: RectifiedPair, plane: RoadPlane, lines: StripeLines, config: StripeConfig) -> Sightings:
+def sightings_of(pair: RectifiedPair, road: RoadShape, lines: StripeLines, config: StripeConfig) -> Sightings:
     """Return the places on those lines of stripes that are paint on the road."""
     rig = pair.rig
     kept = []
@@ -50,23 +57,25 @@ def sightings_of(pair: RectifiedPair, plane: RoadPlane, lines: StripeLines, conf
     numbers, first = np.unique(lines.line[order], return_index=True)
     for number, at in zip(numbers.tolist(), np.split(order, first[1:]), strict=True):
         if number >= 0 and len(at) >= LEAST_ROWS:
-            line = _judged(lines, at, rig, plane, config)
+            line = _judged(lines, at, rig, road, config)
             if line is not None:
                 kept.append(line)
-    kept = _on_one_surface(kept, lines, rig)
     parts = [_places(line, lines, pair, i) for i, line in enumerate(kept)]
     return Sightings.concatenate(parts)
 
 
 def _judged(
-    lines: StripeLines, at: IntArray, rig: RectifiedRig, plane: RoadPlane, config: StripeConfig
+    lines: StripeLines, at: IntArray, rig: RectifiedRig, road: RoadShape, config: StripeConfig
 ) -> _Line | None:
     """Return a line of stripes if they are those of paint on the road."""
     matched = np.isfinite(lines.disparity[at])
     if matched.sum() < max(LEAST_ROWS, LEAST_MATCHED * len(at)):
         return None
-    t, road = lines.table[at], lines.road_disparity[at]
-    per_px = rig.base_m / road
+    # From the first to the last stripe that both images show
+    both = np.flatnonzero(matched)
+    at, matched = at[both[0] : both[-1] + 1], matched[both[0] : both[-1] + 1]
+    t, surface = lines.table[at], lines.road_disparity[at]
+    per_px = rig.base_m / surface
     across, ahead = (t[:, COL] - rig.cx) * per_px, rig.focal_px * per_px
     along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(across), np.diff(ahead)))])
     if along[-1] < LEAST_LENGTH_M:
@@ -78,12 +87,32 @@ def _judged(
     ragged = float(np.median(np.abs(width_m - width))) - BLUR_PX * float(np.median(per_px))
     if not config.least_width_m <= width <= config.largest_width_m or ragged > RAGGED * width:
         return None
-    height = plane.camera_height_m(rig) * (1.0 - road / lines.disparity[at])
-    lean = _slope(along[matched], height[matched]) if along[-1] > 1.0 else 0.0
-    if abs(lean) > STEEP:
+    if _turning(across, ahead, along) > WINDING_RAD + WORN * width / STEP_M:
+        return None
+    height = road.plane.camera_height_m(rig) * (1.0 - surface / lines.disparity[at])
+    # What stands upright has one distance in all its rows: it would rise to the camera's height at no distance
+    lean = _slope(ahead[matched], height[matched]) * float(np.median(ahead)) / road.plane.camera_height_m(rig)
+    sigma = float(np.median(height_sigma(rig, lines, at[matched]))) / math.sqrt(matched.sum())
+    middle = float(np.median(height[matched]))
+    crest = float(np.median(ahead)) ** 2 / (2.0 * BEND_M)
+    if abs(lean) > STEEP or not -UNDER_M - crest - 2.0 * sigma < middle < OVER_M + crest + 2.0 * sigma:
+        return None
+    # How much higher the one edge is than the other
+    step = road.plane.camera_height_m(rig) * lines.widening[at] / surface
+    if abs(float(np.nanmedian(step))) > EDGE_STEP_M + 2.0 * sigma:
         return None
     score = float(matched.mean()) * (1.0 - max(ragged, 0.0) / (2.0 * RAGGED * width))
     return _Line(at, along, height, slope, score * min(1.0, 0.5 + along[-1] / 4.0))
+
+
+def _turning(across: FloatArray, ahead: FloatArray, along: FloatArray) -> float:
+    """Return by how much a line typically turns from one step of `STEP_M` to the next. [rad]"""  # noqa: D400
+    n = int(along[-1] / STEP_M) + 1
+    if n < 3:
+        return 0.0
+    where = np.linspace(0.0, along[-1], n)
+    heading = np.arctan2(np.diff(np.interp(where, along, across)), np.diff(np.interp(where, along, ahead)))
+    return float(np.quantile(np.abs(np.diff(heading)), 0.75))
 
 
 def _slope(x: FloatArray, y: FloatArray) -> float:
@@ -92,37 +121,6 @@ def _slope(x: FloatArray, y: FloatArray) -> float:
     step = x[half:] - x[:-half]
     good = np.abs(step) > 1e-9
     return float(np.median((y[half:] - y[:-half])[good] / step[good])) if good.any() else 0.0
-
-
-def _on_one_surface(kept: list[_Line], lines: StripeLines, rig: RectifiedRig) -> list[_Line]:
-    """Return the lines that lie on the surface that most of them lie on: crossfall, grade, one bend of the profile."""
-    if not kept:
-        return kept
-    at = np.concatenate([line.at for line in kept])
-    height = np.concatenate([line.height_m for line in kept])
-    owner = np.repeat(np.arange(len(kept)), [len(line.at) for line in kept])
-    good = np.isfinite(height)
-    per_px = rig.base_m / lines.road_disparity[at]
-    ahead, across = rig.focal_px * per_px, (lines.table[at, COL] - rig.cx) * per_px
-    sigma = height_sigma(rig, lines, at)
-    design = np.column_stack([np.ones(len(at)), across, ahead, ahead**2])
-    # The plane of the road has been measured, too: without lines it stays
-    prior = np.diag([1.0 / 0.05, 1.0 / 0.02, 1.0 / 0.01, 2.0 * 400.0])
-    p = np.zeros(4)
-    for _ in range(6):
-        off = np.abs(height - design @ p) / np.hypot(0.03, sigma)
-        weight = np.where(good, np.minimum(1.0, 2.0 / np.maximum(np.nan_to_num(off, nan=1.0), 1e-9)), 0.0)
-        weight = np.sqrt(weight / (0.03**2 + np.nan_to_num(sigma, nan=1.0) ** 2) / 10.0)
-        a = np.vstack([design * weight[:, None], prior])
-        p = np.linalg.lstsq(a, np.concatenate([np.nan_to_num(height) * weight, np.zeros(4)]), rcond=None)[0]
-    residual = height - design @ p
-    out = []
-    for i, line in enumerate(kept):
-        own = (owner == i) & good
-        allowed = ON_ROAD_M + 2.0 * float(np.median(sigma[own])) / math.sqrt(own.sum())
-        if abs(float(np.median(residual[own]))) <= allowed:
-            out.append(line)
-    return out
 
 
 def height_sigma(rig: RectifiedRig, lines: StripeLines, at: IntArray) -> FloatArray:

@@ -15,7 +15,7 @@ import numpy as np
 
 from linework.kernels.link_stripes import link, partners
 from linework.kernels.row_stripes import COL, CONTRAST, LEVEL, ROW, SIGMA, WIDTH, stripes_of_rows
-from linework.methods.stereo.road_plane import RoadPlane
+from linework.methods.stereo.road_plane import RoadPlane, RoadShape
 from linework.model.arrays import AnyArray, FloatArray, IntArray
 from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
@@ -83,20 +83,23 @@ class StripeLines:
         (n,) int64: which line, -1: none.
     disparity, sigma_disparity
         (n,) [pixels]: NaN without a partner.
+    widening
+        (n,) by how much it is wider in the left image than in the right one. [pixels]
     road_disparity
-        (n,) of the road's plane there. [pixels]
+        (n,) of the road there. [pixels]
     """
 
     table: FloatArray
     line: IntArray
     disparity: FloatArray
     sigma_disparity: FloatArray
+    widening: FloatArray
     road_disparity: FloatArray
 
 
-def find_stripe_lines(pair: RectifiedPair, plane: RoadPlane, config: StripeConfig) -> StripeLines:
+def find_stripe_lines(pair: RectifiedPair, road: RoadShape, config: StripeConfig) -> StripeLines:
     """Return the lines of stripes in the left image of a pair, matched with the stripes of the right one."""
-    rig = pair.rig
+    rig, plane = pair.rig, road.plane
     left = find_stripes(pair.left, rig, plane, config)
     right = find_stripes(pair.right, rig, plane.in_right(), config)
     n_rows = len(left.first) - 1
@@ -109,17 +112,19 @@ def find_stripe_lines(pair: RectifiedPair, plane: RoadPlane, config: StripeConfi
     line = link(places, left.first, n_rows, math.tan(STEEPEST_RAD), GAP)
     # The same stripe in the same row of the right image, about where the road's plane expects it
     gate = _gates(left, rig, plane)
+    expected = road.disparity(rig, left.table[:, COL], left.table[:, ROW])
     match = partners(
-        np.column_stack([left.table[:, (COL, WIDTH, CONTRAST)], left.disparity]), left.first,
+        np.column_stack([left.table[:, (COL, WIDTH, CONTRAST)], expected]), left.first,
         np.column_stack([right.table[:, (COL, WIDTH, CONTRAST)], right.disparity]), right.first,
         n_rows, gate,
     )  # fmt: skip
     found = match >= 0
-    disparity, sigma_d = np.full(len(line), np.nan), np.full(len(line), np.nan)
+    disparity, sigma_d, widening = (np.full(len(line), np.nan) for _ in range(3))
     disparity[found] = left.table[found, COL] - right.table[match[found], COL]
     own = np.maximum(right.table[match[found], SIGMA], LEAST_SIGMA_PX)
     sigma_d[found] = np.hypot(sigma[found], own)
-    return StripeLines(left.table, line, disparity, sigma_d, left.disparity)
+    widening[found] = left.table[found, WIDTH] * (1.0 - plane.du) - right.table[match[found], WIDTH]
+    return StripeLines(left.table, line, disparity, sigma_d, widening, expected)
 
 
 def find_stripes(image: AnyArray, rig: RectifiedRig, plane: RoadPlane, config: StripeConfig) -> Stripes:
