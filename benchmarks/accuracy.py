@@ -113,11 +113,11 @@ def extracted(survey, trajectory, kinds):
     return LineSet.concatenate([method.extract(tile) for method in methods])
 
 
-def scores_of(parts):
+def scores_of(parts, tolerance_m=TOLERANCE_M):
     """Score the parts of many surveys as if they were one."""
     by_kind = [[part for part in parts if part.kind == kind] for kind in dict.fromkeys(p.kind for p in parts)]
-    kinds = tuple(score(own, own[0].kind, TOLERANCE_M) for own in by_kind)
-    return Scores(tolerance_m=TOLERANCE_M, kinds=kinds, overall=score(parts, "overall", TOLERANCE_M))
+    kinds = tuple(score(own, own[0].kind, tolerance_m) for own in by_kind)
+    return Scores(tolerance_m=tolerance_m, kinds=kinds, overall=score(parts, "overall", tolerance_m))
 
 
 if __name__ == "__main__":

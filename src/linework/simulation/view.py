@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -90,6 +89,10 @@ class View:
         lit[faces] = self._solid.first(start, np.broadcast_to(to_sun, start.shape)) < 0
         return lit
 
+    def is_hidden(self, origin: FloatArray, xyz: FloatArray) -> BoolArray:
+        """Return which of (n, 3) places something hides from one place; wire mesh hides nothing."""
+        return np.asarray(self._solid.first(origin, xyz - origin, 0.999) >= 0)
+
 
 class _Rays:
     """Triangles ready for rays; near the origin single precision is good to 0.1 mm."""
@@ -98,13 +101,13 @@ class _Rays:
         self._embree = EmbreeScene()
         self._mesh = TriangleMesh(self._embree, vertices.astype(np.float32), triangles)
 
-    def first(self, origin: FloatArray, direction: FloatArray) -> AnyArray:
-        """Return the index of the first triangle of each ray within reach, or -1."""
+    def first(self, origin: FloatArray, direction: FloatArray, reach: float = REACH_M) -> AnyArray:
+        """Return the index of the first triangle of each ray within `reach` of its lengths, or -1."""
         if len(direction) == 0:
             return np.zeros(0, dtype=np.int64)
         start = np.ascontiguousarray(np.broadcast_to(origin, direction.shape), dtype=np.float32)
-        reach = np.full(len(direction), REACH_M, dtype=np.float32)
-        return np.asarray(self._embree.run(start, direction.astype(np.float32), dists=reach), dtype=np.int64)
+        far = np.full(len(direction), reach, dtype=np.float32)
+        return np.asarray(self._embree.run(start, direction.astype(np.float32), dists=far), dtype=np.int64)
 
 
 def horizontal(normals: FloatArray) -> FloatArray:
@@ -112,8 +115,3 @@ def horizontal(normals: FloatArray) -> FloatArray:
     along = np.stack([-normals[:, 1], normals[:, 0]], axis=1)
     length = np.linalg.norm(along, axis=1, keepdims=True)
     return np.asarray(np.where(length > 0.05, along / np.maximum(length, 1e-9), np.array([[1.0, 0.0]])))
-
-
-def subset(seen: Seen, index: AnyArray | Sequence[int]) -> Seen:
-    """Return some of what was seen."""
-    return Seen(seen.triangle[index], seen.depth[index])
