@@ -7,7 +7,9 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pyogrio
 import pytest
+import shapely
 from PIL import Image
 from tests.stereo_folders import TOML, make_stereo_folder
 
@@ -151,3 +153,30 @@ def test_points_are_worked_where_the_images_cannot_be(linework, las_file, output
     assert "all images left out" in found.line
     record = json.loads(output.with_name("run.json").read_text())
     assert record["counts"]["points_used"] == 400
+
+
+def with_events(folder: Path, text: str) -> Path:
+    (folder / "events.csv").write_text(text)
+    toml = folder / "survey.toml"
+    toml.write_text(toml.read_text() + '[events]\nfile = "events.csv"\n')
+    return folder
+
+
+def test_images_and_keys_are_points_beside_the_lines(extracted, output, tmp_path):
+    folder = make_stereo_folder(tmp_path / "survey")
+    _, record = extracted(with_events(folder, "time_s,key,note\n2.5,sign,speed limit\n4.0,tree,\n"))
+    assert (record["counts"]["photolog"], record["counts"]["events"]) == (6, 2)
+    layers = dict(pyogrio.list_layers(output).tolist())
+    assert layers["photolog"] == layers["event"] == "Point Z"
+    meta, _, shapes, values = pyogrio.raw.read(output, layer="event")
+    rows = dict(zip(meta["fields"], values, strict=True))
+    assert rows["key"].tolist() == ["sign", "tree"]
+    places = shapely.get_coordinates(shapely.from_wkb(shapes))
+    np.testing.assert_allclose(places[:, 0], [500_025.0, 500_040.0], atol=1e-6)
+
+
+def test_keys_that_cannot_be_read_stop_nothing_else(extracted, tmp_path):
+    folder = make_stereo_folder(tmp_path / "survey")
+    found, record = extracted(with_events(folder, "when,what\n1,2\n"), code=4)
+    assert "events.csv" in found.line
+    assert record["counts"]["stereo_pairs_used"] == 6

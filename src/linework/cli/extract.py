@@ -187,7 +187,8 @@ def with_trajectory(survey: Survey, path: Path | None) -> Survey:
 
     if path is None:
         return survey
-    return replace(survey, trajectory_file=path, trajectory_lever_m=(0.0, 0.0, 0.0))
+    none = (0.0, 0.0, 0.0)
+    return replace(survey, trajectory_file=path, trajectory_lever_m=none, trajectory_boresight_deg=none)
 
 
 def _parameters(
@@ -264,7 +265,12 @@ def _tell_what_is_missing(record: dict[str, Any], output: Path) -> None:
     failures = record["failures"]
     if failures:
         counts = record["counts"]
-        totals = {"file": counts["files"], "tile": counts["tiles"], "image": 2 * counts["stereo_pairs"]}
+        totals = {
+            "file": counts["files"],
+            "tile": counts["tiles"],
+            "image": 2 * counts["stereo_pairs"],
+            "log": 1,
+        }
         what = " and ".join(
             f"{n} of {of} {name}s" if of else f"all {name}s"
             for name, of in totals.items()

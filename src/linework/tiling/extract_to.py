@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from linework.errors import OutputExistsError
+from linework.errors import InputError, OutputExistsError
 from linework.files.run_record import hash_file
+from linework.files.van_log import van_log
 from linework.methods.protocol import Method
 from linework.methods.stereo.method import StereoMethod
 from linework.tiling.executors import Executor
@@ -79,6 +80,7 @@ def extract_to(
             recordings, order.methods, order.stereo, run,
             settings=order.settings, executor=executor, steps=steps,
         )  # fmt: skip
+        found = with_log(found, recordings)
         record = publish_extraction(
             found, order.output, {**order.parameters, "fingerprint": fingerprint},
             overwrite=order.overwrite or order.resume,
@@ -86,6 +88,17 @@ def extract_to(
             steps=steps,
         )  # fmt: skip
     return record, found
+
+
+def with_log(found: Extraction, recordings: Recordings) -> Extraction:
+    """Return what was found with the van's log beside it; a log that cannot be used stops nothing else."""
+    series = recordings.stereo.series if recordings.stereo else None
+    try:
+        logged = van_log(recordings.survey, series, recordings.trajectory)
+    except InputError as error:
+        named = recordings.survey.settings.get("events", {}).get("file", "")
+        return replace(found, log_failures=((recordings.survey.root / named, str(error)),))
+    return replace(found, logged=logged, warnings=(*found.warnings, *logged.warnings))
 
 
 def _finished(output: Path, fingerprint: str) -> dict[str, Any] | None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from linework.files.store_facts import StoreFacts
 from linework.model.lines import LineSet
+from linework.model.van_log import VanLog
 from linework.tiling.plan import Tile
 
 
@@ -64,6 +65,10 @@ class Extraction:
         SHA-256 of every input file.
     pairs
         Stereo pairs used and left out; None where none were looked at.
+    logged
+        Images and operator's keys by place, or None.
+    log_failures
+        (file, problem) of a log that cannot be used.
     """
 
     source: str
@@ -76,3 +81,5 @@ class Extraction:
     hashes: Mapping[Path, str]
     warnings: tuple[str, ...]
     pairs: PairsSeen | None = None
+    logged: VanLog | None = None
+    log_failures: tuple[tuple[Path, str], ...] = ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,7 +13,8 @@ from linework.files.locks import locked
 from linework.files.run_record import hash_file
 from linework.files.store_facts import StoreFacts
 from linework.files.store_read import PointStore
-from linework.files.survey_points import check_trajectory_covers, read_survey_trajectory
+from linework.files.survey_points import EPOCH_OF_KIND, check_trajectory_covers
+from linework.files.survey_trajectory import on_clock_of, read_survey_trajectory_content
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 from linework.navigation.lever import at_vehicle_origin
@@ -73,15 +75,30 @@ def opened_survey(
         are no error here: ``facts.failures`` lists them.
     """
     # Before the points: it is read in no time, and may be wrong
-    trajectory = read_survey_trajectory(survey)
+    content = read_survey_trajectory_content(survey)
+    trajectory: Trajectory | None = None
     with held_store(survey, work, n_threads=n_threads, limits=limits, steps=steps) as held:
         warnings, hashes, path_hash = held.facts.warnings, dict(held.hashes), ""
-        if trajectory is not None and survey.trajectory_file is not None:
-            trajectory = at_vehicle_origin(trajectory, survey.trajectory_lever_m)
-            warnings += check_trajectory_covers(trajectory, held.facts, where=survey.trajectory_file)
-            hashes[survey.trajectory_file] = hash_file(survey.trajectory_file)
-            path_hash = f"{hashes[survey.trajectory_file]} {survey.trajectory_lever_m}"
+        if content is not None and survey.trajectory_file is not None:
+            where = survey.trajectory_file
+            if held.facts.has_time:
+                span = held.facts.times.low_s, held.facts.times.high_s
+                content = on_clock_of(content, span, EPOCH_OF_KIND[held.facts.gps_time_kind], survey)
+            warnings += tuple(f"{where.name}: {text}" for text in content.warnings)
+            trajectory = at_vehicle_origin(
+                content.trajectory, survey.trajectory_lever_m, survey.trajectory_boresight_deg
+            )
+            warnings += check_trajectory_covers(trajectory, held.facts, where=where)
+            if where.is_file():
+                hashes[where] = hash_file(where)
+            path_hash = hash_path(trajectory)
         yield OpenedSurvey(survey, held.points, held.facts, trajectory, warnings, held.key, path_hash, hashes)
+
+
+def hash_path(trajectory: Trajectory) -> str:
+    """Return what stands for a path: the SHA-256 of its times, positions and attitudes."""
+    parts = (trajectory.time_s, trajectory.xyz, trajectory.attitude_deg)
+    return hashlib.sha256(b"".join(part.tobytes() for part in parts if part is not None)).hexdigest()
 
 
 def surface_of(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps: Steps) -> SurveySurface:

@@ -9,7 +9,8 @@ from typing import Any
 from linework.files.crs import describe_crs
 from linework.files.run_record import hash_file, write_json
 from linework.files.store_facts import StoreFacts
-from linework.files.vectors import write_lines
+from linework.files.vectors import points_left_out, write_lines
+from linework.model.van_log import VanLog
 from linework.tiling.extraction import Extraction
 from linework.tiling.record import record_path, set_aside, versions
 from linework.tiling.sources import path_text
@@ -46,7 +47,10 @@ def publish_extraction(
     steps = steps or Steps()
     path = record_path(output)
     with steps.step("write lines"), set_aside(path):
-        write_lines(extraction.lines, output, kinds=extraction.kinds, overwrite=overwrite, note=note)
+        write_lines(
+            extraction.lines, output,
+            kinds=extraction.kinds, points=extraction.logged, overwrite=overwrite, note=note,
+        )  # fmt: skip
     record = record_of(extraction, output, parameters, steps)
     write_json(record, path, overwrite=True)
     return record
@@ -81,6 +85,7 @@ def record_of(
             "tiles": len(extraction.tiles),
             "stereo_pairs": pairs.n_pairs if pairs else 0,
             "stereo_pairs_used": pairs.n_used if pairs else 0,
+            **_logged_counts(extraction.logged),
             "lines": n_lines,
             "length_m": {
                 kind: round(float(lines.length_m[lines.kind == kind].sum()), 3) for kind in extraction.kinds
@@ -98,7 +103,7 @@ def record_of(
             }
             for report in extraction.tiles
         ],
-        "warnings": list(extraction.warnings),
+        "warnings": [*extraction.warnings, *points_left_out(output, extraction.logged)],
         "failures": [
             *(
                 {"file": path_text(file), "problem": problem}
@@ -112,8 +117,15 @@ def record_of(
                 {"image": path_text(Path(image)), "problem": problem}
                 for image, problem in (pairs.failures if pairs else ())
             ),
+            *({"log": path_text(log), "problem": problem} for log, problem in extraction.log_failures),
         ],
     }
+
+
+def _logged_counts(logged: VanLog | None) -> dict[str, int]:
+    """Return how many images and keys have a place."""
+    photos, events = (logged.photos, logged.events) if logged else (None, None)
+    return {"photolog": len(photos) if photos else 0, "events": len(events) if events else 0}
 
 
 def _point_counts(read: StoreFacts | None) -> dict[str, Any]:

@@ -114,7 +114,9 @@ def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: Steps) ->
     else:
         trajectory = read_survey_trajectory(survey)
         if trajectory is not None:
-            trajectory = at_vehicle_origin(trajectory, survey.trajectory_lever_m)
+            trajectory = at_vehicle_origin(
+                trajectory, survey.trajectory_lever_m, survey.trajectory_boresight_deg
+            )
     placed = place_pairs(survey, series, trajectory)
     with steps.step("check stereo pairs"):
         return placed.checked()
