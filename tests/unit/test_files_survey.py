@@ -323,7 +323,21 @@ def test_trajectory_at_another_time(described):
     with pytest.raises(InputError, match="no common time"):
         check_trajectory_covers(*shifted(described, time=18_000.0))
     (warning,) = check_trajectory_covers(*shifted(described, time=1.25))
-    assert warning == "50 % of the points are outside the trajectory's time"
+    assert warning.startswith(
+        "50 % of the points are outside the trajectory's time (trajectory from 300000000.2 to"
+    )
+    assert warning.endswith("points from 300000000.0 to 300000000.5 s)")
+
+
+def test_a_trajectory_in_utc(described):
+    path, facts = shifted(described)
+    # As long as the points, and 17 of the 18 leap seconds of 2020 early
+    times = np.linspace(facts.times.low_s - 0.5, facts.times.high_s + 0.5, len(path))
+    utc = Trajectory(times - 18.0, path.xyz)
+    with pytest.raises(
+        InputError, match=r"no common time; \+18 s .* would make them fit: UTC taken for GPS time\?"
+    ):
+        check_trajectory_covers(utc, facts)
 
 
 @pytest.mark.parametrize("size", [(60.0, 40.0, 9.0), (0.4, 0.4, 12.0), (2.0, 1.0, 150.0), (0.01, 0.01, 0.4)])

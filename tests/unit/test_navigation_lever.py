@@ -35,3 +35,14 @@ def test_headings_hold_while_the_van_stands():
 def test_no_lever_changes_nothing():
     path = Trajectory(np.array([0.0, 1.0]), np.zeros((2, 3)))
     assert at_vehicle_origin(path, (0.0, 0.0, 0.0)) is path
+
+
+def test_a_unit_that_is_mounted_askew():
+    # Looks to the right, leans to its right, at a van that heads north and climbs
+    unit = Rotation.from_euler("ZYX", [-90, 0, 10], degrees=True)  # in the vehicle
+    van = Rotation.from_euler("ZYX", [90, -5, 0], degrees=True)
+    yaw, minus_pitch, roll = (van * unit).as_euler("ZYX", degrees=True)
+    path = Trajectory(np.arange(2.0), np.zeros((2, 3)), np.array([[roll, -minus_pitch, 90 - yaw]] * 2))
+    back = at_vehicle_origin(path, (1.0, 0.0, 0.0), (10.0, 0.0, 90.0))
+    np.testing.assert_allclose(back.attitude_deg % 360, [[0, 5, 0]] * 2, atol=1e-9)
+    np.testing.assert_allclose(back.xyz[0], [0, -np.cos(np.radians(5)), -np.sin(np.radians(5))], atol=1e-12)

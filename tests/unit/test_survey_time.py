@@ -11,7 +11,7 @@ from linework.files.survey_time import (
     epoch_by_values,
     fitted_times,
     gps_of_unix,
-    offset_name,
+    known_offsets,
     to_survey_time,
     unix_of_gps,
 )
@@ -107,10 +107,9 @@ def test_a_log_without_times():
 
 
 def test_offsets_have_names():
-    assert offset_name(-18.0) == "UTC taken for GPS time"
-    assert offset_name(18.0) == "GPS time taken for UTC"
-    assert offset_name(-15.0, 1.317e9) == "UTC taken for GPS time"  # 2011
-    assert offset_name(19.0) == "TAI taken for GPS time"
-    assert offset_name(-37.0) == "TAI taken for UTC"
-    assert offset_name(1.0) == "a leap second too few or too many"
-    assert offset_name(5.0) == ""
+    today = dict(known_offsets(4.0e8, "gps_adjusted"))
+    assert sorted(map(abs, today)) == [1, 1, 18, 18, 19, 19, 37, 37]
+    assert today[-18.0] == "UTC taken for GPS time"
+    assert today[18.0] == "GPS time taken for UTC"
+    assert today[19.0] == "TAI taken for GPS time"
+    assert dict(known_offsets(1.317e9, "unix"))[-15.0] == "UTC taken for GPS time"  # 2011

@@ -63,6 +63,7 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
         settings = {**settings, "crs": given}
     trajectory = settings.get("trajectory", {})
     lever_x, lever_y, lever_z = (float(v) for v in trajectory.get("lever_m", (0.0, 0.0, 0.0)))
+    roll, pitch, heading = (float(v) for v in trajectory.get("boresight_deg", (0.0, 0.0, 0.0)))
     return Survey(
         name=settings.get("name") or (root.resolve().name if inputs[0].is_dir() or found else files[0].stem),
         root=root,
@@ -70,6 +71,7 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
         crs=_common_crs(files, given) if files else parse_crs(given or "local", where=found),
         trajectory_file=root / trajectory["file"] if "file" in trajectory else None,
         trajectory_lever_m=(lever_x, lever_y, lever_z),
+        trajectory_boresight_deg=(roll, pitch, heading),
         settings=settings,
         settings_file=kitti.calibration if kitti else found,
         warnings=kitti.warnings if kitti else (),

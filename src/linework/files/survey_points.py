@@ -16,7 +16,8 @@ from linework.files.spill import spill_survey
 from linework.files.store_facts import FileFacts as FileFacts
 from linework.files.store_facts import StoreFacts
 from linework.files.store_read import PointStore
-from linework.files.trajectories import read_trajectory
+from linework.files.survey_time import WEEK_S, known_offsets
+from linework.files.survey_trajectory import read_survey_trajectory_content
 from linework.model.arrays import FloatArray
 from linework.model.points import Points
 from linework.model.survey import Survey
@@ -24,6 +25,13 @@ from linework.model.trajectory import Trajectory
 
 #: A van and what it scans are within some 300 m; farther apart is another place or another CRS.
 _MAX_APART_M = 1000.0
+#: Names of the kinds of points' times as a survey.toml has them.
+EPOCH_OF_KIND: dict[TimeKind, str] = {
+    "week": "gps_week",
+    "adjusted": "gps_adjusted",
+    "gps": "gps",
+    "none": "",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,9 +104,10 @@ def read_survey_trajectory(survey: Survey) -> Trajectory | None:
     Raises
     ------
     InputError
-        As for `read_trajectory`.
+        As for `read_survey_trajectory_content`.
     """
-    return None if survey.trajectory_file is None else read_trajectory(survey.trajectory_file)
+    content = read_survey_trajectory_content(survey)
+    return None if content is None else content.trajectory
 
 
 def check_trajectory_covers(
@@ -109,7 +118,8 @@ def check_trajectory_covers(
     Returns
     -------
     tuple of str
-        Warnings: part of the points outside the trajectory's time.
+        Warnings: part of the points outside the trajectory's time; where a known difference of clocks (UTC for GPS
+        time) explains it, that is said.
 
     Raises
     ------
@@ -129,19 +139,39 @@ def check_trajectory_covers(
     if not facts.has_time:
         return ()
     start, end = float(trajectory.time_s[0]), float(trajectory.time_s[-1])
-    share = facts.times.share_within(start, end)
-    if share == 0.0:
-        raise InputError(
-            f"trajectory from {start:.1f} to {end:.1f} s, points from {facts.times.low_s:.1f} to"
-            f" {facts.times.high_s:.1f} s: no common time",
-            where=where,
-            advice="check the epochs (GPS week seconds, adjusted, unix)",
-        )
-    return (
-        ()
-        if share > 0.99
-        else (f"{100.0 * (1.0 - share):.0f} % of the points are outside the trajectory's time",)
+    share = _share_covered(facts, start, end)
+    spans = (
+        f"trajectory from {start:.1f} to {end:.1f} s, points from {facts.times.low_s:.1f} to"
+        f" {facts.times.high_s:.1f} s"
     )
+    if share == 0.0:
+        raise InputError(f"{spans}: no common time{_named_offset(facts, start, end)}", where=where,
+                         advice="check the epochs (GPS week seconds, adjusted, unix)")  # fmt: skip
+    if share > 0.99:
+        return ()
+    return (
+        f"{100.0 * (1.0 - share):.0f} % of the points are outside the trajectory's time"
+        f" ({spans}){_named_offset(facts, start, end)}",
+    )
+
+
+def _share_covered(facts: StoreFacts, start_s: float, end_s: float) -> float:
+    """Return the share of the points within the trajectory's time; seconds of the week begin again in the points."""
+    share = facts.times.share_within(start_s, end_s)
+    if facts.gps_time_kind == "week" and end_s > WEEK_S:
+        share += facts.times.share_within(0.0, end_s - WEEK_S)
+    return share
+
+
+def _named_offset(facts: StoreFacts, start_s: float, end_s: float) -> str:
+    """Return which known difference of clocks would bring the points into the trajectory's time, if one does."""
+    epoch = EPOCH_OF_KIND[facts.gps_time_kind]
+    overhang = max(start_s - facts.times.low_s, facts.times.high_s - end_s)
+    for offset, name in known_offsets(facts.times.low_s, epoch):
+        # Less sticks out because the trajectory begins before the points, but hardly half of it
+        if abs(offset) <= 2.0 * overhang and _share_covered(facts, start_s - offset, end_s - offset) > 0.999:
+            return f"; {-offset:+.0f} s on the trajectory's times would make them fit: {name}?"
+    return ""
 
 
 def _extent(xyz: FloatArray) -> tuple[FloatArray, FloatArray]:

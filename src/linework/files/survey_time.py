@@ -161,18 +161,27 @@ def _overlap(time_s: FloatArray, span_s: tuple[float, float]) -> bool:
     return len(time_s) > 0 and float(np.min(time_s)) <= span_s[1] and float(np.max(time_s)) >= span_s[0]
 
 
-def offset_name(offset_s: float, unix_s: float | None = None) -> str:
-    """Return what a clock that is off by some whole seconds may have taken for what; "" where nothing is known.
+def known_offsets(time_s: float, epoch: str) -> list[tuple[float, str]]:
+    """Return by how many seconds a clock may be ahead because one time was taken for another, and which.
 
     Parameters
     ----------
-    unix_s
-        About when it was, where known: the leap seconds of that day count. Without, those of today.
+    time_s, epoch
+        About when it was: the leap seconds of that day count. Those of today where the epoch does not tell.
 
-    >>> offset_name(-18.0)
-    'UTC taken for GPS time'
+    >>> known_offsets(4.0e8, "gps_adjusted")[2]
+    (-18.0, 'UTC taken for GPS time')
     """
-    leaps = len(_LEAPS) if unix_s is None else int(np.searchsorted(_LEAP_UTC_S, unix_s, side="right"))
-    if abs(offset_s) == leaps:
-        return "UTC taken for GPS time" if offset_s < 0 else "GPS time taken for UTC"
-    return _KNOWN_OFFSETS.get(abs(offset_s), "")
+    leaps = float(len(_LEAPS))
+    if epoch in ("unix", "gps", "gps_adjusted"):
+        unix_s = time_s if epoch == "unix" else float(unix_of_gps(_to_gps(np.array(time_s), epoch, None)))
+        leaps = float(np.searchsorted(_LEAP_UTC_S, unix_s, side="right"))
+    # TAI is ahead of GPS time by 19 s, and by the leap seconds since 1972 of UTC
+    differences = [(1.0, "a leap second", "a leap second"), (leaps, "GPS time taken for UTC", "UTC taken for GPS time"),
+                   (19.0, "TAI taken for GPS time", "GPS time taken for TAI"),
+                   (leaps + 19.0, "TAI taken for UTC", "UTC taken for TAI")]  # fmt: skip
+    return [
+        (sign * size, names[sign < 0.0])
+        for size, *names in sorted(differences)
+        for sign in (-1.0, 1.0)
+    ]  # fmt: skip

@@ -26,6 +26,8 @@ class Survey:
         Ready-made trajectory, or None.
     trajectory_lever_m
         Position of the described point in the vehicle frame. [m, vehicle]
+    trajectory_boresight_deg
+        Roll, pitch, heading of the described unit in the vehicle frame. [deg]
     settings
         The survey.toml as read, or what one would say of a KITTI folder, for the parts that other rooms use
         (cameras, navigation, events).
@@ -41,6 +43,7 @@ class Survey:
     crs: str
     trajectory_file: Path | None = None
     trajectory_lever_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    trajectory_boresight_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     settings: Mapping[str, Any] = field(default_factory=dict)
     settings_file: Path | None = None
     warnings: tuple[str, ...] = ()

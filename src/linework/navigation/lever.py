@@ -8,24 +8,33 @@ import numpy as np
 
 from linework.model.arrays import FloatArray
 from linework.model.trajectory import Trajectory
+from linework.navigation.poses import attitude_deg_of, rotations_of
 
 #: Below this the direction between two positions is noise of the positions, not of the road. [m]
 _MIN_STEP_M = 0.05
 
 
-def at_vehicle_origin(trajectory: Trajectory, lever_m: tuple[float, float, float]) -> Trajectory:
-    """Return the path of the vehicle's origin, where `trajectory` is that of another point on the vehicle.
+def at_vehicle_origin(
+    trajectory: Trajectory,
+    lever_m: tuple[float, float, float],
+    boresight_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Trajectory:
+    """Return the path of the vehicle's origin, where `trajectory` is that of another unit on the vehicle.
 
     Parameters
     ----------
     lever_m
-        Position of the described point. [m, vehicle: forward, left, up]
+        Position of the described unit. [m, vehicle: forward, left, up]
+    boresight_deg
+        Roll, pitch, heading of the described unit in the vehicle: how it is mounted. [deg; right side down, nose
+        up, clockwise from above]
 
     Notes
     -----
     ``xyz_origin = xyz_point - R_world_vehicle @ lever`` with
-    ``R_world_vehicle = Rz(90 deg - heading) Ry(-pitch) Rx(roll)``. Where the trajectory has no attitude the
-    vehicle is taken as level and heading along its path.
+    ``R_world_vehicle = Rz(90 deg - heading) Ry(-pitch) Rx(roll)``, and with a boresight ``R_world_vehicle =
+    R_world_unit R_vehicle_unit^T``, ``R_vehicle_unit = Rz(-heading) Ry(-pitch) Rx(roll)``. Where the trajectory has
+    no attitude the vehicle is taken as level and heading along its path.
 
     Examples
     --------
@@ -35,7 +44,15 @@ def at_vehicle_origin(trajectory: Trajectory, lever_m: tuple[float, float, float
     >>> at_vehicle_origin(path, (1.0, 0.0, 2.0)).xyz.round(9).tolist()
     [[0.0, -1.0, 0.0], [0.0, 4.0, 0.0]]
     """
-    if not any(lever_m) or len(trajectory) == 0:
+    if len(trajectory) == 0:
+        return trajectory
+    if any(boresight_deg) and trajectory.attitude_deg is not None:
+        roll, pitch, heading = boresight_deg
+        # The vehicle's x-axis as east
+        mounted = rotations_of(np.array([[roll, pitch, heading + 90.0]]))[0]
+        turned = attitude_deg_of(rotations_of(trajectory.attitude_deg) @ mounted.T)
+        trajectory = replace(trajectory, attitude_deg=turned)
+    if not any(lever_m):
         return trajectory
     if trajectory.attitude_deg is None:
         attitude = np.zeros((len(trajectory), 3))

@@ -1,0 +1,58 @@
+"""The ready-made trajectory of a survey: read, and put on the clock of what else was recorded."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from linework.files.geodetic import EarthFrame
+from linework.files.survey_time import fitted_times, to_survey_time
+from linework.files.trajectories import TrajectorySettings, read_trajectory_content
+from linework.files.trajectory_content import TrajectoryContent
+from linework.model.survey import Survey
+
+
+def read_survey_trajectory_content(survey: Survey) -> TrajectoryContent | None:
+    """Read the trajectory a survey names, of the point it describes; None where it names none.
+
+    Times of a file that says its own epoch become those of [time] epoch, where the survey states one.
+
+    Raises
+    ------
+    InputError, CrsError, ConfigError
+        As for `read_trajectory_content`.
+    """
+    if survey.trajectory_file is None:
+        return None
+    table, time = (survey.settings.get(name, {}) for name in ("trajectory", "time"))
+    settings = TrajectorySettings(
+        frame=EarthFrame.of(survey),
+        times_file=survey.root / table["times"] if "times" in table else None,
+        rate_hz=table.get("rate_hz"),
+    )
+    content = read_trajectory_content(survey.trajectory_file, settings)
+    stated, week = str(time.get("epoch", "")), time.get("week")
+    is_known = content.epoch and (content.epoch != "gps_week" or week is not None)
+    if not stated or not is_known:
+        return replace(content, epoch=content.epoch or stated)
+    time_s = to_survey_time(content.trajectory.time_s, content.epoch, stated, week=week)
+    return replace(content, trajectory=replace(content.trajectory, time_s=time_s), epoch=stated)
+
+
+def on_clock_of(
+    content: TrajectoryContent, span_s: tuple[float, float], span_epoch: str, survey: Survey
+) -> TrajectoryContent:
+    """Return a trajectory on the clock of another recording, with what was done to its times.
+
+    Parameters
+    ----------
+    span_s, span_epoch
+        First and last time of the recording, and its epoch ("": by its range).
+    """
+    time_s, said = fitted_times(
+        content.trajectory.time_s, content.epoch, span_s, span_epoch,
+        week=survey.settings.get("time", {}).get("week"),
+    )  # fmt: skip
+    if not said:
+        return content
+    moved = replace(content.trajectory, time_s=time_s)
+    return replace(content, trajectory=moved, warnings=(*content.warnings, *said), epoch=span_epoch)
