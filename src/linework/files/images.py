@@ -66,7 +66,7 @@ def read_image(path: Path, camera: Camera) -> AnyArray:
             advice="check what this file is",
         )  # fmt: skip
     data = path.read_bytes()
-    with _as_input_errors(path, f", the calibration says {_size(camera)}"):
+    with image_errors(path, f", the calibration says {_size(camera)}"):
         return _decoded(data, path, camera)
 
 
@@ -79,7 +79,7 @@ def image_size(path: Path) -> tuple[int, int]:
         Missing, no image, absurdly large.
     """
     _bytes_of(path)
-    with _as_input_errors(path), path.open("rb") as file, _opened(file, path) as image:
+    with image_errors(path), path.open("rb") as file, open_image(file, path) as image:
         return int(image.width), int(image.height)
 
 
@@ -91,7 +91,7 @@ def _bytes_of(path: Path) -> int:
 
 
 @contextlib.contextmanager
-def _as_input_errors(path: Path, expected: str = "") -> Iterator[None]:
+def image_errors(path: Path, expected: str = "") -> Iterator[None]:
     """Turn whatever Pillow raises for a damaged file into one line that names it."""
     with warnings.catch_warnings():
         # Of Pillow's warnings one is about bombs, the others about Exif that is damaged
@@ -110,7 +110,7 @@ def _as_input_errors(path: Path, expected: str = "") -> Iterator[None]:
             raise InputError(f"damaged image ({reason})", where=path, advice=_DAMAGED) from error
 
 
-def _opened(file: BinaryIO, path: Path) -> PIL.Image.Image:
+def open_image(file: BinaryIO, path: Path) -> PIL.Image.Image:
     """Return an image whose header has been read."""
     try:
         return PIL.Image.open(file, formats=_FORMATS)
@@ -121,7 +121,7 @@ def _opened(file: BinaryIO, path: Path) -> PIL.Image.Image:
 
 def _decoded(data: bytes, path: Path, camera: Camera) -> AnyArray:
     """Return the grey values, having looked at the size before decoding and at the end of the data after it."""
-    with _opened(io.BytesIO(data), path) as image:
+    with open_image(io.BytesIO(data), path) as image:
         turned = _orientation(image)
         if image.size != (camera.width, camera.height):
             by_exif = f", to be turned (Exif orientation {turned})" if turned != 1 else ""

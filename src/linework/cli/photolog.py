@@ -1,0 +1,70 @@
+"""`linework photolog`: a page of what the cameras saw and which keys were pressed, along the drive."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from linework.cli.failures import warn
+
+
+def photolog(
+    survey_folder: Annotated[
+        Path, typer.Argument(metavar="SURVEY", help="A survey folder with images, or a KITTI drive.")
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Page to write: .html")],
+    every_m: Annotated[
+        float, typer.Option("--every-m", min=0.1, max=10_000.0, help="A picture every so many metres.")
+    ] = 10.0,
+    trajectory: Annotated[
+        Path | None,
+        typer.Option("--trajectory", help="Where the van was (CSV), its origin, not an antenna's."),
+    ] = None,
+    crs: Annotated[
+        str, typer.Option("--crs", help="EPSG:... or local: the CRS where the files do not say.")
+    ] = "",
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the output.")] = False,
+) -> None:
+    """Make a page of the drive: small pictures with their places and chainages, and the operator's keys.
+
+    The page is one file; each picture is a link to its image, named from where the page lies. At most 500
+    pictures are on it: on a long drive they stand farther apart than asked for.
+    """
+    from linework.cli.extract import with_trajectory
+    from linework.errors import InputError, PartialError, UsageError
+    from linework.evaluation.photolog import photolog_html
+    from linework.files.crs import describe_crs
+    from linework.files.pages import write_page
+    from linework.files.publish import check_output
+    from linework.files.stereo_series import open_stereo
+    from linework.files.survey import open_survey
+    from linework.files.survey_points import read_survey_trajectory
+    from linework.files.van_log import van_log
+    from linework.navigation.lever import at_vehicle_origin
+
+    if output.suffix.lower() not in (".html", ".htm"):
+        raise UsageError(f"cannot write '{output.suffix}' files", where=output, advice="use .html")
+    check_output(output, overwrite=overwrite)
+    survey = with_trajectory(open_survey([survey_folder], crs=crs or None), trajectory)
+    series = open_stereo(survey)
+    if series is None and not survey.settings.get("events"):
+        raise InputError("neither images nor keys in this survey", where=survey.name,
+                         advice="see what there is with linework info")  # fmt: skip
+    path = read_survey_trajectory(survey)
+    if path is None:
+        raise InputError("no trajectory: nobody knows where its images were taken", where=survey.name,
+                         advice="name one ([trajectory] file), or make one with linework locate")  # fmt: skip
+    log = van_log(survey, series, at_vehicle_origin(path, survey.trajectory_lever_m))
+    facts = {"survey": survey.name, "CRS": describe_crs(survey.crs)}
+    page = photolog_html(log, output, title=f"photolog of {survey.name}", every_m=every_m, facts=facts)
+    write_page(page.html, output, overwrite=overwrite)
+    for warning in (*survey.warnings, *(series.warnings if series else ()), *log.warnings, *page.warnings):
+        warn(warning)
+    typer.echo(f"{output}: {page.n_pictures} pictures, {len(log.events or ())} keys")
+    if page.failures:
+        raise PartialError(
+            f"{len(page.failures)} of {page.n_pictures} images cannot be shown: {page.failures[0].rstrip('.')}",
+            where=output, advice="copy them again",
+        )  # fmt: skip
