@@ -331,7 +331,6 @@ def test_trajectory_at_another_time(described):
 
 def test_a_trajectory_in_utc(described):
     path, facts = shifted(described)
-    # As long as the points, and 17 of the 18 leap seconds of 2020 early
     times = np.linspace(facts.times.low_s - 0.5, facts.times.high_s + 0.5, len(path))
     utc = Trajectory(times - 18.0, path.xyz)
     with pytest.raises(
