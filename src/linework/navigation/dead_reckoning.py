@@ -1,0 +1,209 @@
+"""Dead reckoning: turns of the gyro and ways of the wheels, integrated between any two times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from linework.kernels import navigation as kernel
+from linework.model.arrays import BoolArray, FloatArray
+
+#: Grid of the integration where logs are coarser; a van turns by less than 2 degrees in it. [s]
+_GRID_S = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """What gyros and wheels say, sound and in one unit each.
+
+    Parameters
+    ----------
+    turn_time_s, turn_radps
+        (n,) turn rates, clockwise.
+    way_time_s, way_m
+        (m,), (m, 2) how far the left and the right wheel have come.
+    tilt_rad
+        (n, 2) roll and pitch at `turn_time_s`; zeros without a vertical gyro.
+    no_turn, no_way
+        (k, 2) from when to when turns, ways are not known.
+    at_rest
+        (k, 2) from when to when the van stands.
+    wheels_turn
+        True where turns come from the wheels' difference.
+    wheels_apart
+        True where the two wheels are counted apart.
+    """
+
+    turn_time_s: FloatArray
+    turn_radps: FloatArray
+    way_time_s: FloatArray
+    way_m: FloatArray
+    tilt_rad: FloatArray
+    no_turn: FloatArray
+    no_way: FloatArray
+    at_rest: FloatArray
+    wheels_turn: bool = False
+    wheels_apart: bool = True
+    tick_m: float = 0.0
+    track_m: float = 1.5
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """First and last time at which both gyro and wheels have spoken."""
+        first = max(self.turn_time_s[0], self.way_time_s[0])
+        return float(first), float(min(self.turn_time_s[-1], self.way_time_s[-1]))
+
+    def between(self, first_s: float, last_s: float) -> Motion:
+        """Return what lies between two times, with a reading more on either side."""
+        turn, way = (
+            slice(max(np.searchsorted(t, first_s) - 1, 0), np.searchsorted(t, last_s, side="right") + 1)
+            for t in (self.turn_time_s, self.way_time_s)
+        )
+        return replace(
+            self, turn_time_s=self.turn_time_s[turn], turn_radps=self.turn_radps[turn],
+            tilt_rad=self.tilt_rad[turn], way_time_s=self.way_time_s[way], way_m=self.way_m[way],
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Reckoned:
+    """The way as gyro and wheels alone see it, from (0, 0) and heading 0.
+
+    Parameters
+    ----------
+    time_s
+        (n,) grid.
+    heading_rad
+        (n,) clockwise.
+    way_m
+        (n, 2) left, right.
+    xy
+        (n, 2): y is where the van headed at first, x is right of it. [m]
+    rise_m
+        (n,) by the vertical gyro's pitch.
+    """
+
+    time_s: FloatArray
+    heading_rad: FloatArray
+    way_m: FloatArray
+    xy: FloatArray
+    rise_m: FloatArray
+
+    def at(self, time_s: FloatArray) -> Reckoned:
+        """Return the way at other times, between those of the grid."""
+
+        def between(values: FloatArray) -> FloatArray:
+            columns = values.reshape(len(values), -1).T
+            return np.stack([np.interp(time_s, self.time_s, c) for c in columns], axis=1)
+
+        return Reckoned(
+            time_s, between(self.heading_rad)[:, 0], between(self.way_m), between(self.xy),
+            between(self.rise_m)[:, 0],
+        )  # fmt: skip
+
+
+def reckon(motion: Motion, also_s: FloatArray) -> Reckoned:
+    """Integrate turns and ways over the whole span.
+
+    Parameters
+    ----------
+    also_s
+        (k,) times that the grid must hold.
+    """
+    first, last = motion.span_s
+    grid = [motion.turn_time_s, np.arange(first, last, _GRID_S), also_s, np.array([first, last])]
+    time = np.unique(np.concatenate(grid))
+    time = time[(time >= first) & (time <= last)]
+    rate = np.interp(time, motion.turn_time_s, motion.turn_radps)
+    heading = _integral(time, rate)
+    way = np.stack([np.interp(time, motion.way_time_s, column) for column in motion.way_m.T], axis=1)
+    step = np.diff(way.mean(axis=1))
+    middle = 0.5 * (heading[1:] + heading[:-1])
+    pitch = np.interp(0.5 * (time[1:] + time[:-1]), motion.turn_time_s, motion.tilt_rad[:, 1])
+    xy = np.zeros((len(time), 2))
+    xy[1:] = np.cumsum(step[:, None] * np.stack([np.sin(middle), np.cos(middle)], axis=1), axis=0)
+    rise = np.concatenate([[0.0], np.cumsum(step * np.sin(pitch))])
+    return Reckoned(time, heading, way, xy, rise)
+
+
+def _integral(x: FloatArray, y: FloatArray) -> FloatArray:
+    return np.concatenate([[0.0], np.cumsum(0.5 * np.diff(x) * (y[1:] + y[:-1]))])
+
+
+def steps_between(motion: Motion, reckoned: Reckoned, nodes_s: FloatArray) -> FloatArray:
+    """Return the steps from node to node as the kernels take them, (n - 1, 16)."""
+    at = reckoned.at(nodes_s)
+    first, last = nodes_s[:-1], nodes_s[1:]
+    dt, turn, way = np.diff(nodes_s), np.diff(at.heading_rad), np.diff(at.way_m, axis=0)
+    far = way.mean(axis=1)
+    steps = np.zeros((len(dt), kernel.N_STEP))
+    steps[:, kernel.DT], steps[:, kernel.TURN_READ] = dt, turn
+    steps[:, kernel.LEFT_M], steps[:, kernel.RIGHT_M] = way.T
+    steps[:, kernel.AHEAD], steps[:, kernel.ASIDE] = _chords(at, far, turn)
+    sine = np.divide(np.diff(at.rise_m), far, out=np.full(len(far), np.nan), where=np.abs(far) > 0.01)
+    pitch = np.interp(0.5 * (first + last), motion.turn_time_s, motion.tilt_rad[:, 1])
+    steps[:, kernel.PITCH_READ] = np.where(np.isnan(sine), pitch, np.arcsin(np.clip(sine, -0.5, 0.5)))
+    steps[:, kernel.AT_REST] = _inside(first, last, motion.at_rest)
+    for column, spans in ((kernel.SPEED_FREE, motion.no_way), (kernel.TURN_FREE, motion.no_turn)):
+        free = _touched(first, last, spans).astype(np.float64)
+        steps[:, column] = free + (np.diff(free, prepend=0.0) > 0.0)
+    steps[steps[:, kernel.SPEED_FREE] > 0.0, kernel.AT_REST] = 0.0
+    steps[:, kernel.WHEELS_TURN] = motion.wheels_turn
+    _compare_wheels(steps, motion, way, turn)
+    _allow_for_springs(steps, far, turn, dt)
+    return steps
+
+
+def _chords(at: Reckoned, far: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return where a step of length 1 ends, ahead and to the right of where it began."""
+    east, north = np.diff(at.xy, axis=0).T
+    sin_h, cos_h = np.sin(at.heading_rad[:-1]), np.cos(at.heading_rad[:-1])
+    moved = np.abs(far) > 1e-6
+    ahead = np.divide(east * sin_h + north * cos_h, far, out=np.cos(0.5 * turn), where=moved)
+    aside = np.divide(east * cos_h - north * sin_h, far, out=np.sin(0.5 * turn), where=moved)
+    # Forth and back within a step has no chord
+    fair = np.hypot(ahead, aside) <= 1.0 + 1e-6
+    return np.where(fair, ahead, np.cos(0.5 * turn)), np.where(fair, aside, np.sin(0.5 * turn))
+
+
+def _compare_wheels(steps: FloatArray, motion: Motion, way: FloatArray, turn: FloatArray) -> None:
+    """Set what the wheels' difference says about the turn, and how well."""
+    difference = (way[:, 0] - way[:, 1]) / motion.track_m
+    # Two counts off by a tick at either end; tyres that slip; a track that is known to a twentieth
+    var = 4.0 * motion.tick_m**2 / 12.0 / motion.track_m**2
+    var = var + (0.003 / motion.track_m) ** 2 * np.abs(way.mean(axis=1)) + (0.05 * turn) ** 2
+    usable = motion.wheels_apart and not motion.wheels_turn
+    steps[:, kernel.WHEEL_TURN] = difference
+    known = usable & (steps[:, kernel.SPEED_FREE] == 0.0)
+    steps[:, kernel.WHEEL_TURN_VAR] = np.where(known, np.maximum(var, 1e-8), np.inf)
+
+
+def _allow_for_springs(steps: FloatArray, far: FloatArray, turn: FloatArray, dt: FloatArray) -> None:
+    """Set how far the van's body may move other than where its axis points.
+
+    Tyres slip sideways by about 0.1 degree per m/s^2, bodies squat by 0.2 degrees per m/s^2 and sway by 0.1
+    (R. N. Jazar, Vehicle Dynamics, 2nd ed., 10.3 and 14.2), for about a second.
+    """
+    speed = far / dt
+    across = np.abs(speed * turn / dt)
+    accel = np.abs(np.gradient(speed)) / np.maximum(dt, 0.05) if len(dt) > 1 else np.zeros(len(dt))
+    accel = np.minimum(accel, 3.0)
+    steps[:, kernel.SIDE_VAR] = ((0.002 * across * speed) ** 2 + (0.001 * speed) ** 2) * dt
+    steps[:, kernel.UP_VAR] = ((0.002 * speed) ** 2 + 2.0 * (0.003 * accel * speed) ** 2) * dt
+
+
+def _inside(first: FloatArray, last: FloatArray, spans: FloatArray) -> BoolArray:
+    """Return which steps lie within one of the spans."""
+    if len(spans) == 0:
+        return np.zeros(len(first), dtype=bool)
+    i = np.clip(np.searchsorted(spans[:, 0], first, side="right") - 1, 0, len(spans) - 1)
+    return np.asarray((first >= spans[i, 0]) & (last <= spans[i, 1]))
+
+
+def _touched(first: FloatArray, last: FloatArray, spans: FloatArray) -> BoolArray:
+    """Return which steps share time with one of the spans."""
+    touched = np.zeros(len(first), dtype=bool)
+    for start, end in spans:
+        touched |= (first < end) & (last > start)
+    return touched

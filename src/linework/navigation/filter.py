@@ -1,0 +1,161 @@
+"""Filter forward and smoother backward over the nodes of a drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.kernels import navigation as kernel
+from linework.model.arrays import FloatArray, IntArray
+from linework.model.logs import GnssLog
+from linework.navigation.dead_reckoning import Motion, Reckoned, steps_between
+from linework.navigation.noise import NoiseModel
+
+#: Between fixes nodes are no further apart; the way between two is dead reckoned in full. [s]
+_NODE_S = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """A drive as the filter takes it: nodes, steps between them, fixes at some of them.
+
+    Parameters
+    ----------
+    time_s
+        (n,) of the nodes.
+    steps
+        (n - 1, 16).
+    tilt_rad
+        (n, 2) roll and pitch as read.
+    fix_of
+        (n,) which fix is at a node, -1: none.
+    fixes, sigma_m
+        (m, 3), from `origin`.
+    lever_m
+        (3,) of the antenna.
+    x0, sigma0
+        (16,) state at the first node, and how far off it may be.
+    """
+
+    time_s: FloatArray
+    steps: FloatArray
+    tilt_rad: FloatArray
+    fix_of: IntArray
+    fixes: FloatArray
+    sigma_m: FloatArray
+    lever_m: FloatArray
+    x0: FloatArray
+    sigma0: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """States (n, 16) and covariances (n, 16, 16) at the nodes, and what the fixes were off by.
+
+    Parameters
+    ----------
+    innovation_m, innovation_sigma_m
+        (m, 3) fix less what was expected, and its sigma.
+    added_m2
+        (m, 2) variance added to fixes far off, in plan and height.
+    jump
+        (n - 1,) jumps of the gyro's bias over their sigmas; empty for a filter.
+    """
+
+    x: FloatArray
+    p: FloatArray
+    innovation_m: FloatArray
+    innovation_sigma_m: FloatArray
+    added_m2: FloatArray
+    likelihood: float
+    jump: FloatArray
+
+
+def problem_of(
+    motion: Motion, reckoned: Reckoned, gnss: GnssLog, x0: FloatArray, sigma0: FloatArray, lever_m: FloatArray
+) -> Problem:
+    """Return nodes at all fixes and at least every half second.
+
+    Parameters
+    ----------
+    gnss
+        Fixes within the span of `reckoned`, from a local origin.
+    """
+    first, last = reckoned.time_s[0], reckoned.time_s[-1]
+    nodes = _filled(np.unique(np.concatenate([[first], gnss.time_s, [last]])), _NODE_S)
+    fix_of = np.full(len(nodes), -1)
+    fix_of[np.searchsorted(nodes, gnss.time_s)] = np.arange(len(gnss.time_s))
+    tilt = np.stack([np.interp(nodes, motion.turn_time_s, t) for t in motion.tilt_rad.T], axis=1)
+    return Problem(
+        time_s=nodes, steps=steps_between(motion, reckoned, nodes), tilt_rad=tilt, fix_of=fix_of,
+        fixes=np.ascontiguousarray(gnss.xyz), sigma_m=np.ascontiguousarray(gnss.sigma_m),
+        lever_m=lever_m, x0=x0, sigma0=sigma0,
+    )  # fmt: skip
+
+
+def _filled(times: FloatArray, step_s: float) -> FloatArray:
+    """Return times with more between those that are further apart than `step_s`."""
+    n = np.maximum(np.ceil(np.diff(times) / step_s - 1e-9).astype(np.int64), 1)
+    start = np.repeat(times[:-1], n)
+    part = np.arange(n.sum()) - np.repeat(np.cumsum(n) - n, n)
+    return np.append(start + part * np.repeat(np.diff(times) / n, n), times[-1])
+
+
+def filtered(problem: Problem, noise: NoiseModel, doubt: FloatArray | None = None) -> Estimate:
+    """Filter forward: what could be known at each moment.
+
+    Parameters
+    ----------
+    doubt
+        (m, 2) variance added to each fix in plan and height [m^2]; None: by its own innovation.
+    """
+    if doubt is None:
+        doubt = np.full((len(problem.fixes), 2), np.nan)
+    sigma0 = problem.sigma0.copy()
+    sigma0[kernel.PITCH] = sigma0[kernel.ROLL] = noise.tilt_rad
+    x, p, innovation, spread, added, likelihood = kernel.filter_forward(
+        problem.x0, np.diag(sigma0**2), problem.steps, problem.tilt_rad, problem.fix_of, problem.fixes,
+        problem.sigma_m, doubt, problem.lever_m, noise.row(),
+    )  # fmt: skip
+    return Estimate(x, p, innovation, spread, added, float(likelihood), np.zeros(0))
+
+
+def smoothed(problem: Problem, noise: NoiseModel, forward: Estimate) -> Estimate:
+    """Smooth backward: what is known once the drive is over."""
+    x, p, jump = kernel.smooth_backward(forward.x, forward.p, problem.steps, noise.row())
+    residual, spread = _residuals(problem, noise, x, p)
+    return Estimate(x, p, residual, spread, forward.added_m2, forward.likelihood, jump)
+
+
+def doubts(residual_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
+    """Return the variance to add to each fix so that those far off from the smoothed way count little.
+
+    Beyond the gate (99.9 %) it grows with the fourth power of the distance: what is far off pulls least.
+    """
+    s2 = sigma_m**2
+    plan = 0.5 * np.sum(s2[:, :2], axis=1)
+    nis = np.sum(residual_m[:, :2] ** 2 / s2[:, :2], axis=1)
+    excess = np.maximum(nis / kernel.GATE_PLAN, 1.0)
+    up = np.maximum(residual_m[:, 2] ** 2 / s2[:, 2] / kernel.GATE_UP, 1.0)
+    return np.stack([plan * (excess**2 - 1.0), s2[:, 2] * (up**2 - 1.0)], axis=1)
+
+
+def _residuals(
+    problem: Problem, noise: NoiseModel, x: FloatArray, p: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return what the fixes are off by from smoothed states, and what they may be."""
+    n = len(problem.fixes)
+    residual, spread = np.empty((n, 3)), np.empty((n, 3))
+    H, row = np.empty((3, kernel.N_STATES)), noise.row()
+    speed = np.diff(x[:, :3], axis=0) / np.diff(problem.time_s)[:, None]
+    white = noise.gnss_factor**2 * (1.0 - noise.wander_share)
+    for k in np.flatnonzero(problem.fix_of >= 0).tolist():
+        j = problem.fix_of[k]
+        expected = kernel.antenna(
+            x[k], problem.tilt_rad[k], problem.lever_m, speed[max(k - 1, 0)], problem.sigma_m[j], row, H
+        )
+        residual[j] = problem.fixes[j] - expected
+        own = np.einsum("ij,jk,ik->i", H, p[k], H)
+        spread[j] = np.sqrt(own + white * problem.sigma_m[j] ** 2 + row[kernel.TICK_VAR])
+    return residual, spread

@@ -1,0 +1,89 @@
+"""One motion from whatever sensors there are: gyro and wheels, either alone, or the fixes where wheels fail."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from linework.errors import InputError
+from linework.model.logs import GnssLog, NavigationLogs
+from linework.navigation.dead_reckoning import Motion
+from linework.navigation.gyro import Turns, sound_turns
+from linework.navigation.wheels import Ways, sound_ways
+
+#: Speed from fixes is taken over this to either side. [s]
+_SPEED_WINDOW_S = 1.0
+_NONE = np.zeros((0, 2))
+
+
+def motion_of(logs: NavigationLogs) -> tuple[Motion, Turns | None, tuple[str, ...]]:
+    """Return the motion that the logs show, the gyro's noise where there is one, and what was odd.
+
+    Raises
+    ------
+    InputError
+        No gyro and not both wheels: how the van turns between fixes is not known.
+    """
+    gyro, wheels = logs.gyro, logs.wheels
+    if gyro is not None and len(gyro.time_s) < 2:
+        raise InputError("fewer than two readings", where="gyro", advice="check the log")
+    if wheels is not None and len(wheels.time_s) < 2:
+        raise InputError("fewer than two readings", where="wheels", advice="check the log")
+    if gyro is None and (wheels is None or wheels.ticks is None):
+        raise InputError(
+            "neither a gyro nor the counts of two wheels: how the van turns is not known", where="navigation",
+            advice="add gyro = FILE, or wheels = FILE with left_ticks and right_ticks",
+        )  # fmt: skip
+    heading = None
+    if gyro is not None and wheels is not None:
+        step = 0.5 * np.diff(gyro.time_s) * (gyro.yaw_rate_radps[1:] + gyro.yaw_rate_radps[:-1])
+        heading = np.interp(wheels.time_s, gyro.time_s, np.concatenate([[0.0], np.cumsum(step)]))
+    ways = (
+        _ways_of_fixes(logs.gnss)
+        if wheels is None
+        else sound_ways(wheels, logs.tick_m, logs.track_m, heading)
+    )
+    motion = _with_ways(ways, logs)
+    if gyro is None:
+        return _turned_by_wheels(motion), None, ways.warnings
+    turns = sound_turns(gyro, ways.at_rest)
+    motion = replace(
+        motion, turn_time_s=turns.time_s, turn_radps=turns.rate_radps, tilt_rad=turns.tilt_rad,
+        no_turn=turns.no_turn,
+    )  # fmt: skip
+    return motion, turns, (*ways.warnings, *turns.warnings)
+
+
+def _with_ways(ways: Ways, logs: NavigationLogs) -> Motion:
+    has_ticks = logs.wheels is not None and logs.wheels.ticks is not None
+    return Motion(
+        turn_time_s=np.zeros(0), turn_radps=np.zeros(0), tilt_rad=_NONE, no_turn=_NONE,
+        way_time_s=ways.time_s, way_m=ways.way_m, no_way=ways.no_way, at_rest=ways.at_rest,
+        wheels_apart=ways.apart, tick_m=logs.tick_m if has_ticks else 0.0, track_m=logs.track_m,
+    )  # fmt: skip
+
+
+def _turned_by_wheels(motion: Motion) -> Motion:
+    """Return the motion with turn rates by the difference of both wheels."""
+    t, step = motion.way_time_s, np.diff(motion.way_m, axis=0)
+    rate = (step[:, 0] - step[:, 1]) / motion.track_m / np.diff(t)
+    time = np.concatenate([t[:1], 0.5 * (t[1:] + t[:-1]), t[-1:]])
+    rate = np.concatenate([rate[:1], rate, rate[-1:]])
+    return replace(
+        motion, turn_time_s=time, turn_radps=rate, tilt_rad=np.zeros((len(time), 2)), wheels_turn=True
+    )
+
+
+def _ways_of_fixes(gnss: GnssLog) -> Ways:
+    """Return ways by the speed between fixes; how far they are off is left to the filter all the time."""
+    time = gnss.time_s
+    before, after = np.maximum(time - _SPEED_WINDOW_S, time[0]), np.minimum(time + _SPEED_WINDOW_S, time[-1])
+    places = [
+        np.stack([np.interp(t, time, column) for column in gnss.xyz[:, :2].T], axis=1)
+        for t in (before, after)
+    ]
+    speed = np.hypot(*(places[1] - places[0]).T) / np.maximum(after - before, 1e-3)
+    way = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(time) * (speed[1:] + speed[:-1]))])
+    always = np.array([[-np.inf, np.inf]])
+    return Ways(time, np.stack([way, way], axis=1), always, _NONE, apart=False)

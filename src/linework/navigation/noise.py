@@ -1,0 +1,140 @@
+"""How uncertain each sensor is: what the filter is told, and what the drive itself says about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import log
+
+import numpy as np
+
+from linework.kernels import navigation as kernel
+from linework.model.arrays import FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoiseModel:
+    """Noise of all sensors of a van.
+
+    Parameters
+    ----------
+    gyro_noise
+        Angular random walk. [rad/sqrt(s)]
+    bias_walk
+        Of the gyro's bias. [rad/s/sqrt(s)]
+    wheel_noise
+        Random walk of the distance. [m/sqrt(m)]
+    scale_walk
+        Of the wheels' scales: half a per mille over 10 km, as tyres warm up. [1/sqrt(m)]
+    tilt_rad
+        Slow error of the vertical gyro; without one, the road's own slopes.
+    tilt_s, tilt_m
+        Time or distance in which that forgets itself; inf: never.
+    gnss_factor
+        True sigma of the GNSS over what the receiver says.
+    wander_share
+        Share of the GNSS's variance that is slow.
+    wander_s
+        Time in which that forgets itself.
+    tick_m
+        Nominal travel of a count, 0 without counts.
+    track_m
+        Between the counted wheels.
+    """
+
+    gyro_noise: float
+    bias_walk: float
+    wheel_noise: float
+    scale_walk: float = 5e-6
+    tilt_rad: float = 0.01
+    tilt_s: float = 200.0
+    tilt_m: float = np.inf
+    gnss_factor: float = 1.0
+    wander_share: float = 0.5
+    wander_s: float = 30.0
+    tick_m: float = 0.0
+    track_m: float = 1.5
+
+    def row(self) -> FloatArray:
+        """Return the noise as the kernels take it."""
+        row = np.zeros(kernel.N_NOISE)
+        row[kernel.GYRO_VAR] = self.gyro_noise**2
+        row[kernel.BIAS_WALK] = self.bias_walk**2
+        row[kernel.WHEEL_VAR] = self.wheel_noise**2
+        row[kernel.SCALE_WALK] = self.scale_walk**2
+        row[kernel.TILT_VAR] = self.tilt_rad**2
+        row[kernel.PER_TILT_S], row[kernel.PER_TILT_M] = 1.0 / self.tilt_s, 1.0 / self.tilt_m
+        row[kernel.GNSS_FACTOR] = self.gnss_factor
+        row[kernel.SHARE], row[kernel.PER_WANDER_S] = self.wander_share, 1.0 / self.wander_s
+        # A count is off by up to one tick, evenly
+        row[kernel.TICK_VAR] = self.tick_m**2 / 12.0
+        row[kernel.TRACK_M] = self.track_m
+        # A van brakes with up to 8 m/s^2, and turns into a junction within a second
+        row[kernel.ACCEL_VAR], row[kernel.TURN_ACCEL_VAR] = 1.5**2, 0.2**2
+        return row
+
+
+def first_noise(tick_m: float, track_m: float, *, gyro_noise: float | None, has_tilt: bool) -> NoiseModel:
+    """Return what is known of the noise before the drive is looked at.
+
+    Parameters
+    ----------
+    gyro_noise
+        As its readings show it [rad/sqrt(s)]; None: the wheels' difference tells the turns, off by a few
+        millimetres per square root of a metre.
+    """
+    # Wheels slip by about 0.5 % of a metre, 0.05 % of 100 m
+    model = NoiseModel(
+        gyro_noise=0.004 if gyro_noise is None else gyro_noise,
+        # 10 deg/h in an hour, between the best and the worst gyros that vans carry
+        bias_walk=np.radians(10.0) / 3600.0 / 60.0,
+        wheel_noise=0.005, tick_m=tick_m, track_m=track_m,
+    )  # fmt: skip
+    if has_tilt:
+        return replace(model, tilt_rad=np.radians(0.5), tilt_s=200.0)
+    # Roads rise by 3.5 %, and change that over 200 m
+    return replace(model, tilt_rad=np.radians(2.0), tilt_s=np.inf, tilt_m=200.0)
+
+
+#: What each value may be off from its first guess by: a factor, one sigma.
+_FACTORS = {
+    "gyro_noise": 2.0, "bias_walk": 5.0, "wheel_noise": 3.0, "tilt_rad": 2.0, "gnss_factor": 1.5,
+    "wander_s": 4.0,
+}  # fmt: skip
+_SHARES = (0.02, 0.3, 0.6, 0.85, 0.97)
+
+
+def most_probable(first: NoiseModel, likelihood: Callable[[NoiseModel], float]) -> NoiseModel:
+    """Return the noise that makes the innovations most probable, near its first guess.
+
+    Parameters
+    ----------
+    first
+        What is known before: the centre of log-normal priors.
+    likelihood
+        Logarithm of the likelihood of the drive's innovations.
+
+    Notes
+    -----
+    Steps by a factor along one value after the other, the factor 3, then 1.7; some 40 runs of the filter.
+    """
+
+    def score(model: NoiseModel) -> float:
+        far = sum(
+            (log(getattr(model, name) / getattr(first, name)) / log(factor)) ** 2
+            for name, factor in _FACTORS.items()
+        )
+        return likelihood(model) - 0.5 * far
+
+    best, best_score = first, score(first)
+    for factor in (3.0, 1.7):
+        for name in ("wander_share", *_FACTORS):
+            tried = [replace(best, wander_share=share) for share in _SHARES if share != best.wander_share]
+            if name != "wander_share":
+                value = getattr(best, name)
+                tried = [replace(best, **{name: value * f}) for f in (factor, 1.0 / factor)]
+            for model in tried:
+                found = score(model)
+                if found > best_score:
+                    best, best_score = model, found
+    return best

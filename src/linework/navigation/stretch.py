@@ -1,0 +1,201 @@
+"""One stretch of a drive, of one clock: filter forward, smooth backward, poses at any rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from linework.errors import InputError
+from linework.kernels import navigation as kernel
+from linework.model.arrays import BoolArray, FloatArray
+from linework.model.logs import GnssLog
+from linework.model.trajectory import Trajectory
+from linework.navigation.dead_reckoning import Motion, Reckoned, reckon
+from linework.navigation.filter import Estimate, Problem, doubts, filtered, problem_of, smoothed
+from linework.navigation.located import Located, Stretch, within
+from linework.navigation.noise import NoiseModel, first_noise, most_probable
+from linework.navigation.poses_between import trajectory_at
+from linework.navigation.settings import NavigationConfig
+from linework.navigation.start import first_heading
+from linework.navigation.wheels import spans_of
+
+#: How far off the first state may be: gyros of phones have a bias of 0.3 deg/s, all others less; scales.
+_SIGMA_BIAS_RADPS, _SIGMA_GYRO_SCALE, _SIGMA_WHEEL_SCALE = np.radians(0.3), 0.03, 0.03
+#: GNSS stamps are late by this where they are late (computing, serial lines, USB). [s]
+_SIGMA_DELAY_S = 0.2
+#: A delay, or a jump of the bias, is believed where it is so many times (logarithm) as probable, so many sigmas.
+_EVIDENCE, _JUMP_SIGMAS = 10.0, 5.0
+#: Times without fixes are outages from here on, or from three intervals of the receiver. [s]
+_OUTAGE_S = 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensors:
+    """What is known of the sensors.
+
+    Parameters
+    ----------
+    gyro_noise
+        Angular random walk [rad/sqrt(s)]; None: no gyro.
+    tilt_sigma_rad
+        (2,) noise of roll and pitch.
+    lever_m
+        (3,) of the antenna, vehicle frame.
+    """
+
+    gyro_noise: float | None
+    tilt_sigma_rad: FloatArray
+    has_tilt: bool
+    lever_m: FloatArray
+
+
+def located_stretch(
+    motion: Motion, fixes: GnssLog, sensors: Sensors, config: NavigationConfig, *, rate_hz: float
+) -> Located:
+    """Return the poses of a stretch."""
+    # A local origin; only what gyro, wheels and GNSS have in common
+    first, last = motion.span_s
+    inside = (fixes.time_s >= first) & (fixes.time_s <= last)
+    origin = np.round(np.median(fixes.xyz, axis=0))
+    gnss = GnssLog(fixes.time_s[inside], fixes.xyz[inside] - origin, fixes.sigma_m[inside])
+    # Dead reckoning from end to end, laid onto the first fixes
+    reckoned = reckon(motion, gnss.time_s)
+    problem = _problem(motion, reckoned, gnss, sensors)
+    # How noisy the sensors are: what makes the fixes most probable
+    noise = first_noise(
+        motion.tick_m, motion.track_m, gyro_noise=sensors.gyro_noise, has_tilt=sensors.has_tilt
+    )
+    noise = most_probable(noise, lambda model: filtered(problem, model).likelihood)
+    problem, noise, said = _with_delay(problem, noise)
+    # Forward, then backward; fixes far from the smoothed track count less the next time
+    forward = filtered(problem, noise)
+    estimate = smoothed(problem, noise, forward)
+    problem, steps_said = _with_bias_jumps(problem, estimate)
+    doubt = doubts(estimate.innovation_m, estimate.innovation_sigma_m)
+    for _ in range(2):
+        problem = replace(problem, x0=estimate.x[0])
+        estimate = smoothed(problem, noise, filtered(problem, noise, doubt))
+        doubt = doubts(estimate.innovation_m, estimate.innovation_sigma_m)
+    # Poses at any rate, but for what is too long or too far from a fix
+    time = np.arange(np.ceil(first * rate_hz) / rate_hz, last, 1.0 / rate_hz)
+
+    def poses(of: Estimate) -> Trajectory:
+        return trajectory_at(
+            time, problem, of, motion, reckoned, origin_m=origin, tilt_sigma_rad=sensors.tilt_sigma_rad
+        )
+
+    trajectory = poses(estimate)
+    outages = _outages(gnss.time_s, (first, last))
+    kept = _kept(time, gnss.time_s, outages, trajectory.sigma_xyz_m, config)
+    return Located(
+        trajectory=within(trajectory, kept),
+        forward=within(poses(forward), kept),
+        distance_m=float(np.sum(np.hypot(*np.diff(estimate.x[:, :2], axis=0).T))),
+        outages_s=outages,
+        left_out_s=spans_of(~kept[1:] | ~kept[:-1], time),
+        fix_time_s=gnss.time_s,
+        residual_m=estimate.innovation_m,
+        residual_sigma_m=estimate.innovation_sigma_m,
+        is_outlier=doubt[:, 0] > 0.0,
+        stretches=(_account(problem, estimate, noise, sensors),),
+        warnings=(*said, *steps_said),
+    )
+
+
+def _problem(motion: Motion, reckoned: Reckoned, gnss: GnssLog, sensors: Sensors) -> Problem:
+    """Return nodes and steps, and the first state: dead reckoning laid onto the first fixes."""
+    fit = first_heading(reckoned.at(gnss.time_s).xy, gnss.xyz[:, :2], gnss.sigma_m[:, 0])
+    if fit is None:
+        raise InputError(
+            f"the van hardly moves from {gnss.time_s[0]:.1f} to {gnss.time_s[-1]:.1f} s: how it heads is not known",
+            where="navigation",
+            advice="give a log with some metres driven while there are fixes",
+        )
+    x0, sigma0 = np.zeros(kernel.N_STATES), np.zeros(kernel.N_STATES)
+    x0[:4] = fit.east_m, fit.north_m, gnss.xyz[0, 2] - sensors.lever_m[2], fit.heading_rad
+    sigma0[:3], sigma0[kernel.HEADING] = 100.0, np.radians(10.0)
+    if not motion.wheels_turn:
+        sigma0[kernel.BIAS], sigma0[kernel.GYRO_SCALE] = _SIGMA_BIAS_RADPS, _SIGMA_GYRO_SCALE
+    sigma0[kernel.LEFT] = sigma0[kernel.RIGHT] = _SIGMA_WHEEL_SCALE
+    sigma0[kernel.WANDER :] = 1.0
+    return problem_of(motion, reckoned, gnss, x0, sigma0, sensors.lever_m)
+
+
+def _with_delay(problem: Problem, noise: NoiseModel) -> tuple[Problem, NoiseModel, list[str]]:
+    """Let the filter estimate how late the GNSS stamps are, where that makes the fixes more probable."""
+    sigma0 = problem.sigma0.copy()
+    sigma0[kernel.DELAY] = _SIGMA_DELAY_S
+    late = replace(problem, sigma0=sigma0)
+    if filtered(late, noise).likelihood - filtered(problem, noise).likelihood < _EVIDENCE:
+        return problem, noise, []
+    noise = most_probable(noise, lambda model: filtered(late, model).likelihood)
+    last = filtered(late, noise)
+    delay, sigma = last.x[-1, kernel.DELAY], np.sqrt(last.p[-1, kernel.DELAY, kernel.DELAY])
+    which = "later" if delay > 0 else "earlier"
+    said = f"GNSS stamps are {abs(delay):.3f} s {which} than those of gyro and wheels (sigma {sigma:.3f} s): taken into account"
+    return late, noise, [said]
+
+
+def _with_bias_jumps(problem: Problem, estimate: Estimate) -> tuple[Problem, list[str]]:
+    """Let the gyro's bias jump where the fixes say that it did."""
+    jump = np.abs(estimate.jump)
+    spans = spans_of(jump > _JUMP_SIGMAS, np.arange(len(jump) + 1.0)).astype(np.int64)
+    if len(spans) == 0:
+        return problem, []
+    steps, said = problem.steps.copy(), []
+    for first, last in spans:
+        peak = first + int(np.argmax(jump[first:last]))
+        at = np.flatnonzero(jump[first:last] > 0.9 * jump[peak]) + first
+        steps[at, kernel.BIAS_VAR] = np.radians(0.1) ** 2 / len(at)
+        said.append(
+            f"gyro: its bias jumps about {problem.time_s[peak]:.1f} s (GNSS, {jump[peak]:.0f} sigmas): allowed for"
+        )
+    return replace(problem, steps=steps), said
+
+
+def _outages(fix_time_s: FloatArray, span_s: tuple[float, float]) -> FloatArray:
+    """Return (k, 2) from when to when there are no fixes."""
+    least = max(_OUTAGE_S, 3.0 * float(np.median(np.diff(fix_time_s))))
+    ends = np.concatenate([[span_s[0]], fix_time_s, [span_s[1]]])
+    return spans_of(np.diff(ends) > least, ends)
+
+
+def _kept(
+    time_s: FloatArray,
+    fix_time_s: FloatArray,
+    outages_s: FloatArray,
+    sigma_m: FloatArray | None,
+    config: NavigationConfig,
+) -> BoolArray:
+    """Return which poses are near enough to a fix, and certain enough."""
+    assert sigma_m is not None
+    kept = np.hypot(sigma_m[:, 0], sigma_m[:, 1]) <= config.max_sigma_m
+    for start, end in outages_s:
+        if end - start <= config.longest_outage_s:
+            continue
+        from_start = time_s - start if start >= fix_time_s[0] else np.full(len(time_s), np.inf)
+        to_end = end - time_s if end <= fix_time_s[-1] else np.full(len(time_s), np.inf)
+        far = np.minimum(from_start, to_end) > 0.5 * config.longest_outage_s
+        kept &= ~((time_s > start) & (time_s < end) & far)
+    return kept
+
+
+def _account(problem: Problem, estimate: Estimate, noise: NoiseModel, sensors: Sensors) -> Stretch:
+    """Return what was estimated besides the poses, at the end of the stretch."""
+    named = [("wheel_scale_left", kernel.LEFT, 1.0), ("wheel_scale_right", kernel.RIGHT, 1.0)]
+    if sensors.gyro_noise is not None:
+        named += [
+            ("gyro_bias_deg_h", kernel.BIAS, np.degrees(3600.0)), ("gyro_scale", kernel.GYRO_SCALE, -1.0)
+        ]  # fmt: skip
+    if problem.sigma0[kernel.DELAY] > 0.0:
+        named.append(("gnss_delay_s", kernel.DELAY, 1.0))
+    if np.all(problem.steps[:, kernel.SPEED_FREE]):
+        named = [n for n in named if not n[0].startswith("wheel")]
+    sigma = np.sqrt(np.diagonal(estimate.p[-1]))
+    return Stretch(
+        first_s=float(problem.time_s[0]),
+        last_s=float(problem.time_s[-1]),
+        estimates={name: (float(estimate.x[-1, i] * f), float(sigma[i] * abs(f))) for name, i, f in named},
+        noise=noise,
+    )

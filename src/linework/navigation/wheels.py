@@ -1,0 +1,164 @@
+"""Sound ways of the two wheels from their logs: wrapped, reset, stuck and reversed counters put right."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.model.arrays import BoolArray, FloatArray
+from linework.model.logs import WheelLog
+
+#: No road vehicle on a survey is faster. [m/s]
+_FASTEST_MPS = 70.0
+#: Nor changes its speed faster: full braking is 8 to 10. [m/s^2]
+_HARDEST_MPS2 = 20.0
+_WRAPS = (2.0**8, 2.0**16, 2.0**24, 2.0**32)
+#: A counter that says nothing for so long while the other wheel runs is stuck. [s]
+_STUCK_S = 1.0
+#: Standing for so long is a stop; its ends are left away, where counts are too coarse to show creeping. [s]
+_REST_S, _REST_END_S = 1.6, 0.3
+#: A pause of the log so long hides what happened in it. [s]
+_PAUSE_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Ways:
+    """How far both wheels have come.
+
+    Parameters
+    ----------
+    time_s, way_m
+        (n,), (n, 2).
+    no_way, at_rest
+        (k, 2) spans in which it is not known, in which the van stands. [s]
+    apart
+        True where the wheels are counted each by itself.
+    warnings
+        What was put right.
+    """
+
+    time_s: FloatArray
+    way_m: FloatArray
+    no_way: FloatArray
+    at_rest: FloatArray
+    apart: bool
+    warnings: tuple[str, ...] = ()
+
+
+def sound_ways(log: WheelLog, tick_m: float, track_m: float, heading_rad: FloatArray | None) -> Ways:
+    """Return the ways of both wheels.
+
+    Parameters
+    ----------
+    heading_rad
+        (n,) of the gyro at the log's times, clockwise: replaces a wheel that is stuck; None: no gyro.
+    """
+    pauses = spans_of(np.diff(log.time_s) > _PAUSE_S, log.time_s)
+    if log.speed_mps is not None:
+        step = 0.5 * np.diff(log.time_s) * (log.speed_mps[1:] + log.speed_mps[:-1])
+        way = np.concatenate([[0.0], np.cumsum(step)])
+        slow = np.abs(log.speed_mps) < 0.05
+        rest = _long(spans_of(slow[1:] & slow[:-1], log.time_s), _REST_S)
+        return Ways(log.time_s, np.stack([way, way], axis=1), pauses, _shorter(rest), apart=False)
+    assert log.ticks is not None
+    counts, warnings = np.diff(log.ticks, axis=0), []
+    for i, name in enumerate(("left", "right")):
+        counts[:, i], said = _unwrapped(counts[:, i], log.time_s, tick_m, name)
+        warnings += said
+    counts, said = _forward(counts)
+    warnings += said
+    bad = np.stack([_jumps(counts[:, i] * tick_m, log.time_s, tick_m) for i in range(2)], axis=1)
+    stuck = np.stack([_stuck(counts[:, i], counts[:, 1 - i] * tick_m, log.time_s) for i in range(2)], axis=1)
+    for what, where in (("jumps (reset?)", bad), ("is stuck", stuck)):
+        for i, name in enumerate(("left", "right")):
+            for start, end in spans_of(where[:, i], log.time_s)[:3]:
+                warnings.append(f"wheels: the {name} counter {what} from {start:.2f} to {end:.2f} s")
+    still = (counts == 0.0).all(axis=1) & ~stuck.any(axis=1)
+    rest = _long(spans_of(still, log.time_s), _REST_S)
+    turn = np.zeros(len(counts)) if heading_rad is None else np.diff(heading_rad)
+    step = _replaced(counts * tick_m, bad | stuck, track_m * turn, np.diff(log.time_s))
+    way = np.concatenate([np.zeros((1, 2)), np.cumsum(step, axis=0)])
+    return Ways(log.time_s, way, pauses, _shorter(rest), apart=True, warnings=tuple(warnings))
+
+
+def spans_of(is_in: BoolArray, time_s: FloatArray) -> FloatArray:
+    """Return (k, 2) from when to when steps (n - 1,) between times (n,) are in.
+
+    >>> spans_of(np.array([False, True, True, False]), np.arange(5.0)).tolist()
+    [[1.0, 3.0]]
+    """
+    edge = np.diff(np.concatenate([[0], is_in.astype(np.int8), [0]]))
+    first, last = np.flatnonzero(edge > 0), np.flatnonzero(edge < 0)
+    return np.stack([time_s[first], time_s[last]], axis=1)
+
+
+def _long(spans: FloatArray, least_s: float) -> FloatArray:
+    return np.asarray(spans[spans[:, 1] - spans[:, 0] >= least_s])
+
+
+def _shorter(spans: FloatArray) -> FloatArray:
+    return np.asarray(spans + np.array([_REST_END_S, -_REST_END_S]))
+
+
+def _unwrapped(
+    counts: FloatArray, time_s: FloatArray, tick_m: float, name: str
+) -> tuple[FloatArray, list[str]]:
+    """Add what a counter lost when it began anew at 0."""
+    most = _FASTEST_MPS * np.diff(time_s) / tick_m + 2.0
+    counts, warnings = counts.copy(), []
+    for size in _WRAPS:
+        for sign in (1.0, -1.0):
+            wrapped = (np.abs(counts) > most) & (np.abs(counts + sign * size) <= np.minimum(most, size / 4.0))
+            if wrapped.any():
+                counts[wrapped] += sign * size
+                warnings.append(
+                    f"wheels: the {name} counter wraps at {size:,.0f}, {wrapped.sum()} times: unwrapped"
+                )
+    return counts, warnings
+
+
+def _forward(counts: FloatArray) -> tuple[FloatArray, list[str]]:
+    """Turn counters that count down: vans drive forward most of their way."""
+    typical = np.sum(np.clip(counts, *np.percentile(counts, (5, 95), axis=0)), axis=0)
+    names = [name for name, total in zip(("left", "right"), typical, strict=True) if total < 0.0]
+    if not names:
+        return counts, []
+    said = f"wheels: the {' and the '.join(names)} counter counts down: taken as forward"
+    return counts * np.where(typical < 0.0, -1.0, 1.0), [said]
+
+
+def _jumps(step_m: FloatArray, time_s: FloatArray, tick_m: float) -> BoolArray:
+    """Return where a counter makes a step that no wheel makes."""
+    from scipy.ndimage import median_filter
+
+    dt = np.diff(time_s)
+    speed = step_m / dt
+    usual = median_filter(speed, 7, mode="nearest")
+    return np.asarray(np.abs(speed - usual) * dt > 3.0 * tick_m + (2.0 + _HARDEST_MPS2 * 3.0 * dt) * dt)
+
+
+def _stuck(counts: FloatArray, other_m: FloatArray, time_s: FloatArray) -> BoolArray:
+    """Return where a wheel says nothing while the other goes on."""
+    stuck = np.zeros(len(counts), dtype=bool)
+    for start, end in _long(spans_of(counts == 0.0, time_s), _STUCK_S):
+        inside = (time_s[:-1] >= start) & (time_s[1:] <= end)
+        # The inner wheel of the tightest turn still makes a third of the outer one's way
+        if other_m[inside].sum() > 2.0 * (end - start):
+            stuck |= inside
+    return stuck
+
+
+def _replaced(step_m: FloatArray, bad: BoolArray, turned_m: FloatArray, dt: FloatArray) -> FloatArray:
+    """Put the other wheel's way, and the gyro's turn, in the place of a bad one; both bad: the speed before."""
+    step = step_m.copy()
+    for i, sign in ((0, 1.0), (1, -1.0)):
+        alone = bad[:, i] & ~bad[:, 1 - i]
+        step[alone, i] = step_m[alone, 1 - i] + sign * turned_m[alone]
+    both = bad.all(axis=1)
+    if both.any() and not both.all():
+        good = np.flatnonzero(~both)
+        for i in range(2):
+            speed = np.interp(np.flatnonzero(both), good, step[good, i] / dt[good])
+            step[both, i] = speed * dt[both]
+    return step
