@@ -6,13 +6,11 @@ import json
 
 import pytest
 
-SMALL = ("--length-m", "40", "--points-per-m", "800")
+SMALL = ("--length-m", "40", "--points-per-m", "800", "--no-images")
 
 
 def test_the_folder_is_a_survey_with_truth_and_the_same_bytes_again(linework, tmp_path):
-    made = linework(
-        "simulate", "-o", tmp_path / "a", "--seed", "2", "--road", "bends", *SMALL, "--json", "--no-images"
-    )
+    made = linework("simulate", "-o", tmp_path / "a", "--seed", "2", "--road", "bends", *SMALL, "--json")
     assert made.code == 0, made.stderr
     told = json.loads(made.stdout)
     assert told["n_points"] > 10_000

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.errors import UsageError
 from linework.imaging.rectify import distorted
 from linework.model.arrays import AnyArray, FloatArray
 from linework.model.camera import Camera, StereoRig
@@ -95,7 +96,14 @@ def stereo_survey(
         1 is coarse and quick; 4 takes a few seconds a pair.
     is_ideal
         Cameras without distortion that look exactly the same way.
+
+    Raises
+    ------
+    UsageError
+        There are no such cameras; a distance that is not above 0.
     """
+    if not every_m > 0.0:
+        raise UsageError(f"a pair every {every_m:g} m", advice="choose more than 0")
     kind = sum(map(ord, scenario.kind))
     rng = np.random.default_rng([scenario.seed, 41, kind])
     rig, light = draw_rig(size, rng, is_ideal=is_ideal), draw_light(rng)
@@ -103,7 +111,8 @@ def stereo_survey(
     step = max(round(every_m / scenario.passes[0].speed_mps / _TRIGGER_S), 1) * _TRIGGER_S
     # Half a step from the ends: every exposure is within the drive
     n = max(int(np.floor((way.time_s[-1] - way.time_s[0]) / step)), 1)
-    time = way.time_s[0] + step * (np.arange(n) + 0.5)
+    # Rounded as they are written: poses are those of the written times
+    time = np.round(way.time_s[0] + step * (np.arange(n) + 0.5), 6)
     poses = poses_of(way, time, np.asarray(scenario.origin_m))
     return StereoDrive(scenario, rig, time, poses, light, rays_per_pixel)
 

@@ -1,7 +1,8 @@
-"""Write a simulated survey as a survey folder: survey.toml, points, trajectory, truth."""
+"""Write a simulated survey as a survey folder: survey.toml, points, trajectory, images, truth."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,19 @@ from linework.files.publish import publish_folder
 from linework.files.trajectories import write_trajectory
 from linework.files.vectors import write_lines
 from linework.model.lines import KINDS
+from linework.simulation.cameras import StereoDrive
+from linework.simulation.folder_images import cameras_toml, write_images
 from linework.simulation.simulate import SIMULATED_CRS, SimulatedSurvey
 
 
-def write_survey_folder(survey: SimulatedSurvey, folder: Path, *, overwrite: bool = False) -> None:
+def write_survey_folder(
+    survey: SimulatedSurvey,
+    folder: Path,
+    *,
+    overwrite: bool = False,
+    cameras: StereoDrive | None = None,
+    advance: Callable[[int, int], None] | None = None,
+) -> None:
     """Write the survey; the folder appears whole or not at all.
 
     Parameters
@@ -25,6 +35,10 @@ def write_survey_folder(survey: SimulatedSurvey, folder: Path, *, overwrite: boo
         From `simulate_survey`.
     folder
         New, empty, or with `overwrite` one whose files of the same names are replaced.
+    cameras
+        What takes stereo images along the way, from `stereo_survey`; None: no images.
+    advance
+        Told how many pairs of images are drawn, and how many there are.
 
     Raises
     ------
@@ -44,7 +58,11 @@ def write_survey_folder(survey: SimulatedSurvey, folder: Path, *, overwrite: boo
         write_trajectory(survey.trajectory, part / "trajectory.csv")
         # A layer for every kind, also where the survey has none of it
         write_lines(survey.truth, part / "truth.gpkg", kinds=KINDS)
-        (part / "survey.toml").write_text(_survey_toml(survey), encoding="utf-8")
+        settings = _survey_toml(survey)
+        if cameras is not None:
+            write_images(cameras, part, advance)
+            settings += cameras_toml(cameras.rig)
+        (part / "survey.toml").write_text(settings, encoding="utf-8")
 
     def verify(part: Path) -> None:
         held = sum(read_las_header(p).n_points for p in sorted((part / "points").glob("*.laz")))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -75,13 +76,18 @@ def _left(s: FloatArray, q: FloatArray, wear: float, seed: int) -> FloatArray:
     noise = _LONG_SHARE * smooth_noise(s / _LONG_M, q / 0.5, seed) + (1.0 - _LONG_SHARE) * smooth_noise(
         s / _SMALL_M, q / _SMALL_M, seed + 1
     )
+    # Between gone and whole the paint thins out over a small band of the noise
+    return np.clip((noise - _gone_below(wear, seed)) / 0.06 + 0.5, 0.05, 1.0)
+
+
+@lru_cache(maxsize=4096)
+def _gone_below(wear: float, seed: int) -> float:
+    """Return the value that a share `wear` of the noise is below."""
     line = np.linspace(0.0, 2000.0, 20_001)
     sample = _LONG_SHARE * smooth_noise(line / 0.37, line * 0.0, seed + 2) + (
         1.0 - _LONG_SHARE
     ) * smooth_noise(line / 0.07, line / 0.11, seed + 3)
-    gone = np.quantile(sample, wear)
-    # Between gone and whole the paint thins out over a small band of the noise
-    return np.clip((noise - gone) / 0.06 + 0.5, 0.05, 1.0)
+    return float(np.quantile(sample, wear))
 
 
 def smooth_noise(x: FloatArray, y: FloatArray, seed: int) -> FloatArray:
