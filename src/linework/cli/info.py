@@ -14,7 +14,9 @@ from linework.cli.failures import warn
 def info(
     surveys: Annotated[
         list[Path],
-        typer.Argument(metavar="SURVEY...", help="Laser files, a folder of them, or a survey folder."),
+        typer.Argument(
+            metavar="SURVEY...", help="Laser files, a folder of them, a survey folder, or a KITTI drive."
+        ),
     ],
     crs: Annotated[
         str, typer.Option("--crs", help="EPSG:... or local: the CRS where the files do not say.")
@@ -28,7 +30,8 @@ def info(
 ) -> None:
     """Say what SURVEY holds.
 
-    Files, CRS, extents, heights, densities, scan lines, intensity, times and their gaps, trajectory.
+    Files, CRS, extents, heights, densities, scan lines, intensity, times and their gaps, trajectory; cameras,
+    stereo pairs and whether they are pairs, logs.
     """
     from linework.cli.extract import usable_cores
     from linework.cli.progress import open_display
@@ -41,9 +44,12 @@ def info(
 
     with open_display(quiet=quiet) as display:
         survey = open_survey(surveys, crs=crs or None)
-        folder = work_folder(survey.root, work)
-        with opened_survey(survey, folder, n_threads=usable_cores(), steps=Steps(display)) as opened:
-            document = describe_survey(in_memory(opened))
+        if survey.point_files:
+            folder = work_folder(survey.root, work)
+            with opened_survey(survey, folder, n_threads=usable_cores(), steps=Steps(display)) as opened:
+                document = describe_survey(in_memory(opened), survey)
+        else:
+            document = describe_survey(None, survey)
     if as_json:
         import json
 
@@ -67,6 +73,14 @@ def _lines(document: dict[str, Any]) -> Iterator[str]:
             f"file        {file['file']}: LAS {file['version']}, point format {file['point_format']}, "
             f"{file['points']:,} points" + (f", left out: {left_out}" if left_out else "")
         )
+    if document["points"]:
+        yield from _points(document)
+    yield from _recorded(document)
+    yield from _driven(document)
+
+
+def _points(document: dict[str, Any]) -> Iterator[str]:
+    """Yield the lines about the places of the points."""
     extent = document["extent_m"]
     yield f"points      {document['points']:,}"
     yield (
@@ -77,12 +91,14 @@ def _lines(document: dict[str, Any]) -> Iterator[str]:
     yield f"density     {_spread(document['density_per_m2'])} points/m2"
     if document["scan_line_spacing_m"] is not None:
         yield f"scan lines  {document['scan_line_spacing_m']:.3f} m apart along the road"
-    yield from _recorded(document)
 
 
 def _recorded(document: dict[str, Any]) -> Iterator[str]:
-    """Yield the lines about what was recorded beside the places: intensity, times, the path."""
-    intensity, time, path = document["intensity"], document["time"], document["trajectory"]
+    """Yield the lines about what was recorded beside the places of points: intensity, times."""
+    intensity, time = document["intensity"], document["time"]
+    if not document["points"]:
+        yield "points      none"
+        return
     yield "intensity   " + (
         "none"
         if intensity is None
@@ -100,6 +116,11 @@ def _recorded(document: dict[str, Any]) -> Iterator[str]:
         )
         for gap in time["gaps"]:
             yield f"  gap       {gap['start_s']:.3f} to {gap['end_s']:.3f} s"
+
+
+def _driven(document: dict[str, Any]) -> Iterator[str]:
+    """Yield the lines about the drive: the path, the cameras, the logs."""
+    path, cameras = document["trajectory"], document["cameras"]
     if path is None:
         yield "trajectory  none"
     else:
@@ -108,6 +129,29 @@ def _recorded(document: dict[str, Any]) -> Iterator[str]:
             f"{path['mean_speed_mps'] * 3.6:.0f} km/h, {path['positions']:,} positions, "
             + ("with attitude" if path["has_attitude"] else "no attitude")
         )
+    if cameras is not None:
+        yield from _seen(cameras)
+    for name, log in document["logs"].items():
+        span = f"{log['start_s']:.3f} to {log['end_s']:.3f} s" if log["rows"] else "no rows"
+        rate = "" if name == "events" or log["rate_hz"] is None else f", {log['rate_hz']:g} a second"
+        yield f"{name:<12}{log['file']}: {log['rows']:,} rows, {span}{rate}"
+
+
+def _seen(cameras: dict[str, Any]) -> Iterator[str]:
+    for side in ("left", "right"):
+        camera = cameras[side]
+        lens = "with distortion" if camera["is_distorted"] else "no distortion"
+        yield (
+            f"camera      {side}: {camera['width']} x {camera['height']} pixels, focal length "
+            f"{camera['focal_px']:g} pixels, {lens}"
+        )
+    rate = "" if cameras["rate_hz"] is None else f", {cameras['rate_hz']:g} a second"
+    yield (
+        f"pairs       {cameras['pairs']:,}, base {cameras['base_m']:.3f} m, {cameras['start_s']:.3f} to "
+        f"{cameras['end_s']:.3f} s{rate}, {cameras['unpaired_images']:,} images in no pair"
+    )
+    if cameras["row_error_px"] is not None:
+        yield f"rows        left and right differ by {cameras['row_error_px']:.2f} pixels (median)"
 
 
 def _spread(values: dict[str, float]) -> str:
@@ -125,9 +169,11 @@ def _tell_left_out(document: dict[str, Any]) -> None:
     failures = document["failures"]
     if failures:
         n_files = len(failures) + len(document["files"])
+        of_files = all("file" in failure for failure in failures)
+        what = f"of {n_files} files left out" if of_files else "parts of it cannot be used"
         listed = "; ".join(failure["problem"].rstrip(".") for failure in failures[:MAX_LISTED])
         more = f" and {len(failures) - MAX_LISTED} more" if len(failures) > MAX_LISTED else ""
         raise PartialError(
-            f"{len(failures)} of {n_files} files left out: {listed}{more}", where=document["name"],
+            f"{len(failures)} {what}: {listed}{more}", where=document["name"],
             advice="--json lists them all" if more else "",
         )  # fmt: skip

@@ -40,9 +40,8 @@ def photolog(
     from linework.files.publish import check_output
     from linework.files.stereo_series import open_stereo
     from linework.files.survey import open_survey
-    from linework.files.survey_points import read_survey_trajectory
     from linework.files.van_log import van_log
-    from linework.navigation.lever import at_vehicle_origin
+    from linework.files.van_path import read_van_path
 
     if output.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"cannot write '{output.suffix}' files", where=output, advice="use .html")
@@ -52,19 +51,20 @@ def photolog(
     if series is None and not survey.settings.get("events"):
         raise InputError("neither images nor keys in this survey", where=survey.name,
                          advice="see what there is with linework info")  # fmt: skip
-    path = read_survey_trajectory(survey)
-    if path is None:
+    path = read_van_path(survey, series)
+    if path.trajectory is None:
         raise InputError("no trajectory: nobody knows where its images were taken", where=survey.name,
                          advice="name one ([trajectory] file), or make one with linework locate")  # fmt: skip
-    log = van_log(survey, series, at_vehicle_origin(path, survey.trajectory_lever_m))
+    log = van_log(survey, series, path.trajectory)
     facts = {"survey": survey.name, "CRS": describe_crs(survey.crs)}
     page = photolog_html(log, output, title=f"photolog of {survey.name}", every_m=every_m, facts=facts)
     write_page(page.html, output, overwrite=overwrite)
-    for warning in (*survey.warnings, *(series.warnings if series else ()), *log.warnings, *page.warnings):
+    of_images = series.warnings if series else ()
+    for warning in (*survey.warnings, *path.warnings, *of_images, *log.warnings, *page.warnings):
         warn(warning)
     typer.echo(f"{output}: {page.n_pictures} pictures, {len(log.events or ())} keys")
     if page.failures:
         raise PartialError(
             f"{len(page.failures)} of {page.n_pictures} images cannot be shown: {page.failures[0].rstrip('.')}",
-            where=output, advice="copy them again",
-        )  # fmt: skip
+            where=output,
+        )

@@ -123,7 +123,8 @@ def _chosen(chainage_m: FloatArray, every_m: float) -> tuple[IntArray, float]:
     step = every_m
     if np.floor(driven[-1] / step) + 1 > MAX_PICTURES:
         step = float(np.ceil(driven[-1] / (MAX_PICTURES - 1)))
-    cell = np.floor(driven / step)
+    # Images exactly a step apart are not moved by rounding
+    cell = np.floor(driven / step + 1e-6)
     return np.flatnonzero(np.diff(cell, prepend=-1.0) > 0.0).astype(np.int64), step
 
 

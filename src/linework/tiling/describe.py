@@ -12,7 +12,9 @@ from linework.files.store_facts import FileFacts, StoreFacts
 from linework.imaging.scan_lines import scan_line_spacing_m
 from linework.model.arrays import FloatArray
 from linework.model.points import Points
+from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
+from linework.tiling.describe_van import describe_van
 from linework.tiling.survey_read import SurveyRead
 
 #: Density is counted in cells of this size: holds several scan lines, and shows where the van was near. [m]
@@ -23,13 +25,47 @@ GAP_S = 1.0
 MAX_GAPS = 20
 
 
-def describe_survey(read: SurveyRead) -> dict[str, Any]:
-    """Return what a survey holds, as a document for people and JSON; None where it does not apply."""
-    survey, trajectory, points = read.survey, read.trajectory, read.points.points
-    spacing, why_not = _spacing(points, trajectory)
-    return {
+def describe_survey(read: SurveyRead | None, survey: Survey) -> dict[str, Any]:
+    """Return what a survey holds, as a document for people and JSON; None where it does not apply.
+
+    Parameters
+    ----------
+    read
+        Its points and its trajectory; None where it has no points.
+
+    Raises
+    ------
+    InputError
+        There is nothing in it that can be used.
+    """
+    van = describe_van(survey, with_path=read is None)
+    if read is None and van.cameras is None and not van.logs and van.trajectory is None:
+        problem = van.failures[0]["problem"].rstrip(".") if van.failures else "holds nothing that can be used"
+        raise InputError(problem, where=survey.name, advice="see the manual for what a survey is made of")
+    path = van.trajectory if read is None else read.trajectory
+    document = {
         "name": survey.name,
         "crs": {"name": describe_crs(survey.crs), "compound": has_height(survey.crs), "wkt": survey.crs},
+        **(_NO_POINTS if read is None else _points(read)),
+        "trajectory": None if path is None else _path(path),
+        "cameras": van.cameras,
+        "logs": van.logs,
+    }
+    document["warnings"] = [*document["warnings"], *van.warnings]
+    document["failures"] = [*document["failures"], *van.failures]
+    return document
+
+
+_NO_POINTS: dict[str, Any] = {
+    "files": [], "points": 0, "points_rejected": {}, "extent_m": None, "height_m": None, "density_per_m2": None,
+    "intensity": None, "time": None, "scan_line_spacing_m": None, "warnings": [], "failures": [],
+}  # fmt: skip
+
+
+def _points(read: SurveyRead) -> dict[str, Any]:
+    trajectory, points = read.trajectory, read.points.points
+    spacing, why_not = _spacing(points, trajectory)
+    return {
         "files": [_file(facts) for facts in read.points.files],
         "points": len(points),
         "points_rejected": dict(read.points.rejected),
@@ -39,7 +75,6 @@ def describe_survey(read: SurveyRead) -> dict[str, Any]:
         "intensity": _intensity(points),
         "time": _times(points, read.points.facts),
         "scan_line_spacing_m": spacing,
-        "trajectory": None if trajectory is None else _path(trajectory),
         "warnings": [*read.warnings, *([why_not] if why_not and trajectory is not None else [])],
         "failures": [{"file": str(path), "problem": problem} for path, problem in read.points.failures],
     }
