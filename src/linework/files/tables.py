@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import csv
-import warnings
+import io
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,9 @@ from linework.errors import InputError
 from linework.files.las_header import regular_file_bytes
 from linework.files.text_lines import TextBlock, judge_bad_lines, text_blocks
 from linework.model.arrays import FloatArray
+
+#: A block with an odd line is halved until the part around that line is as small as this, and read line by line.
+_SMALL_BYTES = 1 << 14
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,42 +86,46 @@ def _read_rows(
 ) -> tuple[FloatArray, FloatArray, list[int]]:
     """Return the wanted values (n, k), their lines, and the lines that are unusable."""
     values, numbers, bad = [np.zeros((0, len(layout.places)))], [np.zeros(0)], list[int]()
-    for block in (first, *others):
+    waiting = [first]
+    while waiting or (waiting := list(itertools.islice(others, 1))):
+        block = waiting.pop()
         at_once = _values_at_once(block, layout)
         if at_once is not None:
             values.append(at_once)
             numbers.append(block.first_line + np.arange(len(at_once), dtype=np.float64))
-            continue
-        for number, line in block.lines():
-            if not line.strip():
-                continue
-            row = _values_of_line(line, layout)
-            if row is None:
-                bad.append(number)
-            else:
-                values.append(np.array([row]))
-                numbers.append(np.array([number], dtype=np.float64))
+        elif len(block.text) > _SMALL_BYTES and block.n_lines > 1:
+            waiting += reversed(block.halves())
+        else:
+            rows = [(number, _values_of_line(line, layout)) for number, line in block.lines() if line.strip()]
+            bad += [number for number, row in rows if row is None]
+            good = [(number, row) for number, row in rows if row is not None]
+            values.append(
+                np.array([row for _, row in good], dtype=np.float64).reshape(-1, len(layout.places))
+            )
+            numbers.append(np.array([number for number, _ in good], dtype=np.float64))
     return np.concatenate(values), np.concatenate(numbers), bad
 
 
 def _values_at_once(block: TextBlock, layout: _Layout) -> FloatArray | None:
     """Return the wanted values of a block of lines in which nothing is odd, else None.
 
-    An hour at 100 Hz with ten columns: 0.6 s, line by line 3 s.
+    An hour at 100 Hz with 13 columns takes 1.0 s of one core so, line by line 2.3 s.
     """
     if layout.separator != "," or not block.all_lines_have(",", layout.n_cells - 1):
         return None
-    with warnings.catch_warnings():
-        # A cell that is no number: numpy stops there, and warns
-        warnings.simplefilter("error", DeprecationWarning)
-        try:
-            cells = np.fromstring(block.text.rstrip(b"\n").replace(b"\n", b","), sep=",")
-        except (DeprecationWarning, ValueError):
-            return None
-    if cells.size != block.n_lines * layout.n_cells:
+    try:
+        wanted = np.loadtxt(
+            io.BytesIO(block.text),
+            delimiter=",",
+            usecols=layout.places,
+            comments=None,
+            ndmin=2,
+            encoding="utf-8",
+        )
+    except ValueError:
         return None
-    wanted = cells.reshape(block.n_lines, layout.n_cells)[:, layout.places]
-    return wanted if np.isfinite(wanted).all() else None
+    # Blank lines are passed over there
+    return wanted if len(wanted) == block.n_lines and np.isfinite(wanted).all() else None
 
 
 def _values_of_line(line: str, layout: _Layout) -> list[float] | None:

@@ -49,6 +49,13 @@ class TextBlock:
         line, _, rest = self.text.partition(b"\n")
         return line.decode("utf-8", errors="replace"), TextBlock(rest, self.first_line + 1)
 
+    def halves(self) -> tuple[TextBlock, TextBlock]:
+        """Return about half of the lines, and the others; there are two lines at least."""
+        half = len(self.text) // 2
+        middle = (self.text.rfind(b"\n", 0, half) + 1) or (self.text.find(b"\n", half) + 1)
+        first = TextBlock(self.text[:middle], self.first_line)
+        return first, TextBlock(self.text[middle:], self.first_line + first.n_lines)
+
     def all_lines_have(self, separator: str, n: int) -> bool:
         """Return whether every line holds `separator` exactly `n` times, and there is a line."""
         bytes_ = np.frombuffer(self.text, dtype=np.uint8)
