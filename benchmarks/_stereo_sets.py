@@ -15,7 +15,7 @@ from linework.simulation.draw import draw_scenario
 from linework.simulation.seen import stereo_truth
 
 #: To be counted up when the pictures change.
-VERSION = 1
+VERSION = 2
 FOLDER = Path(tempfile.gettempdir()) / "linework-stereo-sets"
 
 

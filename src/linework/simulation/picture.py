@@ -127,18 +127,20 @@ def _reflected(
         for axis in axes.T
     ]  # fmt: skip
     place, wide = _surface_places(view, triangle, material, xyz, steps)
-    shade = 1.0 + STRENGTH[material] * grain(
+    strength = STRENGTH[material] * np.where(material == Material.ASPHALT, stage.wear.grain, 1.0)
+    # Bright specks on a darker ground, as stones are in their binder: more above the mean than below
+    shade = np.exp(strength * grain(
         place[:, 0], place[:, 1], wide[:, 0], wide[:, 1], FINEST_M[material], GROWTH[material], N_OCTAVES,
         stage.seed,
-    )  # fmt: skip
-    reflectance = stage.reflectance[triangle] * np.maximum(shade, 0.15)
+    ))  # fmt: skip
+    reflectance = stage.reflectance[triangle] * shade
     asphalt = np.flatnonzero(material == Material.ASPHALT)
     reflectance[asphalt] *= pavement_shade(place[asphalt], wide[asphalt], stage.wear)
     layout = view.scenario.layout
     cover = paint_cover(
         place[asphalt], layout.markings, view.scenario.seed, layout.symbols, edge_m=wide[asphalt]
     )
-    paint = look.asphalt * look.contrast * (0.5 + 0.5 * np.maximum(shade[asphalt], 0.15))
+    paint = look.asphalt * look.contrast * (0.5 + 0.5 * shade[asphalt])
     reflectance[asphalt] += cover * (paint - reflectance[asphalt])
     # The side that is looked at
     facing = np.where(towards[:, None] > 0.0, -normal, normal)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, FloatArray
+from linework.model.arrays import FloatArray
 from linework.simulation.materials import Material
 from linework.simulation.part import Scene
 from linework.simulation.scenario import Layout
@@ -15,7 +15,7 @@ from linework.simulation.scenario import Layout
 #: as a share of the reflectance, strength of an octave over the next finer one. Vegetation is dark in visible
 #: light and bright in near infrared. Typical values; extraction must not depend on them.
 _TABLE: dict[Material, tuple[float, float, float, float]] = {
-    Material.ASPHALT: (0.12, 0.008, 0.40, 0.60),
+    Material.ASPHALT: (0.12, 0.008, 0.45, 0.50),
     Material.KERB: (0.26, 0.010, 0.25, 0.75),
     Material.FOOTWAY: (0.22, 0.010, 0.25, 0.75),
     Material.GRASS: (0.10, 0.020, 0.55, 0.75),
@@ -69,10 +69,11 @@ class Patch:
 
 @dataclass(frozen=True, slots=True)
 class Wear:
-    """What time did to a carriageway."""
+    """What time did to a carriageway, and how coarse its asphalt is: `grain` times the usual contrast of stones."""
 
     seams: tuple[Seam, ...]
     patches: tuple[Patch, ...]
+    grain: float = 1.0
 
 
 def draw_wear(layout: Layout, length_m: float, rng: np.random.Generator) -> Wear:
@@ -102,7 +103,7 @@ def draw_wear(layout: Layout, length_m: float, rng: np.random.Generator) -> Wear
                 waves=waves,
             )
         )
-    return Wear(tuple(seams), tuple(patches))
+    return Wear(tuple(seams), tuple(patches), float(np.exp(rng.uniform(np.log(0.6), np.log(1.7)))))
 
 
 def pavement_shade(place: FloatArray, wide: FloatArray, wear: Wear) -> FloatArray:
@@ -158,8 +159,3 @@ def reflectances(scene: Scene, layout: Layout, asphalt: float, rng: np.random.Ge
         away = mesh.vertices[mesh.triangles[body, 0], None, :2] - middle[None, :, :2]
         value[body] = paint[np.argmin(np.sum(away**2, axis=2), axis=1)]
     return np.asarray(value)
-
-
-def unlit(material: AnyArray) -> AnyArray:
-    """Return which materials let light through or scatter it so that they have no dark side: leaves."""
-    return np.asarray(material == Material.LEAF)
