@@ -150,7 +150,8 @@ def test_points_are_worked_where_the_images_cannot_be(linework, las_file, output
     (folder / "trajectory.csv").write_text("\n".join(lines) + "\n")
     found = linework("extract", folder, "-o", output, "--quiet")
     assert found.code == 4, found.stderr
-    assert "all images left out" in found.line
+    assert "1 recording left out: " in found.line
+    assert "has no attitude" in found.line
     record = json.loads(output.with_name("run.json").read_text())
     assert record["counts"]["points_used"] == 400
 

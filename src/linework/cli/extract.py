@@ -113,7 +113,7 @@ def extract(
             methods=choose_methods(method, kinds, radon=settings.radon, obb=settings.obb),
             stereo=stereo_method(method, kinds, settings.stereo),
             settings=settings,
-            parameters=_parameters(survey, kinds, method, crs, settings),
+            parameters=_parameters(recordings.survey, kinds, method, crs, settings),
             overwrite=overwrite,
             resume=resume,
         )
@@ -265,14 +265,10 @@ def _tell_what_is_missing(record: dict[str, Any], output: Path) -> None:
     failures = record["failures"]
     if failures:
         counts = record["counts"]
-        totals = {
-            "file": counts["files"],
-            "tile": counts["tiles"],
-            "image": 2 * counts["stereo_pairs"],
-            "log": 1,
-        }
+        totals = {"file": counts["files"], "tile": counts["tiles"], "image": 2 * counts["stereo_pairs"]}
+        totals["recording"] = sum("recording" in failure for failure in failures)
         what = " and ".join(
-            f"{n} of {of} {name}s" if of else f"all {name}s"
+            f"{n} of {of} {name}s" if name != "recording" else f"{n} recording{'s' * (n > 1)}"
             for name, of in totals.items()
             if (n := sum(name in failure for failure in failures))
         )

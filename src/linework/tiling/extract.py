@@ -60,10 +60,10 @@ def extract(
             run_folder(folder, Path(temporary) / "lines", {}) as run,
         ):
             found = find_lines(recordings, methods, stereo, run, settings=settings)
-    failures = [*found.failures, *(found.pairs.failures if found.pairs else ())]
+    failures = [*found.failures, *(found.pairs.failures if found.pairs else ()), *found.unusable]
     if failures:
         what, problem = failures[0]
         raise PartialError(
-            f"{len(failures)} tiles or images failed, the first {what}: {problem}", where=survey.name
+            f"{len(failures)} tiles, images or logs failed, the first {what}: {problem}", where=survey.name
         )
     return found.lines

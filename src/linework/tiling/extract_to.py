@@ -97,7 +97,7 @@ def with_log(found: Extraction, recordings: Recordings) -> Extraction:
         logged = van_log(recordings.survey, series, recordings.trajectory)
     except InputError as error:
         named = recordings.survey.settings.get("events", {}).get("file", "")
-        return replace(found, log_failures=((recordings.survey.root / named, str(error)),))
+        return replace(found, unusable=(*found.unusable, (named, str(error))))
     return replace(found, logged=logged, warnings=(*found.warnings, *logged.warnings))
 
 

@@ -30,7 +30,7 @@ class PairsSeen:
     Parameters
     ----------
     n_pairs, n_used
-        All pairs, and those that were looked at; 0 where it is not known what pairs there are.
+        All pairs, and those that were looked at.
     failures
         (left image, problem) of the others, and of images in no pair.
     traces
@@ -67,8 +67,8 @@ class Extraction:
         Stereo pairs used and left out; None where none were looked at.
     logged
         Images and operator's keys by place, or None.
-    log_failures
-        (file, problem) of a log that cannot be used.
+    unusable
+        (what, problem) of recordings that cannot be used at all: images, logs.
     """
 
     source: str
@@ -82,4 +82,4 @@ class Extraction:
     warnings: tuple[str, ...]
     pairs: PairsSeen | None = None
     logged: VanLog | None = None
-    log_failures: tuple[tuple[Path, str], ...] = ()
+    unusable: tuple[tuple[str, str], ...] = ()

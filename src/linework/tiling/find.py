@@ -12,7 +12,7 @@ from linework.methods.protocol import Method
 from linework.methods.stereo.method import StereoMethod
 from linework.model.lines import KINDS, LineSet
 from linework.tiling.executors import Executor, Serial
-from linework.tiling.extraction import Extraction, PairsSeen
+from linework.tiling.extraction import Extraction
 from linework.tiling.identify import identify
 from linework.tiling.recordings import Recordings
 from linework.tiling.run import extract_lines
@@ -53,22 +53,22 @@ def find_lines(
     """
     settings, steps, executor = settings or RunSettings(), steps or Steps(), executor or Serial()
     found = None
+    unusable = recordings.problems
     if recordings.points is not None and methods:
         found = extract_lines(
             recordings.points, methods, run,
             road=settings.road, tiling=settings.tiling, executor=executor, steps=steps,
         )  # fmt: skip
-        found = replace(found, warnings=recordings.warnings)
+        found = replace(found, warnings=recordings.warnings, unusable=unusable)
     if recordings.stereo is None or stereo is None:
         assert found is not None
-        unusable = PairsSeen(n_pairs=0, n_used=0, failures=recordings.problems, traces={})
-        return replace(found, pairs=unusable) if recordings.problems else found
+        return found
     lines, pairs = stereo_lines(recordings.stereo, stereo, run, executor, steps)
     if found is None:
         return Extraction(
             source=recordings.survey.name, lines=identify(lines), kinds=_in_order(stereo.kinds), read=None,
             tiles=(), failures=(), traces=pairs.traces, hashes=recordings.hashes,
-            warnings=recordings.warnings, pairs=pairs,
+            warnings=recordings.warnings, pairs=pairs, unusable=unusable,
         )  # fmt: skip
     with steps.step("merge lines"):
         as_measured = lines.with_columns(

@@ -117,7 +117,7 @@ def record_of(
                 {"image": path_text(Path(image)), "problem": problem}
                 for image, problem in (pairs.failures if pairs else ())
             ),
-            *({"log": path_text(log), "problem": problem} for log, problem in extraction.log_failures),
+            *({"recording": what, "problem": problem} for what, problem in extraction.unusable),
         ],
     }
 

@@ -7,13 +7,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from linework.errors import ConfigError, InputError
+from linework.errors import ConfigError, CrsError, InputError
 from linework.files.run_record import hash_file
 from linework.files.stereo_series import open_stereo
 from linework.files.survey_points import read_survey_trajectory
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 from linework.navigation.lever import at_vehicle_origin
+from linework.tiling.located_survey import located_survey
 from linework.tiling.opened import OpenedSurvey, opened_survey
 from linework.tiling.opened_stereo import OpenedStereo, place_pairs
 from linework.tiling.steps import Steps
@@ -27,6 +28,8 @@ class Recordings:
     ----------
     points, stereo
         None where the survey has none, or none was asked for.
+    told
+        One line each about what was done before the recordings were opened.
     problems
         (what, problem) of what cannot be used at all although the rest can.
     hashes
@@ -36,6 +39,7 @@ class Recordings:
     survey: Survey
     points: OpenedSurvey | None
     stereo: OpenedStereo | None
+    told: tuple[str, ...] = ()
     problems: tuple[tuple[str, str], ...] = ()
     hashes: Mapping[Path, str] = field(default_factory=dict)
 
@@ -49,7 +53,7 @@ class Recordings:
     def warnings(self) -> tuple[str, ...]:
         """One line each."""
         of_points = self.points.warnings if self.points else ()
-        return (*of_points, *(self.stereo.warnings if self.stereo else ()))
+        return (*self.told, *of_points, *(self.stereo.warnings if self.stereo else ()))
 
 
 @contextlib.contextmanager
@@ -83,25 +87,34 @@ def opened_recordings(
         asked = " and no ".join([*["laser points"] * laser, *["stereo images ([cameras])"] * images])
         raise InputError(f"no {asked} in this survey", where=survey.name,
                          advice="see what there is with linework info")  # fmt: skip
+    steps = steps or Steps()
     with contextlib.ExitStack() as held:
-        points = None
+        points, told, problems = None, tuple[str, ...](), list[tuple[str, str]]()
+        try:
+            survey, told = located_survey(survey, work, steps)
+        except (InputError, ConfigError, CrsError) as error:
+            # Points are worked without a trajectory; images cannot be, and say so
+            problems.append(("navigation logs", str(error)))
         if has_points:
             points = held.enter_context(opened_survey(survey, work, n_threads=n_threads, steps=steps))
         stereo: OpenedStereo | None = None
-        problems: tuple[tuple[str, str], ...] = ()
         if has_images:
             try:
-                stereo = _opened_stereo(survey, points, steps or Steps())
+                stereo = _opened_stereo(survey, points, steps)
             except (InputError, ConfigError) as error:
+                if points is None and problems:
+                    raise InputError(f"{error.problem}; {problems[0][1]}", where=error.where) from error
                 if points is None:  # nothing usable, whatever it is that is wrong
                     raise InputError(error.problem, where=error.where, advice=error.advice) from error
-                problems = (("stereo pairs", str(error)),)
+                problems.append(("stereo pairs", str(error)))
         hashes = dict(points.hashes) if points else {}
         if stereo is not None:
             hashes |= stereo.hashes()
             if survey.trajectory_file is not None and survey.trajectory_file.is_file():
                 hashes[survey.trajectory_file] = hash_file(survey.trajectory_file)
-        yield Recordings(survey=survey, points=points, stereo=stereo, problems=problems, hashes=hashes)
+        yield Recordings(
+            survey=survey, points=points, stereo=stereo, told=told, problems=tuple(problems), hashes=hashes
+        )
 
 
 def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: Steps) -> OpenedStereo | None:
