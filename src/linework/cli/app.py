@@ -27,6 +27,7 @@ from linework.cli.evaluate import evaluate
 from linework.cli.extract import extract
 from linework.cli.failures import Interrupted, failure_of, save_log
 from linework.cli.info import info
+from linework.cli.locate import locate
 from linework.cli.photolog import photolog
 from linework.cli.raster import raster
 from linework.cli.simulate import simulate
@@ -39,7 +40,7 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,  # plain help: rich alone would double its time
 )
-for command in (demo, info, extract, trace, evaluate, raster, photolog, convert, simulate, config, clean):
+for command in (demo, info, locate, extract, trace, evaluate, raster, photolog, convert, simulate, config, clean):
     app.command()(command)
 
 

@@ -12,6 +12,7 @@ _KERNEL_OF = {
     "lane_marking": "stripes_all", "lane_marking_dash": "stripes_all", "road_marking_other": "stripes_all",
     "road_boundary": "boundary_boxes", "kerb_top": "boundary_boxes",
     "guardrail": "follow", "barrier": "follow", "cable": "cable_fit",
+    "trajectory": "navigation",
 }  # fmt: skip
 
 

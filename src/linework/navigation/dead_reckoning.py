@@ -55,9 +55,9 @@ class Motion:
         return float(first), float(min(self.turn_time_s[-1], self.way_time_s[-1]))
 
     def between(self, first_s: float, last_s: float) -> Motion:
-        """Return what lies between two times, with a reading more on either side."""
+        """Return the readings between two times, both included."""
         turn, way = (
-            slice(max(np.searchsorted(t, first_s) - 1, 0), np.searchsorted(t, last_s, side="right") + 1)
+            slice(np.searchsorted(t, first_s), np.searchsorted(t, last_s, side="right"))
             for t in (self.turn_time_s, self.way_time_s)
         )
         return replace(

@@ -16,7 +16,6 @@ from dataclasses import replace
 import numpy as np
 
 from linework.errors import InputError
-from linework.model.arrays import FloatArray
 from linework.model.logs import GnssLog, NavigationLogs
 from linework.navigation.clock_check import checked_against_fixes
 from linework.navigation.dead_reckoning import Motion
@@ -24,9 +23,14 @@ from linework.navigation.located import Located, one_after_another
 from linework.navigation.motion import motion_of
 from linework.navigation.settings import NavigationConfig
 from linework.navigation.stretch import Sensors, located_stretch
+from linework.navigation.wheels import spans_of
 
-#: A stretch of one clock with fewer fixes is no drive.
+#: Fewer fixes are no drive.
 _LEAST_FIXES = 5
+#: Logs that pause for so long were switched off: any way is possible in between. [s]
+_PAUSE_S = 5.0
+#: Clocks may differ by this (see `clock_check`). [s]
+_CLOCK_S = 40.0
 
 
 def locate(
@@ -45,7 +49,7 @@ def locate(
     rate_hz
         Poses per second.
     progress
-        Told how many stretches are done, of how many.
+        Told how many sections between pauses of the logs are done, of how many.
 
     Raises
     ------
@@ -55,44 +59,77 @@ def locate(
     config = config or NavigationConfig()
     # Turns and ways: what gyros and wheels say, put right where counters wrap, stick or saturate
     motion, turns, warnings = motion_of(logs)
-    gnss, said = _fixes_within(logs.gnss, motion.span_s)
-    # Clocks, signs and units: dead reckoning against the fixes; where a clock jumps, the drive is cut
-    checked = checked_against_fixes(motion, gnss)
     sensors = Sensors(
-        gyro_noise=None if turns is None else turns.noise * abs(checked.gyro_factor),
+        gyro_noise=None if turns is None else turns.noise,
         tilt_sigma_rad=np.zeros(2) if turns is None else turns.tilt_sigma_rad,
         has_tilt=logs.gyro is not None and logs.gyro.roll_pitch_rad is not None,
         lever_m=np.asarray(logs.gnss_lever_m, dtype=np.float64),
     )
-    parts, lost = [], []
-    for i, (fixes, later_s) in enumerate(checked.stretches):
-        part = GnssLog(gnss.time_s[fixes], gnss.xyz[fixes], gnss.sigma_m[fixes])
-        if len(part.time_s) < _LEAST_FIXES:
-            lost.append(f"{len(part.time_s)} fixes between two clock jumps: left out")
-            continue
-        # Filter forward, smooth backward
-        alone = len(checked.stretches) == 1
-        own = _cut(_later(checked.motion, later_s), None if alone else part)
-        parts.append(located_stretch(own, part, sensors, config, rate_hz=rate_hz))
+    gnss, said = _fixes_within(logs.gnss, motion.span_s)
+    # Where the logs pause the drive is cut: nobody knows how the van went on
+    sections, pauses_said = _sections(motion)
+    found: list[Located] = []
+    refused: list[tuple[Motion, InputError]] = []
+    for i, section in enumerate(sections):
+        try:
+            found += _located_section(section, gnss, sensors, config, rate_hz)
+        except InputError as error:
+            refused.append((section, error))
         if progress is not None:
-            progress(i + 1, len(checked.stretches))
-    return one_after_another(parts, (*warnings, *said, *checked.warnings, *lost))
+            progress(i + 1, len(sections))
+    if not found:
+        raise refused[0][1]
+    lost = [f"{error.problem}: left out" for _, error in refused]
+    return one_after_another(
+        found, [section.span_s for section, _ in refused], (*warnings, *said, *pauses_said, *lost)
+    )
+
+
+def _located_section(
+    motion: Motion, gnss: GnssLog, sensors: Sensors, config: NavigationConfig, rate_hz: float
+) -> list[Located]:
+    """Return the drive between two pauses of the logs, in as many parts as there are clocks."""
+    gnss, _ = _fixes_within(gnss, motion.span_s)
+    # Clocks, signs and units: dead reckoning against the fixes; where a clock jumps, the drive is cut
+    checked = checked_against_fixes(motion, gnss)
+    if sensors.gyro_noise is not None:
+        sensors = replace(sensors, gyro_noise=sensors.gyro_noise * abs(checked.gyro_factor))
+    parts = []
+    for fixes, later_s in checked.stretches:
+        part = GnssLog(gnss.time_s[fixes], gnss.xyz[fixes], gnss.sigma_m[fixes])
+        own = _later(checked.motion, later_s)
+        if len(checked.stretches) > 1:
+            own = own.between(float(part.time_s[0]), float(part.time_s[-1]))
+        # Filter forward, smooth backward
+        parts.append(located_stretch(own, part, sensors, config, rate_hz=rate_hz))
+    return [replace(parts[0], warnings=(*checked.warnings, *parts[0].warnings)), *parts[1:]]
+
+
+def _sections(motion: Motion) -> tuple[list[Motion], list[str]]:
+    """Cut a drive where neither gyro nor wheels say anything."""
+    time = np.unique(np.concatenate([motion.turn_time_s, motion.way_time_s]))
+    pauses = spans_of(np.diff(time) > _PAUSE_S, time)
+    said = [f"gyro and wheels pause from {a:.1f} to {b:.1f} s: no poses there" for a, b in pauses]
+    bounds = np.concatenate([[time[0]], pauses.ravel(), [time[-1]]]).reshape(-1, 2)
+    sections = [motion.between(float(a), float(b)) for a, b in bounds]
+    return [s for s in sections if min(len(s.turn_time_s), len(s.way_time_s)) > 1], said
 
 
 def _fixes_within(gnss: GnssLog, span_s: tuple[float, float]) -> tuple[GnssLog, list[str]]:
     """Return the fixes that gyro and wheels cover, or nearly: their clock may be off by some seconds."""
     first, last = span_s
-    inside = (gnss.time_s >= first - 60.0) & (gnss.time_s <= last + 60.0)
-    if np.count_nonzero(inside) < _LEAST_FIXES:
+    inside = (gnss.time_s >= first - _CLOCK_S) & (gnss.time_s <= last + _CLOCK_S)
+    n_covered = int(np.count_nonzero((gnss.time_s >= first) & (gnss.time_s <= last)))
+    if n_covered < _LEAST_FIXES:
         raise InputError(
-            f"{np.count_nonzero(inside)} fixes while gyro and wheels were logged ({first:.1f} to {last:.1f} s; "
+            f"{n_covered} fixes while gyro and wheels were logged ({first:.1f} to {last:.1f} s; "
             f"GNSS: {gnss.time_s[0]:.1f} to {gnss.time_s[-1]:.1f} s)",
             where="navigation",
             advice="check that all logs have one clock and are of one drive",
         )
     # Receivers that say less than 3 mm speak of their own noise, not of where they are
     sigma = np.maximum(gnss.sigma_m[inside], 0.003)
-    n_out = int(np.count_nonzero((gnss.time_s < first) | (gnss.time_s > last)))
+    n_out = len(gnss.time_s) - n_covered
     said = [f"{n_out} of {len(gnss.time_s)} fixes are before or after gyro and wheels"] if n_out else []
     return GnssLog(gnss.time_s[inside], gnss.xyz[inside], sigma), said
 
@@ -105,12 +142,3 @@ def _later(motion: Motion, seconds: float) -> Motion:
         motion, turn_time_s=motion.turn_time_s + seconds, way_time_s=motion.way_time_s + seconds,
         no_turn=motion.no_turn + seconds, no_way=motion.no_way + seconds, at_rest=motion.at_rest + seconds,
     )  # fmt: skip
-
-
-def _cut(motion: Motion, fixes: GnssLog | None) -> Motion:
-    """Return the motion while there are fixes of one clock."""
-    return motion if fixes is None else motion.between(*_ends(fixes.time_s))
-
-
-def _ends(time_s: FloatArray) -> tuple[float, float]:
-    return float(time_s[0]), float(time_s[-1])

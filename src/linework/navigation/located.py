@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 
@@ -67,10 +66,17 @@ class Located:
     warnings: tuple[str, ...] = field(default=())
 
 
-def one_after_another(parts: Sequence[Located], warnings: Sequence[str]) -> Located:
-    """Return the parts of a drive as one; between two of them there are no poses."""
-    gaps = [(a.trajectory.time_s[-1], b.trajectory.time_s[0]) for a, b in pairwise(parts)]
-    left_out = np.concatenate([np.reshape(gaps, (-1, 2)), *(p.left_out_s for p in parts)])
+def one_after_another(
+    parts: Sequence[Located], refused_s: Sequence[tuple[float, float]], warnings: Sequence[str]
+) -> Located:
+    """Return the parts of a drive as one.
+
+    Parameters
+    ----------
+    refused_s
+        From when to when there is a part that could not be positioned.
+    """
+    left_out = np.concatenate([np.reshape(refused_s, (-1, 2)), *(p.left_out_s for p in parts)])
 
     def joined(name: str) -> FloatArray:
         return np.concatenate([getattr(p, name) for p in parts])

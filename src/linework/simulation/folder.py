@@ -16,6 +16,7 @@ from linework.files.vectors import write_lines
 from linework.model.lines import KINDS
 from linework.simulation.cameras import StereoDrive
 from linework.simulation.folder_images import cameras_toml, write_images
+from linework.simulation.folder_logs import survey_logs, write_logs
 from linework.simulation.simulate import SIMULATED_CRS, SimulatedSurvey
 
 
@@ -58,7 +59,7 @@ def write_survey_folder(
         write_trajectory(survey.trajectory, part / "trajectory.csv")
         # A layer for every kind, also where the survey has none of it
         write_lines(survey.truth, part / "truth.gpkg", kinds=KINDS)
-        settings = _survey_toml(survey)
+        settings = _survey_toml(survey) + write_logs(survey_logs(survey), part)
         if cameras is not None:
             write_images(cameras, part, advance)
             settings += cameras_toml(cameras.rig)
