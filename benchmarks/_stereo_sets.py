@@ -15,7 +15,7 @@ from linework.simulation.draw import draw_scenario
 from linework.simulation.seen import stereo_truth
 
 #: To be counted up when the pictures change.
-VERSION = 2
+VERSION = 1
 FOLDER = Path(tempfile.gettempdir()) / "linework-stereo-sets"
 
 
