@@ -54,3 +54,23 @@ def test_a_folder_with_content_is_left_alone(linework, tmp_path):
     assert again.code == 0, again.stderr
     assert (tmp_path / "a" / "mine.txt").read_text() == "mine"
     assert (tmp_path / "a" / "truth.gpkg").exists()
+
+
+def test_stereo_images_are_taken_along_the_way(linework, tmp_path):
+    made = linework(
+        "simulate", "-o", tmp_path / "a", "--length-m", "40", "--points-per-m", "300", "--json",
+        "--image-size", "732x484", "--image-every-m", "40",
+    )  # fmt: skip
+    assert made.code == 0, made.stderr
+    assert json.loads(made.stdout)["n_pairs"] == 1
+    assert "take images" in made.stderr
+    files = sorted(str(p.relative_to(tmp_path / "a")) for p in (tmp_path / "a").rglob("*.png"))
+    assert files == ["left/000000.png", "right/000000.png"]
+    assert "[cameras.right]" in (tmp_path / "a" / "survey.toml").read_text()
+
+
+def test_cameras_that_there_are_not_are_refused(linework, tmp_path):
+    refused = linework("simulate", "-o", tmp_path / "a", "--image-size", "640x480")
+    assert refused.code == 2
+    assert "choose one of 732x484, 1240x376" in refused.stderr.lower()
+    assert not (tmp_path / "a").exists()

@@ -11,13 +11,15 @@ from embreex.rtcore_scene import EmbreeScene
 from linework.model.arrays import AnyArray, BoolArray, FloatArray
 from linework.simulation.materials import Material
 from linework.simulation.part import Scene
-from linework.simulation.scenario import Scenario
+from linework.simulation.scenario import Scenario, Wall
 from linework.simulation.scene import build_scene
 
 #: Nothing is looked at beyond this. [m]
 REACH_M = 400.0
 #: Shadow rays start this far from where they were cast off, so that a surface does not shade itself. [m]
 _CLEAR_M = 0.01
+#: Windows are set back by a little less.
+_REVEAL_M = 0.13
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +44,8 @@ class View:
     def __init__(self, scenario: Scenario, i_pass: int = 0) -> None:
         layout = scenario.layout
         cars = tuple(replace(c, stretch=1.0) for c in layout.cars if c.only_pass in (-1, i_pass))
-        self.scenario = replace(scenario, layout=replace(layout, cars=cars))
+        walls = (*layout.walls, *(_behind(w) for w in layout.walls if w.is_facade))
+        self.scenario = replace(scenario, layout=replace(layout, cars=cars, walls=walls))
         self.scene: Scene = build_scene(self.scenario)
         mesh = self.scene.mesh
         self._all = _Rays(mesh.vertices, mesh.triangles)
@@ -92,6 +95,12 @@ class View:
     def is_hidden(self, origin: FloatArray, xyz: FloatArray) -> BoolArray:
         """Return which of (n, 3) places something hides from one place; wire mesh hides nothing."""
         return np.asarray(self._solid.first(origin, xyz - origin, 0.999) >= 0)
+
+
+def _behind(facade: Wall) -> Wall:
+    """Return what stands behind a facade, so that no sky shines through beside its windows."""
+    q = facade.q_m + np.sign(facade.q_m) * _REVEAL_M
+    return replace(facade, q_m=q, height_m=facade.height_m - 0.5, is_facade=False)
 
 
 class _Rays:
