@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from linework.files.clock_offset import named_clock_offset
 from linework.files.decoder import DecoderLimits
 from linework.files.locks import locked
 from linework.files.run_record import hash_file
@@ -89,6 +90,10 @@ def opened_survey(
                 content.trajectory, survey.trajectory_lever_m, survey.trajectory_boresight_deg
             )
             warnings += check_trajectory_covers(trajectory, held.facts, where=where)
+            if held.facts.has_time:
+                epoch = EPOCH_OF_KIND[held.facts.gps_time_kind]
+                text = named_clock_offset(trajectory, held.points, epoch)
+                warnings += (f"{where.name}: {text}",) if text else ()
             if where.is_file():
                 hashes[where] = hash_file(where)
             path_hash = hash_path(trajectory)
