@@ -111,29 +111,40 @@ def _matching(root: Path, pattern: str, name: str) -> list[Path]:
     if not files:
         raise InputError(f"{name}.images: '{pattern}' matches no image", where=root,
                          advice="patterns start from the folder of the survey.toml")  # fmt: skip
-    return sorted(files, key=name_order)
+    return files
 
 
 def find_images(folder: Path) -> list[Path]:
     """Return the images of a folder in the order of the numbers in their names.
 
     What is hidden is no image: other systems leave such files beside one.
+
+    Raises
+    ------
+    InputError
+        More than a million.
     """
     if not folder.is_dir():
         return []
+    names = []
     with os.scandir(folder) as entries:
-        names = [entry.name for entry in entries if entry.name.lower().endswith(IMAGE_SUFFIXES)]
-    return sorted((folder / name for name in names if not name.startswith(".")), key=name_order)
+        for entry in entries:
+            if entry.name.lower().endswith(IMAGE_SUFFIXES) and not entry.name.startswith("."):
+                names.append(entry.name)
+                if len(names) > MAX_ROWS:
+                    raise InputError(
+                        f"more than {MAX_ROWS:,} images", where=folder, advice="split the survey"
+                    )
+    return [folder / name for name in sorted(names, key=name_order)]
 
 
-def name_order(path: Path) -> tuple[str, list[tuple[int, str]], str]:
+def name_order(name: str) -> tuple[str, str]:
     """Return a key that puts names with numbers in the order of the numbers.
 
-    >>> sorted([Path("b/img10.png"), Path("b/img9.png")], key=name_order)[0].name
-    'img9.png'
+    >>> sorted(["img10.png", "img9.png"], key=name_order)
+    ['img9.png', 'img10.png']
     """
-    pieces = re.findall(r"(\d*)(\D*)", path.name)
-    return str(path.parent), [(int(n[:18]) if n else -1, text.lower()) for n, text in pieces], path.name
+    return re.sub(r"\d+", lambda found: found[0].zfill(18), name.lower()), name
 
 
 def _timed(
@@ -236,7 +247,7 @@ def _in_time_order(
     order = np.arange(len(files))
     if np.any(np.diff(time_s) < 0.0):
         # A list in another order is no fault where the names are in the order of the times
-        by_name = np.array(sorted(order, key=lambda i: name_order(files[int(i)])), dtype=np.int64)
+        by_name = np.array(sorted(order, key=lambda i: name_order(str(files[int(i)]))), dtype=np.int64)
         if np.all(np.diff(time_s[by_name]) >= 0.0):
             order = by_name
     files, time_s = [files[int(i)] for i in order], time_s[order]

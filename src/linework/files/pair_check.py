@@ -9,7 +9,7 @@ import numpy as np
 
 from linework.errors import InputError
 from linework.files.images import read_image
-from linework.imaging.epipolar import RowFit, row_fit
+from linework.imaging.epipolar import LEAST_MATCHES, RowFit, row_fit
 from linework.imaging.rectify import Rectifier
 from linework.model.images import StereoSeries
 
@@ -112,7 +112,7 @@ def _better_neighbour(looked_at: Sequence[dict[int, RowFit | None]]) -> int:
     n_matches = {k: sum(fit.n_matches for fits in looked_at if (fit := fits[k])) for k in (0, -1, 1)}
     best = max(n_fitting, key=lambda k: n_fitting[k])
     # With a calibration that is not theirs no image fits any other
-    is_fitting = n_fitting[best] >= 0.5 * n_matches[best]
+    is_fitting = n_fitting[best] >= max(LEAST_MATCHES, 0.5 * n_matches[best])
     return best if is_fitting and n_fitting[best] > _BETTER * n_fitting[0] else 0
 
 
@@ -120,7 +120,7 @@ def _check_not_swapped(looked_at: Sequence[dict[int, RowFit | None]], where: obj
     """Refuse pairs where more places are in the same row behind infinity than fit in any way."""
     n_swapped = sum(fit.n_swapped for fits in looked_at if (fit := fits[0]))
     most = max(sum(fit.n_fitting for fits in looked_at if (fit := fits[k])) for k in (0, -1, 1))
-    if n_swapped > _BETTER * most:
+    if n_swapped >= LEAST_MATCHES and n_swapped > _BETTER * most:
         raise InputError(
             f"{n_swapped} places lie farther right in the right images than in the left, {most} do not: the images "
             "of the two cameras are swapped", where=where, advice="swap images in [cameras.left] and [cameras.right]",
