@@ -36,7 +36,12 @@ def observed_in_images(
     tree is seen. Neither does wear: where paint is worn through the vertex is still one of its line, as it is for
     the scanners.
     """
-    scene = View(drive.scenario)
+    return _observed(truth, drive, View(drive.scenario), max_range_m, least_pairs)
+
+
+def _observed(
+    truth: LineSet, drive: StereoDrive, view: View, max_range_m: float, least_pairs: int
+) -> BoolArray:
     count = np.zeros(len(truth.xyz), dtype=np.int64)
     origin = np.asarray(drive.scenario.origin_m)
     for i in range(len(drive)):
@@ -47,7 +52,7 @@ def observed_in_images(
             near = near[_is_inside(camera, drive, i, truth.xyz[near])]
             eye = drive.poses.to_world(i, camera.position_m[None])[0] - origin
             target = truth.xyz[near] - origin + np.array([0.0, 0.0, _LIFTED_M])
-            near = near[~scene.is_hidden(eye, target)]
+            near = near[~view.is_hidden(eye, target)]
         count[near] += 1
     return np.asarray(count >= least_pairs)
 
@@ -75,9 +80,7 @@ def stereo_truth(
         np.zeros(0, dtype=np.int64),
         np.zeros(0),
     )
-    scene = View(drive.scenario).scene
-    lines = truth_lines(drive.scenario, scene, nothing, parse_crs(SIMULATED_CRS))
+    view = View(drive.scenario)
+    lines = truth_lines(drive.scenario, view.scene, nothing, parse_crs(SIMULATED_CRS))
     lines = lines.take(np.isin(lines.kind, kinds))
-    return lines.with_columns(
-        observed=observed_in_images(lines, drive, max_range_m=max_range_m, least_pairs=least_pairs)
-    )
+    return lines.with_columns(observed=_observed(lines, drive, view, max_range_m, least_pairs))
