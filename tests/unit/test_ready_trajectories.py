@@ -1,5 +1,6 @@
 """Ready trajectories: SBET, TUM, kinds told apart, the survey's clock and heights."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +13,20 @@ from linework.files.crs import parse_crs
 from linework.files.geodetic import EarthFrame
 from linework.files.navigation_logs import read_navigation_logs
 from linework.files.survey import open_survey
-from linework.files.survey_trajectory import on_clock_of, read_survey_trajectory_content
+from linework.files.survey_time import to_survey_time
+from linework.files.survey_trajectory import (
+    on_clock_of,
+    read_survey_trajectory_content,
+    stereo_on_clock_of,
+)
 from linework.files.trajectories import (
     TrajectorySettings,
     read_trajectory,
     read_trajectory_content,
     write_trajectory,
 )
+from linework.model.camera import Camera, StereoRig
+from linework.model.images import ImagePair, StereoSeries
 from linework.model.trajectory import Trajectory
 from linework.navigation.lever import headings_deg
 
@@ -175,3 +183,20 @@ def test_a_real_trajectory_in_degrees_falls_on_its_own_coordinates(tmp_path):
     (tmp_path / "survey.toml").write_text(toml)
     xyz = read_navigation_logs(open_survey([tmp_path])).logs.gnss.xyz
     np.testing.assert_allclose(xyz, np.stack([rows["e"], rows["n"], rows["h"]], axis=1), atol=2e-3)
+
+
+def test_images_get_the_trajectorys_clock(tmp_path):
+    noon = to_survey_time(np.array([1_716_897_582.0]), "unix", "gps_adjusted")[0]
+    path = Trajectory(noon + np.arange(10.0), np.zeros((10, 3)))
+    (tmp_path / "survey.toml").write_text('crs = "local"\n')
+    survey = open_survey([tmp_path])
+    camera = Camera(
+        width=8, height=8, fx=5.0, fy=5.0, cx=4.0, cy=4.0, distortion=(0.0,) * 5,
+        position_m=np.zeros(3), R_vehicle_camera=CAMERA,
+    )  # fmt: skip
+    rig = StereoRig(camera, replace(camera, position_m=np.array([0.0, -1.0, 0.0])))
+    unix = tuple(ImagePair(i, 1_716_897_584.0 + i, Path("l.png"), Path("r.png")) for i in range(2))
+    series = stereo_on_clock_of(StereoSeries(rig, unix), path, survey)
+    assert [pair.time_s - noon for pair in series.pairs] == [2.0, 3.0]
+    assert series.warnings == ("cameras: times are seconds since 1970: converted to adjusted GPS seconds",)
+    assert stereo_on_clock_of(series, path, survey) is series

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from linework.files.geodetic import EarthFrame
 from linework.files.survey_time import fitted_times, to_survey_time
 from linework.files.trajectories import TrajectorySettings, read_trajectory_content
 from linework.files.trajectory_content import TrajectoryContent
+from linework.model.images import StereoSeries
 from linework.model.survey import Survey
+from linework.model.trajectory import Trajectory
 
 
 def read_survey_trajectory_content(survey: Survey) -> TrajectoryContent | None:
@@ -56,3 +60,21 @@ def on_clock_of(
         return content
     moved = replace(content.trajectory, time_s=time_s)
     return replace(content, trajectory=moved, warnings=(*content.warnings, *said), epoch=span_epoch)
+
+
+def stereo_on_clock_of(series: StereoSeries, trajectory: Trajectory, survey: Survey) -> StereoSeries:
+    """Return the stereo pairs of a survey on the clock of its trajectory, with what was done to their times.
+
+    Pairs that the trajectory covers as they stand keep their times; others are converted from [time] epoch, or from
+    the epoch that their times show.
+    """
+    if not series.pairs or not len(trajectory):
+        return series
+    time = survey.settings.get("time", {})
+    span = float(trajectory.time_s[0]), float(trajectory.time_s[-1])
+    times = np.array([pair.time_s for pair in series.pairs])
+    moved, said = fitted_times(times, str(time.get("epoch", "")), span, "", week=time.get("week"))
+    if not said:
+        return series
+    pairs = tuple(replace(pair, time_s=t) for pair, t in zip(series.pairs, moved.tolist(), strict=True))
+    return replace(series, pairs=pairs, warnings=(*series.warnings, *(f"cameras: {text}" for text in said)))

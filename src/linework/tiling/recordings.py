@@ -11,6 +11,7 @@ from linework.errors import ConfigError, CrsError, InputError
 from linework.files.run_record import hash_file
 from linework.files.stereo_series import open_stereo
 from linework.files.survey_points import read_survey_trajectory
+from linework.files.survey_trajectory import stereo_on_clock_of
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 from linework.navigation.lever import at_vehicle_origin
@@ -130,6 +131,8 @@ def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: Steps) ->
             trajectory = at_vehicle_origin(
                 trajectory, survey.trajectory_lever_m, survey.trajectory_boresight_deg
             )
+    if trajectory is not None:
+        series = stereo_on_clock_of(series, trajectory, survey)
     placed = place_pairs(survey, series, trajectory)
     with steps.step("check stereo pairs"):
         return placed.checked()
