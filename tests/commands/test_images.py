@@ -90,7 +90,7 @@ def test_info_of_nothing_but_a_bad_camera_is_bad_input(linework: Any, tmp_path: 
 
 def test_a_page_of_the_drive(linework: Any, folder: Path, tmp_path: Path) -> None:
     page = tmp_path / "out/log.html"
-    found = linework("photolog", folder, "-o", page, "--every-m", 2)
+    found = linework("photolog", folder, "-o", page, "--every-m", 2, "--quiet")
     assert found.code == 0 and found.stderr == "", found.stderr
     assert found.stdout == f"{page}: 4 pictures, 2 keys\n"
     text = page.read_text()
@@ -140,3 +140,18 @@ def test_the_real_ramp(linework: Any, tmp_path: Path) -> None:
     found = linework("photolog", RAMP, "-o", tmp_path / "log.html", "--every-m", 10)
     assert found.code == 0 and "6 pictures" in found.stdout
     assert (tmp_path / "log.html").stat().st_size < 100_000
+
+
+def test_a_page_of_a_drive_with_logs_alone_is_located_on_the_way(linework: Any, tmp_path: Path) -> None:
+    drive = tmp_path / "drive"
+    made = linework(
+        "simulate", "-o", drive, "--no-images", "--length-m", 40, "--points-per-m", 100, "--quiet"
+    )
+    assert made.code == 0, made.stderr
+    text = (drive / "survey.toml").read_text().replace('[trajectory]\nfile = "trajectory.csv"\n', "")
+    start = float((drive / "gnss.csv").read_text().splitlines()[1].split(",")[0])
+    (drive / "events.csv").write_text(f"time_s,key\n{start + 1.0},m\n")
+    (drive / "survey.toml").write_text(text + '[events]\nfile = "events.csv"\n')
+    found = linework("photolog", drive, "-o", tmp_path / "log.html", "--quiet")
+    assert found.code == 0 and "0 pictures, 1 keys" in found.stdout, found.stderr
+    assert "made from the logs" in found.stderr

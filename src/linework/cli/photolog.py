@@ -25,7 +25,14 @@ def photolog(
     crs: Annotated[
         str, typer.Option("--crs", help="EPSG:... or local: the CRS where the files do not say.")
     ] = "",
+    work: Annotated[
+        Path | None,
+        typer.Option(
+            "--work", help="Folder for what is made on the way; .linework beside the survey if not given."
+        ),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the output.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
 ) -> None:
     """Make a page of the drive: small pictures with their places and chainages, and the operator's keys.
 
@@ -33,6 +40,7 @@ def photolog(
     pictures are on it: on a long drive they stand farther apart than asked for.
     """
     from linework.cli.extract import with_trajectory
+    from linework.cli.progress import open_display
     from linework.errors import InputError, PartialError, UsageError
     from linework.evaluation.photolog import photolog_html
     from linework.files.crs import describe_crs
@@ -42,6 +50,9 @@ def photolog(
     from linework.files.survey import open_survey
     from linework.files.van_log import van_log
     from linework.files.van_path import read_van_path
+    from linework.tiling.located_survey import located_survey
+    from linework.tiling.steps import Steps
+    from linework.tiling.work_folder import work_folder
 
     if output.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"cannot write '{output.suffix}' files", where=output, advice="use .html")
@@ -51,16 +62,22 @@ def photolog(
     if series is None and not survey.settings.get("events"):
         raise InputError("neither images nor keys in this survey", where=survey.name,
                          advice="see what there is with linework info")  # fmt: skip
-    path = read_van_path(survey, series)
-    if path.trajectory is None:
-        raise InputError("no trajectory: nobody knows where its images were taken", where=survey.name,
-                         advice="name one ([trajectory] file), or make one with linework locate")  # fmt: skip
-    log = van_log(survey, series, path.trajectory)
-    facts = {"survey": survey.name, "CRS": describe_crs(survey.crs)}
-    page = photolog_html(log, output, title=f"photolog of {survey.name}", every_m=every_m, facts=facts)
-    write_page(page.html, output, overwrite=overwrite)
-    of_images = series.warnings if series else ()
-    for warning in (*survey.warnings, *path.warnings, *of_images, *log.warnings, *page.warnings):
+    with open_display(quiet=quiet) as display:
+        steps = Steps(display)
+        survey, told = located_survey(survey, work_folder(survey.root, work), steps)
+        path = read_van_path(survey, series)
+        if path.trajectory is None:
+            raise InputError("no trajectory: nobody knows where its images were taken", where=survey.name,
+                             advice="name one ([trajectory] file)")  # fmt: skip
+        with steps.step("make page"):
+            log = van_log(survey, path.series, path.trajectory)
+            facts = {"survey": survey.name, "CRS": describe_crs(survey.crs)}
+            page = photolog_html(
+                log, output, title=f"photolog of {survey.name}", every_m=every_m, facts=facts
+            )
+            write_page(page.html, output, overwrite=overwrite)
+    of_images = path.series.warnings if path.series else ()
+    for warning in (*survey.warnings, *told, *path.warnings, *of_images, *log.warnings, *page.warnings):
         warn(warning)
     typer.echo(f"{output}: {page.n_pictures} pictures, {len(log.events or ())} keys")
     if page.failures:

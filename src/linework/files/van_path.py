@@ -1,10 +1,10 @@
-"""Where the van was: its trajectory, of the vehicle's origin, on the clock of its images."""
+"""Where the van was: its trajectory, of the vehicle's origin, and its images on the same clock."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from linework.files.survey_trajectory import on_clock_of, read_survey_trajectory_content
+from linework.files.survey_trajectory import read_survey_trajectory_content, stereo_on_clock_of
 from linework.model.images import StereoSeries
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
@@ -13,19 +13,20 @@ from linework.navigation.lever import at_vehicle_origin
 
 @dataclass(frozen=True, slots=True)
 class VanPath:
-    """Path of the vehicle's origin, or None, and what was odd about its file."""
+    """Path of the vehicle's origin, or None; the stereo pairs on its clock; what was odd about the file."""
 
     trajectory: Trajectory | None
+    series: StereoSeries | None
     warnings: tuple[str, ...] = ()
 
 
 def read_van_path(survey: Survey, series: StereoSeries | None) -> VanPath:
-    """Read the trajectory of a survey that has no points, or whose points are not wanted.
+    """Read the trajectory of a survey whose points are not wanted.
 
     Parameters
     ----------
     series
-        Its stereo pairs: times that are of another epoch than theirs are put on their clock.
+        Its stereo pairs (`open_stereo`), or None.
 
     Raises
     ------
@@ -34,9 +35,9 @@ def read_van_path(survey: Survey, series: StereoSeries | None) -> VanPath:
     """
     content = read_survey_trajectory_content(survey)
     if content is None or survey.trajectory_file is None:
-        return VanPath(None)
-    if series is not None and series.pairs:
-        span = series.pairs[0].time_s, series.pairs[-1].time_s
-        content = on_clock_of(content, span, str(survey.settings.get("time", {}).get("epoch", "")), survey)
+        return VanPath(None, series)
     path = at_vehicle_origin(content.trajectory, survey.trajectory_lever_m, survey.trajectory_boresight_deg)
-    return VanPath(path, tuple(f"{survey.trajectory_file.name}: {text}" for text in content.warnings))
+    warnings = tuple(f"{survey.trajectory_file.name}: {text}" for text in content.warnings)
+    if series is not None:
+        series = stereo_on_clock_of(series, path, survey)
+    return VanPath(path, series, warnings)

@@ -66,19 +66,12 @@ def describe_van(survey: Survey, *, with_path: bool) -> VanRecordings:
     """
     found = VanRecordings(warnings=list(survey.warnings))
     series = found.tried("cameras", lambda: open_stereo(survey))
-    if series is not None:
-        found.cameras = _cameras(series)
-        found.warnings += series.warnings
-        check = found.tried(
-            "cameras", lambda: check_pairs(series, rectifier_of(series.rig), where=survey.name)
-        )
-        if check is not None:
-            found.warnings += check.warnings
-            found.cameras["row_error_px"] = _rounded(check.error_px, 2)
     if with_path:
-        path = found.tried("trajectory", lambda: read_van_path(survey, series)) or VanPath(None)
-        found.trajectory = path.trajectory
+        path = found.tried("trajectory", lambda: read_van_path(survey, series)) or VanPath(None, series)
+        found.trajectory, series = path.trajectory, path.series
         found.warnings += path.warnings
+    if series is not None:
+        _add_cameras(series, survey.name, found)
     if "gnss" in survey.settings.get("navigation", {}):
         _add_logs(survey, found)
     if "file" in survey.settings.get("events", {}):
@@ -88,6 +81,15 @@ def describe_van(survey: Survey, *, with_path: bool) -> VanRecordings:
             found.logs["events"] = _log(file, events.time_s)
             found.warnings += events.warnings
     return found
+
+
+def _add_cameras(series: StereoSeries, name: str, found: VanRecordings) -> None:
+    found.cameras = _cameras(series)
+    found.warnings += series.warnings
+    check = found.tried("cameras", lambda: check_pairs(series, rectifier_of(series.rig), where=name))
+    if check is not None:
+        found.warnings += check.warnings
+        found.cameras["row_error_px"] = _rounded(check.error_px, 2)
 
 
 def _cameras(series: StereoSeries) -> dict[str, Any]:

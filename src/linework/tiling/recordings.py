@@ -54,7 +54,7 @@ class Recordings:
     def warnings(self) -> tuple[str, ...]:
         """One line each."""
         of_points = self.points.warnings if self.points else ()
-        return (*self.told, *of_points, *(self.stereo.warnings if self.stereo else ()))
+        return (*self.survey.warnings, *self.told, *of_points, *(self.stereo.warnings if self.stereo else ()))
 
 
 @contextlib.contextmanager
