@@ -36,7 +36,7 @@ def cell_disparities(left: U8, right: U8, limits: F64, cell: tuple[int, int], fi
     for top in range(max(first_row, HALF_ROWS), height - HALF_ROWS - n_rows + 1, n_rows):
         for start in range(HALF_COLS + 1, width - HALF_COLS - n_cols - 1, n_cols):
             # The middle row of the cell, its steepest place
-            row, col, steepest = top + n_rows // 2, -1, 4
+            row, col, steepest = top + n_rows // 2, -1, np.int64(4)
             for u in range(start, start + n_cols):
                 step = abs(np.int64(left[row, u + 1]) - np.int64(left[row, u - 1]))
                 if step > steepest:
@@ -49,7 +49,7 @@ def cell_disparities(left: U8, right: U8, limits: F64, cell: tuple[int, int], fi
                 continue
             best = low
             for d in range(low, high + 1):
-                total = 0
+                total = np.int64(0)
                 for r in range(row - HALF_ROWS, row + HALF_ROWS + 1):
                     for u in range(col - HALF_COLS, col + HALF_COLS + 1):
                         total += abs(np.int64(left[r, u]) - np.int64(right[r, u - d]))

@@ -100,7 +100,7 @@ def stripes_of_rows(
         for u in range(width):
             total[u + 1] = total[u] + row[u]
         scale = 0.5 * (scale_0 + scale_1)
-        k = min(max(int(round(GRAIN_M * scale)), 1), 8)
+        k = min(max(round(GRAIN_M * scale), 1), 8)
         noise = _noise_of(row, 0, width)
         # Steps of means over k pixels to either side; of single pixels where paint is few pixels wide
         for u in range(k, width - k):
@@ -128,7 +128,11 @@ def stripes_of_rows(
             if end > u:
                 stripe = _measured(row, total, u, end, local, noise)
                 contrast, level = stripe[2], stripe[4]
-                if contrast >= gates[0] * noise * 0.7 and contrast >= gates[1] * level and not math.isnan(stripe[0]):
+                if (
+                    contrast >= gates[0] * noise * 0.7
+                    and contrast >= gates[1] * level
+                    and not math.isnan(stripe[0])
+                ):
                     if widths_m[0] * local - 0.7 <= stripe[1] <= wide:
                         table[n, COL], table[n, ROW], table[n, WIDTH] = stripe[0], v, stripe[1]
                         table[n, CONTRAST], table[n, SIGMA], table[n, LEVEL] = contrast, stripe[3], level
@@ -151,7 +155,7 @@ def _measured(
     centre of what is brighter than the road.
     """
     width = len(row)
-    beside, off = max(int(round(BESIDE_M * local)), 2), int(BLUR_PX)
+    beside, off = max(round(BESIDE_M * local), 2), int(BLUR_PX)
     a0, a1 = max(start - off - beside, 0), max(start - off, 1)
     b0, b1 = min(end + off, width - 1), min(end + off + beside, width)
     left, right = _mean(total, min(a0, a1 - 1), a1), _mean(total, b0, max(b1, b0 + 1))

@@ -19,7 +19,7 @@ from linework.methods.stereo.pieces import fused_boxes, in_sight, pieces_of
 from linework.methods.stereo.road_plane import find_road
 from linework.methods.stereo.sighted import sightings_of
 from linework.methods.stereo.stripes import StripeConfig, find_stripe_lines
-from linework.model.arrays import IntArray
+from linework.model.arrays import FloatArray, IntArray
 from linework.model.camera import RectifiedRig
 from linework.model.images import Poses, RectifiedPair
 from linework.model.lines import LineSet
@@ -30,6 +30,9 @@ from linework.model.tile import local_origin
 KINDS = ("lane_marking", "lane_marking_dash")
 #: Places this near a line, side by side with it, are the same paint. [m]
 SAME_PAINT_M = 0.10
+#: Mean score of the places of a line: what mostly single pairs have seen is not there. Of a long line, whose scores
+#: add up to so much, less will do: chance makes short ones.
+LEAST_SCORE, LEAST_OF_LONG, LONG = 0.45, 0.38, 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,11 +90,14 @@ class StereoMethod:
         looked = in_sight(pieces, poses, rig, origin)
         # Places that continue each other are joined into lines, over gaps; dashed ones by their rhythm
         way = courses_of_path(poses.xyz - origin) if len(poses) > 1 else []
-        tracks = surer(track_lines(boxes, self.config.track, width_m=SAME_PAINT_M, least_boxes=1), boxes.score)
+        tracks = surer(
+            track_lines(boxes, self.config.track, width_m=SAME_PAINT_M, least_boxes=1), boxes.score
+        )
         whole, _ = marking_lines.marking_lines(boxes, tracks.with_boxes(3), looked)
         guides = [*(Course.of(m.line.t_m, m.line.xyz) for m in whole), *way]
         tracks = join_along(boxes, tracks, guides, self.config.track.longest_gap_m).with_boxes(3)
         markings, _ = marking_lines.marking_lines(boxes, tracks, looked)
+        markings = [m for m in markings if _is_sure(boxes.score[m.boxes])]
         # Edge, lane and centre lines by how they lie to one another
         courses = [Course.of(m.line.t_m, m.line.xyz) for m in markings]
         double = is_double(courses)
@@ -104,5 +110,11 @@ class StereoMethod:
         ])  # fmt: skip
         lines = lines.take(np.isin(lines.kind, self.kinds))
         return lines.with_columns(
-            xyz=lines.xyz + origin, method=np.full(len(lines), self.name, dtype=np.str_)
+            xyz=lines.xyz + origin, method=np.array([self.name] * len(lines), dtype=np.str_)
         )
+
+
+def _is_sure(score: FloatArray) -> bool:
+    """Return whether enough pairs have seen the places of a line, by their scores."""
+    mean = float(np.mean(score))
+    return mean >= LEAST_SCORE or (mean >= LEAST_OF_LONG and float(np.sum(score)) >= LONG)

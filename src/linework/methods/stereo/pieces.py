@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.kernels.fuse import fuse, looked_at
+from linework.methods.sight import Sight
 from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.camera import RectifiedRig
@@ -28,8 +29,10 @@ ALONG_M = 0.3
 ACROSS_M = (0.06, 0.20)
 #: Paint is counted as looked at from no farther than this: single dashes have several rows there. [m]
 LOOKED_M = 20.0
-#: So many pairs show a place at least, where as many looked at it, and such a share of those that looked.
-LEAST_PAIRS, LEAST_SHARE = 2, 0.25
+#: Places that a smaller share of the pairs that looked have seen are left out.
+LEAST_SHARE = 0.15
+#: What one, two, three pairs have seen is so sure; one is enough where no other looked.
+SURE_BY_PAIRS = (0.7, 0.95, 1.0)
 #: Cells that pieces are looked up in. [m]
 _CELL_M = 1.0
 
@@ -49,9 +52,7 @@ class Pieces:
     distance_m: FloatArray
 
 
-def pieces_of(
-    seen: Sightings, poses: Poses, rig: RectifiedRig, pose: IntArray, origin: FloatArray
-) -> Pieces:
+def pieces_of(seen: Sightings, poses: Poses, rig: RectifiedRig, pose: IntArray, origin: FloatArray) -> Pieces:
     """Return the pieces between neighbouring sightings of one line, about a local origin.
 
     Parameters
@@ -69,7 +70,9 @@ def pieces_of(
     a, b, step, length = a[good], b[good], step[good], length[good]
     u = step[:, :2] / length[:, None]
     across = np.column_stack([-u[:, 1], u[:, 0], np.zeros(len(u))])
-    var_v = 0.5 * (_variance(seen, poses, rig, pose, a, across) + _variance(seen, poses, rig, pose, b, across))
+    var_v = 0.5 * (
+        _variance(seen, poses, rig, pose, a, across) + _variance(seen, poses, rig, pose, b, across)
+    )
     up = np.tile([0.0, 0.0, 1.0], (len(u), 1))
     var_z = 0.5 * (_variance(seen, poses, rig, pose, a, up) + _variance(seen, poses, rig, pose, b, up))
     return Pieces(
@@ -95,7 +98,10 @@ def _variance(
     # Roll, pitch and heading turn about the vehicle's x, y and z: a place moves by the turn crossed with it
     lever = np.cross(seen.xyz[at], in_vehicle)
     return np.asarray(
-        by_col**2 + by_disparity**2 + np.sum((axis * place) ** 2, axis=1) + np.sum((lever * turn) ** 2, axis=1)
+        by_col**2
+        + by_disparity**2
+        + np.sum((axis * place) ** 2, axis=1)
+        + np.sum((lever * turn) ** 2, axis=1)
     )
 
 
@@ -112,9 +118,7 @@ def fused_boxes(pieces: Pieces, poses: Poses, rig: RectifiedRig, origin: FloatAr
     rank = np.lexsort((xy[:, 0], xy[:, 1], codes))
     table = np.column_stack([pieces.centre, pieces.u, pieces.var_v, pieces.var_z])[rank]
     best = np.lexsort((table[:, 0], table[:, 1], pieces.distance_m[rank])).astype(np.int64)
-    seeds, place, fused = fuse(
-        table, best, codes[rank], (west, south, _CELL_M, n_cols), ALONG_M, ACROSS_M
-    )
+    seeds, place, fused = fuse(table, best, codes[rank], (west, south, _CELL_M, n_cols), ALONG_M, ACROSS_M)
     return _boxes(pieces, rank, seeds, place, fused, poses, _stations(poses, rig, origin), rig)
 
 
@@ -131,10 +135,10 @@ def _boxes(
     n_pairs = _distinct(place, pose, m)
     near = pieces.distance_m[rank] <= LOOKED_M
     n_near = _distinct(place[near], pose[near], m)
-    view = (*_nearest_and_sides(pieces, rig),)
-    n_looked = looked_at(centre[:, :2], stations, (view[0], LOOKED_M, view[1], view[2]))
+    nearest, left, right = _nearest_and_sides(pieces, rig)
+    n_looked = looked_at(centre[:, :2], stations, (nearest, LOOKED_M, left, right))
     share = np.minimum(n_near / np.maximum(n_looked, 1), 1.0)
-    kept = (n_near >= np.clip(n_looked, 1, LEAST_PAIRS)) & (share >= LEAST_SHARE)
+    kept = (n_near >= 1) & (share >= LEAST_SHARE)
     n = np.bincount(place, minlength=m)
 
     def mean(values: FloatArray) -> FloatArray:
@@ -148,10 +152,11 @@ def _boxes(
     # Pairs err together: calibration, and the drift of the poses between neighbouring ones
     sigma_v = np.sqrt(fused[:, 4] * inflation * np.minimum(n_pairs, 4.0))
     sigma_z = np.sqrt(fused[:, 5] * np.minimum(n_pairs, 4.0))
-    score = mean(pieces.score) * np.clip(0.4 + share, 0.0, 1.0) * np.clip(0.7 + 0.1 * n_pairs, 0.0, 1.0)
+    sure = np.array(SURE_BY_PAIRS)[np.clip(np.where(n_looked == 1, 3, n_pairs), 1, 3) - 1]
+    score = mean(pieces.score) * np.clip(0.4 + share, 0.0, 1.0) * sure
     boxes = BoxSet(
         centre=centre, u=fused[:, 1:3], half_u_m=pieces.half_u_m[seed], half_v_m=0.5 * mean(pieces.width_m),
-        sigma_v_m=sigma_v, sigma_z_m=sigma_z, sigma_u_rad=np.full(m, 0.03), score=score,
+        sigma_v_m=sigma_v, sigma_z_m=sigma_z, sigma_u_rad=np.hypot(0.02, sigma_v / np.maximum(pieces.half_u_m[seed], 0.1)), score=score,
         form=np.full(m, BoxForm.STRIPE), n_points=n, time_start_s=start, time_end_s=end,
     )  # fmt: skip
     return boxes.take(kept)
@@ -178,12 +183,14 @@ def _nearest_and_sides(pieces: Pieces, rig: RectifiedRig) -> tuple[float, float,
     return nearest, max(left, 0.0), (rig.width - 1.0 - rig.cx) / rig.focal_px
 
 
-def in_sight(pieces: Pieces, poses: Poses, rig: RectifiedRig, origin: FloatArray):  # type: ignore[no-untyped-def]
+def in_sight(pieces: Pieces, poses: Poses, rig: RectifiedRig, origin: FloatArray) -> Sight:
     """Return a function that says for (n, 2) local places whether a pair looked there."""
     stations = _stations(poses, rig, origin)
     nearest, left, right = _nearest_and_sides(pieces, rig)
 
     def seen(xy: FloatArray) -> BoolArray:
-        return np.asarray(looked_at(np.ascontiguousarray(xy[:, :2]), stations, (nearest, LOOKED_M, left, right)) > 0)
+        return np.asarray(
+            looked_at(np.ascontiguousarray(xy[:, :2]), stations, (nearest, LOOKED_M, left, right)) > 0
+        )
 
     return seen

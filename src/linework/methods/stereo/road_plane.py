@@ -44,7 +44,13 @@ SHARED_PLACES = 5.0
 
 @dataclass(frozen=True, slots=True)
 class RoadPlane:
-    """Disparity of the road in the left image: ``d = d0 + du (col - cx) + dv (row - cy)``. [pixels]"""
+    """Disparity of the road in the left image.
+
+    Parameters
+    ----------
+    d0, du, dv
+        ``d = d0 + du (col - cx) + dv (row - cy)`` [pixels].
+    """
 
     d0: float
     du: float
@@ -119,14 +125,14 @@ def find_road(pair: RectifiedPair) -> RoadShape | None:
     weight = 1.0 / (1.0 + (x / HALF_WEIGHT_M) ** 2)
     places = np.column_stack([u, v, d, weight])
     ahead = (z < AHEAD_M) & (np.abs(x) < ASIDE_M)
-    plane = _fitted_plane(rig, places[ahead], _plane_limits(rig, up))
+    plane = _fitted_plane(places[ahead], _plane_limits(rig, up))
     if plane is None:
         return None
     near = (z < SHAPE_AHEAD_M) & (np.abs(x) < SHAPE_ASIDE_M)
     return RoadShape(plane, _fitted_shape(rig, plane, found[near]))
 
 
-def _fitted_plane(rig: RectifiedRig, places: FloatArray, limits: FloatArray) -> RoadPlane | None:
+def _fitted_plane(places: FloatArray, limits: FloatArray) -> RoadPlane | None:
     """Return the plane of most of the places (n, 4): u, v, disparity, weight."""
     if len(places) < LEAST_PLACES:
         return None

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.kernels.local_lines import fit_at
-from linework.methods.stereo.road_plane import RoadShape
-from linework.methods.stereo.stripes import COL, CONTRAST, LEAST_SIGMA_PX, ROW, SIGMA, WIDTH, StripeConfig, StripeLines
+from linework.kernels.row_stripes import COL, CONTRAST, LEVEL, ROW, SIGMA, WIDTH
+from linework.methods.stereo.road_plane import AHEAD_M, RoadShape
+from linework.methods.stereo.stripes import LEAST_SIGMA_PX, StripeConfig, StripeLines
 from linework.model.arrays import FloatArray, IntArray
 from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
@@ -36,6 +37,11 @@ UNDER_M, OVER_M = 0.15, 0.10
 BEND_M = 1500.0
 #: Paint is flat: of a kerb stone the one edge is at its foot. [m]
 EDGE_STEP_M = 0.04
+#: Paint is brighter than the road. Where so large a share of the road (none, fully) is as bright as this share of
+#: the stripe's grey value, the stripe may be road in the sun between shadows.
+LIGHT, LIGHT_SHARE = 0.9, (0.03, 0.10)
+#: Half the width before the cameras that is road for sure, as the van drives on it. [m]
+OWN_LANE_M = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +50,6 @@ class _Line:
 
     at: IntArray
     along_m: FloatArray
-    height_m: FloatArray
     slope: float
     score: float
 
@@ -53,11 +58,12 @@ def sightings_of(pair: RectifiedPair, road: RoadShape, lines: StripeLines, confi
     """Return the places on those lines of stripes that are paint on the road."""
     rig = pair.rig
     kept = []
+    greys = _road_greys(pair, road)
     order = np.argsort(lines.line, kind="stable")
     numbers, first = np.unique(lines.line[order], return_index=True)
     for number, at in zip(numbers.tolist(), np.split(order, first[1:]), strict=True):
         if number >= 0 and len(at) >= LEAST_ROWS:
-            line = _judged(lines, at, rig, road, config)
+            line = _judged(lines, at, rig, road, config, greys)
             if line is not None:
                 kept.append(line)
     parts = [_places(line, lines, pair, i) for i, line in enumerate(kept)]
@@ -65,7 +71,12 @@ def sightings_of(pair: RectifiedPair, road: RoadShape, lines: StripeLines, confi
 
 
 def _judged(
-    lines: StripeLines, at: IntArray, rig: RectifiedRig, road: RoadShape, config: StripeConfig
+    lines: StripeLines,
+    at: IntArray,
+    rig: RectifiedRig,
+    road: RoadShape,
+    config: StripeConfig,
+    greys: FloatArray,
 ) -> _Line | None:
     """Return a line of stripes if they are those of paint on the road."""
     matched = np.isfinite(lines.disparity[at])
@@ -102,7 +113,21 @@ def _judged(
     if abs(float(np.nanmedian(step))) > EDGE_STEP_M + 2.0 * sigma:
         return None
     score = float(matched.mean()) * (1.0 - max(ragged, 0.0) / (2.0 * RAGGED * width))
-    return _Line(at, along, height, slope, score * min(1.0, 0.5 + along[-1] / 4.0))
+    score *= min(1.0, 0.5 + along[-1] / 4.0)
+    # Where the road itself is as bright, in the sun, this may be a strip of light
+    paint = LIGHT * float(np.median(t[:, LEVEL] + t[:, CONTRAST]))
+    as_bright = 1.0 - np.searchsorted(greys, paint) / max(len(greys), 1)
+    score *= 1.0 - 0.5 * min(max((as_bright - LIGHT_SHARE[0]) / (LIGHT_SHARE[1] - LIGHT_SHARE[0]), 0.0), 1.0)
+    return _Line(at, along, slope, score)
+
+
+def _road_greys(pair: RectifiedPair, road: RoadShape) -> FloatArray:
+    """Return the grey values of the road before the van, in ascending order."""
+    rig = pair.rig
+    row, col = (v.ravel() for v in np.mgrid[0 : rig.height : 4, 0 : rig.width : 8])
+    d = road.plane.disparity(rig, col, row)
+    near = (d > rig.focal_px * rig.base_m / AHEAD_M) & (np.abs(col - rig.cx) * rig.base_m < OWN_LANE_M * d)
+    return np.sort(pair.left[row[near], col[near]]).astype(np.float64)
 
 
 def _turning(across: FloatArray, ahead: FloatArray, along: FloatArray) -> float:
@@ -135,7 +160,7 @@ def _places(line: _Line, lines: StripeLines, pair: RectifiedPair, number: int) -
     rig, at = pair.rig, line.at
     t = lines.table[at]
     s = line.along_m
-    n = max(int(math.ceil(s[-1] / SPACING_M)), 1) + 1
+    n = max(math.ceil(s[-1] / SPACING_M), 1) + 1
     where = np.linspace(0.0, s[-1], n)
     # Windows in rows: a straight line in space is one in the image
     v = -t[:, ROW]
@@ -150,14 +175,12 @@ def _places(line: _Line, lines: StripeLines, pair: RectifiedPair, number: int) -
     )  # fmt: skip
     road = np.interp(where, s, lines.road_disparity[at])
     disparity = road + rest
-    per_px = rig.base_m / disparity
-    floor = LEAST_SIGMA_PX
     return Sightings(
         xyz=rig.intersect(col, row, disparity),
         pair=np.full(n, pair.number), line=np.full(n, number),
         col=col, row=row, disparity=disparity,
-        sigma_px=np.hypot(sigma_col, floor), sigma_disparity_px=np.hypot(sigma_d, floor),
-        width_m=np.full(n, np.median(t[:, WIDTH] * per_px.mean() * 0.0 + t[:, WIDTH] * rig.base_m / lines.road_disparity[at]))
+        sigma_px=np.hypot(sigma_col, LEAST_SIGMA_PX), sigma_disparity_px=np.hypot(sigma_d, LEAST_SIGMA_PX),
+        width_m=np.full(n, np.median(t[:, WIDTH] * rig.base_m / lines.road_disparity[at]))
         / math.hypot(1.0, line.slope),
         contrast=np.full(n, np.median(t[:, CONTRAST])), score=np.full(n, line.score),
     )  # fmt: skip

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.kernels.link_stripes import link, partners
-from linework.kernels.row_stripes import COL, CONTRAST, LEVEL, ROW, SIGMA, WIDTH, stripes_of_rows
+from linework.kernels.row_stripes import COL, CONTRAST, ROW, SIGMA, WIDTH, stripes_of_rows
 from linework.methods.stereo.road_plane import RoadPlane, RoadShape
 from linework.model.arrays import AnyArray, FloatArray, IntArray
 from linework.model.camera import RectifiedRig
@@ -143,13 +143,8 @@ def find_stripes(image: AnyArray, rig: RectifiedRig, plane: RoadPlane, config: S
 def _gates(stripes: Stripes, rig: RectifiedRig, plane: RoadPlane) -> FloatArray:
     """Return (n_rows,) how far disparities of paint may be from the plane's. [pixels]"""  # noqa: D400
     n_rows = len(stripes.first) - 1
-    d = plane.disparity(rig, np.full(n_rows, rig.cx), rig.height - 1.0 - np.arange(n_rows))
+    row = rig.height - 1.0 - np.arange(n_rows, dtype=np.float64)
+    d = plane.disparity(rig, np.full(n_rows, rig.cx), row)
     d = np.maximum(d, 1.0)
     off_m = OFF_PLANE_M + (rig.focal_px * rig.base_m / d) ** 2 / (2.0 * CREST_M)
     return np.asarray(np.maximum(d * off_m / plane.camera_height_m(rig), 1.0))
-
-
-__all__ = [
-    "COL", "CONTRAST", "LEVEL", "ROW", "SIGMA", "WIDTH", "StripeConfig", "StripeLines", "Stripes", "find_stripe_lines",
-    "find_stripes",
-]  # fmt: skip
