@@ -7,9 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
-from scipy.ndimage import gaussian_filter, map_coordinates
-from tests.image_folders import camera_toml
+from tests.road_views import BASE_M, road_view, views_folder
 
 from linework.errors import InputError
 from linework.files.pair_check import check_pairs
@@ -17,46 +15,15 @@ from linework.files.stereo_series import open_stereo
 from linework.files.survey import open_survey
 from linework.imaging.epipolar import row_fit
 from linework.imaging.rectify import rectifier_of
-from linework.model.arrays import AnyArray
 from linework.model.images import StereoSeries
 
 RAMP = Path(__file__).parents[3] / "shared/data/stereo-ramp"
-SIZE, FOCAL_PX, BASE_M, HEIGHT_M = (320, 240), 250.0, 0.5, 1.6
-
-
-def _view(x_m: float, ahead_m: float, *, row_offset: float = 0.0) -> AnyArray:
-    """Return what a camera `x_m` to the right sees of a road of noise and a wall 40 m ahead, having driven on."""
-    texture = gaussian_filter(np.random.default_rng(5).normal(size=(800, 800)), 1.0)
-    col, row = np.meshgrid(np.arange(SIZE[0]) - SIZE[0] / 2 + 0.5, np.arange(SIZE[1]) - 60.0 + row_offset)
-    with np.errstate(divide="ignore"):
-        road = np.where(row > 0.0, FOCAL_PX * HEIGHT_M / np.maximum(row, 1e-9), np.inf)
-    wall = 40.0 - ahead_m
-    depth = np.minimum(road, wall)
-    x, y = x_m + col * depth / FOCAL_PX, row * depth / FOCAL_PX
-    is_wall = road >= wall
-    # Grain of the road 5 cm, of the wall 20 cm
-    u, v = np.where(is_wall, x / 0.2, x / 0.05), np.where(is_wall, y / 0.2 + 400, (depth + ahead_m) / 0.05)
-    values = map_coordinates(texture, [v % 799, u % 799], order=1)
-    return np.clip(128 + 120 * values, 0, 255).astype(np.uint8)
 
 
 @pytest.fixture(scope="module")
 def series(tmp_path_factory: pytest.TempPathFactory) -> StereoSeries:
     """Eight pairs, a metre apart."""
-    folder = tmp_path_factory.mktemp("pairs")
-    for side, x in (("left", 0.0), ("right", BASE_M)):
-        (folder / side).mkdir()
-        for i in range(8):
-            Image.fromarray(_view(x, float(i))).save(folder / side / f"{i}.png")
-    tables = [
-        camera_toml(
-            side, images=f"{side}/*.png", rate_hz=10.0, width=SIZE[0], height=SIZE[1], fx=FOCAL_PX, fy=FOCAL_PX,
-            cx=SIZE[0] / 2 - 0.5, cy=60.0, position_m=[1.0, y, HEIGHT_M],
-        )
-        for side, y in (("left", 0.0), ("right", -BASE_M))
-    ]  # fmt: skip
-    (folder / "survey.toml").write_text('crs = "local"\n' + "".join(tables))
-    found = open_stereo(open_survey([folder]))
+    found = open_stereo(open_survey([views_folder(tmp_path_factory.mktemp("pairs") / "views")]))
     assert found is not None
     return found
 
@@ -70,12 +37,12 @@ def _shifted(series: StereoSeries, by: int, first: int = 0) -> StereoSeries:
 
 
 def test_rows_of_one_moment_are_the_same() -> None:
-    fit = row_fit(_view(0.0, 0.0), _view(BASE_M, 0.0))
+    fit = row_fit(road_view(0.0, 0.0), road_view(BASE_M, 0.0))
     assert fit.is_known and fit.error_px < 0.2 and fit.n_fitting > 0.9 * fit.n_matches
 
 
 def test_an_offset_of_rows_is_measured() -> None:
-    fit = row_fit(_view(0.0, 0.0), _view(BASE_M, 0.0, row_offset=-2.5))
+    fit = row_fit(road_view(0.0, 0.0), road_view(BASE_M, 0.0, row_offset=-2.5))
     assert fit.offset_px == pytest.approx(2.5, abs=0.2)
 
 
