@@ -84,7 +84,8 @@ def draw_light(rng: np.random.Generator) -> Light:
 def sky_and_hills(direction: FloatArray, light: Light, pixel_rad: float, seed: int) -> FloatArray:
     """Return the light from (n, 3) directions that meet nothing of the scene: wooded hills, above them the sky."""
     unit = direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    azimuth, elevation = np.arctan2(unit[:, 1], unit[:, 0]), np.arcsin(unit[:, 2])
+    # Mirrored, so that west has no seam
+    azimuth, elevation = np.abs(np.arctan2(unit[:, 1], unit[:, 0])), np.arcsin(unit[:, 2])
     n, level, fine = len(unit), np.zeros(len(unit)), np.full(len(unit), pixel_rad)
 
     def noise(finest_rad: float, growth: float, n_octaves: int, salt: int, y: FloatArray) -> FloatArray:

@@ -178,7 +178,8 @@ def _lit(
     """Return the light of surfaces under sun and sky (Lambert), and the glare of asphalt towards the sun."""
     material, reflectance = surface
     look = stage.light
-    ambient = 0.5 + 0.5 * normal[:, 2]
+    # A tenth of the sky's light comes back from the ground to what looks down
+    ambient = 0.55 + 0.45 * normal[:, 2]
     light = reflectance * ambient
     if look.sun > 0.0:
         # Leaves let light through: they have no dark side
