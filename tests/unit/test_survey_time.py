@@ -72,6 +72,16 @@ def test_times_of_another_epoch_are_converted_if_they_then_fit():
     assert nowhere[0] == adjusted[0] - 5e6
 
 
+def test_a_receiver_that_counts_weeks_to_1024():
+    adjusted = 2301 * WEEK - 1e9 + np.arange(10.0)
+    span = (float(adjusted[2]), float(adjusted[5]))
+    for epoch, words in (("gps_adjusted", ""), ("unix", "converted to adjusted GPS seconds, and ")):
+        early = to_survey_time(adjusted - 1024 * WEEK, "gps_adjusted", epoch)
+        got, (said,) = fitted_times(early, epoch, span, "gps_adjusted")
+        np.testing.assert_allclose(got, adjusted, atol=1e-6)
+        assert said.endswith(f": {words}1024 weeks added, which the receiver did not count")
+
+
 @pytest.mark.parametrize(
     ("unit", "per_second"), [("milliseconds", 1e3), ("microseconds", 1e6), ("nanoseconds", 1e9)]
 )

@@ -149,12 +149,15 @@ def fitted_times(
         return time_s, ()
     epoch = epoch or epoch_by_values(time_s)
     span_epoch = span_epoch or epoch_by_values(np.array(span_s))
-    if epoch == span_epoch:
-        return time_s, ()
-    moved = to_survey_time(time_s, epoch, span_epoch, week=week, near_s=span_s[0])
-    if not _overlap(moved, span_s):
-        return time_s, ()
-    return moved, (f"times are {_NAMES[epoch]}: converted to {_NAMES[span_epoch]}",)
+    converted = to_survey_time(time_s, epoch, span_epoch, week=week, near_s=span_s[0])
+    # Old receivers count weeks to 1024 and begin again
+    for n_rounds in (0, 1, 2):
+        moved = converted + n_rounds * 1024 * WEEK_S
+        if _overlap(moved, span_s):
+            said = [f"converted to {_NAMES[span_epoch]}"] * (epoch != span_epoch)
+            said += [f"{1024 * n_rounds} weeks added, which the receiver did not count"] * (n_rounds > 0)
+            return moved, (f"times are {_NAMES[epoch]}: {', and '.join(said)}",)
+    return time_s, ()
 
 
 def _overlap(time_s: FloatArray, span_s: tuple[float, float]) -> bool:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from linework.errors import ConfigError, CrsError, InputError
 from linework.files.run_record import hash_file
 from linework.files.stereo_series import open_stereo
-from linework.files.survey_points import read_survey_trajectory
 from linework.files.survey_trajectory import stereo_on_clock_of
+from linework.files.van_path import read_van_path
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
-from linework.navigation.lever import at_vehicle_origin
 from linework.tiling.located_survey import located_survey
 from linework.tiling.opened import OpenedSurvey, opened_survey
 from linework.tiling.opened_stereo import OpenedStereo, place_pairs
@@ -123,16 +122,14 @@ def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: Steps) ->
     series = open_stereo(survey)
     if series is None:
         return None
-    if points is not None:
-        trajectory = points.trajectory
+    if points is None:
+        van = read_van_path(survey, series)
+        trajectory, series = van.trajectory, van.series or series
+        series = replace(series, warnings=(*series.warnings, *van.warnings))
     else:
-        trajectory = read_survey_trajectory(survey)
+        trajectory = points.trajectory
         if trajectory is not None:
-            trajectory = at_vehicle_origin(
-                trajectory, survey.trajectory_lever_m, survey.trajectory_boresight_deg
-            )
-    if trajectory is not None:
-        series = stereo_on_clock_of(series, trajectory, survey)
+            series = stereo_on_clock_of(series, trajectory, survey)
     placed = place_pairs(survey, series, trajectory)
     with steps.step("check stereo pairs"):
         return placed.checked()
