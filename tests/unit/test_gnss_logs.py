@@ -54,7 +54,7 @@ def test_nmea_over_midnight_and_the_date_of_zda(tmp_path):
 
 def test_nmea_without_any_date(tmp_path):
     content = read_gnss(nmea(tmp_path, [made.gga("000001.00", 46.0, 9.0, 1.0)]), PLAN)
-    assert content.epoch == ""
+    assert content.epoch == "utc_day"
     assert content.log.time_s.tolist() == [1.0]
     assert "no date" in content.warnings[0]
 

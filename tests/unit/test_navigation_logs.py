@@ -87,11 +87,14 @@ def test_degrees_become_the_surveys_coordinates(tmp_path):
 
 @pytest.mark.parametrize("epoch", ["gps_week", "gps_adjusted", "gps", "unix"])
 @pytest.mark.parametrize("is_stated", [True, False])
-def test_all_logs_get_one_clock(tmp_path, epoch, is_stated):
+@pytest.mark.parametrize("has_date", [True, False])
+def test_all_logs_get_one_clock(tmp_path, epoch, is_stated, has_date):
     noon = datetime.datetime(2024, 5, 28, 12, tzinfo=datetime.UTC).timestamp()
     start = float(to_survey_time(np.array([noon]), "unix", epoch)[0])
     survey = survey_of(tmp_path, gyro=f"time_s,yaw_rate_dps\n{start!r},0\n{start + 1!r},1\n")
-    lines = [made.rmc("120000.00", "280524"), *(made.gga(f"12000{i}.00", 46.0, 9.0, 1.0) for i in (0, 1))]
+    lines = [made.rmc("120000.00", "280524")] * has_date + [
+        *(made.gga(f"12000{i}.00", 46.0, 9.0, 1.0) for i in (0, 1))
+    ]
     (tmp_path / "gnss.csv").rename(tmp_path / "gnss.nmea")
     (tmp_path / "gnss.nmea").write_text("\n".join(lines))
     text = (tmp_path / "survey.toml").read_text().replace("gnss.csv", "gnss.nmea")

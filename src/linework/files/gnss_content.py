@@ -23,7 +23,7 @@ class GnssContent:
     warnings
         One line each.
     epoch
-        What the file itself says its times are: "gps", "gps_week", "unix"; "" where it does not.
+        What the file itself says its times are: "gps", or "utc_day"; "" where it does not.
     """
 
     log: GnssLog

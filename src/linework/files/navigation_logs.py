@@ -83,7 +83,10 @@ def _on_the_surveys_clock(
     if not gnss.epoch:
         return gnss.log, stated
     epoch = stated or (epoch_by_values(other.time_s) if other is not None else "gps_adjusted")
-    time_s = to_survey_time(gnss.log.time_s, gnss.epoch, epoch, week=time.get("week"))
+    near_s = None if other is None else float(other.time_s[0])
+    if gnss.epoch == "utc_day" and near_s is None:
+        return gnss.log, stated
+    time_s = to_survey_time(gnss.log.time_s, gnss.epoch, epoch, week=time.get("week"), near_s=near_s)
     return replace(gnss.log, time_s=time_s), epoch
 
 

@@ -66,7 +66,7 @@ def read_nmea(path: Path, frame: EarthFrame) -> GnssContent:
     Returns
     -------
     GnssContent
-        Where no sentence has a date: seconds of the first day (UTC), epoch "".
+        Where no sentence has a date: seconds of the first day, epoch "utc_day".
 
     Raises
     ------
@@ -168,7 +168,7 @@ def _times(log: _Log, values: FloatArray) -> tuple[FloatArray, str, tuple[str, .
     """Return the times of the fixes, their epoch, and what is odd about them."""
     seconds = values[:, 0] * _DAY_S + values[:, 1]
     if not log.first_days:
-        return seconds, "", ("no date (RMC, ZDA): times are seconds of the first day, UTC",)
+        return seconds, "utc_day", ("no date (RMC, ZDA): times are seconds of the first day, UTC",)
     first, count = Counter(log.first_days).most_common(1)[0]
     said: tuple[str, ...] = ()
     if count < len(log.first_days):

@@ -25,9 +25,11 @@ _LEAP_UTC_S = np.array(_LEAPS, dtype="datetime64[s]").astype(np.float64)
 _LEAST_ABSOLUTE_S = 1e9
 #: As seconds since 1970 the year 2020, as GPS seconds 2030: larger numbers are the former.
 _LEAST_UNIX_S = 1.6e9
+_DAY_S = 86_400.0
+_SOME_WEEK = 2300
 _NAMES = {
     "gps_week": "GPS seconds of the week", "gps_adjusted": "adjusted GPS seconds", "gps": "GPS seconds",
-    "unix": "seconds since 1970",
+    "unix": "seconds since 1970", "utc_day": "seconds of the day, UTC",
 }  # fmt: skip
 #: How a clock can be off, and what then happened. UTC is behind GPS time by the leap seconds.
 _KNOWN_OFFSETS = {
@@ -88,16 +90,17 @@ def to_survey_time(
     time_s
         (n,) [s].
     epoch, survey_epoch
-        "gps_week", "gps_adjusted", "gps" or "unix": of the times, and of the survey.
+        "gps_week", "gps_adjusted", "gps" or "unix": of the times, and of the survey; times also "utc_day".
     week
         GPS week of seconds of the week, where known.
     near_s
-        A time of the survey, in its epoch: without `week` the times are of the week that brings them nearest.
+        A time of the survey, in its epoch: without `week`, or of a day, the times are of the week or the day that
+        brings them nearest.
 
     Raises
     ------
     InputError
-        Seconds of the week of which nobody knows the week.
+        Seconds of the week or the day of which nobody knows which.
 
     Examples
     --------
@@ -107,15 +110,23 @@ def to_survey_time(
     time_s = np.asarray(time_s, dtype=np.float64)
     if epoch == survey_epoch or len(time_s) == 0:
         return time_s
-    near_gps = None if near_s is None else float(_to_gps(np.array([near_s]), survey_epoch, week)[0])
-    if epoch == "gps_week" and week is None:
-        if near_gps is None:
-            raise InputError(f"times are {_NAMES[epoch]}, and nothing says which week", where=where,
-                             advice="give [time] week")  # fmt: skip
+    if near_s is None and (epoch == "utc_day" or (epoch == "gps_week" and week is None)):
+        unknown, advice = _NAMES[epoch], "give [time] week" if epoch == "gps_week" else "log RMC or ZDA, too"
+        raise InputError(f"times are {unknown}, and nothing says of which", where=where, advice=advice)
+    if epoch == "utc_day":
+        # Any week of these years has the leap seconds of today
+        week = _SOME_WEEK if week is None and survey_epoch == "gps_week" else week
+        near_unix = unix_of_gps(_to_gps(np.array([near_s]), survey_epoch, week))[0]
+        time_s, epoch = time_s + _DAY_S * np.round((near_unix - time_s[0]) / _DAY_S), "unix"
+    elif epoch == "gps_week" and week is None:
+        near_gps = _to_gps(np.array([near_s]), survey_epoch, None)[0]
         week = round((near_gps - float(time_s[0])) / WEEK_S)
     gps = _to_gps(time_s, epoch, week)
     if survey_epoch == "gps_week":
-        return gps - WEEK_S * (float(np.floor(gps[0] / WEEK_S)) if week is None else week)
+        if week is None:
+            weeks = gps[0] / WEEK_S
+            week = int(np.floor(weeks) if near_s is None else np.round(weeks - near_s / WEEK_S))
+        return gps - WEEK_S * week
     if survey_epoch == "unix":
         return unix_of_gps(gps)
     return gps - (_ADJUSTED_S if survey_epoch == "gps_adjusted" else 0.0)

@@ -35,7 +35,7 @@ def read_survey_trajectory_content(survey: Survey) -> TrajectoryContent | None:
     )
     content = read_trajectory_content(survey.trajectory_file, settings)
     stated, week = str(time.get("epoch", "")), time.get("week")
-    is_known = content.epoch and (content.epoch != "gps_week" or week is not None)
+    is_known = content.epoch in ("gps", "unix") or (content.epoch == "gps_week" and week is not None)
     if not stated or not is_known:
         return replace(content, epoch=content.epoch or stated)
     time_s = to_survey_time(content.trajectory.time_s, content.epoch, stated, week=week)

@@ -22,7 +22,7 @@ class TrajectoryContent:
     warnings
         One line each.
     epoch
-        What the file itself says its times are: "gps", "gps_week", "unix"; "" where it does not.
+        What the file itself says its times are: "gps", "gps_week", "unix", "utc_day"; "" where it does not.
     """
 
     trajectory: Trajectory
