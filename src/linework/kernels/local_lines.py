@@ -46,7 +46,7 @@ def fit_at(along: F64, value: F64, sigma: F64, at: F64, half: F64) -> tuple[F64,
             reach *= 2.0
         a = b = 0.0
         scale = 1.0
-        for turn in range(4):
+        for turn in range(6):
             s = sx = sxx = sy = sxy = 0.0
             s2 = s2x = s2xx = 0.0
             for i in range(n):
@@ -55,7 +55,7 @@ def fit_at(along: F64, value: F64, sigma: F64, at: F64, half: F64) -> tuple[F64,
                     continue
                 w = (1.0 - abs(x / reach) ** 3) ** 3 / sigma[i] ** 2
                 if turn > 0:
-                    off = abs(value[i] - a - b * x) / (sigma[i] * scale)
+                    off = abs(value[i] - a - b * x) / sigma[i]
                     if off > 2.0:
                         w *= 2.0 / off
                 s, sx, sxx = s + w, sx + w * x, sxx + w * x * x
@@ -76,7 +76,7 @@ def fit_at(along: F64, value: F64, sigma: F64, at: F64, half: F64) -> tuple[F64,
                 x = along[i] - at[k]
                 if abs(x) < reach and not math.isnan(value[i]):
                     w = (1.0 - abs(x / reach) ** 3) ** 3
-                    off = min(abs(value[i] - a - b * x) / sigma[i], 6.0 * scale)
+                    off = min(abs(value[i] - a - b * x) / sigma[i], 3.0 * scale)
                     total, weight = total + w * off * off, weight + w
             scale = max(math.sqrt(total / weight), 1.0) if weight > 0.0 else 1.0
             out[k], spread[k] = a, math.sqrt(max(var, 0.0) * SHARED_ROWS) * scale
