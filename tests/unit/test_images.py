@@ -93,6 +93,16 @@ def test_a_grey_tail_behind_a_made_up_end_is_refused(tmp_path: Path, end: bytes)
     assert "one grey" in told or "damaged" in told
 
 
+def test_a_grey_tail_saved_as_png_is_refused(tmp_path: Path) -> None:
+    values = np.array(picture(1))
+    values[HEIGHT // 2 :] = 128
+    Image.fromarray(values).save(tmp_path / "a.png")
+    assert f"rows {HEIGHT // 2} to {HEIGHT - 1} are one grey (128)" in _refused(tmp_path / "a.png")
+    values[HEIGHT // 2 :] = 0
+    Image.fromarray(values).save(tmp_path / "b.png")
+    assert read_image(tmp_path / "b.png", CAMERA)[-1].max() == 0
+
+
 def test_a_thumbnails_end_is_not_the_images(tmp_path: Path) -> None:
     small = io.BytesIO()
     picture(2, (16, 16)).save(small, format="JPEG")

@@ -26,6 +26,8 @@ _MAX_BYTES_PER_PIXEL, _MAX_NOTES_BYTES = 8, 1 << 24
 _ORIENTATION = 0x0112
 #: Rows that a JPEG decoder makes up at once where the data end early (one or two rows of 8 x 8 blocks).
 _BLOCK_ROWS = 16
+#: What it makes up: blocks without data are in the middle of the scale.
+_MADE_UP_GREY = 128
 _DAMAGED = "copy the file again, or leave it out"
 
 
@@ -137,8 +139,7 @@ def _decoded(data: bytes, path: Path, camera: Camera) -> AnyArray:
         _check_complete(data, str(image.format), path)
         image.load()
         grey = _grey(image, path)
-    if image.format in ("JPEG", "MPO"):
-        _check_tail(grey, path)
+    _check_tail(grey, path, is_jpeg=image.format in ("JPEG", "MPO"))
     return grey
 
 
@@ -177,15 +178,19 @@ def _check_complete(data: bytes, kind: str, path: Path) -> None:
             place = end + 4
 
 
-def _check_tail(grey: AnyArray, path: Path) -> None:
-    """Refuse a JPEG whose last rows are one grey: its data ended early though its end is there.
+def _check_tail(grey: AnyArray, path: Path, *, is_jpeg: bool) -> None:
+    """Refuse an image whose last rows are one grey: a JPEG whose data ended early though its end is there.
 
-    Lenses, noise and rounding leave no 16 whole rows of one value, except where all is black or white.
+    Lenses, noise and rounding leave no 16 whole rows of one value, except where all is black or white. Other
+    formats may hold what was decoded from such a JPEG, where the rows are 128; drawn images of theirs may end in
+    rows of another grey.
     """
     tail = grey[-_BLOCK_ROWS:]
     value = int(tail[0, 0])
-    if 0 < value < 255 and bool(np.all(tail == value)):
-        first = int(np.flatnonzero(np.any(grey != value, axis=1))[-1]) + 1 if np.any(grey != value) else 0
+    is_made_up = value == _MADE_UP_GREY or (is_jpeg and 0 < value < 255)
+    if is_made_up and bool(np.all(tail == value)):
+        whole = np.flatnonzero(np.any(grey != value, axis=1))
+        first = int(whole[-1]) + 1 if len(whole) else 0
         raise InputError(
             f"rows {first} to {len(grey) - 1} are one grey ({value}): its data end early", where=path,
             advice=_DAMAGED,
