@@ -11,6 +11,7 @@ from tests import gnss_files as made
 from linework.errors import InputError
 from linework.files.crs import parse_crs
 from linework.files.geodetic import EarthFrame
+from linework.files.image_lists import read_image_list
 from linework.files.navigation_logs import read_navigation_logs
 from linework.files.survey import open_survey
 from linework.files.survey_time import to_survey_time
@@ -200,3 +201,14 @@ def test_images_get_the_trajectorys_clock(tmp_path):
     assert [pair.time_s - noon for pair in series.pairs] == [2.0, 3.0]
     assert series.warnings == ("cameras: times are seconds since 1970: converted to adjusted GPS seconds",)
     assert stereo_on_clock_of(series, path, survey) is series
+
+
+def test_images_stamped_in_nanoseconds_or_not_at_all(tmp_path):
+    stamps = [1_403_636_579_763_555_584 + i * 50_000_000 for i in range(5)]
+    (tmp_path / "left.csv").write_text("file,time_s\n" + "".join(f"{t}.png,{t}\n" for t in stamps))
+    images = read_image_list({"images": "left.csv"}, tmp_path, "cameras.left")
+    np.testing.assert_allclose(images.time_s, 1_403_636_579.763_555_6 + np.arange(5) / 20, atol=1e-6)
+    assert images.warnings == ("cameras.left: times are in nanoseconds: taken as such",)
+    (tmp_path / "left.csv").write_text("file,time_s\n1.png,0\n2.png,0\n")
+    with pytest.raises(InputError, match="all 2 times are 0"):
+        read_image_list({"images": "left.csv"}, tmp_path, "cameras.left")

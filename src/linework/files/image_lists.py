@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from linework.errors import ConfigError, InputError
+from linework.files.raw_times import in_seconds
 from linework.files.text_tables import MAX_ROWS, finite_number, read_text_table, text_lines
 from linework.imaging.pairing import certain_times
 from linework.model.arrays import FloatArray
@@ -74,8 +75,9 @@ def read_image_list(settings: Mapping[str, Any], root: Path, name: str) -> Image
     if len(files) > MAX_ROWS:
         raise InputError(f"{len(files):,} images of {name}, at most {MAX_ROWS:,}", where=root,
                          advice="split the survey")  # fmt: skip
+    time_s, odd = in_seconds(time_s, f"{root} ({name})")
     ordered, time_s, more = _in_time_order(files, time_s, name)
-    return ImageList(ordered, time_s, (*warnings, *more))
+    return ImageList(ordered, time_s, (*warnings, *(f"{name}: {text}" for text in odd), *more))
 
 
 def _listed(path: Path) -> tuple[list[Path], FloatArray, tuple[str, ...]]:
