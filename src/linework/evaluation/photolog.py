@@ -191,12 +191,16 @@ def _plan(photos: LoggedPlaces, events: LoggedPlaces, chosen: IntArray) -> dict[
         return ((xyz[:, :2] - middle) * [1.0, -1.0]).round(2).tolist()  # type: ignore[no-any-return]
 
     corners = np.unique(np.linspace(0, max(len(photos) - 1, 0), _MAX_CORNERS).astype(int))
-    length = 10.0 ** np.floor(np.log10(size[0] / 3.0))
+    # The longest of 1, 2, 5, 10 ... metres that is at most a third of the width
+    power = 10.0 ** np.floor(np.log10(size[0] / 3.0))
+    length = max(n * power for n in (1.0, 2.0, 5.0) if n * power <= size[0] / 3.0)
+    dot = float(size.max()) / 160.0
     return {
         "box": [float(v) for v in (-size / 2).round(2)] + [float(v) for v in size.round(2)],
         "way": drawn(photos.xyz[corners]) if len(photos) else [],
         "photos": drawn(photos.xyz[chosen]),
         "keys": drawn(events.xyz),
-        "dot": round(float(size.max()) / 160.0, 2),
+        "dot": round(dot, 2),
         "scale": float(length),
+        "scale_at": [round(float(-size[0] / 2) + 4.0 * dot, 2), round(float(size[1] / 2) - 3.0 * dot, 2)],
     }
