@@ -38,9 +38,9 @@ N_STEP = 16
 # Columns of the noise model
 (
     GYRO_VAR, BIAS_WALK, WHEEL_VAR, SCALE_WALK, TILT_VAR, PER_TILT_S, PER_TILT_M, GNSS_FACTOR, SHARE,
-    PER_WANDER_S, TICK_VAR, TRACK_M, ACCEL_VAR, TURN_ACCEL_VAR,
-) = range(14)  # fmt: skip
-N_NOISE = 14
+    PER_WANDER_S, TICK_VAR, TRACK_M, ACCEL_VAR, TURN_ACCEL_VAR, SPEED_VAR, PER_SPEED_S,
+) = range(16)  # fmt: skip
+N_NOISE = 16
 
 #: 99.9 % of chi-squared with two and with one degree of freedom.
 GATE_PLAN, GATE_UP = 13.8, 10.8
@@ -84,8 +84,11 @@ def predict(x: F64, p: F64, step: F64, noise: F64, F: F64) -> tuple[F64, F64]:
             F[HEADING, i] += turn_by[i]
         q[HEADING] = noise[GYRO_VAR] * dt
     way = abs(far)
-    # What is free wanders, what is not is 0
-    _wander_freely(SPEED, step[SPEED_FREE], noise[ACCEL_VAR] * dt, 900.0, new, F, q)
+    # What is free wanders, what is not is 0, or the slow error of a speed
+    if step[SPEED_FREE] == 0.0 and noise[SPEED_VAR] > 0.0:
+        _forget(SPEED, math.exp(-dt * noise[PER_SPEED_S]), noise[SPEED_VAR], new, F, q)
+    else:
+        _wander_freely(SPEED, step[SPEED_FREE], noise[ACCEL_VAR] * dt, 900.0, new, F, q)
     _wander_freely(TURN, step[TURN_FREE], noise[TURN_ACCEL_VAR] * dt, 0.25, new, F, q)
     _forget(PITCH, math.exp(-dt * noise[PER_TILT_S] - way * noise[PER_TILT_M]), noise[TILT_VAR], new, F, q)
     # Roll is that of the road where nothing measures it: it changes as the slope does
@@ -138,16 +141,21 @@ def _update(x: F64, p: F64, H: F64, innovation: float, variance: float) -> float
 
 
 @njit(cache=True, nogil=True)
-def antenna(
-    x: F64, tilt: F64, lever: F64, velocity: F64, sigma: F64, noise: F64, H: F64
-) -> tuple[float, float, float]:
-    """Return where a fix is expected; `H` (3, 16) receives its derivative."""
-    roll, pitch = tilt[0] + x[ROLL], tilt[1] + x[PITCH]
+def antenna(x: F64, read: F64, lever: F64, sigma: F64, noise: F64, H: F64) -> tuple[float, float, float]:
+    """Return where a fix is expected; `H` (3, 16) receives its derivative.
+
+    `read` is roll, pitch, and the speed over seconds: that of the last step would carry the step's own error
+    into the delay.
+    """
+    roll, pitch = read[0] + x[ROLL], read[1] + x[PITCH]
     sin_r, cos_r, sin_p, cos_p = math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch)
     sin_h, cos_h = math.sin(x[HEADING]), math.cos(x[HEADING])
     left, up = lever[1] * cos_r - lever[2] * sin_r, lever[1] * sin_r + lever[2] * cos_r
     front, top = lever[0] * cos_p - up * sin_p, lever[0] * sin_p + up * cos_p
     east, north = front * sin_h - left * cos_h, front * cos_h + left * sin_h
+    velocity = np.empty(3)
+    speed = read[2] + x[SPEED]
+    velocity[0], velocity[1], velocity[2] = speed * sin_h, speed * cos_h, speed * sin_p
     H[:] = 0.0
     slow = noise[GNSS_FACTOR] * math.sqrt(noise[SHARE])
     for i in range(3):
@@ -171,7 +179,7 @@ def filter_forward(
     x0: F64,
     p0: F64,
     steps: F64,
-    tilt: F64,
+    read: F64,
     fix_of: I64,
     fixes: F64,
     sigma: F64,
@@ -185,12 +193,12 @@ def filter_forward(
     ----------
     x0, p0 : (16,), (16, 16) at the first node
     steps : (n - 1, 16)
-    tilt : (n, 2) roll and pitch as read [rad]
+    read : (n, 3) roll and pitch as read [rad], speed over seconds [m/s]
     fix_of : (n,) number of the fix at a node, -1: none
     fixes, sigma : (m, 3) [m]
     doubt : (m, 2) variance added to a fix in plan and height [m^2]; nan: decided by its innovation
     lever : (3,) of the antenna [m]
-    noise : (14,)
+    noise : (16,)
 
     Returns
     -------
@@ -203,19 +211,17 @@ def filter_forward(
     A fix whose innovation is beyond the gate gets so much variance that it pulls ever less the further off
     it is; it is never refused for good, so that the filter finds back after a long outage.
     """  # fmt: skip
-    n, m = len(tilt), len(fixes)
+    n, m = len(read), len(fixes)
     xs, ps = np.empty((n, N_STATES)), np.empty((n, N_STATES, N_STATES))
     innovation, spread, added = np.full((m, 3), np.nan), np.full((m, 3), np.nan), np.zeros((m, 2))
     F, H, h = np.empty((N_STATES, N_STATES)), np.empty((3, N_STATES)), np.empty(N_STATES)
-    velocity, r, d = np.zeros(3), np.empty(3), np.empty(3)
+    r, d = np.empty(3), np.empty(3)
     x, p = x0.copy(), p0.copy()
     likelihood = 0.0
     for k in range(n):
         if k > 0:
             step = steps[k - 1]
-            before = x
             x, p = predict(x, p, step, noise, F)
-            velocity = (x[:3] - before[:3]) / step[DT]
             h[:] = 0.0
             if step[AT_REST] != 0.0:
                 # At rest the gyro reads its bias
@@ -233,7 +239,7 @@ def filter_forward(
                 _update(x, p, h, got, step[WHEEL_TURN_VAR] + s * (excess * excess - 1.0))
         j = fix_of[k]
         if j >= 0:
-            east, north, up = antenna(x, tilt[k], lever, velocity, sigma[j], noise, H)
+            east, north, up = antenna(x, read[k], lever, sigma[j], noise, H)
             d[0], d[1], d[2] = fixes[j, 0] - east, fixes[j, 1] - north, fixes[j, 2] - up
             white = noise[GNSS_FACTOR] ** 2 * (1.0 - noise[SHARE])
             for i in range(3):

@@ -171,17 +171,20 @@ def _bound(motion: Motion, gnss: GnssLog, windows: list[AnyArray], cut: int, lag
     """Return the first fix after a jump: where both clocks together leave least."""
     near = np.concatenate(windows[max(cut - 2, 0) : cut + 2])
     reckoned = reckon(motion, np.zeros(0))
-    best, at = np.inf, int(near[len(near) // 2])
-    for k in range(4, len(near) - 4, 1):
+
+    def left(k: int) -> float:
         parts = (near[:k], lags[0]), (near[k:], lags[1])
-        total = sum(len(p) * np.log(_residuals(reckoned, gnss, p, np.array([lag]))[0]) for p, lag in parts)
-        if total < best:
-            best, at = total, int(near[k])
-    # Stamps that jump leave a gap (or crowd): the jump is there if one is near
+        found = [len(p) * np.log(_residuals(reckoned, gnss, p, np.array([lag]))[0]) for p, lag in parts]
+        return float(np.sum(found))
+
+    # Stamps that jump leave a gap as long as the jump: it is there, if there is one
     dt = np.diff(gnss.time_s)
-    odd = np.flatnonzero(np.abs(dt - np.median(dt)) > 0.3 * np.median(dt)) + 1
-    close = odd[np.abs(gnss.time_s[odd] - gnss.time_s[at]) < 5.0]
-    return int(close[np.argmin(np.abs(close - at))]) if len(close) else at
+    odd = np.abs(dt - np.median(dt) - (lags[1] - lags[0])) < 0.3 * abs(lags[1] - lags[0])
+    gaps = np.flatnonzero(odd) + 1
+    gaps = gaps[(gaps > near[3]) & (gaps < near[-4])]
+    if len(gaps):
+        return int(min(gaps, key=lambda g: left(int(np.searchsorted(near, g)))))
+    return int(near[min(range(4, len(near) - 4), key=left)])
 
 
 def _refined(motion: Motion, gnss: GnssLog, part: slice, lag: float) -> float:

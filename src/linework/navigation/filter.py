@@ -14,6 +14,8 @@ from linework.navigation.noise import NoiseModel
 
 #: Between fixes nodes are no further apart; the way between two is dead reckoned in full. [s]
 _NODE_S = 0.5
+#: Speed, which only the delay of fixes needs, is taken over this to either side. [s]
+_SPEED_S = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,8 +28,8 @@ class Problem:
         (n,) of the nodes.
     steps
         (n - 1, 16).
-    tilt_rad
-        (n, 2) roll and pitch as read.
+    read
+        (n, 3) roll and pitch as read [rad], speed over two seconds [m/s].
     fix_of
         (n,) which fix is at a node, -1: none.
     fixes, sigma_m
@@ -40,7 +42,7 @@ class Problem:
 
     time_s: FloatArray
     steps: FloatArray
-    tilt_rad: FloatArray
+    read: FloatArray
     fix_of: IntArray
     fixes: FloatArray
     sigma_m: FloatArray
@@ -86,9 +88,12 @@ def problem_of(
     nodes = _filled(np.unique(np.concatenate([[first], gnss.time_s, [last]])), _NODE_S)
     fix_of = np.full(len(nodes), -1)
     fix_of[np.searchsorted(nodes, gnss.time_s)] = np.arange(len(gnss.time_s))
-    tilt = np.stack([np.interp(nodes, motion.turn_time_s, t) for t in motion.tilt_rad.T], axis=1)
+    tilt = [np.interp(nodes, motion.turn_time_s, t) for t in motion.tilt_rad.T]
+    before, after = np.maximum(nodes - _SPEED_S, first), np.minimum(nodes + _SPEED_S, last)
+    way = reckoned.at(after).way_m - reckoned.at(before).way_m
+    read = np.column_stack([*tilt, way.mean(axis=1) / (after - before)])
     return Problem(
-        time_s=nodes, steps=steps_between(motion, reckoned, nodes), tilt_rad=tilt, fix_of=fix_of,
+        time_s=nodes, steps=steps_between(motion, reckoned, nodes), read=read, fix_of=fix_of,
         fixes=np.ascontiguousarray(gnss.xyz), sigma_m=np.ascontiguousarray(gnss.sigma_m),
         lever_m=lever_m, x0=x0, sigma0=sigma0,
     )  # fmt: skip
@@ -113,9 +118,11 @@ def filtered(problem: Problem, noise: NoiseModel, doubt: FloatArray | None = Non
     if doubt is None:
         doubt = np.full((len(problem.fixes), 2), np.nan)
     sigma0 = problem.sigma0.copy()
+    if noise.speed_mps:
+        sigma0[kernel.SPEED] = noise.speed_mps
     sigma0[kernel.PITCH] = sigma0[kernel.ROLL] = noise.tilt_rad
     x, p, innovation, spread, added, likelihood = kernel.filter_forward(
-        problem.x0, np.diag(sigma0**2), problem.steps, problem.tilt_rad, problem.fix_of, problem.fixes,
+        problem.x0, np.diag(sigma0**2), problem.steps, problem.read, problem.fix_of, problem.fixes,
         problem.sigma_m, doubt, problem.lever_m, noise.row(),
     )  # fmt: skip
     return Estimate(x, p, innovation, spread, added, float(likelihood), np.zeros(0))
@@ -148,13 +155,10 @@ def _residuals(
     n = len(problem.fixes)
     residual, spread = np.empty((n, 3)), np.empty((n, 3))
     H, row = np.empty((3, kernel.N_STATES)), noise.row()
-    speed = np.diff(x[:, :3], axis=0) / np.diff(problem.time_s)[:, None]
     white = noise.gnss_factor**2 * (1.0 - noise.wander_share)
     for k in np.flatnonzero(problem.fix_of >= 0).tolist():
         j = problem.fix_of[k]
-        expected = kernel.antenna(
-            x[k], problem.tilt_rad[k], problem.lever_m, speed[max(k - 1, 0)], problem.sigma_m[j], row, H
-        )
+        expected = kernel.antenna(x[k], problem.read[k], problem.lever_m, problem.sigma_m[j], row, H)
         residual[j] = problem.fixes[j] - expected
         own = np.einsum("ij,jk,ik->i", H, p[k], H)
         spread[j] = np.sqrt(own + white * problem.sigma_m[j] ** 2 + row[kernel.TICK_VAR])

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from linework.errors import InputError
+from linework.model.arrays import FloatArray
 from linework.model.logs import GnssLog, NavigationLogs
 from linework.navigation.dead_reckoning import Motion
 from linework.navigation.gyro import Turns, sound_turns
@@ -14,6 +15,11 @@ from linework.navigation.wheels import Ways, sound_ways
 
 #: Speed from fixes is taken over this to either side. [s]
 _SPEED_WINDOW_S = 1.0
+#: Fixes that move by so many sigmas while the wheels stand are no noise.
+_MOVED_SIGMAS = 5.0
+#: Ways are not believed from so long before wheels go blind until so long after: their speed ends at about
+#: 1 m/s, which takes a second to brake. [s]
+_BLIND_S = 1.0
 _NONE = np.zeros((0, 2))
 
 
@@ -44,6 +50,7 @@ def motion_of(logs: NavigationLogs) -> tuple[Motion, Turns | None, tuple[str, ..
         if wheels is None
         else sound_ways(wheels, logs.tick_m, logs.track_m, heading)
     )
+    ways = _really_standing(ways, logs.gnss)
     motion = _with_ways(ways, logs)
     if gyro is None:
         return _turned_by_wheels(motion), None, ways.warnings
@@ -53,6 +60,45 @@ def motion_of(logs: NavigationLogs) -> tuple[Motion, Turns | None, tuple[str, ..
         no_turn=turns.no_turn,
     )  # fmt: skip
     return motion, turns, (*ways.warnings, *turns.warnings)
+
+
+def _really_standing(ways: Ways, gnss: GnssLog) -> Ways:
+    """Take out stops in which the fixes move: sensors of wheels are blind when slow, counters stick."""
+    standing, moving, said = [], [], []
+    for start, end in ways.at_rest:
+        inside = np.flatnonzero((gnss.time_s >= start) & (gnss.time_s <= end))
+        third = max(len(inside) // 3, 1)
+        if len(inside) < 4:
+            standing.append((start, end))
+            continue
+        first, last = inside[:third], inside[-third:]
+        moved = np.hypot(*(np.median(gnss.xyz[last], axis=0) - np.median(gnss.xyz[first], axis=0))[:2])
+        if moved <= _MOVED_SIGMAS * np.median(gnss.sigma_m[inside, :2]):
+            standing.append((start, end))
+            continue
+        moving.append((start - _BLIND_S, end + _BLIND_S))
+        said.append(f"wheels: they stand still from {start:.1f} to {end:.1f} s while GNSS moves by "
+                    f"{moved:.1f} m: not taken for a stop")  # fmt: skip
+    no_way = np.concatenate([ways.no_way, np.reshape(moving, (-1, 2))])
+    return replace(
+        ways, way_m=_bridged(ways.time_s, ways.way_m, np.reshape(moving, (-1, 2))),
+        at_rest=np.reshape(standing, (-1, 2)), no_way=no_way[np.argsort(no_way[:, 0], kind="stable")],
+        warnings=(*ways.warnings, *said),
+    )  # fmt: skip
+
+
+def _bridged(time_s: FloatArray, way_m: FloatArray, spans: FloatArray) -> FloatArray:
+    """Return ways whose speed goes evenly from before a span to after it."""
+    speed = np.diff(way_m, axis=0) / np.diff(time_s)[:, None]
+    middle = 0.5 * (time_s[1:] + time_s[:-1])
+    blind = np.zeros(len(middle), dtype=bool)
+    for start, end in spans:
+        blind |= (middle >= start) & (middle <= end)
+    if not blind.any() or blind.all():
+        return way_m
+    for i in range(2):
+        speed[blind, i] = np.interp(middle[blind], middle[~blind], speed[~blind, i])
+    return np.concatenate([way_m[:1], way_m[0] + np.cumsum(speed * np.diff(time_s)[:, None], axis=0)])
 
 
 def _with_ways(ways: Ways, logs: NavigationLogs) -> Motion:

@@ -36,6 +36,10 @@ class NoiseModel:
         Share of the GNSS's variance that is slow.
     wander_s
         Time in which that forgets itself.
+    speed_mps
+        Slow error of a speed log, which is late and filtered; 0: ways are counted.
+    speed_s
+        Time in which that forgets itself.
     tick_m
         Nominal travel of a count, 0 without counts.
     track_m
@@ -52,6 +56,8 @@ class NoiseModel:
     gnss_factor: float = 1.0
     wander_share: float = 0.5
     wander_s: float = 30.0
+    speed_mps: float = 0.0
+    speed_s: float = 3.0
     tick_m: float = 0.0
     track_m: float = 1.5
 
@@ -71,6 +77,7 @@ class NoiseModel:
         row[kernel.TRACK_M] = self.track_m
         # A van brakes with up to 8 m/s^2, and turns into a junction within a second
         row[kernel.ACCEL_VAR], row[kernel.TURN_ACCEL_VAR] = 1.5**2, 0.2**2
+        row[kernel.SPEED_VAR], row[kernel.PER_SPEED_S] = self.speed_mps**2, 1.0 / self.speed_s
         return row
 
 
@@ -79,6 +86,8 @@ def first_noise(tick_m: float, track_m: float, *, gyro_noise: float | None, has_
 
     Parameters
     ----------
+    tick_m
+        Nominal travel of a count; 0: the wheels tell a speed.
     gyro_noise
         As its readings show it [rad/sqrt(s)]; None: the wheels' difference tells the turns, off by a few
         millimetres per square root of a metre.
@@ -88,7 +97,7 @@ def first_noise(tick_m: float, track_m: float, *, gyro_noise: float | None, has_
         gyro_noise=0.004 if gyro_noise is None else gyro_noise,
         # 10 deg/h in an hour, between the best and the worst gyros that vans carry
         bias_walk=np.radians(10.0) / 3600.0 / 60.0,
-        wheel_noise=0.005, tick_m=tick_m, track_m=track_m,
+        wheel_noise=0.005, speed_mps=0.0 if tick_m else 0.1, tick_m=tick_m, track_m=track_m,
     )  # fmt: skip
     if has_tilt:
         return replace(model, tilt_rad=np.radians(0.5), tilt_s=200.0)
@@ -99,7 +108,7 @@ def first_noise(tick_m: float, track_m: float, *, gyro_noise: float | None, has_
 #: What each value may be off from its first guess by: a factor, one sigma.
 _FACTORS = {
     "gyro_noise": 2.0, "bias_walk": 5.0, "wheel_noise": 3.0, "tilt_rad": 2.0, "gnss_factor": 1.5,
-    "wander_s": 4.0,
+    "wander_s": 4.0, "speed_mps": 3.0,
 }  # fmt: skip
 _SHARES = (0.02, 0.3, 0.6, 0.85, 0.97)
 
@@ -118,21 +127,24 @@ def most_probable(first: NoiseModel, likelihood: Callable[[NoiseModel], float]) 
     -----
     Steps by a factor along one value after the other, the factor 3, then 1.7; some 40 runs of the filter.
     """
+    factors = {name: factor for name, factor in _FACTORS.items() if getattr(first, name) > 0.0}
 
     def score(model: NoiseModel) -> float:
         far = sum(
             (log(getattr(model, name) / getattr(first, name)) / log(factor)) ** 2
-            for name, factor in _FACTORS.items()
+            for name, factor in factors.items()
         )
         return likelihood(model) - 0.5 * far
 
     best, best_score = first, score(first)
     for factor in (3.0, 1.7):
-        for name in ("wander_share", *_FACTORS):
+        for name in ("wander_share", *factors):
             tried = [replace(best, wander_share=share) for share in _SHARES if share != best.wander_share]
             if name != "wander_share":
                 value = getattr(best, name)
                 tried = [replace(best, **{name: value * f}) for f in (factor, 1.0 / factor)]
+            # Slow errors do not show: a receiver is never believed to be better than it says
+            tried = [model for model in tried if model.gnss_factor >= 1.0]
             for model in tried:
                 found = score(model)
                 if found > best_score:

@@ -71,7 +71,7 @@ def located_stretch(
     # Forward, then backward; fixes far from the smoothed track count less the next time
     forward = filtered(problem, noise)
     estimate = smoothed(problem, noise, forward)
-    problem, steps_said = _with_bias_jumps(problem, estimate)
+    problem, steps_said = _with_bias_jumps(problem, noise, estimate)
     doubt = doubts(estimate.innovation_m, estimate.innovation_sigma_m)
     for _ in range(2):
         problem = replace(problem, x0=estimate.x[0])
@@ -137,21 +137,28 @@ def _with_delay(problem: Problem, noise: NoiseModel) -> tuple[Problem, NoiseMode
     return late, noise, [said]
 
 
-def _with_bias_jumps(problem: Problem, estimate: Estimate) -> tuple[Problem, list[str]]:
+def _with_bias_jumps(problem: Problem, noise: NoiseModel, estimate: Estimate) -> tuple[Problem, list[str]]:
     """Let the gyro's bias jump where the fixes say that it did."""
+    base = filtered(problem, noise).likelihood
     jump = np.abs(estimate.jump)
     spans = spans_of(jump > _JUMP_SIGMAS, np.arange(len(jump) + 1.0)).astype(np.int64)
     if len(spans) == 0:
         return problem, []
-    steps, said = problem.steps.copy(), []
+    said = []
     for first, last in spans:
         peak = first + int(np.argmax(jump[first:last]))
         at = np.flatnonzero(jump[first:last] > 0.9 * jump[peak]) + first
+        steps = problem.steps.copy()
         steps[at, kernel.BIAS_VAR] = np.radians(0.1) ** 2 / len(at)
+        with_jump = replace(problem, steps=steps)
+        gained = filtered(with_jump, noise).likelihood - base
+        if gained < _EVIDENCE:
+            continue
+        problem, base = with_jump, base + gained
         said.append(
             f"gyro: its bias jumps about {problem.time_s[peak]:.1f} s (GNSS, {jump[peak]:.0f} sigmas): allowed for"
         )
-    return replace(problem, steps=steps), said
+    return problem, said
 
 
 def _outages(fix_time_s: FloatArray, span_s: tuple[float, float]) -> FloatArray:
