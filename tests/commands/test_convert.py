@@ -9,6 +9,7 @@ import pytest
 from tests.conftest import CRS
 
 from linework.files.crs import parse_crs
+from linework.files.point_layers import PointLayer
 from linework.files.vectors import read_lines, write_lines
 from linework.model.lines import LineSet
 
@@ -83,3 +84,15 @@ def test_the_default_run_file_is_accepted_and_says_units_and_reasons(linework, l
     assert linework("extract", las_file, "-o", tmp_path / "lines.gpkg", "--config", path).code == 0
     assert linework("config", "radon").stdout in said.stdout
     assert linework("config", "magic").code == 2
+
+
+def test_the_points_of_the_vans_log_go_along_or_are_told(linework, tmp_path):
+    xyz = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]])
+    layer = PointLayer("event", xyz[:1], {"key": np.array(["m"], dtype=object)})
+    source = tmp_path / "a.gpkg"
+    write_lines(LineSet.from_lines([xyz], kind=["cable"], crs="local"), source, points=[layer])
+    found = linework("convert", source, tmp_path / "b.geojson")
+    assert found.code == 0 and found.stderr == ""
+    assert '"key":"m"' in (tmp_path / "b.geojson").read_text()
+    found = linework("convert", source, tmp_path / "b.dxf")
+    assert found.code == 0 and "event (1 points) left out, .dxf holds lines only" in found.stderr

@@ -14,6 +14,7 @@ from tests.image_folders import stereo_folder
 from linework.errors import InputError
 from linework.files.events import read_events
 from linework.files.point_layers import point_layers
+from linework.files.points_read import read_point_layers
 from linework.files.stereo_series import open_stereo
 from linework.files.survey import open_survey
 from linework.files.van_log import van_log
@@ -166,6 +167,20 @@ def test_a_geojson_holds_the_points_with_their_kind(tmp_path: Path, log: VanLog)
     assert [f["geometry"]["type"] for f in features] == ["LineString", *["Point"] * 8]
     assert features[-1]["properties"]["kind"] == "event" and features[-1]["properties"]["note"] == "manhole"
     assert features[1]["properties"]["chainage_m"] == 0.5
+
+
+def test_points_go_through_both_formats_and_back(tmp_path: Path, log: VanLog) -> None:
+    first = tmp_path / "a.gpkg"
+    write_lines(_lines(), first, points=log)
+    write_lines(read_lines(first), tmp_path / "b.geojson", points=read_point_layers(first))
+    write_lines(read_lines(first), tmp_path / "c.gpkg", points=read_point_layers(tmp_path / "b.geojson"))
+    assert (tmp_path / "c.gpkg").read_bytes() == first.read_bytes()
+
+
+def test_lines_alone_have_no_point_layers(tmp_path: Path) -> None:
+    for name in ("a.gpkg", "a.geojson", "a.dxf"):
+        write_lines(_lines(), tmp_path / name)
+        assert read_point_layers(tmp_path / name) == ()
 
 
 def test_a_log_without_any_place_keeps_its_empty_layers(tmp_path: Path, log: VanLog) -> None:

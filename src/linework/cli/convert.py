@@ -16,15 +16,20 @@ def convert(
         str, typer.Option("--crs", help="EPSG:... or local: the CRS where LINES does not say.")
     ] = "",
 ) -> None:
-    """Convert LINES to another vector format."""
+    """Convert LINES to another vector format; the points of the van's log go with them where it holds points."""
+    from linework.cli.failures import warn
     from linework.errors import UsageError
+    from linework.files.points_read import read_point_layers
     from linework.files.reserve import reserved_output
-    from linework.files.vectors import check_format, read_lines, write_lines
+    from linework.files.vectors import check_format, points_left_out, read_lines, write_lines
 
     check_format(output)
     if output.exists() and lines.exists() and output.samefile(lines):
         raise UsageError("would replace the file it reads", where=output, advice="choose another name")
     with reserved_output(output, overwrite=overwrite):
         found = read_lines(lines, crs=crs or None)
-        write_lines(found, output, kinds=sorted(set(found.kind)), overwrite=overwrite)
+        points = read_point_layers(lines)
+        write_lines(found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite)
+    for warning in points_left_out(output, points):
+        warn(warning)
     typer.echo(f"{len(found):,} lines in {output}")

@@ -36,10 +36,12 @@ class PointLayer:
     fields: Mapping[str, AnyArray]
 
 
-def point_layers(log: VanLog | None) -> tuple[PointLayer, ...]:
+def point_layers(log: VanLog | Sequence[PointLayer] | None) -> tuple[PointLayer, ...]:
     """Return the layers of a log: those that the survey has, also where nothing could be placed."""
+    if log is None or not isinstance(log, VanLog):
+        return tuple(log or ())
     layers = []
-    if log is not None and log.photos is not None:
+    if log.photos is not None:
         photos = log.photos
         own: dict[str, AnyArray] = {
             "pair": np.asarray(photos.number, dtype=np.int64),
@@ -47,7 +49,7 @@ def point_layers(log: VanLog | None) -> tuple[PointLayer, ...]:
             "right": _names(photos.right, log.root),
         }
         layers.append(PointLayer(PHOTOLOG, photos.places.xyz, own | _fields(photos.places)))
-    if log is not None and log.events is not None:
+    if log.events is not None:
         events = log.events
         own = {"key": _texts(events.key), "note": _texts(events.note)}
         layers.append(PointLayer(EVENT, events.places.xyz, own | _fields(events.places)))

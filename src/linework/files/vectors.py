@@ -9,7 +9,7 @@ from pathlib import Path
 from linework.errors import UsageError
 from linework.files.crs import LOCAL, parse_crs
 from linework.files.line_fields import check_writable
-from linework.files.point_layers import point_layers
+from linework.files.point_layers import PointLayer, point_layers
 from linework.files.publish import check_output, publish
 from linework.files.run_record import hash_file
 from linework.files.vector_input import checked_vector_file
@@ -51,7 +51,7 @@ def write_lines(
     path: Path,
     *,
     kinds: Sequence[str] = (),
-    points: VanLog | None = None,
+    points: VanLog | Sequence[PointLayer] | None = None,
     overwrite: bool = False,
     note: Callable[[str], None] | None = None,
 ) -> None:
@@ -96,7 +96,7 @@ def write_lines(
     publish(path, lambda part: write(lines, part, kinds, **extra), verify_and_note, overwrite=overwrite)
 
 
-def points_left_out(path: Path, points: VanLog | None) -> tuple[str, ...]:
+def points_left_out(path: Path, points: VanLog | Sequence[PointLayer] | None) -> tuple[str, ...]:
     """Return one line about the layers of points that this file's format has no place for, or none."""
     layers = () if path.suffix.lower() in _WITH_POINTS else point_layers(points)
     if not layers:
