@@ -67,6 +67,7 @@ def test_stereo_images_are_taken_along_the_way(linework, tmp_path):
     files = sorted(str(p.relative_to(tmp_path / "a")) for p in (tmp_path / "a").rglob("*.png"))
     assert files == ["left/000000.png", "right/000000.png"]
     assert "[cameras.right]" in (tmp_path / "a" / "survey.toml").read_text()
+    assert (tmp_path / "a" / "truth_images.gpkg").exists()
 
 
 def test_cameras_that_there_are_not_are_refused(linework, tmp_path):

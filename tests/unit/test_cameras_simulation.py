@@ -11,6 +11,7 @@ from linework.errors import UsageError
 from linework.files.images import read_pair
 from linework.files.stereo_series import open_stereo
 from linework.files.survey import open_survey
+from linework.files.vectors import read_lines
 from linework.imaging.rectify import distorted, rectifier_of
 from linework.kernels.grain import grain
 from linework.navigation.poses import poses_at
@@ -219,6 +220,11 @@ def test_the_folder_holds_what_the_cameras_took(tmp_path):
         left, right = read_pair(pair, series.rig)
         assert np.array_equal(left, drawn_pair.left)
         assert np.array_equal(right, drawn_pair.right)
+    scanned, seen = (read_lines(tmp_path / "s" / f"{name}.gpkg") for name in ("truth", "truth_images"))
+    assert np.array_equal(scanned.xyz, seen.xyz)
+    assert scanned.observed.any()
+    # Two pairs are less than the three that it takes
+    assert not seen.observed.any()
 
 
 def test_cameras_that_there_are_not_are_refused():

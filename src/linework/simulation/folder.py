@@ -17,6 +17,7 @@ from linework.model.lines import KINDS
 from linework.simulation.cameras import StereoDrive
 from linework.simulation.folder_images import cameras_toml, write_images
 from linework.simulation.folder_logs import survey_logs, write_logs
+from linework.simulation.seen import observed_in_images
 from linework.simulation.simulate import SIMULATED_CRS, SimulatedSurvey
 
 
@@ -62,6 +63,8 @@ def write_survey_folder(
         settings = _survey_toml(survey) + write_logs(survey_logs(survey), part)
         if cameras is not None:
             write_images(cameras, part, advance)
+            seen = observed_in_images(survey.truth, cameras)
+            write_lines(survey.truth.with_columns(observed=seen), part / "truth_images.gpkg", kinds=KINDS)
             settings += cameras_toml(cameras.rig)
         (part / "survey.toml").write_text(settings, encoding="utf-8")
 
