@@ -169,6 +169,14 @@ def test_c10_a_trajectory_of_another_day_or_another_place(linework, survey):
     assert "trajectory and points are 30.0 km apart: east 52" in outcome.line
 
 
+def test_c10_a_trajectory_with_a_hole(linework, survey, expected):
+    rows = trajectory_of(SUNDAY_S - 1.0)
+    (survey / "t.csv").write_text(text_of(np.delete(rows, np.arange(100, 200), axis=0)))
+    outcome = extracted(linework, survey)
+    assert outcome.code == 0
+    assert "% of the points are in 1 holes of the trajectory, the longest from 400716801.9" in outcome.stderr
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -25,6 +25,8 @@ from linework.model.trajectory import Trajectory
 
 #: A van and what it scans are within some 300 m; farther apart is another place or another CRS.
 _MAX_APART_M = 1000.0
+#: No poses for longer, and for many times the usual interval: a hole, over which nobody knows the way. [s]
+_LEAST_HOLE_S, _HOLE_STEPS = 2.0, 10.0
 #: Names of the kinds of points' times as a survey.toml has them.
 EPOCH_OF_KIND: dict[TimeKind, str] = {
     "week": "gps_week",
@@ -118,7 +120,7 @@ def check_trajectory_covers(
     Returns
     -------
     tuple of str
-        Warnings: part of the points outside the trajectory's time; where a known difference of clocks (UTC for GPS
+        Warnings: part of the points outside the trajectory's time, or in holes of it; where a known difference of clocks (UTC for GPS
         time) explains it, that is said.
 
     Raises
@@ -147,9 +149,11 @@ def check_trajectory_covers(
     if share == 0.0:
         raise InputError(f"{spans}: no common time{_named_offset(facts, start, end)}", where=where,
                          advice="check the epochs (GPS week seconds, adjusted, unix)")  # fmt: skip
+    holes = _in_holes(trajectory, facts)
     if share > 0.99:
-        return ()
+        return holes
     return (
+        *holes,
         f"{100.0 * (1.0 - share):.0f} % of the points are outside the trajectory's time"
         f" ({spans}){_named_offset(facts, start, end)}",
     )
@@ -161,6 +165,21 @@ def _share_covered(facts: StoreFacts, start_s: float, end_s: float) -> float:
     if facts.gps_time_kind == "week" and end_s > WEEK_S:
         share += facts.times.share_within(0.0, end_s - WEEK_S)
     return share
+
+
+def _in_holes(trajectory: Trajectory, facts: StoreFacts) -> tuple[str, ...]:
+    """Return a warning about points measured while the trajectory has no poses."""
+    steps = np.diff(trajectory.time_s)
+    holes = np.flatnonzero(steps > max(_LEAST_HOLE_S, _HOLE_STEPS * float(np.median(steps))))
+    spans = [(float(trajectory.time_s[i]), float(trajectory.time_s[i + 1])) for i in holes]
+    share = sum(facts.times.share_within(a, b) for a, b in spans)
+    if share <= 0.0:
+        return ()
+    start, end = max(spans, key=lambda span: span[1] - span[0])
+    return (
+        f"{100.0 * share:.2g} % of the points are in {len(spans)} holes of the trajectory, the longest from {start:.1f}"
+        f" to {end:.1f} s: the van is taken as driving straight there",
+    )
 
 
 def _named_offset(facts: StoreFacts, start_s: float, end_s: float) -> str:
