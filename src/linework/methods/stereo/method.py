@@ -14,7 +14,7 @@ from linework.methods.obb import marking_lines
 from linework.methods.obb.arrangement import is_double, roles
 from linework.methods.obb.guides import join_along, surer
 from linework.methods.obb.neighbours import Course, courses_of_path
-from linework.methods.obb.track import TrackConfig, track_lines
+from linework.methods.obb.track import TrackConfig, Tracks, track_lines
 from linework.methods.stereo.pieces import fused_boxes, in_sight, pieces_of
 from linework.methods.stereo.road_plane import find_road
 from linework.methods.stereo.sighted import sightings_of
@@ -33,6 +33,8 @@ SAME_PAINT_M = 0.10
 #: Mean score of the places of a line: what mostly single pairs have seen is not there. Of a long line, whose scores
 #: add up to so much, less will do: chance makes short ones.
 LEAST_SCORE, LEAST_OF_LONG, LONG = 0.45, 0.38, 20.0
+#: A place with less than this share of its line's median score is no paint: far pairs smear the ends of dashes.
+WEAK = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,7 +97,8 @@ class StereoMethod:
         )
         whole, _ = marking_lines.marking_lines(boxes, tracks.with_boxes(3), looked)
         guides = [*(Course.of(m.line.t_m, m.line.xyz) for m in whole), *way]
-        tracks = join_along(boxes, tracks, guides, self.config.track.longest_gap_m).with_boxes(3)
+        tracks = join_along(boxes, tracks, guides, self.config.track.longest_gap_m)
+        tracks = _without_weak(tracks, boxes.score).with_boxes(3)
         markings, _ = marking_lines.marking_lines(boxes, tracks, looked)
         markings = [m for m in markings if _is_sure(boxes.score[m.boxes])]
         # Edge, lane and centre lines by how they lie to one another
@@ -112,6 +115,15 @@ class StereoMethod:
         return lines.with_columns(
             xyz=lines.xyz + origin, method=np.array([self.name] * len(lines), dtype=np.str_)
         )
+
+
+def _without_weak(tracks: Tracks, score: FloatArray) -> Tracks:
+    """Return the tracks without the places that far fewer pairs saw than the line's others: beyond ends of dashes."""
+    typical = np.array([float(np.median(score[tracks.line(i)[0]])) for i in range(len(tracks))])
+    owner = np.repeat(np.arange(len(tracks)), np.diff(tracks.offsets))
+    kept = score[tracks.box] >= WEAK * typical[owner] if len(tracks) else np.zeros(0, dtype=np.bool_)
+    n = np.bincount(owner[kept], minlength=len(tracks))
+    return Tracks(tracks.box[kept], tracks.way[kept], np.concatenate([[0], np.cumsum(n)]).astype(np.int64))
 
 
 def _is_sure(score: FloatArray) -> bool:
