@@ -10,6 +10,7 @@ import typer
 
 if TYPE_CHECKING:
     from linework.model.lines import LineSet
+    from linework.tiling.image_traces import TracedEdge
     from linework.tiling.traces import TracedLine
 
 
@@ -18,8 +19,18 @@ def trace(
         list[Path],
         typer.Argument(metavar="SURVEY...", help="Laser files, a folder of them, or a survey folder."),
     ],
-    at: Annotated[str, typer.Option("--at", metavar="EAST,NORTH", help="A place within 0.5 m of the line.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Line to write: .gpkg, .geojson, .dxf ...")],
+    at: Annotated[
+        str, typer.Option("--at", metavar="EAST,NORTH", help="A place within 0.5 m of the line, in points.")
+    ] = "",
+    image: Annotated[
+        Path | None,
+        typer.Option("--image", help="An image of the survey instead, for example left/000123.png."),
+    ] = None,
+    at_px: Annotated[
+        str,
+        typer.Option("--at-px", metavar="COL,ROW", help="A pixel of that image within 4 pixels of the line."),
+    ] = "",
     toward: Annotated[
         str,
         typer.Option(
@@ -50,11 +61,19 @@ def trace(
     as_json: Annotated[bool, typer.Option("--json", help="Print what was followed as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
 ) -> None:
-    """Follow the line at one place of SURVEY, and write it.
+    """Follow the line at one place of SURVEY, or at one pixel of its images, and write it.
 
-    Lane markings, road boundaries, guardrails and cables. A place that is on no line is refused, with the reason
-    and the nearest place that works. What the survey's points show is kept for the next call, as by extract.
+    Lane markings, road boundaries, guardrails and cables in points (--at); lane markings and road edges in stereo
+    images (--image with --at-px). A place or pixel that is on no line is refused, with the reason and the nearest
+    one that works. What the survey's points show is kept for the next call, as by extract.
     """
+    _check_ways(at, image, at_px, toward)
+    if image is not None:
+        _trace_image(
+            surveys, image, at_px, output, feature=feature, crs=crs, work=work, append=append,
+            overwrite=overwrite, as_json=as_json, quiet=quiet,
+        )  # fmt: skip
+        return
     from linework.cli.progress import open_display
     from linework.files.reserve import reserved_output
 
@@ -85,6 +104,68 @@ def trace(
             lines = _with_those_there(output, found.lines) if append and output.exists() else found.lines
             kinds = tuple(dict.fromkeys(lines.kind.tolist()))
             write_lines(lines, output, kinds=kinds, overwrite=overwrite or append)
+    _print(found, output, as_json=as_json)
+
+
+def _check_ways(at: str, image: Path | None, at_px: str, toward: str) -> None:
+    """Refuse anything but one of both ways to pick."""
+    from linework.errors import UsageError
+
+    in_image = image is not None or bool(at_px)
+    if bool(at) == in_image:
+        raise UsageError(
+            "both a place and a pixel" if at else "no place and no pixel", where="linework trace",
+            advice="give --at EAST,NORTH, or --image FILE with --at-px COL,ROW",
+        )  # fmt: skip
+    if in_image and (image is None or not at_px):
+        missing = "--at-px COL,ROW" if image is not None else "--image FILE"
+        raise UsageError(f"{missing} is missing", where="linework trace", advice="a pixel needs both")
+    if in_image and toward:
+        raise UsageError("only with --at", where="--toward", advice="leave it out")
+
+
+def _trace_image(
+    surveys: list[Path], image: Path, at_px: str, output: Path, *, feature: str, crs: str, work: Path | None,
+    append: bool, overwrite: bool, as_json: bool, quiet: bool,
+) -> None:  # fmt: skip
+    """Follow the edge at a pixel of an image and write it."""
+    from linework.cli.progress import open_display
+    from linework.files.reserve import reserved_output
+
+    with contextlib.ExitStack() as held:
+        held.enter_context(reserved_output(output, overwrite=overwrite or append))
+        display = held.enter_context(open_display(quiet=quiet))
+        from linework.files.survey import open_survey
+        from linework.files.vectors import check_format, write_lines
+        from linework.tiling.image_traces import ImageTracer, pixel_of
+        from linework.tiling.recordings import opened_recordings
+        from linework.tiling.steps import Steps
+        from linework.tiling.work_folder import work_folder
+
+        check_format(output)
+        col, row = pixel_of(at_px).tolist()
+        survey, steps = open_survey(surveys, crs=crs or None), Steps(display)
+        folder = work_folder(survey.root, work)
+        recordings = held.enter_context(opened_recordings(survey, folder, laser=False, steps=steps))
+        if recordings.stereo is None:
+            raise RuntimeError("a survey opened for its images has none")
+        with steps.step("follow the edge", unit="pairs") as advance:
+            following = ImageTracer(recordings.stereo).trace(image, (col, row), kind=feature)
+            n_pairs, n_done = len(recordings.stereo.pairs), 0
+            while True:
+                try:
+                    next(following)
+                    n_done += 1
+                    advance(n_done, n_pairs)
+                except StopIteration as end:
+                    found = end.value
+                    break
+        with steps.step("write line"):
+            lines = _with_those_there(output, found.lines) if append and output.exists() else found.lines
+            kinds = tuple(dict.fromkeys(lines.kind.tolist()))
+            write_lines(lines, output, kinds=kinds, overwrite=overwrite or append)
+    for warning in found.warnings:
+        typer.echo(f"warning: {warning}", err=True)
     _print(found, output, as_json=as_json)
 
 
@@ -126,7 +207,7 @@ def _with_those_there(output: Path, lines: LineSet) -> LineSet:
     return continued(read_lines(output), lines)
 
 
-def _print(found: TracedLine, output: Path, *, as_json: bool) -> None:
+def _print(found: TracedLine | TracedEdge, output: Path, *, as_json: bool) -> None:
     """Say what was followed, and why it ends where it does."""
     line = found.lines.of_kind(found.kind)
     length_m = float(line.length_m.sum())
@@ -136,9 +217,12 @@ def _print(found: TracedLine, output: Path, *, as_json: bool) -> None:
 
         document = {
             "kind": found.kind, "length_m": length_m, "bridged_m": bridged_m,
-            "distance_m": found.distance_m, "stops": list(found.stops), "output": str(output),
+            "stops": list(found.stops), "output": str(output),
             "confidence": float(line.confidence.mean()) if len(line) else 0.0,
         }  # fmt: skip
+        for name in ("distance_m", "n_pairs"):
+            if hasattr(found, name):
+                document[name] = getattr(found, name)
         typer.echo(json.dumps(document, indent=1, allow_nan=False))
         return
     typer.echo(f"{found.kind}: {length_m:,.1f} m, {bridged_m:,.1f} m of it bridged")

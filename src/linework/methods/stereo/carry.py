@@ -73,20 +73,24 @@ def places_of(course: tuple[Vertex, ...]) -> FloatArray:
     return np.array([v.state.place for v in course]).reshape(-1, 3)
 
 
-def joined(course: tuple[Vertex, ...], stretch: tuple[Vertex, ...], *, is_nearer: bool) -> tuple[Vertex, ...]:
+def joined(
+    course: tuple[Vertex, ...], stretch: tuple[Vertex, ...], *, is_nearer: bool, ends: bool
+) -> tuple[Vertex, ...]:
     """Return a line with what another pair showed of it, in order along it.
 
     Parameters
     ----------
     is_nearer
         The other pair saw it from nearer: its places stand for those known so far; else only what it adds is taken.
+    ends
+        Seen from nearer, the line ends with the stretch: what was taken for it farther on was something else.
     """
     if len(stretch) < 2:
         return course
     outer, inner = (course, stretch) if is_nearer else (stretch, course)
     before = tuple(v for v in outer if _is_before(v, inner[0]))
     behind = tuple(v for v in outer if _is_before(inner[-1], v, of=inner[-1]))
-    return (*before, *inner, *behind)
+    return (*before, *inner) if is_nearer and ends else (*before, *inner, *behind)
 
 
 def _is_before(v: Vertex, w: Vertex, of: Vertex | None = None) -> bool:

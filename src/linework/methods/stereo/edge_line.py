@@ -18,6 +18,8 @@ from linework.model.lines import LineSet
 SPACING_M = 0.25
 #: Matches farther off than so many sigmas are not of the line; rounds of finding the line without them.
 _OFF, _ROUNDS = 3.5, 2
+#: Matches farther than this from the course are of something else: pairs err by some centimetres. [m]
+_NEAR_M = 0.4
 #: The course, as pairs handed it on, has kinks of this size. [m]
 _KINK_M = 0.03
 #: Poses of successive pairs err by this against each other, at first sight [m]; of fewer pairs nothing is known.
@@ -81,6 +83,7 @@ def edge_through(course: FloatArray, seen: Seen) -> SmoothEdge:
     from them, and stays in the sigma by the number of pairs that saw a place.
     """
     line = smooth_course(course)
+    seen = seen.take(_is_near(line, seen))
     between = np.zeros(2)
     for _ in range(_ROUNDS):
         left = _left_of(line)
@@ -111,6 +114,13 @@ def smooth_course(course: FloatArray) -> FloatArray:
     state, *_ = smooth_plane(at, np.ascontiguousarray(xyz[:, :2]), variance, change)
     z, _ = smooth_height(at, xyz[:, 2].copy(), variance, GRADING)
     return np.column_stack([state[:, 0], z])
+
+
+def _is_near(line: FloatArray, seen: Seen) -> BoolArray:
+    """Return which matches are of a line: what one pair took for it and a nearer one did not is not."""
+    at, offset, height = _beside(line, _left_of(line), seen)
+    along = np.hypot(*(seen.expected - line[at])[:, :2].T) ** 2 - offset**2
+    return np.asarray((np.abs(offset + seen.across_m + seen.lift * height) < _NEAR_M) & (along < _NEAR_M**2))
 
 
 def _smoothed(

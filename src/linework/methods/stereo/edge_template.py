@@ -13,8 +13,9 @@ from linework.model.arrays import FloatArray
 STEP_M, REACH_M = 0.005, 0.8
 #: Beside a stripe, and to either side of an edge, so much is compared: as wide as the narrowest verge. [m]
 BESIDE_M, EDGE_M = 0.12, 0.22
-#: So much of a template is taken from each match: it is renewed in ten matches, a step changes it little.
-RENEWED = 0.1
+#: So much of a template is taken from each match: it is renewed over some metres, grain of the road
+#: does not become part of it.
+RENEWED = 0.04
 #: An edge's sides are averaged over this, the noise of single samples away. [m]
 _SIDE_M = 0.03
 

@@ -20,11 +20,15 @@ MOST_ALONG_M, MOST_ACROSS_M = 1.5, 0.15
 #: A line that was lost is believed again only where a row covers less than this: four rows are few. [m]
 AGAIN_ALONG_M = 1.0
 #: Beyond this standard deviation across the line is not followed. [m]
-MOST_SIGMA_M = 0.3
+MOST_SIGMA_M = 0.5
 #: Without being seen a line is followed this far: the longest gap between dashes (12 m) and a parked car.
 UNSEEN_M = 13.0
 #: Without being seen for longer than this, a stretch was bridged; and steps that must agree before it goes on.
 BRIDGED_M, AGREE = 1.0, (3, 4)
+#: Where one step's length does not show the line, so many are looked at together.
+LONGER = 3.0
+#: Nearer to an image's border than this it need not show the line. [pixels]
+_BORDER_PX = 6.0
 #: A match is looked for at most this far from where it is expected: nearer than the next line. [m]
 MOST_GATE_M = 0.5
 
@@ -165,22 +169,28 @@ def _measured(
     """Return what both images show here, and whether there is only one place that it can be."""
     seen: list[tuple[float, float, float]] = []
     matches: list[Match] = []
-    is_alone = True
+    is_alone, n_inside = True, 0
     for side, scale in enumerate(scales):
-        if scale is None or not view.is_inside(side, place.frame[:1])[0]:
+        if scale is None or not view.is_inside(side, place.frame[:1], _BORDER_PX)[0]:
             continue
+        n_inside += 1
         # What the left image showed narrows down where the right one can
         so_far = corrected(walk.state, place.frame[2], seen)
         offset = so_far.place - place.frame[0]
         expected = float(offset[:2] @ place.frame[2, :2]) + scale.lift * float(offset[2])
         reach = 3.0 * np.sqrt(variance_seen(so_far, scale.lift)) + scale.pixel_m
         gate = (expected, float(min(reach, max(MOST_GATE_M, 2.0 * scale.pixel_m))))
-        match = match_edge(view, side, place, walk.template, gate, step)
+        match, longer = match_edge(view, side, place, walk.template, gate, step), 1.0
+        if match is None:
+            # Weak edges show over a longer stretch; the next steps' stretches overlap it
+            longer = LONGER
+            match = match_edge(view, side, place, walk.template, gate, longer * step)
         if match is not None:
-            seen.append((match.across_m, match.sigma_m**2, scale.lift))
+            seen.append((match.across_m, longer * match.sigma_m**2, scale.lift))
             matches.append(match)
             is_alone &= match.is_alone
-    if not seen:
+    # Grain of the road and leaves look like anything in one image; the line is where both show it
+    if len(seen) < n_inside or not seen:
         return None, True
     state = corrected(walk.state, place.frame[2], seen)
     template = drawn_in(walk.template, max(matches, key=lambda m: m.correlation))

@@ -27,7 +27,7 @@ from linework.model.arrays import FloatArray
 LEAST_SIGMA_PX = 0.03
 #: A match in a narrow gate has few places to choose from, one in a wide gate has many: so much of the profile must
 #: be the template's, and so many times the rest's variance.
-NARROW, WIDE = (0.5, 12.0), (0.7, 25.0)
+NARROW, WIDE = (0.65, 12.0), (0.75, 25.0)
 #: Light and shade change all grey values by one factor; the contrast over the mean stays, but for lamps' glare and
 #: black levels, within this factor.
 CONTRAST = 3.0

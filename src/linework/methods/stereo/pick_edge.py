@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.kernels.line_matching import profile_across
-from linework.methods.stereo.edge_profile import Edge, edges_in, stripe_or_edge
+from linework.methods.stereo.edge_profile import LEAST_RISE, Profile, pattern_at, rises
 from linework.methods.stereo.edge_state import LineState
 from linework.methods.stereo.edge_template import REACH_M, Template, template_of
 from linework.methods.stereo.edge_view import View
@@ -16,6 +16,9 @@ from linework.model.arrays import FloatArray
 
 #: A pick may be so far beside the edge. [pixels]
 PICK_PX = 4.0
+#: Edges are soft over some pixels (lens, motion), and what is seen of a kerb's foot is its shadow: so far from the
+#: pick the middle of an edge may be found. [pixels]
+_SOFT_PX = 2.5
 #: Half of the widest paint that a line is made of (broad lines, 0.30 m, and a tenth more): a pick on it. [m]
 _HALF_STRIPE_M = 0.17
 #: Directions that are tried at first, then around the best one. [degrees]
@@ -24,6 +27,8 @@ _DIRECTIONS, _FINER = 4.0, 0.5
 _LENGTH_M, _ROWS, _MOST_ROWS = 1.2, 4.0, 24
 #: How well the start is known: heading [rad], curvature [1/m], height [m] (a kerb's top is on no road plane), grade.
 _START = (0.035, 0.03, 0.12, 0.03)
+#: Where a dash begins or paint is worn it is looked at a little farther on, or back. [m]
+_BESIDE_M = (0.0, 0.6, -0.6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,19 +58,35 @@ def pick_edge(view: View, side: int, place: FloatArray, kind: str) -> Picked | R
     kind
         "lane_marking": stripes only; "road_boundary": edges only; "": whichever is nearest.
     """
-    heading, contrast = _direction(view, side, place)
-    seen = _profile(view, side, place, heading)
-    if seen is None:
-        return Refused("the road there is not wholly inside the image")
-    s, grey, pixel_m = seen
-    edges = edges_in(s, grey)
-    reach = PICK_PX * pixel_m
-    chosen = stripe_or_edge(edges, reach, _HALF_STRIPE_M, kind)
+    heading, rise = _direction(view, side, place)
+    way = np.array([np.cos(heading), np.sin(heading), 0.0])
+    refused = Refused(f"no edge within {PICK_PX:.0f} pixels, grey values differ by {rise:.0f} at most")
+    for along in _BESIDE_M:
+        found = _picked_at(view, side, place + along * way, heading, kind)
+        if isinstance(found, Picked):
+            return found
+        refused = found or refused
+    return refused
+
+
+def _picked_at(
+    view: View, side: int, place: FloatArray, heading: float, kind: str
+) -> Picked | Refused | None:
+    """Return the line at a place, None where nothing is."""
+    profile = _profile(view, side, place, heading)
+    if profile is None:
+        return None
+    pixel_m = profile.pixel_m
+    reach = (PICK_PX + _SOFT_PX) * pixel_m
+    chosen = pattern_at(profile, reach, _HALF_STRIPE_M, kind)
     if chosen is None:
-        return Refused(_why(edges, contrast, reach, kind))
+        if not kind or pattern_at(profile, reach, _HALF_STRIPE_M, "") is None:
+            return None
+        other = "no stripe of paint" if kind == "lane_marking" else "an edge of paint"
+        return Refused(f"the edge there is {other}")
     # Begin on the line itself
     state = _start(view, place, heading, chosen.at_m, pixel_m)
-    template = template_of(s, grey, chosen.at_m, chosen.width_m, chosen.rise)
+    template = template_of(profile.s, profile.grey, chosen.at_m, chosen.width_m, chosen.rise)
     frame = state.frame(view.up)
     for image in (side, 1 - side):
         scale = scale_at(view, image, frame)
@@ -79,63 +100,64 @@ def pick_edge(view: View, side: int, place: FloatArray, kind: str) -> Picked | R
     return Picked(state, template)
 
 
-def _why(edges: list[Edge], contrast: float, reach_m: float, kind: str) -> str:
-    """Return why none of the edges is what was picked."""
-    if kind and any(abs(e.at_m) <= reach_m for e in edges):
-        other = "no stripe of paint" if kind == "lane_marking" else "an edge of paint"
-        return f"the edge there is {other}"
-    return f"no edge within {PICK_PX:.0f} pixels, grey values differ by {contrast:.0f} at most"
-
-
 def _direction(view: View, side: int, place: FloatArray) -> tuple[float, float]:
-    """Return the direction in plan [rad] whose profile has the steepest edge near a place, and its contrast."""
+    """Return the direction in plan [rad] whose profile has the highest edge near a place, and its rise.
+
+    On paint wider than the pick's reach the edges are farther away.
+    """
     away = place - view.centre
-    ahead = np.arctan2(away[1], away[0])
-    best, best_score = ahead, 0.0
-    for step, span in ((_DIRECTIONS, 88.0), (_FINER, 4.0)):
-        middle = best
-        for turn in np.radians(np.arange(-span, span + 0.5 * step, step)):
-            score = _score(view, side, place, middle + turn)
-            if score > best_score:
-                best, best_score = middle + turn, score
-    return float(best), best_score
+    best, best_score = float(np.arctan2(away[1], away[0])), 0.0
+    for reach_m in (0.0, _HALF_STRIPE_M):
+        for step, span in ((_DIRECTIONS, 88.0), (_FINER, 4.0)):
+            middle = best
+            for turn in np.radians(np.arange(-span, span + 0.5 * step, step)):
+                score = _score(view, side, place, middle + turn, reach_m)
+                if score > best_score:
+                    best, best_score = middle + turn, score
+        if best_score >= LEAST_RISE:
+            break
+    return best, best_score
 
 
-def _score(view: View, side: int, place: FloatArray, heading: float) -> float:
-    """Return the largest difference between two samples left and two right of one within reach of a place."""
-    seen = _profile(view, side, place, heading)
-    if seen is None:
+def _score(view: View, side: int, place: FloatArray, heading: float, reach_m: float) -> float:
+    """Return the largest rise between three samples and the three before that both halves of the length show."""
+    profile = _profile(view, side, place, heading)
+    if profile is None:
         return 0.0
-    s, grey, pixel_m = seen
-    near = np.abs(s) <= max(PICK_PX * pixel_m, _HALF_STRIPE_M) + 2.5 * pixel_m
-    g = grey[near]
-    if len(g) < 6:
-        return 0.0
-    pairs = g[:-1] + g[1:]
-    return float(np.abs(pairs[3:] - pairs[:-3]).max() / 2.0)
+    near = np.abs(profile.s) <= max((PICK_PX + 3.0) * profile.pixel_m, reach_m)
+    one, two = (rises(half[near], 3) for half in profile.halves)
+    return float(np.where(one * two > 0.0, np.minimum(np.abs(one), np.abs(two)), 0.0).max(initial=0.0))
 
 
-def _profile(
-    view: View, side: int, place: FloatArray, heading: float
-) -> tuple[FloatArray, FloatArray, float] | None:
-    """Return places across a direction, the grey values there, and what a pixel covers; None where not inside."""
+def _profile(view: View, side: int, place: FloatArray, heading: float) -> Profile | None:
+    """Return the profile across a direction; None where it is not inside the image."""
     frame = _start(view, place, heading, 0.0, 0.0).frame(view.up)
     scale = scale_at(view, side, frame)
     if scale is None or scale.pixel_m > 0.2:
         return None
     length = max(_LENGTH_M, _ROWS * scale.along_m)
     half = int(np.ceil(REACH_M / scale.pixel_m))
-    count = int(np.clip(round(length / scale.along_m), 1, _MOST_ROWS))
-    grey = profile_across(
-        view.images[side], view.to_pixel[side], frame.frame, 0.0, (length, count), scale.pixel_m, half
-    )
+    count = int(np.clip(round(0.5 * length / scale.along_m), 1, _MOST_ROWS))
+    parts = []
+    for sign in (-0.25, 0.25):
+        moved = frame.frame.copy()
+        moved[0] += sign * length * moved[1]
+        parts.append(
+            profile_across(
+                view.images[side], view.to_pixel[side], moved, 0.0, (0.5 * length, count), scale.pixel_m, half
+            )
+        )
+    halves = np.array(parts)
+    # At the image's border one half may be outside
+    halves = np.where(np.isfinite(halves), halves, halves[::-1])
+    inside = np.asarray(np.isfinite(halves).all(axis=0))
     s: FloatArray = np.asarray(scale.pixel_m * np.arange(-half, half + 1), dtype=np.float64)
-    inside = np.isfinite(grey)
     near = np.abs(s) <= max(8.0 * scale.pixel_m, 0.1)
     if not inside[near].all():
         return None
     first, last = np.flatnonzero(inside)[[0, -1]]
-    return s[first : last + 1], grey[first : last + 1], scale.pixel_m
+    part = slice(int(first), int(last) + 1)
+    return Profile(s[part], halves[:, part].mean(axis=0), halves[:, part], scale.pixel_m)
 
 
 def _start(view: View, place: FloatArray, heading: float, across_m: float, sigma_m: float) -> LineState:

@@ -18,6 +18,7 @@ from linework.methods.stereo.edge_state import ACROSS, HEIGHT
 from linework.methods.stereo.edge_view import View
 from linework.methods.stereo.follow_edge import UNSEEN_M, Stop, Stretch, Vertex, follow_edge
 from linework.methods.stereo.nearest_pick import nearest_pick
+from linework.methods.stereo.path_bend import bent_like_path
 from linework.methods.stereo.pick_edge import Picked, Refused, pick_edge
 from linework.model.arrays import FloatArray
 from linework.model.images import Poses, RectifiedPair
@@ -179,6 +180,7 @@ def _picked(
             return Refused("that is above the road's horizon, or too far away")
         found = pick_edge(view, side, drive.poses.to_world(at, place[None])[0] - drive.origin, kind)
         if isinstance(found, Picked):
+            found = replace(found, state=bent_like_path(found.state, drive.poses.xyz - drive.origin))
             back, ahead = _both_ways(view, found)
             if sum(v.in_both for v in (*back.vertices, *ahead.vertices)) < LEAST_PLACES:
                 return Refused(f"there is an edge, but on the road it does not go on: {ahead.stop}")
@@ -232,7 +234,10 @@ def _taken(follow: _Following, view: View, back: Stretch, ahead: Stretch, *, is_
     """Add what a pair showed to the line, and return it."""
     vertices = (*reversed(back.vertices), *ahead.vertices)
     before = follow.course
-    follow.course = joined(before, vertices, is_nearer=is_nearer) if before else vertices
+    follow.course = vertices
+    if before:
+        ends = ahead.stop not in (Stop.LEFT_IMAGE, Stop.HIDDEN)
+        follow.course = joined(before, vertices, is_nearer=is_nearer, ends=ends)
     # A pair that adds to an end, or sees it from nearer, knows why it ends there
     if follow.course[-1] is not (before[-1] if before else None):
         follow.stops[1] = ahead.stop

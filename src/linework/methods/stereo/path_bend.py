@@ -1,0 +1,47 @@
+"""How the road bends, as the van's own path shows it: lines along the road bend with it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from linework.methods.stereo.edge_state import CURVATURE, LineState
+from linework.model.arrays import FloatArray
+
+#: A line within this of the path's direction runs along the road. [rad]
+_ALONG_RAD = np.radians(15.0)
+#: The path's curvature is taken over this to either side. [m]
+_OVER_M = 6.0
+#: A driver's path bends as the lines do, to this. [1/m]
+_SIGMA = 0.01
+#: Farther from the path a line belongs to another road. [m]
+_FAR_M = 12.0
+
+
+def bent_like_path(state: LineState, path: FloatArray) -> LineState:
+    """Return a line's start with the curvature of the path beside it, where it runs along the path.
+
+    Parameters
+    ----------
+    path
+        (n, 3) places of the van in time order. [m, as the state's]
+    """
+    step = np.hypot(*np.diff(path[:, :2], axis=0).T)
+    path = path[np.concatenate([[True], step > 0.1])]
+    if len(path) < 3:
+        return state
+    t = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))])
+    i = int(np.argmin(np.hypot(*(path[:, :2] - state.place[:2]).T)))
+    low, high = t[i] - _OVER_M, t[i] + _OVER_M
+    if low < t[0] or high > t[-1] or np.hypot(*(path[i] - state.place)[:2]) > _FAR_M:
+        return state
+    at = np.linspace(low, high, 5)
+    xy = np.column_stack([np.interp(at, t, c) for c in path[:, :2].T])
+    heading = np.unwrap(np.arctan2(*np.diff(xy, axis=0).T[::-1]))
+    apart = float(np.angle(np.exp(1j * (state.heading_rad - 0.5 * (heading[1] + heading[2])))))
+    way = 1.0 if abs(apart) < 0.5 * np.pi else -1.0
+    if min(abs(apart), np.pi - abs(apart)) > _ALONG_RAD:
+        return state
+    curvature = way * float(heading[3] - heading[0]) / float(at[3] - at[0])
+    covariance = state.covariance.copy()
+    covariance[CURVATURE, CURVATURE] = _SIGMA**2
+    return LineState(state.place, state.heading_rad, curvature, state.grade, covariance)
