@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
-
-from linework.model.arrays import AnyArray, BoolArray, IntArray
 
 #: Steps (row, col) to the eight neighbours, clockwise from the one above (north).
 _ROW = np.array([-1, -1, 0, 1, 1, 1, 0, -1])
@@ -15,7 +14,7 @@ _TURNS = np.array([0, 1, -1, 2, -2, 3, -3])
 
 
 @njit(cache=True, nogil=True)
-def thin_in_place(image: AnyArray) -> None:
+def thin_in_place(image: npt.NDArray[np.uint8]) -> None:
     """Take boundary pixels away until lines are one pixel wide.
 
     Parameters
@@ -74,7 +73,9 @@ def thin_in_place(image: AnyArray) -> None:
 
 
 @njit(cache=True, nogil=True)
-def follow_chains(image: AnyArray, least_px: int) -> tuple[IntArray, IntArray]:
+def follow_chains(
+    image: npt.NDArray[np.uint8], least_px: int
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Follow lines of white pixels, erasing each pixel as it is followed.
 
     Parameters
@@ -123,7 +124,7 @@ def follow_chains(image: AnyArray, least_px: int) -> tuple[IntArray, IntArray]:
 
 
 @njit(cache=True, nogil=True)
-def corners_of(pixels: IntArray, offsets: IntArray) -> BoolArray:
+def corners_of(pixels: npt.NDArray[np.int64], offsets: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
     """Return which pixels are kept: a pixel on one straight line with the two beside it in its chain is not."""
     kept = np.ones(len(pixels), dtype=np.bool_)
     for i in range(len(offsets) - 1):
