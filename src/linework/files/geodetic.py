@@ -14,12 +14,14 @@ from pyproj.transformer import TransformerGroup
 
 from linework.errors import ConfigError, CrsError, InputError
 from linework.files.crs import LOCAL, describe_crs, has_height, horizontal_part
-from linework.files.las_header import regular_file_bytes
+from linework.files.geoid import undulations
 from linework.model.arrays import FloatArray
 from linework.model.survey import Survey
 
 #: Transformations worse than this are said: the lines are good to centimetres.
 _SAID_ACCURACY_M = 0.5
+#: A zone is used a little beyond its edges.
+_NEAR_DEG = 3.0
 _GEOID_ADVICE = 'give [heights] geoid = "receiver", metres, or a PROJ grid file'
 
 
@@ -106,9 +108,9 @@ def to_places(
         xyz, said = _transformed(longitude_deg, latitude_deg, height_m, frame.crs, where)
     else:
         xyz, said = _transformed(longitude_deg, latitude_deg, None, _plan_of(frame.crs), where)
-        xyz[:, 2] = height_m - _undulation(longitude_deg, latitude_deg, frame, undulation_m, where)
+        xyz[:, 2] = height_m - _zero_m(longitude_deg, latitude_deg, frame, undulation_m, where)
     _check_finite(xyz, frame.crs, where)
-    return Places(xyz, said)
+    return Places(xyz, (*said, *_outside_of_use(latitude_deg, longitude_deg, frame.crs, where)))
 
 
 def _plan_of(crs: str) -> str:
@@ -147,7 +149,7 @@ def _transformed(
     return np.stack(columns, axis=1).astype(np.float64), said
 
 
-def _undulation(
+def _zero_m(
     longitude_deg: FloatArray,
     latitude_deg: FloatArray,
     frame: EarthFrame,
@@ -155,43 +157,16 @@ def _undulation(
     where: object,
 ) -> FloatArray | float:
     """Return how high the zero of the survey's heights is above the ellipsoid."""
-    geoid = frame.geoid
-    if geoid is None:
+    if frame.geoid is None:
         return 0.0
-    if isinstance(geoid, int | float):
-        return float(geoid)
-    if geoid == "receiver":
-        if undulation_m is None:
-            raise ConfigError('heights.geoid is "receiver", but this file holds no undulation', where=where,
-                              advice="give metres or a PROJ grid file")  # fmt: skip
-        return undulation_m
-    return _grid_undulation(longitude_deg, latitude_deg, frame.root / geoid, where)
-
-
-def _grid_undulation(
-    longitude_deg: FloatArray, latitude_deg: FloatArray, path: Path, where: object
-) -> FloatArray:
-    """Return the undulations that a PROJ grid file holds."""
-    regular_file_bytes(path)
-    if any(c in str(path.resolve()) for c in ',"'):
-        raise ConfigError("PROJ cannot read a grid whose path holds a comma or a quotation mark", where=path,
-                          advice="rename it")  # fmt: skip
-    try:
-        shift = pyproj.Transformer.from_pipeline(
-            f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad"
-            f" +step +proj=vgridshift +grids=\"{path.resolve()}\" +multiplier=1"
-        )
-        shifted = shift.transform(longitude_deg, latitude_deg, np.zeros(len(longitude_deg)), errcheck=False)
-    except ProjError as error:
-        raise ConfigError("is no grid of undulations that PROJ can read", where=path,
-                          advice=_GEOID_ADVICE) from error  # fmt: skip
-    undulation = np.asarray(shifted[2], dtype=np.float64)
-    if not np.isfinite(undulation).all():
-        raise ConfigError(
-            f"{int(np.count_nonzero(~np.isfinite(undulation)))} of {len(undulation)} places of {where} are outside"
-            " of this grid", where=path, advice="give the grid of that country",
-        )  # fmt: skip
-    return undulation
+    if isinstance(frame.geoid, int | float):
+        return float(frame.geoid)
+    if frame.geoid != "receiver":
+        return undulations(longitude_deg, latitude_deg, frame.root / frame.geoid, where=where)
+    if undulation_m is None:
+        raise ConfigError('heights.geoid is "receiver", but this file holds no undulation', where=where,
+                          advice="give metres or a PROJ grid file")  # fmt: skip
+    return undulation_m
 
 
 def _check_finite(xyz: FloatArray, crs: str, where: object) -> None:
@@ -201,6 +176,37 @@ def _check_finite(xyz: FloatArray, crs: str, where: object) -> None:
             f"{int(outside.sum())} of {len(xyz)} places have no coordinates in {describe_crs(crs)}",
             where=where, advice="check the CRS of the survey",
         )  # fmt: skip
+
+
+def _outside_of_use(
+    latitude_deg: FloatArray, longitude_deg: FloatArray, crs: str, where: object
+) -> tuple[str, ...]:
+    """Return a warning where the places are far from where the CRS is used.
+
+    Raises
+    ------
+    InputError
+        They are, and would not be with latitude and longitude exchanged.
+    """
+    area = pyproj.CRS.from_user_input(crs).area_of_use
+    middle = float(np.median(latitude_deg)), float(np.median(longitude_deg))
+    if area is None or _is_near(area.bounds, *middle):
+        return ()
+    text = (
+        f"latitude {middle[0]:.4f}, longitude {middle[1]:.4f} is far from where {describe_crs(crs)} is used"
+    )
+    if _is_near(area.bounds, middle[1], middle[0]):
+        raise InputError(f"{text}; exchanged they are not", where=where,
+                         advice="exchange latitude and longitude")  # fmt: skip
+    return (f"{text} ({area.name})",)
+
+
+def _is_near(bounds: tuple[float, float, float, float], latitude_deg: float, longitude_deg: float) -> bool:
+    west, south, east, north = bounds
+    # Areas over the antimeridian have their west edge east of their east edge
+    width = (east - west) % 360.0 or 360.0
+    beyond_west = (longitude_deg - west + _NEAR_DEG) % 360.0
+    return south - _NEAR_DEG <= latitude_deg <= north + _NEAR_DEG and beyond_west <= width + 2 * _NEAR_DEG
 
 
 def convergence_deg(latitude_deg: FloatArray, longitude_deg: FloatArray, frame: EarthFrame) -> FloatArray:
