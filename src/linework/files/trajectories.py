@@ -75,9 +75,10 @@ def read_trajectory_content(path: Path, settings: TrajectorySettings | None = No
     kind = _kind_of_text(path)
     if kind == "gnss":
         fixes = read_gnss(path, settings.frame)
-        log = fixes.log
-        return TrajectoryContent(
-            Trajectory(log.time_s, log.xyz, None, log.sigma_m), fixes.warnings, fixes.epoch
+        log, lines = fixes.log, np.arange(len(fixes.log.time_s)) + 1.0
+        columns = {"xyz": log.xyz, "attitude_deg": None, "sigma_xyz_m": log.sigma_m}
+        return ordered_content(
+            path, log.time_s, lines, columns, warnings=fixes.warnings, epoch=fixes.epoch, unit="fix"
         )
     if kind == "tum":
         return read_tum_content(path)
