@@ -21,6 +21,8 @@ from linework.errors import ConfigError, InputError
 from linework.files.images import read_pair
 from linework.files.stereo_series import open_stereo
 from linework.files.survey import open_survey
+from linework.files.survey_points import read_survey_trajectory
+from linework.files.van_path import read_van_path
 from linework.imaging.rectify import rectifier_of
 from linework.model.camera import LOOKING_AHEAD
 from linework.model.images import StereoSeries
@@ -172,3 +174,25 @@ def test_the_real_ramp() -> None:
     assert rig.rig.base_m == pytest.approx(0.5372, abs=1e-4)
     left, right = read_pair(series.pairs[50], series.rig)
     assert left.shape == right.shape == (376, 1241)
+
+
+def test_poses_stand_where_the_benchmark_has_them(tmp_path: Path) -> None:
+    folder = write_sequence(tmp_path / "sequences/07")
+    (tmp_path / "poses").mkdir()
+    (folder / "poses.txt").rename(tmp_path / "poses/07.txt")
+    survey = open_survey([folder])
+    assert survey.trajectory_file == tmp_path / "poses/07.txt"
+    trajectory = read_survey_trajectory(survey)
+    assert trajectory is not None
+    np.testing.assert_allclose(trajectory.time_s, 0.1 * np.arange(6))
+    np.testing.assert_allclose(trajectory.xyz[5], [5.0, 0.0, 0.0])
+
+
+def test_a_drives_trajectory_is_that_of_the_vehicles_origin(tmp_path: Path) -> None:
+    survey = open_survey([write_drive(tmp_path / "drive")])
+    path = read_van_path(survey, open_stereo(survey))
+    assert path.trajectory is not None and path.trajectory.attitude_deg is not None
+    # The first pose of the inertial unit is the local origin; the road is 0.93 m below
+    np.testing.assert_allclose(path.trajectory.xyz[0], [0.0, 0.0, -0.93], atol=1e-6)
+    np.testing.assert_allclose(path.trajectory.attitude_deg[0], [0.0, 0.0, 90.0], atol=1e-6)
+    assert path.trajectory.xyz[-1, 0] == pytest.approx(6.0, abs=0.02)

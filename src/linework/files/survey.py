@@ -106,7 +106,7 @@ def _files_of(path: Path) -> list[Path]:
         )
         if not files:
             raise InputError("folder without .las/.laz files and without survey.toml", where=path,
-                             advice="name the folder that holds them")  # fmt: skip
+                             advice="name the folder that holds them, or a KITTI folder")  # fmt: skip
         return files
     regular_file_bytes(path)
     if path.suffix.lower() not in _SUFFIXES:
