@@ -75,7 +75,8 @@ def read_trajectory_content(path: Path, settings: TrajectorySettings | None = No
     kind = _kind_of_text(path)
     if kind == "gnss":
         fixes = read_gnss(path, settings.frame)
-        log, lines = fixes.log, np.arange(len(fixes.log.time_s)) + 1.0
+        log = fixes.log
+        lines = np.arange(1, len(log.time_s) + 1, dtype=np.float64)
         columns = {"xyz": log.xyz, "attitude_deg": None, "sigma_xyz_m": log.sigma_m}
         return ordered_content(
             path, log.time_s, lines, columns, warnings=fixes.warnings, epoch=fixes.epoch, unit="fix"
