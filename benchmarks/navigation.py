@@ -74,8 +74,11 @@ def driven(seed, kind, receiver, gyro):
     """Return the outages of one drive of 10 minutes, and its errors over sigmas: plan, height, roll to heading."""
     rng = np.random.default_rng([seed, gyro, list(KINDS).index(kind), list(RECEIVERS).index(receiver)])
     drive = long_drive(KINDS[kind], 600.0, rng)
-    starts = np.array([80.0, 150.0, 240.0, 380.0]) + rng.uniform(0.0, 30.0, 4)
-    spans = [(s, s + length) for s, length in zip(starts, rng.permutation(OUTAGES_S), strict=True)]
+    spans, at = [], 60.0
+    for length in rng.permutation(OUTAGES_S):
+        at += rng.uniform(40.0, 60.0)
+        spans.append((at, at + length))
+        at += length
     wheels = WheelGrade(
         scale_left=rng.uniform(-0.02, 0.02),
         scale_right=rng.uniform(-0.02, 0.02),
@@ -123,9 +126,9 @@ def report(outages, ratios):
     better = [o for o in outages if o.gyro in BETTER]
     for receiver in RECEIVERS:
         for name, some in (("better half", better), ("all", outages)):
-            some = [o for o in some if o.receiver == receiver]
+            own = [o for o in some if o.receiver == receiver]
             print(
-                f"GNSS {receiver}, {name}: {sum(o.is_within for o in some)} of {len(some)} outages within the goal"
+                f"GNSS {receiver}, {name}: {sum(o.is_within for o in own)} of {len(own)} outages within the goal"
             )
     print("rms(error / sigma) over all seeds: plan, height, roll, pitch, heading (goal 0.7 to 1.5)")
     for receiver in RECEIVERS:

@@ -18,6 +18,8 @@ _WRAPS = (2.0**8, 2.0**16, 2.0**24, 2.0**32)
 _STUCK_S = 1.0
 #: Standing for so long is a stop; its ends are left away, where counts are too coarse to show creeping. [s]
 _REST_S, _REST_END_S = 1.6, 0.3
+#: Counts are smoothed over this; a van at full braking leaves a parabola by less than a tick in it. [s]
+_SMOOTH_S = 0.5
 #: A pause of the log so long hides what happened in it. [s]
 _PAUSE_S = 2.0
 
@@ -79,7 +81,20 @@ def sound_ways(log: WheelLog, tick_m: float, track_m: float, heading_rad: FloatA
     turn = np.zeros(len(counts)) if heading_rad is None else np.diff(heading_rad)
     step = _replaced(counts * tick_m, bad | stuck, track_m * turn, np.diff(log.time_s))
     way = np.concatenate([np.zeros((1, 2)), np.cumsum(step, axis=0)])
+    way = _without_steps(log.time_s, way, tick_m)
     return Ways(log.time_s, way, pauses, _shorter(rest), apart=True, warnings=tuple(warnings))
+
+
+def _without_steps(time_s: FloatArray, way_m: FloatArray, tick_m: float) -> FloatArray:
+    """Return ways smoothed over half a second, by parabolas: a count comes up to a tick late."""
+    from scipy.signal import savgol_filter
+
+    width = 2 * int(0.5 * _SMOOTH_S / float(np.median(np.diff(time_s)))) + 1
+    if width < 5 or len(time_s) < width:
+        return way_m
+    smooth = savgol_filter(way_m, width, 2, axis=0)
+    # Further than a count can be off is a pause of the log, or a hard stop
+    return np.where(np.abs(smooth - way_m) <= tick_m, smooth, way_m)
 
 
 def spans_of(is_in: BoolArray, time_s: FloatArray) -> FloatArray:
