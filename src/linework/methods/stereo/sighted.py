@@ -33,6 +33,8 @@ STEP_M, WINDING_RAD, WORN = 0.5, 0.12, 0.5
 STEEP = 0.5
 #: Paint is on the road's surface within the shape of gutters, ruts and crowns; kerbs stand higher. [m]
 UNDER_M, OVER_M = 0.15, 0.10
+#: So far to the sides roads fall away from their crown; what is higher there is a kerb. [m, m]
+ASIDE_M, OVER_ASIDE_M = 2.5, 0.05
 #: Of crests and sags within the reach of the cameras the shape of the road misses those of this radius. [m]
 BEND_M = 1500.0
 #: Paint is flat: of a kerb stone the one edge is at its foot. [m]
@@ -106,7 +108,8 @@ def _judged(
     sigma = float(np.median(height_sigma(rig, lines, at[matched]))) / math.sqrt(matched.sum())
     middle = float(np.median(height[matched]))
     crest = float(np.median(ahead)) ** 2 / (2.0 * BEND_M)
-    if abs(lean) > STEEP or not -UNDER_M - crest - 2.0 * sigma < middle < OVER_M + crest + 2.0 * sigma:
+    over = OVER_M if abs(float(np.median(across))) < ASIDE_M else OVER_ASIDE_M
+    if abs(lean) > STEEP or not -UNDER_M - crest - 2.0 * sigma < middle < over + crest + 2.0 * sigma:
         return None
     # How much higher the one edge is than the other
     step = road.plane.camera_height_m(rig) * lines.widening[at] / surface
