@@ -49,6 +49,7 @@ def main(arguments=()):
                     size,
                     length_m=options.length_m,
                     every_m=options.every_m,
+                    rays_per_pixel=options.rays,
                     folder=options.folder,
                 )
                 own += set_parts(drawn, POSES[options.poses](drawn.drive))
@@ -67,6 +68,7 @@ def parsed(arguments):
     parser.add_argument("--length-m", type=float, default=100.0)
     parser.add_argument("--every-m", type=float, default=3.0)
     parser.add_argument("--poses", choices=POSES, default="true")
+    parser.add_argument("--rays", type=int, default=4, help="rays per pixel: how finely images are drawn")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where images are kept")
     return parser.parse_args(list(arguments))
 
