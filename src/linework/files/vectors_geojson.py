@@ -138,23 +138,20 @@ def read_geojson(path: Path, kind_field: str, kinds: Mapping[str, str] | None, c
         Coordinates in degrees, or a CRS that is not understood.
     """
     document = _load(path)
-    features = [f for f in document.get("features", [document]) if isinstance(f, dict) and not _is_point(f)]
+    features = [f for f in document.get("features", [document]) if isinstance(f, dict)]
     shapes = np.array([_shape(f, i, path) for i, f in enumerate(features)] + [None], dtype=object)[:-1]
+    own_crs = _crs_of(document, shapes, crs, path)
+    is_line = shapely.get_type_id(shapes) != shapely.GeometryType.POINT
+    features, shapes = [features[i] for i in np.flatnonzero(is_line)], shapes[is_line]
     tables = [f.get("properties") or {} for f in features]
     names = {name for table in tables for name in table}
     columns = {name: [table.get(name) for table in tables] for name in names}
-    own_crs = _crs_of(document, shapes, crs, path)
     if "crs_wkt" in document and kinds is None and kind_field == "kind":
         own = _own_lines(shapes, columns, own_crs)
         if own is not None:
             return own
     values = columns.get(kind_field, [path.stem] * len(features))
     return foreign_lines(shapes, values, columns, kinds, own_crs, path)
-
-
-def _is_point(feature: dict[str, Any]) -> bool:
-    geometry = feature.get("geometry")
-    return isinstance(geometry, dict) and geometry.get("type") == "Point"
 
 
 def _load(path: Path) -> dict[str, Any]:
