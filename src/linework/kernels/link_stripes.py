@@ -90,8 +90,8 @@ def link(places: F64, first: I64, n_rows: int, steepest: float, gap: tuple[float
                         continue
                     across -= slope * ahead
                     turn = TURN + 0.1 * abs(slope) + 3.0 * sigma
-                    bound = min(bound, WORN * wide + 3.0 * own + turn * ahead + 0.02)
-                other = abs(places[j, WIDE] - places[j0, WIDE]) / (0.4 * wide + 4.0 * own)
+                    bound = min(bound, WORN * wide + 3.0 * own + turn * ahead + 0.05)
+                other = abs(places[j, WIDE] - places[j0, WIDE]) / (0.6 * wide + 4.0 * own)
                 value = max(abs(across) / bound, other)
                 if value < best:
                     best, wanted[a] = value, j
