@@ -279,7 +279,7 @@ def test_an_unknown_format(refused, las_file, tmp_path, linework):
         (["--features", "hedge"], "hedge"),
         (["--features", "fence"], "fence"),
         (["--method", "magic"], "magic"),
-        (["--method", "stereo"], "stereo"),
+        (["--method", "photo"], "photo"),
         (["--workers", "1000000"], "'--workers'"),
         (["--no-such-option"], "--no-such-option"),
     ],

@@ -19,7 +19,8 @@ def folder(tmp_path_factory):
 def test_everything_is_there(folder):
     assert sorted(p.name for p in folder.iterdir()) == ["lines.gpkg", "report.html", "run.json", "survey"]
     held = {p.name for p in (folder / "survey").iterdir()}
-    assert held == {".linework", "points", "survey.toml", "trajectory.csv", "truth.gpkg"}
+    logs = {"gnss.csv", "gyro.csv", "wheels.csv"}
+    assert held == {".linework", "points", "survey.toml", "trajectory.csv", "truth.gpkg", *logs}
     counts = json.loads((folder / "run.json").read_text())["counts"]
     assert 300_000 < counts["points_used"] < 1_500_000
     assert counts["lines"]["guardrail"] > 0

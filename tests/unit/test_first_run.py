@@ -27,7 +27,7 @@ def test_one_line_where_kernels_are_missing(tmp_path, monkeypatch, capsys):
     for name in set(_KERNEL_OF.values()):
         assert (Path(linework.kernels.__path__[0]) / f"{name}.py").exists()
         (tmp_path / f"{name}.py").touch()
-    assert set(_KERNEL_OF) == set(ALL_KINDS)
+    assert set(_KERNEL_OF) == {*ALL_KINDS, "trajectory"}  # what extract and locate come to
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setattr(linework.kernels, "__path__", [str(tmp_path)])
     tell_of_compiling(ALL_KINDS, quiet=True)
