@@ -15,11 +15,14 @@ _LOOKS = {
     "cable": ((20, 20, 20), 0.4),
 }
 _OTHER = ((120, 120, 120), 0.4)
+#: Layers of what stereo images showed, beside the lines that were kept: dotted, in the colour of their kind.
+AS_MEASURED = "_stereo"
 
 
 def qgis_style(kind: str) -> str:
     """Return a QML document for the lines of one kind."""
-    (red, green, blue), width_mm = _LOOKS.get(kind, _OTHER)
+    (red, green, blue), width_mm = _LOOKS.get(kind.removesuffix(AS_MEASURED), _OTHER)
+    pen = "dot" if kind.endswith(AS_MEASURED) else "solid"
     return (
         "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>"
         '<qgis version="3.22" styleCategories="Symbology">'
@@ -29,7 +32,7 @@ def qgis_style(kind: str) -> str:
         '<Option name="capstyle" type="QString" value="round"/>'
         '<Option name="joinstyle" type="QString" value="round"/>'
         f'<Option name="line_color" type="QString" value="{red},{green},{blue},255"/>'
-        '<Option name="line_style" type="QString" value="solid"/>'
+        f'<Option name="line_style" type="QString" value="{pen}"/>'
         f'<Option name="line_width" type="QString" value="{width_mm:g}"/>'
         '<Option name="line_width_unit" type="QString" value="MM"/>'
         "</Option></layer></symbol></symbols></renderer-v2>"
@@ -39,4 +42,4 @@ def qgis_style(kind: str) -> str:
 
 def colour_of(kind: str) -> tuple[int, int, int]:
     """Return the red, green, blue a kind is drawn in."""
-    return _LOOKS.get(kind, _OTHER)[0]
+    return _LOOKS.get(kind.removesuffix(AS_MEASURED), _OTHER)[0]
