@@ -232,7 +232,7 @@ def _scaled(motion: Motion, gnss: GnssLog, windows: list[AnyArray]) -> tuple[Mot
     ratio = np.concatenate(ratios) if ratios else np.zeros(0)
     factor = float(np.median(ratio)) if len(ratio) >= 10 else 1.0
     # Worn and soft tyres change a wheel by 2 %
-    if abs(factor - 1.0) < 0.05 or (len(motion.no_way) and np.isinf(motion.no_way[0, 0])):
+    if abs(factor - 1.0) < 0.05 or not motion.has_ways:
         return motion, 1.0, []
     unit = {3.6: " (m/s where km/h are said?)", 1.0 / 3.6: " (km/h where m/s are said?)"}
     hint = next((text for f, text in unit.items() if abs(factor / f - 1.0) < 0.05), "")

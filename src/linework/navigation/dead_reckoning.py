@@ -54,6 +54,11 @@ class Motion:
         first = max(self.turn_time_s[0], self.way_time_s[0])
         return float(first), float(min(self.turn_time_s[-1], self.way_time_s[-1]))
 
+    @property
+    def has_ways(self) -> bool:
+        """False where there are no wheels, and ways only tell how the drive was about."""
+        return not (len(self.no_way) > 0 and np.isinf(self.no_way[0, 0]))
+
     def between(self, first_s: float, last_s: float) -> Motion:
         """Return the readings between two times, both included."""
         turn, way = (

@@ -15,8 +15,8 @@ from linework.navigation.wheels import Ways, sound_ways
 
 #: Speed from fixes is taken over this to either side. [s]
 _SPEED_WINDOW_S = 1.0
-#: Fixes that move by so many sigmas while the wheels stand are no noise.
-_MOVED_SIGMAS = 5.0
+#: Fixes that move by more than this and so many sigmas while the wheels stand are no noise. [m]
+_MOVED_M, _MOVED_SIGMAS = 1.0, 5.0
 #: Ways are not believed from so long before wheels go blind until so long after: their speed ends at about
 #: 1 m/s, which takes a second to brake. [s]
 _BLIND_S = 1.0
@@ -73,7 +73,7 @@ def _really_standing(ways: Ways, gnss: GnssLog) -> Ways:
             continue
         first, last = inside[:third], inside[-third:]
         moved = np.hypot(*(np.median(gnss.xyz[last], axis=0) - np.median(gnss.xyz[first], axis=0))[:2])
-        if moved <= _MOVED_SIGMAS * np.median(gnss.sigma_m[inside, :2]):
+        if moved <= _MOVED_M + _MOVED_SIGMAS * np.median(gnss.sigma_m[inside, :2]):
             standing.append((start, end))
             continue
         moving.append((start - _BLIND_S, end + _BLIND_S))
@@ -132,4 +132,5 @@ def _ways_of_fixes(gnss: GnssLog) -> Ways:
     speed = np.hypot(*(places[1] - places[0]).T) / np.maximum(after - before, 1e-3)
     way = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(time) * (speed[1:] + speed[:-1]))])
     always = np.array([[-np.inf, np.inf]])
-    return Ways(time, np.stack([way, way], axis=1), always, _NONE, apart=False)
+    said = "no wheels: ways come from the fixes alone, outages of more than some seconds are not bridged well"
+    return Ways(time, np.stack([way, way], axis=1), always, _NONE, apart=False, warnings=(said,))

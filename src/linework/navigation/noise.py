@@ -75,8 +75,8 @@ class NoiseModel:
         # A count is off by up to one tick, evenly
         row[kernel.TICK_VAR] = self.tick_m**2 / 12.0
         row[kernel.TRACK_M] = self.track_m
-        # A van brakes with up to 8 m/s^2, and turns into a junction within a second
-        row[kernel.ACCEL_VAR], row[kernel.TURN_ACCEL_VAR] = 1.5**2, 0.2**2
+        # Unknown, speed changes by 3 m/s and turns by 0.2 rad/s within a second (braking, a junction)
+        row[kernel.ACCEL_VAR], row[kernel.TURN_ACCEL_VAR] = 3.0**2, 0.2**2
         row[kernel.SPEED_VAR], row[kernel.PER_SPEED_S] = self.speed_mps**2, 1.0 / self.speed_s
         return row
 
@@ -110,7 +110,7 @@ _FACTORS = {
     "gyro_noise": 2.0, "bias_walk": 5.0, "wheel_noise": 3.0, "tilt_rad": 2.0, "gnss_factor": 1.5,
     "wander_s": 4.0, "speed_mps": 3.0,
 }  # fmt: skip
-_SHARES = (0.02, 0.3, 0.6, 0.85, 0.97)
+_SHARES = (0.001, 0.02, 0.3, 0.6, 0.85, 0.97)
 
 
 def most_probable(first: NoiseModel, likelihood: Callable[[NoiseModel], float]) -> NoiseModel:

@@ -53,7 +53,7 @@ def first_heading(way_xy: FloatArray, fixes_xy: FloatArray, sigma_m: FloatArray)
     far = np.maximum.accumulate(np.hypot(*(way_xy - way_xy[0]).T))
     needed = np.maximum(_LEAST_SIGMAS * np.median(sigma_m), _LEAST_M)
     enough = np.flatnonzero(far >= needed)
-    n = int(enough[0]) + 1 if len(enough) else len(way_xy)
+    n = min(max(int(enough[0]) + 1, 4), len(way_xy)) if len(enough) else len(way_xy)
     if n < 3 or far[n - 1] < 3.0 * np.median(sigma_m) or far[n - 1] < 1.0:
         return None
     return laid_onto(way_xy[:n], fixes_xy[:n])

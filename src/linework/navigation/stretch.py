@@ -62,6 +62,8 @@ def located_stretch(
     # Dead reckoning from end to end, laid onto the first fixes
     reckoned = reckon(motion, gnss.time_s)
     problem = _problem(motion, reckoned, gnss, sensors)
+    if not motion.has_ways:
+        problem, reckoned = _of_speed_alone(problem, motion, gnss)
     # How noisy the sensors are: what makes the fixes most probable
     noise = first_noise(
         motion.tick_m, motion.track_m, gyro_noise=sensors.gyro_noise, has_tilt=sensors.has_tilt
@@ -120,6 +122,15 @@ def _problem(motion: Motion, reckoned: Reckoned, gnss: GnssLog, sensors: Sensors
     sigma0[kernel.LEFT] = sigma0[kernel.RIGHT] = _SIGMA_WHEEL_SCALE
     sigma0[kernel.WANDER :] = 1.0
     return problem_of(motion, reckoned, gnss, x0, sigma0, sensors.lever_m)
+
+
+def _of_speed_alone(problem: Problem, motion: Motion, gnss: GnssLog) -> tuple[Problem, Reckoned]:
+    """Leave all ways to the estimated speed: those taken from fixes would count these twice."""
+    steps, read = problem.steps.copy(), problem.read.copy()
+    steps[:, [kernel.LEFT_M, kernel.RIGHT_M]] = 0.0
+    read[:, 2] = 0.0
+    still = replace(motion, way_m=np.zeros_like(motion.way_m))
+    return replace(problem, steps=steps, read=read), reckon(still, gnss.time_s)
 
 
 def _with_delay(problem: Problem, noise: NoiseModel) -> tuple[Problem, NoiseModel, list[str]]:
