@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -24,6 +24,7 @@ from linework.evaluation.stereo_views import StereoViews, chosen_numbers, views_
 from linework.evaluation.table_texts import TextTable
 from linework.evaluation.tables import score_tables
 from linework.evaluation.tolerance import KindMatch
+from linework.model.arrays import BoolArray
 from linework.model.grid import Bounds, holds
 from linework.model.lines import LineSet
 from linework.model.points import Points
@@ -78,9 +79,12 @@ def report_html(report: Report) -> str:
         loader=PackageLoader("linework", "evaluation"), autoescape=True, undefined=StrictUndefined
     )
     template = environment.get_template("report.html.j2")
+    # Lines as stereo images showed them are drawn into these: in plan they lie on those that were kept
+    kept = replace(report, lines=report.lines.take(~_is_as_measured(report.lines)))
+    views = _view_figures(report.lines, report.views) if report.views is not None else ()
     figures = [
         {"title": title, "caption": caption, "base64": base64.b64encode(png(figure)).decode("ascii")}
-        for title, caption, figure in _figures(report)
+        for title, caption, figure in (*_figures(kept), *views)
     ]
     tables = [
         {
@@ -107,8 +111,6 @@ def _figures(report: Report) -> Iterator[tuple[str, str, Figure]]:
     if report.points is not None and len(report.points):
         yield from _close_figures(report, report.points, report.points_in or _reader(report.points))
         yield from _section_figures(report, report.points)
-    if report.views is not None and len(report.views.numbers):
-        yield from _view_figures(report.lines, report.views)
     if report.parts and report.scores is not None:
         yield (
             "Found, missed, wrong",
@@ -155,7 +157,7 @@ def _section_figures(report: Report, points: Points) -> Iterator[tuple[str, str,
 
 def _view_figures(lines: LineSet, views: StereoViews) -> Iterator[tuple[str, str, Figure]]:
     """Yield the lines in some stereo pairs; pairs that cannot be read are passed over, the run has told of them."""
-    as_measured = lines.take(np.char.endswith(lines.kind, "_stereo")) if len(lines) else lines
+    as_measured = lines.take(_is_as_measured(lines))
     shown = as_measured if len(as_measured) else lines
     with contextlib.suppress(InputError):
         yield (
@@ -163,6 +165,10 @@ def _view_figures(lines: LineSet, views: StereoViews) -> Iterator[tuple[str, str
             "Left and right image, rectified; the lines as the images show them, projected back into both.",
             views_figure(views, shown, chosen_numbers(shown, views)),
         )
+
+
+def _is_as_measured(lines: LineSet) -> BoolArray:
+    return np.array([str(kind).endswith("_stereo") for kind in lines.kind], dtype=bool)
 
 
 def _has_intensity(report: Report) -> bool:
