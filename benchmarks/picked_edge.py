@@ -5,9 +5,10 @@ lists what went wrong. Images are drawn once and kept (``--folder``). Nothing ma
 reported.
 
 A pick is a random place of a truth line, 5 to 15 m from the cameras, inside both images, with nothing before it,
-shifted by up to 2 pixels; on lane markings there is paint, on road boundaries the grey values of both sides differ by
-10 levels or more, or there is a step of 5 cm or more. Its visible stretch is what is connected with it, within 25 m
-of the left camera, and inside both images with nothing before it (less than 1 m of it hidden). It is followed to
+shifted by up to 2 pixels. On lane markings paint is to be seen there: 10 grey levels over the road beside it. On road
+boundaries the grey values of both sides (3 to 15 cm off, 1.2 m long) differ by 10 levels or more, or there is a step
+of 5 cm or more. Its visible stretch is what is connected with it, within 25 m
+of the left camera, and inside both images with nothing before it (less than 1 m of it hidden), 3 m or longer. It is followed to
 the end of visibility when the followed line is within 15 cm of it in plan, to within 1 m of both of its ends (on a
 dashed line: of its first and last paint) and along 95 % of it. "pair": the line as the picked pair alone shows it;
 "line": the line of all pairs. "far": as "line", its far end alone.
@@ -34,7 +35,7 @@ from linework.simulation.view import View
 ON_REQUEST = True
 VISIBLE_M, WITHIN_M, END_M, SHARE = 25.0, 0.15, 1.0, 0.95
 PICK_M, SHIFT_PX = (5.0, 15.0), 2.0
-LEAST_GREY, LEAST_STEP_M = 10.0, 0.05
+LEAST_GREY, LEAST_STEP_M, LEAST_LENGTH_M = 10.0, 0.05, 3.0
 #: Truth is looked at every so often; posts hide less of it than this. [m]
 EVERY_M, HIDDEN_M = 0.1, 1.0
 
@@ -98,18 +99,27 @@ class World:
     def right_m(self):
         return self.rig.position_m + self.rig.base_m * self.rig.R_vehicle_camera[:, 0]
 
-    def difference(self, i, xyz, left):
-        """Grey values 3 to 15 cm to the left less those to the right of a place, in the left image."""
-        image, means = self.pair(i).left, []
-        for sign in (1.0, -1.0):
-            places = xyz + sign * np.linspace(0.03, 0.15, 5)[:, None] * np.array([*left, 0.0])
-            col, row, _ = self.rig.project(self.poses.to_vehicle(i, places))
-            if not np.isfinite(col).all():
-                return 0.0
-            c = np.clip(np.round(col).astype(int), 0, self.rig.width - 1)
-            r = np.clip(np.round(row).astype(int), 0, self.rig.height - 1)
-            means.append(float(image[r, c].mean()))
-        return means[0] - means[1]
+    def grey_beside(self, i, xyz, left, off_m):
+        """Mean grey value of the left image in places off a stretch of line, to its left."""
+        places = (xyz[:, None] + off_m[:, None] * np.array([*left, 0.0])).reshape(-1, 3)
+        col, row, _ = self.rig.project(self.poses.to_vehicle(i, places))
+        inside = (
+            np.isfinite(col)
+            & (col >= 0)
+            & (col < self.rig.width - 0.5)
+            & (row >= 0)
+            & (row < self.rig.height - 0.5)
+        )
+        c, r = np.round(col[inside]).astype(int), np.round(row[inside]).astype(int)
+        return float(self.pair(i).left[r, c].mean()) if len(c) else 0.0
+
+    def contrast(self, i, xyz, left, is_paint):
+        """Paint over both sides of it, or the left side over the right one. [grey values]"""
+        beside = np.linspace(0.03, 0.15, 5)
+        if is_paint:
+            sides = [self.grey_beside(i, xyz, left, s * (beside + 0.12)) for s in (1.0, -1.0)]
+            return self.grey_beside(i, xyz, left, np.array([-0.03, 0.0, 0.03])) - max(sides)
+        return self.grey_beside(i, xyz, left, beside) - self.grey_beside(i, xyz, left, -beside)
 
 
 def main(arguments=()):
@@ -123,7 +133,7 @@ def main(arguments=()):
             )  # fmt: skip
             world = World(drawn, road, seed)
             rng = np.random.default_rng([seed, sum(map(ord, road))])
-            for kind in ("lane_marking", "road_boundary"):
+            for kind in options.kinds.split(","):
                 for case in cases_in(world, kind, options.picks, rng):
                     results[kind].append(judged(world, case, options))
     for kind, rows in results.items():
@@ -134,6 +144,7 @@ def parsed(arguments):
     parser = argparse.ArgumentParser(prog="python -m benchmarks.picked_edge")
     parser.add_argument("--seeds", default="950-955", help="first-last, or a list")
     parser.add_argument("--roads", default=",".join(ROADS))
+    parser.add_argument("--kinds", default="lane_marking,road_boundary")
     parser.add_argument("--picks", type=int, default=9, help="of each kind, per drive")
     parser.add_argument("--length-m", type=float, default=60.0)
     parser.add_argument("--every-m", type=float, default=3.0)
@@ -170,13 +181,16 @@ def drawn_case(world, lines, rng):
     ends = np.flatnonzero(paint[first : last + 1]) + first
     way = xyz[min(k + 5, len(xyz) - 1), :2] - xyz[max(k - 5, 0), :2]
     left = np.array([-way[1], way[0]]) / np.hypot(*way)
-    grey = world.difference(number, xyz[k], left)
-    step = float(lines.height_m[i]) if np.isfinite(lines.height_m[i]) else 0.0
     is_edge = lines.kind[i] == "road_boundary"
-    if is_edge and abs(grey) < LEAST_GREY and abs(step) < LEAST_STEP_M:
+    n = 6 if is_edge else 1
+    grey = world.contrast(number, xyz[max(k - n, 0) : k + n + 1], left, not is_edge)
+    step = float(lines.height_m[i]) if np.isfinite(lines.height_m[i]) else 0.0
+    if (not is_edge and grey < LEAST_GREY) or (abs(grey) < LEAST_GREY and abs(step) < LEAST_STEP_M):
         return None
     pixel = pixels[k] + rng.uniform(-SHIFT_PX, SHIFT_PX, 2)
     stretch = xyz[ends[0] : ends[-1] + 1]
+    if len(stretch) * EVERY_M < LEAST_LENGTH_M:
+        return None
     if away[ends[0]] > away[ends[-1]]:
         stretch = stretch[::-1]
     return Case(world.name, str(lines.kind[i]), number, pixel, stretch, grey, step, radius_m(stretch))

@@ -20,6 +20,8 @@ SPACING_M = 0.25
 _OFF, _ROUNDS = 3.5, 2
 #: Matches farther than this from the course are of something else: pairs err by some centimetres. [m]
 _NEAR_M = 0.4
+#: A line ends where it is not known better than this. [m]
+MOST_SIGMA_M = 0.25
 #: The course, as pairs handed it on, has kinks of this size. [m]
 _KINK_M = 0.03
 #: Poses of successive pairs err by this against each other, at first sight [m]; of fewer pairs nothing is known.
@@ -100,7 +102,10 @@ def edge_through(course: FloatArray, seen: Seen) -> SmoothEdge:
     at, *_ = _beside(line, _left_of(line), seen)
     pairs = _pairs_at(at, seen.pair, len(line))
     sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2) + between**2 / pairs[:, None])
-    return SmoothEdge(line, sigma[:, 0], sigma[:, 1], np.bincount(at, minlength=len(line)))
+    count = np.bincount(at, minlength=len(line))
+    known = np.flatnonzero((sigma[:, 0] <= MOST_SIGMA_M) & (count > 0))
+    whole = slice(int(known[0]), int(known[-1]) + 1) if len(known) > 1 else slice(None)
+    return SmoothEdge(line[whole], sigma[whole, 0], sigma[whole, 1], count[whole])
 
 
 def smooth_course(course: FloatArray) -> FloatArray:

@@ -52,11 +52,12 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """What was picked: the middle of a stripe and its width, or an edge (width NaN). [m, grey values]"""  # noqa: D400
+    """What was picked: the middle of a stripe and its width, or an edge (width NaN); how far the next edge is. [m]"""  # noqa: D400
 
     at_m: float
     width_m: float
     rise: float
+    free_m: float = float("inf")
 
 
 def rises(grey: FloatArray, n: int) -> FloatArray:
@@ -130,10 +131,16 @@ def pattern_at(profile: Profile, reach_m: float, on_paint_m: float, kind: str) -
         taken = [edge for pair in stripes for edge in pair]
         if kind != "lane_marking":
             single = [edge for edge in edges if abs(edge.at_m) <= reach_m and edge not in taken]
-            found += [(abs(edge.at_m), Pattern(edge.at_m, float("nan"), edge.rise)) for edge in single]
+            found += [(abs(e.at_m), Pattern(e.at_m, float("nan"), e.rise, _free(e, edges))) for e in single]
         if found:
             return min(found, key=lambda f: f[0])[1]
     return None
+
+
+def _free(edge: Edge, edges: list[Edge]) -> float:
+    """Return how far from an edge the next one begins that is as high or higher. [m]"""  # noqa: D400
+    others = [abs(e.at_m - edge.at_m) for e in edges if e is not edge and abs(e.rise) >= 0.7 * abs(edge.rise)]
+    return min(others, default=float("inf")) - _SIDES[0][0]
 
 
 def _stripes(profile: Profile, edges: list[Edge]) -> list[tuple[Edge, Edge]]:

@@ -11,7 +11,7 @@ from linework.model.arrays import FloatArray
 
 #: Roads bend to radii of 18 m, within a car's length or two where a kerb turns into a side street, slower on the
 #: open road: density of the curvature's random walk. [1/m^3]
-BENDING = 3e-5
+BENDING = 5e-6
 #: Grades change over crests and sags of some hundred metres' radius, and at ramps: density of the grade's random
 #: walk. [1/m]
 GRADING = 3e-5

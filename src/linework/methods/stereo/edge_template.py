@@ -7,17 +7,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from linework.kernels.line_matching import integral_of
+from linework.methods.stereo.edge_profile import Pattern
 from linework.model.arrays import FloatArray
 
 #: Spacing and reach of a template: finer than any camera's pixel at the nearest place it sees. [m]
 STEP_M, REACH_M = 0.005, 0.8
 #: Beside a stripe, and to either side of an edge, so much is compared: as wide as the narrowest verge. [m]
 BESIDE_M, EDGE_M = 0.12, 0.22
+#: An edge's own sides, at least. [m]
+LEAST_EDGE_M = 0.08
 #: So much of a template is taken from each match: it is renewed over some metres, grain of the road
 #: does not become part of it.
 RENEWED = 0.04
 #: An edge's sides are averaged over this, the noise of single samples away. [m]
 _SIDE_M = 0.03
+#: An edge stays within this of where it was. [m]
+_EDGE_REACH_M = 0.12
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +39,8 @@ class Template:
         Between both edges of a stripe; NaN for an edge.
     rise
         Of an edge, from its right to its left; of a stripe, paint over road. [grey values]
+    free_m
+        From an edge to the next one, which has its own way. [m]
     total
         (n + 1,) running integral of `grey`, as kernels take it.
     """
@@ -42,6 +49,7 @@ class Template:
     anchor_m: float
     width_m: float
     rise: float
+    free_m: float
     total: FloatArray
 
     @property
@@ -52,7 +60,9 @@ class Template:
     @property
     def window_m(self) -> float:
         """Half of the width that is compared. [m]"""  # noqa: D400
-        return 0.5 * self.width_m + BESIDE_M if self.is_stripe else EDGE_M
+        if self.is_stripe:
+            return 0.5 * self.width_m + BESIDE_M
+        return min(max(self.free_m, LEAST_EDGE_M), EDGE_M)
 
     @property
     def mean(self) -> float:
@@ -67,11 +77,12 @@ def grid() -> FloatArray:
     return np.asarray(STEP_M * np.arange(-n, n + 1), dtype=np.float64)
 
 
-def template_of(s: FloatArray, grey: FloatArray, anchor_m: float, width_m: float, rise: float) -> Template:
+def template_of(s: FloatArray, grey: FloatArray, pattern: Pattern) -> Template:
     """Return the template of grey values at places across a line [m], anchored anew on its edges."""
     seen = np.isfinite(grey)
-    values = np.interp(grid() + anchor_m, s[seen], grey[seen])
-    return anchored(Template(values, 0.0, width_m, rise, integral_of(values)))
+    values = np.interp(grid() + pattern.at_m, s[seen], grey[seen])
+    p = pattern
+    return anchored(Template(values, 0.0, p.width_m, p.rise, p.free_m, integral_of(values)))
 
 
 def renewed(template: Template, s: FloatArray, grey: FloatArray, seen: FloatArray) -> Template:
@@ -96,7 +107,7 @@ def anchored(template: Template) -> Template:
     """Return the template with its line where its edges are now: matching alone would drift away from them."""
     s, grey, at = grid(), template.grey, template.anchor_m
     if not template.is_stripe:
-        edge = _crossing(s, grey, at, template.rise, EDGE_M)
+        edge = _crossing(s, grey, at, template.rise, min(template.window_m, _EDGE_REACH_M))
         return template if edge is None else replace(template, anchor_m=edge[0], rise=edge[1])
     half = 0.5 * template.width_m
     reach = min(max(half, 2.0 * STEP_M), BESIDE_M)

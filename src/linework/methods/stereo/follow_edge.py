@@ -29,6 +29,8 @@ BRIDGED_M, AGREE = 1.0, (3, 4)
 LONGER = 3.0
 #: Nearer to an image's border than this it need not show the line. [pixels]
 _BORDER_PX = 6.0
+#: So many steps one image alone may go on where the line has left the other one.
+_ALONE = 8
 #: A match is looked for at most this far from where it is expected: nearer than the next line. [m]
 MOST_GATE_M = 0.5
 
@@ -190,7 +192,8 @@ def _measured(
             matches.append(match)
             is_alone &= match.is_alone
     # Grain of the road and leaves look like anything in one image; the line is where both show it
-    if len(seen) < n_inside or not seen:
+    n_alone = sum(not v.in_both for v in walk.vertices[-_ALONE:])
+    if len(seen) < n_inside or not seen or (n_inside == 1 and n_alone == _ALONE):
         return None, True
     state = corrected(walk.state, place.frame[2], seen)
     template = drawn_in(walk.template, max(matches, key=lambda m: m.correlation))

@@ -23,14 +23,14 @@ from linework.methods.stereo.edge_template import REACH_M, STEP_M, Template, ren
 from linework.methods.stereo.edge_view import View
 from linework.model.arrays import FloatArray
 
-#: Interpolation between pixels leaves a systematic error of this size. [pixels]
-LEAST_SIGMA_PX = 0.03
+#: Interpolation, and a pattern that is not quite the template, leave an error of this size. [pixels]
+LEAST_SIGMA_PX = 0.1
 #: A match in a narrow gate has few places to choose from, one in a wide gate has many: so much of the profile must
 #: be the template's, and so many times the rest's variance.
 NARROW, WIDE = (0.65, 12.0), (0.75, 25.0)
 #: Light and shade change all grey values by one factor; the contrast over the mean stays, but for lamps' glare and
-#: black levels, within this factor.
-CONTRAST = 3.0
+#: black levels, within this factor. Less of it is paint that ends within the step, or is worn on one side.
+CONTRAST = 2.5
 #: A second place as good as this share of the best one is as good.
 AS_GOOD = 0.9
 #: Rows and columns that are averaged along the line, at most: more shows no finer detail, and costs time.
@@ -128,29 +128,30 @@ def match_edge(
     apart = (template.width_m if template.is_stripe else 0.1) + 2.0 * scale.pixel_m
     found = match_profile(profile, scale.pixel_m, template.total, STEP_M, window, (expected, gate[1]), apart)
     least, ratio = NARROW if gate[1] <= 4.0 * scale.pixel_m else WIDE
-    if not _is_it(found, template, least, ratio):
+    contrast = _contrast(found, template)
+    if not _is_it(found, least, ratio) or not 1.0 / CONTRAST < contrast < CONTRAST:
         return None
     # The middle of the line must have been seen, not only its side
     across = found[SHIFT] + template.anchor_m
     k = round(across / scale.pixel_m) + half
     if not 0 <= k < len(profile) or math.isnan(profile[k]):
         return None
-    sigma = math.hypot(found[SIGMA], LEAST_SIGMA_PX * scale.pixel_m)
+    sigma = math.hypot(found[SIGMA], LEAST_SIGMA_PX * scale.pixel_m) * max(1.0, 1.0 / contrast) ** 2
     s = (np.arange(-half, half + 1) * scale.pixel_m) - found[SHIFT]
     alone = bool(found[OTHER] < AS_GOOD * found[CORRELATION] or found[OTHER] < WIDE[0])
     return Match(float(across), sigma, float(found[CORRELATION]), alone, s, profile, found)
 
 
-def _is_it(found: FloatArray, template: Template, least: float, ratio: float) -> bool:
+def _is_it(found: FloatArray, least: float, ratio: float) -> bool:
     r = float(found[CORRELATION])
-    if r < least or r * r * (found[SAMPLES] - 2.0) < ratio * (1.0 - r * r):
-        return False
+    return r >= least and r * r * (found[SAMPLES] - 2.0) >= ratio * (1.0 - r * r)
+
+
+def _contrast(found: FloatArray, template: Template) -> float:
+    """Return the contrast of a match over its mean, as a multiple of the template's."""
     mean = template.mean
     seen = found[OFFSET] + found[GAIN] * mean
-    if seen <= 0.0:
-        return False
-    contrast = found[GAIN] * mean / seen
-    return bool(1.0 / CONTRAST < contrast < CONTRAST)
+    return float(found[GAIN] * mean / seen) if seen > 0.0 else 0.0
 
 
 def drawn_in(template: Template, match: Match) -> Template:

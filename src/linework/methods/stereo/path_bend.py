@@ -12,7 +12,7 @@ _ALONG_RAD = np.radians(15.0)
 #: The path's curvature is taken over this to either side. [m]
 _OVER_M = 6.0
 #: A driver's path bends as the lines do, to this. [1/m]
-_SIGMA = 0.01
+_SIGMA = 0.005
 #: Farther from the path a line belongs to another road. [m]
 _FAR_M = 12.0
 
@@ -41,7 +41,11 @@ def bent_like_path(state: LineState, path: FloatArray) -> LineState:
     way = 1.0 if abs(apart) < 0.5 * np.pi else -1.0
     if min(abs(apart), np.pi - abs(apart)) > _ALONG_RAD:
         return state
-    curvature = way * float(heading[3] - heading[0]) / float(at[3] - at[0])
+    bend = float(heading[3] - heading[0]) / float(at[3] - at[0])
+    # Lines beside the path are its parallels: shorter and sharper inside of the bend
+    middle = 0.5 * (heading[1] + heading[2])
+    left_m = float((state.place - path[i])[:2] @ np.array([-np.sin(middle), np.cos(middle)]))
+    curvature = way * bend / max(1.0 - bend * left_m, 0.2)
     covariance = state.covariance.copy()
     covariance[CURVATURE, CURVATURE] = _SIGMA**2
     return LineState(state.place, state.heading_rad, curvature, state.grade, covariance)

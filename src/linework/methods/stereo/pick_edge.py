@@ -28,7 +28,7 @@ _LENGTH_M, _ROWS, _MOST_ROWS = 1.2, 4.0, 24
 #: How well the start is known: heading [rad], curvature [1/m], height [m] (a kerb's top is on no road plane), grade.
 _START = (0.035, 0.03, 0.12, 0.03)
 #: Where a dash begins or paint is worn it is looked at a little farther on, or back. [m]
-_BESIDE_M = (0.0, 0.6, -0.6)
+_BESIDE_M = (0.0, 0.6, -0.6, 1.4, -1.4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +61,17 @@ def pick_edge(view: View, side: int, place: FloatArray, kind: str) -> Picked | R
     heading, rise = _direction(view, side, place)
     way = np.array([np.cos(heading), np.sin(heading), 0.0])
     refused = Refused(f"no edge within {PICK_PX:.0f} pixels, grey values differ by {rise:.0f} at most")
+    edge = None
     for along in _BESIDE_M:
         found = _picked_at(view, side, place + along * way, heading, kind)
         if isinstance(found, Picked):
-            return found
-        refused = found or refused
-    return refused
+            # The edge of a worn stripe is one where the paint is whole
+            if found.template.is_stripe:
+                return found
+            edge = edge or found
+        elif found is not None:
+            refused = found
+    return edge or refused
 
 
 def _picked_at(
@@ -86,7 +91,7 @@ def _picked_at(
         return Refused(f"the edge there is {other}")
     # Begin on the line itself
     state = _start(view, place, heading, chosen.at_m, pixel_m)
-    template = template_of(profile.s, profile.grey, chosen.at_m, chosen.width_m, chosen.rise)
+    template = template_of(profile.s, profile.grey, chosen)
     frame = state.frame(view.up)
     for image in (side, 1 - side):
         scale = scale_at(view, image, frame)
