@@ -17,6 +17,8 @@ from linework.navigation.wheels import Ways, sound_ways
 _SPEED_WINDOW_S = 1.0
 #: Fixes that move by more than this and so many sigmas while the wheels stand are no noise. [m]
 _MOVED_M, _MOVED_SIGMAS = 1.0, 5.0
+#: Fixes of so long before and after a stop are looked at; of each at least so many. [s]
+_AROUND_S, _LEAST_FIXES = 10.0, 4
 #: Ways are not believed from so long before wheels go blind until so long after: their speed ends at about
 #: 1 m/s, which takes a second to brake. [s]
 _BLIND_S = 1.0
@@ -66,14 +68,8 @@ def _really_standing(ways: Ways, gnss: GnssLog) -> Ways:
     """Take out stops in which the fixes move: sensors of wheels are blind when slow, counters stick."""
     standing, moving, said = [], [], []
     for start, end in ways.at_rest:
-        inside = np.flatnonzero((gnss.time_s >= start) & (gnss.time_s <= end))
-        third = max(len(inside) // 3, 1)
-        if len(inside) < 4:
-            standing.append((start, end))
-            continue
-        first, last = inside[:third], inside[-third:]
-        moved = np.hypot(*(np.median(gnss.xyz[last], axis=0) - np.median(gnss.xyz[first], axis=0))[:2])
-        if moved <= _MOVED_M + _MOVED_SIGMAS * np.median(gnss.sigma_m[inside, :2]):
+        moved = _moved(ways, gnss, float(start), float(end))
+        if moved == 0.0:
             standing.append((start, end))
             continue
         moving.append((start - _BLIND_S, end + _BLIND_S))
@@ -85,6 +81,27 @@ def _really_standing(ways: Ways, gnss: GnssLog) -> Ways:
         at_rest=np.reshape(standing, (-1, 2)), no_way=no_way[np.argsort(no_way[:, 0], kind="stable")],
         warnings=(*ways.warnings, *said),
     )  # fmt: skip
+
+
+def _moved(ways: Ways, gnss: GnssLog, start_s: float, end_s: float) -> float:
+    """Return how far the fixes move while the wheels stand, 0 where that may be noise or fixes far off, in metres.
+
+    Fixes are compared with those after the stop that are as good as at its place: bad ones do not last.
+    """
+    third = (end_s - start_s) / 3.0
+    near = np.flatnonzero((gnss.time_s > start_s - _AROUND_S) & (gnss.time_s < end_s + _AROUND_S))
+    time, xy = gnss.time_s[near], gnss.xyz[near, :2]
+    way = np.interp(time, ways.time_s, ways.way_m.mean(axis=1))
+    at_start, at_end = np.interp([start_s, end_s], ways.time_s, ways.way_m.mean(axis=1))
+    least = _MOVED_M + _MOVED_SIGMAS * float(np.median(gnss.sigma_m[near, :2])) if len(near) else np.inf
+    before = (time < start_s + third) & (np.abs(way - at_start) < 0.25 * least)
+    after = (time > end_s - third) & (np.abs(way - at_end) < 0.25 * least)
+    if min(np.count_nonzero(time[before] < start_s), np.count_nonzero(time[after] > end_s)) == 0:
+        return 0.0
+    if min(np.count_nonzero(before), np.count_nonzero(after)) < _LEAST_FIXES:
+        return 0.0
+    moved = float(np.hypot(*(np.median(xy[after], axis=0) - np.median(xy[before], axis=0))))
+    return moved if moved > least else 0.0
 
 
 def _bridged(time_s: FloatArray, way_m: FloatArray, spans: FloatArray) -> FloatArray:

@@ -56,9 +56,7 @@ def located_stretch(
     """Return the poses of a stretch."""
     # A local origin; only what gyro, wheels and GNSS have in common
     first, last = motion.span_s
-    inside = (fixes.time_s >= first) & (fixes.time_s <= last)
-    origin = np.round(np.median(fixes.xyz, axis=0))
-    gnss = GnssLog(fixes.time_s[inside], fixes.xyz[inside] - origin, fixes.sigma_m[inside])
+    gnss, origin = _from_origin(fixes, first, last)
     # Dead reckoning from end to end, laid onto the first fixes
     reckoned = reckon(motion, gnss.time_s)
     problem = _problem(motion, reckoned, gnss, sensors)
@@ -74,11 +72,7 @@ def located_stretch(
     forward = filtered(problem, noise)
     estimate = smoothed(problem, noise, forward)
     problem, steps_said = _with_bias_jumps(problem, noise, estimate)
-    doubt = doubts(estimate.innovation_m, estimate.innovation_sigma_m)
-    for _ in range(2):
-        problem = replace(problem, x0=estimate.x[0])
-        estimate = smoothed(problem, noise, filtered(problem, noise, doubt))
-        doubt = doubts(estimate.innovation_m, estimate.innovation_sigma_m)
+    estimate, doubt = _reweighted(problem, noise, estimate)
     # Poses at any rate, but for what is too long or too far from a fix
     time = np.arange(np.ceil(first * rate_hz) / rate_hz, last, 1.0 / rate_hz)
 
@@ -103,6 +97,23 @@ def located_stretch(
         stretches=(_account(problem, estimate, noise, sensors),),
         warnings=(*said, *steps_said),
     )
+
+
+def _from_origin(fixes: GnssLog, first_s: float, last_s: float) -> tuple[GnssLog, FloatArray]:
+    """Return the fixes of a time from a local origin, and that origin."""
+    inside = (fixes.time_s >= first_s) & (fixes.time_s <= last_s)
+    origin = np.round(np.median(fixes.xyz, axis=0))
+    return GnssLog(fixes.time_s[inside], fixes.xyz[inside] - origin, fixes.sigma_m[inside]), origin
+
+
+def _reweighted(problem: Problem, noise: NoiseModel, estimate: Estimate) -> tuple[Estimate, FloatArray]:
+    """Smooth twice more, fixes far from the smoothed track with less weight; return their added variance."""
+    doubt = doubts(estimate.innovation_m, estimate.innovation_sigma_m)
+    for _ in range(2):
+        problem = replace(problem, x0=estimate.x[0])
+        estimate = smoothed(problem, noise, filtered(problem, noise, doubt))
+        doubt = doubts(estimate.innovation_m, estimate.innovation_sigma_m)
+    return estimate, doubt
 
 
 def _problem(motion: Motion, reckoned: Reckoned, gnss: GnssLog, sensors: Sensors) -> Problem:
@@ -196,6 +207,12 @@ def _kept(
         to_end = end - time_s if end <= fix_time_s[-1] else np.full(len(time_s), np.inf)
         far = np.minimum(from_start, to_end) > 0.5 * config.longest_outage_s
         kept &= ~((time_s > start) & (time_s < end) & far)
+    if not kept.any():
+        raise InputError(
+            f"no place is certain to {config.max_sigma_m:g} m from {time_s[0]:.1f} to {time_s[-1]:.1f} s",
+            where="navigation",
+            advice="check sigmas and outages of the GNSS log",
+        )
     return kept
 
 
