@@ -162,7 +162,9 @@ def test_fused_places_weigh_by_variance() -> None:
 def test_places_are_looked_at_from_where_they_are_in_view() -> None:
     station = np.array([[0.0, 0.0, 1.0, 0.0]])
     places = np.array([[10.0, 0.0], [2.0, 0.0], [30.0, 0.0], [10.0, 9.0], [-10.0, 0.0]])
-    assert looked_at(places, station, (4.0, 20.0, 0.8, 0.8)).tolist() == [1, 0, 0, 0, 0]
+    lattice = (-60.0, -60.0, 30.0, 6)
+    code = np.array([2 * 6 + 2])
+    assert looked_at(places, station, code, lattice, (4.0, 20.0, 0.8, 0.8)).tolist() == [1, 0, 0, 0, 0]
 
 
 def test_paint_brighter_in_one_image_is_matched(pair: RectifiedPair) -> None:

@@ -105,25 +105,37 @@ def fuse(
 
 
 @njit(cache=True, nogil=True)
-def looked_at(places: F64, stations: F64, view: tuple[float, float, float, float]) -> I64:
+def looked_at(
+    places: F64, stations: F64, codes: I64, lattice: tuple[float, float, float, int],
+    view: tuple[float, float, float, float],
+) -> I64:  # fmt: skip
     """Return (m,) how many of the stations looked at each place.
 
     Parameters
     ----------
     places : (m, 2)
     stations
-        (k, 4): place of the camera and direction of its view, in plan.
+        (k, 4) in order of cells: place of the camera and direction of its view, in plan.
+    codes, lattice
+        Cell of each station, ascending; west, south edge and size of the cells, number of columns. A cell is as
+        large as what a station sees.
     view
         Nearest and farthest distance ahead [m]; largest slope of the rays to the left and to the right.
     """
+    west, south, cell, n_cols = lattice
     out = np.zeros(len(places), dtype=np.int64)
     for i in range(len(places)):
-        for k in range(len(stations)):
-            dx, dy = places[i, 0] - stations[k, 0], places[i, 1] - stations[k, 1]
-            ahead = dx * stations[k, 2] + dy * stations[k, 3]
-            if ahead < view[0] or ahead > view[1]:
-                continue
-            left = dy * stations[k, 2] - dx * stations[k, 3]
-            if -view[3] * ahead <= left <= view[2] * ahead:
-                out[i] += 1
+        col, row = int((places[i, 0] - west) // cell), int((places[i, 1] - south) // cell)
+        if col < 0 or col >= n_cols:
+            continue
+        for r in range(row - 1, row + 2):
+            first = first_at(codes, r * n_cols + max(col - 1, 0))
+            for k in range(first, first_at(codes, r * n_cols + min(col + 1, n_cols - 1) + 1)):
+                dx, dy = places[i, 0] - stations[k, 0], places[i, 1] - stations[k, 1]
+                ahead = dx * stations[k, 2] + dy * stations[k, 3]
+                if ahead < view[0] or ahead > view[1]:
+                    continue
+                left = dy * stations[k, 2] - dx * stations[k, 3]
+                if -view[3] * ahead <= left <= view[2] * ahead:
+                    out[i] += 1
     return out

@@ -119,12 +119,12 @@ def fused_boxes(pieces: Pieces, poses: Poses, rig: RectifiedRig, origin: FloatAr
     table = np.column_stack([pieces.centre, pieces.u, pieces.var_v, pieces.var_z])[rank]
     best = np.lexsort((table[:, 0], table[:, 1], pieces.distance_m[rank])).astype(np.int64)
     seeds, place, fused = fuse(table, best, codes[rank], (west, south, _CELL_M, n_cols), ALONG_M, ACROSS_M)
-    return _boxes(pieces, rank, seeds, place, fused, poses, _stations(poses, rig, origin), rig)
+    return _boxes(pieces, rank, seeds, place, fused, poses, Looks.of(pieces, poses, rig, origin))
 
 
 def _boxes(
     pieces: Pieces, rank: IntArray, seeds: IntArray, place: IntArray, fused: FloatArray,
-    poses: Poses, stations: FloatArray, rig: RectifiedRig,
+    poses: Poses, looks: Looks,
 ) -> BoxSet:  # fmt: skip
     """Return the boxes of fused places that enough pairs have seen."""
     m = len(seeds)
@@ -135,8 +135,7 @@ def _boxes(
     n_pairs = _distinct(place, pose, m)
     near = pieces.distance_m[rank] <= LOOKED_M
     n_near = _distinct(place[near], pose[near], m)
-    nearest, left, right = _nearest_and_sides(pieces, rig)
-    n_looked = looked_at(centre[:, :2], stations, (nearest, LOOKED_M, left, right))
+    n_looked = looks.count(centre[:, :2])
     share = np.minimum(n_near / np.maximum(n_looked, 1), 1.0)
     kept = (n_near >= 1) & (share >= LEAST_SHARE)
     n = np.bincount(place, minlength=m)
@@ -168,13 +167,6 @@ def _distinct(place: IntArray, pose: IntArray, m: int) -> IntArray:
     return np.bincount(pairs[:, 0], minlength=m)
 
 
-def _stations(poses: Poses, rig: RectifiedRig, origin: FloatArray) -> FloatArray:
-    """Return (k, 4): place and direction of view of the left camera, in plan."""
-    eye = poses.R_world_vehicle @ rig.position_m + poses.xyz - origin
-    ahead = (poses.R_world_vehicle @ rig.R_vehicle_camera)[:, :2, 2]
-    return np.column_stack([eye[:, :2], ahead / np.linalg.norm(ahead, axis=1)[:, None]])
-
-
 def _nearest_and_sides(pieces: Pieces, rig: RectifiedRig) -> tuple[float, float, float]:
     """Return from where on the road is in the image [m], and how far to the left and right rays go."""
     nearest = float(np.quantile(pieces.distance_m, 0.02))
@@ -183,14 +175,50 @@ def _nearest_and_sides(pieces: Pieces, rig: RectifiedRig) -> tuple[float, float,
     return nearest, max(left, 0.0), (rig.width - 1.0 - rig.cx) / rig.focal_px
 
 
+@dataclass(frozen=True, slots=True)
+class Looks:
+    """Where the pairs were taken and how far each looks, in cells as large as what one pair sees.
+
+    Parameters
+    ----------
+    stations
+        (k, 4): place and direction of view of the left camera, in plan, in order of cells.
+    codes, lattice, view
+        As `linework.kernels.fuse.looked_at` takes them.
+    """
+
+    stations: FloatArray
+    codes: IntArray
+    lattice: tuple[float, float, float, int]
+    view: tuple[float, float, float, float]
+
+    @classmethod
+    def of(cls, pieces: Pieces, poses: Poses, rig: RectifiedRig, origin: FloatArray) -> Looks:
+        """Sort the stations into cells."""
+        eye = poses.R_world_vehicle @ rig.position_m + poses.xyz - origin
+        ahead = (poses.R_world_vehicle @ rig.R_vehicle_camera)[:, :2, 2]
+        ahead /= np.linalg.norm(ahead, axis=1)[:, None]
+        nearest, left, right = _nearest_and_sides(pieces, rig)
+        size = LOOKED_M * float(np.hypot(1.0, max(left, right)))
+        west, south = (eye[:, :2].min(axis=0) - 2.0 * size).tolist()
+        cell = np.floor((eye[:, :2] - (west, south)) / size).astype(np.int64)
+        n_cols = int(cell[:, 0].max()) + 3
+        codes = cell[:, 1] * n_cols + cell[:, 0]
+        order = np.argsort(codes, kind="stable")
+        stations = np.column_stack([eye[:, :2], ahead])[order]
+        return cls(stations, codes[order], (west, south, size, n_cols), (nearest, LOOKED_M, left, right))
+
+    def count(self, xy: FloatArray) -> IntArray:
+        """Return (m,) how many pairs looked at each of (m, 2) places."""
+        places = np.ascontiguousarray(xy[:, :2])
+        return np.asarray(looked_at(places, self.stations, self.codes, self.lattice, self.view))
+
+
 def in_sight(pieces: Pieces, poses: Poses, rig: RectifiedRig, origin: FloatArray) -> Sight:
     """Return a function that says for (n, 2) local places whether a pair looked there."""
-    stations = _stations(poses, rig, origin)
-    nearest, left, right = _nearest_and_sides(pieces, rig)
+    looks = Looks.of(pieces, poses, rig, origin)
 
     def seen(xy: FloatArray) -> BoolArray:
-        return np.asarray(
-            looked_at(np.ascontiguousarray(xy[:, :2]), stations, (nearest, LOOKED_M, left, right)) > 0
-        )
+        return np.asarray(looks.count(xy) > 0)
 
     return seen
