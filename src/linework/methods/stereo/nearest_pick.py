@@ -16,16 +16,27 @@ _LEAST_DIFFERENCE, _OF_THE_MOST, _MOST_TRIES = 10.0, 0.5, 40
 
 
 def nearest_pick(
-    image: AnyArray, pick: tuple[float, float], works: Callable[[float, float], bool]
+    image: AnyArray,
+    pick: tuple[float, float],
+    is_road: Callable[[float, float], bool],
+    works: Callable[[float, float], bool],
 ) -> tuple[int, int] | None:
-    """Return the nearest pixel (col, row) of an image that works, None if there is none within 90 pixels."""
+    """Return the nearest pixel (col, row) of an image that works, None if there is none within 90 pixels.
+
+    Parameters
+    ----------
+    is_road
+        Whether a pixel shows the road's surface, near enough: asked of all places.
+    works
+        Whether a line can be followed from it: asked of those that differ from their surroundings.
+    """
     height, width = image.shape
     places = [
         (round(pick[0] + ring * np.cos(turn)), round(pick[1] + ring * np.sin(turn)))
         for ring in np.arange(_RING_PX, _LAST_PX + 1.0, _RING_PX)
         for turn in 2.0 * np.pi * np.arange(_PLACES) / _PLACES
     ]
-    inside = [(c, r) for c, r in places if 2 <= c < width - 2 and 2 <= r < height - 2]
+    inside = [(c, r) for c, r in places if 2 <= c < width - 2 and 2 <= r < height - 2 and is_road(c, r)]
     if not inside:
         return None
     differ = np.array([float(np.ptp(image[r - 2 : r + 3, c - 2 : c + 3])) for c, r in inside])

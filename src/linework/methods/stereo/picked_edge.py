@@ -189,7 +189,12 @@ def _picked(
     found = tried(*pixel)
     if isinstance(found, Picked):
         return found
-    works = nearest_pick(view.images[side], pixel, lambda c, r: isinstance(tried(c, r), Picked))
+    works = nearest_pick(
+        view.images[side],
+        pixel,
+        lambda col, row: road.under(side, col, row) is not None,
+        lambda col, row: isinstance(tried(col, row), Picked),
+    )
     raise PickRefusedError(found.reason, (view.number, *pixel), works)
 
 
