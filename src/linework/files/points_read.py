@@ -65,7 +65,7 @@ def _is_of(feature: Any, name: str) -> bool:
 
 def _places(shapes: AnyArray) -> FloatArray:
     """Return (n, 3) coordinates; a height that is missing is 0."""
-    return np.nan_to_num(shapely.get_coordinates(shapes, include_z=True))
+    return np.asarray(np.nan_to_num(shapely.get_coordinates(shapes, include_z=True)), dtype=np.float64)
 
 
 def _column(values: Sequence[Any]) -> AnyArray:
