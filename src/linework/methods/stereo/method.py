@@ -19,7 +19,7 @@ from linework.methods.stereo.pieces import fused_boxes, in_sight, pieces_of
 from linework.methods.stereo.road_plane import find_road
 from linework.methods.stereo.sighted import sightings_of
 from linework.methods.stereo.stripes import StripeConfig, find_stripe_lines
-from linework.model.arrays import FloatArray, IntArray
+from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.camera import RectifiedRig
 from linework.model.images import Poses, RectifiedPair
 from linework.model.lines import LineSet
@@ -35,6 +35,9 @@ SAME_PAINT_M = 0.10
 LEAST_SCORE, LEAST_OF_LONG, LONG = 0.45, 0.38, 20.0
 #: A place with less than this share of its line's median score is no paint: far pairs smear the ends of dashes.
 WEAK = 0.5
+#: A line of paint has one width: places that are wider or narrower by this share of it [1] and by what edges differ [m]
+#: are of an arrow, a crossing or something bright that the line was led to.
+OTHER_WIDTH, EDGES_M = 0.5, 0.03
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,7 +101,7 @@ class StereoMethod:
         whole, _ = marking_lines.marking_lines(boxes, tracks.with_boxes(3), looked)
         guides = [*(Course.of(m.line.t_m, m.line.xyz) for m in whole), *way]
         tracks = join_along(boxes, tracks, guides, self.config.track.longest_gap_m)
-        tracks = _without_weak(tracks, boxes.score).with_boxes(3)
+        tracks = _without_weak(_of_one_width(tracks, 2.0 * boxes.half_v_m), boxes.score).with_boxes(3)
         markings, _ = marking_lines.marking_lines(boxes, tracks, looked)
         markings = [m for m in markings if _is_sure(boxes.score[m.boxes])]
         # Edge, lane and centre lines by how they lie to one another
@@ -119,9 +122,24 @@ class StereoMethod:
 
 def _without_weak(tracks: Tracks, score: FloatArray) -> Tracks:
     """Return the tracks without the places that far fewer pairs saw than the line's others: beyond ends of dashes."""
-    typical = np.array([float(np.median(score[tracks.line(i)[0]])) for i in range(len(tracks))])
+    return _kept(tracks, score[tracks.box] >= WEAK * _typical(tracks, score))
+
+
+def _of_one_width(tracks: Tracks, width_m: FloatArray) -> Tracks:
+    """Return the tracks without the places that are much wider or narrower than the line's others."""
+    typical = _typical(tracks, width_m)
+    return _kept(tracks, np.abs(width_m[tracks.box] - typical) <= OTHER_WIDTH * typical + EDGES_M)
+
+
+def _typical(tracks: Tracks, value: FloatArray) -> FloatArray:
+    """Return for each place of the tracks the median value of its line's places."""
+    medians = [float(np.median(value[tracks.line(i)[0]])) for i in range(len(tracks))]
+    return np.repeat(np.array(medians), np.diff(tracks.offsets))
+
+
+def _kept(tracks: Tracks, kept: BoolArray) -> Tracks:
+    """Return the tracks with some of their places only."""
     owner = np.repeat(np.arange(len(tracks)), np.diff(tracks.offsets))
-    kept = score[tracks.box] >= WEAK * typical[owner] if len(tracks) else np.zeros(0, dtype=np.bool_)
     n = np.bincount(owner[kept], minlength=len(tracks))
     return Tracks(tracks.box[kept], tracks.way[kept], np.concatenate([[0], np.cumsum(n)]).astype(np.int64))
 

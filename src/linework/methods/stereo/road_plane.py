@@ -32,6 +32,10 @@ SHAPE_NOISE = (0.02, 0.5)
 #: What is known of the shape beforehand, as standard deviations: height, slopes across and ahead, crown (4 % to
 #: both sides, over 4 m: 0.01/m), crests and sags (500 m radius), change of crossfall (1 % in 10 m).
 SHAPE_SIGMAS = (0.10, 0.03, 0.02, 0.01, 0.001, 0.001)
+#: Which of them is the crown: positive, it would be a hollow.
+HOLLOW = 3
+#: Which of them say how the road lies to the sides of the van's own lane.
+ASIDE_TERMS = np.array([False, True, False, True, False, True])
 #: Places of one plane differ by the noise of matching slanted windows, and by the road's shape. [pixels]
 TOLERANCE_PX = 1.0
 #: Trials of three places: a plane that a third of the places are on is met once in 27.
@@ -95,11 +99,20 @@ class RoadShape:
 
     def disparity(self, rig: RectifiedRig, col: FloatArray, row: FloatArray) -> FloatArray:
         """Return the road's disparity at left pixels below the plane's horizon."""
+        return self._disparity(rig, col, row, self.shape)
+
+    def level_disparity(self, rig: RectifiedRig, col: FloatArray, row: FloatArray) -> FloatArray:
+        """Return the disparity of the van's own lane carried on to the sides: roads fall from it, kerbs rise."""
+        return self._disparity(rig, col, row, np.where(ASIDE_TERMS, 0.0, self.shape))
+
+    def _disparity(
+        self, rig: RectifiedRig, col: FloatArray, row: FloatArray, shape: FloatArray
+    ) -> FloatArray:
         d = np.maximum(self.plane.disparity(rig, col, row), 1e-3)
         per_px = rig.base_m / d
         z = np.minimum(rig.focal_px * per_px, SHAPE_AHEAD_M)
         x = np.clip((col - rig.cx) * per_px, -SHAPE_ASIDE_M, SHAPE_ASIDE_M)
-        height = _terms(x, z) @ self.shape
+        height = _terms(x, z) @ shape
         return np.asarray(d / (1.0 - np.clip(height / self.plane.camera_height_m(rig), -0.5, 0.5)))
 
 
@@ -164,7 +177,12 @@ def _fitted_shape(rig: RectifiedRig, plane: RoadPlane, found: FloatArray) -> Flo
         off = (height - terms @ shape) / np.hypot(gate, 2.0 * sigma)
         weight = np.sqrt(np.clip(1.0 - off * off, 0.0, None) / SHARED_PLACES) / sigma
         a = np.vstack([terms * weight[:, None], prior])
-        shape = np.linalg.lstsq(a, np.concatenate([height * weight, np.zeros(6)]), rcond=None)[0]
+        b = np.concatenate([height * weight, np.zeros(6)])
+        shape = np.linalg.lstsq(a, b, rcond=None)[0]
+        if shape[HOLLOW] > 0.0:
+            # Roads fall to their sides: what rises there are footways
+            level = np.arange(6) != HOLLOW
+            shape[HOLLOW], shape[level] = 0.0, np.linalg.lstsq(a[:, level], b, rcond=None)[0]
     return np.asarray(shape)
 
 

@@ -108,8 +108,16 @@ def _judged(
     sigma = float(np.median(height_sigma(rig, lines, at[matched]))) / math.sqrt(matched.sum())
     middle = float(np.median(height[matched]))
     crest = float(np.median(ahead)) ** 2 / (2.0 * BEND_M)
-    over = OVER_M if abs(float(np.median(across))) < ASIDE_M else OVER_ASIDE_M
-    if abs(lean) > STEEP or not -UNDER_M - crest - 2.0 * sigma < middle < over + crest + 2.0 * sigma:
+    aside = abs(float(np.median(across))) > ASIDE_M
+    over = (OVER_ASIDE_M if aside else OVER_M) + crest + 2.0 * sigma
+    if abs(lean) > STEEP or not -UNDER_M - crest - 2.0 * sigma < middle < over:
+        return None
+    # A footway may have passed for the road's shape; it is higher than the lane that the van drives on
+    lane = road.level_disparity(rig, t[:, COL], t[:, ROW])
+    if (
+        aside
+        and road.plane.camera_height_m(rig) * float(np.nanmedian(1.0 - lane / lines.disparity[at])) > over
+    ):
         return None
     # How much higher the one edge is than the other
     step = road.plane.camera_height_m(rig) * lines.widening[at] / surface
