@@ -9,7 +9,7 @@ import numpy as np
 
 from linework.methods.stereo.edge_hidden import is_hidden
 from linework.methods.stereo.edge_state import LineState, advanced, corrected, variance_seen
-from linework.methods.stereo.edge_template import Template
+from linework.methods.stereo.edge_template import LEAST_EDGE_M, Template
 from linework.methods.stereo.edge_view import View
 from linework.methods.stereo.match_edge import Match, Place, Scale, drawn_in, match_edge, scale_at
 
@@ -27,6 +27,8 @@ UNSEEN_M = 13.0
 BRIDGED_M, AGREE = 1.0, (3, 4)
 #: Where one step's length does not show the line, so many are looked at together.
 LONGER = 3.0
+#: A bare edge is ragged and its texture has no sharp rise: it is looked at over this length at once. [m]
+BARE_M = 2.0
 #: Nearer to an image's border than this it need not show the line. [pixels]
 _BORDER_PX = 6.0
 #: So many steps one image alone may go on where the line has left the other one.
@@ -169,6 +171,8 @@ def _measured(
     view: View, walk: _Walk, place: Place, scales: list[Scale | None], step: float
 ) -> tuple[Vertex | None, bool]:
     """Return what both images show here, and whether there is only one place that it can be."""
+    # Steps overlap where more than one is looked at: the variance stays that of all of them together
+    first = 1.0 if walk.template.is_stripe else max(BARE_M / step, 1.0)
     seen: list[tuple[float, float, float]] = []
     matches: list[Match] = []
     is_alone, n_inside = True, 0
@@ -181,11 +185,11 @@ def _measured(
         offset = so_far.place - place.frame[0]
         expected = float(offset[:2] @ place.frame[2, :2]) + scale.lift * float(offset[2])
         reach = 3.0 * np.sqrt(variance_seen(so_far, scale.lift)) + scale.pixel_m
-        gate = (expected, float(min(reach, max(MOST_GATE_M, 2.0 * scale.pixel_m))))
-        match, longer = match_edge(view, side, place, walk.template, gate, step), 1.0
+        gate = (expected, float(min(reach, max(_most_gate(walk.template), 2.0 * scale.pixel_m))))
+        match, longer = match_edge(view, side, place, walk.template, gate, first * step), first
         if match is None:
             # Weak edges show over a longer stretch; the next steps' stretches overlap it
-            longer = LONGER
+            longer = LONGER * first
             match = match_edge(view, side, place, walk.template, gate, longer * step)
         if match is not None:
             seen.append((match.across_m, longer * match.sigma_m**2, scale.lift))
@@ -198,6 +202,13 @@ def _measured(
     state = corrected(walk.state, place.frame[2], seen)
     template = drawn_in(walk.template, max(matches, key=lambda m: m.correlation))
     return Vertex(place, tuple(seen), state, template), is_alone
+
+
+def _most_gate(template: Template) -> float:
+    """Return how far from where it is expected a line is looked for: not as far as the next one. [m]"""  # noqa: D400
+    return (
+        min(MOST_GATE_M, max(0.5 * template.free_m, LEAST_EDGE_M)) if not template.is_stripe else MOST_GATE_M
+    )
 
 
 def _take(walk: _Walk, vertex: Vertex | None, is_alone: bool, step: float) -> None:

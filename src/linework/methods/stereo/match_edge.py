@@ -34,7 +34,7 @@ CONTRAST = 2.5
 #: A second place as good as this share of the best one is as good.
 AS_GOOD = 0.9
 #: Rows and columns that are averaged along the line, at most: more shows no finer detail, and costs time.
-_MOST_ALONG = 8
+_MOST_ALONG = 16
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,27 @@ _OVER_M = 6.0
 _SIGMA = 0.005
 #: Farther from the path a line belongs to another road. [m]
 _FAR_M = 12.0
+#: So far ahead of where the images end the road still goes about the path's way. [m]
+_AHEAD_M = 25.0
+
+
+def path_heading(place: FloatArray, path: FloatArray) -> float | None:
+    """Return the direction of the path beside a place, None where there is none near it. [rad]
+
+    Parameters
+    ----------
+    place
+        (3,) [m].
+    path
+        (n, 3) places of the van in time order. [m]
+    """  # noqa: D400
+    away = np.hypot(*(path[:, :2] - place[:2]).T)
+    i = int(np.argmin(away))
+    near = path[np.abs(np.hypot(*(path[:, :2] - path[i, :2]).T)) <= _OVER_M]
+    way = near[-1, :2] - near[0, :2]
+    if away[i] > _AHEAD_M or np.hypot(*way) < 0.1 * _OVER_M:
+        return None
+    return float(np.arctan2(way[1], way[0]))
 
 
 def bent_like_path(state: LineState, path: FloatArray) -> LineState:

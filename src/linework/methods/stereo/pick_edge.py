@@ -23,6 +23,11 @@ _SOFT_PX = 2.5
 _HALF_STRIPE_M = 0.17
 #: Directions that are tried at first, then around the best one. [degrees]
 _DIRECTIONS, _FINER = 4.0, 0.5
+#: Sides of worn paint are ragged by this. [m]
+_SIDE_M = 0.05
+#: Most lines run along the road, within 15 degrees of it (sine); what runs otherwise must be so much higher to be
+#: taken: grass and shadows have short edges in all directions.
+_ALONG_SIN, _ACROSS_ROAD = 0.26, 0.5
 #: An edge is looked at over this length, or over four rows where they are longer. [m, rows]
 _LENGTH_M, _ROWS, _MOST_ROWS = 1.2, 4.0, 24
 #: How well the start is known: heading [rad], curvature [1/m], height [m] (a kerb's top is on no road plane), grade.
@@ -46,7 +51,9 @@ class Refused:
     reason: str
 
 
-def pick_edge(view: View, side: int, place: FloatArray, kind: str) -> Picked | Refused:
+def pick_edge(
+    view: View, side: int, place: FloatArray, kind: str, road_rad: float | None = None
+) -> Picked | Refused:
     """Return the edge nearest to a place on the road, within a few pixels of one image.
 
     Parameters
@@ -57,21 +64,30 @@ def pick_edge(view: View, side: int, place: FloatArray, kind: str) -> Picked | R
         (3,) float64 [m, local world]: where the picked pixel's ray meets the road.
     kind
         "lane_marking": stripes only; "road_boundary": edges only; "": whichever is nearest.
+    road_rad
+        Direction of the road there, from the van's path; None where it is not known.
     """
-    heading, rise = _direction(view, side, place)
+    heading, rise = _direction(view, side, place, road_rad)
     way = np.array([np.cos(heading), np.sin(heading), 0.0])
     refused = Refused(f"no edge within {PICK_PX:.0f} pixels, grey values differ by {rise:.0f} at most")
     edge = None
     for along in _BESIDE_M:
         found = _picked_at(view, side, place + along * way, heading, kind)
         if isinstance(found, Picked):
-            # The edge of a worn stripe is one where the paint is whole
-            if found.template.is_stripe:
+            # The edge of a worn stripe is a side of it where the paint is whole
+            if found.template.is_stripe and (edge is None or _is_side(edge, found)):
                 return found
             edge = edge or found
         elif found is not None:
             refused = found
     return edge or refused
+
+
+def _is_side(edge: Picked, stripe: Picked) -> bool:
+    """Return whether an edge is a side of a stripe found a little farther on."""
+    across = edge.state.frame(np.array([0.0, 0.0, 1.0])).frame[2]
+    apart = abs(float((stripe.state.place - edge.state.place) @ across))
+    return abs(apart - 0.5 * stripe.template.width_m) <= _SIDE_M
 
 
 def _picked_at(
@@ -105,7 +121,7 @@ def _picked_at(
     return Picked(state, template)
 
 
-def _direction(view: View, side: int, place: FloatArray) -> tuple[float, float]:
+def _direction(view: View, side: int, place: FloatArray, road_rad: float | None) -> tuple[float, float]:
     """Return the direction in plan [rad] whose profile has the highest edge near a place, and its rise.
 
     On paint wider than the pick's reach the edges are farther away.
@@ -117,6 +133,8 @@ def _direction(view: View, side: int, place: FloatArray) -> tuple[float, float]:
             middle = best
             for turn in np.radians(np.arange(-span, span + 0.5 * step, step)):
                 score = _score(view, side, place, middle + turn, reach_m)
+                if road_rad is not None and abs(np.sin(middle + turn - road_rad)) > _ALONG_SIN:
+                    score *= _ACROSS_ROAD
                 if score > best_score:
                     best, best_score = middle + turn, score
         if best_score >= LEAST_RISE:

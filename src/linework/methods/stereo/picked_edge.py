@@ -18,7 +18,7 @@ from linework.methods.stereo.edge_state import ACROSS, HEIGHT
 from linework.methods.stereo.edge_view import View
 from linework.methods.stereo.follow_edge import UNSEEN_M, Stop, Stretch, Vertex, follow_edge
 from linework.methods.stereo.nearest_pick import nearest_pick
-from linework.methods.stereo.path_bend import bent_like_path
+from linework.methods.stereo.path_bend import bent_like_path, path_heading
 from linework.methods.stereo.pick_edge import Picked, Refused, pick_edge
 from linework.model.arrays import FloatArray
 from linework.model.images import Poses, RectifiedPair
@@ -178,9 +178,10 @@ def _picked(
         place = road.under(side, col, row)
         if place is None:
             return Refused("that is above the road's horizon, or too far away")
-        found = pick_edge(view, side, drive.poses.to_world(at, place[None])[0] - drive.origin, kind)
+        place, path = drive.poses.to_world(at, place[None])[0] - drive.origin, drive.poses.xyz - drive.origin
+        found = pick_edge(view, side, place, kind, path_heading(place, path))
         if isinstance(found, Picked):
-            found = replace(found, state=bent_like_path(found.state, drive.poses.xyz - drive.origin))
+            found = replace(found, state=bent_like_path(found.state, path))
             back, ahead = _both_ways(view, found)
             if sum(v.in_both for v in (*back.vertices, *ahead.vertices)) < LEAST_PLACES:
                 return Refused(f"there is an edge, but on the road it does not go on: {ahead.stop}")
