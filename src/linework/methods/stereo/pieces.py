@@ -12,7 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.kernels.fuse import fuse, looked_at
+from linework.kernels.track import SHARED
 from linework.methods.sight import Sight
+from linework.methods.stereo.sighted import SMOOTH_M, SPACING_M
 from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.camera import RectifiedRig
@@ -33,6 +35,8 @@ LOOKED_M = 20.0
 LEAST_SHARE = 0.15
 #: What one, two, three pairs have seen is so sure; one is enough where no other looked.
 SURE_BY_PAIRS = (0.7, 0.95, 1.0)
+#: So many places in a row have their heights from the same disparities, beyond those that smoothing takes for one.
+SHARED_HEIGHTS = max(SMOOTH_M / SPACING_M / SHARED, 1.0)
 #: Cells that pieces are looked up in. [m]
 _CELL_M = 1.0
 
@@ -143,6 +147,9 @@ def _boxes(
     def mean(values: FloatArray) -> FloatArray:
         return np.asarray(np.bincount(place, values[rank], m) / n)
 
+    by_piece = np.empty((len(rank), fused.shape[1]))
+    by_piece[rank] = fused[place]
+
     time = poses.time_s[pose]
     start, end = np.full(m, np.inf), np.full(m, -np.inf)
     np.minimum.at(start, place, time)
@@ -150,7 +157,9 @@ def _boxes(
     inflation = np.maximum(fused[:, 6], 1.0)
     # Pairs err together: calibration, and the drift of the poses between neighbouring ones
     sigma_v = np.sqrt(fused[:, 4] * inflation * np.minimum(n_pairs, 4.0))
-    sigma_z = np.sqrt(fused[:, 5] * np.minimum(n_pairs, 4.0))
+    # Heights also along the line: neighbouring places have most of their disparities in common
+    differ_z = mean((pieces.centre[:, 2] - by_piece[:, 3]) ** 2 / pieces.var_z)
+    sigma_z = np.sqrt(fused[:, 5] * np.maximum(differ_z, 1.0) * np.minimum(n_pairs, 4.0) * SHARED_HEIGHTS)
     sure = np.array(SURE_BY_PAIRS)[np.clip(np.where(n_looked == 1, 3, n_pairs), 1, 3) - 1]
     score = mean(pieces.score) * np.clip(0.4 + share, 0.0, 1.0) * sure
     boxes = BoxSet(
