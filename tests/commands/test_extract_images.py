@@ -65,7 +65,7 @@ def test_one_bad_image_is_named_and_the_rest_is_done(extracted, tmp_path, harm):
     harm(folder / "right" / "000003.png")
     found, record = extracted(folder, code=4)
     assert "000003.png" in found.line
-    assert "1 of 12 images left out" in found.line
+    assert "1 of 6 stereo pairs left out" in found.line
     assert record["counts"]["stereo_pairs_used"] == 5
     assert len(record["failures"]) == 1
 
@@ -112,7 +112,7 @@ def test_a_hole_in_the_trajectory_costs_the_pairs_in_it(extracted, tmp_path):
         tmp_path / "survey", pose_times=[-0.5, 0.0, 0.5, 1.0, 3.5, 4.0, 4.5, 5.0, 5.5]
     )
     found, record = extracted(folder, code=4)
-    assert "2 of 12 images left out" in found.line
+    assert "2 of 6 stereo pairs left out" in found.line
     assert "hole of the trajectory (1.00 to 3.50 s)" in found.line
     assert record["counts"]["stereo_pairs_used"] == 4
 
@@ -181,3 +181,32 @@ def test_keys_that_cannot_be_read_stop_nothing_else(extracted, tmp_path):
     found, record = extracted(with_events(folder, "when,what\n1,2\n"), code=4)
     assert "events.csv" in found.line
     assert record["counts"]["stereo_pairs_used"] == 6
+
+
+def test_images_are_worked_where_the_points_cannot_be(extracted, las_file, tmp_path):
+    toml = TOML.replace('"EPSG:25832"', '"EPSG:25832+7837"') + f'[points]\nfiles = ["{las_file}"]\n'
+    folder = make_stereo_folder(tmp_path / "both", toml=toml)
+    las_file.write_bytes(las_file.read_bytes()[:200])
+    found, record = extracted(folder, code=4)
+    assert "1 recording left out: " in found.line
+    assert "a.laz" in found.line
+    assert record["counts"]["stereo_pairs_used"] == 6
+
+
+def test_images_of_which_none_can_be_used_write_nothing(extracted, output, tmp_path):
+    folder = make_stereo_folder(tmp_path / "survey")
+    for image in (folder / "right").iterdir():
+        cut(image)
+    found, record = extracted(folder, code=3)
+    assert "none of 6 stereo pairs can be used" in found.line
+    assert record is None
+    assert not output.exists()
+
+
+def test_a_run_is_not_resumed_with_other_times(extracted, linework, output, tmp_path):
+    folder = make_stereo_folder(tmp_path / "survey")
+    extracted(folder)
+    text = (folder / "left.csv").read_text()
+    (folder / "left.csv").write_text(text.replace(",1.000", ",1.100"))
+    found = linework("extract", folder, "-o", output, "--quiet", "--resume")
+    assert found.code == 6, found.stderr  # another run than the one that made the output

@@ -115,7 +115,7 @@ def test_one_bad_image_costs_its_pair(
     harm(folder / "left/000002.png")
     found, record = extracted()
     assert found.code == 4
-    assert told in found.line and "000002.png" in found.line and "1 of 12 images left out" in found.line
+    assert told in found.line and "000002.png" in found.line and "1 of 6 stereo pairs left out" in found.line
     assert record["counts"]["stereo_pairs_used"] == 5
     problem = record["failures"][0]["problem"]
     assert "\n" not in problem and len(problem) <= 300 + len(str(folder)) and problem.endswith(".")
@@ -192,7 +192,8 @@ def test_a_clock_set_back_leaves_its_doubled_times_out(extracted: Any, folder: P
         (folder / f"{side}.csv").write_text(text.replace(",0.4", ",0.25").replace(",0.5", ",0.35"))
     found, record = extracted()
     assert "time runs backwards 1 times, first from 0.300 to 0.250 s at 000004.png" in found.stderr
-    assert record["counts"]["stereo_pairs"] == 4
+    assert record["counts"]["stereo_pairs_used"] == 4
+    assert len(record["failures"]) == 4
 
 
 def test_folders_in_circles_and_strange_names_end(extracted: Any, folder: Path) -> None:

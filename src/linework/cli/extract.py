@@ -99,7 +99,8 @@ def extract(
         )
         from linework.tiling.recordings import opened_recordings
 
-        wanted = {"laser": method != "stereo", "images": method in ("auto", "stereo")}
+        by_images = set(kinds) & set(kinds_of("stereo"))
+        wanted = {"laser": method != "stereo", "images": method in ("auto", "stereo") and bool(by_images)}
         recordings = held.enter_context(
             opened_recordings(survey, folder, n_threads=n_workers, steps=steps, **wanted)
         )
@@ -158,7 +159,9 @@ def executor_for(survey: Survey, n_workers: int, settings: RunSettings) -> Itera
     if n_workers == 1 or is_small:
         yield Serial()
         return
-    with Processes(n_workers, modules=("linework.tiling.tile_task", "linework.methods.choose")) as processes:
+    with Processes(
+        n_workers, modules=("linework.tiling.tile_task", "linework.tiling.window_task")
+    ) as processes:
         yield processes
 
 
@@ -265,13 +268,16 @@ def _tell_what_is_missing(record: dict[str, Any], output: Path) -> None:
     failures = record["failures"]
     if failures:
         counts = record["counts"]
-        totals = {"file": counts["files"], "tile": counts["tiles"], "image": 2 * counts["stereo_pairs"]}
-        totals["recording"] = sum("recording" in failure for failure in failures)
-        what = " and ".join(
-            f"{n} of {of} {name}s" if name != "recording" else f"{n} recording{'s' * (n > 1)}"
-            for name, of in totals.items()
-            if (n := sum(name in failure for failure in failures))
-        )
+        totals = {"file": counts["files"], "tile": counts["tiles"], "stereo pair": counts["stereo_pairs"]}
+        left_out = {
+            "file": sum("file" in failure for failure in failures),
+            "tile": sum("tile" in failure for failure in failures),
+            "stereo pair": sum("image" in failure for failure in failures),
+        }
+        parts = [f"{left_out[name]} of {of} {name}s" for name, of in totals.items() if left_out[name]]
+        n_recordings = sum("recording" in failure for failure in failures)
+        parts += [f"{n_recordings} recording{'s' * (n_recordings > 1)}"] * bool(n_recordings)
+        what = " and ".join(parts)
         listed = "; ".join(
             f"tile {failure['tile']}: {failure['problem']}"
             if "tile" in failure

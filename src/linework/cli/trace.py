@@ -164,7 +164,7 @@ def _trace_image(
             lines = _with_those_there(output, found.lines) if append and output.exists() else found.lines
             kinds = tuple(dict.fromkeys(lines.kind.tolist()))
             write_lines(lines, output, kinds=kinds, overwrite=overwrite or append)
-    for warning in found.warnings:
+    for warning in (*recordings.warnings, *found.warnings):
         typer.echo(f"warning: {warning}", err=True)
     _print(found, output, as_json=as_json)
 

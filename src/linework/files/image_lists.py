@@ -44,6 +44,7 @@ class ImageList:
     files: tuple[Path, ...]
     time_s: FloatArray
     warnings: tuple[str, ...] = ()
+    left_out: tuple[Path, ...] = ()
 
 
 def read_image_list(settings: Mapping[str, Any], root: Path, name: str) -> ImageList:
@@ -76,8 +77,9 @@ def read_image_list(settings: Mapping[str, Any], root: Path, name: str) -> Image
         raise InputError(f"{len(files):,} images of {name}, at most {MAX_ROWS:,}", where=root,
                          advice="split the survey")  # fmt: skip
     time_s, odd = in_seconds(time_s, f"{root} ({name})")
-    ordered, time_s, more = _in_time_order(files, time_s, name)
-    return ImageList(ordered, time_s, (*warnings, *(f"{name}: {text}" for text in odd), *more))
+    ordered, time_s, more, left_out = _in_time_order(files, time_s, name)
+    told = (*warnings, *(f"{name}: {text}" for text in odd), *more)
+    return ImageList(ordered, time_s, told, left_out)
 
 
 def _listed(path: Path) -> tuple[list[Path], FloatArray, tuple[str, ...]]:
@@ -244,8 +246,8 @@ def _seconds(text: str) -> float | None:
 
 def _in_time_order(
     files: Sequence[Path], time_s: FloatArray, name: str
-) -> tuple[tuple[Path, ...], FloatArray, tuple[str, ...]]:
-    """Return the images whose time is certain, in time order, and what to tell of the others."""
+) -> tuple[tuple[Path, ...], FloatArray, tuple[str, ...], tuple[Path, ...]]:
+    """Return the images whose time is certain, in time order, what to tell of the others, and these."""
     order = np.arange(len(files))
     if np.any(np.diff(time_s) < 0.0):
         # A list in another order is no fault where the names are in the order of the times
@@ -266,6 +268,7 @@ def _in_time_order(
     if n_same := int(np.count_nonzero(steps == 0.0)):
         first = files[int(np.argmax(steps == 0.0)) + 1].name
         warnings.append(f"{name}: {n_same} images with the time of the one before left out, first {first}")
+    left_out = tuple(files[int(i)] for i in np.flatnonzero(~certain))
     kept = np.flatnonzero(certain)
     kept = kept[np.argsort(time_s[kept], kind="stable")]
-    return tuple(files[int(i)] for i in kept), time_s[kept], tuple(warnings)
+    return tuple(files[int(i)] for i in kept), time_s[kept], tuple(warnings), left_out

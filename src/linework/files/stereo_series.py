@@ -72,7 +72,11 @@ def open_stereo(survey: Survey) -> StereoSeries | None:
     )
     warnings = (*left.warnings, *right.warnings, *_about(left, right, paired))
     alone = _alone(left, paired.left) + _alone(right, paired.right)
-    return StereoSeries(rig, pairs, warnings, unpaired=alone)
+    uncertain = (*left.left_out, *right.left_out)
+    return StereoSeries(
+        rig, pairs, warnings, unpaired=alone,
+        left_out=tuple((path, "its time occurs twice") for path in uncertain),
+    )  # fmt: skip
 
 
 def rig_of(cameras: Mapping[str, Any], where: object) -> StereoRig:

@@ -68,7 +68,7 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
         name=settings.get("name") or (root.resolve().name if inputs[0].is_dir() or found else files[0].stem),
         root=root,
         point_files=files,
-        crs=_common_crs(files, given) if files else parse_crs(given or "local", where=found),
+        crs=_survey_crs(files, given, found, has_images="cameras" in settings),
         trajectory_file=root / trajectory["file"] if "file" in trajectory else None,
         trajectory_lever_m=(lever_x, lever_y, lever_z),
         trajectory_boresight_deg=(roll, pitch, heading),
@@ -150,6 +150,17 @@ def _given_crs(option: str | None, setting: str | None, where: Path | None) -> s
         raise CrsError(f"two different CRSs: crs = {setting}, --crs says {option}", where=where,
                        advice="leave --crs out, or correct the survey.toml")  # fmt: skip
     return option
+
+
+def _survey_crs(files: Sequence[Path], given: str | None, where: Path | None, *, has_images: bool) -> str:
+    """Return the CRS of the points; what is given, where there are none, or images can do without them."""
+    try:
+        return _common_crs(files, given) if files else parse_crs(given or "local", where=where)
+    except InputError:
+        # All files are damaged: told when they are read
+        if not has_images or given is None:
+            raise
+        return parse_crs(given, where=where)
 
 
 def _common_crs(files: Sequence[Path], given: str | None) -> str:

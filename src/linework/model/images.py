@@ -42,12 +42,15 @@ class StereoSeries:
         One line each about images that are in no pair.
     unpaired
         Those images.
+    left_out
+        (file, reason) of images without a certain time.
     """
 
     rig: StereoRig
     pairs: tuple[ImagePair, ...]
     warnings: tuple[str, ...] = ()
     unpaired: tuple[Path, ...] = ()
+    left_out: tuple[tuple[Path, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

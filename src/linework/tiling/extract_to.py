@@ -64,7 +64,7 @@ def extract_to(
     UsageError
         The run to resume was begun with other parameters.
     """
-    described = describe_run(order.parameters, recordings.hashes)
+    described = describe_run({**order.parameters, "recorded": recordings.identity}, recordings.hashes)
     fingerprint = fingerprint_of(described)
     if order.resume and os.path.lexists(order.output):
         record = _finished(order.output, fingerprint)

@@ -30,7 +30,7 @@ class PairsSeen:
     Parameters
     ----------
     n_pairs, n_used
-        All pairs, and those that were looked at.
+        All pairs, images without their other one counted as such, and those that were looked at.
     failures
         (left image, problem) of the others, and of images in no pair.
     traces

@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from linework.errors import InputError
 from linework.lines.merged import merged
 from linework.methods.protocol import Method
 from linework.methods.stereo.method import StereoMethod
 from linework.model.lines import KINDS, LineSet
 from linework.tiling.executors import Executor, Serial
-from linework.tiling.extraction import Extraction
+from linework.tiling.extraction import Extraction, PairsSeen
 from linework.tiling.identify import identify
 from linework.tiling.recordings import Recordings
 from linework.tiling.run import extract_lines
@@ -65,6 +66,7 @@ def find_lines(
         return found
     lines, pairs = stereo_lines(recordings.stereo, stereo, run, executor, steps)
     if found is None:
+        _refuse_unusable(pairs, recordings.survey.name)
         return Extraction(
             source=recordings.survey.name, lines=identify(lines), kinds=_in_order(stereo.kinds), read=None,
             tiles=(), failures=(), traces=pairs.traces, hashes=recordings.hashes,
@@ -87,6 +89,20 @@ def find_lines(
         hashes=recordings.hashes,
         pairs=pairs,
     )
+
+
+def _refuse_unusable(pairs: PairsSeen, name: str) -> None:
+    """End a run on images alone of which not one pair could be used; our own faults with their traceback."""
+    if pairs.n_used:
+        return
+    if pairs.traces:
+        fault = RuntimeError(pairs.failures[0][1])
+        fault.add_note(next(iter(pairs.traces.values())))  # what the log shows
+        raise fault
+    raise InputError(
+        f"none of {pairs.n_pairs} stereo pairs can be used, the first: {pairs.failures[0][1].rstrip('.')}",
+        where=name, advice="mend that, and run again",
+    )  # fmt: skip
 
 
 def _in_order(kinds: set[str] | tuple[str, ...]) -> tuple[str, ...]:

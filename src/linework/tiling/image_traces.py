@@ -97,11 +97,14 @@ class ImageTracer:
             (pair, side)
             for pair in self._opened.pairs
             for side, path in enumerate((pair.left, pair.right))
-            if path.parts[-len(parts) :] == parts
+            if path.parts[-len(parts) :] == parts or path.resolve() == image.resolve()
         ]
         if len(matches) == 1:
             return matches[0]
         where, n = self._opened.survey.name, len(self._opened.pairs)
+        for path, problem in self._opened.failures:
+            if Path(path).parts[-len(parts) :] == parts:
+                raise InputError(f"cannot be used: {problem}", where=image, advice="pick in another image")
         if matches:
             pair, side = matches[0]
             example = "/".join((pair.left, pair.right)[side].parts[-2:])

@@ -33,7 +33,8 @@ def located_survey(survey: Survey, work: Path, steps: Steps) -> tuple[Survey, tu
         content = read_navigation_logs(survey)
         found = locate(content.logs, progress=advance)
         path = work / STORES / f"located-{hash_path(found.trajectory)[:16]}.csv"
-        write_trajectory(found.trajectory, path, overwrite=True)
+        if not path.is_file():
+            write_trajectory(found.trajectory, path, overwrite=True)
     settings = {name: table for name, table in survey.settings.items() if name != "trajectory"}
     located = replace(
         survey, trajectory_file=path, trajectory_lever_m=(0.0, 0.0, 0.0), trajectory_boresight_deg=(0.0, 0.0, 0.0),

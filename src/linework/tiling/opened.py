@@ -101,8 +101,11 @@ def opened_survey(
 
 
 def hash_path(trajectory: Trajectory) -> str:
-    """Return what stands for a path: the SHA-256 of its times, positions and attitudes."""
-    parts = (trajectory.time_s, trajectory.xyz, trajectory.attitude_deg)
+    """Return what stands for a path: the SHA-256 of its times, positions, attitudes and their sigmas."""
+    parts = (
+        trajectory.time_s, trajectory.xyz, trajectory.attitude_deg, trajectory.sigma_xyz_m,
+        trajectory.sigma_attitude_deg,
+    )  # fmt: skip
     return hashlib.sha256(b"".join(part.tobytes() for part in parts if part is not None)).hexdigest()
 
 

@@ -163,6 +163,7 @@ def place_pairs(survey: Survey, series: StereoSeries, trajectory: Trajectory | N
                 (str(path), f"{path.name}: in no pair, the other image is missing")
                 for path in series.unpaired
             ),
+            *((str(path), f"{path.name}: {reason}") for path, reason in series.left_out),
         ),
         warnings=series.warnings,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from linework.files.van_path import read_van_path
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 from linework.tiling.located_survey import located_survey
-from linework.tiling.opened import OpenedSurvey, opened_survey
+from linework.tiling.opened import OpenedSurvey, hash_path, opened_survey
 from linework.tiling.opened_stereo import OpenedStereo, place_pairs
 from linework.tiling.steps import Steps
 
@@ -48,6 +49,19 @@ class Recordings:
         """Path of the vehicle's origin."""
         opened = self.stereo or self.points
         return None if opened is None else opened.trajectory
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """What the lines depend on beside the bytes of the files: settings, times of images, the path, the keys."""
+        pairs = self.stereo.pairs if self.stereo else ()
+        events = self.survey.settings.get("events", {}).get("file")
+        keys = self.survey.root / events if events else None
+        return {
+            "survey": self.survey.settings,
+            "pairs": hashlib.sha256(repr(pairs).encode()).hexdigest(),
+            "path": hash_path(self.trajectory) if self.trajectory is not None else None,
+            "events": hash_file(keys) if keys is not None and keys.is_file() else None,
+        }
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -96,14 +110,20 @@ def opened_recordings(
             # Points are worked without a trajectory; images cannot be, and say so
             problems.append(("navigation logs", str(error)))
         if has_points:
-            points = held.enter_context(opened_survey(survey, work, n_threads=n_threads, steps=steps))
+            try:
+                points = held.enter_context(opened_survey(survey, work, n_threads=n_threads, steps=steps))
+            except InputError as error:
+                if not has_images:
+                    raise
+                problems.append(("laser points", str(error)))
         stereo: OpenedStereo | None = None
         if has_images:
             try:
                 stereo = _opened_stereo(survey, points, steps)
             except (InputError, ConfigError) as error:
                 if points is None and problems:
-                    raise InputError(f"{error.problem}; {problems[0][1]}", where=error.where) from error
+                    also = problems[0][1].rstrip(".")
+                    raise InputError(f"{error.problem}; {also}", where=error.where) from error
                 if points is None:  # nothing usable, whatever it is that is wrong
                     raise InputError(error.problem, where=error.where, advice=error.advice) from error
                 problems.append(("stereo pairs", str(error)))

@@ -38,9 +38,9 @@ def stereo_lines(
         failures += [(str(pair.left), f"{pair.left.name}: {outcome.problem}") for pair in outcome.task.pairs]
     n_used = sum(receipt.n_pairs for receipt in done.values())
     traces = {outcome.task.name: outcome.trace for outcome in failed if outcome.trace}
-    account = PairsSeen(
-        n_pairs=len(opened.series.pairs), n_used=n_used, failures=tuple(sorted(failures)), traces=traces
-    )
+    series = opened.series
+    n_pairs = len(series.pairs) + len(series.unpaired) + len(series.left_out)
+    account = PairsSeen(n_pairs=n_pairs, n_used=n_used, failures=tuple(sorted(failures)), traces=traces)
     return lines, account
 
 

@@ -167,7 +167,9 @@ def boxes_of(found: FloatArray, config: MarkingConfig, *, has_time: bool) -> Box
     # Points farther apart than lines are wide (0.1 m, airborne), and spots as large, make paint wider by that
     widest = config.widest_line_m + np.maximum(found[:, stripes.APART] - 0.1, 0.0)
     is_stripe = (width >= 0.05) & (width <= widest) & (length >= 1.5 * width)
-    times = found[:, [stripes.FIRST, stripes.LAST]] if has_time else np.full((len(found), 2), np.nan)
+    times = found[:, [stripes.FIRST, stripes.LAST]]
+    # -1 and -1: none of its points was looked at for its time
+    times = np.where(has_time & (times != -1.0).any(axis=1, keepdims=True), times, np.nan)
     return BoxSet(
         centre=found[:, [stripes.CX, stripes.CY, stripes.CZ]],
         u=found[:, [stripes.UX, stripes.UY]],
