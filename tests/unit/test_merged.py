@@ -29,11 +29,27 @@ def test_no_vertex_moves():
     np.testing.assert_array_equal(both.xyz, one.xyz)
 
 
-def test_what_goes_on_beyond_the_other_is_kept_from_there():
+def test_what_goes_on_beyond_the_other_is_one_line_with_it():
     both = merged(straight(0.0, 0.0, 60.0), straight(0.05, 20.0, 100.0, sigma_m=0.05, method="stereo"))
-    assert both.method.tolist() == ["obb", "stereo"]
-    assert both.length_m.tolist() == pytest.approx([60.0, 40.0], abs=0.6)
-    assert np.isnan(both.disagreement_rms_m[1])
+    assert both.method.tolist() == ["obb+stereo"]
+    assert both.length_m[0] == pytest.approx(100.0, abs=0.1)
+    beyond = both.xyz[:, 0] > 500_060.1
+    np.testing.assert_allclose(both.xyz[beyond, 1] - 5.4e6, 0.05, atol=1e-6)
+    np.testing.assert_array_equal(both.sigma_xy_m, np.where(beyond, 0.05, 0.02))
+    assert not both.bridged.any()
+
+
+def test_a_gap_that_the_other_saw_is_closed_by_it():
+    one = LineSet.concatenate([straight(0.0, 0.0, 30.0), straight(0.0, 70.0, 100.0)])
+    other = straight(0.05, 0.0, 100.0, sigma_m=0.05, method="stereo")
+    for both in (merged(one, other), merged(one, turned(other)), merged(turned(one.take([0])), other)):
+        assert both.method.tolist() == ["obb+stereo"]
+        assert both.length_m[0] == pytest.approx(100.0, abs=0.2)
+        assert (np.abs(np.diff(np.sign(np.diff(both.xyz[:, 0])))) == 0).all()
+
+
+def turned(line):
+    return line.with_columns(xyz=line.xyz[::-1])
 
 
 def test_neighbours_a_lane_apart_are_two_features():

@@ -49,7 +49,8 @@ def merged(one: LineSet, other: LineSet) -> LineSet:
     Returns
     -------
     LineSet
-        Lines of `one`, then of `other`. Lines that the other method saw too have ``disagreement_mean_m`` and
+        Lines of `one`, then of `other`. A line that goes on where only the other method saw it does so as one line
+        (``method = "obb+stereo"``). Lines that the other method saw too have ``disagreement_mean_m`` and
         ``disagreement_rms_m``: the offset of the other's line from theirs, positive to their left. No vertex is
         moved: nothing is averaged.
 
@@ -63,10 +64,18 @@ def merged(one: LineSet, other: LineSet) -> LineSet:
     return LineSet.concatenate(parts) if parts else LineSet.empty(one.crs)
 
 
-def _merged_kind(one: LineSet, other: LineSet, kind: str) -> tuple[LineSet, LineSet]:
-    """Return what stays of each side."""
+@dataclass(frozen=True, slots=True)
+class _Piece:
+    """A line, or the rest of one (`is_rest`) whose other part another method measured better."""
+
+    line: LineSet
+    is_rest: bool
+
+
+def _merged_kind(one: LineSet, other: LineSet, kind: str) -> list[LineSet]:
+    """Return what stays of both sides."""
     if not len(one) or not len(other):
-        return one, other
+        return [one, other]
     a, b = _places(one), _places(other)
     b_of_a, a_of_b = _nearest(a, b), _nearest(b, a)
     contest = _contest(a, b, b_of_a)
@@ -78,7 +87,7 @@ def _merged_kind(one: LineSet, other: LineSet, kind: str) -> tuple[LineSet, Line
         lost[met] = ~stays
         offsets = _offsets(own, others, k, stays, len(lines), in_space=kind == "cable")
         sides.append(_kept(lines, own, lost, offsets))
-    return sides[0], sides[1]
+    return _joined(sides[0], sides[1])
 
 
 def _places(lines: LineSet) -> _Places:
@@ -163,21 +172,90 @@ def _offsets(
     return np.stack([mean, rms], axis=1)
 
 
-def _kept(lines: LineSet, places: _Places, lost: BoolArray, offsets: FloatArray) -> LineSet:
-    """Return the lines without what is lost."""
+def _kept(lines: LineSet, places: _Places, lost: BoolArray, offsets: FloatArray) -> list[_Piece]:
+    """Return what stays of the lines: whole, or the stretches that are not lost."""
     compared = lines.with_columns(disagreement_mean_m=offsets[:, 0], disagreement_rms_m=offsets[:, 1])
-    parts = []
+    pieces = []
     for i in range(len(lines)):
         own = places.line == i
         gone, at = lost[own], places.chainage_m[own]
         one = compared.take([i])
         if not gone.any():
-            parts.append(one)
+            pieces.append(_Piece(one, is_rest=False))
         elif str(one.kind[0]) in WHOLE_KINDS:
-            parts += [one] if gone.mean() < SAME_SHARE else []
+            pieces += [_Piece(one, is_rest=False)] if gone.mean() < SAME_SHARE else []
         else:
-            parts += [_stretch(one, at[k], at[m]) for k, m in _runs(~gone) if at[m] - at[k] >= LEAST_M]
-    return LineSet.concatenate(parts) if parts else LineSet.empty(lines.crs)
+            runs = [(at[k], at[m]) for k, m in _runs(~gone) if at[m] - at[k] >= LEAST_M]
+            pieces += [_Piece(_stretch(one, start_m, end_m), is_rest=True) for start_m, end_m in runs]
+    return pieces
+
+
+def _joined(pieces: list[_Piece], others: list[_Piece]) -> list[LineSet]:
+    """Return the lines of both sides; a rest goes on from the line of the other side that it was cut from.
+
+    No vertex is moved and nothing is bridged: a line changes from one method to the other where the better one
+    ends, and its `method` names both.
+    """
+    lines = [piece.line for piece in (*pieces, *others) if not piece.is_rest]
+    for piece in (*pieces, *others):
+        if not piece.is_rest:
+            continue
+        grown = piece.line
+        # At both of its ends there may be a line
+        for _ in range(2):
+            k = _continued_by(grown, lines)
+            if k is not None:
+                grown = _as_one(lines.pop(k), grown)
+        lines.append(grown)
+    return lines
+
+
+def _continued_by(rest: LineSet, lines: list[LineSet]) -> int | None:
+    """Return which line ends where the rest begins or ends, and runs its way."""
+    for k, line in enumerate(lines):
+        apart = np.linalg.norm(line.xyz[[0, -1], None, :2] - rest.xyz[None, [0, -1], :2], axis=2)
+        if apart.min() > APART_M + STEP_M or set(line.method[0].split("+")) >= set(rest.method[0].split("+")):
+            continue
+        a, b = (int(v) for v in np.unravel_index(int(np.argmin(apart)), apart.shape))
+        outward, inward = _end_way(line.xyz, a), -_end_way(rest.xyz, b)
+        if float(outward @ inward) > np.cos(np.radians(TURN_DEG)):
+            return k
+    return None
+
+
+def _end_way(xyz: FloatArray, end: int) -> FloatArray:
+    """Return the direction in which a line leaves at its start (0) or end (1), in plan."""
+    run = xyz[:, :2] if end else xyz[::-1, :2]
+    inner = run[np.linalg.norm(run - run[-1], axis=1) >= min(1.0, float(np.linalg.norm(run[0] - run[-1])))][
+        -1
+    ]
+    step = run[-1] - inner
+    return np.asarray(step / max(float(np.linalg.norm(step)), 1e-9))
+
+
+def _as_one(line: LineSet, rest: LineSet) -> LineSet:
+    """Return a line and the rest that goes on at one of its ends as one line; vertices beside each other go."""
+    apart = np.linalg.norm(line.xyz[[0, -1], None, :2] - rest.xyz[None, [0, -1], :2], axis=2)
+    a, b = (int(v) for v in np.unravel_index(int(np.argmin(apart)), apart.shape))
+    tail = rest if b == 0 else _turned(rest)
+    head = line if a == 1 else _turned(line)
+    ahead = (tail.xyz[:, :2] - head.xyz[-1, :2]) @ _end_way(head.xyz, 1)
+    first = int(np.argmax(ahead > 0.05)) if (ahead > 0.05).any() else len(ahead)
+    columns = {
+        name: np.concatenate([getattr(head, name), getattr(tail, name)[first:]]) for name in VERTEX_COLUMNS
+    }
+    columns |= {name: getattr(line, name) for name in LINE_COLUMNS}
+    methods = sorted({*line.method[0].split("+"), *rest.method[0].split("+")})
+    columns["method"] = np.array(["+".join(methods)])
+    columns["time_start_s"] = np.fmin(line.time_start_s, rest.time_start_s)
+    columns["time_end_s"] = np.fmax(line.time_end_s, rest.time_end_s)
+    both = LineSet.from_lines([np.concatenate([head.xyz, tail.xyz[first:]])], crs=line.crs, **columns)
+    return both if a == 1 else _turned(both)
+
+
+def _turned(line: LineSet) -> LineSet:
+    columns = {name: getattr(line, name)[::-1] for name in VERTEX_COLUMNS}
+    return line.with_columns(xyz=line.xyz[::-1], **columns)
 
 
 def _runs(mask: BoolArray) -> list[tuple[int, int]]:
