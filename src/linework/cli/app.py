@@ -40,7 +40,20 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,  # plain help: rich alone would double its time
 )
-for command in (demo, info, locate, extract, trace, evaluate, raster, photolog, convert, simulate, config, clean):
+for command in (
+    demo,
+    info,
+    locate,
+    extract,
+    trace,
+    evaluate,
+    raster,
+    photolog,
+    convert,
+    simulate,
+    config,
+    clean,
+):
     app.command()(command)
 
 

@@ -84,7 +84,11 @@ _KEYS: dict[str, Any] = {
     "heights": {"geoid": _text_or_number},
     "points": {"files": _texts},
     "trajectory": {
-        "file": _text, "times": _text, "rate_hz": _positive, "lever_m": _numbers(3), "boresight_deg": _numbers(3),
+        "file": _text,
+        "times": _text,
+        "rate_hz": _positive,
+        "lever_m": _numbers(3),
+        "boresight_deg": _numbers(3),
     },
     "navigation": {"gnss": _text, "gyro": _text, "wheels": _text},
     "vehicle": {"tick_m": _positive, "track_m": _positive, "gnss_lever_m": _numbers(3)},
