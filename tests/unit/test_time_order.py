@@ -43,7 +43,9 @@ def test_a_clock_that_is_set_back_leaves_the_doubtful_times_out():
     got, (said,) = ordered(time)
     assert not np.any((got >= 3.0) & (got < 3.98))
     assert len(got) > 795
-    assert said.startswith("the clock was set back 1 times, first after 3.990 s by 0.990 s at line 402: 200 rows")
+    assert said.startswith(
+        "the clock was set back 1 times, first after 3.990 s by 0.990 s at line 402: 200 rows"
+    )
 
 
 def test_a_clock_that_stands_still_counts_once():
