@@ -67,7 +67,7 @@ def trace(
     images (--image with --at-px). A place or pixel that is on no line is refused, with the reason and the nearest
     one that works. What the survey's points show is kept for the next call, as by extract.
     """
-    _check_ways(at, image, at_px, toward)
+    _check_ways(at, image, at_px, toward, config)
     if image is not None:
         _trace_image(
             surveys, image, at_px, output, feature=feature, crs=crs, work=work, append=append,
@@ -107,7 +107,7 @@ def trace(
     _print(found, output, as_json=as_json)
 
 
-def _check_ways(at: str, image: Path | None, at_px: str, toward: str) -> None:
+def _check_ways(at: str, image: Path | None, at_px: str, toward: str, config: Path | None) -> None:
     """Refuse anything but one of both ways to pick."""
     from linework.errors import UsageError
 
@@ -120,8 +120,9 @@ def _check_ways(at: str, image: Path | None, at_px: str, toward: str) -> None:
     if in_image and (image is None or not at_px):
         missing = "--at-px COL,ROW" if image is not None else "--image FILE"
         raise UsageError(f"{missing} is missing", where="linework trace", advice="a pixel needs both")
-    if in_image and toward:
-        raise UsageError("only with --at", where="--toward", advice="leave it out")
+    for option, is_given in (("--toward", bool(toward)), ("--config", config is not None)):
+        if in_image and is_given:
+            raise UsageError("only with --at", where=option, advice="leave it out")
 
 
 def _trace_image(
