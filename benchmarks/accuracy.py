@@ -89,15 +89,20 @@ def survey_parts(survey, trajectory, variant, kinds):
     )
     scenario = survey.scenario
     size = f"{len(survey.points) / 1e6:.2f} M points, {seconds:.1f} s"
-    print(f"{scenario.kind} {scenario.seed} {variant}: {size}", end="")
+    tell(f"{scenario.kind} {scenario.seed} {variant}: {size}", parts, TOLERANCE_M)
+    return list(parts)
+
+
+def tell(what, parts, tolerance_m):
+    """Say in one line how complete and correct each kind came out."""
+    print(what, end="")
     for part in parts:
-        at = score([part], part.kind, TOLERANCE_M, ()).at
+        at = score([part], part.kind, tolerance_m, ()).at
         print(f"; {part.kind}", end="")
         for name in ("completeness", "correctness"):
             value = getattr(at, name)
             print(f" {name[:4]} {'-' if value is None else format(value, '.3f')}", end="")
     print(flush=True)
-    return list(parts)
 
 
 def extracted(survey, trajectory, kinds):

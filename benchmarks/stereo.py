@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks._stereo_sets import FOLDER, stereo_set
-from benchmarks.accuracy import scores_of, seeds_of
+from benchmarks.accuracy import scores_of, seeds_of, tell
 from linework.cli.score_tables import print_tables
-from linework.evaluation.measures import match_lines, score
+from linework.evaluation.measures import match_lines
 from linework.evaluation.tables import score_tables
 from linework.imaging.rectify import rectifier_of
 from linework.methods.stereo.method import StereoMethod
@@ -98,14 +98,7 @@ def set_parts(drawn, poses):
     truth = drawn.truth.take([k in KINDS for k in drawn.truth.kind])
     parts = match_lines(found.with_columns(crs=truth.crs), truth, kinds=KINDS)
     scenario, n = drawn.drive.scenario, len(drawn.left)
-    print(f"{scenario.kind} {scenario.seed}: {n} pairs, {n / seconds:.1f} a second", end="")
-    for part in parts:
-        at = score([part], part.kind, TOLERANCE_M, ()).at
-        print(f"; {part.kind}", end="")
-        for name in ("completeness", "correctness"):
-            value = getattr(at, name)
-            print(f" {name[:4]} {'-' if value is None else format(value, '.3f')}", end="")
-    print(flush=True)
+    tell(f"{scenario.kind} {scenario.seed}: {n} pairs, {n / seconds:.1f} a second", parts, TOLERANCE_M)
     return list(parts)
 
 

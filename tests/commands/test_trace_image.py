@@ -97,7 +97,11 @@ def test_nothing_there_names_the_nearest_pixel(linework, survey, drive, tmp_path
         (("--image", "left/000001.png", "--at-px", "300,5"), 3, "horizon"),
         (("--image", "left/000001.png", "--at-px", "left"), 2, "is no pixel"),
         (("--image", "left/000001.png"), 2, "--at-px COL,ROW is missing"),
-        (("--image", "left/000001.png", "--at-px", "1,1", "--config", "a.toml"), 2, "--config: only with --at"),
+        (
+            ("--image", "left/000001.png", "--at-px", "1,1", "--config", "a.toml"),
+            2,
+            "--config: only with --at",
+        ),
         (("--at-px", "300,150"), 2, "--image FILE is missing"),
         (("--image", "left/000001.png", "--at-px", "300,150", "--at", "1,2"), 2, "both a place and a pixel"),
         (("--image", "left/000001.png", "--at-px", "300,150", "--feature", "cable"), 2, "cannot be picked"),

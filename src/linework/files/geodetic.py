@@ -18,8 +18,6 @@ from linework.files.geoid import undulations
 from linework.model.arrays import FloatArray
 from linework.model.survey import Survey
 
-#: Transformations worse than this are said: the lines are good to centimetres.
-_SAID_ACCURACY_M = 0.5
 #: A zone is used a little beyond its edges.
 _NEAR_DEG = 3.0
 _GEOID_ADVICE = 'give [heights] geoid = "receiver", metres, or a PROJ grid file'

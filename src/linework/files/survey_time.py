@@ -31,12 +31,6 @@ _NAMES = {
     "gps_week": "GPS seconds of the week", "gps_adjusted": "adjusted GPS seconds", "gps": "GPS seconds",
     "unix": "seconds since 1970", "utc_day": "seconds of the day, UTC",
 }  # fmt: skip
-#: How a clock can be off, and what then happened. UTC is behind GPS time by the leap seconds.
-_KNOWN_OFFSETS = {
-    19.0: "TAI taken for GPS time",
-    37.0: "TAI taken for UTC",
-    1.0: "a leap second too few or too many",
-}
 
 
 def gps_of_unix(unix_s: FloatArray) -> FloatArray:

@@ -77,10 +77,6 @@ class RoadPlane:
         """Return how high the left camera is above the road. [m]"""  # noqa: D400
         return rig.base_m / math.hypot(self.du, self.dv, self.d0 / rig.focal_px)
 
-    def horizon_row(self, rig: RectifiedRig) -> float:
-        """Return the row of the road's horizon in the middle column of the image."""
-        return rig.cy - (self.d0 + self.du * (0.5 * rig.width - rig.cx)) / self.dv
-
 
 @dataclass(frozen=True, slots=True)
 class RoadShape:
