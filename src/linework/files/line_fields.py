@@ -13,12 +13,15 @@ from linework.errors import InputError, UsageError
 from linework.model.arrays import AnyArray, FloatArray, IntArray
 from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
-#: Fields in the order of the manual; clearance_m follows for cables, DISAGREEMENT where two methods saw a line.
+#: Fields in the order of the manual; clearance_m follows for cables, DISAGREEMENT where two methods saw a line, REVIEWED
+#: where a person has looked.
 FIELDS = (
     "id", "kind", "role", "pattern", "double", "form", "width_m", "height_m", "length_m", "confidence",
     "sigma_xy_m", "sigma_z_m", "bridged_m", "method", "source", "time_start_s", "time_end_s",
 )  # fmt: skip
 DISAGREEMENT = ("disagreement_mean_m", "disagreement_rms_m")
+#: What people said of lines: written where they said something.
+REVIEWED = ("review", "condition", "note")
 #: Decimals of what is computed for the table only; what a LineSet holds is written exactly.
 _COMPUTED_DECIMALS = 4
 
@@ -34,7 +37,8 @@ def field_values(lines: LineSet) -> dict[str, AnyArray]:
     rounded = {name: np.round(values, _COMPUTED_DECIMALS) for name, values in computed.items()}
     own = {name: getattr(lines, name) for name in LINE_COLUMNS}
     compared = [name for name in DISAGREEMENT if np.isfinite(getattr(lines, name)).any()]
-    return {name: (rounded | own)[name] for name in (*FIELDS, "clearance_m", *compared)}
+    said = REVIEWED if any((getattr(lines, name) != "").any() for name in REVIEWED) else ()
+    return {name: (rounded | own)[name] for name in (*FIELDS, "clearance_m", *compared, *said)}
 
 
 def fields_of_kind(kind: str, known: Iterable[str]) -> tuple[str, ...]:

@@ -16,6 +16,11 @@ KINDS = (
     "barrier", "fence", "cable",
 )  # fmt: skip
 
+#: What a person says of a line: right as it is, made right, drawn, or no such thing.
+REVIEWS = ("accepted", "edited", "drawn", "rejected")
+#: What a person sees of the thing itself.
+CONDITIONS = ("good", "worn", "damaged", "missing")
+
 
 def _column(dtype: Any, default: Any) -> Any:
     return field(default=None, metadata={"dtype": dtype, "default": default})
@@ -54,6 +59,10 @@ class LineSet:
         (m,) float64, 0 to 1.
     time_start_s, time_end_s
         (m,) float64 [s]; NaN where the survey has no time.
+    review
+        (m,) str: what a person said of it, of `REVIEWS`; "" where nobody has looked.
+    condition, note
+        (m,) str: what a person saw there: of `CONDITIONS`, and in words.
     """
 
     xyz: FloatArray
@@ -79,6 +88,9 @@ class LineSet:
     confidence: FloatArray = _column(np.float64, 1.0)
     time_start_s: FloatArray = _column(np.float64, np.nan)
     time_end_s: FloatArray = _column(np.float64, np.nan)
+    review: AnyArray = _column(np.str_, "")
+    condition: AnyArray = _column(np.str_, "")
+    note: AnyArray = _column(np.str_, "")
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "xyz", checked("xyz", self.xyz, np.float64, (None, 3)))

@@ -1,0 +1,113 @@
+"""Opening the survey at a desk: decoding and the road at the first time, and what the server has to know of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from linework.files.crs import LOCAL, describe_crs
+from linework.model.arrays import FloatArray
+from linework.tiling.recordings import Recordings
+from linework.tiling.steps import Steps
+from linework.workbench.table import Table
+
+#: The path is drawn, not measured on: a vertex for so many metres.
+_PATH_STEP_M = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SurveyFacts:
+    """What the server knows of a survey.
+
+    Parameters
+    ----------
+    name, crs, crs_name
+        For people; WKT2 or "local"; and its name for people.
+    root
+        Folder of the survey.
+    work
+        Work folder.
+    bounds
+        West, south, east, north of the points, or of the path. [m, world]
+    heights
+        Lowest and highest height worth showing. [m, world]
+    n_points, n_pairs
+        0 where there are none.
+    path
+        (k, 3) of the van's way [m, world], thinned; none: no trajectory.
+    warnings
+        One line each, also about recordings that cannot be used.
+    """
+
+    name: str
+    crs: str
+    crs_name: str
+    root: str
+    work: str
+    bounds: tuple[float, float, float, float]
+    heights: tuple[float, float]
+    n_points: int
+    n_pairs: int
+    path: tuple[tuple[float, float, float], ...]
+    warnings: tuple[str, ...]
+
+
+def open_at_desk(table: Table) -> SurveyFacts:
+    """Open the survey, telling ("begin", step, unit), ("advance", done, total), ("end", step, seconds)."""
+    steps = Steps(_Teller(table))
+    recordings = table.opened(steps)
+    surface = table.surface_with(steps)
+    points, stereo, path = recordings.points, recordings.stereo, _path(recordings)
+    if points is not None:
+        bounds = points.points.bounds
+        edges = (bounds.west, bounds.south, bounds.east, bounds.north)
+    else:
+        low, high = path[:, :2].min(axis=0) - 30.0, path[:, :2].max(axis=0) + 30.0
+        edges = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    z0_m = surface.z0_m if surface is not None else float(np.floor(path[:, 2].min()))
+    survey = recordings.survey
+    return SurveyFacts(
+        name=survey.name,
+        crs=survey.crs,
+        crs_name="local metres" if survey.crs == LOCAL else describe_crs(survey.crs),
+        root=str(survey.root),
+        work=str(table.work),
+        bounds=edges,
+        heights=(z0_m, z0_m + 30.0),
+        n_points=points.points.n_points if points else 0,
+        n_pairs=len(stereo.pairs) if stereo else 0,
+        path=tuple((float(e), float(n), float(u)) for e, n, u in path),
+        warnings=(*recordings.warnings, *(f"{what}: {problem}" for what, problem in recordings.problems)),
+    )
+
+
+def _path(recordings: Recordings) -> FloatArray:
+    """Return (k, 3) places of the van's way, one for every `_PATH_STEP_M`."""
+    trajectory = recordings.trajectory
+    if trajectory is None or len(trajectory) == 0:
+        return np.zeros((0, 3))
+    xyz = trajectory.xyz
+    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))]
+    first = np.unique(np.floor(along / _PATH_STEP_M), return_index=True)[1]
+    return np.asarray(xyz[np.unique(np.r_[first, len(xyz) - 1])])
+
+
+class _Teller:
+    """Hands the steps of a run on to whoever asked for it."""
+
+    def __init__(self, table: Table) -> None:
+        self._tell: Any = table.tell
+
+    def begin(self, step: str, unit: str) -> None:
+        """Tell that a step begins."""
+        self._tell(("begin", step, unit))
+
+    def advance(self, done: int, total: int) -> None:
+        """Tell how far it is."""
+        self._tell(("advance", done, total))
+
+    def end(self, step: str, seconds: float) -> None:
+        """Tell that it is done."""
+        self._tell(("end", step, seconds))

@@ -1,0 +1,62 @@
+"""Lines as the page gets them: plain values that become JSON."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from linework.model.arrays import BoolArray, FloatArray
+from linework.model.lines import LINE_COLUMNS, LineSet
+
+#: Decimals of coordinates and sigmas: a tenth of a millimetre.
+_DECIMALS = 4
+
+
+def line_documents(lines: LineSet) -> list[dict[str, Any]]:
+    """Return a document per line.
+
+    Besides the columns of a LineSet: `xyz` [[east, north, up] ...] [m, world]; `sigma_xy_m` and `sigma_z_m` per
+    vertex, `bridged` as runs [[first, last] ...] of vertices; `length_m`, `bridged_m`. What is not known is null.
+
+    >>> document, = line_documents(LineSet.from_lines([np.zeros((2, 3))], bridged=[True, True], id=["a"]))
+    >>> document["id"], document["bridged"], document["width_m"], document["sigma_xy_m"]
+    ('a', [[0, 1]], None, [None, None])
+    """
+    length_m, bridged_m = lines.length_m, lines.bridged_m
+    documents = []
+    for i in range(len(lines)):
+        part = slice(int(lines.offsets[i]), int(lines.offsets[i + 1]))
+        document: dict[str, Any] = {name: plain(getattr(lines, name)[i]) for name in LINE_COLUMNS}
+        document["xyz"] = np.round(lines.xyz[part], _DECIMALS).tolist()
+        document["sigma_xy_m"] = _numbers(lines.sigma_xy_m[part])
+        document["sigma_z_m"] = _numbers(lines.sigma_z_m[part])
+        document["bridged"] = runs(lines.bridged[part])
+        document["length_m"] = round(float(length_m[i]), _DECIMALS)
+        document["bridged_m"] = round(float(bridged_m[i]), _DECIMALS)
+        documents.append(document)
+    return documents
+
+
+def plain(value: Any) -> Any:
+    """Return a numpy scalar as a plain value, NaN as None."""
+    if isinstance(value, np.bool_ | bool):
+        return bool(value)
+    if isinstance(value, np.floating | float):
+        return None if math.isnan(value) else float(value)
+    return str(value)
+
+
+def runs(flags: BoolArray) -> list[list[int]]:
+    """Return [first, last] of every run of True.
+
+    >>> runs(np.array([True, False, True, True]))
+    [[0, 0], [2, 3]]
+    """
+    edges = np.flatnonzero(np.diff(np.r_[False, flags, False].astype(np.int8)))
+    return [[int(first), int(end) - 1] for first, end in edges.reshape(-1, 2)]
+
+
+def _numbers(values: FloatArray) -> list[float | None]:
+    return [None if value != value else value for value in np.round(values, _DECIMALS).tolist()]
