@@ -22,6 +22,7 @@ from linework.files.crs import LOCAL, epsg_text, parse_crs
 from linework.files.las_header import regular_file_bytes
 from linework.files.line_fields import (
     DISAGREEMENT,
+    REVIEWED,
     column_values,
     field_values,
     fields_of_kind,
@@ -231,7 +232,7 @@ def _epsg_of(name: str) -> str:
 
 def _own_lines(shapes: AnyArray, columns: Mapping[str, list[Any]], crs: str) -> LineSet | None:
     """Return our own lines with their vertex columns; None where someone changed the geometry since."""
-    optional = {"clearance_m", *DISAGREEMENT, _VERTEX_PROPERTIES["observed"]}
+    optional = {"clearance_m", *DISAGREEMENT, *REVIEWED, _VERTEX_PROPERTIES["observed"]}
     wanted = {*LINE_COLUMNS, *_VERTEX_PROPERTIES.values()} - optional
     if not len(shapes):
         return LineSet.empty(crs)
