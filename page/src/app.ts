@@ -1,7 +1,7 @@
 // What all panes share: the survey, the lines, what is selected, where one looks, and who is told of changes.
 
 import * as api from "./api";
-import type { Changed, Edit, Line, Place, Survey } from "./types";
+import type { Changed, Edit, FollowNews, FollowOrder, Line, Place, Survey } from "./types";
 
 export interface Events {
   lines: { changed: Line[]; removed: string[] }; // lines came, changed or went
@@ -15,6 +15,8 @@ export interface Events {
   connected: boolean;
   job: import("./types").Job;
   pair: number; // the stereo pair that is shown
+  order: FollowOrder; // a pane asks the one follower of the page (plan and images alike) for something
+  follow: FollowNews; // everything the follower hears, as it comes
 }
 
 // select: click selects; follow: click follows a line; draw: clicks are vertices; measure
