@@ -1,0 +1,118 @@
+"""The lattice of the plan view's tiles: squares of 256 pixels that nest in one another and in the store's blocks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from linework.model.grid import Bounds
+
+#: Sides of a tile. [pixels]
+TILE_PX = 256
+#: A tile of level 0 is a block of the point store; its cells are as large as the smallest thing that matters.
+BLOCK_M = 64.0
+CELL_M = BLOCK_M / TILE_PX
+#: The finest level: cells of 1/64 m, twice as fine as points lie beside the van.
+FINEST = -4
+
+
+class Tile(NamedTuple):
+    """A square of the world: of level 0 a block of 64 m, of each level above twice as large.
+
+    Parameters
+    ----------
+    level
+        `FINEST` or above.
+    east, north
+        Its south-west corner in its own sizes from the world's origin.
+    """
+
+    level: int
+    east: int
+    north: int
+
+    @property
+    def size_m(self) -> float:
+        """Length of a side."""
+        return math.ldexp(BLOCK_M, self.level)
+
+    @property
+    def cell_m(self) -> float:
+        """Length of a pixel's side."""
+        return math.ldexp(CELL_M, self.level)
+
+    @property
+    def bounds(self) -> Bounds:
+        """The square, half open. [m, world]"""  # noqa: D400
+        size = self.size_m
+        return Bounds(self.east * size, self.north * size, (self.east + 1) * size, (self.north + 1) * size)
+
+    @property
+    def children(self) -> tuple[Tile, ...]:
+        """The four tiles one level below: north-west, north-east, south-west, south-east."""
+        e, n = 2 * self.east, 2 * self.north
+        return tuple(Tile(self.level - 1, e + i, n + 1 - j) for j in (0, 1) for i in (0, 1))
+
+    @property
+    def parent(self) -> Tile:
+        """The tile one level above that holds this one.
+
+        >>> Tile(0, -1, 5).parent
+        Tile(level=1, east=-1, north=2)
+        """
+        return Tile(self.level + 1, self.east // 2, self.north // 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Lattice:
+    """How a page counts the tiles of a survey: by zoom from the coarsest, columns east and rows south from a corner.
+
+    Parameters
+    ----------
+    coarsest
+        Level of zoom 0.
+    west, north
+        Number of the first column's tile at zoom 0, and of the tile north of the first row.
+    """
+
+    coarsest: int
+    west: int
+    north: int
+
+    @classmethod
+    def of(cls, bounds: tuple[float, float, float, float]) -> Lattice:
+        """Return the lattice of a survey by its bounds: a tile of zoom 0 is no smaller than the survey.
+
+        >>> Lattice.of((500_000.0, 5_800_000.0, 500_900.0, 5_800_100.0)).document()["origin"]
+        [499712.0, 5800960.0]
+        """
+        west, south, east, north = bounds
+        extent = max(east - west, north - south, 4.0 * BLOCK_M)
+        coarsest = math.ceil(math.log2(extent / BLOCK_M))
+        size = math.ldexp(BLOCK_M, coarsest)
+        return cls(coarsest, math.floor(west / size), math.floor(north / size) + 1)
+
+    def document(self) -> dict[str, Any]:
+        """Return what a page needs to know: pixels of a tile, corner north-west [m, world], resolutions [m]."""
+        size = math.ldexp(BLOCK_M, self.coarsest)
+        resolutions = [math.ldexp(CELL_M, level) for level in range(self.coarsest, FINEST - 1, -1)]
+        return {
+            "tile_px": TILE_PX,
+            "origin": [self.west * size, self.north * size],
+            "resolutions": resolutions,
+        }
+
+    def tile(self, z: int, col: int, row: int) -> Tile | None:
+        """Return the tile at a zoom, column and row; None where the lattice has none.
+
+        >>> Lattice(4, 488, 5665).tile(4, 3, 1)
+        Tile(level=0, east=7811, north=90638)
+        """
+        level = self.coarsest - z
+        if z < 0 or level < FINEST:
+            return None
+        # A survey reaches over the edge of a tile of zoom 0 once at most, each way
+        if not (0 <= col < 2 << z and 0 <= row < 2 << z):
+            return None
+        return Tile(level, (self.west << z) + col, (self.north << z) - 1 - row)
