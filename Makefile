@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: demo test check bench clean
+.PHONY: demo test check bench page clean
 
 $(VENV)/.installed: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -23,6 +23,9 @@ check: $(VENV)/.installed  ## style, types, import direction
 
 bench: $(VENV)/.installed  ## what is timed (nothing timed is asserted in a test)
 	$(BIN)/python -m benchmarks
+
+page:  ## the workbench's page, after a change of its sources (needs Node; users need not)
+	cd page && npm ci --no-audit --no-fund && npm run build
 
 clean:
 	rm -rf $(VENV) demo build dist .pytest_cache .mypy_cache .ruff_cache

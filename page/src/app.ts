@@ -1,7 +1,10 @@
 // What all panes share: the survey, the lines, what is selected, where one looks, and who is told of changes.
 
 import * as api from "./api";
+import { Following, type Growth } from "./following";
+import { Keyboard } from "./keyboard";
 import type { Changed, Edit, FollowNews, FollowOrder, Line, Place, Survey } from "./types";
+import { Outbox } from "./outbox";
 
 export interface Events {
   lines: { changed: Line[]; removed: string[] }; // lines came, changed or went
@@ -17,6 +20,8 @@ export interface Events {
   pair: number; // the stereo pair that is shown
   order: FollowOrder; // a pane asks the one follower of the page (plan and images alike) for something
   follow: FollowNews; // everything the follower hears, as it comes
+  growth: Growth; // the same line as `growing`, with its state, why it stopped and what can be done
+  saved: { waiting: number; since: Date | null }; // edits that the server has not answered; when the last was saved
 }
 
 // select: click selects; follow: click follows a line; draw: clicks are vertices; measure
@@ -30,9 +35,22 @@ export class App {
   selection: string[] = [];
   tool: Tool = "select";
   followKind = ""; // "": the nearest decides
+  readonly keyboard = new Keyboard();
+  readonly following: Following;
+  private readonly outbox: Outbox;
   private readonly listeners = new Map<keyof Events, Set<(value: never) => void>>();
 
-  constructor(readonly survey: Survey) {}
+  constructor(readonly survey: Survey) {
+    this.following = new Following(this);
+    this.outbox = new Outbox(survey, (changed) => this.take(changed), (waiting, since) => {
+      this.emit("saved", { waiting, since });
+    });
+  }
+
+  setTool(tool: Tool): void {
+    this.tool = tool;
+    this.emit("tool", tool);
+  }
 
   on<K extends keyof Events>(event: K, listener: Listener<K>): void {
     const all = this.listeners.get(event) ?? new Set();
@@ -54,16 +72,22 @@ export class App {
     this.emit("selection", this.selection);
   }
 
-  // Everything a person does to lines goes through here; the result comes back to all panes
-  async change(edit: Edit): Promise<Changed | null> {
+  // Everything a person does to lines goes through here; the result comes back to all panes. An edit that cannot be
+  // sent is kept and sent when the server is back; `shape`: the line as it looks here, for when a trace is lost.
+  async change(edit: Edit, shape?: Line): Promise<Changed | null> {
     try {
-      const changed = await api.change(edit, this.revision);
-      this.take(changed);
-      return changed;
+      return await this.outbox.send(edit, this.revision, shape);
     } catch (error) {
       this.problem(error);
       return null;
     }
+  }
+
+  // The server is there (again): what waited is sent, then what was missed is asked for
+  async reconnected(): Promise<void> {
+    const problems = await this.outbox.resend();
+    await this.reload();
+    for (const problem of problems) this.problem(problem);
   }
 
   async undo(): Promise<void> {

@@ -1,0 +1,31 @@
+// Opens the survey and puts the parts of the page where they belong.
+
+import * as api from "./api";
+import { App } from "./app";
+import { element } from "./element";
+import { shellOf } from "./shell";
+
+async function start(): Promise<void> {
+  const app = new App(await api.survey());
+  document.title = `${app.survey.name} · linework`;
+  shellOf(app);
+  await app.reload();
+  api.live(
+    (news) => {
+      if (news.type === "changed") app.take(news);
+      else if (news.type === "job") app.emit("job", news);
+      else void app.reload().catch((error: unknown) => app.problem(error));
+    },
+    (is) => {
+      app.emit("connected", is);
+      if (is) void app.reconnected().catch((error: unknown) => app.problem(error));
+    },
+  );
+  document.body.dataset.state = "ready";
+}
+
+start().catch((error: unknown) => {
+  const text = error instanceof Error ? error.message : String(error);
+  document.body.replaceChildren(element("p", { class: "failed", role: "alert" }, text));
+  document.body.dataset.state = "failed";
+});
