@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import warnings
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -14,6 +13,7 @@ import numpy as np
 import PIL.Image
 
 from linework.errors import InputError
+from linework.files.image_whole import DAMAGED, check_complete, check_tail
 from linework.files.las_header import regular_file_bytes
 from linework.model.arrays import AnyArray
 from linework.model.camera import Camera, StereoRig
@@ -24,11 +24,6 @@ _FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM")
 #: Larger than 16 bits of red, green, blue and alpha without compression, and 16 MB of notes: no such image.
 _MAX_BYTES_PER_PIXEL, _MAX_NOTES_BYTES = 8, 1 << 24
 _ORIENTATION = 0x0112
-#: Rows that a JPEG decoder makes up at once where the data end early (one or two rows of 8 x 8 blocks).
-_BLOCK_ROWS = 16
-#: What it makes up: blocks without data are in the middle of the scale.
-_MADE_UP_GREY = 128
-_DAMAGED = "copy the file again, or leave it out"
 
 
 def read_pair(pair: ImagePair, rig: StereoRig) -> tuple[AnyArray, AnyArray]:
@@ -61,15 +56,31 @@ def read_image(path: Path, camera: Camera) -> AnyArray:
     image; images of 10 or 12 bits that were not scaled up to 16 are refused. Sizes are compared before a pixel
     is decoded. Exif that is damaged is ignored.
     """
-    n_bytes = _bytes_of(path)
-    if n_bytes > camera.width * camera.height * _MAX_BYTES_PER_PIXEL + _MAX_NOTES_BYTES:
-        raise InputError(
-            f"{n_bytes:,} bytes, too many for an image of {camera.width} x {camera.height} pixels", where=path,
-            advice="check what this file is",
-        )  # fmt: skip
-    data = path.read_bytes()
+    _check_bytes(_bytes_of(path), path, camera)
+    return decoded_image(path.read_bytes(), path, camera)
+
+
+def decoded_image(data: bytes, path: Path, camera: Camera, *, in_colour: bool = False) -> AnyArray:
+    """Decode an image of a camera that has been read from `path`.
+
+    Parameters
+    ----------
+    in_colour
+        Keep the colours of an image that has any.
+
+    Returns
+    -------
+    image
+        (height, width) uint8, or in colour (height, width, 3).
+
+    Raises
+    ------
+    InputError
+        As for `read_image`.
+    """
+    _check_bytes(len(data), path, camera)
     with image_errors(path, f", the calibration says {_size(camera)}"):
-        return _decoded(data, path, camera)
+        return _decoded(data, path, camera, in_colour=in_colour)
 
 
 def image_size(path: Path) -> tuple[int, int]:
@@ -88,8 +99,23 @@ def image_size(path: Path) -> tuple[int, int]:
 def _bytes_of(path: Path) -> int:
     n_bytes = regular_file_bytes(path)
     if n_bytes == 0:
-        raise InputError("empty file (0 bytes)", where=path, advice=_DAMAGED)
+        raise InputError("empty file (0 bytes)", where=path, advice=DAMAGED)
     return n_bytes
+
+
+def _check_bytes(n_bytes: int, path: Path, camera: Camera) -> None:
+    if n_bytes == 0:
+        raise InputError("empty file (0 bytes)", where=path, advice=DAMAGED)
+    if n_bytes > most_bytes(camera):
+        raise InputError(
+            f"{n_bytes:,} bytes, too many for an image of {camera.width} x {camera.height} pixels", where=path,
+            advice="check what this file is",
+        )  # fmt: skip
+
+
+def most_bytes(camera: Camera) -> int:
+    """Return how large a file of a camera's image may be."""
+    return camera.width * camera.height * _MAX_BYTES_PER_PIXEL + _MAX_NOTES_BYTES
 
 
 @contextlib.contextmanager
@@ -109,7 +135,7 @@ def image_errors(path: Path, expected: str = "") -> Iterator[None]:
         # Its decoders raise what they please: SyntaxError, struct.error, KeyError, MemoryError ...
         except Exception as error:
             reason = str(error).strip("'\".").split("\n")[0][:80] or type(error).__name__
-            raise InputError(f"damaged image ({reason})", where=path, advice=_DAMAGED) from error
+            raise InputError(f"damaged image ({reason})", where=path, advice=DAMAGED) from error
 
 
 def open_image(file: BinaryIO, path: Path) -> PIL.Image.Image:
@@ -121,8 +147,8 @@ def open_image(file: BinaryIO, path: Path) -> PIL.Image.Image:
                          advice="check what this file is") from error  # fmt: skip
 
 
-def _decoded(data: bytes, path: Path, camera: Camera) -> AnyArray:
-    """Return the grey values, having looked at the size before decoding and at the end of the data after it."""
+def _decoded(data: bytes, path: Path, camera: Camera, *, in_colour: bool) -> AnyArray:
+    """Return the values, having looked at the size before decoding and at the end of the data after it."""
     with open_image(io.BytesIO(data), path) as image:
         turned = _orientation(image)
         if image.size != (camera.width, camera.height):
@@ -136,11 +162,13 @@ def _decoded(data: bytes, path: Path, camera: Camera) -> AnyArray:
                 f"its Exif says that it is to be turned (orientation {turned}), a calibration is for one way up",
                 where=path, advice="turn the images, or remove the tag",
             )  # fmt: skip
-        _check_complete(data, str(image.format), path)
+        check_complete(data, str(image.format), path)
         image.load()
-        grey = _grey(image, path)
-    _check_tail(grey, path, is_jpeg=image.format in ("JPEG", "MPO"))
-    return grey
+        has_colour = image.mode not in ("L", "LA", "1", "F") and not image.mode.startswith("I")
+        keeps_colour = in_colour and has_colour
+        values = np.array(image.convert("RGB"), dtype=np.uint8) if keeps_colour else _grey(image, path)
+    check_tail(values.reshape(len(values), -1), path, is_jpeg=image.format in ("JPEG", "MPO"))
+    return values
 
 
 def _size(camera: Camera) -> str:
@@ -156,45 +184,6 @@ def _orientation(image: PIL.Image.Image) -> int:
     except Exception:
         return 1
     return value if isinstance(value, int) and 1 <= value <= 8 else 1
-
-
-def _check_complete(data: bytes, kind: str, path: Path) -> None:
-    """Refuse a JPEG without its end and a PNG whose checksums do not hold: decoders fill up what is missing."""
-    if kind in ("JPEG", "MPO") and data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda"):
-        raise InputError(
-            f"JPEG cut off after {len(data):,} bytes (it has no end)", where=path, advice=_DAMAGED
-        )
-    if kind == "PNG":
-        place, name = 8, b""
-        while name != b"IEND":
-            n = int.from_bytes(data[place : place + 4])
-            name, end = data[place + 4 : place + 8], place + 8 + n
-            if len(data) < end + 4:
-                raise InputError(f"PNG cut off after {len(data):,} bytes", where=path, advice=_DAMAGED)
-            # Notes that are damaged spoil no pixel; their names begin with a small letter
-            is_needed = name[:1].isupper()
-            if is_needed and zlib.crc32(data[place + 4 : end]) != int.from_bytes(data[end : end + 4]):
-                raise InputError(f"damaged PNG (checksum at byte {place:,})", where=path, advice=_DAMAGED)
-            place = end + 4
-
-
-def _check_tail(grey: AnyArray, path: Path, *, is_jpeg: bool) -> None:
-    """Refuse an image whose last rows are one grey: a JPEG whose data ended early though its end is there.
-
-    Lenses, noise and rounding leave no 16 whole rows of one value, except where all is black or white. Other
-    formats may hold what was decoded from such a JPEG, where the rows are 128; drawn images of theirs may end in
-    rows of another grey.
-    """
-    tail = grey[-_BLOCK_ROWS:]
-    value = int(tail[0, 0])
-    is_made_up = value == _MADE_UP_GREY or (is_jpeg and 0 < value < 255)
-    if is_made_up and bool(np.all(tail == value)):
-        whole = np.flatnonzero(np.any(grey != value, axis=1))
-        first = int(whole[-1]) + 1 if len(whole) else 0
-        raise InputError(
-            f"rows {first} to {len(grey) - 1} are one grey ({value}): its data end early", where=path,
-            advice=_DAMAGED,
-        )  # fmt: skip
 
 
 def _grey(image: Any, path: Path) -> AnyArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import PIL.Image
@@ -25,7 +26,13 @@ def thumbnail(path: Path) -> bytes:
         Missing, no image, cut off, absurdly large.
     """
     regular_file_bytes(path)
-    with image_errors(path), path.open("rb") as file, open_image(file, path) as image:
+    with image_errors(path), path.open("rb") as file:
+        return thumbnail_of(file, path)
+
+
+def thumbnail_of(file: BinaryIO, path: Path) -> bytes:
+    """Return an opened image made small (see `thumbnail`)."""
+    with image_errors(path), open_image(file, path) as image:
         # Decodes a JPEG at an eighth to the full size, whichever is enough
         image.draft("RGB", (2 * THUMBNAIL_PX, 2 * THUMBNAIL_PX))
         image.load()
