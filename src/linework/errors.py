@@ -87,3 +87,15 @@ class OutputExistsError(LineworkError, FileExistsError):
     """The output is there already and ``--overwrite`` was not given, or another run holds it."""
 
     exit_code = 6
+
+
+class AbsentError(LineworkError, LookupError):
+    """There is no such line, image, job ..., or it may not be seen: both are told by the same words."""
+
+    exit_code = 2
+
+
+class StaleError(LineworkError, RuntimeError):
+    """What a change starts from has changed since: somebody else was first."""
+
+    exit_code = 6

@@ -30,6 +30,7 @@ from linework.cli.info import info
 from linework.cli.locate import locate
 from linework.cli.photolog import photolog
 from linework.cli.raster import raster
+from linework.cli.serve import serve
 from linework.cli.simulate import simulate
 from linework.cli.trace import trace
 from linework.errors import LineworkError
@@ -46,6 +47,7 @@ for command in (
     locate,
     extract,
     trace,
+    serve,
     evaluate,
     raster,
     photolog,

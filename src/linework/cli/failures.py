@@ -38,11 +38,19 @@ _PATH_SAYS = (errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ELOOP, errno.ENAM
 
 
 class Interrupted(BaseException):
-    """The user or the system asked the run to end (SIGINT, SIGTERM); not an error."""
+    """The user or the system asked the run to end (SIGINT, SIGTERM); not an error.
 
-    def __init__(self, signal_number: int) -> None:
+    Parameters
+    ----------
+    said
+        How it ended.
+    """
+
+    def __init__(
+        self, signal_number: int, said: str = "interrupted: nothing was written; run the same command again"
+    ) -> None:
         super().__init__(signal_number)
-        self.signal_number = signal_number
+        self.signal_number, self.said = signal_number, said
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +77,8 @@ def failure_of(error: BaseException) -> Failure:
     5
     """
     if isinstance(error, Interrupted | KeyboardInterrupt):
-        code = 128 + (error.signal_number if isinstance(error, Interrupted) else 2)
-        return Failure("interrupted: nothing was written; run the same command again", code)
+        ending = error if isinstance(error, Interrupted) else Interrupted(2)
+        return Failure(ending.said, 128 + ending.signal_number)
     if isinstance(error, BrokenPipeError):
         return Failure("", 141)  # the reader of our output left: the shell's own code for that
     if isinstance(error, LineworkError):

@@ -54,6 +54,11 @@ class SurveyFacts:
     warnings: tuple[str, ...]
 
 
+def place_at_desk(table: Table) -> tuple[str, str]:
+    """Return folder and CRS of the survey, as its files say them: what opening the lines needs."""
+    return str(table.survey.root), table.survey.crs
+
+
 def open_at_desk(table: Table) -> SurveyFacts:
     """Open the survey, telling ("begin", step, unit), ("advance", done, total), ("end", step, seconds)."""
     steps = Steps(_Teller(table))

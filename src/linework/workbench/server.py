@@ -1,9 +1,16 @@
-"""The server: its routes, put together."""
+"""The server: its routes, put together, and what it answers when something goes wrong."""
 
 from __future__ import annotations
 
-from fastapi import FastAPI
+from collections.abc import Callable
+from typing import Any
 
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+from linework.errors import LineworkError
 from linework.workbench import (
     routes_edits,
     routes_follow,
@@ -14,17 +21,59 @@ from linework.workbench import (
     routes_survey,
 )
 from linework.workbench.bench import Bench
+from linework.workbench.problems import PROBLEMS, problem_document, problem_of
 
 ROUTERS = (
     routes_survey.router, routes_pictures.router, routes_edits.router, routes_review.router,
     routes_follow.router, routes_pairs.router, routes_jobs.router,
 )  # fmt: skip
 
+#: Said of a fault of ours: what it is is in the log, which does not go to the page.
+FAULT = "a fault of linework, not of your data; the log is saved, linework serve says where"
 
-def create_app(bench: Bench) -> FastAPI:
-    """Return the application that serves a bench."""
-    app = FastAPI(title="linework workbench", docs_url=None, redoc_url=None)
-    app.state.bench = bench
+
+def create_app(bench: Bench, save_log: Callable[[BaseException], Any] = lambda _error: None) -> FastAPI:
+    """Return the application that serves a bench; who may ask it is for `guard.Guard` to say.
+
+    Parameters
+    ----------
+    save_log
+        Called with what must never happen.
+    """
+    app = FastAPI(
+        title="linework workbench", docs_url=None, redoc_url=None, openapi_url="/api/openapi.json",
+        redirect_slashes=False, responses=PROBLEMS,
+    )  # fmt: skip
+    app.state.bench, app.state.busy = bench, ""
     for router in ROUTERS:
         app.include_router(router)
+
+    async def own(_request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, LineworkError)
+        status, line = problem_of(error)
+        return JSONResponse(problem_document(line, status), status)
+
+    async def fault(_request: Request, error: Exception) -> JSONResponse:
+        save_log(error)
+        return JSONResponse(problem_document(FAULT, 500), 500)
+
+    app.add_exception_handler(LineworkError, own)
+    app.add_exception_handler(RequestValidationError, _invalid)
+    app.add_exception_handler(HTTPException, _told)
+    app.add_exception_handler(Exception, fault)
     return app
+
+
+async def _told(_request: Request, error: Exception) -> JSONResponse:
+    """Answer what a route, or the lack of one, says by a status."""
+    assert isinstance(error, HTTPException)
+    document = problem_document(str(error.detail), error.status_code)
+    return JSONResponse(document, error.status_code, headers=dict(error.headers or {}))
+
+
+async def _invalid(_request: Request, error: Exception) -> JSONResponse:
+    """Answer a request that is not as the route wants it: what is first wrong with it."""
+    assert isinstance(error, RequestValidationError)
+    first = error.errors()[0]
+    place = ".".join(str(part) for part in first["loc"][1:] or first["loc"])
+    return JSONResponse(problem_document(f"{place}: {first['msg']}"[:300], 422), 422)

@@ -1,0 +1,88 @@
+"""What goes wrong, as the page is told of it: a status, and one line without a path of this machine."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from http import HTTPStatus
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from linework.errors import (
+    AbsentError,
+    ConfigError,
+    CrsError,
+    InputError,
+    LineworkError,
+    MachineError,
+    OutputExistsError,
+    PartialError,
+    StaleError,
+    UsageError,
+)
+
+#: The status of each error: a request that makes no sense, what cannot be done with what is there, what is not
+#: there, what is taken, what has changed since, and a machine that says no.
+STATUS_OF: Mapping[type[LineworkError], int] = MappingProxyType(
+    {
+        UsageError: 400,
+        ConfigError: 400,
+        AbsentError: 404,
+        OutputExistsError: 409,
+        StaleError: 412,
+        InputError: 422,
+        CrsError: 422,
+        PartialError: 422,
+        MachineError: 503,
+    }
+)
+#: Of errors with no line in the table: the root itself.
+_ELSE = 400
+
+#: What every route may answer beside its own: for OpenAPI, ``responses=PROBLEMS``.
+PROBLEMS: dict[int | str, dict[str, Any]] = {
+    status: {
+        "description": HTTPStatus(status).phrase,
+        "content": {
+            "application/json": {
+                "schema": {
+                    "type": "object",
+                    "required": ["problem", "status"],
+                    "properties": {"problem": {"type": "string"}, "status": {"type": "integer"}},
+                }
+            }
+        },
+    }
+    for status in (400, 401, 403, 404, 405, 408, 409, 412, 413, 415, 422, 429, 503)
+}
+
+#: A path of this machine: two or more names after a slash that begins a word. What is kept is the last one.
+_PATH = re.compile(r"(?<![\w.:/<])/(?:[^\s/:'\"]+/)+([^\s/:'\"]+)")
+
+
+def problem_document(line: str, status: int) -> dict[str, Any]:
+    """Return the body of a refusal.
+
+    >>> problem_document("/data/a/b.laz: empty file. Copy it again.", 422)
+    {'problem': 'b.laz: empty file. Copy it again.', 'status': 422}
+    """
+    return {"problem": without_paths(line), "status": status}
+
+
+def problem_of(error: LineworkError) -> tuple[int, str]:
+    """Return the status and the line of an error."""
+    status = next((STATUS_OF[kind] for kind in type(error).__mro__ if kind in STATUS_OF), _ELSE)
+    where = error.where.name if isinstance(error.where, Path) else error.where
+    named = type(error)(error.problem, where=where, advice=error.advice)
+    return status, without_paths(str(named))
+
+
+def without_paths(text: str) -> str:
+    r"""Return a text on one line in which a path of this machine is its last name.
+
+    >>> without_paths("tile 3: /home/me/my data/a.laz\nis cut off")
+    'tile 3: my data/a.laz is cut off'
+    """
+    line = " ".join(text.split())
+    return _PATH.sub(r"\1", line)
