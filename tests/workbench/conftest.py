@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
+from tests.workbench.serve_process import Served, opened_browser, opened_page, served_survey
 
 from linework.files.locks import locked
 
@@ -68,3 +71,43 @@ def drive(made_drive: Path, made_lines: Path, tmp_path: Path) -> Iterator[Path]:
 def drive_lines(drive: Path, made_lines: Path) -> Path:
     """Return the drive's own file of lines, as `extract` made it."""
     return Path(shutil.copy(made_lines, drive / "lines.gpkg"))
+
+
+@pytest.fixture(scope="module")
+def served(made_drive: Path, made_lines: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """Return a real server of a copy of the drive and its lines, for all tests of a module, logged in."""
+    with _served_copy(made_drive, made_lines, tmp_path_factory) as served:
+        yield served
+
+
+@pytest.fixture
+def served_alone(
+    made_drive: Path, made_lines: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Served]:
+    """Return as `served`, for one test, which may do with it what it likes."""
+    with _served_copy(made_drive, made_lines, tmp_path_factory) as served:
+        yield served
+
+
+@contextmanager
+def _served_copy(drive: Path, lines: Path, factory: pytest.TempPathFactory) -> Iterator[Served]:
+    survey = factory.mktemp("served") / "drive"
+    shutil.copytree(drive, survey)
+    shutil.copy(lines, survey / "lines.gpkg")
+    with served_survey(survey) as served:
+        yield served
+    shutil.rmtree(survey)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Return a Chromium; of a module, as its loop would be in the way of other modules' own."""
+    with opened_browser() as browser:
+        yield browser
+
+
+@pytest.fixture
+def page(browser: Any, served: Served) -> Iterator[Any]:
+    """Return the workbench's page, logged in at `served`; an error of its scripts fails the test."""
+    with opened_page(browser, served) as page:
+        yield page
