@@ -86,11 +86,14 @@ export type Edit =
   | { action: "remove"; id: string; vertex: number }
   | { action: "trim"; id: string; first: number; last: number } // keeps these vertices
   | { action: "draw"; kind: string; xyz: (Place | Vertex)[] }
-  | { action: "keep"; trace: string; first: number; last: number; continues?: string }; // a followed line
+  | { action: "keep"; trace: string; first: number; last: number; continues?: string } // a followed line
+  | { action: "dashes"; id: string } // adds the dashes that the rhythm of a dashed line lacks
+  | { action: "dismiss"; key: string }; // nothing to do about an item of the queue
 
 export interface QueueItem {
   key: string; // the same as long as it is about the same thing
-  type: "line" | "gap" | "boundary"; // an unsure line, a line that ends in view of data, a stretch without a boundary
+  // an unsure line, a line that ends in view of data, a stretch without a boundary or marking, missing dashes
+  type: "line" | "gap" | "boundary" | "marking" | "dashes";
   ids: string[]; // lines it is about; of a gap: the one that ends, and the one that may go on
   kind: string;
   at: Place; // where to look

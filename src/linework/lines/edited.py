@@ -1,0 +1,128 @@
+"""A line with some of its vertices changed: what a person does to it by hand, one line in and one out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from linework.errors import UsageError
+from linework.model.arrays import AnyArray, FloatArray
+from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+
+#: Two vertices nearer than this are one place. [m]
+ONE_PLACE_M = 0.001
+#: Columns whose sign follows the direction of the line: positive to its left.
+_SIDED = ("disagreement_mean_m",)
+
+
+def moved(line: LineSet, vertex: int, to: FloatArray, *, sigma_z_m: float = np.nan) -> LineSet:
+    """Return a line with a vertex at another place.
+
+    Parameters
+    ----------
+    line
+        A single line, as for all functions here.
+    to
+        (3,) [m, world].
+    sigma_z_m
+        How well the height of the place is known; NaN: unknown. Across the line nobody knows.
+
+    Raises
+    ------
+    UsageError
+        There is no such vertex, or it would lie on its neighbour.
+    """
+    _check_vertex(line, vertex)
+    _check_apart(line, to, [k for k in (vertex - 1, vertex + 1) if 0 <= k < len(line.xyz)])
+    xyz, sigma_xy, sigma_z = line.xyz.copy(), line.sigma_xy_m.copy(), line.sigma_z_m.copy()
+    xyz[vertex], sigma_xy[vertex], sigma_z[vertex] = to, np.nan, sigma_z_m
+    return line.with_columns(xyz=xyz, sigma_xy_m=sigma_xy, sigma_z_m=sigma_z)
+
+
+def inserted(line: LineSet, after: int, to: FloatArray, *, sigma_z_m: float = np.nan) -> LineSet:
+    """Return a line with one more vertex behind vertex `after`; -1: before the first, the last: behind it.
+
+    A vertex on a bridged segment is bridged, too: somebody said where the line is, nobody measured it.
+
+    Raises
+    ------
+    UsageError
+        There is no such vertex, or the new one would lie on its neighbour.
+    """
+    if after != -1:
+        _check_vertex(line, after)
+    _check_apart(line, to, [k for k in (after, after + 1) if 0 <= k < len(line.xyz)])
+    is_inside = 0 <= after < len(line.xyz) - 1
+    values: dict[str, Any] = {
+        "sigma_xy_m": np.nan,
+        "sigma_z_m": sigma_z_m,
+        "bridged": is_inside and bool(line.bridged[after] | line.bridged[after + 1]),
+        "observed": True,
+    }
+    columns = {name: np.insert(getattr(line, name), after + 1, values[name]) for name in VERTEX_COLUMNS}
+    return rebuilt(line, np.insert(line.xyz, after + 1, to, axis=0), columns)
+
+
+def removed(line: LineSet, vertex: int) -> LineSet:
+    """Return a line without a vertex.
+
+    Raises
+    ------
+    UsageError
+        There is no such vertex, or the line has no more than two.
+    """
+    _check_vertex(line, vertex)
+    if len(line.xyz) <= 2:
+        raise UsageError("a line has two vertices at least", where="remove", advice="delete the whole line")
+    return part_of(line, np.delete(np.arange(len(line.xyz)), vertex))
+
+
+def trimmed(line: LineSet, first: int, last: int) -> LineSet:
+    """Return what lies between two vertices, both kept.
+
+    Raises
+    ------
+    UsageError
+        There are no such vertices, or nothing between them.
+    """
+    _check_vertex(line, first)
+    _check_vertex(line, last)
+    if last <= first:
+        raise UsageError(
+            f"nothing is left from vertex {first} to vertex {last}", where="trim",
+            advice="keep two vertices at least",
+        )  # fmt: skip
+    return part_of(line, np.arange(first, last + 1))
+
+
+def reversed_line(line: LineSet) -> LineSet:
+    """Return a line that runs the other way; what is on its left is on its right then."""
+    turned = part_of(line, np.arange(len(line.xyz))[::-1])
+    return turned.with_columns(**{name: -getattr(line, name) for name in _SIDED})
+
+
+def part_of(line: LineSet, vertices: AnyArray) -> LineSet:
+    """Return a line of some of a line's vertices, in the order named."""
+    return rebuilt(line, line.xyz[vertices], {name: getattr(line, name)[vertices] for name in VERTEX_COLUMNS})
+
+
+def rebuilt(line: LineSet, xyz: FloatArray, vertex_columns: dict[str, AnyArray]) -> LineSet:
+    """Return a single line with the columns of another, and vertices of its own."""
+    columns = {name: getattr(line, name) for name in LINE_COLUMNS}
+    return LineSet.from_lines([xyz], crs=line.crs, **columns, **vertex_columns)
+
+
+def _check_vertex(line: LineSet, vertex: int) -> None:
+    if not 0 <= vertex < len(line.xyz):
+        raise UsageError(
+            f"there is no vertex {vertex}, the line has {len(line.xyz)} from 0", where="edit",
+            advice="reload the page and try again",
+        )  # fmt: skip
+
+
+def _check_apart(line: LineSet, to: FloatArray, neighbours: list[int]) -> None:
+    if any(float(np.linalg.norm(line.xyz[k] - to)) < ONE_PLACE_M for k in neighbours):
+        raise UsageError(
+            "the place is that of the vertex beside it", where="edit", advice="remove the vertex instead"
+        )

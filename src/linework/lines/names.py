@@ -1,0 +1,56 @@
+"""Names of lines: made of kind and place alone, so that the same line found again has the same name."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Container
+
+import numpy as np
+
+from linework.model.arrays import FloatArray, IntArray
+from linework.model.lines import LineSet
+
+#: A line's place is known to this step: wider than what another pass or a changed setting moves a line's
+#: middle across it, narrower than the distance of neighbouring lines of one kind. [m]
+PLACE_STEP_M = 1.0
+
+
+def named(lines: LineSet, taken: Container[str]) -> LineSet:
+    """Return the lines, those without an `id` with one that no other line has and that is not taken.
+
+    >>> lines = named(LineSet.from_lines([np.zeros((2, 3))] * 2, kind=["cable"] * 2), ())
+    >>> len(set(lines.id.tolist())), lines.id[0] == named(lines.take([0]).with_columns(id=[""]), ()).id[0]
+    (2, True)
+    """
+    ids = lines.id.tolist()
+    if all(ids):
+        return lines
+    places, own = places_of(lines), set(ids)
+    for i in np.flatnonzero(lines.id == "").tolist():
+        number = 1
+        while (name := place_name(str(lines.kind[i]), places[i], number)) in own or name in taken:
+            number += 1
+        ids[i] = name
+        own.add(name)
+    return lines.with_columns(id=np.array(ids, dtype=np.str_))
+
+
+def places_of(lines: LineSet) -> IntArray:
+    """Return the cell of each line's middle: (m, 3), in steps of `PLACE_STEP_M`."""
+    return np.floor(midpoints(lines) / PLACE_STEP_M).astype(np.int64)
+
+
+def place_name(kind: str, place: IntArray, number: int) -> str:
+    """Return the name of a line of a kind in a cell; lines of one kind in one cell are told apart by `number`."""
+    text = ":".join((kind, *map(str, place), str(number)))
+    return f"{kind}-{hashlib.sha256(text.encode()).hexdigest()[:10]}"
+
+
+def midpoints(lines: LineSet) -> FloatArray:
+    """Return the place half-way along each line: (m, 3), in metres, world."""
+    middles = np.zeros((len(lines), 3))
+    for i in range(len(lines)):
+        xyz = lines.line(i)
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xyz, axis=0), axis=1))])
+        middles[i] = [np.interp(along[-1] / 2, along, xyz[:, axis]) for axis in range(3)]
+    return middles

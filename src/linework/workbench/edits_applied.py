@@ -1,0 +1,243 @@
+"""From what a page asks for to the change that is saved: which lines go, and which come in their place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from linework.errors import AbsentError, UsageError
+from linework.lines import edited, edited_parts, edited_smooth, edited_words
+from linework.lines.edited_dashes import with_missing_dashes
+from linework.methods.obb.trace import BESIDE_M, beside
+from linework.model.arrays import FloatArray
+from linework.model.changes import Change
+from linework.model.lines import LineSet
+from linework.workbench import edits
+from linework.workbench.edits import EditOrder, places_of
+from linework.workbench.edits_kept import kept_change
+
+#: What may lie beside a line of each kind, and belongs to it: judged when the line is judged.
+COMPANIONS = {"lane_marking": "lane_marking_dash", "road_boundary": "kerb_top"}
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """What an edit needs beside the lines.
+
+    Parameters
+    ----------
+    heights
+        (k, 2) of the places that it names, in its order: height and its sigma [m]; NaN: nothing was measured there.
+    kept
+        The followed line that it keeps, first, and what runs beside it.
+    """
+
+    heights: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+    kept: LineSet | None = None
+
+
+def change_of(edit: EditOrder, lines: LineSet, given: Given) -> Change:
+    """Return the change that an edit makes to lines.
+
+    Raises
+    ------
+    AbsentError
+        A line is not there.
+    UsageError
+        The edit makes no sense for these lines, in one line.
+    """
+    for kind, make in _MAKERS.items():
+        if isinstance(edit, kind):
+            change: Change = make(edit, lines, given)
+            return change
+    raise UsageError(f"{edit.action} is no edit", where="edit", advice="reload the page")
+
+
+def lines_of(lines: LineSet, ids: Iterable[str]) -> LineSet:
+    """Return the lines of some ids, each once, in their order.
+
+    Raises
+    ------
+    AbsentError
+        One of them is not there.
+    """
+    number = {str(name): i for i, name in enumerate(lines.id)}
+    wanted = list(dict.fromkeys(ids))
+    absent = [name for name in wanted if name not in number]
+    if absent:
+        raise AbsentError(
+            f"there is no line {absent[0]}", where="lines", advice="somebody deleted it; reload the page"
+        )
+    return lines.take(np.array([number[name] for name in wanted], dtype=np.int64))
+
+
+def with_companions(chosen: LineSet, lines: LineSet) -> LineSet:
+    """Return lines with the dashes that lie on them, and the tops of their kerbs."""
+    is_in = np.isin(lines.id, chosen.id)
+    for i in range(len(chosen)):
+        kind = COMPANIONS.get(str(chosen.kind[i]), "")
+        if kind:
+            box = _near(lines, chosen.line(i), BESIDE_M[kind])
+            is_in[box[beside(lines.take(box), chosen.line(i), kind)]] = True
+    return lines.take(is_in)
+
+
+def _near(lines: LineSet, xyz: FloatArray, within_m: float) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """Return which lines begin in the rectangle around a line: the others need no closer look."""
+    low, high = xyz[:, :2].min(axis=0) - within_m, xyz[:, :2].max(axis=0) + within_m
+    first = lines.xyz[lines.offsets[:-1], :2]
+    return np.flatnonzero(np.all((first >= low) & (first <= high), axis=1))
+
+
+def _reviewed(edit: edits.Review, lines: LineSet, _: Given) -> Change:
+    review = {"accept": "accepted", "reject": "rejected", "restore": ""}[edit.action]
+    chosen = with_companions(lines_of(lines, edit.ids), lines)
+    if edit.action == "reject":
+        # What a person made of a dash or a top on its own stays
+        own = np.isin(chosen.id, np.array(edit.ids))
+        chosen = chosen.take(own | (chosen.review == ""))
+    return Change(edit.action, chosen, edited_words.reviewed(chosen, review))
+
+
+def _deleted(edit: edits.Delete, lines: LineSet, _: Given) -> Change:
+    chosen = with_companions(lines_of(lines, edit.ids), lines)
+    return Change(edit.action, chosen, LineSet.empty(lines.crs))
+
+
+def _split(edit: edits.Split, lines: LineSet, _: Given) -> Change:
+    line = lines_of(lines, [edit.id])
+    return _edited(edit.action, line, edited_parts.split(line, np.array(edit.at)))
+
+
+def _joined(edit: edits.Join, lines: LineSet, _: Given) -> Change:
+    both = lines_of(lines, edit.ids)
+    if len(both) != 2:
+        raise UsageError("a line cannot be joined to itself", where="join", advice="choose two lines")
+    return _edited(edit.action, both, edited_parts.joined(both.take([0]), both.take([1])))
+
+
+def _shaped(edit: edits.Shape, lines: LineSet, _: Given) -> Change:
+    line = lines_of(lines, [edit.id])
+    if edit.action == "dashes":
+        own = with_companions(line, lines).of_kind("lane_marking_dash")
+        new = with_missing_dashes(line, own.take(own.review != "rejected"))
+        return Change(edit.action, LineSet.empty(lines.crs), edited_words.reviewed(new, "drawn"))
+    make = edited_smooth.smoothed if edit.action == "smooth" else edited.reversed_line
+    return _edited(edit.action, line, make(line))
+
+
+def _as_kind(edit: edits.AsKind, lines: LineSet, _: Given) -> Change:
+    chosen = lines_of(lines, edit.ids)
+    whole = with_companions(chosen, lines)
+    # Dashes of what is no marking, and tops of what is no kerb, are nothing
+    left = whole.take(~np.isin(whole.id, chosen.id) & (whole.kind != edit.kind))
+    after = LineSet.concatenate(
+        [
+            edited_words.reviewed(edited_words.as_kind(chosen, edit.kind), "edited"),
+            edited_words.reviewed(left, "rejected"),
+        ]
+    )
+    return Change(edit.action, LineSet.concatenate([chosen, left]), after)
+
+
+def _set(edit: edits.Set, lines: LineSet, _: Given) -> Change:
+    chosen = lines_of(lines, edit.ids)
+    return _edited(edit.action, chosen, edited_words.with_word(chosen, edit.column, edit.value))
+
+
+def _vertex(edit: edits.Move | edits.Insert, lines: LineSet, given: Given) -> Change:
+    line = lines_of(lines, [edit.id])
+    (to,), (sigma_z_m,) = _placed(edit, given, line.xyz)
+    if isinstance(edit, edits.Move):
+        after = edited.moved(line, edit.vertex, to, sigma_z_m=sigma_z_m)
+    else:
+        after = edited.inserted(line, edit.after, to, sigma_z_m=sigma_z_m)
+    return _edited(edit.action, line, after)
+
+
+def _removed(edit: edits.Remove, lines: LineSet, _: Given) -> Change:
+    line = lines_of(lines, [edit.id])
+    return _edited(edit.action, line, edited.removed(line, edit.vertex))
+
+
+def _trimmed(edit: edits.Trim, lines: LineSet, _: Given) -> Change:
+    line = lines_of(lines, [edit.id])
+    return _edited(edit.action, line, edited.trimmed(line, edit.first, edit.last))
+
+
+def _drawn(edit: edits.Draw, lines: LineSet, given: Given) -> Change:
+    edited_words.check_kind(edit.kind)
+    xyz, sigma_z = _placed(edit, given, None)
+    if np.any(np.linalg.norm(np.diff(xyz, axis=0), axis=1) < edited.ONE_PLACE_M):
+        raise UsageError("two vertices in a row are one place", where="draw", advice="leave one out")
+    line = LineSet.from_lines([xyz], crs=lines.crs, kind=[edit.kind], method=["drawn"], sigma_z_m=sigma_z)
+    return Change(edit.action, LineSet.empty(lines.crs), edited_words.reviewed(line, "drawn"))
+
+
+def _kept(edit: edits.Keep, lines: LineSet, given: Given) -> Change:
+    if given.kept is None or len(given.kept) == 0:
+        raise AbsentError("the followed line is gone", where="keep", advice="follow it again")
+    continues = None if edit.continues is None else lines_of(lines, [edit.continues])
+    return kept_change(lines, given.kept, (edit.first, edit.last), continues)
+
+
+def _dismissed(edit: edits.Dismiss, lines: LineSet, _: Given) -> Change:
+    empty = LineSet.empty(lines.crs)
+    return Change(f"{edit.action} {edit.key}", empty, empty)
+
+
+def _edited(action: str, before: LineSet, after: LineSet) -> Change:
+    """Return the change of lines that somebody had a hand in; what was drawn stays drawn."""
+    review = np.where(np.all(before.review == "drawn"), "drawn", "edited")
+    return Change(action, before, replace(after, review=np.full(len(after), review)))
+
+
+def _placed(edit: EditOrder, given: Given, line: FloatArray | None) -> tuple[FloatArray, list[float]]:
+    """Return the places of an edit (k, 3) with heights: as named, else as measured, else as the line has it there.
+
+    Raises
+    ------
+    UsageError
+        There is no height.
+    """
+    placed, sigmas = [], []
+    for place, (measured_m, sigma_m) in zip(places_of(edit), given.heights.tolist(), strict=True):
+        is_named = len(place) == 3
+        height = float(place[-1]) if is_named else measured_m
+        if np.isnan(height) and line is not None:
+            # Nothing was measured here: as high as the line's nearest vertex
+            away = np.hypot(line[:, 0] - place[0], line[:, 1] - place[1])
+            height = float(line[int(np.argmin(away)), 2])
+        placed.append((place[0], place[1], height))
+        sigmas.append(float("nan") if is_named else sigma_m)
+    xyz = np.array(placed, dtype=np.float64)
+    known = ~np.isnan(xyz[:, 2])
+    if not known.any():
+        raise UsageError(
+            "nothing was measured at these places", where="draw", advice="draw where the survey has points"
+        )
+    # Between places of known height the line rises evenly
+    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))]
+    xyz[~known, 2] = np.interp(along[~known], along[known], xyz[known, 2])
+    return xyz, sigmas
+
+
+_MAKERS: dict[type, Callable[..., Change]] = {
+    edits.Review: _reviewed,
+    edits.Delete: _deleted,
+    edits.Split: _split,
+    edits.Join: _joined,
+    edits.Shape: _shaped,
+    edits.AsKind: _as_kind,
+    edits.Set: _set,
+    edits.Move: _vertex,
+    edits.Insert: _vertex,
+    edits.Remove: _removed,
+    edits.Trim: _trimmed,
+    edits.Draw: _drawn,
+    edits.Keep: _kept,
+    edits.Dismiss: _dismissed,
+}

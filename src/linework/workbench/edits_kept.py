@@ -1,0 +1,107 @@
+"""A followed line put among the others: what it runs over becomes one line with it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from linework.errors import UsageError
+from linework.lines.continued import SAME_M, Gap, continued
+from linework.lines.edited import trimmed
+from linework.lines.edited_parts import joined
+from linework.lines.edited_words import reviewed
+from linework.methods.obb.trace import BESIDE_M, beside
+from linework.model.arrays import BoolArray, FloatArray, IntArray
+from linework.model.changes import Change
+from linework.model.lines import LineSet
+
+#: Lines are one with a followed line where they overlap it: no gap is closed unasked. [m]
+_OVERLAPPING = Gap(longest_m=SAME_M, off_deg=5.0, turn_deg=20.0)
+#: Short pieces that are there or not, and never grow together.
+_WHOLE_KINDS = ("lane_marking_dash",)
+
+
+def kept_change(
+    lines: LineSet, trace: LineSet, span: tuple[int, int], continues: LineSet | None = None
+) -> Change:
+    """Return the change that puts a followed line among the others.
+
+    Parameters
+    ----------
+    lines
+        All lines.
+    trace
+        The followed line, first, and what runs beside it.
+    span
+        First and last vertex of it to keep.
+    continues
+        The line that it was followed on from.
+
+    Returns
+    -------
+    Change
+        Lines of its kind that it overlaps go, and are one line with it; `continues` is, too, over a gap that is
+        bridged. Dashes and kerb tops beside what is kept come along where there are none yet.
+    """
+    first, last = span
+    one = trimmed(trace.take([0]), first, min(last, int(trace.offsets[1]) - 1)).with_columns(
+        id=np.array([""])
+    )
+    gone: list[int] = []
+    if continues is not None:
+        if str(continues.kind[0]) != str(one.kind[0]):
+            raise UsageError(
+                f"a {one.kind[0]} does not continue a {continues.kind[0]}", where="keep",
+                advice="follow the kind of the line",
+            )  # fmt: skip
+        one = joined(continues, one)
+        gone += np.flatnonzero(lines.id == continues.id[0]).tolist()
+    one, absorbed = _grown(one, lines, gone)
+    new = [one]
+    gone += absorbed
+    for kind in BESIDE_M:
+        others = trace.of_kind(kind)
+        for k in beside(others, trace.line(0)[first : last + 1], kind).tolist() if len(others) else []:
+            companion = others.take([k]).with_columns(id=np.array([""]))
+            if kind in _WHOLE_KINDS:
+                new += [] if _touching(companion, lines, gone).size else [companion]
+                continue
+            companion, absorbed = _grown(companion, lines, gone)
+            new, gone = [*new, companion], gone + absorbed
+    before = lines.take(np.array(gone, dtype=np.int64))
+    return Change("keep", before, reviewed(LineSet.concatenate(new), "drawn"))
+
+
+def _grown(one: LineSet, lines: LineSet, gone: list[int]) -> tuple[LineSet, list[int]]:
+    """Return a line with those that it overlaps, as one; and which they are."""
+    absorbed: list[int] = []
+    for k in _touching(one, lines, gone).tolist():
+        other = lines.take([k])
+        whole = continued(one, other, _OVERLAPPING)
+        if len(whole) == 1:
+            name = one.id if one.id[0] else other.id
+            one = whole.with_columns(id=name)
+            absorbed.append(k)
+    return one, absorbed
+
+
+def _touching(one: LineSet, lines: LineSet, gone: list[int]) -> IntArray:
+    """Return which lines of a kind, not rejected and not `gone`, have a vertex on a line."""
+    xy = one.xyz[:, :2]
+    low, high = xy.min(axis=0) - SAME_M, xy.max(axis=0) + SAME_M
+    candidates = (lines.kind == one.kind[0]) & (lines.review != "rejected")
+    candidates[gone] = False
+    inside = np.all((lines.xyz[:, :2] >= low) & (lines.xyz[:, :2] <= high), axis=1)
+    inside &= candidates[lines.line_of_vertex]
+    near = np.flatnonzero(inside)[_is_on(lines.xyz[inside, :2], xy)]
+    return np.unique(lines.line_of_vertex[near])
+
+
+def _is_on(places: FloatArray, line: FloatArray) -> BoolArray:
+    """Return which places (n, 2) lie on a line (k, 2)."""
+    out = np.zeros(len(places), dtype=np.bool_)
+    a, way = line[:-1], np.diff(line, axis=0)
+    size2 = np.maximum(np.sum(way * way, axis=1), 1e-12)
+    for i, place in enumerate(places):
+        share = np.clip(np.sum((place - a) * way, axis=1) / size2, 0.0, 1.0)
+        out[i] = float(np.hypot(*(place - a - share[:, None] * way).T).min()) <= SAME_M
+    return out
