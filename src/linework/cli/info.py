@@ -163,7 +163,7 @@ def _spread(values: dict[str, float]) -> str:
 
 def _tell_left_out(document: dict[str, Any]) -> None:
     """End as unfinished where files were left out."""
-    from linework.cli.extract import MAX_LISTED
+    from linework.tiling.record import MAX_LISTED
     from linework.errors import PartialError
 
     failures = document["failures"]

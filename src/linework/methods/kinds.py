@@ -66,3 +66,35 @@ def check_method(method: str, kinds: tuple[str, ...]) -> None:
         raise UsageError(
             f"method {method} does not find {', '.join(missing)}", where="--method", advice="choose auto"
         )
+
+
+def findable_kinds(kinds: tuple[str, ...], *, has_points: bool, asked: bool) -> tuple[str, ...]:
+    """Return those kinds that can be found in what a survey has.
+
+    Parameters
+    ----------
+    asked
+        They were asked for by name.
+
+    Raises
+    ------
+    UsageError
+        One that was asked for cannot be found.
+    """
+    if has_points:
+        return kinds
+    missing = [kind for kind in kinds if kind not in KINDS_OF["stereo"]]
+    if missing and asked:
+        raise UsageError(f"{', '.join(missing)}: only laser points show them, and the survey has none",
+                         where="--features", advice=f"ask for {','.join(KINDS_OF['stereo'])}")  # fmt: skip
+    return tuple(kind for kind in kinds if kind in KINDS_OF["stereo"])
+
+
+def recordings_for(method: str, kinds: tuple[str, ...]) -> dict[str, bool]:
+    """Return which recordings a method looks at: the arguments `laser` and `images` of `opened_recordings`.
+
+    >>> recordings_for("auto", ("cable",))
+    {'laser': True, 'images': False}
+    """
+    by_images = set(kinds) & set(KINDS_OF["stereo"])
+    return {"laser": method != "stereo", "images": method in ("auto", "stereo") and bool(by_images)}

@@ -17,6 +17,8 @@ from linework.files.publish import is_alive
 
 #: What can change the result: named in every record.
 PACKAGES = ("numpy", "scipy", "numba", "laspy", "lazrs", "pyproj", "pyogrio", "shapely")
+#: More failures than this are counted, not listed: run.json has all.
+MAX_LISTED = 3
 
 
 def versions() -> dict[str, str]:
@@ -62,6 +64,33 @@ def facts_of(record: Mapping[str, Any]) -> dict[str, str]:
         "time": ", ".join(f"{step} {seconds:.1f} s" for step, seconds in record["timings_s"].items()),
         "linework": record["versions"]["linework"],
     }
+
+
+def what_is_missing(record: Mapping[str, Any]) -> str:
+    """Return on one line what a run has left out and why, "" where it has left out nothing.
+
+    >>> failures = [{"file": "a.laz", "problem": "a.laz: empty file."}]
+    >>> what_is_missing({"failures": failures, "counts": {"files": 2, "tiles": 1, "stereo_pairs": 0}})
+    '1 of 2 files left out: a.laz: empty file'
+    """
+    failures, counts = record["failures"], record["counts"]
+    totals = {"file": counts["files"], "tile": counts["tiles"], "stereo pair": counts["stereo_pairs"]}
+    left_out = {
+        "file": sum("file" in failure for failure in failures),
+        "tile": sum("tile" in failure for failure in failures),
+        "stereo pair": sum("image" in failure for failure in failures),
+    }
+    parts = [f"{left_out[name]} of {of} {name}s" for name, of in totals.items() if left_out[name]]
+    n_recordings = sum("recording" in failure for failure in failures)
+    parts += [f"{n_recordings} recording{'s' * (n_recordings > 1)}"] * bool(n_recordings)
+    listed = "; ".join(
+        f"tile {failure['tile']}: {failure['problem']}"
+        if "tile" in failure
+        else failure["problem"].rstrip(".")
+        for failure in failures[:MAX_LISTED]
+    )
+    more = f" and {len(failures) - MAX_LISTED} more" if len(failures) > MAX_LISTED else ""
+    return f"{' and '.join(parts)} left out: {listed}{more}" if failures else ""
 
 
 @contextlib.contextmanager
