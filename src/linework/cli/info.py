@@ -163,8 +163,8 @@ def _spread(values: dict[str, float]) -> str:
 
 def _tell_left_out(document: dict[str, Any]) -> None:
     """End as unfinished where files were left out."""
-    from linework.tiling.record import MAX_LISTED
     from linework.errors import PartialError
+    from linework.tiling.record import MAX_LISTED
 
     failures = document["failures"]
     if failures:
