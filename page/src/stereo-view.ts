@@ -1,0 +1,290 @@
+// Stereo view: both images of a pair as they were taken, the lines in them, and picking an edge in one of them.
+
+import "./stereo-view.css";
+
+import * as api from "./api";
+import type { App, Pane } from "./app";
+import { Bar } from "./bar";
+import { element } from "./element";
+import { bright } from "./ink";
+import { Latest, Shown } from "./shown";
+import { StereoDrive } from "./stereo-drive";
+import { type Px, type Sight, StereoImage, type Stroke } from "./stereo-image";
+import type { FollowNews, Pair, PairLine, PairLines, Place } from "./types";
+
+const NAME = "stereo";
+const CLICK_PX = 4;
+const SPEEDS = [["1", "1 / s"], ["2", "2 / s"], ["5", "5 / s"], ["10", "10 / s"]] as const;
+type Side = "left" | "right";
+type Seen = Record<Side, Px[]>;
+
+export class StereoView implements Pane {
+  readonly element: HTMLElement;
+  private readonly images: Record<Side, StereoImage> = { left: new StereoImage("left"), right: new StereoImage("right") };
+  private readonly play: HTMLButtonElement;
+  private readonly words: HTMLElement;
+  private readonly answer = element("p", { class: "stereo-answer", role: "status" });
+  private readonly drive: StereoDrive;
+  private readonly shown: Shown;
+  private readonly loading = new Latest();
+  private pair: Pair | null = null;
+  private loaded = -1; // number of the pair whose images are drawn
+  private lines: PairLines | null = null;
+  private sight: Sight | null = null; // null: the whole image
+  private seen = new Map<number, Seen>(); // of the line that is being followed, pair by pair
+  private refused: { pair: number; side: Side; at: Px; works: Px | null } | null = null;
+  private picked: { pair: number; side: Side; at: Px } | null = null;
+  private drag: { px: Px; sight: Sight; moved: boolean } | null = null;
+
+  constructor(private readonly app: App) {
+    this.drive = new StereoDrive((pair) => this.go(pair), () => this.tellPlay());
+    const bar = new Bar();
+    bar.button("◀", "Pair before (Left)", () => this.step(-1));
+    this.play = bar.button("▶▶", "Play along the drive (P)", () => this.toggle());
+    bar.button("▶", "Next pair (Right)", () => this.step(1));
+    const speed = bar.choice("Pairs per second", SPEEDS, (value) => (this.drive.perSecond = Number(value)));
+    speed.value = "2";
+    bar.button("Whole", "Whole images (double click)", () => this.look(null));
+    this.words = bar.words();
+    const both = element("div", { class: "stereo-images" }, this.images.left.canvas, this.images.right.canvas);
+    this.element = element("div", { class: "stereo-view", tabindex: 0 }, bar.element, both, this.answer);
+    this.shown = new Shown(both, () => void this.appeared(), () => this.draw());
+    this.listen();
+  }
+
+  resized(): void {
+    this.draw();
+  }
+
+  private listen(): void {
+    const { app } = this;
+    app.on("look", ({ at, by }) => by !== NAME && by !== "photolog" && this.seek(at));
+    app.on("pair", (number) => void this.showPair(number));
+    app.on("lines", () => this.loadLines());
+    app.on("selection", () => this.draw());
+    app.on("order", () => this.forget());
+    app.on("growing", ({ lines }) => lines.length === 0 && this.seen.size > 0 && this.forget());
+    app.on("follow", (news) => this.heard(news));
+    for (const image of Object.values(this.images)) {
+      image.canvas.addEventListener("pointerdown", (event) => this.press(event, image));
+      image.canvas.addEventListener("pointermove", (event) => this.move(event));
+      image.canvas.addEventListener("pointerup", (event) => this.release(event, image));
+      image.canvas.addEventListener("wheel", (event) => this.wheel(event, image), { passive: false });
+      image.canvas.addEventListener("dblclick", () => app.tool !== "follow" && this.look(null));
+    }
+    this.element.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  private async appeared(): Promise<void> {
+    try {
+      if (this.drive.pairs.length === 0) await this.drive.load();
+      const wanted = this.pair ?? this.drive.pairs[0];
+      if (wanted) await this.showPair(wanted.number);
+    } catch (error) {
+      this.app.problem(error);
+    }
+  }
+
+  private async seek(place: Place): Promise<void> {
+    if (this.drive.playing || this.picked) return;
+    const pair = this.drive.seeing(place);
+    if (pair) await this.showPair(pair.number);
+  }
+
+  private async showPair(number: number): Promise<void> {
+    const pair = this.drive.at(number);
+    if (!pair) return;
+    this.pair = pair;
+    if (!this.shown.is) return;
+    await this.loading.ask(async () => {
+      try {
+        await this.loadImages(pair);
+        this.draw();
+        this.lines = await api.pairLines(pair.number);
+      } catch (error) {
+        this.app.problem(error);
+      }
+      this.draw();
+    });
+  }
+
+  private async loadImages(pair: Pair): Promise<void> {
+    if (this.loaded === pair.number) return;
+    const [left, right] = await this.drive.images(pair.number);
+    this.lines = null;
+    this.images.left.take(left);
+    this.images.right.take(right);
+    this.loaded = pair.number;
+    const next = this.drive.beside(pair.number, 1);
+    if (next && this.drive.playing) void this.drive.images(next.number).catch(() => undefined);
+  }
+
+  private loadLines(): void {
+    const { pair } = this;
+    if (!pair || !this.shown.is) return;
+    void this.loading.ask(async () => {
+      this.lines = await api.pairLines(pair.number).catch(() => null);
+      this.draw();
+    });
+  }
+
+  // Show a pair and take the plan along
+  private async go(pair: Pair): Promise<void> {
+    await this.showPair(pair.number);
+    this.app.emit("pair", pair.number);
+    this.app.emit("look", { at: ahead(pair), by: NAME });
+  }
+
+  private step(by: number): void {
+    this.drive.pause();
+    const next = this.pair && this.drive.beside(this.pair.number, by);
+    if (next) void this.go(next);
+  }
+
+  private toggle(): void {
+    if (this.drive.playing) this.drive.pause();
+    else if (this.pair) void this.drive.play(this.pair.number);
+    this.tellPlay();
+  }
+
+  private tellPlay(): void {
+    this.play.textContent = this.drive.playing ? "❚❚" : "▶▶";
+    this.play.setAttribute("aria-pressed", String(this.drive.playing));
+  }
+
+  private heard(news: FollowNews): void {
+    if (news.type === "seen") {
+      this.seen.set(news.pair, { left: news.left, right: news.right });
+      if (this.picked) void this.showPair(news.pair);
+      return this.draw();
+    }
+    if (news.type === "stopped") this.picked = null;
+    if (news.type !== "refused" || !this.picked) return;
+    this.refused = { ...this.picked, works: news.works_px };
+    this.picked = null;
+    this.answer.textContent = `${news.reason} ${news.advice}`.trim();
+    this.draw();
+  }
+
+  private forget(): void {
+    this.seen = new Map();
+    this.refused = null;
+    this.answer.textContent = "";
+    this.draw();
+  }
+
+  private pick(at: Px, side: Side): void {
+    if (!this.pair) return;
+    this.drive.pause();
+    const pair = this.pair.number;
+    this.app.emit("order", { type: "pick_image", pair, side, at_px: at, kind: this.app.followKind });
+    this.picked = { pair, side, at };
+  }
+
+  private draw(): void {
+    if (!this.shown.is) return;
+    const sight = this.sight ?? this.images.left.whole();
+    for (const image of Object.values(this.images)) {
+      const here = this.refused?.pair === this.pair?.number && this.refused?.side === image.side ? this.refused : null;
+      image.overlay = {
+        strokes: this.strokes(this.lines?.number === this.pair?.number ? (this.lines?.[image.side] ?? []) : []),
+        seen: this.seen.get(this.pair?.number ?? -1)?.[image.side] ?? [],
+        refused: here?.at ?? null,
+        works: here?.works ?? null,
+      };
+      image.draw(sight);
+    }
+    this.tell();
+  }
+
+  private strokes(lines: readonly PairLine[]): Stroke[] {
+    const strokes = lines.map((line) => ({
+      id: line.id,
+      colour: bright(this.app.colour(line.kind)),
+      runs: line.runs,
+      bridged: line.bridged,
+      chosen: this.app.selection.includes(line.id),
+    }));
+    return strokes.sort((a, b) => Number(a.chosen) - Number(b.chosen));
+  }
+
+  private tell(): void {
+    const { pair } = this;
+    this.words.textContent = pair ? `${pair.chainage_m.toFixed(1)} m · pair ${pair.number} of ${this.drive.pairs.length}` : "";
+    this.words.title = pair ? `${pair.left}, ${pair.right}` : "";
+    this.element.dataset["pair"] = String(pair?.number ?? "");
+    const seen = this.seen.get(pair?.number ?? -1);
+    this.element.dataset["seen"] = String(seen ? seen.left.length + seen.right.length : 0);
+  }
+
+  private look(sight: Sight | null): void {
+    this.sight = sight;
+    this.draw();
+  }
+
+  private press(event: PointerEvent, image: StereoImage): void {
+    this.element.focus({ preventScroll: true });
+    const sight = this.sight ?? this.images.left.whole();
+    this.drag = { px: [event.clientX, event.clientY], sight, moved: false };
+    image.canvas.setPointerCapture(event.pointerId);
+  }
+
+  private move(event: PointerEvent): void {
+    if (!this.drag) return;
+    const { px, sight } = this.drag;
+    const [dx, dy] = [event.clientX - px[0], event.clientY - px[1]];
+    if (!this.drag.moved && Math.hypot(dx, dy) < CLICK_PX) return;
+    this.drag.moved = true;
+    this.look({ scale: sight.scale, centre: [sight.centre[0] - dx / sight.scale, sight.centre[1] - dy / sight.scale] });
+  }
+
+  private release(event: PointerEvent, image: StereoImage): void {
+    const { drag } = this;
+    this.drag = null;
+    if (!drag || drag.moved || event.button !== 0) return;
+    const at = image.pixelAt(event, drag.sight);
+    const [width, height] = image.size;
+    if (this.app.tool === "follow") {
+      if (at[0] >= -0.5 && at[1] >= -0.5 && at[0] <= width - 0.5 && at[1] <= height - 0.5) this.pick(at, image.side);
+      return;
+    }
+    const id = image.lineAt(at, drag.sight);
+    this.app.select(id ? [id] : []);
+  }
+
+  // What is under the mouse stays there
+  private wheel(event: WheelEvent, image: StereoImage): void {
+    event.preventDefault();
+    const before = this.sight ?? this.images.left.whole();
+    const least = this.images.left.whole().scale;
+    const scale = Math.min(16, Math.max(least, before.scale * (event.deltaY > 0 ? 1 / 1.25 : 1.25)));
+    if (scale === least) return this.look(null);
+    const [x, y] = image.pixelAt(event, before);
+    const centre = before.centre.map((c, i) => {
+      const pixel = (i === 0 ? x : y) + 0.5;
+      return pixel + ((c - pixel) * before.scale) / scale;
+    }) as Px;
+    this.look({ scale, centre });
+  }
+
+  private key(event: KeyboardEvent): void {
+    if (event.target instanceof HTMLSelectElement || event.ctrlKey || event.altKey || event.metaKey) return;
+    const does: Record<string, () => void> = {
+      ArrowLeft: () => this.step(-1),
+      ArrowRight: () => this.step(1),
+      p: () => this.toggle(),
+    };
+    const done = does[event.key];
+    if (!done) return;
+    done();
+    event.preventDefault();
+    event.stopPropagation();
+  }
+}
+
+// Where the images look: the road ahead, not the van
+function ahead(pair: Pair): Place {
+  const heading = (pair.heading_deg * Math.PI) / 180;
+  return [pair.at[0] + 8 * Math.sin(heading), pair.at[1] + 8 * Math.cos(heading)];
+}
+

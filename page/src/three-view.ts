@@ -1,0 +1,257 @@
+// 3-D view: points around where one looks, and the lines. Drawn when something changes, never in an endless loop:
+// where there is no graphics card, a picture takes a tenth of a second.
+
+import "./three-view.css";
+
+import { Color, type Matrix4, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+
+import { nearestOn } from "./along-line";
+import type { App, Pane } from "./app";
+import { Bar } from "./bar";
+import { element } from "./element";
+import { type Colouring, COLOURINGS, INK } from "./ink";
+import { Latest, Shown } from "./shown";
+import { SpaceLines } from "./three-lines";
+import { PointRings, RELOAD_M } from "./three-points";
+import type { Line, Place, Vertex } from "./types";
+
+const NAME = "3-D";
+const CLICK_PX = 4;
+const NEAR_PX = 8;
+const EYE = new Vector3(-9, -12, 9); // from where one looks at a place at first: from behind, the left, and above
+
+export class ThreeView implements Pane {
+  readonly element: HTMLElement;
+  private readonly canvas = element("canvas", { "aria-label": "3-D view", tabindex: 0 });
+  private readonly words: HTMLElement;
+  private readonly shown: Shown;
+  private readonly loading = new Latest();
+  private readonly scene = new Scene();
+  private readonly camera = new PerspectiveCamera(50, 1, 0.3, 2000);
+  private readonly points: PointRings;
+  private readonly lines = new SpaceLines();
+  private readonly origin: Vertex; // what is drawn is measured from here
+  private readonly focus = new Vector3(); // what the eye turns about, from the origin
+  private renderer: WebGLRenderer | null = null;
+  private controls: OrbitControls | null = null;
+  private colouring: Colouring = "intensity";
+  private growing: Line[] = [];
+  private asked = false;
+  private pressed: [number, number] | null = null;
+
+  constructor(private readonly app: App) {
+    const { bounds, heights, path } = app.survey;
+    const middle = path[path.length >> 1] ?? [(bounds[0] + bounds[2]) / 2, (bounds[1] + bounds[3]) / 2, heights[0]];
+    this.origin = [...middle] as Vertex;
+    this.points = new PointRings(heights);
+    const bar = new Bar();
+    bar.choice("Colour of the points", COLOURINGS, (value) => this.colour(value as Colouring));
+    bar.choice("Size of the points", [["1", "1 px"], ["2", "2 px"], ["3", "3 px"], ["5", "5 px"]], (value) => {
+      this.points.resize(Number(value));
+      this.draw();
+    }).value = "2";
+    bar.button("Selection", "Look at the selected line (F)", () => this.toSelection());
+    bar.button("From above", "Look straight down", () => this.eye(new Vector3(0, -0.01, 25)));
+    bar.button("Along", "Look along the drive", () => this.alongDrive());
+    this.words = bar.words();
+    this.element = element("div", { class: "three-view" }, bar.element, this.canvas);
+    this.scene.background = new Color(INK.canvas);
+    this.scene.add(this.points.group, this.lines.group);
+    this.camera.up.set(0, 0, 1);
+    this.camera.position.copy(EYE);
+    this.shown = new Shown(this.canvas, () => this.appeared(), () => this.resized());
+    this.listen();
+  }
+
+  resized(): void {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (!this.renderer || width === 0 || height === 0) return;
+    this.renderer.setPixelRatio(window.devicePixelRatio);
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.lines.resized(width, height);
+    this.draw();
+  }
+
+  private listen(): void {
+    const { app, canvas } = this;
+    app.on("look", ({ at, by }) => by !== NAME && this.lookAt([at[0], at[1], this.ground(at)]));
+    app.on("selection", () => this.showLines());
+    app.on("lines", () => this.showLines());
+    app.on("growing", ({ lines }) => {
+      this.growing = lines;
+      this.showLines();
+    });
+    canvas.addEventListener("pointerdown", (event) => (this.pressed = [event.clientX, event.clientY]));
+    canvas.addEventListener("pointerup", (event) => this.release(event));
+    this.element.addEventListener("keydown", (event) => {
+      if (event.key !== "f" || event.ctrlKey || event.altKey || event.metaKey) return;
+      this.toSelection();
+      event.stopPropagation();
+      event.preventDefault();
+    });
+  }
+
+  // The context is made when the view is first seen; where there is no WebGL the page goes on without it
+  private appeared(): void {
+    if (!this.renderer) {
+      try {
+        this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true });
+      } catch {
+        this.words.textContent = "This browser has no WebGL: there is no 3-D view.";
+        return;
+      }
+      this.controls = new OrbitControls(this.camera, this.canvas);
+      this.controls.target = this.focus;
+      this.controls.update();
+      this.controls.zoomToCursor = true;
+      this.controls.maxDistance = 400;
+      this.controls.minDistance = 0.5;
+      this.controls.addEventListener("change", () => this.moved());
+    }
+    this.resized();
+    this.showLines();
+    this.load();
+  }
+
+  private get target(): Vertex {
+    const { x, y, z } = this.focus;
+    return [this.origin[0] + x, this.origin[1] + y, this.origin[2] + z];
+  }
+
+  private ground(place: Place): number {
+    return nearestOn(this.app.survey.path, place)?.station.z ?? this.origin[2];
+  }
+
+  // The eye goes along, at its distance and direction
+  private lookAt(vertex: Vertex): void {
+    const to = this.local(vertex);
+    this.camera.position.add(to.clone().sub(this.focus));
+    this.focus.copy(to);
+    this.controls?.update();
+    this.moved();
+  }
+
+  private local(vertex: Vertex): Vector3 {
+    return new Vector3(vertex[0] - this.origin[0], vertex[1] - this.origin[1], vertex[2] - this.origin[2]);
+  }
+
+  private eye(from: Vector3): void {
+    this.camera.position.copy(this.focus).add(from);
+    this.controls?.update();
+    this.draw();
+  }
+
+  private alongDrive(): void {
+    const station = nearestOn(this.app.survey.path, [this.target[0], this.target[1]])?.station;
+    const heading = ((station?.heading_deg ?? 0) * Math.PI) / 180;
+    this.eye(new Vector3(-14 * Math.sin(heading), -14 * Math.cos(heading), 5));
+  }
+
+  private toSelection(): void {
+    const line = this.app.lines.get(this.app.selection[0] ?? "");
+    const here = line && nearestOn(line.xyz, [this.target[0], this.target[1]]);
+    if (!here) return;
+    this.lookAt([...here.station.at, here.station.z]);
+    this.app.emit("look", { at: here.station.at, by: NAME });
+  }
+
+  private moved(): void {
+    const [e, n] = this.target;
+    const { at } = this.points;
+    if (!at || Math.hypot(e - at[0], n - at[1]) > RELOAD_M) this.load();
+    this.draw();
+  }
+
+  private load(): void {
+    if (!this.shown.is || !this.renderer) return;
+    const [e, n] = this.target;
+    void this.loading.ask(async () => {
+      try {
+        await this.points.load([e, n], this.origin, this.colouring, () => this.draw());
+      } catch (error) {
+        this.app.problem(error);
+      }
+      this.showLines();
+    });
+  }
+
+  private colour(colouring: Colouring): void {
+    this.colouring = colouring;
+    this.points.colour(colouring);
+    this.draw();
+  }
+
+  private showLines(): void {
+    if (!this.shown.is || !this.renderer) return;
+    const { app } = this;
+    const [e, n] = this.target;
+    this.lines.show(
+      app.lines.values(), this.growing, app.survey.path, app.selection, [e, n], this.origin, (kind) => app.colour(kind),
+    );
+    this.element.dataset["lines"] = String(this.lines.drawn.length);
+    this.draw();
+  }
+
+  // Once per picture, however often it is asked for
+  private draw(): void {
+    if (this.asked || !this.shown.is) return;
+    this.asked = true;
+    requestAnimationFrame(() => {
+      this.asked = false;
+      this.renderer?.render(this.scene, this.camera);
+      this.element.dataset["points"] = String(this.points.n);
+      this.words.textContent = `${this.points.n.toLocaleString("en")} points`;
+    });
+  }
+
+  private release(event: PointerEvent): void {
+    const { pressed } = this;
+    this.pressed = null;
+    if (!pressed || event.button !== 0) return;
+    if (Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) > CLICK_PX) return;
+    const box = this.canvas.getBoundingClientRect();
+    const seen = seenFrom(this.camera, box, event.clientX - box.left, event.clientY - box.top);
+    const line = this.lineAt(seen);
+    if (line) return this.app.select([line.id]);
+    const point = this.points.nearest(seen, NEAR_PX);
+    if (!point) return this.app.select([]);
+    this.lookAt(point.at);
+    this.app.emit("look", { at: [point.at[0], point.at[1]], by: NAME });
+  }
+
+  private lineAt(seen: Seen): Line | null {
+    let best: Line | null = null;
+    let least = NEAR_PX;
+    for (const line of this.lines.drawn) {
+      for (let i = 1; i < line.xyz.length; i++) {
+        const [a, b] = [this.local(line.xyz[i - 1]!), this.local(line.xyz[i]!)];
+        const steps = Math.min(40, Math.ceil(a.distanceTo(b) / 0.25));
+        for (let step = 0; step <= steps; step++) {
+          const { x, y, z } = a.clone().lerp(b, step / Math.max(1, steps));
+          const far = seen(x, y, z)?.far ?? Infinity;
+          if (far < least) [best, least] = [line, far];
+        }
+      }
+    }
+    return best;
+  }
+}
+
+type Seen = (x: number, y: number, z: number) => { far: number; depth: number } | null;
+
+// How far from a pixel a place is seen, and how deep; null: behind the eye
+function seenFrom(camera: PerspectiveCamera, box: DOMRect, px: number, py: number): Seen {
+  camera.updateMatrixWorld();
+  const m: Matrix4 = camera.projectionMatrix.clone().multiply(camera.matrixWorldInverse);
+  const e = m.elements;
+  return (x, y, z) => {
+    const w = e[3]! * x + e[7]! * y + e[11]! * z + e[15]!;
+    if (w <= 0) return null;
+    const sx = ((e[0]! * x + e[4]! * y + e[8]! * z + e[12]!) / w / 2 + 0.5) * box.width;
+    const sy = (0.5 - (e[1]! * x + e[5]! * y + e[9]! * z + e[13]!) / w / 2) * box.height;
+    return { far: Math.hypot(sx - px, sy - py), depth: w };
+  };
+}
