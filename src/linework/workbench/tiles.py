@@ -15,6 +15,13 @@ BLOCK_M = 64.0
 CELL_M = BLOCK_M / TILE_PX
 #: The finest level: cells of 1/64 m, twice as fine as points lie beside the van.
 FINEST = -4
+#: Name, title and unit of the images.
+IMAGES = (
+    ("intensity", "Intensity", ""),
+    ("height", "Height", "m"),
+    ("above_road", "Height above the road", "m"),
+    ("density", "Density", "points/m²"),
+)
 
 
 class Tile(NamedTuple):
@@ -116,3 +123,14 @@ class Lattice:
         if not (0 <= col < 2 << z and 0 <= row < 2 << z):
             return None
         return Tile(level, (self.west << z) + col, (self.north << z) - 1 - row)
+
+
+def images_document(*, has_points: bool, has_intensity: bool = True) -> list[dict[str, str]]:
+    """Return the images that tiles are made of, first the one to begin with."""
+    if not has_points:
+        return []
+    return [
+        {"name": name, "title": title, "unit": unit}
+        for name, title, unit in IMAGES
+        if has_intensity or name != "intensity"
+    ]

@@ -1,0 +1,95 @@
+"""Works of the desk of pictures: a tile, and one step towards having all of them."""
+
+from __future__ import annotations
+
+import hashlib
+from contextlib import suppress
+from pathlib import Path
+
+from linework.errors import MachineError, UsageError
+from linework.tiling.source_hash import source_hash
+from linework.workbench.pictures_colours import tile_picture
+from linework.workbench.table import Table
+from linework.workbench.tiles import IMAGES, TILE_PX, Tile
+from linework.workbench.tiles_layers import Layers, filled, margin_cells
+from linework.workbench.tiles_made import TileCells, cells_folder
+from linework.workbench.tiles_points import PatchReader
+
+_NAMES = tuple(name for name, _, _ in IMAGES)
+#: Densities are counted in cells of an eighth of a metre at least: finer ones hold a point or none.
+DENSITY_LEVEL = -1
+
+
+def tile_png(table: Table, image: str, tile: Tile, coarsest: int) -> bytes:
+    """Return the PNG of an image of a tile, b"" where no point is.
+
+    Parameters
+    ----------
+    coarsest
+        Highest level of the survey's lattice.
+
+    Raises
+    ------
+    UsageError
+        There is no such image.
+    """
+    if image not in _NAMES:
+        raise UsageError(f"no image {image[:40]!r}", advice=f"choose from {', '.join(_NAMES)}")
+    cells = tile_cells(table, coarsest)
+    if cells is None:
+        return b""
+    layers = density_layers(cells, tile) if image == "density" else cells.layers(tile)[0]
+    if layers is None:
+        return b""
+    if image == "density":
+        return tile_picture(image, layers, cells.scale, tile.cell_m, 0)
+    return tile_picture(image, filled(layers, tile.cell_m), cells.scale, tile.cell_m, margin_cells(tile))
+
+
+def density_layers(cells: TileCells, tile: Tile) -> Layers | None:
+    """Return the cells of a tile for its density: those of `DENSITY_LEVEL`, larger, where it is finer."""
+    up = max(0, DENSITY_LEVEL - tile.level)
+    coarser = Tile(tile.level + up, tile.east >> up, tile.north >> up)
+    layers, _ = cells.layers(coarser)
+    if layers is None:
+        return None
+    margin, n = margin_cells(coarser), TILE_PX >> up
+    col = margin + (tile.east - (coarser.east << up)) * n
+    row = margin + TILE_PX - n - (tile.north - (coarser.north << up)) * n
+    part = layers.part(slice(row, row + n), slice(col, col + n))
+    return Layers(*(layer.repeat(1 << up, axis=0).repeat(1 << up, axis=1) for layer in part))
+
+
+def prepare_tiles(table: Table, coarsest: int) -> tuple[int, int]:
+    """Make one more of the tiles that are kept on disk; return how many are there, and how many there will be."""
+    cells = tile_cells(table, coarsest)
+    if cells is None or not cells.go_on():
+        return 0, 0
+    return cells.n_done, cells.n_all
+
+
+def patch_reader(table: Table) -> PatchReader | None:
+    """Return the reader of the survey's points, one for all works; None without points."""
+    points = table.recordings.points
+    if points is None:
+        return None
+    return table.keep("patch reader", lambda: PatchReader(points.points, table.surface))
+
+
+def tile_cells(table: Table, coarsest: int) -> TileCells | None:
+    """Return the cells of all tiles, one for all works; None without points."""
+    reader = patch_reader(table)
+    if reader is None:
+        return None
+    return table.keep("tile cells", lambda: TileCells(reader, _folder(reader), coarsest))
+
+
+def _folder(reader: PatchReader) -> Path | None:
+    """Return where cells are kept: known by the surface they show and by the code that makes them."""
+    surface = reader.surface
+    name = surface.tiles.folder.name if surface is not None else ""
+    made_of = name + source_hash("kernels", "files", "surface", "workbench")
+    # On a disk that takes nothing there are pictures all the same, each made when it is looked at
+    with suppress(MachineError):
+        return cells_folder(reader.store.folder, hashlib.sha256(made_of.encode()).hexdigest()[:16])
+    return None

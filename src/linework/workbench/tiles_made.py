@@ -1,0 +1,202 @@
+"""The tiles' cells: made from points or from the four below, kept in memory and on disk."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections import OrderedDict
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import astuple
+from pathlib import Path
+
+import numpy as np
+
+from linework.errors import MachineError
+from linework.files.publish import machine_errors
+from linework.files.surface_tiles import SurfaceTiles
+from linework.workbench.pictures_colours import Scale
+from linework.workbench.pictures_scale import measured_scale
+from linework.workbench.tiles import TILE_PX, Tile
+from linework.workbench.tiles_layers import Layers, layers_from_children, layers_from_points
+from linework.workbench.tiles_points import PatchReader
+
+#: Raised whenever cells kept by older versions are not to be used any more.
+_VERSION = 1
+#: Cells are kept in memory up to this. [bytes]
+ROOM = 64 << 20
+#: Who asks for a coarse tile waits so long for what is not yet made of it; then it is shown without. [s]
+PATIENCE_S = 0.15
+
+
+class TileCells:
+    """Cells of every tile of a survey.
+
+    Parameters
+    ----------
+    folder
+        For the cells of levels above 0, and the scale; None: nothing is kept on disk.
+    coarsest
+        Highest level there is.
+
+    Notes
+    -----
+    A tile of a level above 0 is whole once all below it are: only then is it kept on disk, whole or not at all. The
+    same tile holds the same numbers however it came about.
+    """
+
+    def __init__(self, reader: PatchReader, folder: Path | None, coarsest: int) -> None:
+        self.reader, self.coarsest = reader, coarsest
+        self._disk = SurfaceTiles(folder, TILE_PX) if folder is not None else None
+        self._kept: OrderedDict[Tile, Layers] = OrderedDict()
+        self._n_bytes = 0
+        self._occupied = _occupied(reader, coarsest)
+        self._order = self._from_below()
+        self.n_done, self.n_all = 0, sum(len(tiles) for level, tiles in self._occupied.items() if level > 0)
+        self.scale = self._scale()
+
+    def layers(self, tile: Tile) -> tuple[Layers | None, bool]:
+        """Return the cells of a tile (None: it has no points), and whether they are whole."""
+        if tile.level <= 0:
+            return self._fine(tile), True
+        return self._coarse(tile, time.monotonic() + PATIENCE_S)
+
+    def go_on(self) -> bool:
+        """Make one more of the tiles to be kept, from the finest up; return whether any is left."""
+        for tile in self._order:
+            self.n_done += 1
+            if tile not in self._kept and not self._is_on_disk(tile):
+                self._coarse(tile, float("inf"))
+                return True
+        return False
+
+    def _fine(self, tile: Tile) -> Layers | None:
+        if not any(True for _ in self._blocks_of(tile)):
+            return None
+        found = self._recalled(tile)
+        if found is None:
+            found = layers_from_points(self.reader, tile, keep=tile.level < 0)
+            if tile.level == 0:
+                self._remember(tile, found)
+        return found
+
+    def _coarse(self, tile: Tile, until_s: float) -> tuple[Layers | None, bool]:
+        if tile not in self._occupied.get(tile.level, ()):
+            return None, True
+        found = self._recalled(tile) or self._from_disk(tile)
+        if found is not None:
+            return found, True
+        children, is_whole = [], True
+        for child in tile.children:
+            if child.level > 0:
+                cells, is_child_whole = self._coarse(child, until_s)
+            elif time.monotonic() < until_s:
+                cells, is_child_whole = self._fine(child), True
+            else:
+                cells, is_child_whole = None, child not in self._occupied[0]
+            children.append(cells)
+            is_whole &= is_child_whole
+        made = layers_from_children(children)
+        if is_whole:
+            self._remember(tile, made)
+            self._to_disk(tile, made)
+        return made, is_whole
+
+    def _blocks_of(self, tile: Tile) -> Iterator[Tile]:
+        shift = -tile.level
+        block = Tile(0, tile.east >> shift, tile.north >> shift)
+        # A fine tile shows the edge of what lies beside it
+        reach = 0 if shift == 0 else 1
+        for north in range(block.north - reach, block.north + reach + 1):
+            for east in range(block.east - reach, block.east + reach + 1):
+                if Tile(0, east, north) in self._occupied[0]:
+                    yield block
+
+    def _recalled(self, tile: Tile) -> Layers | None:
+        found = self._kept.get(tile)
+        if found is None:
+            return None
+        self._kept.move_to_end(tile)
+        return found.unpacked()
+
+    def _remember(self, tile: Tile, layers: Layers) -> None:
+        packed = layers.packed()
+        self._kept[tile] = packed
+        self._n_bytes += packed.n_bytes
+        while self._n_bytes > ROOM:
+            self._n_bytes -= self._kept.popitem(last=False)[1].n_bytes
+
+    def _is_on_disk(self, tile: Tile) -> bool:
+        return self._disk is not None and self._disk.has(_name(tile), (tile.east, tile.north))
+
+    def _from_disk(self, tile: Tile) -> Layers | None:
+        if self._disk is None:
+            return None
+        # What is damaged is made anew
+        with suppress(FileNotFoundError, MachineError):
+            packed = Layers(*self._disk.read(_name(tile), (tile.east, tile.north)))
+            if all(layer.shape == (TILE_PX, TILE_PX) for layer in packed):
+                layers = packed.unpacked()
+                self._remember(tile, layers)
+                return layers
+        return None
+
+    def _to_disk(self, tile: Tile, layers: Layers) -> None:
+        # On a full disk there are pictures all the same
+        if self._disk is not None:
+            with suppress(MachineError):
+                self._disk.write(_name(tile), (tile.east, tile.north), *layers.packed())
+
+    def _scale(self) -> Scale:
+        if self._disk is not None:
+            with suppress(FileNotFoundError, MachineError):
+                (values,) = self._disk.read_common("scale")
+                return Scale(*(float(v) for v in values))
+        scale = measured_scale(self.reader)
+        if self._disk is not None:
+            with suppress(MachineError):
+                self._disk.write_common("scale", np.array(astuple(scale)))
+        return scale
+
+    def _from_below(self) -> Iterator[Tile]:
+        """Yield the tiles above level 0, each after those below it, neighbours soon after one another."""
+
+        def below(tile: Tile) -> Iterator[Tile]:
+            if tile in self._occupied[tile.level] and tile.level > 0:
+                for child in tile.children:
+                    yield from below(child)
+                yield tile
+
+        for tile in sorted(self._occupied[self.coarsest]):
+            yield from below(tile)
+
+
+def cells_folder(store: Path, key: str) -> Path:
+    """Return the folder for the cells of a store's tiles, made; those of other keys are removed.
+
+    Raises
+    ------
+    MachineError
+        It cannot be made.
+    """
+    folder = store / f"tiles-{_VERSION}-{key}"
+    with machine_errors(folder):
+        for other in store.glob("tiles-*"):
+            if other != folder:
+                shutil.rmtree(other, ignore_errors=True)
+        folder.mkdir(exist_ok=True)
+    return folder
+
+
+def _occupied(reader: PatchReader, coarsest: int) -> dict[int, set[Tile]]:
+    """Return the tiles with points, level by level."""
+    tiles = {Tile(0, east, north) for east, north in reader.counts}
+    found = {0: tiles}
+    for level in range(1, coarsest + 1):
+        tiles = {tile.parent for tile in tiles}
+        found[level] = tiles
+    return found
+
+
+def _name(tile: Tile) -> str:
+    return f"level{tile.level}"
