@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from linework.files.run_record import write_json
+from linework.lines.names import midpoints
 from linework.model.lines import LineSet
-from linework.tiling.identify import identify, midpoints
+from linework.tiling.identify import identify
 from linework.tiling.record import record_path, set_aside
 from linework.tiling.steps import Steps
 

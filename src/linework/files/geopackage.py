@@ -56,26 +56,26 @@ INSERT INTO gpkg_extensions VALUES ('gpkg_spatial_ref_sys', 'definition_12_063',
   'http://www.geopackage.org/spec120/#extension_crs_wkt', 'read-write');
 """
 #: Keeps the index right when others edit the layer ({t}: layer; their program brings the ST_ functions).
-_INDEX = """
-CREATE VIRTUAL TABLE "rtree_{t}_geom" USING rtree(id, minx, maxx, miny, maxy);
-INSERT INTO gpkg_extensions VALUES ('{t}', 'geom', 'gpkg_rtree_index',
-  'http://www.geopackage.org/spec120/#extension_rtree', 'write-only');
-CREATE TRIGGER "rtree_{t}_geom_insert" AFTER INSERT ON "{t}"
-  WHEN (NEW.geom NOT NULL AND NOT ST_IsEmpty(NEW.geom)) BEGIN {put} END;
-CREATE TRIGGER "rtree_{t}_geom_update1" AFTER UPDATE OF geom ON "{t}"
-  WHEN OLD.fid = NEW.fid AND (NEW.geom NOTNULL AND NOT ST_IsEmpty(NEW.geom)) BEGIN {put} END;
-CREATE TRIGGER "rtree_{t}_geom_update2" AFTER UPDATE OF geom ON "{t}"
+_INDEX = (
+    'CREATE VIRTUAL TABLE "rtree_{t}_geom" USING rtree(id, minx, maxx, miny, maxy)',
+    """INSERT INTO gpkg_extensions VALUES ('{t}', 'geom', 'gpkg_rtree_index',
+  'http://www.geopackage.org/spec120/#extension_rtree', 'write-only')""",
+    """CREATE TRIGGER "rtree_{t}_geom_insert" AFTER INSERT ON "{t}"
+  WHEN (NEW.geom NOT NULL AND NOT ST_IsEmpty(NEW.geom)) BEGIN {put} END""",
+    """CREATE TRIGGER "rtree_{t}_geom_update1" AFTER UPDATE OF geom ON "{t}"
+  WHEN OLD.fid = NEW.fid AND (NEW.geom NOTNULL AND NOT ST_IsEmpty(NEW.geom)) BEGIN {put} END""",
+    """CREATE TRIGGER "rtree_{t}_geom_update2" AFTER UPDATE OF geom ON "{t}"
   WHEN OLD.fid = NEW.fid AND (NEW.geom ISNULL OR ST_IsEmpty(NEW.geom)) BEGIN
-  DELETE FROM "rtree_{t}_geom" WHERE id = OLD.fid; END;
-CREATE TRIGGER "rtree_{t}_geom_update3" AFTER UPDATE ON "{t}"
+  DELETE FROM "rtree_{t}_geom" WHERE id = OLD.fid; END""",
+    """CREATE TRIGGER "rtree_{t}_geom_update3" AFTER UPDATE ON "{t}"
   WHEN OLD.fid != NEW.fid AND (NEW.geom NOTNULL AND NOT ST_IsEmpty(NEW.geom)) BEGIN
-  DELETE FROM "rtree_{t}_geom" WHERE id = OLD.fid; {put} END;
-CREATE TRIGGER "rtree_{t}_geom_update4" AFTER UPDATE ON "{t}"
+  DELETE FROM "rtree_{t}_geom" WHERE id = OLD.fid; {put} END""",
+    """CREATE TRIGGER "rtree_{t}_geom_update4" AFTER UPDATE ON "{t}"
   WHEN OLD.fid != NEW.fid AND (NEW.geom ISNULL OR ST_IsEmpty(NEW.geom)) BEGIN
-  DELETE FROM "rtree_{t}_geom" WHERE id IN (OLD.fid, NEW.fid); END;
-CREATE TRIGGER "rtree_{t}_geom_delete" AFTER DELETE ON "{t}" WHEN OLD.geom NOT NULL BEGIN
-  DELETE FROM "rtree_{t}_geom" WHERE id = OLD.fid; END;
-"""
+  DELETE FROM "rtree_{t}_geom" WHERE id IN (OLD.fid, NEW.fid); END""",
+    """CREATE TRIGGER "rtree_{t}_geom_delete" AFTER DELETE ON "{t}" WHEN OLD.geom NOT NULL BEGIN
+  DELETE FROM "rtree_{t}_geom" WHERE id = OLD.fid; END""",
+)
 _PUT = (
     'INSERT OR REPLACE INTO "rtree_{t}_geom" VALUES (NEW.fid, ST_MinX(NEW.geom), ST_MaxX(NEW.geom),'
     " ST_MinY(NEW.geom), ST_MaxY(NEW.geom));"
@@ -124,7 +124,7 @@ def geopackage_bytes(tables: Sequence[Table], crs: str) -> bytes:
         db.executescript(_SCHEMA)
         srs_id = _add_crs(db, crs)
         for table in tables:
-            _add_table(db, table, srs_id)
+            add_table(db, table, srs_id)
         db.commit()
         return db.serialize()
 
@@ -151,15 +151,16 @@ def _add_crs(db: sqlite3.Connection, crs: str) -> int:
     return srs_id
 
 
-def _add_table(db: sqlite3.Connection, table: Table, srs_id: int) -> None:
+def add_table(db: sqlite3.Connection, table: Table, srs_id: int) -> None:
+    """Add a table with its rows, its entries in the lists of the standard and its index; commits nothing."""
     kinds = {name: table.sql_types.get(name, _SQL_TYPES[c.dtype.kind]) for name, c in table.columns.items()}
     names = [f'"{name}" {kind}' for name, kind in kinds.items()]
-    values: list[Sequence[object]] = [_plain(column) for column in table.columns.values()]
+    values: list[Sequence[object]] = [sql_values(column) for column in table.columns.values()]
     bounds = np.zeros((0, 6))
     if table.shapes is not None:
         names.insert(0, f"geom {table.geometry}")
-        bounds = _bounds(table.shapes)
-        values.insert(0, _blobs(table.shapes, bounds, srs_id))
+        bounds = shape_bounds(table.shapes)
+        values.insert(0, geometry_blobs(table.shapes, srs_id))
     db.execute(f'CREATE TABLE "{table.name}" ("{table.key}" INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, {", ".join(names)})')  # fmt: skip
     places = ", ".join("?" * len(values))
     rows = zip(*values, strict=True)
@@ -180,12 +181,13 @@ def _add_index(db: sqlite3.Connection, table: Table, bounds: FloatArray, srs_id:
     db.execute(
         "INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, 1, 0)", (name, table.geometry, srs_id)
     )
-    db.executescript(_INDEX.format(t=name, put=_PUT.format(t=name)))
+    for statement in _INDEX:
+        db.execute(statement.format(t=name, put=_PUT.format(t=name)))
     numbered = ((i, *row) for i, row in enumerate(bounds[:, :4].tolist(), start=1))
     db.executemany(f'INSERT INTO "rtree_{name}_geom" VALUES (?, ?, ?, ?, ?)', numbered)
 
 
-def _bounds(shapes: AnyArray) -> FloatArray:
+def shape_bounds(shapes: AnyArray) -> FloatArray:
     """Return (n, 6): min x, max x, min y, max y, min z, max z."""
     xyz, owner = shapely.get_coordinates(shapes, include_z=True, return_index=True)
     if len(shapes) == 0:
@@ -195,15 +197,16 @@ def _bounds(shapes: AnyArray) -> FloatArray:
     return np.stack([low, high], axis=2).reshape(-1, 6)
 
 
-def _blobs(shapes: AnyArray, bounds: FloatArray, srs_id: int) -> list[bytes]:
+def geometry_blobs(shapes: AnyArray, srs_id: int) -> list[bytes]:
     """Return the geometries as the standard stores them: a header with the extent, then WKB."""
     head = struct.Struct("<2sBBi6d")
     return [
         head.pack(b"GP", 0, _BLOB_FLAGS, srs_id, *row) + wkb
-        for row, wkb in zip(bounds.tolist(), shapely.to_wkb(shapes, flavor="iso"), strict=True)
+        for row, wkb in zip(shape_bounds(shapes).tolist(), shapely.to_wkb(shapes, flavor="iso"), strict=True)
     ]
 
 
-def _plain(column: AnyArray) -> list[object]:
+def sql_values(column: AnyArray) -> list[object]:
+    """Return a column as values that SQLite takes, NaN as None."""
     values: list[object] = column.tolist()
     return [None if v != v else v for v in values] if column.dtype.kind == "f" else values

@@ -32,13 +32,17 @@ def reserved_output(path: Path, *, overwrite: bool = False) -> Iterator[None]:
     missing = [folder for folder in (path.parent, *path.parent.parents) if not folder.exists()]
     try:
         check_output(path, overwrite=overwrite)
-        lock = path.with_name(f".{path.name}"[:200] + ".lock")
         busy = OutputExistsError(
             "another run is writing it", where=path, advice="wait for it, or choose another name"
         )
-        with locked(lock, busy):
+        with locked(lock_path(path), busy):
             yield
     finally:
         with contextlib.suppress(OSError):
             for folder in missing:
                 folder.rmdir()
+
+
+def lock_path(path: Path) -> Path:
+    """Return the lock of an output: a hidden file beside it."""
+    return path.with_name(f".{path.name}"[:200] + ".lock")

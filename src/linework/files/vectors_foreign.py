@@ -11,13 +11,13 @@ import shapely
 
 from linework.errors import CrsError, InputError
 from linework.files.crs import LOCAL, describe_crs, parse_crs
-from linework.files.line_fields import lines_from_geometries
+from linework.files.line_fields import REJECTED, TABLES, lines_from_geometries
 from linework.files.vector_input import pyogrio, readable
 from linework.model.arrays import AnyArray
 from linework.model.lines import LINE_COLUMNS, LineSet
 
-#: Tables of ours that hold no lines.
-_TABLES = ("vertex", "layer_styles")
+#: Layers and tables of ours that hold no lines, and lines that are none.
+_OURS = (*TABLES, REJECTED)
 
 
 def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
@@ -33,7 +33,7 @@ def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, c
         In degrees, or layers in different CRSs.
     """
     with readable(path):
-        layers = [str(name) for name, kind in pyogrio.list_layers(path) if str(name) not in _TABLES and kind]
+        layers = [str(name) for name, kind in pyogrio.list_layers(path) if str(name) not in _OURS and kind]
         read = [(layer, *pyogrio.raw.read(path, layer=layer)) for layer in layers]
     if not read:
         raise InputError("no layer with geometries", where=path, advice="check what this file is")

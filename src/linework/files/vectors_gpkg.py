@@ -15,6 +15,8 @@ from linework.errors import LineworkError, MachineError
 from linework.files.crs import LOCAL, parse_crs, same_crs
 from linework.files.geopackage import FIXED_DATE, Table, geopackage_bytes
 from linework.files.line_fields import (
+    REJECTED,
+    TABLES,
     column_values,
     field_values,
     fields_of_kind,
@@ -30,7 +32,7 @@ from linework.model.arrays import AnyArray, IntArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 VERTEX_TABLE, STYLE_TABLE = "vertex", "layer_styles"
-_STYLE_TYPES = {"update_time": "DATETIME"}
+STYLE_TYPES = {"update_time": "DATETIME"}
 
 
 def write_gpkg(
@@ -48,17 +50,17 @@ def write_gpkg(
     tables = []
     for layer in names:
         chosen = np.flatnonzero(layers == layer)
-        columns = {name: _storable(values[name][chosen]) for name in fields_of_kind(layer, values)}
+        columns = {name: storable(values[name][chosen]) for name in fields_of_kind(layer, values)}
         tables.append(Table(layer, columns, shapes[chosen]))
     for extra in points:
         places = np.asarray(shapely.points(extra.xyz), dtype=object)
         tables.append(Table(extra.name, extra.fields, places, geometry="POINT"))
-    tables.append(Table(VERTEX_TABLE, _vertex_columns(lines, layers)))
-    tables.append(Table(STYLE_TABLE, _style_columns(names), key="id", sql_types=_STYLE_TYPES))
+    tables.append(Table(VERTEX_TABLE, vertex_table(lines, layers)))
+    tables.append(Table(STYLE_TABLE, style_columns(names), key="id", sql_types=STYLE_TYPES))
     part.write_bytes(geopackage_bytes(tables, lines.crs))
 
 
-def _storable(values: AnyArray) -> AnyArray:
+def storable(values: AnyArray) -> AnyArray:
     """Return texts as objects, "" as None: an empty text in a table is no value."""
     if values.dtype.kind != "U":
         return values
@@ -67,7 +69,8 @@ def _storable(values: AnyArray) -> AnyArray:
     return texts
 
 
-def _vertex_columns(lines: LineSet, layers: AnyArray) -> dict[str, AnyArray]:
+def vertex_table(lines: LineSet, layers: AnyArray) -> dict[str, AnyArray]:
+    """Return the columns of the table of vertices."""
     owner = lines.line_of_vertex
     fid = np.zeros(len(lines), dtype=np.int64)
     for layer in set(layers.tolist()):
@@ -77,13 +80,14 @@ def _vertex_columns(lines: LineSet, layers: AnyArray) -> dict[str, AnyArray]:
         "line": owner,
         "layer": layers.astype(object)[owner],
         "line_fid": fid[owner],
-        "line_id": _storable(lines.id)[owner],
+        "line_id": storable(lines.id)[owner],
         "vertex": np.arange(len(owner), dtype=np.int64) - lines.offsets[owner],
     }
     return columns | {name: getattr(lines, name) for name in vertex_columns(lines)}
 
 
-def _style_columns(layers: Sequence[str]) -> dict[str, AnyArray]:
+def style_columns(layers: Sequence[str]) -> dict[str, AnyArray]:
+    """Return the columns of the table in which QGIS looks for the layers' styles."""
     n = len(layers)
     texts = {
         "f_table_catalog": [""] * n, "f_table_schema": [""] * n, "f_table_name": list(layers),
@@ -109,7 +113,7 @@ def verify_gpkg(part: Path, lines: LineSet, path: Path, points: Sequence[PointLa
     try:
         problem = _gpkg_problem(part, len(lines) + sum(len(layer.xyz) for layer in points))
         if not problem:
-            back = read_own_gpkg(part)
+            back = read_own_gpkg(part, rejected=True)
             same = back is not None and same_crs(back.crs, lines.crs) and np.array_equal(back.xyz, lines.xyz)
             problem = "" if same else "other lines than were written"
     except (sqlite3.Error, LineworkError) as error:
@@ -147,8 +151,13 @@ def _uri(path: Path) -> str:
     return path.absolute().as_uri().removeprefix("file://")
 
 
-def read_own_gpkg(path: Path) -> LineSet | None:
+def read_own_gpkg(path: Path, *, rejected: bool = False) -> LineSet | None:
     """Read back a GeoPackage that `write_gpkg` made, exactly; None where it is not one, or was edited since.
+
+    Parameters
+    ----------
+    rejected
+        Also return lines that a person rejected.
 
     Raises
     ------
@@ -156,11 +165,15 @@ def read_own_gpkg(path: Path) -> LineSet | None:
         Not readable.
     """
     with readable(path):
-        return _own_lines(path)
+        found = _own_lines(path)
+    if found is None or rejected or REJECTED not in found.review:
+        return found
+    return found.take(found.review != REJECTED)
 
 
 def _own_lines(path: Path) -> LineSet | None:
     layers = [str(name) for name, kind in pyogrio.list_layers(path) if "Point" not in str(kind)]
+    layers = [name for name in layers if name == VERTEX_TABLE or name not in TABLES]
     wanted = {"line", "layer", "line_fid", *VERTEX_COLUMNS} - {"observed"}
     if VERTEX_TABLE not in layers or not wanted <= set(pyogrio.read_info(path, layer=VERTEX_TABLE)["fields"]):
         return None
@@ -172,7 +185,7 @@ def _own_lines(path: Path) -> LineSet | None:
     xyz, columns = np.empty((offsets[-1], 3)), {name: np.full(len(first), None) for name in LINE_COLUMNS}
     crs, n_features = LOCAL, 0
     for layer in layers:
-        if layer in (VERTEX_TABLE, STYLE_TABLE):
+        if layer == VERTEX_TABLE:
             continue
         meta, fids, shapes, values = pyogrio.raw.read(path, layer=layer, return_fids=True)
         crs = parse_crs(meta["crs"], where=path) if meta["crs"] else LOCAL

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections import Counter
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.lines.names import place_name, places_of
 from linework.model.lines import KINDS, LineSet
-
-#: A line's place is known to this step: wider than what another pass or a changed setting moves a line's
-#: middle across it, narrower than the distance of neighbouring lines of one kind. [m]
-PLACE_STEP_M = 1.0
 
 
 def identify(lines: LineSet) -> LineSet:
@@ -32,8 +27,7 @@ def identify(lines: LineSet) -> LineSet:
     >>> one.kind.tolist(), one.id.tolist() == two.id.tolist()
     (['guardrail', 'cable'], True)
     """
-    middles = midpoints(lines)
-    places = np.floor(middles / PLACE_STEP_M).astype(np.int64)
+    places = places_of(lines)
     keys = [_key(lines, places, i) for i in range(len(lines))]
     order = sorted(range(len(lines)), key=keys.__getitem__)
     seen: Counter[tuple[str, ...]] = Counter()
@@ -41,18 +35,8 @@ def identify(lines: LineSet) -> LineSet:
     for i in order:
         place = (str(lines.kind[i]), *map(str, places[i]))
         seen[place] += 1
-        ids.append(_name(place, seen[place]))
+        ids.append(place_name(place[0], places[i], seen[place]))
     return lines.take(np.array(order, dtype=np.int64)).with_columns(id=np.array(ids, dtype=np.str_))
-
-
-def midpoints(lines: LineSet) -> FloatArray:
-    """Return the place half-way along each line: (m, 3), in metres, world."""
-    middles = np.zeros((len(lines), 3))
-    for i in range(len(lines)):
-        xyz = lines.line(i)
-        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xyz, axis=0), axis=1))])
-        middles[i] = [np.interp(along[-1] / 2, along, xyz[:, axis]) for axis in range(3)]
-    return middles
 
 
 def _key(lines: LineSet, places: np.ndarray, i: int) -> tuple[int, list[int], bytes]:
@@ -60,8 +44,3 @@ def _key(lines: LineSet, places: np.ndarray, i: int) -> tuple[int, list[int], by
     exact = lines.line(i).astype(">f8").tobytes()
     kind = str(lines.kind[i])
     return (KINDS.index(kind) if kind in KINDS else len(KINDS)), places[i].tolist(), exact
-
-
-def _name(place: tuple[str, ...], number: int) -> str:
-    text = ":".join((*place, str(number)))
-    return f"{place[0]}-{hashlib.sha256(text.encode()).hexdigest()[:10]}"

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from linework.lines.names import midpoints
 from linework.model.arrays import AnyArray, BoolArray, FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
-from linework.tiling.identify import midpoints
 
 #: A wire's span is shorter than any buffer: it belongs whole to the core that holds its middle.
 WHOLE_KINDS = ("cable",)

@@ -1,0 +1,62 @@
+"""What a drawing takes: lines that every format can hold, with texts that a table can show."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Container
+from pathlib import Path
+
+import numpy as np
+
+from linework.errors import UsageError
+from linework.files.line_fields import check_writable
+from linework.model.changes import Change
+from linework.model.lines import LINE_COLUMNS, LineSet
+
+#: A note is a sentence or some, all else a word or a file's name. A column of texts takes as much memory for every
+#: line as for the longest.
+LONGEST_NOTE, LONGEST_TEXT = 1000, 300
+
+
+def check_change(change: Change, held: Container[str], crs: str, path: Path) -> None:
+    """Refuse a change that cannot be saved as it is.
+
+    Raises
+    ------
+    UsageError
+        Lines in another CRS or with two of one id, coordinates or texts that cannot be stored.
+    """
+    after = change.after
+    if len(after) and after.crs != crs:
+        raise UsageError("lines in another CRS than the drawing's", where=path, advice="convert them first")
+    check_writable(after, path)
+    check_texts(after, path)
+    gone = set(change.before.id.tolist())
+    for name, n in Counter(after.id.tolist()).items():
+        if name and (n > 1 or (name in held and name not in gone)):
+            raise UsageError(
+                f"two lines of the id '{name[:60]}'", where=path, advice="leave the id of new lines empty"
+            )
+
+
+def check_texts(lines: LineSet, path: Path) -> None:
+    """Refuse texts that are too long or hold what no table can (NUL, halves of characters).
+
+    Raises
+    ------
+    UsageError
+        Names the column, and how long the text is.
+    """
+    for name in LINE_COLUMNS:
+        values = getattr(lines, name)
+        if values.dtype.kind != "U":
+            continue
+        most = LONGEST_NOTE if name == "note" else LONGEST_TEXT
+        longest = int(np.char.str_len(values).max(initial=0))
+        if longest > most:
+            raise UsageError(f"{name} of {longest:,} characters, at most {most:,} are kept", where=path,
+                             advice="shorten it")  # fmt: skip
+        for text in set(values.tolist()):
+            if "\0" in text or any("\ud800" <= c <= "\udfff" for c in text):
+                raise UsageError(f"{name} has characters that cannot be stored", where=path,
+                                 advice="type it again")  # fmt: skip

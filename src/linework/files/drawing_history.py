@@ -1,0 +1,111 @@
+"""The history of a drawing: versions of lines, the edits that put one in the place of the other, and what can be undone."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from linework.files.drawing_pack import packed, unpacked_lines
+from linework.files.drawing_rows import Row
+from linework.model.changes import Change, Edit
+from linework.model.lines import LineSet
+
+UNDO, REDO = "undo", "redo"
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A row of the table `edit`: `gone` and `came` are numbers of versions."""
+
+    number: int
+    time_utc: str
+    who: str
+    action: str
+    undoes: int
+    ids: tuple[str, ...]
+    gone: tuple[int, ...]
+    came: tuple[int, ...]
+
+
+def add_versions(db: sqlite3.Connection, ids: Sequence[str], contents: Iterable[bytes]) -> list[int]:
+    """Store lines as they are now; return the numbers of the versions. They stand nowhere yet (see `place_versions`)."""
+    statement = "INSERT INTO line_version (id, edit, content) VALUES (?, 0, ?)"
+    rows = zip(ids, contents, strict=True)
+    return [int(db.execute(statement, (name, packed(line))).lastrowid or 0) for name, line in rows]
+
+
+def place_versions(db: sqlite3.Connection, versions: Sequence[int], rows: Sequence[Row], edit: int) -> None:
+    """Note where versions stand, and which edit put them there."""
+    values = [(r.layer, r.fid, r.line, edit, v) for v, r in zip(versions, rows, strict=True)]
+    db.executemany("UPDATE line_version SET layer = ?, fid = ?, line = ?, edit = ? WHERE version = ?", values)
+
+
+def displace_versions(db: sqlite3.Connection, versions: Sequence[int]) -> list[Row]:
+    """Note that versions stand no more; return where they stood."""
+    found = []
+    for version in versions:
+        row = db.execute("SELECT layer, fid, line FROM line_version WHERE version = ?", (version,)).fetchone()
+        found.append(Row(str(row[0]), int(row[1]), int(row[2])))
+        db.execute("UPDATE line_version SET layer = NULL, fid = NULL WHERE version = ?", (version,))
+    return found
+
+
+def add_entry(db: sqlite3.Connection, entry: Entry) -> None:
+    """Append an edit."""
+    values = (entry.number, entry.time_utc, entry.who, entry.action, entry.undoes)
+    lists = [json.dumps(part, ensure_ascii=False) for part in (entry.ids, entry.gone, entry.came)]
+    db.execute("INSERT INTO edit VALUES (?, ?, ?, ?, ?, ?, ?, ?)", (*values, *lists))
+
+
+def entries(db: sqlite3.Connection, *, after: int = 0, most: int = -1) -> list[Entry]:
+    """Return edits after a number, the newest first; no more than `most` (-1: all)."""
+    rows = db.execute("SELECT * FROM edit WHERE number > ? ORDER BY number DESC LIMIT ?", (after, most))
+    return [Entry(*row[:5], *(tuple(json.loads(part)) for part in row[5:])) for row in rows]
+
+
+def entry_of(db: sqlite3.Connection, number: int) -> Entry:
+    """Return an edit."""
+    return entries(db, after=number - 1, most=-1)[-1]
+
+
+def stored_lines(db: sqlite3.Connection, versions: Sequence[int], crs: str) -> LineSet:
+    """Return versions of lines, in this order."""
+    statement = "SELECT content FROM line_version WHERE version = ?"
+    return unpacked_lines([db.execute(statement, (v,)).fetchone()[0] for v in versions], crs)
+
+
+def as_edit(db: sqlite3.Connection, entry: Entry, crs: str) -> Edit:
+    """Return an edit with its lines."""
+    before, after = (stored_lines(db, part, crs) for part in (entry.gone, entry.came))
+    return Edit(entry.number, entry.time_utc, entry.who, Change(entry.action, before, after), entry.undoes)
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """Edits that can be taken back, and undos that can be, the last of each first to go."""
+
+    done: tuple[int, ...] = ()
+    undone: tuple[int, ...] = ()
+
+    def after(self, number: int, action: str, undoes: int) -> Steps:
+        """Return the steps after one more edit.
+
+        >>> steps = Steps().after(1, "draw", 0).after(2, "undo", 1)
+        >>> steps, steps.after(3, "redo", 2), steps.after(3, "move", 0)
+        (Steps(done=(), undone=(2,)), Steps(done=(3,), undone=()), Steps(done=(3,), undone=()))
+        """
+        if undoes and action == UNDO:
+            return Steps(self.done[:-1], (*self.undone, number))
+        if undoes and action == REDO:
+            return Steps((*self.done, number), self.undone[:-1])
+        return Steps((*self.done, number))
+
+
+def steps_of(db: sqlite3.Connection) -> Steps:
+    """Return what can be undone and redone after all edits."""
+    steps = Steps()
+    for number, action, undoes in db.execute("SELECT number, action, undoes FROM edit ORDER BY number"):
+        steps = steps.after(number, action, undoes)
+    return steps

@@ -1,0 +1,188 @@
+"""Opening a drawing: held, checked, brought into the form in which it is edited."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from linework.errors import CrsError, InputError, OutputExistsError, UsageError
+from linework.files.crs import LOCAL, describe_crs, parse_crs, same_crs
+from linework.files.drawing_checks import check_texts
+from linework.files.drawing_elsewhere import Elsewhere, changed_elsewhere
+from linework.files.drawing_found import found_lines, with_vertex_rows
+from linework.files.drawing_history import Steps, add_versions, place_versions, steps_of
+from linework.files.drawing_pack import line_bytes, unpacked_lines
+from linework.files.drawing_rows import Row, put_rows
+from linework.files.drawing_tables import (
+    add_drawing_tables,
+    columns_of,
+    connected,
+    line_layers,
+    quoted,
+    sql_errors,
+    srs_of,
+    transaction,
+)
+from linework.files.locks import locked
+from linework.files.reserve import lock_path
+from linework.files.vector_input import checked_vector_file
+from linework.files.vectors import write_lines
+from linework.files.vectors_gpkg import VERTEX_TABLE
+from linework.lines.names import named
+from linework.model.lines import KINDS, LineSet
+
+_MADE = "linework extract and linework convert make such files"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Opened:
+    """A drawing as it was saved last.
+
+    Parameters
+    ----------
+    lines, versions, edits
+        m lines, the number of each in the history, and the edit that put it there.
+    elsewhere
+        What others did since.
+    """
+
+    lines: LineSet
+    versions: tuple[int, ...]
+    edits: tuple[int, ...]
+    revision: int
+    next_line: int
+    steps: Steps
+    elsewhere: Elsewhere
+
+
+@contextmanager
+def opened_drawing(path: Path, crs: str) -> Iterator[tuple[sqlite3.Connection, Opened]]:
+    """Open a drawing, see `DrawingFile.opened`."""
+    if path.suffix.lower() != ".gpkg":
+        raise UsageError(
+            f"cannot edit '{path.suffix}' files", where=path, advice="linework convert makes a .gpkg"
+        )
+    busy = OutputExistsError("another workbench or run holds it", where=path, advice="end that first")
+    with locked(lock_path(path), busy):
+        if not path.exists():
+            write_lines(LineSet.empty(crs), path, kinds=KINDS)
+        checked_vector_file(path)
+        with sql_errors(path), contextlib.closing(connected(path)) as db:
+            _check(db, crs, path)
+            with transaction(db):
+                add_drawing_tables(db)
+                if db.execute("SELECT count(*) FROM line_version").fetchone()[0] == 0:
+                    _take_in(db, crs, path)
+            try:
+                yield db, _saved(db, crs, path)
+            finally:
+                # Leaves no journal beside it, unless another program has it open
+                with contextlib.suppress(sqlite3.Error):
+                    db.execute("PRAGMA journal_mode = DELETE")
+
+
+def _check(db: sqlite3.Connection, crs: str, path: Path) -> None:
+    """Refuse what is damaged, not ours or elsewhere; a journal of a killed process has been rolled back by now."""
+    found = db.execute("PRAGMA quick_check(1)").fetchone()[0]
+    if found != "ok":
+        raise InputError(f"damaged ({found})", where=path, advice="go back to a copy")
+    wanted = {"line", "layer", "line_fid", "vertex", "sigma_xy_m", "sigma_z_m", "bridged"}
+    is_ours = wanted <= set(columns_of(db, VERTEX_TABLE)) and columns_of(db, "gpkg_geometry_columns")
+    if not is_ours or not line_layers(db):
+        raise InputError("not a file of lines that linework made", where=path, advice=_MADE)
+    own = _crs_of(db, path)
+    if not same_crs(own, crs):
+        raise CrsError(
+            f"lines in {describe_crs(own)}, the survey is in {describe_crs(crs)}", where=path,
+            advice="choose another file of lines",
+        )  # fmt: skip
+    # Of all the pragmas only this one would not be refused on a file that cannot be written
+    db.execute("PRAGMA journal_mode = TRUNCATE")
+    db.execute("BEGIN IMMEDIATE")
+    db.execute("ROLLBACK")
+
+
+def _crs_of(db: sqlite3.Connection, path: Path) -> str:
+    number = srs_of(db)
+    if number == -1:
+        return LOCAL
+    row = db.execute(
+        "SELECT definition_12_063, definition FROM gpkg_spatial_ref_sys WHERE srs_id = ?", (number,)
+    ).fetchone()
+    return parse_crs(next(text for text in row if text and text != "undefined"), where=path)
+
+
+def _take_in(db: sqlite3.Connection, crs: str, path: Path) -> None:
+    """Begin the history with the lines that are there.
+
+    Lines whose vertices do not fit their rows (moved or split by others) and lines without an id of their own are
+    appended anew; all others stay as they are.
+    """
+    found = found_lines(db, crs, path)
+    lines, fitting = with_vertex_rows(db, found)
+    check_texts(lines, path)
+    _, first = np.unique(lines.id, return_index=True)
+    own = {int(i) for i in first if lines.id[i] != ""}
+    stay = [i for i in range(len(lines)) if i in fitting and i in own]
+    rest = [i for i in range(len(lines)) if not (i in fitting and i in own)]
+    kept = lines.take(stay)
+    rows = [fitting[i] for i in stay]
+    _remove_others(db, rows)
+    versions = add_versions(db, kept.id.tolist(), line_bytes(kept))
+    place_versions(db, versions, rows, 0)
+    if rest:
+        no_id = np.array([lines.id[i] if i in own else "" for i in rest], dtype=np.str_)
+        others = named(lines.take(rest).with_columns(id=no_id), set(kept.id.tolist()))
+        rows = put_rows(db, others, _next_line(db))
+        versions = add_versions(db, others.id.tolist(), line_bytes(others))
+        place_versions(db, versions, rows, 0)
+
+
+def _remove_others(db: sqlite3.Connection, rows: list[Row]) -> None:
+    """Remove all features and vertices of our layers but those of these lines."""
+    for layer in line_layers(db):
+        kept = {row.fid for row in rows if row.layer == layer}
+        there = [fid for (fid,) in db.execute(f"SELECT fid FROM {quoted(layer)}")]
+        gone = [(fid,) for fid in there if fid not in kept]
+        db.executemany(f"DELETE FROM {quoted(layer)} WHERE fid = ?", gone)
+    numbers = {row.line for row in rows}
+    there = [line for (line,) in db.execute(f"SELECT DISTINCT line FROM {VERTEX_TABLE}")]
+    db.executemany(f"DELETE FROM {VERTEX_TABLE} WHERE line = ?", [(n,) for n in there if n not in numbers])
+
+
+def _next_line(db: sqlite3.Connection) -> int:
+    row = db.execute(
+        f"SELECT max(coalesce((SELECT max(line) FROM {VERTEX_TABLE}), -1),"
+        " coalesce((SELECT max(line) FROM line_version), -1))"
+    ).fetchone()
+    return int(row[0]) + 1
+
+
+def _saved(db: sqlite3.Connection, crs: str, path: Path) -> Opened:
+    """Return the drawing as its history says, and what the file says otherwise."""
+    stored = db.execute(
+        "SELECT version, layer, fid, line, edit, content FROM line_version WHERE layer IS NOT NULL ORDER BY line"
+    ).fetchall()
+    try:
+        lines = unpacked_lines([row[5] for row in stored], crs)
+    except (ValueError, KeyError, TypeError, OSError) as error:
+        raise InputError("its history is damaged", where=path, advice="go back to a copy") from error
+    rows = [Row(*row[1:4]) for row in stored]
+    (revision,) = db.execute("SELECT coalesce(max(number), 0) FROM edit").fetchone()
+    elsewhere = changed_elsewhere(db, lines, rows, path)
+    check_texts(elsewhere.came, path)
+    return Opened(
+        lines=lines,
+        versions=tuple(row[0] for row in stored),
+        edits=tuple(row[4] for row in stored),
+        revision=revision,
+        next_line=_next_line(db),
+        steps=steps_of(db),
+        elsewhere=elsewhere,
+    )

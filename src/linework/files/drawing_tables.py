@@ -1,0 +1,177 @@
+"""The tables of a drawing in its GeoPackage, beside those of the lines, and the connection to it."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from linework.errors import InputError, LineworkError, MachineError, OutputExistsError
+from linework.files.geopackage import Table, add_table
+from linework.files.line_fields import (
+    DISAGREEMENT,
+    FIELDS,
+    REVIEWED,
+    field_values,
+    fields_of_kind,
+)
+from linework.files.vectors_gpkg import STYLE_TABLE, VERTEX_TABLE, storable, style_columns
+from linework.model.lines import LineSet
+
+#: QGIS holds the file for as long as it takes to save a layer. [s]
+WAIT_S = 5.0
+#: All fields a layer may have: a drawing's layers have them, whatever their lines hold now.
+ALL_FIELDS = (*FIELDS, "clearance_m", *DISAGREEMENT, *REVIEWED)
+
+#: `edit`: what was done; `gone` and `came` are numbers of `line_version` (JSON). `line_version`: every line as it
+#: ever was, exactly; `layer` and `fid` say where it stands now, and are NULL where it does not, `line` is its number in
+#: `vertex`, `edit` the edit that last put it there.
+_TABLES = (
+    """CREATE TABLE IF NOT EXISTS edit (number INTEGER PRIMARY KEY NOT NULL, time_utc TEXT NOT NULL, who TEXT NOT NULL,
+  action TEXT NOT NULL, undoes INTEGER NOT NULL, ids TEXT NOT NULL, gone TEXT NOT NULL, came TEXT NOT NULL)""",
+    """CREATE TABLE IF NOT EXISTS line_version (version INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, id TEXT NOT NULL,
+  layer TEXT, fid INTEGER, line INTEGER, edit INTEGER NOT NULL, content BLOB NOT NULL)""",
+    f'CREATE INDEX IF NOT EXISTS vertex_by_line ON "{VERTEX_TABLE}" (line)',
+    """INSERT OR IGNORE INTO gpkg_contents (table_name, data_type, identifier, description)
+  VALUES ('edit', 'attributes', 'edit', 'who changed which lines, and when')""",
+    """INSERT INTO gpkg_extensions SELECT 'line_version', NULL, 'linework_history', 'lines as they were', 'read-write'
+  WHERE NOT EXISTS (SELECT 1 FROM gpkg_extensions WHERE table_name = 'line_version')""",
+)
+
+
+@contextlib.contextmanager
+def sql_errors(path: Path) -> Iterator[None]:
+    """Turn what SQLite says into one line.
+
+    Raises
+    ------
+    OutputExistsError
+        Another program holds the file.
+    MachineError
+        Full, broken or read-only.
+    InputError
+        Damaged.
+    """
+    try:
+        yield
+    except LineworkError:
+        raise
+    except sqlite3.OperationalError as error:
+        text = str(error)
+        if "locked" in text or "busy" in text:
+            raise OutputExistsError(
+                "another program is writing it", where=path, advice="end the editing there, then try again"
+            ) from error
+        raise MachineError(
+            f"cannot be written: {text}", where=path, advice="check the disk, and that you may write there"
+        ) from error
+    except sqlite3.DatabaseError as error:
+        raise InputError(f"damaged ({error})", where=path, advice="go back to a copy") from error
+
+
+def connected(path: Path) -> sqlite3.Connection:
+    """Return a connection whose every transaction is on the disk when it ends; transactions are begun by hand.
+
+    Triggers of the standard call functions that SQLite lacks; they are here.
+    """
+    db = sqlite3.connect(path, isolation_level=None, timeout=WAIT_S, check_same_thread=False)
+    db.execute("PRAGMA synchronous = FULL")
+    db.execute("PRAGMA trusted_schema = ON")
+    bounds: dict[str, Callable[[tuple[float, ...]], float]] = {
+        "ST_MinX": lambda b: b[0], "ST_MinY": lambda b: b[1], "ST_MaxX": lambda b: b[2], "ST_MaxY": lambda b: b[3],
+    }  # fmt: skip
+    for name, chosen in bounds.items():
+        db.create_function(
+            name, 1, lambda blob, chosen=chosen: chosen(shape_of(blob).bounds), deterministic=True
+        )
+    db.create_function("ST_IsEmpty", 1, lambda blob: bool(shape_of(blob).is_empty), deterministic=True)
+    return db
+
+
+@contextlib.contextmanager
+def transaction(db: sqlite3.Connection) -> Iterator[None]:
+    """Do what is inside whole or not at all; when this returns it is on the disk."""
+    db.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+        db.execute("COMMIT")
+    except BaseException:
+        # A failed commit may have ended the transaction already
+        with contextlib.suppress(sqlite3.Error):
+            db.execute("ROLLBACK")
+        raise
+
+
+def shape_of(blob: bytes) -> shapely.Geometry:
+    """Return the geometry of a blob as the standard stores it: its header is as long as its flags say."""
+    return shapely.from_wkb(wkb_of(blob))
+
+
+def wkb_of(blob: bytes) -> bytes:
+    """Return the WKB in a blob of the standard."""
+    if blob[:2] != b"GP" or len(blob) < 8:
+        raise ValueError("not a geometry of a GeoPackage")
+    envelope = (0, 32, 48, 48, 64)
+    return blob[8 + envelope[min((blob[3] >> 1) & 7, 4)] :]
+
+
+def add_drawing_tables(db: sqlite3.Connection) -> None:
+    """Add what a drawing has and an extraction has not, within a transaction: tables, and columns of its layers."""
+    for statement in _TABLES:
+        db.execute(statement)
+    for layer in line_layers(db):
+        there = columns_of(db, layer)
+        for name, sql_type in _empty_columns(layer).items():
+            if name not in there:
+                db.execute(f'ALTER TABLE {quoted(layer)} ADD COLUMN "{name}" {sql_type}')
+
+
+def _empty_columns(layer: str) -> dict[str, str]:
+    sql_types = {"U": "TEXT", "b": "BOOLEAN", "f": "DOUBLE"}
+    values = field_values(LineSet.empty()) | {name: np.zeros(0) for name in DISAGREEMENT}
+    values |= {name: np.zeros(0, dtype=np.str_) for name in REVIEWED}
+    return {name: sql_types[values[name].dtype.kind] for name in fields_of_kind(layer, ALL_FIELDS)}
+
+
+def add_layer(db: sqlite3.Connection, layer: str) -> None:
+    """Add an empty layer of lines, with its style, within a transaction."""
+    columns = {name: np.zeros(0, dtype=object) for name in _empty_columns(layer)}
+    none = np.array([], dtype=object)
+    add_table(db, Table(layer, columns, none, sql_types=_empty_columns(layer)), srs_of(db))
+    if columns_of(db, STYLE_TABLE):
+        style = style_columns([layer])
+        names = ", ".join(f'"{name}"' for name in style)
+        places = ", ".join("?" * len(style))
+        values = [storable(column).tolist()[0] for column in style.values()]
+        db.execute(f"INSERT INTO {STYLE_TABLE} ({names}) VALUES ({places})", values)
+
+
+def columns_of(db: sqlite3.Connection, table: str) -> list[str]:
+    """Return the columns of a table, none where there is no such table."""
+    return [str(row[1]) for row in db.execute(f"PRAGMA table_info({quoted(table)})")]
+
+
+def line_layers(db: sqlite3.Connection) -> list[str]:
+    """Return the layers of lines that are ours, in the order of the file: others, and layers of points, are left alone."""
+    rows = db.execute(
+        "SELECT table_name FROM gpkg_geometry_columns WHERE column_name = 'geom' AND geometry_type_name = 'LINESTRING'"
+        " ORDER BY rowid"
+    )
+    return [str(name) for (name,) in rows.fetchall() if {"fid", "id", "kind"} <= set(columns_of(db, name))]
+
+
+def srs_of(db: sqlite3.Connection) -> int:
+    """Return the number of the CRS of the lines."""
+    (number,) = db.execute(
+        "SELECT srs_id FROM gpkg_geometry_columns WHERE geometry_type_name = 'LINESTRING' ORDER BY rowid LIMIT 1"
+    ).fetchone()
+    return int(number)
+
+
+def quoted(name: str) -> str:
+    """Return a name as SQL takes it."""
+    return '"' + name.replace('"', '""') + '"'
