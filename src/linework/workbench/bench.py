@@ -8,6 +8,7 @@ from fastapi import Request, WebSocket
 
 from linework.files.drawing import DrawingFile
 from linework.workbench.desk import Desk
+from linework.workbench.following_kept import KeptTraces
 from linework.workbench.hub import Hub
 from linework.workbench.opening import SurveyFacts
 from linework.workbench.table import SurveyOrder
@@ -29,6 +30,8 @@ class Bench:
         Desk for following lines: one at a time.
     hub
         Tells all pages what happens.
+    traces
+        The last lines that were followed: see `linework.workbench.following_kept.kept_trace`.
     who
         Who edits, for the record.
     """
@@ -39,6 +42,7 @@ class Bench:
     pictures: Desk
     tracing: Desk
     hub: Hub = field(default_factory=Hub)
+    traces: KeptTraces = field(default_factory=KeptTraces)
     who: str = ""
 
 
