@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 from urllib.parse import parse_qs
 
 from starlette.datastructures import Headers
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from linework.workbench.guard_bodies import BodyError, check_body_headers, replayed, whole_body
+from linework.workbench.guard_bodies import BodyError, check_body_headers, check_json, replayed, whole_body
 from linework.workbench.guard_headers import with_headers
 from linework.workbench.page_files import PageFile
 from linework.workbench.problems import problem_document
@@ -35,6 +37,8 @@ class Guard:
         Of this server on 127.0.0.1.
     page
         Files that anyone may have: the page without any data.
+    save_log
+        Called with faults of the application.
 
     Notes
     -----
@@ -42,8 +46,11 @@ class Guard:
     Sec-Fetch-Site are checked as well.
     """
 
-    def __init__(self, app: ASGIApp, sessions: Sessions, port: int, page: Mapping[str, PageFile]) -> None:
-        self._app, self._sessions, self._page = app, sessions, page
+    def __init__(
+        self, app: ASGIApp, sessions: Sessions, port: int, page: Mapping[str, PageFile],
+        save_log: Callable[[BaseException], Any],
+    ) -> None:  # fmt: skip
+        self._app, self._sessions, self._page, self._save_log = app, sessions, page, save_log
         self._hosts = (f"127.0.0.1:{port}", f"localhost:{port}")
         self._n_sockets = 0
 
@@ -62,14 +69,18 @@ class Guard:
         if answer is None:
             try:
                 check_body_headers(headers)
-                receive = replayed(await whole_body(receive), receive)
+                body = await whole_body(receive)
+                if body:
+                    check_json(body)
+                receive = replayed(body, receive)
             except BodyError as error:
                 answer = _refused(error.status, error.problem)
         if answer is not None:
             await answer(scope, receive, send)
             return
         kept = [(name, value) for name, value in scope["headers"] if name not in _DROPPED]
-        await self._app({**scope, "headers": kept}, receive, send)
+        with self._faults():
+            await self._app({**scope, "headers": kept}, receive, send)
 
     def _without_session(self, scope: Scope, headers: Headers) -> Response | None:
         """Return the answer to what needs no session, or is refused; None: it may go on."""
@@ -120,9 +131,18 @@ class Guard:
             return
         self._n_sockets += 1
         try:
-            await self._app(scope, receive, send)
+            with self._faults():
+                await self._app(scope, receive, send)
         finally:
             self._n_sockets -= 1
+
+    @contextlib.contextmanager
+    def _faults(self) -> Iterator[None]:
+        """Hand on what must never happen; the page was told that much, or its socket closes."""
+        try:
+            yield
+        except Exception as error:
+            self._save_log(error)
 
 
 def _refused(status: int, problem: str) -> Response:

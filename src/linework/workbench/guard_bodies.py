@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import json
+import math
 from collections.abc import Mapping
+from typing import NoReturn
 
 from starlette.types import Message, Receive
 
@@ -67,6 +70,35 @@ async def whole_body(receive: Receive) -> bytes:
                     return b"".join(parts)
     except TimeoutError:
         raise BodyError(408, f"the body took longer than {MOST_S:.0f} s") from None
+
+
+def check_json(body: bytes) -> None:
+    """Refuse a body that is not JSON, or holds numbers that no coordinate and no count can be.
+
+    Raises
+    ------
+    BodyError
+        With what is wrong. JSON itself knows no NaN and no infinity, Python's reader does.
+    """
+    try:
+        json.loads(body, parse_constant=_refuse_number, parse_float=_finite, parse_int=_small)
+    except (ValueError, RecursionError) as error:
+        problem = "nested too deeply" if isinstance(error, RecursionError) else str(error)
+        raise BodyError(400, f"the body is not JSON that can be used: {problem}"[:200]) from None
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    return value if math.isfinite(value) else _refuse_number(text)
+
+
+def _small(text: str) -> int:
+    value = int(text)
+    return value if abs(value) < 2**63 else _refuse_number(text)
+
+
+def _refuse_number(text: str) -> NoReturn:
+    raise ValueError(f"{text[:20]} is no number that can be used")
 
 
 def replayed(body: bytes, receive: Receive) -> Receive:

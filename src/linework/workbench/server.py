@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
@@ -32,14 +29,8 @@ ROUTERS = (
 FAULT = "a fault of linework, not of your data; the log is saved, linework serve says where"
 
 
-def create_app(bench: Bench, save_log: Callable[[BaseException], Any] = lambda _error: None) -> FastAPI:
-    """Return the application that serves a bench; who may ask it is for `guard.Guard` to say.
-
-    Parameters
-    ----------
-    save_log
-        Called with what must never happen.
-    """
+def create_app(bench: Bench) -> FastAPI:
+    """Return the application that serves a bench; who may ask it is for `guard.Guard` to say."""
     app = FastAPI(
         title="linework workbench", docs_url=None, redoc_url=None, openapi_url="/api/openapi.json",
         redirect_slashes=False, responses=PROBLEMS,
@@ -47,21 +38,23 @@ def create_app(bench: Bench, save_log: Callable[[BaseException], Any] = lambda _
     app.state.bench, app.state.busy = bench, ""
     for router in ROUTERS:
         app.include_router(router)
-
-    async def own(_request: Request, error: Exception) -> JSONResponse:
-        assert isinstance(error, LineworkError)
-        status, line = problem_of(error)
-        return JSONResponse(problem_document(line, status), status)
-
-    async def fault(_request: Request, error: Exception) -> JSONResponse:
-        save_log(error)
-        return JSONResponse(problem_document(FAULT, 500), 500)
-
-    app.add_exception_handler(LineworkError, own)
+    app.add_exception_handler(LineworkError, _own)
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(HTTPException, _told)
-    app.add_exception_handler(Exception, fault)
+    app.add_exception_handler(Exception, _fault)
     return app
+
+
+async def _own(_request: Request, error: Exception) -> JSONResponse:
+    """Answer what was raised on purpose."""
+    assert isinstance(error, LineworkError)
+    status, line = problem_of(error)
+    return JSONResponse(problem_document(line, status), status)
+
+
+async def _fault(_request: Request, _error: Exception) -> JSONResponse:
+    """Answer what must never happen; the error itself goes on to the guard, which saves the log."""
+    return JSONResponse(problem_document(FAULT, 500), 500)
 
 
 async def _told(_request: Request, error: Exception) -> JSONResponse:

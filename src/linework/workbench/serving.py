@@ -85,7 +85,7 @@ async def serve(serving: Serving) -> int:
             await _left(opening)
             return stopped.result()
         bench, listener = opening.result()
-        app = create_app(bench, serving.save_log)
+        app = create_app(bench)
         server = _server(serving, bench, app, listener)
         running = asyncio.ensure_future(server.serve([listener]))
         warming = asyncio.ensure_future(_warm(bench, app))
@@ -136,7 +136,7 @@ def _server(serving: Serving, bench: Bench, app: FastAPI, listener: socket.socke
         return f"http://{HOST}:{port}/?token={token}"
 
     sessions = Sessions(port, lambda token: serving.renewed(url(token)))
-    guard = Guard(app, sessions, port, page_files())
+    guard = Guard(app, sessions, port, page_files(), serving.save_log)
     return _Server(uvicorn.Config(guard, **settings()), lambda: serving.ready(bench, url(sessions.token)))
 
 
