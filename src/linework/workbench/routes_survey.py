@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from contextlib import suppress
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Request, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, Depends, Query, Request, Response, WebSocket, WebSocketDisconnect
+from fastapi.responses import JSONResponse
 
+from linework.files.drawing import DrawingFile
 from linework.workbench.bench import Bench, bench_of, bench_of_socket
 from linework.workbench.survey_document import survey_document
 from linework.workbench.wire import line_documents
@@ -27,15 +30,25 @@ async def survey(request: Request, bench: Annotated[Bench, Depends(bench_of)]) -
     return survey_document(bench, busy=request.app.state.busy)
 
 
-@router.get("/lines")
+@router.get("/lines", response_class=JSONResponse)
 async def lines(
     bench: Annotated[Bench, Depends(bench_of)], since: Annotated[int, Query(ge=0, le=2**53)] = 0
-) -> dict[str, Any]:
+) -> Response:
     """Return all lines; after a revision, those that came or changed since, and the ids of those that went."""
-    drawing = bench.drawing
-    if 0 < since == drawing.revision:
-        return {"revision": drawing.revision, "lines": [], "removed": []}
-    return {"revision": drawing.revision, "lines": line_documents(drawing.lines), "removed": []}
+    # A drawing of a million vertices takes seconds to write down: not on the server's loop
+    content = await asyncio.to_thread(_lines_content, bench.drawing, since)
+    return Response(content, media_type="application/json")
+
+
+def _lines_content(drawing: DrawingFile, since: int) -> bytes:
+    # Asked for first: what is saved meanwhile comes twice rather than never
+    revision = drawing.revision
+    found, removed = drawing.since(since if since <= revision else 0)
+    parts = (json.dumps(document, allow_nan=False) for document in line_documents(found))
+    text = (
+        f'{{"revision": {revision}, "lines": [{", ".join(parts)}], "removed": {json.dumps(list(removed))}}}'
+    )
+    return text.encode()
 
 
 @router.websocket("/live")

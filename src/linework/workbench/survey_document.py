@@ -7,8 +7,9 @@ from typing import Any
 from linework.files.styles import colour_of
 from linework.model.lines import CONDITIONS, KINDS
 from linework.workbench.bench import Bench
+from linework.workbench.opening import SurveyFacts
 from linework.workbench.problems import without_paths
-from linework.workbench.tiles import Lattice
+from linework.workbench.tiles import IMAGES, Lattice
 
 #: Kinds as the trade calls them.
 _TITLES = {
@@ -49,11 +50,16 @@ def survey_document(bench: Bench, *, busy: str) -> dict[str, Any]:
         "who": bench.who,
         "kinds": [_kind(kind) for kind in KINDS],
         "choices": _CHOICES,
-        "images": [],
+        "images": [dict(zip(("name", "title", "unit"), image, strict=True)) for image in _images(facts)],
         "tiles": Lattice.of(facts.bounds).document(),
         "revision": drawing.revision,
         "busy": busy,
     }
+
+
+def _images(facts: SurveyFacts) -> tuple[tuple[str, str, str], ...]:
+    """Return what the plan view can show: images are made of points."""
+    return IMAGES if facts.n_points else ()
 
 
 def _kind(kind: str) -> dict[str, Any]:
