@@ -19,12 +19,13 @@ export interface Growth {
   distance_m: number;
   interrupted: boolean;
   at: Place | null; // where the last click was
+  goesOn: { id: string; end: End } | null; // the next click goes on from there; id "": from the line that is followed
   refusal: { reason: string; advice: string; works: Place | null; works_px: [number, number] | null } | null;
 }
 
 const IDLE: Growth = {
   state: "idle", trace: "", lines: [], area: [], pair: null, seen: null, stops: ["", ""], choices: [[], []],
-  distance_m: 0, interrupted: false, at: null, refusal: null,
+  distance_m: 0, interrupted: false, at: null, goesOn: null, refusal: null,
 };
 
 export class Following {
@@ -54,6 +55,19 @@ export class Following {
     await this.settle();
     this.continues = continues ?? null;
     this.begin({ type: "pick", at, kind: this.app.followKind, ...(toward && { toward }), ...(continues && { continues }) }, at);
+  }
+
+  // The next click goes on from an end: of a saved line, or (no id) of the one that has stopped
+  goOnFrom(end: End, id = ""): void {
+    this.show({ goesOn: { id, end } });
+  }
+
+  // A click of the person who follows: a new line, or farther along the one that goes on
+  async click(at: Place): Promise<void> {
+    const { goesOn } = this.growth;
+    if (goesOn === null) return this.pick(at);
+    const id = goesOn.id || (await this.keep());
+    if (id) await this.pick(at, { id, end: goesOn.end });
   }
 
   async pickImage(pair: number, side: "left" | "right", at_px: [number, number]): Promise<void> {
@@ -136,7 +150,7 @@ export class Following {
   }
 
   private heard(news: FollowNews): void {
-    if (this.growth.state === "idle") return; // cancelled: what still comes is not wanted
+    if (this.growth.state === "idle" || this.order === null) return; // cancelled: what still comes is not wanted
     if ("trace" in news && this.past.has(news.trace)) return;
     this.app.emit("follow", news);
     if (news.type === "area") return this.show({ area: news.corners });

@@ -29,10 +29,10 @@ export function shellOf(app: App): void {
   place("status").append(new StatusBar(app, plan).element);
 
   const lists = new Tabs("Review");
-  lists.add("Queue", new QueuePane(app));
+  lists.add("Queue", new QueuePane(app, (box) => plan.fit(box)));
   lists.add("History", new HistoryPane(app));
   lists.add("Extract", new JobPane(app));
-  const attributes = new AttributesPane(app);
+  const attributes = new AttributesPane(app, plan.commands);
   place("side").append(lists.element, attributes.element);
 
   // A survey without images has no stereo, one without points no section
