@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from linework.errors import AbsentError
 from linework.files.screen_images import screen_image, screen_thumbnail
 from linework.files.van_log import van_log
 from linework.imaging.projected import DEPTH_M, Pieces, projected
@@ -16,6 +17,7 @@ from linework.model.images import ImagePair
 from linework.model.lines import LineSet
 from linework.model.survey import Survey
 from linework.model.van_log import LoggedPlaces
+from linework.tiling.opened_stereo import OpenedStereo
 from linework.workbench.table import Table
 
 Side = Literal["left", "right"]
@@ -60,24 +62,23 @@ def keys_at_desk(table: Table) -> list[dict[str, Any]]:
     ]
 
 
-def image_at_desk(table: Table, number: int, side: Side) -> bytes | None:
-    """Return an image as it was taken, as JPEG; None where there is no such pair.
+def image_at_desk(table: Table, number: int, side: Side) -> bytes:
+    """Return an image as it was taken, as JPEG.
 
     Raises
     ------
+    AbsentError
+        There is no such pair.
     InputError
         It cannot be read.
     """
-    pair = _pair(table, number)
-    return pair and screen_image(getattr(pair, side), _camera(table, side), table.survey.root)
+    return screen_image(getattr(_pair(table, number), side), _camera(table, side), table.survey.root)
 
 
-def thumbnail_at_desk(table: Table, number: int) -> bytes | None:
+def thumbnail_at_desk(table: Table, number: int) -> bytes:
     """Return the left image of a pair made small, as JPEG (see `image_at_desk`)."""
     kept = table.keep("thumbnails", dict[int, bytes])
     pair = _pair(table, number)
-    if pair is None:
-        return None
     if number not in kept:
         if len(kept) >= _MOST_KEPT:
             kept.pop(next(iter(kept)))
@@ -85,14 +86,12 @@ def thumbnail_at_desk(table: Table, number: int) -> bytes | None:
     return kept[number]
 
 
-def pair_lines_at_desk(table: Table, number: int, lines: LineSet) -> bytes | None:
-    """Return where both images of a pair show lines, as JSON (`PairLines` of the page); None: no such pair.
+def pair_lines_at_desk(table: Table, number: int, lines: LineSet) -> bytes:
+    """Return where both images of a pair show lines, as JSON (`PairLines` of the page).
 
     Made here and not in the server, which has other things to do than to write some ten thousand numbers.
     """
-    stereo = table.recordings.stereo
-    if stereo is None or number not in stereo.numbers:
-        return None
+    stereo = _stereo(table, number)
     i = int(np.flatnonzero(stereo.numbers == number)[0])
     rig = stereo.series.rig
     return json.dumps(
@@ -150,10 +149,21 @@ def _places(places: LoggedPlaces) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _pair(table: Table, number: int) -> ImagePair | None:
+def _stereo(table: Table, number: int) -> OpenedStereo:
+    """Return the opened pairs, one of which has that number."""
     stereo = table.recordings.stereo
-    pairs = stereo.pairs if stereo is not None else ()
-    return next((pair for pair in pairs if pair.number == number), None)
+    if stereo is None or number not in stereo.numbers:
+        raise no_pair(number)
+    return stereo
+
+
+def _pair(table: Table, number: int) -> ImagePair:
+    return next(pair for pair in _stereo(table, number).pairs if pair.number == number)
+
+
+def no_pair(number: int) -> AbsentError:
+    """Return what is raised where there is no pair of that number."""
+    return AbsentError(f"there is no pair {number}")
 
 
 def _camera(table: Table, side: Side) -> Camera:

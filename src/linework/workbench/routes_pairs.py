@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, HTTPException, Path, Request, Response
+from fastapi import APIRouter, Depends, Path, Request, Response
 
 from linework.workbench.bench import Bench, bench_of
 from linework.workbench.pairs import (
@@ -12,6 +12,7 @@ from linework.workbench.pairs import (
     image_at_desk,
     keys_at_desk,
     near,
+    no_pair,
     pair_lines_at_desk,
     pairs_at_desk,
     thumbnail_at_desk,
@@ -42,29 +43,21 @@ async def keys(bench: Served) -> list[dict[str, Any]]:
 @router.get("/pairs/{number}/thumbnail")
 async def thumbnail(number: Number, bench: Served) -> Response:
     """Return the left image of a pair, small."""
-    return Response(
-        _found(number, await bench.pictures.ask(thumbnail_at_desk, number)), media_type="image/jpeg"
-    )
+    return Response(await bench.pictures.ask(thumbnail_at_desk, number), media_type="image/jpeg")
 
 
 @router.get("/pairs/{number}/lines")
 async def pair_lines(number: Number, request: Request, bench: Served) -> Response:
     """Return where both images of a pair show the lines."""
-    at = next((pair["at"] for pair in await pairs(request, bench) if pair["number"] == number), None)
-    lines = near(bench.drawing.lines, tuple(_found(number, at)))
+    pair = next((pair for pair in await pairs(request, bench) if pair["number"] == number), None)
+    if pair is None:
+        raise no_pair(number)
+    lines = near(bench.drawing.lines, tuple(pair["at"]))
     shown = await bench.pictures.ask(pair_lines_at_desk, number, lines)
-    return Response(_found(number, shown), media_type="application/json")
+    return Response(shown, media_type="application/json")
 
 
 @router.get("/pairs/{number}/{side}")
 async def image(number: Number, side: Side, bench: Served) -> Response:
     """Return an image as it was taken."""
-    return Response(
-        _found(number, await bench.pictures.ask(image_at_desk, number, side)), media_type="image/jpeg"
-    )
-
-
-def _found(number: int, value: Any) -> Any:
-    if value is None:
-        raise HTTPException(404, f"there is no pair {number}")
-    return value
+    return Response(await bench.pictures.ask(image_at_desk, number, side), media_type="image/jpeg")

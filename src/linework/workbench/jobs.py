@@ -1,0 +1,175 @@
+"""Jobs: automatic extractions of the served survey, one at a time, each in a process of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import secrets
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal
+
+from linework.errors import AbsentError, LineworkError, OutputExistsError, StaleError
+from linework.workbench.bench import Bench
+from linework.workbench.desk import Desk
+from linework.workbench.jobs_extract import Asked, Found, extract_at_desk, forget_at_desk
+from linework.workbench.jobs_merge import save_found
+from linework.workbench.problems import problem_of
+
+#: Jobs that are remembered, and reports: some megabytes each, in memory, so that there is no file to clear away.
+_MOST_JOBS, _MOST_REPORTS = 20, 3
+_FAULT = "a fault of linework, not of your data"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """How far a job is.
+
+    Parameters
+    ----------
+    step
+        What it is at.
+    done, total, unit
+        How much of the step is done; total 0: the step has no amounts.
+    seconds
+        Since the step began; when the job is over, since the job began.
+    message
+        Why it failed; of a job that is done, what was left out.
+    counts
+        Lines by kind, when it is done.
+    report
+        There is one.
+    """
+
+    id: str
+    state: Literal["running", "done", "failed", "cancelled"] = "running"
+    step: str = ""
+    done: int = 0
+    total: int = 0
+    unit: str = ""
+    seconds: float = 0.0
+    message: str = ""
+    counts: Mapping[str, int] | None = None
+    report: bool = False
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The job as the page gets it."""
+        return asdict(self)
+
+
+class Jobs:
+    """The jobs of a bench. Every change of a job is told to all pages."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._jobs: dict[str, Job] = {}
+        self._reports: dict[str, str] = {}
+        self._desk: Desk | None = None
+        self._task: asyncio.Task[None] | None = None
+
+    @property
+    def all(self) -> list[Job]:
+        """All that are remembered, the first one first."""
+        return list(self._jobs.values())
+
+    def job(self, name: str) -> Job:
+        """Return a job by its id.
+
+        Raises
+        ------
+        AbsentError
+            There is none.
+        """
+        if name not in self._jobs:
+            raise AbsentError("there is no such job")
+        return self._jobs[name]
+
+    def report(self, name: str) -> str:
+        """Return the report of a job, HTML.
+
+        Raises
+        ------
+        AbsentError
+            There is none, or it is of long ago.
+        """
+        if name not in self._reports:
+            raise AbsentError("there is no such report, or it is no longer kept")
+        return self._reports[name]
+
+    def start(self, asked: Asked) -> Job:
+        """Begin a job.
+
+        Raises
+        ------
+        OutputExistsError
+            One is running.
+        """
+        if self._task is not None and not self._task.done():
+            raise OutputExistsError("an extraction is running", advice="wait for it, or cancel it")
+        job = Job(id=secrets.token_hex(6), step="start")
+        self._jobs[job.id] = job
+        for old in list(self._jobs)[:-_MOST_JOBS]:
+            del self._jobs[old]
+        self._desk = Desk(self._bench.order)
+        asked = replace(asked, name=str(self._bench.drawing.path))
+        self._task = asyncio.create_task(self._run(job.id, asked, self._desk))
+        return job
+
+    async def cancel(self, name: str) -> Job:
+        """End a job: its process and those that work for it are gone when this returns. One that is over stays so."""
+        job, task, desk = self.job(name), self._task, self._desk
+        if job.state == "running" and task is not None and desk is not None:
+            # The process first: nothing is written any more while the task takes in that it is over
+            desk.kill()
+            task.cancel()
+            await asyncio.wait({task})
+            if self._jobs[name].state == "running":
+                self._tell(name, state="cancelled")
+        return self._jobs[name]
+
+    async def _run(self, name: str, asked: Asked, desk: Desk) -> None:
+        began = time.monotonic()
+        try:
+            found = await self._found(name, asked, desk)
+            self._tell(name, step="save lines", done=0, total=0, unit="", seconds=0.0)
+            await self._saved(found)
+        except LineworkError as error:
+            self._tell(name, state="failed", message=problem_of(error)[1], seconds=time.monotonic() - began)
+        except Exception:
+            self._tell(name, state="failed", message=_FAULT, seconds=time.monotonic() - began)
+        else:
+            self._reports[name] = found.report
+            for old in list(self._reports)[:-_MOST_REPORTS]:
+                del self._reports[old]
+                self._jobs |= {old: replace(self._jobs[old], report=False)} if old in self._jobs else {}
+            self._tell(name, state="done", message=found.message, counts=found.counts, report=True,
+                       seconds=time.monotonic() - began)  # fmt: skip
+            with contextlib.suppress(LineworkError, RuntimeError):
+                await desk.ask(forget_at_desk, asked)
+        finally:
+            desk.kill()
+
+    async def _found(self, name: str, asked: Asked, desk: Desk) -> Found:
+        """Return what the job's process finds, telling how far it is."""
+        step, began = "", time.monotonic()
+        async with desk.doing(extract_at_desk, asked) as steps:
+            async for now, done, total, unit in steps:
+                if now != step:
+                    step, began = now, time.monotonic()
+                seconds = round(time.monotonic() - began, 2)
+                self._tell(name, step=step, done=done, total=total, unit=unit, seconds=seconds)
+        found: Found = steps.value
+        return found
+
+    async def _saved(self, found: Found) -> None:
+        """Save what was found as one change; if a person was quicker, once more with what they left."""
+        while True:
+            with contextlib.suppress(StaleError):
+                await save_found(self._bench, found)
+                return
+
+    def _tell(self, name: str, **changes: Any) -> None:
+        job = self._jobs[name] = replace(self._jobs[name], **changes)
+        self._bench.hub.tell({"type": "job", **job.document})
