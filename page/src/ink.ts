@@ -35,7 +35,7 @@ export function ramp(share: number): Rgb {
 
 // Dark points are still seen: asphalt is not black
 export function grey(intensity: number): Rgb {
-  const value = 70 + 185 * Math.sqrt(intensity / 255);
+  const value = 55 + 200 * (intensity / 255) ** 0.8;
   return [value, value, value];
 }
 

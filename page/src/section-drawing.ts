@@ -30,8 +30,6 @@ export class Frame {
 export interface Handle {
   node: SectionNode;
   colour: string;
-  x: number; // where it is drawn: moved by a drag
-  z: number;
   chosen: boolean;
 }
 
@@ -113,7 +111,7 @@ function drawPoints(
 }
 
 function drawHandle(context: CanvasRenderingContext2D, frame: Frame, handle: Handle): void {
-  const [px, py] = frame.toPx(handle.x, handle.z);
+  const [px, py] = frame.toPx(handle.node.x, handle.node.z);
   context.beginPath();
   context.arc(px, py, handle.chosen ? HANDLE_PX + 2 : HANDLE_PX, 0, 2 * Math.PI);
   context.lineWidth = 2;

@@ -65,6 +65,11 @@ export class StereoImage {
     ];
   }
 
+  holds([x, y]: Px): boolean {
+    const [width, height] = this.size;
+    return x >= -0.5 && y >= -0.5 && x <= width - 0.5 && y <= height - 0.5;
+  }
+
   // The line that is drawn under a pixel
   lineAt(pixel: Px, sight: Sight): string | null {
     let best: string | null = null;

@@ -9,11 +9,11 @@ import { element } from "./element";
 import { bright } from "./ink";
 import { Latest, Shown } from "./shown";
 import { StereoDrive } from "./stereo-drive";
-import { type Px, type Sight, StereoImage, type Stroke } from "./stereo-image";
+import { type Px, StereoImage, type Stroke } from "./stereo-image";
+import { SharedSight } from "./stereo-sight";
 import type { FollowNews, Pair, PairLine, PairLines, Place } from "./types";
 
 const NAME = "stereo";
-const CLICK_PX = 4;
 const SPEEDS = [["1", "1 / s"], ["2", "2 / s"], ["5", "5 / s"], ["10", "10 / s"]] as const;
 type Side = "left" | "right";
 type Seen = Record<Side, Px[]>;
@@ -25,28 +25,29 @@ export class StereoView implements Pane {
   private readonly words: HTMLElement;
   private readonly answer = element("p", { class: "stereo-answer", role: "status" });
   private readonly drive: StereoDrive;
+  private readonly sight: SharedSight;
   private readonly shown: Shown;
   private readonly loading = new Latest();
   private pair: Pair | null = null;
   private loaded = -1; // number of the pair whose images are drawn
   private lines: PairLines | null = null;
-  private sight: Sight | null = null; // null: the whole image
   private seen = new Map<number, Seen>(); // of the line that is being followed, pair by pair
   private refused: { pair: number; side: Side; at: Px; works: Px | null } | null = null;
   private picked: { pair: number; side: Side; at: Px } | null = null;
-  private drag: { px: Px; sight: Sight; moved: boolean } | null = null;
 
   constructor(private readonly app: App) {
     this.drive = new StereoDrive((pair) => this.go(pair), () => this.tellPlay());
+    const { left, right } = this.images;
+    this.sight = new SharedSight([left, right], () => this.draw(), (at, image) => this.clicked(at, image));
     const bar = new Bar();
     bar.button("◀", "Pair before (Left)", () => this.step(-1));
     this.play = bar.button("▶▶", "Play along the drive (P)", () => this.toggle());
     bar.button("▶", "Next pair (Right)", () => this.step(1));
     const speed = bar.choice("Pairs per second", SPEEDS, (value) => (this.drive.perSecond = Number(value)));
     speed.value = "2";
-    bar.button("Whole", "Whole images (double click)", () => this.look(null));
+    bar.button("Whole", "Whole images (double click)", () => this.sight.look(null));
     this.words = bar.words();
-    const both = element("div", { class: "stereo-images" }, this.images.left.canvas, this.images.right.canvas);
+    const both = element("div", { class: "stereo-images" }, left.canvas, right.canvas);
     this.element = element("div", { class: "stereo-view", tabindex: 0 }, bar.element, both, this.answer);
     this.shown = new Shown(both, () => void this.appeared(), () => this.draw());
     this.listen();
@@ -65,12 +66,8 @@ export class StereoView implements Pane {
     app.on("order", () => this.forget());
     app.on("growing", ({ lines }) => lines.length === 0 && this.seen.size > 0 && this.forget());
     app.on("follow", (news) => this.heard(news));
-    for (const image of Object.values(this.images)) {
-      image.canvas.addEventListener("pointerdown", (event) => this.press(event, image));
-      image.canvas.addEventListener("pointermove", (event) => this.move(event));
-      image.canvas.addEventListener("pointerup", (event) => this.release(event, image));
-      image.canvas.addEventListener("wheel", (event) => this.wheel(event, image), { passive: false });
-      image.canvas.addEventListener("dblclick", () => app.tool !== "follow" && this.look(null));
+    for (const { canvas } of Object.values(this.images)) {
+      canvas.addEventListener("dblclick", () => app.tool !== "follow" && this.sight.look(null));
     }
     this.element.addEventListener("keydown", (event) => this.key(event));
   }
@@ -183,7 +180,6 @@ export class StereoView implements Pane {
 
   private draw(): void {
     if (!this.shown.is) return;
-    const sight = this.sight ?? this.images.left.whole();
     for (const image of Object.values(this.images)) {
       const here = this.refused?.pair === this.pair?.number && this.refused?.side === image.side ? this.refused : null;
       image.overlay = {
@@ -192,7 +188,7 @@ export class StereoView implements Pane {
         refused: here?.at ?? null,
         works: here?.works ?? null,
       };
-      image.draw(sight);
+      image.draw(this.sight.now);
     }
     this.tell();
   }
@@ -217,54 +213,14 @@ export class StereoView implements Pane {
     this.element.dataset["seen"] = String(seen ? seen.left.length + seen.right.length : 0);
   }
 
-  private look(sight: Sight | null): void {
-    this.sight = sight;
-    this.draw();
-  }
-
-  private press(event: PointerEvent, image: StereoImage): void {
+  private clicked(at: Px, image: StereoImage): void {
     this.element.focus({ preventScroll: true });
-    const sight = this.sight ?? this.images.left.whole();
-    this.drag = { px: [event.clientX, event.clientY], sight, moved: false };
-    image.canvas.setPointerCapture(event.pointerId);
-  }
-
-  private move(event: PointerEvent): void {
-    if (!this.drag) return;
-    const { px, sight } = this.drag;
-    const [dx, dy] = [event.clientX - px[0], event.clientY - px[1]];
-    if (!this.drag.moved && Math.hypot(dx, dy) < CLICK_PX) return;
-    this.drag.moved = true;
-    this.look({ scale: sight.scale, centre: [sight.centre[0] - dx / sight.scale, sight.centre[1] - dy / sight.scale] });
-  }
-
-  private release(event: PointerEvent, image: StereoImage): void {
-    const { drag } = this;
-    this.drag = null;
-    if (!drag || drag.moved || event.button !== 0) return;
-    const at = image.pixelAt(event, drag.sight);
-    const [width, height] = image.size;
     if (this.app.tool === "follow") {
-      if (at[0] >= -0.5 && at[1] >= -0.5 && at[0] <= width - 0.5 && at[1] <= height - 0.5) this.pick(at, image.side);
+      if (image.holds(at)) this.pick(at, image.side);
       return;
     }
-    const id = image.lineAt(at, drag.sight);
+    const id = image.lineAt(at, this.sight.now);
     this.app.select(id ? [id] : []);
-  }
-
-  // What is under the mouse stays there
-  private wheel(event: WheelEvent, image: StereoImage): void {
-    event.preventDefault();
-    const before = this.sight ?? this.images.left.whole();
-    const least = this.images.left.whole().scale;
-    const scale = Math.min(16, Math.max(least, before.scale * (event.deltaY > 0 ? 1 / 1.25 : 1.25)));
-    if (scale === least) return this.look(null);
-    const [x, y] = image.pixelAt(event, before);
-    const centre = before.centre.map((c, i) => {
-      const pixel = (i === 0 ? x : y) + 0.5;
-      return pixel + ((c - pixel) * before.scale) / scale;
-    }) as Px;
-    this.look({ scale, centre });
   }
 
   private key(event: KeyboardEvent): void {

@@ -3,7 +3,7 @@
 
 import "./three-view.css";
 
-import { Color, type Matrix4, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
+import { Color, ColorManagement, LinearSRGBColorSpace, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
 import { nearestOn } from "./along-line";
@@ -13,8 +13,12 @@ import { element } from "./element";
 import { type Colouring, COLOURINGS, INK } from "./ink";
 import { Latest, Shown } from "./shown";
 import { SpaceLines } from "./three-lines";
+import { lineAt, seenFrom } from "./three-pick";
 import { PointRings, RELOAD_M } from "./three-points";
 import type { Line, Place, Vertex } from "./types";
+
+// Colours are drawn as they are given
+ColorManagement.enabled = false;
 
 const NAME = "3-D";
 const CLICK_PX = 4;
@@ -99,6 +103,7 @@ export class ThreeView implements Pane {
     if (!this.renderer) {
       try {
         this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true });
+        this.renderer.outputColorSpace = LinearSRGBColorSpace;
       } catch {
         this.words.textContent = "This browser has no WebGL: there is no 3-D view.";
         return;
@@ -214,44 +219,11 @@ export class ThreeView implements Pane {
     if (Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) > CLICK_PX) return;
     const box = this.canvas.getBoundingClientRect();
     const seen = seenFrom(this.camera, box, event.clientX - box.left, event.clientY - box.top);
-    const line = this.lineAt(seen);
+    const line = lineAt(this.lines.drawn, this.origin, seen, NEAR_PX);
     if (line) return this.app.select([line.id]);
     const point = this.points.nearest(seen, NEAR_PX);
     if (!point) return this.app.select([]);
     this.lookAt(point.at);
     this.app.emit("look", { at: [point.at[0], point.at[1]], by: NAME });
   }
-
-  private lineAt(seen: Seen): Line | null {
-    let best: Line | null = null;
-    let least = NEAR_PX;
-    for (const line of this.lines.drawn) {
-      for (let i = 1; i < line.xyz.length; i++) {
-        const [a, b] = [this.local(line.xyz[i - 1]!), this.local(line.xyz[i]!)];
-        const steps = Math.min(40, Math.ceil(a.distanceTo(b) / 0.25));
-        for (let step = 0; step <= steps; step++) {
-          const { x, y, z } = a.clone().lerp(b, step / Math.max(1, steps));
-          const far = seen(x, y, z)?.far ?? Infinity;
-          if (far < least) [best, least] = [line, far];
-        }
-      }
-    }
-    return best;
-  }
-}
-
-type Seen = (x: number, y: number, z: number) => { far: number; depth: number } | null;
-
-// How far from a pixel a place is seen, and how deep; null: behind the eye
-function seenFrom(camera: PerspectiveCamera, box: DOMRect, px: number, py: number): Seen {
-  camera.updateMatrixWorld();
-  const m: Matrix4 = camera.projectionMatrix.clone().multiply(camera.matrixWorldInverse);
-  const e = m.elements;
-  return (x, y, z) => {
-    const w = e[3]! * x + e[7]! * y + e[11]! * z + e[15]!;
-    if (w <= 0) return null;
-    const sx = ((e[0]! * x + e[4]! * y + e[8]! * z + e[12]!) / w / 2 + 0.5) * box.width;
-    const sy = (0.5 - (e[1]! * x + e[5]! * y + e[9]! * z + e[13]!) / w / 2) * box.height;
-    return { far: Math.hypot(sx - px, sy - py), depth: w };
-  };
 }
