@@ -1,0 +1,97 @@
+"""Places beside the van's way: how far along it, and how far to its left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.model.arrays import BoolArray, FloatArray
+
+#: The way is looked at in steps of this. [m]
+STEP_M = 1.0
+#: A way that comes back within this of where it has been is on the same road. [m]
+SAME_ROAD_M = 12.0
+#: It is not back before it has driven so far. [m]
+_AWAY_M = 60.0
+#: Its direction is taken over this much before and behind. [m]
+_SMOOTH_M = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """The van's way, every road once.
+
+    Parameters
+    ----------
+    xy
+        (k, 2) every `STEP_M`. [m, world]
+    left
+        (k, 2) unit vectors to its left.
+    is_start
+        (k,) bool: it does not go on from the place before.
+    """
+
+    xy: FloatArray
+    left: FloatArray
+    is_start: BoolArray
+
+    @classmethod
+    def of(cls, path: FloatArray) -> Way:
+        """Return the way along a path (n, 2 or 3), without what leads over a road again."""
+        xy = path[:, :2]
+        step = np.hypot(*np.diff(xy, axis=0).T) if len(xy) else np.zeros(0)
+        along = np.concatenate([[0.0], np.cumsum(step)])
+        if len(xy) < 2 or along[-1] < STEP_M:
+            return cls(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, dtype=np.bool_))
+        at = np.arange(0.0, along[-1], STEP_M)
+        places = np.stack([np.interp(at, along, column) for column in xy.T], axis=1)
+        n = max(int(_SMOOTH_M / STEP_M), 1)
+        ahead = np.minimum(np.arange(len(at)) + n, len(at) - 1)
+        behind = np.maximum(np.arange(len(at)) - n, 0)
+        way = places[ahead] - places[behind]
+        way /= np.maximum(np.hypot(*way.T), 1e-9)[:, None]
+        first = _first_time(places)
+        is_start = np.concatenate([[True], np.diff(np.flatnonzero(first)) > 1])
+        left = np.stack([-way[:, 1], way[:, 0]], axis=1)
+        return cls(places[first], left[first], is_start)
+
+    def __len__(self) -> int:
+        return len(self.xy)
+
+    @property
+    def pieces(self) -> list[tuple[int, int]]:
+        """Where it begins and ends: first and last number of each stretch that was driven in one."""
+        first = np.flatnonzero(self.is_start).tolist()
+        return list(zip(first, [*(k - 1 for k in first[1:]), len(self) - 1], strict=True))
+
+    def offsets(self, xy: FloatArray, within_m: float) -> tuple[FloatArray, FloatArray]:
+        """Return how far along the way (in steps) and to its left [m] places (n, 2) are; NaN beyond `within_m`."""
+        along, left = np.full(len(xy), np.nan), np.full(len(xy), np.nan)
+        if len(self) == 0 or len(xy) == 0:
+            return along, left
+        origin = self.xy[0]
+        distance, nearest = cKDTree(self.xy - origin).query(xy - origin, distance_upper_bound=within_m)
+        near = np.isfinite(distance)
+        k = nearest[near]
+        step = xy[near] - self.xy[k]
+        forward = np.stack([self.left[k, 1], -self.left[k, 0]], axis=1)
+        along[near] = k + np.clip(np.sum(step * forward, axis=1) / STEP_M, -0.5, 0.5)
+        left[near] = np.sum(step * self.left[k], axis=1)
+        return along, left
+
+    def places(self, along: FloatArray, left_m: FloatArray) -> FloatArray:
+        """Return the places (n, 2) so far along the way and to its left."""
+        k = np.clip(np.rint(along).astype(np.int64), 0, len(self) - 1)
+        return np.asarray(self.xy[k] + left_m[:, None] * self.left[k])
+
+
+def _first_time(places: FloatArray) -> BoolArray:
+    """Return which places are no nearer than `SAME_ROAD_M` to where the way was long before."""
+    tree = cKDTree(places - places[0])
+    n_away = int(_AWAY_M / STEP_M)
+    first = np.ones(len(places), dtype=np.bool_)
+    for i, near in enumerate(tree.query_ball_point(places - places[0], SAME_ROAD_M)):
+        first[i] = not any(k < i - n_away and first[k] for k in near)
+    return first

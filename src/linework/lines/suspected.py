@@ -1,0 +1,185 @@
+"""What in a set of lines is worth a look, the most promising first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.lines.along_way import Way
+from linework.lines.edited_dashes import missing_middles, rhythm_of
+from linework.model.arrays import BoolArray, FloatArray, IntArray
+from linework.model.grid import Bounds
+from linework.model.lines import LineSet
+
+#: Says for (n, 2) places [m] whether ground was measured there: (n,).
+Sight = Callable[[FloatArray], BoolArray]
+#: What fits on a screen so that a hand's breadth can be seen: a longer line takes more than one look. [m]
+VIEW_M = 60.0
+#: Less than this is not worth a look. [m]
+LEAST_M = 2.0
+#: No arrow, bar or stop line is longer: paint along the road that is, is a line. [m]
+LONGEST_BAR_M = 12.0
+#: Companions are judged with their lines.
+_COMPANIONS = ("lane_marking_dash", "kerb_top")
+#: A dash lies within a stripe's width of its line. [m]
+ON_LINE_M = 0.10
+#: Around what is to be seen. [m]
+_AROUND_M = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Suspect:
+    """Something that may be wrong or missing.
+
+    Parameters
+    ----------
+    type
+        "line", "gap", "boundary", "marking" or "dashes".
+    ids
+        Lines it is about; of a gap: the one that ends, and the one that may go on.
+    kind
+        Of the line that is wrong or missing.
+    at
+        East and north of where to look first. [m, world]
+    box
+        What to look at.
+    length_m
+        How much is expected to be wrong or missing: its length times how likely that is.
+    confidence
+        That all is well there, 0 to 1.
+    reason
+        In words.
+    proposal
+        What would settle it: "accept", "reject", "join", "dashes", "kind" with `as_kind`; "" if no one thing would.
+    n_looks
+        How many screens one has to look at.
+    """
+
+    type: str
+    ids: tuple[str, ...]
+    kind: str
+    at: tuple[float, float]
+    box: Bounds
+    length_m: float
+    confidence: float
+    reason: str
+    proposal: str = ""
+    as_kind: str = ""
+    n_looks: float = 1.0
+
+    @property
+    def key(self) -> str:
+        """What it is about, a line or what is missing from a place on: the same as long as that is there."""
+        if self.type in ("line", "dashes"):
+            return f"{self.type} {self.ids[0]}"
+        east, north = (int(np.floor(v)) for v in self.at)
+        return f"{self.type} {self.kind} {east} {north}"
+
+
+def ranked(suspects: list[Suspect]) -> list[Suspect]:
+    """Return suspects in the order of what a look is expected to find; each key once."""
+    worth = [s for s in suspects if s.length_m >= LEAST_M]
+    worth.sort(key=lambda s: (-s.length_m / s.n_looks, s.key))
+    return list({s.key: s for s in reversed(worth)}.values())[::-1]
+
+
+def unsure_lines(lines: LineSet, way: Way) -> list[Suspect]:
+    """Return lines that nobody has looked at, with how much of each is expected to be wrong.
+
+    Dashes and kerb tops are not among them: they go with their lines.
+    """
+    length_m = lines.length_m
+    found = []
+    for i in np.flatnonzero((lines.review == "") & ~np.isin(lines.kind, _COMPANIONS)).tolist():
+        one, sure = lines.take([i]), float(lines.confidence[i])
+        kind, name = str(lines.kind[i]), str(lines.id[i])
+        suspect = Suspect(
+            type="line", ids=(name,), kind=kind, at=_middle(one.xyz), box=box_of(one.xyz),
+            length_m=float(length_m[i]) * (1.0 - sure), confidence=sure,
+            reason=f"{100.0 * sure:.0f} % sure over {length_m[i]:.0f} m",
+            proposal="accept" if sure >= 0.5 else "reject",
+            n_looks=max(float(length_m[i]) / VIEW_M, 1.0),
+        )  # fmt: skip
+        if kind == "road_marking_other" and length_m[i] > LONGEST_BAR_M and _runs_along(one, way):
+            suspect = replace(
+                suspect, proposal="kind", as_kind="lane_marking", confidence=0.0, n_looks=1.0,
+                length_m=float(length_m[i]), reason=f"{length_m[i]:.0f} m is too long for a bar or an arrow",
+            )  # fmt: skip
+        found.append(suspect)
+    return found
+
+
+def missing_dashes(lines: LineSet) -> list[Suspect]:
+    """Return dashed lines whose rhythm says that dashes are missing."""
+    found, owner = [], _line_of_dashes(lines)
+    for i in np.flatnonzero((lines.kind == "lane_marking") & (lines.pattern == "dashed")).tolist():
+        one, dashes = lines.take([i]), lines.take(owner == i)
+        rhythm = rhythm_of(one, dashes)
+        if rhythm is None:
+            continue
+        n = len(missing_middles(rhythm, float(one.length_m[0])))
+        if n:
+            there = len(dashes) / (len(dashes) + n)
+            found.append(
+                Suspect(
+                    type="dashes",
+                    ids=(str(one.id[0]),),
+                    kind="lane_marking_dash",
+                    at=_middle(one.xyz),
+                    box=box_of(one.xyz),
+                    length_m=n * rhythm.dash_m,
+                    confidence=there,
+                    reason=f"{n} dashes of {rhythm.dash_m:.1f} m are missing from a regular line",
+                    proposal="dashes",
+                )
+            )
+    return found
+
+
+def box_of(xyz: FloatArray) -> Bounds:
+    """Return the rectangle to look at for some places."""
+    low, high = xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)
+    return Bounds(float(low[0]), float(low[1]), float(high[0]), float(high[1])).grown(_AROUND_M)
+
+
+def _line_of_dashes(lines: LineSet) -> IntArray:
+    """Return for every line which marking it is a dash of, -1 for what is none."""
+    owner = np.full(len(lines), -1, dtype=np.int64)
+    is_dash = lines.kind == "lane_marking_dash"
+    markings = np.flatnonzero((lines.kind == "lane_marking") & (lines.pattern == "dashed"))
+    if not is_dash.any() or len(markings) == 0:
+        return owner
+    every = [stations(lines.line(i), ON_LINE_M) for i in markings.tolist()]
+    origin = every[0][0]
+    tree = cKDTree(np.concatenate(every) - origin)
+    middles = np.array([_middle(lines.line(i)) for i in np.flatnonzero(is_dash).tolist()])
+    distance, nearest = tree.query(middles - origin)
+    line = np.repeat(markings, [len(places) for places in every])[nearest]
+    owner[is_dash] = np.where(distance <= ON_LINE_M, line, -1)
+    return owner
+
+
+def stations(xyz: FloatArray, step_m: float) -> FloatArray:
+    """Return places (k, 2) along a line, no further apart than a step."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
+    at = np.linspace(0.0, along[-1], max(int(np.ceil(along[-1] / step_m)), 1) + 1)
+    return np.stack([np.interp(at, along, xyz[:, axis]) for axis in (0, 1)], axis=1)
+
+
+def _middle(xyz: FloatArray) -> tuple[float, float]:
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
+    return (
+        float(np.interp(0.5 * along[-1], along, xyz[:, 0])),
+        float(np.interp(0.5 * along[-1], along, xyz[:, 1])),
+    )
+
+
+def _runs_along(one: LineSet, way: Way) -> bool:
+    """Return whether a line runs along the van's way; True where none is known."""
+    if len(way) == 0:
+        return True
+    along, _ = way.offsets(one.xyz[[0, -1], :2], VIEW_M)
+    return bool(abs(along[1] - along[0]) > 0.7 * float(one.length_m[0]))
