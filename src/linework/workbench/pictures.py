@@ -8,9 +8,9 @@ from pathlib import Path
 
 from linework.errors import MachineError, UsageError
 from linework.tiling.source_hash import source_hash
-from linework.workbench.pictures_colours import tile_picture
+from linework.workbench.pictures_colours import Scale, tile_picture
 from linework.workbench.table import Table
-from linework.workbench.tiles import IMAGES, TILE_PX, Tile
+from linework.workbench.tiles import IMAGES, TILE_PX, Lattice, Tile
 from linework.workbench.tiles_layers import Layers, filled, margin_cells
 from linework.workbench.tiles_made import TileCells, cells_folder
 from linework.workbench.tiles_points import PatchReader
@@ -20,13 +20,8 @@ _NAMES = tuple(name for name, _, _ in IMAGES)
 DENSITY_LEVEL = -1
 
 
-def tile_png(table: Table, image: str, tile: Tile, coarsest: int) -> bytes:
+def tile_png(table: Table, image: str, tile: Tile) -> bytes:
     """Return the PNG of an image of a tile, b"" where no point is.
-
-    Parameters
-    ----------
-    coarsest
-        Highest level of the survey's lattice.
 
     Raises
     ------
@@ -35,7 +30,7 @@ def tile_png(table: Table, image: str, tile: Tile, coarsest: int) -> bytes:
     """
     if image not in _NAMES:
         raise UsageError(f"no image {image[:40]!r}", advice=f"choose from {', '.join(_NAMES)}")
-    cells = tile_cells(table, coarsest)
+    cells = tile_cells(table)
     if cells is None:
         return b""
     layers = density_layers(cells, tile) if image == "density" else cells.layers(tile)[0]
@@ -60,9 +55,9 @@ def density_layers(cells: TileCells, tile: Tile) -> Layers | None:
     return Layers(*(layer.repeat(1 << up, axis=0).repeat(1 << up, axis=1) for layer in part))
 
 
-def prepare_tiles(table: Table, coarsest: int) -> tuple[int, int]:
+def prepare_tiles(table: Table) -> tuple[int, int]:
     """Make one more of the tiles that are kept on disk; return how many are there, and how many there will be."""
-    cells = tile_cells(table, coarsest)
+    cells = tile_cells(table)
     if cells is None or not cells.go_on():
         return 0, 0
     return cells.n_done, cells.n_all
@@ -76,12 +71,19 @@ def patch_reader(table: Table) -> PatchReader | None:
     return table.keep("patch reader", lambda: PatchReader(points.points, table.surface))
 
 
-def tile_cells(table: Table, coarsest: int) -> TileCells | None:
+def tile_cells(table: Table) -> TileCells | None:
     """Return the cells of all tiles, one for all works; None without points."""
     reader = patch_reader(table)
     if reader is None:
         return None
+    coarsest = Lattice.of(reader.store.bounds).coarsest
     return table.keep("tile cells", lambda: TileCells(reader, _folder(reader), coarsest))
+
+
+def picture_scale(table: Table) -> Scale | None:
+    """Return the scale of all pictures of the survey; None without points."""
+    cells = tile_cells(table)
+    return None if cells is None else cells.scale
 
 
 def _folder(reader: PatchReader) -> Path | None:

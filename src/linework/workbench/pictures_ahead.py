@@ -9,7 +9,6 @@ from contextlib import suppress
 from linework.errors import LineworkError
 from linework.workbench.bench import Bench
 from linework.workbench.pictures import prepare_tiles
-from linework.workbench.tiles import Lattice
 
 #: Nobody has asked for so long: then the desk is idle. [s]
 IDLE_S = 0.3
@@ -26,9 +25,10 @@ class Ahead:
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        self._coarsest = Lattice.of(bench.facts.bounds).coarsest
         self._task: asyncio.Task[None] | None = None
         self._asked_s = 0.0
+        #: Held by whoever asks for a tile; the others wait.
+        self.turn = asyncio.Lock()
 
     def asked(self) -> None:
         """Note that somebody asks now; the first who asks starts it."""
@@ -44,7 +44,7 @@ class Ahead:
                 while (idle_s := time.monotonic() - self._asked_s) < IDLE_S:
                     await asyncio.sleep(IDLE_S - idle_s)
                 before = done, total
-                done, total = await self._bench.pictures.ask(prepare_tiles, self._coarsest)
+                done, total = await self._bench.pictures.ask(prepare_tiles)
                 if total and time.monotonic() - told_s >= TOLD_S:
                     told_s = time.monotonic()
                     self._tell(done, total)

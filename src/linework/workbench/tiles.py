@@ -123,14 +123,3 @@ class Lattice:
         if not (0 <= col < 2 << z and 0 <= row < 2 << z):
             return None
         return Tile(level, (self.west << z) + col, (self.north << z) - 1 - row)
-
-
-def images_document(*, has_points: bool, has_intensity: bool = True) -> list[dict[str, str]]:
-    """Return the images that tiles are made of, first the one to begin with."""
-    if not has_points:
-        return []
-    return [
-        {"name": name, "title": title, "unit": unit}
-        for name, title, unit in IMAGES
-        if has_intensity or name != "intensity"
-    ]

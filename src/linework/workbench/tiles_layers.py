@@ -58,8 +58,8 @@ class Layers(NamedTuple):
 
     def unpacked(self) -> Layers:
         """Return what was packed, float32."""
-        bright = self.bright.astype(np.float32) * np.float32(_FULL)
-        return Layers(*[layer.astype(np.float32) for layer in self[:4]], bright=bright)
+        whole = Layers(*(layer.astype(np.float32) for layer in self))
+        return whole._replace(bright=whole.bright * np.float32(_FULL))
 
     def part(self, rows: slice, cols: slice) -> Layers:
         """Return some of the cells."""

@@ -1,0 +1,100 @@
+"""Points evenly thinned in space: the same ones whatever the order they come in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+Array = npt.NDArray[Any]
+U64 = np.uint64
+#: The finalizer of splitmix64 (Steele 2014, doi:10.1145/2660193.2660195).
+_ADD, _MIX1, _MIX2 = U64(0x9E3779B97F4A7C15), U64(0xBF58476D1CE4E5B9), U64(0x94D049BB133111EB)
+#: Sides of cubes that are tried: from 5 mm, four to the doubling, up to 80 m.
+LEAST_CUBE_M, CUBES_PER_DOUBLING, N_CUBES = 0.005, 4, 56
+#: Steps that coordinates are known by. [1/m]
+_STEPS_PER_M = 1000.0
+
+
+@njit(cache=True, nogil=True)
+def lots(x: Array, y: Array, z: Array, intensity: Array, salt: int) -> Array:
+    """Return (n,) uint64 numbers as good as drawn by lot, the same for the same point.
+
+    Parameters
+    ----------
+    salt
+        Number of the place that x, y and z are counted from.
+    """
+    out = np.empty(len(x), np.uint64)
+    start = _mixed(U64(salt))
+    for i in range(len(x)):
+        plan = (U64(np.int64(x[i] * _STEPS_PER_M)) << U64(32)) ^ U64(np.int64(y[i] * _STEPS_PER_M))
+        rest = (U64(np.int64(z[i] * _STEPS_PER_M)) << U64(16)) ^ U64(intensity[i])
+        out[i] = _mixed(_mixed(start ^ plan) ^ rest)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _mixed(value: Any) -> Any:
+    value = value + _ADD
+    value = (value ^ (value >> U64(30))) * _MIX1
+    value = (value ^ (value >> U64(27))) * _MIX2
+    return value ^ (value >> U64(31))
+
+
+@njit(cache=True, nogil=True)
+def evenly_thinned(xyz: Array, most: int) -> Array:
+    """Return the numbers of the points to keep: the first in every cube, of the smallest cubes that leave `most`.
+
+    Parameters
+    ----------
+    xyz
+        (n, 3) float32, local, in the order by which the first of a cube is taken. [m]
+    """
+    n = len(xyz)
+    if n <= most:
+        return np.arange(n)
+    size = 16
+    while size < 2 * n:
+        size *= 2
+    table = np.empty(size, np.uint64)
+    low, high = 0, N_CUBES
+    while low < high:
+        middle = (low + high) // 2
+        if len(_firsts(xyz, _cube_m(middle), table, most)) <= most:
+            high = middle
+        else:
+            low = middle + 1
+    return _firsts(xyz, _cube_m(low), table, most)[:most]
+
+
+@njit(cache=True, nogil=True)
+def _cube_m(number: int) -> float:
+    return float(LEAST_CUBE_M * 2.0 ** (number / CUBES_PER_DOUBLING))
+
+
+@njit(cache=True, nogil=True)
+def _firsts(xyz: Array, cube_m: float, table: Array, most: int) -> Array:
+    """Return the first point in every cube; of more than `most` cubes, one too many."""
+    table[:] = 0
+    mask = U64(len(table) - 1)
+    firsts = np.empty(most + 1, np.int64)
+    n = 0
+    for i in range(len(xyz)):
+        key = U64(1)
+        for k in range(3):
+            # 21 bits each: cubes of 5 mm reach over 10 km
+            cell = np.int64(np.floor(xyz[i, k] / cube_m)) + np.int64(1 << 20)
+            key = (key << U64(21)) | (U64(cell) & U64(0x1FFFFF))
+        slot = _mixed(key) & mask
+        while table[slot] != U64(0) and table[slot] != key:
+            slot = (slot + U64(1)) & mask
+        if table[slot] == U64(0):
+            table[slot] = key
+            firsts[n] = i
+            n += 1
+            if n > most:
+                break
+    return firsts[:n]

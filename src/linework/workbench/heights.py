@@ -1,0 +1,128 @@
+"""Works of the desk of pictures: how high a line is at a place, by what the points there say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from linework.errors import UsageError
+from linework.model.arrays import BoolArray, FloatArray
+from linework.model.grid import Bounds
+from linework.model.lines import KINDS
+from linework.model.trajectory import Trajectory
+from linework.workbench.heights_of import ground_height, hanging_height, kerb_top_height, standing_height
+from linework.workbench.pictures import patch_reader
+from linework.workbench.table import Table
+from linework.workbench.tiles_points import Patch, PatchReader, tiles_over
+
+#: Points so near to a place say how high it is; where there are too few, those twice as near again, and so on. [m]
+REACHES_M = (0.3, 0.6, 1.2)
+#: From the van's path the ground is known so well [m], and falls away from it by so much: 3 % drain a road.
+PATH_SIGMA_M, CROSSFALL = 0.05, 0.03
+#: Farther from the path nobody knows. [m]
+FAR_FROM_PATH_M = 15.0
+_HEIGHTS = {
+    "kerb_top": kerb_top_height,
+    "guardrail": standing_height,
+    "barrier": standing_height,
+    "fence": standing_height,
+    "cable": hanging_height,
+}
+
+
+def heights_at(table: Table, kind: str, places: Sequence[Sequence[float]]) -> tuple[FloatArray, FloatArray]:
+    """Return (n,) heights of a kind of line at places [m, world], and (n,) standard deviations; NaN where unknown.
+
+    Parameters
+    ----------
+    places
+        (n, 2) or (n, 3): east, north. A third number is passed over.
+
+    Raises
+    ------
+    UsageError
+        There is no such kind.
+
+    Notes
+    -----
+    A survey without points knows the ground from the van's path alone: how far from it is in the sigma. Nothing is
+    known of what stands or hangs there.
+    """
+    plain = kind.removesuffix("_stereo")
+    if plain not in KINDS:
+        raise UsageError(f"no kind {kind[:40]!r}", advice=f"choose from {', '.join(KINDS)}")
+    at = np.array([place[:2] for place in places], dtype=np.float64).reshape(-1, 2)
+    reader = patch_reader(table)
+    if reader is not None:
+        return _from_points(reader, plain, at)
+    if plain in _HEIGHTS:
+        return np.full(len(at), np.nan), np.full(len(at), np.nan)
+    return heights_from_path(table.recordings.trajectory, at)
+
+
+def heights_from_path(path: Trajectory | None, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return heights of the ground beside the van's path, and their standard deviations."""
+    height, sigma = np.full(len(at), np.nan), np.full(len(at), np.nan)
+    if path is None or len(path) < 2:
+        return height, sigma
+    first, step = path.xyz[:-1], np.diff(path.xyz, axis=0)
+    length2 = np.maximum((step[:, :2] ** 2).sum(axis=1), 1e-12)
+    for i, place in enumerate(at):
+        along = np.clip(((place - first[:, :2]) * step[:, :2]).sum(axis=1) / length2, 0.0, 1.0)
+        foot = first + along[:, None] * step
+        apart = np.hypot(*(foot[:, :2] - place).T)
+        k = int(np.argmin(apart))
+        if apart[k] <= FAR_FROM_PATH_M:
+            height[i], sigma[i] = foot[k, 2], np.hypot(PATH_SIGMA_M, CROSSFALL * apart[k])
+    return height, sigma
+
+
+def _from_points(reader: PatchReader, kind: str, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return heights by the points around each place, block by block: places far apart do not meet."""
+    height, sigma = np.full(len(at), np.nan), np.full(len(at), np.nan)
+    blocks = np.floor(at / 16.0).astype(np.int64)
+    for block in np.unique(blocks, axis=0):
+        chosen = np.flatnonzero((blocks == block).all(axis=1))
+        low, high = at[chosen].min(axis=0), at[chosen].max(axis=0)
+        bounds = Bounds(*low, *high).grown(REACHES_M[-1])
+        if not any((tile.east, tile.north) in reader.counts for tile in tiles_over(bounds, 0)):
+            continue
+        points = _near(reader, bounds, at[chosen])
+        for i in chosen:
+            height[i], sigma[i] = _one(points, at[i], kind, reader.z0_m)
+    return height, sigma
+
+
+def _near(reader: PatchReader, bounds: Bounds, at: FloatArray) -> FloatArray:
+    """Return (n, 4) east, north, up [m, world; up from the height origin], above the road, of points near places."""
+    parts = [np.zeros((0, 4))]
+    for patch in reader.patches(bounds):
+        index = np.flatnonzero(_beside(patch, at))
+        x, y, z, above, _ = (column[index].astype(np.float64) for column in patch.columns)
+        parts.append(np.stack([x + patch.corner[0], y + patch.corner[1], z, above], axis=1))
+    return np.concatenate(parts)
+
+
+def _beside(patch: Patch, at: FloatArray) -> BoolArray:
+    """Return which points of a patch lie in cells that the largest reach of some place touches."""
+    reach, n = REACHES_M[-1], 66
+    cells = np.zeros((n, n), np.bool_)
+    local = at - np.array(patch.corner[:2])
+    for x, y in local:
+        rows = slice(max(0, int(y - reach) + 1), max(0, int(y + reach) + 2))
+        cells[rows, max(0, int(x - reach) + 1) : max(0, int(x + reach) + 2)] = True
+    out: BoolArray = cells[patch.y.astype(np.int64) + 1, patch.x.astype(np.int64) + 1]
+    return out
+
+
+def _one(points: FloatArray, place: FloatArray, kind: str, z0_m: float) -> tuple[float, float]:
+    """Return height and sigma at one place, by the smallest reach that has enough points."""
+    of_kind = _HEIGHTS.get(kind, ground_height)
+    local = points - np.array([*place, 0.0, 0.0])
+    apart = np.hypot(local[:, 0], local[:, 1])
+    for reach in REACHES_M:
+        found = of_kind(local[apart <= reach])
+        if found is not None:
+            return found[0] + z0_m, found[1]
+    return float("nan"), float("nan")

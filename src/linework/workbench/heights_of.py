@@ -1,0 +1,127 @@
+"""How high the ground, a kerb's top, a rail or a cable is, from the few points around a place."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from linework.model.arrays import BoolArray, FloatArray
+
+#: Height, and its standard deviation. [m]
+Height = tuple[float, float]
+#: From fewer points nothing is said.
+LEAST = 5
+#: A surface is as thick as this: noise of the scanner and texture of asphalt, three sigma each way. [m]
+LAYER_M = 0.05
+#: What all points share (calibration, path) is not in their spread; lines have it too: this is left between scans. [m]
+COMMON_M = 0.003
+#: A kerb's top is so far above its foot, at least and at most. [m]
+KERB_M = (0.03, 0.40)
+#: A guardrail, a barrier, a fence: so far above the ground. [m]
+STANDS_M = (0.25, 2.5)
+#: A cable: higher than lorries; points so far apart in height belong to two. [m]
+HANGS_M, APART_M = 3.5, 0.3
+#: The top edge is where so many points are, within so much. [m]
+_EDGE_POINTS, _EDGE_M = 3, 0.04
+
+
+def ground_height(points: FloatArray) -> Height | None:
+    """Return the height of the ground in the middle of points; None where they are too few.
+
+    By a plane through the lowest layer that is supported; what is off it by more than 2.5 sigma is left out.
+
+    Parameters
+    ----------
+    points
+        (n, 4): east and north from the place, up, above the road (NaN: not known). [m]
+    """
+    if len(points) < LEAST:
+        return None
+    level = _level(points)
+    kept = np.abs(level - _lowest(level) - 0.5 * LAYER_M) <= 0.5 * LAYER_M + 0.01
+    return _plane(points, kept)
+
+
+def kerb_top_height(points: FloatArray) -> Height | None:
+    """Return the height of the top beside a step; of the ground where there is no step."""
+    if len(points) < LEAST:
+        return None
+    level = _level(points)
+    step = level - _lowest(level)
+    upper = np.flatnonzero((step > KERB_M[0]) & (step < KERB_M[1]))
+    if len(upper) < LEAST:
+        return ground_height(points)
+    # The top is level, the face is not: where most points are
+    heights = np.sort(step[upper])
+    counts = np.searchsorted(heights, heights + 0.03) - np.arange(len(heights))
+    low = heights[int(np.argmax(counts))]
+    top = upper[(step[upper] >= low) & (step[upper] <= low + 0.03)]
+    nearest = top[
+        np.argsort(np.hypot(points[top, 0], points[top, 1]), kind="stable")[: max(LEAST, len(top) // 2)]
+    ]
+    z = points[nearest, 2]
+    return float(np.median(z)), float(np.hypot(z.std() / np.sqrt(len(z)), 2.0 * COMMON_M))
+
+
+def standing_height(points: FloatArray) -> Height | None:
+    """Return the height of the top edge of what stands on the ground; None where nothing does."""
+    level = _level(points)
+    heights = np.sort(points[(level > STANDS_M[0]) & (level < STANDS_M[1]), 2])
+    for i in range(len(heights) - 1, _EDGE_POINTS - 2, -1):
+        # Stray points stand alone
+        if heights[i] - heights[i - _EDGE_POINTS + 1] <= _EDGE_M:
+            return float(heights[i]), 0.5 * _EDGE_M
+    return None
+
+
+def hanging_height(points: FloatArray) -> Height | None:
+    """Return the height of the lowest cable over the place; None where none hangs."""
+    level = _level(points)
+    heights = np.sort(points[level > HANGS_M, 2])
+    if len(heights) == 0:
+        return None
+    groups = np.split(heights, np.flatnonzero(np.diff(heights) > APART_M) + 1)
+    lowest = next((group for group in groups if len(group) > 1), groups[0])
+    spread = lowest.std() if len(lowest) > 1 else 0.03
+    return float(np.median(lowest)), float(np.hypot(spread / np.sqrt(len(lowest)), 0.01))
+
+
+def _level(points: FloatArray) -> FloatArray:
+    """Return heights above the road; where it is not known, above the lowest point."""
+    above = points[:, 3]
+    if np.isfinite(above).all():
+        return np.asarray(above)
+    return np.asarray(points[:, 2] - points[:, 2].min(initial=np.inf))
+
+
+def _lowest(level: FloatArray) -> float:
+    """Return where the lowest layer begins that has a tenth of the points below 0.5 m, and three."""
+    heights = np.sort(level[level < max(0.5, float(level.min()) + 0.5)])
+    least = max(3, len(heights) // 10)
+    for i in range(len(heights) - least + 1):
+        if heights[i + least - 1] - heights[i] <= LAYER_M:
+            return float(heights[i])
+    return float(heights[0])
+
+
+def _plane(points: FloatArray, kept: BoolArray) -> Height | None:
+    """Return the height at the middle of a plane through points, and how sure it is."""
+    for _ in range(4):
+        n = int(kept.sum())
+        if n < LEAST:
+            return None
+        x, z = points[kept, :2], points[kept, 2]
+        middle = x.mean(axis=0)
+        # Few points on one scan line know no slope: it is held to a twentieth
+        design = np.column_stack([np.ones(n), x - middle])
+        normal = design.T @ design + np.diag([0.0, 0.04, 0.04])
+        mean = z.mean()
+        solution = np.linalg.solve(normal, design.T @ (z - mean))
+        rest = points[:, 2] - mean - solution[0] - (points[:, :2] - middle) @ solution[1:]
+        spread = max(float(np.sqrt((rest[kept] ** 2).sum() / max(n - 3, 1))), 0.001)
+        again = kept & (np.abs(rest) <= 2.5 * spread)
+        if again.sum() == n:
+            break
+        kept = again
+    at = np.r_[1.0, -middle]
+    height = mean + float(at @ solution)
+    return float(height), float(np.hypot(spread * np.sqrt(at @ np.linalg.solve(normal, at)), COMMON_M))
