@@ -60,7 +60,7 @@ def settings() -> dict[str, Any]:
         "ws_per_message_deflate": False,
         "timeout_keep_alive": 15,
         "timeout_graceful_shutdown": 3,
-        "h11_max_incomplete_event_size": 1 << 14,
+        "h11_max_incomplete_event_size": 1 << 16,
         "server_header": False,
         "proxy_headers": False,
         "access_log": False,
