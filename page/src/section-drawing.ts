@@ -4,11 +4,15 @@ import type { Points } from "./api";
 import { type Colouring, INK, inkOf } from "./ink";
 import type { SectionNode } from "./section-nodes";
 
-// From metres across and up to pixels of the canvas
+// A road is looked at from the ground up: its height is so far down the picture
+export const GROUND_SHARE = 0.75;
+export const MIDDLE_SHARE = 0.5;
+
+// From metres across and up to pixels of the canvas: x0, z0 are in the middle across, and `down` of the height down
 export class Frame {
   constructor(
     readonly width: number, readonly height: number, readonly x0: number, readonly z0: number,
-    readonly half_width_m: number, readonly tall: number,
+    readonly half_width_m: number, readonly tall: number, readonly down: number,
   ) {}
 
   get scale(): number {
@@ -16,13 +20,13 @@ export class Frame {
   }
 
   toPx(x: number, z: number): [number, number] {
-    return [this.width / 2 + (x - this.x0) * this.scale, this.height / 2 - (z - this.z0) * this.scale * this.tall];
+    return [this.width / 2 + (x - this.x0) * this.scale, this.height * this.down - (z - this.z0) * this.scale * this.tall];
   }
 
   fromPx(px: number, py: number): [x: number, z: number] {
     return [
       this.x0 + (px - this.width / 2) / this.scale,
-      this.z0 - (py - this.height / 2) / (this.scale * this.tall),
+      this.z0 - (py - this.height * this.down) / (this.scale * this.tall),
     ];
   }
 }

@@ -9,7 +9,7 @@ import { Bar } from "./bar";
 import { element } from "./element";
 import { bright, type Colouring, COLOURINGS } from "./ink";
 import { sameNode, SectionDrag } from "./section-drag";
-import { drawSection, Frame, type Handle } from "./section-drawing";
+import { drawSection, Frame, GROUND_SHARE, type Handle, MIDDLE_SHARE } from "./section-drawing";
 import { nodesIn, readingsOf, type SectionNode } from "./section-nodes";
 import { farFrom, middleOf, nextVertex, stationFor, stepped } from "./section-place";
 import { sectionTable } from "./section-table";
@@ -60,7 +60,8 @@ export class SectionView implements Pane {
     bar.tick("at cursor", "The section goes with the mouse over the plan", (value) => (this.follows = value));
     this.where = bar.words();
     this.element = element(
-      "div", { class: "section-view", tabindex: 0 }, bar.element, this.canvas, this.readout, this.table,
+      "div", { class: "section-view", tabindex: 0 }, bar.element,
+      element("div", { class: "section-picture" }, this.canvas, this.readout), this.table,
     );
     this.station = stationFor(app.survey, undefined, middleOf(app.survey));
     this.shown = new Shown(this.canvas, () => this.put(this.station), () => this.draw());
@@ -112,9 +113,7 @@ export class SectionView implements Pane {
   private put(station: Station): void {
     this.station = station;
     this.drag.end();
-    // A road is looked at from the ground up, a wire all around
-    const up = this.line?.kind === "cable" ? 0 : (0.3 * this.canvas.clientHeight) / (this.frame().scale * this.tall || 1);
-    this.centre = [0, station.z + up];
+    this.centre = [0, station.z];
     this.load();
   }
 
@@ -142,7 +141,8 @@ export class SectionView implements Pane {
 
   private frame(): Frame {
     const { clientWidth, clientHeight } = this.canvas;
-    return new Frame(clientWidth, clientHeight, ...this.centre, this.half_width_m, this.tall);
+    const down = this.line?.kind === "cable" ? MIDDLE_SHARE : GROUND_SHARE;
+    return new Frame(clientWidth, clientHeight, ...this.centre, this.half_width_m, this.tall, down);
   }
 
   private nodes(): SectionNode[] {
@@ -160,6 +160,9 @@ export class SectionView implements Pane {
       chosen: node === dragged || node.line.id === this.line?.id,
     }));
     drawSection(this.sized(frame), frame, this.points, this.colouring, this.app.survey.heights, handles);
+    // Where nodes are drawn, for whoever works the page by script
+    const places = nodes.map(({ line, vertex, x, z }) => ({ id: line.id, kind: line.kind, vertex, px: frame.toPx(x, z) }));
+    this.canvas.dataset["nodes"] = JSON.stringify(places);
     this.tell(nodes);
   }
 

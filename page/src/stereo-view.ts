@@ -206,7 +206,8 @@ export class StereoView implements Pane {
 
   private tell(): void {
     const { pair } = this;
-    this.words.textContent = pair ? `${pair.chainage_m.toFixed(1)} m · pair ${pair.number} of ${this.drive.pairs.length}` : "";
+    const nth = this.drive.pairs.findIndex(({ number }) => number === pair?.number) + 1;
+    this.words.textContent = pair ? `${pair.chainage_m.toFixed(1)} m · pair ${nth} of ${this.drive.pairs.length}` : "";
     this.words.title = pair ? `${pair.left}, ${pair.right}` : "";
     this.element.dataset["pair"] = String(pair?.number ?? "");
     const seen = this.seen.get(pair?.number ?? -1);
