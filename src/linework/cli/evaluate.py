@@ -142,9 +142,11 @@ def _kinds_held(path: Path, lines: LineSet, names: Mapping[str, str]) -> set[str
     """Return the kinds a file can hold: those of its lines, its empty layers, what its names stand for."""
     import pyogrio  # its limits were set when the lines were read
 
+    from linework.files.line_fields import REJECTED
+
     held = {str(kind) for kind in lines.kind} | set(names.values())
     if path.suffix.lower() == ".gpkg" and not names:
-        held |= {str(name) for name, geometry in pyogrio.list_layers(path) if geometry}
+        held |= {str(name) for name, geometry in pyogrio.list_layers(path) if geometry and name != REJECTED}
     return held
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import threading
 from collections.abc import Iterator, Sequence
@@ -9,7 +10,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
-from linework.errors import StaleError
+from linework.errors import MachineError, StaleError
 from linework.files.drawing_checks import check_change
 from linework.files.drawing_elsewhere import Elsewhere, changed_elsewhere
 from linework.files.drawing_history import (
@@ -62,7 +63,7 @@ class DrawingFile:
         self._changed_by = dict(zip(opened.lines.id.tolist(), opened.edits, strict=True))
         self._steps: Steps = opened.steps
         self._revision, self._next_line = opened.revision, opened.next_line
-        self._seen = self._data_version()
+        self._seen, self._stat = self._data_version(), path.stat()
 
     @classmethod
     @contextmanager
@@ -156,9 +157,14 @@ class DrawingFile:
             return self._back(self._steps.undone[-1:], who, REDO)
 
     def history(self, most: int = 100) -> list[Edit]:
-        """Return the last edits, the newest first."""
+        """Return the last edits, the newest first, with their lines."""
         with self._turn, sql_errors(self.path):
             return [as_edit(self._db, entry, self._crs) for entry in entries(self._db, most=most)]
+
+    def entries(self, most: int = 100) -> list[Entry]:
+        """Return the last edits, the newest first, with the ids of their lines only."""
+        with self._turn, sql_errors(self.path):
+            return entries(self._db, most=most)
 
     @property
     def undone(self) -> frozenset[int]:
@@ -204,12 +210,22 @@ class DrawingFile:
 
     def _look_elsewhere(self) -> None:
         """Take over what another program has written since we looked last."""
-        if self._data_version() == self._seen:
+        if not self.path.exists() or not os.path.samestat(self.path.stat(), self._stat):
+            raise MachineError(
+                "was removed or replaced while it was open", where=self.path, advice="open it again"
+            )
+        now, seen = self._data_version(), self._seen
+        if now == seen:
             return
         ids = list(self._held)
         rows = [self._row(self._versions[name]) for name in ids]
-        self._take_over(changed_elsewhere(self._db, self._held.of(ids), rows, self.path))
-        self._seen = self._data_version()
+        found = changed_elsewhere(self._db, self._held.of(ids), rows, self.path)
+        self._seen = now
+        try:
+            self._take_over(found)
+        except BaseException:
+            self._seen = seen
+            raise
 
     def _take_over(self, elsewhere: Elsewhere) -> None:
         if elsewhere:
@@ -240,6 +256,12 @@ class DrawingFile:
         number, ids = self._revision + 1, after.id.tolist()
         before = self._held.of(gone)
         with transaction(self._db):
+            if self._data_version() != self._seen:
+                raise StaleError(
+                    "another program has just changed it",
+                    where=self.path,
+                    advice="look again, then repeat it",
+                )
             old = [self._versions[name] for name in gone]
             remove_rows(self._db, displace_versions(self._db, old))
             for layer, fid in features:

@@ -169,10 +169,7 @@ def _saved(db: sqlite3.Connection, crs: str, path: Path) -> Opened:
     stored = db.execute(
         "SELECT version, layer, fid, line, edit, content FROM line_version WHERE layer IS NOT NULL ORDER BY line"
     ).fetchall()
-    try:
-        lines = unpacked_lines([row[5] for row in stored], crs)
-    except (ValueError, KeyError, TypeError, OSError) as error:
-        raise InputError("its history is damaged", where=path, advice="go back to a copy") from error
+    lines = unpacked_lines([row[5] for row in stored], crs)
     rows = [Row(*row[1:4]) for row in stored]
     (revision,) = db.execute("SELECT coalesce(max(number), 0) FROM edit").fetchone()
     elsewhere = changed_elsewhere(db, lines, rows, path)

@@ -11,12 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from linework.errors import InputError
 from linework.model.arrays import AnyArray, FloatArray
 from linework.model.lines import LINE_COLUMNS, LineSet
 
 _LENGTH = struct.Struct("<I")
 #: The fastest: a commit waits for it, and coordinates do not get much smaller anyway.
 _LEVEL = 1
+#: No line is larger: six million vertices.
+MOST_BYTES = 1 << 28
 
 
 def line_bytes(lines: LineSet) -> list[bytes]:
@@ -51,14 +54,22 @@ def unpacked_lines(stored: Sequence[bytes], crs: str) -> LineSet:
 
     Raises
     ------
-    ValueError, KeyError, struct.error, zlib.error
+    InputError
         It was not stored by `packed`, or is damaged.
     """
+    try:
+        return _unpacked(stored, crs)
+    except (ValueError, KeyError, TypeError, struct.error, zlib.error) as error:
+        raise InputError("its history is damaged", advice="go back to a copy") from error
+
+
+def _unpacked(stored: Sequence[bytes], crs: str) -> LineSet:
     heads: list[dict[str, Any]] = []
     numbers: list[FloatArray] = []
     flags: list[AnyArray] = []
     for content in stored:
-        line = zlib.decompress(content)
+        # A few bytes may stand for any number of zeros
+        line = zlib.decompressobj().decompress(content, MOST_BYTES)
         (length,) = _LENGTH.unpack_from(line)
         start = _LENGTH.size + length
         head = json.loads(line[_LENGTH.size : start])

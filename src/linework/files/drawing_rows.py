@@ -88,10 +88,13 @@ def _put_vertices(db: sqlite3.Connection, lines: LineSet, rows: Sequence[Row]) -
 
 def remove_rows(db: sqlite3.Connection, rows: Iterable[Row]) -> None:
     """Take lines out of their layers, and their vertices, within a transaction."""
+    layers = set()
     for row in rows:
         db.execute(f"DELETE FROM {quoted(row.layer)} WHERE fid = ?", (row.fid,))
         db.execute(f"DELETE FROM {VERTEX_TABLE} WHERE line = ?", (row.line,))
-        _touch(db, row.layer)
+        layers.add(row.layer)
+    for layer in sorted(layers):
+        _touch(db, layer)
 
 
 def _touch(db: sqlite3.Connection, layer: str, shapes: AnyArray | None = None) -> None:

@@ -58,7 +58,8 @@ def sql_errors(path: Path) -> Iterator[None]:
     """
     try:
         yield
-    except LineworkError:
+    except LineworkError as error:
+        error.where = path if error.where is None else error.where
         raise
     except sqlite3.OperationalError as error:
         text = str(error)

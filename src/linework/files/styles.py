@@ -17,12 +17,16 @@ _LOOKS = {
 _OTHER = ((120, 120, 120), 0.4)
 #: Layers of what stereo images showed, beside the lines that were kept: dotted, in the colour of their kind.
 AS_MEASURED = "_stereo"
+#: Lines that are no such thing, said people: thin, dashed, in the grey of other lines.
+_REJECTED, _REJECTED_WIDTH_MM = "rejected", 0.2
 
 
 def qgis_style(kind: str) -> str:
     """Return a QML document for the lines of one kind."""
     (red, green, blue), width_mm = _LOOKS.get(kind.removesuffix(AS_MEASURED), _OTHER)
     pen = "dot" if kind.endswith(AS_MEASURED) else "solid"
+    if kind == _REJECTED:
+        pen, width_mm = "dash", _REJECTED_WIDTH_MM
     return (
         "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>"
         '<qgis version="3.22" styleCategories="Symbology">'

@@ -88,6 +88,12 @@ def write_lines(
 
         write_prj(lines.crs, path.with_suffix(".prj"), overwrite=overwrite)
 
+    if path.suffix.lower() == ".gpkg" and path.is_file():
+        from linework.files.vectors_gpkg import roll_back
+
+        # A journal left beside the old file would be taken for one of the new
+        roll_back(path)
+
     def verify_and_note(part: Path) -> None:
         verify(part, lines, path, **extra)
         if note is not None:
@@ -153,9 +159,10 @@ def _writer(path: Path) -> tuple[_Write, _Verify]:
 def _read_gpkg(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
     """Read a GeoPackage: our own exactly, others as they are."""
     from linework.files.vectors_foreign import read_foreign
-    from linework.files.vectors_gpkg import read_own_gpkg
+    from linework.files.vectors_gpkg import read_own_gpkg, roll_back
 
     checked = checked_vector_file(path)
+    roll_back(checked)
     own = read_own_gpkg(checked) if kinds is None and kind_field == "kind" else None
     return own if own is not None else read_foreign(checked, kind_field, kinds, crs)
 

@@ -32,6 +32,8 @@ from linework.model.arrays import AnyArray, IntArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 VERTEX_TABLE, STYLE_TABLE = "vertex", "layer_styles"
+#: Another program that writes the file is done by then. [s]
+_WAIT_S = 5.0
 STYLE_TYPES = {"update_time": "DATETIME"}
 
 
@@ -149,6 +151,31 @@ def _gpkg_problem(part: Path, n_features: int) -> str:
 def _uri(path: Path) -> str:
     """Return a path as the file part of an SQLite URI."""
     return path.absolute().as_uri().removeprefix("file://")
+
+
+def roll_back(path: Path) -> None:
+    """Take back the change in which a process was killed, if it left one half written beside the file.
+
+    Readers that open a file for reading only cannot: they would see half of it, or nothing.
+
+    Raises
+    ------
+    MachineError
+        It cannot be written to.
+    """
+    if not any(path.with_name(path.name + ending).exists() for ending in ("-journal", "-wal")):
+        return
+    try:
+        with contextlib.closing(sqlite3.connect(path, timeout=_WAIT_S)) as db:
+            db.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    except sqlite3.OperationalError as error:
+        raise MachineError(
+            f"a change to it was broken off, and cannot be taken back ({error})", where=path,
+            advice="check that you may write there",
+        ) from error  # fmt: skip
+    except sqlite3.DatabaseError:
+        # Whoever reads it says what it is
+        return
 
 
 def read_own_gpkg(path: Path, *, rejected: bool = False) -> LineSet | None:
