@@ -11,24 +11,29 @@ from linework.model.arrays import BoolArray, FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import KINDS
 from linework.model.trajectory import Trajectory
-from linework.workbench.heights_of import ground_height, hanging_height, kerb_top_height, standing_height
+from linework.workbench.heights_of import (
+    STANDS_M,
+    Height,
+    edge_height,
+    ground_height,
+    hanging_height,
+    kerb_top_height,
+    standing_height,
+)
 from linework.workbench.pictures import patch_reader
 from linework.workbench.table import Table
-from linework.workbench.tiles_points import Patch, PatchReader, tiles_over
+from linework.workbench.tiles_points import Patch, PatchReader
 
 #: Points so near to a place say how high it is; where there are too few, those twice as near again, and so on. [m]
 REACHES_M = (0.3, 0.6, 1.2)
+#: Places are worked together within squares of this. [m]
+_PIECE_M = 16.0
 #: From the van's path the ground is known so well [m], and falls away from it by so much: 3 % drain a road.
 PATH_SIGMA_M, CROSSFALL = 0.05, 0.03
 #: Farther from the path nobody knows. [m]
 FAR_FROM_PATH_M = 15.0
-_HEIGHTS = {
-    "kerb_top": kerb_top_height,
-    "guardrail": standing_height,
-    "barrier": standing_height,
-    "fence": standing_height,
-    "cable": hanging_height,
-}
+#: Kinds that do not lie on the ground.
+_ABOVE_GROUND = ("kerb_top", "cable", *STANDS_M)
 
 
 def heights_at(table: Table, kind: str, places: Sequence[Sequence[float]]) -> tuple[FloatArray, FloatArray]:
@@ -37,7 +42,7 @@ def heights_at(table: Table, kind: str, places: Sequence[Sequence[float]]) -> tu
     Parameters
     ----------
     places
-        (n, 2) or (n, 3): east, north. A third number is passed over.
+        (n, 2) or (n, 3): east, north, and where it was: of several cables, or rails, the nearest to it is taken.
 
     Raises
     ------
@@ -52,13 +57,13 @@ def heights_at(table: Table, kind: str, places: Sequence[Sequence[float]]) -> tu
     plain = kind.removesuffix("_stereo")
     if plain not in KINDS:
         raise UsageError(f"no kind {kind[:40]!r}", advice=f"choose from {', '.join(KINDS)}")
-    at = np.array([place[:2] for place in places], dtype=np.float64).reshape(-1, 2)
+    at = np.array([(*place, np.nan)[:3] for place in places], dtype=np.float64).reshape(-1, 3)
     reader = patch_reader(table)
     if reader is not None:
         return _from_points(reader, plain, at)
-    if plain in _HEIGHTS:
+    if plain in _ABOVE_GROUND:
         return np.full(len(at), np.nan), np.full(len(at), np.nan)
-    return heights_from_path(table.recordings.trajectory, at)
+    return heights_from_path(table.recordings.trajectory, at[:, :2])
 
 
 def heights_from_path(path: Trajectory | None, at: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -79,18 +84,18 @@ def heights_from_path(path: Trajectory | None, at: FloatArray) -> tuple[FloatArr
 
 
 def _from_points(reader: PatchReader, kind: str, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return heights by the points around each place, block by block: places far apart do not meet."""
+    """Return heights by the points around each place, piece by piece: places far apart do not meet."""
     height, sigma = np.full(len(at), np.nan), np.full(len(at), np.nan)
-    blocks = np.floor(at / 16.0).astype(np.int64)
-    for block in np.unique(blocks, axis=0):
-        chosen = np.flatnonzero((blocks == block).all(axis=1))
-        low, high = at[chosen].min(axis=0), at[chosen].max(axis=0)
+    pieces = np.floor(at[:, :2] / _PIECE_M).astype(np.int64)
+    for piece in np.unique(pieces, axis=0):
+        chosen = np.flatnonzero((pieces == piece).all(axis=1))
+        low, high = at[chosen, :2].min(axis=0), at[chosen, :2].max(axis=0)
         bounds = Bounds(*low, *high).grown(REACHES_M[-1])
-        if not any((tile.east, tile.north) in reader.counts for tile in tiles_over(bounds, 0)):
-            continue
-        points = _near(reader, bounds, at[chosen])
+        points = _near(reader, bounds, at[chosen, :2])
         for i in chosen:
-            height[i], sigma[i] = _one(points, at[i], kind, reader.z0_m)
+            found = _one(points, at[i], kind, reader.z0_m)
+            if found is not None:
+                height[i], sigma[i] = found[0] + reader.z0_m, found[1]
     return height, sigma
 
 
@@ -101,7 +106,8 @@ def _near(reader: PatchReader, bounds: Bounds, at: FloatArray) -> FloatArray:
         index = np.flatnonzero(_beside(patch, at))
         x, y, z, above, _ = (column[index].astype(np.float64) for column in patch.columns)
         parts.append(np.stack([x + patch.corner[0], y + patch.corner[1], z, above], axis=1))
-    return np.concatenate(parts)
+    points = np.concatenate(parts)
+    return np.asarray(points[np.argsort(points[:, 0], kind="stable")])
 
 
 def _beside(patch: Patch, at: FloatArray) -> BoolArray:
@@ -116,13 +122,23 @@ def _beside(patch: Patch, at: FloatArray) -> BoolArray:
     return out
 
 
-def _one(points: FloatArray, place: FloatArray, kind: str, z0_m: float) -> tuple[float, float]:
-    """Return height and sigma at one place, by the smallest reach that has enough points."""
-    of_kind = _HEIGHTS.get(kind, ground_height)
-    local = points - np.array([*place, 0.0, 0.0])
-    apart = np.hypot(local[:, 0], local[:, 1])
+def _one(points: FloatArray, place: FloatArray, kind: str, z0_m: float) -> Height | None:
+    """Return height and sigma at one place, by the smallest reach that has enough points, sorted by east."""
     for reach in REACHES_M:
-        found = of_kind(local[apart <= reach])
+        first, last = np.searchsorted(points[:, 0], (place[0] - reach, place[0] + reach))
+        local = points[first:last] - np.array([*place[:2], 0.0, 0.0])
+        local = local[np.hypot(local[:, 0], local[:, 1]) <= reach]
+        found = _height(local, kind, place[2] - z0_m) if len(local) else None
         if found is not None:
-            return found[0] + z0_m, found[1]
-    return float("nan"), float("nan")
+            return found
+    return None
+
+
+def _height(local: FloatArray, kind: str, near_m: float) -> Height | None:
+    if kind == "cable":
+        return hanging_height(local, near_m)
+    if kind in STANDS_M:
+        return standing_height(local, STANDS_M[kind], near_m)
+    if kind == "kerb_top":
+        return kerb_top_height(local)
+    return edge_height(local) if kind == "road_boundary" else ground_height(local)

@@ -16,12 +16,30 @@ LAYER_M = 0.05
 COMMON_M = 0.003
 #: A kerb's top is so far above its foot, at least and at most. [m]
 KERB_M = (0.03, 0.40)
-#: A guardrail, a barrier, a fence: so far above the ground. [m]
-STANDS_M = (0.25, 2.5)
+#: What stands is so far above the ground at least, and at most, by kind. [m]
+LEAST_STANDS_M, STANDS_M = 0.25, {"guardrail": 1.3, "barrier": 1.8, "fence": 3.5}
+#: At its edge a carriageway is as thick as this, and where it ends is known in height no better than this. [m]
+ROAD_M, EDGE_SIGMA_M = 0.02, 0.01
 #: A cable: higher than lorries; points so far apart in height belong to two. [m]
 HANGS_M, APART_M = 3.5, 0.3
 #: The top edge is where so many points are, within so much. [m]
 _EDGE_POINTS, _EDGE_M = 3, 0.04
+
+
+def edge_height(points: FloatArray) -> Height | None:
+    """Return the height of the carriageway's edge: of the level that most points near the lowest layer have.
+
+    Beside an edge are the foot of a kerb's face, or a verge that lies lower: both hold fewer points than the road.
+    """
+    if len(points) < LEAST:
+        return None
+    level = _level(points)
+    low = _lowest(level)
+    heights = np.sort(level[(level >= low) & (level <= low + LAYER_M + ROAD_M)])
+    counts = np.searchsorted(heights, heights + ROAD_M) - np.arange(len(heights))
+    road = float(heights[int(np.argmax(counts))])
+    found = _plane(points, (level >= road - 0.002) & (level <= road + ROAD_M))
+    return None if found is None else (found[0], float(np.hypot(found[1], EDGE_SIGMA_M)))
 
 
 def ground_height(points: FloatArray) -> Height | None:
@@ -62,10 +80,20 @@ def kerb_top_height(points: FloatArray) -> Height | None:
     return float(np.median(z)), float(np.hypot(z.std() / np.sqrt(len(z)), 2.0 * COMMON_M))
 
 
-def standing_height(points: FloatArray) -> Height | None:
-    """Return the height of the top edge of what stands on the ground; None where nothing does."""
+def standing_height(points: FloatArray, highest_m: float, near_m: float) -> Height | None:
+    """Return the height of the top edge of what stands on the ground; None where nothing does.
+
+    Parameters
+    ----------
+    highest_m
+        No higher than this above the ground.
+    near_m
+        Where it was before, above the height origin; NaN: not known. A top edge near it is preferred.
+    """
     level = _level(points)
-    heights = np.sort(points[(level > STANDS_M[0]) & (level < STANDS_M[1]), 2])
+    heights = np.sort(points[(level > LEAST_STANDS_M) & (level < highest_m), 2])
+    if not np.isnan(near_m) and np.any(np.abs(heights - near_m) < APART_M):
+        heights = heights[heights < near_m + APART_M]
     for i in range(len(heights) - 1, _EDGE_POINTS - 2, -1):
         # Stray points stand alone
         if heights[i] - heights[i - _EDGE_POINTS + 1] <= _EDGE_M:
@@ -73,16 +101,19 @@ def standing_height(points: FloatArray) -> Height | None:
     return None
 
 
-def hanging_height(points: FloatArray) -> Height | None:
-    """Return the height of the lowest cable over the place; None where none hangs."""
+def hanging_height(points: FloatArray, near_m: float) -> Height | None:
+    """Return the height of a cable over the place, the nearest to where it was, else the lowest; None without one."""
     level = _level(points)
     heights = np.sort(points[level > HANGS_M, 2])
     if len(heights) == 0:
         return None
     groups = np.split(heights, np.flatnonzero(np.diff(heights) > APART_M) + 1)
-    lowest = next((group for group in groups if len(group) > 1), groups[0])
-    spread = lowest.std() if len(lowest) > 1 else 0.03
-    return float(np.median(lowest)), float(np.hypot(spread / np.sqrt(len(lowest)), 0.01))
+    if np.isnan(near_m):
+        cable = next((group for group in groups if len(group) > 1), groups[0])
+    else:
+        cable = min(groups, key=lambda group: abs(float(np.median(group)) - near_m))
+    spread = cable.std() if len(cable) > 1 else 0.03
+    return float(np.median(cable)), float(np.hypot(spread / np.sqrt(len(cable)), 0.01))
 
 
 def _level(points: FloatArray) -> FloatArray:

@@ -39,7 +39,7 @@ class Places(BaseModel):
     model_config = ConfigDict(extra="forbid")
     kind: Annotated[str, Field(max_length=40)]
     places: Annotated[
-        list[Annotated[list[Coordinate], Field(min_length=2, max_length=2)]], Field(max_length=MOST_PLACES)
+        list[Annotated[list[Coordinate], Field(min_length=2, max_length=3)]], Field(max_length=MOST_PLACES)
     ]
 
 
