@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pyogrio
 import pytest
+from tests.drawing_scenes import none, same, shifted, some_lines, whole
 
 from linework.errors import (
     CrsError,
@@ -20,58 +21,14 @@ from linework.files.crs import parse_crs
 from linework.files.drawing import DrawingFile
 from linework.files.vectors import read_lines, write_lines
 from linework.files.vectors_gpkg import read_own_gpkg
-from linework.lines.names import named
 from linework.model.changes import Change
-from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
-
-
-def some_lines(n: int = 6) -> LineSet:
-    rng = np.random.default_rng(3)
-    lines = [np.cumsum(rng.uniform(0.1, 1, (4 + i, 3)), axis=0) + rng.uniform(0, 1e6, 3) for i in range(n)]
-    m = sum(map(len, lines))
-    kinds = (["lane_marking", "road_boundary", "guardrail", "cable"] * n)[:n]
-    columns = {"sigma_xy_m": rng.uniform(0, 1, m), "sigma_z_m": rng.uniform(0, 1, m)}
-    found = LineSet.from_lines(lines, kind=kinds, bridged=rng.random(m) < 0.3, **columns)
-    return named(found.with_columns(confidence=rng.random(n), width_m=[0.15] + [np.nan] * (n - 1)), ())
+from linework.model.lines import LineSet
 
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     write_lines(some_lines(), tmp_path / "lines.gpkg")
     return tmp_path / "lines.gpkg"
-
-
-def same(a: LineSet, b: LineSet) -> bool:
-    """Whether two sets hold the same lines, in any order."""
-    a, b = (s.take(np.argsort(s.id)) for s in (a, b))
-    names = ("xyz", "offsets", *VERTEX_COLUMNS, *LINE_COLUMNS)
-    return all(
-        np.array_equal(getattr(a, n), getattr(b, n), equal_nan=getattr(a, n).dtype.kind == "f") for n in names
-    )
-
-
-def shifted(lines: LineSet, by_m: float = 0.5) -> LineSet:
-    return lines.with_columns(xyz=lines.xyz + by_m, review=["edited"] * len(lines))
-
-
-def none() -> LineSet:
-    return LineSet.empty()
-
-
-def whole(path: Path) -> None:
-    """Fail unless the file is a sound GeoPackage whose index and vertices are those of its lines."""
-    with closing(sqlite3.connect(path)) as db:
-        assert db.execute("PRAGMA integrity_check").fetchone() == ("ok",)
-        n = 0
-        for (layer,) in db.execute("SELECT table_name FROM gpkg_geometry_columns").fetchall():
-            fids = db.execute(f'SELECT fid FROM "{layer}" ORDER BY fid').fetchall()
-            assert fids == db.execute(f'SELECT id FROM "rtree_{layer}_geom" ORDER BY id').fetchall()
-            assert db.execute(
-                "SELECT count(*) FROM layer_styles WHERE f_table_name = ?", (layer,)
-            ).fetchone() == (1,)
-            n += len(fids)
-        assert db.execute("SELECT count(DISTINCT line) FROM vertex").fetchone() == (n,)
-    assert not [p for p in path.parent.iterdir() if p.name != path.name]
 
 
 def test_what_is_committed_is_read_back_by_all_readers(path):
