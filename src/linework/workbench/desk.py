@@ -31,6 +31,7 @@ class Work:
     def __init__(self, desk: Desk, number: int, told: asyncio.Queue[Any]) -> None:
         self._desk, self._number, self._told = desk, number, told
         self.value: Any = None
+        self.is_over = False
 
     def say(self, value: Any) -> None:
         """Say something to the work: it comes out of its next ``yield``."""
@@ -44,11 +45,13 @@ class Work:
             kind, value = await asyncio.wait_for(self._told.get(), SILENT_S)
         except TimeoutError:
             self._desk.kill()
+            self.is_over = True
             raise MachineError(
                 f"no answer for {SILENT_S:.0f} s", where="workbench", advice="try again"
             ) from None
         if kind == "told":
             return value
+        self.is_over = True
         if kind == "done":
             self.value = value
             raise StopAsyncIteration
@@ -67,7 +70,9 @@ class Desk:
 
     Notes
     -----
-    A process that dies fails the work it was at; the next work gets a new process, which opens the survey anew.
+    A process that dies, or is killed, fails the work it was at; the next work gets a new process, which opens the
+    survey anew. Each process has a thread here that reads what it says. That thread alone closes the socket, when
+    the process is gone: a number of a socket that is closed under a reader may be another's by then.
     """
 
     def __init__(self, order: SurveyOrder, modules: Sequence[str] = ()) -> None:
@@ -77,6 +82,7 @@ class Desk:
         self._told: asyncio.Queue[Any] = asyncio.Queue()
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Connection | None = None
+        self._writing = threading.Lock()
 
     async def ask(self, work: Callable[..., Any], *arguments: Any) -> Any:
         """Return what ``work(table, *arguments)`` returns, in the process; what it tells is dropped.
@@ -107,22 +113,19 @@ class Desk:
             self._number += 1
             self._told = asyncio.Queue()
             steps = Work(self, self._number, self._told)
-            self._send(("do", self._number, work, arguments))
-            is_over = False
             try:
+                # In a thread: a process that is just starting does not read yet, and lines may be many
+                await asyncio.to_thread(self._send, ("do", self._number, work, arguments))
                 yield steps
-                is_over = True
-            except (LineworkError, RuntimeError):
-                is_over = True
-                raise
             finally:
-                if not is_over:
+                if not steps.is_over:
                     await self._leave(steps)
 
     async def _leave(self, steps: Work) -> None:
-        steps.say(LEAVE)
+        """Tell a work that nobody waits for it, and wait until it has taken that in."""
         try:
             async with asyncio.timeout(LEAVE_S):
+                await asyncio.to_thread(steps.say, LEAVE)
                 async for _ in steps:
                     pass
         except TimeoutError:
@@ -136,14 +139,13 @@ class Desk:
         return self._process.pid if self._process is not None else 0
 
     def kill(self) -> None:
-        """End the process, whatever it is doing."""
-        process, self._process = self._process, None
-        connection, self._connection = self._connection, None
+        """End the process, whatever it is doing; the work it is at fails."""
+        process, self._process, self._connection = self._process, None, None
         if process is not None:
             process.kill()
             process.wait()
-        if connection is not None:
-            connection.close()
+            died = MachineError("the process at work died", where="workbench", advice="try again")
+            self._told.put_nowait(("failed", died))
 
     def _start(self) -> None:
         """Start the process, if none runs."""
@@ -170,23 +172,29 @@ class Desk:
 
     def _send(self, message: tuple[Any, ...]) -> None:
         """Send a message; that a dead process cannot take it shows when its answer is read."""
-        if self._connection is not None:
-            with suppress(OSError):
-                self._connection.send(message)
+        connection = self._connection
+        if connection is not None:
+            with self._writing, suppress(OSError):
+                connection.send(message)
 
     def _read(self, connection: Connection, loop: asyncio.AbstractEventLoop) -> None:
         """Hand on what the process says, in a thread of its own."""
         while True:
             try:
                 kind, number, value = connection.recv()
-            except (EOFError, OSError, TypeError):
-                died = MachineError("the process at work died", where="workbench", advice="try again")
+            except Exception:  # its end, or the half of a message that it died in
+                with self._writing:
+                    connection.close()
                 with suppress(RuntimeError):
-                    loop.call_soon_threadsafe(self._hear, connection, None, ("failed", died))
+                    loop.call_soon_threadsafe(self._hear, connection, None, None)
                 return
             with suppress(RuntimeError):
                 loop.call_soon_threadsafe(self._hear, connection, number, (kind, value))
 
-    def _hear(self, connection: Connection, number: int | None, message: tuple[str, Any]) -> None:
-        if connection is self._connection and number in (None, self._number):
+    def _hear(self, connection: Connection, number: int | None, message: tuple[str, Any] | None) -> None:
+        if connection is not self._connection:
+            return
+        if message is None:
+            self.kill()
+        elif number == self._number:
             self._told.put_nowait(message)

@@ -8,12 +8,13 @@ import secrets
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any, Literal
 
 from linework.errors import AbsentError, LineworkError, OutputExistsError, StaleError
 from linework.workbench.bench import Bench
 from linework.workbench.desk import Desk
-from linework.workbench.jobs_extract import Asked, Found, extract_at_desk, forget_at_desk
+from linework.workbench.jobs_extract import Asked, Found, extract_at_desk, forget
 from linework.workbench.jobs_merge import save_found
 from linework.workbench.problems import problem_of
 
@@ -125,51 +126,78 @@ class Jobs:
             desk.kill()
             task.cancel()
             await asyncio.wait({task})
-            if self._jobs[name].state == "running":
+            if self._jobs[name].state == "running":  # it had not begun
                 self._tell(name, state="cancelled")
         return self._jobs[name]
 
     async def _run(self, name: str, asked: Asked, desk: Desk) -> None:
         began = time.monotonic()
+
+        def end(state: str, message: str, **more: Any) -> None:
+            self._tell(name, state=state, message=message, seconds=time.monotonic() - began, **more)
+
         try:
-            found = await self._found(name, asked, desk)
-            self._tell(name, step="save lines", done=0, total=0, unit="", seconds=0.0)
-            await self._saved(found)
+            report = await self._worked(name, asked, desk)
+        except asyncio.CancelledError:
+            # What is saved is saved: then it is the report alone that there will not be
+            is_saved = self._jobs[name].counts is not None
+            end("done" if is_saved else "cancelled", "ended before its report was written" * is_saved)
         except LineworkError as error:
-            self._tell(name, state="failed", message=problem_of(error)[1], seconds=time.monotonic() - began)
+            end("failed", problem_of(error)[1])
         except Exception:
-            self._tell(name, state="failed", message=_FAULT, seconds=time.monotonic() - began)
+            end("failed", _FAULT)
         else:
-            self._reports[name] = found.report
-            for old in list(self._reports)[:-_MOST_REPORTS]:
-                del self._reports[old]
-                self._jobs |= {old: replace(self._jobs[old], report=False)} if old in self._jobs else {}
-            self._tell(name, state="done", message=found.message, counts=found.counts, report=True,
-                       seconds=time.monotonic() - began)  # fmt: skip
-            with contextlib.suppress(LineworkError, RuntimeError):
-                await desk.ask(forget_at_desk, asked)
+            self._keep(name, report)
+            end("done", self._jobs[name].message, report=True)
         finally:
             desk.kill()
 
-    async def _found(self, name: str, asked: Asked, desk: Desk) -> Found:
-        """Return what the job's process finds, telling how far it is."""
+    async def _worked(self, name: str, asked: Asked, desk: Desk) -> str:
+        """Save what the job's process finds, telling how far it is; return its report."""
         step, began = "", time.monotonic()
         async with desk.doing(extract_at_desk, asked) as steps:
-            async for now, done, total, unit in steps:
+            async for told in steps:
+                if isinstance(told, Found):
+                    await self._take(name, asked, told)
+                    continue
+                now, done, total, unit = told
                 if now != step:
                     step, began = now, time.monotonic()
                 seconds = round(time.monotonic() - began, 2)
                 self._tell(name, step=step, done=done, total=total, unit=unit, seconds=seconds)
-        found: Found = steps.value
-        return found
+        return str(steps.value)
 
-    async def _saved(self, found: Found) -> None:
+    def _keep(self, name: str, report: str) -> None:
+        """Keep a report; of those long ago their jobs say that there is none any more."""
+        self._reports[name] = report
+        for old in list(self._reports)[:-_MOST_REPORTS]:
+            del self._reports[old]
+            self._tell(old, report=False)
+
+    async def _take(self, name: str, asked: Asked, found: Found) -> None:
+        """Save what was found; a job that is cancelled meanwhile ends when that is done."""
+        saving = asyncio.ensure_future(self._saved(found, asked))
+        try:
+            await asyncio.shield(saving)
+        except asyncio.CancelledError:
+            await asyncio.wait({saving})
+            raise
+        finally:
+            if saving.done() and saving.exception() is None:
+                self._tell(name, counts=found.counts, message=found.message)
+
+    async def _saved(self, found: Found, asked: Asked) -> None:
         """Save what was found as one change; if a person was quicker, once more with what they left."""
-        while True:
+        is_saved = False
+        while not is_saved:
             with contextlib.suppress(StaleError):
                 await save_found(self._bench, found)
-                return
+                is_saved = True
+        await asyncio.to_thread(forget, Path(self._bench.facts.work), asked)
 
     def _tell(self, name: str, **changes: Any) -> None:
+        """Note how a job has changed, and tell all pages."""
+        if name not in self._jobs:
+            return  # of long ago
         job = self._jobs[name] = replace(self._jobs[name], **changes)
         self._bench.hub.tell({"type": "job", **job.document})

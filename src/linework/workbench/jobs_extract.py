@@ -16,7 +16,7 @@ from linework.errors import UsageError
 from linework.methods.kinds import recordings_for
 from linework.model.lines import LineSet
 from linework.tiling.executor_for import executor_for, usable_cores
-from linework.tiling.recordings import Recordings, opened_recordings
+from linework.tiling.recordings import opened_recordings
 from linework.tiling.steps import Steps
 from linework.tiling.work_folder import RUNS
 from linework.workbench.table import Table
@@ -54,41 +54,41 @@ class Found:
     ----------
     lines
         Lines of all kinds that were looked for.
-    kinds
-        These kinds.
     counts
-        Lines by kind.
-    report
-        HTML.
+        How many by kind, also of those of which there are none.
     message
         What was left out and why, on one line; "": nothing.
     """
 
     lines: LineSet
-    kinds: tuple[str, ...]
     counts: dict[str, int]
-    report: str
     message: str
 
 
-def extract_at_desk(table: Table, asked: Asked) -> Found:
-    """Extract the lines of the survey, telling (step, done, total, unit) up to five times a second.
+def extract_at_desk(table: Table, asked: Asked) -> str:
+    """Extract the lines of the survey and return their report, HTML.
+
+    Told are (step, done, total, unit), up to five times a second, and `Found` before the report is written.
 
     Notes
     -----
     The lines are published in the work folder, so that a run that was killed goes on where it was when the same is
-    asked for again. `forget_at_desk` removes them.
+    asked for again. `forget` removes them.
     """
     # Here and not above: the server names this work, and has no use for what it needs
+    from linework.files.vectors import read_lines
     from linework.tiling.asked import asked_order
     from linework.tiling.extract_to import extract_to
+    from linework.tiling.record import what_is_missing
+    from linework.workbench.jobs_report import extraction_report
 
     os.nice(_NICE)
     survey, settings = table.survey, table.settings
     # One core is for the page and for whoever follows a line meanwhile
     n_workers = max(usable_cores() - 1, 1)
     with contextlib.ExitStack() as held:
-        steps = Steps(held.enter_context(_teller(table.tell)))
+        teller = held.enter_context(_teller(table.tell))
+        steps = Steps(teller)
         executor = held.enter_context(executor_for(survey, n_workers, settings))
         recordings = held.enter_context(
             opened_recordings(
@@ -99,7 +99,7 @@ def extract_at_desk(table: Table, asked: Asked) -> Found:
                 **recordings_for(asked.method, asked.kinds),
             )
         )
-        output = _folder(table, asked) / "lines.gpkg"
+        output = _folder(table.work, asked) / "lines.gpkg"
 
         def extracted(*, resume: bool) -> dict[str, Any]:
             order = asked_order(
@@ -112,35 +112,20 @@ def extract_at_desk(table: Table, asked: Asked) -> Found:
             record = extracted(resume=True)
         except UsageError:  # begun with other files, other settings or another version
             record = extracted(resume=False)
-        return _found(output, recordings, record, steps)
+        lines = read_lines(output)
+        teller.tell(Found(lines=lines, counts=record["counts"]["lines"], message=what_is_missing(record)))
+        with steps.step("write report"):
+            return extraction_report(lines, recordings, record)
 
 
-def forget_at_desk(table: Table, asked: Asked) -> None:
+def forget(work: Path, asked: Asked) -> None:
     """Remove the lines of a job from the work folder."""
-    shutil.rmtree(_folder(table, asked), ignore_errors=True)
+    shutil.rmtree(_folder(work, asked), ignore_errors=True)
 
 
-def _found(output: Path, recordings: Recordings, record: dict[str, Any], steps: Steps) -> Found:
-    from linework.files.vectors import read_lines
-    from linework.tiling.record import what_is_missing
-    from linework.workbench.jobs_report import extraction_report
-
-    lines = read_lines(output)
-    with steps.step("write report"):
-        report = extraction_report(lines, recordings, record)
-    counts = record["counts"]["lines"]
-    return Found(
-        lines=lines,
-        kinds=tuple(counts),
-        counts=counts,
-        report=report,
-        message=what_is_missing(record),
-    )
-
-
-def _folder(table: Table, asked: Asked) -> Path:
+def _folder(work: Path, asked: Asked) -> Path:
     said = "\n".join((asked.name, asked.method, *asked.kinds))
-    return table.work / RUNS / f"workbench-{hashlib.sha256(said.encode()).hexdigest()[:16]}"
+    return work / RUNS / f"workbench-{hashlib.sha256(said.encode()).hexdigest()[:16]}"
 
 
 @contextlib.contextmanager
@@ -158,7 +143,8 @@ class _Teller(threading.Thread):
 
     def __init__(self, tell: Callable[[Any], None]) -> None:
         super().__init__(daemon=True)
-        self._tell, self._wake, self._is_over = tell, threading.Condition(), False
+        self._tell, self._telling = tell, threading.Lock()
+        self._wake, self._is_over = threading.Condition(), False
         self._now = self._told = ("", 0, 0, "")
 
     def begin(self, step: str, unit: str) -> None:
@@ -172,6 +158,11 @@ class _Teller(threading.Thread):
 
     def end(self, step: str, seconds: float) -> None:
         """Say nothing: the next step begins."""
+
+    def tell(self, value: Any) -> None:
+        """Tell something else, now."""
+        with self._telling:
+            self._tell(value)
 
     def end_all(self) -> None:
         """Tell nothing any more; when this returns nothing is being told."""
@@ -187,7 +178,7 @@ class _Teller(threading.Thread):
                 self._wake.wait_for(lambda: self._is_over or self._now is not self._told, timeout=_ALIVE_S)
                 self._told = self._now
             if not self._is_over:
-                self._tell(self._told)
+                self.tell(self._told)
             with self._wake:
                 self._wake.wait_for(lambda: self._is_over, timeout=_TELL_S)
 

@@ -27,21 +27,13 @@ async def save_found(bench: Bench, found: Found) -> Edit:
     """
     # In threads, so that the server answers meanwhile: some thousand lines are compared and written
     change = await asyncio.to_thread(_change, bench.drawing.lines, found)
-    saving = asyncio.ensure_future(asyncio.to_thread(bench.drawing.commit, change, who=bench.who))
-    try:
-        edit = await asyncio.shield(saving)
-    except asyncio.CancelledError:
-        # What is being written is not left half-way: it is all there, or it was refused
-        await asyncio.wait({saving})
-        if saving.exception() is not None:
-            raise
-        edit = saving.result()
+    edit = await asyncio.to_thread(bench.drawing.commit, change, who=bench.who)
     bench.hub.tell(await asyncio.to_thread(_told, bench, edit))
     return edit
 
 
 def _change(drawn: LineSet, found: Found) -> Change:
-    is_old = np.isin(drawn.kind, np.array(found.kinds, dtype=np.str_)) & (drawn.review == "")
+    is_old = np.isin(drawn.kind, np.array(list(found.counts), dtype=np.str_)) & (drawn.review == "")
     kept = set(drawn.id[~is_old].tolist())
     ids = np.array(["" if name in kept else name for name in found.lines.id.tolist()], dtype=np.str_)
     return Change("extract", drawn.take(is_old), found.lines.with_columns(id=ids))
