@@ -164,6 +164,7 @@ export interface Job {
 export type Live =
   | ({ type: "changed" } & Changed)
   | ({ type: "job" } & Job)
+  | { type: "pictures"; done: number; total: number } // tiles made ahead: when all are, those shown in part are whole
   | { type: "behind" }; // ask for everything anew
 
 // WebSocket /api/follow
