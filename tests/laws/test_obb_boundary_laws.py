@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from linework.methods.obb.boundary import REACH_M, BoundaryConfig, find_boundary_boxes
-from linework.methods.obb.boundary_pick import BoundaryFound, boundary_box_at
 from linework.model.boxes import BOX_COLUMNS, BoxForm, BoxSet
 from linework.model.grid import Bounds
 from linework.model.points import Points
@@ -88,17 +87,6 @@ def test_boxes_are_the_same_to_the_last_bit_in_every_tile(west, south, width, he
     tile, surface = tile_over(core)
     part = find_boundary_boxes(tile, surface, BoundaryConfig())
     assert same_bytes(inside(part, core), inside(BOXES, core))
-
-
-@settings(max_examples=25, deadline=None)
-@given(st.integers(0, len(BOXES) - 1), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
-def test_a_picked_place_gives_the_box_that_detection_gives(i, dx, dy):
-    east, north = BOXES.centre[i, :2] + np.array(ORIGIN[:2]) + (dx, dy)
-    tile, surface = tile_over(Bounds(east - 1.5, north - 1.5, east + 1.5, north + 1.5))
-    box, why = boundary_box_at(tile, surface, east, north, BoundaryConfig())
-    away = np.hypot(*(BOXES.centre[:, :2] + np.array(ORIGIN[:2]) - (east, north)).T)
-    assert why == BoundaryFound.FOUND
-    assert same_bytes(box, BOXES.take(np.array([np.argmin(away)])))
 
 
 def test_times_are_those_of_the_points_nearby():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from linework.methods.obb.boundary import BoundaryConfig, find_boundary_boxes
-from linework.methods.obb.boundary_pick import BoundaryFound, boundary_box_at
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.points import Points
 from linework.model.tile import TileData
@@ -89,23 +88,6 @@ def test_no_points_no_boxes():
         len(find_boundary_boxes(TileData("t", some.bounds, none, surface=surface), surface, BoundaryConfig()))
         == 0
     )
-
-
-@pytest.mark.parametrize(
-    ("u", "v", "why"),
-    [
-        (10.0, 0.1, BoundaryFound.FOUND),
-        (10.0, 3.0, BoundaryFound.ALL_ROAD),
-        (10.0, 60.0, BoundaryFound.HOLES),
-    ],
-)
-def test_a_pick_gives_the_kerb_or_says_why_not(u, v, why):
-    points = Points(street(np.random.default_rng(4), heading_deg=0.0))
-    surface = find_road(points, None, RoadConfig())
-    tile = TileData("t", points.bounds, points, origin=ORIGIN)
-    box, found = boundary_box_at(tile, surface, CORNER[0] + u, CORNER[1] + v, BoundaryConfig())
-    assert found == why
-    assert len(box) == (why == BoundaryFound.FOUND)
 
 
 def test_the_edge_of_the_pavement_at_a_rough_and_bright_verge():

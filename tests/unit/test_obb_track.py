@@ -1,10 +1,9 @@
-"""Boxes tracked into lines: bends, gaps, neighbours, forks, and the steps of one line followed alone."""
+"""Boxes tracked into lines: bends, gaps, neighbours, forks."""
 
 import numpy as np
 import pytest
-from tests.box_scenes import bend, boxes_on, everything_seen, nothing_seen, straight
+from tests.box_scenes import bend, boxes_on, straight
 
-from linework.methods.obb.follow import Stop, follow, follow_ways
 from linework.methods.obb.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm, BoxSet
 
@@ -85,67 +84,3 @@ def test_boundaries_keep_the_carriageway_on_their_left():
 
 def test_no_boxes_no_lines():
     assert len(tracked(BoxSet.empty())) == 0
-
-
-class Loaded:
-    """A source of boxes that gives them by stretches of 20 m, where they are asked for."""
-
-    def __init__(self, boxes):
-        self._all, self._have, self.boxes = boxes, set(), BoxSet.empty()
-
-    def load(self, xy, reach_m):
-        wanted = set(range(int((xy[0] - reach_m) // 20.0), int((xy[0] + reach_m) // 20.0) + 1)) - self._have
-        self._have |= wanted
-        part = np.isin(np.floor(self._all.centre[:, 0] / 20.0), list(wanted))
-        if part.any():
-            self.boxes = BoxSet.concatenate([self.boxes, self._all.take(part)])
-        return bool(part.any())
-
-
-def test_following_one_line_finds_what_tracking_all_does():
-    boxes = boxes_on(straight(150.0), straight(150.0, y=3.5))
-    source = Loaded(boxes)
-    source.load(np.array([75.0, 0.0]), 1.0)
-    start = int(np.argmin(np.hypot(*(source.boxes.centre[:, :2] - (75.0, 0.0)).T)))
-    steps, run = [], follow_ways(source, start, (1.0, -1.0), CONFIG, width_m=0.06, seen=nothing_seen)
-    while True:
-        try:
-            steps.append(next(run))
-        except StopIteration as end:
-            path, stops = end.value
-            break
-    followed = source.boxes.centre[path]
-    assert stops == (Stop.END_OF_DATA, Stop.END_OF_DATA)
-    assert len(path) == len(steps) + 1
-    assert np.ptp(followed[:, 0]) == pytest.approx(149.4, abs=0.6)
-    tracks = tracked(boxes)
-    whole = [boxes.centre[tracks.line(i)[0]] for i in range(2)]
-    same = next(line for line in whole if abs(line[0, 1]) < 1.0)
-    assert len(set(followed[:, 0]) & set(same[:, 0])) > 0.97 * len(same)
-
-
-def test_a_caller_may_stop_a_follower_at_any_step():
-    source = Loaded(boxes_on(straight(100.0)))
-    source.load(np.array([10.0, 0.0]), 1.0)
-    run = follow(source, 0, 1.0, CONFIG, width_m=0.06, seen=everything_seen)
-    seen = [next(run) for _ in range(5)]
-    run.close()
-    assert [s.length_m for s in seen] == sorted(s.length_m for s in seen)
-    assert len(source.boxes) < 100  # what lies further on was not looked for
-
-
-def test_a_follower_says_why_it_ends():
-    def end_of(seen, boxes):
-        source = Loaded(boxes)
-        source.load(boxes.centre[0, :2], 1.0)
-        way = float(np.sign(source.boxes.u[0, 0]))
-        run = follow(source, 0, way, CONFIG, width_m=0.06, seen=seen)
-        while True:
-            try:
-                next(run)
-            except StopIteration as end:
-                return end.value
-
-    assert end_of(everything_seen, boxes_on(straight(20.0))) is Stop.FADED
-    assert end_of(nothing_seen, boxes_on(straight(20.0))) is Stop.END_OF_DATA
-    assert end_of(everything_seen, boxes_on(bend(8.0, 2.0 * np.pi - 0.05))) is Stop.RING

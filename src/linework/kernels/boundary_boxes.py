@@ -16,7 +16,6 @@ from linework.kernels.kerb_boxes import kerb_in_cell, may_be_kerb
 from linework.kernels.kerb_steps import STEP_COLUMNS
 from linework.kernels.places import (
     ALL_ROAD,
-    CELL_M,
     COLUMNS,
     END,
     FOUND,
@@ -123,31 +122,6 @@ def boxes_in_cells(
                 write_times(starts, span, times, out[n])
                 n += 1
     return out[:n]
-
-
-@njit(cache=True, nogil=True)
-def boxes_around(
-    data: tuple[F64, I64, I64, F64, F64],
-    ground: tuple[F32, float, int, int],
-    times: tuple[I64, F64],
-    picked: tuple[float, float],
-    limits: F64,
-) -> tuple[F64, I64]:
-    """Return (9, COLUMNS) the boxes of the cell that holds a picked place and of its neighbours, and why not (9,).
-
-    The picked place's own cell comes first.
-    """
-    rooms = make_rooms()
-    out, why = np.zeros((9, COLUMNS)), np.empty(9, dtype=np.int64)
-    col, row = np.floor(picked[0] / CELL_M), np.floor(picked[1] / CELL_M)
-    for k in range(9):
-        # 0 is the middle one
-        r, c = (k + 4) % 9 // 3 - 1, (k + 4) % 9 % 3 - 1
-        place = (col + c + 0.5) * CELL_M, (row + r + 0.5) * CELL_M
-        why[k] = box_in_cell(data, ground, place, limits, rooms, out[k])
-        if why[k] == FOUND:
-            write_times(data[1], data[2], times, out[k])
-    return out, why
 
 
 @njit(cache=True, nogil=True)

@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
+from linework.files.store_layout import CELL_M
 from linework.files.store_read import PointStore
 from linework.methods.protocol import Method
 from linework.model.arrays import FloatArray
-from linework.model.grid import Bounds
+from linework.model.grid import Bounds, Image
 from linework.model.lines import LineSet
 from linework.model.tile import TileData
 from linework.tiling.seams import WHOLE_KINDS, inside_core, join_seams
@@ -49,6 +50,12 @@ class RailPieces:
             if len(self._tiles) == n or n >= MOST_TILES:
                 return lines.take([i]), float(distances[i])
 
+    def lines_about(self, places: FloatArray) -> LineSet:
+        """Return the lines in the tiles that hold places (n, 2) [m, world], and in those worked before."""
+        for x, y in places.tolist():
+            self._work(x, y, x, y)
+        return self._joined()
+
     def _joined(self) -> LineSet:
         cores = [_core(*tile) for tile in self._tiles]
         return join_seams(LineSet.concatenate(self._tiles.values()), cores)
@@ -63,10 +70,15 @@ class RailPieces:
         extent = core.grown(self._method.buffer_m)
         if self._store.count_in(core) == 0:
             return LineSet.empty()
-        points = self._store.points(extent)
+        surface, lowest, above_m = self._surface.over(extent), None, 0.0
+        # A surface of cells that do not fit into those of the store cannot say which points to pass over
+        if math.isfinite(self._method.least_height_m) and surface.grid.cell_width_m % CELL_M == 0.0:
+            lowest = Image(surface.ground_m, surface.grid)
+            above_m = surface.z0_m + self._method.least_height_m
+        points = self._store.points(extent, lowest=lowest, above_m=above_m)
         if len(points) == 0:
             return LineSet.empty()
-        tile = TileData("trace", core, points, None, "", self._surface.over(extent), self._origin)
+        tile = TileData("trace", core, points, None, "", surface, self._origin)
         lines = self._method.extract(tile)
         # What is never cut belongs to the tile of its middle, where the place need not be: all of it is kept
         is_whole = np.isin(lines.kind, WHOLE_KINDS)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+
 import numpy as np
 
 from linework.files.store_read import PointStore
@@ -12,8 +14,11 @@ from linework.model.grid import Bounds, holds
 from linework.model.tile import TileData
 from linework.tiling.surfaces import SurveySurface
 
-#: Boxes are found block by block, so that a line's surroundings are few points. [m]
-BLOCK_M = 16.0
+#: Boxes are found block by block: half as wide as what is read around each, so that little is read twice, and
+#: little is looked at that is not near the line. [m]
+BLOCK_M = 8.0
+#: Blocks that stay at hand, some kilobytes each: 25 km of a line and what is about it.
+MOST_BLOCKS = 20_000
 Block = tuple[int, int]
 
 
@@ -22,6 +27,8 @@ class SurveyBoxes:
 
     Parameters
     ----------
+    detectors
+        What finds boxes, by the kind of line that they are of.
     origin
         Local origin of the survey [m, world].
     """
@@ -30,48 +37,96 @@ class SurveyBoxes:
         self,
         store: PointStore,
         surface: SurveySurface,
-        method: BoxMethod,
+        detectors: Mapping[str, BoxMethod],
         origin: tuple[float, float, float],
     ) -> None:
-        self._store, self._surface, self._method, self._origin = store, surface, method, origin
-        self._asked: set[Block] = set()
-        self._found: list[BoxSet] = []
+        self._store, self._surface, self._origin = store, surface, origin
+        self.detectors = detectors
+        self._found: dict[tuple[str, Block], BoxSet] = {}
+
+    def of(self, kind: str, blocks: Iterable[Block]) -> list[BoxSet]:
+        """Return the boxes of blocks, those of each that has any [m, from the local origin]."""
+        wanted = list(blocks)
+        for first, last in rectangles({block for block in wanted if (kind, block) not in self._found}):
+            self._find(kind, first, last)
+        found = [self._found[kind, block] for block in wanted]
+        while len(self._found) > MOST_BLOCKS:
+            del self._found[next(iter(self._found))]
+        return [boxes for boxes in found if len(boxes)]
+
+    def _find(self, kind: str, first: Block, last: Block) -> None:
+        """Find the boxes of a rectangle of blocks: in one go, since each comes with a buffer."""
+        boxes = self._detect(kind, first, last)
+        number = np.floor((boxes.centre[:, :2] + self._origin[:2]) / BLOCK_M).astype(np.int64)
+        for col in range(first[0], last[0] + 1):
+            for row in range(first[1], last[1] + 1):
+                inside = (number[:, 0] == col) & (number[:, 1] == row)
+                self._found[kind, (col, row)] = boxes.take(inside)
+
+    def _detect(self, kind: str, first: Block, last: Block) -> BoxSet:
+        core = Bounds(
+            first[0] * BLOCK_M, first[1] * BLOCK_M, (last[0] + 1) * BLOCK_M, (last[1] + 1) * BLOCK_M
+        )
+        if self._store.count_in(core) == 0:
+            return BoxSet.empty()
+        detector = self.detectors[kind]
+        extent = core.grown(detector.buffer_m)
+        points = self._store.points(extent)
+        if len(points) == 0:
+            return BoxSet.empty()
+        name = f"e{first[0]}n{first[1]}"
+        tile = TileData(name, core, points, None, "", self._surface.over(extent), self._origin)
+        boxes = detector.detect(tile)
+        return boxes.take(holds(core, boxes.centre + np.asarray(self._origin)))
+
+
+class Corridor:
+    """The boxes along one line, as far as they have been looked for.
+
+    What others have asked for before is not in it: so a line is the same whatever was followed earlier.
+    """
+
+    def __init__(self, survey: SurveyBoxes) -> None:
+        self._survey = survey
+        self._asked: dict[str, set[Block]] = {kind: set() for kind in survey.detectors}
+        self._boxes = BoxSet.empty()
 
     @property
     def boxes(self) -> BoxSet:
         """All boxes found so far [m, from the local origin]."""
-        return BoxSet.concatenate(self._found) if self._found else BoxSet.empty()
+        return self._boxes
 
-    def load(self, places: FloatArray, reach_m: float) -> bool:
-        """Find all boxes within `reach_m` of places (n, 2) [m, world]; return whether any were added."""
-        low = np.floor((places - reach_m) / BLOCK_M).astype(np.int64)
-        high = np.floor((places + reach_m) / BLOCK_M).astype(np.int64)
+    @property
+    def bounds(self) -> Bounds:
+        """Extent of what has been looked at [m, world]."""
+        blocks = np.array([block for asked in self._asked.values() for block in asked], dtype=np.float64)
+        (west, south), (east, north) = blocks.min(axis=0), blocks.max(axis=0) + 1.0
+        return Bounds(west * BLOCK_M, south * BLOCK_M, east * BLOCK_M, north * BLOCK_M)
+
+    def load(self, places: FloatArray, reach_m: float | FloatArray, kind: str = "") -> bool:
+        """Find all boxes within `reach_m` of places (n, 2) [m, world]; return whether any were added.
+
+        Parameters
+        ----------
+        kind
+            Of line; "": all of them.
+        """
+        reach = np.broadcast_to(np.asarray(reach_m, dtype=np.float64), len(places))[:, None]
+        low = np.floor((places - reach) / BLOCK_M).astype(np.int64)
+        high = np.floor((places + reach) / BLOCK_M).astype(np.int64)
         asked = {
             (col, row)
             for (west, south), (east, north) in zip(low.tolist(), high.tolist(), strict=True)
             for row in range(south, north + 1)
             for col in range(west, east + 1)
         }
-        found = [self._detect(*corners) for corners in rectangles(asked - self._asked)]
-        self._asked |= asked
-        self._found += [boxes for boxes in found if len(boxes)]
-        return any(len(boxes) for boxes in found)
-
-    def _detect(self, first: Block, last: Block) -> BoxSet:
-        """Return the boxes of a rectangle of blocks: in one go, since each comes with a buffer."""
-        core = Bounds(
-            first[0] * BLOCK_M, first[1] * BLOCK_M, (last[0] + 1) * BLOCK_M, (last[1] + 1) * BLOCK_M
-        )
-        if self._store.count_in(core) == 0:
-            return BoxSet.empty()
-        extent = core.grown(self._method.buffer_m)
-        points = self._store.points(extent)
-        if len(points) == 0:
-            return BoxSet.empty()
-        name = f"e{first[0]}n{first[1]}"
-        tile = TileData(name, core, points, None, "", self._surface.over(extent), self._origin)
-        boxes = self._method.detect(tile)
-        return boxes.take(holds(core, boxes.centre + np.asarray(self._origin)))
+        found: list[BoxSet] = []
+        for one in (kind,) if kind else self._asked:
+            # In an order that hangs on nothing but the places
+            found += self._survey.of(one, sorted(asked - self._asked[one]))
+            self._asked[one] |= asked
+        self._boxes = BoxSet.concatenate([self._boxes, *found])
+        return bool(found)
 
 
 def rectangles(blocks: set[Block]) -> list[tuple[Block, Block]]:

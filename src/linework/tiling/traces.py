@@ -7,46 +7,53 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.errors import InputError, UsageError
-from linework.lines.continued import Gap, continued
+from linework.errors import UsageError
+from linework.lines.continued import PICKED_TWICE, continued
 from linework.methods.obb import trace
-from linework.methods.obb.follow import Stop
 from linework.methods.obb.method import ObbMethod
 from linework.methods.obb.picks import Surroundings, nearest_that_works, why_not
 from linework.methods.obb.search_area import Failure
-from linework.methods.obb.trace import PICK_M
+from linework.methods.obb.trace import PICK_M, Stop
 from linework.methods.radon.method import CABLE_KINDS, RAIL_KINDS, CableMethod, RailMethod
 from linework.model.arrays import FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.tile import local_origin
+from linework.tiling.ground_lines import AROUND_M, STRIP_M, Ground, Pick, follow_ground, toward
 from linework.tiling.opened import OpenedSurvey
 from linework.tiling.rail_pieces import RailPieces
+from linework.tiling.refused_picks import RefusedPickError
 from linework.tiling.settings import RunSettings
 from linework.tiling.sight import SurveySight
 from linework.tiling.surfaces import SurveySurface
-from linework.tiling.survey_boxes import SurveyBoxes
+from linework.tiling.survey_boxes import Corridor, SurveyBoxes
 
 #: Kinds that a place can be picked on.
 PICKED_KINDS = ("lane_marking", "road_boundary", *RAIL_KINDS, *CABLE_KINDS)
-#: Lines around a picked place are looked at this far: through the gaps of dashed lines. [m]
-AROUND_M = 16.0
-#: Beyond the ends of a line boxes are looked for this far to either side of where it leads. [m]
-STRIP_M = 4.0
-#: A picked line goes on where another is in line with it, over a gap as long as the tracker's longest.
-SAME_LINE = Gap(longest_m=32.0, off_deg=1.0, turn_deg=20.0)
 #: Something stands at a place, or hangs over it, where points within so much of it are so high over ground. [m]
 STANDS_M, STANDS_HIGH_M, HANGS_M, HANGS_HIGH_M = 1.0, (0.2, 2.0), 3.0, (3.5, 100.0)
+#: What lies beyond a gap is known for a line by so much of it. [m]
+_BEYOND_M = 12.0
+#: The way on over a gap may bend: it is looked for to either side by this share of how far ahead it is.
+_FAN = 0.1
+#: Of a van's way places so near one another say the same. [m]
+_PATH_STEP_M = 0.25
 
 
 @dataclass(frozen=True, slots=True)
 class TracedLine:
-    """A followed line in the survey's CRS, how far the picked place is from it, and why it ends where it does."""
+    """A followed line in the survey's CRS, how far the picked place is from it, and why it ends where it does.
+
+    The line is the first of `lines`; its dashes or its kerb's top come after.
+    """
 
     kind: str
     lines: LineSet
     distance_m: float
     stops: tuple[str, str]
+
+
+Trace = Generator[LineSet, bool | None, TracedLine]
 
 
 class Tracer:
@@ -62,16 +69,18 @@ class Tracer:
         bounds = opened.points.bounds
         self._opened, self._surface, self._settings = opened, surface, settings
         self._origin = local_origin(bounds.west, bounds.south, surface.z0_m)
-        self._seen = SurveySight(surface)
-        self._path = None if opened.trajectory is None else opened.trajectory.xyz
-        store, self._method = opened.points, ObbMethod(settings.obb)
-        self._boxes = SurveyBoxes(store, surface, self._method, self._origin)
+        store, method = opened.points, ObbMethod(settings.obb)
+        detectors = {kind: method.only(kind) for kind in trace.TRACKED_AS}
+        self._ground = Ground(
+            SurveyBoxes(store, surface, detectors, self._origin), method, self._origin, SurveySight(surface),
+            None if opened.trajectory is None else _thinned(opened.trajectory.xyz),
+        )  # fmt: skip
         self._rails = RailPieces(store, surface, RailMethod(settings.radon), self._origin)
         self._cables = RailPieces(store, surface, CableMethod(settings.radon), self._origin)
 
     def trace(
         self, at: tuple[float, float], *, kind: str = "", toward: tuple[float, float] | None = None
-    ) -> Generator[LineSet, None, TracedLine]:
+    ) -> Trace:
         """Follow the line at a place [m, world]; yield it as it grows, and return it whole.
 
         Parameters
@@ -83,79 +92,94 @@ class Tracer:
 
         Raises
         ------
-        InputError
+        RefusedPickError
             There is no line at the place: why, and where the nearest one is.
+
+        Notes
+        -----
+        ``send(True)`` stops it: what has been followed so far is returned.
         """
         place = np.asarray(at, dtype=np.float64)
-        standing = self._standing(place, kind)
-        distance_m = standing[1] if standing else float("inf")
+        way = None if toward is None else np.asarray(toward) - place
+        pick = Pick(place, kind, way)
+        standing = self._standing(pick) if kind not in trace.TRACKED_AS else None
         if kind in ("", *trace.TRACKED_AS):
-            self._boxes.load(place[None], AROUND_M)
-            lines = self._tracked()
-            i, picked_as, apart_m = trace.nearest_line(lines, place, kind)
-            if i >= 0 and apart_m < distance_m:
-                way = None if toward is None else np.asarray(toward) - place
-                return (yield from self._follow(lines, i, (place, picked_as, apart_m), way))
-        if standing:
-            one, stops = standing[0], (str(Stop.FADED), str(Stop.FADED))
-            if toward is not None:
-                one, stops = _toward(one, place, np.asarray(toward) - place, stops)
-            crs = self._opened.survey.crs
-            return TracedLine(str(one.kind[0]), one.with_columns(crs=crs), distance_m, stops)
-        raise self._refusal(place, kind)
+            found = yield from follow_ground(self._ground, pick)
+            if found is not None and (standing is None or found.distance_m <= standing.distance_m):
+                return TracedLine(found.kind, self._in_crs(found.lines), found.distance_m, found.stops)
+        if standing is None:
+            raise self._refusal(place, kind)
+        return standing
 
-    def _follow(
-        self, lines: LineSet, i: int, picked: tuple[FloatArray, str, float], way: FloatArray | None
-    ) -> Generator[LineSet, None, TracedLine]:
-        """Find more boxes where the line leads, and track again, until nothing is new there."""
-        place, kind, distance_m = picked
-        one = self._gone_on(lines, i)
+    def bridge(self, lines: LineSet, end: int, stops: tuple[str, str]) -> Trace:
+        """Follow a line (the first of `lines`) on beyond the gap at its start (0) or its end (1), as `trace`.
+
+        The gap is bridged. `stops`: why the line ends where it does.
+
+        Raises
+        ------
+        RefusedPickError
+            No line goes on there within reach of `PICKED_TWICE`.
+        """
+        one, kind = lines.take([0]), str(lines.kind[0])
+        place, onward = self._beyond(one, end)
+        steps = self.trace((place[0], place[1]), kind=kind, toward=(onward[0], onward[1]))
+        said: bool | None = None
         while True:
-            yield one
-            tips, ways = trace.leads(one.xyz)
-            chosen = [k for k in (0, 1) if way is None or float(ways[k] @ way) > 0.0]
-            ahead = np.arange(0.0, SAME_LINE.longest_m + STRIP_M, STRIP_M)[:, None]
-            if not self._boxes.load(np.concatenate([tips[k] + ahead * ways[k] for k in chosen]), STRIP_M):
+            try:
+                said = yield trace.turned_like(_joined(one, steps.send(said).take([0])), one)
+            except StopIteration as stop:
+                new: TracedLine = stop.value
                 break
-            lines = self._tracked()
-            i = trace.nearest_line(lines, place, kind)[0]
-            if i < 0:
-                break
-            one = self._gone_on(lines, i)
-        starts, ends = (str(stop) for stop in trace.stops_of(one.xyz, self._seen))
-        stops = (starts, ends)
-        if way is not None:
-            one, stops = _toward(one, place, way, stops)
-        one = one.with_columns(kind=np.array([kind]))
-        parts = [one, *(lines.take(trace.beside(lines, one.xyz, name)) for name in trace.BESIDE_M)]
-        crs = self._opened.survey.crs
-        whole = LineSet.concatenate([part.with_columns(crs=crs) for part in parts])
-        return TracedLine(kind, whole, distance_m, stops)
+        whole = trace.turned_like(_joined(one, new.lines.take([0])), one)
+        far = new.stops[1] if new.stops[0] == str(Stop.PICKED) else new.stops[0]
+        beside = continued(lines.of_kind("kerb_top"), new.lines.of_kind("kerb_top"))
+        dashes = [part.of_kind("lane_marking_dash") for part in (lines, new.lines)]
+        both = LineSet.concatenate([whole, beside, *dashes])
+        return TracedLine(kind, self._in_crs(both), 0.0, (far, stops[1]) if end == 0 else (stops[0], far))
 
-    def _tracked(self) -> LineSet:
-        """Return all lines through the boxes found so far. [m, world]"""  # noqa: D400
-        return self._method.track(self._boxes.boxes, self._origin, self._seen, self._path)
+    def _in_crs(self, lines: LineSet) -> LineSet:
+        return lines.with_columns(crs=self._opened.survey.crs)
 
-    def _gone_on(self, lines: LineSet, i: int) -> LineSet:
-        """Return a line with those that go on where it ends."""
-        one, rest = lines.take([i]), np.flatnonzero(lines.kind == lines.kind[i])
-        left = [k for k in rest.tolist() if k != i]
-        while left:
-            ends = one.xyz[[0, -1], :2]
-            for k in left:
-                apart = lines.line(k)[[0, -1], None, :2] - ends
-                if np.hypot(apart[..., 0], apart[..., 1]).min() > SAME_LINE.longest_m:
-                    continue
-                joined = continued(one, lines.take([k]), SAME_LINE)
-                if len(joined) == 1:
-                    one, left = joined, [other for other in left if other != k]
-                    break
-            else:
-                break
-        return one
+    def _beyond(self, one: LineSet, end: int) -> tuple[FloatArray, FloatArray]:
+        """Return a place where a line goes on beyond the gap at its end, and the next one along it. [m, world]
 
-    def _standing(self, place: FloatArray, kind: str) -> tuple[LineSet, float] | None:
-        """Return the nearest guardrail, barrier or cable at a place, whole, and its distance. [m]"""  # noqa: D400
+        Both (2,).
+        """  # noqa: D400
+        tip, way = (part[end] for part in trace.leads(one.xyz))
+        kind, longest_m = str(one.kind[0]), PICKED_TWICE.longest_m
+        along = np.arange(0.0, longest_m + _BEYOND_M, STRIP_M)
+        if kind in trace.TRACKED_AS:
+            corridor = Corridor(self._ground.boxes)
+            corridor.load(tip + along[:, None] * way, STRIP_M + _FAN * along)
+            lines = self._ground.lines(corridor)
+            lines = lines.take(np.isin(lines.kind, trace.TRACKED_AS[kind])).with_columns(kind=kind)
+        else:
+            pieces = self._rails if kind in RAIL_KINDS else self._cables
+            lines = pieces.lines_about(tip + along[:, None] * way).of_kind(kind)
+        best: tuple[float, FloatArray] | None = None
+        for i in range(len(lines)):
+            other = lines.line(i)[:, :2]
+            ahead = (other - tip) @ way
+            if ahead.max() < trace.PICK_M or not trace.may_go_on(one.xyz, lines.line(i), longest_m):
+                continue
+            if len(continued(one, lines.take([i]))) > 1:
+                continue
+            beyond = other[ahead > 0.0]
+            beyond = beyond if (beyond[-1] - beyond[0]) @ way >= 0.0 else beyond[::-1]
+            gap_m = float(np.hypot(*(beyond[0] - tip)))
+            if len(beyond) > 1 and (best is None or gap_m < best[0]):
+                best = gap_m, beyond
+        if best is None:
+            raise RefusedPickError(
+                f"no {kind} goes on", f"within {longest_m:.0f} m beyond {tip[0]:.2f},{tip[1]:.2f}",
+                where=self._opened.survey.name, advice="pick a place on the line further on",
+            )  # fmt: skip
+        return best[1][min(1, len(best[1]) - 2)], best[1][-1]
+
+    def _standing(self, pick: Pick) -> TracedLine | None:
+        """Return the nearest guardrail, barrier or cable at a place, whole."""
+        place, kind = pick.place, pick.kind
         near = Bounds(*place, *place).grown(HANGS_M)
         points = self._opened.points.points(near, ordered=False, with_time=False, with_intensity=False)
         surface = self._surface.over(near)
@@ -172,16 +196,24 @@ class Tracer:
                 one = pieces.line_at(place, PICK_M)
                 if one is not None and kind in ("", str(one[0].kind[0])):
                     found.append(one)
-        return min(found, key=lambda line: line[1]) if found else None
+        if not found:
+            return None
+        line, distance_m = min(found, key=lambda one: one[1])
+        stops = (str(Stop.FADED), str(Stop.FADED))
+        if pick.way is not None:
+            line, stops = toward(line, place, pick.way, stops)
+        return TracedLine(str(line.kind[0]), self._in_crs(line), distance_m, stops)
 
-    def _refusal(self, place: FloatArray, kind: str) -> InputError:
+    def _refusal(self, place: FloatArray, kind: str) -> RefusedPickError:
         """Return why there is no line at a place, and where the nearest one is."""
         near, local = Bounds(*place, *place).grown(AROUND_M), place - self._origin[:2]
         points = self._opened.points.points(near, ordered=False, with_time=False, with_intensity=False)
-        self._boxes.load(place[None], AROUND_M)
-        boxes = self._boxes.boxes
+        corridor = Corridor(self._ground.boxes)
+        corridor.load(place[None], AROUND_M)
+        boxes = corridor.boxes
         boxes = boxes.take(np.hypot(*(boxes.centre[:, :2] - local).T) <= 1.5 * AROUND_M)
-        way = None if self._path is None else self._path - np.asarray(self._origin)
+        path = self._ground.path
+        way = None if path is None else path - np.asarray(self._origin)
         found = Surroundings.of(boxes, way, self._settings.obb.track)
         wanted = kind if kind in trace.TRACKED_AS else ""
         surface = self._surface.over(near)
@@ -194,24 +226,27 @@ class Tracer:
         if reason is None:
             # There is one, but it bounds no carriageway: it stands behind another
             reason, works = Failure.NO_ROAD, None
+        there = None
         if works is not None:
             away_m, (east, north) = np.hypot(*(works[:2] - local)), works[:2] + self._origin[:2]
             advice = f"the nearest line is {away_m:.1f} m away, pick {east:.2f},{north:.2f}"
-        return InputError(
-            f"{reason} within {PICK_M} m of {place[0]:.2f},{place[1]:.2f}",
-            where=self._opened.survey.name, advice=advice,
+            there = float(east), float(north)
+        return RefusedPickError(
+            str(reason), f"within {PICK_M} m of {place[0]:.2f},{place[1]:.2f}",
+            where=self._opened.survey.name, advice=advice, works=there,
         )  # fmt: skip
 
 
-def _toward(
-    one: LineSet, place: FloatArray, way: FloatArray, stops: tuple[str, str]
-) -> tuple[LineSet, tuple[str, str]]:
-    """Return the piece of a line that leads from a place in a direction."""
-    i = min(max(trace.nearest_vertex(one.xyz[:, :2], place)[0], 1), len(one.xyz) - 2)
-    ahead = one.xyz[min(i + 4, len(one.xyz) - 1), :2] - one.xyz[max(i - 4, 0), :2]
-    if float(ahead @ way) >= 0.0:
-        return trace.part_of(one, slice(i, None)), (str(Stop.PICKED), stops[1])
-    return trace.part_of(one, slice(0, i + 2)), (stops[0], str(Stop.PICKED))
+def _joined(one: LineSet, new: LineSet) -> LineSet:
+    """Return a line with what goes on beyond a gap; as it is where the two do not meet (yet)."""
+    joined = continued(one, new.with_columns(crs=one.crs))
+    return joined if len(joined) == 1 else one
+
+
+def _thinned(path: FloatArray) -> FloatArray:
+    """Return the places of a van's way (n, 3) that are `_PATH_STEP_M` apart or so."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))])
+    return np.asarray(path[np.unique(np.floor(along / _PATH_STEP_M), return_index=True)[1]])
 
 
 def check_kind(kind: str) -> None:

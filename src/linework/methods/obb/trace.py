@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
+
 import numpy as np
 
-from linework.methods.obb.follow import Stop
 from linework.methods.sight import Sight
 from linework.model.arrays import FloatArray, IntArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
@@ -20,6 +21,18 @@ TRACKED_AS = {
 BESIDE_M = {"lane_marking_dash": 0.05, "kerb_top": 0.45}
 #: Whether there is anything to see beyond an end is asked this far on; nearer ends of a line meet. [m]
 _AHEAD_M, _RING_M = 3.0, 1.0
+#: An end this near to a line may be of the same line, found twice. [m]
+_ON_LINE_M = 0.5
+
+
+class Stop(StrEnum):
+    """Why a line goes no further."""
+
+    END_OF_DATA = "the data ends there"
+    FADED = "nothing goes on within the search length, on ground that was seen"
+    RING = "it is back where it began"
+    PICKED = "it was picked there"
+    INTERRUPTED = "it was interrupted there"
 
 
 def nearest_line(lines: LineSet, xy: FloatArray, kind: str = "") -> tuple[int, str, float]:
@@ -71,6 +84,32 @@ def part_of(one: LineSet, vertices: slice) -> LineSet:
     columns = {name: getattr(one, name)[vertices] for name in VERTEX_COLUMNS}
     columns |= {name: getattr(one, name) for name in LINE_COLUMNS}
     return LineSet.from_lines([one.xyz[vertices]], crs=one.crs, **columns)
+
+
+def may_go_on(line: FloatArray, other: FloatArray, longest_m: float) -> bool:
+    """Return whether another line (k, 3) could continue one (n, 3): an end of it lies ahead, or on the line.
+
+    Quickly, so that few pairs of lines have to be looked at closely: all that continue it are among them.
+    """
+    tips, ways = leads(line)
+    for end in other[[0, -1], :2]:
+        step = end - tips
+        far = np.hypot(*step.T)
+        if np.any((far <= longest_m) & (np.sum(step * ways, axis=1) >= 0.5 * far)):
+            return True
+        if nearest_vertex(line[:, :2], end)[1] <= _ON_LINE_M:
+            return True
+    return False
+
+
+def turned_like(one: LineSet, before: LineSet) -> LineSet:
+    """Return a single line so that it runs as one before it did, most of which it goes over."""
+    ends = before.xyz[[0, -1], :2]
+    i, k = (nearest_vertex(one.xyz[:, :2], end)[0] for end in ends)
+    if i < k or (i == k and float((one.xyz[-1, :2] - one.xyz[0, :2]) @ (ends[1] - ends[0])) >= 0.0):
+        return one
+    columns = {name: getattr(one, name)[::-1] for name in VERTEX_COLUMNS}
+    return one.with_columns(xyz=one.xyz[::-1], **columns)
 
 
 def leads(line: FloatArray) -> tuple[FloatArray, FloatArray]:
