@@ -9,6 +9,7 @@ import numpy as np
 from linework.errors import UsageError
 from linework.lines.continued import SAME_M, Gap, continued
 from linework.lines.edited import ONE_PLACE_M, part_of, rebuilt, reversed_line
+from linework.lines.edited_bridge import bridge
 from linework.model.arrays import AnyArray, FloatArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
@@ -61,10 +62,10 @@ def split(line: LineSet, at: FloatArray) -> LineSet:
     return LineSet.concatenate(parts)
 
 
-def joined(one: LineSet, other: LineSet) -> LineSet:
+def joined(one: LineSet, other: LineSet, others: LineSet | None = None) -> LineSet:
     """Return two lines as one, joined at the ends that are nearest to each other; the gap is bridged.
 
-    It runs the way of `one`, and has the `id` of the longer. Numbers are means by length, words those of `one`
+    Over the gap it runs beside one of `others` (see `bridge`). It runs the way of `one`, and has the `id` of the longer. Numbers are means by length, words those of `one`
     where it has some.
 
     Raises
@@ -79,13 +80,13 @@ def joined(one: LineSet, other: LineSet) -> LineSet:
         )  # fmt: skip
     columns = _merged_columns(one, other)
     along = continued(one, other, _MEETING)
-    whole = along if len(along) == 1 else _bridged(one, other)
+    whole = along if len(along) == 1 else _bridged(one, other, others or LineSet.empty(one.crs))
     if _runs_against(whole, one):
         whole = reversed_line(whole)
     return whole.with_columns(**columns)
 
 
-def _bridged(one: LineSet, other: LineSet) -> LineSet:
+def _bridged(one: LineSet, other: LineSet, others: LineSet) -> LineSet:
     """Return two lines with the nearest of their ends joined by a bridged segment."""
     apart = np.linalg.norm(one.xyz[[0, -1], None, :2] - other.xyz[None, [0, -1], :2], axis=2)
     a, b = (int(v) for v in np.unravel_index(int(np.argmin(apart)), apart.shape))
@@ -106,10 +107,16 @@ def _bridged(one: LineSet, other: LineSet) -> LineSet:
         )  # fmt: skip
     meets = float(np.linalg.norm(head.xyz[-1] - tail.xyz[0])) < ONE_PLACE_M
     kept = part_of(tail, np.arange(int(meets), len(tail.xyz)))
-    columns = {name: np.concatenate([getattr(head, name), getattr(kept, name)]) for name in VERTEX_COLUMNS}
+    between = np.zeros((0, 3)) if str(one.kind[0]) == "cable" else bridge(head.xyz, tail.xyz, others)
+    blank: dict[str, Any] = {"sigma_xy_m": np.nan, "sigma_z_m": np.nan, "bridged": True, "observed": True}
+    columns = {
+        name: np.concatenate([getattr(head, name), np.full(len(between), blank[name]), getattr(kept, name)])
+        for name in VERTEX_COLUMNS
+    }
     if gap_m > SAME_M:
-        columns["bridged"][len(head.xyz) - 1 : len(head.xyz) + 1] = True
-    return rebuilt(one, np.concatenate([head.xyz, kept.xyz]), columns)
+        n = len(head.xyz)
+        columns["bridged"][n - 1 : n + len(between) + 1] = True
+    return rebuilt(one, np.concatenate([head.xyz, between, kept.xyz]), columns)
 
 
 def _merged_columns(one: LineSet, other: LineSet) -> dict[str, AnyArray]:

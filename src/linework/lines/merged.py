@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from linework.lines.places import STEP_M, Places, places_along, runs_of, stretch
 from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
@@ -15,8 +16,6 @@ LIKELY = 3.0
 #: but always within a stripe's width (their own sigmas may leave out what both share), and never beyond half of
 #: the distance of a double line's outer edges. [m]
 SAME_M, APART_M = 0.15, 0.5
-#: Places compared are so far apart along a line. [m]
-STEP_M = 0.25
 #: Neighbouring lines run within this angle of each other. [deg]
 TURN_DEG = 20.0
 #: A stretch that only one method saw is kept from this length; shorter ones are ends that differ. [m]
@@ -25,17 +24,6 @@ LEAST_M = 3.0
 SAME_SHARE = 0.3
 #: Kinds of short pieces that are not cut.
 WHOLE_KINDS = ("lane_marking_dash", "road_marking_other")
-
-
-@dataclass(frozen=True, slots=True)
-class _Places:
-    """Places along lines, every `STEP_M`: (k, 3), unit directions in plan, the line, its sigma, chainage."""
-
-    xyz: FloatArray
-    way: FloatArray
-    line: IntArray
-    chainage_m: FloatArray
-    sigma_m: FloatArray
 
 
 def merged(one: LineSet, other: LineSet) -> LineSet:
@@ -76,7 +64,7 @@ def _merged_kind(one: LineSet, other: LineSet, kind: str) -> list[LineSet]:
     """Return what stays of both sides."""
     if not len(one) or not len(other):
         return [one, other]
-    a, b = _places(one), _places(other)
+    a, b = places_along(one), places_along(other)
     b_of_a, a_of_b = _nearest(a, b), _nearest(b, a)
     contest = _contest(a, b, b_of_a)
     sides = []
@@ -90,27 +78,7 @@ def _merged_kind(one: LineSet, other: LineSet, kind: str) -> list[LineSet]:
     return _joined(sides[0], sides[1])
 
 
-def _places(lines: LineSet) -> _Places:
-    """Return places every `STEP_M` along each line, its ends among them."""
-    found = []
-    for i in range(len(lines)):
-        xyz, sigma = lines.line(i), lines.sigma_xy_m[lines.offsets[i] : lines.offsets[i + 1]]
-        along = _chainage(xyz)
-        n = max(int(np.ceil(along[-1] / STEP_M)), 1) + 1
-        at = np.linspace(0.0, along[-1], n)
-        place = np.stack([np.interp(at, along, column) for column in xyz.T], axis=1)
-        way = np.gradient(place[:, :2], axis=0)
-        way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
-        found.append((place, way, np.full(n, i), at, np.interp(at, along, sigma)))
-    xyz, way, line, at, sigma = (np.concatenate(column) for column in zip(*found, strict=True))
-    return _Places(xyz, way, line.astype(np.int64), at, sigma)
-
-
-def _chainage(xyz: FloatArray) -> FloatArray:
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xyz[:, :2], axis=0), axis=1))])
-
-
-def _nearest(a: _Places, b: _Places) -> IntArray:
+def _nearest(a: Places, b: Places) -> IntArray:
     """Return for each place of `a` the nearest one of `b` of the same direction and feature, -1 where there is none."""
     origin = a.xyz[0, :2]
     tree = cKDTree(b.xyz[:, :2] - origin)
@@ -130,7 +98,7 @@ def _nearest(a: _Places, b: _Places) -> IntArray:
     return np.where(fits[rows, best], there[rows, best], -1).astype(np.int64)
 
 
-def _contest(a: _Places, b: _Places, b_of_a: IntArray) -> _Contest:
+def _contest(a: Places, b: Places, b_of_a: IntArray) -> _Contest:
     """Decide for every two lines that run along each other which of them stays."""
     met = b_of_a >= 0
     pairs, owner = np.unique(
@@ -158,7 +126,7 @@ class _Contest:
 
 
 def _offsets(
-    a: _Places, b: _Places, k: IntArray, stays: BoolArray, n_lines: int, *, in_space: bool
+    a: Places, b: Places, k: IntArray, stays: BoolArray, n_lines: int, *, in_space: bool
 ) -> FloatArray:
     """Return (n_lines, 2): mean and root mean square of the other's offset from each line where that stays."""
     at = np.flatnonzero(k >= 0)[stays]
@@ -172,7 +140,7 @@ def _offsets(
     return np.stack([mean, rms], axis=1)
 
 
-def _kept(lines: LineSet, places: _Places, lost: BoolArray, offsets: FloatArray) -> list[_Piece]:
+def _kept(lines: LineSet, places: Places, lost: BoolArray, offsets: FloatArray) -> list[_Piece]:
     """Return what stays of the lines: whole, or the stretches that are not lost."""
     compared = lines.with_columns(disagreement_mean_m=offsets[:, 0], disagreement_rms_m=offsets[:, 1])
     pieces = []
@@ -185,8 +153,8 @@ def _kept(lines: LineSet, places: _Places, lost: BoolArray, offsets: FloatArray)
         elif str(one.kind[0]) in WHOLE_KINDS:
             pieces += [_Piece(one, is_rest=False)] if gone.mean() < SAME_SHARE else []
         else:
-            runs = [(at[k], at[m]) for k, m in _runs(~gone) if at[m] - at[k] >= LEAST_M]
-            pieces += [_Piece(_stretch(one, start_m, end_m), is_rest=True) for start_m, end_m in runs]
+            runs = [(at[k], at[m]) for k, m in runs_of(~gone) if at[m] - at[k] >= LEAST_M]
+            pieces += [_Piece(stretch(one, start_m, end_m), is_rest=True) for start_m, end_m in runs]
     return pieces
 
 
@@ -256,25 +224,3 @@ def _as_one(line: LineSet, rest: LineSet) -> LineSet:
 def _turned(line: LineSet) -> LineSet:
     columns = {name: getattr(line, name)[::-1] for name in VERTEX_COLUMNS}
     return line.with_columns(xyz=line.xyz[::-1], **columns)
-
-
-def _runs(mask: BoolArray) -> list[tuple[int, int]]:
-    """Return first and last index of each run of True.
-
-    >>> _runs(np.array([True, False, True, True]))
-    [(0, 0), (2, 3)]
-    """
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
-
-
-def _stretch(line: LineSet, start_m: float, end_m: float) -> LineSet:
-    """Return a line from one chainage to another, its vertices and new ones at both ends."""
-    along = _chainage(line.xyz)
-    inside = np.flatnonzero((along > start_m + 1e-6) & (along < end_m - 1e-6))
-    at = np.concatenate([[start_m], along[inside], [end_m]])
-    xyz = np.stack([np.interp(at, along, column) for column in line.xyz.T], axis=1)
-    nearest = np.clip(np.searchsorted(along, at), 0, len(along) - 1)
-    columns = {name: getattr(line, name)[nearest] for name in VERTEX_COLUMNS}
-    columns |= {name: getattr(line, name) for name in LINE_COLUMNS}
-    return LineSet.from_lines([xyz], crs=line.crs, **columns)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -24,6 +24,8 @@ LEAST_M = 2.0
 LONGEST_BAR_M = 12.0
 #: Companions are judged with their lines.
 _COMPANIONS = ("lane_marking_dash", "kerb_top")
+#: Paint at one distance from the van's way, to so much, is in line. [m]
+IN_LINE_M = 0.5
 #: A dash lies within a stripe's width of its line. [m]
 ON_LINE_M = 0.10
 #: Around what is to be seen. [m]
@@ -91,25 +93,62 @@ def unsure_lines(lines: LineSet, way: Way) -> list[Suspect]:
 
     Dashes and kerb tops are not among them: they go with their lines.
     """
-    length_m = lines.length_m
-    found = []
+    length_m, found = lines.length_m, []
+    long_bars = _long_bars(lines, way)
     for i in np.flatnonzero((lines.review == "") & ~np.isin(lines.kind, _COMPANIONS)).tolist():
-        one, sure = lines.take([i]), float(lines.confidence[i])
-        kind, name = str(lines.kind[i]), str(lines.id[i])
+        if any(i in run for run in long_bars):
+            continue
+        xyz, sure = lines.line(i), float(lines.confidence[i])
         suspect = Suspect(
-            type="line", ids=(name,), kind=kind, at=_middle(one.xyz), box=box_of(one.xyz),
-            length_m=float(length_m[i]) * (1.0 - sure), confidence=sure,
+            type="line",
+            ids=(str(lines.id[i]),),
+            kind=str(lines.kind[i]),
+            at=_middle(xyz),
+            box=box_of(xyz),
+            length_m=float(length_m[i]) * (1.0 - sure),
+            confidence=sure,
             reason=f"{100.0 * sure:.0f} % sure over {length_m[i]:.0f} m",
             proposal="accept" if sure >= 0.5 else "reject",
             n_looks=max(float(length_m[i]) / VIEW_M, 1.0),
-        )  # fmt: skip
-        if kind == "road_marking_other" and length_m[i] > LONGEST_BAR_M and _runs_along(one, way):
-            suspect = replace(
-                suspect, proposal="kind", as_kind="lane_marking", confidence=0.0, n_looks=1.0,
-                length_m=float(length_m[i]), reason=f"{length_m[i]:.0f} m is too long for a bar or an arrow",
-            )  # fmt: skip
+        )
         found.append(suspect)
-    return found
+    return found + [_no_bars(lines.take(run)) for run in long_bars]
+
+
+def _no_bars(bars: LineSet) -> Suspect:
+    """Return what is said of paint that was taken for bars, and is a line along the road."""
+    whole_m, longest_m = float(bars.length_m.sum()), float(bars.length_m.max())
+    return Suspect(
+        type="line",
+        ids=tuple(bars.id.tolist()),
+        kind="road_marking_other",
+        at=_middle(bars.line(0)),
+        box=box_of(bars.xyz),
+        # Wrong as what it is, and missing as what it would be
+        length_m=2.0 * whole_m,
+        confidence=0.0,
+        reason=f"{whole_m:.0f} m of paint, up to {longest_m:.0f} m in one, are no bars or arrows",
+        proposal="kind",
+        as_kind="lane_marking",
+    )
+
+
+def _long_bars(lines: LineSet, way: Way) -> list[list[int]]:
+    """Return bars that are too long, those in line with each other together."""
+    length_m = lines.length_m
+    is_bar = (lines.kind == "road_marking_other") & (lines.review == "") & (length_m > LONGEST_BAR_M)
+    rows: list[tuple[float, list[int]]] = []
+    for i in np.flatnonzero(is_bar).tolist():
+        along, left_m = way.offsets(lines.line(i)[[0, -1], :2], VIEW_M)
+        if len(way) and not abs(along[1] - along[0]) > 0.7 * length_m[i]:
+            continue
+        off = float(left_m.mean()) if len(way) else float(i)
+        row = next((row for at, row in rows if abs(at - off) <= IN_LINE_M), None)
+        if row is None:
+            rows.append((off, [i]))
+        else:
+            row.append(i)
+    return [row for _, row in rows]
 
 
 def missing_dashes(lines: LineSet) -> list[Suspect]:
@@ -175,11 +214,3 @@ def _middle(xyz: FloatArray) -> tuple[float, float]:
         float(np.interp(0.5 * along[-1], along, xyz[:, 0])),
         float(np.interp(0.5 * along[-1], along, xyz[:, 1])),
     )
-
-
-def _runs_along(one: LineSet, way: Way) -> bool:
-    """Return whether a line runs along the van's way; True where none is known."""
-    if len(way) == 0:
-        return True
-    along, _ = way.offsets(one.xyz[[0, -1], :2], VIEW_M)
-    return bool(abs(along[1] - along[0]) > 0.7 * float(one.length_m[0]))

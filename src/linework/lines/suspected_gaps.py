@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.lines.along_way import STEP_M, Way
+from linework.lines.edited_parts import LONGEST_GAP_M
 from linework.lines.suspected import VIEW_M, Sight, Suspect, box_of
 from linework.model.arrays import FloatArray
 from linework.model.lines import LineSet
@@ -21,8 +22,6 @@ LEAST_GAP_M = 3.0
 #: How likely it is that a line goes on: between two pieces in line, where a road must have an edge, and where a line
 #: just ends.
 IN_LINE, ALONG_ROAD, JUST_ENDS = 0.9, 0.8, 0.5
-#: Longer gaps are not closed without looking. [m]
-LONGEST_JOIN_M = 60.0
 #: Kinds that are looked at; only where pieces are in line: rails do end.
 _TRACKED = ("lane_marking", "guardrail", "barrier", "fence")
 _ENDS_ANYWHERE = ("guardrail", "barrier", "fence")
@@ -127,7 +126,7 @@ def _gap(
     in_line = abs(left_stop - left_start) <= DRIFT_M + DRIFT_SHARE * length_m
     ids = tuple(end[0] for end in (before, behind) if end is not None)
     tip = before[1] if before is not None else behind[1] if behind is not None else places[0]
-    joins = before is not None and behind is not None and in_line and length_m <= LONGEST_JOIN_M
+    joins = before is not None and behind is not None and in_line and length_m <= LONGEST_GAP_M
     side = "left" if left_start > 0 else "right"
     reason = (
         f"no road boundary on the {side} for {length_m:.0f} m" if kind == "road_boundary"

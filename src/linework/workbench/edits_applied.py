@@ -116,7 +116,8 @@ def _joined(edit: edits.Join, lines: LineSet, _: Given) -> Change:
     both = lines_of(lines, edit.ids)
     if len(both) != 2:
         raise UsageError("a line cannot be joined to itself", where="join", advice="choose two lines")
-    return _edited(edit.action, both, edited_parts.joined(both.take([0]), both.take([1])))
+    others = lines.take((lines.review != "rejected") & ~np.isin(lines.id, both.id))
+    return _edited(edit.action, both, edited_parts.joined(both.take([0]), both.take([1]), others))
 
 
 def _shaped(edit: edits.Shape, lines: LineSet, _: Given) -> Change:

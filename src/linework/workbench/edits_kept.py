@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from linework.errors import UsageError
 from linework.lines.continued import SAME_M, Gap, continued
@@ -16,6 +17,8 @@ from linework.model.lines import LineSet
 
 #: Lines are one with a followed line where they overlap it: no gap is closed unasked. [m]
 _OVERLAPPING = Gap(longest_m=SAME_M, off_deg=5.0, turn_deg=20.0)
+#: Wires of a line hang further apart than this. [m]
+SAME_WIRE_M = 0.2
 #: Short pieces that are there or not, and never grow together.
 _WHOLE_KINDS = ("lane_marking_dash",)
 
@@ -53,11 +56,15 @@ def kept_change(
                 f"a {one.kind[0]} does not continue a {continues.kind[0]}", where="keep",
                 advice="follow the kind of the line",
             )  # fmt: skip
-        one = joined(continues, one)
+        others = lines.take((lines.review != "rejected") & (lines.id != continues.id[0]))
+        one = joined(continues, one, others)
         gone += np.flatnonzero(lines.id == continues.id[0]).tolist()
-    one, absorbed = _grown(one, lines, gone)
+    if str(one.kind[0]) == "cable":
+        absorbed = _same_wire(one, lines)
+    else:
+        one, absorbed = _grown(one, lines, gone)
     new = [one]
-    gone += absorbed
+    gone += absorbed + _mistaken(one, lines)
     for kind in BESIDE_M:
         others = trace.of_kind(kind)
         for k in beside(others, trace.line(0)[first : last + 1], kind).tolist() if len(others) else []:
@@ -69,6 +76,31 @@ def kept_change(
             new, gone = [*new, companion], gone + absorbed
     before = lines.take(np.array(gone, dtype=np.int64))
     return Change("keep", before, reviewed(LineSet.concatenate(new), "drawn"))
+
+
+def _same_wire(one: LineSet, lines: LineSet) -> list[int]:
+    """Return cables that hang where one does: wires above one another are others."""
+    tree, found = cKDTree(stations_of(one.xyz)), []
+    for k in np.flatnonzero((lines.kind == "cable") & (lines.review != "rejected")).tolist():
+        distance, _ = tree.query(lines.line(k), distance_upper_bound=SAME_WIRE_M)
+        if np.isfinite(distance).mean() > 0.5:
+            found.append(k)
+    return found
+
+
+def stations_of(xyz: FloatArray) -> FloatArray:
+    """Return places (k, 3) along a line, `SAME_WIRE_M` apart at most."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xyz, axis=0), axis=1))])
+    at = np.linspace(0.0, along[-1], int(np.ceil(along[-1] / SAME_WIRE_M)) + 1)
+    return np.stack([np.interp(at, along, column) for column in xyz.T], axis=1)
+
+
+def _mistaken(one: LineSet, lines: LineSet) -> list[int]:
+    """Return what was taken for bars and arrows, and is paint of a line."""
+    if str(one.kind[0]) != "lane_marking":
+        return []
+    bars = _touching(one.with_columns(kind=np.array(["road_marking_other"])), lines, [])
+    return [k for k in bars.tolist() if _is_on(lines.line(k)[:, :2], one.xyz[:, :2]).mean() > 0.5]
 
 
 def _grown(one: LineSet, lines: LineSet, gone: list[int]) -> tuple[LineSet, list[int]]:

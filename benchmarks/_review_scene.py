@@ -1,0 +1,135 @@
+"""Simulated streets to review: few points, worn paint, parked cars; their automatic lines; and how wrong lines are."""
+
+import shutil
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from linework.cli.app import main as linework
+from linework.evaluation.chains import Chains
+from linework.evaluation.match import TIE_M, match_chains
+from linework.files.vectors import read_lines
+from linework.methods.kinds import KINDS_OF
+from linework.model.lines import LineSet
+from linework.simulation.draw import draw_scenario
+from linework.simulation.folder import write_survey_folder
+from linework.simulation.simulate import survey_of
+
+LENGTH_M = 1000.0
+#: Seeds draw streets of 2,000 to 19,000 points per metre: these are fewer. Half of the paint is gone everywhere.
+POINTS_PER_M, WEAR = 1500.0, 0.5
+#: Lines are right within this. [m]
+WITHIN_M = 0.10
+#: What extraction from points looks for: nothing else can be missing.
+KINDS = (*KINDS_OF["obb"], *KINDS_OF["radon"])
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A street on disk: its survey, the work folder, and the lines that extraction found."""
+
+    survey: Path
+    work: Path
+    lines: Path
+
+
+def scene_of(seed, folder, points_per_m=POINTS_PER_M, wear=WEAR):
+    """Simulate and extract a street, once for a folder."""
+    scene = Scene(folder / f"survey{seed}", folder / f"work{seed}", folder / f"lines{seed}.gpkg")
+    if not scene.survey.exists():
+        scenario = draw_scenario("urban", seed, LENGTH_M, points_per_m=points_per_m)
+        worn = tuple(replace(m, wear=max(m.wear, wear)) for m in scenario.layout.markings)
+        layout = replace(scenario.layout, markings=worn)
+        write_survey_folder(survey_of(replace(scenario, layout=layout)), scene.survey)
+    if not scene.lines.exists():
+        options = ["-o", str(scene.lines), "--work", str(scene.work), "--method", "auto", "--quiet"]
+        if linework(["extract", str(scene.survey), *options]) != 0:
+            raise RuntimeError(f"seed {seed} could not be extracted")
+    return scene
+
+
+def truth_of(scene):
+    """The right lines of a scene."""
+    return read_lines(scene.survey / "truth.gpkg")
+
+
+def copied(scene):
+    """A copy of the scene's lines that can be edited, in a folder of its own."""
+    folder = Path(tempfile.mkdtemp(prefix="linework-review-"))
+    return Path(shutil.copy(scene.lines, folder / "lines.gpkg"))
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Length in error of one kind: observed truth without a line, and lines without truth. [m]"""
+
+    missing_m: float
+    wrong_m: float
+
+    @property
+    def total_m(self):
+        return self.missing_m + self.wrong_m
+
+
+def matched(lines, truth, kind):
+    """Pieces of the lines and of the truth of one kind: their `Match`, which are right, which found."""
+    origin = np.floor(truth.xyz.min(axis=0))
+    n_dims = 3 if kind == "cable" else 2
+    e, r = (Chains.of(some.of_kind(kind), origin, n_dims) for some in (lines, truth))
+    match = match_chains(e, r, 0.5)
+    return (
+        match,
+        match.e_nearest.distance_m <= WITHIN_M + TIE_M,
+        match.r_nearest.distance_m <= WITHIN_M + TIE_M,
+    )
+
+
+def errors_of(lines, truth):
+    """Errors by kind."""
+    there = lines.take(lines.review != "rejected").with_columns(crs=truth.crs)
+    found = {}
+    for kind in KINDS:
+        match, is_right, is_found = matched(there, truth, kind)
+        missing = match.r_pieces.length_m[match.r_observed & ~is_found].sum()
+        found[kind] = Errors(float(missing), float(match.e_pieces.length_m[~is_right].sum()))
+    return found
+
+
+def right_share(lines, truth):
+    """Share of the length of some lines, each of its kind, that is right."""
+    right = whole = 0.0
+    for kind in dict.fromkeys(lines.kind.tolist()):
+        match, is_right, _ = matched(lines.with_columns(crs=truth.crs), truth, kind)
+        right += float(match.e_pieces.length_m[is_right].sum())
+        whole += float(match.e_pieces.length_m.sum())
+    return right / max(whole, 1e-9)
+
+
+def missing_runs(lines, truth, kind, box, *, least_m=1.0):
+    """Stretches of observed truth in a box that no line covers, longest first: places (k, 3) each."""
+    there = lines.take(lines.review != "rejected").with_columns(crs=truth.crs)
+    match, _, is_found = matched(there, truth, kind)
+    pieces = match.r_pieces
+    xyz = pieces.xyz + np.floor(truth.xyz.min(axis=0))
+    inside = (
+        (xyz[:, 0] >= box.west)
+        & (xyz[:, 0] <= box.east)
+        & (xyz[:, 1] >= box.south)
+        & (xyz[:, 1] <= box.north)
+    )
+    lacks = ~is_found & inside
+    new = np.concatenate([[True], (pieces.line[1:] != pieces.line[:-1]) | (lacks[1:] != lacks[:-1])])
+    runs = np.split(np.arange(len(pieces)), np.flatnonzero(new)[1:])
+    found = [
+        (float((pieces.length_m * match.r_observed)[run].sum()), xyz[run], match.r_observed[run])
+        for run in runs
+        if len(run) and lacks[run[0]]
+    ]
+    return sorted((run for run in found if run[0] >= least_m), key=lambda run: -run[0])
+
+
+def no_lines(crs):
+    """No lines at all."""
+    return LineSet.empty(crs)

@@ -1,0 +1,224 @@
+"""A scripted user of the review queue, who sees the truth where the queue says to look, and acts as a person would."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from benchmarks._review_scene import WITHIN_M, matched, missing_runs, right_share
+from linework.errors import InputError, UsageError
+from linework.lines.edited_words import as_kind
+from linework.model.changes import Change
+from linework.model.lines import LineSet
+from linework.tiling.rail_pieces import distance_m
+from linework.workbench.edits import ChangeOrder
+from linework.workbench.edits_applied import Given, change_of, lines_of
+from linework.workbench.queue import document_of
+
+#: A person takes a line for right that is right over this share.
+RIGHT = 0.8
+#: Vertices are clicked so that the chords between them are this near to the line. [m]
+CHORD_M = 0.05
+#: Drawing is worth it from so many metres for a click.
+LEAST_PER_CLICK_M = 4.0
+#: A person clicks so often in one stretch before giving up.
+TRIES = 2
+
+
+@dataclass
+class User:
+    """Works a queue; every click and every key that changes something is an action."""
+
+    drawing: object
+    truth: LineSet
+    tracer: object
+    most: int
+    n_actions: int = 0
+    told: list = field(default_factory=list)
+
+    @property
+    def left(self):
+        return self.most - self.n_actions
+
+    def settle(self, item):
+        """Do about an item of the queue what a person would do."""
+        before = self.n_actions
+        done = {"line": self._judge, "dashes": self._take_or_leave}.get(item.type, self._fill)(item)
+        self.told.append((item, done, self.n_actions - before))
+
+    def do(self, edit, given=None, cost=1):
+        """Save an edit; it costs actions."""
+        order = ChangeOrder.model_validate({"revision": self.drawing.revision, "edit": edit})
+        self.save(change_of(order.edit, self.drawing.lines, given or Given()), cost)
+
+    def save(self, change: Change, cost=1):
+        self.drawing.commit(change, who="scripted", based_on=self.drawing.revision)
+        self.n_actions += cost
+
+    def _judge(self, item):
+        """Accept or reject a line, or take what it is proposed to be."""
+        line = lines_of(self.drawing.lines, item.ids)
+        if item.as_kind and right_share(as_kind(line, item.as_kind), self.truth) >= RIGHT:
+            self.do(document_of(item)["proposal"])
+            return "taken"
+        is_right = right_share(line, self.truth) >= 0.5
+        self.do({"action": "accept" if is_right else "reject", "ids": list(item.ids)})
+        return "accepted" if is_right else "rejected"
+
+    def _take_or_leave(self, item):
+        """Take what is proposed if what comes of it is right."""
+        if self._proposed(item):
+            self.do(document_of(item)["proposal"])
+            return "taken"
+        self.do({"action": "dismiss", "key": item.key})
+        return "dismissed"
+
+    def _proposed(self, item):
+        """Whether a proposal would be right: what it adds."""
+        proposal = document_of(item)["proposal"]
+        if proposal is None:
+            return False
+        order = ChangeOrder.model_validate({"revision": 0, "edit": proposal})
+        try:
+            change = change_of(order.edit, self.drawing.lines, Given())
+        except UsageError:
+            return False
+        new = added(change)
+        return len(new) > 0 and right_share(new, self.truth) >= RIGHT
+
+    def _fill(self, item):
+        """Join, follow, or draw what is missing."""
+        runs = missing_runs(self.drawing.lines, self.truth, item.kind, item.box)
+        if not runs:
+            self.do({"action": "dismiss", "key": item.key})
+            return "dismissed: nothing is missing"
+        if self._proposed(item):
+            self.do(document_of(item)["proposal"])
+            return "joined"
+        length_m, xyz, observed = runs[0]
+        seen = np.flatnonzero(observed)
+        for k in range(TRIES):
+            if self.left <= 0:
+                return "out of actions"
+            place = xyz[seen[(2 * k + 1) * len(seen) // (2 * TRIES)]]
+            if self._followed(item.kind, place):
+                return f"followed {length_m:.0f} m"
+        return self._draw(item, xyz[seen[0] : seen[-1] + 1], length_m)
+
+    def _followed(self, kind, place):
+        """Click on the line; keep what grows from there as far as it is right."""
+        self.n_actions += 1
+        steps = self.tracer.trace((float(place[0]), float(place[1])), kind=kind)
+        try:
+            while True:
+                next(steps)
+        except StopIteration as end:
+            traced = end.value
+        except InputError:
+            return False
+        span = self._right_span(traced.lines.take([0]))
+        if span is None or traced.kind != kind:
+            return False
+        kept = line_of(traced.lines.take([0]), *span)
+        if distance_m(kept.xyz[:, :2], place[:2]) > WITHIN_M:
+            return False  # another line grew
+        # Nodes that went wrong are taken back one by one, or the line is trimmed: one more action
+        is_whole = span == (0, int(traced.lines.offsets[1]) - 1)
+        edit = {"action": "keep", "trace": "1", "first": span[0], "last": span[1]}
+        order = ChangeOrder.model_validate({"revision": 0, "edit": edit})
+        change = change_of(order.edit, self.drawing.lines, Given(kept=traced.lines))
+        self.save(change, cost=0 if is_whole else 1)
+        return True
+
+    def _right_span(self, line):
+        """First and last vertex of the longest stretch of a line that is right; None if that is little."""
+        n = int(line.offsets[1])
+        good = np.array(
+            [right_share(line_of(line, i, i + 1), self.truth) >= 0.5 for i in range(n - 1)], dtype=bool
+        ) if n < 40 else self._good_segments(line)  # fmt: skip
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]]))).reshape(-1, 2)
+        # A vertex off here and there is no reason to cut a line
+        merged = []
+        for a, b in edges.tolist():
+            if merged and a - merged[-1][1] <= 3:
+                merged[-1][1] = b
+            else:
+                merged.append([a, b])
+        best = max(merged, key=lambda run: run[1] - run[0], default=None)
+        if best is None or best[1] - best[0] < 1:
+            return None
+        first, last = best
+        if first <= 2:
+            first = 0
+        if last >= n - 3:
+            last = n - 1
+        return first, last
+
+    def _good_segments(self, line):
+        kind = str(line.kind[0])
+        match, is_right, _ = matched(line.with_columns(crs=self.truth.crs), self.truth, kind)
+        along = np.concatenate(
+            [[0.0], np.cumsum(np.linalg.norm(np.diff(line.xyz[:, : match.reference.n_dims], axis=0), axis=1))]
+        )
+        segment = np.clip(
+            np.searchsorted(along, match.e_pieces.chainage_m, side="right") - 1, 0, len(along) - 2
+        )
+        right = np.bincount(segment, weights=match.e_pieces.length_m * is_right, minlength=len(along) - 1)
+        whole = np.bincount(segment, weights=match.e_pieces.length_m, minlength=len(along) - 1)
+        return right >= 0.5 * whole
+
+    def _draw(self, item, xyz, length_m):
+        """Draw what cannot be followed, if a click brings enough."""
+        vertices = simplified(xyz, CHORD_M)
+        if len(vertices) > self.left or length_m < LEAST_PER_CLICK_M * len(vertices):
+            if self.left > 0:
+                self.do({"action": "dismiss", "key": item.key})
+            return f"left: {length_m:.0f} m would take {len(vertices)} clicks"
+        heights = np.column_stack([vertices[:, 2], np.full(len(vertices), np.nan)])
+        edit = {"action": "draw", "kind": item.kind, "xyz": [(float(e), float(n)) for e, n, _ in vertices]}
+        self.do(edit, Given(heights=heights), cost=len(vertices))
+        return f"drew {length_m:.0f} m with {len(vertices)} clicks"
+
+
+def line_of(line, first, last):
+    """A piece of a line as a line."""
+    from linework.lines.edited import trimmed
+
+    return trimmed(line, first, last)
+
+
+def added(change):
+    """What a change adds: of joined lines the piece between them."""
+    if change.action != "join":
+        return change.after
+    whole = change.after
+    flags = whole.bridged.copy()
+    own = np.concatenate([change.before.line(i) for i in range(len(change.before))])
+    is_new = ~np.isin(whole.xyz[:, 0], own[:, 0])
+    ends = np.flatnonzero(flags & ~is_new)
+    new = np.flatnonzero(is_new)
+    if len(new):
+        first, last = max(int(new[0]) - 1, 0), min(int(new[-1]) + 1, len(whole.xyz) - 1)
+    else:
+        gaps = np.hypot(*np.diff(whole.xyz[:, :2], axis=0).T)
+        first = int(np.argmax(gaps))
+        last = first + 1
+    del ends
+    return line_of(whole, first, last)
+
+
+def simplified(xyz, within_m):
+    """Fewest places (k, 3) of a line whose chords are near to it (Douglas and Peucker 1973)."""
+    keep = [0, len(xyz) - 1]
+    stack = [(0, len(xyz) - 1)]
+    while stack:
+        a, b = stack.pop()
+        if b - a < 2:
+            continue
+        way = xyz[b, :2] - xyz[a, :2]
+        step = xyz[a + 1 : b, :2] - xyz[a, :2]
+        off = np.abs(way[0] * step[:, 1] - way[1] * step[:, 0]) / max(float(np.hypot(*way)), 1e-9)
+        k = int(np.argmax(off))
+        if off[k] > within_m:
+            keep.append(a + 1 + k)
+            stack += [(a, a + 1 + k), (a + 1 + k, b)]
+    return xyz[sorted(keep)]

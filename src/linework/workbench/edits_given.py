@@ -1,0 +1,76 @@
+"""What an edit needs beside the lines: heights measured at its places, and the followed line that it keeps."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from linework.errors import UsageError
+from linework.model.arrays import FloatArray
+from linework.workbench.bench import Bench
+from linework.workbench.edits import Draw, EditOrder, Insert, Keep, Move, Place, Vertex, places_of
+from linework.workbench.edits_applied import Given, lines_of
+from linework.workbench.following_kept import kept_trace
+from linework.workbench.heights import heights_at
+
+#: Lines may lead out of a survey, as wires do, by no more than scanners reach. [m]
+REACH_M = 300.0
+#: Heights of the earth's surface, and of what stands on it. [m]
+LOWEST_M, HIGHEST_M = -1_000.0, 10_000.0
+
+
+def check_reach(edit: EditOrder, bounds: tuple[float, float, float, float]) -> None:
+    """Refuse places that are not of this survey.
+
+    Raises
+    ------
+    UsageError
+        With how far away the first of them is.
+    """
+    west, south, east, north = bounds
+    for place in places_of(edit):
+        away_m = max(west - place[0], place[0] - east, south - place[1], place[1] - north)
+        if away_m > REACH_M:
+            raise UsageError(
+                f"the place is {away_m:.0f} m outside the survey, {REACH_M:.0f} m at most",
+                where=edit.action,
+                advice="choose a place on the plan",
+            )
+        if len(place) == 3 and not LOWEST_M <= place[-1] <= HIGHEST_M:
+            raise UsageError(
+                f"a height of {place[-1]:.0f} m is not on this planet",
+                where=edit.action,
+                advice=f"{LOWEST_M:.0f} to {HIGHEST_M:.0f} m",
+            )
+
+
+async def given_for(edit: EditOrder, bench: Bench) -> Given:
+    """Return what an edit needs; heights are measured where it names none.
+
+    Raises
+    ------
+    AbsentError
+        The line, or the followed line, is not there.
+    """
+    if isinstance(edit, Keep):
+        return Given(kept=kept_trace(bench, edit.trace))
+    if not isinstance(edit, Draw | Move | Insert):
+        return Given()
+    places, kind, line = places_of(edit), "", np.zeros((0, 3))
+    if isinstance(edit, Draw):
+        kind = edit.kind
+    else:
+        one = lines_of(bench.drawing.lines, [edit.id])
+        kind, line = str(one.kind[0]), one.xyz
+    heights = np.full((len(places), 2), np.nan)
+    asked = [i for i, place in enumerate(places) if len(place) == 2]
+    if asked:
+        wanted = [(*places[i], _height_near(line, places[i])) for i in asked]
+        heights[asked] = np.column_stack(await bench.pictures.ask(heights_at, kind, wanted))
+    return Given(heights=heights)
+
+
+def _height_near(line: FloatArray, place: Place | Vertex) -> float:
+    """Return how high a line is near a place: of several cables there, that one is meant."""
+    if len(line) == 0:
+        return float("nan")
+    return float(line[int(np.argmin(np.hypot(line[:, 0] - place[0], line[:, 1] - place[1]))), 2])
