@@ -11,7 +11,7 @@ from linework.model.changes import Change, Edit
 from linework.model.lines import LineSet
 from linework.workbench.bench import Bench
 from linework.workbench.jobs_extract import Found
-from linework.workbench.wire import line_documents
+from linework.workbench.routes_edits import changed_document
 
 #: A change of more vertices is not told line by line: pages ask for what they miss when they come to it.
 _MOST_TOLD = 20_000
@@ -40,17 +40,7 @@ def _change(drawn: LineSet, found: Found) -> Change:
 
 
 def _told(bench: Bench, edit: Edit) -> dict[str, Any]:
-    before, after = edit.change.before, edit.change.after
-    if len(after.xyz) > _MOST_TOLD:
+    if len(edit.change.after.xyz) > _MOST_TOLD:
         return {"type": "behind"}
-    stays = set(after.id.tolist())
-    return {
-        "type": "changed",
-        "revision": edit.number,
-        "lines": line_documents(after),
-        "removed": [name for name in before.id.tolist() if name not in stays],
-        "action": edit.change.action,
-        "number": edit.number,
-        "can_undo": bench.drawing.can_undo,
-        "can_redo": bench.drawing.can_redo,
-    }
+    can = {"can_undo": bench.drawing.can_undo, "can_redo": bench.drawing.can_redo}
+    return {"type": "changed", **changed_document(edit, **can)}
