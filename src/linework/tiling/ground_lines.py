@@ -26,6 +26,8 @@ AROUND_M = 16.0
 STRIP_M = 4.0
 #: While a line grows, only where it leads: so far to either side, and so far ahead at a time. [m]
 TIP_M, STEP_M = 1.5, 12.0
+#: Beside a line that has grown so many places are looked at between two steps: 200 m.
+_AT_ONCE = 50
 #: What is less is no growth. [m]
 _LEAST_GROWTH_M = 0.5
 #: A picked line goes on where another is in line with it, over a gap as long as the tracker's longest.
@@ -114,7 +116,13 @@ def follow_ground(ground: Ground, pick: Pick) -> Generator[LineSet, bool | None,
     # Then with all that lies beside it, which says what it is, and where it really ends
     corridor.load(pick.place[None], AROUND_M)
     if grown is not None:
-        corridor.load(_every(grown.xyz[:, :2], STRIP_M), STRIP_M)
+        along = _every(grown.xyz[:, :2], STRIP_M)
+        for first in range(0, len(along), _AT_ONCE):
+            corridor.load(along[first : first + _AT_ONCE], STRIP_M)
+            # Long lines take a while: nothing new is to be seen, but somebody may stop it
+            is_stopped = bool((yield grown)) or is_stopped
+            if is_stopped:
+                break
     one, lines = _whole(ground, corridor, pick)
     while one is not None and not is_stopped:
         is_stopped = bool((yield one if grown is None else trace.turned_like(one, grown)))

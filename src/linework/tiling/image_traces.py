@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.errors import InputError, UsageError
+from linework.errors import AbsentError, InputError, UsageError
 from linework.imaging.rectify import original_pixels, rectified_pixels
 from linework.methods.stereo.picked_edge import (
     KINDS,
@@ -24,6 +24,7 @@ from linework.model.arrays import FloatArray
 from linework.model.images import ImagePair
 from linework.model.lines import LineSet
 from linework.tiling.opened_stereo import OpenedStereo
+from linework.tiling.refused_picks import RefusedPickError
 
 #: Pairs that are kept in memory: going back from the picked pair starts with those just seen.
 _KEPT_PAIRS = 4
@@ -66,10 +67,15 @@ class ImageTracer:
         InputError
             The image is not in the survey, or there is no edge at the pixel: why, and where the nearest one is.
         """
+        return (yield from self.trace_pair(*self._found(image), at_px, kind=kind))
+
+    def trace_pair(
+        self, pair: ImagePair, side: int, at_px: tuple[float, float], *, kind: str = ""
+    ) -> Generator[EdgeStep, bool | None, TracedEdge]:
+        """Follow as `trace` does, from the left (0) or the right (1) image of a pair."""
         if kind not in ("", *KINDS):
             raise UsageError(f"{kind} cannot be picked in images", where="--feature",
                              advice=f"choose from {','.join(KINDS)}")  # fmt: skip
-        pair, side = self._found(image)
         rig = self._opened.series.rig
         camera = (rig.left, rig.right)[side]
         col, row = at_px
@@ -89,6 +95,25 @@ class ImageTracer:
         except PickRefusedError as refused:
             raise self._in_original(refused, side, at_px, name) from refused
         return self._traced(edge)
+
+    def pair(self, number: int) -> ImagePair:
+        """Return a pair that can be used.
+
+        Raises
+        ------
+        AbsentError
+            There is none of this number.
+        """
+        for pair in self._opened.pairs:
+            if pair.number == number:
+                return pair
+        raise AbsentError(f"there is no pair {number}", where=self._opened.survey.name)
+
+    def original(self, step: EdgeStep) -> tuple[FloatArray, FloatArray]:
+        """Return the pixels (n, 2) of a step in the left and the right image as they were taken."""
+        rig, to = self._opened.series.rig, self._opened.rectifier.rig
+        left, right = step.left_px, step.right_px
+        return original_pixels(rig.left, to, left), original_pixels(rig.right, to, right)
 
     def _found(self, image: Path) -> tuple[ImagePair, int]:
         """Return the pair an image is in, and whether it is the left (0) or right (1) one."""
@@ -116,9 +141,9 @@ class ImageTracer:
 
     def _in_original(
         self, refused: PickRefusedError, side: int, at_px: tuple[float, float], name: str
-    ) -> InputError:
+    ) -> RefusedPickError:
         """Return a refusal with the pixels of the image as it was taken."""
-        advice = "pick a pixel on a line"
+        advice, there = "pick a pixel on a line", None
         if refused.works is not None:
             rig = self._opened.series.rig
             camera = (rig.left, rig.right)[side]
@@ -127,7 +152,9 @@ class ImageTracer:
             ]
             away = float(np.hypot(col - at_px[0], row - at_px[1]))
             advice = f"the nearest line is {away:.0f} pixels away, pick {col:.0f},{row:.0f}"
-        return InputError(f"{refused.reason} at {at_px[0]:g},{at_px[1]:g}", where=name, advice=advice)
+            there = float(col), float(row)
+        at = f"at {at_px[0]:g},{at_px[1]:g}"
+        return RefusedPickError(refused.reason, at, where=name, advice=advice, works=there)
 
     def _traced(self, edge: PickedEdge) -> TracedEdge:
         opened, numbers = self._opened, sorted(edge.pixels)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -41,6 +43,7 @@ class KeptTraces:
 
     _traces: dict[str, KeptTrace] = field(default_factory=dict)
     _numbers: itertools.count[int] = field(default_factory=lambda: itertools.count(1))
+    _stop: Callable[[], None] | None = None
 
     def new_id(self) -> str:
         """Return an id that no trace has had."""
@@ -65,6 +68,20 @@ class KeptTraces:
             raise UsageError("the followed line is not at hand any more", where="workbench",
                              advice="follow it again")  # fmt: skip
         return self._traces[trace_id]
+
+    @contextmanager
+    def interruptible(self, stop: Callable[[], None]) -> Iterator[None]:
+        """Let `interrupt` call `stop` for as long as this lasts."""
+        self._stop = stop
+        try:
+            yield
+        finally:
+            self._stop = None
+
+    def interrupt(self) -> None:
+        """Interrupt what is being followed, if anything is."""
+        if self._stop is not None:
+            self._stop()
 
 
 def kept_trace(bench: Bench, trace_id: str) -> LineSet:

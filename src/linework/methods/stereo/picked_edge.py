@@ -49,6 +49,8 @@ class EdgeStep:
         (n, 2) float64: columns and rows in the rectified images.
     stops
         Why it ends in this pair, at either end.
+    course
+        (k, 3) float64 [m, world]: the line as all pairs so far have shown it, not yet smoothed.
     """
 
     number: int
@@ -59,6 +61,7 @@ class EdgeStep:
     left_px: FloatArray
     right_px: FloatArray
     stops: tuple[Stop, Stop]
+    course: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,6 +257,7 @@ def _taken(follow: _Following, view: View, back: Stretch, ahead: Stretch, *, is_
     step = EdgeStep(
         view.number, xyz + follow.drive.origin, sigma[:, 0], sigma[:, 1],
         np.array([v.in_both for v in vertices]), view.pixels(0, xyz), view.pixels(1, xyz), (back.stop, ahead.stop),
+        places_of(follow.course) + follow.drive.origin,
     )  # fmt: skip
     follow.steps.append(step)
     follow.vertices.append(vertices)
