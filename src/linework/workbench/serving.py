@@ -21,6 +21,7 @@ from linework.tiling.steps import Watcher
 from linework.workbench.bench import Bench
 from linework.workbench.connections import settings
 from linework.workbench.desk import Desk
+from linework.workbench.following_turn import warm
 from linework.workbench.guard import Guard
 from linework.workbench.opening import SurveyFacts, open_at_desk, place_at_desk
 from linework.workbench.page_files import page_files
@@ -88,11 +89,13 @@ async def serve(serving: Serving) -> int:
         app = create_app(bench)
         server = _server(serving, bench, app, listener)
         running = asyncio.ensure_future(server.serve([listener]))
-        warming = asyncio.ensure_future(_warm(bench, app))
+        held.callback(asyncio.ensure_future(_warm(bench, app)).cancel)
         await _first(running, stopped)
         server.should_exit = True
         await running
-        await _left(warming)
+        # Jobs and pictures made ahead, too: nobody may reach for the lines when they are closed
+        for task in asyncio.all_tasks() - {asyncio.current_task()}:
+            await _left(task)
         return stopped.result()
 
 
@@ -127,6 +130,8 @@ async def _warm(bench: Bench, app: FastAPI) -> None:
     with contextlib.suppress(LineworkError):
         await bench.tracing.ask(open_at_desk)
     app.state.busy = ""
+    with contextlib.suppress(LineworkError):
+        await warm(bench)
 
 
 def _server(serving: Serving, bench: Bench, app: FastAPI, listener: socket.socket) -> uvicorn.Server:
@@ -167,8 +172,7 @@ async def _first(work: asyncio.Future[Any], stopped: asyncio.Future[int]) -> boo
 async def _left(work: asyncio.Future[Any]) -> None:
     """Give up a work and wait until it has taken that in."""
     work.cancel()
-    with contextlib.suppress(asyncio.CancelledError, LineworkError, RuntimeError):
-        await work
+    await asyncio.wait({work})
 
 
 @contextlib.contextmanager
