@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -59,13 +60,18 @@ def extract(
         Path | None, typer.Option("--report", help="Page (.html) with pictures and tables of the lines.")
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the output.")] = False,
+    forget_reviews: Annotated[
+        bool,
+        typer.Option("--forget-reviews", help="Lose what people said of the lines that are replaced."),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the record of the run as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
 ) -> None:
     """Find the lines in SURVEY and write them.
 
     run.json beside them says what was read, with which settings, and how long it took. An output that exists is not touched without --overwrite. Nothing found is no error: the layers are there
-    and empty. A run that was killed goes on where it was with --resume.
+    and empty. A run that was killed goes on where it was with --resume. Lines that a person accepted, edited, drew
+    or rejected stay as they are when a .gpkg is replaced, unless --forget-reviews is given.
     """
     from linework.cli.progress import open_display
     from linework.files.reserve import reserved_output
@@ -106,6 +112,7 @@ def extract(
         order = asked_order(
             output, recordings.survey, kinds, method, settings, crs=crs, overwrite=overwrite, resume=resume
         )
+        order = replace(order, forget_reviews=forget_reviews)
         record, found = extract_to(order, recordings, folder, executor, steps)
         if report is not None and found is not None:
             with steps.step("write report"):

@@ -7,7 +7,6 @@ import sqlite3
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
 
 from linework.errors import MachineError, StaleError
@@ -24,8 +23,10 @@ from linework.files.drawing_history import (
     displace_versions,
     entries,
     entry_of,
+    judged_versions,
     place_versions,
     stored_lines,
+    utc_now,
 )
 from linework.files.drawing_lines import HeldLines
 from linework.files.drawing_opened import Opened, opened_drawing
@@ -67,7 +68,7 @@ class DrawingFile:
 
     @classmethod
     @contextmanager
-    def opened(cls, path: Path, *, crs: str) -> Iterator[DrawingFile]:
+    def opened(cls, path: Path, *, crs: str, is_held: bool = False) -> Iterator[DrawingFile]:
         """Open the lines of a file for editing, begin a new file where there is none; hold it until the end.
 
         What others did to the file since it was open last becomes one edit, `ELSEWHERE`, by nobody (``who == ""``).
@@ -76,6 +77,8 @@ class DrawingFile:
         ----------
         crs
             What the lines must be in: WKT2, or "local".
+        is_held
+            Whether the caller holds the output already (`reserved_output`).
 
         Raises
         ------
@@ -90,7 +93,7 @@ class DrawingFile:
         MachineError
             It cannot be written to.
         """
-        with opened_drawing(path, crs) as (db, found):
+        with opened_drawing(path, crs, is_held=is_held) as (db, found):
             drawing = cls(path, db, found)
             with sql_errors(path):
                 drawing._take_over(found.elsewhere)
@@ -165,6 +168,12 @@ class DrawingFile:
         """Return the last edits, the newest first, with the ids of their lines only."""
         with self._turn, sql_errors(self.path):
             return entries(self._db, most=most)
+
+    @property
+    def judged(self) -> LineSet:
+        """Lines as they were before people changed, moved or deleted them (see `linework.lines.reviewed.carried`)."""
+        with self._turn, sql_errors(self.path):
+            return stored_lines(self._db, judged_versions(self._db, self._steps), self._crs)
 
     @property
     def undone(self) -> frozenset[int]:
@@ -270,7 +279,7 @@ class DrawingFile:
             new = list(versions) or add_versions(self._db, ids, line_bytes(after))
             place_versions(self._db, new, rows, number)
             touched = tuple(dict.fromkeys([*gone, *ids]))
-            entry = Entry(number, _now(), who, action, undoes, touched, tuple(old), tuple(new))
+            entry = Entry(number, utc_now(), who, action, undoes, touched, tuple(old), tuple(new))
             add_entry(self._db, entry)
         self._held.replace(gone, after)
         for name in gone:
@@ -280,7 +289,3 @@ class DrawingFile:
         self._revision, self._next_line = number, self._next_line + len(after)
         self._steps = self._steps.after(number, action, undoes)
         return Edit(number, entry.time_utc, who, Change(action, before, after), undoes)
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="milliseconds")

@@ -6,6 +6,7 @@ import json
 import sqlite3
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 from linework.files.drawing_pack import packed, unpacked_lines
 from linework.files.drawing_rows import Row
@@ -13,6 +14,8 @@ from linework.model.changes import Change, Edit
 from linework.model.lines import LineSet
 
 UNDO, REDO = "undo", "redo"
+#: Edits that are no person's: their lines may come again.
+EXTRACT = "extract"
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +83,25 @@ def as_edit(db: sqlite3.Connection, entry: Entry, crs: str) -> Edit:
     """Return an edit with its lines."""
     before, after = (stored_lines(db, part, crs) for part in (entry.gone, entry.came))
     return Edit(entry.number, entry.time_utc, entry.who, Change(entry.action, before, after), entry.undoes)
+
+
+def judged_versions(db: sqlite3.Connection, steps: Steps) -> list[int]:
+    """Return the versions of lines that people's edits, as far as they are not taken back, have put out of the way."""
+    known = {entry.number: entry for entry in entries(db)}
+    found: dict[int, None] = {}
+    for number in steps.done:
+        origin = known[number]
+        # An edit that was done again stands for the one that it repeats
+        while origin.undoes:
+            origin = known[origin.undoes]
+        if origin.action != EXTRACT:
+            found |= dict.fromkeys(known[number].gone)
+    return list(found)
+
+
+def utc_now() -> str:
+    """Return the time, as ISO 8601."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,14 +62,16 @@ class Opened:
 
 
 @contextmanager
-def opened_drawing(path: Path, crs: str) -> Iterator[tuple[sqlite3.Connection, Opened]]:
+def opened_drawing(
+    path: Path, crs: str, *, is_held: bool = False
+) -> Iterator[tuple[sqlite3.Connection, Opened]]:
     """Open a drawing, see `DrawingFile.opened`."""
     if path.suffix.lower() != ".gpkg":
         raise UsageError(
             f"cannot edit '{path.suffix}' files", where=path, advice="linework convert makes a .gpkg"
         )
     busy = OutputExistsError("another workbench or run holds it", where=path, advice="end that first")
-    with locked(lock_path(path), busy):
+    with contextlib.nullcontext() if is_held else locked(lock_path(path), busy):
         if not path.exists():
             write_lines(LineSet.empty(crs), path, kinds=KINDS)
         checked_vector_file(path)

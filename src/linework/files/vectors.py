@@ -54,6 +54,7 @@ def write_lines(
     points: VanLog | Sequence[PointLayer] | None = None,
     overwrite: bool = False,
     note: Callable[[str], None] | None = None,
+    finish: Callable[[bytes], bytes] | None = None,
 ) -> None:
     """Write lines; the suffix says the format.
 
@@ -66,6 +67,8 @@ def write_lines(
         (`points_left_out` says so).
     note
         Told the SHA-256 of the verified file before it gets its name.
+    finish
+        Adds tables to the bytes of a GeoPackage before they are written; other formats have none.
 
     Raises
     ------
@@ -99,7 +102,10 @@ def write_lines(
         if note is not None:
             note(hash_file(part))
 
-    publish(path, lambda part: write(lines, part, kinds, **extra), verify_and_note, overwrite=overwrite)
+    added = {"finish": finish} if finish is not None and path.suffix.lower() == ".gpkg" else {}
+    publish(
+        path, lambda part: write(lines, part, kinds, **extra, **added), verify_and_note, overwrite=overwrite
+    )
 
 
 def points_left_out(path: Path, points: VanLog | Sequence[PointLayer] | None) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,13 +38,17 @@ STYLE_TYPES = {"update_time": "DATETIME"}
 
 
 def write_gpkg(
-    lines: LineSet, part: Path, kinds: Sequence[str] = (), points: Sequence[PointLayer] = ()
+    lines: LineSet,
+    part: Path,
+    kinds: Sequence[str] = (),
+    points: Sequence[PointLayer] = (),
+    finish: Callable[[bytes], bytes] | None = None,
 ) -> None:
     """Write lines and points to a new GeoPackage (called through `publish`).
 
     Layers hold the lines of one kind in the set's order; `vertex` holds for every vertex the number of its
     line in the whole set (`line`), the layer and its feature (`layer`, `line_fid`), its place in the line
-    (`vertex`), its sigmas and flags (`observed` for truth only).
+    (`vertex`), its sigmas and flags (`observed` for truth only). `finish` may add to the file's bytes.
     """
     layers, shapes, values = layer_names(lines), geometries(lines), field_values(lines)
     # An empty layer keeps the CRS of a set without lines
@@ -59,7 +63,8 @@ def write_gpkg(
         tables.append(Table(extra.name, extra.fields, places, geometry="POINT"))
     tables.append(Table(VERTEX_TABLE, vertex_table(lines, layers)))
     tables.append(Table(STYLE_TABLE, style_columns(names), key="id", sql_types=STYLE_TYPES))
-    part.write_bytes(geopackage_bytes(tables, lines.crs))
+    content = geopackage_bytes(tables, lines.crs)
+    part.write_bytes(content if finish is None else finish(content))
 
 
 def storable(values: AnyArray) -> AnyArray:

@@ -126,12 +126,14 @@ def _pieces(own: LineSet, left_out: BoolArray, again: BoolArray, by_free: BoolAr
         if not out.any():
             kept.append(one)
             continue
-        n += 1
-        if str(one.kind[0]) in WHOLE_KINDS:
-            kept += [one] if out.mean() < SAME_SHARE else []
-            n -= out.mean() < SAME_SHARE
+        at = places.chainage_m[mine]
+        if str(one.kind[0]) in WHOLE_KINDS or at[-1] < LEAST_M:
+            is_same = out.mean() >= SAME_SHARE
+            kept += [] if is_same else [one]
+            n += bool(is_same)
             continue
-        at, is_again = places.chainage_m[mine], again[mine].mean() >= MOST
+        n += 1
+        is_again = again[mine].mean() >= MOST
         for k, m in runs_of(~out):
             if at[m] - at[k] >= LEAST_M and (not is_again or by_free[mine][k : m + 1].mean() >= MOST):
                 kept.append(stretch(one, float(at[k]), float(at[m])).with_columns(id=[""]))

@@ -20,6 +20,7 @@ from linework.tiling.find import find_lines
 from linework.tiling.outputs import publish_extraction
 from linework.tiling.record import record_path
 from linework.tiling.recordings import Recordings
+from linework.tiling.reviews import with_kept_reviews
 from linework.tiling.settings import RunSettings
 from linework.tiling.steps import Steps
 from linework.tiling.unfinished import describe_run, fingerprint_of, made_here, run_folder
@@ -41,6 +42,8 @@ class Order:
         Replace an output of another run.
     resume
         Go on with a run of the same order that was killed.
+    forget_reviews
+        Lose what people said of the lines that are there.
     """
 
     output: Path
@@ -50,6 +53,7 @@ class Order:
     stereo: StereoMethod | None = None
     overwrite: bool = False
     resume: bool = False
+    forget_reviews: bool = False
 
 
 def extract_to(
@@ -80,12 +84,15 @@ def extract_to(
             recordings, order.methods, order.stereo, run,
             settings=order.settings, executor=executor, steps=steps,
         )  # fmt: skip
-        found = with_log(found, recordings)
+        found, reviews = with_log(found, recordings), None
+        if not order.forget_reviews:
+            found, reviews = with_kept_reviews(found, order.output)
         record = publish_extraction(
             found, order.output, {**order.parameters, "fingerprint": fingerprint},
             overwrite=order.overwrite or order.resume,
             note=lambda sha256: run.journal.note_output(order.output.name, sha256),
             steps=steps,
+            reviews=reviews,
         )  # fmt: skip
     return record, found
 

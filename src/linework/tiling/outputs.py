@@ -13,6 +13,7 @@ from linework.files.vectors import points_left_out, write_lines
 from linework.model.van_log import VanLog
 from linework.tiling.extraction import Extraction
 from linework.tiling.record import record_path, set_aside, versions
+from linework.tiling.reviews import KeptReviews
 from linework.tiling.sources import path_text
 from linework.tiling.steps import Steps
 
@@ -25,6 +26,7 @@ def publish_extraction(
     overwrite: bool = False,
     note: Callable[[str], None] | None = None,
     steps: Steps | None = None,
+    reviews: KeptReviews | None = None,
 ) -> dict[str, Any]:
     """Write the lines and run.json, and return the record.
 
@@ -34,6 +36,8 @@ def publish_extraction(
         All that was asked for and all settings, as they go into the record.
     note
         Told the SHA-256 of the lines' file before it gets its name.
+    reviews
+        What people said of the lines that were there (see `with_kept_reviews`).
 
     Raises
     ------
@@ -48,10 +52,13 @@ def publish_extraction(
     path = record_path(output)
     with steps.step("write lines"), set_aside(path):
         write_lines(
-            extraction.lines, output,
+            reviews.lines if reviews else extraction.lines, output,
             kinds=extraction.kinds, points=extraction.logged, overwrite=overwrite, note=note,
+            finish=reviews.finish if reviews else None,
         )  # fmt: skip
     record = record_of(extraction, output, parameters, steps)
+    if reviews is not None:
+        record["counts"]["reviews"] = dict(reviews.counts)
     write_json(record, path, overwrite=True)
     return record
 
