@@ -113,9 +113,9 @@ def _bridged(one: LineSet, other: LineSet, others: LineSet) -> LineSet:
         name: np.concatenate([getattr(head, name), np.full(len(between), blank[name]), getattr(kept, name)])
         for name in VERTEX_COLUMNS
     }
-    if gap_m > SAME_M:
-        n = len(head.xyz)
-        columns["bridged"][n - 1 : n + len(between) + 1] = True
+    if gap_m > SAME_M and len(between) == 0:
+        # A segment is bridged if an end is
+        columns["bridged"][len(head.xyz) - 1 : len(head.xyz) + 1] = True
     return rebuilt(one, np.concatenate([head.xyz, between, kept.xyz]), columns)
 
 
