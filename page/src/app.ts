@@ -59,7 +59,13 @@ export class App {
   }
 
   emit<K extends keyof Events>(event: K, value: Events[K]): void {
-    for (const listener of this.listeners.get(event) ?? []) (listener as Listener<K>)(value);
+    for (const listener of this.listeners.get(event) ?? []) {
+      try {
+        (listener as Listener<K>)(value);
+      } catch (error) {
+        reportError(error); // a fault of one pane leaves the others working
+      }
+    }
   }
 
   colour(kind: string): string {
@@ -91,15 +97,30 @@ export class App {
   }
 
   async undo(): Promise<void> {
-    await api.undo().then((changed) => this.take(changed), (error) => this.problem(error));
+    await this.wound(api.undo);
   }
 
   async redo(): Promise<void> {
-    await api.redo().then((changed) => this.take(changed), (error) => this.problem(error));
+    await this.wound(api.redo);
+  }
+
+  // What was undone or done again is selected, and looked at
+  private async wound(ask: () => Promise<Changed>): Promise<void> {
+    try {
+      const changed = await ask();
+      this.take(changed);
+      this.select(changed.lines.map(({ id }) => id));
+      const [east, north] = changed.lines[0]?.xyz[0] ?? [];
+      if (east !== undefined && north !== undefined) this.emit("look", { at: [east, north], by: "undo" });
+    } catch (error) {
+      this.problem(error);
+    }
   }
 
   take(changed: Changed): void {
     if (changed.revision <= this.revision) return; // our own change comes twice: as the answer, and live
+    if (changed.revision > this.revision + 1)
+      return void this.reload().catch((error: unknown) => this.problem(error)); // something was missed
     this.revision = changed.revision;
     for (const id of changed.removed) this.lines.delete(id);
     for (const line of changed.lines) this.lines.set(line.id, line);
@@ -108,13 +129,20 @@ export class App {
     this.select(this.selection);
   }
 
+  // Ask for what has happened since; at the beginning for everything
   async reload(): Promise<void> {
-    const all = await api.lines();
-    const removed = [...this.lines.keys()].filter((id) => !all.lines.some((line) => line.id === id));
+    let all = await api.lines(this.revision);
+    let removed = all.removed;
+    if (this.revision === 0 || all.revision < this.revision) {
+      all = this.revision === 0 ? all : await api.lines();
+      const there = new Set(all.lines.map(({ id }) => id));
+      removed = [...this.lines.keys()].filter((id) => !there.has(id));
+    }
     for (const id of removed) this.lines.delete(id);
     for (const line of all.lines) this.lines.set(line.id, line);
     this.revision = all.revision;
     this.emit("lines", { changed: all.lines, removed });
+    this.select(this.selection);
   }
 
   problem(error: unknown): void {

@@ -58,7 +58,8 @@ export class AttributesPane implements Pane {
   }
 
   private row(title: string, buttons: HTMLElement[]): HTMLElement {
-    return element("div", { class: "choice", role: "group", "aria-label": title }, element("h3", {}, title), ...buttons);
+    return element("div", { class: `choice ${title.toLowerCase()}`, role: "group", "aria-label": title },
+      element("h3", {}, title), element("div", {}, ...buttons));
   }
 
   // The same value again takes it away
@@ -99,14 +100,15 @@ function factsOf(lines: Line[]): HTMLElement[] {
   const bridged_m = sum((each) => each.bridged_m);
   if (bridged_m > 0) facts.push(["Bridged", `${bridged_m.toFixed(2)} m`]);
   if (line && lines.length === 1) facts.push(...detailsOf(line));
-  return facts.map(([name, value]) => element("div", {}, element("dt", {}, name), element("dd", {}, value)));
+  return facts.map(([name, value]) =>
+    element("div", { title: `${name}: ${value}` }, element("dt", {}, name), element("dd", {}, value)));
 }
 
 function detailsOf(line: Line): [string, string][] {
   const metres = (value: number | null) => (value === null ? "" : `${value.toFixed(2)} m`);
   const facts: [string, string][] = [
     ["Width", metres(line.width_m)], ["Height", metres(line.height_m)], ["Clearance", metres(line.clearance_m)],
-    ["Sigma in plan", medianOf(line.sigma_xy_m)], ["Sigma in height", medianOf(line.sigma_z_m)],
+    ["σ in plan", medianOf(line.sigma_xy_m)], ["σ in height", medianOf(line.sigma_z_m)],
     ["Confidence", line.confidence.toFixed(2)], ["Review", line.review || "not looked at"],
     ["From", [line.method, line.source].filter(Boolean).join(", ")], ["Id", line.id],
   ];

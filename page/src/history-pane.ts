@@ -44,7 +44,7 @@ export class HistoryPane implements Pane {
     element("span", { class: "number" }, `${record.number}`),
     element("span", { class: "what" }, `${what}, ${n} line${n === 1 ? "" : "s"}`),
     element("span", { class: "who" }, record.who),
-    element("time", { datetime: record.time_utc }, when.toLocaleTimeString()));
+    element("time", { datetime: record.time_utc }, when.toLocaleTimeString([], { hour12: false })));
     return element("li", {}, row);
   }
 }

@@ -7,6 +7,6 @@ export function keyButton(
   key: string, title: string, click: () => void, attributes: Record<string, string | boolean> = {},
 ): HTMLButtonElement {
   return element(
-    "button", { type: "button", ...attributes, click }, element("span", {}, title), element("kbd", {}, shownKey(key)),
+    "button", { type: "button", ...attributes, click }, element("span", {}, title), element("kbd", {}, shownKey(key).replace("Shift ", "⇧")),
   );
 }

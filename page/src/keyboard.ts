@@ -19,7 +19,8 @@ export function nameOf(event: KeyboardEvent): string {
 }
 
 export function shownKey(key: string): string {
-  return key.split("+").map((part) => SHOWN[part] ?? (part.length === 1 ? part.toUpperCase() : part)).join(" ") || "+";
+  if (key === "+") return key;
+  return key.split("+").map((part) => SHOWN[part] ?? (part.length === 1 ? part.toUpperCase() : part)).join(" ");
 }
 
 function isTyping(target: EventTarget | null): boolean {

@@ -6,6 +6,8 @@ import type { LineLayer } from "./line-layer";
 
 const BANDS: [string, number][] = [["none", 0], ["± 2 σ, true to scale", 2], ["± 2 σ, ten times as wide", 20]];
 
+const ROOMY_PX = 1600; // on a narrower window it would hide half of the plan
+
 export function legend(app: App, lines: LineLayer, showPath: (is: boolean) => void): HTMLElement {
   const counts = new Map<string, HTMLElement>();
   const rows = app.survey.kinds.map(({ kind, title }) => kindRow(app, lines, kind, title, counts));
@@ -17,7 +19,7 @@ export function legend(app: App, lines: LineLayer, showPath: (is: boolean) => vo
     },
   }, ...BANDS.map(([title, sigmas]) => element("option", { value: sigmas }, title)));
   app.on("lines", () => count(app, counts));
-  return element("details", { class: "legend", open: true },
+  return element("details", { class: "legend", open: window.innerWidth >= ROOMY_PX },
     element("summary", {}, "Legend"),
     ...rows,
     element("hr"),

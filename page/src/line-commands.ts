@@ -21,8 +21,8 @@ export function lineCommands(app: App, editing: VertexEditing, cursor: () => Pla
     if (line) void app.change({ action, id: line.id });
   };
   return [
-    { title: "Split here", key: "t", can: () => one() !== null, run: () => split(app, editing, cursor()) },
-    { title: "Join two", key: "j", can: () => ids().length === 2, run: () => void join(app) },
+    { title: "Split", key: "t", can: () => one() !== null, run: () => split(app, editing, cursor()) },
+    { title: "Join", key: "j", can: () => ids().length === 2, run: () => void join(app) },
     { title: "Smooth", key: "Shift+s", can: () => one() !== null, run: onOne("smooth") },
     { title: "Reverse", key: "r", can: () => one() !== null, run: onOne("reverse") },
     { title: "Continue", key: "c", can: () => one() !== null, run: () => goOn(app, editing, cursor()) },
@@ -48,7 +48,8 @@ export function bindCommands(app: App, commands: Command[]): void {
 }
 
 const titles: Record<string, string> = {
-  "Split here": "Split at the active vertex, or where the mouse is",
+  Split: "Split at the active vertex, or where the mouse is",
+  Join: "Join the two selected lines",
   Delete: "Remove the active vertex; without one: delete the lines",
   Continue: "Continue from the nearer end: click farther on",
   Restore: "Restore rejected lines",

@@ -36,6 +36,12 @@ export function faded(colour: string, alpha: number): string {
   return `rgba(${red}, ${green}, ${blue}, ${alpha})`;
 }
 
+// Black wires over a dark image would not be seen without an edge of light
+function isDark(colour: string): boolean {
+  const [red = 0, green = 0, blue = 0] = asArray(colour);
+  return 0.299 * red + 0.587 * green + 0.114 * blue < 70;
+}
+
 const measured = (feature: Feature | unknown) => (feature as Feature).get("measured") as Geometry;
 const bridged = (feature: Feature | unknown) => (feature as Feature).get("bridged") as Geometry;
 
@@ -94,7 +100,8 @@ export class LineStyles {
 
   private edgeOf(line: Line): string {
     if (line.review === "accepted") return this.colours.accepted;
-    return line.review === "" ? this.colours.edge : this.colours.edited;
+    if (line.review !== "") return this.colours.edited;
+    return isDark(this.colour(line.kind)) ? "#ffffff" : this.colours.edge;
   }
 
   band(kind: string): Style {

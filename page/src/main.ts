@@ -10,6 +10,7 @@ async function start(): Promise<void> {
   document.title = `${app.survey.name} · linework`;
   shellOf(app);
   await app.reload();
+  await whatCanBeUndone(app);
   api.live(
     (news) => {
       if (news.type === "changed") app.take(news);
@@ -24,7 +25,14 @@ async function start(): Promise<void> {
   document.body.dataset.state = "ready";
 }
 
+async function whatCanBeUndone(app: App): Promise<void> {
+  const records = await api.history();
+  const can_undo = records.some(({ undoes, undone }) => undoes === 0 && !undone);
+  app.emit("undo", { can_undo, can_redo: records.some(({ undone }) => undone) });
+}
+
 start().catch((error: unknown) => {
+  reportError(error);
   const text = error instanceof Error ? error.message : String(error);
   document.body.replaceChildren(element("p", { class: "failed", role: "alert" }, text));
   document.body.dataset.state = "failed";

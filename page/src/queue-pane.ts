@@ -5,7 +5,7 @@ import type { App, Pane } from "./app";
 import { element } from "./element";
 import { keyButton } from "./key-button";
 import type { Box } from "./plan-map";
-import type { QueueItem } from "./types";
+import type { Edit, Line, Place, QueueItem } from "./types";
 
 const TITLES = {
   line: "Unsure line", gap: "Gap", boundary: "No boundary", marking: "No marking", dashes: "Missing dashes",
@@ -19,7 +19,6 @@ export class QueuePane implements Pane {
   private current = "";
   private most = 0; // metres, when the page opened
   private asked = 0;
-  private readonly dismissed = new Set<string>(); // in this session
 
   constructor(private readonly app: App, private readonly show: (box: Box) => void) {
     this.element.append(this.progress, this.buttons(), this.list);
@@ -35,7 +34,8 @@ export class QueuePane implements Pane {
       ["a", "Accept", "Accept the lines, go on", () => void this.settle("accept")],
       ["x", "Reject", "Reject the lines, go on", () => void this.settle("reject")],
       ["y", "Take it", "Take the proposal, go on", () => void this.propose()],
-      ["q", "Dismiss", "Nothing to do here, go on", () => this.dismiss()],
+      ["q", "Dismiss", "Nothing to do here, go on", () => void this.dismiss()],
+      ["Shift+f", "Follow", "Follow what is there, then Enter", () => void this.follow()],
     ];
     return element("div", { class: "actions" }, ...actions.map(([key, title, says, run]) => {
       this.app.keyboard.bind({ keys: [key], title: says, group, run });
@@ -52,7 +52,7 @@ export class QueuePane implements Pane {
     try {
       const items = await api.queue();
       if (asked !== this.asked) return;
-      this.items = items.filter(({ key }) => !this.dismissed.has(key));
+      this.items = items;
       this.draw();
     } catch (error) {
       if (asked === this.asked) this.app.problem(error);
@@ -75,43 +75,45 @@ export class QueuePane implements Pane {
     this.app.emit("look", { at: item.at, by: "queue" });
   }
 
-  // Accept or reject: the item's lines, or without one what is selected
+  // Accept or reject what is selected: mostly the item's own lines
   private async settle(action: "accept" | "reject"): Promise<void> {
-    const item = this.item;
-    const ids = this.app.selection.length > 0 ? this.app.selection : (item?.ids ?? []);
+    const ids = this.app.selection;
     if (ids.length === 0) return this.say("Select a line, or press N for the next in the queue.");
-    const after = this.after();
-    if ((await this.app.change({ action, ids })) && item) this.go(after);
+    const isItem = this.item !== null && ids.every((id) => this.item?.ids.includes(id));
+    if (isItem) await this.done({ action, ids });
+    else await this.app.change({ action, ids });
   }
 
   private async propose(): Promise<void> {
     const proposal = this.item?.proposal ?? null;
-    if (proposal === null) return this.say("There is no proposal here: edit the line, or follow it with F.");
-    const after = this.after();
-    if (await this.app.change(proposal)) this.go(after);
+    if (proposal === null) return this.say("There is no proposal here: follow it with Shift F, or edit the line.");
+    await this.done(proposal);
   }
 
-  private dismiss(): void {
+  private async dismiss(): Promise<void> {
+    if (this.item !== null) await this.done({ action: "dismiss", key: this.item.key });
+  }
+
+  // Follow what the item says is missing, from the end of its line on if it has one; Enter keeps it
+  private async follow(): Promise<void> {
     const item = this.item;
-    if (item === null) return;
-    const after = this.after();
-    this.dismissed.add(item.key);
-    this.items = this.items.filter(({ key }) => key !== item.key);
-    this.go(after);
+    if (item === null) return this.say("Press N for the next in the queue.");
+    const line = item.type === "gap" ? this.app.lines.get(item.ids[0] ?? "") : undefined;
+    this.app.followKind = item.kind;
+    this.app.setTool("follow");
+    await this.app.following.pick(item.at, line && { id: line.id, end: nearerEnd(line, item.at) });
   }
 
-  // What comes after the current one: by key, for the queue is another one when the answer is there
-  private after(): QueueItem | null {
+  // Save what settles the current item, and go on to what came after it: the queue is another one then
+  private async done(edit: Edit): Promise<void> {
     const at = this.items.findIndex(({ key }) => key === this.current);
-    return this.items[at + 1] ?? this.items[0] ?? null;
-  }
-
-  private go(item: QueueItem | null): void {
-    if (item !== null && item.key !== this.current) this.look(item);
-    else {
-      this.current = "";
-      this.draw();
-    }
+    const after = this.items[at + 1]?.key;
+    if ((await this.app.change(edit)) === null) return;
+    await this.refresh();
+    const next = this.items.find(({ key }) => key === after) ?? this.items[Math.max(at, 0)] ?? this.items[0];
+    if (next) return this.look(next);
+    this.current = "";
+    this.draw();
   }
 
   private say(text: string): void {
@@ -148,4 +150,9 @@ export class QueuePane implements Pane {
     if (item.key === this.current) row.setAttribute("aria-current", "true");
     return element("li", {}, row);
   }
+}
+
+function nearerEnd(line: Line, at: Place): "start" | "end" {
+  const away = (vertex: readonly number[] | undefined) => Math.hypot((vertex?.[0] ?? 0) - at[0], (vertex?.[1] ?? 0) - at[1]);
+  return away(line.xyz[0]) < away(line.xyz.at(-1)) ? "start" : "end";
 }

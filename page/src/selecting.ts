@@ -16,6 +16,14 @@ export class Selecting {
     });
     box.on("boxend", () => this.box(box.getGeometry().getExtent(), box.getGeometry().getArea()));
     map.addInteraction(box);
+    app.keyboard.bind({
+      keys: ["Escape"], title: "Select nothing", group: "Edit the selected line",
+      when: () => app.selection.length > 0 && app.following.growth.state === "idle", run: () => app.select([]),
+    });
+    app.keyboard.bind({
+      keys: ["Ctrl+a"], title: "Select all lines in view", group: "Edit the selected line",
+      run: () => this.box(map.getView().calculateExtent(map.getSize()), Infinity),
+    });
   }
 
   // The line nearest to a place, within reach of the mouse; what is rejected only where nothing else is

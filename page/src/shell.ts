@@ -31,7 +31,7 @@ export function shellOf(app: App): void {
   const lists = new Tabs("Review");
   lists.add("Queue", new QueuePane(app, (box) => plan.fit(box)));
   lists.add("History", new HistoryPane(app));
-  lists.add("Extract", new JobPane(app));
+  lists.add("Extract", made(() => new JobPane(app)));
   const attributes = new AttributesPane(app, plan.commands);
   place("side").append(lists.element, attributes.element);
 
@@ -39,18 +39,29 @@ export function shellOf(app: App): void {
   const above = new Tabs("Views above");
   const below = new Tabs("Views below");
   if (app.survey.n_points > 0) {
-    above.add("3-D", new ThreeView(app));
-    below.add("Section", new SectionView(app));
+    above.add("3-D", made(() => new ThreeView(app)));
+    below.add("Section", made(() => new SectionView(app)));
   }
   if (app.survey.n_pairs > 0) {
-    above.add("Stereo", new StereoView(app));
-    below.add("Photolog", new Photolog(app));
+    above.add("Stereo", made(() => new StereoView(app)));
+    below.add("Photolog", made(() => new Photolog(app)));
   }
   const groups = [above, below].filter((group) => group.element.querySelector(".pane") !== null);
   for (const group of groups) wideButton(group);
   place("views").append(...groups.map((group) => group.element));
   place("views").hidden = groups.length === 0;
   place("views").before(splitter(place("work")));
+}
+
+// A view that cannot be made (a browser without WebGL, say) says so in its place; the others work
+function made(make: () => Pane): Pane {
+  try {
+    return make();
+  } catch (error) {
+    reportError(error);
+    const text = error instanceof Error ? error.message : String(error);
+    return { element: element("div", {}, element("p", { class: "empty", role: "alert" }, `This view does not work here: ${text}`)) };
+  }
 }
 
 // One group over the whole height and half of the width: for the stereo view, which needs it
@@ -69,5 +80,3 @@ function wideButton(group: Tabs): void {
   }, "⤢");
   group.row.append(toggle);
 }
-
-export type { Pane };

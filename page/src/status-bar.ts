@@ -19,15 +19,13 @@ export class StatusBar {
       type: "button", class: "dismiss", "aria-label": "Close the message", hidden: true, click: () => this.say("", "info"),
     }, "×");
     this.element.append(this.coordinates(), this.scale(), this.message, dismiss, this.saved);
-    app.on("message", ({ text, kind }) => {
-      this.say(text, kind);
-      dismiss.hidden = kind !== "problem";
-    });
+    app.on("message", ({ text, kind }) => this.say(text, kind));
     app.on("connected", (is) => {
       this.isConnected = is;
       this.tellSaved();
     });
     app.on("saved", ({ waiting, since }) => {
+      if (since !== this.since) this.settled();
       [this.waiting, this.since] = [waiting, since];
       this.tellSaved();
     });
@@ -63,6 +61,11 @@ export class StatusBar {
     if (close) close.hidden = text === "";
   }
 
+  // An edit went well: what was wrong before is over
+  private settled(): void {
+    if (this.message.dataset.kind === "problem") this.say("", "info");
+  }
+
   private tellSaved(): void {
     const { waiting, isConnected, since, saved } = this;
     const edits = `${waiting} edit${waiting === 1 ? "" : "s"}`;
@@ -76,7 +79,7 @@ export class StatusBar {
       saved.textContent = `Saving ${edits} …`;
     } else {
       saved.dataset.state = "saved";
-      saved.textContent = since ? `Saved ${since.toLocaleTimeString()}` : "Everything is saved";
+      saved.textContent = since ? `Saved ${since.toLocaleTimeString([], { hour12: false })}` : "Everything is saved";
     }
   }
 }
