@@ -93,23 +93,15 @@ def test_the_link_is_used_up_and_the_next_one_printed(served_alone):
         (line,) = [line for line in served.stderr if "for another browser: " in line]
         entered = another.get(line.split("for another browser: ")[1].strip())
         assert entered.status_code == 303
+        # J12: the cookie is for this page alone
+        name, *attributes = (part.strip() for part in entered.headers["set-cookie"].split(";"))
+        assert name.startswith(f"linework-{served.port}=")
+        assert {a.lower() for a in attributes} == {"httponly", "path=/", "samesite=strict"}
         assert another.get("/api/survey").status_code == 200
     # The one that was there first still is
     assert served.client.get("/api/survey").status_code == 200
     # A used link in a browser that is in already leads to the page
     assert served.client.get(served.links[0]).headers["location"] == "/"
-
-
-def test_the_cookie_is_for_this_page_alone(served_alone):
-    """J12: HttpOnly, SameSite=Strict, named for the port."""
-    wait_until(lambda: any("for another browser: " in line for line in served_alone.stderr))
-    link = (
-        next(line for line in served_alone.stderr if "for another browser" in line).split(": ", 1)[1].strip()
-    )
-    cookie = httpx.get(link).headers["set-cookie"]
-    name, *attributes = (part.strip() for part in cookie.split(";"))
-    assert name.startswith(f"linework-{served_alone.port}=")
-    assert {a.lower() for a in attributes} == {"httponly", "path=/", "samesite=strict"}
 
 
 def foreign_hosts(port: int) -> list[tuple[str, ...]]:
