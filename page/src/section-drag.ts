@@ -23,14 +23,9 @@ export class SectionDrag {
     return { ...node, x, z, from: node };
   }
 
-  // `first`: of nodes at one place this line's is meant
   press(frame: Frame, nodes: readonly SectionNode[], [px, py]: [number, number], first: string): void {
-    const far = (node: SectionNode): number => {
-      const [x, y] = frame.toPx(node.x, node.z);
-      return Math.hypot(x - px, y - py) - (node.line.id === first ? 2 : 0);
-    };
-    const node = [...nodes].sort((a, b) => far(a) - far(b))[0];
-    if (node && far(node) <= GRAB_PX) {
+    const node = nodeAt(frame, nodes, [px, py], first);
+    if (node) {
       const [x, z] = frame.fromPx(px, py);
       this.drag = { what: "node", node, x: node.x, z: node.z, grip: [node.x - x, node.z - z] };
     } else this.drag = { what: "sight", px, py, centre: [frame.x0, frame.z0] };
@@ -80,6 +75,18 @@ export class SectionDrag {
     const moved = `moved ${signed(node.x - node.from.x)} m across, ${signed(node.z - node.from.z)} m up`;
     return `${title(node.line.kind)}: offset ${signed(node.x)} m${above}; ${moved}`;
   }
+}
+
+// The node that is grabbed at a pixel; `first`: of nodes at one place this line's is meant
+export function nodeAt(
+  frame: Frame, nodes: readonly SectionNode[], [px, py]: [number, number], first: string,
+): SectionNode | null {
+  const far = (node: SectionNode): number => {
+    const [x, y] = frame.toPx(node.x, node.z);
+    return Math.hypot(x - px, y - py) - (node.line.id === first ? 2 : 0);
+  };
+  const nearest = [...nodes].sort((a, b) => far(a) - far(b))[0];
+  return nearest && far(nearest) <= GRAB_PX ? nearest : null;
 }
 
 export const sameNode = (a: SectionNode, b: SectionNode): boolean =>

@@ -8,7 +8,7 @@ import type { App, Pane } from "./app";
 import { Bar } from "./bar";
 import { element } from "./element";
 import { bright, type Colouring, COLOURINGS } from "./ink";
-import { sameNode, SectionDrag } from "./section-drag";
+import { nodeAt, sameNode, SectionDrag } from "./section-drag";
 import { drawSection, Frame, GROUND_SHARE, type Handle, MIDDLE_SHARE } from "./section-drawing";
 import { nodesIn, readingsOf, type SectionNode } from "./section-nodes";
 import { farFrom, middleOf, nextVertex, stationFor, stepped } from "./section-place";
@@ -197,7 +197,12 @@ export class SectionView implements Pane {
   }
 
   private move(event: PointerEvent): void {
-    if (!this.drag.is || event.buttons === 0) return;
+    if (event.buttons === 0) {
+      const over = nodeAt(this.frame(), this.nodes(), this.at(event), this.line?.id ?? "");
+      this.canvas.classList.toggle("over-node", over !== null);
+      return;
+    }
+    if (!this.drag.is) return;
     this.centre = this.drag.move(this.frame(), this.at(event), this.points, event.shiftKey) ?? this.centre;
     this.draw();
   }

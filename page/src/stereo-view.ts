@@ -30,6 +30,7 @@ export class StereoView implements Pane {
   private readonly loading = new Latest();
   private pair: Pair | null = null;
   private loaded = -1; // number of the pair whose images are drawn
+  private place: Place | null = null; // where one looks
   private lines: PairLines | null = null;
   private seen = new Map<number, Seen>(); // of the line that is being followed, pair by pair
   private refused: { pair: number; side: Side; at: Px; works: Px | null } | null = null;
@@ -75,7 +76,7 @@ export class StereoView implements Pane {
   private async appeared(): Promise<void> {
     try {
       if (this.drive.pairs.length === 0) await this.drive.load();
-      const wanted = this.pair ?? this.drive.pairs[0];
+      const wanted = this.pair ?? (this.place && this.drive.seeing(this.place)) ?? this.drive.pairs[0];
       if (wanted) await this.showPair(wanted.number);
     } catch (error) {
       this.app.problem(error);
@@ -83,6 +84,7 @@ export class StereoView implements Pane {
   }
 
   private async seek(place: Place): Promise<void> {
+    this.place = place;
     if (this.drive.playing || this.picked) return;
     const pair = this.drive.seeing(place);
     if (pair) await this.showPair(pair.number);
@@ -211,6 +213,8 @@ export class StereoView implements Pane {
     this.words.title = pair ? `${pair.left}, ${pair.right}` : "";
     this.element.dataset["pair"] = String(pair?.number ?? "");
     const seen = this.seen.get(pair?.number ?? -1);
+    const strokes = Object.values(this.images).map(({ overlay }) => overlay.strokes.length);
+    this.element.dataset["strokes"] = String(Math.min(...strokes));
     this.element.dataset["seen"] = String(seen ? seen.left.length + seen.right.length : 0);
   }
 

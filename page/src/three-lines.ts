@@ -5,12 +5,13 @@ import { LineMaterial } from "three/addons/lines/LineMaterial.js";
 import { LineSegments2 } from "three/addons/lines/LineSegments2.js";
 import { LineSegmentsGeometry } from "three/addons/lines/LineSegmentsGeometry.js";
 
-import { bright } from "./ink";
+import { bright, INK } from "./ink";
 import type { Line, Place, Vertex } from "./types";
 
 // Lines so far away are a few pixels
 const REACH_M = 250;
-const GROWING = "#ffd54a";
+const GROWING = INK.seen;
+const ORDER = ["solid", "dashed", "halo", "chosen", "chosenDashed"]; // the later over the earlier
 
 type Part = { positions: number[]; colours: number[] };
 
@@ -20,8 +21,9 @@ export class SpaceLines {
   private readonly materials = {
     solid: material(2.5, false),
     dashed: material(2.5, true),
-    chosen: material(6, false),
-    chosenDashed: material(6, true),
+    halo: material(8, false), // around what is selected
+    chosen: material(4.5, false),
+    chosenDashed: material(4.5, true),
   };
   drawn: Line[] = [];
 
@@ -29,11 +31,12 @@ export class SpaceLines {
     lines: Iterable<Line>, growing: readonly Line[], path: readonly Vertex[], chosen: readonly string[], at: Place,
     origin: Vertex, colour: (kind: string) => string,
   ): void {
-    const parts = { solid: part(), dashed: part(), chosen: part(), chosenDashed: part() };
+    const parts = { solid: part(), dashed: part(), halo: part(), chosen: part(), chosenDashed: part() };
     this.drawn = [...lines].filter((line) => line.review !== "rejected" && near(line, at));
     for (const line of this.drawn) {
       const wide = chosen.includes(line.id);
       const ink = new Color(bright(colour(line.kind)));
+      if (wide) addRun(line.xyz, new Color(INK.chosen), origin, parts.halo);
       add(line, ink, origin, wide ? parts.chosen : parts.solid, wide ? parts.chosenDashed : parts.dashed);
     }
     for (const line of growing) add(line, new Color(GROWING), origin, parts.chosen, parts.chosenDashed);
@@ -46,7 +49,7 @@ export class SpaceLines {
       geometry.setColors(colours);
       const object = new LineSegments2(geometry, this.materials[name]);
       object.computeLineDistances();
-      object.renderOrder = name.startsWith("chosen") ? 1 : 2;
+      object.renderOrder = ORDER.indexOf(name) + 1;
       object.frustumCulled = false;
       this.group.add(object);
     }

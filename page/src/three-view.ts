@@ -23,7 +23,6 @@ ColorManagement.enabled = false;
 const NAME = "3-D";
 const CLICK_PX = 4;
 const NEAR_PX = 8;
-const EYE = new Vector3(-9, -12, 9); // from where one looks at a place at first: from behind, the left, and above
 
 export class ThreeView implements Pane {
   readonly element: HTMLElement;
@@ -63,7 +62,7 @@ export class ThreeView implements Pane {
     this.scene.background = new Color(INK.canvas);
     this.scene.add(this.points.group, this.lines.group);
     this.camera.up.set(0, 0, 1);
-    this.camera.position.copy(EYE);
+    this.alongDrive();
     this.shown = new Shown(this.canvas, () => this.appeared(), () => this.resized());
     this.listen();
   }
@@ -152,7 +151,7 @@ export class ThreeView implements Pane {
   private alongDrive(): void {
     const station = nearestOn(this.app.survey.path, [this.target[0], this.target[1]])?.station;
     const heading = ((station?.heading_deg ?? 0) * Math.PI) / 180;
-    this.eye(new Vector3(-14 * Math.sin(heading), -14 * Math.cos(heading), 5));
+    this.eye(new Vector3(-14 * Math.sin(heading), -14 * Math.cos(heading), 7));
   }
 
   private toSelection(): void {
