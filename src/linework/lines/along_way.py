@@ -52,7 +52,7 @@ class Way:
         behind = np.maximum(np.arange(len(at)) - n, 0)
         way = places[ahead] - places[behind]
         way /= np.maximum(np.hypot(*way.T), 1e-9)[:, None]
-        first = _first_time(places)
+        first = _first_time(places, way)
         is_start = np.concatenate([[True], np.diff(np.flatnonzero(first)) > 1])
         left = np.stack([-way[:, 1], way[:, 0]], axis=1)
         return cls(places[first], left[first], is_start)
@@ -87,11 +87,12 @@ class Way:
         return np.asarray(self.xy[k] + left_m[:, None] * self.left[k])
 
 
-def _first_time(places: FloatArray) -> BoolArray:
-    """Return which places are no nearer than `SAME_ROAD_M` to where the way was long before."""
+def _first_time(places: FloatArray, way: FloatArray) -> BoolArray:
+    """Return which places are no nearer than `SAME_ROAD_M` to where the way was long before, or led back."""
     tree = cKDTree(places - places[0])
     n_away = int(_AWAY_M / STEP_M)
     first = np.ones(len(places), dtype=np.bool_)
     for i, near in enumerate(tree.query_ball_point(places - places[0], SAME_ROAD_M)):
-        first[i] = not any(k < i - n_away and first[k] for k in near)
+        before = np.array([k for k in near if k < i and first[k]], dtype=np.int64)
+        first[i] = not np.any((before < i - n_away) | (way[before] @ way[i] < -0.5))
     return first

@@ -1,0 +1,199 @@
+"""What in a set of lines is worth a look: on made-up roads where it is known what is wrong."""
+
+import numpy as np
+import pytest
+
+from linework.lines.along_way import Way
+from linework.lines.suspected import missing_dashes, ranked, unsure_lines
+from linework.lines.suspected_cables import loose_wires
+from linework.lines.suspected_gaps import gaps
+from linework.model.lines import LineSet
+
+ORIGIN = np.array([500_000.0, 5_800_000.0])
+
+
+def everywhere(xy):
+    return np.ones(len(xy), dtype=bool)
+
+
+def nowhere(xy):
+    return np.zeros(len(xy), dtype=bool)
+
+
+def road(length=200.0, radius=0.0):
+    """A way: straight to the east, or a bend to the left."""
+    s = np.arange(0.0, length, 0.5)
+    xy = (
+        np.column_stack([radius * np.sin(s / radius), radius - radius * np.cos(s / radius)])
+        if radius
+        else np.column_stack([s, 0.0 * s])
+    )
+    return np.column_stack([xy + ORIGIN, np.zeros(len(s))])
+
+
+def beside(path, start, end, left, *, kind="lane_marking", name="", turned=False, **columns):
+    """A line beside a path, from one chainage to another."""
+    way = np.gradient(path[:, :2], axis=0)
+    way /= np.hypot(*way.T)[:, None]
+    s = np.arange(len(path)) * 0.5
+    inside = (s >= start) & (s <= end)
+    xyz = path[inside].copy()
+    xyz[:, :2] += left * np.stack([-way[inside, 1], way[inside, 0]], axis=1)
+    xyz = xyz[::-1] if turned else xyz
+    return LineSet.from_lines([xyz], kind=[kind], id=[name or f"{kind}{start}"], **columns)
+
+
+def cable(start, end, *, left=5.0, up=7.0, name=""):
+    t = np.linspace(start, end, 9)
+    sag = 4.0 * ((t - start) / (end - start) - 0.5) ** 2
+    xyz = np.column_stack([t + ORIGIN[0], np.full(9, left + ORIGIN[1]), up + 0.3 * sag])
+    return LineSet.from_lines([xyz], kind=["cable"], id=[name or f"cable{start}"])
+
+
+def together(*lines):
+    return LineSet.concatenate(lines)
+
+
+def of_type(found, kind):
+    return [s for s in found if s.kind == kind]
+
+
+@pytest.mark.parametrize("radius", [0.0, 80.0])
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_gap_between_two_pieces_of_a_line_is_to_be_joined(radius, turned):
+    path = road(radius=radius)
+    lines = together(beside(path, 0, 80, 1.7, name="a"), beside(path, 110, 200, 1.7, name="b", turned=turned))
+    (gap,) = gaps(lines, Way.of(path), everywhere)
+    assert (gap.type, gap.kind, gap.proposal, gap.ids) == ("gap", "lane_marking", "join", ("a", "b"))
+    assert gap.length_m == pytest.approx(27.0, abs=2.0)
+    assert gap.at == pytest.approx(tuple(lines.line(0)[-1, :2]))
+
+
+def test_what_is_hidden_is_not_missing():
+    path = road()
+    lines = together(beside(path, 0, 80, 1.7), beside(path, 110, 200, 1.7))
+    assert ranked(gaps(lines, Way.of(path), nowhere)) == []
+
+
+def test_a_line_that_ends_in_view_has_no_proposal():
+    path = road()
+    (end,) = ranked(gaps(beside(path, 0, 120, -1.7, name="a"), Way.of(path), everywhere))
+    assert (end.proposal, end.ids) == ("", ("a",))
+    assert end.length_m == pytest.approx(40.0, abs=2.0)
+    assert "ends in view" in end.reason
+
+
+def test_lines_of_another_lane_are_not_the_same_line():
+    path = road()
+    lines = together(beside(path, 0, 80, 1.7, name="a"), beside(path, 90, 200, -1.7, name="b"))
+    assert all(len(gap.ids) == 1 for gap in gaps(lines, Way.of(path), everywhere))
+
+
+def test_of_a_double_line_each_goes_on_as_itself():
+    path = road()
+    parts = [(0, 80, 0.15, "a"), (0, 82, -0.15, "b"), (100, 200, 0.15, "c"), (101, 200, -0.15, "d")]
+    lines = together(*(beside(path, s, e, q, name=name) for s, e, q, name in parts))
+    found = gaps(lines, Way.of(path), everywhere)
+    assert {gap.ids for gap in found} == {("a", "c"), ("b", "d")}
+
+
+def test_a_side_without_a_boundary():
+    path = road()
+    kinds = {"kind": "road_boundary"}
+    lines = together(
+        beside(path, 0, 200, -4.0, **kinds),
+        beside(path, 0, 60, 4.0, **kinds),
+        beside(path, 100, 200, 4.3, **kinds),
+    )
+    (bare,) = gaps(lines, Way.of(path), everywhere)
+    assert (bare.type, bare.proposal) == ("boundary", "join")
+    assert "left" in bare.reason
+    assert bare.length_m == pytest.approx(32.0, abs=2.0)
+
+
+def test_an_accepted_line_may_end():
+    path = road()
+    line = beside(path, 0, 120, -1.7).with_columns(review=np.array(["accepted"]))
+    assert gaps(line, Way.of(path), everywhere) == []
+
+
+def test_without_a_way_nothing_is_missing():
+    path = road()
+    assert gaps(beside(path, 0, 80, 1.7), Way.of(path[:0]), everywhere) == []
+
+
+def test_a_way_driven_twice_is_one_road():
+    path = road()
+    back = path[::-1].copy()
+    back[:, 1] += 3.0
+    assert len(Way.of(np.concatenate([path, back]))) == pytest.approx(200, abs=16)
+
+
+def test_places_come_back_from_their_offsets():
+    way = Way.of(road(radius=60.0))
+    along, left = np.array([20.0, 100.0, 150.0]), np.array([3.0, -4.0, 0.5])
+    places = way.places(along, left)
+    assert way.offsets(places, 25.0)[0] == pytest.approx(along, abs=0.2)
+    assert way.offsets(places, 25.0)[1] == pytest.approx(left, abs=0.05)
+    assert np.isnan(way.offsets(ORIGIN[None] - 500.0, 25.0)[0]).all()
+
+
+def test_long_unsure_lines_come_before_short_and_sure_ones():
+    path = road()
+    lines = together(
+        beside(path, 0, 50, 1.0, name="sure", confidence=[0.99]),
+        beside(path, 0, 10, 2.0, name="short", confidence=[0.3]),
+        beside(path, 0, 50, 3.0, name="worst", confidence=[0.5]),
+        beside(path, 0, 50, 4.0, name="seen", confidence=[0.1], review=["accepted"]),
+    )
+    found = ranked(unsure_lines(lines, Way.of(path)))
+    assert [s.ids[0] for s in found] == ["worst", "short"]
+    assert [s.proposal for s in found] == ["accept", "reject"]
+    assert found[0].length_m == pytest.approx(25.0)
+
+
+def test_bars_that_are_too_long_are_one_thing_to_settle():
+    path = road()
+    bars = [beside(path, s, s + 30, -3.0, kind="road_marking_other", name=f"bar{s}") for s in (0, 50, 100)]
+    arrow = beside(path, 20, 24, 1.0, kind="road_marking_other", name="arrow", confidence=[1.0])
+    (item,) = ranked(unsure_lines(together(*bars, arrow), Way.of(path)))
+    assert item.ids == ("bar0", "bar50", "bar100")
+    assert (item.proposal, item.as_kind) == ("kind", "lane_marking")
+
+
+def test_a_regular_line_lacks_dashes():
+    path = road()
+    line = beside(path, 0, 199, 0.0, name="line", pattern=["dashed"])
+    starts = [k * 9.0 for k in range(22) if k not in (4, 5, 11)]
+    dashes = [beside(path, s, s + 3.0, 0.0, kind="lane_marking_dash", name=f"d{s}") for s in starts]
+    other = beside(path, 36, 39, 3.0, kind="lane_marking_dash", name="elsewhere")
+    (item,) = missing_dashes(together(line, *dashes, other))
+    assert (item.ids, item.proposal) == (("line",), "dashes")
+    assert item.length_m == pytest.approx(9.0, abs=0.1)
+
+
+def test_a_span_is_missing_between_two_wires():
+    lines = together(cable(0, 40, name="a"), cable(80, 120, name="b"))
+    found = loose_wires(lines)
+    between = [s for s in found if len(s.ids) == 2]
+    assert [set(s.ids) for s in between] == [{"a", "b"}]
+    assert between[0].length_m == pytest.approx(36.0)
+    assert len(found) == 3
+
+
+def test_wires_that_go_on_at_their_pole_are_not_loose():
+    lines = together(cable(0, 40), cable(40.3, 80), cable(80.2, 120))
+    assert len(loose_wires(lines)) == 2  # only the outer ends of the whole
+
+
+def test_keys_stay_while_the_thing_is_there():
+    path = road()
+    lines = together(
+        beside(path, 0, 80, 1.7, name="a"),
+        beside(path, 110, 200, 1.7, name="b"),
+        beside(path, 0, 50, -3.0, name="c"),
+    )
+    before = gaps(lines, Way.of(path), everywhere)
+    after = gaps(lines.take([2, 1, 0]), Way.of(path), everywhere)
+    assert {s.key for s in before} == {s.key for s in after}
+    assert len({s.key for s in before}) == len(before)
