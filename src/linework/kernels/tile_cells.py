@@ -175,3 +175,19 @@ def _hand_on(nearest: Array, far: Array, r: int, c: int, from_r: int, from_c: in
     apart = np.float32(d_row * d_row + d_col * d_col)
     if apart < far[r, c]:
         nearest[r, c], far[r, c] = known, apart
+
+
+@njit(cache=True, nogil=True)
+def divided_by(x: Array, y: Array, values: Array, level: Array, node_m: float) -> Array:
+    """Return (n,) uint16 values over the level where they lie, between nodes on a square lattice from 0, 0."""
+    n_rows, n_cols = level.shape
+    out = np.empty(len(values), np.uint16)
+    for i in range(len(values)):
+        fx, fy = x[i] / node_m, y[i] / node_m
+        c = min(max(int(fx), 0), n_cols - 2)
+        r = min(max(int(fy), 0), n_rows - 2)
+        a, b = fx - c, fy - r
+        low = level[r, c] * (1.0 - a) + level[r, c + 1] * a
+        high = level[r + 1, c] * (1.0 - a) + level[r + 1, c + 1] * a
+        out[i] = np.uint16(min(values[i] / (low * (1.0 - b) + high * b), 65535.0))
+    return out

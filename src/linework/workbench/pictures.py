@@ -68,7 +68,12 @@ def patch_reader(table: Table) -> PatchReader | None:
     points = table.recordings.points
     if points is None:
         return None
-    return table.keep("patch reader", lambda: PatchReader(points.points, table.surface))
+
+    def read() -> PatchReader:
+        path = table.recordings.trajectory
+        return PatchReader(points.points, table.surface, None if path is None else path.xyz[:, :2])
+
+    return table.keep("patch reader", read)
 
 
 def tile_cells(table: Table) -> TileCells | None:

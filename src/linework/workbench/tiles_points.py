@@ -10,11 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.files.store_read import PointStore
-from linework.model.arrays import AnyArray, Float32Array
+from linework.model.arrays import AnyArray, Float32Array, FloatArray
 from linework.model.grid import Bounds
 from linework.surface.road import height_above_road
 from linework.tiling.surfaces import SurveySurface
 from linework.workbench.tiles import BLOCK_M, Tile
+from linework.workbench.tiles_brightness import asphalt_level
 
 #: A patch has so many points at most: 20 MB while they are kept, 70 MB while they are read.
 MOST_POINTS = 1_000_000
@@ -35,7 +36,7 @@ class Patch:
     above
         (n,) float32: height above the road [m], NaN where it is not known.
     intensity
-        (n,) uint16 as recorded, 0 where the survey has none.
+        (n,) uint16: asphalt is 1000 where the van's way is known, else as recorded; 0 where the survey has none.
     """
 
     corner: tuple[float, float, float]
@@ -66,10 +67,15 @@ class PatchReader:
     ----------
     surface
         None: no height above the road is known.
+    path
+        (k, 2) places of the van's way [m, world]; none: intensities stay as recorded.
     """
 
-    def __init__(self, store: PointStore, surface: SurveySurface | None) -> None:
+    def __init__(
+        self, store: PointStore, surface: SurveySurface | None, path: FloatArray | None = None
+    ) -> None:
         self.store, self.surface = store, surface
+        self._asphalt = None if surface is None or path is None else asphalt_level(store, surface, path)
         self.z0_m = surface.z0_m if surface is not None else 0.0
         blocks, counts = store.block_counts
         #: Points by number of block.
@@ -128,6 +134,8 @@ class PatchReader:
             for i, origin in enumerate((bounds.west, bounds.south, self.z0_m))
         )
         bright = np.zeros(n, np.uint16) if intensity is None else intensity.astype(np.uint16)
+        if self._asphalt is not None:
+            bright = self._asphalt.normalised(x, y, bright, bounds)
         return Patch((bounds.west, bounds.south, self.z0_m), x, y, z, above, bright)
 
 
