@@ -17,6 +17,7 @@ export interface Events {
   undo: { can_undo: boolean; can_redo: boolean };
   connected: boolean;
   job: import("./types").Job;
+  pictures: { done: number; total: number }; // tiles made ahead
   pair: number; // the stereo pair that is shown
   order: FollowOrder; // a pane asks the one follower of the page (plan and images alike) for something
   follow: FollowNews; // everything the follower hears, as it comes

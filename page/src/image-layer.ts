@@ -22,6 +22,11 @@ export class ImageLayer {
     this.layer.setSource(source);
   }
 
+  // Tiles that were shown in part, since not all below them were made yet, are asked for again
+  again(): void {
+    for (const source of this.sources.values()) source.refresh();
+  }
+
   private sourceOf(name: string): TileImage {
     const { tile_px, origin, resolutions } = this.survey.tiles;
     return new TileImage({

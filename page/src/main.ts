@@ -15,14 +15,23 @@ async function start(): Promise<void> {
     (news) => {
       if (news.type === "changed") app.take(news);
       else if (news.type === "job") app.emit("job", news);
+      else if (news.type === "pictures") app.emit("pictures", news);
       else void app.reload().catch((error: unknown) => app.problem(error));
     },
     (is) => {
       app.emit("connected", is);
+      if (!is) void whyAway(app);
       if (is) void app.reconnected().catch((error: unknown) => app.problem(error));
     },
   );
   document.body.dataset.state = "ready";
+}
+
+// Gone, or started anew: then it knows nothing of this session, and says which link to open
+async function whyAway(app: App): Promise<void> {
+  await api.survey().catch((error: unknown) => {
+    if (error instanceof api.ProblemError && error.status !== 0) app.problem(error);
+  });
 }
 
 async function whatCanBeUndone(app: App): Promise<void> {

@@ -37,6 +37,7 @@ export class PlanView implements Pane {
     this.element.append(this.target);
     this.map = planMap(this.target, app.survey);
     const image = new ImageLayer(app.survey, this.map.getView().getProjection());
+    app.on("pictures", ({ done, total }) => done >= total && image.again());
     const path = vanPath(app.survey.path);
     this.lines = new LineLayer(app);
     this.measuring = new Measuring(app);

@@ -37,18 +37,20 @@ class Ahead:
             self._task = asyncio.create_task(self._run())
 
     async def _run(self) -> None:
-        told_s, done, total = 0.0, 0, 1
+        told_s, done, total, n_made = 0.0, 0, 1, 0
         # Without them there are pictures all the same: whoever asks for one is told what is wrong
         with suppress(LineworkError, RuntimeError):
             while total:
                 while (idle_s := time.monotonic() - self._asked_s) < IDLE_S:
                     await asyncio.sleep(IDLE_S - idle_s)
-                before = done, total
+                before, n_made = total, n_made + 1
                 done, total = await self._bench.pictures.ask(prepare_tiles)
                 if total and time.monotonic() - told_s >= TOLD_S:
                     told_s = time.monotonic()
                     self._tell(done, total)
-            self._tell(before[1], before[1])
+            # The last step makes none: of what was there already nobody need be told
+            if n_made > 1:
+                self._tell(before, before)
 
     def _tell(self, done: int, total: int) -> None:
         self._bench.hub.tell({"type": "pictures", "done": done, "total": total})
