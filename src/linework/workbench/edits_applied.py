@@ -30,7 +30,8 @@ class Given:
     Parameters
     ----------
     heights
-        (k, 2) of the places that it names, in its order: height and its sigma [m]; NaN: nothing was measured there.
+        (k, 2) of the places that it names, in its order: height and its sigma [m]; NaN: nothing was measured there. Of no
+        places: nothing was measured at all.
     kept
         The followed line that it keeps, first, and what runs beside it.
     """
@@ -204,8 +205,9 @@ def _placed(edit: EditOrder, given: Given, line: FloatArray | None) -> tuple[Flo
     UsageError
         There is no height.
     """
-    placed, sigmas = [], []
-    for place, (measured_m, sigma_m) in zip(places_of(edit), given.heights.tolist(), strict=True):
+    placed, sigmas, places = [], [], places_of(edit)
+    heights = given.heights if len(given.heights) else np.full((len(places), 2), np.nan)
+    for place, (measured_m, sigma_m) in zip(places, heights.tolist(), strict=True):
         is_named = len(place) == 3
         height = float(place[-1]) if is_named else measured_m
         if np.isnan(height) and line is not None:

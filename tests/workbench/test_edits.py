@@ -1,0 +1,244 @@
+"""From what a page asks for to what is on the disk: changes of a real drawing, without a server."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from linework.errors import AbsentError, UsageError
+from linework.files.drawing import DrawingFile
+from linework.files.vectors import read_lines
+from linework.model.changes import Change
+from linework.model.lines import LineSet
+from linework.workbench.edits import ChangeOrder, EditOrder
+from linework.workbench.edits_applied import Given, change_of
+from linework.workbench.edits_given import check_reach
+from linework.workbench.edits_kept import kept_change
+
+ORDER = TypeAdapter(EditOrder)
+
+
+@pytest.fixture
+def drawing(drive_lines):
+    crs = read_lines(drive_lines).crs
+    with DrawingFile.opened(drive_lines, crs=crs) as drawing:
+        yield drawing
+
+
+def done(drawing, given=None, **edit):
+    """Save an edit and return it."""
+    change = change_of(ORDER.validate_python(edit), drawing.lines, given or Given())
+    return drawing.commit(change, who="tester", based_on=drawing.revision)
+
+
+def longest(drawing, kind):
+    lines = drawing.lines.of_kind(kind)
+    return str(lines.id[int(np.argmax(lines.length_m))])
+
+
+def with_dashes(drawing):
+    """Put some dashes on a marking, as extraction finds them; return its id."""
+    name = longest(drawing, "lane_marking")
+    xyz = one_of(drawing, name).xyz
+    pieces = [xyz[k : k + 3] for k in (1, 7, 13)]
+    dashes = LineSet.from_lines(pieces, crs=drawing.lines.crs, kind=["lane_marking_dash"] * 3)
+    drawing.commit(Change("extract", LineSet.empty(drawing.lines.crs), dashes), who="")
+    return name
+
+
+def one_of(drawing, name):
+    return drawing.lines.take(drawing.lines.id == name)
+
+
+def test_accepting_a_dashed_line_accepts_its_dashes(drawing):
+    name = with_dashes(drawing)
+    done(drawing, action="accept", ids=[name])
+    dashes = drawing.lines.of_kind("lane_marking_dash")
+    assert one_of(drawing, name).review.tolist() == ["accepted"]
+    assert one_of(drawing, name).confidence.tolist() == [1.0]
+    assert np.count_nonzero(dashes.review == "accepted") == 3
+
+
+def test_a_rejected_kerb_takes_its_top_along_and_comes_back(drawing):
+    name = longest(drawing, "road_boundary")
+    n_tops = np.count_nonzero(drawing.lines.review == "rejected")
+    done(drawing, action="reject", ids=[name])
+    gone = drawing.lines.take(drawing.lines.review == "rejected")
+    assert set(gone.kind.tolist()) == {"road_boundary", "kerb_top"}
+    # Others do not read what is rejected
+    assert name not in read_lines(drawing.path).id.tolist()
+    done(drawing, action="restore", ids=gone.id.tolist())
+    assert np.count_nonzero(drawing.lines.review == "rejected") == n_tops == 0
+
+
+def test_split_and_joined_again(drawing):
+    name = longest(drawing, "road_boundary")
+    before = one_of(drawing, name)
+    place = before.xyz[len(before.xyz) // 3, :2].tolist()
+    edit = done(drawing, action="split", id=name, at=place)
+    parts = edit.change.after
+    assert name in parts.id.tolist()
+    assert len(set(parts.id.tolist())) == 2
+    assert parts.review.tolist() == ["edited", "edited"]
+    done(drawing, action="join", ids=parts.id.tolist())
+    whole = one_of(drawing, name)
+    assert whole.length_m[0] == pytest.approx(before.length_m[0])
+    assert np.array_equal(whole.bridged, before.bridged)
+
+
+def test_a_moved_vertex_takes_the_height_that_was_measured(drawing):
+    name = longest(drawing, "lane_marking")
+    east, north, up = one_of(drawing, name).xyz[2].tolist()
+    given = Given(heights=np.array([[up + 0.05, 0.01]]))
+    done(drawing, given, action="move", id=name, vertex=2, to=[east + 0.1, north])
+    line = one_of(drawing, name)
+    assert line.xyz[2].tolist() == pytest.approx([east + 0.1, north, up + 0.05])
+    assert line.sigma_z_m[2] == pytest.approx(0.01)
+    assert np.isnan(line.sigma_xy_m[2])
+    assert line.review.tolist() == ["edited"]
+
+
+def test_where_nothing_was_measured_a_vertex_is_as_high_as_its_line(drawing):
+    name = longest(drawing, "lane_marking")
+    east, north, up = one_of(drawing, name).xyz[2].tolist()
+    given = Given(heights=np.array([[np.nan, np.nan]]))
+    done(drawing, given, action="insert", id=name, after=2, to=[east + 0.01, north])
+    assert one_of(drawing, name).xyz[3, 2] == pytest.approx(up)
+
+
+def test_a_drawn_line_is_sure_and_says_so(drawing):
+    east, north, _ = drawing.lines.xyz[0].tolist()
+    given = Given(heights=np.array([[30.0, 0.02], [np.nan, np.nan], [32.0, 0.02]]))
+    xyz = [[east, north], [east + 5.0, north], [east + 10.0, north]]
+    (line,) = [done(drawing, given, action="draw", kind="fence", xyz=xyz).change.after]
+    assert (line.review[0], line.method[0], line.confidence[0]) == ("drawn", "drawn", 1.0)
+    assert line.xyz[:, 2].tolist() == pytest.approx([30.0, 31.0, 32.0])
+    # What is drawn stays drawn when it is moved
+    done(drawing, action="move", id=str(line.id[0]), vertex=0, to=[east - 1.0, north, 30.0])
+    assert one_of(drawing, str(line.id[0])).review.tolist() == ["drawn"]
+
+
+def test_another_kind_leaves_no_dashes_behind(drawing):
+    name = with_dashes(drawing)
+    done(drawing, action="kind", ids=[name], kind="road_boundary")
+    assert one_of(drawing, name).kind.tolist() == ["road_boundary"]
+    dashes = drawing.lines.of_kind("lane_marking_dash")
+    assert np.count_nonzero(dashes.review == "rejected") == 3
+
+
+def test_a_dismissal_changes_no_line_and_can_be_undone(drawing):
+    before = drawing.lines
+    edit = done(drawing, action="dismiss", key="gap lane_marking 1 2")
+    assert edit.change.action == "dismiss gap lane_marking 1 2"
+    assert drawing.lines.id.tolist() == before.id.tolist()
+    assert drawing.undo(who="tester") is not None
+
+
+@pytest.mark.parametrize(
+    ("error", "edit"),
+    [
+        (AbsentError, {"action": "accept", "ids": ["nobody"]}),
+        (AbsentError, {"action": "keep", "trace": "1", "first": 0, "last": 3}),
+        (UsageError, {"action": "set", "ids": ["LINE"], "column": "kind", "value": "x"}),
+        (UsageError, {"action": "join", "ids": ["LINE", "LINE"]}),
+        (UsageError, {"action": "draw", "kind": "wall", "xyz": [[0, 0, 0], [1, 0, 0]]}),
+        (UsageError, {"action": "draw", "kind": "fence", "xyz": [[0, 0], [1, 0]]}),
+        (UsageError, {"action": "draw", "kind": "fence", "xyz": [[0, 0, 0], [0, 0, 0]]}),
+        (UsageError, {"action": "dashes", "id": "LINE"}),
+    ],
+)
+def test_what_cannot_be_done_changes_nothing(drawing, error, edit):
+    name = longest(drawing, "road_boundary")
+    filled = {k: name if v == "LINE" else [name if x == "LINE" else x for x in v] if isinstance(v, list) else v
+              for k, v in edit.items()}  # fmt: skip
+    given = Given(heights=np.full((2, 2), np.nan)) if edit["action"] == "draw" else Given()
+    with pytest.raises(error):
+        done(drawing, given, **filled)
+    assert drawing.revision == 0
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        {"action": "explode"},
+        {"action": "accept", "ids": []},
+        {"action": "accept", "ids": ["a"], "more": 1},
+        {"action": "accept", "ids": ["a"] * 10_001},
+        {"action": "move", "id": "a", "vertex": -1, "to": [0, 0]},
+        {"action": "move", "id": "a", "vertex": 0, "to": [float("nan"), 0]},
+        {"action": "move", "id": "a", "vertex": 0, "to": [1e300, 0]},
+        {"action": "move", "id": "a", "vertex": 0, "to": [0]},
+        {"action": "draw", "kind": "fence", "xyz": [[0, 0]]},
+        {"action": "join", "ids": ["a", "b", "c"]},
+        {"action": "dismiss", "key": "x" * 300},
+    ],
+)
+def test_documents_are_checked_at_the_door(edit):
+    with pytest.raises(ValidationError):
+        ChangeOrder.model_validate({"revision": 0, "edit": edit})
+
+
+def test_places_far_from_the_survey_are_refused():
+    bounds = (0.0, 0.0, 100.0, 100.0)
+    check_reach(ORDER.validate_python({"action": "split", "id": "a", "at": [-200, 50]}), bounds)
+    for place in ([-400, 50], [50, 401]):
+        with pytest.raises(UsageError, match="outside the survey"):
+            check_reach(ORDER.validate_python({"action": "split", "id": "a", "at": place}), bounds)
+    order = ORDER.validate_python({"action": "move", "id": "a", "vertex": 0, "to": [0, 0, 20_000]})
+    with pytest.raises(UsageError, match="height"):
+        check_reach(order, bounds)
+
+
+def straight(start, end, *, name="", kind="lane_marking", up=0.0, **columns):
+    t = np.arange(start, end + 0.5)
+    xyz = np.column_stack([t, 0.0 * t, np.full(len(t), up)])
+    return LineSet.from_lines([xyz], kind=[kind], id=[name], **columns)
+
+
+def test_a_kept_line_is_one_with_those_it_runs_over():
+    there = LineSet.concatenate(
+        [
+            straight(0, 30, name="a"),
+            straight(60, 90, name="b"),
+            straight(20, 25, name="c", kind="road_boundary"),
+        ]
+    )
+    change = kept_change(there, straight(25, 70), (0, 45))
+    assert set(change.before.id.tolist()) == {"a", "b"}
+    assert len(change.after) == 1
+    assert change.after.length_m[0] == pytest.approx(90.0)
+    assert change.after.review.tolist() == ["drawn"]
+    assert not change.after.bridged.any()
+
+
+def test_a_kept_line_stays_apart_from_one_that_only_ends_near_it():
+    change = kept_change(straight(0, 30, name="a"), straight(40, 70), (0, 30))
+    assert len(change.before) == 0
+    whole = kept_change(straight(0, 30, name="a"), straight(40, 70), (0, 30), straight(0, 30, name="a"))
+    assert whole.before.id.tolist() == ["a"]
+    assert whole.after.bridged_m[0] == pytest.approx(10.0)
+
+
+def test_of_a_kept_line_only_what_was_asked_for_is_kept():
+    dashes = [straight(s, s + 3, kind="lane_marking_dash") for s in (0, 9, 18, 27)]
+    trace = LineSet.concatenate([straight(0, 30), *dashes])
+    there = straight(9, 12, name="mine", kind="lane_marking_dash")
+    change = kept_change(there, trace, (0, 22))
+    kept = change.after
+    assert kept.of_kind("lane_marking").length_m.tolist() == [22.0]
+    # The dash that was there already is not added again, the last one lies beyond
+    assert kept.of_kind("lane_marking_dash").xyz[::4, 0].tolist() == [0.0, 18.0]
+
+
+def test_wires_above_one_another_are_two():
+    lower = straight(0, 40, name="low", kind="cable", up=6.0)
+    change = kept_change(lower, straight(0, 40, kind="cable", up=7.0), (0, 40))
+    assert len(change.before) == 0
+    again = kept_change(lower, straight(0, 40, kind="cable", up=6.05), (0, 40))
+    assert again.before.id.tolist() == ["low"]
+
+
+def test_paint_that_was_taken_for_bars_goes_when_its_line_is_kept():
+    bar = straight(10, 24, name="bar", kind="road_marking_other")
+    assert kept_change(bar, straight(0, 40), (0, 40)).before.id.tolist() == ["bar"]
