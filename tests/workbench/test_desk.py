@@ -212,3 +212,15 @@ def test_killing_a_desk_many_times_in_the_middle_never_loses_an_answer():
         return await desk.ask(works.add, 1, 2)
 
     assert at_desk(scene) == 3
+
+
+def test_being_cancelled_is_not_forgotten_where_the_process_dies_at_the_same_time():
+    async def scene(desk):
+        asking = asyncio.ensure_future(desk.ask(works.sleep, 60.0))
+        await asyncio.sleep(1.0)
+        desk.kill()
+        asking.cancel()
+        await asyncio.wait({asking})
+        return asking.cancelled()
+
+    assert at_desk(scene)

@@ -42,7 +42,9 @@ class Work:
 
     async def __anext__(self) -> Any:
         try:
-            kind, value = await asyncio.wait_for(self._told.get(), SILENT_S)
+            # Not wait_for: up to Python 3.11 it forgets that it is cancelled where an answer comes at the same time
+            async with asyncio.timeout(SILENT_S):
+                kind, value = await self._told.get()
         except TimeoutError:
             self._desk.kill()
             self.is_over = True
