@@ -16,6 +16,8 @@ export class GrowthCard {
   private bindKeys(): void {
     const { keyboard, following } = this.app;
     const group = "Follow a line";
+    // While a line is followed no key may do something to another one
+    keyboard.only = () => (following.growth.state === "idle" ? null : [group, "Plan", "Tools", "Page"]);
     const is = (...states: Growth["state"][]) => () => states.includes(following.growth.state);
     keyboard.bind({ keys: [" "], title: "Interrupt", group, when: is("growing"), run: () => following.interrupt() });
     keyboard.bind({ keys: ["Enter"], title: "Keep it", group, when: is("growing", "stopped"), run: () => void following.keep() });
@@ -70,8 +72,8 @@ export class GrowthCard {
     this.fill(`${titleOf(this.app, kind)}: ${lengthOf(growth)} m${growth.interrupted ? ", interrupted" : ""}`, whys, [
       keyButton("Enter", "Keep", () => void following.keep(), { class: "main" }),
       ...(["end", "start"] as const).filter((end) => following.canBridge(end)).map(bridge),
-      keyButton("c", "Continue farther on", () => following.goOnFrom("end")),
-      keyButton("Backspace", "Take a node off", () => following.takeOff("end")),
+      keyButton("c", "Continue", () => following.goOnFrom("end")),
+      keyButton("Backspace", "Node off", () => following.takeOff("end")),
       keyButton("Escape", "Cancel", () => following.cancel()),
     ]);
   }

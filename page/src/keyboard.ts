@@ -31,6 +31,8 @@ function isTyping(target: EventTarget | null): boolean {
 
 export class Keyboard {
   readonly bindings: KeyBinding[] = [];
+  // Groups whose keys work just now; null: all of them
+  only: () => readonly string[] | null = () => null;
 
   constructor() {
     window.addEventListener("keydown", (event) => this.pressed(event));
@@ -43,7 +45,10 @@ export class Keyboard {
   private pressed(event: KeyboardEvent): void {
     if (event.defaultPrevented || isTyping(event.target)) return;
     const name = nameOf(event);
-    const found = this.bindings.find(({ keys, when }) => keys.includes(name) && (when?.() ?? true));
+    const only = this.only();
+    const works = ({ keys, group, when }: KeyBinding) =>
+      keys.includes(name) && (only?.includes(group) ?? true) && (when?.() ?? true);
+    const found = this.bindings.find(works);
     if (found === undefined) return;
     // A focused button is pressed by Space and Enter; every other key means the same everywhere
     const focused = event.target instanceof HTMLElement && event.target.closest("button, a, summary, [role=tab]");
