@@ -9,14 +9,14 @@ import { element } from "./element";
 import { bright } from "./ink";
 import { Latest, Shown } from "./shown";
 import { StereoDrive } from "./stereo-drive";
+import { ImageFollowing } from "./stereo-following";
 import { type Px, StereoImage, type Stroke } from "./stereo-image";
 import { SharedSight } from "./stereo-sight";
-import type { FollowNews, Pair, PairLine, PairLines, Place } from "./types";
+import type { Pair, PairLine, PairLines, Place } from "./types";
 
 const NAME = "stereo";
 const SPEEDS = [["1", "1 / s"], ["2", "2 / s"], ["5", "5 / s"], ["10", "10 / s"]] as const;
 type Side = "left" | "right";
-type Seen = Record<Side, Px[]>;
 
 export class StereoView implements Pane {
   readonly element: HTMLElement;
@@ -26,23 +26,23 @@ export class StereoView implements Pane {
   private readonly answer = element("p", { class: "stereo-answer", role: "status" });
   private readonly drive: StereoDrive;
   private readonly sight: SharedSight;
+  private readonly following: ImageFollowing;
   private readonly shown: Shown;
   private readonly loading = new Latest();
   private pair: Pair | null = null;
+  private wanted = -1; // number of the pair that is asked for
   private loaded = -1; // number of the pair whose images are drawn
   private place: Place | null = null; // where one looks
   private lines: PairLines | null = null;
-  private seen = new Map<number, Seen>(); // of the line that is being followed, pair by pair
-  private refused: { pair: number; side: Side; at: Px; works: Px | null } | null = null;
-  private picked: { pair: number; side: Side; at: Px } | null = null;
 
   constructor(private readonly app: App) {
     this.drive = new StereoDrive((pair) => this.go(pair), () => this.tellPlay());
     const { left, right } = this.images;
     this.sight = new SharedSight([left, right], () => this.draw(), (at, image) => this.clicked(at, image));
+    this.following = new ImageFollowing(app, (number) => void this.showPair(number), () => this.draw());
     const bar = new Bar();
     bar.button("◀", "Pair before (Left)", () => this.step(-1));
-    this.play = bar.button("▶▶", "Play along the drive (P)", () => this.toggle());
+    this.play = bar.button("▶▶", "Play along the drive (Shift P)", () => this.toggle());
     bar.button("▶", "Next pair (Right)", () => this.step(1));
     const speed = bar.choice("Pairs per second", SPEEDS, (value) => (this.drive.perSecond = Number(value)));
     speed.value = "2";
@@ -64,9 +64,6 @@ export class StereoView implements Pane {
     app.on("pair", (number) => void this.showPair(number));
     app.on("lines", () => this.loadLines());
     app.on("selection", () => this.draw());
-    app.on("order", () => this.forget());
-    app.on("growing", ({ lines }) => lines.length === 0 && this.seen.size > 0 && this.forget());
-    app.on("follow", (news) => this.heard(news));
     for (const { canvas } of Object.values(this.images)) {
       canvas.addEventListener("dblclick", () => app.tool !== "follow" && this.sight.look(null));
     }
@@ -76,7 +73,7 @@ export class StereoView implements Pane {
   private async appeared(): Promise<void> {
     try {
       if (this.drive.pairs.length === 0) await this.drive.load();
-      const wanted = this.pair ?? (this.place && this.drive.seeing(this.place)) ?? this.drive.pairs[0];
+      const wanted = this.drive.at(this.wanted) ?? (this.place && this.drive.seeing(this.place)) ?? this.drive.pairs[0];
       if (wanted) await this.showPair(wanted.number);
     } catch (error) {
       this.app.problem(error);
@@ -85,14 +82,15 @@ export class StereoView implements Pane {
 
   private async seek(place: Place): Promise<void> {
     this.place = place;
-    if (this.drive.playing || this.picked) return;
+    if (this.drive.playing || this.following.is) return;
     const pair = this.drive.seeing(place);
     if (pair) await this.showPair(pair.number);
   }
 
   private async showPair(number: number): Promise<void> {
+    this.wanted = number;
     const pair = this.drive.at(number);
-    if (!pair) return;
+    if (!pair) return; // not loaded yet: it is shown when the view is
     this.pair = pair;
     if (!this.shown.is) return;
     await this.loading.ask(async () => {
@@ -151,42 +149,14 @@ export class StereoView implements Pane {
     this.play.setAttribute("aria-pressed", String(this.drive.playing));
   }
 
-  private heard(news: FollowNews): void {
-    if (news.type === "seen") {
-      this.seen.set(news.pair, { left: news.left, right: news.right });
-      if (this.picked) void this.showPair(news.pair);
-      return this.draw();
-    }
-    if (news.type === "stopped") this.picked = null;
-    if (news.type !== "refused" || !this.picked) return;
-    this.refused = { ...this.picked, works: news.works_px };
-    this.picked = null;
-    this.answer.textContent = `${news.reason} ${news.advice}`.trim();
-    this.draw();
-  }
-
-  private forget(): void {
-    this.seen = new Map();
-    this.refused = null;
-    this.answer.textContent = "";
-    this.draw();
-  }
-
-  private pick(at: Px, side: Side): void {
-    if (!this.pair) return;
-    this.drive.pause();
-    const pair = this.pair.number;
-    this.app.emit("order", { type: "pick_image", pair, side, at_px: at, kind: this.app.followKind });
-    this.picked = { pair, side, at };
-  }
-
   private draw(): void {
     if (!this.shown.is) return;
+    const number = this.pair?.number ?? -1;
     for (const image of Object.values(this.images)) {
-      const here = this.refused?.pair === this.pair?.number && this.refused?.side === image.side ? this.refused : null;
+      const here = this.following.refusedIn(number, image.side);
       image.overlay = {
-        strokes: this.strokes(this.lines?.number === this.pair?.number ? (this.lines?.[image.side] ?? []) : []),
-        seen: this.seen.get(this.pair?.number ?? -1)?.[image.side] ?? [],
+        strokes: this.strokes(this.lines?.number === number ? this.lines[image.side] : []),
+        seen: this.following.seenIn(number, image.side),
         refused: here?.at ?? null,
         works: here?.works ?? null,
       };
@@ -212,16 +182,18 @@ export class StereoView implements Pane {
     this.words.textContent = pair ? `${pair.chainage_m.toFixed(1)} m · pair ${nth} of ${this.drive.pairs.length}` : "";
     this.words.title = pair ? `${pair.left}, ${pair.right}` : "";
     this.element.dataset["pair"] = String(pair?.number ?? "");
-    const seen = this.seen.get(pair?.number ?? -1);
-    const strokes = Object.values(this.images).map(({ overlay }) => overlay.strokes.length);
-    this.element.dataset["strokes"] = String(Math.min(...strokes));
-    this.element.dataset["seen"] = String(seen ? seen.left.length + seen.right.length : 0);
+    const overlays = Object.values(this.images).map(({ overlay }) => overlay);
+    this.element.dataset["strokes"] = String(Math.min(...overlays.map(({ strokes }) => strokes.length)));
+    this.element.dataset["seen"] = String(overlays.reduce((sum, { seen }) => sum + seen.length, 0));
+    this.answer.textContent = this.following.answer;
   }
 
   private clicked(at: Px, image: StereoImage): void {
     this.element.focus({ preventScroll: true });
     if (this.app.tool === "follow") {
-      if (image.holds(at)) this.pick(at, image.side);
+      if (!this.pair || !image.holds(at)) return;
+      this.drive.pause();
+      this.following.pick(this.pair.number, image.side, at);
       return;
     }
     const id = image.lineAt(at, this.sight.now);
@@ -233,7 +205,7 @@ export class StereoView implements Pane {
     const does: Record<string, () => void> = {
       ArrowLeft: () => this.step(-1),
       ArrowRight: () => this.step(1),
-      p: () => this.toggle(),
+      P: () => this.toggle(),
     };
     const done = does[event.key];
     if (!done) return;

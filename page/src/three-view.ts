@@ -54,7 +54,7 @@ export class ThreeView implements Pane {
       this.points.resize(Number(value));
       this.draw();
     }).value = "2";
-    bar.button("Selection", "Look at the selected line (F)", () => this.toSelection());
+    bar.button("Selection", "Look at the selected line", () => this.toSelection());
     bar.button("From above", "Look straight down", () => this.eye(new Vector3(0, -0.01, 25)));
     bar.button("Along", "Look along the drive", () => this.alongDrive());
     this.words = bar.words();
@@ -62,8 +62,8 @@ export class ThreeView implements Pane {
     this.scene.background = new Color(INK.canvas);
     this.scene.add(this.points.group, this.lines.group);
     this.camera.up.set(0, 0, 1);
-    this.alongDrive();
     this.shown = new Shown(this.canvas, () => this.appeared(), () => this.resized());
+    this.alongDrive();
     this.listen();
   }
 
@@ -89,12 +89,6 @@ export class ThreeView implements Pane {
     });
     canvas.addEventListener("pointerdown", (event) => (this.pressed = [event.clientX, event.clientY]));
     canvas.addEventListener("pointerup", (event) => this.release(event));
-    this.element.addEventListener("keydown", (event) => {
-      if (event.key !== "f" || event.ctrlKey || event.altKey || event.metaKey) return;
-      this.toSelection();
-      event.stopPropagation();
-      event.preventDefault();
-    });
   }
 
   // The context is made when the view is first seen; where there is no WebGL the page goes on without it
