@@ -153,7 +153,8 @@ class Tracer:
             corridor = Corridor(self._ground.boxes)
             corridor.load(tip + along[:, None] * way, STRIP_M + _FAN * along)
             lines = self._ground.lines(corridor)
-            lines = lines.take(np.isin(lines.kind, trace.TRACKED_AS[kind])).with_columns(kind=kind)
+            lines = lines.take(np.isin(lines.kind, trace.TRACKED_AS[kind]))
+            lines = lines.with_columns(kind=np.full(len(lines), kind))
         else:
             pieces = self._rails if kind in RAIL_KINDS else self._cables
             lines = pieces.lines_about(tip + along[:, None] * way).of_kind(kind)
