@@ -34,6 +34,8 @@ PICKED_KINDS = ("lane_marking", "road_boundary", *RAIL_KINDS, *CABLE_KINDS)
 STANDS_M, STANDS_HIGH_M, HANGS_M, HANGS_HIGH_M = 1.0, (0.2, 2.0), 3.0, (3.5, 100.0)
 #: What lies beyond a gap is known for a line by so much of it. [m]
 _BEYOND_M = 12.0
+#: Where a line that was interrupted goes on, both have so much in common: that joins them. [m]
+_OVERLAP_M = 3.0
 #: The way on over a gap may bend: it is looked for to either side by this share of how far ahead it is.
 _FAN = 0.1
 #: Of a van's way places so near one another say the same. [m]
@@ -166,7 +168,7 @@ class Tracer:
                 continue
             if len(continued(one, lines.take([i]))) > 1:
                 continue
-            beyond = other[ahead > 0.0]
+            beyond = other[ahead > -_OVERLAP_M]
             beyond = beyond if (beyond[-1] - beyond[0]) @ way >= 0.0 else beyond[::-1]
             gap_m = float(np.hypot(*(beyond[0] - tip)))
             if len(beyond) > 1 and (best is None or gap_m < best[0]):
