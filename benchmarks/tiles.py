@@ -26,7 +26,7 @@ from linework.model.grid import Bounds
 
 #: Takes long: not among those that are run without being named.
 ON_REQUEST = True
-WINDOW_PX, AT_ONCE, N_WINDOWS = (1280, 800), 6, 20
+WINDOW_PX, AT_ONCE, N_WINDOWS = (1280, 800), 6, 10
 IMAGES = ("intensity", "height", "above_road", "density")
 
 

@@ -7,7 +7,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import astuple
+from dataclasses import astuple, fields
 from pathlib import Path
 
 import numpy as np
@@ -71,14 +71,12 @@ class TileCells:
         return False
 
     def _fine(self, tile: Tile) -> Layers | None:
-        if not any(True for _ in self._blocks_of(tile)):
+        if not self._has_points(tile):
             return None
+        if tile.level < 0:
+            return layers_from_points(self.reader, tile, keep=True)
         found = self._recalled(tile)
-        if found is None:
-            found = layers_from_points(self.reader, tile, keep=tile.level < 0)
-            if tile.level == 0:
-                self._remember(tile, found)
-        return found
+        return found or self._remember(tile, layers_from_points(self.reader, tile, keep=False))
 
     def _coarse(self, tile: Tile, until_s: float) -> tuple[Layers | None, bool]:
         if tile not in self._occupied.get(tile.level, ()):
@@ -98,19 +96,16 @@ class TileCells:
             is_whole &= is_child_whole
         made = layers_from_children(children)
         if is_whole:
-            self._remember(tile, made)
+            made = self._remember(tile, made)
             self._to_disk(tile, made)
         return made, is_whole
 
-    def _blocks_of(self, tile: Tile) -> Iterator[Tile]:
-        shift = -tile.level
-        block = Tile(0, tile.east >> shift, tile.north >> shift)
-        # A fine tile shows the edge of what lies beside it
-        reach = 0 if shift == 0 else 1
-        for north in range(block.north - reach, block.north + reach + 1):
-            for east in range(block.east - reach, block.east + reach + 1):
-                if Tile(0, east, north) in self._occupied[0]:
-                    yield block
+    def _has_points(self, tile: Tile) -> bool:
+        """Return whether a tile of level 0 or below may show points; a fine one shows the edge of what is beside it."""
+        shift, reach = -tile.level, 1 if tile.level < 0 else 0
+        east, north = tile.east >> shift, tile.north >> shift
+        around = range(-reach, reach + 1)
+        return any(Tile(0, east + i, north + j) in self._occupied[0] for i in around for j in around)
 
     def _recalled(self, tile: Tile) -> Layers | None:
         found = self._kept.get(tile)
@@ -119,12 +114,14 @@ class TileCells:
         self._kept.move_to_end(tile)
         return found.unpacked()
 
-    def _remember(self, tile: Tile, layers: Layers) -> None:
+    def _remember(self, tile: Tile, layers: Layers) -> Layers:
+        """Keep the cells of a tile, and return them as they are kept: never again are they any other."""
         packed = layers.packed()
         self._kept[tile] = packed
         self._n_bytes += packed.n_bytes
         while self._n_bytes > ROOM:
             self._n_bytes -= self._kept.popitem(last=False)[1].n_bytes
+        return packed.unpacked()
 
     def _is_on_disk(self, tile: Tile) -> bool:
         return self._disk is not None and self._disk.has(_name(tile), (tile.east, tile.north))
@@ -134,11 +131,9 @@ class TileCells:
             return None
         # What is damaged is made anew
         with suppress(FileNotFoundError, MachineError):
-            packed = Layers(*self._disk.read(_name(tile), (tile.east, tile.north)))
-            if all(layer.shape == (TILE_PX, TILE_PX) for layer in packed):
-                layers = packed.unpacked()
-                self._remember(tile, layers)
-                return layers
+            arrays = self._disk.read(_name(tile), (tile.east, tile.north))
+            if [array.shape for array in arrays] == [(TILE_PX, TILE_PX)] * len(Layers._fields):
+                return self._remember(tile, Layers(*arrays).unpacked())
         return None
 
     def _to_disk(self, tile: Tile, layers: Layers) -> None:
@@ -150,8 +145,9 @@ class TileCells:
     def _scale(self) -> Scale:
         if self._disk is not None:
             with suppress(FileNotFoundError, MachineError):
-                (values,) = self._disk.read_common("scale")
-                return Scale(*(float(v) for v in values))
+                arrays = self._disk.read_common("scale")
+                if [array.shape for array in arrays] == [(len(fields(Scale)),)]:
+                    return Scale(*arrays[0].tolist())
         scale = measured_scale(self.reader)
         if self._disk is not None:
             with suppress(MachineError):
