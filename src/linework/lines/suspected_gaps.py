@@ -75,9 +75,9 @@ def _gaps_of_kind(lines: LineSet, kind: str, way: Way, seen: Sight) -> list[Susp
             m = next_of[k]
             b = (pieces.along[m, 0], pieces.left_m[m, 0])
             found += _gap(pieces, (k, m), (a, b), IN_LINE, way, seen)
-        elif kind not in _ENDS_ANYWHERE:
+        elif kind not in _ENDS_ANYWHERE and not _is_covered(pieces, k, 1):
             found += _gap(pieces, (k, None), (a, (float(last), a[1])), JUST_ENDS, way, seen)
-        if k not in next_of.values() and kind not in _ENDS_ANYWHERE:
+        if k not in next_of.values() and kind not in _ENDS_ANYWHERE and not _is_covered(pieces, k, 0):
             b = (pieces.along[k, 0], pieces.left_m[k, 0])
             found += _gap(pieces, (None, k), ((float(first), b[1]), b), JUST_ENDS, way, seen)
     return found
@@ -198,6 +198,17 @@ def _next_of(pieces: _Pieces) -> dict[int, int]:
             next_of[k] = m
             taken.add(m)
     return next_of
+
+
+def _is_covered(pieces: _Pieces, k: int, side: int) -> bool:
+    """Return whether another piece runs where one ends: nothing is missing beyond."""
+    at, left_m = pieces.along[k, side], pieces.left_m[k, side]
+    runs = (pieces.along[:, 0] <= at) & (pieces.along[:, 1] >= at)
+    length = np.maximum(pieces.along[:, 1] - pieces.along[:, 0], 1e-9)
+    share = np.clip((at - pieces.along[:, 0]) / length, 0.0, 1.0)
+    there_m = pieces.left_m[:, 0] + share * (pieces.left_m[:, 1] - pieces.left_m[:, 0])
+    runs[k] = False
+    return bool(np.any(runs & (np.abs(there_m - left_m) <= DRIFT_M)))
 
 
 def _extent(way: Way, along: FloatArray) -> tuple[int, int]:

@@ -1,0 +1,130 @@
+"""The review queue of a drawing: found once for a revision, without what somebody has settled."""
+
+from __future__ import annotations
+
+import asyncio
+
+import numpy as np
+import pytest
+
+from linework.files.drawing import DrawingFile
+from linework.lines.along_way import Way
+from linework.lines.suspected import Suspect
+from linework.model.changes import Change
+from linework.model.grid import Bounds
+from linework.model.lines import LineSet
+from linework.workbench.edits import ChangeOrder
+from linework.workbench.queue import Dismissed, ReviewQueue, document_of
+from linework.workbench.queue_at_desk import suspects
+
+PATH = np.column_stack([np.arange(0.0, 200.0), np.zeros(200), np.zeros(200)])
+
+
+def everywhere(xy):
+    return np.ones(len(xy), dtype=bool)
+
+
+def marking(start, end, **columns):
+    t = np.arange(start, end + 0.5)
+    xyz = np.column_stack([t, np.full(len(t), 1.7), np.zeros(len(t))])
+    return LineSet.from_lines([xyz], kind=["lane_marking"], **columns)
+
+
+@pytest.fixture
+def drawing(tmp_path):
+    with DrawingFile.opened(tmp_path / "lines.gpkg", crs="local") as drawing:
+        lines = LineSet.concatenate([marking(0, 80), marking(110, 200), marking(50, 60, confidence=[0.2])])
+        drawing.commit(Change("extract", LineSet.empty(), lines), who="")
+        yield drawing
+
+
+def say(drawing, action, before, after):
+    return drawing.commit(Change(action, before, after), who="tester", based_on=drawing.revision)
+
+
+class Counting:
+    """Finds what is worth a look, and counts how often it is asked."""
+
+    def __init__(self):
+        self.n = 0
+
+    async def __call__(self, lines):
+        self.n += 1
+        return suspects(lines, Way.of(PATH), everywhere)
+
+
+def keys(queue):
+    return [item["key"] for item in asyncio.run(queue.documents())]
+
+
+def test_the_queue_is_found_once_for_a_revision(drawing):
+    find = Counting()
+    queue = ReviewQueue(drawing, find)
+    before = keys(queue)
+    assert keys(queue) == before
+    assert find.n == 1
+    assert any(key.startswith("gap lane_marking") for key in before)
+    unsure = next(key for key in before if key.startswith("line "))
+    line = drawing.lines.take(drawing.lines.confidence == 0.2)
+    say(drawing, "reject", line, line.with_columns(review=np.array(["rejected"])))
+    assert unsure not in keys(queue)
+    assert find.n == 2
+
+
+def test_what_is_dismissed_stays_away_until_that_is_undone(drawing):
+    queue = ReviewQueue(drawing, Counting())
+    first, *rest = keys(queue)
+    none = LineSet.empty(drawing.lines.crs)
+    say(drawing, f"dismiss {first}", none, none)
+    assert keys(queue) == rest
+    # Also for a workbench that is started anew
+    assert keys(ReviewQueue(drawing, Counting())) == rest
+    drawing.undo(who="tester")
+    assert keys(queue) == [first, *rest]
+    drawing.redo(who="tester")
+    assert keys(queue) == rest
+
+
+def test_only_new_edits_are_read_for_dismissals(drawing, monkeypatch):
+    dismissed, none = Dismissed(), LineSet.empty(drawing.lines.crs)
+    say(drawing, "dismiss a b", none, none)
+    assert dismissed.keys(drawing) == {"a b"}
+    asked = []
+    monkeypatch.setattr(DrawingFile, "history", lambda _, most: asked.append(most) or [])
+    say(drawing, "dismiss c", none, none)
+    dismissed.keys(drawing)
+    dismissed.keys(drawing)
+    assert asked == [1]
+
+
+def test_a_joined_gap_is_no_gap(drawing):
+    queue = ReviewQueue(drawing, Counting())
+    gap = next(item for item in asyncio.run(queue.documents()) if item["type"] == "gap")
+    assert gap["proposal"]["action"] == "join"
+    ids = gap["proposal"]["ids"]
+    before = drawing.lines.take(np.isin(drawing.lines.id, ids))
+    say(drawing, "join", before, marking(0, 200, id=[ids[0]], review=["edited"]))
+    assert gap["key"] not in keys(queue)
+
+
+@pytest.mark.parametrize(
+    ("proposal", "more"),
+    [("accept", {}), ("reject", {}), ("join", {}), ("dashes", {}), ("kind", {"as_kind": "cable"})],
+)
+def test_a_proposal_is_an_edit_that_the_door_lets_in(proposal, more):
+    ids = ("a", "b") if proposal == "join" else ("a",)
+    item = document_of(
+        Suspect(
+            type="gap",
+            ids=ids,
+            kind="lane_marking",
+            at=(1.0, 2.0),
+            box=Bounds(0, 0, 5, 5),
+            length_m=3.0,
+            confidence=0.5,
+            reason="why",
+            proposal=proposal,
+            **more,
+        )
+    )
+    ChangeOrder.model_validate({"revision": 0, "edit": item["proposal"]})
