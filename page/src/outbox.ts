@@ -14,6 +14,9 @@ export class Outbox {
   private readonly place: string;
   private letters: Letter[];
   private onTheWay = 0;
+  private isResending = false;
+  private turn: Promise<void> = Promise.resolve(); // one edit after the other
+  private own = { from: 0, to: 0 }; // from and to revisions between which all edits were this page's own
   private last: Date | null = null;
 
   constructor(
@@ -25,17 +28,15 @@ export class Outbox {
     this.letters = JSON.parse(localStorage.getItem(this.place) ?? "[]") as Letter[];
   }
 
-  // Send an edit. Throws what the server has against it, and null comes back where the edit has to wait.
+  // Send an edit, after those before it. Throws what the server has against it; null: the edit has to wait.
   async send(edit: Edit, revision: number, shape?: Line): Promise<Changed | null> {
     const letter = { edit, revision, shape: shape ?? null };
-    if (this.letters.length > 0) return this.hold(letter); // the order of edits is kept
     this.onTheWay += 1;
     this.tell();
+    const sending = this.turn.then(() => this.deliver(letter));
+    this.turn = sending.then(() => undefined, () => undefined);
     try {
-      return this.receive(await api.change(edit, revision));
-    } catch (error) {
-      if (!isAway(error)) throw error;
-      return this.hold(letter);
+      return await sending;
     } finally {
       this.onTheWay -= 1;
       this.tell();
@@ -45,9 +46,11 @@ export class Outbox {
   // Send what waits, oldest first; returns what the server has against some of them
   async resend(): Promise<Error[]> {
     const problems: Error[] = [];
+    if (this.isResending) return problems;
+    this.isResending = true;
     for (let letter = this.letters[0]; letter !== undefined; letter = this.letters[0]) {
       try {
-        this.receive(await this.again(letter));
+        this.receive(letter, await this.again(letter));
       } catch (error) {
         if (isAway(error)) break;
         const why = error instanceof Error ? error.message : String(error);
@@ -56,21 +59,44 @@ export class Outbox {
       this.letters.shift();
       this.store();
     }
+    this.isResending = false;
     return problems;
   }
 
-  // A trace lives as long as the server: if it is gone, the line is saved as it was on the screen
-  private async again({ edit, revision, shape }: Letter): Promise<Changed> {
+  private async deliver(letter: Letter): Promise<Changed | null> {
+    if (this.letters.length > 0) return this.hold(letter); // the order of edits is kept
     try {
-      return await api.change(edit, revision);
+      return this.receive(letter, await api.change(letter.edit, this.knownTo(letter)));
     } catch (error) {
-      if (edit.action !== "keep" || shape === null || isAway(error)) throw error;
-      const xyz = shape.xyz.slice(edit.first, edit.last + 1);
-      return api.change({ action: "draw", kind: shape.kind, xyz }, revision);
+      if (!isAway(error)) throw error;
+      return this.hold(letter);
     }
   }
 
-  private receive(changed: Changed): Changed {
+  // What the person knew: also the edits of their own that were still on the way when they made this one
+  private knownTo({ revision }: Letter): number {
+    const { from, to } = this.own;
+    return revision >= from && revision <= to ? to : revision;
+  }
+
+  // A trace lives as long as the server: if it is gone, the line is saved as it was on the screen
+  private async again(letter: Letter): Promise<Changed> {
+    const { edit, shape } = letter;
+    const known = this.knownTo(letter);
+    try {
+      return await api.change(edit, known);
+    } catch (error) {
+      if (edit.action !== "keep" || shape === null || isAway(error)) throw error;
+      const xyz = shape.xyz.slice(edit.first, edit.last + 1);
+      return api.change({ action: "draw", kind: shape.kind, xyz }, known);
+    }
+  }
+
+  private receive(letter: Letter, changed: Changed): Changed {
+    const { from, to } = this.own;
+    const known = this.knownTo(letter);
+    // Nobody else's edit lies between: what follows is of the same knowledge
+    if (changed.revision === known + 1) this.own = { from: known === to ? from : known, to: changed.revision };
     this.last = new Date();
     this.arrived(changed);
     return changed;
