@@ -171,7 +171,7 @@ def opened_page(browser: Any, served: Served, **context: Any) -> Iterator[Any]:
     try:
         page.goto(f"{served.url}/")
         yield page
-        assert page.faults == []
+        assert not page.faults, page.faults
     finally:
         inside.close()
 

@@ -1,0 +1,65 @@
+"""The server is killed while somebody edits: what was answered is on the disk (J21)."""
+
+from __future__ import annotations
+
+import random
+import threading
+
+import httpx
+import pyogrio
+import pytest
+from tests.workbench.serve_process import Served, served_survey
+
+from linework.files.drawing import DrawingFile
+from linework.files.vectors import read_lines
+
+#: How often it is killed, and after how long. [s]
+ROUNDS, LONGEST_S = 3, 1.5
+
+
+def edit_until_it_dies(served: Served, first: int) -> list[int]:
+    """Draw line after line, each with its number in its height; return the numbers that were answered."""
+    saved: list[int] = []
+    number = first
+    while True:
+        east = 500_000.0 + number % 40
+        order = {
+            "action": "draw", "kind": "guardrail",
+            "xyz": [[east, 5_400_000.0, float(number)], [east + 0.5, 5_400_001.0, float(number)]],
+        }  # fmt: skip
+        try:
+            answer = served.client.post("/api/changes", json={"revision": 10**9, "edit": order})
+        except httpx.HTTPError:
+            return saved
+        assert answer.status_code == 200, answer.text
+        saved.append(number)
+        number += 1
+
+
+@pytest.mark.parametrize("seed", [1])
+def test_what_was_answered_is_on_the_disk(las_file, seed):
+    rng = random.Random(seed)
+    survey = las_file.parent
+    answered: list[int] = []
+    for _ in range(ROUNDS):
+        with served_survey(survey) as served:
+            lines = served.lines
+            there = {int(line["xyz"][0][2]) for line in served.get("/api/lines")["lines"]}
+            assert there >= set(answered)
+            killing = threading.Timer(rng.uniform(0.3, LONGEST_S), served.process.kill)
+            killing.start()
+            answered += edit_until_it_dies(served, first=max(there, default=0) + 1)
+            killing.join()
+            assert served.process.wait(10) == -9
+        # Opened by others as it is, and nobody's repair: all that was answered, and at most the one in flight
+        layers = {name for name, _ in pyogrio.list_layers(lines)}
+        assert "guardrail" in layers
+        heights = sorted(
+            int(line[0][2]) for line in map(read_lines(lines).line, range(len(read_lines(lines))))
+        )
+        assert set(answered) <= set(heights)
+        assert len(heights) == len(set(heights)) <= len(answered) + ROUNDS
+        crs = read_lines(lines).crs
+        with DrawingFile.opened(lines, crs=crs) as drawing:
+            assert drawing.revision == len(drawing.lines) == len(heights)
+    assert len(answered) > 10
