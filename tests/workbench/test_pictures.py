@@ -131,7 +131,7 @@ def test_a_tile_is_where_its_points_are(table):
     cells = pictures.tile_cells(table)
     for level in (2, 0, -2):
         tile = next(t for t in _tiles(cells, level))
-        layers, is_whole = cells.layers(tile)
+        layers, is_whole = cells.layers(tile, np.inf)
         b, margin = tile.bounds, (layers.density.shape[0] - 256) // 2
         inside = (points.xyz[:, 0] >= b.west) & (points.xyz[:, 0] < b.east)
         inside &= (points.xyz[:, 1] >= b.south) & (points.xyz[:, 1] < b.north)
@@ -169,7 +169,7 @@ def test_coarse_tiles_are_kept_and_made_anew_when_damaged(table):
     files[1].unlink()
     fresh = pictures.TileCells(cells.reader, folder, cells.coarsest)
     for tile in sorted(set().union(*(tiles for level, tiles in fresh._occupied.items() if level > 0))):
-        layers, is_whole = fresh.layers(tile)
+        layers, is_whole = fresh.layers(tile, np.inf)
         assert is_whole
         assert layers is not None
     assert {file.name: file.read_bytes() for file in sorted(folder.glob("level*.arrays"))} == before

@@ -55,11 +55,11 @@ class TileCells:
         self.n_done, self.n_all = 0, sum(len(tiles) for level, tiles in self._occupied.items() if level > 0)
         self.scale = self._scale()
 
-    def layers(self, tile: Tile) -> tuple[Layers | None, bool]:
+    def layers(self, tile: Tile, patience_s: float = PATIENCE_S) -> tuple[Layers | None, bool]:
         """Return the cells of a tile (None: it has no points), and whether they are whole."""
         if tile.level <= 0:
             return self._fine(tile), True
-        return self._coarse(tile, time.monotonic() + PATIENCE_S)
+        return self._coarse(tile, time.monotonic() + patience_s)
 
     def go_on(self) -> bool:
         """Make one more of the tiles to be kept, from the finest up; return whether any is left."""
