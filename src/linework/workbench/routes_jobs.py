@@ -58,7 +58,7 @@ async def cancel(name: Name, jobs: Kept) -> dict[str, Any]:
     return (await jobs.cancel(name)).document
 
 
-@router.get("/jobs/{name}/report")
+@router.get("/jobs/{name}/report", response_class=Response)
 async def report(name: Name, jobs: Kept) -> Response:
     """Return the report of a job that is done: a page of its own, which may do nothing."""
     return Response(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Path, Request, Response
+from fastapi.responses import JSONResponse
 
 from linework.workbench.bench import Bench, bench_of
 from linework.workbench.pairs import (
@@ -40,13 +41,13 @@ async def keys(bench: Served) -> list[dict[str, Any]]:
     return found
 
 
-@router.get("/pairs/{number}/thumbnail")
+@router.get("/pairs/{number}/thumbnail", response_class=Response)
 async def thumbnail(number: Number, bench: Served) -> Response:
     """Return the left image of a pair, small."""
     return Response(await bench.pictures.ask(thumbnail_at_desk, number), media_type="image/jpeg")
 
 
-@router.get("/pairs/{number}/lines")
+@router.get("/pairs/{number}/lines", response_class=JSONResponse)
 async def pair_lines(number: Number, request: Request, bench: Served) -> Response:
     """Return where both images of a pair show the lines."""
     pair = next((pair for pair in await pairs(request, bench) if pair["number"] == number), None)
@@ -57,7 +58,7 @@ async def pair_lines(number: Number, request: Request, bench: Served) -> Respons
     return Response(shown, media_type="application/json")
 
 
-@router.get("/pairs/{number}/{side}")
+@router.get("/pairs/{number}/{side}", response_class=Response)
 async def image(number: Number, side: Side, bench: Served) -> Response:
     """Return an image as it was taken."""
     return Response(await bench.pictures.ask(image_at_desk, number, side), media_type="image/jpeg")

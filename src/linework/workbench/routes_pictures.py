@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from fastapi import APIRouter, Depends, Query, Request, Response
@@ -43,7 +43,11 @@ class Places(BaseModel):
     ]
 
 
-@router.get("/tiles/{image}/{z}/{col}/{row}", response_class=Response)
+#: For OpenAPI.
+NOTHING: dict[int | str, dict[str, Any]] = {204: {"description": "Nothing there"}}
+
+
+@router.get("/tiles/{image}/{z}/{col}/{row}", response_class=Response, responses=NOTHING)
 async def tile(
     request: Request, bench: TheBench, image: str, z: Number, col: Number, row: Number
 ) -> Response:
