@@ -10,11 +10,13 @@ import traceback
 from collections import deque
 from collections.abc import Callable, Generator
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from linework.errors import LineworkError
 from linework.tiling.worker import die_with_parent
-from linework.workbench.table import SurveyOrder, Table
+
+if TYPE_CHECKING:
+    from linework.workbench.table import SurveyOrder
 
 #: Said to a work that nobody waits for any more: its generator is closed.
 LEAVE = "leave"
@@ -41,6 +43,9 @@ class _Process:
     """
 
     def __init__(self, connection: Connection, order: SurveyOrder) -> None:
+        # Here and not above: seconds, in which the process would not notice that its parent has died
+        from linework.workbench.table import Table
+
         self._connection = connection
         self._waiting: deque[tuple[Any, ...]] = deque()
         self._number = 0

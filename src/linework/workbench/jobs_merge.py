@@ -5,10 +5,8 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-import numpy as np
-
+from linework.lines.reviewed import extraction_change
 from linework.model.changes import Change, Edit
-from linework.model.lines import LineSet
 from linework.workbench.bench import Bench
 from linework.workbench.jobs_extract import Found
 from linework.workbench.routes_edits import changed_document
@@ -17,8 +15,8 @@ from linework.workbench.routes_edits import changed_document
 _MOST_TOLD = 20_000
 
 
-async def save_found(bench: Bench, found: Found) -> Edit:
-    """Save what was found, and tell all pages.
+async def save_found(bench: Bench, found: Found) -> None:
+    """Save what was found, and tell all pages; where it is what is there already, nothing is saved.
 
     Raises
     ------
@@ -26,17 +24,15 @@ async def save_found(bench: Bench, found: Found) -> Edit:
         A line that goes has changed meanwhile. Nothing was saved.
     """
     # In threads, so that the server answers meanwhile: some thousand lines are compared and written
-    change = await asyncio.to_thread(_change, bench.drawing.lines, found)
-    edit = await asyncio.to_thread(bench.drawing.commit, change, who=bench.who)
-    bench.hub.tell(await asyncio.to_thread(_told, bench, edit))
-    return edit
+    change = await asyncio.to_thread(_change, bench, found)
+    if len(change.before) + len(change.after):
+        edit = await asyncio.to_thread(bench.drawing.commit, change, who=bench.who)
+        bench.hub.tell(await asyncio.to_thread(_told, bench, edit))
 
 
-def _change(drawn: LineSet, found: Found) -> Change:
-    is_old = np.isin(drawn.kind, np.array(list(found.counts), dtype=np.str_)) & (drawn.review == "")
-    kept = set(drawn.id[~is_old].tolist())
-    ids = np.array(["" if name in kept else name for name in found.lines.id.tolist()], dtype=np.str_)
-    return Change("extract", drawn.take(is_old), found.lines.with_columns(id=ids))
+def _change(bench: Bench, found: Found) -> Change:
+    """Return the change to the drawing as it is now: what people accepted, rejected, edited or drew stays."""
+    return extraction_change(bench.drawing.lines, found.lines, list(found.counts), bench.drawing.judged)
 
 
 def _told(bench: Bench, edit: Edit) -> dict[str, Any]:
