@@ -143,6 +143,11 @@ def test_neither_the_order_of_lines_nor_their_way_matters():
     assert [sorted(s[2:4]) for s in spans(with_reviews(turned, there))] == [sorted(s[2:4]) for s in want]
 
 
+def test_a_note_is_kept_with_its_line():
+    there = line("fence", 0.0, note="gap at 12 m")
+    assert spans(with_reviews(line("fence", 0.02), there)) == [("fence", 0, 0, 50, "")]
+
+
 def test_nothing_found_and_nothing_there():
     none = LineSet.empty()
     assert len(with_reviews(none, none)) == 0

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from linework.errors import MachineError, StaleError
-from linework.files.drawing_checks import check_change
+from linework.files.drawing_checks import check_change, check_fresh
 from linework.files.drawing_elsewhere import Elsewhere, changed_elsewhere
 from linework.files.drawing_history import (
     REDO,
@@ -26,6 +26,7 @@ from linework.files.drawing_history import (
     judged_versions,
     place_versions,
     stored_lines,
+    undone_edits,
     utc_now,
 )
 from linework.files.drawing_lines import HeldLines
@@ -142,7 +143,8 @@ class DrawingFile:
         with self._turn, sql_errors(self.path):
             self._look_elsewhere()
             gone = change.before.id.tolist()
-            self._refuse_stale(change.before, based_on)
+            seen = None if based_on is None else {n for n, by in self._changed_by.items() if by <= based_on}
+            check_fresh(change.before, self._held, seen, self.path)
             check_change(change, self._held, self._crs, self.path)
             after = named(change.after.with_columns(crs=self._crs), self._held)
             return self._save(gone, after, who, change.action)
@@ -179,11 +181,7 @@ class DrawingFile:
     def undone(self) -> frozenset[int]:
         """Numbers of the edits that are taken back now."""
         with self._turn, sql_errors(self.path):
-            found: set[int] = set()
-            for entry in entries(self._db):
-                if entry.undoes and entry.number not in found:
-                    found.add(entry.undoes)
-            return frozenset(found)
+            return undone_edits(self._db)
 
     def since(self, revision: int) -> tuple[LineSet, tuple[str, ...]]:
         """Return the lines that came or changed after a revision, and ids of those that went; of 0: all lines."""
@@ -193,20 +191,6 @@ class DrawingFile:
             touched = dict.fromkeys(n for e in reversed(entries(self._db, after=revision)) for n in e.ids)
             there = [name for name in touched if name in self._held]
             return self._held.of(there), tuple(name for name in touched if name not in self._held)
-
-    def _refuse_stale(self, before: LineSet, based_on: int | None) -> None:
-        ids = before.id.tolist()
-        missing = [name for name in ids if name not in self._held]
-        changed = [name for name in ids if based_on is not None and self._changed_by.get(name, 0) > based_on]
-        if not missing and not changed and line_bytes(self._held.of(ids)) != line_bytes(before):
-            changed = ids
-        if missing or changed:
-            what = "is there no more" if missing else "has changed since"
-            raise StaleError(
-                f"line {(missing or changed)[0][:60]} {what}",
-                where=self.path,
-                advice="look again, then repeat it",
-            )
 
     def _back(self, numbers: Sequence[int], who: str, action: str) -> Edit | None:
         """Swap what an edit changed: lines come back as they were."""

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.errors import UsageError
+from linework.errors import StaleError, UsageError
+from linework.files.drawing_lines import HeldLines
+from linework.files.drawing_pack import line_bytes
 from linework.files.line_fields import check_writable
 from linework.model.changes import Change
 from linework.model.lines import LINE_COLUMNS, LineSet
@@ -37,6 +39,31 @@ def check_change(change: Change, held: Container[str], crs: str, path: Path) -> 
             raise UsageError(
                 f"two lines of the id '{name[:60]}'", where=path, advice="leave the id of new lines empty"
             )
+
+
+def check_fresh(before: LineSet, held: HeldLines, seen: Container[str] | None, path: Path) -> None:
+    """Refuse a change of lines that are not as they were when somebody decided on it.
+
+    Parameters
+    ----------
+    seen
+        Ids of lines that are as that person saw them; None: not known, the lines themselves say.
+
+    Raises
+    ------
+    StaleError
+        Names the first line.
+    """
+    ids = before.id.tolist()
+    missing = [name for name in ids if name not in held]
+    changed = [name for name in ids if seen is not None and name not in seen]
+    if not missing and not changed and line_bytes(held.of(ids)) != line_bytes(before):
+        changed = ids
+    if missing or changed:
+        what = "is there no more" if missing else "has changed since"
+        raise StaleError(
+            f"line {(missing or changed)[0][:60]} {what}", where=path, advice="look again, then repeat it"
+        )
 
 
 def check_texts(lines: LineSet, path: Path) -> None:

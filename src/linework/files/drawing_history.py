@@ -99,6 +99,16 @@ def judged_versions(db: sqlite3.Connection, steps: Steps) -> list[int]:
     return list(found)
 
 
+def undone_edits(db: sqlite3.Connection) -> frozenset[int]:
+    """Return the numbers of the edits that are taken back now."""
+    found: set[int] = set()
+    rows = db.execute("SELECT number, undoes FROM edit WHERE undoes != 0 ORDER BY number DESC")
+    for number, undoes in rows:
+        if number not in found:
+            found.add(int(undoes))
+    return frozenset(found)
+
+
 def utc_now() -> str:
     """Return the time, as ISO 8601."""
     return datetime.now(UTC).isoformat(timespec="milliseconds")

@@ -55,7 +55,7 @@ def carried(found: LineSet, there: LineSet, judged: LineSet | None = None) -> Ca
     found
         Lines found anew.
     there
-        Lines that are there, those that people judged (``review != ""``) and others.
+        Lines that are there, those that people judged (a review, a condition or a note) and others.
     judged
         Lines as they were before people changed, moved or deleted them: what is found again at their place, in the
         kind they had then, was judged, too.
@@ -69,7 +69,7 @@ def carried(found: LineSet, there: LineSet, judged: LineSet | None = None) -> Ca
     there, of lines that stay and where no such part was found, stay. All other lines that are there go.
     """
     judged = LineSet.empty(there.crs) if judged is None else judged
-    is_said = there.review != ""
+    is_said = (there.review != "") | (there.condition != "") | (there.note != "")
     said, free = there.take(is_said), there.take(~is_said)
     stands: list[LineSet] = []
     n_again = 0
