@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -31,11 +32,17 @@ class Way:
         (k, 2) unit vectors to its left.
     is_start
         (k,) bool: it does not go on from the place before.
+    tree
+        Of its places, from the first of them.
     """
 
     xy: FloatArray
     left: FloatArray
     is_start: BoolArray
+    tree: Any = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "tree", cKDTree(self.xy - self.xy[0]) if len(self.xy) else None)
 
     @classmethod
     def of(cls, path: FloatArray) -> Way:
@@ -72,7 +79,7 @@ class Way:
         if len(self) == 0 or len(xy) == 0:
             return along, left
         origin = self.xy[0]
-        distance, nearest = cKDTree(self.xy - origin).query(xy - origin, distance_upper_bound=within_m)
+        distance, nearest = self.tree.query(xy - origin, distance_upper_bound=within_m)
         near = np.isfinite(distance)
         k = nearest[near]
         step = xy[near] - self.xy[k]

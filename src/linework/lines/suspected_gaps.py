@@ -60,8 +60,9 @@ def gaps(lines: LineSet, way: Way, seen: Sight) -> list[Suspect]:
     """
     if len(way) == 0:
         return []
-    found = [gap for kind in _TRACKED for gap in _gaps_of_kind(lines, kind, way, seen)]
-    return found + [gap for side in (1.0, -1.0) for gap in _bare(lines, side, way, seen)]
+    there = lines.take(np.isin(lines.kind, (*_TRACKED, "road_boundary")))
+    found = [gap for kind in _TRACKED for gap in _gaps_of_kind(there, kind, way, seen)]
+    return found + [gap for side in (1.0, -1.0) for gap in _bare(there, side, way, seen)]
 
 
 def _gaps_of_kind(lines: LineSet, kind: str, way: Way, seen: Sight) -> list[Suspect]:
@@ -152,6 +153,7 @@ def _gap(
 def _pieces(lines: LineSet, kind: str, way: Way, side: float = 0.0) -> _Pieces:
     """Return the lines of a kind that run along the way; those on one side of it only."""
     number, along, left = [], [], []
+    length_m = lines.length_m
     for i in np.flatnonzero(lines.kind == kind).tolist():
         xyz = lines.line(i)
         at, off = way.offsets(xyz[:, :2], WITHIN_M)
@@ -159,7 +161,7 @@ def _pieces(lines: LineSet, kind: str, way: Way, side: float = 0.0) -> _Pieces:
         if len(near) < 2 or (side and np.median(off[near]) * side < 0.0):
             continue
         span = at[near[-1]] - at[near[0]]
-        if abs(span) * STEP_M < 0.5 * float(lines.length_m[i]) * len(near) / len(xyz):
+        if abs(span) * STEP_M < 0.5 * float(length_m[i]) * len(near) / len(xyz):
             continue
         ends = near[[0, -1]] if span > 0 else near[[-1, 0]]
         number.append(i if span > 0 else -i - 1)
