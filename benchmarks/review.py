@@ -65,16 +65,19 @@ def reviewed(seed, folder, options):
             if not items:
                 break
             user.settle(items[0])
+            if options.tell:
+                item, done, cost = user.told[-1]
+                print(
+                    f"  {cost:2} {item.type:8} {item.kind:18} {item.length_m:6.1f} m  {item.reason}: {done}",
+                    flush=True,
+                )
         after = errors_of(drawing.lines, truth)
-    report(seed, before, after, user, tell=options.tell)
+    report(seed, before, after, user.n_actions)
     return tuple(sum(e.total_m for e in errors.values()) for errors in (before, after))
 
 
-def report(seed, before, after, user, *, tell):
-    if tell:
-        for item, done, cost in user.told:
-            print(f"  {cost:2} {item.type:8} {item.kind:18} {item.length_m:6.1f} m  {item.reason}: {done}")
-    print(f"seed {seed}: {user.n_actions} actions")
+def report(seed, before, after, n_actions):
+    print(f"seed {seed}: {n_actions} actions")
     print(f"  {'':20}{'missing m':>18}{'wrong m':>18}")
     for kind in KINDS:
         a, b = before[kind], after[kind]
