@@ -26,8 +26,8 @@ AROUND_M = 16.0
 STRIP_M = 4.0
 #: While a line grows, only where it leads: so far to either side, and so far ahead at a time. [m]
 TIP_M, STEP_M = 1.5, 12.0
-#: Beside a line that has grown so many places are looked at between two steps: 200 m.
-_AT_ONCE = 50
+#: Beside a line that has grown so many places are looked at between two steps: 40 m, whose points are read once.
+_AT_ONCE = 10
 #: What is less is no growth. [m]
 _LEAST_GROWTH_M = 0.5
 #: A picked line goes on where another is in line with it, over a gap as long as the tracker's longest.
@@ -128,8 +128,8 @@ def follow_ground(ground: Ground, pick: Pick) -> Generator[LineSet, bool | None,
         is_stopped = bool((yield one if grown is None else trace.turned_like(one, grown)))
         tips, ways = trace.leads(one.xyz)
         ahead = np.arange(0.0, SAME_LINE.longest_m + STRIP_M, STRIP_M)[:, None]
-        places = [tips[k] + ahead * ways[k] for k in pick.ends(one)]
-        if is_stopped or not places or not corridor.load(np.concatenate(places), STRIP_M):
+        new = [corridor.load(tips[k] + ahead * ways[k], STRIP_M) for k in pick.ends(one) if not is_stopped]
+        if not any(new):
             break
         one, lines = _whole(ground, corridor, pick)
     if one is None:

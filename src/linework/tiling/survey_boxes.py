@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from linework.files.store_read import PointStore
-from linework.methods.protocol import BoxMethod
+from linework.methods.obb.method import ObbMethod
 from linework.model.arrays import FloatArray
 from linework.model.boxes import BoxSet
-from linework.model.grid import Bounds, holds
+from linework.model.grid import Bounds
 from linework.model.tile import TileData
 from linework.tiling.surfaces import SurveySurface
 
@@ -20,6 +20,8 @@ BLOCK_M = 8.0
 #: Blocks that stay at hand, some kilobytes each: 25 km of a line and what is about it.
 MOST_BLOCKS = 20_000
 Block = tuple[int, int]
+#: First and last block.
+Rectangle = tuple[Block, Block]
 
 
 class SurveyBoxes:
@@ -37,7 +39,7 @@ class SurveyBoxes:
         self,
         store: PointStore,
         surface: SurveySurface,
-        detectors: Mapping[str, BoxMethod],
+        detectors: Mapping[str, ObbMethod],
         origin: tuple[float, float, float],
     ) -> None:
         self._store, self._surface, self._origin = store, surface, origin
@@ -47,37 +49,35 @@ class SurveyBoxes:
     def of(self, kind: str, blocks: Iterable[Block]) -> list[BoxSet]:
         """Return the boxes of blocks, those of each that has any [m, from the local origin]."""
         wanted = list(blocks)
-        for first, last in rectangles({block for block in wanted if (kind, block) not in self._found}):
-            self._find(kind, first, last)
+        missing = rectangles({block for block in wanted if (kind, block) not in self._found})
+        is_near = _is_near(missing, self.detectors[kind].buffer_m)
+        for parts in [missing] if is_near else [[one] for one in missing]:
+            self._find(kind, parts)
         found = [self._found[kind, block] for block in wanted]
         while len(self._found) > MOST_BLOCKS:
             del self._found[next(iter(self._found))]
         return [boxes for boxes in found if len(boxes)]
 
-    def _find(self, kind: str, first: Block, last: Block) -> None:
-        """Find the boxes of a rectangle of blocks: in one go, since each comes with a buffer."""
-        boxes = self._detect(kind, first, last)
+    def _find(self, kind: str, parts: Sequence[Rectangle]) -> None:
+        """Find the boxes of some blocks, all out of the same points."""
+        cores = [_bounds(part) for part in parts]
+        boxes = BoxSet.empty()
+        if any(self._store.count_in(core) for core in cores):
+            boxes = self._detect(kind, cores)
         number = np.floor((boxes.centre[:, :2] + self._origin[:2]) / BLOCK_M).astype(np.int64)
-        for col in range(first[0], last[0] + 1):
-            for row in range(first[1], last[1] + 1):
-                inside = (number[:, 0] == col) & (number[:, 1] == row)
-                self._found[kind, (col, row)] = boxes.take(inside)
+        for col, row in (block for part in parts for block in _blocks(part)):
+            inside = (number[:, 0] == col) & (number[:, 1] == row)
+            self._found[kind, (col, row)] = boxes.take(inside)
 
-    def _detect(self, kind: str, first: Block, last: Block) -> BoxSet:
-        core = Bounds(
-            first[0] * BLOCK_M, first[1] * BLOCK_M, (last[0] + 1) * BLOCK_M, (last[1] + 1) * BLOCK_M
-        )
-        if self._store.count_in(core) == 0:
-            return BoxSet.empty()
+    def _detect(self, kind: str, cores: list[Bounds]) -> BoxSet:
+        whole = _about(cores)
         detector = self.detectors[kind]
-        extent = core.grown(detector.buffer_m)
+        extent = whole.grown(detector.buffer_m)
         points = self._store.points(extent)
         if len(points) == 0:
             return BoxSet.empty()
-        name = f"e{first[0]}n{first[1]}"
-        tile = TileData(name, core, points, None, "", self._surface.over(extent), self._origin)
-        boxes = detector.detect(tile)
-        return boxes.take(holds(core, boxes.centre + np.asarray(self._origin)))
+        tile = TileData("trace", whole, points, None, "", self._surface.over(extent), self._origin)
+        return detector.detect(tile, cores)
 
 
 class Corridor:
@@ -129,7 +129,7 @@ class Corridor:
         return bool(found)
 
 
-def rectangles(blocks: set[Block]) -> list[tuple[Block, Block]]:
+def rectangles(blocks: set[Block]) -> list[Rectangle]:
     """Return rectangles (first and last block) that hold all blocks, each once, and no others.
 
     >>> rectangles({(0, 0), (1, 0), (0, 1), (1, 1), (5, 1)})
@@ -148,3 +148,30 @@ def rectangles(blocks: set[Block]) -> list[tuple[Block, Block]]:
         left -= {(c, r) for c in range(col, east + 1) for r in range(row, north + 1)}
         found.append(((col, row), (east, north)))
     return found
+
+
+def _is_near(parts: Sequence[Rectangle], buffer_m: float) -> bool:
+    """Return whether rectangles lie so near one another that their points are better read once for all."""
+    if not parts:
+        return False
+    cores = [_bounds(part) for part in parts]
+    return _area(_about(cores).grown(buffer_m)) <= sum(_area(core.grown(buffer_m)) for core in cores)
+
+
+def _bounds(part: Rectangle) -> Bounds:
+    (west, south), (east, north) = part
+    return Bounds(west * BLOCK_M, south * BLOCK_M, (east + 1) * BLOCK_M, (north + 1) * BLOCK_M)
+
+
+def _blocks(part: Rectangle) -> Iterator[Block]:
+    (west, south), (east, north) = part
+    return ((col, row) for col in range(west, east + 1) for row in range(south, north + 1))
+
+
+def _about(cores: Sequence[Bounds]) -> Bounds:
+    west, south, east, north = np.array(cores).T
+    return Bounds(float(west.min()), float(south.min()), float(east.max()), float(north.max()))
+
+
+def _area(bounds: Bounds) -> float:
+    return (bounds.east - bounds.west) * (bounds.north - bounds.south)

@@ -9,6 +9,7 @@ spacing of the points.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ from linework.kernels import floor, places
 from linework.kernels.bins import steps_to_set
 from linework.model.arrays import AnyArray, FloatArray
 from linework.model.boxes import BoxSet
+from linework.model.grid import Bounds, holds
 from linework.model.points import Points
 from linework.model.settings import setting
 from linework.model.surface import RoadSurface
@@ -94,20 +96,33 @@ class FloorPoints:
         return cls(data, (ground_m, g.cell_width_m, west, north), (source, time_s))
 
 
-def find_boundary_boxes(tile: TileData, surface: RoadSurface, config: BoundaryConfig) -> BoxSet:
+def find_boundary_boxes(
+    tile: TileData, surface: RoadSurface, config: BoundaryConfig, cores: Sequence[Bounds] = ()
+) -> BoxSet:
     """Return the boundary boxes of the cells that touch a tile's core.
 
     Boxes are ordered by row (from the south) and column of their cell, and are the same to the last bit in
     every tile that holds the points within `REACH_M` of them.
+
+    Parameters
+    ----------
+    cores
+        Parts of the core that share nothing: only boxes whose centre lies in one of them are looked for; none: all.
     """
     if len(tile.points) == 0:
         return BoxSet.empty()
     # Points near the ground; planes of their cells
-    origin, core = origin_of(tile), tile.core
+    origin = origin_of(tile)
     base = FloorPoints.of(tile.points, surface, origin)
-    local = core.west - origin[0], core.south - origin[1], core.east - origin[0], core.north - origin[1]
-    # In every cell: where floor and face of a kerb meet, or where smooth ends and rough begins
-    return boxes_of(kernels.boxes_in_cells(base.data, base.ground, base.times, limits_of(config), local))
+    rows = []
+    for core in cores or (tile.core,):
+        local = core.west - origin[0], core.south - origin[1], core.east - origin[0], core.north - origin[1]
+        # In every cell: where floor and face of a kerb meet, or where smooth ends and rough begins
+        found = kernels.boxes_in_cells(base.data, base.ground, base.times, limits_of(config), local)
+        # A cell on the edge of two is looked at for both
+        kept = holds(core, found[:, [places.X, places.Y]] + origin[:2]) if cores else slice(None)
+        rows.append(found[kept])
+    return boxes_of(np.concatenate(rows))
 
 
 def origin_of(tile: TileData) -> tuple[float, float, float]:

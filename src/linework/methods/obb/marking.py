@@ -7,6 +7,7 @@ and width come from the two edges of the paint, fitted to the intensity of all t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,10 +110,17 @@ class PaintPoints:
         return cls(rows, starts, lattice)
 
 
-def find_marking_boxes(tile: TileData, surface: RoadSurface, config: MarkingConfig) -> BoxSet:
+def find_marking_boxes(
+    tile: TileData, surface: RoadSurface, config: MarkingConfig, cores: Sequence[Bounds] = ()
+) -> BoxSet:
     """Return oriented boxes on all paint near the road of a tile's core, by cell row, column and position.
 
     A box depends on the points within `REACH_M` of its cell only, in the order in which the tile has them.
+
+    Parameters
+    ----------
+    cores
+        Parts of the core that share nothing: only cells that touch one of them are looked at; none: all.
     """
     if tile.points.intensity is None or len(tile.points) == 0:
         return BoxSet.empty()
@@ -122,7 +130,8 @@ def find_marking_boxes(tile: TileData, surface: RoadSurface, config: MarkingConf
     # Search areas: about the bright points of every cell that has more of them than chance brings
     bright = paint_points.count_bright(paint.rows, paint.starts, n_cols, BRIGHT_SPREADS)
     cells, places = paint_points.bright_centres(bright, paint.starts, n_cols, _CHANCE)
-    inside = _touches(tile.core, origin_of(tile), cells, paint.lattice)
+    origin = origin_of(tile)
+    inside = np.any([_touches(core, origin, cells, paint.lattice) for core in cores or (tile.core,)], axis=0)
     cells, places = cells[inside], places[inside]
     # Direction, edges and extent of the stripes in each
     found = all_stripes(paint.rows, paint.starts, paint.lattice, cells, places, LEAST_T)

@@ -32,7 +32,7 @@ from linework.methods.obb.track import TrackConfig, track_lines
 from linework.methods.sight import Sight, sight_of
 from linework.model.arrays import BoolArray, FloatArray
 from linework.model.boxes import BoxForm, BoxSet
-from linework.model.grid import holds
+from linework.model.grid import Bounds, holds
 from linework.model.lines import LineSet
 from linework.model.settings import group
 from linework.model.tile import TileData, local_origin
@@ -87,14 +87,20 @@ class ObbMethod:
         path = None if tile.trajectory is None else tile.trajectory.xyz
         return self.track(boxes, origin, sight_of(surface), path)
 
-    def detect(self, tile: TileData) -> BoxSet:
-        """Return the boxes in a tile: pieces of paint by intensity, pieces of boundaries by normals."""
+    def detect(self, tile: TileData, cores: Sequence[Bounds] = ()) -> BoxSet:
+        """Return the boxes in a tile: pieces of paint by intensity, pieces of boundaries by normals.
+
+        Parameters
+        ----------
+        cores
+            Parts of the core that share nothing: what lies outside of them need not be looked at; none: all.
+        """
         assert tile.surface is not None, "a tile of a survey comes with its surface"
         found = []
         if self._seeks_paint:
-            found.append(find_marking_boxes(tile, tile.surface, self.config.marking))
+            found.append(find_marking_boxes(tile, tile.surface, self.config.marking, cores))
         if self._seeks_boundaries:
-            found.append(find_boundary_boxes(tile, tile.surface, self.config.boundary))
+            found.append(find_boundary_boxes(tile, tile.surface, self.config.boundary, cores))
         return BoxSet.concatenate(found)
 
     def track(
