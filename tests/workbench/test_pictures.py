@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import struct
 import time
 
@@ -10,6 +11,7 @@ import numpy as np
 import PIL.Image
 import pytest
 from shapely import LineString, Point
+from websockets.sync.client import connect
 
 from linework.files.vectors import read_lines
 from linework.model.grid import Bounds
@@ -58,9 +60,23 @@ def unpacked(content):
     return n, np.array(origin), xyz, above, np.frombuffer(content, np.uint8, n, 32 + 14 * n)
 
 
+def made_ahead(served):
+    """Wait until the server has made all coarse tiles, which it does while nobody asks."""
+    survey = served.get("/api/survey")
+    z, col, row = tile_at(survey, 0.25, survey["path"][0])
+    served.client.get(f"/api/tiles/density/{z}/{col}/{row}")
+    coarsest = int(np.log2(survey["tiles"]["resolutions"][0] / 0.25))
+    until = time.monotonic() + 120.0
+    while time.monotonic() < until:
+        if list((served.survey / ".linework").glob(f"stores/*/tiles-*/level{coarsest}.*.arrays")):
+            return survey
+        time.sleep(0.1)
+    raise AssertionError("no coarse tiles after two minutes")
+
+
 @pytest.mark.parametrize("image", IMAGES)
 def test_tiles_of_all_zooms(served, image):
-    survey = served.get("/api/survey")
+    survey = made_ahead(served)
     place = survey["path"][len(survey["path"]) // 2]
     for resolution in survey["tiles"]["resolutions"]:
         z, col, row = tile_at(survey, resolution, place)
@@ -329,20 +345,17 @@ def test_what_is_no_place_has_no_height(served, body):
     assert answer.json()["problem"]
 
 
-def test_tiles_are_made_ahead_while_nobody_asks(served_alone):
-    survey = served_alone.get("/api/survey")
-    place = survey["path"][0]
-    z, col, row = tile_at(survey, 0.25, place)
-    served_alone.client.get(f"/api/tiles/density/{z}/{col}/{row}")
-    work = served_alone.survey / ".linework"
-    until = time.monotonic() + 60.0
-    while time.monotonic() < until and not list(work.glob(f"stores/*/tiles-*/level{_coarsest(survey)}.*")):
-        time.sleep(0.2)
-    assert list(work.glob(f"stores/*/tiles-*/level{_coarsest(survey)}.*"))
-
-
-def _coarsest(survey):
-    return int(np.log2(survey["tiles"]["resolutions"][0] / 0.25))
+def test_a_tile_shown_in_part_is_told_of_when_it_is_whole(served_alone):
+    with connect(
+        f"{served_alone.socket_url}/api/live",
+        additional_headers={"Cookie": served_alone.cookie_header},
+        origin=served_alone.url,
+    ) as live:
+        made_ahead(served_alone)
+        news = {}
+        while news.get("type") != "pictures" or news["done"] < news["total"]:
+            news = json.loads(live.recv(timeout=60.0))
+        assert news["done"] == news["total"] >= 2
 
 
 def test_place_and_bounds_agree(served):

@@ -10,7 +10,7 @@ from linework.workbench.tiles import Tile
 from linework.workbench.tiles_points import PatchReader
 
 #: So many blocks, evenly chosen, are the survey; of each so many points.
-_N_BLOCKS, _N_POINTS = 32, 20_000
+_N_BLOCKS, _N_POINTS = 12, 20_000
 #: Shares of the road's points: the darkest; paint covers 2 to 5 % of a marked road, a hundredth is surely paint.
 _DARK, _PAINT = 0.03, 0.99
 #: Paint is at least so much brighter than asphalt: on a road without any the rest must not look like paint.

@@ -20,8 +20,8 @@ from linework.workbench.tiles import BLOCK_M
 ASPHALT = 1000.0
 #: Distances are told apart by this, up to the last; the level is smooth between nodes a metre apart. [m]
 _BIN_M, _FARTHEST_M, _NODE_M = 0.5, 40.0, 1.0
-#: From so many points of the road a level is known; so many blocks are the survey, so many points a block.
-_LEAST, _N_BLOCKS, _N_POINTS = 300, 16, 20_000
+#: From so many points of the road a level is known; so many blocks are the survey.
+_LEAST, _N_BLOCKS = 300, 12
 #: Asphalt is the darkest ground: of the road's points so many are surely darker than what grows beside it.
 _SHARE = 0.3
 #: Beyond the road the level goes on to fall, with the range from a scanner so high. [m]
@@ -74,12 +74,12 @@ def asphalt_level(store: PointStore, surface: SurveySurface, path: FloatArray) -
     for east, north in blocks[:: max(1, len(blocks) // _N_BLOCKS)].tolist():
         corner = east * BLOCK_M, north * BLOCK_M
         bounds = Bounds(*corner, corner[0] + BLOCK_M, corner[1] + BLOCK_M)
-        points = store.points(bounds, with_time=False)
+        points = store.points(bounds, ordered=False, with_time=False)
         if points.intensity is None:
             return None
         road = points.take(is_road_point(surface.over(bounds.grown(surface.cell_m)), points.xyz, 0.03))
-        road = road.take(slice(None, None, max(1, len(road) // _N_POINTS)))
-        apart, _ = way.query(road.xyz[:, :2], distance_upper_bound=_FARTHEST_M)
+        cells = ((road.xyz[:, :2] - corner) / _BIN_M).astype(np.int64)
+        apart = _distances(way, corner)[cells[:, 1], cells[:, 0]]
         bins = np.minimum(apart / _BIN_M, len(values)).astype(np.int64)
         order = np.argsort(bins, kind="stable")
         parts = np.split(
@@ -88,6 +88,14 @@ def asphalt_level(store: PointStore, surface: SurveySurface, path: FloatArray) -
         for k, part in enumerate(parts[1:-1]):
             values[k].append(part)
     return _fitted(way, [np.concatenate(parts) if parts else np.zeros(0) for parts in values])
+
+
+def _distances(way: cKDTree, corner: tuple[float, float]) -> FloatArray:
+    """Return the distance from the way of the middles of a block's cells of `_BIN_M`, row 0 south. [m]"""  # noqa: D400
+    middles = _BIN_M * (np.arange(round(BLOCK_M / _BIN_M)) + 0.5)
+    east, north = np.meshgrid(corner[0] + middles, corner[1] + middles)
+    apart, _ = way.query(np.stack([east, north], axis=-1), distance_upper_bound=_FARTHEST_M)
+    return np.asarray(apart)
 
 
 def _fitted(way: cKDTree, values: list[AnyArray]) -> AsphaltLevel | None:
