@@ -12,7 +12,6 @@ from linework.evaluation.chains import Chains
 from linework.evaluation.match import TIE_M, match_chains
 from linework.files.vectors import read_lines
 from linework.methods.kinds import KINDS_OF
-from linework.model.lines import LineSet
 from linework.simulation.draw import draw_scenario
 from linework.simulation.folder import write_survey_folder
 from linework.simulation.simulate import survey_of
@@ -128,8 +127,3 @@ def missing_runs(lines, truth, kind, box, *, least_m=1.0):
         if len(run) and lacks[run[0]]
     ]
     return sorted((run for run in found if run[0] >= least_m), key=lambda run: -run[0])
-
-
-def no_lines(crs):
-    """No lines at all."""
-    return LineSet.empty(crs)

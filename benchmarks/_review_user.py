@@ -6,6 +6,7 @@ import numpy as np
 
 from benchmarks._review_scene import WITHIN_M, matched, missing_runs, right_share
 from linework.errors import InputError, UsageError
+from linework.lines.edited import trimmed
 from linework.lines.edited_words import as_kind
 from linework.model.changes import Change
 from linework.model.lines import LineSet
@@ -20,17 +21,23 @@ RIGHT = 0.8
 CHORD_M = 0.05
 #: Drawing is worth it from so many metres for a click.
 LEAST_PER_CLICK_M = 4.0
+#: So many vertices off in between, or at an end, are not cut away.
+FEW = 3
 #: A person clicks so often in one stretch before giving up.
 TRIES = 2
 
 
 @dataclass
 class User:
-    """Works a queue; every click and every key that changes something is an action."""
+    """Works a queue; every click and every key that changes something is an action.
+
+    `tracer` follows lines, `heights` measures heights of a kind of line at places, as the workbench does.
+    """
 
     drawing: object
     truth: LineSet
     tracer: object
+    heights: object
     most: int
     n_actions: int = 0
     told: list = field(default_factory=list)
@@ -96,7 +103,8 @@ class User:
             return "joined"
         length_m, xyz, observed = runs[0]
         seen = np.flatnonzero(observed)
-        for k in range(TRIES):
+        # A refused click costs as much as one that helps: little is not worth trying twice
+        for k in range(min(TRIES, int(length_m / (2.0 * LEAST_PER_CLICK_M)))):
             if self.left <= 0:
                 return "out of actions"
             place = xyz[seen[(2 * k + 1) * len(seen) // (2 * TRIES)]]
@@ -118,7 +126,7 @@ class User:
         span = self._right_span(traced.lines.take([0]))
         if span is None or traced.kind != kind:
             return False
-        kept = line_of(traced.lines.take([0]), *span)
+        kept = trimmed(traced.lines.take([0]), *span)
         if distance_m(kept.xyz[:, :2], place[:2]) > WITHIN_M:
             return False  # another line grew
         # Nodes that went wrong are taken back one by one, or the line is trimmed: one more action
@@ -131,39 +139,31 @@ class User:
 
     def _right_span(self, line):
         """First and last vertex of the longest stretch of a line that is right; None if that is little."""
-        n = int(line.offsets[1])
-        good = np.array(
-            [right_share(line_of(line, i, i + 1), self.truth) >= 0.5 for i in range(n - 1)], dtype=bool
-        ) if n < 40 else self._good_segments(line)  # fmt: skip
+        good, n = self._good_segments(line), int(line.offsets[1])
         edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]]))).reshape(-1, 2)
         # A vertex off here and there is no reason to cut a line
         merged = []
         for a, b in edges.tolist():
-            if merged and a - merged[-1][1] <= 3:
+            if merged and a - merged[-1][1] <= FEW:
                 merged[-1][1] = b
             else:
                 merged.append([a, b])
         best = max(merged, key=lambda run: run[1] - run[0], default=None)
-        if best is None or best[1] - best[0] < 1:
+        if best is None:
             return None
-        first, last = best
-        if first <= 2:
-            first = 0
-        if last >= n - 3:
-            last = n - 1
-        return first, last
+        return 0 if best[0] < FEW else best[0], n - 1 if best[1] >= n - FEW else best[1]
 
     def _good_segments(self, line):
+        """Which segments of a line are right."""
         kind = str(line.kind[0])
         match, is_right, _ = matched(line.with_columns(crs=self.truth.crs), self.truth, kind)
-        along = np.concatenate(
-            [[0.0], np.cumsum(np.linalg.norm(np.diff(line.xyz[:, : match.reference.n_dims], axis=0), axis=1))]
+        step = np.linalg.norm(np.diff(line.xyz[:, : match.reference.n_dims], axis=0), axis=1)
+        along, pieces = np.concatenate([[0.0], np.cumsum(step)]), match.e_pieces
+        segment = np.clip(np.searchsorted(along, pieces.chainage_m, side="right") - 1, 0, len(step) - 1)
+        right, whole = (
+            np.bincount(segment, weights=length, minlength=len(step))
+            for length in (pieces.length_m * is_right, pieces.length_m)
         )
-        segment = np.clip(
-            np.searchsorted(along, match.e_pieces.chainage_m, side="right") - 1, 0, len(along) - 2
-        )
-        right = np.bincount(segment, weights=match.e_pieces.length_m * is_right, minlength=len(along) - 1)
-        whole = np.bincount(segment, weights=match.e_pieces.length_m, minlength=len(along) - 1)
         return right >= 0.5 * whole
 
     def _draw(self, item, xyz, length_m):
@@ -173,17 +173,10 @@ class User:
             if self.left > 0:
                 self.do({"action": "dismiss", "key": item.key})
             return f"left: {length_m:.0f} m would take {len(vertices)} clicks"
-        heights = np.column_stack([vertices[:, 2], np.full(len(vertices), np.nan)])
+        heights = np.column_stack(self.heights(item.kind, vertices[:, :2]))
         edit = {"action": "draw", "kind": item.kind, "xyz": [(float(e), float(n)) for e, n, _ in vertices]}
         self.do(edit, Given(heights=heights), cost=len(vertices))
         return f"drew {length_m:.0f} m with {len(vertices)} clicks"
-
-
-def line_of(line, first, last):
-    """A piece of a line as a line."""
-    from linework.lines.edited import trimmed
-
-    return trimmed(line, first, last)
 
 
 def added(change):
@@ -191,19 +184,12 @@ def added(change):
     if change.action != "join":
         return change.after
     whole = change.after
-    flags = whole.bridged.copy()
-    own = np.concatenate([change.before.line(i) for i in range(len(change.before))])
-    is_new = ~np.isin(whole.xyz[:, 0], own[:, 0])
-    ends = np.flatnonzero(flags & ~is_new)
-    new = np.flatnonzero(is_new)
+    is_old = np.isin(whole.xyz[:, 0], change.before.xyz[:, 0])
+    new = np.flatnonzero(~is_old)
     if len(new):
-        first, last = max(int(new[0]) - 1, 0), min(int(new[-1]) + 1, len(whole.xyz) - 1)
-    else:
-        gaps = np.hypot(*np.diff(whole.xyz[:, :2], axis=0).T)
-        first = int(np.argmax(gaps))
-        last = first + 1
-    del ends
-    return line_of(whole, first, last)
+        return trimmed(whole, max(int(new[0]) - 1, 0), min(int(new[-1]) + 1, len(whole.xyz) - 1))
+    widest = int(np.argmax(np.hypot(*np.diff(whole.xyz[:, :2], axis=0).T)))
+    return trimmed(whole, widest, widest + 1)
 
 
 def simplified(xyz, within_m):

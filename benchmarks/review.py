@@ -11,6 +11,7 @@ place picked (also where following is refused), each vertex of a drawn line, a f
 
 import argparse
 import tempfile
+from functools import partial
 from pathlib import Path
 
 from benchmarks._review_scene import KINDS, POINTS_PER_M, WEAR, copied, errors_of, scene_of, truth_of
@@ -19,6 +20,7 @@ from benchmarks.accuracy import seeds_of
 from linework.files.drawing import DrawingFile
 from linework.tiling.settings import RunSettings
 from linework.tiling.traces import Tracer
+from linework.workbench.heights import heights_at
 from linework.workbench.queue import Dismissed
 from linework.workbench.queue_at_desk import suspects_at_desk
 from linework.workbench.table import SurveyOrder, Table
@@ -57,7 +59,7 @@ def reviewed(seed, folder, options):
     tracer = Tracer(table.recordings.points, table.surface, RunSettings())
     with DrawingFile.opened(copied(scene), crs=truth.crs) as drawing:
         before = errors_of(drawing.lines, truth)
-        user = User(drawing, truth, tracer, options.actions)
+        user = User(drawing, truth, tracer, partial(heights_at, table), options.actions)
         dismissed = Dismissed()
         while user.left > 0:
             settled = dismissed.keys(drawing)

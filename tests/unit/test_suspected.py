@@ -197,3 +197,15 @@ def test_keys_stay_while_the_thing_is_there():
     after = gaps(lines.take([2, 1, 0]), Way.of(path), everywhere)
     assert {s.key for s in before} == {s.key for s in after}
     assert len({s.key for s in before}) == len(before)
+
+
+def test_a_sure_line_with_a_long_bridge_is_worth_a_look():
+    path = road()
+    n = len(beside(path, 0, 190, 1.0).xyz)
+    lines = together(
+        beside(path, 0, 190, 1.0, name="bridged", bridged=np.arange(n) > 20),
+        beside(path, 0, 190, 3.0, name="measured"),
+    )
+    found = ranked(unsure_lines(lines, Way.of(path)))
+    assert [s.ids[0] for s in found] == ["bridged"]
+    assert "180 m of it bridged" in found[0].reason

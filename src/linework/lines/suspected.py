@@ -22,6 +22,8 @@ VIEW_M = 60.0
 LEAST_M = 2.0
 #: No arrow, bar or stop line is longer: paint along the road that is, is a line. [m]
 LONGEST_BAR_M = 12.0
+#: Of what is bridged, no less is wrong: 61 of 2,850 m on simulated streets of few points.
+BRIDGED_WRONG = 0.02
 #: Companions are judged with their lines.
 _COMPANIONS = ("lane_marking_dash", "kerb_top")
 #: Paint at one distance from the van's way, to so much, is in line. [m]
@@ -93,7 +95,7 @@ def unsure_lines(lines: LineSet, way: Way) -> list[Suspect]:
 
     Dashes and kerb tops are not among them: they go with their lines.
     """
-    length_m, found = lines.length_m, []
+    length_m, bridged_m, found = lines.length_m, lines.bridged_m, []
     long_bars = _long_bars(lines, way)
     for i in np.flatnonzero((lines.review == "") & ~np.isin(lines.kind, _COMPANIONS)).tolist():
         if any(i in run for run in long_bars):
@@ -105,9 +107,11 @@ def unsure_lines(lines: LineSet, way: Way) -> list[Suspect]:
             kind=str(lines.kind[i]),
             at=_middle(xyz),
             box=box_of(xyz),
-            length_m=float(length_m[i]) * (1.0 - sure),
+            length_m=float(length_m[i] - bridged_m[i]) * (1.0 - sure)
+            + float(bridged_m[i]) * max(1.0 - sure, BRIDGED_WRONG),
             confidence=sure,
-            reason=f"{100.0 * sure:.0f} % sure over {length_m[i]:.0f} m",
+            reason=f"{100.0 * sure:.0f} % sure over {length_m[i]:.0f} m"
+            + (f", {bridged_m[i]:.0f} m of it bridged" if bridged_m[i] >= LEAST_M else ""),
             proposal="accept" if sure >= 0.5 else "reject",
             n_looks=max(float(length_m[i]) / VIEW_M, 1.0),
         )
