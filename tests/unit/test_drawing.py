@@ -1,6 +1,7 @@
 """Lines on disk: every change is saved when `commit` returns, readable by others, and can be taken back."""
 
 import sqlite3
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 
@@ -256,6 +257,17 @@ def test_a_file_that_is_replaced_while_it_is_open_takes_no_more_changes(path):
         path.unlink()
         with pytest.raises(OSError, match="removed or replaced"):
             drawing.undo(who="")
+
+
+def test_threads_take_turns(path):
+    with DrawingFile.opened(path, crs="local") as drawing, ThreadPoolExecutor(4) as threads:
+        line = some_lines(1).with_columns(id=[""])
+        edits = list(
+            threads.map(lambda k: drawing.commit(Change("draw", none(), line), who=str(k)), range(20))
+        )
+        assert sorted(edit.number for edit in edits) == list(range(1, 21))
+        assert len(set(drawing.lines.id.tolist())) == 26
+    whole(path)
 
 
 def test_any_edits_and_all_of_them_undone(path):

@@ -120,8 +120,9 @@ def _pieces(own: LineSet, left_out: BoolArray, again: BoolArray, by_free: BoolAr
     """Return what stays of found lines of a kind, and of how many something does not."""
     places = places_along(own)
     kept, n = [LineSet.empty(own.crs)], 0
+    first = np.searchsorted(places.line, np.arange(len(own) + 1))
     for i in range(len(own)):
-        mine = places.line == i
+        mine = slice(int(first[i]), int(first[i + 1]))
         out, one = left_out[mine], own.take([i])
         if not out.any():
             kept.append(one)
