@@ -206,34 +206,42 @@ def test_an_edge_picked_in_an_image_is_followed_and_kept(views: tuple[Any, Serve
     stereo = page.locator(".stereo-view")
     wait_until(lambda: int(stereo.get_attribute("data-strokes") or 0) > 2)
     number = int(stereo.get_attribute("data-pair"))
-    at = _paint_in(served, number)
-    before = {line["id"] for line in served.get("/api/lines")["lines"]}
+    name, at, size = _paint_in(served, number)
+    was = np.array(_line(served, name)["xyz"])
+    revision = served.get("/api/lines")["revision"]
+    served.post("/api/changes", {"revision": revision, "edit": {"action": "delete", "ids": [name]}})
     page.keyboard.press("f")
-    canvas = page.locator(".stereo-view canvas[data-side=left]")
-    box, size = canvas.bounding_box(), served.get(f"/api/pairs/{number}/lines")
-    scale = min(box["width"] / size["width"], box["height"] / size["height"])
-    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    box = page.locator(".stereo-view canvas[data-side=left]").bounding_box()
+    scale = min(box["width"] / size[0], box["height"] / size[1])
 
     page.mouse.click(
-        middle[0] + (at[0] + 0.5 - size["width"] / 2) * scale,
-        middle[1] + (at[1] + 0.5 - size["height"] / 2) * scale,
+        box["x"] + box["width"] / 2 + (at[0] + 0.5 - size[0] / 2) * scale,
+        box["y"] + box["height"] / 2 + (at[1] + 0.5 - size[1] / 2) * scale,
     )
 
     wait_until(lambda: int(stereo.get_attribute("data-seen") or 0) > 4, seconds=60)
     page.wait_for_selector(".growth-card[data-state=stopped]", timeout=60_000)
     page.keyboard.press("Enter")
-    wait_until(lambda: {line["id"] for line in served.get("/api/lines")["lines"]} - before)
-    new = [line for line in served.get("/api/lines")["lines"] if line["id"] not in before]
-    assert new[0]["kind"] == "lane_marking"
-    assert new[0]["length_m"] > 5.0
+    wait_until(lambda: any(edit["action"] == "keep" for edit in served.get("/api/history")))
+    ((kept, *_),) = [edit["ids"] for edit in served.get("/api/history") if edit["action"] == "keep"]
     saved = read_lines(served.lines)
-    assert new[0]["id"] in saved.id.tolist()
+    i = saved.id.tolist().index(kept)
+    assert (saved.kind[i], saved.method[i], saved.review[i]) == ("lane_marking", "stereo", "drawn")
+    # It lies where the points had shown the paint
+    xyz = saved.xyz[saved.offsets[i] : saved.offsets[i + 1]]
+    assert saved.length_m[i] > 5.0
+    far = [np.hypot(*(xyz[:, :2] - place[:2]).T).min() for place in was]
+    assert np.median(far) < 0.5
 
 
-def _paint_in(served: Served, number: int) -> tuple[float, float]:
-    """Return a pixel of the left image near the middle of a marking that runs through the lower half of it."""
+def _paint_in(served: Served, number: int) -> tuple[str, tuple[float, float], tuple[int, int]]:
+    """Return a marking, a pixel of the left image on it, low in the image, and the size of images."""
     shown = served.get(f"/api/pairs/{number}/lines")
-    runs = [run for line in shown["left"] if line["kind"] == "lane_marking" for run in line["runs"]]
-    pixels = np.array([pixel for run in runs for pixel in run])
-    inside = pixels[(pixels[:, 0] > 30) & (pixels[:, 0] < shown["width"] - 30)]
-    return tuple(inside[np.argmin(np.abs(inside[:, 1] - 0.75 * shown["height"]))])
+    width, height = shown["width"], shown["height"]
+    pixels = [
+        (abs(y - 0.75 * height), line["id"], (x, y))
+        for line in shown["left"] if line["kind"] == "lane_marking"
+        for run in line["runs"] for x, y in run if 30 < x < width - 30
+    ]  # fmt: skip
+    _, name, at = min(pixels)
+    return name, at, (width, height)
