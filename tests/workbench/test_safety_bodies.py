@@ -281,3 +281,13 @@ def test_a_kept_connection_answers_again(monkeypatch):
             connection.sendall(request("GET", "/", *own))
             assert answer_on(connection).status == 200
             time.sleep(0.2)
+
+
+def test_a_refusal_is_read_by_who_is_still_sending(served):
+    """Not reset before it was answered: the page shows why."""
+    body = b" " * (MOST_BYTES + 1000)
+    own = (f"Host: {served.host}", f"Origin: {served.url}", "Content-Type: application/json")
+    for _ in range(10):
+        assert exchange(served.port, request("POST", "/api/changes", *own, body=body)).status == 401
+        session = (*own, f"Cookie: {served.cookie_header}")
+        assert exchange(served.port, request("POST", "/api/changes", *session, body=body)).status == 413

@@ -11,7 +11,14 @@ from starlette.datastructures import Headers
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from linework.workbench.guard_bodies import BodyError, check_body_headers, check_json, replayed, whole_body
+from linework.workbench.guard_bodies import (
+    BodyError,
+    check_body_headers,
+    check_json,
+    drained,
+    replayed,
+    whole_body,
+)
 from linework.workbench.guard_headers import with_headers
 from linework.workbench.page_files import PageFile
 from linework.workbench.problems import problem_document
@@ -65,7 +72,7 @@ class Guard:
 
     async def _request(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = Headers(scope=scope)
-        answer = self._without_session(scope, headers)
+        answer, body = self._without_session(scope, headers), None
         if answer is None:
             try:
                 check_body_headers(headers)
@@ -76,6 +83,8 @@ class Guard:
             except BodyError as error:
                 answer = _refused(error.status, error.problem)
         if answer is not None:
+            if body is None:
+                await drained(headers, receive)
             await answer(scope, receive, send)
             return
         kept = [(name, value) for name, value in scope["headers"] if name not in _DROPPED]

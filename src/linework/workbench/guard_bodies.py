@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import math
 from collections.abc import Mapping
@@ -14,6 +15,9 @@ from starlette.types import Message, Receive
 MOST_BYTES = 1 << 20
 #: From the head of a request to the end of its body, on the same machine. [s]
 MOST_S = 10.0
+#: Of a body that is refused so much is read, in so much time, before the answer: closed with something unread, the
+#: connection would be reset, and the answer lost.
+_DRAINED_BYTES, _DRAINED_S = 4 << 20, 1.0
 
 
 class BodyError(Exception):
@@ -70,6 +74,20 @@ async def whole_body(receive: Receive) -> bytes:
                     return b"".join(parts)
     except TimeoutError:
         raise BodyError(408, f"the body took longer than {MOST_S:.0f} s") from None
+
+
+async def drained(headers: Mapping[str, str], receive: Receive) -> None:
+    """Read what is there of a body that was refused, if it may have an end."""
+    length = headers.get("content-length", "0")
+    if "transfer-encoding" not in headers and (not length.isdigit() or int(length[:20]) > _DRAINED_BYTES):
+        return
+    n_bytes, is_more = 0, True
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(_DRAINED_S):
+            while is_more and n_bytes < _DRAINED_BYTES:
+                message = await receive()
+                n_bytes += len(message.get("body", b""))
+                is_more = message.get("more_body", False)
 
 
 def check_json(body: bytes) -> None:
