@@ -19,7 +19,8 @@ from linework.model.arrays import FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.tile import local_origin
-from linework.tiling.ground_lines import AROUND_M, STRIP_M, Ground, Pick, follow_ground, toward
+from linework.tiling.beyond_gaps import joined, places_ahead, way_on
+from linework.tiling.ground_lines import AROUND_M, Ground, Pick, follow_ground, toward
 from linework.tiling.opened import OpenedSurvey
 from linework.tiling.rail_pieces import RailPieces
 from linework.tiling.refused_picks import RefusedPickError
@@ -32,12 +33,6 @@ from linework.tiling.survey_boxes import Corridor, SurveyBoxes
 PICKED_KINDS = ("lane_marking", "road_boundary", *RAIL_KINDS, *CABLE_KINDS)
 #: Something stands at a place, or hangs over it, where points within so much of it are so high over ground. [m]
 STANDS_M, STANDS_HIGH_M, HANGS_M, HANGS_HIGH_M = 1.0, (0.2, 2.0), 3.0, (3.5, 100.0)
-#: What lies beyond a gap is known for a line by so much of it. [m]
-_BEYOND_M = 12.0
-#: Where a line that was interrupted goes on, both have so much in common: that joins them. [m]
-_OVERLAP_M = 3.0
-#: The way on over a gap may bend: it is looked for to either side by this share of how far ahead it is.
-_FAN = 0.1
 #: Of a van's way places so near one another say the same. [m]
 _PATH_STEP_M = 0.25
 
@@ -124,16 +119,23 @@ class Tracer:
             No line goes on there within reach of `PICKED_TWICE`.
         """
         one, kind = lines.take([0]), str(lines.kind[0])
-        place, onward = self._beyond(one, end)
+        way = way_on(one, end, self._ahead(one, end))
+        if way is None:
+            tip = trace.leads(one.xyz)[0][end]
+            raise RefusedPickError(
+                f"no {kind} goes on", f"within {PICKED_TWICE.longest_m:.0f} m beyond {tip[0]:.2f},{tip[1]:.2f}",
+                where=self._opened.survey.name, advice="pick a place on the line further on",
+            )  # fmt: skip
+        place, onward = way
         steps = self.trace((place[0], place[1]), kind=kind, toward=(onward[0], onward[1]))
         said: bool | None = None
         while True:
             try:
-                said = yield trace.turned_like(_joined(one, steps.send(said).take([0])), one)
+                said = yield trace.turned_like(joined(one, steps.send(said).take([0])), one)
             except StopIteration as stop:
                 new: TracedLine = stop.value
                 break
-        whole = trace.turned_like(_joined(one, new.lines.take([0])), one)
+        whole = trace.turned_like(joined(one, new.lines.take([0])), one)
         far = new.stops[1] if new.stops[0] == str(Stop.PICKED) else new.stops[0]
         beside = continued(lines.of_kind("kerb_top"), new.lines.of_kind("kerb_top"))
         dashes = [part.of_kind("lane_marking_dash") for part in (lines, new.lines)]
@@ -143,42 +145,18 @@ class Tracer:
     def _in_crs(self, lines: LineSet) -> LineSet:
         return lines.with_columns(crs=self._opened.survey.crs)
 
-    def _beyond(self, one: LineSet, end: int) -> tuple[FloatArray, FloatArray]:
-        """Return a place where a line goes on beyond the gap at its end, and the next one along it. [m, world]
-
-        Both (2,).
-        """  # noqa: D400
-        tip, way = (part[end] for part in trace.leads(one.xyz))
-        kind, longest_m = str(one.kind[0]), PICKED_TWICE.longest_m
-        along = np.arange(0.0, longest_m + _BEYOND_M, STRIP_M)
-        if kind in trace.TRACKED_AS:
-            corridor = Corridor(self._ground.boxes)
-            corridor.load(tip + along[:, None] * way, STRIP_M + _FAN * along)
-            lines = self._ground.lines(corridor)
-            lines = lines.take(np.isin(lines.kind, trace.TRACKED_AS[kind]))
-            lines = lines.with_columns(kind=np.full(len(lines), kind))
-        else:
+    def _ahead(self, one: LineSet, end: int) -> LineSet:
+        """Return the lines of a line's kind about where it leads beyond its end."""
+        kind = str(one.kind[0])
+        places, reach_m = places_ahead(one, end)
+        if kind not in trace.TRACKED_AS:
             pieces = self._rails if kind in RAIL_KINDS else self._cables
-            lines = pieces.lines_about(tip + along[:, None] * way).of_kind(kind)
-        best: tuple[float, FloatArray] | None = None
-        for i in range(len(lines)):
-            other = lines.line(i)[:, :2]
-            ahead = (other - tip) @ way
-            if ahead.max() < trace.PICK_M or not trace.may_go_on(one.xyz, lines.line(i), longest_m):
-                continue
-            if len(continued(one, lines.take([i]))) > 1:
-                continue
-            beyond = other[ahead > -_OVERLAP_M]
-            beyond = beyond if (beyond[-1] - beyond[0]) @ way >= 0.0 else beyond[::-1]
-            gap_m = float(np.hypot(*(beyond[0] - tip)))
-            if len(beyond) > 1 and (best is None or gap_m < best[0]):
-                best = gap_m, beyond
-        if best is None:
-            raise RefusedPickError(
-                f"no {kind} goes on", f"within {longest_m:.0f} m beyond {tip[0]:.2f},{tip[1]:.2f}",
-                where=self._opened.survey.name, advice="pick a place on the line further on",
-            )  # fmt: skip
-        return best[1][min(1, len(best[1]) - 2)], best[1][-1]
+            return pieces.lines_about(places).of_kind(kind)
+        corridor = Corridor(self._ground.boxes)
+        corridor.load(places, reach_m)
+        lines = self._ground.lines(corridor)
+        lines = lines.take(np.isin(lines.kind, trace.TRACKED_AS[kind]))
+        return lines.with_columns(kind=np.full(len(lines), kind))
 
     def _standing(self, pick: Pick) -> TracedLine | None:
         """Return the nearest guardrail, barrier or cable at a place, whole."""
@@ -238,12 +216,6 @@ class Tracer:
             str(reason), f"within {PICK_M} m of {place[0]:.2f},{place[1]:.2f}",
             where=self._opened.survey.name, advice=advice, works=there,
         )  # fmt: skip
-
-
-def _joined(one: LineSet, new: LineSet) -> LineSet:
-    """Return a line with what goes on beyond a gap; as it is where the two do not meet (yet)."""
-    joined = continued(one, new.with_columns(crs=one.crs))
-    return joined if len(joined) == 1 else one
 
 
 def _thinned(path: FloatArray) -> FloatArray:
