@@ -56,8 +56,12 @@ def serve(
     settings = read_settings(config)
     with contextlib.ExitStack() as held:
         display = held.enter_context(open_display(quiet=quiet))
+        from linework.cli.first_run import tell_of_compiling
+        from linework.methods.kinds import ALL_KINDS
         from linework.workbench.serving import Serving, serve
         from linework.workbench.table import SurveyOrder
+
+        tell_of_compiling(ALL_KINDS, quiet=quiet)
 
         def ready(bench: Bench, url: str) -> None:
             display.__exit__(None, None, None)
