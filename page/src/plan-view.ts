@@ -66,7 +66,10 @@ export class PlanView implements Pane {
   }
 
   goTo(place: Place): void {
-    this.fit(grown([...place, ...place], NEAR_M));
+    const view = this.map.getView();
+    const [width = 1, height = 1] = this.map.getSize() ?? [];
+    view.setCenter(place);
+    view.setResolution((2 * NEAR_M) / Math.min(width, height));
     this.app.emit("look", { at: place, by: "plan" });
   }
 
