@@ -41,6 +41,7 @@ class User:
     most: int
     n_actions: int = 0
     told: list = field(default_factory=list)
+    tried: set = field(default_factory=set)
 
     @property
     def left(self):
@@ -102,6 +103,10 @@ class User:
             self.do(document_of(item)["proposal"])
             return "joined"
         length_m, xyz, observed = runs[0]
+        if (item.key, round(length_m)) in self.tried:
+            self.do({"action": "dismiss", "key": item.key})
+            return "dismissed: what was done did not help"
+        self.tried.add((item.key, round(length_m)))
         seen = np.flatnonzero(observed)
         # A refused click costs as much as one that helps: little is not worth trying twice
         for k in range(min(TRIES, int(length_m / (2.0 * LEAST_PER_CLICK_M)))):
@@ -169,10 +174,11 @@ class User:
     def _draw(self, item, xyz, length_m):
         """Draw what cannot be followed, if a click brings enough."""
         vertices = simplified(xyz, CHORD_M)
-        if len(vertices) > self.left or length_m < LEAST_PER_CLICK_M * len(vertices):
+        # A wire hangs in a curve: two clicks do not make one
+        if item.kind == "cable" or len(vertices) > self.left or length_m < LEAST_PER_CLICK_M * len(vertices):
             if self.left > 0:
                 self.do({"action": "dismiss", "key": item.key})
-            return f"left: {length_m:.0f} m would take {len(vertices)} clicks"
+            return f"left {length_m:.0f} m"
         heights = np.column_stack(self.heights(item.kind, vertices[:, :2]))
         edit = {"action": "draw", "kind": item.kind, "xyz": [(float(e), float(n)) for e, n, _ in vertices]}
         self.do(edit, Given(heights=heights), cost=len(vertices))

@@ -242,3 +242,17 @@ def test_wires_above_one_another_are_two():
 def test_paint_that_was_taken_for_bars_goes_when_its_line_is_kept():
     bar = straight(10, 24, name="bar", kind="road_marking_other")
     assert kept_change(bar, straight(0, 40), (0, 40)).before.id.tolist() == ["bar"]
+
+
+def test_tops_of_joined_kerbs_are_joined():
+    def top(start, end, name):
+        line = straight(start, end, name=name, kind="kerb_top", up=0.12)
+        return line.with_columns(xyz=line.xyz + np.array([0.0, 0.15, 0.0]))
+
+    feet = [straight(0, 30, name="a", kind="road_boundary"), straight(50, 90, name="b", kind="road_boundary")]
+    lines = LineSet.concatenate([*feet, top(0, 29, "c"), top(51, 90, "d")])
+    change = change_of(ORDER.validate_python({"action": "join", "ids": ["a", "b"]}), lines, Given())
+    assert set(change.before.id.tolist()) == {"a", "b", "c", "d"}
+    assert change.after.kind.tolist() == ["road_boundary", "kerb_top"]
+    assert change.after.length_m.tolist() == pytest.approx([90.0, 90.0])
+    assert np.all(change.after.line(1)[:, 2] == pytest.approx(0.12))

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from linework.errors import AbsentError, UsageError
 from linework.lines import edited, edited_parts, edited_smooth, edited_words
 from linework.lines.edited_dashes import with_missing_dashes
-from linework.methods.obb.trace import BESIDE_M, beside
 from linework.model.arrays import FloatArray
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 from linework.workbench import edits
 from linework.workbench.edits import EditOrder, places_of
+from linework.workbench.edits_companions import with_companions, with_tops
 from linework.workbench.edits_kept import kept_change
-
-#: What may lie beside a line of each kind, and belongs to it: judged when the line is judged.
-COMPANIONS = {"lane_marking": "lane_marking_dash", "road_boundary": "kerb_top"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,24 +71,6 @@ def lines_of(lines: LineSet, ids: Iterable[str]) -> LineSet:
     return lines.take(np.array([number[name] for name in wanted], dtype=np.int64))
 
 
-def with_companions(chosen: LineSet, lines: LineSet) -> LineSet:
-    """Return lines with the dashes that lie on them, and the tops of their kerbs."""
-    is_in = np.isin(lines.id, chosen.id)
-    for i in range(len(chosen)):
-        kind = COMPANIONS.get(str(chosen.kind[i]), "")
-        if kind:
-            box = _near(lines, chosen.line(i), BESIDE_M[kind])
-            is_in[box[beside(lines.take(box), chosen.line(i), kind)]] = True
-    return lines.take(is_in)
-
-
-def _near(lines: LineSet, xyz: FloatArray, within_m: float) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Return which lines begin in the rectangle around a line: the others need no closer look."""
-    low, high = xyz[:, :2].min(axis=0) - within_m, xyz[:, :2].max(axis=0) + within_m
-    first = lines.xyz[lines.offsets[:-1], :2]
-    return np.flatnonzero(np.all((first >= low) & (first <= high), axis=1))
-
-
 def _reviewed(edit: edits.Review, lines: LineSet, _: Given) -> Change:
     review = {"accept": "accepted", "reject": "rejected", "restore": ""}[edit.action]
     chosen = with_companions(lines_of(lines, edit.ids), lines)
@@ -118,7 +96,9 @@ def _joined(edit: edits.Join, lines: LineSet, _: Given) -> Change:
     if len(both) != 2:
         raise UsageError("a line cannot be joined to itself", where="join", advice="choose two lines")
     others = lines.take((lines.review != "rejected") & ~np.isin(lines.id, both.id))
-    return _edited(edit.action, both, edited_parts.joined(both.take([0]), both.take([1]), others))
+    change = _edited(edit.action, both, edited_parts.joined(both.take([0]), both.take([1]), others))
+    tops = [with_companions(both.take([k]), others).of_kind("kerb_top") for k in (0, 1)]
+    return with_tops(change, tops[0], tops[1])
 
 
 def _shaped(edit: edits.Shape, lines: LineSet, _: Given) -> Change:
