@@ -25,6 +25,19 @@ async function start(): Promise<void> {
     },
   );
   document.body.dataset.state = "ready";
+  void untilReady(app).catch(() => undefined); // a server that goes away meanwhile is told of elsewhere
+}
+
+// The server may still be opening the survey for following: everything else works meanwhile
+async function untilReady(app: App): Promise<void> {
+  let { busy } = app.survey;
+  if (busy === "") return;
+  app.emit("message", { text: `Still ${busy} …`, kind: "info" });
+  while (busy !== "") {
+    await new Promise((done) => setTimeout(done, 1000));
+    ({ busy } = await api.survey());
+  }
+  app.emit("message", { text: "Lines can be followed now.", kind: "info" });
 }
 
 // Gone, or started anew: then it knows nothing of this session, and says which link to open
