@@ -17,7 +17,11 @@ export class GrowthCard {
     const { keyboard, following } = this.app;
     const group = "Follow a line";
     // While a line is followed no key may do something to another one
-    keyboard.only = () => (following.growth.state === "idle" ? null : [group, "Plan", "Tools", "Page"]);
+    const always = [group, "Plan", "Tools", "Page"];
+    keyboard.only = () => {
+      const { state } = following.growth;
+      return state === "idle" ? null : state === "refused" ? [...always, "Review"] : always;
+    };
     const is = (...states: Growth["state"][]) => () => states.includes(following.growth.state);
     keyboard.bind({ keys: [" "], title: "Interrupt", group, when: is("growing"), run: () => following.interrupt() });
     keyboard.bind({ keys: ["Enter"], title: "Keep it", group, when: is("growing", "stopped"), run: () => void following.keep() });

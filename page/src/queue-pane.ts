@@ -68,9 +68,12 @@ export class QueuePane implements Pane {
   }
 
   private look(item: QueueItem): void {
+    const { app } = this;
     this.current = item.key;
     this.draw();
-    this.app.select(item.ids);
+    if (app.following.growth.state === "refused") app.following.cancel(); // it was about the one before
+    if (app.tool !== "select") app.setTool("select");
+    app.select(item.ids);
     this.show(item.box);
     this.app.emit("look", { at: item.at, by: "queue" });
   }

@@ -86,6 +86,32 @@ def test_a_bad_place_is_refused_with_a_reason(plan, kerb, served):
     assert plan.revision == before
 
 
+def test_a_kept_line_is_continued_farther_on(plan, kerb):
+    plan.follow(middle_of(kerb), "road_boundary")
+    plan.wait_for("state", "stopped")
+    plan.press(*["Backspace"] * 24)
+    before = plan.revision
+    plan.press("Enter")
+    part = longest(plan.saved_since(before), "road_boundary")
+    apart_m = shapely.distance(shapely.LineString(part[:, :2]), shapely.points(kerb[:, :2]))
+    there = kerb[np.argmin(np.abs(apart_m - 5.0))]
+    wait_until(lambda: len(plan.selected) == 1)
+    plan.look_at((there[0], there[1]))
+    plan.page.mouse.move(*plan.pixel((there[0], there[1])))
+    plan.press("c")
+    assert "Click farther along" in plan.card
+    plan.click((there[0], there[1]))
+    plan.wait_for("state", "stopped")
+    plan.press("Enter")
+    whole = plan.saved_since(before + 1).of_kind("road_boundary")
+    assert len(whole) == 1, "it goes on as the same line"
+    assert whole.length_m[0] > shapely.LineString(part).length + 5.0
+    plan.press("Control+z")
+    plan.saved_since(before + 2)
+    plan.press("Control+z")
+    plan.saved_since(before + 3)
+
+
 class Talk:
     """A follower of the test's own instead of the server's: what was ordered, and what is told."""
 
