@@ -189,7 +189,7 @@ def added(change):
     """What a change adds: of joined lines the piece between them."""
     if change.action != "join":
         return change.after
-    whole = change.after
+    whole = change.after.take([0])  # the line itself: tops come along
     is_old = np.isin(whole.xyz[:, 0], change.before.xyz[:, 0])
     new = np.flatnonzero(~is_old)
     if len(new):
