@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from tests.workbench.plan_page import PlanPage
-from tests.workbench.serve_process import wait_until
+from tests.workbench.serve_process import opened_page, wait_until
 
 
 @pytest.fixture
@@ -43,19 +43,25 @@ def test_the_queue_is_worked_by_keys(plan, served):
     assert plan.revision > before
 
 
-def test_a_proposal_is_taken(plan, served):
-    items = [item for item in served.get("/api/queue") if item["proposal"]]
-    if not items:
-        pytest.skip("the queue of this drive proposes nothing")
-    wait_until(lambda: _left(plan) > 0)
-    while _current(plan) != items[0]["key"]:
+def test_a_proposal_is_taken(browser, served):
+    line = next(line for line in served.get("/api/lines")["lines"] if line["kind"] == "kerb_top")
+    east, north, _ = line["xyz"][0]
+    item = {
+        "key": "k", "type": "line", "ids": [line["id"]], "kind": line["kind"], "at": [east, north],
+        "box": [east - 5, north - 5, east + 5, north + 5], "length_m": 5.0, "confidence": 0.1,
+        "reason": "unsure", "proposal": {"action": "reject", "ids": [line["id"]]},
+    }  # fmt: skip
+    with opened_page(browser, served) as page:
+        page.route("**/api/queue", lambda route: route.fulfill(json=[item]))
+        page.reload()
+        plan = PlanPage(page, served)
+        wait_until(lambda: _left(plan) == 1)
         plan.press("n")
-    before = plan.revision
-    plan.press("y")
-    plan.saved_since(before)
-    wait_until(lambda: items[0]["key"] not in {item["key"] for item in served.get("/api/queue")})
-    plan.press("Control+z")
-    plan.saved_since(before + 1)
+        wait_until(lambda: _current(plan) == "k")
+        plan.press("y")
+        wait_until(lambda: plan.documents()[line["id"]]["review"] == "rejected")
+        plan.press("Control+z")
+        wait_until(lambda: plan.documents()[line["id"]]["review"] == "")
 
 
 def test_lines_are_accepted_and_rejected(plan):
