@@ -245,3 +245,19 @@ def _paint_in(served: Served, number: int) -> tuple[str, tuple[float, float], tu
     ]  # fmt: skip
     _, name, at = min(pixels)
     return name, at, (width, height)
+
+
+def test_where_nothing_can_be_followed_the_image_says_why(views: tuple[Any, Served]) -> None:
+    page, served = views
+    before = served.get("/api/lines")["revision"]
+    _show(page, "Stereo")
+    stereo = page.locator(".stereo-view")
+    wait_until(lambda: int(stereo.get_attribute("data-strokes") or 0) > 2)
+    page.keyboard.press("f")
+    canvas = page.locator(".stereo-view canvas[data-side=right]")
+    box = canvas.bounding_box()
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + 0.1 * box["height"])  # the sky
+    wait_until(lambda: len(page.locator(".stereo-answer").text_content()) > 10)
+    page.keyboard.press("Escape")
+    wait_until(lambda: page.locator(".stereo-answer").text_content() == "")
+    assert served.get("/api/lines")["revision"] == before
