@@ -28,7 +28,6 @@ export class VertexEditing extends PointerInteraction {
   readonly layer = new VectorLayer({
     source: new VectorSource({ features: [this.preview, this.handles, this.one] }), updateWhileInteracting: true,
   });
-  private shown: number[] = [];
   private hold: Hold | null = null;
   private from_px: readonly number[] = [0, 0];
 
@@ -72,9 +71,9 @@ export class VertexEditing extends PointerInteraction {
 
   private draw(): void {
     const line = this.line;
-    this.shown = line ? handlesOf(line, this.map.getView().getResolution() ?? 1) : [];
+    const shown = line ? handlesOf(line, this.map.getView().getResolution() ?? 1) : [];
     const at = (i: number): Place[] => (line?.xyz[i] ? [placeOf(line.xyz[i])] : []);
-    this.handles.setGeometry(new MultiPoint(this.shown.flatMap(at)));
+    this.handles.setGeometry(new MultiPoint(shown.flatMap(at)));
     const [place] = this.active === null ? [] : at(this.active);
     this.mark(place ?? null, "active");
   }
@@ -86,7 +85,7 @@ export class VertexEditing extends PointerInteraction {
 
   override handleMoveEvent(event: MapBrowserEvent): void {
     const line = this.line;
-    const hold = line && !event.originalEvent.shiftKey ? holdAt(line, this.shown, placeOf(event.coordinate), this.map) : null;
+    const hold = line && !event.originalEvent.shiftKey ? holdAt(line, placeOf(event.coordinate), this.map) : null;
     this.map.getTargetElement()?.classList.toggle("on-vertex", hold !== null);
     if (hold) this.mark(hold.at, hold.on);
     else this.draw();
@@ -95,7 +94,7 @@ export class VertexEditing extends PointerInteraction {
   override handleDownEvent(event: MapBrowserEvent): boolean {
     const line = this.line;
     if (line === null || event.originalEvent.shiftKey || (event.originalEvent as PointerEvent).button !== 0) return false;
-    this.hold = holdAt(line, this.shown, placeOf(event.coordinate), this.map);
+    this.hold = holdAt(line, placeOf(event.coordinate), this.map);
     this.from_px = event.pixel;
     return this.hold !== null;
   }

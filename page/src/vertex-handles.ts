@@ -1,9 +1,9 @@
-// The vertices of the one selected line: which of them can be taken hold of at this scale, and what is under the mouse.
+// The vertices of the one selected line: which of them are shown at this scale, and what is under the mouse.
 
 import type OlMap from "ol/Map";
 import type { Line, Place } from "./types";
 
-const APART_PX = 9; // handles nearer together than this could not be told apart
+const APART_PX = 18; // handles nearer together than this would hide the line
 const REACH_PX = 8;
 
 export interface Hold {
@@ -26,16 +26,15 @@ export function handlesOf(line: Line, resolution: number): number[] {
   return shown;
 }
 
-// What is under a place: a shown vertex before a segment
-export function holdAt(line: Line, handles: readonly number[], place: Place, map: OlMap): Hold | null {
+// What is under a place: a vertex, shown or not, before a segment
+export function holdAt(line: Line, place: Place, map: OlMap): Hold | null {
   const reach_m = REACH_PX * (map.getView().getResolution() ?? 1);
   let best: Hold | null = null;
   let least = reach_m;
-  for (const i of handles) {
-    const vertex = line.xyz[i];
-    const away = vertex ? Math.hypot(vertex[0] - place[0], vertex[1] - place[1]) : Infinity;
-    if (vertex && away < least) [best, least] = [{ vertex: i, on: "vertex", at: [vertex[0], vertex[1]] }, away];
-  }
+  line.xyz.forEach((vertex, i) => {
+    const away = Math.hypot(vertex[0] - place[0], vertex[1] - place[1]);
+    if (away < least) [best, least] = [{ vertex: i, on: "vertex", at: [vertex[0], vertex[1]] }, away];
+  });
   return best ?? segmentAt(line, place, reach_m);
 }
 
