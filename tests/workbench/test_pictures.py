@@ -277,6 +277,24 @@ def test_a_cable_keeps_its_own_height_among_others(served, truth):
     assert np.median(error) < 0.05
 
 
+@pytest.mark.parametrize("kind", ["road_boundary", "kerb_top", "guardrail", "fence", "cable"])
+def test_a_line_dragged_aside_keeps_its_level_and_says_how_sure_it_is(table, truth, kind):
+    rng = np.random.default_rng(1)
+    lines = truth.of_kind(kind)
+    xyz = lines.xyz[lines.observed]
+    if len(xyz) < 3:
+        pytest.skip("none in this drive")
+    at = np.repeat(xyz, 200 // len(xyz) + 1, axis=0)
+    aside_m, way = rng.uniform(0.0, 0.4, len(at)), rng.uniform(0.0, 2.0 * np.pi, len(at))
+    beside = at + np.column_stack([aside_m * np.cos(way), aside_m * np.sin(way), np.zeros(len(at))])
+    height, sigma = heights_at(table, kind, beside.tolist())
+    error = height - at[:, 2]
+    assert np.isfinite(error).mean() > 0.7
+    if kind in ("road_boundary", "kerb_top"):
+        assert np.nanmax(np.abs(error)) < 0.15
+    assert np.nanquantile(np.abs(error / sigma), 0.95) < 2.5
+
+
 def test_far_from_all_points_no_height_is_known(served):
     found = served.post("/api/heights", {"kind": "lane_marking", "places": [[0.0, 0.0], [1e7, -1e7]]})
     assert found == {"heights": [None, None], "sigmas": [None, None]}

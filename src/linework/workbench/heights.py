@@ -12,13 +12,17 @@ from linework.model.grid import Bounds
 from linework.model.lines import KINDS
 from linework.model.trajectory import Trajectory
 from linework.workbench.heights_of import (
+    LAYER_M,
     STANDS_M,
     Height,
     edge_height,
     ground_height,
     hanging_height,
+    is_another,
+    is_as_before,
     kerb_top_height,
     standing_height,
+    with_doubt,
 )
 from linework.workbench.pictures import patch_reader
 from linework.workbench.table import Table
@@ -34,6 +38,8 @@ PATH_SIGMA_M, CROSSFALL = 0.05, 0.03
 FAR_FROM_PATH_M = 15.0
 #: Kinds that do not lie on the ground.
 _ABOVE_GROUND = ("kerb_top", "cable", *STANDS_M)
+#: Kinds that lie on one side of a step, and on which is known from where they were.
+_STEPS = ("road_boundary", "kerb_top")
 
 
 def heights_at(table: Table, kind: str, places: Sequence[Sequence[float]]) -> tuple[FloatArray, FloatArray]:
@@ -123,18 +129,44 @@ def _beside(patch: Patch, at: FloatArray) -> BoolArray:
 
 
 def _one(points: FloatArray, place: FloatArray, kind: str, z0_m: float) -> Height | None:
-    """Return height and sigma at one place, by the smallest reach that has enough points, sorted by east."""
+    """Return height and sigma at one place, by the smallest reach that has enough points, sorted by east.
+
+    Where it is known how high the line was, a reach that agrees with that is better than a smaller one that does not;
+    where it is not, the widest reach says what else there is.
+    """
+    near_m, first = place[2] - z0_m, None
     for reach in REACHES_M:
-        first, last = np.searchsorted(points[:, 0], (place[0] - reach, place[0] + reach))
-        local = points[first:last] - np.array([*place[:2], 0.0, 0.0])
-        local = local[np.hypot(local[:, 0], local[:, 1]) <= reach]
-        found = _height(local, kind, place[2] - z0_m) if len(local) else None
-        if found is not None:
+        local = _within(points, place, reach)
+        found = _height(local, kind, near_m)
+        if found is None:
+            continue
+        if kind == "lane_marking":
             return found
-    return None
+        if np.isnan(near_m):
+            widest = _height(_within(points, place, REACHES_M[-1]), kind, near_m)
+            return with_doubt(found, found[0] if widest is None else widest[0])
+        again = None if is_as_before(found, near_m, kind) else _level_before(local, kind, near_m)
+        if again is not None or is_as_before(found, near_m, kind):
+            return with_doubt(again or found, near_m)
+        first = first or found
+    return None if first is None or is_another(first, near_m, kind) else with_doubt(first, near_m)
+
+
+def _within(points: FloatArray, place: FloatArray, reach_m: float) -> FloatArray:
+    """Return the points, sorted by east, that are so near to a place, from there."""
+    first, last = np.searchsorted(points[:, 0], (place[0] - reach_m, place[0] + reach_m))
+    local = points[first:last] - np.array([*place[:2], 0.0, 0.0])
+    return np.asarray(local[np.hypot(local[:, 0], local[:, 1]) <= reach_m])
+
+
+def _level_before(local: FloatArray, kind: str, near_m: float) -> Height | None:
+    """Return the height of what lies as high as the line did, beside a step."""
+    return ground_height(local[np.abs(local[:, 2] - near_m) <= LAYER_M]) if kind in _STEPS else None
 
 
 def _height(local: FloatArray, kind: str, near_m: float) -> Height | None:
+    if len(local) == 0:
+        return None
     if kind == "cable":
         return hanging_height(local, near_m)
     if kind in STANDS_M:

@@ -20,6 +20,8 @@ KERB_M = (0.03, 0.40)
 LEAST_STANDS_M, STANDS_M = 0.25, {"guardrail": 1.3, "barrier": 1.8, "fence": 3.5}
 #: At its edge a carriageway is as thick as this, and where it ends is known in height no better than this. [m]
 ROAD_M, EDGE_SIGMA_M = 0.02, 0.01
+#: Nobody drags a line onto another thing: what is farther than this from where it was is not it. [m]
+SAME_M, SAME_CABLE_M = KERB_M[1], 1.0
 #: A cable: higher than lorries; points so far apart in height belong to two. [m]
 HANGS_M, APART_M = 3.5, 0.3
 #: The top edge is where so many points are, within so much. [m]
@@ -30,7 +32,9 @@ def edge_height(points: FloatArray) -> Height | None:
     """Return the height of the carriageway's edge: of the level that most points near the lowest layer have.
 
     Beside an edge are the foot of a kerb's face, or a verge that lies lower: both hold fewer points than the road.
+    What is farther from the road's level than a kerb is high (hedges, cars, ditches) bounds no carriageway.
     """
+    points = points[~(np.abs(points[:, 3]) > KERB_M[1])]
     if len(points) < LEAST:
         return None
     level = _level(points)
@@ -114,6 +118,27 @@ def hanging_height(points: FloatArray, near_m: float) -> Height | None:
         cable = min(groups, key=lambda group: abs(float(np.median(group)) - near_m))
     spread = cable.std() if len(cable) > 1 else 0.03
     return float(np.median(cable)), float(np.hypot(spread / np.sqrt(len(cable)), 0.01))
+
+
+def is_as_before(found: Height, near_m: float, kind: str) -> bool:
+    """Say whether a height agrees with where the line was.
+
+    A carriageway's edge may turn out to be lower by a kerb: it was drawn on the kerb's top. It is never higher.
+    """
+    if kind == "cable":
+        return abs(found[0] - near_m) <= APART_M
+    least_m = near_m - (KERB_M[1] if kind == "road_boundary" else LAYER_M)
+    return least_m <= found[0] <= near_m + LAYER_M
+
+
+def is_another(found: Height, near_m: float, kind: str) -> bool:
+    """Say whether a height differs so much from where the line was that another thing was measured."""
+    return abs(found[0] - near_m) > (SAME_CABLE_M if kind == "cable" else SAME_M)
+
+
+def with_doubt(found: Height, other_m: float) -> Height:
+    """Return a height whose sigma tells of another value for it: both differ by half of that from their middle."""
+    return found[0], float(np.hypot(found[1], 0.5 * (found[0] - other_m)))
 
 
 def _level(points: FloatArray) -> FloatArray:
