@@ -78,7 +78,7 @@ def read_inside(path: Path, root: Path, most: int) -> bytes:
 def _read(path: Path, root: Path, most: int) -> bytes:
     """Return at most one byte more than `most` of a file that is inside."""
     # Not blocking: a pipe would wait for somebody to write into it
-    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:  # noqa: PTH123
+    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
         status = os.fstat(file.fileno())
         if not stat.S_ISREG(status.st_mode) or not _is_inside(path, root, status):
             raise PermissionError(path)
