@@ -52,3 +52,26 @@ def kept(table):
     calls = table.keep("calls", list)
     calls.append(None)
     return len(calls)
+
+
+def compile_for(_table, seconds):
+    """Compile a kernel for so long, without a word."""
+    import numba
+    from numba.core import event
+
+    end = time.monotonic() + seconds
+
+    class Slow(event.Listener):
+        def on_start(self, _event):
+            time.sleep(max(0.0, end - time.monotonic()))
+
+        def on_end(self, _event):
+            pass
+
+    with event.install_listener("numba:compile", Slow()):
+        return numba.njit(lambda x: x + 1)(1)
+
+
+def tell_then_compile(table, seconds):
+    table.tell("begun")
+    return compile_for(table, seconds)

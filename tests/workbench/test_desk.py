@@ -10,7 +10,9 @@ import pytest
 from tests.workbench import desk_works as works
 
 from linework.errors import InputError, MachineError
-from linework.workbench.desk import LEAVE_S, Desk
+from linework.workbench import desk_work
+from linework.workbench.desk import Desk
+from linework.workbench.desk_work import LEAVE_S
 from linework.workbench.table import SurveyOrder
 
 
@@ -157,6 +159,37 @@ def test_a_work_that_does_not_leave_loses_its_process():
         return await desk.ask(works.add, 1, 2)
 
     assert at_desk(scene) == 3
+
+
+def test_silence_is_borne_while_kernels_are_compiled_and_only_then(monkeypatch):
+    async def scene(desk):
+        pid = await desk.ask(works.pid)
+        compiling = []
+        desk.on_compiling = compiling.append
+        monkeypatch.setattr(desk_work, "SILENT_S", 1.0)
+        assert await desk.ask(works.compile_for, 4.0) == 2
+        assert compiling == [True, False]
+        assert is_running(pid)
+        with pytest.raises(MachineError, match="no answer for 1 s"):
+            await desk.ask(works.sleep, 60.0)
+
+    at_desk(scene)
+
+
+def test_a_work_that_is_left_while_it_compiles_may_end_that(monkeypatch):
+    async def left(desk):
+        async with desk.doing(works.tell_then_compile, 4.0) as steps:
+            async for _ in steps:
+                break
+
+    async def scene(desk):
+        pid = await desk.ask(works.pid)
+        monkeypatch.setattr(desk_work, "LEAVE_S", 2.0)
+        await left(desk)
+        return pid, await desk.ask(works.pid)
+
+    before, after = at_desk(scene)
+    assert before == after
 
 
 def test_cancelling_while_another_waits_gives_the_turn_on():

@@ -15,51 +15,11 @@ from typing import Any
 
 from linework.errors import LineworkError, MachineError
 from linework.workbench.desk_process import LEAVE
+from linework.workbench.desk_work import Work
 from linework.workbench.table import SurveyOrder
 
-#: What takes longer without a word hangs: the process is killed, and another one started. [s]
-SILENT_S = 120.0
 #: Libraries that start threads of their own only disturb the other desks.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-#: A work that nobody waits for any more has so long to end.
-LEAVE_S = 3.0
-
-
-class Work:
-    """A work that is being done: what it tells comes by ``async for``, what it ends with is `value`."""
-
-    def __init__(self, desk: Desk, number: int, told: asyncio.Queue[Any]) -> None:
-        self._desk, self._number, self._told = desk, number, told
-        self.value: Any = None
-        self.is_over = False
-
-    def say(self, value: Any) -> None:
-        """Say something to the work: it comes out of its next ``yield``."""
-        self._desk._send(("say", self._number, value))
-
-    def __aiter__(self) -> AsyncIterator[Any]:
-        return self
-
-    async def __anext__(self) -> Any:
-        try:
-            # Not wait_for: up to Python 3.11 it forgets that it is cancelled where an answer comes at the same time
-            async with asyncio.timeout(SILENT_S):
-                kind, value = await self._told.get()
-        except TimeoutError:
-            self._desk.kill()
-            self.is_over = True
-            raise MachineError(
-                f"no answer for {SILENT_S:.0f} s", where="workbench", advice="try again"
-            ) from None
-        if kind == "told":
-            return value
-        self.is_over = True
-        if kind == "done":
-            self.value = value
-            raise StopAsyncIteration
-        if isinstance(value, LineworkError):
-            raise value
-        raise RuntimeError(value)
 
 
 class Desk:
@@ -85,6 +45,8 @@ class Desk:
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Connection | None = None
         self._writing = threading.Lock()
+        #: Called when the process begins to compile kernels, and when it is done with that.
+        self.on_compiling: Callable[[bool], None] = lambda _is_so: None
 
     async def ask(self, work: Callable[..., Any], *arguments: Any) -> Any:
         """Return what ``work(table, *arguments)`` returns, in the process; what it tells is dropped.
@@ -114,7 +76,7 @@ class Desk:
             self._start()
             self._number += 1
             self._told = asyncio.Queue()
-            steps = Work(self, self._number, self._told)
+            steps = Work(self._told, self._sayer(self._number), self.kill)
             try:
                 # In a thread: a process that is just starting does not read yet, and lines may be many
                 await asyncio.to_thread(self._send, ("do", self._number, work, arguments))
@@ -126,7 +88,7 @@ class Desk:
     async def _leave(self, steps: Work) -> None:
         """Tell a work that nobody waits for it, and wait until it has taken that in."""
         try:
-            async with asyncio.timeout(LEAVE_S):
+            async with steps.leaving():
                 await asyncio.to_thread(steps.say, LEAVE)
                 async for _ in steps:
                     pass
@@ -134,6 +96,9 @@ class Desk:
             self.kill()
         except (LineworkError, RuntimeError):
             return
+
+    def _sayer(self, number: int) -> Callable[[Any], None]:
+        return lambda value: self._send(("say", number, value))
 
     @property
     def memory_pid(self) -> int:
@@ -148,6 +113,7 @@ class Desk:
             process.wait()
             died = MachineError("the process at work died", where="workbench", advice="try again")
             self._told.put_nowait(("failed", died))
+            self.on_compiling(False)
 
     def _start(self) -> None:
         """Start the process, if none runs."""
@@ -198,5 +164,8 @@ class Desk:
             return
         if message is None:
             self.kill()
-        elif number == self._number:
+            return
+        if message[0] == "compiling":
+            self.on_compiling(message[1])
+        if number == self._number:
             self._told.put_nowait(message)

@@ -39,17 +39,20 @@ class _Process:
     """The works of one process.
 
     Messages come as ("do", number, work, arguments) and ("say", number, value); they go as ("told", number, value)
-    any number of times, and then ("done", number, value) or ("failed", number, error).
+    any number of times, and then ("done", number, value) or ("failed", number, error). In between goes
+    ("compiling", number, is_so): after an installation that takes a minute or two, without a word of the work itself.
     """
 
     def __init__(self, connection: Connection, order: SurveyOrder) -> None:
         # Here and not above: seconds, in which the process would not notice that its parent has died
+        from linework.workbench.compiling import Compiling
         from linework.workbench.table import Table
 
         self._connection = connection
         self._waiting: deque[tuple[Any, ...]] = deque()
         self._number = 0
         self._table = Table(order, self._tell)
+        self._compiling = Compiling(lambda is_so: self._connection.send(("compiling", self._number, is_so)))
 
     def run(self) -> None:
         """Do what comes until the socket closes."""
