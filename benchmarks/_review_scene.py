@@ -106,8 +106,11 @@ def right_share(lines, truth):
     return right / max(whole, 1e-9)
 
 
-def missing_runs(lines, truth, kind, box, *, least_m=1.0):
-    """Stretches of observed truth in a box that no line covers, longest first: places (k, 3) each."""
+def missing_runs(lines, truth, kind, box, *, least_m=1.0, whole=False):
+    """Stretches of observed truth in a box that no line covers, longest first: length, places (k, 3), what each lacks.
+
+    `whole`: those of one line as one, with what is between them.
+    """
     there = lines.take(lines.review != "rejected").with_columns(crs=truth.crs)
     match, _, is_found = matched(there, truth, kind)
     pieces = match.r_pieces
@@ -121,9 +124,12 @@ def missing_runs(lines, truth, kind, box, *, least_m=1.0):
     lacks = ~is_found & inside
     new = np.concatenate([[True], (pieces.line[1:] != pieces.line[:-1]) | (lacks[1:] != lacks[:-1])])
     runs = np.split(np.arange(len(pieces)), np.flatnonzero(new)[1:])
-    found = [
-        (float((pieces.length_m * match.r_observed)[run].sum()), xyz[run], match.r_observed[run])
-        for run in runs
-        if len(run) and lacks[run[0]]
-    ]
+    runs = [run for run in runs if len(run) and lacks[run[0]]]
+    if whole:
+        of_line = {int(pieces.line[run[0]]): [] for run in runs}
+        for run in runs:
+            of_line[int(pieces.line[run[0]])].append(run)
+        runs = [np.arange(some[0][0], some[-1][-1] + 1) for some in of_line.values()]
+    lacks_m = np.where(match.r_observed & lacks, pieces.length_m, 0.0)
+    found = [(float(lacks_m[run].sum()), xyz[run], lacks_m[run]) for run in runs]
     return sorted((run for run in found if run[0] >= least_m), key=lambda run: -run[0])

@@ -7,6 +7,8 @@ import numpy as np
 from benchmarks._review_scene import WITHIN_M, matched, missing_runs, right_share
 from linework.errors import InputError, UsageError
 from linework.lines.edited import trimmed
+from linework.lines.edited_beside import beside
+from linework.lines.edited_bridge import foot_along
 from linework.lines.edited_words import as_kind
 from linework.model.changes import Change
 from linework.model.lines import LineSet
@@ -27,17 +29,29 @@ FEW = 3
 TRIES = 2
 
 
+#: A line beside another: a click on that line, and one where each end is. As many hang a wire.
+BESIDE_CLICKS = 3
+#: A wire that extraction found nothing of is hung at once, if it is so long. [m]
+WIRE_M = BESIDE_CLICKS * LEAST_PER_CLICK_M
+#: Lines that run along the road, and are no farther from one another. [m]
+ALONG, ROAD_M = ("lane_marking", "road_boundary", "guardrail", "barrier"), 15.0
+#: A point of a wire is clicked where one is within this of it. [m]
+CLICK_M = 0.15
+
+
 @dataclass
 class User:
     """Works a queue; every click and every key that changes something is an action.
 
-    `tracer` follows lines, `heights` measures heights of a kind of line at places, as the workbench does.
+    `tracer` follows lines, `heights` measures heights of a kind of line at places, and `spans` says where the
+    paint along a line shows dashes, as the workbench does.
     """
 
     drawing: object
     truth: LineSet
     tracer: object
     heights: object
+    spans: object
     most: int
     n_actions: int = 0
     told: list = field(default_factory=list)
@@ -56,7 +70,18 @@ class User:
     def do(self, edit, given=None, cost=1):
         """Save an edit; it costs actions."""
         order = ChangeOrder.model_validate({"revision": self.drawing.revision, "edit": edit})
-        self.save(change_of(order.edit, self.drawing.lines, given or Given()), cost)
+        self.save(change_of(order.edit, self.drawing.lines, given or self._given(order.edit)), cost)
+
+    def _given(self, edit):
+        """Return what the desk measures for an edit."""
+        if edit.action != "dashes":
+            return Given()
+        chosen = lines_of(self.drawing.lines, edit.ids)
+        spans = {
+            str(chosen.id[k]): self.spans(chosen.line(k), float(chosen.width_m[k]))
+            for k in range(len(chosen))
+        }
+        return Given(spans=spans)
 
     def save(self, change: Change, cost=1):
         self.drawing.commit(change, who="scripted", based_on=self.drawing.revision)
@@ -87,7 +112,7 @@ class User:
             return False
         order = ChangeOrder.model_validate({"revision": 0, "edit": proposal})
         try:
-            change = change_of(order.edit, self.drawing.lines, Given())
+            change = change_of(order.edit, self.drawing.lines, self._given(order.edit))
         except UsageError:
             return False
         new = added(change)
@@ -102,12 +127,17 @@ class User:
         if self._proposed(item):
             self.do(document_of(item)["proposal"])
             return "joined"
-        length_m, xyz, observed = runs[0]
+        length_m, xyz, lacks_m = runs[0]
         if (item.key, round(length_m)) in self.tried:
             self.do({"action": "dismiss", "key": item.key})
             return "dismissed: what was done did not help"
         self.tried.add((item.key, round(length_m)))
-        seen = np.flatnonzero(observed)
+        seen = np.flatnonzero(lacks_m)
+        if item.kind == "cable" and length_m >= WIRE_M:
+            if self._saved(self._wire(xyz[seen[0] : seen[-1] + 1]), "cable"):
+                return f"hung {length_m:.0f} m"
+        elif self._put_beside(item):
+            return "put beside a line"
         # A refused click costs as much as one that helps: little is not worth trying twice
         for k in range(min(TRIES, int(length_m / (2.0 * LEAST_PER_CLICK_M)))):
             if self.left <= 0:
@@ -171,6 +201,59 @@ class User:
         )
         return right >= 0.5 * whole
 
+    def _put_beside(self, item):
+        """Put the line that lacks most beside another, and a kerb's top beside it."""
+        done = False
+        for kind in (item.kind, *(("kerb_top",) if item.kind == "road_boundary" else ())):
+            runs = missing_runs(self.drawing.lines, self.truth, kind, item.box, whole=True)
+            if runs:
+                done |= self._saved(self._beside(kind, *runs[0][1:]), kind)
+        return done
+
+    def _saved(self, change, kind):
+        """Save a line of three clicks; one more takes back what is not right."""
+        if change is None or self.left <= BESIDE_CLICKS:
+            return False
+        self.n_actions += BESIDE_CLICKS
+        if right_share(change.after.of_kind(kind), self.truth) >= RIGHT:
+            self.save(change, cost=0)
+            return True
+        self.n_actions += 1
+        return False
+
+    def _beside(self, kind, xyz, lacks_m):
+        """Return the change that puts a line beside one that runs evenly along most of what is missing."""
+        lines = self.drawing.lines
+        lines = lines.take((lines.review != "rejected") & np.isin(lines.kind, ALONG))
+        covers = [covered(lines.line(i), xyz, lacks_m) for i in range(len(lines))]
+        best = max(range(len(lines)), key=lambda i: covers[i][0], default=None)
+        if best is None or covers[best][0] < BESIDE_CLICKS * LEAST_PER_CLICK_M:
+            return None
+        first, last = covers[best][1]
+        edit = {"action": "beside", "id": str(lines.id[best]), "kind": kind}
+        edit["at"] = [tuple(xyz[k, :2].tolist()) for k in (first, last)]
+        order = ChangeOrder.model_validate({"revision": 0, "edit": edit}).edit
+        try:
+            places = beside(lines.take([best]), kind, np.array(order.at)).xyz
+            heights = np.column_stack(self.heights(kind, places.tolist()))
+            return change_of(order, self.drawing.lines, Given(heights=heights))
+        except UsageError:
+            return None
+
+    def _wire(self, xyz):
+        """Return the change that hangs a wire through points of it that are seen in 3-D."""
+        heights = self.heights("cable", xyz.tolist())[0]
+        seen = np.flatnonzero(np.abs(heights - xyz[:, 2]) <= CLICK_M)
+        if len(seen) < 3:
+            return None
+        clicked = seen[[0, len(seen) // 2, -1]]
+        places = [(float(xyz[k, 0]), float(xyz[k, 1]), float(heights[k])) for k in clicked]
+        order = ChangeOrder.model_validate({"revision": 0, "edit": {"action": "wire", "xyz": places}}).edit
+        try:
+            return change_of(order, self.drawing.lines, Given())
+        except UsageError:
+            return None
+
     def _draw(self, item, xyz, length_m):
         """Draw what cannot be followed, if a click brings enough."""
         vertices = simplified(xyz, CHORD_M)
@@ -186,7 +269,9 @@ class User:
 
 
 def added(change):
-    """What a change adds: of joined lines the piece between them."""
+    """What a change adds: dashes, and of joined lines the piece between them."""
+    if change.action == "dashes":
+        return change.after.of_kind("lane_marking_dash")
     if change.action != "join":
         return change.after
     whole = change.after.take([0])  # the line itself: tops come along
@@ -196,6 +281,25 @@ def added(change):
         return trimmed(whole, max(int(new[0]) - 1, 0), min(int(new[-1]) + 1, len(whole.xyz) - 1))
     widest = int(np.argmax(np.hypot(*np.diff(whole.xyz[:, :2], axis=0).T)))
     return trimmed(whole, widest, widest + 1)
+
+
+def length_of(xyz):
+    return float(np.hypot(*np.diff(xyz[:, :2], axis=0).T).sum())
+
+
+def covered(line, xyz, lacks_m):
+    """How much of what is missing a line runs along evenly [m], and from which to which place."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line[:, :2], axis=0).T))])
+    foot = np.array([foot_along(line, along, place) for place in xyz])
+    places = np.stack([np.interp(foot, along, column) for column in line[:, :2].T], axis=1)
+    away = np.hypot(*(places - xyz[:, :2]).T)
+    near = np.flatnonzero((away <= ROAD_M) & (foot > 0.0) & (foot < along[-1]) & (lacks_m > 0.0))
+    if len(near) < 2:
+        return 0.0, (0, 0)
+    span = slice(near[0], near[-1] + 1)
+    evenly = np.polyval(np.polyfit(foot[span], away[span], 1), foot[span])
+    is_even = float(np.std(away[span] - evenly)) <= CHORD_M
+    return float(lacks_m[span].sum()) if is_even else 0.0, (int(near[0]), int(near[-1]))
 
 
 def simplified(xyz, within_m):

@@ -21,6 +21,7 @@ from linework.files.drawing import DrawingFile
 from linework.tiling.settings import RunSettings
 from linework.tiling.traces import Tracer
 from linework.workbench.heights import heights_at
+from linework.workbench.paint_along import dash_spans
 from linework.workbench.queue import Dismissed
 from linework.workbench.queue_at_desk import suspects_at_desk
 from linework.workbench.table import SurveyOrder, Table
@@ -59,7 +60,9 @@ def reviewed(seed, folder, options):
     tracer = Tracer(table.recordings.points, table.surface, RunSettings())
     with DrawingFile.opened(copied(scene), crs=truth.crs) as drawing:
         before = errors_of(drawing.lines, truth)
-        user = User(drawing, truth, tracer, partial(heights_at, table), options.actions)
+        user = User(
+            drawing, truth, tracer, partial(heights_at, table), partial(dash_spans, table), options.actions
+        )
         dismissed = Dismissed()
         while user.left > 0:
             settled = dismissed.keys(drawing)

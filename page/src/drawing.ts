@@ -2,7 +2,7 @@
 
 import type { App } from "./app";
 import { ClickPath } from "./click-path";
-import type { Place } from "./types";
+import type { Edit, Place } from "./types";
 
 export class Drawing {
   readonly path: ClickPath;
@@ -28,7 +28,14 @@ export class Drawing {
     if (xyz.length < 2)
       return this.app.emit("message", { text: "A line has two vertices at least.", kind: "problem" });
     this.path.clear();
-    const changed = await this.app.change({ action: "draw", kind: this.app.followKind, xyz });
+    const changed = await this.app.change(editOf(this.app.followKind, xyz));
     if (changed) this.app.select(changed.lines.map((line) => line.id));
   }
+}
+
+// Three places of a cable are a wire that hangs through them
+function editOf(kind: string, xyz: Place[]): Edit {
+  const [first, between, last, more] = xyz;
+  if (kind === "cable" && first && between && last && !more) return { action: "wire", xyz: [first, between, last] };
+  return { action: "draw", kind, xyz };
 }

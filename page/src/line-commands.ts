@@ -25,6 +25,12 @@ export function lineCommands(app: App, editing: VertexEditing, cursor: () => Pla
     { title: "Join", key: "j", can: () => ids().length === 2, run: () => void join(app) },
     { title: "Smooth", key: "Shift+s", can: () => one() !== null, run: onOne("smooth") },
     { title: "Reverse", key: "r", can: () => one() !== null, run: onOne("reverse") },
+    { title: "Beside", key: "Shift+p", can: () => one() !== null, run: () => void putBeside(app, cursor()) },
+    { title: "Beside from here", key: "Shift+o", can: () => one() !== null, run: () => begin(app, cursor()) },
+    {
+      title: "Dashes", key: "Shift+d", can: () => some() && ids().every((id) => app.lines.get(id)?.kind === "lane_marking"),
+      run: () => void app.change({ action: "dashes", ids: ids() }),
+    },
     { title: "Continue", key: "c", can: () => one() !== null, run: () => goOn(app, editing, cursor()) },
     {
       title: "Restore", key: "Shift+x", can: isRejected,
@@ -53,6 +59,9 @@ const titles: Record<string, string> = {
   Delete: "Remove the active vertex; without one: delete the lines",
   Continue: "Continue from the nearer end: click farther on",
   Restore: "Restore rejected lines",
+  Beside: "New line beside the selected one, through the mouse",
+  "Beside from here": "The new line begins at the mouse, and ends where Beside is pressed",
+  Dashes: "Add the dashes that the line lacks",
 };
 
 function split(app: App, editing: VertexEditing, cursor: Place | null): void {
@@ -80,4 +89,24 @@ function goOn(app: App, editing: VertexEditing, cursor: Place | null): void {
   app.followKind = line.kind;
   app.setTool("follow");
   app.following.goOnFrom(atStart ? "start" : "end", line.id);
+}
+
+// Where the next line beside another begins: of that line, and no other
+let begun: { id: string; at: Place } | null = null;
+
+function begin(app: App, cursor: Place | null): void {
+  const [id] = app.selection;
+  begun = id !== undefined && cursor ? { id, at: cursor } : null;
+  const text = begun ? "Now put the mouse where the new line ends, and press Shift P." : "Put the mouse where the new line begins.";
+  app.emit("message", { text, kind: "info" });
+}
+
+async function putBeside(app: App, cursor: Place | null): Promise<void> {
+  const line = app.lines.get(app.selection[0] ?? "");
+  if (!line || !cursor)
+    return app.emit("message", { text: "Put the mouse where the new line is to run, and press Shift P.", kind: "info" });
+  const at: [Place] | [Place, Place] = begun?.id === line.id ? [begun.at, cursor] : [cursor];
+  begun = null;
+  const changed = await app.change({ action: "beside", id: line.id, kind: app.followKind || line.kind, at });
+  if (changed) app.select(changed.lines.map(({ id }) => id));
 }

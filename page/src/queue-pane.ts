@@ -8,7 +8,7 @@ import type { Box } from "./plan-map";
 import type { Edit, Line, Place, QueueItem } from "./types";
 
 const TITLES = {
-  line: "Unsure line", gap: "Gap", boundary: "No boundary", marking: "No marking", dashes: "Missing dashes",
+  line: "Unsure line", gap: "Gap", boundary: "No boundary", dashes: "Missing dashes",
 };
 
 export class QueuePane implements Pane {

@@ -87,13 +87,15 @@ export type Edit =
   | { action: "trim"; id: string; first: number; last: number } // keeps these vertices
   | { action: "draw"; kind: string; xyz: (Place | Vertex)[] }
   | { action: "keep"; trace: string; first: number; last: number; continues?: string } // a followed line
-  | { action: "dashes"; id: string } // adds the dashes that the rhythm of a dashed line lacks
+  | { action: "beside"; id: string; kind: string; at: [Place] | [Place, Place] } // as long as the line, or from one to the other
+  | { action: "wire"; xyz: [Place | Vertex, Place | Vertex, Place | Vertex] } // a cable: both ends, and a place between
+  | { action: "dashes"; ids: string[] } // adds the dashes that lines lack, as paint and rhythm say
   | { action: "dismiss"; key: string }; // nothing to do about an item of the queue
 
 export interface QueueItem {
   key: string; // the same as long as it is about the same thing
-  // an unsure line, a line that ends in view of data, a stretch without a boundary or marking, missing dashes
-  type: "line" | "gap" | "boundary" | "marking" | "dashes";
+  // an unsure line, a line that ends in view of data, a stretch without a boundary, missing dashes
+  type: "line" | "gap" | "boundary" | "dashes";
   ids: string[]; // lines it is about; of a gap: the one that ends, and the one that may go on
   kind: string;
   at: Place; // where to look

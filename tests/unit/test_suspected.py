@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from linework.lines.along_way import Way
-from linework.lines.suspected import missing_dashes, ranked, unsure_lines
+from linework.lines.suspected import ranked, unsure_lines
 from linework.lines.suspected_cables import loose_wires
+from linework.lines.suspected_dashes import missing_dashes
 from linework.lines.suspected_gaps import gaps
 from linework.model.lines import LineSet
 
@@ -170,6 +171,26 @@ def test_a_regular_line_lacks_dashes():
     (item,) = missing_dashes(together(line, *dashes, other))
     assert (item.ids, item.proposal) == (("line",), "dashes")
     assert item.length_m == pytest.approx(9.0, abs=0.1)
+
+
+def test_lines_that_lack_dashes_are_one_thing_to_settle():
+    path = road()
+    bare = [beside(path, 0, 199, y, name=f"bare{y}", pattern=[p]) for y, p in ((0.0, "dashed"), (3.0, ""))]
+    solid = beside(path, 0, 199, -3.0, name="solid", pattern=["solid"])
+    short = beside(path, 0, 20, 6.0, name="short", pattern=["dashed"])
+    (item,) = missing_dashes(together(*bare, solid, short))
+    # Of the one a third is paint, of the other that is half as likely
+    assert item.ids == ("bare0.0", "bare3.0")
+    assert item.length_m == pytest.approx(199 / 3 + 199 / 6, rel=0.02)
+
+
+def test_wires_come_after_markings_of_which_more_is_wrong():
+    path = road()
+    lines = together(
+        cable(0, 40).with_columns(confidence=np.array([0.5])),
+        beside(path, 0, 40, 1.7, name="marking", confidence=[0.8]),
+    )
+    assert [s.kind for s in ranked(unsure_lines(lines, Way.of(path)))] == ["lane_marking", "cable"]
 
 
 def test_a_span_is_missing_between_two_wires():

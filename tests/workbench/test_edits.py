@@ -145,7 +145,10 @@ def test_a_dismissal_changes_no_line_and_can_be_undone(drawing):
         (UsageError, {"action": "draw", "kind": "wall", "xyz": [[0, 0, 0], [1, 0, 0]]}),
         (UsageError, {"action": "draw", "kind": "fence", "xyz": [[0, 0], [1, 0]]}),
         (UsageError, {"action": "draw", "kind": "fence", "xyz": [[0, 0, 0], [0, 0, 0]]}),
-        (UsageError, {"action": "dashes", "id": "LINE"}),
+        (UsageError, {"action": "beside", "id": "LINE", "kind": "wall", "at": [[0, 0]]}),
+        (UsageError, {"action": "beside", "id": "LINE", "kind": "fence", "at": [[0, 0]]}),
+        (UsageError, {"action": "wire", "xyz": [[0, 0], [20, 0, 7], [40, 0, 7]]}),
+        (UsageError, {"action": "dashes", "ids": ["LINE"]}),
     ],
 )
 def test_what_cannot_be_done_changes_nothing(drawing, error, edit):

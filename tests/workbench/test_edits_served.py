@@ -50,6 +50,39 @@ def test_heights_of_moved_and_drawn_vertices_come_from_the_points(served):
     assert (drawn["review"], drawn["method"], drawn["confidence"]) == ("drawn", "drawn", 1.0)
 
 
+def test_a_line_is_put_beside_another_at_measured_heights(served):
+    line = max(lines_of(served, "lane_marking"), key=lambda line: line["length_m"])
+    (e0, n0, _), (e1, n1, _) = line["xyz"][2], line["xyz"][-3]
+    long = np.hypot(e1 - e0, n1 - n0)
+    left = np.array([n0 - n1, e1 - e0]) / long
+    at = [(np.array(line["xyz"][k][:2]) + 0.5 * left).tolist() for k in (2, -3)]
+    edit = {"action": "beside", "id": line["id"], "kind": "road_marking_other", "at": at}
+    (new,) = changed(served, edit)["lines"]
+    assert (new["kind"], new["review"]) == ("road_marking_other", "drawn")
+    assert new["length_m"] == pytest.approx(long, rel=0.05)
+    along = [np.hypot(e - e0, n - n0) for e, n, _ in line["xyz"]]
+    for e, n, z in new["xyz"]:
+        assert z == pytest.approx(
+            np.interp(np.hypot(e - e0, n - n0), along, [v[2] for v in line["xyz"]]), abs=0.1
+        )
+    assert any(sigma is not None for sigma in new["sigma_z_m"])
+
+
+def test_a_wire_hangs_through_three_places(served):
+    east, north, up = lines_of(served, "lane_marking")[0]["xyz"][0]
+    places = [[east, north, up + 7.0], [east + 40.0, north, up + 7.4], [east + 20.0, north, up + 6.4]]
+    (wire,) = changed(served, {"action": "wire", "xyz": places})["lines"]
+    assert wire["kind"] == "cable"
+    assert min(z for _, _, z in wire["xyz"]) == pytest.approx(up + 6.4, abs=0.05)
+    nothing = [[*place[:2]] for place in places]
+    answer = served.client.post(
+        "/api/changes",
+        json={"revision": served.get("/api/survey")["revision"], "edit": {"action": "wire", "xyz": nothing}},
+    )
+    assert answer.status_code == 422
+    assert "no cable was measured" in answer.json()["problem"]
+
+
 def test_a_stale_edit_is_refused_and_changes_nothing(served):
     line = lines_of(served, "road_boundary")[0]
     revision = served.get("/api/survey")["revision"]

@@ -51,11 +51,11 @@ def _beside(
     if any(np.any(place[:2] < low) or np.any(place[:2] > high) for place in (start, end)):
         return None
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line[:, :2], axis=0).T))])
-    a, b = (_foot(line, along, place) for place in (start, end))
+    a, b = (foot_along(line, along, place) for place in (start, end))
     if not (min(a, b) > 0.0 and max(a, b) < along[-1] and 0.7 * gap_m <= abs(b - a) <= 1.5 * gap_m):
         return None
     at = np.linspace(a, b, max(int(abs(b - a) / STATION_M), 2) + 1)
-    foot, left = _on(line, along, at)
+    foot, left = places_on(line, along, at)
     off = [float((place[:2] - foot[k, :2]) @ left[k]) for k, place in ((0, start), (-1, end))]
     drift = abs(off[1] - off[0])
     if max(abs(v) for v in off) > BESIDE_M or drift > DRIFT_M + DRIFT_SHARE * gap_m:
@@ -69,7 +69,7 @@ def _beside(
     return drift, places[1:-1]
 
 
-def _foot(line: FloatArray, along: FloatArray, place: FloatArray) -> float:
+def foot_along(line: FloatArray, along: FloatArray, place: FloatArray) -> float:
     """Return how far along a line its point nearest to a place is."""
     a, way = line[:-1, :2], np.diff(line[:, :2], axis=0)
     size2 = np.maximum(np.sum(way * way, axis=1), 1e-12)
@@ -78,7 +78,7 @@ def _foot(line: FloatArray, along: FloatArray, place: FloatArray) -> float:
     return float(along[i] + share[i] * (along[i + 1] - along[i]))
 
 
-def _on(line: FloatArray, along: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+def places_on(line: FloatArray, along: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return places (k, 3) on a line, and unit vectors (k, 2) to the left of where `at` leads."""
     place = np.stack([np.interp(at, along, column) for column in line.T], axis=1)
     sign = 1.0 if at[-1] >= at[0] else -1.0

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.errors import UsageError
+from linework.lines.edited_bridge import foot_along
 from linework.model.arrays import FloatArray
 from linework.model.lines import LineSet
 
@@ -63,18 +64,47 @@ def with_missing_dashes(line: LineSet, dashes: LineSet) -> LineSet:
     middles = missing_middles(rhythm, _along(line.xyz)[-1])
     if len(middles) == 0:
         raise UsageError("no dash is missing", where="dashes", advice="choose another line")
-    return _dashes_at(line, dashes, middles, rhythm.dash_m)
+    return _dashes_at(line, dashes, middles[:, None] + np.array([-0.5, 0.5]) * rhythm.dash_m)
+
+
+def dashes_by_paint(line: LineSet, dashes: LineSet, spans: FloatArray) -> tuple[LineSet, LineSet]:
+    """Return the dashes of a line that go, and those that come, where the paint along it shows where they are.
+
+    Parameters
+    ----------
+    line
+        A single line.
+    dashes
+        Those that are there.
+    spans
+        (k, 2) where along the line each begins and ends [m], as `dashes_in_paint` finds them.
+
+    Notes
+    -----
+    A dash that is there and whole stays, and one that somebody judged; pieces of a dash give way to the whole of it. What
+    comes is bridged: many dashes together say where it is, it was not seen itself.
+
+    Raises
+    ------
+    UsageError
+        None is missing.
+    """
+    there = _ends_along(line, dashes)
+    lap = np.minimum(there[None, :, 1], spans[:, None, 1]) - np.maximum(there[None, :, 0], spans[:, None, 0])
+    size = np.diff(spans, axis=1)
+    stays = (np.abs(np.diff(there, axis=1)[:, 0] - size) <= WHOLE_M) | (dashes.review != "")
+    comes = ~np.any((lap > 0.0) & stays, axis=1)
+    if not comes.any():
+        raise UsageError("no dash is missing", where="dashes", advice="choose another line")
+    goes = np.any((lap > 0.0) & ~stays & comes[:, None], axis=0)
+    return dashes.take(goes), _dashes_at(line, dashes, spans[comes])
 
 
 def rhythm_of(line: LineSet, dashes: LineSet) -> Rhythm | None:
     """Return the rhythm of the dashes along a line, None where they show none."""
     if len(dashes) < LEAST_DASHES:
         return None
-    along = _along(line.xyz)
-    ends = np.array(
-        [[_chainage(line.xyz, along, dashes.line(i)[k, :2]) for k in (0, -1)] for i in range(len(dashes))]
-    )
-    ends.sort(axis=1)
+    ends = _ends_along(line, dashes)
     length, middle = np.diff(ends, axis=1)[:, 0], ends.mean(axis=1)
     dash_m = float(np.quantile(length, 0.8))
     whole = np.sort(middle[np.abs(length - dash_m) <= WHOLE_M])
@@ -114,11 +144,11 @@ def missing_middles(rhythm: Rhythm, length_m: float) -> FloatArray:
     return np.sort(np.array(found, dtype=np.float64))
 
 
-def _dashes_at(line: LineSet, dashes: LineSet, middles: FloatArray, dash_m: float) -> LineSet:
+def _dashes_at(line: LineSet, dashes: LineSet, spans: FloatArray) -> LineSet:
     along = _along(line.xyz)
-    span = np.clip(middles[:, None] + np.array([-0.5, 0.5]) * dash_m, 0.0, along[-1])
+    span = np.clip(spans, 0.0, along[-1])
     xyz = np.stack([np.interp(span, along, column) for column in line.xyz.T], axis=-1)
-    n = len(middles)
+    n = len(spans)
     return LineSet.from_lines(
         list(xyz),
         crs=line.crs,
@@ -126,21 +156,19 @@ def _dashes_at(line: LineSet, dashes: LineSet, middles: FloatArray, dash_m: floa
         role=np.full(n, line.role[0]),
         pattern=np.full(n, "dashed"),
         method=np.full(n, "drawn"),
-        width_m=np.full(n, float(np.median(dashes.width_m))),
+        width_m=np.full(n, float(np.median(dashes.width_m if len(dashes) else line.width_m))),
         bridged=np.ones(2 * n, dtype=np.bool_),
         sigma_xy_m=np.interp(span, along, line.sigma_xy_m).ravel(),
         sigma_z_m=np.interp(span, along, line.sigma_z_m).ravel(),
     )
 
 
+def _ends_along(line: LineSet, dashes: LineSet) -> FloatArray:
+    """Return where along a line dashes begin and end (k, 2) [m]."""
+    along = _along(line.xyz)
+    ends = [[foot_along(line.xyz, along, dashes.line(i)[k]) for k in (0, -1)] for i in range(len(dashes))]
+    return np.sort(np.array(ends, dtype=np.float64).reshape(-1, 2), axis=1)
+
+
 def _along(xyz: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
-
-
-def _chainage(xyz: FloatArray, along: FloatArray, place: FloatArray) -> float:
-    """Return how far along a line its point nearest to a place is. [m]"""  # noqa: D400
-    a, way = xyz[:-1, :2], np.diff(xyz[:, :2], axis=0)
-    size2 = np.maximum(np.sum(way * way, axis=1), 1e-12)
-    share = np.clip(np.sum((place - a) * way, axis=1) / size2, 0.0, 1.0)
-    i = int(np.argmin(np.hypot(*(a + share[:, None] * way - place).T)))
-    return float(along[i] + share[i] * (along[i + 1] - along[i]))

@@ -6,11 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from linework.lines.along_way import Way
-from linework.lines.edited_dashes import missing_middles, rhythm_of
-from linework.model.arrays import BoolArray, FloatArray, IntArray
+from linework.model.arrays import BoolArray, FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 
@@ -28,8 +26,9 @@ BRIDGED_WRONG = 0.02
 _COMPANIONS = ("lane_marking_dash", "kerb_top")
 #: Paint at one distance from the van's way, to so much, is in line. [m]
 IN_LINE_M = 0.5
-#: A dash lies within a stripe's width of its line. [m]
-ON_LINE_M = 0.10
+#: How much of what extraction is not sure of is wrong, by kind: 39 of 2,506 m of cables, 34 of 560 m of boundaries and
+#: 323 of 675 m of markings on eleven simulated streets of 500 to 2,000 points per metre.
+WRONG_SHARE = {"cable": 0.02, "road_boundary": 0.06, "lane_marking": 0.5}
 #: Around what is to be seen. [m]
 _AROUND_M = 5.0
 
@@ -41,7 +40,7 @@ class Suspect:
     Parameters
     ----------
     type
-        "line", "gap", "boundary", "marking" or "dashes".
+        "line", "gap", "boundary" or "dashes".
     ids
         Lines it is about; of a gap: the one that ends, and the one that may go on.
     kind
@@ -75,6 +74,12 @@ class Suspect:
     n_looks: float = 1.0
 
     @property
+    def gain_m(self) -> float:
+        """What a look at it is expected to set right. [m]"""  # noqa: D400
+        share = WRONG_SHARE.get(self.kind, 1.0) if self.type == "line" and self.proposal != "kind" else 1.0
+        return share * self.length_m / self.n_looks
+
+    @property
     def key(self) -> str:
         """What it is about, a line or what is missing from a place on: the same as long as that is there."""
         if self.type in ("line", "dashes"):
@@ -86,7 +91,7 @@ class Suspect:
 def ranked(suspects: list[Suspect]) -> list[Suspect]:
     """Return suspects in the order of what a look is expected to find; each key once."""
     worth = [s for s in suspects if s.length_m >= LEAST_M]
-    worth.sort(key=lambda s: (-s.length_m / s.n_looks, s.key))
+    worth.sort(key=lambda s: (-s.gain_m, s.key))
     return list({s.key: s for s in reversed(worth)}.values())[::-1]
 
 
@@ -105,7 +110,7 @@ def unsure_lines(lines: LineSet, way: Way) -> list[Suspect]:
             type="line",
             ids=(str(lines.id[i]),),
             kind=str(lines.kind[i]),
-            at=_middle(xyz),
+            at=middle_of(xyz),
             box=box_of(xyz),
             length_m=float(length_m[i] - bridged_m[i]) * (1.0 - sure)
             + float(bridged_m[i]) * max(1.0 - sure, BRIDGED_WRONG),
@@ -126,7 +131,7 @@ def _no_bars(bars: LineSet) -> Suspect:
         type="line",
         ids=tuple(bars.id.tolist()),
         kind="road_marking_other",
-        at=_middle(bars.line(0)),
+        at=middle_of(bars.line(0)),
         box=box_of(bars.xyz),
         # Wrong as what it is, and missing as what it would be
         length_m=2.0 * whole_m,
@@ -155,54 +160,10 @@ def _long_bars(lines: LineSet, way: Way) -> list[list[int]]:
     return [row for _, row in rows]
 
 
-def missing_dashes(lines: LineSet) -> list[Suspect]:
-    """Return dashed lines whose rhythm says that dashes are missing."""
-    found, owner = [], _line_of_dashes(lines)
-    for i in np.flatnonzero((lines.kind == "lane_marking") & (lines.pattern == "dashed")).tolist():
-        one, dashes = lines.take([i]), lines.take(owner == i)
-        rhythm = rhythm_of(one, dashes)
-        if rhythm is None:
-            continue
-        n = len(missing_middles(rhythm, float(one.length_m[0])))
-        if n:
-            there = len(dashes) / (len(dashes) + n)
-            found.append(
-                Suspect(
-                    type="dashes",
-                    ids=(str(one.id[0]),),
-                    kind="lane_marking_dash",
-                    at=_middle(one.xyz),
-                    box=box_of(one.xyz),
-                    length_m=n * rhythm.dash_m,
-                    confidence=there,
-                    reason=f"{n} dashes of {rhythm.dash_m:.1f} m are missing from a regular line",
-                    proposal="dashes",
-                )
-            )
-    return found
-
-
 def box_of(xyz: FloatArray) -> Bounds:
     """Return the rectangle to look at for some places."""
     low, high = xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)
     return Bounds(float(low[0]), float(low[1]), float(high[0]), float(high[1])).grown(_AROUND_M)
-
-
-def _line_of_dashes(lines: LineSet) -> IntArray:
-    """Return for every line which marking it is a dash of, -1 for what is none."""
-    owner = np.full(len(lines), -1, dtype=np.int64)
-    is_dash = lines.kind == "lane_marking_dash"
-    markings = np.flatnonzero((lines.kind == "lane_marking") & (lines.pattern == "dashed"))
-    if not is_dash.any() or len(markings) == 0:
-        return owner
-    every = [stations(lines.line(i), ON_LINE_M) for i in markings.tolist()]
-    origin = every[0][0]
-    tree = cKDTree(np.concatenate(every) - origin)
-    middles = np.array([_middle(lines.line(i)) for i in np.flatnonzero(is_dash).tolist()])
-    distance, nearest = tree.query(middles - origin)
-    line = np.repeat(markings, [len(places) for places in every])[nearest]
-    owner[is_dash] = np.where(distance <= ON_LINE_M, line, -1)
-    return owner
 
 
 def stations(xyz: FloatArray, step_m: float) -> FloatArray:
@@ -212,7 +173,8 @@ def stations(xyz: FloatArray, step_m: float) -> FloatArray:
     return np.stack([np.interp(at, along, xyz[:, axis]) for axis in (0, 1)], axis=1)
 
 
-def _middle(xyz: FloatArray) -> tuple[float, float]:
+def middle_of(xyz: FloatArray) -> tuple[float, float]:
+    """Return the place half way along a line (n, 3)."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
     return (
         float(np.interp(0.5 * along[-1], along, xyz[:, 0])),

@@ -55,10 +55,17 @@ class Join(_Document):
 
 
 class Shape(_Document):
-    """A line is made smoother, runs the other way, or gets the dashes that its rhythm lacks."""
+    """A line is made smoother, or runs the other way."""
 
-    action: Literal["smooth", "reverse", "dashes"]
+    action: Literal["smooth", "reverse"]
     id: Id
+
+
+class Dashes(_Document):
+    """Lines get the dashes that they lack, where the paint along them or the rhythm of those there says."""
+
+    action: Literal["dashes"]
+    ids: Ids
 
 
 class AsKind(_Document):
@@ -121,6 +128,22 @@ class Draw(_Document):
     xyz: Annotated[list[Place | Vertex], Field(min_length=2, max_length=MOST_VERTICES)]
 
 
+class Beside(_Document):
+    """A new line beside one: through a place, as long as that line; of two places: from one to the other."""
+
+    action: Literal["beside"]
+    id: Id
+    kind: Kind
+    at: Annotated[list[Place], Field(min_length=1, max_length=2)]
+
+
+class Wire(_Document):
+    """A hanging wire through three places: from pole to pole, and one between."""
+
+    action: Literal["wire"]
+    xyz: Annotated[list[Place | Vertex], Field(min_length=3, max_length=3)]
+
+
 class Keep(_Document):
     """A followed line, from one of its vertices to another; `continues`: the line that it was followed on from."""
 
@@ -144,6 +167,7 @@ EditOrder = Annotated[
     | Split
     | Join
     | Shape
+    | Dashes
     | AsKind
     | Set
     | Move
@@ -151,6 +175,8 @@ EditOrder = Annotated[
     | Remove
     | Trim
     | Draw
+    | Beside
+    | Wire
     | Keep
     | Dismiss,
     Field(discriminator="action"),
@@ -170,4 +196,6 @@ def places_of(edit: EditOrder) -> Sequence[Place | Vertex]:
         return [edit.at]
     if isinstance(edit, Move | Insert):
         return [edit.to]
-    return edit.xyz if isinstance(edit, Draw) else []
+    if isinstance(edit, Beside):
+        return edit.at
+    return edit.xyz if isinstance(edit, Draw | Wire) else []

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from linework.errors import AbsentError, UsageError
 from linework.lines import edited, edited_parts, edited_smooth, edited_words
-from linework.lines.edited_dashes import with_missing_dashes
+from linework.lines.edited_beside import beside, with_heights
+from linework.lines.edited_wire import wire
 from linework.model.arrays import FloatArray
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 from linework.workbench import edits
 from linework.workbench.edits import EditOrder, places_of
 from linework.workbench.edits_companions import with_companions, with_tops
+from linework.workbench.edits_dashes import dashed
 from linework.workbench.edits_kept import kept_change
 
 
@@ -30,10 +32,13 @@ class Given:
         places: nothing was measured at all.
     kept
         The followed line that it keeps, first, and what runs beside it.
+    spans
+        Of lines by id: where along each of them the paint shows dashes, (k, 2) [m].
     """
 
     heights: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
     kept: LineSet | None = None
+    spans: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 def change_of(edit: EditOrder, lines: LineSet, given: Given) -> Change:
@@ -103,12 +108,12 @@ def _joined(edit: edits.Join, lines: LineSet, _: Given) -> Change:
 
 def _shaped(edit: edits.Shape, lines: LineSet, _: Given) -> Change:
     line = lines_of(lines, [edit.id])
-    if edit.action == "dashes":
-        own = with_companions(line, lines).of_kind("lane_marking_dash")
-        new = with_missing_dashes(line, own.take(own.review != "rejected"))
-        return Change(edit.action, LineSet.empty(lines.crs), edited_words.reviewed(new, "drawn"))
     make = edited_smooth.smoothed if edit.action == "smooth" else edited.reversed_line
     return _edited(edit.action, line, make(line))
+
+
+def _dashed(edit: edits.Dashes, lines: LineSet, given: Given) -> Change:
+    return dashed(lines_of(lines, edit.ids), lines, given.spans)
 
 
 def _as_kind(edit: edits.AsKind, lines: LineSet, _: Given) -> Change:
@@ -157,6 +162,23 @@ def _drawn(edit: edits.Draw, lines: LineSet, given: Given) -> Change:
         raise UsageError("two vertices in a row are one place", where="draw", advice="leave one out")
     line = LineSet.from_lines([xyz], crs=lines.crs, kind=[edit.kind], method=["drawn"], sigma_z_m=sigma_z)
     return Change(edit.action, LineSet.empty(lines.crs), edited_words.reviewed(line, "drawn"))
+
+
+def _beside(edit: edits.Beside, lines: LineSet, given: Given) -> Change:
+    new = with_heights(beside(lines_of(lines, [edit.id]), edit.kind, np.array(edit.at)), given.heights)
+    return replace(kept_change(lines, new, (0, len(new.xyz) - 1)), action=edit.action)
+
+
+def _hung(edit: edits.Wire, lines: LineSet, given: Given) -> Change:
+    asked = np.array([len(place) == 2 for place in edit.xyz])
+    if asked.any() and (len(given.heights) == 0 or np.isnan(given.heights[asked, 0]).any()):
+        raise UsageError(
+            "no cable was measured at one of the places",
+            where="wire",
+            advice="click where points are, or in 3-D",
+        )
+    new = wire(_placed(edit, given, None)[0], lines.crs)
+    return Change(edit.action, LineSet.empty(lines.crs), edited_words.reviewed(new, "drawn"))
 
 
 def _kept(edit: edits.Keep, lines: LineSet, given: Given) -> Change:
@@ -214,6 +236,7 @@ _MAKERS: dict[type, Callable[..., Change]] = {
     edits.Split: _split,
     edits.Join: _joined,
     edits.Shape: _shaped,
+    edits.Dashes: _dashed,
     edits.AsKind: _as_kind,
     edits.Set: _set,
     edits.Move: _vertex,
@@ -221,6 +244,8 @@ _MAKERS: dict[type, Callable[..., Change]] = {
     edits.Remove: _removed,
     edits.Trim: _trimmed,
     edits.Draw: _drawn,
+    edits.Beside: _beside,
+    edits.Wire: _hung,
     edits.Keep: _kept,
     edits.Dismiss: _dismissed,
 }

@@ -5,12 +5,26 @@ from __future__ import annotations
 import numpy as np
 
 from linework.errors import UsageError
+from linework.lines.edited_beside import beside
 from linework.model.arrays import FloatArray
 from linework.workbench.bench import Bench
-from linework.workbench.edits import Draw, EditOrder, Insert, Keep, Move, Place, Vertex, places_of
+from linework.workbench.edits import (
+    Beside,
+    Dashes,
+    Draw,
+    EditOrder,
+    Insert,
+    Keep,
+    Move,
+    Place,
+    Vertex,
+    Wire,
+    places_of,
+)
 from linework.workbench.edits_applied import Given, lines_of
 from linework.workbench.following_kept import kept_trace
 from linework.workbench.heights import heights_at
+from linework.workbench.paint_along import dash_spans
 
 #: Lines may lead out of a survey, as wires do, by no more than scanners reach. [m]
 REACH_M = 300.0
@@ -53,12 +67,32 @@ async def given_for(edit: EditOrder, bench: Bench) -> Given:
     """
     if isinstance(edit, Keep):
         return Given(kept=kept_trace(bench, edit.trace))
-    if not isinstance(edit, Draw | Move | Insert):
+    if isinstance(edit, Dashes):
+        return Given(spans=await _dash_spans(edit, bench))
+    if isinstance(edit, Beside):
+        places = beside(lines_of(bench.drawing.lines, [edit.id]), edit.kind, np.array(edit.at)).xyz
+        heights = await bench.pictures.ask(heights_at, edit.kind, places.tolist())
+        return Given(heights=np.column_stack(heights))
+    if not isinstance(edit, Draw | Wire | Move | Insert):
         return Given()
-    places, kind, line = places_of(edit), "", np.zeros((0, 3))
+    return Given(heights=await _heights(edit, bench))
+
+
+async def _dash_spans(edit: Dashes, bench: Bench) -> dict[str, FloatArray]:
+    """Return where the paint along lines shows dashes, by id."""
+    chosen = lines_of(bench.drawing.lines, edit.ids)
+    return {
+        str(chosen.id[k]): await bench.pictures.ask(dash_spans, chosen.line(k), float(chosen.width_m[k]))
+        for k in np.flatnonzero(chosen.kind == "lane_marking").tolist()
+    }
+
+
+async def _heights(edit: Draw | Wire | Move | Insert, bench: Bench) -> FloatArray:
+    """Return heights (k, 2) at the places of an edit that have none."""
+    places, kind, line = places_of(edit), "cable", np.zeros((0, 3))
     if isinstance(edit, Draw):
         kind = edit.kind
-    else:
+    elif isinstance(edit, Move | Insert):
         one = lines_of(bench.drawing.lines, [edit.id])
         kind, line = str(one.kind[0]), one.xyz
     heights = np.full((len(places), 2), np.nan)
@@ -66,7 +100,7 @@ async def given_for(edit: EditOrder, bench: Bench) -> Given:
     if asked:
         wanted = [(*places[i], _height_near(line, places[i])) for i in asked]
         heights[asked] = np.column_stack(await bench.pictures.ask(heights_at, kind, wanted))
-    return Given(heights=heights)
+    return heights
 
 
 def _height_near(line: FloatArray, place: Place | Vertex) -> float:

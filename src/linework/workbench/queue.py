@@ -96,6 +96,4 @@ def _proposal(suspect: Suspect) -> dict[str, Any] | None:
     action, ids = suspect.proposal, list(suspect.ids)
     if not action:
         return None
-    if action == "dashes":
-        return {"action": action, "id": ids[0]}
     return {"action": action, "ids": ids} | ({"kind": suspect.as_kind} if suspect.as_kind else {})

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from linework.lines.along_way import Way
-from linework.lines.suspected import Suspect, missing_dashes, ranked, unsure_lines
+from linework.lines.suspected import Suspect, ranked, unsure_lines
 from linework.lines.suspected_cables import loose_wires
+from linework.lines.suspected_dashes import missing_dashes
 from linework.lines.suspected_gaps import gaps
 from linework.methods.sight import Sight
 from linework.model.arrays import FloatArray

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from linework.files.styles import colour_of
-from linework.model.lines import CONDITIONS, KINDS
+from linework.lines.edited_words import CHOICES
+from linework.model.lines import KINDS
 from linework.workbench.bench import Bench
 from linework.workbench.opening import SurveyFacts
 from linework.workbench.problems import without_paths
@@ -26,12 +27,6 @@ _TITLES = {
 #: Kinds that a place can be picked on: in points, and in images.
 _PICKED = ("lane_marking", "road_boundary", "guardrail", "barrier", "cable")
 _PICKED_IN_IMAGES = ("lane_marking", "road_boundary")
-_CHOICES = {
-    "role": ["edge", "lane", "centre"],
-    "pattern": ["solid", "dashed"],
-    "form": ["kerb", "edge", "barrier"],
-    "condition": list(CONDITIONS),
-}
 
 
 def survey_document(bench: Bench, *, busy: str) -> dict[str, Any]:
@@ -49,7 +44,7 @@ def survey_document(bench: Bench, *, busy: str) -> dict[str, Any]:
         "lines_file": drawing.path.name,
         "who": bench.who,
         "kinds": [_kind(kind) for kind in KINDS],
-        "choices": _CHOICES,
+        "choices": {column: list(words) for column, words in CHOICES.items()},
         "images": [dict(zip(("name", "title", "unit"), image, strict=True)) for image in _images(facts)],
         "tiles": Lattice.of(facts.bounds).document(),
         "revision": drawing.revision,
