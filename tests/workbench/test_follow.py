@@ -102,6 +102,21 @@ def test_an_interrupt_gives_what_there_is(talk, truth):
     assert any("bridge" in choices for choices in stopped["choices"])
 
 
+def test_an_order_that_waits_is_dropped_by_an_interrupt(served_alone, truth):
+    # The server is still warming up, or another's line is followed: the desk is not free at once
+    with talk_with(served_alone) as first, talk_with(served_alone) as second:
+        first.say(type="pick", at=place_on(truth, "road_boundary"), kind="road_boundary")
+        second.say(type="pick", at=place_on(truth, "lane_marking"), kind="lane_marking")
+        second.say(type="interrupt")
+        told = second.hear_all()
+        assert told[-1]["type"] == "refused" or told[-1]["interrupted"]
+        if told[-1]["type"] == "refused":
+            assert [news["type"] for news in told] == ["refused"]
+            assert "before it had begun" in told[-1]["reason"]
+        again = second.follow(type="pick", at=place_on(truth, "lane_marking"), kind="lane_marking")
+        assert again[-1]["type"] == "stopped"
+
+
 def test_toward_follows_one_way(talk, truth):
     line = longest(truth, "lane_marking")
     at = place_on(truth, "lane_marking")

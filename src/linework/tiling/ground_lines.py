@@ -62,6 +62,11 @@ class Ground:
         """Return all lines in a corridor. [m, world]"""  # noqa: D400
         return self.method.track(corridor.boxes, self.origin, self.seen, self._path_near(corridor.bounds))
 
+    def tracking(self, corridor: Corridor) -> Generator[None, None, LineSet]:
+        """Return what `lines` returns, in steps."""
+        path = self._path_near(corridor.bounds)
+        return self.method.tracking(corridor.boxes, self.origin, self.seen, path)
+
     def near(self, corridor: Corridor, place: FloatArray, kind: str) -> LineSet | None:
         """Return the line that passes a place [m, world], as far as the boxes found so far show it."""
         corner = np.asarray(self.origin[:2])
@@ -123,15 +128,17 @@ def follow_ground(ground: Ground, pick: Pick) -> Generator[LineSet, bool | None,
             is_stopped = bool((yield grown)) or is_stopped
             if is_stopped:
                 break
-    one, lines = _whole(ground, corridor, pick)
+    one, lines, stop = yield from _whole(ground, corridor, pick, grown)
+    is_stopped = is_stopped or stop
     while one is not None and not is_stopped:
-        is_stopped = bool((yield one if grown is None else trace.turned_like(one, grown)))
+        shown = one if grown is None else trace.turned_like(one, grown)
+        is_stopped = bool((yield shown))
         tips, ways = trace.leads(one.xyz)
         ahead = np.arange(0.0, SAME_LINE.longest_m + STRIP_M, STRIP_M)[:, None]
         new = [corridor.load(tips[k] + ahead * ways[k], STRIP_M) for k in pick.ends(one) if not is_stopped]
         if not any(new):
             break
-        one, lines = _whole(ground, corridor, pick)
+        one, lines, is_stopped = yield from _whole(ground, corridor, pick, shown)
     if one is None:
         return None
     one = one if grown is None else trace.turned_like(one, grown)
@@ -177,11 +184,25 @@ def _longer(ground: Ground, corridor: Corridor, pick: Pick, one: LineSet, end: i
     return None
 
 
-def _whole(ground: Ground, corridor: Corridor, pick: Pick) -> tuple[LineSet | None, LineSet]:
-    """Return the line at a place with what goes on where it ends (None: there is none), and all lines."""
-    lines = ground.lines(corridor)
+def _whole(
+    ground: Ground, corridor: Corridor, pick: Pick, shown: LineSet | None
+) -> Generator[LineSet, bool | None, tuple[LineSet | None, LineSet, bool]]:
+    """Return the line at a place with what goes on where it ends (None: there is none), all lines, whether to stop.
+
+    What is `shown` is yielded between the steps of that: of a long line each may take a while.
+    """
+    steps, is_stopped = ground.tracking(corridor), False
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            lines: LineSet = end.value
+            break
+        if shown is not None:
+            is_stopped = bool((yield shown)) or is_stopped
     i, kind, _ = trace.nearest_line(lines, pick.place, pick.kind)
-    return (None if i < 0 else _gone_on(lines, i).with_columns(kind=np.array([kind]))), lines
+    one = None if i < 0 else _gone_on(lines, i).with_columns(kind=np.array([kind]))
+    return one, lines, is_stopped
 
 
 def _gone_on(lines: LineSet, i: int) -> LineSet:

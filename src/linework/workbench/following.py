@@ -36,12 +36,14 @@ LEAST_S = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """What a work tells: the words for the page, and the line that the page knows then (None: as before)."""
+    """What a work tells: the words for the page ("": none), and the line that the page knows then (None: as before)."""
 
     text: str
     trace: KeptTrace | None = None
 
 
+#: Told at steps that come too fast to be shown: somebody may stop it there.
+_NOTHING = Told("")
 Telling = Generator[Told, Any, None]
 Step = TypeVar("Step")
 Found = TypeVar("Found")
@@ -112,8 +114,10 @@ def _streamed(
             told = shown(step)
             heard = (yield told) if isinstance(told, Told) else (yield from told)
             told_s = time.monotonic()
-            if heard == INTERRUPT:
-                said = is_interrupted = True
+        else:
+            heard = yield _NOTHING
+        if heard == INTERRUPT:
+            said = is_interrupted = True
 
 
 def tracer_of(table: Table) -> Tracer:

@@ -10,7 +10,7 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from linework.errors import LineworkError, UsageError
 from linework.workbench.bench import Bench, bench_of_socket
 from linework.workbench.following_orders import Bridge, Interrupt, Order, order_of
-from linework.workbench.following_turn import follow
+from linework.workbench.following_turn import follow, not_begun
 from linework.workbench.following_words import refused_text
 
 router = APIRouter(prefix="/api")
@@ -25,6 +25,8 @@ async def follow_lines(socket: WebSocket) -> None:
     bench = bench_of_socket(socket)
     await socket.accept()
     turn: asyncio.Task[None] | None = None
+    ordered: Order | None = None
+    begun = asyncio.Event()
     try:
         while True:
             text = await socket.receive_text()
@@ -35,10 +37,11 @@ async def follow_lines(socket: WebSocket) -> None:
                 continue
             if isinstance(order, Interrupt):
                 if turn is not None and not turn.done():
-                    bench.traces.interrupt()
+                    await _interrupted(bench, socket, turn, None if begun.is_set() else ordered)
                 continue
             await _left(turn)
-            turn = asyncio.create_task(_followed(bench, order, socket))
+            ordered, begun = order, asyncio.Event()
+            turn = asyncio.create_task(_followed(bench, order, socket, begun))
     except (WebSocketDisconnect, KeyError):
         # Also when bytes come instead of text: whoever sends them is not the page
         pass
@@ -46,12 +49,24 @@ async def follow_lines(socket: WebSocket) -> None:
         await _left(turn)
 
 
-async def _followed(bench: Bench, order: Order, socket: WebSocket) -> None:
+async def _interrupted(
+    bench: Bench, socket: WebSocket, turn: asyncio.Task[None], waits: Order | None
+) -> None:
+    """Interrupt a page's line at its next step; an order that still `waits` for the desk is dropped."""
+    if waits is None:
+        bench.traces.interrupt()
+        return
+    await _left(turn)
+    with suppress(LineworkError):
+        await socket.send_text(not_begun(bench, waits))
+
+
+async def _followed(bench: Bench, order: Order, socket: WebSocket, begun: asyncio.Event) -> None:
     """Do what is ordered and tell it; what cannot be done is told too."""
     try:
         if isinstance(order, Bridge):
             bench.traces.get(order.trace)
-        await follow(bench, order, socket.send_text)
+        await follow(bench, order, socket.send_text, begun)
     except LineworkError as error:
         await socket.send_text(refused_text(error))
 

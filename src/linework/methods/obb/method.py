@@ -7,7 +7,7 @@ bounding boxes, doi:10.3390/rs15194656. What goes beyond the paper is named in d
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -111,6 +111,22 @@ class ObbMethod:
         path: FloatArray | None = None,
     ) -> LineSet:
         """Return the lines through the boxes of a survey, in world coordinates (see `BoxMethod`)."""
+        steps = self.tracking(boxes, origin, seen, path)
+        while True:
+            try:
+                next(steps)
+            except StopIteration as end:
+                lines: LineSet = end.value
+                return lines
+
+    def tracking(
+        self,
+        boxes: BoxSet,
+        origin: tuple[float, float, float],
+        seen: Sight,
+        path: FloatArray | None = None,
+    ) -> Generator[None, None, LineSet]:
+        """Return what `track` returns, yielding several times on the way: who waits may leave there."""
         # In an order of their own, whatever tiles they come from
         boxes = boxes.take(np.lexsort((boxes.centre[:, 1], boxes.centre[:, 0], boxes.form)))
         parts = {form: boxes.take(boxes.form == form) for form in BoxForm}
@@ -123,11 +139,14 @@ class ObbMethod:
         kerbs = self._boundaries(parts[BoxForm.KERB], seen_here)
         rims = list(kerbs)
         for form in (BoxForm.EDGE, BoxForm.BARRIER):
+            yield
             away = ~beside_kerb(parts[form], courses_of(kerbs), -KERB_SIDE_M, KERB_SIDE_M)
             rims += self._boundaries(parts[form].take(away), seen_here)
+        yield
         # Paint: solid and dashed lines, and what is no line
         way = [] if path is None else courses_of_path(path - np.asarray(origin))
         markings, other = self._paint(parts, courses_of(kerbs), [*courses_of(rims), *way], seen_here)
+        yield
         is_kerb = np.array([b.form == "kerb" for b in rims], dtype=np.bool_)
         is_sure = is_kerb | np.array([b.confidence >= SURE for b in rims], dtype=np.bool_)
         sure = [b for b, yes in zip(rims, is_sure, strict=True) if yes]
@@ -139,6 +158,7 @@ class ObbMethod:
         # Bars and arrows stand free: what runs along a line is a piece of it
         pieces = along_lines(courses_of(other), [*courses_of(markings), *courses_of(rims)], KERB_STONE_M)
         other = [m for m, yes in zip(other, pieces, strict=True) if not yes and m.confidence >= SURE]
+        yield
         # What each is, from how the lines lie to one another
         lines = as_line_set(markings, other, rims, way)
         lines = lines.take(np.isin(lines.kind, self.kinds))
