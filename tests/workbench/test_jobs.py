@@ -193,6 +193,7 @@ def test_one_at_a_time_and_cancelled_at_once(served):
 def test_a_job_that_fails_says_why_and_the_next_one_runs(served):
     """Its process is killed from outside: one line, nothing changed, and the same order ends well afterwards."""
     before, at_rest = lines_by_review(served), descendants(served.process.pid)
+    of_others = work_files(served)  # a cancelled run can be gone on with
     job = served.post("/api/jobs", BOUNDARY)
     while not (new := descendants(served.process.pid) - at_rest):
         time.sleep(0.01)
@@ -205,7 +206,7 @@ def test_a_job_that_fails_says_why_and_the_next_one_runs(served):
     assert lines_by_review(served).keys() == before.keys()
     again = ended(served, served.post("/api/jobs", BOUNDARY)["id"])
     assert again["state"] == "done"
-    assert work_files(served) == []
+    assert work_files(served) == of_others
 
 
 def test_a_job_dies_with_its_server(served_alone):
