@@ -128,10 +128,11 @@ class User:
             self.do(document_of(item)["proposal"])
             return "joined"
         length_m, xyz, lacks_m = runs[0]
-        if (item.key, round(length_m)) in self.tried:
+        attempt = (item.key, *np.rint(xyz[len(xyz) // 2, :2]).tolist())
+        if attempt in self.tried:
             self.do({"action": "dismiss", "key": item.key})
             return "dismissed: what was done did not help"
-        self.tried.add((item.key, round(length_m)))
+        self.tried.add(attempt)
         seen = np.flatnonzero(lacks_m)
         if item.kind == "cable" and length_m >= WIRE_M:
             if self._saved(self._wire(xyz[seen[0] : seen[-1] + 1]), "cable"):

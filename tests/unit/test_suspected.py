@@ -184,6 +184,22 @@ def test_lines_that_lack_dashes_are_one_thing_to_settle():
     assert item.length_m == pytest.approx(199 / 3 + 199 / 6, rel=0.02)
 
 
+def test_paint_says_better_than_a_guess_which_dashes_are_missing():
+    path = road()
+    names = ("solid", "bare", "whole")
+    lines = [beside(path, 0, 199, 3.0 * k, name=name, pattern=["solid"]) for k, name in enumerate(names)]
+    lines[1] = lines[1].with_columns(pattern=np.array(["dashed"]))
+    dash = beside(path, 0, 3, 6.0, kind="lane_marking_dash", name="dash")
+    paint = {
+        "solid": np.array([[9.0, 12.0], [18.0, 21.0]]),
+        "bare": np.zeros((0, 2)),
+        "whole": np.array([[0.0, 3.0]]),
+    }
+    (item,) = missing_dashes(together(*lines, dash), paint)
+    assert item.ids == ("solid",)
+    assert item.length_m == pytest.approx(6.0)
+
+
 def test_wires_come_after_markings_of_which_more_is_wrong():
     path = road()
     lines = together(

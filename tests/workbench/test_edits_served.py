@@ -79,7 +79,7 @@ def test_a_wire_hangs_through_three_places(served):
         "/api/changes",
         json={"revision": served.get("/api/survey")["revision"], "edit": {"action": "wire", "xyz": nothing}},
     )
-    assert answer.status_code == 422
+    assert answer.status_code == 400
     assert "no cable was measured" in answer.json()["problem"]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from linework.errors import UsageError
 from linework.lines.edited_bridge import foot_along
-from linework.model.arrays import FloatArray
+from linework.model.arrays import BoolArray, FloatArray
 from linework.model.lines import LineSet
 
 #: A dash is whole if it is this near the length that most have, and belongs where the rhythm says to within this. [m]
@@ -89,15 +89,20 @@ def dashes_by_paint(line: LineSet, dashes: LineSet, spans: FloatArray) -> tuple[
     UsageError
         None is missing.
     """
+    comes, goes = lacking(line, dashes, spans)
+    if not comes.any():
+        raise UsageError("no dash is missing", where="dashes", advice="choose another line")
+    return dashes.take(goes), _dashes_at(line, dashes, spans[comes])
+
+
+def lacking(line: LineSet, dashes: LineSet, spans: FloatArray) -> tuple[BoolArray, BoolArray]:
+    """Return which spans along a line (k,) have no dash that stays, and which dashes (n,) give way to theirs."""
     there = _ends_along(line, dashes)
     lap = np.minimum(there[None, :, 1], spans[:, None, 1]) - np.maximum(there[None, :, 0], spans[:, None, 0])
     size = np.diff(spans, axis=1)
     stays = (np.abs(np.diff(there, axis=1)[:, 0] - size) <= WHOLE_M) | (dashes.review != "")
     comes = ~np.any((lap > 0.0) & stays, axis=1)
-    if not comes.any():
-        raise UsageError("no dash is missing", where="dashes", advice="choose another line")
-    goes = np.any((lap > 0.0) & ~stays & comes[:, None], axis=0)
-    return dashes.take(goes), _dashes_at(line, dashes, spans[comes])
+    return comes, np.any((lap > 0.0) & ~stays & comes[:, None], axis=0)
 
 
 def rhythm_of(line: LineSet, dashes: LineSet) -> Rhythm | None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.lines.edited_dashes import missing_middles, rhythm_of
+from linework.lines.edited_dashes import lacking, missing_middles, rhythm_of
 from linework.lines.suspected import LEAST_M, Suspect, box_of, middle_of, stations
-from linework.model.arrays import IntArray
+from linework.model.arrays import FloatArray, IntArray
 from linework.model.lines import LineSet
 
 #: A dash lies within a stripe's width of its line. [m]
@@ -20,27 +22,38 @@ MAY_BE_DASHED = 0.5
 LEAST_LINE_M = 40.0
 
 
-def missing_dashes(lines: LineSet) -> list[Suspect]:
+def missing_dashes(lines: LineSet, paint: Mapping[str, FloatArray] | None = None) -> list[Suspect]:
     """Return the dashes that lines lack, all as one thing to look at: one edit adds them.
 
-    Lines said to be solid have none. How much is missing is told by the rhythm of those there, or guessed.
+    Parameters
+    ----------
+    paint
+        By id, where along a line its paint shows dashes, as `dashes_in_paint` finds them. What lines that are not among
+        them lack is told by the rhythm of their dashes, or guessed: those said to be solid lack nothing.
     """
-    number = np.flatnonzero((lines.kind == "lane_marking") & (lines.pattern != "solid"))
+    paint = paint or {}
+    measured = np.isin(lines.id, np.array(list(paint), dtype=np.str_))
+    number = np.flatnonzero((lines.kind == "lane_marking") & ((lines.pattern != "solid") | measured))
     owner = _line_of_dashes(lines, number)
-    lacks = np.array([_lacking_m(lines.take([i]), lines.take(owner == i)) for i in number.tolist()])
+    lacks = np.array(
+        [
+            _lacking_m(lines.take([i]), lines.take(owner == i), paint.get(str(lines.id[i])))
+            for i in number.tolist()
+        ]
+    )
     some = np.argsort(-lacks, kind="stable")[: np.count_nonzero(lacks >= LEAST_M)]
     if len(some) == 0:
         return []
-    lacking, missing_m = lines.take(number[some]), float(lacks[some].sum())
+    bare, missing_m = lines.take(number[some]), float(lacks[some].sum())
     there_m = float(lines.length_m[np.isin(owner, number[some])].sum())
     names = "a line" if len(some) == 1 else f"{len(some)} lines"
     return [
         Suspect(
             type="dashes",
-            ids=tuple(lacking.id.tolist()),
+            ids=tuple(bare.id.tolist()),
             kind="lane_marking_dash",
-            at=middle_of(lacking.line(0)),
-            box=box_of(lacking.xyz),
+            at=middle_of(bare.line(0)),
+            box=box_of(bare.xyz),
             length_m=missing_m,
             confidence=there_m / (there_m + missing_m),
             reason=f"about {missing_m:.0f} m of dashes are missing from {names}",
@@ -49,13 +62,15 @@ def missing_dashes(lines: LineSet) -> list[Suspect]:
     ]
 
 
-def _lacking_m(line: LineSet, dashes: LineSet) -> float:
+def _lacking_m(line: LineSet, dashes: LineSet, spans: FloatArray | None) -> float:
     """Return how much of its dashes a line is expected to lack. [m]"""  # noqa: D400
+    if spans is not None and len(spans):
+        return float(np.diff(spans[lacking(line, dashes, spans)[0]], axis=1).sum())
     rhythm, length_m = rhythm_of(line, dashes), float(line.length_m[0])
     if rhythm is not None:
         inside = missing_middles(rhythm, length_m)
         return len(inside) * rhythm.dash_m
-    if length_m < LEAST_LINE_M:
+    if length_m < LEAST_LINE_M or spans is not None:
         return 0.0
     likely = 1.0 if line.pattern[0] == "dashed" else MAY_BE_DASHED
     return max(likely * DASH_SHARE * length_m - float(dashes.length_m.sum()), 0.0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from linework.lines.along_way import Way
@@ -13,6 +15,7 @@ from linework.methods.sight import Sight
 from linework.model.arrays import FloatArray
 from linework.model.lines import LineSet
 from linework.tiling.sight import SurveySight
+from linework.workbench.paint_along import PaintOfLines
 from linework.workbench.table import Table
 
 
@@ -20,13 +23,21 @@ def suspects_at_desk(table: Table, lines: LineSet) -> list[Suspect]:
     """Return what is worth a look in the lines of the survey, in order."""
     way = table.keep("way", lambda: _way(table))
     sight = table.keep("sight", lambda: _sight(table))
-    return suspects(lines, way, sight)
+    paint: PaintOfLines = table.keep("paint of lines", PaintOfLines)
+    return suspects(lines, way, sight, paint.of(table, lines))
 
 
-def suspects(lines: LineSet, way: Way, seen: Sight) -> list[Suspect]:
+def suspects(
+    lines: LineSet, way: Way, seen: Sight, paint: Mapping[str, FloatArray] | None = None
+) -> list[Suspect]:
     """Return what is worth a look, in order; rejected lines are no lines here."""
     there = lines.take(lines.review != "rejected")
-    found = [*unsure_lines(there, way), *gaps(there, way, seen), *loose_wires(there), *missing_dashes(there)]
+    found = [
+        *unsure_lines(there, way),
+        *gaps(there, way, seen),
+        *loose_wires(there),
+        *missing_dashes(there, paint),
+    ]
     return ranked(found)
 
 

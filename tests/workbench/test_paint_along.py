@@ -1,0 +1,56 @@
+"""How bright the points along a line are, and where they show dashes: measured on a simulated drive."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from linework.files.vectors import read_lines
+from linework.lines.edited_beside import beside
+from linework.workbench.paint_along import STEP_M, PaintOfLines, paint_along
+from linework.workbench.table import SurveyOrder, Table
+
+
+@pytest.fixture
+def table(drive):
+    return Table(SurveyOrder((drive,)), lambda _: None)
+
+
+def longest(lines):
+    return lines.take([int(np.argmax(lines.length_m * (lines.kind == "lane_marking")))])
+
+
+def test_paint_is_brighter_than_the_road_beside_it(table, drive_lines):
+    line = longest(read_lines(drive_lines))
+    brightness, weight = paint_along(table, line.xyz, 0.12)
+    assert len(brightness) == pytest.approx(line.length_m[0] / STEP_M, abs=2)
+    assert np.mean(weight > 0) > 0.5
+    left = np.array([-(line.xyz[-1, 1] - line.xyz[0, 1]), line.xyz[-1, 0] - line.xyz[0, 0]])
+    aside = beside(line, "lane_marking", line.xyz[:1, :2] + 0.4 * left / np.hypot(*left))
+    asphalt, n = paint_along(table, aside.xyz, 0.12)
+    on, off = np.average(brightness, weights=weight), np.average(asphalt, weights=n)
+    assert off == pytest.approx(1.0, abs=0.35)
+    assert on > 1.2 * off
+
+
+def test_far_from_all_points_nothing_is_measured(table, drive_lines):
+    line = longest(read_lines(drive_lines))
+    _, weight = paint_along(table, line.xyz + np.array([500.0, 500.0, 0.0]), np.nan)
+    assert not weight.any()
+
+
+def test_each_line_is_measured_once(table, drive_lines, monkeypatch):
+    lines, asked = read_lines(drive_lines), []
+
+    def measured(_, xyz, width_m):
+        asked.append((len(xyz), width_m))
+        return np.zeros((0, 2))
+
+    monkeypatch.setattr("linework.workbench.paint_along.dash_spans", measured)
+    paint, markings = PaintOfLines(), lines.of_kind("lane_marking")
+    assert set(paint.of(table, lines)) == set(markings.id.tolist())
+    assert len(asked) == len(markings)
+    paint.of(table, lines)
+    assert len(asked) == len(markings)
+    moved = lines.with_columns(xyz=lines.xyz + 0.01, review=np.full(len(lines), "rejected"))
+    assert paint.of(table, moved) == {}
