@@ -15,19 +15,19 @@ from typing import Any
 import uvicorn
 from fastapi import FastAPI
 
-from linework.errors import LineworkError, MachineError
+from linework.errors import MachineError
 from linework.files.drawing import DrawingFile
 from linework.tiling.steps import Watcher
 from linework.workbench.bench import Bench
 from linework.workbench.connections import settings
 from linework.workbench.desk import Desk
-from linework.workbench.following_turn import warm
 from linework.workbench.guard import Guard
 from linework.workbench.opening import SurveyFacts, open_at_desk, place_at_desk
 from linework.workbench.page_files import page_files
 from linework.workbench.server import create_app
 from linework.workbench.sessions import Sessions
 from linework.workbench.table import SurveyOrder
+from linework.workbench.warming import Busy, warm_up
 
 #: The only address that is listened at: nothing of this is for the network.
 HOST = "127.0.0.1"
@@ -89,12 +89,18 @@ async def serve(serving: Serving) -> int:
         app = create_app(bench)
         server = _server(serving, bench, app, listener)
         running = asyncio.ensure_future(server.serve([listener]))
-        held.callback(asyncio.ensure_future(_warm(bench, app)).cancel)
+        held.callback(asyncio.ensure_future(warm_up(bench, _busy(bench, app))).cancel)
         await _first(running, stopped)
         server.should_exit = True
         await running
         # Jobs and pictures made ahead, too: nobody may reach for the lines when they are closed
-        for task in asyncio.all_tasks() - {asyncio.current_task()}:
+        tasks = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in tasks:
+            task.cancel()
+        # Nobody waits until they are done with what they are at
+        bench.pictures.kill()
+        bench.tracing.kill()
+        for task in tasks:
             await _left(task)
         return stopped.result()
 
@@ -123,15 +129,14 @@ async def _watched(desk: Desk, watcher: Watcher) -> SurveyFacts:
     return facts
 
 
-async def _warm(bench: Bench, app: FastAPI) -> None:
-    """Open the survey at the tracing desk too, so that the first click need not wait."""
-    app.state.busy = "opening the survey for following lines"
-    # What is wrong with the survey was told before; a click would tell it again
-    with contextlib.suppress(LineworkError):
-        await bench.tracing.ask(open_at_desk)
-    app.state.busy = ""
-    with contextlib.suppress(LineworkError):
-        await warm(bench)
+def _busy(bench: Bench, app: FastAPI) -> Busy:
+    """Return what tells all pages what the server is still doing."""
+
+    def tell(words: str) -> None:
+        app.state.busy = words
+        bench.hub.tell({"type": "busy", "busy": words})
+
+    return Busy(tell)
 
 
 def _server(serving: Serving, bench: Bench, app: FastAPI, listener: socket.socket) -> uvicorn.Server:
