@@ -48,6 +48,25 @@ def test_what_is_committed_is_read_back_by_all_readers(path):
     whole(path)
 
 
+def test_what_comes_again_under_its_key_is_saved_once(path):
+    line = LineSet.from_lines([[[0, 0, 0], [5, 0, 1]]], kind=["cable"], review=["drawn"])
+    change = Change("draw", none(), line)
+    with DrawingFile.opened(path, crs="local") as drawing:
+        first = drawing.commit(change, who="Ann", key="k1")
+        assert drawing.saved_as("k2") is None and drawing.saved_as("") is None
+    # Also when the file was closed in between, and something else was done
+    with DrawingFile.opened(path, crs="local") as drawing:
+        drawing.commit(change, who="Ann", key="k2")
+        again = drawing.commit(change, who="Ann", based_on=0, key="k1")
+        assert (again.number, again.change.after.id.tolist()) == (
+            first.number,
+            first.change.after.id.tolist(),
+        )
+        assert same(again.change.after, first.change.after)
+        assert (drawing.revision, len(drawing.lines)) == (2, len(some_lines()) + 2)
+    whole(path)
+
+
 def test_a_missing_file_is_begun(tmp_path):
     crs = parse_crs("EPSG:25832", where="")
     with DrawingFile.opened(tmp_path / "new.gpkg", crs=crs) as drawing:

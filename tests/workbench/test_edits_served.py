@@ -133,3 +133,21 @@ def test_a_line_that_was_judged_is_not_in_the_queue(served):
         pytest.skip("every line of this drive is sure")
     changed(served, line["proposal"] or {"action": "accept", "ids": line["ids"]})
     assert line["key"] not in [item["key"] for item in served.get("/api/queue")]
+
+
+def test_an_edit_that_comes_again_under_its_key_is_made_once(served):
+    line = max(lines_of(served, "lane_marking"), key=lambda line: line["length_m"])
+    document = {
+        "revision": served.get("/api/survey")["revision"],
+        "edit": {"action": "draw", "kind": "lane_marking", "xyz": line["xyz"][:5]},
+    }
+    first, again = (
+        served.client.post("/api/changes", json=document, headers={"Idempotency-Key": "one-of-mine"}).json()
+        for _ in range(2)
+    )
+    assert again == first
+    assert served.get("/api/survey")["revision"] == document["revision"] + 1
+    assert served.get("/api/lines")["can_undo"]
+    served.post("/api/undo", {})
+    refused = served.client.post("/api/changes", json=document, headers={"Idempotency-Key": "x" * 65})
+    assert refused.status_code == 422

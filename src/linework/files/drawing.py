@@ -18,12 +18,14 @@ from linework.files.drawing_history import (
     Entry,
     Steps,
     add_entry,
+    add_key,
     add_versions,
     as_edit,
     displace_versions,
     entries,
     entry_of,
     judged_versions,
+    number_of_key,
     place_versions,
     stored_lines,
     undone_edits,
@@ -121,7 +123,7 @@ class DrawingFile:
         """Whether the last thing that was done is an undo."""
         return bool(self._steps.undone)
 
-    def commit(self, change: Change, *, who: str, based_on: int | None = None) -> Edit:
+    def commit(self, change: Change, *, who: str, based_on: int | None = None, key: str = "") -> Edit:
         """Save a change; when this returns it is on the disk.
 
         Parameters
@@ -130,6 +132,8 @@ class DrawingFile:
             Its lines of `before` as they are now.
         based_on
             The revision that the person saw.
+        key
+            Of its sender's own making, "": none. What was saved under it already is returned, and nothing is saved.
 
         Raises
         ------
@@ -142,12 +146,21 @@ class DrawingFile:
         """
         with self._turn, sql_errors(self.path):
             self._look_elsewhere()
+            done = self.saved_as(key)
+            if done is not None:
+                return done
             gone = change.before.id.tolist()
             seen = None if based_on is None else {n for n, by in self._changed_by.items() if by <= based_on}
             check_fresh(change.before, self._held, seen, self.path)
             check_change(change, self._held, self._crs, self.path)
             after = named(change.after.with_columns(crs=self._crs), self._held)
-            return self._save(gone, after, who, change.action)
+            return self._save(gone, after, who, change.action, key=key)
+
+    def saved_as(self, key: str) -> Edit | None:
+        """Return the edit that was saved under a key, also before the file was opened; None: there is none."""
+        with self._turn, sql_errors(self.path):
+            number = number_of_key(self._db, key) if key else 0
+            return as_edit(self._db, entry_of(self._db, number), self._crs) if number else None
 
     def undo(self, *, who: str) -> Edit | None:
         """Take back the last edit that is not taken back; None where there is none."""
@@ -235,7 +248,7 @@ class DrawingFile:
 
     def _save(
         self, gone: Sequence[str], after: LineSet, who: str, action: str, *,
-        undoes: int = 0, versions: Sequence[int] = (), features: Sequence[tuple[str, int]] = (),
+        undoes: int = 0, versions: Sequence[int] = (), features: Sequence[tuple[str, int]] = (), key: str = "",
     ) -> Edit:  # fmt: skip
         """Put lines in the place of others in one transaction, then in memory.
 
@@ -265,6 +278,8 @@ class DrawingFile:
             touched = tuple(dict.fromkeys([*gone, *ids]))
             entry = Entry(number, utc_now(), who, action, undoes, touched, tuple(old), tuple(new))
             add_entry(self._db, entry)
+            if key:
+                add_key(self._db, key, number)
         self._held.replace(gone, after)
         for name in gone:
             del self._versions[name], self._changed_by[name]

@@ -68,6 +68,17 @@ def entries(db: sqlite3.Connection, *, after: int = 0, most: int = -1) -> list[E
     return [Entry(*row[:5], *(tuple(json.loads(part)) for part in row[5:])) for row in rows]
 
 
+def add_key(db: sqlite3.Connection, key: str, number: int) -> None:
+    """Note under which key an edit was sent."""
+    db.execute("INSERT INTO edit_key VALUES (?, ?)", (key, number))
+
+
+def number_of_key(db: sqlite3.Connection, key: str) -> int:
+    """Return the edit that was sent under a key, 0: none."""
+    row = db.execute("SELECT number FROM edit_key WHERE key = ?", (key,)).fetchone()
+    return 0 if row is None else int(row[0])
+
+
 def entry_of(db: sqlite3.Connection, number: int) -> Entry:
     """Return an edit."""
     return entries(db, after=number - 1, most=-1)[-1]

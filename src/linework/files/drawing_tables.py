@@ -29,17 +29,20 @@ ALL_FIELDS = (*FIELDS, "clearance_m", *DISAGREEMENT, *REVIEWED)
 
 #: `edit`: what was done; `gone` and `came` are numbers of `line_version` (JSON). `line_version`: every line as it
 #: ever was, exactly; `layer` and `fid` say where it stands now, and are NULL where it does not, `line` is its number in
-#: `vertex`, `edit` the edit that last put it there.
+#: `vertex`, `edit` the edit that last put it there. `edit_key`: which edit was sent under a key.
 _TABLES = (
     """CREATE TABLE IF NOT EXISTS edit (number INTEGER PRIMARY KEY NOT NULL, time_utc TEXT NOT NULL, who TEXT NOT NULL,
   action TEXT NOT NULL, undoes INTEGER NOT NULL, ids TEXT NOT NULL, gone TEXT NOT NULL, came TEXT NOT NULL)""",
     """CREATE TABLE IF NOT EXISTS line_version (version INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, id TEXT NOT NULL,
   layer TEXT, fid INTEGER, line INTEGER, edit INTEGER NOT NULL, content BLOB NOT NULL)""",
+    "CREATE TABLE IF NOT EXISTS edit_key (key TEXT PRIMARY KEY NOT NULL, number INTEGER NOT NULL)",
     f'CREATE INDEX IF NOT EXISTS vertex_by_line ON "{VERTEX_TABLE}" (line)',
     """INSERT OR IGNORE INTO gpkg_contents (table_name, data_type, identifier, description)
   VALUES ('edit', 'attributes', 'edit', 'who changed which lines, and when')""",
     """INSERT INTO gpkg_extensions SELECT 'line_version', NULL, 'linework_history', 'lines as they were', 'read-write'
   WHERE NOT EXISTS (SELECT 1 FROM gpkg_extensions WHERE table_name = 'line_version')""",
+    """INSERT INTO gpkg_extensions SELECT 'edit_key', NULL, 'linework_history', 'edits by key', 'read-write'
+  WHERE NOT EXISTS (SELECT 1 FROM gpkg_extensions WHERE table_name = 'edit_key')""",
 )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends
+from fastapi import APIRouter, Depends, Header
 
 from linework.errors import UsageError
 from linework.model.changes import Edit
@@ -17,19 +17,27 @@ from linework.workbench.wire import line_documents
 
 router = APIRouter(prefix="/api")
 Served = Annotated[Bench, Depends(bench_of)]
+#: Made by the page for each edit.
+Key = Annotated[str, Header(max_length=64, pattern="^[!-~]*$")]
 #: So many edits are shown of the history.
 MOST_SHOWN = 500
 
 
 @router.post("/changes")
-async def change(order: ChangeOrder, bench: Served) -> dict[str, Any]:
-    """Save an edit; when this answers it is on the disk, and all pages have been told."""
+async def change(order: ChangeOrder, bench: Served, idempotency_key: Key = "") -> dict[str, Any]:
+    """Save an edit; when this answers it is on the disk, and all pages have been told.
+
+    Whoever got no answer sends it again under the same key, and is told what was saved, once.
+    """
+    done = await asyncio.to_thread(bench.drawing.saved_as, idempotency_key)
+    if done is not None:
+        return _document(bench, done)
     check_reach(order.edit, bench.facts.bounds)
     given = await given_for(order.edit, bench)
 
     def save() -> Edit:
         made = change_of(order.edit, bench.drawing.lines, given)
-        return bench.drawing.commit(made, who=bench.who, based_on=order.revision)
+        return bench.drawing.commit(made, who=bench.who, based_on=order.revision, key=idempotency_key)
 
     return _told(bench, await asyncio.to_thread(save))
 
@@ -79,10 +87,13 @@ def changed_document(edit: Edit, *, can_undo: bool, can_redo: bool) -> dict[str,
 
 def _told(bench: Bench, edit: Edit) -> dict[str, Any]:
     """Tell all pages of an edit; return what they are told."""
-    drawing = bench.drawing
-    document = changed_document(edit, can_undo=drawing.can_undo, can_redo=drawing.can_redo)
+    document = _document(bench, edit)
     bench.hub.tell({"type": "changed", **document})
     return document
+
+
+def _document(bench: Bench, edit: Edit) -> dict[str, Any]:
+    return changed_document(edit, can_undo=bench.drawing.can_undo, can_redo=bench.drawing.can_redo)
 
 
 def _record(edit: Edit, *, is_undone: bool) -> dict[str, Any]:

@@ -45,9 +45,8 @@ def _lines_content(drawing: DrawingFile, since: int) -> bytes:
     revision = drawing.revision
     found, removed = drawing.since(since if since <= revision else 0)
     parts = (json.dumps(document, allow_nan=False) for document in line_documents(found))
-    text = (
-        f'{{"revision": {revision}, "lines": [{", ".join(parts)}], "removed": {json.dumps(list(removed))}}}'
-    )
+    rest = {"removed": list(removed), "can_undo": drawing.can_undo, "can_redo": drawing.can_redo}
+    text = f'{{"revision": {revision}, "lines": [{", ".join(parts)}], {json.dumps(rest)[1:]}'
     return text.encode()
 
 
