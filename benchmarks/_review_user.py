@@ -102,8 +102,26 @@ class User:
         if self._proposed(item):
             self.do(document_of(item)["proposal"])
             return "taken"
+        right = self._right_of(item) if len(item.ids) > 1 else []
+        if right and len(right) < self.left:
+            # Each line is chosen with a click, then it is one key
+            self.do({"action": "dashes", "ids": right}, cost=1 + len(right))
+            return f"taken for {len(right)} lines"
         self.do({"action": "dismiss", "key": item.key})
         return "dismissed"
+
+    def _right_of(self, item):
+        """Return which lines of an item about dashes would get right ones."""
+        right = []
+        for name in item.ids:
+            order = ChangeOrder.model_validate({"revision": 0, "edit": {"action": "dashes", "ids": [name]}})
+            try:
+                new = added(change_of(order.edit, self.drawing.lines, self._given(order.edit)))
+            except UsageError:
+                continue
+            if right_share(new, self.truth) >= RIGHT:
+                right.append(name)
+        return right
 
     def _proposed(self, item):
         """Whether a proposal would be right: what it adds."""
@@ -128,15 +146,16 @@ class User:
             self.do(document_of(item)["proposal"])
             return "joined"
         length_m, xyz, lacks_m = runs[0]
-        attempt = (item.key, *np.rint(xyz[len(xyz) // 2, :2]).tolist())
+        attempt = (item.key, *np.round(xyz[len(xyz) // 2], 1).tolist())
         if attempt in self.tried:
             self.do({"action": "dismiss", "key": item.key})
             return "dismissed: what was done did not help"
         self.tried.add(attempt)
         seen = np.flatnonzero(lacks_m)
         if item.kind == "cable" and length_m >= WIRE_M:
-            if self._saved(self._wire(xyz[seen[0] : seen[-1] + 1]), "cable"):
-                return f"hung {length_m:.0f} m"
+            hung = sum(self._saved(self._wire(run[1]), "cable") for run in runs if run[0] >= WIRE_M)
+            if hung:
+                return f"hung {hung} wires"
         elif self._put_beside(item):
             return "put beside a line"
         # A refused click costs as much as one that helps: little is not worth trying twice
