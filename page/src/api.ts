@@ -27,10 +27,10 @@ async function got<T>(path: string): Promise<T> {
   return (await (await asked(path)).json()) as T;
 }
 
-async function sent<T>(method: string, path: string, body?: unknown): Promise<T> {
+async function sent<T>(method: string, path: string, body?: unknown, more: HeadersInit = {}): Promise<T> {
   const response = await asked(path, {
     method,
-    headers: { "Content-Type": "application/json" },
+    headers: { "Content-Type": "application/json", ...more },
     body: JSON.stringify(body ?? {}),
   });
   return (await response.json()) as T;
@@ -38,8 +38,10 @@ async function sent<T>(method: string, path: string, body?: unknown): Promise<T>
 
 export const survey = () => got<Survey>("/api/survey");
 export const lines = (since = 0) => got<Lines>(`/api/lines?since=${since}`);
-// `revision`: what the page knew when the person acted; 412 if one of the lines has changed since
-export const change = (edit: Edit, revision: number) => sent<Changed>("POST", "/api/changes", { revision, edit });
+// `revision`: what the page knew when the person acted; 412 if one of the lines has changed since. `key`: of this edit
+// alone; sent again under it, the edit is saved once, and the answer is the same
+export const change = (edit: Edit, revision: number, key: string) =>
+  sent<Changed>("POST", "/api/changes", { revision, edit }, { "Idempotency-Key": key });
 export const undo = () => sent<Changed>("POST", "/api/undo");
 export const redo = () => sent<Changed>("POST", "/api/redo");
 export const history = () => got<EditRecord[]>("/api/history");

@@ -143,6 +143,7 @@ export class App {
     for (const line of all.lines) this.lines.set(line.id, line);
     this.revision = all.revision;
     this.emit("lines", { changed: all.lines, removed });
+    this.emit("undo", all);
     this.select(this.selection);
   }
 

@@ -34,6 +34,7 @@ export class Following {
   private off: [number, number] = [0, 0]; // nodes taken off at the start and at the end
   private order: FollowOrder | null = null;
   private continues: { id: string; end: End } | null = null;
+  private whenStopped: (() => void)[] = []; // called when it grows no more
   private readonly past = new Set<string>(); // traces that are done with: late news of them are not of the next
   private readonly follower: Follower;
 
@@ -76,6 +77,11 @@ export class Following {
     this.begin({ type: "pick_image", pair, side, at_px, kind: this.app.followKind }, null, pair);
   }
 
+  canGoThere(): boolean {
+    const refusal = this.growth.state === "refused" ? this.growth.refusal : null;
+    return (refusal?.works ?? refusal?.works_px ?? null) !== null;
+  }
+
   // Go where a refusal said that it works
   async goThere(): Promise<void> {
     const refusal = this.growth.refusal;
@@ -114,8 +120,12 @@ export class Following {
 
   // Save it. The answer tells the id of the line that it became.
   async keep(): Promise<string | null> {
-    const { state, trace } = this.growth;
-    if (state === "growing") this.interrupt();
+    // What is kept is what the server has then, vertex by vertex: it says so when it has stopped
+    if (this.growth.state === "growing") {
+      this.interrupt();
+      await new Promise<void>((done) => this.whenStopped.push(done));
+    }
+    const { trace } = this.growth;
     const line = this.whole[0];
     if (line === undefined || trace === "") return null;
     const continues = this.continues;
@@ -200,8 +210,9 @@ export class Following {
   }
 
   private tell(): void {
-    const { lines, area, pair } = this.growth;
+    const { state, lines, area, pair } = this.growth;
     this.app.emit("growth", this.growth);
     this.app.emit("growing", { lines, area, ...(pair !== null && { pair }) });
+    if (state !== "growing") for (const stopped of this.whenStopped.splice(0)) stopped();
   }
 }

@@ -37,7 +37,7 @@ export class GrowthCard {
     keyboard.bind({ keys: ["Shift+b"], title: "Bridge the gap at the start", group, when: () => following.canBridge("start"), run: () => following.bridge("start") });
     keyboard.bind({ keys: ["c"], title: "Continue at the end: click farther on", group, when: is("stopped"), run: () => following.goOnFrom("end") });
     keyboard.bind({ keys: ["Shift+c"], title: "Continue at the start: click farther on", group, when: is("stopped"), run: () => following.goOnFrom("start") });
-    keyboard.bind({ keys: ["g", "Enter"], title: "Go where it works", group, when: () => following.growth.refusal?.works != null, run: () => void following.goThere() });
+    keyboard.bind({ keys: ["g", "Enter"], title: "Go where it works", group, when: () => following.canGoThere(), run: () => void following.goThere() });
     keyboard.bind({ keys: ["Escape"], title: "Cancel", group, when: () => is("growing", "stopped", "refused")() || following.growth.goesOn !== null, run: () => following.cancel() });
   }
 
@@ -84,8 +84,8 @@ export class GrowthCard {
 
   private refused(growth: Growth): void {
     const { following } = this.app;
-    const { reason = "", advice = "", works = null, works_px = null } = growth.refusal ?? {};
-    const there = works || works_px ? [keyButton("g", "Go there instead", () => void following.goThere(), { class: "main" })] : [];
+    const { reason = "", advice = "" } = growth.refusal ?? {};
+    const there = following.canGoThere() ? [keyButton("g", "Go there instead", () => void following.goThere(), { class: "main" })] : [];
     this.fill(reason, [advice], [...there, keyButton("Escape", "Close", () => following.cancel())]);
   }
 

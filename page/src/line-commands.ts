@@ -107,6 +107,6 @@ async function putBeside(app: App, cursor: Place | null): Promise<void> {
     return app.emit("message", { text: "Put the mouse where the new line is to run, and press Shift P.", kind: "info" });
   const at: [Place] | [Place, Place] = begun?.id === line.id ? [begun.at, cursor] : [cursor];
   begun = null;
-  const changed = await app.change({ action: "beside", id: line.id, kind: app.followKind || line.kind, at });
+  const changed = await app.change({ action: "beside", id: line.id, kind: line.kind, at });
   if (changed) app.select(changed.lines.map(({ id }) => id));
 }

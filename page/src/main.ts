@@ -10,34 +10,37 @@ async function start(): Promise<void> {
   document.title = `${app.survey.name} · linework`;
   shellOf(app);
   await app.reload();
-  await whatCanBeUndone(app);
+  const waiting = new Waiting(app);
   api.live(
     (news) => {
       if (news.type === "changed") app.take(news);
       else if (news.type === "job") app.emit("job", news);
       else if (news.type === "pictures") app.emit("pictures", news);
+      else if (news.type === "busy") waiting.tell(news.busy);
       else void app.reload().catch((error: unknown) => app.problem(error));
     },
     (is) => {
       app.emit("connected", is);
       if (!is) void whyAway(app);
+      if (is) void api.survey().then(({ busy }) => waiting.tell(busy), () => undefined); // who is away is told of elsewhere
       if (is) void app.reconnected().catch((error: unknown) => app.problem(error));
     },
   );
   document.body.dataset.state = "ready";
-  void untilReady(app).catch(() => undefined); // a server that goes away meanwhile is told of elsewhere
 }
 
-// The server may still be opening the survey for following: everything else works meanwhile
-async function untilReady(app: App): Promise<void> {
-  let { busy } = app.survey;
-  if (busy === "") return;
-  app.emit("message", { text: `Still ${busy} …`, kind: "info" });
-  while (busy !== "") {
-    await new Promise((done) => setTimeout(done, 1000));
-    ({ busy } = await api.survey());
+// The server may still be opening the survey for following, or compiling: everything else works meanwhile
+class Waiting {
+  private busy = "";
+
+  constructor(private readonly app: App) {}
+
+  tell(busy: string): void {
+    if (busy === this.busy) return;
+    this.busy = busy;
+    const text = busy === "" ? "Everything is ready: lines can be followed now." : `Still ${busy} …`;
+    this.app.emit("message", { text, kind: "info" });
   }
-  app.emit("message", { text: "Lines can be followed now.", kind: "info" });
 }
 
 // Gone, or started anew: then it knows nothing of this session, and says which link to open
@@ -45,12 +48,6 @@ async function whyAway(app: App): Promise<void> {
   await api.survey().catch((error: unknown) => {
     if (error instanceof api.ProblemError && error.status !== 0) app.problem(error);
   });
-}
-
-async function whatCanBeUndone(app: App): Promise<void> {
-  const records = await api.history();
-  const can_undo = records.some(({ undoes, undone }) => undoes === 0 && !undone);
-  app.emit("undo", { can_undo, can_redo: records.some(({ undone }) => undone) });
 }
 
 start().catch((error: unknown) => {

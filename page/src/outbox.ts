@@ -6,6 +6,7 @@ import type { Changed, Edit, Line, Survey } from "./types";
 
 interface Letter {
   edit: Edit;
+  key: string; // an edit whose answer was lost is not made twice
   revision: number; // what the page knew when the person acted
   shape: Line | null; // of a followed line: what to draw if the server has lost the trace
 }
@@ -30,7 +31,7 @@ export class Outbox {
 
   // Send an edit, after those before it. Throws what the server has against it; null: the edit has to wait.
   async send(edit: Edit, revision: number, shape?: Line): Promise<Changed | null> {
-    const letter = { edit, revision, shape: shape ?? null };
+    const letter = { edit, key: crypto.randomUUID(), revision, shape: shape ?? null };
     this.onTheWay += 1;
     this.tell();
     const sending = this.turn.then(() => this.deliver(letter));
@@ -66,7 +67,7 @@ export class Outbox {
   private async deliver(letter: Letter): Promise<Changed | null> {
     if (this.letters.length > 0) return this.hold(letter); // the order of edits is kept
     try {
-      return this.receive(letter, await api.change(letter.edit, this.knownTo(letter)));
+      return this.receive(letter, await api.change(letter.edit, this.knownTo(letter), letter.key));
     } catch (error) {
       if (!isAway(error)) throw error;
       return this.hold(letter);
@@ -81,14 +82,14 @@ export class Outbox {
 
   // A trace lives as long as the server: if it is gone, the line is saved as it was on the screen
   private async again(letter: Letter): Promise<Changed> {
-    const { edit, shape } = letter;
+    const { edit, key, shape } = letter;
     const known = this.knownTo(letter);
     try {
-      return await api.change(edit, known);
+      return await api.change(edit, known, key);
     } catch (error) {
       if (edit.action !== "keep" || shape === null || isAway(error)) throw error;
       const xyz = shape.xyz.slice(edit.first, edit.last + 1);
-      return api.change({ action: "draw", kind: shape.kind, xyz }, known);
+      return api.change({ action: "draw", kind: shape.kind, xyz }, known, key);
     }
   }
 

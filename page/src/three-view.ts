@@ -23,6 +23,7 @@ ColorManagement.enabled = false;
 const NAME = "3-D";
 const CLICK_PX = 4;
 const NEAR_PX = 8;
+const ALONG_M = 8; // the eye stands some 15 m away: what is farther from where it looks leaves the picture
 
 export class ThreeView implements Pane {
   readonly element: HTMLElement;
@@ -84,6 +85,7 @@ export class ThreeView implements Pane {
     app.on("selection", () => this.showLines());
     app.on("lines", () => this.showLines());
     app.on("growing", ({ lines }) => {
+      this.goAlong(lines);
       this.growing = lines;
       this.showLines();
     });
@@ -130,6 +132,16 @@ export class ThreeView implements Pane {
     this.focus.copy(to);
     this.controls?.update();
     this.moved();
+  }
+
+  // Where a line grows, the view goes along with its end
+  private goAlong([line]: Line[]): void {
+    const before = this.growing[0]?.xyz ?? [];
+    const ends = [line?.xyz[0], line?.xyz[line.xyz.length - 1]] as const;
+    const [moved] = [...ends.entries()]
+      .map(([i, end]) => ({ end, by: apart(end, before[i === 0 ? 0 : before.length - 1]) }))
+      .sort((a, b) => b.by - a.by);
+    if (moved?.end && moved.by > 0 && apart(moved.end, this.target) > ALONG_M) this.lookAt(moved.end);
   }
 
   private local(vertex: Vertex): Vector3 {
@@ -219,4 +231,8 @@ export class ThreeView implements Pane {
     this.lookAt(point.at);
     this.app.emit("look", { at: [point.at[0], point.at[1]], by: NAME });
   }
+}
+
+function apart(a?: Vertex, b?: Vertex): number {
+  return a && b ? Math.hypot(a[0] - b[0], a[1] - b[1]) : 0;
 }

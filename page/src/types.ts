@@ -63,13 +63,13 @@ export interface Lines {
   revision: number;
   lines: Line[]; // all, or those that came or changed since the revision asked for
   removed: string[];
+  can_undo: boolean;
+  can_redo: boolean;
 }
 
 export interface Changed extends Lines {
   action: string;
   number: number; // of the edit
-  can_undo: boolean;
-  can_redo: boolean;
 }
 
 export type Edit =
@@ -156,7 +156,7 @@ export interface Job {
   done: number;
   total: number;
   unit: string;
-  seconds: number;
+  seconds: number; // since it began; when it is over: how long it took
   message: string;
   counts: Record<string, number> | null; // lines by kind
   report: boolean;
@@ -167,6 +167,7 @@ export type Live =
   | ({ type: "changed" } & Changed)
   | ({ type: "job" } & Job)
   | { type: "pictures"; done: number; total: number } // tiles made ahead: when all are, those shown in part are whole
+  | { type: "busy"; busy: string } // what the server is still doing, "" when ready
   | { type: "behind" }; // ask for everything anew
 
 // WebSocket /api/follow

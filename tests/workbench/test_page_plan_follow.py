@@ -165,6 +165,62 @@ def test_space_interrupts_and_b_bridges(page, served, kerb):
     plan.press("Escape")
 
 
+def test_a_line_that_grows_is_kept_as_it_has_stopped(page, served, kerb):
+    talk = Talk(page)
+    plan = PlanPage(page, served)
+    plan.follow(middle_of(kerb), "road_boundary")
+    talk.wait_for(1, page)
+    talk.tell(type="grown", trace="t1", lines=[_grown(kerb[:10])])
+    plan.wait_for("state", "growing")
+    kept = []
+    page.on("request", lambda request: kept.append(request) if request.url.endswith("/api/changes") else None)
+    plan.press("Enter")
+    assert talk.wait_for(2, page) == {"type": "interrupt"}
+    assert kept == [], "the server has not yet said what there is"
+    talk.tell(type="stopped", trace="t1", lines=[_grown(kerb[:12])], stops=["", ""], choices=[[], []],
+              distance_m=0.0, interrupted=True)  # fmt: skip
+    wait_until(lambda: page.wait_for_timeout(20) or len(kept) == 1)
+    edit = kept[0].post_data_json["edit"]
+    assert (edit["action"], edit["trace"], edit["first"], edit["last"]) == ("keep", "t1", 0, 11)
+    assert len(kept[0].headers["idempotency-key"]) == 36
+
+
+def test_a_line_that_the_server_follows_is_interrupted_bridged_and_kept(plan, kerb):
+    before = plan.revision
+    plan.follow(middle_of(kerb), "road_boundary")
+    plan.press("Space")
+    plan.page.wait_for_selector(
+        ".plan-view[data-state=stopped], .plan-view[data-state=refused]", state="attached", timeout=60_000
+    )
+    if plan.said("state") == "refused":  # it had not yet begun
+        assert "before it had begun" in plan.card
+        return
+    if plan.page.get_by_text("Bridge at the end").count():
+        plan.press("b")
+        plan.wait_for("state", "stopped")
+    plan.press("Enter")
+    assert len(plan.saved_since(before).of_kind("road_boundary")) == 1
+    plan.press("Control+z")
+    plan.saved_since(before + 1)
+
+
+def test_g_goes_to_the_pixel_that_works(page, served):
+    talk = Talk(page)
+    plan = PlanPage(page, served)
+    page.get_by_role("tab", name="Stereo", exact=True).click()
+    wait_until(lambda: page.get_attribute(".stereo-view", "data-pair"))
+    page.wait_for_load_state("networkidle")
+    plan.press("f")
+    box = page.locator(".stereo-view canvas[data-side=left]").bounding_box()
+    page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.6 * box["height"])
+    assert talk.wait_for(1, page)["type"] == "pick_image"
+    talk.tell(type="refused", reason="no edge here", advice="", works=None, works_px=[100.0, 120.0])
+    plan.wait_for("state", "refused")
+    plan.press("g")
+    assert talk.wait_for(2, page)["at_px"] == [100.0, 120.0]
+    plan.press("Escape")
+
+
 def test_a_refusal_offers_another_place(page, served, kerb):
     talk = Talk(page)
     plan = PlanPage(page, served)
