@@ -33,6 +33,14 @@ def test_what_is_there_already_is_not_added_twice():
     assert continued(line(0.0, 80.0), line(20.0, 60.0)).length_m.tolist() == pytest.approx([80.0])
 
 
+@pytest.mark.parametrize("first", [(20.0, 60.0), (60.0, 20.0)])
+def test_a_line_takes_in_one_that_is_a_part_of_it(first):
+    there = line(*first).with_columns(id=["there"])
+    joined = continued(there, line(0.0, 80.0, y=0.05))
+    assert joined.length_m.tolist() == pytest.approx([80.0])
+    assert joined.id.tolist() == ["there"]
+
+
 def test_other_lines_are_added():
     for other in (line(40.0, 80.0, y=3.0), line(40.0, 80.0, kind="road_boundary"), line(200.0, 230.0)):
         assert len(continued(line(0.0, 30.0), other)) == 2

@@ -215,6 +215,20 @@ def test_a_kept_line_is_one_with_those_it_runs_over():
     assert not change.after.bridged.any()
 
 
+@pytest.mark.parametrize("aside_m", [0.05, 0.2])
+def test_a_followed_part_of_a_line_is_that_line(aside_m):
+    """Also where images saw a metre of it elsewhere than points did."""
+    there, trace = straight(0, 70, name="a", confidence=[0.7]), straight(5, 65)
+    xyz = trace.xyz.copy()
+    xyz[30, 1] += aside_m
+    trace = trace.with_columns(xyz=xyz)
+    change = kept_change(there, trace, (0, 60))
+    assert change.before.id.tolist() == change.after.id.tolist() == ["a"]
+    assert change.after.length_m.tolist() == pytest.approx([70.0])
+    again = kept_change(straight(0, 70, name="a"), straight(-20, 100), (0, 120), straight(0, 70, name="a"))
+    assert again.after.length_m.tolist() == pytest.approx([120.0])
+
+
 def test_a_kept_line_stays_apart_from_one_that_only_ends_near_it():
     change = kept_change(straight(0, 30, name="a"), straight(40, 70), (0, 30))
     assert len(change.before) == 0

@@ -30,6 +30,7 @@ from linework.files.drawing_tables import (
     transaction,
 )
 from linework.files.locks import locked
+from linework.files.publish import check_output
 from linework.files.reserve import lock_path
 from linework.files.vector_input import checked_vector_file
 from linework.files.vectors import write_lines
@@ -66,10 +67,14 @@ def opened_drawing(
     path: Path, crs: str, *, is_held: bool = False
 ) -> Iterator[tuple[sqlite3.Connection, Opened]]:
     """Open a drawing, see `DrawingFile.opened`."""
+    if path.is_dir():
+        raise UsageError("is a folder", where=path, advice="name a GeoPackage in it")
     if path.suffix.lower() != ".gpkg":
         raise UsageError(
             f"cannot edit '{path.suffix}' files", where=path, advice="linework convert makes a .gpkg"
         )
+    if not is_held:
+        check_output(path, overwrite=True)
     busy = OutputExistsError("another workbench or run holds it", where=path, advice="end that first")
     with contextlib.nullcontext() if is_held else locked(lock_path(path), busy):
         if not path.exists():

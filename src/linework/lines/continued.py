@@ -63,6 +63,9 @@ def _added(lines: LineSet, one: LineSet, gap: Gap) -> LineSet:
 
 def _joined(a: LineSet, b: LineSet, over: Gap) -> LineSet | None:
     """Return two lines as one, or None where neither continues the other."""
+    if _near(a.xyz, b.xyz).all():
+        # The one is a part of the other
+        return b.with_columns(**{name: getattr(a, name) for name in LINE_COLUMNS})
     for turned_a in (False, True):
         for turned_b in (False, True):
             first, second = _turned(a, turned=turned_a), _turned(b, turned=turned_b)

@@ -65,8 +65,8 @@ def split(line: LineSet, at: FloatArray) -> LineSet:
 def joined(one: LineSet, other: LineSet, others: LineSet | None = None) -> LineSet:
     """Return two lines as one, joined at the ends that are nearest to each other; the gap is bridged.
 
-    Over the gap it runs beside one of `others` (see `bridge`). It runs the way of `one`, and has the `id` of the longer. Numbers are means by length, words those of `one`
-    where it has some.
+    Over the gap it runs beside one of `others` (see `bridge`). It runs the way of `one`, and has the `id` of the
+    longer. Numbers are means by length, words those of `one` where it has some.
 
     Raises
     ------

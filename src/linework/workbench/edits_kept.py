@@ -19,6 +19,8 @@ from linework.model.lines import LineSet
 _OVERLAPPING = Gap(longest_m=SAME_M, off_deg=5.0, turn_deg=20.0)
 #: Wires of a line hang further apart than this. [m]
 SAME_WIRE_M = 0.2
+#: A line of which so much lies on another is that line, seen less well here and there: points and images differ.
+NEARLY_ALL = 0.9
 #: Short pieces that are there or not, and never grow together.
 _WHOLE_KINDS = ("lane_marking_dash",)
 
@@ -109,11 +111,22 @@ def _grown(one: LineSet, lines: LineSet, gone: list[int]) -> tuple[LineSet, list
     for k in _touching(one, lines, gone).tolist():
         other = lines.take([k])
         whole = continued(one, other, _OVERLAPPING)
+        if len(whole) > 1:
+            whole = _longer(one, other)
         if len(whole) == 1:
             name = one.id if one.id[0] else other.id
             one = whole.with_columns(id=name)
             absorbed.append(k)
     return one, absorbed
+
+
+def _longer(one: LineSet, other: LineSet) -> LineSet:
+    """Return the longer of two lines that run apart here and there, if one of them is the other; else both."""
+    on_other = _is_on(stations_of(one.xyz)[:, :2], other.xyz[:, :2]).mean()
+    on_one = _is_on(stations_of(other.xyz)[:, :2], one.xyz[:, :2]).mean()
+    if max(on_other, on_one) < NEARLY_ALL:
+        return LineSet.concatenate([one, other])
+    return one if on_one >= on_other else other
 
 
 def _touching(one: LineSet, lines: LineSet, gone: list[int]) -> IntArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+import secrets
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -42,12 +42,11 @@ class KeptTraces:
     """The last traces of a bench."""
 
     _traces: dict[str, KeptTrace] = field(default_factory=dict)
-    _numbers: itertools.count[int] = field(default_factory=lambda: itertools.count(1))
     _stop: Callable[[], None] | None = None
 
     def new_id(self) -> str:
-        """Return an id that no trace has had."""
-        return f"trace{next(self._numbers)}"
+        """Return an id that no trace has had, of this server or of one before it."""
+        return f"trace-{secrets.token_hex(8)}"
 
     def keep(self, trace_id: str, trace: KeptTrace) -> None:
         """Keep a trace, or what it has become; the oldest is forgotten when there are too many."""

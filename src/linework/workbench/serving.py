@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import errno
 import signal
 import socket
 from collections.abc import Callable, Iterator
@@ -15,13 +14,13 @@ from typing import Any
 import uvicorn
 from fastapi import FastAPI
 
-from linework.errors import MachineError
 from linework.files.drawing import DrawingFile
 from linework.tiling.steps import Watcher
 from linework.workbench.bench import Bench
 from linework.workbench.connections import settings
 from linework.workbench.desk import Desk
 from linework.workbench.guard import Guard
+from linework.workbench.listener import HOST, listener_at, usual_port
 from linework.workbench.opening import SurveyFacts, open_at_desk, place_at_desk
 from linework.workbench.page_files import page_files
 from linework.workbench.server import create_app
@@ -29,8 +28,6 @@ from linework.workbench.sessions import Sessions
 from linework.workbench.table import SurveyOrder
 from linework.workbench.warming import Busy, warm_up
 
-#: The only address that is listened at: nothing of this is for the network.
-HOST = "127.0.0.1"
 #: Lines of a survey that names no other file, in its folder.
 LINES_NAME = "lines.gpkg"
 
@@ -107,7 +104,7 @@ async def serve(serving: Serving) -> int:
 
 async def _opened(serving: Serving, held: contextlib.AsyncExitStack) -> tuple[Bench, socket.socket]:
     """Open the survey and its lines; what could be refused at once is tried first."""
-    listener = held.enter_context(_listener(serving.port))
+    listener = held.enter_context(listener_at(serving.port, usual_port(serving.order.inputs[0])))
     pictures = held.enter_context(_desk(serving.order))
     tracing = held.enter_context(_desk(serving.order))
     root, crs = await pictures.ask(place_at_desk)
@@ -208,18 +205,3 @@ def _desk(order: SurveyOrder) -> Iterator[Desk]:
         yield desk
     finally:
         desk.kill()
-
-
-@contextlib.contextmanager
-def _listener(port: int) -> Iterator[socket.socket]:
-    """Give a socket that is bound to a port of this machine alone."""
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listener:
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            listener.bind((HOST, port))
-            listener.listen()
-        except OSError as error:
-            is_taken = error.errno == errno.EADDRINUSE
-            problem = "the port is taken" if is_taken else str(error.strerror).lower()
-            raise MachineError(problem, where=f"--port {port}", advice="give another, or 0 for any") from None
-        yield listener
