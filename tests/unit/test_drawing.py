@@ -160,6 +160,8 @@ def test_who_was_second_is_told_so_and_nothing_is_saved(path):
             drawing.commit(Change("move", moved, shifted(moved)), who="Bea", based_on=0)
         with pytest.raises(StaleError, match="has changed since"):
             drawing.commit(Change("move", one, shifted(one)), who="Bea")
+        with pytest.raises(StaleError, match="2 edits are missing"):
+            drawing.commit(Change("move", moved, shifted(moved)), who="Bea", based_on=3)
         drawing.commit(Change("delete", moved, none()), who="Ann", based_on=1)
         with pytest.raises(StaleError, match="is there no more"):
             drawing.commit(Change("move", moved, shifted(moved)), who="Bea")

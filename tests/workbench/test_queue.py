@@ -90,7 +90,7 @@ def test_only_new_edits_are_read_for_dismissals(drawing, monkeypatch):
     say(drawing, "dismiss a b", none, none)
     assert dismissed.keys(drawing) == {"a b"}
     asked = []
-    monkeypatch.setattr(DrawingFile, "history", lambda _, most: asked.append(most) or [])
+    monkeypatch.setattr(DrawingFile, "entries", lambda _, most: asked.append(most) or [])
     say(drawing, "dismiss c", none, none)
     dismissed.keys(drawing)
     dismissed.keys(drawing)

@@ -150,6 +150,11 @@ class DrawingFile:
             if done is not None:
                 return done
             gone = change.before.id.tolist()
+            if based_on is not None and based_on > self._revision:
+                raise StaleError(
+                    f"{based_on - self._revision} edits are missing, it was replaced by an older one",
+                    where=self.path, advice="reload the page",
+                )  # fmt: skip
             seen = None if based_on is None else {n for n, by in self._changed_by.items() if by <= based_on}
             check_fresh(change.before, self._held, seen, self.path)
             check_change(change, self._held, self._crs, self.path)

@@ -7,8 +7,8 @@ from collections.abc import Awaitable, Callable, Container, Iterable, Sequence
 from typing import Any
 
 from linework.files.drawing import DrawingFile
+from linework.files.drawing_history import Entry
 from linework.lines.suspected import Suspect
-from linework.model.changes import Edit
 from linework.model.lines import LineSet
 
 #: What the action of an edit begins with that says that there is nothing to do.
@@ -56,17 +56,17 @@ class Dismissed:
     def keys(self, drawing: DrawingFile) -> frozenset[str]:
         """Return the keys that are dismissed now."""
         revision = drawing.revision
-        self._keys |= _dismissals(drawing.history(revision - self._read) if revision > self._read else ())
+        self._keys |= _dismissals(drawing.entries(revision - self._read) if revision > self._read else ())
         self._read = revision
         undone = drawing.undone if self._keys else frozenset()
         return frozenset(key for number, key in self._keys.items() if number not in undone)
 
 
-def _dismissals(edits: Iterable[Edit]) -> dict[int, str]:
+def _dismissals(entries: Iterable[Entry]) -> dict[int, str]:
     return {
-        edit.number: edit.change.action.removeprefix(DISMISS)
-        for edit in edits
-        if edit.change.action.startswith(DISMISS)
+        entry.number: entry.action.removeprefix(DISMISS)
+        for entry in entries
+        if entry.action.startswith(DISMISS)
     }
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Header
 
 from linework.errors import UsageError
+from linework.files.drawing_history import Entry
 from linework.model.changes import Edit
 from linework.workbench.bench import Bench, bench_of
 from linework.workbench.edits import ChangeOrder
@@ -66,7 +67,9 @@ async def history(bench: Served) -> list[dict[str, Any]]:
 
     def documents() -> list[dict[str, Any]]:
         undone = bench.drawing.undone
-        return [_record(edit, is_undone=edit.number in undone) for edit in bench.drawing.history(MOST_SHOWN)]
+        return [
+            _record(entry, is_undone=entry.number in undone) for entry in bench.drawing.entries(MOST_SHOWN)
+        ]
 
     return await asyncio.to_thread(documents)
 
@@ -96,15 +99,13 @@ def _document(bench: Bench, edit: Edit) -> dict[str, Any]:
     return changed_document(edit, can_undo=bench.drawing.can_undo, can_redo=bench.drawing.can_redo)
 
 
-def _record(edit: Edit, *, is_undone: bool) -> dict[str, Any]:
-    change = edit.change
-    ids = dict.fromkeys([*change.before.id.tolist(), *change.after.id.tolist()])
+def _record(entry: Entry, *, is_undone: bool) -> dict[str, Any]:
     return {
-        "number": edit.number,
-        "time_utc": edit.time_utc,
-        "who": edit.who,
-        "action": change.action,
-        "ids": list(ids),
-        "undoes": edit.undoes,
+        "number": entry.number,
+        "time_utc": entry.time_utc,
+        "who": entry.who,
+        "action": entry.action,
+        "ids": list(entry.ids),
+        "undoes": entry.undoes,
         "undone": is_undone,
     }
