@@ -68,7 +68,7 @@ def test_what_came_and_went_since_a_revision(served):
     assert news["revision"] == deleted["revision"]
     assert second in news["removed"]
     assert served.get(f"/api/lines?since={deleted['revision']}") == {
-        "revision": deleted["revision"], "lines": [], "removed": []
+        "revision": deleted["revision"], "lines": [], "removed": [], "can_undo": True, "can_redo": False
     }  # fmt: skip
     # A page of another run, which knows of more than there is, gets everything
     whole = served.get("/api/lines?since=999999")
