@@ -30,6 +30,9 @@ export type Tool = "select" | "follow" | "draw" | "measure";
 
 type Listener<K extends keyof Events> = (value: Events[K]) => void;
 
+const AS_SEEN_IN_IMAGES = /_stereo$/;
+const AGAIN_MS = 3000; // what the server could not save is sent again after so long
+
 export class App {
   readonly lines = new Map<string, Line>();
   revision = 0;
@@ -43,8 +46,14 @@ export class App {
 
   constructor(readonly survey: Survey) {
     this.following = new Following(this);
-    this.outbox = new Outbox(survey, (changed) => this.take(changed), (waiting, since) => {
-      this.emit("saved", { waiting, since });
+    this.outbox = new Outbox(survey, {
+      arrived: (changed) => this.take(changed),
+      told: (waiting, since) => this.emit("saved", { waiting, since }),
+      // The server says that it cannot just now, and the connection stays: nobody else would send it again
+      held: (why) => {
+        this.problem(why);
+        window.setTimeout(() => void this.reconnected().catch((error: unknown) => this.problem(error)), AGAIN_MS);
+      },
     });
   }
 
@@ -70,8 +79,15 @@ export class App {
   }
 
   colour(kind: string): string {
-    const plain = kind.replace(/_stereo$/, "");
+    const plain = kind.replace(AS_SEEN_IN_IMAGES, "");
     return this.survey.kinds.find((known) => known.kind === plain)?.colour ?? "#787878";
+  }
+
+  // What people call a kind; lines as images alone saw them have kinds of their own
+  title(kind: string): string {
+    const plain = kind.replace(AS_SEEN_IN_IMAGES, "");
+    const title = this.survey.kinds.find((known) => known.kind === plain)?.title ?? plain;
+    return plain === kind ? title : `${title}, in images`;
   }
 
   select(ids: string[]): void {
@@ -82,11 +98,17 @@ export class App {
   // Everything a person does to lines goes through here; the result comes back to all panes. An edit that cannot be
   // sent is kept and sent when the server is back; `shape`: the line as it looks here, for when a trace is lost.
   async change(edit: Edit, shape?: Line): Promise<Changed | null> {
+    const changed = await this.tried(edit, shape);
+    return changed === "refused" ? null : changed;
+  }
+
+  // The same, for those who have something to lose when it is refused; null: it waits
+  async tried(edit: Edit, shape?: Line): Promise<Changed | null | "refused"> {
     try {
       return await this.outbox.send(edit, this.revision, shape);
     } catch (error) {
       this.problem(error);
-      return null;
+      return "refused";
     }
   }
 

@@ -74,8 +74,7 @@ export class AttributesPane implements Pane {
     const lines = this.lines;
     const [line] = lines;
     this.element.dataset.selected = this.app.selection.join(" ");
-    const titleOf = (kind: string) => this.app.survey.kinds.find((known) => known.kind === kind)?.title ?? kind;
-    this.title.textContent = line === undefined ? "Nothing is selected" : lines.length === 1 ? titleOf(line.kind) : `${lines.length} lines`;
+    this.title.textContent = line === undefined ? "Nothing is selected" : lines.length === 1 ? this.app.title(line.kind) : `${lines.length} lines`;
     this.facts.replaceChildren(...(line ? factsOf(lines) : [hint()]));
     const buttons = this.commandRow.querySelectorAll("button");
     this.commands.forEach(({ can }, i) => buttons[i]?.toggleAttribute("disabled", !can()));

@@ -94,7 +94,6 @@ export class Following {
   // Go on beyond the gap at an end
   bridge(end: End): void {
     if (!this.canBridge(end)) return;
-    this.off = [0, 0];
     this.show({ state: "growing", stops: ["", ""], choices: [[], []] });
     this.follower.say({ type: "bridge", trace: this.growth.trace, end });
   }
@@ -130,10 +129,20 @@ export class Following {
     if (line === undefined || trace === "") return null;
     const continues = this.continues;
     const [first, last] = [this.off[0], line.xyz.length - 1 - this.off[1]];
+    const { growth, whole, off } = this;
     this.clear();
-    const changed = await this.app.change({
+    const changed = await this.app.tried({
       action: "keep", trace, first, last, ...(continues && { continues: continues.id }),
     }, line);
+    if (changed === "refused") {
+      // It can still be kept otherwise: with fewer nodes, or by itself
+      if (this.growth.state === "idle") {
+        this.past.delete(trace);
+        Object.assign(this, { growth, whole, off });
+        this.tell();
+      }
+      return null;
+    }
     const kept = changed?.lines.find((one) => one.kind === line.kind) ?? changed?.lines[0];
     if (kept) this.app.select([kept.id]);
     return kept?.id ?? null;

@@ -58,7 +58,7 @@ export class GrowthCard {
 
   private growing(growth: Growth): void {
     const line = growth.lines[0];
-    const text = line ? `${titleOf(this.app, line.kind)}: ${lengthOf(growth)} m …` : "Looking for a line …";
+    const text = line ? `${this.app.title(line.kind)}: ${lengthOf(growth)} m …` : "Looking for a line …";
     this.fill(text, [], [
       keyButton(" ", "Interrupt", () => this.app.following.interrupt()),
       keyButton("Escape", "Cancel", () => this.app.following.cancel()),
@@ -73,7 +73,7 @@ export class GrowthCard {
       const why = growth.stops[i === 0 ? 0 : 1];
       return why ? [`At the ${end}: ${why}`] : [];
     });
-    this.fill(`${titleOf(this.app, kind)}: ${lengthOf(growth)} m${growth.interrupted ? ", interrupted" : ""}`, whys, [
+    this.fill(`${this.app.title(kind)}: ${lengthOf(growth)} m${growth.interrupted ? ", interrupted" : ""}`, whys, [
       keyButton("Enter", "Keep", () => void following.keep(), { class: "main" }),
       ...(["end", "start"] as const).filter((end) => following.canBridge(end)).map(bridge),
       keyButton("c", "Continue", () => following.goOnFrom("end")),
@@ -96,10 +96,6 @@ export class GrowthCard {
       element("div", { class: "buttons" }, ...buttons),
     );
   }
-}
-
-function titleOf(app: App, kind: string): string {
-  return app.survey.kinds.find((known) => known.kind === kind)?.title ?? kind;
 }
 
 function lengthOf(growth: Growth): string {

@@ -149,7 +149,7 @@ export class JobPane implements Pane {
 
   private counts(counts: Record<string, number>): HTMLElement {
     const rows = Object.entries(counts).map(([kind, n]) => {
-      const title = this.app.survey.kinds.find((known) => known.kind === kind)?.title ?? kind;
+      const title = this.app.title(kind);
       return element("tr", {}, element("td", {}, title), element("td", {}, String(n)));
     });
     return element("table", { class: "job-counts" }, element("tbody", {}, ...rows));

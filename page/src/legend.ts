@@ -10,7 +10,10 @@ const ROOMY_PX = 1600; // on a narrower window it would hide half of the plan
 
 export function legend(app: App, lines: LineLayer, showPath: (is: boolean) => void): HTMLElement {
   const counts = new Map<string, HTMLElement>();
-  const rows = app.survey.kinds.map(({ kind, title }) => kindRow(app, lines, kind, title, counts));
+  const kinds = app.survey.kinds.map(({ kind }) => kind);
+  // Drives with images have lines as these alone saw them, too
+  const inImages = app.survey.n_pairs > 0 ? ["lane_marking_stereo", "lane_marking_dash_stereo"] : [];
+  const rows = [...kinds, ...inImages].map((kind) => kindRow(app, lines, kind, app.title(kind), counts));
   const bands = element("select", {
     "aria-label": "Bands of sigma",
     change: (event) => {

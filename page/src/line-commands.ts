@@ -1,7 +1,7 @@
 // What can be done with the selected lines, and the keys that do it.
 
 import type { App } from "./app";
-import type { Place } from "./types";
+import type { Edit, Place } from "./types";
 import type { VertexEditing } from "./vertex-editing";
 
 export interface Command {
@@ -68,14 +68,19 @@ function split(app: App, editing: VertexEditing, cursor: Place | null): void {
   const line = app.lines.get(app.selection[0] ?? "");
   const vertex = editing.active === null ? undefined : line?.xyz[editing.active];
   const at: Place | null = vertex ? [vertex[0], vertex[1]] : cursor;
-  if (line && at) void app.change({ action: "split", id: line.id, at });
+  if (line && at) void selected(app, { action: "split", id: line.id, at });
   else app.emit("message", { text: "Put the mouse where the line is to be split, or click a vertex.", kind: "info" });
 }
 
 async function join(app: App): Promise<void> {
   const [first, second] = app.selection;
   if (first === undefined || second === undefined) return;
-  const changed = await app.change({ action: "join", ids: [first, second] });
+  await selected(app, { action: "join", ids: [first, second] });
+}
+
+// Both halves of what was split, the whole of what was joined
+async function selected(app: App, edit: Edit): Promise<void> {
+  const changed = await app.change(edit);
   if (changed) app.select(changed.lines.map((line) => line.id));
 }
 

@@ -22,11 +22,14 @@ export class Outbox {
 
   constructor(
     survey: Survey,
-    private readonly arrived: (changed: Changed) => void,
-    private readonly told: (waiting: number, since: Date | null) => void,
+    private readonly tells: {
+      arrived(changed: Changed): void;
+      told(waiting: number, since: Date | null): void;
+      held(why: Error): void; // the server is there, and could not save
+    },
   ) {
     this.place = `linework unsent ${survey.name} ${survey.lines_file}`;
-    this.letters = JSON.parse(localStorage.getItem(this.place) ?? "[]") as Letter[];
+    this.letters = kept(this.place);
   }
 
   // Send an edit, after those before it. Throws what the server has against it; null: the edit has to wait.
@@ -53,7 +56,10 @@ export class Outbox {
       try {
         this.receive(letter, await this.again(letter));
       } catch (error) {
-        if (isAway(error)) break;
+        if (isAway(error)) {
+          this.later(error);
+          break;
+        }
         const why = error instanceof Error ? error.message : String(error);
         problems.push(new Error(`An edit that had waited (${letter.edit.action}) could not be saved: ${why}`));
       }
@@ -70,8 +76,13 @@ export class Outbox {
       return this.receive(letter, await api.change(letter.edit, this.knownTo(letter), letter.key));
     } catch (error) {
       if (!isAway(error)) throw error;
+      this.later(error);
       return this.hold(letter);
     }
+  }
+
+  private later(error: unknown): void {
+    if (error instanceof api.ProblemError && error.status === 503) this.tells.held(error);
   }
 
   // What the person knew: also the edits of their own that were still on the way when they made this one
@@ -99,7 +110,7 @@ export class Outbox {
     // Nobody else's edit lies between: what follows is of the same knowledge
     if (changed.revision === known + 1) this.own = { from: known === to ? from : known, to: changed.revision };
     this.last = new Date();
-    this.arrived(changed);
+    this.tells.arrived(changed);
     return changed;
   }
 
@@ -116,7 +127,17 @@ export class Outbox {
   }
 
   private tell(): void {
-    this.told(this.letters.length + this.onTheWay, this.last);
+    this.tells.told(this.letters.length + this.onTheWay, this.last);
+  }
+}
+
+// What was kept when the page was closed; what nobody can read is not worth keeping
+function kept(place: string): Letter[] {
+  try {
+    const letters: unknown = JSON.parse(localStorage.getItem(place) ?? "[]");
+    return Array.isArray(letters) ? (letters as Letter[]) : [];
+  } catch {
+    return [];
   }
 }
 

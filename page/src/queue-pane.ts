@@ -140,7 +140,7 @@ export class QueuePane implements Pane {
   }
 
   private row(item: QueueItem): HTMLElement {
-    const kind = this.app.survey.kinds.find((known) => known.kind === item.kind)?.title ?? item.kind;
+    const kind = this.app.title(item.kind);
     const swatch = element("span", { class: "swatch" });
     swatch.style.backgroundColor = this.app.colour(item.kind);
     const row = element("button", { type: "button", class: "item", "data-key": item.key, click: () => this.look(item) },

@@ -9,16 +9,15 @@ const BESIDE_M = 15;
 // The section is on the line, and stays on it
 const ON_M = 1;
 
-export function middleOf({ path, bounds }: Survey): Place {
-  const middle = path[path.length >> 1];
-  return middle ? [middle[0], middle[1]] : [(bounds[0] + bounds[2]) / 2, (bounds[1] + bounds[3]) / 2];
+export function middleOf({ middle }: Survey): Place {
+  return [middle[0], middle[1]];
 }
 
 export function stationFor(survey: Survey, line: Line | undefined, place: Place): Station {
   const onLine = line && nearestOn(line.xyz, place);
   if (onLine && onLine.distance_m <= BESIDE_M) return onLine.station;
   const onPath = nearestOn(survey.path, place)?.station;
-  return { at: place, z: onPath?.z ?? survey.heights[0], heading_deg: onPath?.heading_deg ?? 0, chainage_m: 0 };
+  return { at: place, z: onPath?.z ?? survey.middle[2], heading_deg: onPath?.heading_deg ?? 0, chainage_m: 0 };
 }
 
 // The place on the line to go to when it is selected; null: the section is near it already

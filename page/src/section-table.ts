@@ -13,7 +13,7 @@ export function sectionTable(readings: readonly Reading[], app: App): HTMLTableE
 function rowOf(reading: Reading, app: App): HTMLTableRowElement {
   const swatch = element("i", { class: "swatch" });
   swatch.style.background = app.colour(reading.kind);
-  const title = app.survey.kinds.find(({ kind }) => kind === reading.kind)?.title ?? reading.kind;
+  const title = app.title(reading.kind);
   const cells = [reading.offset_m.toFixed(3), reading.above_m?.toFixed(3) ?? "–", reading.words];
   return element(
     "tr",

@@ -179,7 +179,7 @@ export class SectionView implements Pane {
     this.table.replaceChildren(sectionTable(readingsOf(nodes, this.points), this.app));
     const [east, north] = this.station.at;
     this.where.textContent = `E ${east.toFixed(2)}  N ${north.toFixed(2)}`;
-    const title = (kind: string): string => this.app.survey.kinds.find((known) => known.kind === kind)?.title ?? kind;
+    const title = (kind: string): string => this.app.title(kind);
     this.readout.textContent = this.drag.words(this.points, title) || (this.points?.n === 0 ? "No points here." : "");
   }
 

@@ -45,8 +45,7 @@ export class ThreeView implements Pane {
   private pressed: [number, number] | null = null;
 
   constructor(private readonly app: App) {
-    const { bounds, heights, path } = app.survey;
-    const middle = path[path.length >> 1] ?? [(bounds[0] + bounds[2]) / 2, (bounds[1] + bounds[3]) / 2, heights[0]];
+    const { heights, middle } = app.survey;
     this.origin = [...middle] as Vertex;
     this.points = new PointRings(heights);
     const bar = new Bar();

@@ -44,6 +44,7 @@ export interface Survey {
   name: string;
   crs: string; // for people
   bounds: [number, number, number, number];
+  middle: Vertex; // where one looks first
   heights: [number, number];
   n_points: number;
   n_pairs: number;

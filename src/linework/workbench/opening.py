@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from linework.files.crs import LOCAL, describe_crs
+from linework.files.store_layout import BLOCK_M
 from linework.model.arrays import FloatArray
+from linework.model.grid import Bounds
 from linework.tiling.recordings import Recordings
 from linework.tiling.steps import Steps
 from linework.workbench.table import Table
@@ -31,6 +33,8 @@ class SurveyFacts:
         Work folder.
     bounds
         West, south, east, north of the points, or of the path. [m, world]
+    middle
+        Where one looks first: half-way along the path, else where most points are. [m, world]
     heights
         Lowest and highest height worth showing. [m, world]
     n_points, n_pairs
@@ -47,6 +51,7 @@ class SurveyFacts:
     root: str
     work: str
     bounds: tuple[float, float, float, float]
+    middle: tuple[float, float, float]
     heights: tuple[float, float]
     n_points: int
     n_pairs: int
@@ -80,6 +85,7 @@ def open_at_desk(table: Table) -> SurveyFacts:
         root=str(survey.root),
         work=str(table.work),
         bounds=edges,
+        middle=_middle(recordings, path),
         heights=(z0_m, z0_m + 30.0),
         n_points=points.points.n_points if points else 0,
         n_pairs=len(stereo.pairs) if stereo else 0,
@@ -97,6 +103,19 @@ def _path(recordings: Recordings) -> FloatArray:
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))]
     first = np.unique(np.floor(along / _PATH_STEP_M), return_index=True)[1]
     return np.asarray(xyz[np.unique(np.r_[first, len(xyz) - 1])])
+
+
+def _middle(recordings: Recordings, path: FloatArray) -> tuple[float, float, float]:
+    """Return a place at which there is something to see."""
+    place = path[len(path) // 2] if len(path) else np.zeros(3)
+    if not len(path) and recordings.points is not None:
+        blocks, counts = recordings.points.points.block_counts
+        west, south = (blocks[int(np.argmax(counts))] * BLOCK_M).tolist()
+        block = Bounds(west, south, west + BLOCK_M, south + BLOCK_M)
+        xyz = recordings.points.points.points(block, ordered=False, with_time=False, with_intensity=False).xyz
+        # A point, not the mean of all: in a bend that lies beside the road
+        place = xyz[int(np.argmin(np.hypot(*(xyz - np.median(xyz, axis=0))[:, :2].T)))]
+    return float(place[0]), float(place[1]), float(place[2])
 
 
 class _Teller:

@@ -36,6 +36,7 @@ def survey_document(bench: Bench, *, busy: str) -> dict[str, Any]:
         "name": facts.name,
         "crs": facts.crs_name,
         "bounds": list(facts.bounds),
+        "middle": list(facts.middle),
         "heights": list(facts.heights),
         "n_points": facts.n_points,
         "n_pairs": facts.n_pairs,

@@ -29,7 +29,7 @@ class Stop(StrEnum):
     """Why a line goes no further."""
 
     END_OF_DATA = "the data ends there"
-    FADED = "nothing goes on within the search length, on ground that was seen"
+    FADED = "nothing goes on from there, as far as one looks for it"
     RING = "it is back where it began"
     PICKED = "it was picked there"
     INTERRUPTED = "it was interrupted there"
