@@ -12,6 +12,7 @@ import { Bar } from "./bar";
 import { element } from "./element";
 import { type Colouring, COLOURINGS, INK } from "./ink";
 import { Latest, Shown } from "./shown";
+import { Calm } from "./three-calm";
 import { SpaceLines } from "./three-lines";
 import { lineAt, seenFrom } from "./three-pick";
 import { PointRings, RELOAD_M } from "./three-points";
@@ -80,14 +81,20 @@ export class ThreeView implements Pane {
 
   private listen(): void {
     const { app, canvas } = this;
-    app.on("look", ({ at, by }) => by !== NAME && this.lookAt([at[0], at[1], this.ground(at)]));
+    const calm = new Calm(app, () => app.following.growth.state === "growing");
+    app.on("look", ({ at, by }) => {
+      const isPick = by === "plan" && app.tool === "follow"; // a line is about to grow there
+      if (by !== NAME) calm.when("look", () => this.lookAt([at[0], at[1], this.ground(at)]), isPick || undefined);
+    });
     app.on("selection", () => this.showLines());
     app.on("lines", () => this.showLines());
-    app.on("growing", ({ lines }) => {
-      this.goAlong(lines);
-      this.growing = lines;
-      this.showLines();
-    });
+    app.on("growing", ({ lines }) =>
+      calm.when("growing", () => {
+        this.goAlong(lines);
+        this.growing = lines;
+        this.showLines();
+      }),
+    );
     canvas.addEventListener("pointerdown", (event) => (this.pressed = [event.clientX, event.clientY]));
     canvas.addEventListener("pointerup", (event) => this.release(event));
   }
