@@ -31,7 +31,7 @@ def hostile(made_drive, made_lines, tmp_path_factory):
     with served_survey(survey, "--who", HOSTILE) as served:
         for line in served.get("/api/lines")["lines"][:3]:
             edit = {"action": "set", "ids": [line["id"]], "column": "note", "value": HOSTILE}
-            served.post("/api/changes", {"revision": 10**6, "edit": edit})
+            served.post("/api/changes", {"revision": served.get("/api/survey")["revision"], "edit": edit})
         yield served
     shutil.rmtree(survey)
 

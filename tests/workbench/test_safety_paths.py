@@ -225,7 +225,8 @@ def test_nothing_is_fetched(served, trap):
             {"action": "draw", "kind": name, "xyz": [[0, 0], [1, 1]]},
             {"action": "keep", "trace": name, "first": 0, "last": 1},
         ):
-            answer = served.client.post("/api/changes", json={"revision": 10**6, "edit": edit})
+            order = {"revision": served.get("/api/survey")["revision"], "edit": edit}
+            answer = served.client.post("/api/changes", json=order)
             assert answer.status_code < 500
         assert served.client.post("/api/heights", json={"kind": name, "places": [[0, 0]]}).status_code < 500
         assert served.client.post("/api/jobs", json={"features": [name], "method": name}).status_code == 422
