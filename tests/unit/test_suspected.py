@@ -153,6 +153,15 @@ def test_long_unsure_lines_come_before_short_and_sure_ones():
     assert found[0].length_m == pytest.approx(25.0)
 
 
+@pytest.mark.parametrize(("bridged", "proposal"), [(0.3, "accept"), (0.7, "")])
+def test_nobody_is_asked_to_accept_what_was_hardly_seen(bridged, proposal):
+    path = road()
+    line = beside(path, 0, 50, 1.0, name="a", confidence=[0.8])
+    line = line.with_columns(bridged=np.arange(len(line.xyz)) < bridged * len(line.xyz))
+    (found,) = unsure_lines(line, Way.of(path))
+    assert found.proposal == proposal
+
+
 def test_bars_that_are_too_long_are_one_thing_to_settle():
     path = road()
     bars = [beside(path, s, s + 30, -3.0, kind="road_marking_other", name=f"bar{s}") for s in (0, 50, 100)]

@@ -117,11 +117,18 @@ def unsure_lines(lines: LineSet, way: Way) -> list[Suspect]:
             confidence=sure,
             reason=f"{100.0 * sure:.0f} % sure over {length_m[i]:.0f} m"
             + (f", {bridged_m[i]:.0f} m of it bridged" if bridged_m[i] >= LEAST_M else ""),
-            proposal="accept" if sure >= 0.5 else "reject",
+            proposal=_verdict(sure, float(bridged_m[i]), float(length_m[i])),
             n_looks=max(float(length_m[i]) / VIEW_M, 1.0),
         )
         found.append(suspect)
     return found + [_no_bars(lines.take(run)) for run in long_bars]
+
+
+def _verdict(sure: float, bridged_m: float, length_m: float) -> str:
+    """Return what to do with a line by one key; "" where more of it is carried over than was seen: look first."""
+    if sure < 0.5:
+        return "reject"
+    return "accept" if bridged_m <= length_m / 2 else ""
 
 
 def _no_bars(bars: LineSet) -> Suspect:
