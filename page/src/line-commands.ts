@@ -26,7 +26,7 @@ export function lineCommands(app: App, editing: VertexEditing, cursor: () => Pla
     { title: "Smooth", key: "Shift+s", can: () => one() !== null, run: onOne("smooth") },
     { title: "Reverse", key: "r", can: () => one() !== null, run: onOne("reverse") },
     { title: "Beside", key: "Shift+p", can: () => one() !== null, run: () => void putBeside(app, cursor()) },
-    { title: "Beside from here", key: "Shift+o", can: () => one() !== null, run: () => begin(app, cursor()) },
+    { title: "From here", key: "Shift+o", can: () => one() !== null, run: () => begin(app, cursor()) },
     {
       title: "Dashes", key: "Shift+d", can: () => some() && ids().every((id) => app.lines.get(id)?.kind === "lane_marking"),
       run: () => void app.change({ action: "dashes", ids: ids() }),
@@ -60,7 +60,7 @@ const titles: Record<string, string> = {
   Continue: "Continue from the nearer end: click farther on",
   Restore: "Restore rejected lines",
   Beside: "New line beside the selected one, through the mouse",
-  "Beside from here": "The new line begins at the mouse, and ends where Beside is pressed",
+  "From here": "The new line begins at the mouse, and ends where Beside is pressed",
   Dashes: "Add the dashes that the line lacks",
 };
 
