@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.model.arrays import AnyArray
+from linework.arrays import AnyArray
 from linework.model.lines import LineSet
 from linework.simulation.cameras import StereoDrive, images_of, stereo_survey
 from linework.simulation.draw import draw_scenario

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 from linework.model.grid import Bounds, Grid
 from linework.model.points import Points
 from linework.model.surface import RoadSurface

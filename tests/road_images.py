@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray, FloatArray
 from linework.model.camera import LOOKING_AHEAD, RectifiedRig
 from linework.model.images import Poses, RectifiedPair
 from linework.navigation.poses import rotations_of

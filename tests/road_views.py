@@ -9,7 +9,7 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates
 from tests.image_folders import camera_toml
 
-from linework.model.arrays import AnyArray
+from linework.arrays import AnyArray
 
 SIZE, FOCAL_PX, BASE_M, HEIGHT_M = (320, 240), 250.0, 0.5, 1.6
 TRAJECTORY = "time_s,easting_m,northing_m,height_m,roll_deg,pitch_deg,heading_deg\n"

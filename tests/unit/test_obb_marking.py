@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from tests.paint_scenes import Stripe, in_scene, level_surface, road_points, tile_of
 
+from linework.arrays import FloatArray
 from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
-from linework.model.arrays import FloatArray
 from linework.model.boxes import BoxForm, BoxSet
 
 SLANTED = Stripe((1.0, 2.0), (11.0, 8.0))

@@ -11,9 +11,9 @@ import typer
 from linework.cli.failures import warn
 
 if TYPE_CHECKING:
+    from linework.arrays import Float32Array
     from linework.files.survey_points import SurveyPoints
     from linework.methods.radon.figures import FigureConfig
-    from linework.model.arrays import Float32Array
     from linework.model.grid import Grid
     from linework.model.points import Points
     from linework.model.surface import RoadSurface

@@ -22,7 +22,9 @@ def serve(
             "--lines", help="GeoPackage of lines to work on; lines.gpkg in the survey if not given."
         ),
     ] = None,
-    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0: the same one for a survey, if it is free.")] = 0,
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="0: the same one for a survey, if it is free.")
+    ] = 0,
     host: Annotated[str, typer.Option("--host", help="127.0.0.1: no other machine can ask.")] = "127.0.0.1",
     who: Annotated[str, typer.Option("--who", help="Who edits, for the record; the user if not given.")] = "",
     crs: Annotated[

@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.errors import InputError
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.lines import LineSet
 
 #: Lines are compared in pieces no longer than this (methods.md section 5). [m]

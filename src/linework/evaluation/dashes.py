@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.evaluation.match import TIE_M, Match, first_per_query
 from linework.evaluation.tolerance import KindMatch, error_stats, ratio
 from linework.evaluation.values import DashScores
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 
 DASH_KIND = "lane_marking_dash"
 #: A dash is found if another covers this share of it, and seen if this share of it was observed.

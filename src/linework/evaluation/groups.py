@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from linework.arrays import AnyArray
 from linework.evaluation.attributes import attribute_errors
 from linework.evaluation.bridges import bridged_scores
 from linework.evaluation.stations import Stations
 from linework.evaluation.tolerance import KindMatch, at_tolerance
 from linework.evaluation.values import GroupScores
-from linework.model.arrays import AnyArray
 
 #: The word by which the lines of a kind are scored apart.
 GROUPED_BY = {"road_boundary": "form", "lane_marking": "pattern"}

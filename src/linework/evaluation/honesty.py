@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import rankdata
 
+from linework.arrays import BoolArray, FloatArray
 from linework.evaluation.match import TIE_M, Match
 from linework.evaluation.values import Calibration, ConfidenceClass, SigmaTercile
-from linework.model.arrays import BoolArray, FloatArray
 
 #: Confidence is judged per piece of about this length. [m]
 JUDGED_PIECE_M = 10.0

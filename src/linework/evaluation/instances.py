@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.evaluation.chains import Chains
 from linework.evaluation.match import distance_to
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 
 #: Thresholds on the Chamfer distance. [m]
 CHAMFER_M = (0.2, 0.5, 1.0)

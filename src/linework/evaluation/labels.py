@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from linework.arrays import AnyArray
 from linework.evaluation.match import TIE_M, Match
 from linework.evaluation.tolerance import ratio
 from linework.evaluation.values import LabelScores
-from linework.model.arrays import AnyArray
 from linework.model.lines import LineSet
 
 #: Words that are compared where the reference has one.

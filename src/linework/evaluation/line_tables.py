@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.evaluation.groups import GROUPED_BY
 from linework.evaluation.table_texts import TextTable, centimetres, number
-from linework.model.arrays import FloatArray
 from linework.model.lines import LineSet
 
 

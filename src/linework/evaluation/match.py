@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.evaluation.chains import (
     Chains,
     Pieces,
@@ -16,7 +17,6 @@ from linework.evaluation.chains import (
     cut_into_segments,
     same_direction,
 )
-from linework.model.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
 #: A match needs the same direction within this angle, whichever way the lines were drawn. [deg]
 MAX_ANGLE_DEG = 20.0

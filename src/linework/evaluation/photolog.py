@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from linework.arrays import FloatArray, IntArray
 from linework.errors import InputError
 from linework.files.point_layers import path_from
 from linework.files.thumbnails import thumbnail
-from linework.model.arrays import FloatArray, IntArray
 from linework.model.van_log import Events, LoggedPlaces, Photos, VanLog
 
 #: Pictures on a page: 3 MB at 6 kB each. Where the drive has more, they stand farther apart.

@@ -12,12 +12,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from linework.arrays import BoolArray, FloatArray
 from linework.evaluation.chains import Chains, Pieces
 from linework.evaluation.match import TIE_M, Match
 from linework.evaluation.scores import KindScores, Scores
 from linework.evaluation.tolerance import KindMatch
 from linework.imaging.map_marks import draw_north_arrow, draw_scale_bar
-from linework.model.arrays import BoolArray, FloatArray
 
 FOUND, MISSED, WRONG, HIDDEN = "#2a9d3f", "#d1242f", "#f58b1f", "#b8b8b8"
 WIDTH_IN = 11.0

@@ -12,10 +12,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from linework.arrays import FloatArray
 from linework.evaluation.picture import WIDTH_IN, main_direction, panel_height, turned
 from linework.imaging.brightness import brightness_picture, near_ground
 from linework.imaging.map_marks import draw_north_arrow, draw_scale_bar
-from linework.model.arrays import FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import KINDS, LineSet
 from linework.model.points import Points

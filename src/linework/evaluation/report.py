@@ -11,6 +11,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
+from linework.arrays import BoolArray
 from linework.errors import InputError
 from linework.evaluation.figures import cable_figure, rail_figure
 from linework.evaluation.line_tables import kinds_table, lines_table
@@ -24,7 +25,6 @@ from linework.evaluation.stereo_views import StereoViews, chosen_numbers, views_
 from linework.evaluation.table_texts import TextTable
 from linework.evaluation.tables import score_tables
 from linework.evaluation.tolerance import KindMatch
-from linework.model.arrays import BoolArray
 from linework.model.grid import Bounds, holds
 from linework.model.lines import LineSet
 from linework.model.points import Points

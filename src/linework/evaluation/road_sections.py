@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray, FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.points import Points

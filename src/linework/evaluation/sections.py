@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 from linework.model.lines import LineSet
 from linework.model.points import Points
 

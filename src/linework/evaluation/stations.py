@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.evaluation.chains import Chains, Segments, cut_into_segments, same_direction, unit
 from linework.evaluation.match import (
     MAX_ANGLE_DEG,
@@ -15,7 +16,6 @@ from linework.evaluation.match import (
     first_per_query,
     pairs_within,
 )
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 
 #: Distance between stations on the reference (methods.md section 5). [m]
 STATION_M = 0.5

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from linework.arrays import FloatArray, IntArray
 from linework.evaluation.picture import WIDTH_IN
 from linework.evaluation.plan import COLOURS
-from linework.model.arrays import FloatArray, IntArray
 from linework.model.camera import RectifiedRig
 from linework.model.images import Poses, RectifiedPair
 from linework.model.lines import LineSet

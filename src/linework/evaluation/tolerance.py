@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.evaluation.match import TIE_M, Match
 from linework.evaluation.stations import Stations
 from linework.evaluation.values import ErrorStats, ToleranceScores
-from linework.model.arrays import FloatArray
 
 #: An extracted line is a piece of a reference line if it lies on it over this length, or over half of
 #: itself where it is shorter: one station, so that running past a joint does not count. [m]

@@ -11,9 +11,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.evaluation.picture import png
 from linework.imaging.map_marks import draw_scale_bar
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.navigation.located import Located
 
 SEEN, BRIDGED, OUTLIER = "#1f77b4", "#e06c00", "#d1242f"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.files.store_layout import BLOCK_M
 from linework.files.store_read import PointStore
 from linework.files.survey_time import known_offsets
-from linework.model.arrays import FloatArray
 from linework.model.grid import Bounds
 from linework.model.trajectory import Trajectory
 

@@ -18,12 +18,12 @@ from typing import Any, Self
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray
 from linework.errors import InputError, LineworkError, MachineError
 from linework.files.las_batches import BATCH_POINTS
 from linework.files.las_tally import TimeKind
 from linework.files.store_layout import RunTable
 from linework.files.time_counts import TimeCounts
-from linework.model.arrays import AnyArray, FloatArray
 
 _ERRORS: dict[str, type[LineworkError]] = {e.__name__: e for e in (InputError, MachineError)}
 

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError, MachineError
 from linework.files.decode_messages import Decoded, DecodeTask, message_line, refusal
 from linework.files.header_box import HeaderBox
@@ -30,7 +31,6 @@ from linework.files.las_header import LasHeader, read_las_header
 from linework.files.las_tally import LasTally, Verdict
 from linework.files.repeats import PointSample, repeated_inside
 from linework.files.time_counts import TimeCounts
-from linework.model.arrays import FloatArray
 
 if TYPE_CHECKING:
     from linework.files.store_layout import RunTable

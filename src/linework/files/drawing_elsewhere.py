@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import AnyArray, BoolArray
 from linework.files.drawing_found import Found, different, found_lines
 from linework.files.drawing_rows import Row
 from linework.files.vectors_gpkg import VERTEX_TABLE
-from linework.model.arrays import AnyArray, BoolArray
 from linework.model.lines import VERTEX_COLUMNS, LineSet
 
 

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import shapely
 
+from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.errors import InputError
 from linework.files.drawing_rows import Row
 from linework.files.drawing_tables import columns_of, line_layers, quoted, wkb_of
 from linework.files.line_fields import REJECTED, lines_from_geometries
 from linework.files.vectors_gpkg import VERTEX_TABLE
-from linework.model.arrays import AnyArray, BoolArray, FloatArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray
 from linework.errors import InputError
-from linework.model.arrays import AnyArray, FloatArray
 from linework.model.lines import LINE_COLUMNS, LineSet
 
 _LENGTH = struct.Struct("<I")

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import AnyArray
 from linework.files.drawing_tables import add_layer, columns_of, line_layers, quoted, srs_of
 from linework.files.geopackage import geometry_blobs, shape_bounds, sql_values
 from linework.files.line_fields import field_values, geometries, layer_names
 from linework.files.vectors_gpkg import VERTEX_TABLE, storable
-from linework.model.arrays import AnyArray
 from linework.model.lines import VERTEX_COLUMNS, LineSet
 
 _NOW = "strftime('%Y-%m-%dT%H:%M:%fZ', 'now')"

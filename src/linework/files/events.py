@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.text_tables import finite_number, read_text_table
-from linework.model.arrays import FloatArray
 
 #: Longer notes are cut: a sentence typed while driving is shorter.
 MAX_NOTE_CHARS = 1000

@@ -12,10 +12,10 @@ from pyproj.exceptions import ProjError
 from pyproj.network import set_network_enabled  # type: ignore[attr-defined]
 from pyproj.transformer import TransformerGroup
 
+from linework.arrays import FloatArray
 from linework.errors import ConfigError, CrsError, InputError
 from linework.files.crs import LOCAL, describe_crs, has_height, horizontal_part
 from linework.files.geoid import undulations
-from linework.model.arrays import FloatArray
 from linework.model.survey import Survey
 
 #: A zone is used a little beyond its edges.

@@ -8,9 +8,9 @@ import numpy as np
 import pyproj
 from pyproj.exceptions import ProjError
 
+from linework.arrays import FloatArray
 from linework.errors import ConfigError
 from linework.files.las_header import regular_file_bytes
-from linework.model.arrays import FloatArray
 
 
 def undulations(

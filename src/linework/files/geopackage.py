@@ -23,8 +23,8 @@ import pyproj
 import shapely
 from pyproj.exceptions import CRSError as ProjError
 
+from linework.arrays import AnyArray, FloatArray
 from linework.files.crs import LOCAL, epsg_text
-from linework.model.arrays import AnyArray, FloatArray
 
 #: Goes where the time of writing would be, so that equal lines give equal bytes.
 FIXED_DATE = "2000-01-01T00:00:00.000Z"

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.raw_times import in_seconds
 from linework.files.time_order import in_time_order
-from linework.model.arrays import FloatArray
 from linework.model.logs import GnssLog
 
 

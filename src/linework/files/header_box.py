@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.files.las_header import LasHeader
-from linework.model.arrays import FloatArray
 
 
 class HeaderBox:

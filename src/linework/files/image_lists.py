@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import ConfigError, InputError
 from linework.files.raw_times import in_seconds
 from linework.files.text_tables import MAX_ROWS, finite_number, read_text_table, text_lines
 from linework.imaging.pairing import certain_times
-from linework.model.arrays import FloatArray
 
 #: Suffixes of images that `read_pair` reads.
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm")

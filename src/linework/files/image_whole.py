@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import AnyArray
 from linework.errors import InputError
-from linework.model.arrays import AnyArray
 
 #: Rows that a JPEG decoder makes up at once where the data end early (one or two rows of 8 x 8 blocks).
 _BLOCK_ROWS = 16

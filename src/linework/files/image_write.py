@@ -6,7 +6,7 @@ from pathlib import Path
 
 import PIL.Image
 
-from linework.model.arrays import AnyArray
+from linework.arrays import AnyArray
 
 
 def write_grey_png(image: AnyArray, path: Path) -> None:

@@ -12,10 +12,10 @@ from typing import Any, BinaryIO
 import numpy as np
 import PIL.Image
 
+from linework.arrays import AnyArray
 from linework.errors import InputError
 from linework.files.image_whole import DAMAGED, check_complete, check_tail
 from linework.files.las_header import regular_file_bytes
-from linework.model.arrays import AnyArray
 from linework.model.camera import Camera, StereoRig
 from linework.model.images import ImagePair
 

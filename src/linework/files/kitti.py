@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.image_lists import find_images
 from linework.files.images import image_size
@@ -22,7 +23,6 @@ from linework.files.kitti_calibration import (
     read_calibration,
     rectified_camera,
 )
-from linework.model.arrays import FloatArray
 
 #: Height of the inertial unit over the road (Geiger et al., figure 3). [m]
 IMU_HEIGHT_M = 0.93

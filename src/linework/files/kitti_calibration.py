@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.text_tables import finite_number, text_lines
-from linework.model.arrays import FloatArray
 from linework.model.camera import LOOKING_AHEAD
 
 #: Rows that are no numbers.

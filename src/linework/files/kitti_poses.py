@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.number_rows import read_number_rows
 from linework.files.trajectory_content import TrajectoryContent, ordered_content
-from linework.model.arrays import FloatArray
 from linework.model.trajectory import Trajectory
 from linework.navigation.poses import attitude_deg_of
 

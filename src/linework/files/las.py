@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray
 from linework.errors import InputError
 from linework.files.las_batches import BATCH_POINTS, read_las_batches
 from linework.files.las_crs import resolve_crs
@@ -15,7 +16,6 @@ from linework.files.las_header import LasHeader, read_las_header
 from linework.files.las_tally import LasTally
 from linework.files.las_tally import TimeKind as TimeKind
 from linework.files.las_write import write_las as write_las
-from linework.model.arrays import AnyArray, FloatArray
 from linework.model.points import Points
 
 

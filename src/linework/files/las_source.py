@@ -9,9 +9,9 @@ from typing import Any
 
 import lazrs
 
+from linework.arrays import AnyArray
 from linework.errors import InputError
 from linework.files.las_header import LasHeader
-from linework.model.arrays import AnyArray
 
 #: Chunk size that says: every chunk has its own (COPC).
 _VARIABLE_CHUNKS = 0xFFFFFFFF

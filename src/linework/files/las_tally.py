@@ -9,11 +9,11 @@ from typing import Literal
 
 import numpy as np
 
+from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.errors import InputError
 from linework.files.las_batches import LasBatch
 from linework.files.las_header import LasHeader
 from linework.files.time_counts import TimeCounts
-from linework.model.arrays import AnyArray, BoolArray, FloatArray
 
 TimeKind = Literal["week", "adjusted", "gps", "none"]
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import shapely
 
+from linework.arrays import AnyArray, FloatArray, IntArray
 from linework.errors import InputError, UsageError
-from linework.model.arrays import AnyArray, FloatArray, IntArray
 from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: Fields in the order of the manual; clearance_m follows for cables, DISAGREEMENT where two methods saw a line, REVIEWED

@@ -16,6 +16,7 @@ import numpy as np
 from pynmeagps import VALNONE, NMEAReader
 from pynmeagps.exceptions import NMEAMessageError, NMEAParseError, NMEAStreamError, NMEATypeError
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.geodetic import EarthFrame, to_places
 from linework.files.gnss_content import GnssContent, RawFixes, usable_fixes
@@ -23,7 +24,6 @@ from linework.files.las_header import regular_file_bytes
 from linework.files.oxts import UP_PER_PLAN
 from linework.files.survey_time import gps_of_unix
 from linework.files.text_lines import judge_bad_lines, text_blocks
-from linework.model.arrays import FloatArray
 from linework.model.logs import GnssLog
 
 _WANTED = re.compile(r"[A-Z]{2}(GGA|RMC|ZDA|GST),")

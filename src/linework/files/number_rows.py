@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.las_header import regular_file_bytes
 from linework.files.text_lines import judge_bad_lines, text_blocks
-from linework.model.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.geodetic import EarthFrame, convergence_deg, to_places
 from linework.files.text_lines import judge_bad_lines, text_blocks
 from linework.files.trajectory_content import TrajectoryContent, ordered_content
-from linework.model.arrays import FloatArray
 from linework.model.trajectory import Trajectory
 
 #: Latitude, longitude [deg], altitude [m], roll, pitch, yaw [rad]; then velocities, accelerations, rates.

@@ -11,8 +11,8 @@ from typing import Any, cast
 
 import numpy as np
 
+from linework.arrays import AnyArray
 from linework.files.publish import machine_errors
-from linework.model.arrays import AnyArray
 from linework.model.boxes import BOX_COLUMNS, BoxSet
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.sightings import SIGHTING_COLUMNS, Sightings

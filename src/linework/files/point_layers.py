@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray, FloatArray
 from linework.model.van_log import LoggedPlaces, VanLog
 
 PHOTOLOG, EVENT = "photolog", "event"

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import shapely
 
+from linework.arrays import AnyArray, FloatArray
 from linework.files.point_layers import POINT_LAYERS, PointLayer
 from linework.files.vector_input import pyogrio, readable
-from linework.model.arrays import AnyArray, FloatArray
 
 
 def read_point_layers(path: Path) -> tuple[PointLayer, ...]:

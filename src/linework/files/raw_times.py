@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.survey_time import WEEK_S
-from linework.model.arrays import FloatArray
 
 #: Beyond this no second of any epoch lies (the year 5138 since 1970).
 _MOST_SECONDS = 1e11

@@ -12,8 +12,8 @@ from itertools import combinations
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray
 from linework.files.store_layout import STEPS_PER_M
-from linework.model.arrays import AnyArray, FloatArray
 
 #: Points of a whole survey that are about sampled: shares are right to a percent.
 _SAMPLE = 1 << 16

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pyproj
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.geodetic import EarthFrame, to_places
 from linework.files.gnss_content import GnssContent, RawFixes, usable_fixes
 from linework.files.las_header import regular_file_bytes
 from linework.files.survey_time import WEEK_S, gps_of_unix
 from linework.files.text_lines import judge_bad_lines, text_blocks
-from linework.model.arrays import FloatArray
 from linework.model.logs import GnssLog
 
 _DATE = re.compile(r"\d{4}/\d\d/\d\d")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray
 from linework.errors import InputError
 from linework.files.geodetic import EarthFrame, convergence_deg, to_places
 from linework.files.las_header import regular_file_bytes
@@ -13,7 +14,6 @@ from linework.files.raw_times import in_seconds
 from linework.files.survey_time import WEEK_S
 from linework.files.text_lines import judge_bad_lines
 from linework.files.trajectory_content import TrajectoryContent, ordered_content
-from linework.model.arrays import BoolArray, FloatArray
 
 _N_CELLS = 17
 _RECORD_BYTES = 8 * _N_CELLS

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from linework.arrays import FloatArray, IntArray
 from linework.errors import ConfigError, InputError
 from linework.files.image_lists import ImageList, read_image_list
 from linework.files.survey_file import check_cameras
 from linework.imaging.pairing import PairedTimes, pair_by_time
-from linework.model.arrays import FloatArray, IntArray
 from linework.model.camera import Camera, StereoRig
 from linework.model.images import ImagePair, StereoSeries
 from linework.model.survey import Survey

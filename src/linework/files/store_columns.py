@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import AnyArray, IntArray
 from linework.kernels import store_order as kernels
-from linework.model.arrays import AnyArray, IntArray
 from linework.model.points import Points
 
 #: Order of points that are given as they come.

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from linework.arrays import AnyArray
 from linework.errors import MachineError
 from linework.files.store_columns import Columns
 from linework.files.store_layout import POINTS_SUFFIX
 from linework.kernels.store_order import first_damaged
-from linework.model.arrays import AnyArray
 
 #: A survey may have a thousand files, a process often no more than 64 open ones.
 _MOST_OPEN = 8

@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from linework.arrays import AnyArray
 from linework.files.store_layout import BLOCK_UP_STEPS, CELL_M, CELLS_PER_BLOCK, STEPS_PER_M
-from linework.model.arrays import AnyArray
 from linework.model.grid import Image
 
 

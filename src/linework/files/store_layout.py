@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from linework.model.arrays import AnyArray
+from linework.arrays import AnyArray
 
 #: Raised whenever files of an older version can no longer be read.
 STORE_VERSION = 1

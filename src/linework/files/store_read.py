@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from linework.arrays import AnyArray, IntArray
 from linework.errors import MachineError
 from linework.files.store_columns import Columns, Output, Scratch
 from linework.files.store_files import ADVICE, StoreFiles
@@ -29,7 +30,6 @@ from linework.files.store_layout import (
     first_step,
 )
 from linework.kernels import store_order as kernels
-from linework.model.arrays import AnyArray, IntArray
 from linework.model.grid import Bounds, Image
 from linework.model.points import Points
 

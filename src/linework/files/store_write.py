@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray, checked
 from linework.files.publish import machine_errors
 from linework.files.store_layout import (
     EXTENT_COLUMNS,
@@ -26,7 +27,6 @@ from linework.files.store_layout import (
 )
 from linework.files.store_limits import kept_within
 from linework.kernels import store as kernels
-from linework.model.arrays import AnyArray, FloatArray, checked
 
 #: Buckets of heights on either side of 0: coordinates lie within 1e8 m.
 _MIDDLE_BUCKET = 2**21

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from linework.arrays import AnyArray
 from linework.errors import MachineError
 from linework.files.publish import machine_errors
-from linework.model.arrays import AnyArray
 from linework.surface.cells import Window
 
 #: A tile's number east and north.

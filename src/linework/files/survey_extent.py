@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray
 from linework.errors import CrsError
 from linework.files.store_layout import BLOCK_M, HEIGHT_BUCKET_M, Limits, RunTable
-from linework.model.arrays import AnyArray, FloatArray
 
 #: Of the points, how many may lie outside the box that says where the survey is.
 _TAIL = 0.001

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError, MachineError
 from linework.files.las_tally import TimeKind
 from linework.files.spill import spill_survey
@@ -18,7 +19,6 @@ from linework.files.store_facts import StoreFacts
 from linework.files.store_read import PointStore
 from linework.files.survey_time import WEEK_S, known_offsets
 from linework.files.survey_trajectory import read_survey_trajectory_content
-from linework.model.arrays import FloatArray
 from linework.model.points import Points
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory

@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
-from linework.model.arrays import FloatArray
 
 WEEK_S: Final = 604_800.0
 #: Adjusted standard GPS time (LAS 1.4) is GPS time less this.

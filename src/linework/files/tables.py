@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.las_header import regular_file_bytes
 from linework.files.text_lines import TextBlock, judge_bad_lines, text_blocks
-from linework.model.arrays import FloatArray
 
 #: A block with an odd line is halved until the part around that line is as small as this, and read line by line.
 _SMALL_BYTES = 1 << 14

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from linework.model.arrays import FloatArray, IntArray
+from linework.arrays import FloatArray, IntArray
 
 #: Buckets of a second at first; twice as wide whenever there would be more than this. An hour keeps its seconds,
 #: a week of driving is told to a few minutes.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import FloatArray, IntArray
 from linework.imaging.pairing import certain_times
-from linework.model.arrays import FloatArray, IntArray
 
 #: Rows that changed places leave two rows in doubt; a clock that was set back leaves more.
 _ROWS_OF_A_SWAP = 2

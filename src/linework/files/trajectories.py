@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError, MachineError
 from linework.files.crs import LOCAL
 from linework.files.geodetic import EarthFrame
@@ -23,7 +24,6 @@ from linework.files.tables import read_table
 from linework.files.text_lines import TextBlock, text_blocks
 from linework.files.trajectory_content import TrajectoryContent, ordered_content
 from linework.files.tum import read_tum_content
-from linework.model.arrays import FloatArray
 from linework.model.trajectory import Trajectory
 
 _POSITION = ("time_s", "easting_m", "northing_m", "height_m")

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.time_order import in_time_order
-from linework.model.arrays import FloatArray
 from linework.model.trajectory import Trajectory
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray
 from linework.files.events import read_events
-from linework.model.arrays import BoolArray, FloatArray
 from linework.model.images import StereoSeries
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory

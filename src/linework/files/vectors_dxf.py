@@ -17,6 +17,7 @@ from ezdxf.filemanagement import new, readfile
 from ezdxf.lldxf.const import DXFError
 from pyproj.exceptions import CRSError as ProjError
 
+from linework.arrays import FloatArray
 from linework.errors import InputError, MachineError
 from linework.files.crs import LOCAL, parse_crs
 from linework.files.las_header import regular_file_bytes
@@ -24,7 +25,6 @@ from linework.files.line_fields import field_values, fields_of_kind, layer_names
 from linework.files.publish import publish
 from linework.files.styles import colour_of
 from linework.files.vectors_foreign import foreign_lines
-from linework.model.arrays import FloatArray
 from linework.model.lines import LineSet
 
 _APP = "LINEWORK"

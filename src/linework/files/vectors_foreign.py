@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import shapely
 
+from linework.arrays import AnyArray
 from linework.errors import CrsError, InputError
 from linework.files.crs import LOCAL, describe_crs, parse_crs
 from linework.files.line_fields import REJECTED, TABLES, lines_from_geometries
 from linework.files.vector_input import pyogrio, readable
-from linework.model.arrays import AnyArray
 from linework.model.lines import LINE_COLUMNS, LineSet
 
 #: Layers and tables of ours that hold no lines, and lines that are none.

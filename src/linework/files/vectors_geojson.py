@@ -17,6 +17,7 @@ import numpy as np
 import shapely
 import shapely.geometry
 
+from linework.arrays import AnyArray
 from linework.errors import CrsError, InputError, MachineError
 from linework.files.crs import LOCAL, epsg_text, parse_crs
 from linework.files.las_header import regular_file_bytes
@@ -30,7 +31,6 @@ from linework.files.line_fields import (
 )
 from linework.files.point_layers import PointLayer
 from linework.files.vectors_foreign import foreign_lines
-from linework.model.arrays import AnyArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: Properties with one value per vertex.

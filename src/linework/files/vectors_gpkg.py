@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from linework.arrays import AnyArray, IntArray
 from linework.errors import LineworkError, MachineError
 from linework.files.crs import LOCAL, parse_crs, same_crs
 from linework.files.geopackage import FIXED_DATE, Table, geopackage_bytes
@@ -28,7 +29,6 @@ from linework.files.line_fields import (
 from linework.files.point_layers import PointLayer
 from linework.files.styles import qgis_style
 from linework.files.vector_input import pyogrio, readable
-from linework.model.arrays import AnyArray, IntArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 VERTEX_TABLE, STYLE_TABLE = "vertex", "layer_styles"

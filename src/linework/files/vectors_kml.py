@@ -11,11 +11,11 @@ import numpy as np
 import pyproj
 from pyproj.exceptions import ProjError
 
+from linework.arrays import FloatArray
 from linework.errors import CrsError, MachineError
 from linework.files.crs import LOCAL, describe_crs, horizontal_part
 from linework.files.line_fields import layer_names, ordered_layers
 from linework.files.styles import colour_of
-from linework.model.arrays import FloatArray
 from linework.model.lines import LineSet
 
 _NAMESPACE = "http://www.opengis.net/kml/2.2"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray, checked
 from linework.imaging.raster import check_size, placement
 from linework.kernels.rasterise import count_in_band
-from linework.model.arrays import AnyArray, FloatArray, checked
 from linework.model.grid import Grid, Image
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
-from linework.model.arrays import AnyArray, BoolArray, FloatArray
+from linework.arrays import AnyArray, BoolArray, FloatArray
 
 #: What is no higher than this above the ground about it is shown: the road with its kerbs. [m]
 ABOVE_M = 0.30

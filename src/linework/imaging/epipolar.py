@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, BoolArray, FloatArray
+from linework.arrays import AnyArray, BoolArray, FloatArray
 
 #: Corners looked for in each image: enough that a hundred are left on an empty road.
 _N_CORNERS = 1000

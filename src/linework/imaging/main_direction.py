@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.imaging.raster import check_cells
-from linework.model.arrays import FloatArray
 from linework.model.grid import Grid
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, Float32Array
+from linework.arrays import AnyArray, Float32Array
 from linework.model.grid import Image
 
 #: Half length of the stretch of road a close-up is centred on [m].

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import BoolArray, FloatArray, IntArray
+from linework.arrays import BoolArray, FloatArray, IntArray
 
 #: Half the interval of a car camera (10 Hz), where a camera took too few images to tell its own. [s]
 _TOLERANCE_S = 0.05

@@ -17,9 +17,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
+from linework.arrays import FloatArray
 from linework.imaging.map_marks import draw_coordinates, draw_north_arrow, draw_scale_bar
 from linework.imaging.overview import Window, close_ups, reduced
-from linework.model.arrays import FloatArray
 from linework.model.grid import Grid, Image
 
 #: Cells drawn along the longer side of a panel at most; a screen shows no more.

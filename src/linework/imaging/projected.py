@@ -7,8 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.imaging.rectify import directions, distorted
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.camera import Camera
 from linework.model.images import Poses
 from linework.model.lines import LineSet

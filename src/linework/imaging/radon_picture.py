@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 
+from linework.arrays import FloatArray
 from linework.imaging.overview import reduced
 from linework.imaging.picture import DPI, LINE_COLOUR, PANEL_CELLS, png
-from linework.model.arrays import FloatArray
 
 
 def draw_radon(

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import Float32Array, FloatArray, IntArray, checked
 from linework.errors import InputError
 from linework.kernels import rasterise as kernels
-from linework.model.arrays import Float32Array, FloatArray, IntArray, checked
 from linework.model.grid import Grid, Image
 from linework.model.points import Points
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, Float32Array, FloatArray
+from linework.arrays import AnyArray, Float32Array, FloatArray
 from linework.model.camera import Camera, RectifiedRig, StereoRig
 
 #: Cameras whose directions differ by less turn a corner of the image by less than 0.001 pixel: they are left as

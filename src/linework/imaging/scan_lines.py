@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray
 from linework.errors import InputError
-from linework.model.arrays import BoolArray, FloatArray
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
 

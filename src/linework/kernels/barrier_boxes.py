@@ -6,17 +6,14 @@ Positions are local: from the survey's origin. [m]
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray, IntArray
 from linework.kernels import places as at_place
 from linework.kernels.kerbs import fit_face
 from linework.kernels.places import CELL_M, ELSEWHERE, FOUND, NO_ROAD, chord_in_cell, roughest
 from linework.kernels.profiles import CLIP_M, MOST_POINTS, fit_side, gather_at
 from linework.kernels.surroundings import RISE
-
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
 
 #: A barrier stands from the floor (its lowest part is hidden in noise) up to this at least; kerbs are lower. [m]
 LOW_M, HIGH_M = 0.05, 0.55
@@ -30,14 +27,14 @@ FOOT_M = 0.18
 
 @njit(cache=True, nogil=True)
 def barrier_in_cell(
-    data: tuple[F64, I64, I64, F64, F64],
+    data: tuple[FloatArray, IntArray, IntArray, FloatArray, FloatArray],
     place: tuple[float, float],
-    floor: tuple[F64, float, float, float, float],
-    slopes: F64,
+    floor: tuple[FloatArray, float, float, float, float],
+    slopes: FloatArray,
     area: tuple[int, float],
-    limits: F64,
-    rooms: tuple[F64, F64, F64],
-    box: F64,
+    limits: FloatArray,
+    rooms: tuple[FloatArray, FloatArray, FloatArray],
+    box: FloatArray,
 ) -> int:
     """Find the foot of a barrier in the cell about `place`; write the box, return FOUND or why there is none.
 
@@ -95,7 +92,7 @@ def barrier_in_cell(
 
 
 @njit(cache=True, nogil=True)
-def sheet_in(work: F64, n: int, frame: tuple[float, float], out: F64) -> bool:
+def sheet_in(work: FloatArray, n: int, frame: tuple[float, float], out: FloatArray) -> bool:
     """Fit an upright sheet to the points above kerbs' height: v-axis and v; False when they make none.
 
     frame: v-axis to begin with, away from the sheet; it keeps its sense.
@@ -136,13 +133,13 @@ def sheet_in(work: F64, n: int, frame: tuple[float, float], out: F64) -> bool:
 
 @njit(cache=True, nogil=True)
 def _stands_on_floor(
-    work: F64,
+    work: FloatArray,
     n: int,
     frame: tuple[float, float, float, float],
     floor: tuple[float, float, float],
     noise: float,
-    u_low: F64,
-    u_high: F64,
+    u_low: FloatArray,
+    u_high: FloatArray,
 ) -> bool:
     """Return whether the face goes down to the floor and up past kerbs, all along, with the floor before it.
 

@@ -6,17 +6,14 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-F32 = npt.NDArray[np.float32]
-I64 = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
+from linework.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 N_LAYERS = 16  # of 0.2 m above a bin's lowest point; the last one is open above
 LAYER_M = 0.20
 
 
 @njit(cache=True, nogil=True)
-def steps_to_set(image: Mask, most: int) -> npt.NDArray[np.uint8]:
+def steps_to_set(image: BoolArray, most: int) -> npt.NDArray[np.uint8]:
     """Return the steps to the nearest set cell over cells' sides (`most` + 1 where it is farther)."""
     n_rows, n_cols = image.shape
     steps = np.full((n_rows, n_cols), most + 1, dtype=np.uint8)
@@ -43,13 +40,13 @@ def steps_to_set(image: Mask, most: int) -> npt.NDArray[np.uint8]:
 
 @njit(cache=True, nogil=True)
 def choose_near(
-    xyz: F64,
-    height: F32,
+    xyz: FloatArray,
+    height: Float32Array,
     frame: tuple[float, float, float],
-    image: Mask,
+    image: BoolArray,
     most: int,
     band: tuple[float, float],
-) -> tuple[I64, F64, F64]:
+) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return the points in the height band within `most` steps of a set cell: index, lowest, highest x, y, z.
 
     frame: west edge, north edge and cell size of the north-up image.
@@ -75,8 +72,14 @@ def choose_near(
 
 @njit(cache=True, nogil=True)
 def sort_into_bins(
-    xyz: F64, height: F32, index: I64, origin: F64, cell: float, n_x: int, n_y: int
-) -> tuple[F64, I64]:
+    xyz: FloatArray,
+    height: Float32Array,
+    index: IntArray,
+    origin: FloatArray,
+    cell: float,
+    n_x: int,
+    n_y: int,
+) -> tuple[FloatArray, IntArray]:
     """Return chosen points (x, y, z from the origin, height) by bin, and the bins' starts; stable.
 
     Bins are row-major from the south-west.
@@ -109,7 +112,7 @@ def layer_of(z: float, floor: float) -> int:
 
 
 @njit(cache=True, nogil=True)
-def sort_into_layers(points: F64, starts: I64) -> tuple[I64, F64, I64]:
+def sort_into_layers(points: FloatArray, starts: IntArray) -> tuple[IntArray, FloatArray, IntArray]:
     """Sort each bin's points by layer, in place and stable; return what finds them.
 
     Returns

@@ -6,9 +6,9 @@ Positions are local: from the survey's origin. [m]
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import Float32Array, FloatArray, IntArray
 from linework.kernels.barrier_boxes import barrier_in_cell
 from linework.kernels.edge_boxes import differs, edge_in_cell
 from linework.kernels.floor import FINE_M
@@ -32,22 +32,18 @@ from linework.kernels.places import (
 from linework.kernels.profiles import CLIP_M, MOST_POINTS, N_BINS
 from linework.kernels.surroundings import look_around
 
-F64 = npt.NDArray[np.float64]
-F32 = npt.NDArray[np.float32]
-I64 = npt.NDArray[np.int64]
-
 #: Of the cells about a pavement's edge this share is floor at least.
 LEAST_FLOOR = 0.15
 
 
 @njit(cache=True, nogil=True)
 def box_in_cell(
-    data: tuple[F64, I64, I64, F64, F64],
-    ground: tuple[F32, float, int, int],
+    data: tuple[FloatArray, IntArray, IntArray, FloatArray, FloatArray],
+    ground: tuple[Float32Array, float, int, int],
     place: tuple[float, float],
-    limits: F64,
-    rooms: tuple[F64, F64, F64],
-    box: F64,
+    limits: FloatArray,
+    rooms: tuple[FloatArray, FloatArray, FloatArray],
+    box: FloatArray,
 ) -> int:
     """Find where the floor ends in the cell about `place`; write the box, return FOUND or why there is none.
 
@@ -82,19 +78,19 @@ def box_in_cell(
 
 
 @njit(cache=True, nogil=True)
-def make_rooms() -> tuple[F64, F64, F64]:
+def make_rooms() -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return room for the points of a place, a profile, and a step."""
     return np.empty((MOST_POINTS + 2, 5)), np.empty((N_BINS + 1, 9)), np.empty(STEP_COLUMNS)
 
 
 @njit(cache=True, nogil=True)
 def boxes_in_cells(
-    data: tuple[F64, I64, I64, F64, F64],
-    ground: tuple[F32, float, int, int],
-    times: tuple[I64, F64],
-    limits: F64,
+    data: tuple[FloatArray, IntArray, IntArray, FloatArray, FloatArray],
+    ground: tuple[Float32Array, float, int, int],
+    times: tuple[IntArray, FloatArray],
+    limits: FloatArray,
     core: tuple[float, float, float, float],
-) -> F64:
+) -> FloatArray:
     """Return (n, COLUMNS) the boxes of all cells that hold points, by row from the south, then column.
 
     ground: height over the origin, its cell, first column and row after the last (from the origin).
@@ -125,7 +121,9 @@ def boxes_in_cells(
 
 
 @njit(cache=True, nogil=True)
-def write_times(starts: I64, span: I64, times: tuple[I64, F64], box: F64) -> None:
+def write_times(
+    starts: IntArray, span: IntArray, times: tuple[IntArray, FloatArray], box: FloatArray
+) -> None:
     """Write when the first and the last point within about 0.25 m of the box was measured."""
     box[START], box[END] = np.nan, np.nan
     source, time = times

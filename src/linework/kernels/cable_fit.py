@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-Array = npt.NDArray[Any]
+from linework.arrays import AnyArray
+
 Edges = tuple[float, float, float]
 
 #: Tukey's constant: residuals beyond this many deviations weigh nothing; 95 % efficient on Gaussian noise.
@@ -19,7 +18,9 @@ MAD = 1.4826
 
 
 @njit(cache=True, nogil=True)
-def robust_line(x: Array, y: Array, least_sigma: float) -> tuple[float, float, float, float, float, Array]:
+def robust_line(
+    x: AnyArray, y: AnyArray, least_sigma: float
+) -> tuple[float, float, float, float, float, AnyArray]:
     """Return the orthogonal line through points in plan: (x0, y0, ux, uy), sigma across, weights.
 
     Reweighted four times by Tukey's function; a residual of four `least_sigma` never counts as gross.
@@ -49,16 +50,16 @@ def robust_line(x: Array, y: Array, least_sigma: float) -> tuple[float, float, f
 
 @njit(cache=True, nogil=True)
 def robust_parabola(
-    s: Array, z: Array, given: Array, least_sigma: float
-) -> tuple[float, Array, Array, float, Array]:
+    s: AnyArray, z: AnyArray, given: AnyArray, least_sigma: float
+) -> tuple[float, AnyArray, AnyArray, float, AnyArray]:
     """Return (centre, coefficients of (1, u, u^2), their cofactors, sigma, weights), u = s - centre."""
     n = len(s)
     centre = (given * s).sum() / given.sum()
     scale = max(np.abs(s - centre).max(), 1e-3)
     u = (s - centre) / scale
     weights = given.copy()
-    curve: Array = np.zeros(3)
-    inverse: Array = np.zeros((3, 3))
+    curve: AnyArray = np.zeros(3)
+    inverse: AnyArray = np.zeros((3, 3))
     sigma = 0.0
     for _ in range(5):
         normal, right = np.zeros((3, 3)), np.zeros(3)
@@ -88,7 +89,7 @@ def robust_parabola(
 
 
 @njit(cache=True, nogil=True)
-def tukey(residual: Array, sigma: float) -> Array:
+def tukey(residual: AnyArray, sigma: float) -> AnyArray:
     """Return Tukey's biweights of residuals."""
     weights = np.zeros(len(residual))
     for i in range(len(residual)):
@@ -99,7 +100,7 @@ def tukey(residual: Array, sigma: float) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def on_wire(s: Array, o: Array, dz: Array, edges: Edges, radii: Edges) -> Array:
+def on_wire(s: AnyArray, o: AnyArray, dz: AnyArray, edges: Edges, radii: Edges) -> AnyArray:
     """Return which of (n,) points lie on a wire, up to the next other point beyond its first and last clear metre.
 
     `edges` are the stations that points lie between, and what makes them stations from the survey's origin:
@@ -135,7 +136,7 @@ def on_wire(s: Array, o: Array, dz: Array, edges: Edges, radii: Edges) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def runs(s: Array, most_usual: float, gap_m: float, gaps: float) -> tuple[Array, Array]:
+def runs(s: AnyArray, most_usual: float, gap_m: float, gaps: float) -> tuple[AnyArray, AnyArray]:
     """Return the edges (k + 1,) of runs of rising stations without a long gap, and the metres (k,) seen in each.
 
     A gap is long beyond `gap_m`, or `gaps` times the mean gap, each weighted by its length up to `most_usual`.
@@ -161,7 +162,7 @@ def runs(s: Array, most_usual: float, gap_m: float, gaps: float) -> tuple[Array,
 
 
 @njit(cache=True, nogil=True)
-def best_break(s: Array, z: Array, least: float, step: float, few: int) -> tuple[int, float]:
+def best_break(s: AnyArray, z: AnyArray, least: float, step: float, few: int) -> tuple[int, float]:
     """Return where two parabolas fit best: the first point of the right one, and the share of squares left.
 
     Stations rise. Breaks are tried every `step` metres, `least` metres and `few` points from the ends;
@@ -195,7 +196,7 @@ def best_break(s: Array, z: Array, least: float, step: float, few: int) -> tuple
 
 
 @njit(cache=True, nogil=True)
-def _squares(m: Array) -> float:
+def _squares(m: AnyArray) -> float:
     """Return the squares about the parabola with these sums of u^0..u^4, z u^0..z u^2, z^2."""
     normal = np.empty((3, 3))
     for a in range(3):

@@ -6,17 +6,18 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-Array = npt.NDArray[Any]
+from linework.arrays import AnyArray
 
 #: Columns are divided into 5 x 5 sub-cells, one bit each.
 SIDE = 5
 
 
 @njit(cache=True, nogil=True)
-def crowding(order: Array, start: Array, layer: Array, sub_cell: Array, reach: int) -> tuple[Array, Array]:
+def crowding(
+    order: AnyArray, start: AnyArray, layer: AnyArray, sub_cell: AnyArray, reach: int
+) -> tuple[AnyArray, AnyArray]:
     """Return per point how full its column is directly above or below, and how wide its own layer is.
 
     Parameters are points sorted by column: `order` (n,), `start` (columns + 1,), and per point `layer`
@@ -59,8 +60,14 @@ def crowding(order: Array, start: Array, layer: Array, sub_cell: Array, reach: i
 
 @njit(cache=True, nogil=True)
 def near_segment(
-    keys: Array, start: Array, order: Array, grid: Array, xy: Array, segment: Array, reach: float
-) -> Array:
+    keys: AnyArray,
+    start: AnyArray,
+    order: AnyArray,
+    grid: AnyArray,
+    xy: AnyArray,
+    segment: AnyArray,
+    reach: float,
+) -> AnyArray:
     """Return the indices of points within `reach` of a plan line's stretch.
 
     `keys` (columns,) are the sorted row-major numbers of the occupied columns, `grid` is (cell size, number
@@ -102,7 +109,10 @@ def near_segment(
 
 @njit(cache=True, nogil=True)
 def best_curve(
-    points: tuple[Array, Array, Array], left: Array, shapes: tuple[Array, Array], sides: tuple[float, ...]
+    points: tuple[AnyArray, AnyArray, AnyArray],
+    left: AnyArray,
+    shapes: tuple[AnyArray, AnyArray],
+    sides: tuple[float, ...],
 ) -> tuple[int, tuple[float, float, float]]:
     """Return the curve with most votes in a slice, and how many steps along it hold a vote for it.
 
@@ -145,7 +155,7 @@ def best_curve(
 
 @njit(cache=True, nogil=True)
 def slice_peak(
-    s: Array, z: Array, weight: Array, slopes: Array, curvatures: Array, bin_m: float
+    s: AnyArray, z: AnyArray, weight: AnyArray, slopes: AnyArray, curvatures: AnyArray, bin_m: float
 ) -> tuple[float, float, float]:
     """Return (height at 0, slope, curvature) of the hanging curve that most cells of a slice lie on.
 
@@ -182,7 +192,9 @@ def slice_peak(
 
 
 @njit(cache=True, nogil=True)
-def grow(s: Array, o: Array, z: Array, member: Array, gates: Array, max_gap: float) -> Array:
+def grow(
+    s: AnyArray, o: AnyArray, z: AnyArray, member: AnyArray, gates: AnyArray, max_gap: float
+) -> AnyArray:
     """Follow a wire along its line in both directions and return which points belong to it.
 
     A parabola z(s) and a straight o(s) are fitted to all members so far; they predict the next stretch, a
@@ -229,8 +241,15 @@ def grow(s: Array, o: Array, z: Array, member: Array, gates: Array, max_gap: flo
 
 @njit(cache=True, nogil=True)
 def _stretch(
-    s: Array, o: Array, z: Array, member: Array, fit: Any, side: int, reach: float, gates: Array
-) -> tuple[Array, int]:
+    s: AnyArray,
+    o: AnyArray,
+    z: AnyArray,
+    member: AnyArray,
+    fit: Any,
+    side: int,
+    reach: float,
+    gates: AnyArray,
+) -> tuple[AnyArray, int]:
     """Return the points that join in the next `reach` metres, and how many lie in the ring about them."""
     low, high, centre, curve, cofactor, sigma_z, sigma_o = fit
     joined = np.empty(len(s), np.int64)
@@ -254,8 +273,8 @@ def _stretch(
 
 @njit(cache=True, nogil=True)
 def settle(
-    s: Array, o: Array, z: Array, free: Array, curve: tuple[float, float, float], gate: float
-) -> Array:
+    s: AnyArray, o: AnyArray, z: AnyArray, free: AnyArray, curve: tuple[float, float, float], gate: float
+) -> AnyArray:
     """Return which points lie on the wire near a curve (height at 0, slope, curvature) of the slice.
 
     Of wires side by side the one that most half metres agree on; then parabola and line are fitted to the
@@ -302,7 +321,9 @@ def settle(
 
 
 @njit(cache=True, nogil=True)
-def thinness(s: Array, o: Array, z: Array, member: Array, gates: Array) -> tuple[float, float, float]:
+def thinness(
+    s: AnyArray, o: AnyArray, z: AnyArray, member: AnyArray, gates: AnyArray
+) -> tuple[float, float, float]:
     """Return length, share of metres with a point, and share of these with more than a third in the ring.
 
     The tube about the members' fit is four deviations wide, within `gates` (floor, ceiling, ring); the ring
@@ -333,7 +354,7 @@ def thinness(s: Array, o: Array, z: Array, member: Array, gates: Array) -> tuple
 
 
 @njit(cache=True, nogil=True)
-def _variance(cofactor: Array, u: float) -> float:
+def _variance(cofactor: AnyArray, u: float) -> float:
     v = np.array([1.0, u, u * u])
     total = 0.0
     for i in range(3):
@@ -344,8 +365,8 @@ def _variance(cofactor: Array, u: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _parabola(
-    s: Array, o: Array, z: Array, member: Array
-) -> tuple[float, float, float, Array, Array, float, float]:
+    s: AnyArray, o: AnyArray, z: AnyArray, member: AnyArray
+) -> tuple[float, float, float, AnyArray, AnyArray, float, float]:
     """Fit z by a parabola and o by a line in u = s - centre: coefficients (z0, z1, z2, o0, o1)."""
     n = 0
     low, high, centre = 1e300, -1e300, 0.0
@@ -388,7 +409,7 @@ def _parabola(
 
 
 @njit(cache=True, nogil=True)
-def _scatter(u: Array, o: Array, z: Array, member: Array, fit: Array) -> tuple[float, float]:
+def _scatter(u: AnyArray, o: AnyArray, z: AnyArray, member: AnyArray, fit: AnyArray) -> tuple[float, float]:
     """Return the standard deviations of the members about parabola and line."""
     square_z, square_o, n = 0.0, 0.0, 0
     for i in range(len(u)):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-Array = npt.NDArray[Any]
+from linework.arrays import AnyArray
+
 #: Reference station and height there [m], slope, curvature [1/m].
 Curve = tuple[float, float, float, float]
 
@@ -35,7 +34,7 @@ def height(station: float, curve: Curve) -> float:
 
 
 @njit(cache=True, nogil=True)
-def heights(station: Array, curve: Curve) -> Array:
+def heights(station: AnyArray, curve: Curve) -> AnyArray:
     """Return the heights of a wire at (n,) stations [m]."""
     out = np.empty(len(station))
     for i in range(len(station)):
@@ -44,7 +43,7 @@ def heights(station: Array, curve: Curve) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def residuals(xyz: Array, line: Curve, curve: Curve) -> tuple[Array, Array, Array]:
+def residuals(xyz: AnyArray, line: Curve, curve: Curve) -> tuple[AnyArray, AnyArray, AnyArray]:
     """Return (n,) stations, offsets and heights above a wire [m] of (n, 3) points.
 
     `line` is the wire's line in plan: a point and a unit direction.
@@ -73,7 +72,9 @@ def derivatives(u: float, m: float, k: float) -> tuple[float, float, float]:
 
 
 @njit(cache=True, nogil=True)
-def fit(s: Array, z: Array, w: Array, n_unknowns: int, most_steps: int) -> tuple[Curve, Array, float]:
+def fit(
+    s: AnyArray, z: AnyArray, w: AnyArray, n_unknowns: int, most_steps: int
+) -> tuple[Curve, AnyArray, float]:
     """Return curve, (3, 3) cofactors and the weighted squares about it over the sum of weights."""
     total = w.sum()
     middle, mean = (w * s).sum() / total, (w * z).sum() / total

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
+from linework.arrays import FloatArray
 
 
 @njit(cache=True, nogil=True)
-def factor(matrix: F64) -> None:
+def factor(matrix: FloatArray) -> None:
     """Replace the lower triangle of a positive definite matrix by its Cholesky factor."""
     n = len(matrix)
     for a in range(n):
@@ -27,7 +25,7 @@ def factor(matrix: F64) -> None:
 
 
 @njit(cache=True, nogil=True)
-def solve(lower: F64, right: F64, out: F64) -> None:
+def solve(lower: FloatArray, right: FloatArray, out: FloatArray) -> None:
     """Write the solution of a system whose matrix has this Cholesky factor."""
     n = len(lower)
     for a in range(n):

@@ -6,11 +6,9 @@ Positions are local: x east and y north of the bins' south-west corner, z above 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
+from linework.arrays import FloatArray, IntArray
 
 DEPTH_BINS = 40  # of 5 cm: from 0.70 m above the top edge to 1.30 m below it
 DEPTH_ABOVE_M = 0.70
@@ -28,7 +26,9 @@ def crossed(half: float, a: float, b: float, south: float, north: float) -> tupl
 
 
 @njit(cache=True, nogil=True)
-def gather(points: F64, starts: I64, n_x: int, n_y: int, cell: float, box: F64, out: F64) -> int:
+def gather(
+    points: FloatArray, starts: IntArray, n_x: int, n_y: int, cell: float, box: FloatArray, out: FloatArray
+) -> int:
     """Collect the points in a turned box into `out` (s along, u left, z, height above road); return how many.
 
     box: centre x, y, direction x, y, half length, half width, lowest height, highest height.
@@ -61,7 +61,7 @@ def gather(points: F64, starts: I64, n_x: int, n_y: int, cell: float, box: F64, 
 
 @njit(cache=True, nogil=True)
 def _filled_along(
-    work: F64, n: int, tan: float, u: float, half_width: float, top: float, beam: float, half_s: float
+    work: FloatArray, n: int, tan: float, u: float, half_width: float, top: float, beam: float, half_s: float
 ) -> float:
     """Return the share of half metres along a strip in which the beam has a point."""
     n_bins = max(int(2 * half_s / 0.5), 1)
@@ -75,16 +75,16 @@ def _filled_along(
 
 @njit(cache=True, nogil=True)
 def find_beams(
-    points: F64,
-    starts: I64,
+    points: FloatArray,
+    starts: IntArray,
     n_x: int,
     n_y: int,
     cell: float,
-    box: F64,
-    turns: F64,
-    shape: F64,
-    work: F64,
-    out: F64,
+    box: FloatArray,
+    turns: FloatArray,
+    shape: FloatArray,
+    work: FloatArray,
+    out: FloatArray,
 ) -> int:
     """Find where in a box a beam seen from its end would stand; write its places, return how many.
 
@@ -174,16 +174,16 @@ def find_beams(
 
 @njit(cache=True, nogil=True)
 def find_starts(
-    points: F64,
-    starts: I64,
+    points: FloatArray,
+    starts: IntArray,
     n_x: int,
     n_y: int,
     cell: float,
-    segments: F64,
-    turns: F64,
-    shape: F64,
-    work: F64,
-) -> F64:
+    segments: FloatArray,
+    turns: FloatArray,
+    shape: FloatArray,
+    work: FloatArray,
+) -> FloatArray:
     """Find beams in the boxes about segments (n, 4: x, y of both ends); see `find_beams`.
 
     Returns (m, 5): x, y, heading, top z, score.
@@ -207,7 +207,7 @@ def find_starts(
 
 
 @njit(cache=True, nogil=True)
-def top_edge(work: F64, n: int, u: float, half_width: float, top: float, reach: float) -> float:
+def top_edge(work: FloatArray, n: int, u: float, half_width: float, top: float, reach: float) -> float:
     """Return the highest point under the edge that best parts a beam from what is above it; NaN if none.
 
     Edges within `reach` of `top` are tried. The best has most points in the 0.30 m below it, less twice
@@ -238,7 +238,9 @@ def top_edge(work: F64, n: int, u: float, half_width: float, top: float, reach: 
 
 
 @njit(cache=True, nogil=True)
-def fit_locally(s: F64, v: F64, weight: F64, half_window: float) -> tuple[F64, F64, F64, F64]:
+def fit_locally(
+    s: FloatArray, v: FloatArray, weight: FloatArray, half_window: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Fit v(s) by a quadratic about every node; return value, slope, residual rms and effective number.
 
     Weights fall off as a tricube towards the window's ends. What is fitted is the difference from the node's
@@ -287,8 +289,8 @@ def fit_locally(s: F64, v: F64, weight: F64, half_window: float) -> tuple[F64, F
 
 @njit(cache=True, nogil=True)
 def fit_lines_locally(
-    s: F64, v: F64, weight: F64, half_window: float, offsets: I64
-) -> tuple[F64, F64, F64, F64]:
+    s: FloatArray, v: FloatArray, weight: FloatArray, half_window: float, offsets: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Fit many lines like `fit_locally`, each for itself: line i has nodes offsets[i] to offsets[i + 1]."""
     n = len(s)
     value, slope, rms, effective = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
@@ -302,17 +304,17 @@ def fit_lines_locally(
 
 @njit(cache=True, nogil=True)
 def profile_along(
-    points: F64,
-    starts: I64,
+    points: FloatArray,
+    starts: IntArray,
     n_x: int,
     n_y: int,
     cell: float,
-    nodes: F64,
+    nodes: FloatArray,
     half_s: float,
     radius: float,
     reach: float,
-    work: F64,
-) -> tuple[F64, F64, F64, F64]:
+    work: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Measure the cross-section at every node (x, y, heading, top z).
 
     Returns

@@ -6,9 +6,9 @@ Positions are local: from the survey's origin. [m]
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray, IntArray
 from linework.kernels import pavement_edges as pe
 from linework.kernels import places as at_place
 from linework.kernels.places import (
@@ -25,9 +25,6 @@ from linework.kernels.places import (
 from linework.kernels.profiles import MOST_POINTS, fit_side, gather_at
 from linework.kernels.surroundings import ROUGH, ROUGHEST_M
 
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
-
 #: Share of the fine cells' differences that a slope must explain before their points are looked at.
 EXPLAINED = 0.25
 #: A verge lies this far below or above the pavement at most. [m]
@@ -37,7 +34,7 @@ VERGE_M = 0.005
 
 
 @njit(cache=True, nogil=True)
-def differs(slopes: F64, noise: float, by: int) -> bool:
+def differs(slopes: FloatArray, noise: float, by: int) -> bool:
     """Return whether the fine cells get rougher (by = 0) or brighter (by = 1) as next to a pavement's edge."""
     row = slopes[ROUGH + by]
     # By how much both sides of the area differ, if it is cut in half: 0.85 / R is the slope of a step of 1
@@ -47,14 +44,14 @@ def differs(slopes: F64, noise: float, by: int) -> bool:
 
 @njit(cache=True, nogil=True)
 def edge_in_cell(
-    data: tuple[F64, I64, I64, F64, F64],
+    data: tuple[FloatArray, IntArray, IntArray, FloatArray, FloatArray],
     place: tuple[float, float],
-    floor: tuple[F64, float, float, float, float],
-    around: tuple[F64, float],
+    floor: tuple[FloatArray, float, float, float, float],
+    around: tuple[FloatArray, float],
     area: tuple[int, float],
-    limits: F64,
-    rooms: tuple[F64, F64, F64],
-    box: F64,
+    limits: FloatArray,
+    rooms: tuple[FloatArray, FloatArray, FloatArray],
+    box: FloatArray,
 ) -> int:
     """Find where the pavement ends in the cell about `place`; write the box, return FOUND or why there is none.
 
@@ -116,7 +113,7 @@ def edge_in_cell(
 
 
 @njit(cache=True, nogil=True)
-def _is_edge(edge: F64, by: int, most: float) -> bool:
+def _is_edge(edge: FloatArray, by: int, most: float) -> bool:
     """Return whether pavement lies on one side and a verge on the other."""
     smooth, rough, contrast = edge[4], edge[5], edge[7]
     rougher = by == 0 and rough >= pe.ROUGHER * smooth and rough**2 - smooth**2 >= VERGE_M**2

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
+from linework.arrays import FloatArray
 
 
 @njit(cache=True, nogil=True)
 def smooth_beside(
-    information: F64, right: F64, spacing: float, bending: float, grading: float
-) -> tuple[F64, F64]:
+    information: FloatArray, right: FloatArray, spacing: float, bending: float, grading: float
+) -> tuple[FloatArray, FloatArray]:
     """Smooth offsets across and up from a course, whose curvature and grade wander.
 
     Parameters

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-Array = npt.NDArray[Any]
+from linework.arrays import AnyArray
+
 U64 = np.uint64
 #: The finalizer of splitmix64 (Steele 2014, doi:10.1145/2660193.2660195).
 _ADD, _MIX1, _MIX2 = U64(0x9E3779B97F4A7C15), U64(0xBF58476D1CE4E5B9), U64(0x94D049BB133111EB)
@@ -19,7 +19,7 @@ _STEPS_PER_M = 1000.0
 
 
 @njit(cache=True, nogil=True)
-def lots(x: Array, y: Array, z: Array, intensity: Array, salt: int) -> Array:
+def lots(x: AnyArray, y: AnyArray, z: AnyArray, intensity: AnyArray, salt: int) -> AnyArray:
     """Return (n,) uint64 numbers as good as drawn by lot, the same for the same point.
 
     Parameters
@@ -45,7 +45,7 @@ def _mixed(value: Any) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def evenly_thinned(xyz: Array, most: int) -> Array:
+def evenly_thinned(xyz: AnyArray, most: int) -> AnyArray:
     """Return the numbers of the points to keep: the first in every cube, of the smallest cubes that leave `most`.
 
     Parameters
@@ -76,7 +76,7 @@ def _cube_m(number: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _firsts(xyz: Array, cube_m: float, table: Array, most: int) -> Array:
+def _firsts(xyz: AnyArray, cube_m: float, table: AnyArray, most: int) -> AnyArray:
     """Return the first point in every cube; of more than `most` cubes, one too many."""
     table[:] = 0
     mask = U64(len(table) - 1)

@@ -7,14 +7,9 @@ Positions are local: from the survey's origin. [m]
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-F32 = npt.NDArray[np.float32]
-I32 = npt.NDArray[np.int32]
-I64 = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
+from linework.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 #: Side of a fine cell: half of a cell that may hold a box. [m]
 FINE_M = 0.25
@@ -25,7 +20,7 @@ FACETS_AROUND = 6
 
 
 @njit(cache=True, nogil=True)
-def ground_at(x: float, y: float, cell: float, west: int, north: int, ground: F32) -> float:
+def ground_at(x: float, y: float, cell: float, west: int, north: int, ground: Float32Array) -> float:
     """Return the ground's height, bilinear between cell centres; cells are counted from the origin."""
     n_rows, n_cols = ground.shape
     gx, gy = x / cell - 0.5, y / cell - 0.5
@@ -41,15 +36,15 @@ def ground_at(x: float, y: float, cell: float, west: int, north: int, ground: F3
 
 @njit(cache=True, nogil=True)
 def cells_near_ground(
-    xyz: F64,
-    origin: F64,
+    xyz: FloatArray,
+    origin: FloatArray,
     cell: float,
     west: int,
     north: int,
-    ground: F32,
-    near: Mask,
+    ground: Float32Array,
+    near: BoolArray,
     band: tuple[float, float],
-) -> tuple[I64, I64, I64]:
+) -> tuple[IntArray, IntArray, IntArray]:
     """Return each point's fine cell (col, row from the origin; col -2**62: not wanted), and their ranges.
 
     Wanted are points in cells that are `near`, with a height over the ground inside the band.
@@ -93,7 +88,9 @@ def cells_near_ground(
 
 
 @njit(cache=True, nogil=True)
-def sort_by_cell(xyz: F64, strength: F32, origin: F64, col: I64, row: I64, span: I64) -> tuple[F64, I64, I64]:
+def sort_by_cell(
+    xyz: FloatArray, strength: Float32Array, origin: FloatArray, col: IntArray, row: IntArray, span: IntArray
+) -> tuple[FloatArray, IntArray, IntArray]:
     """Return the wanted points (x, y, z, strength) by fine cell, where they were, and the cells' starts; stable.
 
     Cells are row-major from the south-west of `span`.
@@ -122,7 +119,7 @@ def sort_by_cell(xyz: F64, strength: F32, origin: F64, col: I64, row: I64, span:
 
 
 @njit(cache=True, nogil=True)
-def cell_sums(points: F64, starts: I64, span: I64) -> F64:
+def cell_sums(points: FloatArray, starts: IntArray, span: IntArray) -> FloatArray:
     """Return (cells, 11) sums over the points of each fine cell, x and y from its centre.
 
     Columns: 1, x, y, z, xx, xy, yy, xz, yz, zz, strength.
@@ -149,7 +146,7 @@ def cell_sums(points: F64, starts: I64, span: I64) -> F64:
 
 
 @njit(cache=True, nogil=True)
-def plane_of(s: F64) -> tuple[float, float, float, float]:
+def plane_of(s: FloatArray) -> tuple[float, float, float, float]:
     """Return height at x = y = 0, slopes, and rms distance of the plane through the points of sums `s`.
 
     Distance NaN: the points lie on a line.
@@ -168,7 +165,7 @@ def plane_of(s: F64) -> tuple[float, float, float, float]:
 
 
 @njit(cache=True, nogil=True)
-def facets_of(sums: F64, span: I64) -> F64:
+def facets_of(sums: FloatArray, span: IntArray) -> FloatArray:
     """Return (cells of two fine ones, 6) the facet at each cell's middle: points, height, slopes, rms distance.
 
     The last column is the rms distance of the smoothest facet within 3 m. Facets are 1 m wide, more where the
@@ -198,7 +195,7 @@ def facets_of(sums: F64, span: I64) -> F64:
 
 
 @njit(cache=True, nogil=True)
-def _smoothest_near(facets: F64, n_rows: int, n_cols: int) -> None:
+def _smoothest_near(facets: FloatArray, n_rows: int, n_cols: int) -> None:
     """Write each facet's last column: the least rms distance within `FACETS_AROUND` cells, rows before columns."""
     least = np.full((n_rows, n_cols), np.inf)
     for r in range(n_rows):
@@ -218,7 +215,7 @@ def _smoothest_near(facets: F64, n_rows: int, n_cols: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _add_shifted(s: F64, t: F64, dx: float, dy: float) -> None:
+def _add_shifted(s: FloatArray, t: FloatArray, dx: float, dy: float) -> None:
     """Add sums `t`, taken about a centre that lies at (dx, dy), to `s`."""
     n = t[0]
     if n == 0.0:

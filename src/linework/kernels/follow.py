@@ -7,27 +7,25 @@ Positions are local: x east and y north of the bins' south-west corner, z above 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray, IntArray
 from linework.kernels.bins import layer_of
 from linework.kernels.corridor import crossed, top_edge
 
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
-Layers = tuple[I64, F64, I64]
+Layers = tuple[IntArray, FloatArray, IntArray]
 
 SETTLED = 6  # nodes after which the filter no longer knows what it was begun with
 
 
 @njit(cache=True, nogil=True)
 def gather_level(
-    points: F64,
+    points: FloatArray,
     layers: Layers,
     frame: tuple[int, int, float],
-    box: F64,
+    box: FloatArray,
     level: tuple[float, float],
-    out: F64,
+    out: FloatArray,
 ) -> int:
     """Collect like `gather` the points whose z lies within `level`: of each bin only the layers it meets."""
     slot, floor, begin = layers
@@ -63,7 +61,7 @@ def gather_level(
 
 @njit(cache=True, nogil=True)
 def circle_centre(
-    work: F64, n: int, u_start: float, radius: float, z_low: float, z_high: float
+    work: FloatArray, n: int, u_start: float, radius: float, z_low: float, z_high: float
 ) -> tuple[float, int, float]:
     """Return offset, number and spread of the points that a circle grown about `u_start` settles on.
 
@@ -99,13 +97,13 @@ def circle_centre(
 
 @njit(cache=True, nogil=True)
 def follow(
-    points: F64,
+    points: FloatArray,
     layers: Layers,
     frame: tuple[int, int, float],
     start: tuple[float, float, float, float],
-    setting: F64,
-    work: F64,
-    out: F64,
+    setting: FloatArray,
+    work: FloatArray,
+    out: FloatArray,
 ) -> int:
     """Follow a thin sheet of points from `start` by circles at a fixed spacing; return the number of nodes.
 
@@ -181,14 +179,14 @@ def follow(
 
 @njit(cache=True, nogil=True)
 def follow_both_ways(
-    points: F64,
+    points: FloatArray,
     layers: Layers,
     frame: tuple[int, int, float],
-    start: F64,
-    setting: F64,
-    work: F64,
-    ahead: F64,
-    back: F64,
+    start: FloatArray,
+    setting: FloatArray,
+    work: FloatArray,
+    ahead: FloatArray,
+    back: FloatArray,
 ) -> tuple[int, int, int]:
     """Follow from a start (x, y, heading, top z) into `ahead`, and the other way into `back`.
 
@@ -209,10 +207,10 @@ def follow_both_ways(
 
 @njit(cache=True, nogil=True)
 def is_taken(
-    node: F64,
-    nodes: F64,
-    heads: I64,
-    following: I64,
+    node: FloatArray,
+    nodes: FloatArray,
+    heads: IntArray,
+    following: IntArray,
     frame: tuple[int, int, float],
     reach: tuple[float, float],
 ) -> bool:
@@ -243,15 +241,15 @@ def is_taken(
 
 @njit(cache=True, nogil=True)
 def follow_all(
-    points: F64,
+    points: FloatArray,
     layers: Layers,
     frame: tuple[int, int, float],
-    begin: F64,
-    setting: F64,
+    begin: FloatArray,
+    setting: FloatArray,
     reach: tuple[float, float],
     limits: tuple[int, int, int],
-    work: F64,
-) -> tuple[F64, I64, I64, I64]:
+    work: FloatArray,
+) -> tuple[FloatArray, IntArray, IntArray, IntArray]:
     """Follow the starts (x, y, heading, top z), in their order, each for itself and not far.
 
     A start near another one that was followed, and on its line, is passed over. What is followed from a

@@ -5,13 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray, IntArray
 from linework.kernels.track import first_at
-
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
 
 #: Columns of a table of pieces: place and direction in plan, height, variances across and of the height.
 X, Y, Z, UX, UY, VAR, VAR_Z = range(7)
@@ -21,9 +18,9 @@ SAME_WAY = 0.966
 
 @njit(cache=True, nogil=True)
 def fuse(
-    pieces: F64, order: I64, codes: I64, lattice: tuple[float, float, float, int], along_m: float,
+    pieces: FloatArray, order: IntArray, codes: IntArray, lattice: tuple[float, float, float, int], along_m: float,
     across_m: tuple[float, float],
-) -> tuple[I64, I64, F64]:  # fmt: skip
+) -> tuple[IntArray, IntArray, FloatArray]:  # fmt: skip
     """Return the seed of each fused place, the place of each piece, and the fused values.
 
     Parameters
@@ -106,9 +103,9 @@ def fuse(
 
 @njit(cache=True, nogil=True)
 def looked_at(
-    places: F64, stations: F64, codes: I64, lattice: tuple[float, float, float, int],
+    places: FloatArray, stations: FloatArray, codes: IntArray, lattice: tuple[float, float, float, int],
     view: tuple[float, float, float, float],
-) -> I64:  # fmt: skip
+) -> IntArray:  # fmt: skip
     """Return (m,) how many of the stations looked at each place.
 
     Parameters

@@ -5,16 +5,22 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
+from linework.arrays import FloatArray
 
 
 @njit(cache=True, nogil=True)
 def grain(
-    x: F64, y: F64, wide_x: F64, wide_y: F64, finest: F64, growth: F64, n_octaves: int, seed: int
-) -> F64:
+    x: FloatArray,
+    y: FloatArray,
+    wide_x: FloatArray,
+    wide_y: FloatArray,
+    finest: FloatArray,
+    growth: FloatArray,
+    n_octaves: int,
+    seed: int,
+) -> FloatArray:
     """Return noise of about -1 to 1 at n places: octaves of wavelength `finest` times 1, 2, 4 and so on.
 
     wide_x, wide_y (n,): extent of a pixel there; finest (n,); growth (n,): strength of an octave over that of the

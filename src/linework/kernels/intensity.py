@@ -8,10 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-F32 = npt.NDArray[np.float32]
-I64 = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
+from linework.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 #: Bins of the logarithm of a value, 16 to the doubling (4 %): from 2^-8 (ratios) to 2^16 (16 bit).
 N_BINS, PER_DOUBLING, LOWEST = 384, 16, -8
@@ -31,14 +28,14 @@ def bin_of(value: float) -> int:
 
 @njit(cache=True, nogil=True)
 def views(
-    xyz: F64,
-    time_s: F64,
-    path_time_s: F64,
-    path_xyz: F64,
+    xyz: FloatArray,
+    time_s: FloatArray,
+    path_time_s: FloatArray,
+    path_xyz: FloatArray,
     mount_m: float,
     frame: tuple[float, float, float],
-    slopes: F32,
-) -> tuple[F32, F32]:
+    slopes: Float32Array,
+) -> tuple[Float32Array, Float32Array]:
     """Return range [m] and cosine of incidence at which each point was seen; NaN beyond the path's times.
 
     Parameters
@@ -76,7 +73,9 @@ def views(
 
 
 @njit(cache=True, nogil=True)
-def count_views(value: F32, reach: F32, cosine: F32, chosen: Mask) -> I64:
+def count_views(
+    value: Float32Array, reach: Float32Array, cosine: Float32Array, chosen: BoolArray
+) -> IntArray:
     """Return (N_RANGES, N_COSINES, N_BINS) how many of the chosen points were seen how, and how bright."""
     counts = np.zeros((N_RANGES, N_COSINES, N_BINS), np.int64)
     for i in range(len(value)):
@@ -91,7 +90,13 @@ def count_views(value: F32, reach: F32, cosine: F32, chosen: Mask) -> I64:
 
 @njit(cache=True, nogil=True)
 def count_in_blocks(
-    xyz: F64, value: F32, chosen: Mask, size: float, first: tuple[int, int], n_rows: int, n_cols: int
+    xyz: FloatArray,
+    value: Float32Array,
+    chosen: BoolArray,
+    size: float,
+    first: tuple[int, int],
+    n_rows: int,
+    n_cols: int,
 ) -> npt.NDArray[np.int32]:
     """Return (n_rows, n_cols, N_BINS) how many of the chosen points of each block are how bright.
 

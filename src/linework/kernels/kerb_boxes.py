@@ -6,9 +6,9 @@ Positions are local: from the survey's origin. [m]
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray, IntArray
 from linework.kernels import kerb_steps as ks
 from linework.kernels import places as at_place
 from linework.kernels.kerbs import CLEAR, best_step
@@ -25,9 +25,6 @@ from linework.kernels.places import (
 from linework.kernels.profiles import CLIP_M, MOST_POINTS, gather_at
 from linework.kernels.surroundings import HEIGHT, RISE
 
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
-
 #: A kerb is higher than this many times the noise of its floor: grass is not.
 LEAST_CLEAR = 1.5
 #: Grass and soil are rougher than stone by this. [m]
@@ -39,7 +36,7 @@ EXPLAINED = 0.25
 
 @njit(cache=True, nogil=True)
 def may_be_kerb(
-    floor: tuple[F64, float, float, float, float], around: tuple[F64, float], limits: F64
+    floor: tuple[FloatArray, float, float, float, float], around: tuple[FloatArray, float], limits: FloatArray
 ) -> bool:
     """Return whether the fine cells around a place rise as next to a kerb."""
     slopes, rise = around
@@ -52,14 +49,14 @@ def may_be_kerb(
 
 @njit(cache=True, nogil=True)
 def kerb_in_cell(
-    data: tuple[F64, I64, I64, F64, F64],
+    data: tuple[FloatArray, IntArray, IntArray, FloatArray, FloatArray],
     place: tuple[float, float],
-    floor: tuple[F64, float, float, float, float],
-    around: tuple[F64, float],
+    floor: tuple[FloatArray, float, float, float, float],
+    around: tuple[FloatArray, float],
     area: tuple[int, float],
-    limits: F64,
-    rooms: tuple[F64, F64, F64],
-    box: F64,
+    limits: FloatArray,
+    rooms: tuple[FloatArray, FloatArray, FloatArray],
+    box: FloatArray,
 ) -> int:
     """Find the foot of a kerb in the cell about `place`; write the box, return FOUND or why there is none.
 
@@ -116,7 +113,7 @@ def kerb_in_cell(
 
 
 @njit(cache=True, nogil=True)
-def _write_step(step: F64, share: F64, box: F64) -> None:
+def _write_step(step: FloatArray, share: FloatArray, box: FloatArray) -> None:
     box[at_place.S_V], box[at_place.S_U] = step[ks.SIGMA_V], step[ks.SIGMA_U]
     box[at_place.S_Z] = 2.0 * step[ks.NOISE] / np.sqrt(step[ks.N_FLOOR])
     box[at_place.SCORE] = _score(step, share)
@@ -126,7 +123,12 @@ def _write_step(step: F64, share: F64, box: F64) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _is_kerb(step: F64, share: F64, floor: tuple[F64, float, float, float, float], limits: F64) -> bool:
+def _is_kerb(
+    step: FloatArray,
+    share: FloatArray,
+    floor: tuple[FloatArray, float, float, float, float],
+    limits: FloatArray,
+) -> bool:
     """Return whether floor and top are what a kerb lies between.
 
     limits: least step, steepest floor against the road, highest step, noise of the roughest floor, and whether
@@ -157,7 +159,7 @@ def _is_kerb(step: F64, share: F64, floor: tuple[F64, float, float, float, float
 
 
 @njit(cache=True, nogil=True)
-def _score(step: F64, share: F64) -> float:
+def _score(step: FloatArray, share: FloatArray) -> float:
     """Return how sure a kerb is: how far its step stands out of the noise, and how much of it is seen."""
     clear = step[ks.HEIGHT] / (3.0 * step[ks.NOISE] + 0.01)
     return float((1.0 - np.exp(-clear)) * share[4] ** 0.5 * (0.5 + 0.5 * share[0]) * (0.5 + 0.5 * share[1]))

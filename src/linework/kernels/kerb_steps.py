@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray
 from linework.kernels.kerbs import LEAN, LEAN_SIGMA, fit_face
 from linework.kernels.profiles import fit_side
-
-F64 = npt.NDArray[np.float64]
 
 #: Columns of a step, as `measure_step` writes them.
 VX, VY, FOOT, TOP, HEIGHT, FLOOR_A, FLOOR_B, FLOOR_C = 0, 1, 2, 3, 4, 5, 6, 7
@@ -35,7 +33,7 @@ N_CHANGE = 32
 
 
 @njit(cache=True, nogil=True)
-def measure_step(work: F64, n: int, first: F64, scale: float, out: F64) -> bool:
+def measure_step(work: FloatArray, n: int, first: FloatArray, scale: float, out: FloatArray) -> bool:
     """Measure the step that runs through the place along u; False where floor or top are missing.
 
     first: what `best_step` found. out: see the columns' names.
@@ -91,7 +89,7 @@ def measure_step(work: F64, n: int, first: F64, scale: float, out: F64) -> bool:
 
 @njit(cache=True, nogil=True)
 def _change_over(
-    work: F64,
+    work: FloatArray,
     n: int,
     frame: tuple[float, float],
     floor: tuple[float, float, float],
@@ -134,7 +132,7 @@ def _change_over(
 
 @njit(cache=True, nogil=True)
 def _write(
-    out: F64,
+    out: FloatArray,
     edges: tuple[float, float, float, float],
     floor: tuple[float, float, float, float, float],
     top: tuple[float, float, float, float],
@@ -145,7 +143,7 @@ def _write(
 
 
 @njit(cache=True, nogil=True)
-def filled_shares(work: F64, n: int, step: F64, scale: float, share: F64) -> None:
+def filled_shares(work: FloatArray, n: int, step: FloatArray, scale: float, share: FloatArray) -> None:
     """Write how far floor, top and ends of the evidence reach.
 
     share: shares of tenths of the floor's 0.5 m and of the top's 0.2 m that hold points, lowest and highest u

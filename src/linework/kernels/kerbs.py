@@ -6,12 +6,10 @@ Positions are local [m]; v points to the lower, carriageway side; heights r are 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray
 from linework.kernels.profiles import beside_cell, profile_across, step_in
-
-F64 = npt.NDArray[np.float64]
 
 #: Turns that are tried about the first direction, from coarse to fine. [rad]
 TURNS = (
@@ -31,7 +29,9 @@ LEAN, LEAN_SIGMA = 0.15, 0.25
 
 
 @njit(cache=True, nogil=True)
-def best_step(work: F64, n: int, frame: tuple[float, float], scale: float, sums: F64, out: F64) -> bool:
+def best_step(
+    work: FloatArray, n: int, frame: tuple[float, float], scale: float, sums: FloatArray, out: FloatArray
+) -> bool:
     """Turn the v-axis until the profile steps up most clearly; False when the step is not near the place.
 
     out: v-axis, clearness, v, heights below and above, noise.
@@ -57,7 +57,12 @@ def best_step(work: F64, n: int, frame: tuple[float, float], scale: float, sums:
 
 @njit(cache=True, nogil=True)
 def fit_face(
-    work: F64, n: int, frame: tuple[float, float], about: F64, band: tuple[float, float], reach: F64
+    work: FloatArray,
+    n: int,
+    frame: tuple[float, float],
+    about: FloatArray,
+    band: tuple[float, float],
+    reach: FloatArray,
 ) -> tuple[float, float, float, float, float]:
     """Fit v = a + b u - lean (height - middle of the band) to the points of a face.
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-U8 = npt.NDArray[np.uint8]
+from linework.arrays import ByteArray, FloatArray
 
 #: Columns of a match: shift and its standard deviation, correlation, gain and offset, samples compared, and the
 #: correlation of the best other place that is farther off than the pattern is wide.
@@ -22,8 +20,14 @@ LEAST_SAMPLES = 5
 
 @njit(cache=True, nogil=True)
 def profile_across(
-    image: U8, to_pixel: F64, frame: F64, bend: float, along: tuple[float, int], spacing: float, half: int
-) -> F64:
+    image: ByteArray,
+    to_pixel: FloatArray,
+    frame: FloatArray,
+    bend: float,
+    along: tuple[float, int],
+    spacing: float,
+    half: int,
+) -> FloatArray:
     """Return (2 half + 1,) grey values across a line, averaged along it; NaN where most are outside of the image.
 
     Parameters
@@ -71,7 +75,7 @@ def profile_across(
 
 
 @njit(cache=True, nogil=True)
-def integral_of(template: F64) -> F64:
+def integral_of(template: FloatArray) -> FloatArray:
     """Return the running integral of a template, in samples; ``blurred`` reads it."""
     total = np.zeros(len(template) + 1)
     for i in range(len(template)):
@@ -80,7 +84,7 @@ def integral_of(template: F64) -> F64:
 
 
 @njit(cache=True, nogil=True)
-def _integral_at(total: F64, x: float) -> float:
+def _integral_at(total: FloatArray, x: float) -> float:
     """Return the integral up to a place in samples from the first one's beginning; it goes on flat."""
     n = len(total) - 1
     if x <= 0.0:
@@ -92,7 +96,7 @@ def _integral_at(total: F64, x: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def blurred(total: F64, step: float, s: float, pixel: float) -> tuple[float, float]:
+def blurred(total: FloatArray, step: float, s: float, pixel: float) -> tuple[float, float]:
     """Return a template as a pixel sees it at a place [m from its middle], and the derivative there [1/m].
 
     Parameters
@@ -111,7 +115,7 @@ def blurred(total: F64, step: float, s: float, pixel: float) -> tuple[float, flo
 
 
 @njit(cache=True, nogil=True)
-def _value_at(total: F64, x: float) -> float:
+def _value_at(total: FloatArray, x: float) -> float:
     n = len(total) - 1
     y = min(max(x - 0.5, 0.0), n - 1.0)
     i = min(int(y), n - 2)
@@ -121,8 +125,14 @@ def _value_at(total: F64, x: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _fit(
-    profile: F64, half: int, spacing: float, total: F64, step: float, shift: float, window: float
-) -> F64:
+    profile: FloatArray,
+    half: int,
+    spacing: float,
+    total: FloatArray,
+    step: float,
+    shift: float,
+    window: float,
+) -> FloatArray:
     """Return samples, gain, offset, correlation, step to a better shift, its variance, at one shift.
 
     With f the profile and g the template: f = offset + gain g(s - shift). The shift's step is
@@ -182,14 +192,14 @@ def _fit(
 
 @njit(cache=True, nogil=True)
 def match_profile(
-    profile: F64,
+    profile: FloatArray,
     spacing: float,
-    total: F64,
+    total: FloatArray,
     step: float,
     window: float,
     gate: tuple[float, float],
     apart: float,
-) -> F64:
+) -> FloatArray:
     """Return where a template lies in a profile: shift, sigma [m], correlation, gain, offset, samples, other.
 
     Parameters

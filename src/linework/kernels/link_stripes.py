@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
+from linework.arrays import FloatArray, IntArray
 
 #: Columns of the places to be linked: across and ahead on the road [m], width [m], standard deviation across [m].
 ACROSS, AHEAD, WIDE, OFF = range(4)
@@ -21,7 +19,7 @@ TURN, WORN = 0.05, 0.30
 
 
 @njit(cache=True, nogil=True)
-def _direction(places: F64, past: I64, n: int) -> tuple[float, float, float, float]:
+def _direction(places: FloatArray, past: IntArray, n: int) -> tuple[float, float, float, float]:
     """Return where a line leads: last place across and ahead, its slope and how well that is known; NaN if not."""
     s = sx = sy = sxx = sxy = 0.0
     last = past[(n - 1) % MOST_PAST]
@@ -40,7 +38,9 @@ def _direction(places: F64, past: I64, n: int) -> tuple[float, float, float, flo
 
 
 @njit(cache=True, nogil=True)
-def link(places: F64, first: I64, n_rows: int, steepest: float, gap: tuple[float, int]) -> I64:
+def link(
+    places: FloatArray, first: IntArray, n_rows: int, steepest: float, gap: tuple[float, int]
+) -> IntArray:
     """Return (n,) the line that each place belongs to.
 
     Parameters
@@ -123,7 +123,14 @@ def link(places: F64, first: I64, n_rows: int, steepest: float, gap: tuple[float
 
 
 @njit(cache=True, nogil=True)
-def partners(left: F64, first_left: I64, right: F64, first_right: I64, n_rows: int, gate: F64) -> I64:
+def partners(
+    left: FloatArray,
+    first_left: IntArray,
+    right: FloatArray,
+    first_right: IntArray,
+    n_rows: int,
+    gate: FloatArray,
+) -> IntArray:
     """Return (n,) the stripe of the right image that each stripe of the left one is, -1 where there is none.
 
     Parameters

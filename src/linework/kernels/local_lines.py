@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
+from linework.arrays import FloatArray
 
 #: Neighbouring rows see the same grain of asphalt and paint, and the same pixels after resampling: so many err as
 #: one.
@@ -16,7 +15,9 @@ SHARED_ROWS = 2.0
 
 
 @njit(cache=True, nogil=True)
-def fit_at(along: F64, value: F64, sigma: F64, at: F64, half: F64) -> tuple[F64, F64]:
+def fit_at(
+    along: FloatArray, value: FloatArray, sigma: FloatArray, at: FloatArray, half: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return the value of a local straight line at chosen places, and its standard deviation.
 
     Parameters

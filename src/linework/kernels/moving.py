@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
+from linework.arrays import FloatArray, IntArray
 
 
 @njit(cache=True, nogil=True)
-def moving_sums(values: F64, offsets: I64, half: int) -> F64:
+def moving_sums(values: FloatArray, offsets: IntArray, half: int) -> FloatArray:
     """Return (n, m) the sums over the station itself and `half` on either side, line by line.
 
     Line i has the stations from offsets[i] to offsets[i + 1]; beyond its ends there is nothing. From

@@ -19,11 +19,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
+from linework.arrays import FloatArray, IntArray
 
 N_STATES = 16
 E, N, U, HEADING, BIAS, GYRO_SCALE, LEFT, RIGHT, SPEED, TURN, PITCH, ROLL, DELAY, WANDER = range(14)
@@ -47,7 +45,9 @@ GATE_PLAN, GATE_UP = 13.8, 10.8
 
 
 @njit(cache=True, nogil=True)
-def predict(x: F64, p: F64, step: F64, noise: F64, F: F64) -> tuple[F64, F64]:
+def predict(
+    x: FloatArray, p: FloatArray, step: FloatArray, noise: FloatArray, F: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return state and covariance at the next node; `F` receives the derivative of the new state."""
     dt = step[DT]
     F[:] = np.eye(N_STATES)
@@ -111,7 +111,9 @@ def predict(x: F64, p: F64, step: F64, noise: F64, F: F64) -> tuple[F64, F64]:
 
 
 @njit(cache=True, nogil=True)
-def _wander_freely(i: int, free: float, q_step: float, q_begin: float, x: F64, F: F64, q: F64) -> None:
+def _wander_freely(
+    i: int, free: float, q_step: float, q_begin: float, x: FloatArray, F: FloatArray, q: FloatArray
+) -> None:
     """Set a state that is 0 while `free` is 0, begins unknown where it is 2, and walks where it is 1."""
     if free == 0.0:
         x[i], F[i, i], q[i] = 0.0, 0.0, 1e-14
@@ -122,7 +124,7 @@ def _wander_freely(i: int, free: float, q_step: float, q_begin: float, x: F64, F
 
 
 @njit(cache=True, nogil=True)
-def _forget(i: int, keep: float, var: float, x: F64, F: F64, q: F64) -> None:
+def _forget(i: int, keep: float, var: float, x: FloatArray, F: FloatArray, q: FloatArray) -> None:
     """Gauss-Markov: a state of variance `var` that keeps the share `keep` of itself."""
     x[i] *= keep
     F[i, i] = keep
@@ -130,7 +132,7 @@ def _forget(i: int, keep: float, var: float, x: F64, F: F64, q: F64) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _update(x: F64, p: F64, H: F64, innovation: float, variance: float) -> float:
+def _update(x: FloatArray, p: FloatArray, H: FloatArray, innovation: float, variance: float) -> float:
     """Take in one scalar measurement; returns the variance of its innovation."""
     ph = p @ H
     s = H @ ph + variance
@@ -141,7 +143,9 @@ def _update(x: F64, p: F64, H: F64, innovation: float, variance: float) -> float
 
 
 @njit(cache=True, nogil=True)
-def antenna(x: F64, read: F64, lever: F64, sigma: F64, noise: F64, H: F64) -> tuple[float, float, float]:
+def antenna(
+    x: FloatArray, read: FloatArray, lever: FloatArray, sigma: FloatArray, noise: FloatArray, H: FloatArray
+) -> tuple[float, float, float]:
     """Return where a fix is expected; `H` (3, 16) receives its derivative.
 
     `read` is roll, pitch, and the speed over seconds: that of the last step would carry the step's own error
@@ -176,17 +180,17 @@ def antenna(x: F64, read: F64, lever: F64, sigma: F64, noise: F64, H: F64) -> tu
 
 @njit(cache=True, nogil=True)
 def filter_forward(
-    x0: F64,
-    p0: F64,
-    steps: F64,
-    read: F64,
-    fix_of: I64,
-    fixes: F64,
-    sigma: F64,
-    doubt: F64,
-    lever: F64,
-    noise: F64,
-) -> tuple[F64, F64, F64, F64, F64, float]:
+    x0: FloatArray,
+    p0: FloatArray,
+    steps: FloatArray,
+    read: FloatArray,
+    fix_of: IntArray,
+    fixes: FloatArray,
+    sigma: FloatArray,
+    doubt: FloatArray,
+    lever: FloatArray,
+    noise: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float]:
     """Filter all nodes.
 
     Parameters
@@ -277,7 +281,9 @@ def _bounded(nis: float, gate: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def smooth_backward(xs: F64, ps: F64, steps: F64, noise: F64) -> tuple[F64, F64, F64]:
+def smooth_backward(
+    xs: FloatArray, ps: FloatArray, steps: FloatArray, noise: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Smooth filtered states.
 
     Parameters

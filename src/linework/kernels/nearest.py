@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F32 = npt.NDArray[np.float32]
-I32 = npt.NDArray[np.int32]
-I64 = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
+from linework.arrays import BoolArray, Float32Array, Int32Array, IntArray
 
 
 @njit(cache=True, nogil=True)
-def nearest_known(known: Mask, reach: int, margin: int) -> tuple[I32, I32]:
+def nearest_known(known: BoolArray, reach: int, margin: int) -> tuple[Int32Array, Int32Array]:
     """Return for each cell the nearest known one (flat index, -1: none within reach) and the square distance.
 
     Parameters
@@ -80,7 +76,7 @@ def nearest_known(known: Mask, reach: int, margin: int) -> tuple[I32, I32]:
 
 
 @njit(cache=True, nogil=True)
-def _nearest_in_columns(known: Mask, reach: int, margin: int) -> I32:
+def _nearest_in_columns(known: BoolArray, reach: int, margin: int) -> Int32Array:
     """Return for the inner rows the row of the nearest known cell of each column, -1 beyond the reach."""
     n_rows, n_cols = known.shape
     far = -4 * (n_rows + reach)
@@ -105,7 +101,7 @@ def _nearest_in_columns(known: Mask, reach: int, margin: int) -> I32:
 
 
 @njit(cache=True, nogil=True)
-def filled(height: F32, index: I32) -> F32:
+def filled(height: Float32Array, index: Int32Array) -> Float32Array:
     """Return the heights of the cells that `index` names, NaN where it names none."""
     flat = height.reshape(-1)
     out = np.full(index.shape, np.float32(np.nan), dtype=np.float32)
@@ -117,7 +113,7 @@ def filled(height: F32, index: I32) -> F32:
 
 
 @njit(cache=True, nogil=True)
-def softened(values: F32, square: I32, half: int, cell: float, over: float) -> F32:
+def softened(values: Float32Array, square: Int32Array, half: int, cell: float, over: float) -> Float32Array:
     """Return the inner cells, averaged over (2 half + 1)**2 cells more and more the farther they are carried.
 
     Parameters
@@ -159,7 +155,14 @@ def softened(values: F32, square: I32, half: int, cell: float, over: float) -> F
 
 @njit(cache=True, nogil=True)
 def give_way(
-    road: F32, square: I32, ground: F32, far: F32, row_block: I64, col_block: I64, cell: float, carry: float
+    road: Float32Array,
+    square: Int32Array,
+    ground: Float32Array,
+    far: Float32Array,
+    row_block: IntArray,
+    col_block: IntArray,
+    cell: float,
+    carry: float,
 ) -> None:
     """Fill what is missing of the ground from `far`, and let the road give way to the ground, in place.
 
@@ -189,8 +192,14 @@ def give_way(
 
 @njit(cache=True, nogil=True)
 def block_sums(
-    height: F32, chosen: Mask, row_block: I64, col_block: I64, n_rows: int, n_cols: int, fixed: float
-) -> tuple[I64, I64]:
+    height: Float32Array,
+    chosen: BoolArray,
+    row_block: IntArray,
+    col_block: IntArray,
+    n_rows: int,
+    n_cols: int,
+    fixed: float,
+) -> tuple[IntArray, IntArray]:
     """Return per block the sum of the chosen cells' heights in steps of 1 / `fixed` and their number."""
     total = np.zeros((n_rows, n_cols), dtype=np.int64)
     number = np.zeros((n_rows, n_cols), dtype=np.int64)

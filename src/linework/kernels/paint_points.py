@@ -3,16 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 from linework.kernels.visits import MOST_VISITS, dark_level, split_into_visits, visit_of
-
-F64 = npt.NDArray[np.float64]
-F32 = npt.NDArray[np.float32]
-I64 = npt.NDArray[np.int64]
-I32 = npt.NDArray[np.int32]
-Mask = npt.NDArray[np.bool_]
 
 #: Points of a cell that the background is taken from, evenly chosen: 9 cells give 108, the spread to a fifth.
 N_SAMPLE = 12
@@ -24,14 +18,14 @@ FEW = 40
 
 @njit(cache=True, nogil=True)
 def cells_near_road(
-    xyz: F64,
-    origin: F64,
+    xyz: FloatArray,
+    origin: FloatArray,
     surface: tuple[float, int, int, float],
-    road: F32,
-    wanted: Mask,
+    road: Float32Array,
+    wanted: BoolArray,
     tolerance: float,
     lattice: tuple[float, int, int, int, int],
-) -> I32:
+) -> Int32Array:
     """Return the lattice cell of each point that is near the road, -1 for all others.
 
     Parameters
@@ -76,8 +70,13 @@ def cells_near_road(
 
 @njit(cache=True, nogil=True)
 def sort_into_cells(
-    xyz: F64, intensity: F32, time: F64, origin: F64, cells: I32, n_cells: int
-) -> tuple[F64, I64]:
+    xyz: FloatArray,
+    intensity: Float32Array,
+    time: FloatArray,
+    origin: FloatArray,
+    cells: Int32Array,
+    n_cells: int,
+) -> tuple[FloatArray, IntArray]:
     """Return chosen points (x, y, z from the origin, intensity, time) by cell, and the cells' starts; stable.
 
     time: (n,), or of no length, then times are 0.
@@ -102,7 +101,7 @@ def sort_into_cells(
 
 
 @njit(cache=True, nogil=True)
-def count_bright(points: F64, starts: I64, n_cols: int, spreads: float) -> F64:
+def count_bright(points: FloatArray, starts: IntArray, n_cols: int, spreads: float) -> FloatArray:
     """Return (n_cells, 3): number of bright points in each cell and the sums of their x and y.
 
     Bright: `spreads` spreads above the level of the dark surface in 3 x 3 cells, for each visit of the scanner by
@@ -154,7 +153,9 @@ def count_bright(points: F64, starts: I64, n_cols: int, spreads: float) -> F64:
 
 
 @njit(cache=True, nogil=True)
-def bright_centres(bright: F64, starts: I64, n_cols: int, share: float) -> tuple[I64, F64]:
+def bright_centres(
+    bright: FloatArray, starts: IntArray, n_cols: int, share: float
+) -> tuple[IntArray, FloatArray]:
     """Return the cells with more bright points than chance brings, and the mean place of these points.
 
     Chance: a share `share` of the points, and three standard deviations of that number; where points are few,

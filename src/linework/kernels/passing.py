@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
+from linework.arrays import FloatArray, IntArray
 
 
 @njit(cache=True, nogil=True)
 def passing(
-    nodes: F64, offsets: I64, middle: I64, frame: tuple[int, int, float], reach: tuple[float, float]
-) -> tuple[I64, F64]:
+    nodes: FloatArray,
+    offsets: IntArray,
+    middle: IntArray,
+    frame: tuple[int, int, float],
+    reach: tuple[float, float],
+) -> tuple[IntArray, FloatArray]:
     """Return which lines of `follow_all` pass where which others were begun, near and parallel.
 
     Returns

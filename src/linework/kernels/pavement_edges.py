@@ -6,9 +6,9 @@ Positions are local [m]; v points to the smooth, carriageway side; heights r are
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray
 from linework.kernels.profiles import (
     LEAST_NOISE_M,
     N_BINS,
@@ -17,8 +17,6 @@ from linework.kernels.profiles import (
     profile_across,
 )
 from linework.kernels.surroundings import ROUGHEST_M
-
-F64 = npt.NDArray[np.float64]
 
 #: The verge is rougher than the pavement by this factor, or brighter by that one: asphalt differs less from
 #: asphalt.
@@ -61,7 +59,7 @@ EDGE_COLUMNS = 11
 
 
 @njit(cache=True, nogil=True)
-def _spread_of(a: F64, b: F64, v: float) -> tuple[float, float, float, float, float]:
+def _spread_of(a: FloatArray, b: FloatArray, v: float) -> tuple[float, float, float, float, float]:
     """Return points, variances of height and brightness, and levels of both of the bins from `a` to `b`."""
     n, left, z, _ = line_through(a, b, v)
     if n < SIDE_POINTS:
@@ -78,7 +76,7 @@ def _spread_of(a: F64, b: F64, v: float) -> tuple[float, float, float, float, fl
 
 
 @njit(cache=True, nogil=True)
-def is_steady(sums: F64, k: int, level: float, above: bool) -> bool:
+def is_steady(sums: FloatArray, k: int, level: float, above: bool) -> bool:
     """Return whether all beyond bin k is on one side of a level of brightness: a stripe of paint is not."""
     for a in range(k, FAR_BIN, -5):
         b = max(a - 5, FAR_BIN)
@@ -89,7 +87,9 @@ def is_steady(sums: F64, k: int, level: float, above: bool) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def split_in(sums: F64, step: float, half: int, stride: int, by: int, gains: F64, out: F64) -> None:
+def split_in(
+    sums: FloatArray, step: float, half: int, stride: int, by: int, gains: FloatArray, out: FloatArray
+) -> None:
     """Write where a profile changes most clearly: twice the log likelihood of two halves over that of one.
 
     by: 0 roughness, 1 brightness, 2 both, of which the first decides. The other side is the rougher, brighter one.
@@ -140,7 +140,13 @@ def split_in(sums: F64, step: float, half: int, stride: int, by: int, gains: F64
 
 @njit(cache=True, nogil=True)
 def best_split(
-    work: F64, n: int, frame: tuple[float, float], scale: float, by: int, sums: F64, out: F64
+    work: FloatArray,
+    n: int,
+    frame: tuple[float, float],
+    scale: float,
+    by: int,
+    sums: FloatArray,
+    out: FloatArray,
 ) -> bool:
     """Turn the v-axis until the profile changes most clearly; False when it does not, or not near the place.
 
@@ -169,7 +175,9 @@ def best_split(
 
 
 @njit(cache=True, nogil=True)
-def sharpen_split(work: F64, n: int, first: F64, scale: float, by: int, sums: F64, out: F64) -> bool:
+def sharpen_split(
+    work: FloatArray, n: int, first: FloatArray, scale: float, by: int, sums: FloatArray, out: FloatArray
+) -> bool:
     """Find the change again within 20 cm of the place, in fine steps; v is the mean of where it may be.
 
     out: see `EDGE_COLUMNS`. Paint beside the edge is brighter than both sides: it has no say farther off.
@@ -204,7 +212,9 @@ def sharpen_split(work: F64, n: int, first: F64, scale: float, by: int, sums: F6
 
 
 @njit(cache=True, nogil=True)
-def _out_of_shadow(work: F64, n: int, step: float, half_u: float, sums: F64, out: F64) -> None:
+def _out_of_shadow(
+    work: FloatArray, n: int, step: float, half_u: float, sums: FloatArray, out: FloatArray
+) -> None:
     """Move an edge that lies among few points to the pavement's last ones.
 
     Behind an edge over a lower verge lies the scanner's shadow: the change may be anywhere in it, the edge is

@@ -6,15 +6,11 @@ Positions are local: from the survey's origin. [m]
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import Float32Array, FloatArray, IntArray
 from linework.kernels.floor import ground_at
 from linework.kernels.profiles import ENOUGH_POINTS, count_near, gather_at
-
-F64 = npt.NDArray[np.float64]
-F32 = npt.NDArray[np.float32]
-I64 = npt.NDArray[np.int64]
 
 #: Side of a cell that may hold a box.
 CELL_M = 0.5
@@ -43,7 +39,7 @@ KERB, EDGE, BARRIER = 2.0, 3.0, 4.0
 
 @njit(cache=True, nogil=True)
 def floor_near(
-    facets: F64, span: I64, x: float, y: float, slope: tuple[float, float], plane: F64
+    facets: FloatArray, span: IntArray, x: float, y: float, slope: tuple[float, float], plane: FloatArray
 ) -> tuple[float, float]:
     """Choose the smoothest facet of the road's slope within the search area; write its plane at (x, y).
 
@@ -69,14 +65,19 @@ def floor_near(
 
 
 @njit(cache=True, nogil=True)
-def roughest(usual: float, limits: F64) -> float:
+def roughest(usual: float, limits: FloatArray) -> float:
     """Return how rough the floor of a place may be, where the smoothest floor around is known."""
     return float(min(limits[3], max(ROUGHER_FLOOR * usual, SMOOTH_M)))
 
 
 @njit(cache=True, nogil=True)
 def gather_area(
-    points: F64, starts: I64, span: I64, place: tuple[float, float], plane: F64, work: F64
+    points: FloatArray,
+    starts: IntArray,
+    span: IntArray,
+    place: tuple[float, float],
+    plane: FloatArray,
+    work: FloatArray,
 ) -> tuple[int, float]:
     """Collect the points of the search area about a place, wider where they are few; return how many, and scale."""
     scale = SCALES[0]
@@ -104,7 +105,7 @@ def chord_in_cell(x: float, y: float, ux: float, uy: float, half: float) -> tupl
 
 
 @njit(cache=True, nogil=True)
-def slope_at(place: tuple[float, float], ground: tuple[F32, float, int, int]) -> tuple[float, float]:
+def slope_at(place: tuple[float, float], ground: tuple[Float32Array, float, int, int]) -> tuple[float, float]:
     """Return the ground's slope east and north over 3 m."""
     x, y = place
     height, cell, west, north = ground

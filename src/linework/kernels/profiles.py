@@ -6,13 +6,10 @@ A place has its own frame: u along the feature, v to its left, r the height over
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray, IntArray
 from linework.kernels.floor import FINE_M
-
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
 
 #: Bins of a profile, and how many of them a piece on either side of a break has at most: the lower side is
 #: looked at over 0.6 m, the upper over 0.4 m (kerb tops are narrow), where a bin is 2 cm.
@@ -32,7 +29,7 @@ CLIP_M = 0.30
 
 
 @njit(cache=True, nogil=True)
-def count_near(starts: I64, span: I64, place: tuple[float, float], radius: float) -> int:
+def count_near(starts: IntArray, span: IntArray, place: tuple[float, float], radius: float) -> int:
     """Return how many points the fine cells within `radius` of a place (east, north) hold."""
     n_cols, n_rows = span[2], span[3]
     c0 = max(int(np.floor((place[0] - radius) / FINE_M)) - span[0], 0)
@@ -48,14 +45,14 @@ def count_near(starts: I64, span: I64, place: tuple[float, float], radius: float
 
 @njit(cache=True, nogil=True)
 def gather_at(
-    points: F64,
-    starts: I64,
-    span: I64,
+    points: FloatArray,
+    starts: IntArray,
+    span: IntArray,
     place: tuple[float, float],
     radius: float,
-    plane: F64,
+    plane: FloatArray,
     most: int,
-    work: F64,
+    work: FloatArray,
 ) -> int:
     """Collect the points around a place into `work`: x, y from it, r over the plane, strength, index.
 
@@ -86,7 +83,9 @@ def gather_at(
 
 
 @njit(cache=True, nogil=True)
-def profile_across(work: F64, n: int, vx: float, vy: float, half_u: float, step: float, sums: F64) -> None:
+def profile_across(
+    work: FloatArray, n: int, vx: float, vy: float, half_u: float, step: float, sums: FloatArray
+) -> None:
     """Write running sums over the bins of a profile along v: 1, v, vv, r, vr, rr, strength i, vi, ii.
 
     sums: (N_BINS + 1, 9); of bins a to b - 1 the sums are ``sums[b] - sums[a]``.
@@ -121,7 +120,7 @@ def beside_cell(vx: float, vy: float, v: float) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def line_through(a: F64, b: F64, v: float) -> tuple[float, float, float, float]:
+def line_through(a: FloatArray, b: FloatArray, v: float) -> tuple[float, float, float, float]:
     """Return points, sum of squares left, height at `v` and slope of the line through the bins from `a` to `b`."""
     n = b[0] - a[0]
     if n < PIECE_POINTS:
@@ -135,7 +134,9 @@ def line_through(a: F64, b: F64, v: float) -> tuple[float, float, float, float]:
 
 
 @njit(cache=True, nogil=True)
-def step_in(sums: F64, step: float, half: int, stride: int) -> tuple[float, float, float, float, float]:
+def step_in(
+    sums: FloatArray, step: float, half: int, stride: int
+) -> tuple[float, float, float, float, float]:
     """Return where a profile steps up towards -v: clearness, v, heights below and above, and noise beside it.
 
     Clearness: how much two lines, broken there, leave less of the squares than one, over their noise. Bins in
@@ -167,7 +168,7 @@ def step_in(sums: F64, step: float, half: int, stride: int) -> tuple[float, floa
 
 @njit(cache=True, nogil=True)
 def fit_side(
-    work: F64,
+    work: FloatArray,
     n: int,
     frame: tuple[float, float],
     window: tuple[float, float, float],

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-Array = npt.NDArray[Any]
+from linework.arrays import AnyArray
 
 
 @njit(cache=True, nogil=True)
@@ -29,7 +27,11 @@ def below(t: float, outer: float, inner: float, top: float, curve: float) -> flo
 
 @njit(cache=True, nogil=True)
 def project(
-    x: Array, y: Array, line: tuple[float, float, float], shape: tuple[float, float, float, float], out: Array
+    x: AnyArray,
+    y: AnyArray,
+    line: tuple[float, float, float],
+    shape: tuple[float, float, float, float],
+    out: AnyArray,
 ) -> None:
     """Fill (3, n) `out`: first bin each cell touches, and its shares below that bin's and the next one's end.
 
@@ -47,7 +49,7 @@ def project(
 
 
 @njit(cache=True, nogil=True)
-def add_cell(row: Array, amount: float, centre: float, shape: tuple[float, float, float, float]) -> None:
+def add_cell(row: AnyArray, amount: float, centre: float, shape: tuple[float, float, float, float]) -> None:
     """Add a cell whose middle projects to `centre` to the bins it touches, as many as there are."""
     outer, inner, top, curve = shape
     first = max(math.floor(centre - outer), 0)
@@ -61,14 +63,14 @@ def add_cell(row: Array, amount: float, centre: float, shape: tuple[float, float
 
 @njit(cache=True, nogil=True)
 def radon(
-    x: Array,
-    y: Array,
-    weights: Array,
+    x: AnyArray,
+    y: AnyArray,
+    weights: AnyArray,
     cell: tuple[float, float, float],
-    angles: Array,
+    angles: AnyArray,
     step: float,
     n_half: int,
-) -> Array:
+) -> AnyArray:
     """Return (n_angles, 2 n_half + 1) strip integrals over the strip's width.
 
     `cell` is width, height and the turn of the cell's axes from x and y [rad]. Bin k covers

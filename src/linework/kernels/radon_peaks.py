@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-Array = npt.NDArray[Any]
+from linework.arrays import AnyArray
 
 #: Values this close, relative, are one plateau: sums of the same cells in another order differ by 1e-15.
 SAME = 1e-9
@@ -23,7 +21,7 @@ def turned(i: int, n: int) -> tuple[int, int]:
 
 
 @njit(cache=True, nogil=True)
-def reach(angles: Array, i: int, window: float, sign: int) -> int:
+def reach(angles: AnyArray, i: int, window: float, sign: int) -> int:
     """Return how many angles lie within `window` of angle `i` on one side (sign +1 or -1), at most n - 1."""
     n = angles.size
     count = 0
@@ -36,7 +34,7 @@ def reach(angles: Array, i: int, window: float, sign: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def dilate(values: Array, angles: Array, half_window: float, half_bins: int) -> Array:
+def dilate(values: AnyArray, angles: AnyArray, half_window: float, half_bins: int) -> AnyArray:
     """Return the grey dilation by a line element along rho, then by one along theta.
 
     The elements reach `half_bins` bins and `half_window` [rad] to either side.
@@ -63,7 +61,7 @@ def dilate(values: Array, angles: Array, half_window: float, half_bins: int) -> 
 
 
 @njit(cache=True, nogil=True)
-def is_top(values: Array, angles: Array, i: int, j: int, half_window: float, half_bins: int) -> bool:
+def is_top(values: AnyArray, angles: AnyArray, i: int, j: int, half_window: float, half_bins: int) -> bool:
     """Whether bin (i, j) equals its dilation: no bin of its window is higher.
 
     Nearly every bin has a higher one beside it, which ends the search: the image need not be dilated as a whole.
@@ -85,8 +83,8 @@ def is_top(values: Array, angles: Array, i: int, j: int, half_window: float, hal
 
 @njit(cache=True, nogil=True)
 def peaks(
-    values: Array, angles: Array, rho: Array, threshold: float, half_window: float, half_bins: int
-) -> Array:
+    values: AnyArray, angles: AnyArray, rho: AnyArray, threshold: float, half_window: float, half_bins: int
+) -> AnyArray:
     """Return (n, 3) theta, rho and strength of the bins that equal their dilation and exceed the threshold.
 
     Such bins that lie in one another's window are one plateau, and give the one of them that is nearest
@@ -125,7 +123,7 @@ def peaks(
 
 @njit(cache=True, nogil=True)
 def flood(
-    top: Array, angles: Array, i: int, j: int, half_window: float, half_bins: int, plateau: Array
+    top: AnyArray, angles: AnyArray, i: int, j: int, half_window: float, half_bins: int, plateau: AnyArray
 ) -> int:
     """Collect the plateau that (i, j) belongs to, erase it from `top`, and return its size."""
     n, m = top.shape
@@ -148,7 +146,7 @@ def flood(
 
 
 @njit(cache=True, nogil=True)
-def middle(plateau: Array) -> int:
+def middle(plateau: AnyArray) -> int:
     """Return which bin of a plateau is nearest to its mean; the first of equals."""
     mean_i, mean_j = plateau[:, 0].mean(), plateau[:, 1].mean()
     best, least = 0, np.inf
@@ -160,7 +158,7 @@ def middle(plateau: Array) -> int:
 
 
 @njit(cache=True, nogil=True)
-def refine(values: Array, angles: Array, step: float, i: int, j: int) -> tuple[float, float]:
+def refine(values: AnyArray, angles: AnyArray, step: float, i: int, j: int) -> tuple[float, float]:
     """Return where the paraboloid through a peak and its 8 neighbours is highest, from the peak [rad, m].
 
     A line whose middle is off the centre makes a ridge that runs aslant, so theta and rho are solved

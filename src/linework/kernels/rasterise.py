@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-Array = npt.NDArray[Any]
+from linework.arrays import AnyArray
 
 #: Steps of the fixed-point sums of heights [1/m]: 1 micrometre. Integer sums do not depend on the order of
 #: the points; float sums would, and so would every line that is drawn from them.
@@ -19,7 +17,7 @@ TOO_HIGH = 100_000.0
 
 
 @njit(cache=True, nogil=True)
-def cell_of(x: float, y: float, placement: Array, n_rows: int, n_cols: int) -> int:
+def cell_of(x: float, y: float, placement: AnyArray, n_rows: int, n_cols: int) -> int:
     """Return the flat index of the cell that holds (x, y), or -1 outside the grid (and for NaN).
 
     Cells are half open: west and north edge inside, before rotation. `placement` is
@@ -39,7 +37,7 @@ def cell_of(x: float, y: float, placement: Array, n_rows: int, n_cols: int) -> i
 
 
 @njit(cache=True, nogil=True)
-def cells_of(xyz: Array, placement: Array, n_rows: int, n_cols: int) -> Array:
+def cells_of(xyz: AnyArray, placement: AnyArray, n_rows: int, n_cols: int) -> AnyArray:
     """Return the (n,) int64 flat cell index of each point; -1 outside."""
     cells = np.empty(xyz.shape[0], np.int64)
     for i in range(xyz.shape[0]):
@@ -49,14 +47,14 @@ def cells_of(xyz: Array, placement: Array, n_rows: int, n_cols: int) -> Array:
 
 @njit(cache=True, nogil=True)
 def rasterise(
-    xyz: Array,
-    height: Array,
+    xyz: AnyArray,
+    height: AnyArray,
     origin: float,
-    intensity: Array,
-    placement: Array,
+    intensity: AnyArray,
+    placement: AnyArray,
     n_rows: int,
     n_cols: int,
-) -> tuple[Array, Array, Array, Array, Array]:
+) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray, AnyArray]:
     """Return density, maximum, minimum and mean of ``height - origin``, and mean intensity, per cell.
 
     Points without a height (NaN, or beyond `TOO_HIGH`) are left out of everything. `intensity` of length 0: none, and so is
@@ -100,8 +98,8 @@ def rasterise(
 
 @njit(cache=True, nogil=True)
 def count_in_band(
-    xyz: Array, height: Array, low: float, high: float, placement: Array, n_rows: int, n_cols: int
-) -> Array:
+    xyz: AnyArray, height: AnyArray, low: float, high: float, placement: AnyArray, n_rows: int, n_cols: int
+) -> AnyArray:
     """Return the (n_cells,) uint32 number of points with ``low <= height <= high`` per cell."""
     count = np.zeros(n_rows * n_cols, np.uint32)
     for i in range(xyz.shape[0]):

@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-F32 = npt.NDArray[np.float32]
-I32 = npt.NDArray[np.int32]
-I64 = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
+from linework.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 
 #: So deep from an edge can a region go on beyond it: it steps over one missing cell.
 DEEP = 2
@@ -18,8 +13,14 @@ DEEP = 2
 
 @njit(cache=True, nogil=True)
 def label_regions(
-    height: F32, slope_east: F32, slope_north: F32, allowed: Mask, cell: float, max_step: float, level: bool
-) -> tuple[I32, int, I32]:
+    height: Float32Array,
+    slope_east: Float32Array,
+    slope_north: Float32Array,
+    allowed: BoolArray,
+    cell: float,
+    max_step: float,
+    level: bool,
+) -> tuple[Int32Array, int, Int32Array]:
     """Return the connected regions of the allowed cells: labels 1, 2 ... (0: not allowed).
 
     Two cells are connected when they are neighbours in a row or a column, or have one missing cell between
@@ -61,7 +62,7 @@ def label_regions(
 
 
 @njit(cache=True, nogil=True)
-def _spans_of(mask: Mask) -> I32:
+def _spans_of(mask: BoolArray) -> Int32Array:
     """Return where the set cells of each row begin and end: of a tile with a road most cells are empty."""
     n_rows, n_cols = mask.shape
     spans = np.zeros((n_rows, 2), dtype=np.int32)
@@ -76,7 +77,7 @@ def _spans_of(mask: Mask) -> I32:
 
 
 @njit(cache=True, nogil=True)
-def _root(parent: I32, at: int) -> int:
+def _root(parent: Int32Array, at: int) -> int:
     while parent[at] != at:
         parent[at] = parent[parent[at]]
         at = parent[at]
@@ -84,7 +85,7 @@ def _root(parent: I32, at: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _unite(parent: I32, a: int, b: int) -> None:
+def _unite(parent: Int32Array, a: int, b: int) -> None:
     a, b = _root(parent, a), _root(parent, b)
     if a < b:
         parent[b] = a
@@ -93,7 +94,9 @@ def _unite(parent: I32, a: int, b: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _numbered(parent: I32, spans: I32, n_rows: int, n_cols: int) -> tuple[I32, int, I32]:
+def _numbered(
+    parent: Int32Array, spans: Int32Array, n_rows: int, n_cols: int
+) -> tuple[Int32Array, int, Int32Array]:
     """Return labels in the order of the regions' first cells, those near the edge first."""
     label_of = np.zeros(n_rows * n_cols, dtype=np.int32)
     first = np.empty(1024, dtype=np.int32)
@@ -132,7 +135,7 @@ def _numbered(parent: I32, spans: I32, n_rows: int, n_cols: int) -> tuple[I32, i
 
 
 @njit(cache=True, nogil=True)
-def sizes_of_labels(labels: I32, count: I32, n: int) -> tuple[I64, I64]:
+def sizes_of_labels(labels: Int32Array, count: Int32Array, n: int) -> tuple[IntArray, IntArray]:
     """Return the cells of each label (entry 0 is label 1), and the points in them."""
     cells, points = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
     for r in range(labels.shape[0]):
@@ -145,15 +148,15 @@ def sizes_of_labels(labels: I32, count: I32, n: int) -> tuple[I64, I64]:
 
 @njit(cache=True, nogil=True)
 def links_across(
-    height: F32,
-    slope: F32,
-    labels: I32,
-    height_b: F32,
-    slope_b: F32,
-    labels_b: I32,
+    height: Float32Array,
+    slope: Float32Array,
+    labels: Int32Array,
+    height_b: Float32Array,
+    slope_b: Float32Array,
+    labels_b: Int32Array,
     cell: float,
     max_step: float,
-) -> I32:
+) -> Int32Array:
     """Return the (m, 2) labels that are connected across an edge, by the relation of `label_regions`.
 
     Parameters
@@ -187,8 +190,8 @@ def links_across(
 
 @njit(cache=True, nogil=True)
 def drops_below(
-    path: F64, west: int, south: int, height: F32, cell: float, z0: float, reach: int
-) -> tuple[F32, F32]:
+    path: FloatArray, west: int, south: int, height: Float32Array, cell: float, z0: float, reach: int
+) -> tuple[Float32Array, Float32Array]:
     """Return per cell the least and the largest height of the path over it, for cells near the path, else NaN.
 
     Parameters
@@ -217,7 +220,7 @@ def drops_below(
 
 
 @njit(cache=True, nogil=True)
-def opened(mask: Mask) -> Mask:
+def opened(mask: BoolArray) -> BoolArray:
     """Return the mask opened by 3 x 3 cells; beyond the edge nothing is set."""
     n_rows, n_cols = mask.shape
     out = np.zeros((n_rows, n_cols), dtype=np.bool_)
@@ -232,7 +235,7 @@ def opened(mask: Mask) -> Mask:
 
 
 @njit(cache=True, nogil=True)
-def with_labels(labels: I32, chosen: Mask) -> Mask:
+def with_labels(labels: Int32Array, chosen: BoolArray) -> BoolArray:
     """Return where the labels are chosen ones; labels beyond the end of `chosen` are not."""
     out = np.zeros(labels.shape, dtype=np.bool_)
     for r in range(labels.shape[0]):

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from linework.arrays import BoolArray
 
 
 @njit(cache=True, nogil=True)
 def best_rhythm(
-    is_paint: Mask, step_m: float, periods_m: tuple[float, float], least: tuple[float, float, float],
+    is_paint: BoolArray, step_m: float, periods_m: tuple[float, float], least: tuple[float, float, float],
     paint: tuple[float, float],
 ) -> tuple[float, float, float]:  # fmt: skip
     """Return period [m], length of its free part [m] and contrast of the most contrasty rhythm; zeros if none.

@@ -6,8 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-U8 = npt.NDArray[np.uint8]
+from linework.arrays import ByteArray, FloatArray
 
 #: Half size of the windows that are compared: wide and flat, as the road is slanted. [pixels]
 HALF_COLS, HALF_ROWS = 6, 2
@@ -16,7 +15,9 @@ DISTINCT = 1.15
 
 
 @njit(cache=True, nogil=True)
-def cell_disparities(left: U8, right: U8, limits: F64, cell: tuple[int, int], first_row: int) -> F64:
+def cell_disparities(
+    left: ByteArray, right: ByteArray, limits: FloatArray, cell: tuple[int, int], first_row: int
+) -> FloatArray:
     """Return (n, 3): column, row and disparity of the most textured place of each cell, where it is distinct.
 
     Parameters
@@ -74,7 +75,9 @@ def cell_disparities(left: U8, right: U8, limits: F64, cell: tuple[int, int], fi
 
 
 @njit(cache=True, nogil=True)
-def best_plane(places: F64, picks: npt.NDArray[np.int64], limits: F64, tolerance: float) -> F64:
+def best_plane(
+    places: FloatArray, picks: npt.NDArray[np.int64], limits: FloatArray, tolerance: float
+) -> FloatArray:
     """Return the plane d = p0 + p1 u + p2 v that most places agree with, among those through three of them.
 
     Parameters

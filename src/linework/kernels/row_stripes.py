@@ -8,8 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-U8 = npt.NDArray[np.uint8]
+from linework.arrays import ByteArray, FloatArray
 
 #: Columns of a table of stripes: column and row [pixels], width [pixels], contrast [grey values], standard
 #: deviation of the column [pixels], level of the road beside it [grey values].
@@ -26,7 +25,7 @@ FAR_M, FAR_SHARE = (0.20, 0.60), 0.5
 
 
 @njit(cache=True, nogil=True)
-def _noise_of(row: U8, start: int, end: int) -> float:
+def _noise_of(row: ByteArray, start: int, end: int) -> float:
     """Return the standard deviation of a pixel of a row from differences of neighbours (median)."""
     count = np.zeros(256, dtype=np.int64)
     for u in range(start, end - 1):
@@ -42,12 +41,12 @@ def _noise_of(row: U8, start: int, end: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _mean(total: F64, start: int, end: int) -> float:
+def _mean(total: FloatArray, start: int, end: int) -> float:
     return float((total[end] - total[start]) / (end - start))
 
 
 @njit(cache=True, nogil=True)
-def _crossing(row: U8, near: int, reach: int, level: float, rises: bool) -> tuple[float, float]:
+def _crossing(row: ByteArray, near: int, reach: int, level: float, rises: bool) -> tuple[float, float]:
     """Return where the grey values of a row cross a level, nearest to a place, and how steeply; NaN if nowhere."""
     best, slope, off = np.nan, 0.0, np.inf
     for u in range(max(near - reach, 0), min(near + reach, len(row) - 2) + 1):
@@ -61,9 +60,9 @@ def _crossing(row: U8, near: int, reach: int, level: float, rises: bool) -> tupl
 
 @njit(cache=True, nogil=True)
 def stripes_of_rows(
-    image: U8, plane: F64, per_disparity: float, rows: tuple[int, int], widths_m: tuple[float, float],
+    image: ByteArray, plane: FloatArray, per_disparity: float, rows: tuple[int, int], widths_m: tuple[float, float],
     gates: tuple[float, float],
-) -> tuple[F64, npt.NDArray[np.int64]]:  # fmt: skip
+) -> tuple[FloatArray, npt.NDArray[np.int64]]:  # fmt: skip
     """Return the stripes of an image, row by row from the bottom upwards, and each row's first.
 
     Parameters
@@ -146,7 +145,7 @@ def stripes_of_rows(
 
 @njit(cache=True, nogil=True)
 def _measured(
-    row: U8, total: F64, start: int, end: int, local: float, noise: float
+    row: ByteArray, total: FloatArray, start: int, end: int, local: float, noise: float
 ) -> tuple[float, float, float, float, float]:
     """Return middle, width, contrast, sigma of the middle and level beside of the stripe between two steps.
 

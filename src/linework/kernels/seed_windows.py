@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray, IntArray
 from linework.kernels.radon import radon
 from linework.kernels.radon_peaks import peaks
-
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)
 def peaks_of_windows(
-    cells: F64,
-    starts: I64,
-    windows: tuple[I64, F64],
+    cells: FloatArray,
+    starts: IntArray,
+    windows: tuple[IntArray, FloatArray],
     frame: tuple[tuple[float, float, float], float],
-    angles: F64,
-    rho: F64,
+    angles: FloatArray,
+    rho: FloatArray,
     limits: tuple[float, float, int],
     fewest: float,
-) -> F64:
+) -> FloatArray:
     """Return (n, 4) window, theta, rho and strength of the peaks of each window's Radon transform.
 
     Parameters

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
+from linework.arrays import BoolArray, FloatArray, IntArray
 
 
 @njit(cache=True, nogil=True)
 def is_set_beside(
-    image: Mask, place: tuple[int, int, float, float], x: float, y: float, nx: float, ny: float
+    image: BoolArray, place: tuple[int, int, float, float], x: float, y: float, nx: float, ny: float
 ) -> bool:
     """Return whether the cell at (x, y), or half a cell beside it along the normal (nx, ny), is set.
 
@@ -32,8 +29,16 @@ def is_set_beside(
 
 @njit(cache=True, nogil=True)
 def segments_of(
-    image: Mask, cell: float, lines: F64, places: I64, within: F64, t: F64, half: float, gap: int, least: int
-) -> F64:
+    image: BoolArray,
+    cell: float,
+    lines: FloatArray,
+    places: IntArray,
+    within: FloatArray,
+    t: FloatArray,
+    half: float,
+    gap: int,
+    least: int,
+) -> FloatArray:
     """Return the occupied pieces (m, 5: x, y of both ends, strength) of lines through square windows.
 
     lines: (n, 5) window centre x, y; theta, rho about it; strength. places, within: (n, 2) column and row of

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
+from linework.arrays import FloatArray
 
 
 @njit(cache=True, nogil=True)
-def smooth_plane(t: F64, xy: F64, variance: F64, change: F64) -> tuple[F64, F64, F64]:
+def smooth_plane(
+    t: FloatArray, xy: FloatArray, variance: FloatArray, change: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Smooth places in plan along a line whose curvature wanders.
 
     State: place, direction, curvature vector, each in x and y; both axes share one covariance.
@@ -73,7 +74,9 @@ def smooth_plane(t: F64, xy: F64, variance: F64, change: F64) -> tuple[F64, F64,
 
 
 @njit(cache=True, nogil=True)
-def smooth_height(t: F64, z: F64, variance: F64, change: float) -> tuple[F64, F64]:
+def smooth_height(
+    t: FloatArray, z: FloatArray, variance: FloatArray, change: float
+) -> tuple[FloatArray, FloatArray]:
     """Smooth heights along a line whose grade wanders: (n,) heights and variances.
 
     change: density of the grade's random walk [1/m]; the rest as for `smooth_plane`.

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-Array = npt.NDArray[Any]
+from linework.arrays import AnyArray
+
 U64 = np.uint64
 
 #: Added to a coordinate in steps: whole blocks, so that what is counted is never negative. Beyond 1e8 m.
@@ -28,8 +28,8 @@ _GOLDEN = U64(0x9E3779B97F4A7C15)
 
 @njit(cache=True, nogil=True)
 def pack_points(
-    xyz: Array, keys: Array, owners: Array, heights: Array, middle: int
-) -> tuple[bool, Array, Array, Any, Any]:
+    xyz: AnyArray, keys: AnyArray, owners: AnyArray, heights: AnyArray, middle: int
+) -> tuple[bool, AnyArray, AnyArray, Any, Any]:
     """Write the key of each point, and find which block it lies in.
 
     Parameters
@@ -109,7 +109,7 @@ def pack_points(
 
 
 @njit(cache=True, nogil=True)
-def _slot_of(code: Any, table: Array, codes: Array) -> Any:
+def _slot_of(code: Any, table: AnyArray, codes: AnyArray) -> Any:
     """Return the slot of the hash table that holds `code`, or -1 - the free slot where it belongs."""
     mask = U64(len(table) - 1)
     slot = (code * _GOLDEN) >> U64(32) & mask
@@ -121,7 +121,7 @@ def _slot_of(code: Any, table: Array, codes: Array) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _doubled(codes: Array, counts: Array) -> tuple[Array, Array, Array]:
+def _doubled(codes: AnyArray, counts: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
     """Return table, codes and counts with room for twice as many blocks; the table is half full at most."""
     n = len(codes)
     table = np.full(4 * n, -1, np.int32)
@@ -134,7 +134,7 @@ def _doubled(codes: Array, counts: Array) -> tuple[Array, Array, Array]:
 
 
 @njit(cache=True, nogil=True)
-def blocks_of(codes: Array) -> Array:
+def blocks_of(codes: AnyArray) -> AnyArray:
     """Return the (n, 3) int64 block numbers (east, north, up) of codes."""
     blocks = np.empty((len(codes), 3), np.int64)
     for i in range(len(codes)):
@@ -146,7 +146,7 @@ def blocks_of(codes: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def scatter_runs(
-    keys: Array, intensity: Array, time: Array, owners: Array, firsts: Array, words: Array
+    keys: AnyArray, intensity: AnyArray, time: AnyArray, owners: AnyArray, firsts: AnyArray, words: AnyArray
 ) -> None:
     """Write the points' columns to their runs.
 
@@ -177,7 +177,7 @@ def scatter_runs(
 
 
 @njit(cache=True, nogil=True)
-def checksum(keys: Array, times: Array, intensities: Array) -> Any:
+def checksum(keys: AnyArray, times: AnyArray, intensities: AnyArray) -> Any:
     """Return a 64-bit checksum of a run's columns (times as uint64, or of length 0).
 
     Two running sums as in Fletcher [1], modulo 2**64: any change within one word shows for certain, as their
@@ -212,7 +212,7 @@ def checksum(keys: Array, times: Array, intensities: Array) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def extent_of(keys: Array) -> Array:
+def extent_of(keys: AnyArray) -> AnyArray:
     """Return the closed extent west, south, low, east, north, high of keys, (6,) int64 steps from the corner."""
     west, south, low = np.int64(2**24), np.int64(2**24), np.int64(2**24)
     east, north, high = np.int64(-1), np.int64(-1), np.int64(-1)
@@ -228,7 +228,9 @@ def extent_of(keys: Array) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def describe_runs(words: Array, firsts: Array, counts: Array, with_time: bool) -> tuple[Array, Array]:
+def describe_runs(
+    words: AnyArray, firsts: AnyArray, counts: AnyArray, with_time: bool
+) -> tuple[AnyArray, AnyArray]:
     """Return the checksum and the extent of each run that `scatter_runs` has made.
 
     Parameters

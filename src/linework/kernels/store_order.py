@@ -8,15 +8,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import AnyArray
 from linework.kernels.store import checksum
 
-Array = npt.NDArray[Any]
 U64 = np.uint64
 #: Two columns of keys (uint64) and numbers of points (int32), and as much again.
-Room = tuple[Array, Array, Array, Array]
+Room = tuple[AnyArray, AnyArray, AnyArray, AnyArray]
 
 #: Ranges so short are sorted by insertion: measured best between 8 and 32.
 _FEW = 16
@@ -28,7 +27,12 @@ _MOST_BITS = 13
 
 @njit(cache=True, nogil=True)
 def first_damaged(
-    keys: Array, times: Array, intensities: Array, starts: Array, has_time: Array, sums: Array
+    keys: AnyArray,
+    times: AnyArray,
+    intensities: AnyArray,
+    starts: AnyArray,
+    has_time: AnyArray,
+    sums: AnyArray,
 ) -> int:
     """Return the first run whose checksum is not that of its columns, -1 where all are sound.
 
@@ -48,7 +52,9 @@ def first_damaged(
 
 
 @njit(cache=True, nogil=True)
-def keep_inside(keys: Array, times: Array, intensities: Array, box: Array, floors: Array) -> int:
+def keep_inside(
+    keys: AnyArray, times: AnyArray, intensities: AnyArray, box: AnyArray, floors: AnyArray
+) -> int:
     """Move the points that are wanted to the front, and return how many there are.
 
     Parameters
@@ -79,7 +85,7 @@ def keep_inside(keys: Array, times: Array, intensities: Array, box: Array, floor
 
 
 @njit(cache=True, nogil=True)
-def sort_points(keys: Array, times: Array, intensities: Array, room: Room) -> None:
+def sort_points(keys: AnyArray, times: AnyArray, intensities: AnyArray, room: Room) -> None:
     """Find the canonical order: by key, then by time, then by intensity.
 
     Parameters
@@ -128,7 +134,7 @@ def _bits_for(n: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _sort_bucket(room: Room, first: Any, last: Any, shift: int, fill: Array) -> None:
+def _sort_bucket(room: Room, first: Any, last: Any, shift: int, fill: AnyArray) -> None:
     """Sort a range of keys that differ below bit `shift` only."""
     n = last - first
     keys, order, spare_keys, spare_order = room
@@ -158,7 +164,7 @@ def _sort_bucket(room: Room, first: Any, last: Any, shift: int, fill: Array) -> 
 
 
 @njit(cache=True, nogil=True)
-def _insertion_sort(keys: Array, order: Array, first: Any, last: Any) -> None:
+def _insertion_sort(keys: AnyArray, order: AnyArray, first: Any, last: Any) -> None:
     for i in range(first + 1, last):
         key = keys[i]
         if keys[i - 1] <= key:
@@ -198,7 +204,7 @@ def _merge_sort(room: Room, first: Any, last: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _settle_ties(times: Array, intensities: Array, room: Room) -> None:
+def _settle_ties(times: AnyArray, intensities: AnyArray, room: Room) -> None:
     """Order points of equal keys by time, and those of equal times by intensity.
 
     The keys of such a range are replaced by what it is sorted by, and put back.
@@ -238,12 +244,12 @@ def _sortable(bits: Any) -> Any:
 
 @njit(cache=True, nogil=True)
 def unpack_points(
-    keys: Array,
-    times: Array,
-    intensities: Array,
-    order: Array,
-    corner: Array,
-    out: tuple[Array, Array, Array],
+    keys: AnyArray,
+    times: AnyArray,
+    intensities: AnyArray,
+    order: AnyArray,
+    corner: AnyArray,
+    out: tuple[AnyArray, AnyArray, AnyArray],
     at: int,
 ) -> None:
     """Write coordinates, times and intensities of a block's points.

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray
 from linework.kernels.cholesky import factor, solve
 from linework.kernels.stripe_search import Q, X, Y, Z
-
-F64 = npt.NDArray[np.float64]
 
 #: Bins along a stripe, and parts of it that are taken for independent.
 N_ALONG = 80
@@ -20,7 +18,12 @@ N_SLICES = 8
 
 @njit(cache=True, nogil=True)
 def strip_of(
-    work: F64, n: int, axes: tuple[float, float], radius: float, limits: tuple[float, float], strip: F64
+    work: FloatArray,
+    n: int,
+    axes: tuple[float, float],
+    radius: float,
+    limits: tuple[float, float],
+    strip: FloatArray,
 ) -> int:
     """Write the points between two offsets as (along, across, brightness, height) to `strip`; return their number."""
     ux, uy = axes
@@ -36,7 +39,7 @@ def strip_of(
 
 
 @njit(cache=True, nogil=True)
-def extent(strip: F64, radius: float, fit: F64) -> tuple[float, float, int]:
+def extent(strip: FloatArray, radius: float, fit: FloatArray) -> tuple[float, float, int]:
     """Return where along its direction a stripe begins and ends, and in how many of 8 parts between are points.
 
     The stretch with the largest sum of brightness above the middle of road and paint is the most likely one
@@ -96,7 +99,12 @@ def extent(strip: F64, radius: float, fit: F64) -> tuple[float, float, int]:
 
 @njit(cache=True, nogil=True)
 def fit_stripe(
-    strip: F64, stretch: tuple[float, float], blur: float, rounds: int, fit: F64, covariance: F64
+    strip: FloatArray,
+    stretch: tuple[float, float],
+    blur: float,
+    rounds: int,
+    fit: FloatArray,
+    covariance: FloatArray,
 ) -> int:
     """Fit a stripe to the brightness of all points around it by least squares; return the number of points.
 

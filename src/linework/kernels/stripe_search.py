@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
+from linework.arrays import FloatArray, IntArray
 
 #: Columns of the points of a search area: place from its middle, height, brightness, time.
 X, Y, Z, Q, TIME = range(5)
@@ -31,13 +29,13 @@ MOST_STRIPES = 4
 
 @njit(cache=True, nogil=True)
 def gather(
-    points: F64,
-    starts: I64,
+    points: FloatArray,
+    starts: IntArray,
     lattice: tuple[float, int, int, int, int],
     x: float,
     y: float,
     reach: float,
-    work: F64,
+    work: FloatArray,
 ) -> int:
     """Write the points within `reach` of a place to `work`, places from there; return their number (or -needed)."""
     cell, south, west, n_rows, n_cols = lattice
@@ -66,7 +64,7 @@ def gather(
 
 
 @njit(cache=True, nogil=True)
-def direction(work: F64, n: int, radius: float) -> float:
+def direction(work: FloatArray, n: int, radius: float) -> float:
     """Return the direction [rad] across which the brightness of the points within 1.2 radii differs most.
 
     For each of 16 directions the points fall into bins across it; the sum of squares between the bins is
@@ -111,7 +109,9 @@ def direction(work: F64, n: int, radius: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def stripes_across(work: F64, n: int, angle: float, radius: float, least_t: float, out: F64) -> int:
+def stripes_across(
+    work: FloatArray, n: int, angle: float, radius: float, least_t: float, out: FloatArray
+) -> int:
     """Find the stripes along a direction: bands that are brighter than the road on both their sides.
 
     The profile across has 56 bins; of all bands the one whose mean stands out most from the darker mean of
@@ -182,7 +182,7 @@ def stripes_across(work: F64, n: int, angle: float, radius: float, least_t: floa
 
 
 @njit(cache=True, nogil=True)
-def edges_of(number: F64, total: F64) -> tuple[I64, I64]:
+def edges_of(number: FloatArray, total: FloatArray) -> tuple[IntArray, IntArray]:
     """Return the borders between bins where the profile rises, and where it falls, more than beside them.
 
     number, total: sums of the bins so far. What counts is the difference of the means of two bins on each side.

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray
 from linework.kernels.cholesky import factor, solve
-
-F64 = npt.NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)
-def edge_variance(strip: F64, stretch: tuple[float, float], across: float, fit: F64) -> float:
+def edge_variance(strip: FloatArray, stretch: tuple[float, float], across: float, fit: FloatArray) -> float:
     """Return the variance of a stripe's centre that the fit does not see: gaps between points, and worn edges.
 
     Across the road points follow each other at a distance a, at random: an edge half way between the last one on
@@ -37,7 +35,7 @@ def edge_variance(strip: F64, stretch: tuple[float, float], across: float, fit: 
 
 
 @njit(cache=True, nogil=True)
-def bright_beside(strip: F64, stretch: tuple[float, float], fit: F64, side: float) -> float:
+def bright_beside(strip: FloatArray, stretch: tuple[float, float], fit: FloatArray, side: float) -> float:
     """Return the share of points within `side` of a stripe's edges that look like its paint, on the worse side.
 
     The road beside paint has next to none, whatever its level; a strip of grass beside other grass has many.
@@ -56,7 +54,7 @@ def bright_beside(strip: F64, stretch: tuple[float, float], fit: F64, side: floa
 
 @njit(cache=True, nogil=True)
 def height_of(
-    strip: F64, stretch: tuple[float, float], fit: F64, at: float, side: float
+    strip: FloatArray, stretch: tuple[float, float], fit: FloatArray, at: float, side: float
 ) -> tuple[float, float, float, float]:
     """Return the height of the stripe's centre at `at` and its sigma; the height of a kerb here and its sigma.
 
@@ -114,7 +112,7 @@ def height_of(
 
 
 @njit(cache=True, nogil=True)
-def _add(row: F64, value: float, normal: F64, right: F64) -> None:
+def _add(row: FloatArray, value: float, normal: FloatArray, right: FloatArray) -> None:
     """Add an observation to normal equations of four unknowns."""
     for a in range(4):
         right[a] += row[a] * value
@@ -123,7 +121,7 @@ def _add(row: F64, value: float, normal: F64, right: F64) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _solve(normal: F64, right: F64, out: F64) -> None:
+def _solve(normal: FloatArray, right: FloatArray, out: FloatArray) -> None:
     """Solve normal equations in place, unknowns without observations become 0."""
     for a in range(4):
         normal[a, a] += 1e-4
@@ -132,7 +130,7 @@ def _solve(normal: F64, right: F64, out: F64) -> None:
 
 
 @njit(cache=True, nogil=True)
-def bent(zones: F64) -> tuple[float, float]:
+def bent(zones: FloatArray) -> tuple[float, float]:
     """Return the height of a kerb that would bend four zones off their plane as far, and the noise.
 
     zones: number, sum and sum of squares of the distances from the plane: right of the stripe, its right and left

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray
 from linework.kernels.stripe_fit import extent, fit_stripe, strip_of
 from linework.kernels.stripe_search import ACROSS, MOST_STRIPES, Q, direction, stripes_across
 from linework.kernels.stripe_sides import bright_beside, edge_variance, height_of
-
-F64 = npt.NDArray[np.float64]
 
 #: Columns of a stripe.
 (
@@ -56,13 +54,13 @@ def clipped(
 
 @njit(cache=True, nogil=True)
 def stripes_in_area(
-    work: F64,
+    work: FloatArray,
     n: int,
     radius: float,
     levels: tuple[float, float],
     cell: tuple[float, float, float, float],
     least_t: float,
-    out: F64,
+    out: FloatArray,
 ) -> tuple[int, int]:
     """Find the stripes of a search area that pass through a cell.
 
@@ -117,7 +115,7 @@ def stripes_in_area(
 
 
 @njit(cache=True, nogil=True)
-def limits_of(edges: F64, j: int, radius: float) -> tuple[float, float]:
+def limits_of(edges: FloatArray, j: int, radius: float) -> tuple[float, float]:
     """Return between which offsets a stripe is fitted: road on both sides, no paint of its neighbours."""
     right, left = edges[j, 0], edges[j, 1]
     low, high = right - 0.24 * radius, left + 0.24 * radius
@@ -132,7 +130,7 @@ def limits_of(edges: F64, j: int, radius: float) -> tuple[float, float]:
 
 @njit(cache=True, nogil=True)
 def fit_closely(
-    near: F64, radius: float, across: float, fit: F64, covariance: F64
+    near: FloatArray, radius: float, across: float, fit: FloatArray, covariance: FloatArray
 ) -> tuple[float, float, int, int]:
     """Fit a stripe roughly, find how far along there is paint, and fit it precisely on that stretch.
 
@@ -158,11 +156,11 @@ def fit_closely(
 
 @njit(cache=True, nogil=True)
 def write_place(
-    fit: F64,
+    fit: FloatArray,
     stretch: tuple[float, float],
     axes: tuple[float, float],
     cell: tuple[float, float, float, float],
-    row: F64,
+    row: FloatArray,
 ) -> bool:
     """Write where the stripe lies in a cell: the middle of the piece in it; return whether there is such a piece."""
     root = math.sqrt(1.0 + fit[1] ** 2)
@@ -181,7 +179,13 @@ def write_place(
 
 @njit(cache=True, nogil=True)
 def write_figures(
-    near: F64, stretch: tuple[float, float], across: float, radius: float, fit: F64, covariance: F64, row: F64
+    near: FloatArray,
+    stretch: tuple[float, float],
+    across: float,
+    radius: float,
+    fit: FloatArray,
+    covariance: FloatArray,
+    row: FloatArray,
 ) -> None:
     """Write how precise a stripe is, how much it stands out, and its height."""
     at = row[ALONG]

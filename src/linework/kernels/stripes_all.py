@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray, IntArray
 from linework.kernels.stripe_search import ACROSS, MOST_STRIPES, TIME, Q, X, Y, gather
 from linework.kernels.stripes import (
     CX,
@@ -27,9 +27,6 @@ from linework.kernels.stripes import (
 )
 from linework.kernels.visits import MOST_VISITS, dark_level, split_into_visits, visit_of
 
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
-
 #: Radii of search areas [m]: the paper's, and larger ones for sparse points (airborne: 20 points/m2; one
 #: turn of a car's scanner).
 RADII_M = (0.5, 1.0, 2.0)
@@ -43,7 +40,7 @@ N_LEVEL, LEAST_VISIT = 200, 10
 
 
 @njit(cache=True, nogil=True)
-def even_out(work: F64, n: int) -> tuple[int, float, float]:
+def even_out(work: FloatArray, n: int) -> tuple[int, float, float]:
     """Bring all visits of the scanner to the same road, in place; return number of points, dark and bright level.
 
     Each visit's intensities are divided by the level of its dark surface; a visit of few points is left out.
@@ -95,15 +92,15 @@ def even_out(work: F64, n: int) -> tuple[int, float, float]:
 
 @njit(cache=True, nogil=True)
 def stripes_at(
-    points: F64,
-    starts: I64,
+    points: FloatArray,
+    starts: IntArray,
     lattice: tuple[float, int, int, int, int],
     place: tuple[float, float],
     cell: tuple[float, float, float, float],
     least_t: float,
-    work: F64,
-    out: F64,
-) -> tuple[int, int, F64]:
+    work: FloatArray,
+    out: FloatArray,
+) -> tuple[int, int, FloatArray]:
     """Find the stripes about a place that pass through a cell, in the smallest search area that shows them.
 
     Returns
@@ -140,13 +137,13 @@ def stripes_at(
 
 @njit(cache=True, nogil=True)
 def all_stripes(
-    points: F64,
-    starts: I64,
+    points: FloatArray,
+    starts: IntArray,
     lattice: tuple[float, int, int, int, int],
-    cells: I64,
-    places: F64,
+    cells: IntArray,
+    places: FloatArray,
     least_t: float,
-) -> F64:
+) -> FloatArray:
     """Return the stripes of all the cells in their order, one row each (see `linework.kernels.stripes`)."""
     size, south, west, _, n_cols = lattice
     out = np.empty((256, N_COLUMNS))
@@ -173,7 +170,7 @@ def all_stripes(
 
 
 @njit(cache=True, nogil=True)
-def write_times(work: F64, place: tuple[float, float], stripe: F64) -> None:
+def write_times(work: FloatArray, place: tuple[float, float], stripe: FloatArray) -> None:
     """Write when the points on a stripe were measured."""
     dx, dy = stripe[CX] - place[0], stripe[CY] - place[1]
     first, last = np.inf, -np.inf

@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-F32 = npt.NDArray[np.float32]
-I32 = npt.NDArray[np.int32]
-I64 = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
+from linework.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 
 #: Heights are added in steps of this: sums of whole numbers do not depend on the order of the points. [1/m]
 FIXED = 2.0**20
@@ -18,8 +13,8 @@ FIXED = 2.0**20
 
 @njit(cache=True, nogil=True)
 def lowest_supported(
-    xyz: F64, west: int, south: int, n_rows: int, n_cols: int, cell: float, z0: float, support: float
-) -> tuple[I32, F32, F32, I32]:
+    xyz: FloatArray, west: int, south: int, n_rows: int, n_cols: int, cell: float, z0: float, support: float
+) -> tuple[Int32Array, Float32Array, Float32Array, Int32Array]:
     """Return each point's cell and height, and per cell the lowest supported height and the number of points.
 
     Cells are counted from the coordinates' zero: `west` and `south` are the numbers of the first column and
@@ -60,7 +55,9 @@ def lowest_supported(
 
 
 @njit(cache=True, nogil=True)
-def lowest_layer(cells: I32, heights: F32, low: F32, thickness: float) -> tuple[F32, F32]:
+def lowest_layer(
+    cells: Int32Array, heights: Float32Array, low: Float32Array, thickness: float
+) -> tuple[Float32Array, Float32Array]:
     """Return mean height and spread of the points within `thickness` above each cell's low.
 
     They are added in whole numbers: neither the order of the points nor their batches matter. Squares lose
@@ -95,7 +92,7 @@ def lowest_layer(cells: I32, heights: F32, low: F32, thickness: float) -> tuple[
 
 
 @njit(cache=True, nogil=True)
-def count_in_steps(values: F32, step: float, n: int) -> I64:
+def count_in_steps(values: Float32Array, step: float, n: int) -> IntArray:
     """Return how many values lie in each of the first n steps from 0; larger ones count in the last."""
     counts = np.zeros(n, dtype=np.int64)
     for r in range(values.shape[0]):
@@ -106,7 +103,9 @@ def count_in_steps(values: F32, step: float, n: int) -> I64:
 
 
 @njit(cache=True, nogil=True)
-def median_slopes(height: F32, wanted: Mask, cell: float, reach: int, network: I32) -> tuple[F32, F32]:
+def median_slopes(
+    height: Float32Array, wanted: BoolArray, cell: float, reach: int, network: Int32Array
+) -> tuple[Float32Array, Float32Array]:
     """Return slope east and north: medians of neighbour differences within `reach` cells around.
 
     A median is not tilted by a kerb. NaN where not wanted; 0 where no difference is known.
@@ -154,7 +153,7 @@ def median_slopes(height: F32, wanted: Mask, cell: float, reach: int, network: I
 
 
 @njit(cache=True, nogil=True)
-def _stretches_of(wanted: Mask, stretches: I64) -> int:
+def _stretches_of(wanted: BoolArray, stretches: IntArray) -> int:
     """Write where each stretch of wanted columns begins and ends; return how many there are.
 
     Stretches less than 8 columns apart are one: short ones cost more than the columns between them.
@@ -170,7 +169,15 @@ def _stretches_of(wanted: Mask, stretches: I64) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _medians(step: F32, stretches: I64, reach: int, network: I32, values: F32, side: F32, out: F32) -> None:
+def _medians(
+    step: Float32Array,
+    stretches: IntArray,
+    reach: int,
+    network: Int32Array,
+    values: Float32Array,
+    side: Float32Array,
+    out: Float32Array,
+) -> None:
     """Write the median of the known steps around each column of the stretches.
 
     Missing values become infinite, in turn above and below all others: the middle stays the middle.
@@ -209,7 +216,9 @@ def _medians(step: F32, stretches: I64, reach: int, network: I32, values: F32, s
 
 
 @njit(cache=True, nogil=True)
-def height_above(xyz: F64, west: float, north: float, z0: float, cell: float, reference: F32) -> F32:
+def height_above(
+    xyz: FloatArray, west: float, north: float, z0: float, cell: float, reference: Float32Array
+) -> Float32Array:
     """Return each point's height above the reference surface, bilinear between cell centres."""
     n_rows, n_cols = reference.shape
     out = np.empty(len(xyz), dtype=np.float32)

@@ -6,15 +6,12 @@ Positions are local: from the survey's origin. [m]
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray, IntArray
 from linework.kernels.floor import FINE_M
 from linework.kernels.places import AREA_M
 from linework.kernels.profiles import CLIP_M
-
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
 
 #: Channels: height over the plane; whether there is a rise at all, of a low kerb or a high wall; roughness;
 #: brightness.
@@ -27,7 +24,12 @@ MOST_WEIGHT = 5.0
 
 @njit(cache=True, nogil=True)
 def look_around(
-    sums: F64, span: I64, place: tuple[float, float], plane: F64, noise: float, out: F64
+    sums: FloatArray,
+    span: IntArray,
+    place: tuple[float, float],
+    plane: FloatArray,
+    noise: float,
+    out: FloatArray,
 ) -> tuple[float, float]:
     """Fit a slope to each channel over the fine cells of the search area.
 

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-Array = npt.NDArray[Any]
+from linework.arrays import AnyArray
 
 #: Steps of the fixed-point sums of heights [1/m]: whole numbers add up to the same in any order of the points.
 STEPS_PER_M = 1048576.0
@@ -20,10 +17,10 @@ OVERHEAD_M = 4.5
 
 @njit(cache=True, nogil=True)
 def add_points(
-    columns: tuple[Array, ...],
+    columns: tuple[AnyArray, ...],
     corner: tuple[float, float],
     cell_m: float,
-    sums: tuple[Array, ...],
+    sums: tuple[AnyArray, ...],
 ) -> None:
     """Add points to the cells they lie in; those outside are passed over.
 
@@ -64,7 +61,7 @@ def add_points(
             above[row, col] = a
 
 
-def no_sums(n_rows: int, n_cols: int) -> tuple[Array, ...]:
+def no_sums(n_rows: int, n_cols: int) -> tuple[AnyArray, ...]:
     """Return sums over no points, as `add_points` takes them."""
     shape = (n_rows, n_cols)
     whole = [np.zeros(shape, dtype) for dtype in (np.int32, np.int32, np.int64, np.int64)]
@@ -72,7 +69,7 @@ def no_sums(n_rows: int, n_cols: int) -> tuple[Array, ...]:
 
 
 @njit(cache=True, nogil=True)
-def layers_of(sums: tuple[Array, ...], cell_m: float) -> tuple[Array, ...]:
+def layers_of(sums: tuple[AnyArray, ...], cell_m: float) -> tuple[AnyArray, ...]:
     """Return density [1/m2], ground height, height of what stands on it, height above the road [m], mean intensity.
 
     (n_rows, n_cols) float32 each; density 0 and NaN where no point is. Where no point is on the ground, its height
@@ -99,8 +96,8 @@ def layers_of(sums: tuple[Array, ...], cell_m: float) -> tuple[Array, ...]:
 
 @njit(cache=True, nogil=True)
 def join_cells(
-    child: tuple[Array, ...],
-    out: tuple[Array, ...],
+    child: tuple[AnyArray, ...],
+    out: tuple[AnyArray, ...],
     first_row: int,
     first_col: int,
 ) -> None:
@@ -134,7 +131,7 @@ def join_cells(
 
 
 @njit(cache=True, nogil=True)
-def nearest_known(is_known: Array, reach: float) -> Array:
+def nearest_known(is_known: AnyArray, reach: float) -> AnyArray:
     """Return the flat index of the nearest known cell of each cell within a reach in cells, -1 where none is.
 
     Two passes that hand on the nearest from neighbour to neighbour (Danielsson 1980,
@@ -164,7 +161,7 @@ def nearest_known(is_known: Array, reach: float) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def _hand_on(nearest: Array, far: Array, r: int, c: int, from_r: int, from_c: int) -> None:
+def _hand_on(nearest: AnyArray, far: AnyArray, r: int, c: int, from_r: int, from_c: int) -> None:
     n_rows, n_cols = nearest.shape
     if far[r, c] == 0.0 or from_r < 0 or from_r >= n_rows or from_c < 0 or from_c >= n_cols:
         return
@@ -178,7 +175,7 @@ def _hand_on(nearest: Array, far: Array, r: int, c: int, from_r: int, from_c: in
 
 
 @njit(cache=True, nogil=True)
-def divided_by(x: Array, y: Array, values: Array, level: Array, node_m: float) -> Array:
+def divided_by(x: AnyArray, y: AnyArray, values: AnyArray, level: AnyArray, node_m: float) -> AnyArray:
     """Return (n,) uint16 values over the level where they lie, between nodes on a square lattice from 0, 0."""
     n_rows, n_cols = level.shape
     out = np.empty(len(values), np.uint16)

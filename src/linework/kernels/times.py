@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
+from linework.arrays import FloatArray, IntArray
 
 
 @njit(cache=True, nogil=True)
 def times_near(
-    xyz: F64, time_s: F64, vertices: F64, owner: I64, n_lines: int, reach: float
-) -> tuple[F64, F64]:
+    xyz: FloatArray, time_s: FloatArray, vertices: FloatArray, owner: IntArray, n_lines: int, reach: float
+) -> tuple[FloatArray, FloatArray]:
     """Return the first and the last time of the points within `reach` of each line's vertices, in space.
 
     vertices (k, 3), at least one; owner (k,): the line each belongs to. A line without points near: NaN.

@@ -8,14 +8,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray, IntArray
 from linework.kernels.separation import collides_in_plan
-
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
-U8 = npt.NDArray[np.uint8]
 
 #: Columns of a table of boxes.
 X, Y, UX, UY, HALF_U, HALF_V, SIGMA_V, SIGMA_U = range(8)
@@ -54,7 +50,7 @@ TIGHTEST_M = 3.0
 
 
 @njit(cache=True, nogil=True)
-def first_at(codes: I64, code: int) -> int:
+def first_at(codes: IntArray, code: int) -> int:
     """Return the first place in ascending `codes` that is not below `code`."""
     low, high = 0, len(codes)
     while low < high:
@@ -67,7 +63,9 @@ def first_at(codes: I64, code: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def support(boxes: F64, codes: I64, lattice: tuple[float, float, float, int], reach_m: float) -> F64:
+def support(
+    boxes: FloatArray, codes: IntArray, lattice: tuple[float, float, float, int], reach_m: float
+) -> FloatArray:
     """Return for each box the share of the next `reach_m` along it, both ways, where others continue it.
 
     lattice: west, south edge and size of the cells, number of columns.
@@ -100,7 +98,7 @@ def support(boxes: F64, codes: I64, lattice: tuple[float, float, float, int], re
 
 
 @njit(cache=True, nogil=True)
-def lead(boxes: F64, path: I64, way: F64, n: int, faster: float, out: F64) -> None:
+def lead(boxes: FloatArray, path: IntArray, way: FloatArray, n: int, faster: float, out: FloatArray) -> None:
     """Fit where the last of the `n` boxes of `path` lead.
 
     A parabola v = a + b s + c s^2 / 2 in the frame of the last box (s along it, v to its left), by weighted
@@ -147,7 +145,7 @@ def lead(boxes: F64, path: I64, way: F64, n: int, faster: float, out: F64) -> No
 
 
 @njit(cache=True, nogil=True)
-def predicted(fit: F64, s: float) -> tuple[float, float, float, float]:
+def predicted(fit: FloatArray, s: float) -> tuple[float, float, float, float]:
     """Return offset, slope, and their standard deviations, `s` metres ahead of the last box."""
     half = 0.5 * s * s
     v, slope = fit[0] + fit[1] * s + fit[2] * half, fit[1] + fit[2] * s
@@ -160,14 +158,14 @@ def predicted(fit: F64, s: float) -> tuple[float, float, float, float]:
 
 @njit(cache=True, nogil=True)
 def next_box(
-    boxes: F64,
-    codes: I64,
+    boxes: FloatArray,
+    codes: IntArray,
     lattice: tuple[float, float, float, int],
-    state: tuple[I64, F64, I64, F64],
+    state: tuple[IntArray, FloatArray, IntArray, FloatArray],
     n: int,
     limits: tuple[float, float, float, bool],
-    strength: F64,
-    fit: F64,
+    strength: FloatArray,
+    fit: FloatArray,
 ) -> tuple[int, int]:
     """Return the box that goes on from the last of the `n` boxes of a path, and the stop reason if there is none.
 
@@ -263,7 +261,7 @@ def next_box(
 
 @njit(cache=True, nogil=True)
 def absorb(
-    boxes: F64, codes: I64, lattice: tuple[float, float, float, int], owner: I64, pair: tuple[int, int],
+    boxes: FloatArray, codes: IntArray, lattice: tuple[float, float, float, int], owner: IntArray, pair: tuple[int, int],
     width_m: float,
 ) -> None:  # fmt: skip
     """Take out the boxes beside the stretch between two boxes of a line: the same thing, seen from other cells."""

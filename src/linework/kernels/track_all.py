@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from linework.arrays import FloatArray, IntArray
 from linework.kernels.track import END, FREE, JOINS_END, N_END, absorb, next_box
-
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)
 def track_one(
-    boxes: F64,
-    codes: I64,
+    boxes: FloatArray,
+    codes: IntArray,
     lattice: tuple[float, float, float, int],
-    state: tuple[I64, F64, I64, F64],
+    state: tuple[IntArray, FloatArray, IntArray, FloatArray],
     line: int,
     limits: tuple[float, float, float, bool, float],
-    strength: F64,
+    strength: FloatArray,
 ) -> tuple[int, int, int, int, int]:
     """Follow the line through box path[0], forward and backward, into `path` and `way`.
 
@@ -59,14 +56,14 @@ def track_one(
 
 @njit(cache=True, nogil=True)
 def track_all(
-    boxes: F64,
-    codes: I64,
+    boxes: FloatArray,
+    codes: IntArray,
     lattice: tuple[float, float, float, int],
-    seeds: I64,
+    seeds: IntArray,
     limits: tuple[float, float, float, bool, float],
-    strength: F64,
+    strength: FloatArray,
     least_n: int,
-) -> tuple[I64, F64, I64, I64, I64]:
+) -> tuple[IntArray, FloatArray, IntArray, IntArray, IntArray]:
     """Follow lines from `seeds`, strongest first.
 
     Returns boxes and ways of all lines one after the other, (m + 1,) offsets, (m, 2) stop reasons and (m, 2)

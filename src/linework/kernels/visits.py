@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-F64 = npt.NDArray[np.float64]
-I64 = npt.NDArray[np.int64]
+from linework.arrays import FloatArray, IntArray
 
 #: Points of a place that lie further apart in time are of two visits [s]: the turns of a scanner follow each other
 #: by 0.1 s and less, the second head looks at a place 3 m beside the van about that much later.
@@ -16,7 +14,7 @@ MOST_VISITS = 8
 
 
 @njit(cache=True, nogil=True)
-def split_into_visits(times: F64, n: int, visit: I64, spans: F64) -> int:
+def split_into_visits(times: FloatArray, n: int, visit: IntArray, spans: FloatArray) -> int:
     """Write the visit of each of n times, return how many there are.
 
     spans: (8, 2), takes the first and the last time of each. Visits beyond the eighth join the nearest.
@@ -50,7 +48,7 @@ def split_into_visits(times: F64, n: int, visit: I64, spans: F64) -> int:
 
 
 @njit(cache=True, nogil=True)
-def visit_of(time: float, spans: F64, m: int) -> int:
+def visit_of(time: float, spans: FloatArray, m: int) -> int:
     """Return the visit whose span is nearest to a time."""
     nearest, at = np.inf, 0
     for k in range(m):
@@ -61,7 +59,7 @@ def visit_of(time: float, spans: F64, m: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def dark_level(values: F64) -> tuple[float, float]:
+def dark_level(values: FloatArray) -> tuple[float, float]:
     """Return level and spread of the dark surface among n values, which are put into another order.
 
     They are those of the normal distribution with the same quantiles: 25 %, and 10 or 40 %, whichever is nearer.
@@ -78,7 +76,7 @@ def dark_level(values: F64) -> tuple[float, float]:
 
 
 @njit(cache=True, nogil=True)
-def smallest(values: F64, k: int) -> float:
+def smallest(values: FloatArray, k: int) -> float:
     """Return the k-th smallest value (from 0) by Hoare's selection; those before it come to stand before it."""
     low, high = 0, len(values) - 1
     while low < high:

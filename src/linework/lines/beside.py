@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from linework.arrays import FloatArray, IntArray
 from linework.lines.merged import APART_M, LIKELY, SAME_M, TURN_DEG
 from linework.lines.places import STEP_M, places_along
-from linework.model.arrays import FloatArray, IntArray
 from linework.model.lines import LineSet
 
 #: Where nobody knows how exact a line is, a person drew it: so well does one click on a picture of 5 cm. [m]

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.kernels import catenary as kernels
-from linework.model.arrays import FloatArray
 
 #: Gauss-Newton on this nearly linear problem gains three digits per step; eight are plenty.
 _MAX_STEPS = 8

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray
 from linework.errors import UsageError
-from linework.model.arrays import AnyArray, FloatArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: Two vertices nearer than this are one place. [m]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import UsageError
 from linework.lines.edited import part_of
 from linework.lines.edited_bridge import STATION_M, foot_along, places_on
 from linework.lines.edited_words import check_kind
-from linework.model.arrays import FloatArray
 from linework.model.lines import LineSet
 
 #: Lines farther apart are not of one road. [m]

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray
 from linework.errors import UsageError
 from linework.lines.edited_bridge import foot_along
-from linework.model.arrays import BoolArray, FloatArray
 from linework.model.lines import LineSet
 
 #: A dash is whole if it is this near the length that most have, and belongs where the rhythm says to within this. [m]

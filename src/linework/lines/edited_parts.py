@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray
 from linework.errors import UsageError
 from linework.lines.continued import SAME_M, Gap, continued
 from linework.lines.edited import ONE_PLACE_M, part_of, rebuilt, reversed_line
 from linework.lines.edited_bridge import bridge
-from linework.model.arrays import AnyArray, FloatArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: A person sees further than a tracker, but no gap wider than this is one line by looking at it. [m]

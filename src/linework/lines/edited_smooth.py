@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import UsageError
 from linework.kernels.smooth import smooth_height, smooth_plane
 from linework.kernels.track import CLOTHOID_M, STRAIGHT_M, TIGHTEST_M
-from linework.model.arrays import FloatArray
 from linework.model.lines import LineSet
 
 #: A place that somebody clicked on is known to a cell of the pictures. [m]

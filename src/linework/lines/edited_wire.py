@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import UsageError
 from linework.lines.catenary import fit_catenary
-from linework.model.arrays import FloatArray
 from linework.model.lines import LineSet
 
 #: Vertices so far apart: chords of the slackest wire (a = 50 m) are within 1 cm of it. [m]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.lines.places import STEP_M, Places, places_along, runs_of, stretch
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: Two lines of one kind are one feature where they are nearer than three standard deviations of their difference,

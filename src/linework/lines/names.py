@@ -7,7 +7,7 @@ from collections.abc import Container
 
 import numpy as np
 
-from linework.model.arrays import FloatArray, IntArray
+from linework.arrays import FloatArray, IntArray
 from linework.model.lines import LineSet
 
 #: A line's place is known to this step: wider than what another pass or a changed setting moves a line's

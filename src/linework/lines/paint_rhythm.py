@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.lines.edited_dashes import LONGEST_GAP_M
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 
 #: Dashed lines repeat within this: short dashes 1 m apart, to 6 m of paint on 12 m. [m]
 SHORTEST_M, LONGEST_M = 2.0, 18.0

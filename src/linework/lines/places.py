@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import BoolArray, FloatArray, IntArray
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: Places compared are so far apart along a line. [m]

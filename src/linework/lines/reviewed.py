@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray
 from linework.lines.beside import distances_beside
 from linework.lines.merged import APART_M, LEAST_M, SAME_SHARE, WHOLE_KINDS
 from linework.lines.names import named
 from linework.lines.places import places_along, runs_of, stretch
-from linework.model.arrays import BoolArray, FloatArray
 from linework.model.changes import Change
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 

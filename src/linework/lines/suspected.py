@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray
 from linework.lines.along_way import Way
-from linework.model.arrays import BoolArray, FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial import cKDTree
 
+from linework.arrays import FloatArray, IntArray
 from linework.lines.edited_dashes import lacking, missing_middles, rhythm_of
 from linework.lines.suspected import LEAST_M, Suspect, box_of, middle_of, stations
-from linework.model.arrays import FloatArray, IntArray
 from linework.model.lines import LineSet
 
 #: A dash lies within a stripe's width of its line. [m]

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.lines.along_way import STEP_M, Way
 from linework.lines.edited_parts import LONGEST_GAP_M
 from linework.lines.suspected import VIEW_M, Sight, Suspect, box_of
-from linework.model.arrays import FloatArray
 from linework.model.lines import LineSet
 
 #: Lines farther from the way belong to another road. [m]

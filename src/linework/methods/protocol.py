@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
+from linework.arrays import FloatArray
 from linework.methods.sight import Sight
-from linework.model.arrays import FloatArray
 from linework.model.boxes import BoxSet
 from linework.model.lines import LineSet
 from linework.model.tile import TileData

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from linework.model.arrays import BoolArray, FloatArray
+from linework.arrays import BoolArray, FloatArray
 from linework.model.surface import RoadSurface
 
 #: Says for (n, 2) places [m] whether road or ground was measured there: (n,).

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, BoolArray, FloatArray, checked
+from linework.arrays import AnyArray, BoolArray, FloatArray, checked
 
 
 class BoxForm(IntEnum):

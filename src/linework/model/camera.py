@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from linework.model.arrays import FloatArray, checked
+from linework.arrays import FloatArray, checked
 
 #: A base shorter than this measures nothing: at 10 m and 1000 pixels of focal length a tenth of a pixel is 2 m.
 LEAST_BASE_M = 0.005

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, BoolArray, FloatArray
+from linework.arrays import AnyArray, BoolArray, FloatArray
 
 
 class Bounds(NamedTuple):

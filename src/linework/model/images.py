@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, FloatArray, checked
+from linework.arrays import AnyArray, FloatArray, checked
 from linework.model.camera import RectifiedRig, StereoRig
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, BoolArray, FloatArray, IntArray, checked
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray, checked
 
 #: The kinds of line, in the order of their layers.
 KINDS = (

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import FloatArray, checked
+from linework.arrays import FloatArray, checked
 
 
 def _check_times(name: str, time_s: FloatArray) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, Float32Array, FloatArray, checked
+from linework.arrays import AnyArray, Float32Array, FloatArray, checked
 from linework.model.grid import Bounds
 
 

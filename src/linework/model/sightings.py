@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, FloatArray, checked
+from linework.arrays import AnyArray, FloatArray, checked
 
 
 def _column(dtype: Any, default: Any) -> Any:

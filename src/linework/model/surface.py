@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from linework.model.arrays import BoolArray, Float32Array
+from linework.arrays import BoolArray, Float32Array
 from linework.model.grid import Grid
 
 

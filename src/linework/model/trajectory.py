@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import FloatArray, checked
+from linework.arrays import FloatArray, checked
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, FloatArray, checked
+from linework.arrays import AnyArray, FloatArray, checked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from linework.model.arrays import BoolArray, FloatArray
+from linework.arrays import BoolArray, FloatArray
 from linework.model.trajectory import Trajectory
 from linework.model.van_log import LoggedPlaces
 from linework.navigation.lever import headings_deg

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray, FloatArray
 from linework.model.logs import GnssLog
 from linework.navigation.dead_reckoning import Motion, Reckoned, reckon
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray
 from linework.kernels import navigation as kernel
-from linework.model.arrays import BoolArray, FloatArray
 
 #: Grid of the integration where logs are coarser; a van turns by less than 2 degrees in it. [s]
 _GRID_S = 0.05

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import FloatArray, IntArray
 from linework.kernels import navigation as kernel
-from linework.model.arrays import FloatArray, IntArray
 from linework.model.logs import GnssLog
 from linework.navigation.dead_reckoning import Motion, Reckoned, steps_between
 from linework.navigation.noise import NoiseModel

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 from linework.model.trajectory import Trajectory
 from linework.navigation.poses import attitude_deg_of, rotations_of
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from linework.model.arrays import BoolArray, FloatArray
+from linework.arrays import BoolArray, FloatArray
 from linework.model.trajectory import Trajectory
 from linework.navigation.noise import NoiseModel
 

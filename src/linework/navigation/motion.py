@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
-from linework.model.arrays import FloatArray
 from linework.model.logs import GnssLog, NavigationLogs
 from linework.navigation.dead_reckoning import Motion
 from linework.navigation.gyro import Turns, sound_turns

@@ -8,8 +8,8 @@ from math import log
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.kernels import navigation as kernel
-from linework.model.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 from linework.model.images import Poses
 from linework.model.trajectory import Trajectory
 

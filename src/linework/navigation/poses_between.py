@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray
 from linework.kernels import navigation as kernel
-from linework.model.arrays import AnyArray, FloatArray
 from linework.model.trajectory import Trajectory
 from linework.navigation.dead_reckoning import Motion, Reckoned
 from linework.navigation.filter import Estimate, Problem

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 
 #: First way that is laid onto the fixes: so many sigmas of theirs, and no less than a street corner. [m]
 _LEAST_SIGMAS, _LEAST_M = 20.0, 15.0

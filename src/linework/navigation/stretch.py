@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray
 from linework.errors import InputError
 from linework.kernels import navigation as kernel
-from linework.model.arrays import BoolArray, FloatArray
 from linework.model.logs import GnssLog
 from linework.model.trajectory import Trajectory
 from linework.navigation.dead_reckoning import Motion, Reckoned, reckon

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.model.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray, FloatArray
 
 #: Node spacing of the table of axis positions; between nodes Simpson's rule is exact to 1e-9 m at R = 18 m.
 _NODE_M = 0.25

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray
 from linework.errors import UsageError
 from linework.imaging.rectify import distorted
-from linework.model.arrays import AnyArray, FloatArray
 from linework.model.camera import Camera, StereoRig
 from linework.model.images import Poses
 from linework.navigation.poses import rotations_of

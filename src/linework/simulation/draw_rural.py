@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 from linework.simulation.alignment import Alignment, PiecewiseLinear, make_alignment
 from linework.simulation.draw_pieces import MARGIN_M, dashed, grade_profile, solid, uniform
 from linework.simulation.draw_roadside import Bend, draw_roadside

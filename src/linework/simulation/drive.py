@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 from linework.model.trajectory import Trajectory
 from linework.simulation.road import Road
 from linework.simulation.scenario import Pass

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 from linework.model.logs import GnssLog, GyroLog, NavigationLogs, WheelLog
 from linework.simulation.logs import made_logs
 from linework.simulation.sensors import GNSS_2_CM, GYROS, SensorGrades, WheelGrade

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray, FloatArray
 from linework.simulation.materials import Material
 from linework.simulation.meshes import Mesh, sheet
 from linework.simulation.mouth import kerb_paths, mouth_path

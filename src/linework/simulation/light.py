@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.kernels.grain import grain
-from linework.model.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 from linework.model.logs import GnssLog, GyroLog, NavigationLogs, WheelLog
 from linework.navigation.lever import rotated
 from linework.simulation.drive import Drive

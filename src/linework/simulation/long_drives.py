@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 from linework.simulation.drive import POSE_RATE_HZ, Drive
 
 _GRID_M = 0.5

@@ -6,7 +6,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray, FloatArray
 
 
 class Material(IntEnum):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray, FloatArray
 from linework.simulation.materials import Material
 
 

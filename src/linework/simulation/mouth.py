@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 
 #: Chords of a quarter turn; at 8 m radius they leave the arc by 0.6 mm.
 _ARC_CHORDS = 64

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray, FloatArray
 from linework.simulation.scenario import Marking, Symbol
 
 #: A beam's spot on the road blurs the paint's edge over this width.

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray
 from linework.kernels.grain import grain
-from linework.model.arrays import AnyArray, FloatArray
 from linework.model.camera import Camera
 from linework.model.images import Poses
 from linework.simulation.light import Light, sky_and_hills

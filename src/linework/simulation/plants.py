@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 from linework.simulation.materials import Material
 from linework.simulation.meshes import columns, flakes, sheet
 from linework.simulation.part import Part

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray, FloatArray
 from linework.model.points import Points
 from linework.simulation.materials import GROUND, REFLECTANCE, ROUGHNESS_M, Material
 from linework.simulation.paint import paint_cover, smooth_noise

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.interpolate import RectBivariateSpline
 from scipy.spatial.transform import Rotation
 
+from linework.arrays import FloatArray
 from linework.errors import UsageError
 from linework.imaging.rectify import distorted
-from linework.model.arrays import FloatArray
 from linework.model.camera import LOOKING_AHEAD, Camera, StereoRig
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray, FloatArray
 from linework.simulation.alignment import Alignment, PiecewiseLinear
 from linework.simulation.materials import Material
 from linework.simulation.mouth import Mouth, widening

@@ -9,7 +9,7 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from linework.model.arrays import AnyArray, BoolArray, FloatArray
+from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.simulation.drive import Drive
 from linework.simulation.materials import RETURN_SHARE, SEE_THROUGH
 from linework.simulation.part import Scene

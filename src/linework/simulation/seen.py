@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.files.crs import parse_crs
-from linework.model.arrays import AnyArray, BoolArray, FloatArray
 from linework.model.camera import Camera
 from linework.model.lines import LineSet
 from linework.simulation.cameras import StereoDrive, camera_pixels

@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 from scipy.spatial import cKDTree
 
+from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.kernels.times import times_near
-from linework.model.arrays import AnyArray, BoolArray, FloatArray
 from linework.model.lines import KINDS, LineSet
 from linework.simulation.materials import GROUND, Material
 from linework.simulation.part import Scene, TruthLine

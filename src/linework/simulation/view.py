@@ -8,7 +8,7 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from linework.model.arrays import AnyArray, BoolArray, FloatArray
+from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.simulation.materials import Material
 from linework.simulation.part import Scene
 from linework.simulation.scenario import Scenario, Wall

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 from linework.simulation.materials import Material
 from linework.simulation.part import Scene
 from linework.simulation.scenario import Layout

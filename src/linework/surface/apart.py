@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import AnyArray, BoolArray, Float32Array
 from linework.kernels import nearest as nearest_kernels
 from linework.kernels import regions as kernels
-from linework.model.arrays import AnyArray, BoolArray, Float32Array
 from linework.surface.carry import reach_cells
 from linework.surface.config import RoadConfig
 from linework.surface.islands import united

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linework.model.arrays import IntArray
+from linework.arrays import IntArray
 from linework.model.grid import Bounds, Grid
 
 #: Blocks of the lattice that tells recorded places apart and holds coarse heights: the point store's. [m]

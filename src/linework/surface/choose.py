@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import AnyArray, BoolArray, IntArray
+from linework.arrays import AnyArray, BoolArray, IntArray
 from linework.surface.islands import united
 from linework.surface.path import under_the_wheels
 from linework.surface.regions import LabelTable, RegionFacts

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from linework.kernels import surface as kernels
-from linework.model.arrays import AnyArray, Float32Array, FloatArray, IntArray
 from linework.surface.cells import Window
 from linework.surface.config import RoadConfig
 

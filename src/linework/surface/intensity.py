@@ -18,8 +18,8 @@ from enum import IntEnum
 import numpy as np
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
+from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels import intensity as kernels
-from linework.model.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.model.points import Points
 from linework.model.surface import RoadSurface
 from linework.model.trajectory import Trajectory

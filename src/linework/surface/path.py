@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray
 from linework.kernels import regions as kernels
-from linework.model.arrays import AnyArray, BoolArray, Float32Array, FloatArray
 from linework.model.trajectory import Trajectory
 from linework.surface.cells import Window
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels import regions as kernels
-from linework.model.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.surface.cells import Window, block_of
 from linework.surface.config import RoadConfig
 from linework.surface.islands import Islands

@@ -17,9 +17,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray
 from linework.errors import InputError
 from linework.kernels import surface as kernels
-from linework.model.arrays import AnyArray, BoolArray, Float32Array, FloatArray
 from linework.model.points import Points
 from linework.model.surface import RoadSurface as RoadSurface
 from linework.model.trajectory import Trajectory

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
 

@@ -6,8 +6,8 @@ from functools import cache
 
 import numpy as np
 
+from linework.arrays import AnyArray, BoolArray, Float32Array
 from linework.kernels import surface as kernels
-from linework.model.arrays import AnyArray, BoolArray, Float32Array
 from linework.surface.config import RoadConfig
 
 #: Slopes are medians over so many cells on every side: 25 cells outvote a kerb.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.lines.continued import PICKED_TWICE, continued
 from linework.methods.obb.trace import PICK_M, leads, may_go_on
-from linework.model.arrays import FloatArray
 from linework.model.lines import LineSet
 
 #: Ahead of an end it is looked every so many metres, as far to either side.

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.crs import describe_crs, has_height
 from linework.files.store_facts import FileFacts, StoreFacts
 from linework.imaging.scan_lines import scan_line_spacing_m
-from linework.model.arrays import FloatArray
 from linework.model.points import Points
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory

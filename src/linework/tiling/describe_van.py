@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import LineworkError
 from linework.files.events import read_events
 from linework.files.navigation_logs import read_navigation_logs
@@ -16,7 +17,6 @@ from linework.files.pair_check import check_pairs
 from linework.files.stereo_series import open_stereo
 from linework.files.van_path import VanPath, read_van_path
 from linework.imaging.rectify import rectifier_of
-from linework.model.arrays import FloatArray
 from linework.model.camera import Camera
 from linework.model.images import StereoSeries
 from linework.model.survey import Survey

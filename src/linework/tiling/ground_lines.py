@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray
 from linework.lines.continued import Gap, continued
 from linework.methods.obb import trace
 from linework.methods.obb.method import ObbMethod
 from linework.methods.obb.near_line import near_line
 from linework.methods.obb.trace import Stop
 from linework.methods.sight import Sight
-from linework.model.arrays import BoolArray, FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.tiling.survey_boxes import Corridor, SurveyBoxes

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import AbsentError, InputError, UsageError
 from linework.imaging.rectify import original_pixels, rectified_pixels
 from linework.methods.stereo.picked_edge import (
@@ -20,7 +21,6 @@ from linework.methods.stereo.picked_edge import (
     PickRefusedError,
     follow_picked,
 )
-from linework.model.arrays import FloatArray
 from linework.model.images import ImagePair
 from linework.model.lines import LineSet
 from linework.tiling.opened_stereo import OpenedStereo

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.arrays import FloatArray, IntArray
 from linework.errors import InputError
 from linework.files.images import read_pair
 from linework.files.pair_check import check_pairs
 from linework.files.run_record import hash_file
 from linework.imaging.rectify import Rectifier, rectifier_of
-from linework.model.arrays import FloatArray, IntArray
 from linework.model.images import ImagePair, Poses, RectifiedPair, StereoSeries
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory

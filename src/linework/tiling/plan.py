@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from linework.model.arrays import IntArray
+from linework.arrays import IntArray
 from linework.model.grid import Bounds
 from linework.model.settings import setting
 

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.files.store_layout import CELL_M
 from linework.files.store_read import PointStore
 from linework.methods.protocol import Method
-from linework.model.arrays import FloatArray
 from linework.model.grid import Bounds, Image
 from linework.model.lines import LineSet
 from linework.model.tile import TileData

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.lines.names import midpoints
-from linework.model.arrays import AnyArray, BoolArray, FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 

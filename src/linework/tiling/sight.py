@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray
 from linework.methods.sight import Sight, sight_of
-from linework.model.arrays import BoolArray, FloatArray
 from linework.model.grid import Bounds
 from linework.tiling.surfaces import SurveySurface
 

@@ -14,9 +14,9 @@ from typing import Protocol
 
 import numpy as np
 
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.files.store_read import PointStore
 from linework.files.surface_tiles import SurfaceTiles, TileNumber
-from linework.model.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.model.grid import Bounds
 from linework.model.points import Points
 from linework.surface import apart

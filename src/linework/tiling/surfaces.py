@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from linework.arrays import AnyArray, IntArray
 from linework.files.store_read import PointStore
 from linework.files.surface_tiles import (
     SurfaceTiles,
@@ -23,7 +24,6 @@ from linework.files.surface_tiles import (
     read_surface_record,
     write_surface_record,
 )
-from linework.model.arrays import AnyArray, IntArray
 from linework.model.grid import Bounds
 from linework.model.surface import RoadSurface
 from linework.model.trajectory import Trajectory

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.files.store_read import PointStore
 from linework.methods.obb.method import ObbMethod
-from linework.model.arrays import FloatArray
 from linework.model.boxes import BoxSet
 from linework.model.grid import Bounds
 from linework.model.tile import TileData

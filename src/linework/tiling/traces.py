@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import UsageError
 from linework.lines.continued import PICKED_TWICE, continued
 from linework.methods.obb import trace
@@ -15,7 +16,6 @@ from linework.methods.obb.picks import Surroundings, nearest_that_works, why_not
 from linework.methods.obb.search_area import Failure
 from linework.methods.obb.trace import PICK_M, Stop
 from linework.methods.radon.method import CABLE_KINDS, RAIL_KINDS, CableMethod, RailMethod
-from linework.model.arrays import FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.tile import local_origin

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import AbsentError, UsageError
 from linework.lines import edited, edited_parts, edited_smooth, edited_words
 from linework.lines.edited_beside import beside, with_heights
 from linework.lines.edited_wire import wire
-from linework.model.arrays import FloatArray
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 from linework.workbench import edits

@@ -6,11 +6,11 @@ import itertools
 
 import numpy as np
 
+from linework.arrays import FloatArray, IntArray
 from linework.errors import UsageError
 from linework.lines.edited_parts import joined
 from linework.lines.edited_words import reviewed
 from linework.methods.obb.trace import BESIDE_M, beside
-from linework.model.arrays import FloatArray, IntArray
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import UsageError
 from linework.lines.edited_dashes import dashes_by_paint, with_missing_dashes
 from linework.lines.edited_words import reviewed
-from linework.model.arrays import FloatArray
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 from linework.workbench.edits_companions import with_companions

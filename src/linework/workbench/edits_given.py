@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import UsageError
 from linework.lines.edited_beside import beside
-from linework.model.arrays import FloatArray
 from linework.workbench.bench import Bench
 from linework.workbench.edits import (
     Beside,

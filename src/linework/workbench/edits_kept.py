@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.errors import UsageError
 from linework.lines.continued import SAME_M, Gap, continued
 from linework.lines.edited import trimmed
 from linework.lines.edited_parts import joined
 from linework.lines.edited_words import reviewed
 from linework.methods.obb.trace import BESIDE_M, beside
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 

@@ -9,10 +9,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import AbsentError, LineworkError
 from linework.methods.obb.trace import PICK_M
 from linework.methods.stereo.picked_edge import SIDES, EdgeStep
-from linework.model.arrays import FloatArray
 from linework.model.lines import LineSet
 from linework.tiling.image_traces import ImageTracer, TracedEdge
 from linework.tiling.refused_picks import RefusedPickError

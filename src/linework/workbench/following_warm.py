@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import LineworkError
 from linework.methods.obb.trace import TRACKED_AS
-from linework.model.arrays import FloatArray
 from linework.tiling.traces import Trace
 from linework.workbench.following import INTERRUPT, tracer_of
 from linework.workbench.table import Table

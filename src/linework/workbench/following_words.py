@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import LineworkError
 from linework.methods.obb.trace import Stop
-from linework.model.arrays import FloatArray
 from linework.model.lines import LineSet
 from linework.tiling.refused_picks import RefusedPickError
 from linework.workbench.following_kept import KeptTrace

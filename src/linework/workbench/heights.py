@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray
 from linework.errors import UsageError
-from linework.model.arrays import BoolArray, FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import KINDS
 from linework.model.trajectory import Trajectory

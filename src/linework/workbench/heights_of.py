@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from linework.model.arrays import BoolArray, FloatArray
+from linework.arrays import BoolArray, FloatArray
 
 #: Height, and its standard deviation. [m]
 Height = tuple[float, float]

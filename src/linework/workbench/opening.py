@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.files.crs import LOCAL, describe_crs
 from linework.files.store_layout import BLOCK_M
-from linework.model.arrays import FloatArray
 from linework.model.grid import Bounds
 from linework.tiling.recordings import Recordings
 from linework.tiling.steps import Steps

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from linework.arrays import FloatArray
 from linework.lines.paint_rhythm import dashes_in_paint
-from linework.model.arrays import FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.workbench.pictures import patch_reader

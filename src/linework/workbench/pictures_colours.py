@@ -11,7 +11,7 @@ import numpy as np
 import PIL.Image
 from scipy.ndimage import uniform_filter
 
-from linework.model.arrays import AnyArray, Float32Array
+from linework.arrays import AnyArray, Float32Array
 from linework.workbench.tiles_layers import SMOOTH_M, Layers
 
 #: Pictures are looked at, and gone a moment later: zlib's fastest level.

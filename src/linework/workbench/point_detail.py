@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import AnyArray, Float32Array
 from linework.errors import UsageError
 from linework.kernels import even_thinning as kernels
-from linework.model.arrays import AnyArray, Float32Array
 from linework.model.grid import Bounds
 from linework.workbench.pictures import patch_reader, picture_scale
 from linework.workbench.table import Table

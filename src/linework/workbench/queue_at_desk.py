@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.lines.along_way import Way
 from linework.lines.suspected import Suspect, ranked, unsure_lines
 from linework.lines.suspected_cables import loose_wires
 from linework.lines.suspected_dashes import missing_dashes
 from linework.lines.suspected_gaps import gaps
 from linework.methods.sight import Sight
-from linework.model.arrays import FloatArray
 from linework.model.lines import LineSet
 from linework.tiling.sight import SurveySight
 from linework.workbench.paint_along import PaintOfLines

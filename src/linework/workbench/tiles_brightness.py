@@ -8,9 +8,9 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.spatial import cKDTree
 
+from linework.arrays import AnyArray, FloatArray
 from linework.files.store_read import PointStore
 from linework.kernels.tile_cells import divided_by
-from linework.model.arrays import AnyArray, FloatArray
 from linework.model.grid import Bounds
 from linework.surface.road import is_road_point
 from linework.tiling.surfaces import SurveySurface

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from linework.arrays import AnyArray
 from linework.kernels import tile_cells as kernels
-from linework.model.arrays import AnyArray
 from linework.workbench.tiles import TILE_PX, Tile
 from linework.workbench.tiles_points import PatchReader
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import AnyArray, Float32Array, FloatArray
 from linework.files.store_read import PointStore
-from linework.model.arrays import AnyArray, Float32Array, FloatArray
 from linework.model.grid import Bounds
 from linework.surface.road import height_above_road
 from linework.tiling.surfaces import SurveySurface

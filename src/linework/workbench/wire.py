@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from linework.model.arrays import BoolArray, FloatArray
+from linework.arrays import BoolArray, FloatArray
 from linework.model.lines import LINE_COLUMNS, LineSet
 
 #: Decimals of coordinates and sigmas: a tenth of a millimetre.

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.methods.obb.neighbours import STATION_M, Course, Neighbours, find_neighbours
-from linework.model.arrays import AnyArray, BoolArray, FloatArray
 from linework.model.boxes import BoxSet
 
 #: A carriageway, or half of one with paint in its middle, is no wider than this. [m]

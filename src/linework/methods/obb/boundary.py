@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray
 from linework.kernels import boundary_boxes as kernels
 from linework.kernels import floor, places
 from linework.kernels.bins import steps_to_set
-from linework.model.arrays import AnyArray, FloatArray
 from linework.model.boxes import BoxSet
 from linework.model.grid import Bounds, holds
 from linework.model.points import Points

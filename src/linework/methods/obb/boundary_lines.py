@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels.track import SHARED
 from linework.methods.obb.confidence import confidence_of
 from linework.methods.obb.smooth import SmoothLine, smooth_line, smooth_value
 from linework.methods.obb.track import Tracks
 from linework.methods.sight import Sight, seen_share
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LineSet
 

@@ -18,7 +18,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from linework.model.arrays import BoolArray, FloatArray, checked
+from linework.arrays import BoolArray, FloatArray, checked
 
 #: What rounding adds to a point's place in a box; less than any scanner resolves. [m]
 ROUNDING_M = 1e-9

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import erf
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 
 #: Lines are judged within this (docs/evaluation.md). [m]
 TOLERANCE_M = 0.10

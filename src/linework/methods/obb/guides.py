@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from linework.arrays import FloatArray, IntArray
 from linework.methods.obb.neighbours import STATION_M, Course
 from linework.methods.obb.track import Tracks
-from linework.model.arrays import FloatArray, IntArray
 from linework.model.boxes import BoxSet
 
 #: A line guides where it is this long, as far as this to its sides. [m]

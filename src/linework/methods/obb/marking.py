@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
+from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels import paint_points, stripes
 from linework.kernels.stripes_all import BRIGHT_SPREADS, all_stripes
-from linework.model.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.grid import Bounds
 from linework.model.points import Points

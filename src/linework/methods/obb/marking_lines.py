@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.obb.confidence import confidence_of
 from linework.methods.obb.pattern import PATCH_M, Rhythm, completed, dashes_of, find_rhythm, united
 from linework.methods.obb.smooth import SmoothLine, smooth_line
 from linework.methods.obb.track import Tracks
 from linework.methods.sight import Sight, seen_share
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.boxes import BoxSet
 from linework.model.lines import LineSet
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray
 from linework.methods.obb import boundary_lines, marking_lines
 from linework.methods.obb.arrangement import (
     along_lines,
@@ -30,7 +31,6 @@ from linework.methods.obb.marking_lines import Marking
 from linework.methods.obb.neighbours import Course, courses_of_path
 from linework.methods.obb.track import TrackConfig, track_lines
 from linework.methods.sight import Sight, sight_of
-from linework.model.arrays import BoolArray, FloatArray
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.grid import Bounds, holds
 from linework.model.lines import LineSet

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.methods.obb.boundary_lines import as_lines as boundary_set
 from linework.methods.obb.boundary_lines import boundaries
 from linework.methods.obb.marking_lines import as_lines as marking_set
@@ -12,7 +13,6 @@ from linework.methods.obb.method import SAME_BOUNDARY_M, SAME_PAINT_M
 from linework.methods.obb.trace import PICK_M, TRACKED_AS, nearest_vertex
 from linework.methods.obb.track import TrackConfig, track_lines
 from linework.methods.sight import Sight
-from linework.model.arrays import FloatArray
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LineSet
 

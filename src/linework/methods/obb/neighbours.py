@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.model.arrays import FloatArray, IntArray
+from linework.arrays import FloatArray, IntArray
 
 #: Lines are looked at every so many metres.
 STATION_M = 2.0

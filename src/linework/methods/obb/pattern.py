@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.kernels.rhythm import best_rhythm
-from linework.model.arrays import FloatArray
 
 #: Paint is looked at in steps of this along the line. [m]
 STEP_M = 0.10

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.obb.search_area import RADIUS_M, Failure, SearchArea
 from linework.methods.obb.track import TrackConfig, track_lines
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.boxes import BoxForm, BoxSet
 
 #: A line this near is proposed instead. [m]

@@ -17,7 +17,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 
 #: The paper's radius: in a disc of 1 m a curve is flattened. [m]
 RADIUS_M = 0.50

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.kernels.separation import collides_in_plan
 from linework.methods.obb.boxes import KDOP, OBB
-from linework.model.arrays import FloatArray
 
 #: Cross products of unit vectors shorter than this are rounding: the axes are parallel.
 PARALLEL = 1e-12

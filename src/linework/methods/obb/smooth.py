@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels.smooth import smooth_height, smooth_plane
 from linework.kernels.track import CLOTHOID_M, SHARED, STRAIGHT_M, TIGHTEST_M
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.boxes import BoxSet
 
 #: Places are added over gaps this far apart. [m]

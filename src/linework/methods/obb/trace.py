@@ -6,8 +6,8 @@ from enum import StrEnum
 
 import numpy as np
 
+from linework.arrays import FloatArray, IntArray
 from linework.methods.sight import Sight
-from linework.model.arrays import FloatArray, IntArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: The paper's search area: a place picked no farther from a line than this means it. [m]

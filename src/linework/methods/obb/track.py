@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels import track as kernels
 from linework.kernels.track_all import track_all
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.settings import setting
 

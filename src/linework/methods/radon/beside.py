@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.model.arrays import BoolArray, FloatArray
+from linework.arrays import BoolArray, FloatArray
 
 
 def close_beside(xyz: list[FloatArray], found: list[FloatArray], pair_m: float) -> list[BoolArray]:

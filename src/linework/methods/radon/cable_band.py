@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels import cables as kernels
-from linework.model.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 #: Side of a column [m]: five sub-cells of 0.1 m. Wider ones smear a sloping wire over more layers.
 COLUMN_M = 0.5

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels import cable_fit as kernels
 from linework.kernels import catenary as hanging
 from linework.lines.catenary import Catenary, CatenaryFit, fit_catenary
 from linework.methods.radon.cable_band import Band
 from linework.methods.radon.cable_follow import Plan
 from linework.methods.radon.cable_widths import RING, Widths
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 
 #: What lies beyond a gap of this length [m], or this many usual gaps, must be a stretch of this length [m]
 #: half as often hit as the wire itself.

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels import cables as kernels
 from linework.methods.radon.cable_seeds import Seed
 from linework.methods.radon.cable_widths import Widths
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 
 #: A slice's cells [m]: one vote per half metre of wire, however many points hit it.
 ALONG_M, UP_M, ACROSS_M = 0.5, 0.1, 0.2

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from scipy.ndimage import median_filter
 
+from linework.arrays import BoolArray, FloatArray
 from linework.methods.radon.cable_band import Band
 from linework.methods.radon.cable_fit import Surroundings, Wire
-from linework.model.arrays import BoolArray, FloatArray
 from linework.model.lines import LineSet
 
 #: A chord leaves the catenary by k d^2 / 8: at 1 m and 0.05 per m that is 6 mm, and 0.6 mm on a usual wire.

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from linework.arrays import FloatArray, IntArray
 from linework.methods.radon.peaks import find_peaks_in
 from linework.methods.radon.transform import evenly_spaced_angles, radon_of_cells, rho_bins
-from linework.model.arrays import FloatArray, IntArray
 
 #: Step of the angles [deg]: half a step moves the end of a 24 m window by 8 cm, less than half a cell.
 ANGLE_STEP_DEG = 0.75

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray
 from linework.lines.catenary import meeting_stations
 from linework.methods.radon.cable_band import Band
 from linework.methods.radon.cable_fit import Wire, fit_wire, main_run, near_end, split_at_kink
-from linework.model.arrays import BoolArray, FloatArray
 
 #: A hidden stretch may be as long as the visible pieces together, but no longer than this [m].
 MOST_HIDDEN_M = 40.0

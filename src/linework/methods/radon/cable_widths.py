@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 
 #: Outer over inner radius of the ring about a wire that must be empty. Leaves fill it with 3 times as many
 #: points as the tube, a wall with as many; the next wire, from 0.3 m, is beyond it, and still is where sags

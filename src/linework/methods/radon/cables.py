@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import Float32Array, FloatArray, IntArray
 from linework.methods.radon.cable_band import BELOW_M, REACH_M, Band, cable_band
 from linework.methods.radon.cable_fit import (
     Surroundings,
@@ -21,7 +22,6 @@ from linework.methods.radon.cable_lines import lines_of_wires
 from linework.methods.radon.cable_seeds import find_cable_seeds
 from linework.methods.radon.cable_spans import end_at_supports, join_pieces, without_mixtures, without_tails
 from linework.methods.radon.cable_widths import Widths
-from linework.model.arrays import Float32Array, FloatArray, IntArray
 from linework.model.lines import LineSet
 from linework.model.settings import setting
 from linework.model.tile import local_origin

@@ -13,11 +13,11 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.kernels import follow
 from linework.kernels.follow import SETTLED
 from linework.kernels.passing import passing
 from linework.methods.radon.circles import Bins, CircleConfig
-from linework.model.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
 #: Lines are followed so far from where a beam was seen [m]: three times to the next start, or more.
 REACH_M = 24.0

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import Float32Array, FloatArray, IntArray
 from linework.kernels import bins as binning
 from linework.kernels import corridor as kernels
 from linework.methods.radon.seeds import Segments
-from linework.model.arrays import Float32Array, FloatArray, IntArray
 from linework.model.grid import Image
 from linework.model.settings import setting
 

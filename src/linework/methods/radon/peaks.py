@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
+from linework.arrays import FloatArray
 from linework.kernels import radon_peaks as kernels
 from linework.methods.radon.transform import RadonImage
-from linework.model.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray, IntArray
 from linework.kernels import corridor as kernels
 from linework.kernels.moving import moving_sums
 from linework.methods.radon.circles import Bins, CircleConfig
-from linework.model.arrays import AnyArray, FloatArray, IntArray
 from linework.model.settings import setting
 
 BIN_M = kernels.DEPTH_BIN_M

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
+from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.methods.radon.beside import close_beside
 from linework.methods.radon.circles import Bins, CircleConfig
 from linework.methods.radon.profile import Profile, ProfileConfig, offsets_of
@@ -15,7 +16,6 @@ from linework.methods.radon.rails import FittedRail, chainage_of
 from linework.methods.radon.raised import raised_rails
 from linework.methods.radon.stretches import barrier_stretches, guardrail_stretches
 from linework.methods.radon.verdict import Verdict, classify
-from linework.model.arrays import AnyArray, BoolArray, FloatArray
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.surface.road import RoadSurface, height_above_ground, height_above_road

@@ -7,10 +7,10 @@ from itertools import pairwise, starmap
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels import corridor as kernels
 from linework.methods.radon.circles import Bins, CircleConfig
 from linework.methods.radon.profile import Profile, ProfileConfig, measure_profile, offsets_of
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.methods.radon.chains import runs
 from linework.methods.radon.circles import Bins, CircleConfig
 from linework.methods.radon.profile import BIN_M, TOP_BIN, ProfileConfig
 from linework.methods.radon.rails import FittedRail, chainage_of, fit_rails
 from linework.methods.radon.stretches import within
 from linework.methods.radon.verdict import Verdict
-from linework.model.arrays import FloatArray
 
 #: A sheet goes on where it has this share of its density: the limit below which a beam ends.
 FILLED = 0.4

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import FloatArray, IntArray
 from linework.kernels import seed_windows as window_kernels
 from linework.kernels import segments as kernels
 from linework.methods.radon.transform import rho_bins
-from linework.model.arrays import FloatArray, IntArray
 from linework.model.grid import Grid, Image
 from linework.model.settings import setting
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.methods.radon.chains import runs
 from linework.methods.radon.profile import ProfileConfig
 from linework.methods.radon.verdict import Verdict
-from linework.model.arrays import AnyArray, BoolArray, FloatArray
 
 #: Lengths are compared with this to spare [m]: nodes are half a metre apart, and limits whole multiples of it.
 SPARE_M = 1e-6

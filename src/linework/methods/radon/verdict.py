@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray, IntArray
 from linework.methods.radon.profile import BIN_M, TOP_BIN, Profile, ProfileConfig, moving_mean, moving_sum
-from linework.model.arrays import AnyArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.kernels.thinning import corners_of, follow_chains, thin_in_place
-from linework.model.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
 #: The published settings: window of the median [pixels], standard deviations above the mean of the scan line, and
 #: the shortest line that is kept [pixels].

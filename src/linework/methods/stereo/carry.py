@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.methods.stereo.edge_view import View
 from linework.methods.stereo.follow_edge import Stretch, Vertex, follow_edge
-from linework.model.arrays import FloatArray
 
 #: A line is found again where it is well inside both images, a little beyond where it enters them. [pixels, m]
 _MARGIN_PX, _BEYOND_M = 12.0, 3.0

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray
 from linework.methods.stereo.edge_view import View
-from linework.model.arrays import AnyArray, FloatArray
 
 #: Half size of the windows that are compared. [rows, columns]
 _HALF = (4, 7)

@@ -6,11 +6,11 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels.edge_smooth import smooth_beside
 from linework.kernels.smooth import smooth_height, smooth_plane
 from linework.methods.stereo.edge_state import BENDING, GRADING
 from linework.methods.stereo.follow_edge import UNSEEN_M
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.images import Poses
 from linework.model.lines import LineSet
 

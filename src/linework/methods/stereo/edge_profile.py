@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.model.arrays import FloatArray
+from linework.arrays import FloatArray
 
 #: An edge's grey values differ by at least this, and in each half of its length by this share of it: what lies
 #: across a line, or is grain of the road, is in one half only.

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.methods.stereo.road_plane import HEIGHT_M, RoadShape, find_road
-from linework.model.arrays import FloatArray
 from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
 

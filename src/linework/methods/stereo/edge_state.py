@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.methods.stereo.match_edge import Place
-from linework.model.arrays import FloatArray
 
 #: Roads bend to radii of 18 m, within a car's length or two where a kerb turns into a side street, slower on the
 #: open road: density of the curvature's random walk. [1/m^3]

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.kernels.line_matching import integral_of
 from linework.methods.stereo.edge_profile import Pattern
-from linework.model.arrays import FloatArray
 
 #: Spacing and reach of a template: finer than any camera's pixel at the nearest place it sees. [m]
 STEP_M, REACH_M = 0.005, 0.8

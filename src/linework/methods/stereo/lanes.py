@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.stereo.bright_lines import Chains
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 
 #: A line is kept if its pixels are this near the straight line through them: pixels are whole, and a stripe's edge
 #: is ragged. (root mean square) [pixels]

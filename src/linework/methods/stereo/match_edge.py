@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.kernels.line_matching import (
     CORRELATION,
     GAIN,
@@ -21,7 +22,6 @@ from linework.kernels.line_matching import (
 )
 from linework.methods.stereo.edge_template import REACH_M, STEP_M, Template, renewed
 from linework.methods.stereo.edge_view import View
-from linework.model.arrays import FloatArray
 
 #: Interpolation, and a pattern that is not quite the template, leave an error of this size. [pixels]
 LEAST_SIGMA_PX = 0.1

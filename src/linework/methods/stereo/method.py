@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.obb import marking_lines
 from linework.methods.obb.arrangement import is_double, roles
 from linework.methods.obb.guides import join_along, surer
@@ -19,7 +20,6 @@ from linework.methods.stereo.pieces import fused_boxes, in_sight, pieces_of
 from linework.methods.stereo.road_plane import find_road
 from linework.methods.stereo.sighted import sightings_of
 from linework.methods.stereo.stripes import StripeConfig, find_stripe_lines
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.camera import RectifiedRig
 from linework.model.images import Poses, RectifiedPair
 from linework.model.lines import LineSet

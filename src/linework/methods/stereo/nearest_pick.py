@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from linework.model.arrays import AnyArray
+from linework.arrays import AnyArray
 
 #: Rings around the pick, so far apart, out to the last; places on each. [pixels]
 _RING_PX, _LAST_PX, _PLACES = 6.0, 90.0, 16

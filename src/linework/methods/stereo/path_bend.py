@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.methods.stereo.edge_state import CURVATURE, LineState
-from linework.model.arrays import FloatArray
 
 #: A line within this of the path's direction runs along the road. [rad]
 _ALONG_RAD = np.radians(15.0)

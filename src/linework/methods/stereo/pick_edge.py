@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.kernels.line_matching import profile_across
 from linework.methods.stereo.edge_profile import LEAST_RISE, Profile, pattern_at, rises
 from linework.methods.stereo.edge_state import LineState
 from linework.methods.stereo.edge_template import REACH_M, Template, template_of
 from linework.methods.stereo.edge_view import View
 from linework.methods.stereo.match_edge import match_edge, scale_at
-from linework.model.arrays import FloatArray
 
 #: A pick may be so far beside the edge. [pixels]
 PICK_PX = 4.0

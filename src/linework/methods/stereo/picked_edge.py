@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.methods.stereo.carry import LEAST_PLACES, carry, joined, places_of
 from linework.methods.stereo.edge_line import Seen, edge_through, line_of, with_pose_sigmas
@@ -20,7 +21,6 @@ from linework.methods.stereo.follow_edge import UNSEEN_M, Stop, Stretch, Vertex,
 from linework.methods.stereo.nearest_pick import nearest_pick
 from linework.methods.stereo.path_bend import bent_like_path, path_heading
 from linework.methods.stereo.pick_edge import Picked, Refused, pick_edge
-from linework.model.arrays import FloatArray
 from linework.model.images import Poses, RectifiedPair
 from linework.model.lines import LineSet
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels.fuse import fuse, looked_at
 from linework.kernels.track import SHARED
 from linework.methods.sight import Sight
 from linework.methods.stereo.sighted import SMOOTH_M, SPACING_M
-from linework.model.arrays import BoolArray, FloatArray, IntArray
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.camera import RectifiedRig
 from linework.model.images import Poses

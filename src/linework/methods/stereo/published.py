@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from linework.arrays import AnyArray, BoolArray
 from linework.methods.stereo.bright_lines import bright_pixels, centres_of_runs, chain_code, thinned
 from linework.methods.stereo.lanes import (
     StraightLines,
@@ -16,7 +17,6 @@ from linework.methods.stereo.lanes import (
     matched,
     through_vanishing_point,
 )
-from linework.model.arrays import AnyArray, BoolArray
 from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
 from linework.model.sightings import Sightings

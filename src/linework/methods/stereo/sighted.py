@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import FloatArray, IntArray
 from linework.kernels.local_lines import fit_at
 from linework.kernels.row_stripes import COL, CONTRAST, LEVEL, ROW, SIGMA, WIDTH
 from linework.methods.stereo.road_plane import AHEAD_M, RoadShape
 from linework.methods.stereo.stripes import LEAST_SIGMA_PX, StripeConfig, StripeLines
-from linework.model.arrays import FloatArray, IntArray
 from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
 from linework.model.sightings import Sightings

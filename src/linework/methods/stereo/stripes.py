@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linework.arrays import AnyArray, FloatArray, IntArray
 from linework.kernels.link_stripes import link, partners
 from linework.kernels.row_stripes import COL, CONTRAST, ROW, SIGMA, WIDTH, stripes_of_rows
 from linework.methods.stereo.road_plane import RoadPlane, RoadShape
-from linework.model.arrays import AnyArray, FloatArray, IntArray
 from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
 from linework.model.settings import setting
