@@ -10,10 +10,10 @@ import numpy as np
 from linework.cli.app import main as linework
 from linework.evaluation.chains import Chains
 from linework.evaluation.match import TIE_M, match_chains
-from linework.files.vectors import read_lines
+from linework.files.vectors.read_write import read_lines
 from linework.methods.kinds import KINDS_OF
-from linework.simulation.draw import draw_scenario
 from linework.simulation.folder import write_survey_folder
+from linework.simulation.roads.draw import draw_scenario
 from linework.simulation.simulate import survey_of
 
 LENGTH_M = 1000.0

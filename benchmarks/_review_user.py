@@ -5,17 +5,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks._review_scene import WITHIN_M, matched, missing_runs, right_share
+from linework.editing.edits.attributes import as_kind
+from linework.editing.edits.new_lines import beside, foot_along
+from linework.editing.edits.vertices import trimmed
 from linework.errors import InputError, UsageError
-from linework.lines.edited import trimmed
-from linework.lines.edited_beside import beside
-from linework.lines.edited_bridge import foot_along
-from linework.lines.edited_words import as_kind
 from linework.model.changes import Change
 from linework.model.lines import LineSet
-from linework.tiling.rail_pieces import distance_m
-from linework.workbench.edits import ChangeOrder
-from linework.workbench.edits_applied import Given, change_of, lines_of
-from linework.workbench.queue import document_of
+from linework.tracing.rails import distance_m
+from linework.workbench.edits.apply import Given, change_of, lines_of
+from linework.workbench.edits.orders import ChangeOrder
+from linework.workbench.review.queue import document_of
 
 #: A person takes a line for right that is right over this share.
 RIGHT = 0.8

@@ -10,9 +10,8 @@ import numpy as np
 
 from linework.arrays import AnyArray
 from linework.model.lines import LineSet
-from linework.simulation.cameras import StereoDrive, images_of, stereo_survey
-from linework.simulation.draw import draw_scenario
-from linework.simulation.seen import stereo_truth
+from linework.simulation.roads.draw import draw_scenario
+from linework.simulation.sensors.cameras import StereoDrive, images_of, stereo_survey, stereo_truth
 
 #: To be counted up when the pictures change.
 VERSION = 1

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from linework.evaluation.honesty import calibrate
-from linework.evaluation.scores import KindScores, Scores
-from linework.evaluation.table_texts import TextTable, centimetres, number, percent, ratio_texts
+from linework.evaluation.report.tables import TextTable, centimetres, number, percent, ratio_texts
 from linework.evaluation.tolerance import KindMatch, ratio
-from linework.evaluation.values import GroupScores
+from linework.evaluation.values import GroupScores, KindScores, Scores
 
 
 def summary_table(scores: Mapping[str, Scores]) -> TextTable:

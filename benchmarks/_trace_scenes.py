@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.files.las_write import write_las
-from linework.files.survey import open_survey
-from linework.files.trajectories import write_trajectory
+from linework.files.las.write import write_las
+from linework.files.survey.open import open_survey
+from linework.files.trajectories.read import write_trajectory
 from linework.methods.obb.search_area import Failure
-from linework.simulation.materials import Material
-from linework.simulation.mouth import widening
+from linework.processes.executors import Serial
+from linework.runs.opened.points import opened_survey, surface_of
+from linework.runs.opened.work_folder import work_folder
+from linework.runs.steps import Steps
+from linework.simulation.roads.alignment import widening
+from linework.simulation.scene.materials import Material
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import RoadConfig
-from linework.tiling.executors import Serial
-from linework.tiling.opened import opened_survey, surface_of
-from linework.tiling.steps import Steps
-from linework.tiling.work_folder import work_folder
 
 KINDS = ("lane_marking", "road_boundary", "guardrail", "cable")
 STATION_M = 0.5

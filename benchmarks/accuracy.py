@@ -11,17 +11,16 @@ import time
 
 from benchmarks._degrade import AS_DRAWN, VARIANTS, degraded
 from benchmarks._summary import confidence_table, summary_table
-from linework.cli.score_tables import print_tables
+from linework.cli.evaluate import print_tables
 from linework.evaluation.measures import match_lines, score
-from linework.evaluation.scores import Scores
-from linework.evaluation.tables import score_tables
+from linework.evaluation.report.tables import score_tables
 from linework.evaluation.tolerance import DASH_END_M
-from linework.methods.choose import choose_methods
-from linework.methods.kinds import ALL_KINDS, parse_kinds
+from linework.evaluation.values import Scores
+from linework.methods.kinds import ALL_KINDS, choose_methods, parse_kinds
 from linework.methods.radon.method import RadonConfig
 from linework.model.lines import LineSet
 from linework.model.tile import TileData, local_origin
-from linework.simulation.draw import ROADS
+from linework.simulation.roads.draw import ROADS
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import RoadConfig, find_road
 

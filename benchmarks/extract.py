@@ -40,8 +40,8 @@ def main() -> None:
 
 def make_survey(folder: Path) -> None:
     """Write a bending road of exactly `N_POINTS` points, one file, with its trajectory."""
-    from linework.files.las_write import write_las
-    from linework.files.trajectories import write_trajectory
+    from linework.files.las.write import write_las
+    from linework.files.trajectories.read import write_trajectory
     from linework.simulation.simulate import simulate_survey
 
     length_m = 400.0

@@ -64,8 +64,8 @@ def extraction(survey: Path, output: Path) -> Iterator[str]:
 
 def make_survey(folder: Path, n_points: int) -> Path:
     """Write a drive of at least so many points, with its trajectory."""
-    from linework.files.las_write import write_las
-    from linework.files.trajectories import write_trajectory
+    from linework.files.las.write import write_las
+    from linework.files.trajectories.read import write_trajectory
     from linework.model.points import Points
     from linework.model.trajectory import Trajectory
     from linework.simulation.simulate import simulate_survey

@@ -144,7 +144,7 @@ class Reader:
     """Reads single files as a run does: headers in this process, points in the one that decodes."""
 
     def __init__(self, folder):
-        from linework.files.decoder import Decoder, DecoderLimits
+        from linework.files.las.decoder import Decoder, DecoderLimits
 
         self.target = folder / "0.points"
         self.decoder = Decoder(1, DecoderLimits(stall_s=STALL_S))
@@ -157,9 +157,9 @@ class Reader:
 
     def read(self, path, crs):
         """Return what the decoder found; errors as a run raises them."""
-        from linework.files.decode_messages import DecodeTask
-        from linework.files.spill_plan import plan_files
-        from linework.files.survey import open_survey
+        from linework.files.las.messages import DecodeTask
+        from linework.files.store.build import plan_files
+        from linework.files.survey.open import open_survey
 
         planned, found = plan_files(open_survey([path], crs=crs))
         if not planned:

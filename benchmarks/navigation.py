@@ -13,9 +13,16 @@ import numpy as np
 
 from benchmarks.accuracy import seeds_of
 from linework.navigation.locate import locate
-from linework.simulation.logs import attitude_deg, made_logs
-from linework.simulation.long_drives import MOTORWAY, URBAN, long_drive
-from linework.simulation.sensors import GNSS_1_M, GNSS_2_CM, GYROS, SensorGrades, WheelGrade
+from linework.simulation.sensors.logs import (
+    GNSS_1_M,
+    GNSS_2_CM,
+    GYROS,
+    SensorGrades,
+    WheelGrade,
+    attitude_deg,
+    made_logs,
+)
+from linework.simulation.sensors.long_drives import MOTORWAY, URBAN, long_drive
 
 KINDS = {"urban": URBAN, "motorway": MOTORWAY}
 RECEIVERS = {"2 cm": GNSS_2_CM, "1 m": GNSS_1_M}

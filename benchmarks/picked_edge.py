@@ -27,10 +27,10 @@ from benchmarks._stereo_sets import FOLDER, stereo_set
 from benchmarks.accuracy import seeds_of
 from linework.errors import InputError
 from linework.imaging.rectify import rectifier_of
-from linework.methods.stereo.picked_edge import Drive, follow_picked
+from linework.methods.picked_edge.method import Drive, follow_picked
 from linework.model.images import RectifiedPair
-from linework.simulation.draw import ROADS
-from linework.simulation.view import View
+from linework.simulation.roads.draw import ROADS
+from linework.simulation.sensors.view import View
 
 ON_REQUEST = True
 VISIBLE_M, WITHIN_M, END_M, SHARE = 25.0, 0.15, 1.0, 0.95

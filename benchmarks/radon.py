@@ -5,8 +5,7 @@ import time
 import numpy as np
 from skimage.transform import radon as skimage_radon
 
-from linework.imaging.binary import in_height_band
-from linework.imaging.raster import grid_for, rasterise
+from linework.imaging.raster import grid_for, in_height_band, rasterise
 from linework.methods.radon.peaks import find_peaks
 from linework.methods.radon.transform import evenly_spaced_angles, radon_of_cells, radon_transform
 from linework.model.grid import Grid, Image

@@ -24,14 +24,12 @@ from pathlib import Path
 from benchmarks._review_scene import KINDS, POINTS_PER_M, WEAR, copied, errors_of, scene_of, truth_of
 from benchmarks._review_user import User
 from benchmarks.accuracy import seeds_of
-from linework.files.drawing import DrawingFile
-from linework.tiling.settings import RunSettings
-from linework.tiling.traces import Tracer
-from linework.workbench.heights import heights_at
-from linework.workbench.paint_along import dash_spans
-from linework.workbench.queue import Dismissed
-from linework.workbench.queue_at_desk import suspects_at_desk
-from linework.workbench.table import SurveyOrder, Table
+from linework.files.line_file.file import DrawingFile
+from linework.runs.settings import RunSettings
+from linework.tracing.trace import Tracer
+from linework.workbench.review.queue import Dismissed, dash_spans, suspects_at_desk
+from linework.workbench.views.heights import heights_at
+from linework.workbench.worker.session import SurveyOrder, Table
 
 #: Simulates and extracts kilometres: run where it is asked for.
 ON_REQUEST = True

@@ -14,19 +14,18 @@ import numpy as np
 
 from benchmarks._stereo_sets import FOLDER, stereo_set
 from benchmarks.accuracy import scores_of, seeds_of, tell
-from linework.cli.score_tables import print_tables
+from linework.cli.evaluate import print_tables
 from linework.evaluation.measures import match_lines
-from linework.evaluation.tables import score_tables
+from linework.evaluation.report.tables import score_tables
 from linework.imaging.rectify import rectifier_of
 from linework.methods.stereo.method import StereoMethod
 from linework.model.images import RectifiedPair
 from linework.model.sightings import Sightings
 from linework.navigation.locate import locate
 from linework.navigation.poses import poses_at
-from linework.simulation.draw import ROADS
-from linework.simulation.logs import made_logs
-from linework.simulation.rigs import SIZES
-from linework.simulation.sensors import GNSS_2_CM, GYROS, SensorGrades
+from linework.simulation.roads.draw import ROADS
+from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, made_logs
+from linework.simulation.sensors.view import SIZES
 from linework.simulation.simulate import drives_of
 
 SEEDS = "950-959"

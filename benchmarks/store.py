@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.files.store_read import PointStore
-from linework.files.store_write import StoreWriter, write_index
+from linework.files.store.read import PointStore
+from linework.files.store.write import StoreWriter, write_index
 from linework.model.grid import Bounds, Grid, Image
 from linework.simulation.simulate import simulate_survey
 

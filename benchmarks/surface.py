@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.files.store_layout import RunTable
-from linework.files.store_read import PointStore
-from linework.files.store_write import StoreWriter, write_index
+from linework.files.store.layout import RunTable
+from linework.files.store.read import PointStore
+from linework.files.store.write import StoreWriter, write_index
 from linework.model.grid import Bounds
+from linework.processes.executors import Serial
+from linework.runs.opened.surface import Layout, make_surface
 from linework.simulation.simulate import simulate_survey
 from linework.surface.config import RoadConfig
-from linework.tiling.executors import Serial
-from linework.tiling.surfaces import Layout, make_surface
 
 BATCH = 500_000
 

@@ -21,7 +21,7 @@ import httpx
 import numpy as np
 
 from benchmarks.large import make_survey, memory_of
-from linework.files.store_read import PointStore
+from linework.files.store.read import PointStore
 from linework.model.grid import Bounds
 
 #: Takes long: not among those that are run without being named.

@@ -14,10 +14,10 @@ import numpy as np
 from benchmarks._trace_scenes import KINDS, opened_simulation, places_away, places_on, resampled
 from benchmarks.accuracy import seeds_of
 from linework.errors import InputError
-from linework.simulation.draw import ROADS
-from linework.tiling.rail_pieces import distance_m
-from linework.tiling.settings import RunSettings
-from linework.tiling.traces import Tracer
+from linework.runs.settings import RunSettings
+from linework.simulation.roads.draw import ROADS
+from linework.tracing.rails import distance_m
+from linework.tracing.trace import Tracer
 
 WITHIN_M, FOLLOW_M = 0.10, 100.0
 #: Ends are not known better than this, those of dashed lines than the longest gap between dashes. [m]

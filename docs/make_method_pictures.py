@@ -13,15 +13,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from PIL import Image as Picture
 
-from linework.evaluation.picture import png
-from linework.imaging.binary import in_height_band
-from linework.imaging.raster import grid_for
-from linework.methods.radon.chains import follow_all
-from linework.methods.radon.circles import Bins, bin_near, find_starts
+from linework.evaluation.report.scores_figure import png
+from linework.imaging.raster import grid_for, in_height_band
 from linework.methods.radon.method import RadonConfig
-from linework.methods.radon.rail_lines import rail_lines
-from linework.methods.radon.rails import FittedRail, fit_rail
 from linework.methods.radon.seeds import SeedLines, Segments, find_seed_lines, split_into_segments
+from linework.methods.rails.chains import follow_all
+from linework.methods.rails.circles import Bins, bin_near, find_starts
+from linework.methods.rails.rail_lines import rail_lines
+from linework.methods.rails.rails import FittedRail, fit_rail
 from linework.model.grid import Image
 from linework.model.lines import LineSet
 from linework.simulation.simulate import SimulatedSurvey, simulate_survey

@@ -9,12 +9,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from linework.evaluation.picture import png
-from linework.evaluation.track_picture import track_figure
+from linework.evaluation.report.scores_figure import png
+from linework.evaluation.report.track import track_figure
 from linework.navigation.locate import locate
-from linework.simulation.logs import made_logs
-from linework.simulation.long_drives import URBAN, long_drive
-from linework.simulation.sensors import GNSS_2_CM, GYROS, SensorGrades, WheelGrade
+from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, WheelGrade, made_logs
+from linework.simulation.sensors.long_drives import URBAN, long_drive
 
 PICTURES = Path(__file__).parent / "pictures"
 OUTAGES_S = ((100.0, 130.0), (200.0, 320.0))

@@ -10,10 +10,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from PIL import Image
 
-from linework.evaluation.picture import png
+from linework.evaluation.report.scores_figure import png
 from linework.imaging.brightness import brightness_picture, near_ground
 from linework.methods.obb.method import ObbMethod
-from linework.methods.sight import sight_of
+from linework.methods.protocol import sight_of
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LineSet
 from linework.model.tile import TileData, local_origin

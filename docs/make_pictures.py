@@ -12,15 +12,13 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from linework.cli.app import main
-from linework.evaluation.figures import cable_figure, rail_figure
-from linework.evaluation.picture import png
-from linework.evaluation.plan import plan_figure
-from linework.evaluation.road_figures import kerb_figure, marking_figure
-from linework.evaluation.road_sections import kerb_cuts, marking_cuts
-from linework.evaluation.sections import cable_section, rail_sections
-from linework.files.survey import open_survey
-from linework.files.survey_points import read_survey_points
-from linework.files.vectors import read_lines
+from linework.evaluation.report.cuts import kerb_cuts, kerb_figure, marking_cuts, marking_figure
+from linework.evaluation.report.plan import plan_figure
+from linework.evaluation.report.scores_figure import png
+from linework.evaluation.report.sections import cable_figure, cable_section, rail_figure, rail_sections
+from linework.files.store.in_memory import read_survey_points
+from linework.files.survey.open import open_survey
+from linework.files.vectors.read_write import read_lines
 from linework.model.grid import Bounds, holds
 from linework.model.points import Points
 

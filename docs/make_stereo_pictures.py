@@ -9,17 +9,17 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw
 
-from linework.evaluation.picture import png
+from linework.evaluation.report.scores_figure import png
 from linework.imaging.rectify import rectifier_of
-from linework.kernels.row_stripes import COL, ROW, WIDTH
+from linework.kernels.images.row_stripes import COL, ROW, WIDTH
 from linework.methods.stereo.method import StereoMethod
 from linework.methods.stereo.road_plane import find_road
 from linework.methods.stereo.stripes import StripeConfig, find_stripe_lines
 from linework.model.images import RectifiedPair
 from linework.model.lines import LineSet
 from linework.model.sightings import Sightings
-from linework.simulation.cameras import StereoDrive, images_of, stereo_survey
-from linework.simulation.draw import draw_scenario
+from linework.simulation.roads.draw import draw_scenario
+from linework.simulation.sensors.cameras import StereoDrive, images_of, stereo_survey
 
 PICTURES = Path(__file__).parent / "pictures"
 ROAD, SEED, LENGTH_M, SHOWN = "straight", 1, 50.0, 2

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from linework.files.las_write import write_las
+from linework.files.las.write import write_las
 from linework.model.points import Points
 
 #: UTM 32 with heights of the German height system: projected, metres, compound.

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.files import decoding
+from linework.files.las import decode_process as decoding
 
 # Where doctests are collected it is imported with other arguments, or none
 HOW, NAME = (*sys.argv[1:3], "", "")[:2]

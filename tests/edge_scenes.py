@@ -8,7 +8,7 @@ import numpy as np
 from tests.road_images import RIG, _grain
 
 from linework.arrays import FloatArray
-from linework.methods.stereo.picked_edge import Drive, EdgeStep, PickedEdge, follow_picked
+from linework.methods.picked_edge.method import Drive, EdgeStep, PickedEdge, follow_picked
 from linework.model.camera import RectifiedRig
 from linework.model.images import Poses, RectifiedPair
 from linework.navigation.poses import rotations_of

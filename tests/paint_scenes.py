@@ -10,8 +10,7 @@ import numpy as np
 from linework.arrays import FloatArray
 from linework.model.grid import Bounds, Grid
 from linework.model.points import Points
-from linework.model.surface import RoadSurface
-from linework.model.tile import TileData
+from linework.model.tile import RoadSurface, TileData
 
 #: Somewhere on a map, away from its zero; the ground is level at this height.
 EAST_M, NORTH_M, HEIGHT_M = 500_400.0, 5_400_000.0, 31.0

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.imaging.binary import in_height_band
-from linework.imaging.raster import grid_for
-from linework.methods.radon.circles import Bins, bin_near
+from linework.imaging.raster import grid_for, in_height_band
 from linework.methods.radon.method import RadonConfig, RadonMethod
+from linework.methods.rails.circles import Bins, bin_near
 from linework.model.grid import Image
 from linework.model.points import Points
 from linework.model.tile import TileData

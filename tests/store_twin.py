@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from linework.files.store_layout import RunTable
-from linework.files.store_read import PointStore
-from linework.files.store_write import StoreWriter, write_index
+from linework.files.store.layout import RunTable
+from linework.files.store.read import PointStore
+from linework.files.store.write import StoreWriter, write_index
 
 
 def made(folder, files, *, limits=None, facts=None, batch=10**9):

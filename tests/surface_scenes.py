@@ -4,9 +4,9 @@ import numpy as np
 from tests.store_twin import made
 
 from linework.model.trajectory import Trajectory
+from linework.processes.executors import Serial
+from linework.runs.opened.surface import Layout, make_surface
 from linework.surface.config import RoadConfig
-from linework.tiling.executors import Serial
-from linework.tiling.surfaces import Layout, make_surface
 
 #: South-west corner of the scenes: just off the corners of blocks and tiles.
 ORIGIN = np.array([500_000.0 - 20.0, 5_800_000.0 - 12.0, 100.0])

@@ -11,11 +11,14 @@ ROOT = Path(linework.__file__).parent
 LEVELS = [
     {"errors", "arrays"},
     {"kernels"},
-    {"model"},
+    {"model", "processes"},
     {"navigation", "surface", "imaging", "lines"},
+    {"editing"},
     {"methods"},
+    {"published"},
     {"files"},
-    {"tiling", "evaluation", "simulation"},
+    {"runs", "simulation"},
+    {"tracing", "evaluation"},
     {"workbench"},
     {"cli"},
 ]

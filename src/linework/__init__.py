@@ -37,23 +37,23 @@ _PUBLIC = {
     "ObbMethod": "linework.methods.obb.method",
     "RadonMethod": "linework.methods.radon.method",
     "evaluate_lines": "linework.evaluation.measures",
-    "extract": "linework.tiling.extract",
-    "open_survey": "linework.files.survey",
-    "read_lines": "linework.files.vectors",
-    "read_survey_points": "linework.files.survey_points",
-    "read_survey_trajectory": "linework.files.survey_points",
-    "write_lines": "linework.files.vectors",
+    "extract": "linework.runs.extract",
+    "open_survey": "linework.files.survey.open",
+    "read_lines": "linework.files.vectors.read_write",
+    "read_survey_points": "linework.files.store.in_memory",
+    "read_survey_trajectory": "linework.files.store.in_memory",
+    "write_lines": "linework.files.vectors.read_write",
 }
 __all__ = ["__version__", *_PUBLIC]  # noqa: PLE0604
 
 if TYPE_CHECKING:
     from linework.errors import LineworkError as LineworkError
     from linework.evaluation.measures import evaluate_lines as evaluate_lines
-    from linework.files.survey import open_survey as open_survey
-    from linework.files.survey_points import read_survey_points as read_survey_points
-    from linework.files.survey_points import read_survey_trajectory as read_survey_trajectory
-    from linework.files.vectors import read_lines as read_lines
-    from linework.files.vectors import write_lines as write_lines
+    from linework.files.store.in_memory import read_survey_points as read_survey_points
+    from linework.files.store.in_memory import read_survey_trajectory as read_survey_trajectory
+    from linework.files.survey.open import open_survey as open_survey
+    from linework.files.vectors.read_write import read_lines as read_lines
+    from linework.files.vectors.read_write import write_lines as write_lines
     from linework.methods.obb.method import ObbMethod as ObbMethod
     from linework.methods.radon.method import RadonMethod as RadonMethod
     from linework.model.grid import Bounds as Bounds
@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from linework.model.survey import Survey as Survey
     from linework.model.tile import TileData as TileData
     from linework.model.trajectory import Trajectory as Trajectory
-    from linework.tiling.extract import extract as extract
+    from linework.runs.extract import extract as extract
 
 
 def __getattr__(name: str) -> Any:

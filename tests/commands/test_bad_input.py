@@ -14,7 +14,7 @@ import pytest
 from laspy.vlrs.known import WktCoordinateSystemVlr
 from tests.conftest import CRS, road_points
 
-from linework.files.las_write import write_las
+from linework.files.las.write import write_las
 
 # Places in a LAS 1.4 header
 N_POINTS_OLD, SCALES, OFFSETS, N_POINTS = 107, 131, 155, 247

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from tests.conftest import CRS
 
-from linework.files.crs import parse_crs
-from linework.files.point_layers import PointLayer
-from linework.files.vectors import read_lines, write_lines
+from linework.files.geodesy.crs import parse_crs
+from linework.files.vectors.point_layers import PointLayer
+from linework.files.vectors.read_write import read_lines, write_lines
 from linework.model.lines import LineSet
 
 

@@ -8,8 +8,8 @@ import pytest
 from matplotlib.image import imread
 
 from linework.cli.app import main
-from linework.files.crs import parse_crs
-from linework.files.vectors import write_lines
+from linework.files.geodesy.crs import parse_crs
+from linework.files.vectors.read_write import write_lines
 from linework.model.lines import LineSet
 
 AV2 = Path(__file__).parents[2] / "../shared/data/av2/av2_adcf7d18_map.geojson"

@@ -9,8 +9,8 @@ import pyogrio
 import pytest
 from tests.conftest import CRS, road_points
 
-from linework.files.las_write import write_las
-from linework.files.trajectories import write_trajectory
+from linework.files.las.write import write_las
+from linework.files.trajectories.read import write_trajectory
 from linework.methods.kinds import ALL_KINDS
 from linework.model.trajectory import Trajectory
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from tests.drawing_scenes import same, whole
 
-from linework.files.drawing import DrawingFile
-from linework.files.drawing_tables import connected
-from linework.files.vectors import read_lines
-from linework.files.vectors_gpkg import read_own_gpkg
+from linework.files.line_file.file import DrawingFile
+from linework.files.line_file.tables import connected
+from linework.files.vectors.gpkg import read_own_gpkg
+from linework.files.vectors.read_write import read_lines
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 from linework.simulation.folder import write_survey_folder

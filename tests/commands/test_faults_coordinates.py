@@ -26,8 +26,8 @@ from tests.rail_scenes import rail_scene, straight
 
 from linework.cli.app import main
 from linework.errors import UsageError
-from linework.files.trajectories import write_trajectory
-from linework.files.vectors import read_lines, write_lines
+from linework.files.trajectories.read import write_trajectory
+from linework.files.vectors.read_write import read_lines, write_lines
 from linework.model.lines import LineSet
 from linework.model.trajectory import Trajectory
 

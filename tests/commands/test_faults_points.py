@@ -65,8 +65,8 @@ from tests.point_faults import (
 )
 from tests.rail_scenes import rail_scene, straight
 
-from linework.files.las_write import write_las
-from linework.files.vectors import read_lines
+from linework.files.las.write import write_las
+from linework.files.vectors.read_write import read_lines
 from linework.model.points import Points
 
 COPY = r"Copy the file again, or leave it out\."

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from tests.rail_scenes import rail_scene, straight
 
-from linework.files.las_write import write_las
-from linework.files.survey_time import to_survey_time
-from linework.files.vectors import read_lines
+from linework.files.las.write import write_las
+from linework.files.logs.clock import to_survey_time
+from linework.files.vectors.read_write import read_lines
 from linework.model.points import Points
 
 #: 2024-05-26 00:00 GPS, adjusted: a Sunday, on which a GPS week begins; and what is left of the week before.

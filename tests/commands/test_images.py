@@ -12,7 +12,7 @@ import pytest
 from tests.image_folders import camera_toml, stereo_folder
 from tests.kitti_folders import write_drive, write_sequence
 
-from linework.files.trajectories import write_trajectory
+from linework.files.trajectories.read import write_trajectory
 from linework.model.trajectory import Trajectory
 
 RAMP = Path(__file__).parents[3] / "shared/data/stereo-ramp"

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from tests.conftest import CRS, road_points
 
-from linework.files.las_write import write_las
-from linework.files.trajectories import write_trajectory
+from linework.files.las.write import write_las
+from linework.files.trajectories.read import write_trajectory
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
-from linework.tiling.describe import densities_per_m2
+from linework.runs.opened.describe import densities_per_m2
 
 
 @pytest.fixture

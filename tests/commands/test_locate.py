@@ -7,11 +7,10 @@ import json
 import numpy as np
 import pytest
 
-from linework.files.trajectories import read_trajectory
-from linework.simulation.folder_logs import write_logs
-from linework.simulation.logs import made_logs
-from linework.simulation.long_drives import URBAN, long_drive
-from linework.simulation.sensors import GNSS_2_CM, GYROS, SensorGrades
+from linework.files.trajectories.read import read_trajectory
+from linework.simulation.folder import write_logs
+from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, made_logs
+from linework.simulation.sensors.long_drives import URBAN, long_drive
 
 ORIGIN = (500_000.0, 5_400_000.0, 100.0)
 

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from linework.cli.raster import raster
 from linework.errors import InputError, OutputExistsError, UsageError
-from linework.files.las_write import write_las
-from linework.files.trajectories import write_trajectory
+from linework.files.las.write import write_las
+from linework.files.trajectories.read import write_trajectory
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
 

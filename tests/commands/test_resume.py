@@ -13,7 +13,7 @@ import time
 import numpy as np
 import pytest
 
-from linework.files.vectors import read_lines
+from linework.files.vectors.read_write import read_lines
 from linework.simulation.folder import write_survey_folder
 from linework.simulation.simulate import simulate_survey
 

@@ -8,9 +8,9 @@ import numpy as np
 import pyogrio
 import pytest
 
-from linework.files.las_write import write_las
-from linework.files.trajectories import write_trajectory
-from linework.files.vectors import read_lines
+from linework.files.las.write import write_las
+from linework.files.trajectories.read import write_trajectory
+from linework.files.vectors.read_write import read_lines
 from linework.methods.obb.trace import nearest_vertex
 from linework.model.points import Points
 from linework.simulation.simulate import simulate_survey

@@ -11,7 +11,7 @@ import pytest
 from tests.edge_scenes import RADIUS_M, bend, circular_poses, drive_over, pixel_of
 from tests.road_images import RIG
 
-from linework.files.vectors import read_lines
+from linework.files.vectors.read_write import read_lines
 from linework.navigation.poses import attitude_deg_of
 
 PLACE = (9.0, -1.1, 0.0)

@@ -7,13 +7,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from linework.methods.radon.cables import CableConfig, find_cables, least_height_m
+from linework.methods.cables.find import CableConfig, find_cables, least_height_m
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.tile import local_origin
+from linework.runs.seams import inside_core
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import RoadConfig, find_road, height_above_ground
-from linework.tiling.seams import inside_core
 
 #: Margin of points about a core [m], as cables ask for it.
 BUFFER_M = 200.0

@@ -9,11 +9,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from linework.errors import LineworkError
-from linework.files.crs import parse_crs
-from linework.files.las import read_las
-from linework.files.las_write import write_las
-from linework.files.trajectories import read_trajectory, write_trajectory
-from linework.files.vectors import read_lines, write_lines
+from linework.files.geodesy.crs import parse_crs
+from linework.files.las.read import read_las
+from linework.files.las.write import write_las
+from linework.files.trajectories.read import read_trajectory, write_trajectory
+from linework.files.vectors.read_write import read_lines, write_lines
 from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory

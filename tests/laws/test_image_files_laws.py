@@ -13,11 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from linework.errors import LineworkError
-from linework.files.events import read_events
-from linework.files.image_lists import read_image_list, read_times
-from linework.files.images import image_size, read_image
-from linework.files.kitti_calibration import read_calibration
-from linework.files.thumbnails import thumbnail
+from linework.files.images.lists import read_image_list, read_times
+from linework.files.images.read import image_size, read_image
+from linework.files.images.screen import thumbnail
+from linework.files.logs.keys import read_events
+from linework.files.survey.kitti import read_calibration
 from linework.model.camera import Camera
 
 CAMERA = Camera(width=8, height=8, fx=5.0, fy=5.0, cx=3.5, cy=3.5)

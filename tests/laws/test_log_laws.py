@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from tests import gnss_files as made
 
 from linework.errors import InputError, LineworkError
-from linework.files.geodetic import EarthFrame
-from linework.files.gnss_logs import read_gnss
-from linework.files.tables import read_table
-from linework.files.trajectories import read_trajectory_content
+from linework.files.geodesy.geodetic import EarthFrame
+from linework.files.logs.gnss import read_gnss
+from linework.files.logs.tables import read_table
+from linework.files.trajectories.read import read_trajectory_content
 
 NAMES = ("time_s", "easting_m", "northing_m", "height_m")
 LOCAL = EarthFrame(crs="local")

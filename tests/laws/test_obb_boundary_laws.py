@@ -12,8 +12,7 @@ from linework.methods.obb.boundary import REACH_M, BoundaryConfig, find_boundary
 from linework.model.boxes import BOX_COLUMNS, BoxForm, BoxSet
 from linework.model.grid import Bounds
 from linework.model.points import Points
-from linework.model.surface import RoadSurface
-from linework.model.tile import TileData
+from linework.model.tile import RoadSurface, TileData
 from linework.surface.road import RoadConfig, find_road
 
 ORIGIN = (499_200.0, 5_400_000.0, 0.0)

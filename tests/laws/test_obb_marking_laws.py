@@ -13,8 +13,7 @@ from linework.methods.obb.marking import REACH_M, MarkingConfig, find_marking_bo
 from linework.model.boxes import BOX_COLUMNS, BoxSet
 from linework.model.grid import Bounds
 from linework.model.points import Points
-from linework.model.surface import RoadSurface
-from linework.model.tile import TileData
+from linework.model.tile import RoadSurface, TileData
 
 SIZE_M = 24.0
 PAINT = [

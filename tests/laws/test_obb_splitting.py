@@ -6,19 +6,19 @@ import itertools
 import numpy as np
 import pytest
 
-from linework.files.las_write import write_las
-from linework.files.survey import open_survey
-from linework.files.trajectories import write_trajectory
+from linework.files.las.write import write_las
+from linework.files.survey.open import open_survey
+from linework.files.trajectories.read import write_trajectory
 from linework.methods.obb.method import KINDS, ObbMethod
 from linework.model.lines import LineSet
+from linework.processes.executors import Serial
+from linework.processes.pool import Processes
+from linework.runs.laser import extract_lines
+from linework.runs.opened.points import opened_survey
+from linework.runs.opened.work_folder import work_folder
+from linework.runs.resume import run_folder
+from linework.runs.tiles import TilingConfig
 from linework.simulation.simulate import simulate_survey
-from linework.tiling.executors import Serial
-from linework.tiling.opened import opened_survey
-from linework.tiling.plan import TilingConfig
-from linework.tiling.processes import Processes
-from linework.tiling.run import extract_lines
-from linework.tiling.unfinished import run_folder
-from linework.tiling.work_folder import work_folder
 
 SMALL = TilingConfig(core_m=64.0, max_points=10_000)
 
@@ -88,5 +88,5 @@ def test_order_of_points_changes_not_a_byte(simulated, places, reference):
 
 
 def test_workers_change_not_a_byte(places, reference):
-    with Processes(2, modules=("linework.tiling.tile_task",)) as workers:
+    with Processes(2, modules=("linework.runs.tasks",)) as workers:
         assert_same(reference[2], extracted(reference[0], places(), executor=workers).lines)

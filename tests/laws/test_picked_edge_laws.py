@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.edge_scenes import bend, circular_poses, drive_over, followed, pixel_of
 
 from linework.imaging.rectify import directions, distorted, original_pixels, rectified_pixels, rectifier_of
-from linework.methods.stereo.picked_edge import Drive
+from linework.methods.picked_edge.method import Drive
 from linework.model.camera import LOOKING_AHEAD, Camera, StereoRig
 
 PLACE = (9.0, -1.1, 0.0)

@@ -4,10 +4,10 @@ import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from linework.simulation.draw import ROADS, draw_scenario
-from linework.simulation.ground import boundaries, marking_truth
-from linework.simulation.rails import rail_offset, rail_top
-from linework.simulation.scene import build_scene
+from linework.simulation.roads.draw import ROADS, draw_scenario
+from linework.simulation.scene.ground import boundaries, marking_truth
+from linework.simulation.scene.rails import rail_offset, rail_top
+from linework.simulation.scene.scene import build_scene
 from linework.simulation.simulate import simulate_survey
 
 roads = st.sampled_from(ROADS)

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from linework.files.decode_messages import Decoded, DecodeTask
-from linework.files.decoding import decode_file
-from linework.files.las import read_las
-from linework.files.store_read import PointStore
-from linework.files.store_write import write_index
-from linework.files.survey_extent import limits_of
-from linework.files.time_counts import TimeCounts
+from linework.files.las.decode_process import decode_file
+from linework.files.las.messages import Decoded, DecodeTask
+from linework.files.las.read import read_las
+from linework.files.las.tally import TimeCounts
+from linework.files.store.extent import limits_of
+from linework.files.store.read import PointStore
+from linework.files.store.write import write_index
 
 #: Few different values, so that points share places and times; some far away, noise, times that are none.
 PLACES = st.sampled_from([0.0, 0.001, 63.999, 64.0, -0.001, 700.0, 90_000.0])

@@ -9,20 +9,20 @@ import shapely
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from linework.files.decoder import DecoderLimits
-from linework.files.las_write import write_las
-from linework.files.survey import open_survey
-from linework.files.trajectories import write_trajectory
-from linework.methods.choose import ALL_KINDS, choose_methods
+from linework.files.las.decoder import DecoderLimits
+from linework.files.las.write import write_las
+from linework.files.survey.open import open_survey
+from linework.files.trajectories.read import write_trajectory
+from linework.methods.kinds import ALL_KINDS, choose_methods
 from linework.model.lines import LineSet
+from linework.processes.executors import Serial
+from linework.processes.pool import Processes
+from linework.runs.laser import extract_lines
+from linework.runs.opened.points import opened_survey
+from linework.runs.opened.work_folder import work_folder
+from linework.runs.resume import run_folder
+from linework.runs.tiles import TilingConfig
 from linework.simulation.simulate import simulate_survey
-from linework.tiling.executors import Serial
-from linework.tiling.opened import opened_survey
-from linework.tiling.plan import TilingConfig
-from linework.tiling.processes import Processes
-from linework.tiling.run import extract_lines
-from linework.tiling.unfinished import run_folder
-from linework.tiling.work_folder import work_folder
 
 #: Several tiles, whatever the survey.
 SMALL = {"core_m": 64.0, "high_core_m": 100.0, "max_points": 10_000}
@@ -43,7 +43,7 @@ def places(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def workers():
-    with Processes(2, modules=("linework.tiling.tile_task",)) as processes:
+    with Processes(2, modules=("linework.runs.tasks",)) as processes:
         yield processes
 
 

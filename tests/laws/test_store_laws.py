@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.store_twin import assert_same, made, selected, steps_of
 
-from linework.files.store_layout import Limits
+from linework.files.store.layout import Limits
 from linework.model.grid import Bounds
 
 

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from tests.surface_scenes import CONFIG, along, on_lattice, store_of, surface_of, winding_road
 
 from linework.model.points import Points
-from linework.simulation.draw import ROADS
+from linework.processes.pool import Processes
+from linework.runs.opened.surface import Layout
+from linework.simulation.roads.draw import ROADS
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import find_road
-from linework.tiling.processes import Processes
-from linework.tiling.surfaces import Layout
 
 few = settings(max_examples=5, deadline=None, derandomize=True)
 PLANES = ("road_m", "ground_m", "is_road", "is_ground")
@@ -73,7 +73,7 @@ def test_the_order_of_the_points_and_their_batches_do_not_matter(store, referenc
 
 def test_two_processes_find_what_one_finds(store, reference, tmp_path):
     path, expected = reference
-    with Processes(2, modules=("linework.tiling.surfaces",)) as executor:
+    with Processes(2, modules=("linework.runs.opened.surface",)) as executor:
         shared = surface_of(store, path, tmp_path, executor=executor)
     assert not shared.failures
     assert_same(shared.over(store.bounds.grown(90.0)), expected)

@@ -10,7 +10,7 @@ import pytest
 
 from linework.evaluation.measures import evaluate_lines
 from linework.lines.catenary import Catenary
-from linework.methods.radon.cables import CableConfig, find_cables
+from linework.methods.cables.find import CableConfig, find_cables
 from linework.model.lines import LineSet
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import RoadConfig, find_road, height_above_ground

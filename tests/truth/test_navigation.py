@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 
 from linework.navigation.locate import locate
-from linework.simulation.logs import attitude_deg, made_logs
-from linework.simulation.long_drives import MOTORWAY, URBAN, long_drive
-from linework.simulation.sensors import GNSS_2_CM, GYROS, SensorGrades, WheelGrade
+from linework.simulation.sensors.logs import (
+    GNSS_2_CM,
+    GYROS,
+    SensorGrades,
+    WheelGrade,
+    attitude_deg,
+    made_logs,
+)
+from linework.simulation.sensors.long_drives import MOTORWAY, URBAN, long_drive
 
 OUTAGES = ((100.0, 130.0), (180.0, 240.0))
 WHEELS = WheelGrade(scale_left=0.012, scale_right=-0.006)

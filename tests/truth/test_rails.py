@@ -8,11 +8,11 @@ import pytest
 
 from linework.evaluation.measures import match_lines, score
 from linework.evaluation.stations import Stations
-from linework.files.las import read_las
+from linework.files.las.read import read_las
 from linework.methods.radon.method import RadonMethod
 from linework.model.tile import TileData
 from linework.model.trajectory import Trajectory
-from linework.simulation.draw import ROADS
+from linework.simulation.roads.draw import ROADS
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import RoadConfig, find_road, height_above_road
 

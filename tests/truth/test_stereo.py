@@ -9,9 +9,8 @@ from linework.imaging.rectify import rectifier_of
 from linework.methods.stereo.method import StereoMethod
 from linework.model.images import RectifiedPair
 from linework.model.sightings import Sightings
-from linework.simulation.cameras import images_of, stereo_survey
-from linework.simulation.draw import draw_scenario
-from linework.simulation.seen import stereo_truth
+from linework.simulation.roads.draw import draw_scenario
+from linework.simulation.sensors.cameras import images_of, stereo_survey, stereo_truth
 
 
 def test_markings_of_a_straight_road_within_centimetres() -> None:

@@ -10,8 +10,15 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 from shapely import MultiPoint
 
-from linework.methods.obb.boxes import AABB, KDOP, OBB, dop_directions
-from linework.methods.obb.separation import collide_by_slabs, collide_in_plan, collide_in_space
+from linework.methods.obb.boxes import (
+    AABB,
+    KDOP,
+    OBB,
+    collide_by_slabs,
+    collide_in_plan,
+    collide_in_space,
+    dop_directions,
+)
 
 EPS_M = 1e-3
 SIZES = st.one_of(st.just(0.0), st.floats(0.01, 3.0))

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from linework.lines.catenary import Catenary
-from linework.methods.radon.cable_band import cable_band
-from linework.methods.radon.cable_fit import FITTING_METRES, fit_wire, near_end, settled, surroundings
-from linework.methods.radon.cable_widths import Widths
+from linework.methods.cables.band import Widths, cable_band
+from linework.methods.cables.fit import FITTING_METRES, fit_wire, near_end, settled, surroundings
 
 WIDTHS = Widths(0.10)
 

@@ -8,20 +8,25 @@ import numpy as np
 import pytest
 
 from linework.errors import UsageError
-from linework.files.images import read_pair
-from linework.files.stereo_series import open_stereo
-from linework.files.survey import open_survey
-from linework.files.vectors import read_lines
+from linework.files.images.read import read_pair
+from linework.files.images.series import open_stereo
+from linework.files.survey.open import open_survey
+from linework.files.vectors.read_write import read_lines
 from linework.imaging.rectify import distorted, rectifier_of
-from linework.kernels.grain import grain
+from linework.kernels.images.grain import grain
 from linework.navigation.poses import poses_at
-from linework.simulation.cameras import camera_pixels, images_of, stereo_survey
-from linework.simulation.draw import draw_scenario
 from linework.simulation.folder import write_survey_folder
-from linework.simulation.paint import paint_cover
-from linework.simulation.rigs import SIZES, draw_rig, pixel_offsets, pixel_rays
-from linework.simulation.scenario import Car, Marking
-from linework.simulation.seen import observed_in_images, stereo_truth
+from linework.simulation.roads.draw import draw_scenario
+from linework.simulation.roads.scenario import Car, Marking
+from linework.simulation.scene.paint import paint_cover
+from linework.simulation.sensors.cameras import (
+    camera_pixels,
+    images_of,
+    observed_in_images,
+    stereo_survey,
+    stereo_truth,
+)
+from linework.simulation.sensors.view import SIZES, draw_rig, pixel_offsets, pixel_rays
 from linework.simulation.simulate import survey_of
 
 

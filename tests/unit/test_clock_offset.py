@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from linework.files.las_write import write_las
-from linework.files.survey import open_survey
-from linework.files.trajectories import write_trajectory
+from linework.files.las.write import write_las
+from linework.files.survey.open import open_survey
+from linework.files.trajectories.read import write_trajectory
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
-from linework.tiling.opened import opened_survey
+from linework.runs.opened.points import opened_survey
 
 START_S = 4.0e8  # 2024
 TOML = 'crs = "EPSG:25832"\n[points]\nfiles = ["a.laz"]\n[trajectory]\nfile = "t.csv"\n'

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from linework.lines.continued import continued
+from linework.editing.edits.continued import continued
 from linework.model.lines import LineSet
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from linework.kernels import bins as binning
-from linework.kernels import corridor as kernels
-from linework.kernels import follow as following
+from linework.kernels.cells import bins as binning
+from linework.kernels.radon import corridor as kernels
+from linework.kernels.radon import follow as following
 
 CELL_M, N_X, N_Y = 0.5, 12, 8
 BOTH = pytest.mark.parametrize("jit", [True, False], ids=["compiled", "python"])

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from linework.errors import InputError, MachineError
-from linework.files import decoder_process
-from linework.files.decoder import DecoderLimits
-from linework.files.las_write import write_las
-from linework.files.spill import spill_survey
-from linework.files.store_read import PointStore
-from linework.files.survey import open_survey
+from linework.files.las import decoder as decoder_process
+from linework.files.las.decoder import DecoderLimits
+from linework.files.las.write import write_las
+from linework.files.store.build import spill_survey
+from linework.files.store.read import PointStore
+from linework.files.survey.open import open_survey
 from linework.model.points import Points
 
 DYING = Path(__file__).parents[1] / "dying_decoder.py"

@@ -18,10 +18,10 @@ from linework.errors import (
     StaleError,
     UsageError,
 )
-from linework.files.crs import parse_crs
-from linework.files.drawing import DrawingFile
-from linework.files.vectors import read_lines, write_lines
-from linework.files.vectors_gpkg import read_own_gpkg
+from linework.files.geodesy.crs import parse_crs
+from linework.files.line_file.file import DrawingFile
+from linework.files.vectors.gpkg import read_own_gpkg
+from linework.files.vectors.read_write import read_lines, write_lines
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 

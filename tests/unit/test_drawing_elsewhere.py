@@ -10,10 +10,10 @@ import shapely
 from tests.drawing_scenes import none, same, shifted, some_lines, whole
 
 from linework.errors import OutputExistsError
-from linework.files.drawing import ELSEWHERE, DrawingFile
-from linework.files.drawing_tables import connected, shape_of
-from linework.files.geopackage import geometry_blobs
-from linework.files.vectors import read_lines, write_lines
+from linework.files.line_file.file import ELSEWHERE, DrawingFile
+from linework.files.line_file.tables import connected, shape_of
+from linework.files.vectors.gpkg_schema import geometry_blobs
+from linework.files.vectors.read_write import read_lines, write_lines
 from linework.model.changes import Change
 
 
@@ -136,7 +136,7 @@ def test_heights_that_were_not_drawn_are_those_of_the_next_vertex(path):
 
 
 def test_while_another_program_writes_nothing_is_saved_and_nothing_lost(path, monkeypatch):
-    monkeypatch.setattr("linework.files.drawing_tables.WAIT_S", 0.05)
+    monkeypatch.setattr("linework.files.line_file.tables.WAIT_S", 0.05)
     with DrawingFile.opened(path, crs="local") as drawing:
         one = drawing.lines.take([0])
         with closing(sqlite3.connect(path, isolation_level=None)) as other:

@@ -14,8 +14,8 @@ import pytest
 from tests.drawing_scenes import none, same, shifted, some_lines, whole
 
 from linework.errors import MachineError
-from linework.files.drawing import DrawingFile
-from linework.files.vectors import read_lines, write_lines
+from linework.files.line_file.file import DrawingFile
+from linework.files.vectors.read_write import read_lines, write_lines
 from linework.model.changes import Change
 
 #: Moves line after line for ever, and says after each commit that it is done.

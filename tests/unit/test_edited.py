@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from linework.editing.edits.attributes import as_kind, reviewed, with_word
+from linework.editing.edits.split_join import joined, split
+from linework.editing.edits.vertices import inserted, moved, removed, reversed_line, trimmed
 from linework.errors import UsageError
-from linework.lines.edited import inserted, moved, removed, reversed_line, trimmed
-from linework.lines.edited_parts import joined, split
-from linework.lines.edited_words import as_kind, reviewed, with_word
 from linework.model.lines import LineSet
 
 

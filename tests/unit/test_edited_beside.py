@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
+from linework.editing.edits.new_lines import beside, wire, with_heights
 from linework.errors import UsageError
-from linework.lines.edited_beside import beside, with_heights
-from linework.lines.edited_wire import wire
 from linework.model.lines import LineSet
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from linework.editing.edits.dashes import with_missing_dashes
+from linework.editing.edits.vertices import CLICKED_M, smoothed
 from linework.errors import UsageError
-from linework.lines.edited_dashes import with_missing_dashes
-from linework.lines.edited_smooth import CLICKED_M, smoothed
 from linework.model.lines import LineSet
 
 

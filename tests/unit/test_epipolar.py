@@ -10,11 +10,10 @@ import pytest
 from tests.road_views import BASE_M, road_view, views_folder
 
 from linework.errors import InputError
-from linework.files.pair_check import check_pairs
-from linework.files.stereo_series import open_stereo
-from linework.files.survey import open_survey
-from linework.imaging.epipolar import row_fit
-from linework.imaging.rectify import rectifier_of
+from linework.files.images.pair_check import check_pairs
+from linework.files.images.series import open_stereo
+from linework.files.survey.open import open_survey
+from linework.imaging.rectify import rectifier_of, row_fit
 from linework.model.images import StereoSeries
 
 RAMP = Path(__file__).parents[3] / "shared/data/stereo-ramp"

@@ -5,7 +5,7 @@ import pytest
 
 from linework.errors import UsageError
 from linework.evaluation.measures import evaluate_lines, match_lines, scores_of
-from linework.evaluation.tables import score_tables
+from linework.evaluation.report.tables import score_tables
 from linework.model.lines import LineSet
 
 

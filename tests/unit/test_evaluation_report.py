@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from linework.evaluation.chains import Chains, cut_into_pieces
-from linework.evaluation.line_tables import kinds_table, lines_table
 from linework.evaluation.measures import evaluate_lines, match_lines, scores_of
-from linework.evaluation.picture import hits_figure, png, runs_of, tolerance_figure
-from linework.evaluation.plan import plan_figure
-from linework.evaluation.report import Report, report_html
-from linework.evaluation.sections import cable_section, rail_sections
-from linework.evaluation.tables import score_tables
+from linework.evaluation.report.page import Report, report_html
+from linework.evaluation.report.plan import plan_figure
+from linework.evaluation.report.scores_figure import hits_figure, png, runs_of, tolerance_figure
+from linework.evaluation.report.sections import cable_section, rail_sections
+from linework.evaluation.report.tables import kinds_table, lines_table, score_tables
 from linework.model.lines import LineSet
 from linework.model.points import Points
 

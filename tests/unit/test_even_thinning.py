@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from linework.kernels.even_thinning import evenly_thinned, lots
+from linework.kernels.cells.even_thinning import evenly_thinned, lots
 
 
 def test_never_more_than_wanted_and_not_far_fewer():

@@ -11,8 +11,8 @@ import pytest
 from tests.laser_files import copc_file, copc_info, drive_file, hierarchy, point_by_point
 
 from linework.errors import CrsError, InputError, LineworkError
-from linework.files.las import read_las
-from linework.files.las_write import write_las
+from linework.files.las.read import read_las
+from linework.files.las.write import write_las
 from linework.model.points import Points
 
 UTM = "EPSG:25832+7837"

@@ -6,7 +6,7 @@ import pyproj
 import pytest
 
 from linework.errors import CrsError
-from linework.files.crs import (
+from linework.files.geodesy.crs import (
     describe_crs,
     epsg_text,
     has_height,
@@ -16,7 +16,7 @@ from linework.files.crs import (
     same_plan,
     unit_factors,
 )
-from linework.files.las_crs import resolve_crs
+from linework.files.las.crs import resolve_crs
 
 CODES = [
     "EPSG:25832",

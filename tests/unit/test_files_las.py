@@ -9,11 +9,11 @@ import pyproj
 import pytest
 
 from linework.errors import CrsError, UsageError
-from linework.files.crs import parse_crs
-from linework.files.las import read_las
-from linework.files.las_batches import _rounded_batch
-from linework.files.las_header import read_las_header
-from linework.files.las_write import write_las
+from linework.files.geodesy.crs import parse_crs
+from linework.files.las.batches import _rounded_batch
+from linework.files.las.header import read_las_header
+from linework.files.las.read import read_las
+from linework.files.las.write import write_las
 from linework.model.points import Points
 
 UTM = "EPSG:25832+7837"

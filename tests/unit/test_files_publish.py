@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from linework.errors import MachineError, OutputExistsError
-from linework.files.publish import check_output, part_path, publish, publish_folder
-from linework.files.run_record import hash_file, write_json
+from linework.files.output.publish import check_output, part_path, publish, publish_folder
+from linework.files.output.record import hash_file, write_json
 
 
 def writer(text):

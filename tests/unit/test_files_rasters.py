@@ -5,7 +5,7 @@ import pytest
 import rasterio
 
 from linework.errors import OutputExistsError, UsageError
-from linework.files.rasters import write_geotiff
+from linework.files.images.geotiff import write_geotiff
 from linework.model.grid import Grid, Image
 
 UTM = "EPSG:25832+7837"

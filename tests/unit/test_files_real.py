@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from linework.errors import CrsError, InputError, LineworkError
-from linework.files.las import read_las
-from linework.files.survey import open_survey
-from linework.files.survey_points import read_survey_points
-from linework.files.vectors import read_lines
+from linework.files.las.read import read_las
+from linework.files.store.in_memory import read_survey_points
+from linework.files.survey.open import open_survey
+from linework.files.vectors.read_write import read_lines
 
 DATA = Path(__file__).parents[2] / "../shared/data"
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"no real surveys in {DATA}")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from linework.files import repeats
-from linework.files.repeats import PointSample, repeated_elsewhere, repeated_inside, sample_bits
+from linework.files.las import repeats
+from linework.files.las.repeats import PointSample, repeated_elsewhere, repeated_inside, sample_bits
 
 
 def drive(n, seed=1, low=0.0):

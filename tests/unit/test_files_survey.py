@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from linework.errors import ConfigError, CrsError, InputError, UsageError
-from linework.files.crs import parse_crs
-from linework.files.las_write import write_las
-from linework.files.stereo_series import open_stereo
-from linework.files.survey import open_survey
-from linework.files.survey_points import check_trajectory_covers, read_survey_points, read_survey_trajectory
-from linework.files.trajectories import write_trajectory
+from linework.files.geodesy.crs import parse_crs
+from linework.files.images.series import open_stereo
+from linework.files.las.write import write_las
+from linework.files.store.in_memory import check_trajectory_covers, read_survey_points, read_survey_trajectory
+from linework.files.survey.open import open_survey
+from linework.files.trajectories.read import write_trajectory
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
 

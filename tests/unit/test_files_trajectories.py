@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from linework.errors import InputError, OutputExistsError
-from linework.files.trajectories import read_trajectory, read_trajectory_content, write_trajectory
+from linework.files.trajectories.read import read_trajectory, read_trajectory_content, write_trajectory
 from linework.model.trajectory import Trajectory
 
 HEAD = "time_s,easting_m,northing_m,height_m"

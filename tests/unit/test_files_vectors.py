@@ -14,9 +14,9 @@ import pytest
 import shapely
 
 from linework.errors import CrsError, InputError, MachineError, OutputExistsError, UsageError
-from linework.files.crs import parse_crs
-from linework.files.vectors import read_lines, write_lines
-from linework.files.vectors_gpkg import verify_gpkg, write_gpkg
+from linework.files.geodesy.crs import parse_crs
+from linework.files.vectors.gpkg import verify_gpkg, write_gpkg
+from linework.files.vectors.read_write import read_lines, write_lines
 from linework.model.lines import LineSet
 
 UTM = "EPSG:25832+7837"

@@ -10,8 +10,8 @@ import pytest
 import shapely
 
 from linework.errors import CrsError, InputError, UsageError
-from linework.files.crs import parse_crs
-from linework.files.vectors import read_lines
+from linework.files.geodesy.crs import parse_crs
+from linework.files.vectors.read_write import read_lines
 
 UTM = "EPSG:25832+7837"
 
@@ -112,8 +112,8 @@ def test_other_formats_are_refused(tmp_path, name):
 def test_gdal_lacks_the_drivers_that_read_other_files():
     # In a process of its own: other tests may have imported pyogrio before
     code = (
-        "import os, linework.files.vectors, linework.files.rasters, pyogrio\n"
-        "from linework.files.vector_input import FORBIDDEN_DRIVERS as forbidden\n"
+        "import os, linework.files.vectors.read_write, linework.files.images.geotiff, pyogrio\n"
+        "from linework.files.vectors.gdal_input import FORBIDDEN_DRIVERS as forbidden\n"
         "print(sorted(set(forbidden) & set(pyogrio.list_drivers())), os.environ.get('OGR_SKIP'))\n"
         "print(sorted({'GPKG', 'FlatGeobuf', 'ESRI Shapefile'} - set(pyogrio.list_drivers())))"
     )

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 import linework.kernels
-from linework.cli.first_run import _KERNEL_OF, is_compiled, tell_of_compiling
+from linework.cli.progress import _KERNEL_OF, is_compiled, tell_of_compiling
 from linework.methods.kinds import ALL_KINDS
 
 

@@ -8,10 +8,10 @@ import pytest
 from tests import gnss_files as made
 
 from linework.errors import ConfigError, CrsError, InputError
-from linework.files.crs import parse_crs
-from linework.files.geodetic import EarthFrame
-from linework.files.gnss_logs import read_gnss
-from linework.files.trajectories import read_trajectory_content
+from linework.files.geodesy.crs import parse_crs
+from linework.files.geodesy.geodetic import EarthFrame
+from linework.files.logs.gnss import read_gnss
+from linework.files.trajectories.read import read_trajectory_content
 
 PLAN = EarthFrame(crs=parse_crs("EPSG:25832"))
 #: 2024-05-28 12:00:00 UTC as GPS seconds: 18 leap seconds since 1980

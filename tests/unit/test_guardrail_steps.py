@@ -5,11 +5,11 @@ import pytest
 from tests import rail_scenes as made
 from tests.rail_scenes import RADON, TOP_M, bend, extract, prepare, rail_scene, scene, straight
 
-from linework.methods.radon.chains import follow_all
-from linework.methods.radon.circles import find_starts
-from linework.methods.radon.rail_lines import rail_lines
-from linework.methods.radon.rails import fit_rail
 from linework.methods.radon.seeds import SeedConfig, SeedLines, find_seed_lines, split_into_segments
+from linework.methods.rails.chains import follow_all
+from linework.methods.rails.circles import find_starts
+from linework.methods.rails.rail_lines import rail_lines
+from linework.methods.rails.rails import fit_rail
 from linework.model.grid import Grid, Image
 
 SEEDS, CIRCLES, PROFILE = RADON.seeds, RADON.circles, RADON.profile

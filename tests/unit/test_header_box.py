@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from tests.laser_files import LOW, SIZE_M, drive_file
 
-from linework.files.header_box import HeaderBox
-from linework.files.las_header import read_las_header
+from linework.files.las.header import read_las_header
+from linework.files.las.tally import HeaderBox
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.workbench.heights_of import (
+from linework.workbench.views.height_at import (
     edge_height,
     ground_height,
     hanging_height,

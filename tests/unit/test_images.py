@@ -13,7 +13,7 @@ from PIL import Image
 from tests.image_folders import HEIGHT, WIDTH, picture
 
 from linework.errors import InputError
-from linework.files.images import read_image
+from linework.files.images.read import read_image
 from linework.model.camera import Camera
 
 CAMERA = Camera(width=WIDTH, height=HEIGHT, fx=50.0, fy=50.0, cx=31.5, cy=23.5)

@@ -5,21 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.kernels import intensity as kernels
+from linework.kernels.cells import intensity as kernels
 from linework.model.grid import Grid
 from linework.model.points import Points
-from linework.model.surface import RoadSurface
+from linework.model.tile import RoadSurface
 from linework.model.trajectory import Trajectory
 from linework.surface.intensity import (
     Tier,
     fit_views,
     full_scale,
     local_level,
+    mounted,
     normalised_intensity,
+    scanner_track,
     share_of_counts,
     view_of,
 )
-from linework.surface.scanner_track import mounted, scanner_track
 
 ORIGIN = np.array([500_000.0, 5_800_000.0, 100.0])
 LENGTH_M, SPEED, MOUNT_M = 60.0, 10.0, 2.2

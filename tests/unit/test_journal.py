@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from linework.errors import InputError, MachineError, OutputExistsError, UsageError
-from linework.files.journal import Entry, Journal
-from linework.files.locks import locked
-from linework.files.parts import read_line_part, write_line_part
+from linework.files.output.locks import locked
+from linework.files.output.parts import read_line_part, write_line_part
 from linework.model.lines import LineSet
-from linework.tiling import work_folder
-from linework.tiling.record import set_aside
-from linework.tiling.unfinished import describe_run, fingerprint_of, made_here, run_folder
+from linework.runs.opened import work_folder
+from linework.runs.record import set_aside
+from linework.runs.resume import Entry, Journal, describe_run, fingerprint_of, made_here, run_folder
 
 
 def some_lines():
@@ -119,7 +118,7 @@ def test_an_output_is_known_by_what_was_noted_of_it(tmp_path):
     assert not made_here(tmp_path, output)
 
     def publish(run):
-        from linework.files.run_record import hash_file
+        from linework.files.output.record import hash_file
 
         run.journal.note_output("lines.gpkg", hash_file(output))
         raise Killed

@@ -18,11 +18,11 @@ from tests.kitti_folders import (
 )
 
 from linework.errors import ConfigError, InputError
-from linework.files.images import read_pair
-from linework.files.stereo_series import open_stereo
-from linework.files.survey import open_survey
-from linework.files.survey_points import read_survey_trajectory
-from linework.files.van_path import read_van_path
+from linework.files.images.read import read_pair
+from linework.files.images.series import open_stereo
+from linework.files.store.in_memory import read_survey_trajectory
+from linework.files.survey.open import open_survey
+from linework.files.trajectories.of_survey import read_van_path
 from linework.imaging.rectify import rectifier_of
 from linework.model.camera import LOOKING_AHEAD
 from linework.model.images import StereoSeries

@@ -7,10 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from linework.errors import InputError
-from linework.files.crs import parse_crs
-from linework.files.geodetic import EarthFrame
-from linework.files.kitti_poses import read_kitti_poses
-from linework.files.oxts import read_oxts, read_oxts_content
+from linework.files.geodesy.crs import parse_crs
+from linework.files.geodesy.geodetic import EarthFrame
+from linework.files.trajectories.kitti_poses import read_kitti_poses
+from linework.files.trajectories.oxts import read_oxts, read_oxts_content
 from linework.navigation.lever import headings_deg
 
 DATA = Path(__file__).parents[2] / "../shared/data"

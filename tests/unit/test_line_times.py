@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from linework.kernels.times import times_near
-from linework.methods.radon.line_times import with_times
+from linework.kernels.tracking.times import times_near
+from linework.methods.rails.stretches import with_times
 from linework.model.lines import LineSet
 from linework.model.points import Points
 

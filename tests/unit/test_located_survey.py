@@ -5,10 +5,9 @@ import pytest
 from tests.stereo_folders import TOML, make_stereo_folder
 
 from linework.errors import InputError
-from linework.files.survey import open_survey
-from linework.tiling.located_survey import located_survey
-from linework.tiling.recordings import opened_recordings
-from linework.tiling.steps import Steps
+from linework.files.survey.open import open_survey
+from linework.runs.opened.recordings import located_survey, opened_recordings
+from linework.runs.steps import Steps
 
 SPEED_MPS = 10.0
 LOGS = '[navigation]\ngnss = "gnss.csv"\ngyro = "gyro.csv"\nwheels = "wheels.csv"\n[vehicle]\ntick_m = 0.02\n'

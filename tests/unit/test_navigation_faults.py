@@ -10,10 +10,9 @@ import pytest
 from linework.errors import InputError
 from linework.model.logs import GnssLog, GyroLog, WheelLog
 from linework.navigation.locate import locate
-from linework.navigation.settings import NavigationConfig
-from linework.simulation.logs import made_logs
-from linework.simulation.long_drives import URBAN, long_drive
-from linework.simulation.sensors import GNSS_2_CM, GYROS, SensorGrades, WheelGrade
+from linework.navigation.located import NavigationConfig
+from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, WheelGrade, made_logs
+from linework.simulation.sensors.long_drives import URBAN, long_drive
 
 
 @pytest.fixture(scope="module")

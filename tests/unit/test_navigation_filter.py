@@ -11,9 +11,9 @@ from linework.kernels import navigation as kernel
 from linework.model.logs import GnssLog, GyroLog, WheelLog
 from linework.navigation.dead_reckoning import Motion, reckon, steps_between
 from linework.navigation.filter import filtered, problem_of, smoothed
-from linework.navigation.gyro import sound_turns
+from linework.navigation.motion import sound_turns
 from linework.navigation.noise import NoiseModel
-from linework.navigation.start import laid_onto
+from linework.navigation.stretch import laid_onto
 from linework.navigation.wheels import sound_ways
 
 NONE = np.zeros((0, 2))

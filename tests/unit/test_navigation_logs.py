@@ -7,9 +7,9 @@ import pytest
 from tests import gnss_files as made
 
 from linework.errors import ConfigError, InputError
-from linework.files.navigation_logs import read_navigation_logs
-from linework.files.survey import open_survey
-from linework.files.survey_time import to_survey_time
+from linework.files.logs.clock import to_survey_time
+from linework.files.logs.sensors import read_navigation_logs
+from linework.files.survey.open import open_survey
 
 GNSS = "time_s,easting_m,northing_m,height_m,sigma_e_m,sigma_n_m,sigma_z_m\n"
 DEGREES = "time_s,latitude_deg,longitude_deg,ellipsoid_height_m,sigma_e_m,sigma_n_m,sigma_z_m\n"

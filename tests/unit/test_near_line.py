@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from tests.box_scenes import bend, boxes_on, everything_seen, nothing_seen, straight
 
-from linework.methods.obb.near_line import near_line
-from linework.methods.obb.trace import Stop, may_go_on, stops_of, turned_like
-from linework.methods.obb.track import TrackConfig
+from linework.methods.obb.trace import Stop, may_go_on, near_line, stops_of, turned_like
+from linework.methods.tracking.track import TrackConfig
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LineSet
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from tests.box_scenes import bend, boxes_on, everything_seen, nothing_seen, straight
 
-from linework.methods.obb import boundary_lines, marking_lines
-from linework.methods.obb.arrangement import (
+from linework.methods.tracking import boundary_lines, marking_lines
+from linework.methods.tracking.arrangement import (
     along_lines,
     behind_boundaries,
     beside_kerb,
@@ -14,10 +14,10 @@ from linework.methods.obb.arrangement import (
     paint_forms,
     roles,
 )
-from linework.methods.obb.neighbours import Course
-from linework.methods.obb.pattern import find_rhythm, united
-from linework.methods.obb.smooth import smooth_line
-from linework.methods.obb.track import TrackConfig, track_lines
+from linework.methods.tracking.neighbours import Course
+from linework.methods.tracking.pattern import find_rhythm, united
+from linework.methods.tracking.smooth import smooth_line
+from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.kernels.cholesky import factor, solve
-from linework.kernels.stripe_fit import extent
-from linework.kernels.stripe_search import direction
-from linework.kernels.stripes import clipped
-from linework.kernels.visits import MOST_VISITS, dark_level, smallest, split_into_visits, visit_of
+from linework.kernels.paint.paint_points import MOST_VISITS, dark_level, smallest, split_into_visits, visit_of
+from linework.kernels.paint.stripe_fit import extent
+from linework.kernels.paint.stripe_search import direction
+from linework.kernels.paint.stripes import clipped
+from linework.kernels.tracking.cholesky import factor, solve
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.box_scenes import bend, boxes_on, straight
 
-from linework.methods.obb.track import TrackConfig, track_lines
+from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm, BoxSet
 
 CONFIG = TrackConfig()

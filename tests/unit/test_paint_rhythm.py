@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
+from linework.editing.edits.dashes import dashes_by_paint, dashes_in_paint
 from linework.errors import UsageError
-from linework.lines.edited_dashes import dashes_by_paint
-from linework.lines.paint_rhythm import dashes_in_paint
 from linework.model.lines import LineSet
 
 STEP = 0.1

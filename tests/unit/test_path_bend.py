@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.methods.stereo.path_bend import path_heading
+from linework.methods.picked_edge.state import path_heading
 
 
 def _path() -> np.ndarray:

@@ -20,8 +20,8 @@ from tests.edge_scenes import (
 from tests.road_images import straight_poses
 
 from linework.errors import InputError
-from linework.methods.stereo.follow_edge import Stop
-from linework.methods.stereo.picked_edge import Drive, PickRefusedError, follow_picked
+from linework.methods.picked_edge.follow import Stop
+from linework.methods.picked_edge.method import Drive, PickRefusedError, follow_picked
 from linework.model.images import RectifiedPair
 
 

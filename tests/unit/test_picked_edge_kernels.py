@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from linework.kernels.edge_smooth import smooth_beside
-from linework.kernels.line_matching import (
+from linework.kernels.images.line_matching import (
     CORRELATION,
     GAIN,
     OFFSET,
@@ -18,6 +17,7 @@ from linework.kernels.line_matching import (
     match_profile,
     profile_across,
 )
+from linework.kernels.tracking.smooth import smooth_beside
 
 STEP_M, PIXEL_M = 0.005, 0.02
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from linework.errors import MachineError
-from linework.tiling.executors import Serial
-from linework.tiling.processes import Processes
+from linework.processes.executors import Serial
+from linework.processes.pool import Processes
 
 HERE = Path(__file__).parent
 WORK = """
@@ -109,7 +109,7 @@ def test_processes_end_with_their_parent_however_it_ends(work, tmp_path):
     script = tmp_path / "parent.py"
     script.write_text(
         "import some_work, sys, time\n"
-        "from linework.tiling.processes import Processes\n"
+        "from linework.processes.pool import Processes\n"
         "executor = Processes(2)\n"
         "pids = [o.receipt for o in executor.run(some_work.work, ['pid'])]\n"
         "print(*[w.process.pid for w in executor._workers], flush=True)\n"

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from linework.kernels import radon_peaks as kernels
+from linework.kernels.radon import peaks as kernels
 from linework.methods.radon.peaks import dilate, find_peaks, find_peaks_in
 from linework.methods.radon.transform import (
     RadonImage,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from skimage.transform import radon as skimage_radon
 
 from linework.errors import InputError
-from linework.kernels import radon as kernels
+from linework.kernels.radon import transform as kernels
 from linework.methods.radon.transform import (
     evenly_spaced_angles,
     radon_of_cells,

@@ -5,13 +5,13 @@ import pytest
 from tests import rail_scenes as made
 from tests.rail_scenes import RADON, extract, prepare, rail_scene, scene, straight
 
-from linework.methods.radon.beside import close_beside
-from linework.methods.radon.chains import follow_all
-from linework.methods.radon.circles import find_starts
-from linework.methods.radon.rails import fit_rail
 from linework.methods.radon.seeds import find_seed_lines, split_into_segments
-from linework.methods.radon.stretches import barrier_stretches, guardrail_stretches
-from linework.methods.radon.verdict import Verdict
+from linework.methods.rails.chains import follow_all
+from linework.methods.rails.circles import find_starts
+from linework.methods.rails.rail_lines import close_beside
+from linework.methods.rails.rails import fit_rail
+from linework.methods.rails.stretches import barrier_stretches, guardrail_stretches
+from linework.methods.rails.verdict import Verdict
 
 SEEDS, CIRCLES, PROFILE = RADON.seeds, RADON.circles, RADON.profile
 LONG = (2.0, 118.0)

@@ -8,11 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from linework.errors import InputError
-from linework.imaging.binary import in_height_band
-from linework.imaging.main_direction import main_direction_grid, main_direction_rad
-from linework.imaging.raster import MAX_CELLS, cells_of, grid_for, placement, rasterise
+from linework.imaging.raster import (
+    MAX_CELLS,
+    cells_of,
+    grid_for,
+    in_height_band,
+    main_direction_grid,
+    main_direction_rad,
+    placement,
+    rasterise,
+)
 from linework.imaging.scan_lines import scan_line_spacing_m
-from linework.kernels import rasterise as kernels
+from linework.kernels.cells import rasterise as kernels
 from linework.model.grid import Bounds, Grid
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory

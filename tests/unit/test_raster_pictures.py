@@ -9,10 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.image import imread
 
-from linework.imaging.map_marks import nice_length_m
 from linework.imaging.overview import close_ups, reduced
-from linework.imaging.picture import OverlaidLines, Style, draw_map
-from linework.imaging.radon_picture import draw_radon
+from linework.imaging.picture import OverlaidLines, Style, draw_map, draw_radon, nice_length_m
 from linework.methods.radon.figures import (
     FigureConfig,
     classified,

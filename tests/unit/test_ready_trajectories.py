@@ -9,18 +9,18 @@ from scipy.spatial.transform import Rotation
 from tests import gnss_files as made
 
 from linework.errors import InputError
-from linework.files.crs import parse_crs
-from linework.files.geodetic import EarthFrame
-from linework.files.image_lists import read_image_list
-from linework.files.navigation_logs import read_navigation_logs
-from linework.files.survey import open_survey
-from linework.files.survey_time import to_survey_time
-from linework.files.survey_trajectory import (
+from linework.files.geodesy.crs import parse_crs
+from linework.files.geodesy.geodetic import EarthFrame
+from linework.files.images.lists import read_image_list
+from linework.files.logs.clock import to_survey_time
+from linework.files.logs.sensors import read_navigation_logs
+from linework.files.survey.open import open_survey
+from linework.files.trajectories.of_survey import (
     on_clock_of,
     read_survey_trajectory_content,
     stereo_on_clock_of,
 )
-from linework.files.trajectories import (
+from linework.files.trajectories.read import (
     TrajectorySettings,
     read_trajectory,
     read_trajectory_content,

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from linework.files.crs import parse_crs
-from linework.files.geodetic import EarthFrame
-from linework.files.gnss_logs import read_gnss
-from linework.files.navigation_logs import read_navigation_logs
-from linework.files.survey import open_survey
+from linework.files.geodesy.crs import parse_crs
+from linework.files.geodesy.geodetic import EarthFrame
+from linework.files.logs.gnss import read_gnss
+from linework.files.logs.sensors import read_navigation_logs
+from linework.files.survey.open import open_survey
 
 DATA = Path(__file__).parents[2] / "../shared/data/trajectories"
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"no real drives in {DATA}")

@@ -3,12 +3,18 @@
 import numpy as np
 import pytest
 
-from linework.evaluation.line_tables import kinds_table
-from linework.evaluation.picture import png
-from linework.evaluation.plan import View, close_up_figure, plan_figure
-from linework.evaluation.report import Report, report_html
-from linework.evaluation.road_figures import kerb_figure, marking_figure
-from linework.evaluation.road_sections import kerb_cuts, marking_cuts, measured_places, place_on
+from linework.evaluation.report.cuts import (
+    kerb_cuts,
+    kerb_figure,
+    marking_cuts,
+    marking_figure,
+    measured_places,
+    place_on,
+)
+from linework.evaluation.report.page import Report, report_html
+from linework.evaluation.report.plan import View, close_up_figure, plan_figure
+from linework.evaluation.report.scores_figure import png
+from linework.evaluation.report.tables import kinds_table
 from linework.imaging.brightness import brightness_picture, near_ground
 from linework.model.grid import holds
 from linework.model.lines import LineSet

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from linework.lines.reviewed import carried, extraction_change, with_reviews
+from linework.editing.queue.carried_over import carried, extraction_change, with_reviews
 from linework.model.lines import LineSet
 
 

@@ -8,19 +8,20 @@ import pytest
 from tests.conftest import CRS, road_points
 
 from linework.errors import InputError, MachineError, PartialError
-from linework.files.las_write import write_las
-from linework.files.survey import open_survey
-from linework.files.trajectories import write_trajectory
-from linework.files.vectors import read_lines
+from linework.files.las.write import write_las
+from linework.files.survey.open import open_survey
+from linework.files.trajectories.read import write_trajectory
+from linework.files.vectors.read_write import read_lines
 from linework.model.lines import LineSet
 from linework.model.trajectory import Trajectory
-from linework.tiling import outputs, run
-from linework.tiling.opened import opened_survey
-from linework.tiling.plan import TilingConfig
-from linework.tiling.sources import with_sources
-from linework.tiling.steps import Steps
-from linework.tiling.unfinished import run_folder
-from linework.tiling.work_folder import work_folder
+from linework.runs import laser as run
+from linework.runs import outputs
+from linework.runs.extraction import with_sources
+from linework.runs.opened.points import opened_survey
+from linework.runs.opened.work_folder import work_folder
+from linework.runs.resume import run_folder
+from linework.runs.steps import Steps
+from linework.runs.tiles import TilingConfig
 
 #: So many tiles that the 40 m of road lie in at least two.
 SMALL = TilingConfig(core_m=64.0, shift_east_m=20.0, max_points=10_000)

@@ -5,17 +5,16 @@ import pytest
 from scipy.spatial import cKDTree
 
 from linework.errors import OutputExistsError, UsageError
-from linework.simulation.draw import ROADS, draw_scenario
-from linework.simulation.ground import ground, marking_truth
-from linework.simulation.materials import Material
-from linework.simulation.meshes import boxes
-from linework.simulation.paint import paint_cover
-from linework.simulation.part import Part, assembled
-from linework.simulation.scanner import Caster, Hits, turned
-from linework.simulation.scenario import Marking, Symbol
-from linework.simulation.scene import build_scene
+from linework.simulation.roads.draw import ROADS, draw_scenario
+from linework.simulation.roads.scenario import Marking, Symbol
+from linework.simulation.scene.ground import ground, marking_truth
+from linework.simulation.scene.materials import Material
+from linework.simulation.scene.meshes import boxes
+from linework.simulation.scene.paint import paint_cover
+from linework.simulation.scene.part import Part, assembled
+from linework.simulation.scene.scene import OBSERVED, build_scene
+from linework.simulation.sensors.scanner import Caster, Hits, turned
 from linework.simulation.simulate import drives_of, measured, simulate_survey
-from linework.simulation.truth import OBSERVED
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +84,7 @@ def test_a_wall_hides_what_is_behind_it():
 def test_wire_mesh_lets_a_part_of_the_beams_through_and_passing_cars_are_in_one_pass():
     corner = np.array([[5.0, -50.0, -50.0], [5.0, 50.0, -50.0], [5.0, 0.0, 80.0]])
     back = corner + np.array([5.0, 0.0, 0.0])
-    from linework.simulation.meshes import Mesh
+    from linework.simulation.scene.meshes import Mesh
 
     tri = np.array([[0, 1, 2]])
     front = Mesh.of(corner, tri, Material.MESH)
@@ -105,8 +104,8 @@ def test_wire_mesh_lets_a_part_of_the_beams_through_and_passing_cars_are_in_one_
 @pytest.mark.parametrize("kind", ["urban", "motorway"])
 def test_observed_flags_equal_a_brute_force_recount(kind):
     scenario = draw_scenario(kind, 2, 50.0, points_per_m=400)
-    from linework.simulation.materials import GROUND
-    from linework.simulation.truth import PAINT_KINDS, TIMED_M, truth_lines
+    from linework.simulation.scene.materials import GROUND
+    from linework.simulation.scene.scene import PAINT_KINDS, TIMED_M, truth_lines
 
     scene = build_scene(scenario)
     hits = Hits.concatenate(list(measured(scenario, scene, drives_of(scenario))))
@@ -234,9 +233,9 @@ def test_wrong_arguments_are_refused():
 
 
 def test_the_folder_holds_the_survey_and_is_not_overwritten(survey, tmp_path):
-    from linework.files.las import read_las
-    from linework.files.survey import open_survey
-    from linework.files.vectors import read_lines
+    from linework.files.las.read import read_las
+    from linework.files.survey.open import open_survey
+    from linework.files.vectors.read_write import read_lines
     from linework.simulation.folder import write_survey_folder
 
     folder = tmp_path / "made"

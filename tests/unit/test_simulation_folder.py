@@ -1,6 +1,6 @@
 """A survey folder that is written over."""
 
-from linework.files.survey import open_survey
+from linework.files.survey.open import open_survey
 from linework.simulation.folder import write_survey_folder
 from linework.simulation.simulate import simulate_survey
 

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from linework.simulation.draw import ROADS, draw_scenario
-from linework.simulation.draw_pieces import arrow
-from linework.simulation.ground import boundaries, ground, marking_truth, symbol_truth
-from linework.simulation.materials import Material
-from linework.simulation.part import assembled
-from linework.simulation.rails import barrier, fence, guardrail, rail_top
-from linework.simulation.scanner import Caster
-from linework.simulation.scenario import Barrier, Cable, Fence, Marking, Rail, Symbol
-from linework.simulation.wires import cable, catenary
+from linework.simulation.roads.draw import ROADS, draw_scenario
+from linework.simulation.roads.draw_pieces import arrow
+from linework.simulation.roads.scenario import Barrier, Cable, Fence, Marking, Rail, Symbol
+from linework.simulation.scene.ground import boundaries, ground, marking_truth, symbol_truth
+from linework.simulation.scene.materials import Material
+from linework.simulation.scene.part import assembled
+from linework.simulation.scene.rails import barrier, fence, guardrail, rail_top
+from linework.simulation.scene.wires import cable, catenary
+from linework.simulation.sensors.scanner import Caster
 
 
 @pytest.fixture(scope="module")

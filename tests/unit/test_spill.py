@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from linework.errors import InputError, MachineError
-from linework.files import spill
-from linework.files.decoder import DecoderLimits
-from linework.files.las_write import write_las
-from linework.files.spill import spill_survey
-from linework.files.store_facts import facts_of
-from linework.files.store_layout import Limits
-from linework.files.store_read import PointStore
-from linework.files.survey import open_survey
+from linework.files.las.decoder import DecoderLimits
+from linework.files.las.write import write_las
+from linework.files.store import build as spill
+from linework.files.store.build import spill_survey
+from linework.files.store.facts import facts_of
+from linework.files.store.layout import Limits
+from linework.files.store.read import PointStore
+from linework.files.survey.open import open_survey
 from linework.model.points import Points
 
 UTM = "EPSG:25832+7837"

@@ -5,11 +5,19 @@ import pytest
 from scipy.ndimage import binary_dilation, label
 from skimage.morphology import skeletonize
 
-from linework.methods.stereo.bright_lines import bright_pixels, centres_of_runs, chain_code, thinned
-from linework.methods.stereo.lanes import analytical_functions, grouped, vanishing_point
-from linework.methods.stereo.published import lines_in, see_as_published
 from linework.model.camera import LOOKING_AHEAD, RectifiedRig
 from linework.model.images import RectifiedPair
+from linework.published.stereo_1992 import (
+    analytical_functions,
+    bright_pixels,
+    centres_of_runs,
+    chain_code,
+    grouped,
+    lines_in,
+    see_as_published,
+    thinned,
+    vanishing_point,
+)
 
 RIG = RectifiedRig(
     focal_px=700.0, cx=400.0, cy=100.0, width=800, height=360, base_m=0.6,

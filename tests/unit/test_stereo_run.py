@@ -7,16 +7,16 @@ import pytest
 from tests.stereo_folders import TOML, make_stereo_folder
 
 from linework.errors import ConfigError, InputError
-from linework.files.stereo_series import open_stereo
-from linework.files.survey import open_survey
+from linework.files.images.series import open_stereo
+from linework.files.survey.open import open_survey
 from linework.methods.stereo.method import StereoMethod
 from linework.model.lines import LineSet
 from linework.model.sightings import Sightings
-from linework.tiling import window_task
-from linework.tiling.executors import Serial
-from linework.tiling.find import find_lines
-from linework.tiling.recordings import opened_recordings
-from linework.tiling.unfinished import run_folder
+from linework.processes.executors import Serial
+from linework.runs import tasks as window_task
+from linework.runs.find import find_lines
+from linework.runs.opened.recordings import opened_recordings
+from linework.runs.resume import run_folder
 
 
 @dataclass(frozen=True, slots=True)

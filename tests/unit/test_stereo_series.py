@@ -9,8 +9,8 @@ import pytest
 from tests.image_folders import camera_toml, picture, stereo_folder, write_images
 
 from linework.errors import ConfigError, InputError, LineworkError
-from linework.files.stereo_series import open_stereo
-from linework.files.survey import open_survey
+from linework.files.images.series import open_stereo
+from linework.files.survey.open import open_survey
 from linework.model.images import StereoSeries
 
 TENTHS = [round(0.1 * i, 3) for i in range(10)]

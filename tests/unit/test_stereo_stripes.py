@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from tests.road_images import RIG, STRIPES, road_pair, straight_poses
 
-from linework.kernels.fuse import fuse, looked_at
-from linework.kernels.link_stripes import link
-from linework.kernels.local_lines import fit_at
-from linework.kernels.row_stripes import COL, CONTRAST, ROW, WIDTH, stripes_of_rows
+from linework.kernels.images.fuse import fuse, looked_at
+from linework.kernels.images.link_stripes import fit_at, link
+from linework.kernels.images.row_stripes import COL, CONTRAST, ROW, WIDTH, stripes_of_rows
 from linework.methods.stereo.method import StereoMethod
 from linework.methods.stereo.road_plane import RoadPlane, find_road
 from linework.methods.stereo.stripes import StripeConfig, find_stripe_lines

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from linework.errors import InputError
-from linework.evaluation.report import Report, report_html
-from linework.evaluation.stereo_views import StereoViews, chosen_numbers, in_image
+from linework.evaluation.report.page import Report, report_html
+from linework.evaluation.report.stereo_views import StereoViews, chosen_numbers, in_image
 from linework.model.camera import LOOKING_AHEAD, RectifiedRig
 from linework.model.images import Poses, RectifiedPair
 from linework.model.lines import LineSet

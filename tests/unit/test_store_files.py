@@ -10,9 +10,9 @@ import pytest
 from tests.store_twin import assert_same, made, selected, steps_of
 
 from linework.errors import MachineError
-from linework.files.store_layout import RUN_DTYPE, Limits, RunTable, first_step
-from linework.files.store_read import PointStore
-from linework.files.store_write import StoreWriter, write_index
+from linework.files.store.layout import RUN_DTYPE, Limits, RunTable, first_step
+from linework.files.store.read import PointStore
+from linework.files.store.write import StoreWriter, write_index
 from linework.model.grid import Bounds, Grid, Image
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from linework.kernels import store, store_order
+from linework.kernels.store import order as store_order
+from linework.kernels.store import pack as store
 
 
 def sorted_twin(keys, times, intensities):

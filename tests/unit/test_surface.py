@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from linework.errors import InputError
-from linework.kernels import surface as kernels
+from linework.kernels.cells import surface as kernels
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
 from linework.surface.road import (

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from linework.kernels import nearest, regions, surface
-from linework.surface.slopes import middle_network
+from linework.kernels.cells import nearest, regions, surface
+from linework.surface.heights import middle_network
 
 
 def image(seed, shape=(14, 17), holes=0.3):

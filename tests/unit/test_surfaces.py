@@ -18,15 +18,15 @@ from tests.surface_scenes import (
 )
 
 from linework.errors import MachineError
-from linework.files.store_read import PointStore
-from linework.files.surface_tiles import SurfaceTiles, read_surface_record
+from linework.files.store.cell_tiles import SurfaceTiles, read_surface_record
+from linework.files.store.read import PointStore
 from linework.model.grid import Bounds
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
+from linework.runs.opened import surface_passes as passes
+from linework.runs.opened.surface import Layout, SurveySurface
 from linework.surface.cells import Window
 from linework.surface.road import find_road, height_above_ground, height_above_road, is_road_point
-from linework.tiling import surface_passes as passes
-from linework.tiling.surfaces import Layout, SurveySurface
 
 #: One tile of 32 m holds what is 31 m or less from here.
 CORNER = np.array([499_968.0, 5_800_000.0, 100.0])
@@ -317,8 +317,8 @@ def test_the_record_says_of_what_the_surface_is(tmp_path):
 def test_progress_ends_where_it_said_it_would(tmp_path):
     store = store_of(tmp_path / "store", winding_road(3))
     told = []
-    from linework.tiling.executors import Serial
-    from linework.tiling.surfaces import make_surface
+    from linework.processes.executors import Serial
+    from linework.runs.opened.surface import make_surface
 
     make_surface(
         store,

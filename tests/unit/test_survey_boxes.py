@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from linework.files.las_write import write_las
-from linework.files.survey import open_survey
+from linework.files.las.write import write_las
+from linework.files.survey.open import open_survey
 from linework.methods.obb.method import ObbMethod
 from linework.model.boxes import BOX_COLUMNS
 from linework.model.tile import local_origin
+from linework.processes.executors import Serial
+from linework.runs.opened.points import opened_survey, surface_of
+from linework.runs.opened.work_folder import work_folder
+from linework.runs.steps import Steps
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import RoadConfig
-from linework.tiling.executors import Serial
-from linework.tiling.opened import opened_survey, surface_of
-from linework.tiling.steps import Steps
-from linework.tiling.survey_boxes import Corridor, SurveyBoxes
-from linework.tiling.work_folder import work_folder
+from linework.tracing.boxes import Corridor, SurveyBoxes
 
 KINDS = ("lane_marking", "road_boundary")
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from linework.errors import InputError
-from linework.files.raw_times import in_seconds
-from linework.files.survey_time import (
+from linework.files.logs.clock import (
     epoch_by_values,
     fitted_times,
     gps_of_unix,
+    in_seconds,
     known_offsets,
     to_survey_time,
     unix_of_gps,

@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from linework.lines.along_way import Way
-from linework.lines.suspected import ranked, unsure_lines
-from linework.lines.suspected_cables import loose_wires
-from linework.lines.suspected_dashes import missing_dashes
-from linework.lines.suspected_gaps import gaps
+from linework.editing.queue.gaps import gaps
+from linework.editing.queue.suspects import loose_wires, missing_dashes, ranked, unsure_lines
+from linework.lines.along import Way
 from linework.model.lines import LineSet
 
 ORIGIN = np.array([500_000.0, 5_800_000.0])

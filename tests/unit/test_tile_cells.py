@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.kernels import tile_cells as kernels
-from linework.workbench.tiles import FINEST, Lattice, Tile
-from linework.workbench.tiles_layers import Layers, filled, layers_from_children
+from linework.kernels.cells import tile_cells as kernels
+from linework.workbench.views.layers import Layers, filled, layers_from_children
+from linework.workbench.views.pyramid import FINEST, Lattice, Tile
 
 
 def columns(rng, n, side=16.0):

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.model.grid import Bounds
-from linework.workbench.tiles_brightness import ASPHALT, AsphaltLevel, _fitted
+from linework.workbench.views.patches import ASPHALT, AsphaltLevel, _fitted
 
 
 def falling(distance_m):

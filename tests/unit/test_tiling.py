@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from linework.files.run_record import write_json
+from linework.files.output.record import write_json
 from linework.lines.names import midpoints
 from linework.model.lines import LineSet
-from linework.tiling.identify import identify
-from linework.tiling.record import record_path, set_aside
-from linework.tiling.steps import Steps
+from linework.runs.extraction import identify
+from linework.runs.record import record_path, set_aside
+from linework.runs.steps import Steps
 
 
 def some_lines() -> LineSet:

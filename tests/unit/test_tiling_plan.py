@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from linework.model.grid import Bounds
-from linework.tiling.plan import TilingConfig, plan_tiles
+from linework.runs.tiles import TilingConfig, plan_tiles
 
 BLOCK_M = 64.0
 

@@ -7,7 +7,7 @@ import pytest
 
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
-from linework.tiling.seams import inside_core, join_seams
+from linework.runs.seams import inside_core, join_seams
 
 CORES = [Bounds(x, y, x + 50.0, y + 50.0) for y in (0.0, 50.0) for x in (0.0, 50.0)]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from linework.files.time_order import in_time_order
+from linework.files.logs.clock import in_time_order
 
 
 def ordered(time):

@@ -12,16 +12,15 @@ import pytest
 from tests.image_folders import stereo_folder
 
 from linework.errors import InputError
-from linework.files.events import read_events
-from linework.files.point_layers import point_layers
-from linework.files.points_read import read_point_layers
-from linework.files.stereo_series import open_stereo
-from linework.files.survey import open_survey
-from linework.files.van_log import van_log
-from linework.files.vectors import points_left_out, read_lines, write_lines
+from linework.files.images.series import open_stereo
+from linework.files.logs.keys import read_events
+from linework.files.logs.photolog import van_log
+from linework.files.survey.open import open_survey
+from linework.files.vectors.point_layers import point_layers, read_point_layers
+from linework.files.vectors.read_write import points_left_out, read_lines, write_lines
 from linework.model.lines import LineSet
+from linework.model.logs import VanLog
 from linework.model.trajectory import Trajectory
-from linework.model.van_log import VanLog
 from linework.navigation.chainage import chainage_m, is_placed, places_at
 
 EVENTS = "time_s,key,note\n0.25,m,manhole\n0.05,s,sign, bent\n9.0,x,\n"

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from tests.workbench.serve_process import Served, opened_browser, opened_page, served_survey
 
-from linework.files.locks import locked
+from linework.files.output.locks import locked
 
 
 def _made_once(

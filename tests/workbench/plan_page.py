@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from tests.workbench.serve_process import Served, wait_until
 
-from linework.files.vectors import read_lines
+from linework.files.vectors.read_write import read_lines
 from linework.model.lines import LineSet
 
 Place = tuple[float, float]

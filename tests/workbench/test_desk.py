@@ -10,10 +10,9 @@ import pytest
 from tests.workbench import desk_works as works
 
 from linework.errors import InputError, MachineError
-from linework.workbench import desk_work
-from linework.workbench.desk import Desk
-from linework.workbench.desk_work import LEAVE_S
-from linework.workbench.table import SurveyOrder
+from linework.workbench.worker import conversation as desk_work
+from linework.workbench.worker.conversation import LEAVE_S, Desk
+from linework.workbench.worker.session import SurveyOrder
 
 
 @pytest.fixture(autouse=True)

@@ -7,14 +7,14 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from linework.errors import AbsentError, UsageError
-from linework.files.drawing import DrawingFile
-from linework.files.vectors import read_lines
+from linework.files.line_file.file import DrawingFile
+from linework.files.vectors.read_write import read_lines
 from linework.model.changes import Change
 from linework.model.lines import LineSet
-from linework.workbench.edits import ChangeOrder, EditOrder
-from linework.workbench.edits_applied import Given, change_of
-from linework.workbench.edits_given import check_reach
-from linework.workbench.edits_kept import kept_change
+from linework.workbench.edits.apply import Given, change_of
+from linework.workbench.edits.keep_trace import kept_change
+from linework.workbench.edits.measure import check_reach
+from linework.workbench.edits.orders import ChangeOrder, EditOrder
 
 ORDER = TypeAdapter(EditOrder)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.files.vectors import read_lines
+from linework.files.vectors.read_write import read_lines
 
 
 def changed(served, edit, revision=None):

@@ -9,7 +9,7 @@ import pytest
 from tests.workbench.follow_talk import longest, talk_with
 from websockets.exceptions import ConnectionClosed
 
-from linework.files.vectors import read_lines
+from linework.files.vectors.read_write import read_lines
 from linework.methods.obb.trace import nearest_vertex
 
 

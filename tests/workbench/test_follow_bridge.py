@@ -5,20 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.files.las_write import write_las
-from linework.files.survey import open_survey
-from linework.files.trajectories import write_trajectory
-from linework.lines.continued import PICKED_TWICE
+from linework.editing.edits.continued import PICKED_TWICE
+from linework.files.las.write import write_las
+from linework.files.survey.open import open_survey
+from linework.files.trajectories.read import write_trajectory
 from linework.methods.obb.trace import nearest_vertex
+from linework.processes.executors import Serial
+from linework.runs.opened.points import opened_survey, surface_of
+from linework.runs.opened.work_folder import work_folder
+from linework.runs.settings import RunSettings
+from linework.runs.steps import Steps
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import RoadConfig
-from linework.tiling.executors import Serial
-from linework.tiling.opened import opened_survey, surface_of
-from linework.tiling.refused_picks import RefusedPickError
-from linework.tiling.settings import RunSettings
-from linework.tiling.steps import Steps
-from linework.tiling.traces import Tracer
-from linework.tiling.work_folder import work_folder
+from linework.tracing.trace import RefusedPickError, Tracer
 
 LENGTH_M, GAP_M = 130.0, 44.0
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from websockets.sync.client import connect
 
-from linework.files.vectors import read_lines
+from linework.files.vectors.read_write import read_lines
 
 BOUNDARY = {"features": ["road_boundary"], "method": "obb"}
 WIRES = {"features": ["guardrail", "cable"], "method": "radon"}

@@ -10,8 +10,8 @@ import pyogrio
 import pytest
 from tests.workbench.serve_process import Served, served_survey
 
-from linework.files.drawing import DrawingFile
-from linework.files.vectors import read_lines
+from linework.files.line_file.file import DrawingFile
+from linework.files.vectors.read_write import read_lines
 
 #: How often it is killed, and after how long. [s]
 ROUNDS, LONGEST_S = 3, 1.5

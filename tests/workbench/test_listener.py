@@ -5,7 +5,7 @@ import socket
 import pytest
 
 from linework.errors import MachineError
-from linework.workbench.listener import HOST, listener_at, usual_port
+from linework.workbench.server.serve import HOST, listener_at, usual_port
 
 
 def test_a_survey_has_the_same_port_each_time(tmp_path):

@@ -11,7 +11,7 @@ import shapely
 from tests.workbench.plan_page import PlanPage, longest, middle_of
 from tests.workbench.serve_process import served_survey, wait_until
 
-from linework.files.vectors import read_lines
+from linework.files.vectors.read_write import read_lines
 
 
 @pytest.fixture(scope="module")

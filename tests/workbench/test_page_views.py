@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tests.workbench.serve_process import Served, wait_until
 
-from linework.files.vectors import read_lines
+from linework.files.vectors.read_write import read_lines
 
 
 @pytest.fixture

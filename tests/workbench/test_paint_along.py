@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.files.vectors import read_lines
-from linework.lines.edited_beside import beside
-from linework.workbench.paint_along import STEP_M, PaintOfLines, paint_along
-from linework.workbench.table import SurveyOrder, Table
+from linework.editing.edits.new_lines import beside
+from linework.files.vectors.read_write import read_lines
+from linework.workbench.review.queue import STEP_M, PaintOfLines, paint_along
+from linework.workbench.worker.session import SurveyOrder, Table
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def test_each_line_is_measured_once(table, drive_lines, monkeypatch):
         asked.append((len(xyz), width_m))
         return np.zeros((0, 2))
 
-    monkeypatch.setattr("linework.workbench.paint_along.dash_spans", measured)
+    monkeypatch.setattr("linework.workbench.review.queue.dash_spans", measured)
     paint, markings = PaintOfLines(), lines.of_kind("lane_marking")
     assert set(paint.of(table, lines)) == set(markings.id.tolist())
     assert len(asked) == len(markings)

@@ -9,10 +9,10 @@ import PIL.Image
 import pytest
 
 from linework.errors import AbsentError, InputError
-from linework.files.vectors import read_lines
+from linework.files.vectors.read_write import read_lines
 from linework.model.lines import LineSet
-from linework.workbench import pairs
-from linework.workbench.table import SurveyOrder, Table
+from linework.workbench.views import pairs
+from linework.workbench.worker.session import SurveyOrder, Table
 
 
 @pytest.fixture

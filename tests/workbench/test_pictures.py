@@ -13,11 +13,11 @@ import pytest
 from shapely import LineString, Point
 from websockets.sync.client import connect
 
-from linework.files.vectors import read_lines
+from linework.files.vectors.read_write import read_lines
 from linework.model.grid import Bounds
-from linework.workbench import pictures
-from linework.workbench.heights import heights_at, heights_from_path
-from linework.workbench.table import SurveyOrder, Table
+from linework.workbench.views import tiles as pictures
+from linework.workbench.views.heights import heights_at, heights_from_path
+from linework.workbench.worker.session import SurveyOrder, Table
 
 IMAGES = ("density", "height", "above_road", "intensity")
 
@@ -310,7 +310,7 @@ def test_without_points_the_path_tells_the_ground(table, monkeypatch):
     assert sigma[0] < sigma[1] < 0.15
     assert np.isnan(height[2])
     assert np.isnan(sigma[2])
-    monkeypatch.setattr("linework.workbench.heights.patch_reader", lambda _table: None)
+    monkeypatch.setattr("linework.workbench.views.heights.patch_reader", lambda _table: None)
     assert heights_at(table, "road_boundary", [middle[:2]])[0][0] == pytest.approx(middle[2], abs=0.01)
     assert np.isnan(heights_at(table, "cable", [middle[:2]])[0][0])
 

@@ -10,10 +10,10 @@ import pytest
 
 from linework import errors
 from linework.errors import InputError, LineworkError, MachineError, StaleError
-from linework.workbench.guard import Guard
-from linework.workbench.problems import PROBLEMS, STATUS_OF, problem_of, without_paths
-from linework.workbench.server import FAULT, create_app
-from linework.workbench.sessions import Sessions
+from linework.workbench.server.app import FAULT, create_app
+from linework.workbench.server.guard import Guard
+from linework.workbench.server.problems import PROBLEMS, STATUS_OF, problem_of, without_paths
+from linework.workbench.server.sessions import Sessions
 
 PORT = 4711
 

@@ -7,15 +7,14 @@ import asyncio
 import numpy as np
 import pytest
 
-from linework.files.drawing import DrawingFile
-from linework.lines.along_way import Way
-from linework.lines.suspected import Suspect
+from linework.editing.queue.suspects import Suspect
+from linework.files.line_file.file import DrawingFile
+from linework.lines.along import Way
 from linework.model.changes import Change
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
-from linework.workbench.edits import ChangeOrder
-from linework.workbench.queue import Dismissed, ReviewQueue, document_of
-from linework.workbench.queue_at_desk import suspects
+from linework.workbench.edits.orders import ChangeOrder
+from linework.workbench.review.queue import Dismissed, ReviewQueue, document_of, suspects
 
 PATH = np.column_stack([np.arange(0.0, 200.0), np.zeros(200), np.zeros(200)])
 

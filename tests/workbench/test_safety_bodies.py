@@ -18,10 +18,10 @@ from tests.workbench.raw_http import Raw, answer_on, exchange, request, routes
 from tests.workbench.serve_process import Served, wait_until
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from linework.workbench import connections, guard_bodies
-from linework.workbench.guard import MOST_SOCKETS, Guard
-from linework.workbench.guard_bodies import MOST_BYTES
-from linework.workbench.sessions import Sessions
+from linework.workbench.server import guard as guard_bodies
+from linework.workbench.server import serve as connections
+from linework.workbench.server.guard import MOST_BYTES, MOST_SOCKETS, Guard
+from linework.workbench.server.sessions import Sessions
 
 
 def memory_mb(served: Served) -> float:

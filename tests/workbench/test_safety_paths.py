@@ -15,8 +15,8 @@ from PIL import Image
 from tests.workbench.raw_http import exchange, path_parameters, request, routes
 from tests.workbench.serve_process import Served, served_survey
 
-from linework.files.vectors import read_lines
-from linework.workbench.page_files import page_files
+from linework.files.vectors.read_write import read_lines
+from linework.workbench.server.guard import page_files
 
 SECRET = "a-canary-that-must-not-be-read"
 

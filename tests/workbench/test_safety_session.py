@@ -13,8 +13,8 @@ import pytest
 from tests.workbench.raw_http import SOCKETS, exchange, handshake, request, routes
 from tests.workbench.serve_process import Served, wait_until
 
-from linework.workbench.guard_headers import REPORT_POLICY
-from linework.workbench.sessions import MOST_SESSIONS, Sessions
+from linework.workbench.server.guard import REPORT_POLICY
+from linework.workbench.server.sessions import MOST_SESSIONS, Sessions
 
 NO_SESSION = {"problem": "no session: open the link that linework serve printed", "status": 401}
 
@@ -338,7 +338,7 @@ def test_other_users_do_not_see_the_token(las_file, tmp_path):
 
 
 def test_without_a_screen_nothing_is_opened(monkeypatch):
-    from linework.cli import browser
+    from linework.cli import serve as browser
 
     opened = []
     monkeypatch.setattr(browser, "_open", opened.append)

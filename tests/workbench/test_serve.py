@@ -14,8 +14,8 @@ import pytest
 from tests.conftest import road_points
 from tests.workbench.serve_process import Served, served_survey, wait_until
 
-from linework.files.las_write import write_las
-from linework.files.vectors import read_lines
+from linework.files.las.write import write_las
+from linework.files.vectors.read_write import read_lines
 
 
 def children(pid: int) -> list[int]:

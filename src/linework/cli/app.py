@@ -19,9 +19,6 @@ from typing import Annotated, TextIO
 import typer
 
 import linework
-from linework.cli.clean import clean
-from linework.cli.config import config
-from linework.cli.convert import convert
 from linework.cli.demo import demo
 from linework.cli.evaluate import evaluate
 from linework.cli.extract import extract
@@ -32,6 +29,7 @@ from linework.cli.photolog import photolog
 from linework.cli.raster import raster
 from linework.cli.serve import serve
 from linework.cli.simulate import simulate
+from linework.cli.small_commands import clean, config, convert
 from linework.cli.trace import trace
 from linework.errors import LineworkError
 

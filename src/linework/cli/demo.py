@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from linework.evaluation.tolerance import KindMatch
     from linework.model.lines import LineSet
     from linework.model.points import Points
-    from linework.tiling.extraction import Extraction
-    from linework.tiling.steps import Steps
+    from linework.runs.extraction import Extraction
+    from linework.runs.steps import Steps
 
 #: The survey: a street with every kind of line (kerbs that turn into a side street, dashed and solid markings,
 #: a crossing with its stop line, arrows, a rail, cables), parked cars, hedges and walls, and few enough points
@@ -36,13 +36,13 @@ def demo(
     the exact lines beside the laser points. What is extracted never sees them; the report compares both.
     """
     from linework.cli.progress import open_display
-    from linework.files.publish import check_output_folder
+    from linework.files.output.publish import check_output_folder
 
     check_output_folder(folder, overwrite=overwrite)
     with open_display(quiet=quiet) as display:
-        from linework.cli.first_run import tell_of_compiling
+        from linework.cli.progress import tell_of_compiling
         from linework.methods.kinds import ALL_KINDS
-        from linework.tiling.steps import Steps
+        from linework.runs.steps import Steps
 
         tell_of_compiling(ALL_KINDS, quiet=quiet)
         steps = Steps(display)
@@ -71,13 +71,13 @@ def _extract_and_score(folder: Path, steps: Steps, *, overwrite: bool) -> None:
     from dataclasses import asdict
 
     from linework.cli.extract import executor_for, usable_cores
-    from linework.files.survey import open_survey
-    from linework.methods.choose import ALL_KINDS, choose_methods
-    from linework.tiling.extract_to import Order, extract_to
-    from linework.tiling.overview import points_for_pictures
-    from linework.tiling.recordings import opened_recordings
-    from linework.tiling.settings import RunSettings
-    from linework.tiling.work_folder import work_folder
+    from linework.files.survey.open import open_survey
+    from linework.methods.kinds import ALL_KINDS, choose_methods
+    from linework.runs.extract import Order, extract_to
+    from linework.runs.opened.points import points_for_pictures
+    from linework.runs.opened.recordings import opened_recordings
+    from linework.runs.opened.work_folder import work_folder
+    from linework.runs.settings import RunSettings
 
     survey, settings = open_survey([folder / "survey"]), RunSettings()
     order = Order(
@@ -109,13 +109,13 @@ def _score_and_report(
     overwrite: bool,
 ) -> None:
     """Compare the lines with the truth, write the report and print its main tables."""
-    from linework.cli.score_tables import print_tables
+    from linework.cli.evaluate import print_tables
     from linework.evaluation.measures import match_lines, scores_of
-    from linework.evaluation.report import Report, report_html
-    from linework.evaluation.tables import score_tables
-    from linework.files.pages import write_page
-    from linework.files.vectors import read_lines
-    from linework.tiling.record import facts_of
+    from linework.evaluation.report.page import Report, report_html
+    from linework.evaluation.report.tables import score_tables
+    from linework.files.output.publish import write_page
+    from linework.files.vectors.read_write import read_lines
+    from linework.runs.record import facts_of
 
     with steps.step("evaluate"):
         truth = read_lines(folder / "survey" / "truth.gpkg")

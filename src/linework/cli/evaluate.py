@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from linework.evaluation.report.tables import TextTable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -54,7 +62,7 @@ def evaluate(
     """
     from linework.errors import UsageError
     from linework.evaluation.measures import match_lines, scores_of
-    from linework.files.publish import check_output
+    from linework.files.output.publish import check_output
 
     if picture is not None:
         if picture.suffix.lower() != ".png":
@@ -69,8 +77,8 @@ def evaluate(
     parts = match_lines(found, truth, tolerance_m=tolerance_m, kinds=chosen, dash_end_m=dash_end_m)
     scores = scores_of(parts, tolerance_m=tolerance_m)
     if picture is not None:
-        from linework.evaluation.picture import hits_figure, png
-        from linework.files.pages import write_bytes
+        from linework.evaluation.report.scores_figure import hits_figure, png
+        from linework.files.output.publish import write_bytes
 
         write_bytes(png(hits_figure(parts, tolerance_m)), picture, overwrite=overwrite)
     if as_json:
@@ -78,8 +86,7 @@ def evaluate(
 
         typer.echo(json.dumps(scores.to_dict(), indent=1, allow_nan=False))
     else:
-        from linework.cli.score_tables import print_tables
-        from linework.evaluation.tables import score_tables
+        from linework.evaluation.report.tables import score_tables
 
         print_tables(score_tables(scores))
 
@@ -109,8 +116,8 @@ def _read(path: Path, kind_field: str, names: Mapping[str, str], crs: str) -> Li
     import numpy as np
 
     from linework.errors import InputError
-    from linework.files.crs import LOCAL, parse_crs
-    from linework.files.vectors import read_lines
+    from linework.files.geodesy.crs import LOCAL, parse_crs
+    from linework.files.vectors.read_write import read_lines
 
     lines = read_lines(path, crs=crs or None)
     if crs and lines.crs == LOCAL:
@@ -142,7 +149,7 @@ def _kinds_held(path: Path, lines: LineSet, names: Mapping[str, str]) -> set[str
     """Return the kinds a file can hold: those of its lines, its empty layers, what its names stand for."""
     import pyogrio  # its limits were set when the lines were read
 
-    from linework.files.line_fields import REJECTED
+    from linework.files.vectors.fields import REJECTED
 
     held = {str(kind) for kind in lines.kind} | set(names.values())
     if path.suffix.lower() == ".gpkg" and not names:
@@ -187,3 +194,24 @@ def _tell_left_out(chosen: Sequence[str], found: LineSet, truth: LineSet) -> Non
         others = sorted({str(kind) for kind in lines.kind} - set(chosen))
         if others:
             typer.echo(f"note: not scored, from {name}: {', '.join(others)}", err=True)
+
+
+# Print tables on stdout: as wide as the terminal, or as wide as they need to be in a file
+
+#: Without a terminal a table may have this many characters in a row.
+PLAIN_WIDTH = 160
+
+
+def print_tables(tables: Iterable[TextTable]) -> None:
+    """Print tables one after another."""
+    console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else PLAIN_WIDTH, highlight=False)
+    for table in tables:
+        shown = Table(
+            title=Text(table.title), caption=Text(table.note) if table.note else None, box=box.SIMPLE_HEAD,
+            title_justify="left", caption_justify="left", pad_edge=False,
+        )  # fmt: skip
+        for i, name in enumerate(table.columns):
+            shown.add_column(Text(name), justify="left" if i == 0 else "right", no_wrap=i == 0)
+        for row in table.rows:
+            shown.add_row(*(Text(value) for value in row))
+        console.print(shown)

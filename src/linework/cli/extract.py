@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from linework.cli.ahead import import_ahead
 from linework.cli.failures import warn
-from linework.cli.first_run import tell_of_compiling
-from linework.tiling.executor_for import executor_for as executor_for
-from linework.tiling.executor_for import usable_cores as usable_cores
+from linework.cli.progress import import_ahead, tell_of_compiling
+from linework.runs.opened.store import executor_for as executor_for
+from linework.runs.opened.store import usable_cores as usable_cores
 
 if TYPE_CHECKING:
     from linework.model.survey import Survey
-    from linework.tiling.settings import RunSettings
+    from linework.runs.settings import RunSettings
 
 
 def extract(
@@ -74,17 +73,17 @@ def extract(
     or rejected stay as they are when a .gpkg is replaced, unless --forget-reviews is given.
     """
     from linework.cli.progress import open_display
-    from linework.files.reserve import reserved_output
+    from linework.files.output.locks import reserved_output
 
     _check_report(report, output, overwrite=overwrite or resume)
     with contextlib.ExitStack() as held:
         held.enter_context(reserved_output(output, overwrite=overwrite or resume))
         display = held.enter_context(open_display(quiet=quiet))
-        from linework.files.survey import open_survey
-        from linework.files.vectors import check_format
+        from linework.files.survey.open import open_survey
+        from linework.files.vectors.read_write import check_format
         from linework.methods.kinds import check_method, findable_kinds, kinds_of, parse_kinds, recordings_for
-        from linework.tiling.steps import Steps
-        from linework.tiling.work_folder import work_folder
+        from linework.runs.opened.work_folder import work_folder
+        from linework.runs.steps import Steps
 
         check_format(output)
         kinds = parse_kinds(features) if features else kinds_of(method)
@@ -94,10 +93,8 @@ def extract(
         kinds = findable_kinds(kinds, has_points=bool(survey.point_files), asked=bool(features))
         folder, n_workers, steps = work_folder(survey.root, work), workers or usable_cores(), Steps(display)
         executor = held.enter_context(executor_for(survey, n_workers, settings))
-        ahead = import_ahead(
-            "linework.tiling.extract_to", "linework.methods.choose", "linework.files.vectors_gpkg"
-        )
-        from linework.tiling.recordings import opened_recordings
+        ahead = import_ahead("linework.runs.extract", "linework.methods.kinds", "linework.files.vectors.gpkg")
+        from linework.runs.opened.recordings import opened_recordings
 
         recordings = held.enter_context(
             opened_recordings(
@@ -105,8 +102,7 @@ def extract(
             )
         )
         ahead.join()
-        from linework.tiling.asked import asked_order
-        from linework.tiling.extract_to import extract_to
+        from linework.runs.extract import asked_order, extract_to
 
         tell_of_compiling(kinds, quiet=quiet)
         order = asked_order(
@@ -116,8 +112,8 @@ def extract(
         record, found = extract_to(order, recordings, folder, executor, steps)
         if report is not None and found is not None:
             with steps.step("write report"):
-                from linework.files.pages import write_page
-                from linework.workbench.jobs_report import extraction_report
+                from linework.evaluation.report.page import extraction_report
+                from linework.files.output.publish import write_page
 
                 page = extraction_report(found.lines, recordings, record)
                 write_page(page, report, overwrite=overwrite or resume)
@@ -132,9 +128,9 @@ def read_settings(path: Path | None) -> RunSettings:
     import tomllib
 
     from linework.errors import ConfigError
-    from linework.files.las_header import regular_file_bytes
+    from linework.files.las.header import regular_file_bytes
     from linework.model.settings import settings_from
-    from linework.tiling.settings import RunSettings
+    from linework.runs.settings import RunSettings
 
     if path is None:
         return RunSettings()
@@ -159,7 +155,7 @@ def with_trajectory(survey: Survey, path: Path | None) -> Survey:
 def _check_report(report: Path | None, output: Path, *, overwrite: bool) -> None:
     """Refuse, before any work, a report that could not be written at the end."""
     from linework.errors import UsageError
-    from linework.files.publish import check_output
+    from linework.files.output.publish import check_output
 
     if report is None:
         return
@@ -185,7 +181,7 @@ def _print_result(record: dict[str, Any], *, as_json: bool) -> None:
 def _tell_what_is_missing(record: dict[str, Any], output: Path) -> None:
     """Warn where nothing was found; end as unfinished where files or tiles were left out."""
     from linework.errors import PartialError
-    from linework.tiling.record import what_is_missing
+    from linework.runs.record import what_is_missing
 
     if not any(record["counts"]["lines"].values()):
         warn(f"{output}: nothing found: its layers are there and empty")

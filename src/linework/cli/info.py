@@ -35,12 +35,11 @@ def info(
     """
     from linework.cli.extract import usable_cores
     from linework.cli.progress import open_display
-    from linework.files.survey import open_survey
-    from linework.tiling.describe import describe_survey
-    from linework.tiling.opened import opened_survey
-    from linework.tiling.steps import Steps
-    from linework.tiling.survey_read import in_memory
-    from linework.tiling.work_folder import work_folder
+    from linework.files.survey.open import open_survey
+    from linework.runs.opened.describe import describe_survey
+    from linework.runs.opened.points import in_memory, opened_survey
+    from linework.runs.opened.work_folder import work_folder
+    from linework.runs.steps import Steps
 
     with open_display(quiet=quiet) as display:
         survey = open_survey(surveys, crs=crs or None)
@@ -164,7 +163,7 @@ def _spread(values: dict[str, float]) -> str:
 def _tell_left_out(document: dict[str, Any]) -> None:
     """End as unfinished where files were left out."""
     from linework.errors import PartialError
-    from linework.tiling.record import MAX_LISTED
+    from linework.runs.record import MAX_LISTED
 
     failures = document["failures"]
     if failures:

@@ -43,17 +43,17 @@ def locate(
     """
     from linework.cli.progress import open_display
     from linework.errors import PartialError
-    from linework.files.reserve import reserved_output
+    from linework.files.output.locks import reserved_output
 
     _check(rate_hz, longest_outage_s, plot)
     with contextlib.ExitStack() as held:
         for path in (output, *((plot,) if plot else ())):
             held.enter_context(reserved_output(path, overwrite=overwrite))
         display = held.enter_context(open_display(quiet=quiet))
-        from linework.files.navigation_logs import read_navigation_logs
-        from linework.files.survey import open_survey
-        from linework.files.trajectories import write_trajectory
-        from linework.tiling.steps import Steps
+        from linework.files.logs.sensors import read_navigation_logs
+        from linework.files.survey.open import open_survey
+        from linework.files.trajectories.read import write_trajectory
+        from linework.runs.steps import Steps
 
         steps = Steps(display)
         with steps.step("read the logs"):
@@ -89,10 +89,10 @@ def _check(rate_hz: float, longest_outage_s: float, plot: Path | None) -> None:
 
 
 def _located(survey: Survey, logs: Any, rate_hz: float, longest_outage_s: float, *, quiet: bool) -> Located:
-    from linework.cli.first_run import tell_of_compiling
+    from linework.cli.progress import tell_of_compiling
     from linework.errors import InputError
     from linework.navigation.locate import locate as locate_logs
-    from linework.navigation.settings import NavigationConfig
+    from linework.navigation.located import NavigationConfig
 
     tell_of_compiling(("trajectory",), quiet=quiet)
     try:
@@ -103,9 +103,9 @@ def _located(survey: Survey, logs: Any, rate_hz: float, longest_outage_s: float,
 
 
 def _write_plot(located: Located, plot: Path, *, overwrite: bool) -> None:
-    from linework.evaluation.picture import png
-    from linework.evaluation.track_picture import track_figure, track_page
-    from linework.files.pages import write_bytes, write_page
+    from linework.evaluation.report.scores_figure import png
+    from linework.evaluation.report.track import track_figure, track_page
+    from linework.files.output.publish import write_bytes, write_page
 
     if plot.suffix.lower() == ".png":
         write_bytes(png(track_figure(located)), plot, overwrite=overwrite)

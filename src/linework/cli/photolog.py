@@ -42,17 +42,16 @@ def photolog(
     from linework.cli.extract import with_trajectory
     from linework.cli.progress import open_display
     from linework.errors import InputError, PartialError, UsageError
-    from linework.evaluation.photolog import photolog_html
-    from linework.files.crs import describe_crs
-    from linework.files.pages import write_page
-    from linework.files.publish import check_output
-    from linework.files.stereo_series import open_stereo
-    from linework.files.survey import open_survey
-    from linework.files.van_log import van_log
-    from linework.files.van_path import read_van_path
-    from linework.tiling.located_survey import located_survey
-    from linework.tiling.steps import Steps
-    from linework.tiling.work_folder import work_folder
+    from linework.evaluation.report.photolog import photolog_html
+    from linework.files.geodesy.crs import describe_crs
+    from linework.files.images.series import open_stereo
+    from linework.files.logs.photolog import van_log
+    from linework.files.output.publish import check_output, write_page
+    from linework.files.survey.open import open_survey
+    from linework.files.trajectories.of_survey import read_van_path
+    from linework.runs.opened.recordings import located_survey
+    from linework.runs.opened.work_folder import work_folder
+    from linework.runs.steps import Steps
 
     if output.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"cannot write '{output.suffix}' files", where=output, advice="use .html")

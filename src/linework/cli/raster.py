@@ -12,15 +12,15 @@ from linework.cli.failures import warn
 
 if TYPE_CHECKING:
     from linework.arrays import Float32Array
-    from linework.files.survey_points import SurveyPoints
+    from linework.files.store.in_memory import SurveyPoints
     from linework.methods.radon.figures import FigureConfig
     from linework.model.grid import Grid
     from linework.model.points import Points
-    from linework.model.surface import RoadSurface
     from linework.model.survey import Survey
+    from linework.model.tile import RoadSurface
     from linework.model.trajectory import Trajectory
-    from linework.tiling.steps import Steps
-    from linework.tiling.survey_read import SurveyRead
+    from linework.runs.opened.points import SurveyRead
+    from linework.runs.steps import Steps
 
 
 def raster(
@@ -67,10 +67,10 @@ def raster(
     from linework.cli.extract import with_trajectory
     from linework.cli.progress import open_display
     from linework.errors import PartialError
-    from linework.files.publish import check_output_folder
-    from linework.files.survey import open_survey
+    from linework.files.output.publish import check_output_folder
+    from linework.files.survey.open import open_survey
     from linework.methods.radon.figures import FigureConfig
-    from linework.tiling.steps import Steps
+    from linework.runs.steps import Steps
 
     cells = _cells(cell_m, cell_along_m, cell_across_m)
     config = FigureConfig(low_m=min_height_m, high_m=max_height_m)
@@ -129,9 +129,8 @@ def _check_band(config: FigureConfig) -> None:
 def _read(survey: Survey, work: Path | None, steps: Steps) -> SurveyRead:
     """Read points and trajectory."""
     from linework.cli.extract import usable_cores
-    from linework.tiling.opened import opened_survey
-    from linework.tiling.survey_read import in_memory
-    from linework.tiling.work_folder import work_folder
+    from linework.runs.opened.points import in_memory, opened_survey
+    from linework.runs.opened.work_folder import work_folder
 
     folder = work_folder(survey.root, work)
     with opened_survey(survey, folder, n_threads=usable_cores(), steps=steps) as opened:
@@ -142,8 +141,7 @@ def _grid(
     survey: Survey, points: Points, path: Trajectory | None, cells: tuple[float | None, float, float]
 ) -> Grid:
     from linework.errors import InputError
-    from linework.imaging.main_direction import main_direction_grid
-    from linework.imaging.raster import grid_for
+    from linework.imaging.raster import grid_for, main_direction_grid
     from linework.imaging.scan_lines import scan_line_spacing_m
 
     cell_m, along_m, across_m = cells
@@ -168,10 +166,10 @@ def _publish(
     steps: Steps,
 ) -> dict[str, Any]:
     """Write all images and run.json into one folder that appears whole, and return the record."""
-    from linework.files.crs import describe_crs, epsg_text
-    from linework.files.publish import publish_folder
-    from linework.files.rasters import write_geotiff
-    from linework.files.run_record import write_json
+    from linework.files.geodesy.crs import describe_crs, epsg_text
+    from linework.files.images.geotiff import write_geotiff
+    from linework.files.output.publish import publish_folder
+    from linework.files.output.record import write_json
     from linework.methods.radon.figures import raster_figures
     from linework.surface.road import RoadConfig, find_road, height_above_road, is_road_point
 
@@ -221,9 +219,9 @@ def _record(
     """Return what goes into run.json."""
     from dataclasses import asdict
 
-    from linework.files.crs import describe_crs
-    from linework.files.run_record import hash_file
-    from linework.tiling.record import versions
+    from linework.files.geodesy.crs import describe_crs
+    from linework.files.output.record import hash_file
+    from linework.runs.record import versions
 
     grid, config = what
     return {

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
+import html
+import os
+import sys
+import tempfile
+import threading
+import webbrowser
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
-    from linework.workbench.bench import Bench
+    from linework.workbench.server.bench import Bench
 
 
 def serve(
@@ -49,7 +57,6 @@ def serve(
     import asyncio
     import contextlib
 
-    from linework.cli.browser import opened_browser
     from linework.cli.extract import read_settings, usable_cores
     from linework.cli.failures import Interrupted, save_log
     from linework.cli.progress import open_display
@@ -58,10 +65,10 @@ def serve(
     settings = read_settings(config)
     with contextlib.ExitStack() as held:
         display = held.enter_context(open_display(quiet=quiet))
-        from linework.cli.first_run import tell_of_compiling
+        from linework.cli.progress import tell_of_compiling
         from linework.methods.kinds import ALL_KINDS
-        from linework.workbench.serving import Serving, serve
-        from linework.workbench.table import SurveyOrder
+        from linework.workbench.server.serve import Serving, serve
+        from linework.workbench.worker.session import SurveyOrder
 
         tell_of_compiling(ALL_KINDS, quiet=quiet)
 
@@ -123,3 +130,39 @@ def _print(bench: Bench, url: str, *, as_json: bool, quiet: bool) -> None:
     sys.stdout.flush()
     if not quiet:
         typer.echo(f"lines: {bench.drawing.path}; Ctrl-C ends the workbench", err=True)
+
+
+# Open a link in the user's browser without anybody else seeing it
+
+_PAGE = '<!doctype html><meta charset="utf-8"><title>linework</title><meta http-equiv="refresh" content="0; url={}">'
+
+
+@contextlib.contextmanager
+def opened_browser(url: str) -> Iterator[None]:
+    """Open a link, where there is a screen; for as long as the server runs.
+
+    Notes
+    -----
+    Arguments of a command can be read by every user of the machine: the browser is given a file that only this one
+    may read, and which sends it on.
+    """
+    if not has_screen():
+        yield
+        return
+    with tempfile.TemporaryDirectory(prefix="linework-") as folder:
+        page = Path(folder) / "open.html"
+        page.touch(mode=0o600)
+        page.write_text(_PAGE.format(html.escape(url)), encoding="utf-8")
+        # A browser in the terminal would not return
+        threading.Thread(target=_open, args=(page.as_uri(),), daemon=True).start()
+        yield
+
+
+def has_screen() -> bool:
+    """Return whether a browser's window could be seen here."""
+    return sys.platform == "darwin" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+
+
+def _open(uri: str) -> None:
+    with contextlib.suppress(webbrowser.Error, OSError):
+        webbrowser.open(uri)

@@ -46,12 +46,12 @@ def simulate(
     import numpy as np
 
     from linework.cli.progress import open_display
-    from linework.files.publish import check_output_folder
-    from linework.simulation.cameras import stereo_survey
-    from linework.simulation.draw import draw_scenario
+    from linework.files.output.publish import check_output_folder
+    from linework.runs.steps import Steps
     from linework.simulation.folder import write_survey_folder
+    from linework.simulation.roads.draw import draw_scenario
+    from linework.simulation.sensors.cameras import stereo_survey
     from linework.simulation.simulate import survey_of
-    from linework.tiling.steps import Steps
 
     check_output_folder(out, overwrite=overwrite)
     scenario = draw_scenario(road, seed, length_m, points_per_m=points_per_m)

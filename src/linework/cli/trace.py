@@ -10,8 +10,8 @@ import typer
 
 if TYPE_CHECKING:
     from linework.model.lines import LineSet
-    from linework.tiling.image_traces import TracedEdge
-    from linework.tiling.traces import TracedLine
+    from linework.tracing.in_images import TracedEdge
+    from linework.tracing.trace import TracedLine
 
 
 def trace(
@@ -75,21 +75,21 @@ def trace(
         )  # fmt: skip
         return
     from linework.cli.progress import open_display
-    from linework.files.reserve import reserved_output
+    from linework.files.output.locks import reserved_output
 
     place, way = _place("--at", at), _place("--toward", toward) if toward else None
     with contextlib.ExitStack() as held:
         held.enter_context(reserved_output(output, overwrite=overwrite or append))
         display = held.enter_context(open_display(quiet=quiet))
         from linework.cli.extract import read_settings
-        from linework.cli.first_run import tell_of_compiling
-        from linework.files.survey import open_survey
-        from linework.files.vectors import check_format, write_lines
-        from linework.tiling.executors import Serial
-        from linework.tiling.opened import opened_survey, surface_of
-        from linework.tiling.steps import Steps
-        from linework.tiling.traces import Tracer, check_kind
-        from linework.tiling.work_folder import work_folder
+        from linework.cli.progress import tell_of_compiling
+        from linework.files.survey.open import open_survey
+        from linework.files.vectors.read_write import check_format, write_lines
+        from linework.processes.executors import Serial
+        from linework.runs.opened.points import opened_survey, surface_of
+        from linework.runs.opened.work_folder import work_folder
+        from linework.runs.steps import Steps
+        from linework.tracing.trace import Tracer, check_kind
 
         check_format(output)
         check_kind(feature)
@@ -131,17 +131,17 @@ def _trace_image(
 ) -> None:  # fmt: skip
     """Follow the edge at a pixel of an image and write it."""
     from linework.cli.progress import open_display
-    from linework.files.reserve import reserved_output
+    from linework.files.output.locks import reserved_output
 
     with contextlib.ExitStack() as held:
         held.enter_context(reserved_output(output, overwrite=overwrite or append))
         display = held.enter_context(open_display(quiet=quiet))
-        from linework.files.survey import open_survey
-        from linework.files.vectors import check_format, write_lines
-        from linework.tiling.image_traces import ImageTracer, pixel_of
-        from linework.tiling.recordings import opened_recordings
-        from linework.tiling.steps import Steps
-        from linework.tiling.work_folder import work_folder
+        from linework.files.survey.open import open_survey
+        from linework.files.vectors.read_write import check_format, write_lines
+        from linework.runs.opened.recordings import opened_recordings
+        from linework.runs.opened.work_folder import work_folder
+        from linework.runs.steps import Steps
+        from linework.tracing.in_images import ImageTracer, pixel_of
 
         check_format(output)
         col, row = pixel_of(at_px).tolist()
@@ -202,8 +202,8 @@ def _drained(
 
 def _with_those_there(output: Path, lines: LineSet) -> LineSet:
     """Return the lines of a file and a new one, joined where one continues the other."""
-    from linework.files.vectors import read_lines
-    from linework.lines.continued import continued
+    from linework.editing.edits.continued import continued
+    from linework.files.vectors.read_write import read_lines
 
     return continued(read_lines(output), lines)
 

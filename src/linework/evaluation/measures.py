@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from linework.errors import UsageError
-from linework.evaluation.agreement import check_crs
-from linework.evaluation.attributes import ATTRIBUTES, attribute_errors
-from linework.evaluation.bridges import bridged_scores
+from linework.errors import CrsError, UsageError
 from linework.evaluation.chains import PIECE_M, Chains
-from linework.evaluation.dashes import DASH_KIND, dash_scores
-from linework.evaluation.groups import group_scores
-from linework.evaluation.honesty import calibrate, sigma_terciles
+from linework.evaluation.dashes import (
+    ATTRIBUTES,
+    DASH_KIND,
+    LABELS,
+    attribute_errors,
+    dash_scores,
+    group_scores,
+    label_scores,
+)
+from linework.evaluation.honesty import bridged_scores, calibrate, sigma_terciles
 from linework.evaluation.instances import CHAMFER_M, average_precision
-from linework.evaluation.labels import LABELS, label_scores
 from linework.evaluation.match import TIE_M, Match, distance_to, match_chains
-from linework.evaluation.scores import KindScores, Scores
 from linework.evaluation.stations import Stations, measure_stations
 from linework.evaluation.tolerance import DASH_END_M, KindMatch, at_tolerance
+from linework.evaluation.values import KindScores, Scores
+from linework.files.geodesy.crs import LOCAL, describe_crs, has_height, same_crs, same_plan
 from linework.model.lines import KINDS, LineSet
 
 #: Tolerances of the curve (methods.md section 5). [m]
@@ -200,3 +205,42 @@ def _mean_precision(parts: Sequence[KindMatch]) -> dict[float, float | None]:
         defined = [ap for part in parts if (ap := part.chamfer_ap[limit_m]) is not None]
         mean[limit_m] = float(np.mean(defined)) if defined else None
     return mean
+
+
+# Two line sets can be compared only where they stand in the same coordinate reference system
+
+
+def check_crs(extracted: str, reference: str) -> None:
+    """Raise unless both are in one CRS.
+
+    Parameters
+    ----------
+    extracted, reference
+        WKT2, or "local". A CRS without a height datum agrees with one that has it (some formats drop it):
+        heights are then compared as they are, with a warning.
+
+    Raises
+    ------
+    CrsError
+        They differ, or only one of them is "local".
+    """
+    if same_crs(extracted, reference):
+        return
+    a, b = describe_crs(extracted), describe_crs(reference)
+    if LOCAL in (extracted, reference):
+        raise CrsError(
+            f"lines are in {a}, reference in {b} (local: metres, no place on earth)",
+            where="evaluate",
+            advice="give --crs to say what the file in no CRS is in",
+        )
+    if not same_plan(extracted, reference) or (has_height(extracted) and has_height(reference)):
+        raise CrsError(
+            f"lines are in {a}, reference in {b}",
+            where="evaluate",
+            advice="transform one of them",
+        )
+    stated = a if has_height(extracted) else b
+    warnings.warn(
+        f"only one side says what its heights refer to ({stated}): they are compared as they are",
+        stacklevel=3,
+    )

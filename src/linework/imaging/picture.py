@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -10,15 +11,16 @@ from typing import Any, Literal
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import BoundaryNorm, Colormap, ListedColormap, LogNorm, Normalize
+from matplotlib.colors import BoundaryNorm, Colormap, ListedColormap, LogNorm, Normalize, PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
+from matplotlib.transforms import Transform, offset_copy
+from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
 from linework.arrays import FloatArray
-from linework.imaging.map_marks import draw_coordinates, draw_north_arrow, draw_scale_bar
 from linework.imaging.overview import Window, close_ups, reduced
 from linework.model.grid import Grid, Image
 
@@ -280,3 +282,127 @@ def _explain(
         if style.logarithmic:
             bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:,g}"))
             bar.ax.yaxis.set_minor_formatter(NullFormatter())
+
+
+# Picture of a Radon image, with its peaks
+
+
+def draw_radon(
+    values: FloatArray,
+    angles_rad: FloatArray,
+    rho_m: FloatArray,
+    *,
+    title: str,
+    peaks: tuple[FloatArray, FloatArray] | None = None,
+    names: Sequence[str] = (),
+) -> bytes:
+    """Return a PNG of Radon values (n_angles, n_rho), theta to the right and rho up.
+
+    Parameters
+    ----------
+    peaks
+        theta [rad] and rho [m] of peaks to mark, or None.
+    names
+        A short name for each peak, the same as on the map of the lines.
+    """
+    small, factor = reduced(values.T, PANEL_CELLS)
+    theta_deg = np.degrees(angles_rad)
+    step_deg = 180.0 / len(theta_deg)
+    rho_step = float(rho_m[1] - rho_m[0]) if len(rho_m) > 1 else 1.0
+    left, low = float(theta_deg[0]) - 0.5 * step_deg, float(rho_m[0]) - 0.5 * rho_step
+    figure = Figure((11.0, 8.0), DPI, layout="constrained")
+    ax = figure.add_subplot()
+    drawn = ax.imshow(
+        small, cmap="inferno", norm=PowerNorm(0.5, 0.0, max(float(values.max(initial=0.0)), 1e-6)), aspect="auto", origin="lower", interpolation="nearest",
+        extent=(left, left + factor * step_deg * small.shape[1], low, low + factor * rho_step * small.shape[0]),
+    )  # fmt: skip
+    ax.set_xlim(left, left + step_deg * len(theta_deg))
+    ax.set_ylim(low, low + rho_step * len(rho_m))
+    ax.set_xlabel("theta: direction of the line's normal, anticlockwise from east [°]")
+    ax.set_ylabel("rho: distance of the line from the image's centre [m]")
+    figure.colorbar(drawn, ax=ax, pad=0.01).set_label(
+        "occupied length in the strip [m], colours by its square root"
+    )
+    figure.suptitle(title, fontsize=13, weight="bold")
+    if peaks is not None:
+        ax.plot(
+            np.degrees(peaks[0]), peaks[1], "o", markersize=9, markerfacecolor="none",
+            markeredgecolor="#35d0ff", markeredgewidth=1.3, label="peak = candidate line",
+        )  # fmt: skip
+        for k, (theta, rho, name) in enumerate(zip(*peaks, names, strict=True)):
+            aside = ((8, 6), (8, -12), (-16, 6), (-16, -12))[k % 4]
+            ax.annotate(
+                name, (float(np.degrees(theta)), float(rho)), xytext=aside, textcoords="offset points",
+                fontsize=8, color="white", bbox={"boxstyle": "round,pad=0.15", "facecolor": LINE_COLOUR},
+            )  # fmt: skip
+        ax.legend(loc="upper right", fontsize=8)
+    return png(figure)
+
+
+# Scale bar, north arrow and coordinates of a map picture
+
+
+def nice_length_m(at_most_m: float) -> float:
+    """Return the largest of 1, 2, 5 times a power of ten that is not longer than `at_most_m`.
+
+    >>> [nice_length_m(x) for x in (0.7, 9.0, 31.0)]
+    [0.5, 5.0, 20.0]
+    """
+    power = 10.0 ** math.floor(math.log10(at_most_m))
+    return max(f * power for f in (1.0, 2.0, 5.0) if f * power <= at_most_m * (1 + 1e-9))
+
+
+def draw_scale_bar(ax: Axes) -> None:
+    """Draw a bar of a round length in the lower left corner of an axes in metres."""
+    left, right = ax.get_xlim()
+    length = nice_length_m(0.22 * (right - left))
+    bar = AnchoredSizeBar(
+        ax.transData, length, f"{length:g} m", "lower left",
+        pad=0.4, sep=4, borderpad=0.6, size_vertical=0.004 * (right - left), fill_bar=True, color="black",
+    )  # fmt: skip
+    bar.patch.set(alpha=0.85, edgecolor="none")
+    bar.set_zorder(9)
+    ax.add_artist(bar)
+
+
+def draw_north_arrow(ax: Axes, rotation_deg: float) -> None:
+    """Draw an arrow to grid north in the upper right corner; `rotation_deg` is the grid's own turn."""
+    turn = math.radians(rotation_deg)
+    east, north = math.sin(turn), math.cos(turn)
+    figure: Any = ax.figure
+
+    def from_corner(points: float) -> Transform:
+        """Return the transform that puts (1, 1) so far along the arrow from its middle."""
+        x, y = -24 + points * east, -24 + points * north
+        return offset_copy(ax.transAxes, fig=figure, x=x, y=y, units="points")
+
+    ax.plot(
+        [1], [1], marker="o", markersize=42, color="white", alpha=0.85, transform=from_corner(0), zorder=8,
+        scalex=False, scaley=False,
+    )  # fmt: skip
+    ax.annotate(
+        "", xy=(1, 1), xycoords=from_corner(10), xytext=(1, 1), textcoords=from_corner(-16),
+        arrowprops={"arrowstyle": "-|>,head_width=0.3,head_length=0.6", "color": "black"}, zorder=9,
+    )  # fmt: skip
+    ax.text(
+        1, 1, "N", transform=from_corner(14), ha="center", va="center", fontsize=9, weight="bold", zorder=9
+    )
+
+
+def draw_coordinates(ax: Axes, x_name: str, y_name: str) -> None:
+    """Label the axes in metres: whole numbers, never an offset to be added in the head."""
+    (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    ratio = (top - bottom) / (right - left)
+    # As many as there is room for on the shorter side
+    for axis, n in ((ax.xaxis, 5 if ratio < 4.0 else 2), (ax.yaxis, 5 if ratio > 0.25 else 2)):
+        axis.set_major_locator(MaxNLocator(n, min_n_ticks=2))
+        axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:,.10g}"))
+    # In the lower left corner the labels of the two axes would meet
+    ax.yaxis.set_major_formatter(
+        FuncFormatter(lambda v, _: f"{v:,.10g}" if v > bottom + 0.06 * (top - bottom) else "")
+    )
+    ax.tick_params(labelsize=8)
+    for label in ax.get_yticklabels():
+        label.set(rotation=90, va="center")
+    ax.set_xlabel(f"{x_name} [m]", fontsize=8)
+    ax.set_ylabel(f"{y_name} [m]", fontsize=8)

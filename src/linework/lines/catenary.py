@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.kernels import catenary as kernels
+from linework.kernels.cables import catenary as kernels
 
 #: Gauss-Newton on this nearly linear problem gains three digits per step; eight are plenty.
 _MAX_STEPS = 8

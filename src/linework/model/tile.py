@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from linework.model.grid import Bounds
+from linework.arrays import BoolArray, Float32Array
+from linework.model.grid import Bounds, Grid
 from linework.model.points import Points
-from linework.model.surface import RoadSurface
 from linework.model.trajectory import Trajectory
 
 #: Local origins are whole multiples of this: of every lattice that methods use (cells, windows, columns). [m]
@@ -54,3 +54,32 @@ def local_origin(west: float, south: float, low: float) -> tuple[float, float, f
     """
     east, north, up = (math.floor(value / ORIGIN_STEP_M) * ORIGIN_STEP_M for value in (west, south, low))
     return east, north, up
+
+
+# The road's and the ground's height, everywhere on a grid
+
+
+@dataclass(frozen=True, slots=True)
+class RoadSurface:
+    """The road's and the ground's height on one grid, without holes (NaN only where making it failed).
+
+    Parameters
+    ----------
+    grid
+        North-up grid on the global lattice.
+    z0_m
+        Local height origin: the surfaces are float32 above it. [m, world]
+    road_m
+        (rows, cols) float32 [m above z0_m]: the road, carried on beyond its edge into the ground.
+    ground_m
+        (rows, cols) float32 [m above z0_m]: the ground.
+    is_road, is_ground
+        (rows, cols) bool: cells where the surface was measured.
+    """
+
+    grid: Grid
+    z0_m: float
+    road_m: Float32Array
+    ground_m: Float32Array
+    is_road: BoolArray
+    is_ground: BoolArray

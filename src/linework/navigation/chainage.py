@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray
+from linework.model.logs import LoggedPlaces
 from linework.model.trajectory import Trajectory
-from linework.model.van_log import LoggedPlaces
 from linework.navigation.lever import headings_deg
 from linework.navigation.poses import attitude_deg_of, poses_at
 

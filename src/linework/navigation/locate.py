@@ -19,9 +19,8 @@ from linework.errors import InputError
 from linework.model.logs import GnssLog, NavigationLogs
 from linework.navigation.clock_check import checked_against_fixes
 from linework.navigation.dead_reckoning import Motion
-from linework.navigation.located import Located, one_after_another
+from linework.navigation.located import Located, NavigationConfig, one_after_another
 from linework.navigation.motion import motion_of
-from linework.navigation.settings import NavigationConfig
 from linework.navigation.stretch import Sensors, located_stretch
 from linework.navigation.wheels import spans_of
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray
+from linework.model.settings import setting
 from linework.model.trajectory import Trajectory
 from linework.navigation.noise import NoiseModel
 
@@ -105,3 +106,20 @@ def within(trajectory: Trajectory, kept: BoolArray) -> Trajectory:
     """Return the poses that are kept."""
     columns = ("time_s", "xyz", "attitude_deg", "sigma_xyz_m", "sigma_attitude_deg")
     return Trajectory(*(getattr(trajectory, name)[kept] for name in columns))
+
+
+# What may be chosen about positioning
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NavigationConfig:
+    """Limits of what dead reckoning is trusted with."""
+
+    longest_outage_s: float = setting(
+        180.0, unit="s", low=1.0, high=3600.0,
+        reason="of longer ones the middle is left out: dead reckoning keeps 0.1 % of the way, 5 m at 100 km/h",
+    )  # fmt: skip
+    max_sigma_m: float = setting(
+        20.0, unit="m", low=0.01, high=1000.0,
+        reason="less certain places are left out: that far away is another road",
+    )  # fmt: skip

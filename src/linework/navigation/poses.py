@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from linework.arrays import FloatArray
+from linework.arrays import AnyArray, FloatArray
+from linework.kernels import navigation as kernel
 from linework.model.images import Poses
 from linework.model.trajectory import Trajectory
+from linework.navigation.dead_reckoning import Motion, Reckoned
+from linework.navigation.filter import Estimate, Problem
 
 
 def rotations_of(attitude_deg: FloatArray) -> FloatArray:
@@ -68,3 +71,75 @@ def _interpolated(time_s: FloatArray, known_s: FloatArray, values: FloatArray | 
     if values is None:
         return np.full((len(time_s), 3), np.nan)
     return np.stack([np.interp(time_s, known_s, column) for column in values.T], axis=-1)
+
+
+# Poses at any rate between the nodes of the filter: dead reckoned, and drawn onto both neighbours
+
+
+def trajectory_at(
+    time_s: FloatArray,
+    problem: Problem,
+    estimate: Estimate,
+    motion: Motion,
+    reckoned: Reckoned,
+    *,
+    origin_m: FloatArray,
+    tilt_sigma_rad: FloatArray,
+) -> Trajectory:
+    """Return poses and their sigmas at (n,) times within the nodes.
+
+    Notes
+    -----
+    From the node before, the way of gyro and wheels goes on with the estimated scales and bias; what it is
+    off by at the node after is shared out over the time between both.
+    """
+    nodes, x = problem.time_s, estimate.x
+    k = np.clip(np.searchsorted(nodes, time_s, side="right") - 1, 0, len(nodes) - 2)
+    share = (time_s - nodes[k]) / (nodes[k + 1] - nodes[k])
+    at, node = reckoned.at(time_s), reckoned.at(nodes)
+    pose = _moved(x[k], node, at, k, time_s - nodes[k])
+    whole = _moved(x[:-1], node, node, np.arange(len(nodes) - 1), np.diff(nodes), to_next=True)
+    pose += share[:, None] * (x[1:, :4] - whole)[k]
+    tilt = np.stack([np.interp(time_s, motion.turn_time_s, t) for t in motion.tilt_rad.T], axis=1)
+    offset = x[:, [kernel.ROLL, kernel.PITCH]]
+    tilt += (1.0 - share)[:, None] * offset[k] + share[:, None] * offset[k + 1]
+    var = np.diagonal(estimate.p, axis1=1, axis2=2)
+    sigma = np.sqrt(np.maximum((1.0 - share)[:, None] * var[k] + share[:, None] * var[k + 1], 0.0))
+    attitude = np.degrees(np.column_stack([tilt, pose[:, 3]]))
+    attitude[:, 2] %= 360.0
+    sigma_tilt = np.hypot(sigma[:, [kernel.ROLL, kernel.PITCH]], tilt_sigma_rad)
+    return Trajectory(
+        time_s,
+        pose[:, :3] + origin_m,
+        attitude,
+        sigma[:, :3],
+        np.degrees(np.column_stack([sigma_tilt, sigma[:, kernel.HEADING]])),
+    )
+
+
+def _moved(
+    x: FloatArray, node: Reckoned, at: Reckoned, k: AnyArray, dt: FloatArray, *, to_next: bool = False
+) -> FloatArray:
+    """Return (n, 4) position and heading after the way from node `k`."""
+    to = slice(1, None) if to_next else slice(None)
+    turn_read = at.heading_rad[to] - node.heading_rad[k]
+    turn = (1.0 + x[:, kernel.GYRO_SCALE]) * turn_read + (x[:, kernel.TURN] - x[:, kernel.BIAS]) * dt
+    way = at.way_m[to] - node.way_m[k]
+    scale = 1.0 + 0.5 * (x[:, kernel.LEFT] + x[:, kernel.RIGHT])
+    far = way.mean(axis=1)
+    free = x[:, kernel.SPEED] * dt
+    along = at.xy[to] - node.xy[k]
+    # The way's own frame, turned to the heading of the node; half of what the gyro was corrected by
+    h = x[:, kernel.HEADING] - node.heading_rad[k] + 0.5 * (turn - turn_read)
+    east = along[:, 0] * np.cos(h) + along[:, 1] * np.sin(h)
+    north = along[:, 1] * np.cos(h) - along[:, 0] * np.sin(h)
+    heading = x[:, kernel.HEADING] + 0.5 * turn
+    rise = at.rise_m[to] - node.rise_m[k] + far * np.sin(x[:, kernel.PITCH])
+    return np.column_stack(
+        [
+            x[:, kernel.E] + scale * east + free * np.sin(heading),
+            x[:, kernel.N] + scale * north + free * np.cos(heading),
+            x[:, kernel.U] + rise,
+            x[:, kernel.HEADING] + turn,
+        ]
+    )

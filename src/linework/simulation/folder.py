@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from linework.arrays import FloatArray
 from linework.errors import MachineError
-from linework.files.las_header import read_las_header
-from linework.files.las_write import write_las
-from linework.files.publish import publish_folder
-from linework.files.trajectories import write_trajectory
-from linework.files.vectors import write_lines
+from linework.files.images.read import write_grey_png
+from linework.files.las.header import read_las_header
+from linework.files.las.write import write_las
+from linework.files.output.publish import publish_folder
+from linework.files.trajectories.read import write_trajectory
+from linework.files.vectors.read_write import write_lines
+from linework.model.camera import Camera, StereoRig
 from linework.model.lines import KINDS
-from linework.simulation.cameras import StereoDrive
-from linework.simulation.folder_images import cameras_toml, write_images
-from linework.simulation.folder_logs import survey_logs, write_logs
-from linework.simulation.seen import observed_in_images
-from linework.simulation.simulate import SIMULATED_CRS, SimulatedSurvey
+from linework.model.logs import GnssLog, GyroLog, NavigationLogs, WheelLog
+from linework.simulation.sensors.cameras import StereoDrive, images_of, observed_in_images
+from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, WheelGrade, made_logs
+from linework.simulation.simulate import SIMULATED_CRS, SimulatedSurvey, drives_of
 
 
 def write_survey_folder(
@@ -102,3 +106,125 @@ files = [{files}]
 [trajectory]
 file = "trajectory.csv"
 """
+
+
+# The stereo images of a simulated survey as part of its folder
+
+
+def write_images(drive: StereoDrive, folder: Path, advance: Callable[[int, int], None] | None = None) -> None:
+    """Write left/000000.png and so on, the same for right, and the lists left.csv and right.csv.
+
+    Parameters
+    ----------
+    advance
+        Told how many pairs are written, and how many there are.
+    """
+    lists = {"left": ["file,time_s"], "right": ["file,time_s"]}
+    for side in lists:
+        (folder / side).mkdir()
+    for pair in images_of(drive):
+        for side, image in (("left", pair.left), ("right", pair.right)):
+            name = f"{side}/{pair.number:06d}.png"
+            write_grey_png(image, folder / name)
+            lists[side].append(f"{name},{pair.time_s:.6f}")
+        if advance:
+            advance(pair.number + 1, len(drive))
+    for side, lines in lists.items():
+        (folder / f"{side}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def cameras_toml(rig: StereoRig) -> str:
+    """Return the tables [cameras.left] and [cameras.right] of a survey.toml."""
+    return _camera_toml("left", rig.left) + _camera_toml("right", rig.right)
+
+
+def _camera_toml(side: str, camera: Camera) -> str:
+    x, y, z, w = Rotation.from_matrix(camera.R_vehicle_camera).as_quat()
+    return f"""
+[cameras.{side}]
+images = "{side}.csv"
+model = "pinhole"
+width = {camera.width}
+height = {camera.height}
+fx = {camera.fx!r}
+fy = {camera.fy!r}
+cx = {camera.cx!r}
+cy = {camera.cy!r}
+distortion = {[float(k) for k in camera.distortion]}
+position_m = {camera.position_m.tolist()}
+rotation_wxyz = {[float(value) for value in (w, x, y, z)]}
+"""
+
+
+# The navigation logs of a simulated survey as part of its folder
+
+#: A good van: phase GNSS at 10 Hz, the second best gyro, wheels that are worn differently.
+_VAN = SensorGrades(
+    gnss=replace(GNSS_2_CM, rate_hz=10.0),
+    gyro=replace(GYROS[1], rate_hz=100.0),
+    wheels=WheelGrade(scale_left=0.011, scale_right=-0.004, rate_hz=50.0),
+)
+
+
+def survey_logs(survey: SimulatedSurvey) -> NavigationLogs:
+    """Return what the van's navigation sensors logged in all passes; between passes they pause."""
+    rng = np.random.default_rng([survey.scenario.seed, 61])
+    origin = survey.scenario.origin_m
+    return joined_logs([made_logs(d, _VAN, rng, origin_m=origin) for d in drives_of(survey.scenario)])
+
+
+def joined_logs(parts: Sequence[NavigationLogs]) -> NavigationLogs:
+    """Return logs one after another; wheels count on."""
+    gyros = [p.gyro for p in parts if p.gyro is not None]
+    wheels = [p.wheels for p in parts if p.wheels is not None]
+    counts: list[FloatArray] = []
+    for log in wheels:
+        assert log.ticks is not None
+        counts.append(log.ticks + (counts[-1][-1] if counts else 0.0))
+    return replace(
+        parts[0],
+        gnss=GnssLog(
+            np.concatenate([p.gnss.time_s for p in parts]),
+            np.concatenate([p.gnss.xyz for p in parts]),
+            np.concatenate([p.gnss.sigma_m for p in parts]),
+        ),
+        gyro=GyroLog(
+            np.concatenate([g.time_s for g in gyros]),
+            np.concatenate([g.yaw_rate_radps for g in gyros]),
+            np.concatenate([g.roll_pitch_rad for g in gyros if g.roll_pitch_rad is not None]),
+        ),
+        wheels=WheelLog(np.concatenate([w.time_s for w in wheels]), np.concatenate(counts)),
+    )
+
+
+def write_logs(logs: NavigationLogs, folder: Path) -> str:
+    """Write gnss.csv, gyro.csv and wheels.csv; return the tables of the survey.toml that name them."""
+    gnss = np.column_stack([logs.gnss.xyz, logs.gnss.sigma_m])
+    names = "easting_m,northing_m,height_m,sigma_e_m,sigma_n_m,sigma_z_m"
+    _write(folder / "gnss.csv", names, logs.gnss.time_s, gnss, "%.4f")
+    settings = '\n[navigation]\ngnss = "gnss.csv"\n'
+    if logs.gyro is not None:
+        gyro, names = np.degrees(logs.gyro.yaw_rate_radps)[:, None], "yaw_rate_dps"
+        if logs.gyro.roll_pitch_rad is not None:
+            gyro = np.column_stack([gyro, np.degrees(logs.gyro.roll_pitch_rad)])
+            names += ",roll_deg,pitch_deg"
+        _write(folder / "gyro.csv", names, logs.gyro.time_s, gyro, "%.6f")
+        settings += 'gyro = "gyro.csv"\n'
+    if logs.wheels is not None:
+        ticks, speed = logs.wheels.ticks, logs.wheels.speed_mps
+        if ticks is not None:
+            _write(folder / "wheels.csv", "left_ticks,right_ticks", logs.wheels.time_s, ticks, "%.0f")
+        elif speed is not None:
+            _write(folder / "wheels.csv", "speed_mps", logs.wheels.time_s, speed[:, None], "%.4f")
+        settings += 'wheels = "wheels.csv"\n'
+    lever = [float(v) for v in logs.gnss_lever_m]
+    return (
+        settings
+        + f"\n[vehicle]\ntick_m = {logs.tick_m!r}\ntrack_m = {logs.track_m!r}\ngnss_lever_m = {lever}\n"
+    )
+
+
+def _write(path: Path, names: str, time_s: FloatArray, values: FloatArray, form: str) -> None:
+    rows = np.column_stack([time_s, values])
+    formats = ["%.6f", *[form] * values.shape[1]]
+    np.savetxt(path, rows, delimiter=",", fmt=formats, header=f"time_s,{names}", comments="")

@@ -8,18 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
-from linework.files.crs import parse_crs
+from linework.files.geodesy.crs import parse_crs
 from linework.model.lines import LineSet
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
-from linework.simulation.draw import draw_scenario
-from linework.simulation.drive import Drive, drive, reported_trajectory
-from linework.simulation.part import Scene
-from linework.simulation.recording import on_wire_axis, recorded
-from linework.simulation.scanner import Caster, Hits, scan
-from linework.simulation.scenario import Scenario
-from linework.simulation.scene import build_scene
-from linework.simulation.truth import truth_lines
+from linework.simulation.roads.draw import draw_scenario
+from linework.simulation.roads.scenario import Scenario
+from linework.simulation.scene.part import Scene
+from linework.simulation.scene.scene import build_scene, truth_lines
+from linework.simulation.sensors.drive import Drive, drive, reported_trajectory
+from linework.simulation.sensors.scanner import Caster, Hits, on_wire_axis, recorded, scan
 
 #: UTM zone 32 with heights of the German height system: where the made-up place is.
 SIMULATED_CRS = "EPSG:25832+7837"
@@ -60,7 +58,7 @@ def simulate_survey(
     kind
         "straight", "bends", "urban" or "motorway".
     seed
-        Decides everything else, within the ranges of `linework.simulation.draw`.
+        Decides everything else, within the ranges of `linework.simulation.roads.draw`.
     length_m
         How far the van drives.
     points_per_m

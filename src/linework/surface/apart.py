@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, Float32Array
-from linework.kernels import nearest as nearest_kernels
-from linework.kernels import regions as kernels
+from linework.kernels.cells import nearest as nearest_kernels
+from linework.kernels.cells import regions as kernels
 from linework.surface.carry import reach_cells
 from linework.surface.config import RoadConfig
-from linework.surface.islands import united
+from linework.surface.regions import united
 
 #: Opening by 3 x 3 cells drops wires; it needs so many cells around.
 HALO = 2

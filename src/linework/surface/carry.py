@@ -9,8 +9,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
-from linework.kernels import nearest as kernels
-from linework.kernels.surface import FIXED
+from linework.kernels.cells import nearest as kernels
+from linework.kernels.cells.surface import FIXED
 from linework.surface.cells import Window
 from linework.surface.config import RoadConfig
 

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, IntArray
-from linework.surface.islands import united
-from linework.surface.path import under_the_wheels
-from linework.surface.regions import LabelTable, RegionFacts
+from linework.surface.cells import under_the_wheels
+from linework.surface.regions import LabelTable, RegionFacts, united
 
 #: In a place without path the road is larger than a lorry's roof, or a few cells of a wire. [m2]
 MIN_ROAD_M2 = 25.0

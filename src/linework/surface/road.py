@@ -10,7 +10,7 @@ and show road and non-road points (Manandhar and Shibasaki 2002, figure 2) witho
 4. the ground grows on from the road with looser bounds: verges, banks, pavements, not roofs;
 5. beyond the road its surface is carried on from the nearest edge, and gives way to the ground.
 
-`find_road` does this for points in memory; `linework.tiling.surfaces` takes the same steps tile by tile.
+`find_road` does this for points in memory; `linework.runs.opened.surface` takes the same steps tile by tile.
 """
 
 from __future__ import annotations
@@ -19,26 +19,24 @@ import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray
 from linework.errors import InputError
-from linework.kernels import surface as kernels
+from linework.kernels.cells import surface as kernels
 from linework.model.points import Points
-from linework.model.surface import RoadSurface as RoadSurface
+from linework.model.tile import RoadSurface as RoadSurface
 from linework.model.trajectory import Trajectory
 from linework.surface import apart
 from linework.surface.carry import CoarseGround, carried, halo_cells, reach_cells
-from linework.surface.cells import Window
+from linework.surface.cells import Window, path_samples
 from linework.surface.choose import Choice
 from linework.surface.config import RoadConfig as RoadConfig
 from linework.surface.heights import (
+    HALO,
     CellHeights,
     cell_heights,
     count_spreads,
     height_origin,
     rough_limit_m,
 )
-from linework.surface.islands import Islands
-from linework.surface.path import path_samples
-from linework.surface.regions import CellRegions, cell_regions, cells_with
-from linework.surface.slopes import HALO
+from linework.surface.regions import CellRegions, Islands, cell_regions, cells_with
 
 
 def find_road(points: Points, trajectory: Trajectory | None, config: RoadConfig) -> RoadSurface:

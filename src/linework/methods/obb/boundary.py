@@ -15,15 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
-from linework.kernels import boundary_boxes as kernels
-from linework.kernels import floor, places
-from linework.kernels.bins import steps_to_set
+from linework.kernels.boundaries import boundary_boxes as kernels
+from linework.kernels.cells import floor, places
+from linework.kernels.cells.bins import steps_to_set
 from linework.model.boxes import BoxSet
 from linework.model.grid import Bounds, holds
 from linework.model.points import Points
 from linework.model.settings import setting
-from linework.model.surface import RoadSurface
-from linework.model.tile import TileData, local_origin
+from linework.model.tile import RoadSurface, TileData, local_origin
 
 #: What a box is depends on points no farther from its cell than this: a search area of 2 m, and facets around it.
 REACH_M = 6.0
@@ -140,7 +139,7 @@ def limits_of(c: BoundaryConfig) -> FloatArray:
 
 
 def boxes_of(rows: FloatArray) -> BoxSet:
-    """Return rows of `linework.kernels.places` as boxes."""
+    """Return rows of `linework.kernels.cells.places` as boxes."""
     k = places
     return BoxSet(
         centre=rows[:, [k.X, k.Y, k.Z]],

@@ -14,14 +14,13 @@ import numpy as np
 from scipy.special import expit
 
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
-from linework.kernels import paint_points, stripes
-from linework.kernels.stripes_all import BRIGHT_SPREADS, all_stripes
+from linework.kernels.paint import paint_points, stripes
+from linework.kernels.paint.stripes_all import BRIGHT_SPREADS, all_stripes
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.grid import Bounds
 from linework.model.points import Points
 from linework.model.settings import setting
-from linework.model.surface import RoadSurface
-from linework.model.tile import TileData, local_origin
+from linework.model.tile import RoadSurface, TileData, local_origin
 
 #: Boxes lie one to a cell and stripe.
 CELL_M = 0.5
@@ -165,7 +164,7 @@ def boxes_of(found: FloatArray, config: MarkingConfig, *, has_time: bool) -> Box
     Parameters
     ----------
     found
-        (n, 21) float64: rows of `linework.kernels.stripes`.
+        (n, 21) float64: rows of `linework.kernels.paint.stripes`.
     """
     dark, bright = found[:, stripes.DARK], found[:, stripes.BRIGHT]
     # A kerb of 2.5 cm and more, beyond the noise, is no paint

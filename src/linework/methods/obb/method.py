@@ -13,8 +13,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray
-from linework.methods.obb import boundary_lines, marking_lines
-from linework.methods.obb.arrangement import (
+from linework.methods.obb.boundary import BoundaryConfig, find_boundary_boxes
+from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
+from linework.methods.protocol import Sight, sight_of
+from linework.methods.tracking import boundary_lines, marking_lines
+from linework.methods.tracking.arrangement import (
     along_lines,
     behind_boundaries,
     beside_kerb,
@@ -23,14 +26,11 @@ from linework.methods.obb.arrangement import (
     paint_forms,
     roles,
 )
-from linework.methods.obb.boundary import BoundaryConfig, find_boundary_boxes
-from linework.methods.obb.boundary_lines import Boundary
-from linework.methods.obb.guides import join_along, surer
-from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
-from linework.methods.obb.marking_lines import Marking
-from linework.methods.obb.neighbours import Course, courses_of_path
-from linework.methods.obb.track import TrackConfig, track_lines
-from linework.methods.sight import Sight, sight_of
+from linework.methods.tracking.boundary_lines import Boundary
+from linework.methods.tracking.guides import join_along, surer
+from linework.methods.tracking.marking_lines import Marking
+from linework.methods.tracking.neighbours import Course, courses_of_path
+from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.grid import Bounds, holds
 from linework.model.lines import LineSet

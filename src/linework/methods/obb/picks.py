@@ -8,7 +8,7 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.obb.search_area import RADIUS_M, Failure, SearchArea
-from linework.methods.obb.track import TrackConfig, track_lines
+from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm, BoxSet
 
 #: A line this near is proposed instead. [m]

@@ -9,11 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import BoolArray, Float32Array, FloatArray
-from linework.imaging.binary import in_height_band
 from linework.imaging.overview import Window, close_ups
-from linework.imaging.picture import CLOSE_UP_M, OverlaidLines, Style, draw_map
-from linework.imaging.radon_picture import draw_radon
-from linework.imaging.raster import RasterImages, cells_of, rasterise
+from linework.imaging.picture import CLOSE_UP_M, OverlaidLines, Style, draw_map, draw_radon
+from linework.imaging.raster import RasterImages, cells_of, in_height_band, rasterise
 from linework.methods.radon.peaks import Peaks, dilate, find_peaks, ridges
 from linework.methods.radon.transform import RadonImage, evenly_spaced_angles, radon_transform
 from linework.model.grid import Grid, Image

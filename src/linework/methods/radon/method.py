@@ -11,17 +11,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from linework.imaging.binary import in_height_band
-from linework.imaging.raster import grid_for
-from linework.methods.radon.buried_ends import carry_into_ground
-from linework.methods.radon.cables import CableConfig, find_cables, least_height_m
-from linework.methods.radon.chains import follow_all
-from linework.methods.radon.circles import CircleConfig, bin_near, find_starts
-from linework.methods.radon.line_times import with_times
-from linework.methods.radon.profile import ProfileConfig
-from linework.methods.radon.rail_lines import rail_lines
-from linework.methods.radon.rails import fit_rails
+from linework.imaging.raster import grid_for, in_height_band
+from linework.methods.cables.find import CableConfig, find_cables, least_height_m
 from linework.methods.radon.seeds import SeedConfig, find_seed_lines, split_into_segments
+from linework.methods.rails.chains import follow_all
+from linework.methods.rails.circles import CircleConfig, bin_near, find_starts
+from linework.methods.rails.profile import ProfileConfig
+from linework.methods.rails.rail_lines import carry_into_ground, rail_lines
+from linework.methods.rails.rails import fit_rails
+from linework.methods.rails.stretches import with_times
 from linework.model.lines import LineSet
 from linework.model.settings import group, setting
 from linework.model.tile import TileData

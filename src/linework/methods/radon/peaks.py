@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from linework.arrays import FloatArray
-from linework.kernels import radon_peaks as kernels
+from linework.kernels.radon import peaks as kernels
 from linework.methods.radon.transform import RadonImage
 
 

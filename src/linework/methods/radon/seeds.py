@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import FloatArray, IntArray
-from linework.kernels import seed_windows as window_kernels
-from linework.kernels import segments as kernels
+from linework.kernels.radon import segments as kernels
+from linework.kernels.radon import segments as window_kernels
 from linework.methods.radon.transform import rho_bins
 from linework.model.grid import Grid, Image
 from linework.model.settings import setting
@@ -107,7 +107,7 @@ def find_seed_lines(binary: Image, config: SeedConfig) -> SeedLines:
 
 
 def _windows(binary: Image, config: SeedConfig) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
-    """Return occupied cells and windows as `linework.kernels.seed_windows` takes them.
+    """Return occupied cells and windows as `linework.kernels.radon.segments` takes them.
 
     They are cells (n, 2) by quarter of a window, where each quarter's begin, the quarters of each window
     (m, 4) from the south-west, and centres (m, 2).

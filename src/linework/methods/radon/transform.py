@@ -9,7 +9,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, FloatArray, checked
 from linework.errors import InputError
-from linework.kernels import radon as kernels
+from linework.kernels.radon import transform as kernels
 from linework.model.grid import Image
 
 #: Largest Radon image that is made: 0.8 GB.

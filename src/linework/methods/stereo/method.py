@@ -11,15 +11,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
-from linework.methods.obb import marking_lines
-from linework.methods.obb.arrangement import is_double, roles
-from linework.methods.obb.guides import join_along, surer
-from linework.methods.obb.neighbours import Course, courses_of_path
-from linework.methods.obb.track import TrackConfig, Tracks, track_lines
 from linework.methods.stereo.pieces import fused_boxes, in_sight, pieces_of
 from linework.methods.stereo.road_plane import find_road
 from linework.methods.stereo.sighted import sightings_of
 from linework.methods.stereo.stripes import StripeConfig, find_stripe_lines
+from linework.methods.tracking import marking_lines
+from linework.methods.tracking.arrangement import is_double, roles
+from linework.methods.tracking.guides import join_along, surer
+from linework.methods.tracking.neighbours import Course, courses_of_path
+from linework.methods.tracking.track import TrackConfig, Tracks, track_lines
 from linework.model.camera import RectifiedRig
 from linework.model.images import Poses, RectifiedPair
 from linework.model.lines import LineSet

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
-from linework.kernels.fuse import fuse, looked_at
-from linework.kernels.track import SHARED
-from linework.methods.sight import Sight
+from linework.kernels.images.fuse import fuse, looked_at
+from linework.kernels.tracking.track import SHARED
+from linework.methods.protocol import Sight
 from linework.methods.stereo.sighted import SMOOTH_M, SPACING_M
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.camera import RectifiedRig
@@ -193,7 +193,7 @@ class Looks:
     stations
         (k, 4): place and direction of view of the left camera, in plan, in order of cells.
     codes, lattice, view
-        As `linework.kernels.fuse.looked_at` takes them.
+        As `linework.kernels.images.fuse.looked_at` takes them.
     """
 
     stations: FloatArray

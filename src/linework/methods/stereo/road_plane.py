@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.kernels.road_disparity import best_plane, cell_disparities
+from linework.kernels.images.road_disparity import best_plane, cell_disparities
 from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import FloatArray, IntArray
-from linework.kernels.local_lines import fit_at
-from linework.kernels.row_stripes import COL, CONTRAST, LEVEL, ROW, SIGMA, WIDTH
+from linework.kernels.images.link_stripes import fit_at
+from linework.kernels.images.row_stripes import COL, CONTRAST, LEVEL, ROW, SIGMA, WIDTH
 from linework.methods.stereo.road_plane import AHEAD_M, RoadShape
 from linework.methods.stereo.stripes import LEAST_SIGMA_PX, StripeConfig, StripeLines
 from linework.model.camera import RectifiedRig

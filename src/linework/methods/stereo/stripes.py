@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray, IntArray
-from linework.kernels.link_stripes import link, partners
-from linework.kernels.row_stripes import COL, CONTRAST, ROW, SIGMA, WIDTH, stripes_of_rows
+from linework.kernels.images.link_stripes import link, partners
+from linework.kernels.images.row_stripes import COL, CONTRAST, ROW, SIGMA, WIDTH, stripes_of_rows
 from linework.methods.stereo.road_plane import RoadPlane, RoadShape
 from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
@@ -59,7 +59,7 @@ class Stripes:
     Parameters
     ----------
     table
-        (n, 6): see `linework.kernels.row_stripes`.
+        (n, 6): see `linework.kernels.images.row_stripes`.
     first
         (n_rows + 1,) int64: first stripe of each row.
     disparity

@@ -1,0 +1,1 @@
+"""Edits of finished lines, and the queue of lines to be reviewed."""

@@ -1,0 +1,1 @@
+"""Pure functions that change finished lines."""

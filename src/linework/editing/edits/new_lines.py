@@ -1,0 +1,248 @@
+"""A new line beside one that is there: the lines of a road run side by side."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from linework.arrays import FloatArray
+from linework.editing.edits.attributes import check_kind
+from linework.editing.edits.vertices import part_of
+from linework.errors import UsageError
+from linework.lines.catenary import fit_catenary
+from linework.model.lines import LineSet
+
+#: Lines farther apart are not of one road. [m]
+FARTHEST_M = 30.0
+
+
+def beside(line: LineSet, kind: str, at: FloatArray) -> LineSet:
+    """Return a new line of a kind beside a line.
+
+    Parameters
+    ----------
+    line
+        A single line.
+    at
+        (1, 2): a place it runs through, at the same distance all along the line. (2, 2): it runs from the first place to
+        the second, and its distance goes over evenly from that of the one to that of the other. [m, world]
+
+    Returns
+    -------
+    LineSet
+        A vertex every `STATION_M` at most, in the direction of the line; as high as the line, until heights are known.
+
+    Raises
+    ------
+    UsageError
+        A place is farther than `FARTHEST_M` from the line, or both are beside one place of it.
+    """
+    check_kind(kind)
+    xyz = line.xyz
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
+    feet = np.sort(np.array([foot_along(xyz, along, place) for place in at]))
+    places = at[np.argsort([foot_along(xyz, along, place) for place in at], kind="stable")]
+    first, last = (0.0, float(along[-1])) if len(at) == 1 else (float(feet[0]), float(feet[1]))
+    if last - first < STATION_M:
+        raise UsageError(
+            f"the line beside it would be {last - first:.1f} m long", where="beside",
+            advice="choose two places farther apart",
+        )  # fmt: skip
+    foot, left = places_on(xyz, along, np.append(feet, last))
+    off = np.sum((places - foot[:-1, :2]) * left[:-1], axis=1)
+    if float(np.abs(off).max()) > FARTHEST_M:
+        raise UsageError(
+            f"the place is {np.abs(off).max():.0f} m beside the line, {FARTHEST_M:.0f} m at most", where="beside",
+            advice="choose a line of the same road",
+        )  # fmt: skip
+    stations = np.linspace(first, last, int(np.ceil((last - first) / STATION_M)) + 1)
+    copy, left = places_on(xyz, along, stations)
+    copy[:, :2] += np.interp(stations, feet, off)[:, None] * left
+    return LineSet.from_lines([copy], crs=line.crs, kind=[kind], method=["drawn"])
+
+
+def with_heights(line: LineSet, heights: FloatArray) -> LineSet:
+    """Return a line at measured heights.
+
+    Parameters
+    ----------
+    line
+        A single line; as high as it is where nothing was measured at all.
+    heights
+        (n, 2) height and its sigma [m] at each vertex, NaN where nothing was measured; or of no places.
+
+    Returns
+    -------
+    LineSet
+        As far as something was measured; what lies between is bridged.
+    """
+    known = np.flatnonzero(np.isfinite(heights[:, 0])) if len(heights) else np.zeros(0, dtype=np.int64)
+    if len(known) < 2:
+        return line
+    inside = np.arange(known[0], known[-1] + 1)
+    xyz = line.xyz.copy()
+    xyz[:, 2] = np.interp(np.arange(len(xyz)), known, heights[known, 0])
+    placed = line.with_columns(xyz=xyz, sigma_z_m=heights[:, 1], bridged=~np.isfinite(heights[:, 0]))
+    return part_of(placed, inside)
+
+
+# A wire through three places, as it hangs
+
+#: Vertices so far apart: chords of the slackest wire (a = 50 m) are within 1 cm of it. [m]
+STATION_M = 2.0
+#: Longer spans are of other lines than a street's. [m]
+LONGEST_M = 300.0
+#: The place between is in the plane of the wire within this, wind and clicks included. [m]
+ASIDE_M = 1.0
+
+
+def wire(xyz: FloatArray, crs: str) -> LineSet:
+    """Return the cable that hangs through three places.
+
+    Parameters
+    ----------
+    xyz
+        (3, 3): both ends, and a place between; in any order. [m, world]
+
+    Returns
+    -------
+    LineSet
+        From the first end to the other, in the vertical plane of both: a catenary, or straight where the place between
+        lies above the chord.
+
+    Raises
+    ------
+    UsageError
+        The places are not those of one span.
+    """
+    order = np.argsort((xyz[:, :2] - xyz[0, :2]) @ _widest(xyz), kind="stable")
+    start, middle, end = xyz[order]
+    way = end[:2] - start[:2]
+    span_m = float(np.hypot(*way))
+    if not 1.0 <= span_m <= LONGEST_M:
+        raise UsageError(
+            f"a span of {span_m:.0f} m",
+            where="wire",
+            advice=f"1 to {LONGEST_M:.0f} m; click from pole to pole",
+        )
+    way = way / span_m
+    step = middle[:2] - start[:2]
+    aside_m, at_m = float(abs(way[0] * step[1] - way[1] * step[0])), float(step @ way)
+    if aside_m > ASIDE_M or not 0.05 * span_m < at_m < 0.95 * span_m:
+        raise UsageError(
+            "the three places are not on one span", where="wire",
+            advice="click both ends and a place well between them",
+        )  # fmt: skip
+    known, heights = np.array([0.0, at_m, span_m]), np.array([start[2], middle[2], end[2]])
+    hangs = middle[2] < start[2] + at_m / span_m * (end[2] - start[2])
+    curve = fit_catenary(known, heights, straight=not hangs).curve
+    at = np.linspace(0.0, span_m, int(np.ceil(span_m / STATION_M)) + 1)
+    places = np.column_stack([start[:2] + at[:, None] * way, curve.height_at(at)])
+    return LineSet.from_lines([places], crs=crs, kind=["cable"], method=["drawn"])
+
+
+def _widest(xyz: FloatArray) -> FloatArray:
+    """Return the direction (2,) of the two places that are farthest apart."""
+    pairs = [(0, 1), (0, 2), (1, 2)]
+    i, k = max(pairs, key=lambda pair: float(np.hypot(*(xyz[pair[1], :2] - xyz[pair[0], :2]))))
+    return np.asarray(xyz[k, :2] - xyz[i, :2])
+
+
+# The way of a line over a gap: beside a line that goes on there, or else as the ends lead
+
+#: Lines of one road run beside one another within this. [m]
+BESIDE_M = 15.0
+#: A line is beside another where the distance changes by no more than this, and by so much of the gap.
+DRIFT_M, DRIFT_SHARE = 0.20, 0.01
+#: A line's direction is taken over this. [m]
+_OVER_M = 5.0
+#: Kinds that run along the road.
+_ALONG = ("lane_marking", "road_boundary", "guardrail", "barrier")
+
+
+def bridge(head: FloatArray, tail: FloatArray, others: LineSet) -> FloatArray:
+    """Return places (k, 3) between the last vertex of a line and the first of the one that goes on there.
+
+    Parameters
+    ----------
+    head, tail
+        (n, 3) of the two lines, in one direction.
+    others
+        Lines of the same road: the one whose distance changes least from end to end is followed, since the lines of
+        a road run beside one another. Without one, a curve of evenly changing direction leads from end to end.
+    """
+    gap_m = float(np.hypot(*(tail[0, :2] - head[-1, :2])))
+    if gap_m < 1.5 * STATION_M:
+        return np.zeros((0, 3))
+    beside = [
+        found
+        for i in np.flatnonzero(np.isin(others.kind, _ALONG)).tolist()
+        if (found := _beside(others.line(i), head[-1], tail[0], gap_m)) is not None
+    ]
+    if beside:
+        return min(beside, key=lambda one: one[0])[1]
+    return _curve(head, tail, gap_m)
+
+
+def _beside(
+    line: FloatArray, start: FloatArray, end: FloatArray, gap_m: float
+) -> tuple[float, FloatArray] | None:
+    """Return how much the distance to a line changes over a gap, and the places beside it; None where it is not there."""
+    low, high = line[:, :2].min(axis=0) - BESIDE_M, line[:, :2].max(axis=0) + BESIDE_M
+    if any(np.any(place[:2] < low) or np.any(place[:2] > high) for place in (start, end)):
+        return None
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line[:, :2], axis=0).T))])
+    a, b = (foot_along(line, along, place) for place in (start, end))
+    if not (min(a, b) > 0.0 and max(a, b) < along[-1] and 0.7 * gap_m <= abs(b - a) <= 1.5 * gap_m):
+        return None
+    at = np.linspace(a, b, max(int(abs(b - a) / STATION_M), 2) + 1)
+    foot, left = places_on(line, along, at)
+    off = [float((place[:2] - foot[k, :2]) @ left[k]) for k, place in ((0, start), (-1, end))]
+    drift = abs(off[1] - off[0])
+    if max(abs(v) for v in off) > BESIDE_M or drift > DRIFT_M + DRIFT_SHARE * gap_m:
+        return None
+    share = np.linspace(0.0, 1.0, len(at))
+    # What is left between line and place at both ends, across, along and up, goes over evenly from one to the other
+    places = foot.copy()
+    places[:, :2] += (off[0] + share * (off[1] - off[0]))[:, None] * left
+    rest = np.stack([start - places[0], end - places[-1]])
+    places += (1.0 - share)[:, None] * rest[0] + share[:, None] * rest[1]
+    return drift, places[1:-1]
+
+
+def foot_along(line: FloatArray, along: FloatArray, place: FloatArray) -> float:
+    """Return how far along a line its point nearest to a place is."""
+    a, way = line[:-1, :2], np.diff(line[:, :2], axis=0)
+    size2 = np.maximum(np.sum(way * way, axis=1), 1e-12)
+    share = np.clip(np.sum((place[:2] - a) * way, axis=1) / size2, 0.0, 1.0)
+    i = int(np.argmin(np.hypot(*(a + share[:, None] * way - place[:2]).T)))
+    return float(along[i] + share[i] * (along[i + 1] - along[i]))
+
+
+def places_on(line: FloatArray, along: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return places (k, 3) on a line, and unit vectors (k, 2) to the left of where `at` leads."""
+    place = np.stack([np.interp(at, along, column) for column in line.T], axis=1)
+    sign = 1.0 if at[-1] >= at[0] else -1.0
+    half = 0.5 * _OVER_M
+    ends = [np.stack([np.interp(at + d, along, c) for c in line[:, :2].T], axis=1) for d in (-half, half)]
+    way = sign * (ends[1] - ends[0])
+    way /= np.maximum(np.hypot(*way.T), 1e-9)[:, None]
+    return place, np.stack([-way[:, 1], way[:, 0]], axis=1)
+
+
+def _curve(head: FloatArray, tail: FloatArray, gap_m: float) -> FloatArray:
+    """Return places on the cubic curve (Hermite) that leaves one line and enters the other in their directions."""
+    n = int(np.ceil(gap_m / STATION_M))
+    t = (np.arange(1, n) / n)[:, None]
+    start, end = head[-1], tail[0]
+    out = gap_m * _way(head[::-1]) * -1.0
+    into = gap_m * _way(tail)
+    place = (2 * t**3 - 3 * t**2 + 1) * start + (3 * t**2 - 2 * t**3) * end
+    place[:, :2] += (t**3 - 2 * t**2 + t) * out + (t**3 - t**2) * into
+    return np.asarray(place)
+
+
+def _way(xyz: FloatArray) -> FloatArray:
+    """Return the direction (2,) of a line's first metres."""
+    away = np.hypot(*(xyz[:, :2] - xyz[0, :2]).T)
+    inner = int(np.argmax(away >= min(_OVER_M, float(away.max()))))
+    return np.asarray((xyz[inner, :2] - xyz[0, :2]) / max(float(away[inner]), 1e-9))

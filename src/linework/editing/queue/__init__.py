@@ -1,0 +1,1 @@
+"""Lines to be reviewed, and what a new extraction carries over."""

@@ -1,0 +1,219 @@
+"""Where lines that end may go on: told along the van's way, by how far beside it they run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.arrays import FloatArray
+from linework.editing.edits.split_join import LONGEST_GAP_M
+from linework.editing.queue.suspects import VIEW_M, Sight, Suspect, box_of
+from linework.lines.along import PATH_STEP_M, Way
+from linework.model.lines import LineSet
+
+#: Lines farther from the way belong to another road. [m]
+WITHIN_M = 25.0
+#: A line drifts towards or away from the way by so much, and by so much of the gap: lanes change their width over
+#: tens of metres.
+DRIFT_M, DRIFT_SHARE = 0.20, 0.02
+#: Shorter gaps show nothing. [m]
+LEAST_GAP_M = 3.0
+#: How likely it is that a line goes on: between two pieces in line, where a road must have an edge, and where a line
+#: just ends.
+IN_LINE, ALONG_ROAD, JUST_ENDS = 0.9, 0.8, 0.5
+#: Kinds that are looked at; only where pieces are in line: rails do end.
+_TRACKED = ("lane_marking", "guardrail", "barrier", "fence")
+_ENDS_ANYWHERE = ("guardrail", "barrier", "fence")
+
+
+@dataclass(frozen=True, slots=True)
+class _Pieces:
+    """Lines of one kind along the way: number, where each begins and ends (in steps), and its offset there [m]."""
+
+    lines: LineSet
+    number: tuple[int, ...]
+    along: FloatArray
+    left_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.number)
+
+    def end(self, k: int, side: int) -> tuple[str, FloatArray, str]:
+        """Return id, place and review of a piece's end (0: where it begins along the way)."""
+        line = self.lines.line(self.number[k])
+        tips = line[[0, -1], :2]
+        return str(self.lines.id[self.number[k]]), tips[side], str(self.lines.review[self.number[k]])
+
+
+def gaps(lines: LineSet, way: Way, seen: Sight) -> list[Suspect]:
+    """Return gaps in markings and rails, and stretches of the way without a boundary on a side.
+
+    Parameters
+    ----------
+    lines
+        Without rejected ones.
+    way
+        The van's way; without one nothing is found.
+    seen
+        Was ground measured there? What is hidden is not missing.
+    """
+    if len(way) == 0:
+        return []
+    there = lines.take(np.isin(lines.kind, (*_TRACKED, "road_boundary")))
+    found = [gap for kind in _TRACKED for gap in _gaps_of_kind(there, kind, way, seen)]
+    return found + [gap for side in (1.0, -1.0) for gap in _bare(there, side, way, seen)]
+
+
+def _gaps_of_kind(lines: LineSet, kind: str, way: Way, seen: Sight) -> list[Suspect]:
+    pieces = _pieces(lines, kind, way)
+    next_of = _next_of(pieces)
+    found = []
+    for k in range(len(pieces)):
+        first, last = _extent(way, pieces.along[k])
+        a = (pieces.along[k, 1], pieces.left_m[k, 1])
+        if k in next_of:
+            m = next_of[k]
+            b = (pieces.along[m, 0], pieces.left_m[m, 0])
+            found += _gap(pieces, (k, m), (a, b), IN_LINE, way, seen)
+        elif kind not in _ENDS_ANYWHERE and not _is_covered(pieces, k, 1):
+            found += _gap(pieces, (k, None), (a, (float(last), a[1])), JUST_ENDS, way, seen)
+        if k not in next_of.values() and kind not in _ENDS_ANYWHERE and not _is_covered(pieces, k, 0):
+            b = (pieces.along[k, 0], pieces.left_m[k, 0])
+            found += _gap(pieces, (None, k), ((float(first), b[1]), b), JUST_ENDS, way, seen)
+    return found
+
+
+def _bare(lines: LineSet, side: float, way: Way, seen: Sight) -> list[Suspect]:
+    """Return stretches without a boundary on a side of the way (1: left)."""
+    pieces = _pieces(lines, "road_boundary", way, side)
+    found = []
+    for first, last in way.pieces:
+        # From boundary to boundary, with the way's ends as the first and the last
+        here = [k for k in range(len(pieces)) if first <= pieces.along[k].mean() <= last]
+        before: int | None = None
+        reach = float(first)
+        for k in [*sorted(here, key=lambda k: float(pieces.along[k, 0])), None]:
+            start = float(last) if k is None else float(pieces.along[k, 0])
+            ends = [pieces.left_m[m, i] for m, i in ((before, 1), (k, 0)) if m is not None]
+            if ends:
+                a, b = (reach, float(ends[0])), (start, float(ends[-1]))
+                found += _gap(pieces, (before, k), (a, b), ALONG_ROAD, way, seen)
+            if k is not None and pieces.along[k, 1] >= reach:
+                before, reach = k, float(pieces.along[k, 1])
+    return found
+
+
+def _gap(
+    pieces: _Pieces,
+    ends: tuple[int | None, int | None],
+    span: tuple[tuple[float, float], tuple[float, float]],
+    likely: float,
+    way: Way,
+    seen: Sight,
+) -> list[Suspect]:
+    """Return the gap between two ends, or from one of them on, as a list of one; none where nothing is to be seen."""
+    (start, left_start), (stop, left_stop) = span
+    length_m = (stop - start) * PATH_STEP_M
+    if length_m < LEAST_GAP_M:
+        return []
+    at = np.linspace(start, stop, max(int(stop - start), 2))
+    places = way.places(at, np.linspace(left_start, left_stop, len(at)))
+    to_see = float(np.mean(seen(places))) * length_m
+    before, behind = (None if k is None else pieces.end(k, 1 - i) for i, k in enumerate(ends))
+    if "accepted" in [end[2] for end in (before, behind) if end is not None]:
+        return []
+    kind = str(pieces.lines.kind[pieces.number[next(k for k in ends if k is not None)]])
+    in_line = abs(left_stop - left_start) <= DRIFT_M + DRIFT_SHARE * length_m
+    ids = tuple(end[0] for end in (before, behind) if end is not None)
+    tip = before[1] if before is not None else behind[1] if behind is not None else places[0]
+    joins = before is not None and behind is not None and in_line and length_m <= LONGEST_GAP_M
+    side = "left" if left_start > 0 else "right"
+    reason = (
+        f"no road boundary on the {side} for {length_m:.0f} m" if kind == "road_boundary"
+        else f"ends, and one in line with it begins {length_m:.0f} m on" if len(ids) == 2
+        else f"ends in view of {to_see:.0f} m of road"
+    )  # fmt: skip
+    return [
+        Suspect(
+            type="boundary" if kind == "road_boundary" else "gap",
+            ids=ids,
+            kind=kind,
+            at=(float(tip[0]), float(tip[1])),
+            box=box_of(places),
+            length_m=likely * to_see,
+            confidence=1.0 - likely,
+            reason=reason,
+            proposal="join" if joins else "",
+            n_looks=max(length_m / VIEW_M, 1.0) if not ids else 1.0,
+        )
+    ]
+
+
+def _pieces(lines: LineSet, kind: str, way: Way, side: float = 0.0) -> _Pieces:
+    """Return the lines of a kind that run along the way; those on one side of it only."""
+    number, along, left = [], [], []
+    length_m = lines.length_m
+    for i in np.flatnonzero(lines.kind == kind).tolist():
+        xyz = lines.line(i)
+        at, off = way.offsets(xyz[:, :2], WITHIN_M)
+        near = np.flatnonzero(np.isfinite(at))
+        if len(near) < 2 or (side and np.median(off[near]) * side < 0.0):
+            continue
+        span = at[near[-1]] - at[near[0]]
+        if abs(span) * PATH_STEP_M < 0.5 * float(length_m[i]) * len(near) / len(xyz):
+            continue
+        ends = near[[0, -1]] if span > 0 else near[[-1, 0]]
+        number.append(i if span > 0 else -i - 1)
+        along.append(at[ends])
+        left.append(off[ends])
+    turned = lines
+    if any(i < 0 for i in number):
+        turned = _turned(lines, [-i - 1 for i in number if i < 0])
+    order = [i if i >= 0 else -i - 1 for i in number]
+    return _Pieces(turned, tuple(order), np.array(along).reshape(-1, 2), np.array(left).reshape(-1, 2))
+
+
+def _turned(lines: LineSet, which: list[int]) -> LineSet:
+    """Return lines with some of them running the other way: only their vertices matter here."""
+    index = np.arange(len(lines.xyz))
+    for i in which:
+        part = slice(int(lines.offsets[i]), int(lines.offsets[i + 1]))
+        index[part] = index[part][::-1]
+    return lines.with_columns(xyz=lines.xyz[index])
+
+
+def _next_of(pieces: _Pieces) -> dict[int, int]:
+    """Return which piece goes on where which ends: pairs that fit best first, each end once."""
+    pairs = []
+    for k in range(len(pieces)):
+        gap = pieces.along[:, 0] - pieces.along[k, 1]
+        drift = np.abs(pieces.left_m[:, 0] - pieces.left_m[k, 1])
+        fits = (gap > -1.0) & (drift <= DRIFT_M + DRIFT_SHARE * np.maximum(gap, 0.0) * PATH_STEP_M)
+        fits[k] = False
+        # A metre aside weighs as much as fifty ahead: of a double line each goes on as itself
+        pairs += [(float(gap[m] + 50.0 * drift[m]), k, int(m)) for m in np.flatnonzero(fits)]
+    next_of: dict[int, int] = {}
+    taken: set[int] = set()
+    for _, k, m in sorted(pairs):
+        if k not in next_of and m not in taken:
+            next_of[k] = m
+            taken.add(m)
+    return next_of
+
+
+def _is_covered(pieces: _Pieces, k: int, side: int) -> bool:
+    """Return whether another piece runs where one ends: nothing is missing beyond."""
+    at, left_m = pieces.along[k, side], pieces.left_m[k, side]
+    runs = (pieces.along[:, 0] <= at) & (pieces.along[:, 1] >= at)
+    length = np.maximum(pieces.along[:, 1] - pieces.along[:, 0], 1e-9)
+    share = np.clip((at - pieces.along[:, 0]) / length, 0.0, 1.0)
+    there_m = pieces.left_m[:, 0] + share * (pieces.left_m[:, 1] - pieces.left_m[:, 0])
+    runs[k] = False
+    return bool(np.any(runs & (np.abs(there_m - left_m) <= DRIFT_M)))
+
+
+def _extent(way: Way, along: FloatArray) -> tuple[int, int]:
+    """Return the first and last number of the stretch of the way that a piece runs along."""
+    middle = float(along.mean())
+    return next((p for p in way.pieces if p[0] - 1 <= middle <= p[1] + 1), (int(middle), int(middle)))

@@ -1,0 +1,329 @@
+"""What in a set of lines is worth a look, the most promising first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.editing.edits.dashes import lacking, missing_middles, rhythm_of
+from linework.lines.along import Way
+from linework.model.grid import Bounds
+from linework.model.lines import LineSet
+
+#: Says for (n, 2) places [m] whether ground was measured there: (n,).
+Sight = Callable[[FloatArray], BoolArray]
+#: What fits on a screen so that a hand's breadth can be seen: a longer line takes more than one look. [m]
+VIEW_M = 60.0
+#: Less than this is not worth a look. [m]
+LEAST_M = 2.0
+#: No arrow, bar or stop line is longer: paint along the road that is, is a line. [m]
+LONGEST_BAR_M = 12.0
+#: Of what is bridged, no less is wrong: 61 of 2,850 m on simulated streets of few points.
+BRIDGED_WRONG = 0.02
+#: Companions are judged with their lines.
+_COMPANIONS = ("lane_marking_dash", "kerb_top")
+#: Paint at one distance from the van's way, to so much, is in line. [m]
+IN_LINE_M = 0.5
+#: How much of what extraction is not sure of is wrong, by kind: 39 of 2,506 m of cables, 34 of 560 m of boundaries and
+#: 323 of 675 m of markings on eleven simulated streets of 500 to 2,000 points per metre.
+WRONG_SHARE = {"cable": 0.02, "road_boundary": 0.06, "lane_marking": 0.5}
+#: Around what is to be seen. [m]
+_AROUND_M = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Suspect:
+    """Something that may be wrong or missing.
+
+    Parameters
+    ----------
+    type
+        "line", "gap", "boundary" or "dashes".
+    ids
+        Lines it is about; of a gap: the one that ends, and the one that may go on.
+    kind
+        Of the line that is wrong or missing.
+    at
+        East and north of where to look first. [m, world]
+    box
+        What to look at.
+    length_m
+        How much is expected to be wrong or missing: its length times how likely that is.
+    confidence
+        That all is well there, 0 to 1.
+    reason
+        In words.
+    proposal
+        What would settle it: "accept", "reject", "join", "dashes", "kind" with `as_kind`; "" if no one thing would.
+    n_looks
+        How many screens one has to look at.
+    """
+
+    type: str
+    ids: tuple[str, ...]
+    kind: str
+    at: tuple[float, float]
+    box: Bounds
+    length_m: float
+    confidence: float
+    reason: str
+    proposal: str = ""
+    as_kind: str = ""
+    n_looks: float = 1.0
+
+    @property
+    def gain_m(self) -> float:
+        """What a look at it is expected to set right. [m]"""  # noqa: D400
+        share = WRONG_SHARE.get(self.kind, 1.0) if self.type == "line" and self.proposal != "kind" else 1.0
+        return share * self.length_m / self.n_looks
+
+    @property
+    def key(self) -> str:
+        """What it is about, a line or what is missing from a place on: the same as long as that is there."""
+        if self.type in ("line", "dashes"):
+            return f"{self.type} {self.ids[0]}"
+        east, north = (int(np.floor(v)) for v in self.at)
+        return f"{self.type} {self.kind} {east} {north}"
+
+
+def ranked(suspects: list[Suspect]) -> list[Suspect]:
+    """Return suspects in the order of what a look is expected to find; each key once."""
+    worth = [s for s in suspects if s.length_m >= LEAST_M]
+    worth.sort(key=lambda s: (-s.gain_m, s.key))
+    return list({s.key: s for s in reversed(worth)}.values())[::-1]
+
+
+def unsure_lines(lines: LineSet, way: Way) -> list[Suspect]:
+    """Return lines that nobody has looked at, with how much of each is expected to be wrong.
+
+    Dashes and kerb tops are not among them: they go with their lines.
+    """
+    length_m, bridged_m, found = lines.length_m, lines.bridged_m, []
+    long_bars = _long_bars(lines, way)
+    for i in np.flatnonzero((lines.review == "") & ~np.isin(lines.kind, _COMPANIONS)).tolist():
+        if any(i in run for run in long_bars):
+            continue
+        xyz, sure = lines.line(i), float(lines.confidence[i])
+        suspect = Suspect(
+            type="line",
+            ids=(str(lines.id[i]),),
+            kind=str(lines.kind[i]),
+            at=middle_of(xyz),
+            box=box_of(xyz),
+            length_m=float(length_m[i] - bridged_m[i]) * (1.0 - sure)
+            + float(bridged_m[i]) * max(1.0 - sure, BRIDGED_WRONG),
+            confidence=sure,
+            reason=f"{100.0 * sure:.0f} % sure over {length_m[i]:.0f} m"
+            + (f", {bridged_m[i]:.0f} m of it bridged" if bridged_m[i] >= LEAST_M else ""),
+            proposal=_verdict(sure, float(bridged_m[i]), float(length_m[i])),
+            n_looks=max(float(length_m[i]) / VIEW_M, 1.0),
+        )
+        found.append(suspect)
+    return found + [_no_bars(lines.take(run)) for run in long_bars]
+
+
+def _verdict(sure: float, bridged_m: float, length_m: float) -> str:
+    """Return what to do with a line by one key; "" where more of it is carried over than was seen: look first."""
+    if sure < 0.5:
+        return "reject"
+    return "accept" if bridged_m <= length_m / 2 else ""
+
+
+def _no_bars(bars: LineSet) -> Suspect:
+    """Return what is said of paint that was taken for bars, and is a line along the road."""
+    whole_m, longest_m = float(bars.length_m.sum()), float(bars.length_m.max())
+    return Suspect(
+        type="line",
+        ids=tuple(bars.id.tolist()),
+        kind="road_marking_other",
+        at=middle_of(bars.line(0)),
+        box=box_of(bars.xyz),
+        # Wrong as what it is, and missing as what it would be
+        length_m=2.0 * whole_m,
+        confidence=0.0,
+        reason=f"{whole_m:.0f} m of paint, up to {longest_m:.0f} m in one, are no bars or arrows",
+        proposal="kind",
+        as_kind="lane_marking",
+    )
+
+
+def _long_bars(lines: LineSet, way: Way) -> list[list[int]]:
+    """Return bars that are too long, those in line with each other together."""
+    length_m = lines.length_m
+    is_bar = (lines.kind == "road_marking_other") & (lines.review == "") & (length_m > LONGEST_BAR_M)
+    rows: list[tuple[float, list[int]]] = []
+    for i in np.flatnonzero(is_bar).tolist():
+        along, left_m = way.offsets(lines.line(i)[[0, -1], :2], VIEW_M)
+        if len(way) and not abs(along[1] - along[0]) > 0.7 * length_m[i]:
+            continue
+        off = float(left_m.mean()) if len(way) else float(i)
+        row = next((row for at, row in rows if abs(at - off) <= IN_LINE_M), None)
+        if row is None:
+            rows.append((off, [i]))
+        else:
+            row.append(i)
+    return [row for _, row in rows]
+
+
+def box_of(xyz: FloatArray) -> Bounds:
+    """Return the rectangle to look at for some places."""
+    low, high = xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)
+    return Bounds(float(low[0]), float(low[1]), float(high[0]), float(high[1])).grown(_AROUND_M)
+
+
+def stations(xyz: FloatArray, step_m: float) -> FloatArray:
+    """Return places (k, 2) along a line, no further apart than a step."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
+    at = np.linspace(0.0, along[-1], max(int(np.ceil(along[-1] / step_m)), 1) + 1)
+    return np.stack([np.interp(at, along, xyz[:, axis]) for axis in (0, 1)], axis=1)
+
+
+def middle_of(xyz: FloatArray) -> tuple[float, float]:
+    """Return the place half way along a line (n, 3)."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
+    return (
+        float(np.interp(0.5 * along[-1], along, xyz[:, 0])),
+        float(np.interp(0.5 * along[-1], along, xyz[:, 1])),
+    )
+
+
+# Dashes that are missing: lines with a rhythm that has gaps, and dashed lines with few dashes or none
+
+#: A dash lies within a stripe's width of its line. [m]
+ON_LINE_M = 0.10
+#: Of a dashed line so much is paint, where no rhythm says it: lane lines have a quarter to a half.
+DASH_SHARE = 1.0 / 3.0
+#: How likely a line is dashed that nobody says is solid: of a street's lines half are.
+MAY_BE_DASHED = 0.5
+#: A shorter line shows no rhythm. [m]
+LEAST_LINE_M = 40.0
+
+
+def missing_dashes(lines: LineSet, paint: Mapping[str, FloatArray] | None = None) -> list[Suspect]:
+    """Return the dashes that lines lack, all as one thing to look at: one edit adds them.
+
+    Parameters
+    ----------
+    paint
+        By id, where along a line its paint shows dashes, as `dashes_in_paint` finds them. What lines that are not among
+        them lack is told by the rhythm of their dashes, or guessed: those said to be solid lack nothing.
+    """
+    paint = paint or {}
+    measured = np.isin(lines.id, np.array(list(paint), dtype=np.str_))
+    number = np.flatnonzero((lines.kind == "lane_marking") & ((lines.pattern != "solid") | measured))
+    owner = _line_of_dashes(lines, number)
+    lacks = np.array(
+        [
+            _lacking_m(lines.take([i]), lines.take(owner == i), paint.get(str(lines.id[i])))
+            for i in number.tolist()
+        ]
+    )
+    some = np.argsort(-lacks, kind="stable")[: np.count_nonzero(lacks >= LEAST_M)]
+    if len(some) == 0:
+        return []
+    bare, missing_m = lines.take(number[some]), float(lacks[some].sum())
+    there_m = float(lines.length_m[np.isin(owner, number[some])].sum())
+    names = "a line" if len(some) == 1 else f"{len(some)} lines"
+    return [
+        Suspect(
+            type="dashes",
+            ids=tuple(bare.id.tolist()),
+            kind="lane_marking_dash",
+            at=middle_of(bare.line(0)),
+            box=box_of(bare.xyz),
+            length_m=missing_m,
+            confidence=there_m / (there_m + missing_m),
+            reason=f"about {missing_m:.0f} m of dashes are missing from {names}",
+            proposal="dashes",
+        )
+    ]
+
+
+def _lacking_m(line: LineSet, dashes: LineSet, spans: FloatArray | None) -> float:
+    """Return how much of its dashes a line is expected to lack. [m]"""  # noqa: D400
+    if spans is not None and len(spans):
+        return float(np.diff(spans[lacking(line, dashes, spans)[0]], axis=1).sum())
+    rhythm, length_m = rhythm_of(line, dashes), float(line.length_m[0])
+    if rhythm is not None:
+        inside = missing_middles(rhythm, length_m)
+        return len(inside) * rhythm.dash_m
+    if length_m < LEAST_LINE_M or spans is not None:
+        return 0.0
+    likely = 1.0 if line.pattern[0] == "dashed" else MAY_BE_DASHED
+    return max(likely * DASH_SHARE * length_m - float(dashes.length_m.sum()), 0.0)
+
+
+def _line_of_dashes(lines: LineSet, markings: IntArray) -> IntArray:
+    """Return for every line which marking it is a dash of, -1 for what is none."""
+    owner = np.full(len(lines), -1, dtype=np.int64)
+    is_dash = lines.kind == "lane_marking_dash"
+    if not is_dash.any() or len(markings) == 0:
+        return owner
+    every = [stations(lines.line(i), ON_LINE_M) for i in markings.tolist()]
+    origin = every[0][0]
+    tree = cKDTree(np.concatenate(every) - origin)
+    middles = np.array([middle_of(lines.line(i)) for i in np.flatnonzero(is_dash).tolist()])
+    distance, nearest = tree.query(middles - origin)
+    line = np.repeat(markings, [len(places) for places in every])[nearest]
+    owner[is_dash] = np.where(distance <= ON_LINE_M, line, -1)
+    return owner
+
+
+# Wires that end where none goes on: the next span may be missing
+
+#: Wires of two spans hang from one insulator, or from two on the same arm. [m]
+SAME_POLE_M = 1.0
+#: A line of poles that goes on has its next pole about as far away: how likely it does.
+GOES_ON = 0.4
+#: Ends that face each other over no more than this many spans are one wire's.
+MOST_SPANS = 3.0
+#: A wire that goes on after a missing span is in line with the one before. [deg]
+_IN_LINE_DEG = 10.0
+_BOTH_SIDES = 0.9
+
+
+def loose_wires(lines: LineSet) -> list[Suspect]:
+    """Return the ends of cables where no other cable begins, with the span that may be missing beyond."""
+    number = np.flatnonzero((lines.kind == "cable") & (lines.review != "accepted"))
+    every = np.flatnonzero(lines.kind == "cable")
+    if len(number) == 0:
+        return []
+    tips = np.concatenate([lines.line(i)[[0, -1]] for i in every.tolist()])
+    ways = np.concatenate([lines.line(i)[[1, -2], :2] for i in every.tolist()]) - tips[:, :2]
+    ways /= -np.maximum(np.hypot(*ways.T), 1e-9)[:, None]
+    owner = np.repeat(every, 2)
+    near = cKDTree(tips - tips[0]).query_ball_point(tips - tips[0], SAME_POLE_M)
+    loose = np.array(
+        [all(owner[k] == owner[i] or ways[k] @ ways[i] > 0 for k in own) for i, own in enumerate(near)]
+    )
+    found = []
+    for i in np.flatnonzero(loose & np.isin(owner, number)).tolist():
+        span_m = float(np.hypot(*(tips[i ^ 1, :2] - tips[i, :2])))
+        step = tips[loose, :2] - tips[i, :2]
+        away = np.hypot(*step.T)
+        ahead = step @ ways[i] >= np.cos(np.radians(_IN_LINE_DEG)) * np.maximum(away, 1e-9)
+        facing = ahead & (away > SAME_POLE_M) & (away <= MOST_SPANS * span_m) & (ways[loose] @ ways[i] < -0.9)
+        beyond = np.flatnonzero(loose)[facing]
+        m = int(beyond[np.argmin(away[facing])]) if len(beyond) else -1
+        if m >= 0 and m < i:
+            continue  # seen from the other end already
+        length_m = float(np.hypot(*(tips[m, :2] - tips[i, :2]))) if m >= 0 else span_m
+        likely = _BOTH_SIDES if m >= 0 else GOES_ON
+        target = tips[m, :2] if m >= 0 else tips[i, :2] + length_m * ways[i]
+        found.append(
+            Suspect(
+                type="gap",
+                ids=tuple(str(lines.id[owner[k]]) for k in (i, m) if k >= 0),
+                kind="cable",
+                at=(float(tips[i, 0]), float(tips[i, 1])),
+                box=box_of(np.stack([tips[i, :2], target])),
+                length_m=likely * length_m,
+                confidence=1.0 - likely,
+                reason=f"no wire goes on here for {length_m:.0f} m",
+            )
+        )
+    return found

@@ -1,0 +1,1 @@
+"""The report and the other pictures and tables people read."""

@@ -1,0 +1,215 @@
+"""The report: one page with its pictures inside, of what was found and, given a reference, how well."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from matplotlib.figure import Figure
+
+from linework.arrays import BoolArray
+from linework.errors import InputError
+from linework.evaluation.report.cuts import kerb_cuts, kerb_figure, marking_cuts, marking_figure
+from linework.evaluation.report.plan import PointsIn, close_up_figure, plan_figure
+from linework.evaluation.report.scores_figure import hits_figure, png, tolerance_figure
+from linework.evaluation.report.sections import cable_figure, cable_section, rail_figure, rail_sections
+from linework.evaluation.report.stereo_views import StereoViews, chosen_numbers, views_figure
+from linework.evaluation.report.tables import TextTable, kinds_table, lines_table, score_tables
+from linework.evaluation.tolerance import KindMatch
+from linework.evaluation.values import Scores
+from linework.model.grid import Bounds, holds
+from linework.model.lines import LineSet
+from linework.model.points import Points
+from linework.runs.opened.points import points_for_pictures
+from linework.runs.opened.recordings import Recordings
+from linework.runs.record import facts_of
+
+#: Tables with more rows are folded.
+LONG_TABLE = 25
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """What a report is made of.
+
+    Parameters
+    ----------
+    title
+        Heading of the page.
+    lines
+        What was extracted.
+    points
+        What it was extracted from, or an even share of it, or None: nothing under the plan, no sections.
+    points_in
+        Reads all points of a place, for what is drawn large; None: `points` are all.
+    facts
+        Names and values for the head of the page: the survey, the CRS, times, versions.
+    reference
+        Lines that are right, or None.
+    parts, scores
+        Their comparison (`match_lines`, `scores_of`); empty and None without a reference.
+    views
+        Stereo pairs to draw the lines into, or None.
+    """
+
+    title: str
+    lines: LineSet
+    points: Points | None = None
+    points_in: PointsIn | None = None
+    facts: Mapping[str, str] = field(default_factory=dict)
+    reference: LineSet | None = None
+    parts: Sequence[KindMatch] = ()
+    scores: Scores | None = None
+    views: StereoViews | None = None
+
+
+def report_html(report: Report) -> str:
+    """Return the page as HTML, complete in itself: pictures are inside, nothing is fetched.
+
+    Notes
+    -----
+    The same report gives the same text. Names from files are escaped.
+    """
+    environment = Environment(
+        loader=PackageLoader("linework", "evaluation"), autoescape=True, undefined=StrictUndefined
+    )
+    template = environment.get_template("report.html.j2")
+    # Lines as stereo images showed them are drawn into these: in plan they lie on those that were kept
+    kept = replace(report, lines=report.lines.take(~_is_as_measured(report.lines)))
+    views = _view_figures(report.lines, report.views) if report.views is not None else ()
+    figures = [
+        {"title": title, "caption": caption, "base64": base64.b64encode(png(figure)).decode("ascii")}
+        for title, caption, figure in (*_figures(kept), *views)
+    ]
+    tables = [
+        {
+            "title": table.title, "columns": table.columns, "rows": table.rows, "note": table.note,
+            "is_long": len(table.rows) > LONG_TABLE,
+        }
+        for table in _tables(report)
+    ]  # fmt: skip
+    page: str = template.render(
+        title=report.title, facts=list(report.facts.items()), figures=figures, tables=tables
+    )
+    return page
+
+
+def _figures(report: Report) -> Iterator[tuple[str, str, Figure]]:
+    """Yield title, caption and figure of what there is to draw."""
+    over = "brightness of the ground, made even" if _has_intensity(report) else "how many points per cell"
+    has_points = report.points is not None and len(report.points) > 0
+    yield (
+        "Lines over the points" if has_points else "Lines",
+        f"Plan{f'; grey: {over}' if has_points else ''}. Turned so that the road lies along the picture.",
+        plan_figure(report.lines, report.points),
+    )
+    if report.points is not None and len(report.points):
+        yield from _close_figures(report, report.points, report.points_in or _reader(report.points))
+        yield from _section_figures(report, report.points)
+    if report.parts and report.scores is not None:
+        yield (
+            "Found, missed, wrong",
+            f"In plan, kind by kind, within {report.scores.tolerance_m:g} m (cables in space).",
+            hits_figure(report.parts, report.scores.tolerance_m),
+        )
+        yield "Over the tolerance", "", tolerance_figure(report.scores)
+
+
+def _close_figures(report: Report, points: Points, points_in: PointsIn) -> Iterator[tuple[str, str, Figure]]:
+    """Yield what is drawn large, at some places along the lines: plan, kerbs, markings."""
+    near = close_up_figure(report.lines, points, points_in)
+    if near is not None:
+        yield "Close up", "The same, at three places along the road.", near
+    kerbs = kerb_cuts(report.lines, points_in, report.reference)
+    if kerbs:
+        yield (
+            "Across the road's boundary",
+            "Slices 0.5 m thick. The line is the foot of the kerb, or the edge of the pavement.",
+            kerb_figure(kerbs),
+        )
+    markings = marking_cuts(report.lines, points_in, report.reference) if _has_intensity(report) else ()
+    if markings:
+        yield (
+            "Across markings",
+            "Intensity in slices 1.5 m thick. The line is the middle of the paint.",
+            marking_figure(markings),
+        )
+
+
+def _section_figures(report: Report, points: Points) -> Iterator[tuple[str, str, Figure]]:
+    """Yield sections across a rail and along a span."""
+    sections = rail_sections(points, report.lines, report.reference)
+    if sections:
+        yield (
+            "Across a guardrail",
+            "Slices 0.6 m thick. The line is the top edge of the beam, in plan midway between crest and valley.",
+            rail_figure(sections),
+        )
+    section = cable_section(points, report.lines, report.reference)
+    if section is not None:
+        yield "Along a span of cables", "Vertical slice 6 m thick.", cable_figure(section)
+
+
+def _view_figures(lines: LineSet, views: StereoViews) -> Iterator[tuple[str, str, Figure]]:
+    """Yield the lines in some stereo pairs; pairs that cannot be read are passed over, the run has told of them."""
+    as_measured = lines.take(_is_as_measured(lines))
+    shown = as_measured if len(as_measured) else lines
+    with contextlib.suppress(InputError):
+        yield (
+            "Lines in the images",
+            "Left and right image, rectified; the lines as the images show them, projected back into both.",
+            views_figure(views, shown, chosen_numbers(shown, views)),
+        )
+
+
+def _is_as_measured(lines: LineSet) -> BoolArray:
+    return np.array([str(kind).endswith("_stereo") for kind in lines.kind], dtype=bool)
+
+
+def _has_intensity(report: Report) -> bool:
+    return report.points is not None and report.points.intensity is not None
+
+
+def _reader(points: Points) -> PointsIn:
+    """Return what reads the points of a place out of points in memory."""
+
+    def points_in(bounds: Bounds) -> Points:
+        return points.take(holds(bounds, points.xyz))
+
+    return points_in
+
+
+def _tables(report: Report) -> Iterator[TextTable]:
+    if report.scores is not None:
+        yield from score_tables(report.scores)
+    yield kinds_table(report.lines)
+    yield lines_table(report.lines)
+
+
+# The report of an extraction: its lines over the points and in the images they were found in
+
+
+def extraction_report(lines: LineSet, recordings: Recordings, record: Mapping[str, Any]) -> str:
+    """Return the page as HTML (see `report_html`): the lines drawn over the points, and listed.
+
+    Parameters
+    ----------
+    record
+        Of the run that found the lines.
+    """
+    store, stereo = recordings.points.points if recordings.points else None, recordings.stereo
+    return report_html(
+        Report(
+            title=f"Lines of {recordings.survey.name}",
+            lines=lines,
+            points=points_for_pictures(store) if store else None,
+            points_in=store.points if store else None,
+            views=StereoViews(stereo.poses, stereo.numbers, stereo.pair) if stereo else None,
+            facts=facts_of(record),
+        )
+    )

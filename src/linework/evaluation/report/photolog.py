@@ -1,0 +1,206 @@
+"""The photolog: a page of the drive with a small picture every so many metres, and the operator's keys.
+
+The page is complete in itself; each picture is a link to its image, named from where the page lies.
+"""
+
+from __future__ import annotations
+
+import base64
+import os
+import urllib.parse
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from linework.arrays import FloatArray, IntArray
+from linework.errors import InputError
+from linework.files.images.screen import thumbnail
+from linework.files.vectors.point_layers import path_from
+from linework.model.logs import Events, LoggedPlaces, Photos, VanLog
+
+#: Pictures on a page: 3 MB at 6 kB each. Where the drive has more, they stand farther apart.
+MAX_PICTURES = 500
+#: Keys on a page.
+MAX_KEYS = 2000
+#: Distance between pictures where nothing else is asked for. [m]
+EVERY_M = 10.0
+#: Corners of the plan's line.
+_MAX_CORNERS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class PhotologPage:
+    """The page, and what to tell of it.
+
+    Parameters
+    ----------
+    n_pictures
+        Pictures on it.
+    every_m
+        How far they stand apart. [m]
+    warnings
+        One line each.
+    failures
+        One line for each image that could not be read.
+    """
+
+    html: str
+    n_pictures: int
+    every_m: float
+    warnings: tuple[str, ...] = ()
+    failures: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Entry:
+    """A picture or a key on the page."""
+
+    chainage_m: float
+    title: str
+    texts: tuple[str, ...]
+    anchor: str = ""
+    link: str = ""
+    base64: str = ""
+    is_key: bool = field(default=False)
+
+
+def photolog_html(
+    log: VanLog, page: Path, *, title: str, every_m: float = EVERY_M, facts: Mapping[str, str] | None = None
+) -> PhotologPage:
+    """Return the page of a log.
+
+    Parameters
+    ----------
+    page
+        Where the page will lie: links to images start there.
+    every_m
+        A picture every so many metres of the drive.
+    facts
+        Names and values for the head of the page.
+
+    Notes
+    -----
+    At most 500 pictures of at most 160 pixels and 2000 keys are on a page. Names and notes are escaped.
+    """
+    photos, events = log.photos or Photos(), log.events or Events()
+    chosen, step_m = _chosen(photos.places.chainage_m, every_m)
+    warnings, failures = [], []
+    if step_m > every_m:
+        warnings.append(f"a picture every {step_m:.0f} m instead of {every_m:g} m: {MAX_PICTURES} are a page")
+    if len(events) > MAX_KEYS:
+        warnings.append(f"{MAX_KEYS} of {len(events)} keys are on the page: the layer `event` has all")
+    entries = []
+    for i in chosen.tolist():
+        try:
+            picture = base64.b64encode(thumbnail(photos.left[i])).decode()
+        except InputError as error:
+            picture = ""
+            failures.append(str(error))
+        entries.append(_photo_entry(photos, i, picture, page.parent))
+    entries += [_key_entry(events, i) for i in range(min(len(events), MAX_KEYS))]
+    entries.sort(key=lambda entry: (entry.chainage_m, entry.is_key))
+    environment = Environment(
+        loader=PackageLoader("linework", "evaluation"), autoescape=True, undefined=StrictUndefined
+    )
+    html = environment.get_template("photolog.html.j2").render(
+        title=title,
+        facts=[*(facts or {}).items(), *_facts(log, len(chosen), step_m).items()],
+        plan=_plan(photos.places, events.places, chosen),
+        entries=entries,
+    )
+    return PhotologPage(html, len(chosen), step_m, tuple(warnings), tuple(failures))
+
+
+def _chosen(chainage_m: FloatArray, every_m: float) -> tuple[IntArray, float]:
+    """Return which images are shown, the first of every step, and the step [m]; a van at rest is shown once."""
+    if not len(chainage_m):
+        return np.zeros(0, dtype=np.int64), every_m
+    driven = chainage_m - chainage_m[0]
+    step = every_m
+    if np.floor(driven[-1] / step) + 1 > MAX_PICTURES:
+        step = float(np.ceil(driven[-1] / (MAX_PICTURES - 1)))
+    # Images exactly a step apart are not moved by rounding
+    cell = np.floor(driven / step + 1e-6)
+    return np.flatnonzero(np.diff(cell, prepend=-1.0) > 0.0).astype(np.int64), step
+
+
+def _photo_entry(photos: Photos, i: int, picture: str, folder: Path) -> _Entry:
+    number = int(photos.number[i])
+    return _Entry(
+        chainage_m=float(photos.places.chainage_m[i]),
+        title=f"{number}",
+        texts=_where(photos.places, i),
+        anchor=f"p{number}",
+        link=_link(photos.left[i], folder),
+        base64=picture,
+    )
+
+
+def _key_entry(events: Events, i: int) -> _Entry:
+    return _Entry(
+        chainage_m=float(events.places.chainage_m[i]),
+        title=events.key[i],
+        texts=((events.note[i],) if events.note[i] else ()) + _where(events.places, i),
+        is_key=True,
+    )
+
+
+def _where(places: LoggedPlaces, i: int) -> tuple[str, ...]:
+    east, north, up = places.xyz[i].tolist()
+    return (
+        f"{places.chainage_m[i]:,.1f} m",
+        f"{places.time_s[i]:.2f} s",
+        f"heading {places.heading_deg[i] % 360.0:.0f}°",
+        f"{east:.2f} {north:.2f} {up:.2f}",
+    )
+
+
+def _link(file: Path, folder: Path) -> str:
+    """Return the way from the page to an image as a link; "./" so that a name with a colon is no scheme.
+
+    >>> _link(Path("/drive/left/a b#1.png"), Path("/drive"))
+    './left/a%20b%231.png'
+    """
+    return "./" + urllib.parse.quote(os.fsencode(path_from(file, folder).as_posix()), safe="/")
+
+
+def _facts(log: VanLog, n_pictures: int, step_m: float) -> dict[str, str]:
+    facts = {}
+    if log.photos is not None:
+        facts["images"] = f"{len(log.photos):,} pairs, {n_pictures} shown, one every {step_m:g} m"
+    if log.events is not None:
+        facts["keys"] = f"{len(log.events):,}"
+    return facts
+
+
+def _plan(photos: LoggedPlaces, events: LoggedPlaces, chosen: IntArray) -> dict[str, Any] | None:
+    """Return the drive seen from above, in metres from its middle, north up; None where nothing was placed."""
+    both = np.concatenate([photos.xyz[:, :2], events.xyz[:, :2]])
+    if not len(both):
+        return None
+    low, high = both.min(axis=0), both.max(axis=0)
+    # At least 20 m, and a tenth around
+    size = np.maximum(high - low, 20.0) * 1.2
+    middle = 0.5 * (low + high)
+
+    def drawn(xyz: FloatArray) -> list[list[float]]:
+        return ((xyz[:, :2] - middle) * [1.0, -1.0]).round(2).tolist()  # type: ignore[no-any-return]
+
+    corners = np.unique(np.linspace(0, max(len(photos) - 1, 0), _MAX_CORNERS).astype(int))
+    # The longest of 1, 2, 5, 10 ... metres that is at most a third of the width
+    power = 10.0 ** np.floor(np.log10(size[0] / 3.0))
+    length = max(n * power for n in (1.0, 2.0, 5.0) if n * power <= size[0] / 3.0)
+    dot = float(size.max()) / 160.0
+    return {
+        "box": [float(v) for v in (-size / 2).round(2)] + [float(v) for v in size.round(2)],
+        "way": drawn(photos.xyz[corners]) if len(photos) else [],
+        "photos": drawn(photos.xyz[chosen]),
+        "keys": drawn(events.xyz),
+        "dot": round(dot, 2),
+        "scale": float(length),
+        "scale_at": [round(float(-size[0] / 2) + 4.0 * dot, 2), round(float(size[1] / 2) - 3.0 * dot, 2)],
+    }

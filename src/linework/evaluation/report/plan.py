@@ -1,0 +1,211 @@
+"""Lines in plan, over what the laser saw: how bright the ground is, or how many points there are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from linework.arrays import FloatArray
+from linework.evaluation.report.scores_figure import WIDTH_IN, main_direction, panel_height, turned
+from linework.imaging.brightness import brightness_picture, near_ground
+from linework.imaging.picture import draw_north_arrow, draw_scale_bar
+from linework.model.grid import Bounds
+from linework.model.lines import KINDS, LineSet
+from linework.model.points import Points
+
+#: Colours that differ for most eyes and on both white and grey, one per kind.
+COLOURS = dict(
+    zip(
+        KINDS,
+        ("#e8b100", "#f0d060", "#ff7f0e", "#e0218a", "#f7a8d0", "#d62728", "#7f3fbf", "#2a9d8f", "#1667c4"),
+        strict=True,
+    )
+)
+OTHER_COLOUR = "#444444"
+#: Cells along the longer side of a plan: a screen shows no more.
+PLAN_CELLS = 1400
+#: Points drawn at most; a plan does not gain from more.
+PLAN_POINTS = 4_000_000
+#: A close-up: paint 12 cm wide is 4 pixels of it. [m]
+CLOSE_UP_M = (36.0, 15.0)
+N_CLOSE_UPS = 3
+
+Box = tuple[tuple[float, float], tuple[float, float]]
+#: Reads the points of a place, all there are.
+PointsIn = Callable[[Bounds], Points]
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """The axes of a plan: turned so that the road lies along it, about an origin near the lines."""
+
+    origin: FloatArray
+    turn: float
+
+    @classmethod
+    def of(cls, places: FloatArray) -> View:
+        """Return the view of places (k, 2) [m, world]."""
+        if len(places) == 0:
+            return cls(np.zeros(2), 0.0)
+        origin = np.floor(places.mean(axis=0))
+        return cls(origin, main_direction([places[:: max(1, len(places) // 10_000)] - origin]))
+
+    def seen(self, places: FloatArray) -> FloatArray:
+        """Return (k, 2) places [m, world] in the plan's axes."""
+        return turned(places - self.origin, self.turn)
+
+    def bounds(self, box: Box) -> Bounds:
+        """Return what is to be read for a box of the plan."""
+        corners = np.array([(x, y) for x in box[0] for y in box[1]])
+        world = turned(corners, -self.turn) + self.origin
+        (west, south), (east, north) = world.min(axis=0), world.max(axis=0)
+        return Bounds(float(west), float(south), float(east), float(north))
+
+
+def plan_figure(lines: LineSet, points: Points | None) -> Figure:
+    """Draw all lines over the points, turned so that the road lies along the picture."""
+    view, box = _view_of(lines, points)
+    figure = Figure(figsize=(WIDTH_IN, panel_height(box) + 0.5), layout="constrained", dpi=110)
+    ax = figure.subplots()
+    if points is not None and len(points):
+        # An even share of a large cloud has the same pattern
+        _draw_ground(ax, points.take(slice(None, None, max(1, len(points) // PLAN_POINTS))), view, box)
+    _draw_lines(ax, lines, view, box, 1.4)
+    draw_scale_bar(ax)
+    draw_north_arrow(ax, math.degrees(view.turn))
+    _draw_legend(figure, lines)
+    return figure
+
+
+def close_up_figure(lines: LineSet, points: Points, points_in: PointsIn) -> Figure | None:
+    """Draw some places so large that paint has a width; None where the plan itself does.
+
+    Parameters
+    ----------
+    points
+        An even share of all points: places are chosen where points are, found lines or not.
+    points_in
+        Gives all points within bounds.
+    """
+    view, whole = _view_of(lines, points)
+    if len(points) == 0 or whole[0][1] - whole[0][0] < 1.5 * CLOSE_UP_M[0]:
+        return None
+    boxes = _close_up_boxes(view.seen(lines.xyz[:, :2]), view.seen(_few(points)))
+    height = WIDTH_IN * CLOSE_UP_M[1] / CLOSE_UP_M[0]
+    figure = Figure(figsize=(WIDTH_IN, height * len(boxes) + 0.5), layout="constrained", dpi=110)
+    for ax, box in zip(figure.subplots(len(boxes), 1, squeeze=False)[:, 0], boxes, strict=True):
+        near = points_in(view.bounds(box))
+        if len(near):
+            _draw_ground(ax, near, view, box)
+        _draw_lines(ax, lines, view, box, 0.9)
+        draw_scale_bar(ax)
+        draw_north_arrow(ax, math.degrees(view.turn))
+    _draw_legend(figure, lines)
+    return figure
+
+
+def _few(points: Points) -> FloatArray:
+    """Return (k, 2) places of an even share of the points: enough to say where they are."""
+    return points.xyz[:: max(1, len(points) // 100_000), :2]
+
+
+def _view_of(lines: LineSet, points: Points | None) -> tuple[View, Box]:
+    """Return the view along the lines, or without lines along the points, and the extent of both.
+
+    Of the points a tenth at each side is left out: a scanner sees far beyond the road.
+    """
+    places, cloud = lines.xyz[:, :2], np.zeros((0, 2)) if points is None else _few(points)
+    view = View.of(places if len(places) else cloud)
+    corners = [view.seen(places)]
+    if len(cloud):
+        corners.append(np.quantile(view.seen(cloud), [0.1, 0.9], axis=0))
+    inside = np.concatenate(corners)
+    if len(inside) == 0:
+        return view, ((-10.0, 10.0), (-5.0, 5.0))
+    (x0, y0), (x1, y1) = inside.min(axis=0), inside.max(axis=0)
+    margin = max(0.04 * (x1 - x0), 6.0)
+    return view, ((float(x0 - margin), float(x1 + margin)), (float(y0 - margin), float(y1 + margin)))
+
+
+def _close_up_boxes(lines: FloatArray, cloud: FloatArray) -> tuple[Box, ...]:
+    """Return boxes at even shares of the points along the plan, each centred across on the lines, if any."""
+    half_m, boxes = np.array(CLOSE_UP_M) / 2, []
+    for along in np.quantile(cloud[:, 0], (np.arange(N_CLOSE_UPS) + 0.5) / N_CLOSE_UPS, method="nearest"):
+        beside = lines[np.abs(lines[:, 0] - along) < half_m[0], 1]
+        if len(beside) == 0:
+            beside = cloud[np.abs(cloud[:, 0] - along) < half_m[0], 1]
+        middle = np.array([along, np.median(beside)])
+        (x0, y0), (x1, y1) = (middle - half_m).tolist(), (middle + half_m).tolist()
+        boxes.append(((x0, x1), (y0, y1)))
+    return tuple(dict.fromkeys(boxes))
+
+
+def _draw_ground(ax: Axes, points: Points, view: View, box: Box) -> None:
+    cell_m = max(box[0][1] - box[0][0], box[1][1] - box[1][0]) / PLAN_CELLS
+    extent = (*box[0], *box[1])
+    if points.intensity is None:
+        _draw_density(ax, view.seen(points.xyz[:, :2]), box, cell_m)
+        return
+    low = points.take(near_ground(points.xyz))
+    assert low.intensity is not None
+    # A pixel of a close-up is no smaller than what the points resolve
+    picture = brightness_picture(view.seen(low.xyz[:, :2]), low.intensity, box, max(cell_m, 0.04))
+    ax.set_facecolor("#e9e9e4")
+    ax.imshow(
+        picture, origin="lower", extent=extent, cmap="gray", vmin=0.0, vmax=1.0, interpolation="antialiased"
+    )
+
+
+def _draw_density(ax: Axes, cloud: FloatArray, box: Box, cell_m: float) -> None:
+    (x0, x1), (y0, y1) = box
+    n_cols, n_rows = max(1, round((x1 - x0) / cell_m)), max(1, round((y1 - y0) / cell_m))
+    counts, _, _ = np.histogram2d(cloud[:, 1], cloud[:, 0], bins=(n_rows, n_cols), range=((y0, y1), (x0, x1)))
+    # Logarithmic, as densities fall with the square of the distance
+    ax.imshow(
+        np.log1p(counts), origin="lower", extent=(x0, x1, y0, y1), cmap="Greys", interpolation="antialiased",
+        vmax=float(np.log1p(np.percentile(counts[counts > 0], 99))) * 1.6 if (counts > 0).any() else 1.0,
+    )  # fmt: skip
+
+
+def _draw_lines(ax: Axes, lines: LineSet, view: View, box: Box, width: float) -> None:
+    """Draw lines in the colours of their kinds, bridged stretches dotted; kerb tops below the feet beside them."""
+    order = np.argsort(lines.kind != "kerb_top", kind="stable").tolist()
+    for is_bridged, style in ((False, "solid"), (True, (0, (1.0, 1.6)))):
+        runs, colours = [], []
+        for i in order:
+            places = view.seen(lines.line(i)[:, :2])
+            bridged = lines.bridged[lines.offsets[i] : lines.offsets[i + 1]]
+            own = _runs(places, (bridged[:-1] | bridged[1:]) == is_bridged)
+            runs += own
+            colours += [COLOURS.get(str(lines.kind[i]), OTHER_COLOUR)] * len(own)
+        ax.add_collection(LineCollection(runs, colors=colours, linewidths=width, linestyles=[style]))
+    ax.set(xlim=box[0], ylim=box[1], aspect="equal", xticks=[], yticks=[])
+
+
+def _runs(places: FloatArray, chosen: Sequence[bool] | np.ndarray) -> list[FloatArray]:
+    """Return the stretches of a line that the chosen segments make together."""
+    index = np.flatnonzero(chosen)
+    groups = np.split(index, np.flatnonzero(np.diff(index) > 1) + 1) if len(index) else []
+    return [places[run[0] : run[-1] + 2] for run in groups]
+
+
+def _draw_legend(figure: Figure, lines: LineSet) -> None:
+    there = set(lines.kind.tolist())
+    handles = [
+        Line2D([], [], color=COLOURS.get(kind, OTHER_COLOUR), lw=3, label=kind.replace("_", " "))
+        for kind in (*KINDS, *sorted(there - set(KINDS)))
+        if kind in there
+    ]
+    if lines.bridged.any():
+        handles.append(Line2D([], [], color=OTHER_COLOUR, lw=1.5, ls=(0, (1.0, 1.6)), label="bridged"))
+    if handles:
+        figure.legend(
+            handles=handles, loc="outside lower center", ncols=min(len(handles), 6), frameon=False, fontsize=9
+        )

@@ -1,0 +1,152 @@
+"""Pictures of an evaluation: found, missed and wrong in plan, and the figures over the tolerance."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from linework.arrays import BoolArray, FloatArray
+from linework.evaluation.chains import Chains, Pieces
+from linework.evaluation.match import TIE_M, Match
+from linework.evaluation.tolerance import KindMatch
+from linework.evaluation.values import KindScores, Scores
+from linework.imaging.picture import draw_north_arrow, draw_scale_bar
+
+FOUND, MISSED, WRONG, HIDDEN = "#2a9d3f", "#d1242f", "#f58b1f", "#b8b8b8"
+WIDTH_IN = 11.0
+
+
+def hits_figure(parts: Sequence[KindMatch], tolerance_m: float) -> Figure:
+    """Draw the reference found (green) and missed (red), and what was extracted wrongly (orange).
+
+    One panel per kind, in plan, turned so that the lines lie along the panel; grey is reference that could
+    not be observed and was not found.
+    """
+    shown = [part.match for part in parts if len(part.match.e_pieces) + len(part.match.r_pieces)]
+    titles = [part.kind for part in parts if len(part.match.e_pieces) + len(part.match.r_pieces)]
+    turn = main_direction([m.r_pieces.xyz[:, :2] for m in shown] + [m.e_pieces.xyz[:, :2] for m in shown])
+    # One extent for all panels: what is beside what can be seen
+    box = _box(shown, turn) if shown else ((0.0, 1.0), (0.0, 1.0))
+    height = min(panel_height(box), 18.0 / max(len(shown), 1))
+    figure = Figure(figsize=(WIDTH_IN, height * len(shown) + 0.6), layout="constrained", dpi=110)
+    if not shown:
+        figure.text(0.5, 0.5, "no lines", ha="center")
+        return figure
+    panels = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
+    for ax, match, title in zip(panels, shown, titles, strict=True):
+        _draw_match(ax, match, tolerance_m, turn)
+        ax.set(aspect="equal", xticks=[], yticks=[], adjustable="datalim")
+        ax.margins(0)
+        ax.update_datalim(np.transpose(box))
+        ax.autoscale_view()
+        ax.set_title(title.replace("_", " "), loc="left", fontsize=10)
+        draw_scale_bar(ax)
+    draw_north_arrow(panels[0], math.degrees(turn))
+    legend = [
+        Line2D([], [], color=colour, lw=3, label=label)
+        for colour, label in (
+            (FOUND, f"found within {tolerance_m:g} m"), (MISSED, "missed"),
+            (WRONG, "extracted, not in the reference"), (HIDDEN, "could not be seen, not found"),
+        )
+    ]  # fmt: skip
+    figure.legend(handles=legend, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    return figure
+
+
+def tolerance_figure(scores: Scores) -> Figure:
+    """Draw completeness and correctness over the tolerance, one pair of curves per kind."""
+    figure = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained", dpi=110)
+    left, right = figure.subplots(1, 2, sharey=True)
+    for kind in scores.kinds:
+        _draw_curve(left, kind, "completeness")
+        _draw_curve(right, kind, "correctness")
+    for ax, name in ((left, "completeness (observed truth)"), (right, "correctness")):
+        ax.set(xlabel="tolerance [m]", ylim=(-0.03, 1.03), title=name)
+        ax.grid(alpha=0.3)
+    left.legend(frameon=False)
+    return figure
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as PNG; the same figure gives the same bytes."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def _draw_curve(ax: Axes, kind: KindScores, name: str) -> None:
+    points = [(at.tolerance_m, getattr(at, name)) for at in kind.curve if getattr(at, name) is not None]
+    if points:
+        x, y = zip(*sorted(points), strict=True)
+        ax.plot(x, y, marker="o", ms=4, label=kind.kind.replace("_", " "))
+
+
+def _draw_match(ax: Axes, match: Match, tolerance_m: float, turn: float) -> None:
+    is_right = match.e_nearest.distance_m <= tolerance_m + TIE_M
+    is_found = match.r_nearest.distance_m <= tolerance_m + TIE_M
+    e, r = match.extracted, match.reference
+    for chains, pieces, chosen, colour, order in (
+        (r, match.r_pieces, ~is_found & ~match.r_observed, HIDDEN, 1),
+        (r, match.r_pieces, is_found, FOUND, 2),
+        (e, match.e_pieces, ~is_right, WRONG, 3),
+        (r, match.r_pieces, ~is_found & match.r_observed, MISSED, 4),
+    ):
+        runs = [turned(run, turn) for run in runs_of(chains, pieces, chosen)]
+        ax.add_collection(LineCollection(runs, colors=colour, linewidths=2.0, zorder=order))
+
+
+def runs_of(chains: Chains, pieces: Pieces, chosen: BoolArray) -> list[FloatArray]:
+    """Return the stretches of lines that `chosen` pieces make together, each as (k, 2) places in plan [m].
+
+    A stretch runs from the beginning of its first piece to the end of its last one.
+    """
+    index = np.flatnonzero(chosen)
+    if len(index) == 0:
+        return []
+    breaks = (np.diff(index) > 1) | (np.diff(pieces.line[index]) != 0)
+    runs = []
+    for run in np.split(index, np.flatnonzero(breaks) + 1):
+        half = pieces.length_m[run[[0, -1]]] / 2
+        ends = chains.at(pieces.line[run[[0, -1]]], pieces.chainage_m[run[[0, -1]]] + half * [-1, 1])
+        runs.append(np.concatenate([ends[:1, :2], pieces.xyz[run, :2], ends[1:, :2]]))
+    return runs
+
+
+def main_direction(places: Sequence[FloatArray]) -> float:
+    """Return the angle of the longest extent of all places, -pi/2 to pi/2 from east [rad]."""
+    together = np.concatenate([np.zeros((0, 2)), *places])
+    if len(together) < 2:
+        return 0.0
+    _, vectors = np.linalg.eigh(np.cov(together.T))
+    east, north = vectors[:, -1]
+    return float(math.atan2(north, east) if east >= 0 else math.atan2(-north, -east))
+
+
+def turned(places: FloatArray, turn: float) -> FloatArray:
+    """Return (k, 2) places in axes turned anticlockwise by `turn`."""
+    cos, sin = math.cos(turn), math.sin(turn)
+    return np.stack(
+        [places[:, 0] * cos + places[:, 1] * sin, places[:, 1] * cos - places[:, 0] * sin], axis=1
+    )
+
+
+def _box(matches: Sequence[Match], turn: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    pieces = [m.e_pieces.xyz for m in matches] + [m.r_pieces.xyz for m in matches]
+    places = turned(np.concatenate(pieces)[:, :2], turn)
+    (x0, y0), (x1, y1) = places.min(axis=0), places.max(axis=0)
+    margin = max(0.03 * (x1 - x0), 2.0)
+    return (float(x0 - margin), float(x1 + margin)), (float(y0 - margin), float(y1 + margin))
+
+
+def panel_height(box: tuple[tuple[float, float], tuple[float, float]]) -> float:
+    """Return how many inches high a panel of the full width is that shows `box` (x0, x1), (y0, y1)."""
+    (x0, x1), (y0, y1) = box
+    # Room for the title, the bar and the arrow on a narrow road; no panel taller than a screen
+    return float(np.clip(WIDTH_IN * (y1 - y0) / (x1 - x0), 1.4, 7.0)) + 0.35

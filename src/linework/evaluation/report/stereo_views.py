@@ -1,0 +1,114 @@
+"""Lines drawn into the stereo pairs that show them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from linework.arrays import FloatArray, IntArray
+from linework.evaluation.report.plan import COLOURS
+from linework.evaluation.report.scores_figure import WIDTH_IN
+from linework.model.camera import RectifiedRig
+from linework.model.images import Poses, RectifiedPair
+from linework.model.lines import LineSet
+
+#: Lines are drawn from here to here ahead of the cameras: nearer they are below the image, farther thinner than
+#: a pixel. [m]
+DEPTH_M = (1.0, 60.0)
+#: Pairs that a report shows.
+N_VIEWS = 3
+_STEP_M = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class StereoViews:
+    """Pairs to draw lines into.
+
+    Parameters
+    ----------
+    poses
+        Pose i belongs to pair ``numbers[i]``.
+    read
+        Reads a pair by its number; may raise InputError.
+    """
+
+    poses: Poses
+    numbers: IntArray
+    read: Callable[[int], RectifiedPair]
+
+
+def in_image(
+    xyz_world: FloatArray, poses: Poses, i: int, rig: RectifiedRig
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return left column, right column and row [pixels] of places along a line; NaN where it is out of sight.
+
+    Parameters
+    ----------
+    xyz_world
+        (n, 3) vertices of the line. [m, world]
+    """
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xyz_world, axis=0), axis=1))])
+    at = np.linspace(0.0, along[-1], max(int(along[-1] / _STEP_M), 1) + 1)
+    dense = np.stack([np.interp(at, along, column) for column in xyz_world.T], axis=1)
+    near = np.linalg.norm(dense - poses.xyz[i], axis=1) < 2.0 * DEPTH_M[1]
+    col, row, disparity = rig.project(np.where(near[:, None], poses.to_vehicle(i, dense), np.nan))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = rig.focal_px * rig.base_m / disparity
+        seen = (depth > DEPTH_M[0]) & (depth < DEPTH_M[1]) & (row > -1.0) & (row < rig.height)
+    return (
+        np.where(seen & (col > -1.0) & (col < rig.width), col, np.nan),
+        np.where(seen & (col - disparity > -1.0) & (col - disparity < rig.width), col - disparity, np.nan),
+        np.where(seen, row, np.nan),
+    )
+
+
+def views_figure(views: StereoViews, lines: LineSet, numbers: Sequence[int]) -> Figure:
+    """Draw the lines into both images of some pairs, one row of pictures a pair."""
+    pairs = [views.read(number) for number in numbers]
+    height = sum(0.5 * WIDTH_IN * pair.rig.height / pair.rig.width + 0.25 for pair in pairs) + 0.3
+    figure = Figure(figsize=(WIDTH_IN, height), layout="constrained", dpi=140)
+    panels = figure.subplots(len(pairs), 2, squeeze=False)
+    drawn = set()
+    for row, (pair, number) in enumerate(zip(pairs, numbers, strict=True)):
+        i = int(np.flatnonzero(views.numbers == number)[0])
+        for ax, image in zip(panels[row], (pair.left, pair.right), strict=True):
+            ax.imshow(image, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
+            ax.set(xticks=[], yticks=[])
+        panels[row, 0].set_title(f"pair {number}, {pair.time_s:.2f} s", loc="left", fontsize=8)
+        for k in range(len(lines)):
+            left, right, rows = in_image(lines.line(k), views.poses, i, pair.rig)
+            kind = str(lines.kind[k]).removesuffix("_stereo")
+            if np.isfinite(left).any():
+                drawn.add(kind)
+            for ax, cols in zip(panels[row], (left, right), strict=True):
+                _draw(ax, cols, rows, kind)
+    handles = [
+        Line2D([], [], color=COLOURS.get(kind, "red"), label=kind.replace("_", " ")) for kind in sorted(drawn)
+    ]
+    if handles:
+        figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, fontsize=8)
+    return figure
+
+
+def chosen_numbers(lines: LineSet, views: StereoViews) -> list[int]:
+    """Return the pairs to show: spread evenly over those that have a line ahead of them, or over all."""
+    good = [i for i in range(len(views.numbers)) if _has_line_ahead(lines, views.poses, i)]
+    candidates = good or list(range(len(views.numbers)))
+    picked = np.linspace(0, len(candidates) - 1, min(N_VIEWS, len(candidates))).round().astype(int)
+    return [int(views.numbers[candidates[k]]) for k in picked]
+
+
+def _has_line_ahead(lines: LineSet, poses: Poses, i: int) -> bool:
+    """Return whether a vertex lies within what is drawn, in front of the vehicle."""
+    near = np.linalg.norm(lines.xyz - poses.xyz[i], axis=1) < DEPTH_M[1]
+    ahead = poses.to_vehicle(i, lines.xyz[near])
+    return bool(np.any((ahead[:, 0] > 5.0) & (np.abs(ahead[:, 1]) < 10.0)))
+
+
+def _draw(ax: Axes, cols: FloatArray, rows: FloatArray, kind: str) -> None:
+    ax.plot(cols, rows, "-", lw=0.9, color=COLOURS.get(kind, "red"), scalex=False, scaley=False)

@@ -1,0 +1,1 @@
+"""Images: stereo pairs, GeoTIFF, pictures for the page."""

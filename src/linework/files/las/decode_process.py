@@ -1,0 +1,211 @@
+"""The process that decodes laser files: what a damaged file can break is this process and nothing else.
+
+Run as ``python -m linework.files.las.decode_process PARENT ADDRESS_BYTES``: tasks come on stdin, messages go to stdout
+(see `linework.files.las.messages`).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import gc
+import importlib
+import os
+import resource
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from linework.arrays import FloatArray
+from linework.errors import InputError, MachineError
+from linework.files.las.batches import read_las_batches
+from linework.files.las.header import LasHeader, read_las_header
+from linework.files.las.messages import Decoded, DecodeTask, message_line, refusal
+from linework.files.las.repeats import PointSample, repeated_inside
+from linework.files.las.tally import HeaderBox, LasTally, TimeCounts, Verdict
+
+if TYPE_CHECKING:
+    from linework.files.store.layout import RunTable
+    from linework.files.store.write import StoreWriter
+
+_PR_SET_PDEATHSIG = 1
+Report = Callable[[Mapping[str, Any]], None]
+
+
+def main(arguments: list[str]) -> None:
+    """Do tasks until there are no more."""
+    parent, address_bytes = (int(argument) for argument in arguments)
+    bound_process(parent, address_bytes)
+    # What libraries print must not come between the messages
+    with os.fdopen(os.dup(1), "wb") as pipe:
+        os.dup2(2, 1)
+
+        def report(message: Mapping[str, Any]) -> None:
+            pipe.write(message_line(message))
+            pipe.flush()
+
+        report({"ready": True})
+        _import_ahead("linework.files.store.write")
+        for line in sys.stdin.buffer:
+            report(answer(DecodeTask.from_line(line), report))
+
+
+def bound_process(parent: int, address_bytes: int) -> None:
+    """Bound what this process may take, and have it end with its parent, however that ends (Linux)."""
+    # Interrupting is the parent's: it ends this process
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    limit = address_bytes if hard == resource.RLIM_INFINITY else min(address_bytes, hard)
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        sys.exit(1)
+
+
+def answer(task: DecodeTask, report: Report) -> dict[str, Any]:
+    """Do a task; whatever happens becomes a message."""
+    try:
+        return {"done": decode_file(task, report).to_document()}
+    except (InputError, MachineError) as error:
+        return {"refused": refusal(error)}
+    except MemoryError:
+        return {"died": "out of memory"}
+    except Exception:
+        return {"fault": traceback.format_exc()}
+    except BaseException as error:  # panics of decoders are no Exceptions
+        return {"died": f"{type(error).__name__}: {error}"}
+
+
+def decode_file(task: DecodeTask, report: Report) -> Decoded:
+    """Write the points of a laser file to a file of the tile store.
+
+    Raises
+    ------
+    InputError
+        Damaged, cut off, or without any usable point.
+    MachineError
+        The disk is full, or failed.
+    """
+    header = read_las_header(task.path)
+    written = _write(task, header, LasTally(), report)
+    verdict = written.tally.verdict(header)
+    if written.tally.must_go_without_time:
+        task.target.unlink()
+        written = _write(task, header, LasTally(uses_time=False), report)
+    return _decoded(written, verdict)
+
+
+class _Written:
+    """What came of writing a file."""
+
+    __slots__ = ("box", "height_counts", "repeats", "runs", "samples", "tally")
+
+    def __init__(self, tally: LasTally, task: DecodeTask, header: LasHeader) -> None:
+        self.tally = tally
+        self.box = HeaderBox(header, task.factors)
+        self.repeats = PointSample(task.repeat_bits)
+        self.samples: list[FloatArray] = []
+        self.runs: RunTable
+        self.height_counts: Mapping[int, int]
+
+
+def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: Report) -> _Written:
+    """Write all batches; nothing is left of the target where that fails."""
+    written = _Written(tally, task, header)
+    writer = None
+    batches = read_las_batches(
+        task.path, header, factors=task.factors, batch_points=task.batch_points, is_sequential=task.is_sequential
+    )  # fmt: skip
+    try:
+        with contextlib.closing(batches):
+            for batch in batches:
+                writer = writer or _writer(task.target, report)
+                first = -tally.n_kept % task.sample_step
+                xyz, intensity, time = tally.add(batch)
+                writer.append(xyz, intensity, time)
+                written.samples.append(xyz[first :: task.sample_step].copy())
+                written.box.add(xyz, tally.low, tally.high)
+                written.repeats.add(xyz, intensity, time)
+                report({"read": tally.n_read})
+        if not tally.must_go_without_time:
+            tally.check(task.path, header)
+        assert writer is not None  # a file without points has been refused
+        written.runs, written.height_counts, writer = writer.close(), writer.height_counts, None
+    finally:
+        if writer is not None:
+            writer.abort()
+    return written
+
+
+def _writer(target: Path, report: Report) -> StoreWriter:
+    """Return the writer of a file; its imports went on beside the decoding of the first batch."""
+    report({"loading": True})
+    try:
+        from linework.files.store.write import StoreWriter
+    except (ImportError, MemoryError, OSError) as error:  # with too little memory it may be any of them
+        raise MachineError(
+            f"the part that writes points cannot be loaded ({type(error).__name__})",
+            where="linework",
+            advice="raise the limit on memory (ulimit -v), or check the installation",
+        ) from error
+    return StoreWriter(target)
+
+
+def _decoded(written: _Written, verdict: Verdict) -> Decoded:
+    tally = written.tally
+    has_time = verdict.gps_time_kind != "none"
+    repeats = written.repeats.numbers()
+    doubts = *written.box.warnings(tally.n_kept), *repeated_inside(repeats, has_time=has_time)
+    return Decoded(
+        n_points=tally.n_kept,
+        n_rejected=dict(tally.n_rejected),
+        low=(float(tally.low[0]), float(tally.low[1]), float(tally.low[2])),
+        high=(float(tally.high[0]), float(tally.high[1]), float(tally.high[2])),
+        height_counts=written.height_counts,
+        gps_time_kind=verdict.gps_time_kind,
+        has_intensity=tally.has_intensity,
+        times=tally.time_counts if has_time else TimeCounts(),
+        in_time_order=tally.in_time_order,
+        sample=_sample(written.samples),
+        repeats=repeats,
+        runs=written.runs,
+        warnings=(*verdict.warnings, *doubts),
+    )
+
+
+def _sample(samples: list[FloatArray]) -> FloatArray | None:
+    """Return the sample where it may be longitudes and latitudes."""
+    sample = np.concatenate(samples)
+    east, north = np.median(sample[:, :2], axis=0) if len(sample) else (np.inf, np.inf)
+    return sample if abs(east) <= 180.0 and abs(north) <= 90.0 else None
+
+
+def _import_ahead(module: str) -> None:
+    """Begin to import a module beside the first decoding, which leaves the interpreter's lock to it.
+
+    The garbage collector, which finds nothing in freshly imported modules but takes 0.1 s, rests meanwhile.
+    numba loads scipy for linear algebra, where there is one; nothing here uses any, and that saves 0.1 s.
+    """
+    sys.modules["scipy"] = None  # type: ignore[assignment]
+
+    def work() -> None:
+        try:
+            importlib.import_module(module)
+        finally:
+            gc.freeze()
+            gc.enable()
+
+    gc.disable()
+    threading.Thread(target=work, name="import ahead", daemon=True).start()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

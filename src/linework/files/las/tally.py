@@ -1,0 +1,342 @@
+"""What the batches of a laser file add up to: points used and left out, extent, times."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from linework.errors import InputError
+from linework.files.las.batches import LasBatch
+from linework.files.las.header import LasHeader
+
+# How many points were measured when: enough to say which share of a survey a trajectory covers
+
+#: Buckets of a second at first; twice as wide whenever there would be more than this. An hour keeps its seconds,
+#: a week of driving is told to a few minutes.
+_MAX_BUCKETS = 4096
+
+
+@dataclass(slots=True, eq=False)
+class TimeCounts:
+    """Points by time, in buckets that are 2**level seconds wide and begin at multiples of that.
+
+    The result depends on the times alone, not on the order or the portions they come in.
+
+    >>> counts = TimeCounts()
+    >>> counts.add(np.array([10.0, 10.5, 11.5, 12.0]))
+    >>> counts.share_within(11.0, 100.0)
+    0.5
+
+    Parameters
+    ----------
+    level
+        Width of the buckets.
+    first
+        Number of the first bucket: it begins at ``first * 2**level`` seconds.
+    counts
+        (n,) int64: points per bucket.
+    low_s, high_s
+        First and last time.
+    """
+
+    level: int = 0
+    first: int = 0
+    counts: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    low_s: float = math.inf
+    high_s: float = -math.inf
+
+    def add(self, time_s: FloatArray) -> None:
+        """Count times in; they are finite and at least one."""
+        low, high = float(time_s.min()), float(time_s.max())
+        level = 0
+        while _n_buckets(low, high, level) > _MAX_BUCKETS:
+            level += 1
+        first = math.floor(low) >> level
+        buckets = np.floor(time_s).astype(np.int64) >> level
+        self.merge(TimeCounts(level, first, np.bincount(buckets - first), low, high))
+
+    def merge(self, other: TimeCounts) -> None:
+        """Count in what another has counted."""
+        if other.low_s > other.high_s:
+            return
+        low, high = min(self.low_s, other.low_s), max(self.high_s, other.high_s)
+        level = max(self.level, other.level)
+        while _n_buckets(low, high, level) > _MAX_BUCKETS:
+            level += 1
+        first = math.floor(low) >> level
+        counts = np.zeros(_n_buckets(low, high, level), np.int64)
+        for part in (self, other):
+            at = ((part.first + np.arange(len(part.counts))) >> (level - part.level)) - first
+            np.add.at(counts, at, part.counts)
+        self.level, self.first, self.counts, self.low_s, self.high_s = level, first, counts, low, high
+
+    def share_within(self, start_s: float, end_s: float) -> float:
+        """Return the share of the points measured from `start_s` to `end_s`.
+
+        Within a bucket points are taken as evenly spread; exactly 0 where no bucket is touched.
+        """
+        width = 2.0**self.level
+        edges = (self.first + np.arange(len(self.counts) + 1)) * width
+        begin, end = np.maximum(edges[:-1], self.low_s), np.minimum(edges[1:], self.high_s)
+        inside = np.clip(np.minimum(end, end_s) - np.maximum(begin, start_s), 0.0, end - begin)
+        share = np.divide(inside, end - begin, out=np.zeros_like(inside), where=end > begin)
+        share[(begin >= start_s) & (end <= end_s)] = 1.0
+        return float(np.sum(share * self.counts) / max(int(self.counts.sum()), 1))
+
+    def to_document(self) -> dict[str, Any]:
+        """Return it as JSON."""
+        if self.low_s > self.high_s:
+            return {}
+        return {
+            "level": self.level, "first": self.first, "counts": " ".join(map(str, self.counts.tolist())),
+            "low_s": self.low_s, "high_s": self.high_s,
+        }  # fmt: skip
+
+    @classmethod
+    def from_document(cls, document: dict[str, Any]) -> TimeCounts:
+        """Read what `to_document` returned."""
+        if not document:
+            return cls()
+        return cls(**(document | {"counts": np.array(document["counts"].split(), np.int64)}))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, TimeCounts) and self.to_document() == other.to_document()
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def _n_buckets(low: float, high: float, level: int) -> int:
+    return (math.floor(high) >> level) - (math.floor(low) >> level) + 1
+
+
+TimeKind = Literal["week", "adjusted", "gps", "none"]
+
+_WEEK_S = 604_800.0
+#: As adjusted standard time this is the year 2043, as GPS seconds 2011: larger numbers are the latter.
+_LEAST_GPS_S = 1e9
+#: Where more than this share of the times is none, they are in milliseconds, nanoseconds or no unit at all; fewer
+#: are damaged, and their points with them.
+_ODD_SHARE = 0.5
+_IMPOSSIBLE_TIME = "impossible time"
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Which kind of time a file has, and what is odd about the file."""
+
+    gps_time_kind: TimeKind
+    warnings: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class LasTally:
+    """The account of one file while its batches come.
+
+    Parameters
+    ----------
+    uses_time
+        Whether points whose time is none are left out.
+    n_read, n_kept
+        Points so far, and those of them that are used.
+    n_rejected
+        Points left out, by reason, each counted once; with `n_kept` they add up to `n_read`.
+    has_intensity
+        Whether any point's intensity is above 0.
+    low, high
+        (3,) float64 [m]: extent of the points used.
+    time_low_s, time_high_s
+        Of all times that can be, also of points left out.
+    n_odd, odd_low_s, odd_high_s
+        Times that cannot be, and the extent of those that are numbers.
+    time_counts
+        Points used, by time.
+    in_time_order
+        Whether the times of the points used never run backwards.
+    """
+
+    uses_time: bool = True
+    n_read: int = 0
+    n_kept: int = 0
+    n_rejected: Counter[str] = field(default_factory=Counter)
+    has_intensity: bool = False
+    low: FloatArray = field(default_factory=lambda: np.full(3, np.inf))
+    high: FloatArray = field(default_factory=lambda: np.full(3, -np.inf))
+    time_low_s: float = np.inf
+    time_high_s: float = -np.inf
+    n_odd: int = 0
+    odd_low_s: float = np.inf
+    odd_high_s: float = -np.inf
+    time_counts: TimeCounts = field(default_factory=TimeCounts)
+    in_time_order: bool = True
+    _last_s: float = -np.inf
+
+    def add(self, batch: LasBatch) -> tuple[FloatArray, AnyArray, FloatArray | None]:
+        """Count a batch in, and return coordinates, intensities and times of the points that are used."""
+        self.n_read += len(batch)
+        self.has_intensity = self.has_intensity or bool(batch.intensity.any())
+        xyz, intensity, time = batch.xyz, batch.intensity, batch.time_s if self.uses_time else None
+        if time is not None:
+            self._add_all_times(time, batch.is_untimed)
+        kept = self._kept(batch)
+        if kept is not None:
+            xyz, intensity, time = xyz[kept], intensity[kept], None if time is None else time[kept]
+        self.n_kept += len(xyz)
+        if len(xyz):
+            for axis in range(3):  # column by column: ten times as fast as along the first axis of all
+                self.low[axis] = min(self.low[axis], xyz[:, axis].min())
+                self.high[axis] = max(self.high[axis], xyz[:, axis].max())
+            if time is not None:
+                self._add_used_times(time)
+        return xyz, intensity, time
+
+    def _kept(self, batch: LasBatch) -> BoolArray | None:
+        """Return which points are used (None: all), and count the others by the first reason that holds."""
+        kept: BoolArray | None = None
+        for reason, mask in (
+            ("noise class", batch.is_noise),
+            ("absurd coordinates", batch.is_absurd),
+            (_IMPOSSIBLE_TIME, batch.is_untimed if self.uses_time else None),
+        ):
+            if mask is None:
+                continue
+            counted = mask if kept is None else mask & kept
+            if counted.any():
+                self.n_rejected[reason] += int(np.count_nonzero(counted))
+            kept = ~mask if kept is None else kept & ~mask
+        return kept
+
+    def _add_all_times(self, time: FloatArray, is_untimed: BoolArray | None) -> None:
+        if is_untimed is not None:
+            odd, time = time[is_untimed], time[~is_untimed]
+            self.n_odd += len(odd)
+            numbers = odd[np.isfinite(odd)]
+            self.odd_low_s = float(np.min(numbers, initial=self.odd_low_s))
+            self.odd_high_s = float(np.max(numbers, initial=self.odd_high_s))
+        if len(time):
+            self.time_low_s = min(self.time_low_s, float(time.min()))
+            self.time_high_s = max(self.time_high_s, float(time.max()))
+
+    def _add_used_times(self, time: FloatArray) -> None:
+        self.in_time_order = (
+            self.in_time_order and bool(time[0] >= self._last_s) and bool(np.all(time[1:] >= time[:-1]))
+        )
+        self._last_s = float(time[-1])
+        self.time_counts.add(time)
+
+    @property
+    def must_go_without_time(self) -> bool:
+        """Whether points were left out for their times, though no time of the file can be used."""
+        return self.n_rejected[_IMPOSSIBLE_TIME] > 0 and not self._times_are_usable
+
+    @property
+    def _times_are_zero(self) -> bool:
+        return self.time_low_s == 0.0 and self.time_high_s == 0.0
+
+    @property
+    def _times_are_usable(self) -> bool:
+        is_any = self.time_low_s <= self.time_high_s and not self._times_are_zero
+        return is_any and self.n_odd <= _ODD_SHARE * self.n_read
+
+    def verdict(self, header: LasHeader) -> Verdict:
+        """Return what the whole file turned out to be, after its last batch."""
+        warnings = () if self.has_intensity else ("no intensity (0 for all points)",)
+        if not header.has_time:
+            return Verdict("none", warnings)
+        kind, warning = self._time_kind(has_adjusted_bit=header.has_adjusted_time)
+        return Verdict(kind, (*warnings, warning) if warning else warnings)
+
+    def _time_kind(self, *, has_adjusted_bit: bool) -> tuple[TimeKind, str]:
+        """Return the kind of the times and what is odd about them; the values decide, the header's bit is often wrong."""
+        low, high = self.time_low_s, self.time_high_s
+        if self._times_are_zero:
+            return "none", "no GPS time (0 for all points)"
+        if not self._times_are_usable:
+            low, high = self.odd_low_s, self.odd_high_s
+            what = (
+                f"GPS times from {low:g} to {high:g} are not in seconds"
+                if low <= high
+                else "GPS times are no numbers"
+            )
+            return "none", f"{what}: left out"
+        in_week = low >= 0.0 and high <= _WEEK_S
+        kind: TimeKind = "week" if in_week else "gps" if low > _LEAST_GPS_S else "adjusted"
+        if kind == "gps" or (kind == "adjusted") != has_adjusted_bit:
+            said = "adjusted standard time" if has_adjusted_bit else "seconds of the week"
+            text = f"GPS times from {low:.0f} to {high:.0f}, though the header says {said}: taken as '{kind}'"
+            return kind, text
+        return kind, ""
+
+    def check(self, path: Path, header: LasHeader) -> None:
+        """Refuse a file of which not all promised points came, or none can be used.
+
+        Raises
+        ------
+        InputError
+            With the numbers.
+        """
+        if self.n_read != header.n_points:
+            raise InputError(
+                f"{self.n_read:,} points read, the header promises {header.n_points:,}", where=path,
+                advice="copy the file again, or leave it out",
+            )  # fmt: skip
+        if self.n_kept == 0:
+            reasons = ", ".join(f"{n:,} {reason}" for reason, n in self.n_rejected.items())
+            raise InputError(
+                f"no usable points among {header.n_points:,} ({reasons})", where=path, advice="leave the file out"
+            )  # fmt: skip
+
+
+# Points outside the box that a file's own header states: the header was made up, or the points are damaged
+
+
+class HeaderBox:
+    """Counts the points of a file outside its header's box; a header without a box states none.
+
+    Parameters
+    ----------
+    factors
+        Metres per unit of the file, in plan and in height.
+    """
+
+    def __init__(self, header: LasHeader, factors: tuple[float, float]) -> None:
+        horizontal, vertical = factors
+        metres = np.array([horizontal, horizontal, vertical])
+        is_stated = header.low is not None and header.high is not None
+        # Some writers state the box before rounding to the file's steps
+        margin = np.abs(header.scales) * metres
+        self._low = np.array(header.low) * metres - margin if is_stated else np.full(3, -np.inf)
+        self._high = np.array(header.high) * metres + margin if is_stated else np.full(3, np.inf)
+        self._n_outside = 0
+
+    def add(self, xyz: FloatArray, low: FloatArray, high: FloatArray) -> None:
+        """Count a batch in.
+
+        Parameters
+        ----------
+        low, high
+            (3,) extent of all points up to here, this batch with them: while it is inside, none is looked at.
+        """
+        if np.all(low >= self._low) and np.all(high <= self._high):
+            return
+        inside = np.ones(len(xyz), dtype=bool)
+        for axis in range(3):
+            inside &= (xyz[:, axis] >= self._low[axis]) & (xyz[:, axis] <= self._high[axis])
+        self._n_outside += len(xyz) - int(np.count_nonzero(inside))
+
+    def warnings(self, n_points: int) -> tuple[str, ...]:
+        """Return what to tell the user, in one line or none.
+
+        Parameters
+        ----------
+        n_points
+            Points that were looked at.
+        """
+        if not self._n_outside:
+            return ()
+        return (f"{self._n_outside:,} of {n_points:,} points lie outside the box in its header",)

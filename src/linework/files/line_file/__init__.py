@@ -1,0 +1,1 @@
+"""The GeoPackage that people edit: lines, history, undo."""

@@ -1,0 +1,120 @@
+"""The history of a drawing goes along when an extraction writes its file anew."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+from linework.errors import LineworkError
+from linework.files.line_file.history import (
+    EXTRACT,
+    Entry,
+    add_entry,
+    add_versions,
+    line_bytes,
+    place_versions,
+    utc_now,
+)
+from linework.files.line_file.tables import (
+    Row,
+    add_drawing_tables,
+    columns_of,
+    connected,
+    line_layers,
+    quoted,
+    sql_errors,
+    transaction,
+)
+from linework.files.vectors.fields import REVIEWED, layer_names
+from linework.files.vectors.gdal_input import checked_vector_file
+from linework.files.vectors.gpkg import VERTEX_TABLE, roll_back
+from linework.model.lines import LineSet
+
+
+def has_reviews(path: Path) -> bool:
+    """Return whether a file holds what people said of lines: edits, or reviews typed in by other programs.
+
+    What is no GeoPackage of lines holds none.
+    """
+    try:
+        checked_vector_file(path)
+        roll_back(path)
+        with contextlib.closing(connected(path)) as db:
+            if not columns_of(db, VERTEX_TABLE):
+                return False
+            if columns_of(db, "edit") and db.execute("SELECT 1 FROM edit LIMIT 1").fetchone():
+                return True
+            return any(_is_said(db, layer) for layer in line_layers(db))
+    except (sqlite3.DatabaseError, LineworkError):
+        return False
+
+
+def _is_said(db: sqlite3.Connection, layer: str) -> bool:
+    there = set(columns_of(db, layer))
+    asked = " OR ".join(f"coalesce(\"{name}\", '') != ''" for name in REVIEWED if name in there)
+    return (
+        bool(asked)
+        and db.execute(f"SELECT 1 FROM {quoted(layer)} WHERE {asked} LIMIT 1").fetchone() is not None
+    )
+
+
+def with_history(old: Path, lines: LineSet) -> Callable[[bytes], bytes]:
+    """Return what adds the history of a drawing to a file that holds `lines`, and will replace it.
+
+    Lines that are in both, to the bit, go on; all others are one edit, `EXTRACT`.
+    """
+
+    def finish(content: bytes) -> bytes:
+        with sql_errors(old), contextlib.closing(connected(Path(":memory:"))) as db:
+            db.deserialize(content)
+            db.execute("ATTACH ? AS old", (str(old),))
+            with transaction(db):
+                add_drawing_tables(db)
+                _carry(db, lines)
+            db.execute("DETACH old")
+            return db.serialize()
+
+    return finish
+
+
+def _carry(db: sqlite3.Connection, lines: LineSet) -> None:
+    stood = {
+        str(name): (int(version), int(edit), content)
+        for version, name, edit, content in db.execute(
+            "SELECT version, id, edit, content FROM old.line_version WHERE layer IS NOT NULL"
+        )
+    }
+    db.execute("INSERT INTO edit SELECT * FROM old.edit")
+    db.execute(
+        "INSERT INTO line_version SELECT version, id, NULL, NULL, NULL, edit, content FROM old.line_version"
+    )
+    (last,) = db.execute("SELECT coalesce(max(number), 0) FROM edit").fetchone()
+    came: list[int] = []
+    for name, content, row in zip(lines.id.tolist(), line_bytes(lines), rows_as_written(lines), strict=True):
+        version, edit, before = stood.get(name, (0, 0, b""))
+        if before and zlib.decompress(before) == content:
+            del stood[name]
+            place_versions(db, [version], [row], edit)
+        else:
+            came += add_versions(db, [name], [content])
+            place_versions(db, came[-1:], [row], last + 1)
+    if came or stood:
+        names = {
+            str(n) for v in came for (n,) in db.execute("SELECT id FROM line_version WHERE version = ?", (v,))
+        }
+        gone = tuple(version for version, _, _ in stood.values())
+        ids = tuple(sorted(names | set(stood)))
+        add_entry(db, Entry(last + 1, utc_now(), "", EXTRACT, 0, ids, gone, tuple(came)))
+
+
+def rows_as_written(lines: LineSet) -> list[Row]:
+    """Return where `write_gpkg` puts lines: numbered from 0, their features from 1 in each layer."""
+    n: dict[str, int] = {}
+    rows = []
+    for i, layer in enumerate(layer_names(lines).tolist()):
+        n[layer] = n.get(layer, 0) + 1
+        rows.append(Row(layer, n[layer], i))
+    return rows

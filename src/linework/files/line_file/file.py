@@ -1,0 +1,293 @@
+"""The lines of a workbench on disk: a GeoPackage that every change is saved to at once, with its history."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from linework.errors import MachineError, StaleError
+from linework.files.line_file.checks import HeldLines, check_change, check_fresh
+from linework.files.line_file.elsewhere import Elsewhere, changed_elsewhere
+from linework.files.line_file.history import (
+    REDO,
+    UNDO,
+    Entry,
+    Steps,
+    add_entry,
+    add_key,
+    add_versions,
+    as_edit,
+    displace_versions,
+    entries,
+    entry_of,
+    judged_versions,
+    line_bytes,
+    number_of_key,
+    place_versions,
+    stored_lines,
+    undone_edits,
+    utc_now,
+)
+from linework.files.line_file.open import Opened, opened_drawing
+from linework.files.line_file.tables import Row, put_rows, quoted, remove_rows, sql_errors, transaction
+from linework.lines.names import named
+from linework.model.changes import Change, Edit
+from linework.model.lines import LineSet
+
+#: What others did to the file, as an edit.
+ELSEWHERE = "changed elsewhere"
+
+
+class DrawingFile:
+    """Lines that are edited. Made by `DrawingFile.opened`.
+
+    All of it may be called from any thread: one after the other gets its turn.
+
+    Notes
+    -----
+    Every change is one transaction of SQLite in the file of the lines itself: rows of old lines go, rows of new ones are
+    appended, and both are noted with who changed what and when (tables `edit` and `line_version`). At any moment the
+    file is a GeoPackage that others can read. An undo is an edit, too: nothing that was ever saved is lost.
+    """
+
+    path: Path
+
+    def __init__(self, path: Path, db: sqlite3.Connection, opened: Opened) -> None:
+        self.path = path
+        self._db, self._crs = db, opened.lines.crs
+        self._turn = threading.RLock()
+        self._held = HeldLines(opened.lines)
+        self._versions = dict(zip(opened.lines.id.tolist(), opened.versions, strict=True))
+        self._changed_by = dict(zip(opened.lines.id.tolist(), opened.edits, strict=True))
+        self._steps: Steps = opened.steps
+        self._revision, self._next_line = opened.revision, opened.next_line
+        self._seen, self._stat = self._data_version(), path.stat()
+
+    @classmethod
+    @contextmanager
+    def opened(cls, path: Path, *, crs: str, is_held: bool = False) -> Iterator[DrawingFile]:
+        """Open the lines of a file for editing, begin a new file where there is none; hold it until the end.
+
+        What others did to the file since it was open last becomes one edit, `ELSEWHERE`, by nobody (``who == ""``).
+
+        Parameters
+        ----------
+        crs
+            What the lines must be in: WKT2, or "local".
+        is_held
+            Whether the caller holds the output already (`reserved_output`).
+
+        Raises
+        ------
+        UsageError
+            Not a name of a GeoPackage.
+        InputError
+            No GeoPackage, damaged, or not made by linework.
+        CrsError
+            In another CRS.
+        OutputExistsError
+            Another workbench or run holds it.
+        MachineError
+            It cannot be written to.
+        """
+        with opened_drawing(path, crs, is_held=is_held) as (db, found):
+            drawing = cls(path, db, found)
+            with sql_errors(path):
+                drawing._take_over(found.elsewhere)
+            yield drawing
+
+    @property
+    def lines(self) -> LineSet:
+        """All lines, also rejected ones (``review == "rejected"``), in the order in which they came."""
+        with self._turn:
+            return self._held.all
+
+    @property
+    def revision(self) -> int:
+        """Number of the last edit, 0 where there is none."""
+        return self._revision
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is an edit to take back."""
+        return bool(self._steps.done)
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether the last thing that was done is an undo."""
+        return bool(self._steps.undone)
+
+    def commit(self, change: Change, *, who: str, based_on: int | None = None, key: str = "") -> Edit:
+        """Save a change; when this returns it is on the disk.
+
+        Parameters
+        ----------
+        change
+            Its lines of `before` as they are now.
+        based_on
+            The revision that the person saw.
+        key
+            Of its sender's own making, "": none. What was saved under it already is returned, and nothing is saved.
+
+        Raises
+        ------
+        StaleError
+            A line of `before` has changed since, or is there no more. Nothing was saved.
+        UsageError
+            Lines that cannot be saved, see `check_change`.
+        OutputExistsError, MachineError
+            Another program is writing the file, or the disk says no. Nothing was saved.
+        """
+        with self._turn, sql_errors(self.path):
+            self._look_elsewhere()
+            done = self.saved_as(key)
+            if done is not None:
+                return done
+            gone = change.before.id.tolist()
+            if based_on is not None and based_on > self._revision:
+                raise StaleError(
+                    f"{based_on - self._revision} edits are missing, it was replaced by an older one",
+                    where=self.path, advice="reload the page",
+                )  # fmt: skip
+            seen = None if based_on is None else {n for n, by in self._changed_by.items() if by <= based_on}
+            check_fresh(change.before, self._held, seen, self.path)
+            check_change(change, self._held, self._crs, self.path)
+            after = named(change.after.with_columns(crs=self._crs), self._held)
+            return self._save(gone, after, who, change.action, key=key)
+
+    def saved_as(self, key: str) -> Edit | None:
+        """Return the edit that was saved under a key, also before the file was opened; None: there is none."""
+        with self._turn, sql_errors(self.path):
+            number = number_of_key(self._db, key) if key else 0
+            return as_edit(self._db, entry_of(self._db, number), self._crs) if number else None
+
+    def undo(self, *, who: str) -> Edit | None:
+        """Take back the last edit that is not taken back; None where there is none."""
+        with self._turn, sql_errors(self.path):
+            self._look_elsewhere()
+            return self._back(self._steps.done[-1:], who, UNDO)
+
+    def redo(self, *, who: str) -> Edit | None:
+        """Take back the last undo, if nothing else was done since; else None."""
+        with self._turn, sql_errors(self.path):
+            self._look_elsewhere()
+            return self._back(self._steps.undone[-1:], who, REDO)
+
+    def history(self, most: int = 100) -> list[Edit]:
+        """Return the last edits, the newest first, with their lines."""
+        with self._turn, sql_errors(self.path):
+            return [as_edit(self._db, entry, self._crs) for entry in entries(self._db, most=most)]
+
+    def entries(self, most: int = 100) -> list[Entry]:
+        """Return the last edits, the newest first, with the ids of their lines only."""
+        with self._turn, sql_errors(self.path):
+            return entries(self._db, most=most)
+
+    @property
+    def judged(self) -> LineSet:
+        """Lines as they were before people changed, moved or deleted them (see `linework.editing.queue.carried_over.carried`)."""
+        with self._turn, sql_errors(self.path):
+            return stored_lines(self._db, judged_versions(self._db, self._steps), self._crs)
+
+    @property
+    def undone(self) -> frozenset[int]:
+        """Numbers of the edits that are taken back now."""
+        with self._turn, sql_errors(self.path):
+            return undone_edits(self._db)
+
+    def since(self, revision: int) -> tuple[LineSet, tuple[str, ...]]:
+        """Return the lines that came or changed after a revision, and ids of those that went; of 0: all lines."""
+        with self._turn, sql_errors(self.path):
+            if revision <= 0:
+                return self._held.all, ()
+            touched = dict.fromkeys(n for e in reversed(entries(self._db, after=revision)) for n in e.ids)
+            there = [name for name in touched if name in self._held]
+            return self._held.of(there), tuple(name for name in touched if name not in self._held)
+
+    def _back(self, numbers: Sequence[int], who: str, action: str) -> Edit | None:
+        """Swap what an edit changed: lines come back as they were."""
+        if not numbers:
+            return None
+        entry = entry_of(self._db, numbers[0])
+        came = stored_lines(self._db, entry.came, self._crs)
+        lines = stored_lines(self._db, entry.gone, self._crs)
+        return self._save(came.id.tolist(), lines, who, action, undoes=entry.number, versions=entry.gone)
+
+    def _look_elsewhere(self) -> None:
+        """Take over what another program has written since we looked last."""
+        if not self.path.exists() or not os.path.samestat(self.path.stat(), self._stat):
+            raise MachineError(
+                "was removed or replaced while it was open", where=self.path, advice="open it again"
+            )
+        now, seen = self._data_version(), self._seen
+        if now == seen:
+            return
+        ids = list(self._held)
+        rows = [self._row(self._versions[name]) for name in ids]
+        found = changed_elsewhere(self._db, self._held.of(ids), rows, self.path)
+        self._seen = now
+        try:
+            self._take_over(found)
+        except BaseException:
+            self._seen = seen
+            raise
+
+    def _take_over(self, elsewhere: Elsewhere) -> None:
+        if elsewhere:
+            lines = named(elsewhere.came, {*self._held})
+            self._save(elsewhere.gone, lines, "", ELSEWHERE, features=elsewhere.features)
+
+    def _row(self, version: int) -> Row:
+        found = self._db.execute("SELECT layer, fid, line FROM line_version WHERE version = ?", (version,))
+        return Row(*found.fetchone())
+
+    def _data_version(self) -> int:
+        """Return a number that changes when another connection writes."""
+        return int(self._db.execute("PRAGMA data_version").fetchone()[0])
+
+    def _save(
+        self, gone: Sequence[str], after: LineSet, who: str, action: str, *,
+        undoes: int = 0, versions: Sequence[int] = (), features: Sequence[tuple[str, int]] = (), key: str = "",
+    ) -> Edit:  # fmt: skip
+        """Put lines in the place of others in one transaction, then in memory.
+
+        Parameters
+        ----------
+        versions
+            Numbers of the lines where they were stored before.
+        features
+            Rows that others put there, which go as well.
+        """
+        number, ids = self._revision + 1, after.id.tolist()
+        before = self._held.of(gone)
+        with transaction(self._db):
+            if self._data_version() != self._seen:
+                raise StaleError(
+                    "another program has just changed it",
+                    where=self.path,
+                    advice="look again, then repeat it",
+                )
+            old = [self._versions[name] for name in gone]
+            remove_rows(self._db, displace_versions(self._db, old))
+            for layer, fid in features:
+                self._db.execute(f"DELETE FROM {quoted(layer)} WHERE fid = ?", (fid,))
+            rows = put_rows(self._db, after, self._next_line)
+            new = list(versions) or add_versions(self._db, ids, line_bytes(after))
+            place_versions(self._db, new, rows, number)
+            touched = tuple(dict.fromkeys([*gone, *ids]))
+            entry = Entry(number, utc_now(), who, action, undoes, touched, tuple(old), tuple(new))
+            add_entry(self._db, entry)
+            if key:
+                add_key(self._db, key, number)
+        self._held.replace(gone, after)
+        for name in gone:
+            del self._versions[name], self._changed_by[name]
+        self._versions |= dict(zip(ids, new, strict=True))
+        self._changed_by |= dict.fromkeys(ids, number)
+        self._revision, self._next_line = number, self._next_line + len(after)
+        self._steps = self._steps.after(number, action, undoes)
+        return Edit(number, entry.time_utc, who, Change(action, before, after), undoes)

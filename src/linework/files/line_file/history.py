@@ -1,0 +1,249 @@
+"""The history of a drawing: versions of lines, the edits that put one in the place of the other, and what can be undone."""
+
+from __future__ import annotations
+
+import json
+import math
+import sqlite3
+import struct
+import zlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from linework.arrays import AnyArray, FloatArray
+from linework.errors import InputError
+from linework.files.line_file.tables import Row
+from linework.model.changes import Change, Edit
+from linework.model.lines import LINE_COLUMNS, LineSet
+
+UNDO, REDO = "undo", "redo"
+#: Edits that are no person's: their lines may come again.
+EXTRACT = "extract"
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A row of the table `edit`: `gone` and `came` are numbers of versions."""
+
+    number: int
+    time_utc: str
+    who: str
+    action: str
+    undoes: int
+    ids: tuple[str, ...]
+    gone: tuple[int, ...]
+    came: tuple[int, ...]
+
+
+def add_versions(db: sqlite3.Connection, ids: Sequence[str], contents: Iterable[bytes]) -> list[int]:
+    """Store lines as they are now; return the numbers of the versions. They stand nowhere yet (see `place_versions`)."""
+    statement = "INSERT INTO line_version (id, edit, content) VALUES (?, 0, ?)"
+    rows = zip(ids, contents, strict=True)
+    return [int(db.execute(statement, (name, packed(line))).lastrowid or 0) for name, line in rows]
+
+
+def place_versions(db: sqlite3.Connection, versions: Sequence[int], rows: Sequence[Row], edit: int) -> None:
+    """Note where versions stand, and which edit put them there."""
+    values = [(r.layer, r.fid, r.line, edit, v) for v, r in zip(versions, rows, strict=True)]
+    db.executemany("UPDATE line_version SET layer = ?, fid = ?, line = ?, edit = ? WHERE version = ?", values)
+
+
+def displace_versions(db: sqlite3.Connection, versions: Sequence[int]) -> list[Row]:
+    """Note that versions stand no more; return where they stood."""
+    found = []
+    for version in versions:
+        row = db.execute("SELECT layer, fid, line FROM line_version WHERE version = ?", (version,)).fetchone()
+        found.append(Row(str(row[0]), int(row[1]), int(row[2])))
+        db.execute("UPDATE line_version SET layer = NULL, fid = NULL WHERE version = ?", (version,))
+    return found
+
+
+def add_entry(db: sqlite3.Connection, entry: Entry) -> None:
+    """Append an edit."""
+    values = (entry.number, entry.time_utc, entry.who, entry.action, entry.undoes)
+    lists = [json.dumps(part, ensure_ascii=False) for part in (entry.ids, entry.gone, entry.came)]
+    db.execute("INSERT INTO edit VALUES (?, ?, ?, ?, ?, ?, ?, ?)", (*values, *lists))
+
+
+def entries(db: sqlite3.Connection, *, after: int = 0, most: int = -1) -> list[Entry]:
+    """Return edits after a number, the newest first; no more than `most` (-1: all)."""
+    rows = db.execute("SELECT * FROM edit WHERE number > ? ORDER BY number DESC LIMIT ?", (after, most))
+    return [Entry(*row[:5], *(tuple(json.loads(part)) for part in row[5:])) for row in rows]
+
+
+def add_key(db: sqlite3.Connection, key: str, number: int) -> None:
+    """Note under which key an edit was sent."""
+    db.execute("INSERT INTO edit_key VALUES (?, ?)", (key, number))
+
+
+def number_of_key(db: sqlite3.Connection, key: str) -> int:
+    """Return the edit that was sent under a key, 0: none."""
+    row = db.execute("SELECT number FROM edit_key WHERE key = ?", (key,)).fetchone()
+    return 0 if row is None else int(row[0])
+
+
+def entry_of(db: sqlite3.Connection, number: int) -> Entry:
+    """Return an edit."""
+    return entries(db, after=number - 1, most=-1)[-1]
+
+
+def stored_lines(db: sqlite3.Connection, versions: Sequence[int], crs: str) -> LineSet:
+    """Return versions of lines, in this order."""
+    statement = "SELECT content FROM line_version WHERE version = ?"
+    return unpacked_lines([db.execute(statement, (v,)).fetchone()[0] for v in versions], crs)
+
+
+def as_edit(db: sqlite3.Connection, entry: Entry, crs: str) -> Edit:
+    """Return an edit with its lines."""
+    before, after = (stored_lines(db, part, crs) for part in (entry.gone, entry.came))
+    return Edit(entry.number, entry.time_utc, entry.who, Change(entry.action, before, after), entry.undoes)
+
+
+def judged_versions(db: sqlite3.Connection, steps: Steps) -> list[int]:
+    """Return the versions of lines that people's edits, as far as they are not taken back, have put out of the way."""
+    known = {entry.number: entry for entry in entries(db)}
+    found: dict[int, None] = {}
+    for number in steps.done:
+        origin = known[number]
+        # An edit that was done again stands for the one that it repeats
+        while origin.undoes:
+            origin = known[origin.undoes]
+        if origin.action != EXTRACT:
+            found |= dict.fromkeys(known[number].gone)
+    return list(found)
+
+
+def undone_edits(db: sqlite3.Connection) -> frozenset[int]:
+    """Return the numbers of the edits that are taken back now."""
+    found: set[int] = set()
+    rows = db.execute("SELECT number, undoes FROM edit WHERE undoes != 0 ORDER BY number DESC")
+    for number, undoes in rows:
+        if number not in found:
+            found.add(int(undoes))
+    return frozenset(found)
+
+
+def utc_now() -> str:
+    """Return the time, as ISO 8601."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """Edits that can be taken back, and undos that can be, the last of each first to go."""
+
+    done: tuple[int, ...] = ()
+    undone: tuple[int, ...] = ()
+
+    def after(self, number: int, action: str, undoes: int) -> Steps:
+        """Return the steps after one more edit.
+
+        >>> steps = Steps().after(1, "draw", 0).after(2, "undo", 1)
+        >>> steps, steps.after(3, "redo", 2), steps.after(3, "move", 0)
+        (Steps(done=(), undone=(2,)), Steps(done=(3,), undone=()), Steps(done=(3,), undone=()))
+        """
+        if undoes and action == UNDO:
+            return Steps(self.done[:-1], (*self.undone, number))
+        if undoes and action == REDO:
+            return Steps((*self.done, number), self.undone[:-1])
+        return Steps((*self.done, number))
+
+
+def steps_of(db: sqlite3.Connection) -> Steps:
+    """Return what can be undone and redone after all edits."""
+    steps = Steps()
+    for number, action, undoes in db.execute("SELECT number, action, undoes FROM edit ORDER BY number"):
+        steps = steps.after(number, action, undoes)
+    return steps
+
+
+# A line as bytes, exactly, for the history of a drawing
+
+_LENGTH = struct.Struct("<I")
+#: The fastest: a commit waits for it, and coordinates do not get much smaller anyway.
+_LEVEL = 1
+#: No line is larger: six million vertices.
+MOST_BYTES = 1 << 28
+
+
+def line_bytes(lines: LineSet) -> list[bytes]:
+    """Return each line as bytes; equal lines give equal bytes.
+
+    Notes
+    -----
+    The length of a JSON document (4 bytes, little endian), the document (columns of the line, and `n`, its
+    vertices), then x, y, z, sigma_xy_m and sigma_z_m of all vertices as float64 and bridged and observed as bytes.
+    """
+    columns = {name: getattr(lines, name).tolist() for name in LINE_COLUMNS}
+    found = []
+    for i, (first, end) in enumerate(
+        zip(lines.offsets[:-1].tolist(), lines.offsets[1:].tolist(), strict=True)
+    ):
+        head = {"n": end - first} | {name: _plain(values[i]) for name, values in columns.items()}
+        text = json.dumps(head, ensure_ascii=True, allow_nan=False).encode()
+        numbers = (lines.xyz, lines.sigma_xy_m, lines.sigma_z_m)
+        parts = [values[first:end].astype("<f8").tobytes() for values in numbers]
+        parts += [values[first:end].astype(np.uint8).tobytes() for values in (lines.bridged, lines.observed)]
+        found.append(b"".join([_LENGTH.pack(len(text)), text, *parts]))
+    return found
+
+
+def packed(line: bytes) -> bytes:
+    """Return a line's bytes as they are stored."""
+    return zlib.compress(line, _LEVEL)
+
+
+def unpacked_lines(stored: Sequence[bytes], crs: str) -> LineSet:
+    """Return the lines of what was stored.
+
+    Raises
+    ------
+    InputError
+        It was not stored by `packed`, or is damaged.
+    """
+    try:
+        return _unpacked(stored, crs)
+    except (ValueError, KeyError, TypeError, struct.error, zlib.error) as error:
+        raise InputError("its history is damaged", advice="go back to a copy") from error
+
+
+def _unpacked(stored: Sequence[bytes], crs: str) -> LineSet:
+    heads: list[dict[str, Any]] = []
+    numbers: list[FloatArray] = []
+    flags: list[AnyArray] = []
+    for content in stored:
+        # A few bytes may stand for any number of zeros
+        line = zlib.decompressobj().decompress(content, MOST_BYTES)
+        (length,) = _LENGTH.unpack_from(line)
+        start = _LENGTH.size + length
+        head = json.loads(line[_LENGTH.size : start])
+        n = int(head["n"])
+        heads.append(head)
+        numbers.append(np.frombuffer(line, "<f8", 5 * n, start))
+        flags.append(np.frombuffer(line, np.uint8, 2 * n, start + 40 * n).reshape(2, n))
+    if not heads:
+        return LineSet.empty(crs)
+    columns: dict[str, Any] = {
+        "sigma_xy_m": np.concatenate(
+            [values[-2 * (len(values) // 5) : -(len(values) // 5)] for values in numbers]
+        ),
+        "sigma_z_m": np.concatenate([values[-(len(values) // 5) :] for values in numbers]),
+        "bridged": np.concatenate([both[0] for both in flags]).astype(bool),
+        "observed": np.concatenate([both[1] for both in flags]).astype(bool),
+    }
+    for name in LINE_COLUMNS:
+        meta = LineSet.__dataclass_fields__[name].metadata
+        values = [head.get(name, meta["default"]) for head in heads]
+        if meta["dtype"] is np.float64:
+            values = [math.nan if value is None else value for value in values]
+        columns[name] = np.array(values, dtype=meta["dtype"])
+    xyz = [values[: 3 * (len(values) // 5)].reshape(-1, 3) for values in numbers]
+    return LineSet.from_lines(xyz, crs=crs, **columns)
+
+
+def _plain(value: Any) -> Any:
+    return None if value != value else value

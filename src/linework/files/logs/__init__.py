@@ -1,0 +1,1 @@
+"""Logs of the van: GNSS, gyros, wheels, clocks, keys."""

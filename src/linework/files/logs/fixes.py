@@ -1,0 +1,75 @@
+"""What the readers of GNSS logs hand over."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from linework.arrays import FloatArray
+from linework.errors import InputError
+from linework.files.logs.clock import in_seconds, in_time_order
+from linework.model.logs import GnssLog
+
+
+@dataclass(frozen=True, slots=True)
+class GnssContent:
+    """Fixes as read, with what was odd about the file.
+
+    Parameters
+    ----------
+    warnings
+        One line each.
+    epoch
+        What the file itself says its times are: "gps", or "utc_day"; "" where it does not.
+    """
+
+    log: GnssLog
+    warnings: tuple[str, ...] = ()
+    epoch: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RawFixes:
+    """Fixes row by row as a file has them.
+
+    Parameters
+    ----------
+    time_s
+        (n,) [s].
+    places
+        (n, 3): latitude, longitude [deg], ellipsoidal height [m], or coordinates of the survey [m].
+    sigma_m
+        (n, 3) [m]: east, north, up; not above 0 where the receiver has none.
+    line_numbers
+        (n,) where each stands in the file.
+    """
+
+    time_s: FloatArray
+    places: FloatArray
+    sigma_m: FloatArray
+    line_numbers: FloatArray
+
+
+def usable_fixes(path: Path, fixes: RawFixes) -> tuple[RawFixes, tuple[str, ...]]:
+    """Return the fixes with sigmas above 0 in strictly increasing time, and what was left out.
+
+    Raises
+    ------
+    InputError
+        None is left.
+    """
+    warnings: list[str] = []
+    time_s, said = in_seconds(fixes.time_s, path)
+    good = np.flatnonzero((fixes.sigma_m > 0.0).all(axis=1))
+    if len(good) < len(time_s):
+        warnings.append(
+            f"{len(time_s) - len(good)} of {len(time_s)} fixes have a sigma of 0 or below: left out"
+        )
+    order, more = in_time_order(time_s[good], fixes.line_numbers[good])
+    kept = good[order]
+    if len(kept) == 0:
+        raise InputError("no fix with sigmas above 0", where=path, advice="sigmas are in metres")
+    usable = RawFixes(time_s[kept], fixes.places[kept], fixes.sigma_m[kept], fixes.line_numbers[kept])
+    return usable, (*said, *warnings, *more)

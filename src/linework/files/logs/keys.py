@@ -1,0 +1,56 @@
+"""The operator's keys: a CSV of times, keys and notes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from linework.arrays import FloatArray
+from linework.errors import InputError
+from linework.files.logs.tables import finite_number, read_text_table
+
+#: Longer notes are cut: a sentence typed while driving is shorter.
+MAX_NOTE_CHARS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class EventRows:
+    """Keys in time order, and what was odd about the file."""
+
+    time_s: FloatArray
+    key: tuple[str, ...]
+    note: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
+
+
+def read_events(path: Path) -> EventRows:
+    """Read a CSV ``time_s,key,note``; the note may be missing, and may hold commas if it comes last.
+
+    Lines without a time or a key are left out and counted: what was typed while driving has such lines.
+
+    Raises
+    ------
+    InputError
+        Columns missing, or not one line with a time and a key.
+    """
+    table = read_text_table(path, ("time_s", "key"), ("note",), rest_in_last=True)
+    times = [finite_number(text) for text in table.columns["time_s"]]
+    keys = table.columns["key"]
+    notes = table.columns.get("note", ("",) * len(keys))
+    good = [i for i, (time, key) in enumerate(zip(times, keys, strict=True)) if time is not None and key]
+    n_all = len(keys) + len(table.bad_lines)
+    if n_all and not good:
+        raise InputError(f"none of its {n_all} lines has a time and a key", where=path,
+                         advice="each line is time_s,key,note")  # fmt: skip
+    time_s = np.array([times[i] for i in good], dtype=np.float64)
+    order = [good[i] for i in np.argsort(time_s, kind="stable").tolist()]
+    bad = sorted({*table.bad_lines, *table.line_numbers} - {table.line_numbers[i] for i in good})
+    warnings = (f"{path}: {len(bad)} of {n_all} lines left out, the first is line {bad[0]}",) if bad else ()
+    return EventRows(
+        np.sort(time_s),
+        tuple(keys[i][:MAX_NOTE_CHARS] for i in order),
+        tuple(notes[i][:MAX_NOTE_CHARS] for i in order),
+        warnings,
+    )

@@ -1,0 +1,78 @@
+"""The van's log of a survey: its images and the operator's keys, placed on the trajectory."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from linework.arrays import BoolArray, FloatArray
+from linework.files.logs.keys import read_events
+from linework.model.images import StereoSeries
+from linework.model.logs import Events, Photos, VanLog
+from linework.model.survey import Survey
+from linework.model.trajectory import Trajectory
+from linework.navigation.chainage import is_placed, places_at
+
+
+def van_log(survey: Survey, series: StereoSeries | None, trajectory: Trajectory | None) -> VanLog:
+    """Place the images and the keys of a survey.
+
+    Parameters
+    ----------
+    series
+        Its stereo pairs (`open_stereo`), or None.
+    trajectory
+        Path of the vehicle's origin; without it nothing has a place.
+
+    Returns
+    -------
+    VanLog
+        Images and keys outside the trajectory's time, or in a hole of it, are left out and counted.
+
+    Raises
+    ------
+    InputError
+        The file of events cannot be used.
+    """
+    named = survey.settings.get("events", {})
+    photos, events, warnings = None, None, []
+    if series is not None:
+        time_s = np.array([pair.time_s for pair in series.pairs], dtype=np.float64)
+        chosen, said = _placed(trajectory, time_s, "images")
+        warnings += said
+        pairs = [series.pairs[i] for i in np.flatnonzero(chosen)]
+        photos = Photos()
+        if trajectory is not None and pairs:
+            photos = Photos(
+                places=places_at(trajectory, time_s[chosen], series.rig.left.position_m),
+                number=np.array([pair.number for pair in pairs], dtype=np.int64),
+                left=tuple(pair.left for pair in pairs),
+                right=tuple(pair.right for pair in pairs),
+            )
+    if "file" in named:
+        rows = read_events(survey.root / named["file"])
+        chosen, said = _placed(trajectory, rows.time_s, "events")
+        warnings += [*rows.warnings, *said]
+        events = Events()
+        if trajectory is not None and chosen.any():
+            kept = np.flatnonzero(chosen).tolist()
+            events = Events(
+                places=places_at(trajectory, rows.time_s[chosen]),
+                key=tuple(rows.key[i] for i in kept),
+                note=tuple(rows.note[i] for i in kept),
+            )
+    return VanLog(photos=photos, events=events, root=survey.root, crs=survey.crs, warnings=tuple(warnings))
+
+
+def _placed(trajectory: Trajectory | None, time_s: FloatArray, what: str) -> tuple[BoolArray, list[str]]:
+    """Return which moments have a place, and what to tell of the others."""
+    if trajectory is None or len(trajectory) == 0:
+        told = [f"{len(time_s)} {what} without a place: there is no trajectory"] if len(time_s) else []
+        return np.zeros(len(time_s), dtype=bool), told
+    chosen = is_placed(trajectory, time_s)
+    if chosen.all():
+        return chosen, []
+    first, last = trajectory.time_s[[0, -1]]
+    return chosen, [
+        f"{np.count_nonzero(~chosen)} of {len(time_s)} {what} have no place, the first is of "
+        f"{time_s[~chosen][0]:.3f} s (the trajectory is from {first:.3f} to {last:.3f} s, or has a hole there)"
+    ]

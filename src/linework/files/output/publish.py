@@ -1,0 +1,267 @@
+"""Publish an output: written beside its place, verified by re-opening, made durable, then renamed."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import re
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from linework.errors import LineworkError, MachineError, OutputExistsError
+
+#: Longest file name most file systems hold, in bytes.
+_NAME_MAX = 255
+
+
+def check_output(path: Path, *, overwrite: bool = False) -> None:
+    """Refuse, before any work is done, an output that could not be published at the end.
+
+    The parent folder is made if it is missing; that a file can be made in it is tried, not asked.
+
+    Raises
+    ------
+    OutputExistsError
+        `path` is there already and `overwrite` is not set, or it is a folder.
+    MachineError
+        The parent is no folder, or cannot be written to.
+    """
+    part = part_path(path)
+    with machine_errors(path):
+        if path.is_dir():
+            raise OutputExistsError(
+                "is a folder, expected the name of a file", where=path, advice="name a file"
+            )
+        if os.path.lexists(path) and not overwrite:
+            raise OutputExistsError(
+                "output exists already", where=path, advice="choose another name or give --overwrite"
+            )
+        _make_parent(path)
+        part.open("xb").close()
+        part.unlink()
+
+
+def publish(
+    path: Path,
+    write: Callable[[Path], None],
+    verify: Callable[[Path], None],
+    *,
+    overwrite: bool = False,
+) -> None:
+    """Make the file `path` appear whole or not at all.
+
+    Parameters
+    ----------
+    write
+        Writes the part file it is given.
+    verify
+        Re-opens that part file with an independent reader and raises if anything is amiss.
+    overwrite
+        An existing file is replaced, but lives until the new one is verified.
+
+    Raises
+    ------
+    OutputExistsError
+        `path` exists and `overwrite` is not set.
+    MachineError
+        The folder is missing, full, read-only; or the written file does not verify.
+
+    Notes
+    -----
+    Order: part file, verify, fsync(file), rename, fsync(folder). Whatever interrupts it, the part is
+    removed; parts left by processes that were killed are removed by the next run that publishes the same
+    name on the same machine.
+    """
+    check_output(path, overwrite=overwrite)
+    _remove_dead_parts(path)
+    part = part_path(path)
+    try:
+        with machine_errors(path):
+            write(part)
+            verify(part)
+            _sync(part)
+            if os.path.lexists(path) and not overwrite:
+                raise OutputExistsError(
+                    "output appeared while it was being written", where=path, advice="give --overwrite"
+                )
+            part.replace(path)
+            _sync(path.parent)
+    finally:
+        _remove_part(part)
+
+
+def publish_folder(
+    path: Path,
+    write: Callable[[Path], None],
+    verify: Callable[[Path], None],
+    *,
+    overwrite: bool = False,
+) -> None:
+    """Make the folder `path` appear with all its files or not at all.
+
+    With `overwrite` an existing folder keeps the files that are not written anew; those of the same name
+    are replaced one by one after all new ones have been verified.
+
+    Raises
+    ------
+    OutputExistsError
+        `path` is a file, or a folder that is not empty while `overwrite` is not set.
+    MachineError
+        As for `publish`.
+    """
+    check_output_folder(path, overwrite=overwrite)
+    _remove_dead_parts(path)
+    part = part_path(path)
+    try:
+        with machine_errors(path):
+            part.mkdir()
+            write(part)
+            verify(part)
+            for file in sorted(p for p in part.rglob("*") if p.is_file()):
+                _sync(file)
+            if path.is_dir() and any(path.iterdir()):
+                _merge_folder(part, path)
+            else:
+                part.replace(path)
+            _sync(path.parent)
+    finally:
+        _remove_part(part)
+
+
+def check_output_folder(path: Path, *, overwrite: bool = False) -> None:
+    """Refuse, before any work is done, a folder that could not be published at the end (see `check_output`)."""
+    if os.path.lexists(path) and not path.is_dir():
+        raise OutputExistsError("is a file, expected a folder", where=path, advice="name another folder")
+    if path.is_dir() and not overwrite and any(path.iterdir()):
+        raise OutputExistsError(
+            "output folder is not empty", where=path, advice="choose another folder or give --overwrite"
+        )
+    _make_parent(path)
+    part = part_path(path)
+    with machine_errors(path):
+        part.mkdir()
+        part.rmdir()
+
+
+def part_path(path: Path) -> Path:
+    """Return the part file's place: hidden, beside `path`, named for this process, same suffix.
+
+    >>> import os
+    >>> part_path(Path("d/lines.gpkg")).name == f".lines.{os.getpid()}.part.gpkg"
+    True
+    """
+    return path.with_name(f".{_part_stem(path)}.{os.getpid()}.part{path.suffix}")
+
+
+def _part_stem(path: Path) -> str:
+    """Return the name without suffix, short, and without what drivers stumble over (GDAL: line ends)."""
+    plain = "".join(c if c.isprintable() else "_" for c in path.stem)
+    room = _NAME_MAX - len(os.fsencode(f"..{2**32}.part{path.suffix}"))
+    return os.fsencode(plain)[:room].decode(errors="ignore")
+
+
+def _make_parent(path: Path) -> None:
+    parent = path.parent
+    if os.path.lexists(parent) and not parent.is_dir():
+        raise MachineError(f"{parent} is not a folder", where=path, advice="choose another place")
+    with machine_errors(path):
+        parent.mkdir(parents=True, exist_ok=True)
+
+
+@contextlib.contextmanager
+def machine_errors(path: Path) -> Iterator[None]:
+    """Turn the operating system's refusals into one line that names the output."""
+    try:
+        yield
+    except LineworkError as error:
+        if error.where == part_path(path):
+            error.where = path
+        raise
+    except OSError as error:
+        reason = error.strerror or str(error) or type(error).__name__
+        advice = {
+            errno.ENOSPC: "free some space, or write to another disk",
+            errno.EDQUOT: "your quota is used up: free some space, or write to another disk",
+            errno.EACCES: "choose a folder you may write to",
+            errno.EPERM: "choose a folder you may write to",
+            errno.EROFS: "the disk is read-only: choose another folder",
+            errno.ENAMETOOLONG: "choose a shorter name",
+        }.get(error.errno or 0, "choose another place, or check the disk")
+        number = f" (errno {error.errno})" if error.errno else ""
+        raise MachineError(f"cannot be written: {reason}{number}", where=path, advice=advice) from error
+
+
+def _sync(path: Path) -> None:
+    """Ask the disk to keep a file, or a folder's names."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _merge_folder(part: Path, path: Path) -> None:
+    for file in sorted(p for p in part.rglob("*") if p.is_file()):
+        target = path / file.relative_to(part)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        file.replace(target)
+        _sync(target.parent)
+
+
+def _remove_part(part: Path) -> None:
+    """Remove a part and what a driver may have left beside it (journals)."""
+    with contextlib.suppress(OSError):
+        if part.is_dir() and not part.is_symlink():
+            shutil.rmtree(part, ignore_errors=True)
+        for ending in ("", "-journal", "-wal", "-shm", ".aux.xml", ".ovr.tmp"):
+            part.with_name(part.name + ending).unlink(missing_ok=True)
+
+
+def _remove_dead_parts(path: Path) -> None:
+    """Remove parts of this output whose process is gone."""
+    pattern = re.compile(r"\." + re.escape(_part_stem(path)) + r"\.(\d+)\.part" + re.escape(path.suffix))
+    with contextlib.suppress(OSError):
+        for other in sorted(path.parent.iterdir()):
+            found = pattern.fullmatch(other.name)
+            if found and not is_alive(int(found[1])):
+                _remove_part(other)
+
+
+def is_alive(pid: int) -> bool:
+    """Return whether a process of this number runs on this machine."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True
+
+
+# Publish what was made in memory: pictures and pages
+
+
+def write_bytes(content: bytes, path: Path, *, overwrite: bool = False) -> None:
+    """Publish a file of the given bytes: whole, verified, or not at all.
+
+    Raises
+    ------
+    OutputExistsError, MachineError
+        As for `publish`.
+    """
+
+    def write(part: Path) -> None:
+        part.write_bytes(content)
+
+    def verify(part: Path) -> None:
+        if part.read_bytes() != content:
+            raise OSError("the file reads back differently")
+
+    publish(path, write, verify, overwrite=overwrite)
+
+
+def write_page(html: str, path: Path, *, overwrite: bool = False) -> None:
+    """Publish a page as UTF-8 (see `write_bytes`)."""
+    write_bytes(html.encode("utf-8", errors="backslashreplace"), path, overwrite=overwrite)

@@ -1,0 +1,1 @@
+"""The store of decoded points: built once, read by place."""

@@ -1,0 +1,303 @@
+"""Make a survey's tile store: every file decoded once, whatever it is like, and every point accounted for."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+from linework.errors import InputError, MachineError
+from linework.files.las.crs import ResolvedCrs, resolve_crs
+from linework.files.las.decoder import Decoder, DecoderLimits
+from linework.files.las.header import LasHeader, read_las_header
+from linework.files.las.messages import Decoded, DecodeTask
+from linework.files.las.repeats import repeated_elsewhere, said_elsewhere, sample_bits
+from linework.files.las.tally import TimeCounts, TimeKind
+from linework.files.output.record import hash_file
+from linework.files.store.extent import limits_of, refuse_degrees
+from linework.files.store.facts import FileFacts, StoreFacts, facts_document, facts_of
+from linework.files.store.layout import POINTS_SUFFIX, STEPS_PER_M, RunTable
+from linework.files.store.read import PointStore
+from linework.files.store.write import write_index
+from linework.model.grid import Bounds
+from linework.model.survey import Survey
+
+#: Bytes of a point in the store: key, time, intensity.
+_POINT_BYTES = 18
+#: Points used to see whether they are degrees; more changes the 0.1 % quantiles of a million points by little.
+_SAMPLE = 100_000
+
+
+def spill_survey(
+    survey: Survey,
+    folder: Path,
+    *,
+    n_threads: int,
+    progress: Callable[[int, int], None] | None = None,
+    limits: DecoderLimits | None = None,
+) -> StoreFacts:
+    """Write the points of all files into a tile store; damaged files among good ones are left out and listed.
+
+    Parameters
+    ----------
+    folder
+        Exists and is empty; whoever made it removes it when this fails.
+    n_threads
+        Threads that decode; the store does not depend on it.
+    progress
+        Called with the number of points read so far, over all files, and of those promised.
+
+    Raises
+    ------
+    InputError
+        No file can be used (the first file's error), or the files' GPS times are of different kinds.
+    CrsError
+        A file's CRS is missing or contradicts the survey's, or the coordinates are degrees.
+    MachineError
+        Not enough space, or the disk failed.
+    """
+    if not survey.point_files:
+        raise InputError(
+            "no laser files in this survey", where=survey.root, advice="name them in survey.toml"
+        )
+    # The process starts while the headers are read
+    with Decoder(n_threads, limits or DecoderLimits()) as decoder:
+        planned, account = plan_files(survey)
+        _check_free_space(folder, sum(file.header.n_points for file in planned))
+        decoded = _decode_all(decoder, planned, account, folder, progress)
+    if not decoded:
+        first = next((account.failures[p] for p in survey.point_files if p in account.failures), None)
+        raise first or account.empty or InputError("no points", where=survey.root)
+    decoded = _without_copies(decoded, account, folder)
+    results = [result for _, result in decoded]
+    n_points = sum(result.n_points for result in results)
+    refuse_degrees([result.sample for result in results], n_points, where=decoded[0][0].path)
+    facts = _facts(survey, decoded, account)
+    runs = RunTable.concatenate(*(result.runs for result in results))
+    write_index(folder, runs, facts, limits_of(runs, [result.height_counts for result in results]))
+    return facts_of(PointStore.open(folder))
+
+
+def _decode_all(
+    decoder: Decoder,
+    planned: Sequence[PlannedFile],
+    account: SpillAccount,
+    folder: Path,
+    progress: Callable[[int, int], None] | None,
+) -> list[tuple[PlannedFile, Decoded]]:
+    """Decode the files one after the other; what fails is kept in the account and leaves nothing behind."""
+    n_promised = sum(file.header.n_points for file in planned)
+    n_before, decoded = 0, []
+    for number, file in enumerate(planned):
+
+        def report(n_read: int, n_before: int = n_before) -> None:
+            if progress is not None:
+                progress(n_before + n_read, n_promised)
+
+        target = folder / f"{number}{POINTS_SUFFIX}"
+        task = DecodeTask(
+            path=file.path, target=target, factors=file.crs.factors,
+            sample_step=max(1, n_promised // _SAMPLE), repeat_bits=sample_bits(n_promised),
+            batch_points=decoder.batch_points,
+        )  # fmt: skip
+        try:
+            result = decoder.decode(task, report)
+            _check_result(file, result)
+        except InputError as error:
+            account.failures[file.path] = error
+            target.unlink(missing_ok=True)
+        except BaseException:
+            target.unlink(missing_ok=True)
+            raise
+        else:
+            decoded.append((file, result))
+        n_before += file.header.n_points
+    return decoded
+
+
+def _without_copies(
+    decoded: Sequence[tuple[PlannedFile, Decoded]], account: SpillAccount, folder: Path
+) -> list[tuple[PlannedFile, Decoded]]:
+    """Return the files without those all of whose points another file holds too; tell of those and of parts."""
+    has_time = all(result.gps_time_kind != "none" for _, result in decoded)
+    found = repeated_elsewhere([result.repeats for _, result in decoded], has_time=has_time)
+    kept = []
+    for i, (file, result) in enumerate(decoded):
+        if i not in found:
+            kept.append((file, result))
+            continue
+        other, share = found[i]
+        text = said_elsewhere(share, decoded[other][0].path.name, has_time=has_time)
+        if share < 1.0:
+            account.warnings[file.path].append(text)
+            kept.append((file, result))
+        else:
+            account.warnings[file.path].append(f"{text}, left out")
+            (folder / f"{result.runs.rows['file'][0]}{POINTS_SUFFIX}").unlink()
+    return kept
+
+
+def _check_result(file: PlannedFile, result: Decoded) -> None:
+    """Refuse a file that changed while it was read, or whose points do not add up."""
+    if state_of(file.path) != file.state:
+        raise InputError("changed while it was read", where=file.path, advice=CHANGED_ADVICE)
+    n_accounted = result.n_points + sum(result.n_rejected.values())
+    if n_accounted != file.header.n_points or result.runs.n_points != result.n_points:
+        raise InputError(
+            f"{n_accounted:,} points read and {result.runs.n_points:,} written of {file.header.n_points:,} that the"
+            " header promises",
+            where=file.path,
+            advice=CHANGED_ADVICE,
+        )
+
+
+def _check_free_space(folder: Path, n_points: int) -> None:
+    status = os.statvfs(folder)
+    needed, free = n_points * _POINT_BYTES, status.f_bavail * status.f_frsize
+    # Some network disks say nothing (0 blocks in all)
+    if status.f_blocks and needed > free:
+        raise MachineError(
+            f"{n_points:,} points need {needed / 1e9:.3g} GB of disk, {free / 1e9:.3g} GB are free", where=folder,
+            advice="free some space, or name a folder on another disk with --work DIR",
+        )  # fmt: skip
+
+
+def _facts(
+    survey: Survey, decoded: Sequence[tuple[PlannedFile, Decoded]], account: SpillAccount
+) -> dict[str, object]:
+    """Return what is to be known of the store, as JSON."""
+    files = tuple(_file_facts(file, result) for file, result in decoded)
+    for facts in files:
+        account.warnings[facts.path] += facts.warnings
+    warnings = [f"{path.name}: {text}" for path, texts in account.warnings.items() for text in texts]
+    results = [result for _, result in decoded]
+    n_dark = sum(not result.has_intensity for result in results)
+    if 0 < n_dark < len(results):
+        warnings.append(f"{n_dark} of {len(results)} files have no intensity: taken as 0 there")
+    n_untimed = sum(result.gps_time_kind == "none" for result in results)
+    if 0 < n_untimed < len(results):
+        warnings.append(f"{n_untimed} of {len(results)} files have no GPS time: times not used")
+    times = TimeCounts()
+    for result in results if n_untimed == 0 else ():
+        times.merge(result.times)
+    follows = [a.times.high_s <= b.times.low_s for a, b in pairwise(results)]
+    failures = [(p, str(account.failures[p])) for p in survey.point_files if p in account.failures]
+    return facts_document(
+        files, tuple(failures), tuple(warnings), times,
+        gps_time_kind=_common_kind(files),
+        has_intensity=n_dark < len(results),
+        has_time=n_untimed == 0,
+        in_time_order=n_untimed == 0 and all(result.in_time_order for result in results) and all(follows),
+    )  # fmt: skip
+
+
+def _file_facts(file: PlannedFile, result: Decoded) -> FileFacts:
+    # On the store's lattice, so that its points lie within
+    west, south, east, north = (
+        round(v * STEPS_PER_M) / STEPS_PER_M for v in (*result.low[:2], *result.high[:2])
+    )
+    return FileFacts(
+        file.path, file.header.n_points, result.n_points, result.n_rejected, Bounds(west, south, east, north),
+        result.gps_time_kind, file.header.point_format, file.header.version_text,
+        (*file.header.warnings, *file.crs.warnings, *result.warnings),
+    )  # fmt: skip
+
+
+def _common_kind(files: Sequence[FileFacts]) -> TimeKind:
+    kinds = {facts.gps_time_kind: facts.path for facts in files if facts.gps_time_kind != "none"}
+    if len(kinds) > 1:
+        said = ", ".join(f"{path.name} {kind}" for kind, path in sorted(kinds.items()))
+        raise InputError(
+            f"GPS times of {len(kinds)} kinds: {said}", where=next(iter(kinds.values())),
+            advice="convert them to adjusted standard GPS time, or extract the files one by one",
+        )  # fmt: skip
+    return next(iter(kinds), "none")
+
+
+# Look at all files of a survey before any is decoded: what can be told from headers and bytes ends here
+
+CHANGED_ADVICE = "run again when nothing writes to it"
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedFile:
+    """A file whose header is sound, and its state then: size, time of change, inode."""
+
+    path: Path
+    header: LasHeader
+    crs: ResolvedCrs
+    state: tuple[int, int, int]
+
+
+@dataclass(slots=True)
+class SpillAccount:
+    """What is found on the way, by file."""
+
+    warnings: dict[Path, list[str]]
+    failures: dict[Path, InputError] = field(default_factory=dict)
+    empty: InputError | None = None
+
+
+def plan_files(survey: Survey) -> tuple[list[PlannedFile], SpillAccount]:
+    """Check the headers of all files before anything is decoded.
+
+    Raises
+    ------
+    CrsError
+        A file's CRS is missing, or contradicts the survey's.
+    """
+    planned, account = [], SpillAccount({path: [] for path in survey.point_files})
+    repeated = _repeated(survey.point_files)
+    for path in survey.point_files:
+        if path in repeated:
+            account.warnings[path].append(f"the same bytes as {repeated[path].name}, left out")
+            continue
+        try:
+            state = state_of(path)
+            header = read_las_header(path)
+        except InputError as error:
+            account.failures[path] = error
+            continue
+        if header.n_points == 0:
+            empty = InputError("no points (0 in the header)", where=path, advice="leave the file out")
+            account.warnings[path].append(f"{empty.problem}, left out")
+            account.empty = account.empty or empty
+            continue
+        crs = resolve_crs(header.projection, survey.settings.get("crs"), where=path)
+        planned.append(PlannedFile(path, header, crs, state))
+    return planned, account
+
+
+def state_of(path: Path) -> tuple[int, int, int]:
+    """Return what tells that a file was changed: size, time of change, inode.
+
+    Raises
+    ------
+    InputError
+        It went away.
+    """
+    try:
+        status = path.stat()
+    except OSError as error:
+        raise InputError(
+            f"cannot be opened any more: {error.strerror}", where=path, advice=CHANGED_ADVICE
+        ) from error
+    return status.st_size, status.st_mtime_ns, status.st_ino
+
+
+def _repeated(files: Sequence[Path]) -> dict[Path, Path]:
+    """Return the files whose bytes are those of an earlier one."""
+    sizes = {path: path.stat().st_size for path in files if path.is_file()}
+    how_often = Counter(sizes.values())
+    first: dict[tuple[int, str], Path] = {}
+    found = {}
+    for path, size in sizes.items():
+        if how_often[size] < 2 or size == 0:
+            continue
+        other = first.setdefault((size, hash_file(path)), path)
+        if other is not path:
+            found[path] = other
+    return found

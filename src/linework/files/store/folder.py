@@ -1,0 +1,197 @@
+"""The data files of a tile store, read run by run: a handful open at a time, every byte checked."""
+
+from __future__ import annotations
+
+import os
+from collections import OrderedDict
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from linework.arrays import AnyArray, IntArray
+from linework.errors import MachineError
+from linework.files.store.layout import POINTS_SUFFIX
+from linework.kernels.store import order as kernels
+from linework.kernels.store.order import first_damaged
+from linework.model.points import Points
+
+#: A survey may have a thousand files, a process often no more than 64 open ones.
+_MOST_OPEN = 8
+ADVICE = "linework clean removes the store, and the next run makes it anew"
+
+
+class StoreFiles:
+    """The data files of a store, open while they are read from; used in a `with` statement.
+
+    Files are read, not mapped: a file that shrinks while it is mapped kills the process, and what a map holds
+    in memory is not ours to bound.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._open: OrderedDict[int, int] = OrderedDict()
+
+    def __enter__(self) -> StoreFiles:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        while self._open:
+            os.close(self._open.popitem()[1])
+
+    def read(self, rows: AnyArray, columns: Columns) -> int:
+        """Read runs one after the other into `columns`, and return how many points they hold.
+
+        Points of files without times get the time 0.
+
+        Raises
+        ------
+        MachineError
+            A file is missing, cannot be read, is too short, or holds other bytes than were written.
+        """
+        starts = np.zeros(len(rows) + 1, np.int64)
+        np.cumsum(rows["count"], out=starts[1:])
+        ends = starts.tolist()
+        places = zip(rows["file"].tolist(), rows["offset"].tolist(), rows["has_time"].tolist(), strict=True)
+        keys, times, intensities = (column.data for column in columns.part(ends[-1]))
+        for i, (number, offset, has_time) in enumerate(places):
+            a, b = ends[i], ends[i + 1]
+            if has_time:
+                views = [keys[a:b], times[a:b], intensities[a:b]]
+            else:
+                columns.times[a:b] = 0
+                views = [keys[a:b], intensities[a:b]]
+            self._read_run(number, offset, views)
+        damaged = first_damaged(*columns.part(ends[-1]), starts, rows["has_time"], rows["checksum"])
+        if damaged >= 0:
+            row = rows[damaged]
+            raise MachineError(
+                f"{int(row['count']):,} points at byte {int(row['offset']):,} are not what was written (damaged)",
+                where=self._path(int(row["file"])),
+                advice=ADVICE,
+            )
+        return int(ends[-1])
+
+    def _read_run(self, number: int, offset: int, views: list[memoryview]) -> None:
+        wanted = sum(view.nbytes for view in views)
+        try:
+            handle = self._handle(number)
+            got = os.preadv(handle, views, offset)
+            if got < wanted:
+                got = self._read_on(handle, offset, got, views)
+        except OSError as error:
+            reason = error.strerror or type(error).__name__
+            raise MachineError(
+                f"cannot be read: {reason}", where=self._path(number), advice=ADVICE
+            ) from error
+        if got < wanted:
+            raise MachineError(
+                f"{os.fstat(handle).st_size:,} bytes, {offset + wanted:,} are needed (cut off)",
+                where=self._path(number),
+                advice=ADVICE,
+            )
+
+    def _read_on(self, handle: int, offset: int, got: int, views: list[memoryview]) -> int:
+        """Go on after a read that returned less than was asked for, as some file systems do."""
+        while True:
+            skip, rest = got, []
+            for view in views:
+                flat: Any = view.cast("B")
+                rest.append(flat[min(skip, len(flat)) :])
+                skip = max(0, skip - len(flat))
+            n = os.preadv(handle, [view for view in rest if len(view)], offset + got) if any(rest) else 0
+            if n == 0:
+                return got
+            got += n
+
+    def _handle(self, number: int) -> int:
+        if number in self._open:
+            self._open.move_to_end(number)
+            return self._open[number]
+        if len(self._open) >= _MOST_OPEN:
+            os.close(self._open.popitem(last=False)[1])
+        handle = os.open(self._path(number), os.O_RDONLY | os.O_CLOEXEC)
+        self._open[number] = handle
+        return handle
+
+    def _path(self, number: int) -> Path:
+        return self._folder / f"{number}{POINTS_SUFFIX}"
+
+
+# Room for the points of a tile store on their way from the files to `Points`
+
+#: Order of points that are given as they come.
+_AS_THEY_COME = np.empty(0, np.int32)
+
+
+class Columns:
+    """Room for the columns of some points, as they lie in the store.
+
+    Parameters
+    ----------
+    n
+        Points that fit.
+    """
+
+    def __init__(self, n: int) -> None:
+        self.keys = np.empty(n, np.uint64)
+        #: The bits of float64
+        self.times = np.empty(n, np.uint64)
+        self.intensities = np.empty(n, np.uint16)
+
+    def part(self, n: int) -> tuple[AnyArray, AnyArray, AnyArray]:
+        """Return the first `n` keys, times and intensities."""
+        return self.keys[:n], self.times[:n], self.intensities[:n]
+
+
+class Output:
+    """The columns of the points to return, filled block by block."""
+
+    def __init__(self, n: int, with_time: bool, with_intensity: bool) -> None:
+        self._with_time, self._with_intensity = with_time, with_intensity
+        self._xyz = np.empty((n, 3))
+        self._times = np.empty(n if with_time else 0, np.uint64)
+        self._intensities = np.empty(n if with_intensity else 0, np.float32)
+        self._n = 0
+
+    def add(
+        self,
+        part: tuple[AnyArray, AnyArray, AnyArray],
+        in_order: tuple[AnyArray, AnyArray] | None,
+        corner: IntArray,
+    ) -> None:
+        """Add the points of a block, in the given order of keys and numbers."""
+        keys, times, intensities = part
+        keys, order = (keys, _AS_THEY_COME) if in_order is None else in_order
+        out = self._xyz, self._times, self._intensities
+        kernels.unpack_points(keys, times, intensities, order, corner, out, self._n)
+        self._n += len(keys)
+
+    def points(self) -> Points:
+        """Return what was added."""
+        return Points(
+            self._filled(self._xyz),
+            self._filled(self._intensities) if self._with_intensity else None,
+            self._filled(self._times).view(np.float64) if self._with_time else None,
+        )
+
+    def _filled(self, column: AnyArray) -> AnyArray:
+        """Return the part that was filled; room that was not needed is given back where it is much."""
+        part = column[: self._n]
+        return part.copy() if 2 * self._n < len(column) else part
+
+
+class Scratch:
+    """Room to sort a block in."""
+
+    def __init__(self, n: int) -> None:
+        self._room = [np.empty(n, dtype) for dtype in (np.uint64, np.int32) * 2]
+
+    def sorted(self, part: tuple[AnyArray, AnyArray, AnyArray]) -> tuple[AnyArray, AnyArray]:
+        """Return keys in canonical order and the number of each."""
+        keys, order, more_keys, more_order = (column[: len(part[0])] for column in self._room)
+        kernels.sort_points(*part, (keys, order, more_keys, more_order))
+        return keys, order

@@ -1,0 +1,1 @@
+"""Surveys: a folder, its survey.toml, a KITTI drive, or point files."""

@@ -1,0 +1,195 @@
+"""Open a survey: laser files, a folder of them, a folder with a survey.toml, or a KITTI folder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from linework.errors import CrsError, InputError, UsageError
+from linework.files.geodesy.crs import LOCAL, describe_crs, has_height, parse_crs, same_crs, same_plan
+from linework.files.las.crs import resolve_crs
+from linework.files.las.header import read_las_header, regular_file_bytes
+from linework.files.survey.kitti import read_kitti_folder
+from linework.files.survey.toml import read_survey_file
+from linework.model.survey import Survey
+
+_SUFFIXES = (".las", ".laz")
+_SURVEY_FILE = "survey.toml"
+
+
+def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
+    """Find out what a survey consists of; headers are read, points are not.
+
+    Parameters
+    ----------
+    inputs
+        .las, .laz or .copc.laz files, folders of them, one folder with a survey.toml, or that file; or one
+        KITTI raw drive or odometry sequence.
+    crs
+        The CRS where the files do not say it: "EPSG:...", WKT or "local".
+
+    Returns
+    -------
+    Survey
+        Files sorted by path, each once. ``settings["crs"]`` is what the user or the survey.toml gave;
+        `crs` is the metric CRS that the points will be in.
+
+    Raises
+    ------
+    InputError
+        Nothing there, not a local file, a pattern without files, all files damaged.
+    CrsError
+        No CRS, one in degrees, or several.
+    ConfigError
+        An unknown key or a wrong value in the survey.toml.
+    """
+    if not inputs:
+        raise UsageError("no survey given", advice="name .las/.laz files or a survey folder")
+    for path in inputs:
+        _check_local(path)
+    found = _survey_file_of(inputs)
+    kitti = read_kitti_folder(inputs[0]) if found is None and len(inputs) == 1 else None
+    if found is not None:
+        settings, root = read_survey_file(found), found.parent
+        files = _each_once(_matching(root, settings.get("points", {}).get("files", []), found))
+    elif kitti is not None:
+        settings, root, files = {"crs": crs or LOCAL, **kitti.settings}, inputs[0], ()
+    else:
+        settings = {}
+        root = inputs[0] if inputs[0].is_dir() else inputs[0].parent
+        files = _each_once([file for path in inputs for file in _files_of(path)])
+    given = _given_crs(crs, settings.get("crs"), found)
+    if given is not None:
+        settings = {**settings, "crs": given}
+    trajectory = settings.get("trajectory", {})
+    lever_x, lever_y, lever_z = (float(v) for v in trajectory.get("lever_m", (0.0, 0.0, 0.0)))
+    roll, pitch, heading = (float(v) for v in trajectory.get("boresight_deg", (0.0, 0.0, 0.0)))
+    return Survey(
+        name=settings.get("name") or (root.resolve().name if inputs[0].is_dir() or found else files[0].stem),
+        root=root,
+        point_files=files,
+        crs=_survey_crs(files, given, found, has_images="cameras" in settings),
+        trajectory_file=root / trajectory["file"] if "file" in trajectory else None,
+        trajectory_lever_m=(lever_x, lever_y, lever_z),
+        trajectory_boresight_deg=(roll, pitch, heading),
+        settings=settings,
+        settings_file=kitti.calibration if kitti else found,
+        warnings=kitti.warnings if kitti else (),
+    )
+
+
+def _check_local(path: Path) -> None:
+    """Refuse addresses and GDAL's virtual paths: only files on this machine are read."""
+    text = str(path).lower()
+    if ":/" in text.split("?")[0][:12] or text.startswith(("/vsi", "\\\\", "//")):
+        raise InputError("is not a file on this machine", where=path, advice="copy it here first")
+
+
+def _survey_file_of(inputs: Sequence[Path]) -> Path | None:
+    """Return the survey.toml among the inputs; it stands alone."""
+    found = [p / _SURVEY_FILE if p.is_dir() else p for p in inputs]
+    found = [p for p in found if p.name.endswith(".toml") and p.is_file()]
+    if found and len(inputs) > 1:
+        raise UsageError(f"a survey.toml and {len(inputs) - 1} other inputs", where=found[0],
+                         advice="name the survey folder alone")  # fmt: skip
+    return found[0] if found else None
+
+
+def _files_of(path: Path) -> list[Path]:
+    """Return the laser files an input stands for."""
+    if path.is_dir():
+        # Hidden files are what other systems leave beside a file (._a.laz), or what is just being written
+        files = sorted(
+            p
+            for p in path.iterdir()
+            if p.suffix.lower() in _SUFFIXES and not p.name.startswith(".") and not p.is_dir()
+        )
+        if not files:
+            raise InputError("folder without .las/.laz files and without survey.toml", where=path,
+                             advice="name the folder that holds them, or a KITTI folder")  # fmt: skip
+        return files
+    regular_file_bytes(path)
+    if path.suffix.lower() not in _SUFFIXES:
+        raise InputError(f"suffix '{path.suffix}', expected .las, .laz or survey.toml", where=path,
+                         advice="convert it to .laz")  # fmt: skip
+    return [path]
+
+
+def _matching(root: Path, patterns: Sequence[str], where: Path) -> list[Path]:
+    """Return the files the patterns of a survey.toml match."""
+    files = []
+    for pattern in patterns:
+        # joining drops the root where the pattern is an absolute path
+        place = root / pattern
+        base = Path(place.anchor) if place.is_absolute() else Path()
+        matched = sorted(p for p in base.glob(str(place.relative_to(base))) if not p.is_dir())
+        if not matched:
+            raise InputError(f"points.files: '{pattern}' matches no file", where=where,
+                             advice="patterns start from the folder of the survey.toml")  # fmt: skip
+        files += matched
+    return files
+
+
+def _each_once(files: Sequence[Path]) -> tuple[Path, ...]:
+    """Return the files sorted, links to the same file once; what cannot be read is named when that is tried."""
+    kept: dict[object, Path] = {}
+    for path in sorted(files):
+        try:
+            status = path.stat()
+        except OSError:
+            kept[path] = path
+        else:
+            kept.setdefault((status.st_dev, status.st_ino), path)
+    return tuple(kept.values())
+
+
+def _given_crs(option: str | None, setting: str | None, where: Path | None) -> str | None:
+    if option is None or setting is None:
+        return setting if option is None else option
+    if not same_crs(parse_crs(option, where="--crs"), parse_crs(setting, where=where)):
+        raise CrsError(f"two different CRSs: crs = {setting}, --crs says {option}", where=where,
+                       advice="leave --crs out, or correct the survey.toml")  # fmt: skip
+    return option
+
+
+def _survey_crs(files: Sequence[Path], given: str | None, where: Path | None, *, has_images: bool) -> str:
+    """Return the CRS of the points; what is given, where there are none, or images can do without them."""
+    try:
+        return _common_crs(files, given) if files else parse_crs(given or "local", where=where)
+    except InputError:
+        # All files are damaged: told when they are read
+        if not has_images or given is None:
+            raise
+        return parse_crs(given, where=where)
+
+
+def _common_crs(files: Sequence[Path], given: str | None) -> str:
+    """Return the one CRS of all files that can be read; the fullest where some leave the heights open."""
+    found: dict[Path, str] = {}
+    first_error: InputError | None = None
+    for path in files:
+        try:
+            header = read_las_header(path)
+        except InputError as error:  # named again, and counted, when the points are read
+            first_error = first_error or error
+            continue
+        found[path] = resolve_crs(header.projection, given, where=path).crs
+    if not found:
+        assert first_error is not None
+        raise first_error
+    full = next((crs for crs in found.values() if has_height(crs)), next(iter(found.values())))
+    others = {
+        path: crs
+        for path, crs in found.items()
+        if not same_plan(crs, full) or (has_height(crs) and not same_crs(crs, full))
+    }
+    if others:
+        path, crs = next(iter(others.items()))
+        first = next(p for p, c in found.items() if c == full)
+        raise CrsError(
+            f"{len(others)} of {len(found)} files have another CRS: {path.name} {describe_crs(crs)},"
+            f" {first.name} {describe_crs(full)}",
+            where=path,
+            advice="transform them to one CRS, or extract them one by one",
+        )
+    return full

@@ -1,0 +1,116 @@
+"""The ready-made trajectory of a survey: read, and put on the clock of what else was recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from linework.files.geodesy.geodetic import EarthFrame
+from linework.files.logs.clock import fitted_times, to_survey_time
+from linework.files.trajectories.content import TrajectoryContent
+from linework.files.trajectories.read import TrajectorySettings, read_trajectory_content
+from linework.model.images import StereoSeries
+from linework.model.survey import Survey
+from linework.model.trajectory import Trajectory
+from linework.navigation.lever import at_vehicle_origin
+
+
+def read_survey_trajectory_content(survey: Survey) -> TrajectoryContent | None:
+    """Read the trajectory a survey names, of the point it describes; None where it names none.
+
+    Times of a file that says its own epoch become those of [time] epoch, where the survey states one.
+
+    Raises
+    ------
+    InputError, CrsError, ConfigError
+        As for `read_trajectory_content`.
+    """
+    if survey.trajectory_file is None:
+        return None
+    table, time = (survey.settings.get(name, {}) for name in ("trajectory", "time"))
+    settings = TrajectorySettings(
+        frame=EarthFrame.of(survey),
+        times_file=survey.root / table["times"] if "times" in table else None,
+        rate_hz=table.get("rate_hz"),
+    )
+    content = read_trajectory_content(survey.trajectory_file, settings)
+    stated, week = str(time.get("epoch", "")), time.get("week")
+    is_known = content.epoch in ("gps", "unix") or (content.epoch == "gps_week" and week is not None)
+    if not stated or not is_known:
+        return replace(content, epoch=content.epoch or stated)
+    time_s = to_survey_time(content.trajectory.time_s, content.epoch, stated, week=week)
+    return replace(content, trajectory=replace(content.trajectory, time_s=time_s), epoch=stated)
+
+
+def on_clock_of(
+    content: TrajectoryContent, span_s: tuple[float, float], span_epoch: str, survey: Survey
+) -> TrajectoryContent:
+    """Return a trajectory on the clock of another recording, with what was done to its times.
+
+    Parameters
+    ----------
+    span_s, span_epoch
+        First and last time of the recording, and its epoch ("": by its range).
+    """
+    time_s, said = fitted_times(
+        content.trajectory.time_s, content.epoch, span_s, span_epoch,
+        week=survey.settings.get("time", {}).get("week"),
+    )  # fmt: skip
+    if not said:
+        return content
+    moved = replace(content.trajectory, time_s=time_s)
+    return replace(content, trajectory=moved, warnings=(*content.warnings, *said), epoch=span_epoch)
+
+
+def stereo_on_clock_of(series: StereoSeries, trajectory: Trajectory, survey: Survey) -> StereoSeries:
+    """Return the stereo pairs of a survey on the clock of its trajectory, with what was done to their times.
+
+    Pairs that the trajectory covers as they stand keep their times; others are converted from [time] epoch, or from
+    the epoch that their times show.
+    """
+    if not series.pairs or not len(trajectory):
+        return series
+    time = survey.settings.get("time", {})
+    span = float(trajectory.time_s[0]), float(trajectory.time_s[-1])
+    times = np.array([pair.time_s for pair in series.pairs])
+    moved, said = fitted_times(times, str(time.get("epoch", "")), span, "", week=time.get("week"))
+    if not said:
+        return series
+    pairs = tuple(replace(pair, time_s=t) for pair, t in zip(series.pairs, moved.tolist(), strict=True))
+    return replace(series, pairs=pairs, warnings=(*series.warnings, *(f"cameras: {text}" for text in said)))
+
+
+# Where the van was: its trajectory, of the vehicle's origin, and its images on the same clock
+
+
+@dataclass(frozen=True, slots=True)
+class VanPath:
+    """Path of the vehicle's origin, or None; the stereo pairs on its clock; what was odd about the file."""
+
+    trajectory: Trajectory | None
+    series: StereoSeries | None
+    warnings: tuple[str, ...] = ()
+
+
+def read_van_path(survey: Survey, series: StereoSeries | None) -> VanPath:
+    """Read the trajectory of a survey whose points are not wanted.
+
+    Parameters
+    ----------
+    series
+        Its stereo pairs (`open_stereo`), or None.
+
+    Raises
+    ------
+    InputError, CrsError, ConfigError
+        As for `read_survey_trajectory_content`.
+    """
+    content = read_survey_trajectory_content(survey)
+    if content is None or survey.trajectory_file is None:
+        return VanPath(None, series)
+    path = at_vehicle_origin(content.trajectory, survey.trajectory_lever_m, survey.trajectory_boresight_deg)
+    warnings = tuple(f"{survey.trajectory_file.name}: {text}" for text in content.warnings)
+    if series is not None:
+        series = stereo_on_clock_of(series, path, survey)
+    return VanPath(path, series, warnings)

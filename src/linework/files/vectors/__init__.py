@@ -1,0 +1,1 @@
+"""Files of lines: GeoPackage, GeoJSON, DXF, KML and what GDAL reads."""

@@ -1,0 +1,170 @@
+"""Lines as DXF: 3-D polylines, a layer per kind, attributes as extended data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import ezdxf
+import numpy as np
+import pyproj
+import shapely
+from ezdxf.colors import rgb2int
+from ezdxf.document import Drawing
+from ezdxf.filemanagement import new, readfile
+from ezdxf.lldxf.const import DXFError
+from pyproj.exceptions import CRSError as ProjError
+
+from linework.arrays import FloatArray
+from linework.errors import InputError, MachineError
+from linework.files.geodesy.crs import LOCAL, parse_crs
+from linework.files.las.header import regular_file_bytes
+from linework.files.output.publish import publish
+from linework.files.vectors.fields import colour_of, field_values, fields_of_kind, layer_names, ordered_layers
+from linework.files.vectors.gdal import foreign_lines
+from linework.model.lines import LineSet
+
+_APP = "LINEWORK"
+#: DXF's codes for metres ($INSUNITS) and for a text in extended data.
+_METRES, _STRING = 6, 1000
+#: Longest text that extended data hold.
+_MAX_TEXT = 250
+
+
+def write_dxf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
+    """Write lines as 3-D polylines on layers named for their kinds (called through `publish`)."""
+    # No time of day, no random identifiers: equal lines give equal bytes.
+    options: Any = ezdxf.options  # type: ignore[attr-defined]
+    before = options.write_fixed_meta_data_for_testing
+    options.write_fixed_meta_data_for_testing = True
+    try:
+        document = new("R2010", units=_METRES)
+        document.appids.new(_APP)
+        layers = layer_names(lines)
+        for layer in ordered_layers([*layers.tolist(), *kinds]):
+            red, green, blue = colour_of(layer)
+            document.layers.add(layer, true_color=rgb2int((red, green, blue)))
+        space, values = document.modelspace(), field_values(lines)
+        for i in range(len(lines)):
+            polyline = space.add_polyline3d(lines.line(i).tolist(), dxfattribs={"layer": str(layers[i])})
+            fields = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]), values)}
+            polyline.set_xdata(_APP, _extended_data(fields))
+        document.saveas(part)
+    finally:
+        options.write_fixed_meta_data_for_testing = before
+
+
+def _extended_data(fields: Mapping[str, Any]) -> list[tuple[int, Any]]:
+    """Return name=value texts for what is known."""
+    tags = []
+    for name, value in fields.items():
+        if isinstance(value, str | np.str_):
+            text = str(value)
+        elif isinstance(value, bool | np.bool_):
+            text = "true" if value else ""
+        else:
+            text = "" if math.isnan(value) else repr(float(value))
+        if text:
+            tags.append((_STRING, f"{name}={text}"[:_MAX_TEXT].replace("\n", " ")))
+    return tags
+
+
+def verify_dxf(part: Path, lines: LineSet, path: Path) -> None:
+    """Read the drawing back and compare every coordinate.
+
+    Raises
+    ------
+    MachineError
+        Not the lines that were written.
+    """
+    back = read_dxf(part, "kind", None, LOCAL)
+    if len(back) != len(lines) or not np.array_equal(back.xyz, lines.xyz):
+        raise MachineError(
+            "written file does not read back the same", where=path, advice="check for free space"
+        )
+
+
+def write_prj(crs: str, path: Path, *, overwrite: bool) -> None:
+    """Publish the CRS beside a drawing, as GIS programs look for it: WKT in a file of the same name.
+
+    Raises
+    ------
+    OutputExistsError, MachineError
+        As for `publish`.
+    """
+    loaded = pyproj.CRS.from_wkt(crs)
+    try:
+        text = loaded.to_wkt("WKT1_ESRI")
+    except ProjError:
+        text = crs
+
+    def verify(part: Path) -> None:
+        if part.read_text(encoding="utf-8") != text:
+            raise MachineError(
+                "written file does not read back the same", where=path, advice="check the disk"
+            )
+
+    publish(path, lambda part: _write_text(part, text), verify, overwrite=overwrite)
+
+
+def _write_text(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+def read_dxf(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
+    """Read lines, polylines and light polylines of a drawing; a line's kind is its layer.
+
+    Raises
+    ------
+    InputError
+        Not a DXF drawing.
+    """
+    document = _open(path)
+    shapes, tables = [], []
+    for entity in document.modelspace().query("LINE POLYLINE LWPOLYLINE"):
+        vertices = _vertices(entity)
+        if len(vertices) < 2:
+            continue
+        shapes.append(shapely.linestrings(vertices))
+        tables.append({"layer": entity.dxf.layer} | _own_fields(entity))
+    names = {name for table in tables for name in table}
+    columns = {name: [table.get(name) for table in tables] for name in names}
+    kind = columns.get(kind_field, columns.get("layer", []))
+    array = np.array([*shapes, None], dtype=object)[:-1]
+    return foreign_lines(array, kind, columns, kinds, _crs_beside(path) or crs or LOCAL, path)
+
+
+def _crs_beside(path: Path) -> str | None:
+    prj = path.with_suffix(".prj")
+    return parse_crs(prj.read_text(encoding="utf-8", errors="replace"), where=prj) if prj.is_file() else None
+
+
+def _open(path: Path) -> Drawing:
+    if regular_file_bytes(path) == 0:
+        raise InputError("empty file (0 bytes)", where=path, advice="copy the file again")
+    try:
+        return readfile(path)
+    except (OSError, DXFError, ValueError, KeyError, AttributeError, IndexError, TypeError) as error:
+        raise InputError(
+            f"is not a DXF drawing ({str(error)[:100]})", where=path, advice="check what this file is"
+        ) from error
+
+
+def _vertices(entity: Any) -> FloatArray:
+    kind = entity.dxftype()
+    if kind == "LINE":
+        points = [tuple(entity.dxf.start), tuple(entity.dxf.end)]
+    elif kind == "LWPOLYLINE":
+        points = [(x, y, entity.dxf.elevation) for x, y in entity.get_points("xy")]
+    else:
+        points = [tuple(vertex.dxf.location) for vertex in entity.vertices]
+    return np.array(points, dtype=np.float64).reshape(-1, 3)
+
+
+def _own_fields(entity: Any) -> dict[str, str]:
+    if not entity.has_xdata(_APP):
+        return {}
+    texts = [tag.value for tag in entity.get_xdata(_APP) if tag.code == _STRING]
+    return dict(text.split("=", 1) for text in texts if "=" in text)

@@ -1,0 +1,245 @@
+"""The attribute table of lines: which fields every vector format writes, and the way back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import shapely
+
+from linework.arrays import AnyArray, FloatArray, IntArray
+from linework.errors import InputError, UsageError
+from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+
+#: Fields in the order of the manual; clearance_m follows for cables, DISAGREEMENT where two methods saw a line, REVIEWED
+#: where a person has looked.
+FIELDS = (
+    "id", "kind", "role", "pattern", "double", "form", "width_m", "height_m", "length_m", "confidence",
+    "sigma_xy_m", "sigma_z_m", "bridged_m", "method", "source", "time_start_s", "time_end_s",
+)  # fmt: skip
+DISAGREEMENT = ("disagreement_mean_m", "disagreement_rms_m")
+#: What people said of lines: written where they said something.
+REVIEWED = ("review", "condition", "note")
+#: The layer of lines that are no such thing, said people; and the tables of a file of lines that hold none.
+REJECTED = "rejected"
+TABLES = ("vertex", "layer_styles", "edit", "line_version")
+#: Decimals of what is computed for the table only; what a LineSet holds is written exactly.
+_COMPUTED_DECIMALS = 4
+
+
+def field_values(lines: LineSet) -> dict[str, AnyArray]:
+    """Return the fields of all lines: what the set holds, lengths, and the root mean square of the vertex sigmas."""
+    computed = {
+        "length_m": lines.length_m,
+        "bridged_m": lines.bridged_m,
+        "sigma_xy_m": _rms_per_line(lines, lines.sigma_xy_m),
+        "sigma_z_m": _rms_per_line(lines, lines.sigma_z_m),
+    }
+    rounded = {name: np.round(values, _COMPUTED_DECIMALS) for name, values in computed.items()}
+    own = {name: getattr(lines, name) for name in LINE_COLUMNS}
+    compared = [name for name in DISAGREEMENT if np.isfinite(getattr(lines, name)).any()]
+    said = REVIEWED if any((getattr(lines, name) != "").any() for name in REVIEWED) else ()
+    return {name: (rounded | own)[name] for name in (*FIELDS, "clearance_m", *compared, *said)}
+
+
+def fields_of_kind(kind: str, known: Iterable[str]) -> tuple[str, ...]:
+    """Return which of the known fields (see `field_values`) the layer of a kind has."""
+    return tuple(name for name in known if kind in ("cable", REJECTED) or name != "clearance_m")
+
+
+def vertex_columns(lines: LineSet) -> tuple[str, ...]:
+    """Return the columns per vertex that a file of these lines has: `observed` means something for truth only.
+
+    Truth is what says so (``method``), or has a vertex that was not observed; nothing is lost by leaving out
+    the column where all are True, its default.
+    """
+    is_truth = bool(np.any(lines.method == "truth")) or not bool(np.all(lines.observed))
+    return tuple(name for name in VERTEX_COLUMNS if is_truth or name != "observed")
+
+
+def _rms_per_line(lines: LineSet, sigma: FloatArray) -> FloatArray:
+    """Return the root mean square over each line's vertices with a known sigma; NaN where none has one."""
+    owner, known = lines.line_of_vertex, np.isfinite(sigma)
+    n = np.bincount(owner[known], minlength=len(lines))
+    total = np.bincount(owner[known], weights=sigma[known] ** 2, minlength=len(lines))
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sqrt(total / n), dtype=np.float64)
+
+
+def check_writable(lines: LineSet, where: object) -> None:
+    """Refuse lines that no format can hold.
+
+    Raises
+    ------
+    UsageError
+        A coordinate that is not finite, or a line of fewer than two vertices or without length.
+    """
+    if not np.isfinite(lines.xyz).all():
+        bad = int(np.flatnonzero(~np.isfinite(lines.xyz).all(axis=1))[0])
+        raise UsageError(f"line {int(lines.line_of_vertex[bad])} has a coordinate that is not finite", where=where,
+                         advice="leave such lines out")  # fmt: skip
+    counts = np.diff(lines.offsets)
+    short = np.flatnonzero(counts < 2)
+    if len(short):
+        raise UsageError(f"line {int(short[0])} has {int(counts[short[0]])} vertices, at least 2 make a line",
+                         where=where, advice="leave such lines out")  # fmt: skip
+    # Some vertex after the line's first is elsewhere than the one before it
+    moves = np.r_[False, np.any(np.diff(lines.xyz, axis=0) != 0.0, axis=1)]
+    moves[lines.offsets[:-1]] = False
+    still = np.flatnonzero(np.logical_or.reduceat(moves, lines.offsets[:-1]) == 0) if len(lines) else short
+    if len(still):
+        i = int(still[0])
+        raise UsageError(f"line {i} has no length, all its {int(counts[i])} vertices are one place", where=where,
+                         advice="leave such lines out")  # fmt: skip
+
+
+def geometries(lines: LineSet) -> AnyArray:
+    """Return (m,) shapely LineString Z."""
+    if len(lines) == 0:
+        return np.array([], dtype=object)
+    return np.asarray(shapely.linestrings(lines.xyz, indices=lines.line_of_vertex))
+
+
+def layer_names(lines: LineSet) -> AnyArray:
+    """Return the layer each line goes to: that of its kind (see `layer_name`), or `REJECTED`."""
+    pairs = zip(lines.kind.tolist(), (lines.review == "rejected").tolist(), strict=True)
+    return np.array([REJECTED if is_out else layer_name(kind) for kind, is_out in pairs], dtype=np.str_)
+
+
+def ordered_layers(names: Sequence[str]) -> list[str]:
+    """Return the layers without repeats, in the order of `KINDS`, others after them by name.
+
+    >>> ordered_layers(["wall", "cable", "guardrail", "cable"])
+    ['guardrail', 'cable', 'wall']
+    """
+    return sorted(set(names), key=lambda n: (KINDS.index(n) if n in KINDS else len(KINDS), n))
+
+
+def layer_name(kind: str) -> str:
+    """Return the layer of a kind: the kind itself where that is a safe name, else "line".
+
+    >>> layer_name("guardrail"), layer_name('x"; drop'), layer_name("vertex")
+    ('guardrail', 'line', 'line')
+    """
+    safe = kind.isascii() and kind.isidentifier() and kind == kind.lower() and len(kind) <= 60
+    reserved = kind in (*TABLES, REJECTED, "photolog", "event") or kind.startswith(
+        ("gpkg_", "rtree_", "sqlite_")
+    )
+    return kind if safe and not reserved else "line"
+
+
+def lines_from_geometries(
+    shapes: AnyArray, columns: Mapping[str, Sequence[Any]], crs: str, where: object
+) -> tuple[LineSet, IntArray]:
+    """Build a LineSet from any shapely geometries and their properties.
+
+    Multi-part geometries become one line per part, polygons one closed line per ring; points are left out.
+    Heights that are missing are NaN: fit for references, refused on writing.
+
+    Returns
+    -------
+    lines, feature
+        The set, and (m,) the index of the geometry each line came from.
+    """
+    parts, feature = _linear_parts(shapes)
+    coordinates, owner = shapely.get_coordinates(parts, include_z=True, return_index=True)
+    if len(coordinates) and not np.isfinite(coordinates[:, :2]).all():
+        raise InputError("coordinates that are not finite numbers", where=where, advice="correct the file")
+    counts = np.bincount(owner, minlength=len(parts))
+    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    values = {
+        name: column_values(name, [columns[name][i] for i in feature])
+        for name in LINE_COLUMNS
+        if name in columns
+    }
+    return LineSet(xyz=coordinates, offsets=offsets, crs=crs, **values), feature
+
+
+def column_values(name: str, values: Iterable[Any]) -> AnyArray:
+    """Return a LineSet column from what a file holds; what is missing or unfit becomes "", False or NaN."""
+    dtype = LineSet.__dataclass_fields__[name].metadata["dtype"]
+    if dtype is np.str_:
+        return np.array(
+            [v if isinstance(v, str) else "" if v is None else str(v) for v in values], dtype=np.str_
+        )
+    if dtype is np.bool_:
+        return np.array([v in (1, "1", "true") for v in values], dtype=np.bool_)
+    return np.array([_number(v) for v in values], dtype=np.float64)
+
+
+def _number(value: Any) -> float:
+    try:
+        return math.nan if value is None else float(value)
+    except (TypeError, ValueError):
+        return math.nan
+
+
+def _linear_parts(shapes: AnyArray) -> tuple[AnyArray, IntArray]:
+    """Return the LineStrings and rings inside any geometries, and the geometry each comes from."""
+    kept = np.array([s is not None and not shapely.is_empty(s) for s in shapes], dtype=bool)
+    feature = np.flatnonzero(kept)
+    parts, index = shapely.get_parts(np.asarray(shapes, dtype=object)[kept], return_index=True)
+    feature = feature[index]
+    # Collections hold collections; two levels occur in real files.
+    parts, index = shapely.get_parts(parts, return_index=True)
+    feature = feature[index]
+    is_polygon = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
+    rings, ring_owner = shapely.get_rings(parts[is_polygon], return_index=True)
+    is_line = np.isin(
+        shapely.get_type_id(parts), [shapely.GeometryType.LINESTRING, shapely.GeometryType.LINEARRING]
+    )
+    found = np.concatenate([parts[is_line], rings])
+    owner = np.concatenate([np.flatnonzero(is_line), np.flatnonzero(is_polygon)[ring_owner]]).astype(np.int64)
+    order = np.argsort(owner, kind="stable")
+    return found[order], feature[owner[order]].astype(np.int64)
+
+
+# How lines look in QGIS: one simple line symbol per kind, as QML
+
+#: Colour (red, green, blue) and width [mm] by kind: colours that stay apart for the colour-blind (Okabe and Ito).
+_LOOKS = {
+    "lane_marking": ((240, 228, 66), 0.5),
+    "lane_marking_dash": ((240, 228, 66), 0.9),
+    "road_marking_other": ((230, 159, 0), 0.9),
+    "road_boundary": ((213, 94, 0), 0.6),
+    "kerb_top": ((204, 121, 167), 0.3),
+    "guardrail": ((0, 114, 178), 0.7),
+    "barrier": ((86, 180, 233), 0.7),
+    "fence": ((0, 158, 115), 0.4),
+    "cable": ((20, 20, 20), 0.4),
+}
+_OTHER = ((120, 120, 120), 0.4)
+#: Layers of what stereo images showed, beside the lines that were kept: dotted, in the colour of their kind.
+AS_MEASURED = "_stereo"
+#: Lines that are no such thing, said people: thin, dashed, in the grey of other lines.
+_REJECTED, _REJECTED_WIDTH_MM = "rejected", 0.2
+
+
+def qgis_style(kind: str) -> str:
+    """Return a QML document for the lines of one kind."""
+    (red, green, blue), width_mm = _LOOKS.get(kind.removesuffix(AS_MEASURED), _OTHER)
+    pen = "dot" if kind.endswith(AS_MEASURED) else "solid"
+    if kind == _REJECTED:
+        pen, width_mm = "dash", _REJECTED_WIDTH_MM
+    return (
+        "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>"
+        '<qgis version="3.22" styleCategories="Symbology">'
+        '<renderer-v2 type="singleSymbol" enableorderby="0" forceraster="0" symbollevels="0">'
+        '<symbols><symbol type="line" name="0" alpha="1" clip_to_extent="1" force_rhr="0">'
+        '<layer class="SimpleLine" enabled="1" locked="0" pass="0"><Option type="Map">'
+        '<Option name="capstyle" type="QString" value="round"/>'
+        '<Option name="joinstyle" type="QString" value="round"/>'
+        f'<Option name="line_color" type="QString" value="{red},{green},{blue},255"/>'
+        f'<Option name="line_style" type="QString" value="{pen}"/>'
+        f'<Option name="line_width" type="QString" value="{width_mm:g}"/>'
+        '<Option name="line_width_unit" type="QString" value="MM"/>'
+        "</Option></layer></symbol></symbols></renderer-v2>"
+        "<blendMode>0</blendMode><layerGeometryType>1</layerGeometryType></qgis>"
+    )
+
+
+def colour_of(kind: str) -> tuple[int, int, int]:
+    """Return the red, green, blue a kind is drawn in."""
+    return _LOOKS.get(kind.removesuffix(AS_MEASURED), _OTHER)[0]

@@ -1,0 +1,106 @@
+"""Lines from files that other programs made: reference maps, edited layers."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from linework.arrays import AnyArray
+from linework.errors import CrsError, InputError, MachineError
+from linework.files.geodesy.crs import LOCAL, describe_crs, parse_crs
+from linework.files.vectors.fields import REJECTED, TABLES, field_values, geometries, lines_from_geometries
+from linework.files.vectors.gdal_input import pyogrio, readable
+from linework.model.lines import LINE_COLUMNS, LineSet
+
+#: Layers and tables of ours that hold no lines, and lines that are none.
+_OURS = (*TABLES, REJECTED)
+
+
+def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
+    """Read the lines of every layer of a GeoPackage, FlatGeobuf or Shapefile.
+
+    A feature's kind is the value of `kind_field` where there is such a field, else the layer's name.
+
+    Raises
+    ------
+    InputError
+        Not readable, or no lines in it.
+    CrsError
+        In degrees, or layers in different CRSs.
+    """
+    with readable(path):
+        layers = [str(name) for name, kind in pyogrio.list_layers(path) if str(name) not in _OURS and kind]
+        read = [(layer, *pyogrio.raw.read(path, layer=layer)) for layer in layers]
+    if not read:
+        raise InputError("no layer with geometries", where=path, advice="check what this file is")
+    sets = []
+    for layer, meta, _, shapes, values in read:
+        own = parse_crs(meta["crs"], where=path) if meta["crs"] else None
+        table = dict(zip(meta["fields"], values, strict=True))
+        kind = table.get(kind_field, np.full(len(shapes), layer, dtype=object))
+        sets.append(foreign_lines(shapely.from_wkb(shapes), kind, table, kinds, own or crs or LOCAL, path))
+    others = [lines.crs for lines in sets if lines.crs != sets[0].crs]
+    if others:
+        raise CrsError(
+            f"layers in different CRSs: {describe_crs(sets[0].crs)}, {describe_crs(others[0])}", where=path,
+            advice="convert them to one",
+        )  # fmt: skip
+    return LineSet.concatenate(sets)
+
+
+def foreign_lines(
+    shapes: AnyArray, values: Any, table: Mapping[str, Any], kinds: Mapping[str, str] | None, crs: str, path: Path
+) -> LineSet:  # fmt: skip
+    """Return the lines of one layer; with `kinds` only values in it are kept and take its names."""
+    named = ["" if v is None else str(v) for v in values]
+    kept = [i for i, v in enumerate(named) if kinds is None or v in kinds]
+    columns = {name: [table[name][i] for i in kept] for name in LINE_COLUMNS if name in table}
+    columns["kind"] = [named[i] if kinds is None else kinds[named[i]] for i in kept]
+    lines, _ = lines_from_geometries(np.asarray(shapes, dtype=object)[kept], columns, crs, path)
+    return lines
+
+
+# Lines as FlatGeobuf: all kinds in one layer, without the vertex columns
+
+
+def write_flatgeobuf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:  # noqa: ARG001
+    """Write lines in the set's order (called through `publish`)."""
+    values = {
+        name: column.astype(object) if column.dtype.kind == "U" else column
+        for name, column in field_values(lines).items()
+    }
+    # In memory first: GDAL does not report every failed write
+    content = io.BytesIO()
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="'crs' was not provided")
+            pyogrio.raw.write(
+                content, shapely.to_wkb(geometries(lines), flavor="iso"), list(values.values()), list(values),
+                layer="lines", driver="FlatGeobuf", crs=None if lines.crs == LOCAL else lines.crs,
+                geometry_type="LineString Z", encoding="utf-8", nan_as_null=True,
+                layer_options={"SPATIAL_INDEX": "NO"},  # an index sorts the lines anew
+            )  # fmt: skip
+    except RuntimeError as error:  # the root of pyogrio's errors
+        raise MachineError(f"cannot be written: {error}", where=part, advice="check the disk") from error
+    part.write_bytes(content.getvalue())
+
+
+def verify_flatgeobuf(part: Path, lines: LineSet, path: Path) -> None:
+    """Read the file back and compare every coordinate.
+
+    Raises
+    ------
+    MachineError
+        Not the lines that were written.
+    """
+    back = read_foreign(part, "kind", None, None)
+    if len(back) != len(lines) or not np.array_equal(back.xyz, lines.xyz):
+        raise MachineError(
+            "written file does not read back the same", where=path, advice="check for free space"
+        )

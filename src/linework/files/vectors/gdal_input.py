@@ -1,0 +1,84 @@
+"""Vector files from others, opened with care.
+
+A .gpx that is an OGR VRT in disguise returns another file's content, a WFS in a text file sends requests. The
+drivers that do this are left out of GDAL when pyogrio is imported here (where a program has imported it
+before, they are there), and only files pass whose first bytes are those of a format we read.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import linework.files.vectors.gdal_limits  # noqa: F401 (what GDAL may not do)
+from linework.errors import InputError, LineworkError
+from linework.files.las.header import regular_file_bytes
+
+#: Drivers that read other files or the network on behalf of the file they open.
+FORBIDDEN_DRIVERS = (
+    "VRT", "OGR_VRT", "GTI", "GDALG", "DERIVED", "HTTP", "WMS", "WMTS", "WCS", "WFS", "CSW", "OAPIF", "OGCAPI",
+    "PLSCENES", "PLMOSAIC", "Elasticsearch", "Carto", "AmigoCloud", "EEDA", "EEDAI", "NGW", "DAAS", "STACIT",
+    "STACTA", "ADBC", "GPSBabel",
+)  # fmt: skip
+
+
+# The variable is read when GDAL starts and goes again: rasterio's GDAL lacks some of the drivers and says so.
+_before = os.environ.get("OGR_SKIP")
+os.environ["OGR_SKIP"] = ",".join(FORBIDDEN_DRIVERS)
+
+import pyogrio as pyogrio  # noqa: E402
+
+del os.environ["OGR_SKIP"]
+if _before is not None:
+    os.environ["OGR_SKIP"] = _before
+
+#: First bytes of the binary formats that GDAL reads for us.
+_FIRST_BYTES = {
+    ".gpkg": b"SQLite format 3\0",
+    ".fgb": b"fgb\x03fgb",
+    ".shp": b"\x00\x00\x27\x0a",
+}
+
+
+@contextlib.contextmanager
+def readable(path: Path) -> Iterator[None]:
+    """Turn the errors of pyogrio while reading into one line.
+
+    Raises
+    ------
+    InputError
+        In place of theirs; first line only.
+    """
+    try:
+        yield
+    except LineworkError:
+        raise
+    except (RuntimeError, OSError) as error:
+        text = (str(error).splitlines() or [type(error).__name__])[0][:120]
+        raise InputError(f"cannot be read ({text})", where=path, advice="copy the file again") from error
+
+
+def checked_vector_file(path: Path) -> Path:
+    """Return the absolute path of a file that GDAL may open, known by its first bytes.
+
+    Raises
+    ------
+    InputError
+        Not a regular file, or not what its name says.
+    """
+    if not path.name.isprintable():
+        raise InputError("control characters in the name", where=path, advice="give it another name")
+    if regular_file_bytes(path) == 0:
+        raise InputError("empty file (0 bytes)", where=path, advice="copy the file again")
+    expected = _FIRST_BYTES.get(path.suffix.lower())
+    with path.open("rb") as file:
+        first = file.read(16)
+    if expected is None or not first.startswith(expected):
+        raise InputError(
+            f"not a {path.suffix} file (it begins with {first[:8]!r})",
+            where=path,
+            advice="check what this file is",
+        )
+    return path.absolute()

@@ -1,0 +1,255 @@
+"""Lines as GeoJSON: all kinds in one collection, vertex columns as array properties, the CRS in a `crs` member.
+
+Coordinates are projected metres, as in the survey: older than RFC 7946, which knows degrees only, but read by
+QGIS and GDAL. The full CRS is repeated as WKT2 in the member `crs_wkt`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+import shapely.geometry
+
+from linework.arrays import AnyArray
+from linework.errors import CrsError, InputError, MachineError
+from linework.files.geodesy.crs import LOCAL, epsg_text, parse_crs
+from linework.files.las.header import regular_file_bytes
+from linework.files.vectors.fields import (
+    DISAGREEMENT,
+    REVIEWED,
+    column_values,
+    field_values,
+    fields_of_kind,
+    vertex_columns,
+)
+from linework.files.vectors.gdal import foreign_lines
+from linework.files.vectors.point_layers import PointLayer
+from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+
+#: Properties with one value per vertex.
+_VERTEX_PROPERTIES = {name: f"vertex_{name}" for name in VERTEX_COLUMNS}
+#: Metres somewhere.
+_LOCAL_WKT = (
+    'ENGCRS["local",EDATUM["unknown"],CS[Cartesian,2],AXIS["x",east],AXIS["y",north],LENGTHUNIT["metre",1]]'
+)
+#: Larger files are read whole into some ten times their size: not with this reader.
+_MAX_BYTES = 1 << 29
+
+
+def write_geojson(
+    lines: LineSet,
+    part: Path,
+    kinds: Sequence[str] = (),  # noqa: ARG001
+    points: Sequence[PointLayer] = (),
+) -> None:
+    """Write lines, then points, as one FeatureCollection, a feature per line of text (called through `publish`).
+
+    The points of a layer have its name as their `kind`.
+    """
+    head = {"type": "FeatureCollection", "name": "lines", "crs": _crs_member(lines.crs), "crs_wkt": lines.crs}
+    with part.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(_text(head)[:-1] + ',"features":[')
+        for i, feature in enumerate(chain(_line_features(lines), _point_features(points))):
+            file.write(("\n" if i == 0 else ",\n") + _text(feature))
+        file.write("\n]}\n")
+
+
+def _line_features(lines: LineSet) -> Iterator[dict[str, Any]]:
+    values = {name: _plain(column) for name, column in field_values(lines).items()}
+    vertex = {name: _plain(getattr(lines, name)) for name in vertex_columns(lines)}
+    for i in range(len(lines)):
+        start, end = int(lines.offsets[i]), int(lines.offsets[i + 1])
+        properties = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]), values)}
+        properties |= {_VERTEX_PROPERTIES[name]: column[start:end] for name, column in vertex.items()}
+        yield _feature(properties, "LineString", lines.line(i).tolist())
+
+
+def _point_features(points: Sequence[PointLayer]) -> Iterator[dict[str, Any]]:
+    for layer in points:
+        values = {name: _plain(column) for name, column in layer.fields.items()}
+        for i, place in enumerate(layer.xyz.tolist()):
+            properties = {"kind": layer.name} | {name: column[i] for name, column in values.items()}
+            yield _feature(properties, "Point", place)
+
+
+def _feature(properties: dict[str, Any], kind: str, coordinates: Any) -> dict[str, Any]:
+    return {
+        "type": "Feature",
+        "properties": properties,
+        "geometry": {"type": kind, "coordinates": coordinates},
+    }
+
+
+def _text(value: Any) -> str:
+    return json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
+
+def _plain(column: AnyArray) -> list[Any]:
+    """Return a column as JSON values: NaN and "" as null."""
+    if column.dtype.kind == "f":
+        return [None if math.isnan(v) else v for v in column.tolist()]
+    if column.dtype.kind == "U":
+        return [v or None for v in column.tolist()]
+    return list(column.tolist())
+
+
+def _crs_member(crs: str) -> dict[str, Any]:
+    """Return the CRS as GDAL and QGIS read it: codes, else WKT; a member is needed, without it it would be degrees."""
+    codes = epsg_text(crs).removeprefix("EPSG:").split("+")
+    name = "urn:ogc:def:crs:EPSG::" + codes[0]
+    if codes == [""]:
+        name = _LOCAL_WKT if crs == LOCAL else crs
+    elif len(codes) == 2:
+        name = f"urn:ogc:def:crs,crs:EPSG::{codes[0]},crs:EPSG::{codes[1]}"
+    return {"type": "name", "properties": {"name": name}}
+
+
+def verify_geojson(part: Path, lines: LineSet, path: Path, points: Sequence[PointLayer] = ()) -> None:
+    """Read the file back and compare every coordinate of the lines, and the number of points.
+
+    Raises
+    ------
+    MachineError
+        Not the lines that were written.
+    """
+    back = read_geojson(part, "kind", None, None)
+    n_features = len(lines) + sum(len(layer.xyz) for layer in points)
+    same = back.crs == lines.crs and np.array_equal(back.xyz, lines.xyz) and len(back) == len(lines)
+    if not same or len(_load(part)["features"]) != n_features:
+        raise MachineError(
+            "written file does not read back the same", where=path, advice="check for free space"
+        )
+
+
+def read_geojson(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
+    """Read the lines of a GeoJSON file, our own exactly; points are passed over.
+
+    Raises
+    ------
+    InputError
+        Not GeoJSON, or geometries that are none.
+    CrsError
+        Coordinates in degrees, or a CRS that is not understood.
+    """
+    document = _load(path)
+    features = [f for f in document.get("features", [document]) if isinstance(f, dict)]
+    shapes = np.array([_shape(f, i, path) for i, f in enumerate(features)] + [None], dtype=object)[:-1]
+    own_crs = _crs_of(document, shapes, crs, path)
+    is_line = shapely.get_type_id(shapes) != shapely.GeometryType.POINT
+    features, shapes = [features[i] for i in np.flatnonzero(is_line)], shapes[is_line]
+    tables = [f.get("properties") or {} for f in features]
+    names = {name for table in tables for name in table}
+    columns = {name: [table.get(name) for table in tables] for name in names}
+    if "crs_wkt" in document and kinds is None and kind_field == "kind":
+        own = _own_lines(shapes, columns, own_crs)
+        if own is not None:
+            return own
+    values = columns.get(kind_field, [path.stem] * len(features))
+    return foreign_lines(shapes, values, columns, kinds, own_crs, path)
+
+
+def _load(path: Path) -> dict[str, Any]:
+    n_bytes = regular_file_bytes(path)
+    if n_bytes == 0:
+        raise InputError("empty file (0 bytes)", where=path, advice="copy the file again")
+    if n_bytes > _MAX_BYTES:
+        raise InputError(f"{n_bytes:,} bytes of GeoJSON, at most {_MAX_BYTES:,}", where=path,
+                         advice="convert it to .gpkg")  # fmt: skip
+    try:
+        document = json.loads(path.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        text = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:120]
+        raise InputError(f"is not JSON: {text}", where=path, advice="copy the file again") from error
+    if not isinstance(document, dict) or "type" not in document:
+        raise InputError("is JSON, but not GeoJSON (no type)", where=path, advice="check what this file is")
+    if not isinstance(document.get("features", []), list):
+        raise InputError("is not GeoJSON: features is no list", where=path, advice="check what this file is")
+    return document
+
+
+def _shape(feature: dict[str, Any], i: int, path: Path) -> Any:
+    geometry = feature.get("geometry", feature if "coordinates" in feature else None)
+    if geometry is None:
+        return None
+    try:
+        return shapely.geometry.shape(geometry)
+    except (
+        ValueError,
+        TypeError,
+        KeyError,
+        AttributeError,
+        RecursionError,
+        shapely.errors.ShapelyError,
+    ) as error:
+        raise InputError(f"feature {i + 1} has a geometry that is none ({str(error)[:80]})", where=path,
+                         advice="correct the file") from error  # fmt: skip
+
+
+def _crs_of(document: dict[str, Any], shapes: AnyArray, given: str | None, path: Path) -> str:
+    """Return the CRS; without a `crs` member the coordinates tell degrees (RFC 7946) from metres."""
+    wkt = document.get("crs_wkt")
+    if isinstance(wkt, str):
+        return parse_crs(wkt, where=path)
+    member = document.get("crs")
+    if isinstance(member, dict):
+        properties = member.get("properties")
+        name = str(properties.get("name", "")) if isinstance(properties, dict) else ""
+        return parse_crs(_epsg_of(name), where=path)
+    if given is not None:
+        return given
+    bounds = shapely.total_bounds(shapes)
+    in_degrees = np.all(np.abs(bounds[[0, 2]]) <= 180.0) and np.all(np.abs(bounds[[1, 3]]) <= 90.0)
+    if "crs" not in document and in_degrees:
+        raise CrsError(
+            "no CRS and coordinates within 180, 90: degrees (RFC 7946), lengths need metres", where=path,
+            advice="transform it to a projected CRS, or give --crs local if these are metres",
+        )  # fmt: skip
+    return LOCAL
+
+
+def _epsg_of(name: str) -> str:
+    """Return "EPSG:n+m" for the forms of a `crs` member's name, or the name itself (WKT).
+
+    >>> _epsg_of("urn:ogc:def:crs:EPSG::25832"), _epsg_of("urn:ogc:def:crs,crs:EPSG::25832,crs:EPSG::7837")
+    ('EPSG:25832', 'EPSG:25832+7837')
+    >>> _epsg_of("urn:ogc:def:crs:OGC:1.3:CRS84")
+    'EPSG:4326'
+    """
+    if "CRS84" in name:
+        return "EPSG:4326"
+    if "[" in name:
+        return name
+    codes = [piece.split(":")[-1] for piece in name.split(",") if "EPSG" in piece.upper()]
+    return "EPSG:" + "+".join(codes) if codes else name
+
+
+def _own_lines(shapes: AnyArray, columns: Mapping[str, list[Any]], crs: str) -> LineSet | None:
+    """Return our own lines with their vertex columns; None where someone changed the geometry since."""
+    optional = {"clearance_m", *DISAGREEMENT, *REVIEWED, _VERTEX_PROPERTIES["observed"]}
+    wanted = {*LINE_COLUMNS, *_VERTEX_PROPERTIES.values()} - optional
+    if not len(shapes):
+        return LineSet.empty(crs)
+    if not wanted <= set(columns) or not (shapely.get_type_id(shapes) == 1).all():
+        return None
+    counts = shapely.get_num_coordinates(shapes)
+    vertex = {}
+    for name, label in _VERTEX_PROPERTIES.items():
+        if label in optional and label not in columns:
+            continue
+        lists = columns[label]
+        if [len(v) if isinstance(v, list) else -1 for v in lists] != counts.tolist():
+            return None
+        vertex[name] = column_values(name, [v for values in lists for v in values])
+    own: dict[str, Any] = {
+        name: column_values(name, columns.get(name, [None] * len(shapes))) for name in LINE_COLUMNS
+    }
+    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    xyz = shapely.get_coordinates(shapes, include_z=True)
+    return LineSet(xyz=xyz, offsets=offsets, crs=crs, **vertex, **own)

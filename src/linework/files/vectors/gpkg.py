@@ -1,0 +1,246 @@
+"""Lines as GeoPackage: a layer per kind, layers of points, a table of vertices, QGIS styles."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from linework.arrays import AnyArray, IntArray
+from linework.errors import LineworkError, MachineError
+from linework.files.geodesy.crs import LOCAL, parse_crs, same_crs
+from linework.files.vectors.fields import (
+    REJECTED,
+    TABLES,
+    column_values,
+    field_values,
+    fields_of_kind,
+    geometries,
+    layer_names,
+    ordered_layers,
+    qgis_style,
+    vertex_columns,
+)
+from linework.files.vectors.gdal_input import pyogrio, readable
+from linework.files.vectors.gpkg_schema import FIXED_DATE, Table, geopackage_bytes
+from linework.files.vectors.point_layers import PointLayer
+from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+
+VERTEX_TABLE, STYLE_TABLE = "vertex", "layer_styles"
+#: Another program that writes the file is done by then. [s]
+_WAIT_S = 5.0
+STYLE_TYPES = {"update_time": "DATETIME"}
+
+
+def write_gpkg(
+    lines: LineSet,
+    part: Path,
+    kinds: Sequence[str] = (),
+    points: Sequence[PointLayer] = (),
+    finish: Callable[[bytes], bytes] | None = None,
+) -> None:
+    """Write lines and points to a new GeoPackage (called through `publish`).
+
+    Layers hold the lines of one kind in the set's order; `vertex` holds for every vertex the number of its
+    line in the whole set (`line`), the layer and its feature (`layer`, `line_fid`), its place in the line
+    (`vertex`), its sigmas and flags (`observed` for truth only). `finish` may add to the file's bytes.
+    """
+    layers, shapes, values = layer_names(lines), geometries(lines), field_values(lines)
+    # An empty layer keeps the CRS of a set without lines
+    names = ordered_layers([*layers.tolist(), *kinds]) or ["line"]
+    tables = []
+    for layer in names:
+        chosen = np.flatnonzero(layers == layer)
+        columns = {name: storable(values[name][chosen]) for name in fields_of_kind(layer, values)}
+        tables.append(Table(layer, columns, shapes[chosen]))
+    for extra in points:
+        places = np.asarray(shapely.points(extra.xyz), dtype=object)
+        tables.append(Table(extra.name, extra.fields, places, geometry="POINT"))
+    tables.append(Table(VERTEX_TABLE, vertex_table(lines, layers)))
+    tables.append(Table(STYLE_TABLE, style_columns(names), key="id", sql_types=STYLE_TYPES))
+    content = geopackage_bytes(tables, lines.crs)
+    part.write_bytes(content if finish is None else finish(content))
+
+
+def storable(values: AnyArray) -> AnyArray:
+    """Return texts as objects, "" as None: an empty text in a table is no value."""
+    if values.dtype.kind != "U":
+        return values
+    texts = values.astype(object)
+    texts[values == ""] = None
+    return texts
+
+
+def vertex_table(lines: LineSet, layers: AnyArray) -> dict[str, AnyArray]:
+    """Return the columns of the table of vertices."""
+    owner = lines.line_of_vertex
+    fid = np.zeros(len(lines), dtype=np.int64)
+    for layer in set(layers.tolist()):
+        chosen = layers == layer
+        fid[chosen] = np.arange(1, np.count_nonzero(chosen) + 1)
+    columns: dict[str, AnyArray] = {
+        "line": owner,
+        "layer": layers.astype(object)[owner],
+        "line_fid": fid[owner],
+        "line_id": storable(lines.id)[owner],
+        "vertex": np.arange(len(owner), dtype=np.int64) - lines.offsets[owner],
+    }
+    return columns | {name: getattr(lines, name) for name in vertex_columns(lines)}
+
+
+def style_columns(layers: Sequence[str]) -> dict[str, AnyArray]:
+    """Return the columns of the table in which QGIS looks for the layers' styles."""
+    n = len(layers)
+    texts = {
+        "f_table_catalog": [""] * n, "f_table_schema": [""] * n, "f_table_name": list(layers),
+        "f_geometry_column": ["geom"] * n, "styleName": list(layers),
+        "styleQML": [qgis_style(layer) for layer in layers], "styleSLD": [""] * n,
+    }  # fmt: skip
+    columns: dict[str, AnyArray] = {name: np.array(values, dtype=object) for name, values in texts.items()}
+    columns["useAsDefault"] = np.ones(n, dtype=np.bool_)
+    for name in ("description", "owner", "ui"):
+        columns[name] = np.array([""] * n, dtype=object)
+    columns["update_time"] = np.array([FIXED_DATE] * n, dtype=object)
+    return columns
+
+
+def verify_gpkg(part: Path, lines: LineSet, path: Path, points: Sequence[PointLayer] = ()) -> None:
+    """Check a written GeoPackage with SQLite, then read the lines back with GDAL, which had no part in writing.
+
+    Raises
+    ------
+    MachineError
+        Damaged, rows or index entries missing, journal left, or other lines than were written.
+    """
+    try:
+        problem = _gpkg_problem(part, len(lines) + sum(len(layer.xyz) for layer in points))
+        if not problem:
+            back = read_own_gpkg(part, rejected=True)
+            same = back is not None and same_crs(back.crs, lines.crs) and np.array_equal(back.xyz, lines.xyz)
+            problem = "" if same else "other lines than were written"
+    except (sqlite3.Error, LineworkError) as error:
+        problem = str(error)
+    if problem:
+        raise MachineError(
+            f"written file does not verify: {problem}", where=path, advice="check for free space"
+        )
+
+
+def _gpkg_problem(part: Path, n_features: int) -> str:
+    for ending in ("-journal", "-wal"):
+        if part.with_name(part.name + ending).exists():
+            return f"{ending[1:]} left beside it"
+    with contextlib.closing(sqlite3.connect(f"file:{_uri(part)}?mode=ro&immutable=1", uri=True)) as db:
+        found = db.execute("PRAGMA integrity_check").fetchone()[0]
+        if found != "ok":
+            return str(found)
+        total = 0
+        for layer, low in db.execute(
+            "SELECT table_name, min_x FROM gpkg_contents WHERE data_type = 'features'"
+        ):
+            n = db.execute(f'SELECT count(*) FROM "{layer}"').fetchone()[0]
+            n_indexed = db.execute(f'SELECT count(*) FROM "rtree_{layer}_geom"').fetchone()[0]
+            if n != n_indexed:
+                return f"layer {layer} has {n} features, {n_indexed} in its index"
+            if n and low is None:
+                return f"layer {layer} has no extent"
+            total += n
+        return "" if total == n_features else f"{total} features, expected {n_features}"
+
+
+def _uri(path: Path) -> str:
+    """Return a path as the file part of an SQLite URI."""
+    return path.absolute().as_uri().removeprefix("file://")
+
+
+def roll_back(path: Path) -> None:
+    """Take back the change in which a process was killed, if it left one half written beside the file.
+
+    Readers that open a file for reading only cannot: they would see half of it, or nothing.
+
+    Raises
+    ------
+    MachineError
+        It cannot be written to.
+    """
+    if not any(path.with_name(path.name + ending).exists() for ending in ("-journal", "-wal")):
+        return
+    try:
+        with contextlib.closing(sqlite3.connect(path, timeout=_WAIT_S)) as db:
+            db.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    except sqlite3.OperationalError as error:
+        raise MachineError(
+            f"a change to it was broken off, and cannot be taken back ({error})", where=path,
+            advice="check that you may write there",
+        ) from error  # fmt: skip
+    except sqlite3.DatabaseError:
+        # Whoever reads it says what it is
+        return
+
+
+def read_own_gpkg(path: Path, *, rejected: bool = False) -> LineSet | None:
+    """Read back a GeoPackage that `write_gpkg` made, exactly; None where it is not one, or was edited since.
+
+    Parameters
+    ----------
+    rejected
+        Also return lines that a person rejected.
+
+    Raises
+    ------
+    InputError
+        Not readable.
+    """
+    with readable(path):
+        found = _own_lines(path)
+    if found is None or rejected or REJECTED not in found.review:
+        return found
+    return found.take(found.review != REJECTED)
+
+
+def _own_lines(path: Path) -> LineSet | None:
+    layers = [str(name) for name, kind in pyogrio.list_layers(path) if "Point" not in str(kind)]
+    layers = [name for name in layers if name == VERTEX_TABLE or name not in TABLES]
+    wanted = {"line", "layer", "line_fid", *VERTEX_COLUMNS} - {"observed"}
+    if VERTEX_TABLE not in layers or not wanted <= set(pyogrio.read_info(path, layer=VERTEX_TABLE)["fields"]):
+        return None
+    meta, _, _, values = pyogrio.raw.read(path, layer=VERTEX_TABLE)
+    vertex = dict(zip(meta["fields"], values, strict=True))
+    first = np.flatnonzero(np.diff(vertex["line"], prepend=-1))
+    offsets = np.concatenate([first, [len(vertex["line"])]]).astype(np.int64)
+    layer_of_line, fid_of_line = vertex["layer"][first], vertex["line_fid"][first]
+    xyz, columns = np.empty((offsets[-1], 3)), {name: np.full(len(first), None) for name in LINE_COLUMNS}
+    crs, n_features = LOCAL, 0
+    for layer in layers:
+        if layer == VERTEX_TABLE:
+            continue
+        meta, fids, shapes, values = pyogrio.raw.read(path, layer=layer, return_fids=True)
+        crs = parse_crs(meta["crs"], where=path) if meta["crs"] else LOCAL
+        n_features += len(fids)
+        chosen = np.flatnonzero(layer_of_line == layer)
+        if not np.array_equal(fid_of_line[chosen], fids):
+            return None
+        vertices = _runs(offsets, chosen)
+        coordinates = shapely.get_coordinates(shapely.from_wkb(shapes), include_z=True)
+        if len(coordinates) != len(vertices):
+            return None
+        xyz[vertices] = coordinates
+        for field, column in zip(meta["fields"], values, strict=True):
+            if field in columns:
+                columns[field][chosen] = column
+    if n_features != len(first):
+        return None
+    own: dict[str, Any] = {name: column_values(name, column) for name, column in columns.items()}
+    own |= {name: column_values(name, vertex[name]) for name in VERTEX_COLUMNS if name in vertex}
+    return LineSet(xyz=xyz, offsets=offsets, crs=crs, **own)
+
+
+def _runs(offsets: IntArray, chosen: IntArray) -> IntArray:
+    """Return the vertices of the chosen lines, line after line."""
+    runs = [np.arange(offsets[i], offsets[i + 1]) for i in chosen]
+    return np.concatenate(runs) if runs else np.zeros(0, dtype=np.int64)

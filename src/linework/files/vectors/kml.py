@@ -1,0 +1,90 @@
+"""Lines as KML: degrees, for looking at on a globe."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.sax.saxutils import escape
+
+import numpy as np
+import pyproj
+from pyproj.exceptions import ProjError
+
+from linework.arrays import FloatArray
+from linework.errors import CrsError, MachineError
+from linework.files.geodesy.crs import LOCAL, describe_crs, horizontal_part
+from linework.files.vectors.fields import colour_of, layer_names, ordered_layers
+from linework.model.lines import LineSet
+
+_NAMESPACE = "http://www.opengis.net/kml/2.2"
+#: 1e-8 degrees are about 1 mm.
+_DEGREE_DECIMALS = 8
+
+
+def write_kml(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
+    """Write a folder per kind (called through `publish`); heights stay as they are, drawn above sea level.
+
+    Raises
+    ------
+    CrsError
+        The lines have no place on earth, or no exact way to degrees is known.
+    """
+    degrees, layers = _in_degrees(lines, part), layer_names(lines)
+    names = ordered_layers([*layers.tolist(), *kinds])
+    with part.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(f'<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="{_NAMESPACE}"><Document>\n')
+        for layer in names:
+            red, green, blue = colour_of(layer)
+            file.write(
+                f'<Style id="{layer}"><LineStyle><color>ff{blue:02x}{green:02x}{red:02x}</color>'
+                "<width>2</width></LineStyle></Style>\n"
+            )
+        for layer in names:
+            file.write(f"<Folder><name>{layer}</name>\n")
+            for i in np.flatnonzero(layers == layer):
+                vertices = degrees[lines.offsets[i] : lines.offsets[i + 1]]
+                text = " ".join(
+                    f"{x:.{_DEGREE_DECIMALS}f},{y:.{_DEGREE_DECIMALS}f},{z:.3f}" for x, y, z in vertices
+                )
+                file.write(
+                    f"<Placemark><name>{escape(str(lines.id[i]))}</name><styleUrl>#{layer}</styleUrl>"
+                    "<LineString><altitudeMode>absolute</altitudeMode>"
+                    f"<coordinates>{text}</coordinates></LineString></Placemark>\n"
+                )
+            file.write("</Folder>\n")
+        file.write("</Document></kml>\n")
+
+
+def _in_degrees(lines: LineSet, where: Path) -> FloatArray:
+    """Return (n, 3) longitude, latitude [deg], height [m]."""
+    if lines.crs == LOCAL:
+        raise CrsError("KML needs a place on earth, these lines are local", where=where,
+                       advice="write .gpkg, .geojson or .dxf")  # fmt: skip
+    plan = horizontal_part(pyproj.CRS.from_wkt(lines.crs))
+    try:
+        transformer = pyproj.Transformer.from_crs(plan, "EPSG:4326", always_xy=True, allow_ballpark=False)
+        east, north = transformer.transform(lines.xyz[:, 0], lines.xyz[:, 1], errcheck=True)
+    except ProjError as error:
+        raise CrsError(f"no exact way from {describe_crs(lines.crs)} to degrees is known", where=where,
+                       advice="write .gpkg, .geojson or .dxf") from error  # fmt: skip
+    return np.stack([east, north, lines.xyz[:, 2]], axis=1)
+
+
+def verify_kml(part: Path, lines: LineSet, path: Path) -> None:
+    """Parse the file and count its lines and vertices.
+
+    Raises
+    ------
+    MachineError
+        Not the lines that were written.
+    """
+    try:
+        texts = [e.text or "" for e in ElementTree.parse(part).iter(f"{{{_NAMESPACE}}}coordinates")]
+    except ElementTree.ParseError:
+        texts = []
+    counts = [len(text.split()) for text in texts]
+    if sorted(counts) != sorted(np.diff(lines.offsets).tolist()):
+        raise MachineError(
+            "written file does not read back the same", where=path, advice="check for free space"
+        )

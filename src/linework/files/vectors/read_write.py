@@ -1,0 +1,201 @@
+"""Read and write lines: the format follows the file's suffix."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from linework.errors import UsageError
+from linework.files.geodesy.crs import LOCAL, parse_crs
+from linework.files.output.publish import check_output, publish
+from linework.files.output.record import hash_file
+from linework.files.vectors.fields import check_writable
+from linework.files.vectors.gdal_input import checked_vector_file
+from linework.files.vectors.point_layers import PointLayer, point_layers
+from linework.model.lines import LineSet
+from linework.model.logs import VanLog
+
+_Write = Callable[..., None]
+_Verify = Callable[..., None]
+_Read = Callable[[Path, str, "Mapping[str, str] | None", "str | None"], LineSet]
+#: The module of each format that is written. It is imported when a file of that format is first met: of
+#: the 0.35 s that all of them take (measured), GeoPackage alone needs a tenth.
+_WRITERS = {
+    ".gpkg": "gpkg",
+    ".geojson": "geojson",
+    ".json": "geojson",
+    ".dxf": "dxf",
+    ".kml": "kml",
+    ".fgb": "flatgeobuf",
+}
+#: Formats that hold layers of points beside the lines.
+_WITH_POINTS = (".gpkg", ".geojson", ".json")
+
+
+def check_format(path: Path) -> None:
+    """Refuse a name whose suffix is none of the formats that lines are written in.
+
+    Raises
+    ------
+    UsageError
+        Unknown suffix; the message lists those known.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in _WRITERS:
+        raise UsageError(f"cannot write '{suffix}' files", where=path, advice=f"use {', '.join(_WRITERS)}")
+
+
+def write_lines(
+    lines: LineSet,
+    path: Path,
+    *,
+    kinds: Sequence[str] = (),
+    points: VanLog | Sequence[PointLayer] | None = None,
+    overwrite: bool = False,
+    note: Callable[[str], None] | None = None,
+    finish: Callable[[bytes], bytes] | None = None,
+) -> None:
+    """Write lines; the suffix says the format.
+
+    Parameters
+    ----------
+    kinds
+        Kinds that get a layer even where no line is of that kind (formats with layers).
+    points
+        Images and keys, as layers of points; formats that have no place for them leave them out
+        (`points_left_out` says so).
+    note
+        Told the SHA-256 of the verified file before it gets its name.
+    finish
+        Adds tables to the bytes of a GeoPackage before they are written; other formats have none.
+
+    Raises
+    ------
+    UsageError
+        Unknown suffix, a coordinate that is not finite, a line of fewer than two vertices.
+    OutputExistsError, MachineError
+        As for `publish`.
+
+    Notes
+    -----
+    Equal lines give equal bytes.
+    """
+    check_format(path)
+    check_writable(lines, path)
+    write, verify = _writer(path)
+    extra = {"points": point_layers(points)} if path.suffix.lower() in _WITH_POINTS else {}
+    check_output(path, overwrite=overwrite)
+    if path.suffix.lower() == ".dxf" and lines.crs != LOCAL:
+        from linework.files.vectors.dxf import write_prj
+
+        write_prj(lines.crs, path.with_suffix(".prj"), overwrite=overwrite)
+
+    if path.suffix.lower() == ".gpkg" and path.is_file():
+        from linework.files.vectors.gpkg import roll_back
+
+        # A journal left beside the old file would be taken for one of the new
+        roll_back(path)
+
+    def verify_and_note(part: Path) -> None:
+        verify(part, lines, path, **extra)
+        if note is not None:
+            note(hash_file(part))
+
+    added = {"finish": finish} if finish is not None and path.suffix.lower() == ".gpkg" else {}
+    publish(
+        path, lambda part: write(lines, part, kinds, **extra, **added), verify_and_note, overwrite=overwrite
+    )
+
+
+def points_left_out(path: Path, points: VanLog | Sequence[PointLayer] | None) -> tuple[str, ...]:
+    """Return one line about the layers of points that this file's format has no place for, or none."""
+    layers = () if path.suffix.lower() in _WITH_POINTS else point_layers(points)
+    if not layers:
+        return ()
+    named = " and ".join(f"{layer.name} ({len(layer.xyz)} points)" for layer in layers)
+    return (
+        f"{path}: {named} left out, {path.suffix} holds lines only ({', '.join(_WITH_POINTS)} hold both)",
+    )
+
+
+def read_lines(
+    path: Path, *, kind_field: str = "kind", kinds: Mapping[str, str] | None = None, crs: str | None = None
+) -> LineSet:
+    """Read lines that we or others made.
+
+    Parameters
+    ----------
+    kind_field
+        The property that says what a feature is; without it the layer's name does.
+    kinds
+        Names in the file and the kinds they are here; features of other names are left out.
+    crs
+        What the CRS is where the file does not say: "EPSG:...", WKT or "local" (the default).
+
+    Returns
+    -------
+    LineSet
+        Our own files come back exactly. In others, multi-part geometries become one line per part, polygons
+        one closed line per ring, and heights that are missing are NaN (such sets cannot be written).
+
+    Raises
+    ------
+    InputError
+        Not a readable file of lines.
+    CrsError
+        In degrees, or several CRSs.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in _READERS:
+        raise UsageError(
+            f"cannot read lines from '{suffix}' files", where=path, advice=f"use {', '.join(_READERS)}"
+        )
+    given = None if crs is None else parse_crs(crs, where="--crs")
+    return _READERS[suffix](path, kind_field, kinds, given)
+
+
+def _writer(path: Path) -> tuple[_Write, _Verify]:
+    """Return how a file is written and how it is verified."""
+    name = _WRITERS[path.suffix.lower()]
+    module = importlib.import_module(f"linework.files.vectors_{name}")
+    return getattr(module, f"write_{name}"), getattr(module, f"verify_{name}")
+
+
+def _read_gpkg(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
+    """Read a GeoPackage: our own exactly, others as they are."""
+    from linework.files.vectors.gdal import read_foreign
+    from linework.files.vectors.gpkg import read_own_gpkg, roll_back
+
+    checked = checked_vector_file(path)
+    roll_back(checked)
+    own = read_own_gpkg(checked) if kinds is None and kind_field == "kind" else None
+    return own if own is not None else read_foreign(checked, kind_field, kinds, crs)
+
+
+def _read_with_gdal(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
+    from linework.files.vectors.gdal import read_foreign
+
+    return read_foreign(checked_vector_file(path), kind_field, kinds, crs)
+
+
+def _read_geojson(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
+    from linework.files.vectors.geojson import read_geojson
+
+    return read_geojson(path, kind_field, kinds, crs)
+
+
+def _read_dxf(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
+    from linework.files.vectors.dxf import read_dxf
+
+    return read_dxf(path, kind_field, kinds, crs)
+
+
+_READERS: dict[str, _Read] = {
+    ".gpkg": _read_gpkg,
+    ".geojson": _read_geojson,
+    ".json": _read_geojson,
+    ".dxf": _read_dxf,
+    ".fgb": _read_with_gdal,
+    ".shp": _read_with_gdal,
+}

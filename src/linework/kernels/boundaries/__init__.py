@@ -1,0 +1,1 @@
+"""Loops over cross profiles: kerbs, pavement edges, barriers."""

@@ -1,0 +1,1 @@
+"""Loops of the Radon transform and of rails along its peaks."""

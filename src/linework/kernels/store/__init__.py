@@ -1,0 +1,1 @@
+"""Loops that pack and order points for the store."""

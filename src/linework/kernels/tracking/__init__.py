@@ -1,0 +1,1 @@
+"""Loops that track boxes and smooth lines."""

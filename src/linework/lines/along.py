@@ -1,0 +1,166 @@
+"""Places along lines, equally far apart, and the stretches between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+
+#: Places compared are so far apart along a line. [m]
+PLACE_STEP_M = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """k places along lines, every `PLACE_STEP_M`: (k, 3), unit directions in plan, the line, its sigma, chainage."""
+
+    xyz: FloatArray
+    way: FloatArray
+    line: IntArray
+    chainage_m: FloatArray
+    sigma_m: FloatArray
+
+
+def places_along(lines: LineSet) -> Places:
+    """Return places every `PLACE_STEP_M` along each line, its ends among them."""
+    found = []
+    for i in range(len(lines)):
+        xyz, sigma = lines.line(i), lines.sigma_xy_m[lines.offsets[i] : lines.offsets[i + 1]]
+        along = chainage_of(xyz)
+        n = max(int(np.ceil(along[-1] / PLACE_STEP_M)), 1) + 1
+        at = np.linspace(0.0, along[-1], n)
+        place = np.stack([np.interp(at, along, column) for column in xyz.T], axis=1)
+        way = np.gradient(place[:, :2], axis=0)
+        way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
+        found.append((place, way, np.full(n, i), at, np.interp(at, along, sigma)))
+    xyz, way, line, at, sigma = (np.concatenate(column) for column in zip(*found, strict=True))
+    return Places(xyz, way, line.astype(np.int64), at, sigma)
+
+
+def chainage_of(xyz: FloatArray) -> FloatArray:
+    """Return (n,) the way to each vertex [m], in plan."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xyz[:, :2], axis=0), axis=1))])
+
+
+def runs_of(mask: BoolArray) -> list[tuple[int, int]]:
+    """Return first and last index of each run of True.
+
+    >>> runs_of(np.array([True, False, True, True]))
+    [(0, 0), (2, 3)]
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
+
+
+def stretch(line: LineSet, start_m: float, end_m: float) -> LineSet:
+    """Return a line from one chainage to another, its vertices and new ones at both ends."""
+    along = chainage_of(line.xyz)
+    inside = np.flatnonzero((along > start_m + 1e-6) & (along < end_m - 1e-6))
+    at = np.concatenate([[start_m], along[inside], [end_m]])
+    xyz = np.stack([np.interp(at, along, column) for column in line.xyz.T], axis=1)
+    nearest = np.clip(np.searchsorted(along, at), 0, len(along) - 1)
+    columns = {name: getattr(line, name)[nearest] for name in VERTEX_COLUMNS}
+    columns |= {name: getattr(line, name) for name in LINE_COLUMNS}
+    return LineSet.from_lines([xyz], crs=line.crs, **columns)
+
+
+# Places beside the van's way: how far along it, and how far to its left
+
+#: The way is looked at in steps of this. [m]
+PATH_STEP_M = 1.0
+#: A way that comes back within this of where it has been is on the same road. [m]
+SAME_ROAD_M = 12.0
+#: It is not back before it has driven so far. [m]
+_AWAY_M = 60.0
+#: Its direction is taken over this much before and behind. [m]
+_SMOOTH_M = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """The van's way, every road once.
+
+    Parameters
+    ----------
+    xy
+        (k, 2) every `PLACE_STEP_M`. [m, world]
+    left
+        (k, 2) unit vectors to its left.
+    is_start
+        (k,) bool: it does not go on from the place before.
+    tree
+        Of its places, from the first of them.
+    """
+
+    xy: FloatArray
+    left: FloatArray
+    is_start: BoolArray
+    tree: Any = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "tree", cKDTree(self.xy - self.xy[0]) if len(self.xy) else None)
+
+    @classmethod
+    def of(cls, path: FloatArray) -> Way:
+        """Return the way along a path (n, 2 or 3), without what leads over a road again."""
+        xy = path[:, :2]
+        step = np.hypot(*np.diff(xy, axis=0).T) if len(xy) else np.zeros(0)
+        along = np.concatenate([[0.0], np.cumsum(step)])
+        if len(xy) < 2 or along[-1] < PATH_STEP_M:
+            return cls(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, dtype=np.bool_))
+        at = np.arange(0.0, along[-1], PATH_STEP_M)
+        places = np.stack([np.interp(at, along, column) for column in xy.T], axis=1)
+        n = max(int(_SMOOTH_M / PATH_STEP_M), 1)
+        ahead = np.minimum(np.arange(len(at)) + n, len(at) - 1)
+        behind = np.maximum(np.arange(len(at)) - n, 0)
+        way = places[ahead] - places[behind]
+        way /= np.maximum(np.hypot(*way.T), 1e-9)[:, None]
+        first = _first_time(places, way)
+        is_start = np.concatenate([[True], np.diff(np.flatnonzero(first)) > 1])
+        left = np.stack([-way[:, 1], way[:, 0]], axis=1)
+        return cls(places[first], left[first], is_start)
+
+    def __len__(self) -> int:
+        return len(self.xy)
+
+    @property
+    def pieces(self) -> list[tuple[int, int]]:
+        """Where it begins and ends: first and last number of each stretch that was driven in one."""
+        first = np.flatnonzero(self.is_start).tolist()
+        return list(zip(first, [*(k - 1 for k in first[1:]), len(self) - 1], strict=True))
+
+    def offsets(self, xy: FloatArray, within_m: float) -> tuple[FloatArray, FloatArray]:
+        """Return how far along the way (in steps) and to its left [m] places (n, 2) are; NaN beyond `within_m`."""
+        along, left = np.full(len(xy), np.nan), np.full(len(xy), np.nan)
+        if len(self) == 0 or len(xy) == 0:
+            return along, left
+        origin = self.xy[0]
+        distance, nearest = self.tree.query(xy - origin, distance_upper_bound=within_m)
+        near = np.isfinite(distance)
+        k = nearest[near]
+        step = xy[near] - self.xy[k]
+        forward = np.stack([self.left[k, 1], -self.left[k, 0]], axis=1)
+        along[near] = k + np.clip(np.sum(step * forward, axis=1) / PATH_STEP_M, -0.5, 0.5)
+        left[near] = np.sum(step * self.left[k], axis=1)
+        return along, left
+
+    def places(self, along: FloatArray, left_m: FloatArray) -> FloatArray:
+        """Return the places (n, 2) so far along the way and to its left."""
+        k = np.clip(np.rint(along).astype(np.int64), 0, len(self) - 1)
+        return np.asarray(self.xy[k] + left_m[:, None] * self.left[k])
+
+
+def _first_time(places: FloatArray, way: FloatArray) -> BoolArray:
+    """Return which places are no nearer than `SAME_ROAD_M` to where the way was long before, or led back."""
+    tree = cKDTree(places - places[0])
+    n_away = int(_AWAY_M / PATH_STEP_M)
+    first = np.ones(len(places), dtype=np.bool_)
+    for i, near in enumerate(tree.query_ball_point(places - places[0], SAME_ROAD_M)):
+        before = np.array([k for k in near if k < i and first[k]], dtype=np.int64)
+        first[i] = not np.any((before < i - n_away) | (way[before] @ way[i] < -0.5))
+    return first

@@ -1,0 +1,243 @@
+"""Overhead cables: thin, alone in their column, straight in plan, hanging as catenaries between supports."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.arrays import Float32Array, FloatArray, IntArray
+from linework.methods.cables.band import BELOW_M, REACH_M, Band, Widths, cable_band
+from linework.methods.cables.fit import (
+    Surroundings,
+    Wire,
+    exact,
+    fit_wire,
+    settled,
+    split_at_kink,
+    surroundings,
+)
+from linework.methods.cables.follow import LEAST_OCCUPIED, LEAST_SEEN_M, MOST_RINGED, Lonely, follow_seed
+from linework.methods.cables.lines import lines_of_wires
+from linework.methods.cables.seeds import find_cable_seeds
+from linework.methods.cables.spans import end_at_supports, join_pieces, without_mixtures, without_tails
+from linework.model.lines import LineSet
+from linework.model.settings import setting
+from linework.model.tile import local_origin
+
+#: A catenary and a line have five unknowns; eight points leave three to judge them by.
+LEAST_POINTS = 8
+#: Points of a wire that scatter widely do so alike in height and across, within this ratio.
+ROUND_RATIO = 2.5
+#: Other points than wires within 0.6 m in at most this share of a short wire's metres: a wire may pass through
+#: a crown, an edge has its wall or roof all along. A wire of this length [m] that sags
+#: needs no such proof.
+MOST_CROWDED, LONG_M = 0.6, 16.0
+#: Where the points scatter like those of a beam, the ring about them is empty in all but this share of metres.
+MOST_RINGED_THICK = 0.3
+#: Wires break at a = H / w of 3 km: steel at a fifth of its strength, copper and aluminium before. What is
+#: straighter than that must be thin, with nothing about it but in a tenth of its metres (contact wires).
+TAUTEST_PER_M, MOST_CROWDED_TAUT = 1.0 / 3000.0, 0.1
+#: A wire turns from end to end by eight times its sag over its length; 0.5 is a slack drop line, 6 % (main lines
+#: 1 to 3 %). At its ends it is no steeper than a drop line from a pole down to a low eave.
+MOST_TURN, STEEPEST = 0.5, 0.45
+#: ... with points that scatter by no more than this share of the gate: the chord of a truss is 6 cm and more.
+THIN_GATES = 0.2
+#: Too short for its sag to be told from the noise [m]; such pieces stay only beside longer wires.
+SHORT_M = 8.0
+#: The metres of a wire lie on its catenary within this share of the gate, beyond what their scatter explains
+#: (poses of two passes differ by 5 mm, hits wander over the wire's width); of a curve laid across a bundle
+#: they do not.
+WAVY_GATES = 0.2
+#: A line that one sweep drew may be the edge or the face of anything: it must sag, and nothing may be near it but
+#: what it hangs on. Such points lie
+#: in a plane to this [m]; and two turns of the slowest scanner [s] see every wall as a few lines only.
+ONE_SWEEP_M, ONE_SWEEP_S = 0.002, 0.2
+#: Points gathered in a few metres are an object that the line passes; wires are hit all along.
+LEAST_EVEN = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CableConfig:
+    """Settings of the cable search."""
+
+    low_m: float = setting(4.0, unit="m", low=1.0, high=50.0, reason="above ground: traffic ends at 4 m")
+    cell_m: float = setting(
+        0.20, unit="m", low=0.05, high=1.0, reason="cell of the plan image, as in the paper"
+    )
+    window_m: float = setting(
+        24.0, unit="m", low=8.0, high=100.0, reason="wires are straight over a span of 25 m and more"
+    )
+    gate_m: float = setting(
+        0.10, unit="m", low=0.02, high=0.14, reason="widest gate across a wire; wires part from 0.3 m"
+    )
+    max_gap_m: float = setting(
+        6.0, unit="m", low=1.0, high=50.0, reason="followed over stretches without a point"
+    )
+    min_length_m: float = setting(
+        8.0, unit="m", low=2.0, high=100.0, reason="lamp arms and branches are shorter"
+    )
+    spacing_m: float = setting(1.0, unit="m", low=0.1, high=10.0, reason="distance of vertices along a wire")
+
+
+def least_height_m(config: CableConfig) -> float:
+    """Return the height above ground of the lowest points that the search looks at [m]: others may be missing.
+
+    >>> least_height_m(CableConfig())
+    2.0
+    """
+    return config.low_m - BELOW_M - REACH_M
+
+
+def find_cables(
+    xyz: FloatArray,
+    time_s: FloatArray | None,
+    height_m: Float32Array,
+    config: CableConfig,
+    origin: tuple[float, float, float] | None = None,
+) -> LineSet:
+    """Return the wires above a tile, one line per wire and span.
+
+    Parameters
+    ----------
+    xyz
+        (n, 3) float64 [m, world]: all points of the tile.
+    time_s
+        (n,) float64 [s], or None.
+    height_m
+        (n,) float32 [m] above the road or ground; NaN where not known.
+    origin
+        Shared by all tiles of a survey, whole multiples of 1200 m [m, world]; None: made from the points.
+
+    Returns
+    -------
+    LineSet
+        Kind "cable", with sigmas, bridged stretches, clearance and confidence.
+
+    Notes
+    -----
+    Does not depend on the order of the points.
+
+    References
+    ----------
+    Manandhar and Shibasaki (2002): "by changing these threshold values other linear features (like cables)
+    can also be identified, though they need further analysis". The further analysis is ours.
+    """
+    # The height band, and in it the points that are alone in their column
+    if len(xyz) == 0:
+        return LineSet.empty()
+    shared = np.array(origin or local_origin(*xyz.min(axis=0).tolist()))
+    band = cable_band(xyz, height_m, config.low_m, shared)
+    if band is None:
+        return LineSet.empty()
+    # Peaks of Radon transforms of the plan image, each followed in its vertical slice
+    widths = Widths(config.gate_m)
+    wires = _found_wires(band, config, widths)
+    # One catenary per wire and span, ends at the supports
+    pieces, wires = _spans(band, wires, config)
+    # What is still alone now that all wires are known, and hangs
+    wires, around = _free_hanging(band, wires, pieces, time_s)
+    return lines_of_wires(band, wires, around, time_s, config.spacing_m)
+
+
+def _found_wires(band: Band, config: CableConfig, widths: Widths) -> list[Wire]:
+    """Return the thin pieces of wire about all seed lines, the strongest seed first."""
+    lonely = np.flatnonzero(band.lonely)
+    lonely = lonely[np.lexsort(band.xyz[lonely].T)]  # whatever order the points came in
+    xyz = np.ascontiguousarray(band.xyz[lonely])
+    index, free = Lonely.of(xyz), np.ones(len(xyz), dtype=bool)
+    number = np.full(len(band.xyz), -1)
+    number[lonely] = np.arange(len(lonely))
+    wires: list[Wire] = []
+    for seed in find_cable_seeds(xyz[:, :2], window_m=config.window_m, cell_m=config.cell_m):
+        followed = follow_seed(index, free, seed, widths=widths, max_gap_m=config.max_gap_m)
+        pieces = [piece for points in followed for piece in _pieces(band, lonely[points], widths)]
+        for wire in [piece for piece in pieces if _is_thin(band, piece, config.low_m)]:
+            wires.append(wire)
+            mine = number[wire.members]
+            free[mine[mine >= 0]] = False
+    return wires
+
+
+def _pieces(band: Band, points: IntArray, widths: Widths) -> list[Wire]:
+    """Return the wires that a followed line consists of: it may run past supports."""
+    wire = fit_wire(band, points, widths)
+    if wire is None or wire.length_m < LEAST_SEEN_M:
+        return []
+    parts = split_at_kink(band, wire, 3.0)
+    if parts is None:
+        return [wire]
+    return [piece for part in parts for piece in _pieces(band, part, widths)]
+
+
+def _spans(band: Band, wires: list[Wire], config: CableConfig) -> tuple[list[Wire], list[Wire]]:
+    """Return all pieces of wire, and one wire per span, ended at its supports."""
+    whole = [settled(band, w) for w in without_mixtures(band, join_pieces(band, wires))]
+    pieces = [exact(band, w) for w in without_tails(band, whole)]
+    return pieces, end_at_supports(band, pieces, config.min_length_m)
+
+
+def _is_thin(band: Band, wire: Wire, low_m: float) -> bool:
+    around = surroundings(band, wire, np.zeros(len(band.xyz), dtype=bool))
+    return (
+        around.n_points >= LEAST_POINTS
+        and float(np.quantile(band.height_m[wire.members], 0.9)) >= low_m
+        and around.occupied >= LEAST_OCCUPIED
+        and around.ringed <= MOST_RINGED
+        and around.even >= LEAST_EVEN
+        and around.wavy_m <= WAVY_GATES * wire.widths.gate_m
+        and _is_round(wire)
+    )
+
+
+def _is_round(wire: Wire) -> bool:
+    """Whether the points scatter alike across the wire and in height: on a plate's edge they do not."""
+    small, large = sorted((wire.sigma_o_m, wire.fit.sigma_m))
+    return large <= max(wire.widths.round_m, ROUND_RATIO * small)
+
+
+def _sags(wire: Wire) -> bool:
+    """Whether it has a curvature that stands out of its error, and more than the tautest wire."""
+    return wire.fit.curve.curvature_per_m > max(3.0 * wire.fit.curvature_sigma_per_m, TAUTEST_PER_M)
+
+
+def _free_hanging(
+    band: Band, wires: list[Wire], pieces: list[Wire], time_s: FloatArray | None
+) -> tuple[list[Wire], list[Surroundings]]:
+    """Return the wires that hang free, and what lies around each.
+
+    Points of any piece of wire do not crowd, only those of straight ones do: the beams of a scanner that
+    drives past a far wall draw a stack of straight lines on it.
+    """
+    of_wire = np.zeros(len(band.xyz), dtype=bool)
+    for wire in pieces:
+        of_wire[wire.members] |= _sags(wire) or wire.length_m < SHORT_M
+    kept = [(w, surroundings(band, w, of_wire)) for w in wires]
+    kept = [(w, a) for w, a in kept if _is_gentle(w) and _hangs(w, a, _is_of_one_sweep(band, w, time_s))]
+    return [w for w, _ in kept], [a for _, a in kept]
+
+
+def _is_of_one_sweep(band: Band, wire: Wire, time_s: FloatArray | None) -> bool:
+    """Whether one sweep drew all of it: by its points' times or, without them, because they lie in a plane."""
+    if time_s is not None:
+        return float(np.ptp(time_s[band.index[wire.members]])) < ONE_SWEEP_S
+    return min(wire.sigma_o_m, wire.fit.sigma_m) < ONE_SWEEP_M
+
+
+def _is_gentle(wire: Wire) -> bool:
+    """Whether it sags and slopes no more than wires do; leaves and rows of beams on walls make any curve."""
+    ends = wire.fit.curve.slope_at(np.array([wire.low_m, wire.high_m]))
+    turn = wire.fit.curve.curvature_per_m * wire.length_m
+    return bool(turn <= MOST_TURN and np.abs(ends).max() <= STEEPEST)
+
+
+def _hangs(wire: Wire, around: Surroundings, one_sweep: bool) -> bool:
+    """Whether it sags, or is so thin and alone that it may be taut: the edges of buildings are straight."""
+    sags, is_short = _sags(wire), wire.length_m < SHORT_M
+    scatter = max(wire.sigma_o_m, wire.fit.sigma_m)
+    is_clear = around.ringed <= MOST_RINGED_THICK or scatter <= wire.widths.round_m
+    in_company = (around.crowded <= MOST_CROWDED and is_clear) or wire.length_m >= LONG_M
+    is_alone = around.crowded + around.ringed <= MOST_CROWDED_TAUT
+    if one_sweep:
+        return sags and around.taken == 0
+    return ((sags or is_short) and in_company) or (is_alone and scatter <= THIN_GATES * wire.widths.gate_m)

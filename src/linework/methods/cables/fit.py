@@ -1,0 +1,327 @@
+"""One wire: its line in plan and its catenary, fitted robustly to all points on it; and how alone it is."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.kernels.cables import catenary as hanging
+from linework.kernels.cables import fit as kernels
+from linework.lines.catenary import Catenary, CatenaryFit, fit_catenary
+from linework.methods.cables.band import RING, Band, Widths
+from linework.methods.cables.follow import Plan
+
+#: What lies beyond a gap of this length [m], or this many usual gaps, must be a stretch of this length [m]
+#: half as often hit as the wire itself.
+TAIL_GAP_M, TAIL_GAPS, TAIL_LONG_M = 3.0, 3.0, 2.0
+#: Points this far beyond a piece's ends [m] are looked at as it is collected; of a wire that is found, all
+#: that follow without a tail's gap, in as many rounds as that takes: two or three, more where much is missing.
+NEXT_M, MOST_ROUNDS = 0.5, 30
+#: Insulators, the crossarm and the pole lie within this many metres of a wire's ends.
+FITTING_METRES = 2
+#: Longer gaps [m] are not usual on any wire: something hides it.
+MOST_USUAL_M = 6.0
+#: From the coefficient of u^2 to the curvature, in cofactors.
+_TWICE = np.outer((1.0, 1.0, 2.0), (1.0, 1.0, 2.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Wire:
+    """A wire over (part of) one span.
+
+    Parameters
+    ----------
+    plan
+        Its line in plan.
+    fit
+        Its catenary over that line's stations.
+    low_m, high_m
+        Stations where it begins and ends.
+    members
+        (n,) int64: its points, numbers in the band, by rising station.
+    sigma_o_m
+        Standard deviation of a point's offset. [m]
+    widths
+        What it was looked for with.
+    """
+
+    plan: Plan
+    fit: CatenaryFit
+    low_m: float
+    high_m: float
+    members: IntArray
+    sigma_o_m: float
+    widths: Widths
+
+    @property
+    def length_m(self) -> float:
+        """Length in plan. [m]."""
+        return self.high_m - self.low_m
+
+    @property
+    def gate_m(self) -> float:
+        """How far from the axis a point of the wire may lie: four deviations across. [m]."""
+        width = 4.0 * max(self.sigma_o_m, self.fit.sigma_m)
+        return min(max(width, self.widths.tube_m), self.widths.gate_m)
+
+    def residuals(self, xyz: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return (n,) stations, offsets and heights above the wire [m] of (n, 3) points."""
+        plan = self.plan
+        line = plan.x, plan.y, plan.ux, plan.uy
+        found: tuple[FloatArray, FloatArray, FloatArray] = hanging.residuals(
+            xyz, line, self.fit.curve.numbers
+        )
+        return found
+
+    def at(self, station_m: FloatArray) -> FloatArray:
+        """Return (n, 3) places [m] on the wire."""
+        return np.column_stack([self.plan.places(station_m), self.fit.curve.height_at(station_m)])
+
+
+def fit_wire(band: Band, members: IntArray, widths: Widths) -> Wire | None:
+    """Fit a wire to points, collect the points on it anew from the whole band, and fit again.
+
+    Parameters
+    ----------
+    members
+        (n,) int64: points to start from, numbers in the band.
+    widths
+        Lengths across a wire.
+
+    Returns
+    -------
+    Wire or None
+        None where fewer than four points remain.
+
+    Notes
+    -----
+    The last fit depends on the points on the wire alone, not on how they were found. While they are
+    collected a parabola does; it leaves a catenary of 40 m that sags 1 m by 0.2 mm.
+    """
+    for _ in range(3):
+        if len(members) < 4:
+            return None
+        wire = _fitted(band, members, widths)
+        collected = _on_wire(band, wire, wire.low_m - NEXT_M, wire.high_m + NEXT_M)
+        if np.array_equal(collected, wire.members):
+            break
+        members = collected
+    return _fitted(band, members, widths) if len(members) >= 4 else None
+
+
+def settled(band: Band, wire: Wire) -> Wire:
+    """Return the wire with all points on it and on what follows its ends, however it was found."""
+    before = wire
+    for _ in range(MOST_ROUNDS):
+        members = _on_wire(band, wire, wire.low_m - TAIL_GAP_M, wire.high_m + TAIL_GAP_M)
+        if len(members) < 4 or np.array_equal(members, wire.members):
+            break
+        after = _fitted(band, members, wire.widths)
+        if np.array_equal(after.members, before.members):  # to and fro: the one with more points
+            return max(wire, before, key=lambda w: len(w.members))
+        before, wire = wire, after
+    return _fitted(band, wire.members, wire.widths)
+
+
+def near_end(band: Band, wire: Wire, side: int, reach_m: float) -> Wire:
+    """Return the wire as its points within `reach_m` of its low (0) or high (1) end alone would make it."""
+    if wire.length_m <= reach_m:
+        return wire
+    s, _ = wire.plan.stations(band.xyz[wire.members, :2])
+    limits = (wire.high_m - reach_m, wire.high_m) if side else (wire.low_m, wire.low_m + reach_m)
+    edges = wire.plan.places(np.array(limits))
+    members = wire.members[(s >= limits[0]) & (s <= limits[1])]
+    if len(members) < 8:
+        return wire
+    near = _fitted(band, members, wire.widths)
+    for _ in range(MOST_ROUNDS):
+        low, high = near.plan.stations(edges)[0].tolist()
+        members = _on_wire(band, near, min(low, high), max(low, high))
+        if len(members) < 8 or np.array_equal(members, near.members):
+            break
+        near = _fitted(band, members, wire.widths)
+    return exact(band, near)
+
+
+def exact(band: Band, wire: Wire) -> Wire:
+    """Return the wire with the catenary itself fitted to its points."""
+    xyz = band.xyz[wire.members]
+    s, o, dz = wire.residuals(xyz)
+    least = wire.widths.sigma_m
+    weights = kernels.tukey(o, max(wire.sigma_o_m, least)) * kernels.tukey(dz, max(wire.fit.sigma_m, least))
+    if np.count_nonzero(weights) < 4:
+        return wire
+    straight = wire.fit.curve.curvature_per_m <= 0.0  # a wire pulls, it never pushes
+    return replace(wire, fit=fit_catenary(s, xyz[:, 2], weights, straight=straight))
+
+
+def _fitted(band: Band, members: IntArray, widths: Widths) -> Wire:
+    """Return the wire through points; sums do not depend on the order they are given in."""
+    members = members[np.lexsort(band.xyz[members].T)]
+    xyz = band.xyz[members]
+    x, y, z = (np.ascontiguousarray(column) for column in xyz.T)
+    x0, y0, ux, uy, sigma_o, weights = kernels.robust_line(x, y, widths.sigma_m)
+    plan = Plan(x0, y0, ux, uy)
+    s, _ = plan.stations(xyz[:, :2])
+    centre, curve, cofactor, sigma_z, _ = kernels.robust_parabola(s, z, weights, widths.sigma_m)
+    hang = Catenary(centre, curve[0], curve[1], max(2.0 * curve[2] / math.hypot(1.0, curve[1]), 0.0))
+    cofactor = cofactor * _TWICE
+    order = np.lexsort((xyz[:, 2], xyz[:, 1], s))
+    fit = CatenaryFit(hang, cofactor, sigma_z)
+    return Wire(plan, fit, float(s.min()), float(s.max()), members[order], sigma_o, widths)
+
+
+def _line_of(plan: Plan, low_m: float, high_m: float) -> FloatArray:
+    return np.array([plan.x, plan.y, plan.ux, plan.uy, low_m, high_m])
+
+
+def _on_wire(band: Band, wire: Wire, low: float, high: float) -> IntArray:
+    """Return the band's points on a wire, carried on, between two stations, by station.
+
+    Beyond the first and the last metre that are clear of other points it goes on to the next other point: in a
+    crown leaves lie on any line.
+    """
+    near = band.near(_line_of(wire.plan, low, high), RING * wire.gate_m)
+    s, o, dz = wire.residuals(band.xyz[near])
+    gate = wire.gate_m
+    # metres are counted from the band's origin: where they begin must not depend on the wire's points
+    shift = wire.plan.x * wire.plan.ux + wire.plan.y * wire.plan.uy
+    on = np.flatnonzero(kernels.on_wire(s, o, dz, (low, high, shift), (gate, 1.25 * gate, RING * gate)))
+    if len(on) == 0:
+        return near[:0]
+    near, s = near[on], s[on]
+    order = np.lexsort((band.xyz[near, 2], o[on], s))
+    members: IntArray = near[order]
+    first, last = main_run(s[order])
+    return members[first:last]
+
+
+def main_run(s: FloatArray) -> tuple[int, int]:
+    """Return the range of rising stations without the odd points beyond a wire's ends.
+
+    What follows a gap stays only if it is a piece of wire itself. Where beams and wire drift in and out of
+    step a wire has gaps all along; the mean gap, each weighted by its length, tells.
+    """
+    if len(s) < 4:
+        return 0, len(s)
+    found, metres = kernels.runs(s, MOST_USUAL_M, TAIL_GAP_M, TAIL_GAPS)
+    edges, seen = found.tolist(), metres.tolist()
+    if len(seen) == 1:
+        return 0, len(s)
+    runs = list(itertools.pairwise(edges))
+    long = [float(s[b - 1] - s[a]) for a, b in runs]
+    first = last = seen.index(max(seen))
+    density = min(seen[first] / max(long[first], 1.0), 1.0)
+    is_wire = [
+        length >= TAIL_LONG_M and m >= 0.5 * density * length for m, length in zip(seen, long, strict=True)
+    ]
+    while first > 0 and is_wire[first - 1]:
+        first -= 1
+    while last < len(runs) - 1 and is_wire[last + 1]:
+        last += 1
+    return edges[first], edges[last + 1]
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What lies on and around a wire, metre by metre.
+
+    Parameters
+    ----------
+    n_points
+        Points on it.
+    occupied
+        Share of its metres with a point on it.
+    ringed
+        Share of these with points in the ring about it, more than every third of those on it.
+    crowded
+        Share of these with other points within 0.6 m that are no wire's.
+    taken
+        Metres that are ringed or crowded, other than those at its ends: there it hangs on something.
+    even
+        How evenly the points are spread over its metres, 0 to 1: (sum of r)^2 / sum of r^2 over the number
+        of metres, r the root of a metre's points.
+    wavy_m
+        How far its metres lie off the catenary, beyond what the scatter within them explains.
+    """
+
+    n_points: int
+    occupied: float
+    ringed: float
+    crowded: float
+    taken: int
+    even: float
+    wavy_m: float
+
+
+def surroundings(band: Band, wire: Wire, of_wire: BoolArray) -> Surroundings:
+    """Return what lies on and around a wire.
+
+    Parameters
+    ----------
+    of_wire
+        (n,) bool: points of the band that belong to any wire: they do not crowd.
+    """
+    near = band.near(_line_of(wire.plan, wire.low_m, wire.high_m), wire.widths.crowd_m)
+    s, o, dz = wire.residuals(band.xyz[near])
+    r = np.hypot(o, dz)
+    metre = np.floor(s - wire.low_m).astype(np.int64)
+    n_metres = max(math.ceil(wire.length_m), 1)
+
+    def count(chosen: BoolArray) -> FloatArray:
+        return np.bincount(metre[chosen], minlength=n_metres + 1)[:n_metres].astype(np.float64)
+
+    on = count(r <= wire.gate_m)
+    ring = count((r > 1.25 * wire.gate_m) & (r <= RING * wire.gate_m))
+    others = count((r > 1.25 * wire.gate_m) & (r <= wire.widths.crowd_m) & ~of_wire[near])
+    has, is_ringed, is_crowded = on > 0, ring > on / 3.0, others > 0
+    n_has = max(int(has.sum()), 1)
+    return Surroundings(
+        n_points=int(on.sum()),
+        occupied=float(has.mean()),
+        ringed=float((has & is_ringed).sum() / n_has),
+        crowded=float((has & is_crowded).sum() / n_has),
+        taken=int((is_ringed | is_crowded)[FITTING_METRES : n_metres - FITTING_METRES].sum()),
+        even=float(np.sqrt(on).sum() ** 2 / max(on.sum(), 1.0) / n_metres),
+        wavy_m=_wavy(metre, o, dz, r <= wire.gate_m),
+    )
+
+
+def _wavy(metre: IntArray, o: FloatArray, dz: FloatArray, on: BoolArray) -> float:
+    """Return the deviation of the metres' means that the scatter within them does not explain [m]."""
+    count = np.bincount(metre[on])
+    n, m = int(count.sum()), int(np.count_nonzero(count))
+    if n - m < 3:
+        return 0.0
+    square = 0.0
+    for residual in (o[on], dz[on]):
+        between = float((np.bincount(metre[on], weights=residual)[count > 0] ** 2 / count[count > 0]).sum())
+        within = (float((residual**2).sum()) - between) / (n - m)
+        square += max(between - m * within, 0.0) / n
+    return math.sqrt(square)
+
+
+def split_at_kink(band: Band, wire: Wire, least_m: float) -> tuple[IntArray, IntArray] | None:
+    """Return the two groups of points on either side of a support inside a wire, or None where there is none.
+
+    Notes
+    -----
+    Two parabolas with any break fit better than one; they must halve the sum of squares, and the wire must
+    turn down at the break, as it does over a support.
+    """
+    xyz = band.xyz[wire.members]
+    s, _ = wire.plan.stations(xyz[:, :2])
+    i, share = kernels.best_break(s, xyz[:, 2] - wire.fit.curve.height_at(s), least_m, 0.5, 6)
+    if share > 0.5:
+        return None
+    one = np.ones(len(s))
+    left, right = (
+        kernels.robust_parabola(s[part], xyz[part, 2], one[part], wire.widths.sigma_m)
+        for part in (slice(i), slice(i, None))
+    )
+    falls = [fit[1][1] + 2.0 * fit[1][2] * (s[i] - fit[0]) for fit in (left, right)]
+    return (wire.members[:i], wire.members[i:]) if falls[1] < falls[0] else None

@@ -1,0 +1,211 @@
+"""From a seed line in plan to the wires in its vertical slice, each followed as far as it hangs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.kernels.cables import search as kernels
+from linework.methods.cables.band import Widths
+from linework.methods.cables.seeds import Seed
+
+#: A slice's cells [m]: one vote per half metre of wire, however many points hit it.
+ALONG_M, UP_M, ACROSS_M = 0.5, 0.1, 0.2
+#: Slopes and curvatures that the slice is searched for. Half a step
+#: moves the end of a 24 m window by 6 cm;
+#: 0.02 per m is a wire of 30 m that sags 2.2 m; a 15 m drop line to a house may rise by a third.
+SLOPES = np.arange(-35, 36) * 0.01
+CURVATURES = np.array([0.0, 0.0015, 0.004, 0.008, 0.014, 0.022])
+#: A curve in the slice needs this many votes, half metres of wire, ...
+LEAST_VOTES = 7
+#: ... over this length [m], to be looked at further, ...
+LEAST_SEEN_M = 4.0
+#: ... and a slice is given up after this many curves in a row that are no wires: leaves make no end of them.
+MOST_FAILURES = 3
+#: A wire has points in this share of its metres at least, ...
+LEAST_OCCUPIED = 0.35
+#: ... and in this share of them at most the ring about it holds more than a third as many as the wire.
+MOST_RINGED = 0.5
+
+
+#: Side of a column of points that may be wires [m]: a slice is a metre wide.
+LONELY_COLUMN_M = 2.0
+#: Farther from the points that have voted for it no seed lies: the diagonal of the largest window. [m]
+SEED_REACH_M = 150.0
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A line in plan: stations s along (ux, uy) from (x, y), offsets o to the left of it. [m]."""
+
+    x: float
+    y: float
+    ux: float
+    uy: float
+
+    def stations(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (n,) stations and (n,) offsets [m] of (n, 2) points."""
+        dx, dy = xy[:, 0] - self.x, xy[:, 1] - self.y
+        return dx * self.ux + dy * self.uy, dy * self.ux - dx * self.uy
+
+    def places(self, station_m: FloatArray) -> FloatArray:
+        """Return (n, 2) places [m] of (n,) stations."""
+        return np.stack([self.x + station_m * self.ux, self.y + station_m * self.uy], axis=-1)
+
+    def turned(self, offset_m: float, slope: float) -> Plan:
+        """Return the line o = offset + slope * s of this one's stations, with its own unit direction."""
+        stretch = math.hypot(1.0, slope)
+        return Plan(
+            self.x - self.uy * offset_m,
+            self.y + self.ux * offset_m,
+            (self.ux - self.uy * slope) / stretch,
+            (self.uy + self.ux * slope) / stretch,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Lonely:
+    """Points that may be wires, in columns, so that those about a line are found without looking at all.
+
+    Parameters
+    ----------
+    xyz
+        (n, 3) float64 [m].
+    keys, start, order, grid
+        As in `linework.methods.cables.band.Band`.
+    across_m
+        No two of them are farther apart in plan. [m]
+    """
+
+    xyz: FloatArray
+    keys: IntArray
+    start: IntArray
+    order: IntArray
+    grid: FloatArray
+    across_m: float
+
+    @classmethod
+    def of(cls, xyz: FloatArray) -> Lonely:
+        """Sort points into columns."""
+        cells = np.floor(xyz[:, :2] / LONELY_COLUMN_M).astype(np.int64)
+        west, south = cells.min(axis=0) if len(cells) else (0, 0)
+        n_cols = int(cells[:, 0].max() - west) + 1 if len(cells) else 1
+        key = (cells[:, 1] - south) * n_cols + cells[:, 0] - west
+        order = np.argsort(key, kind="stable")
+        keys, first = np.unique(key[order], return_index=True)
+        grid = np.array([LONELY_COLUMN_M, float(n_cols), float(west), float(south)])
+        across_m = float(np.hypot(*np.ptp(xyz[:, :2], axis=0))) if len(xyz) else 0.0
+        return cls(xyz, keys, np.append(first, len(xyz)), order, grid, across_m)
+
+    def slice(
+        self, plan: Plan, half_width_m: float, half_length_m: float, free: BoolArray | None = None
+    ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+        """Return the points about a line in plan, by station: their numbers, stations, offsets and heights.
+
+        No points where fewer than `LEAST_VOTES` of them are `free`.
+        """
+        # A seed lies in a window about some of the points
+        reach_m = min(half_length_m, self.across_m + SEED_REACH_M)
+        line = np.array([plan.x, plan.y, plan.ux, plan.uy, -reach_m, reach_m])
+        near: IntArray = kernels.near_segment(
+            self.keys, self.start, self.order, self.grid, self.xyz[:, :2], line, half_width_m
+        )
+        if free is not None and np.count_nonzero(free[near]) < LEAST_VOTES:
+            near = near[:0]  # the usual case: another seed has led to the same wires before
+        s, o = plan.stations(self.xyz[near, :2])
+        z = self.xyz[near, 2]
+        by = np.lexsort((z, o, s))
+        return near[by], s[by], o[by], z[by]
+
+
+def follow_seed(
+    lonely: Lonely, free: BoolArray, seed: Seed, *, widths: Widths, max_gap_m: float
+) -> list[IntArray]:
+    """Return the points of each wire that passes through the slice of a seed line.
+
+    Parameters
+    ----------
+    lonely
+        Points that may be wires.
+    free
+        (n,) bool: not yet part of a wire.
+    widths
+        Lengths across a wire.
+    max_gap_m
+        A wire is followed over stretches this long without a point.
+
+    Returns
+    -------
+    list of index arrays
+        Points of each wire, as followed beyond the window. What is no wire stays in it: the tests follow.
+    """
+    plan = Plan(seed.x, seed.y, seed.ux, seed.uy)
+    near, s, o, z = lonely.slice(plan, widths.slice_m, seed.half_m * math.sqrt(2.0), free)
+    left = free[near]
+    wires: list[IntArray] = []
+    failed = 0
+    while failed < MOST_FAILURES and np.count_nonzero(left) >= LEAST_VOTES:
+        curve = _best_curve(s, o, z, left, widths.vote_m)
+        if curve is None:
+            break
+        member = kernels.settle(s, o, z, left, curve, widths.gate_m)
+        failed += 1
+        left &= ~member
+        if not np.any(member):
+            break
+        if _thin(s, o, z, member, widths):
+            grown = _grown(lonely, free, plan, (s[member], o[member]), near[member], widths, max_gap_m)
+            if len(grown):
+                failed = 0
+                left &= ~np.isin(near, grown)
+                wires.append(grown)
+    return wires
+
+
+def _best_curve(
+    s: FloatArray, o: FloatArray, z: FloatArray, left: BoolArray, vote_m: float
+) -> tuple[float, float, float] | None:
+    """Return the curve that has most votes in the slice, or None where none has enough.
+
+    Every half metre has one vote, shared by its cells: a wall or a crown in the slice has no more than a wire.
+    """
+    sides = (ALONG_M, UP_M, ACROSS_M, vote_m)
+    seen, curve = kernels.best_curve((s, o, z), left, (SLOPES, CURVATURES), sides)
+    return curve if seen >= LEAST_VOTES else None
+
+
+def _thin(s: FloatArray, o: FloatArray, z: FloatArray, member: BoolArray, widths: Widths) -> bool:
+    length, occupied, ringed = kernels.thinness(s, o, z, member, widths.gates)
+    return bool(length >= LEAST_SEEN_M and occupied >= LEAST_OCCUPIED and ringed <= MOST_RINGED)
+
+
+def _grown(
+    lonely: Lonely,
+    free: BoolArray,
+    plan: Plan,
+    known: tuple[FloatArray, FloatArray],
+    members: IntArray,
+    widths: Widths,
+    max_gap_m: float,
+) -> IntArray:
+    """Return the points of the wire far beyond its window: its direction is better known now."""
+    slope, offset = np.polyfit(known[0], known[1], 1)
+    line = plan.turned(float(offset), float(slope))
+    near, s, o, z = lonely.slice(line, widths.slice_m, math.inf)
+    unclaimed = free[near]
+    member = np.zeros(len(near), dtype=bool)
+    member[unclaimed] = kernels.grow(
+        s[unclaimed],
+        o[unclaimed],
+        z[unclaimed],
+        np.isin(near[unclaimed], members),
+        widths.gates,
+        max_gap_m,
+    )
+    if not _thin(s, o, z, member, widths):
+        return near[:0]
+    grown: IntArray = near[member]
+    return grown

@@ -1,0 +1,346 @@
+"""One wire per span: pieces of one catenary are joined, and every wire ends at its support."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from linework.arrays import BoolArray, FloatArray
+from linework.lines.catenary import meeting_stations
+from linework.methods.cables.band import Band
+from linework.methods.cables.fit import Wire, fit_wire, main_run, near_end, split_at_kink
+
+#: A hidden stretch may be as long as the visible pieces together, but no longer than this [m].
+MOST_HIDDEN_M = 40.0
+#: Least share of points of its own: wires that part from 0.3 m share those where spans meet, no more.
+LEAST_OWN = 0.5
+#: How far a wire is carried on to a pole [m]: at the far end hits are metres apart, and insulators and the
+#: crossarm hide as much again.
+POLE_CARRY_M = 4.0
+#: How far to where the wire of the next span arrives at the same height, or those beside it end [m]: across a
+#: crown, and over the sparse hits of the far end.
+CARRY_M = 10.0
+#: How far it is carried on where no support is in sight [m]: what is within 1 m of a hit counts as seen.
+OPEN_M = 0.8
+#: How far a wire may have been followed past its support [m]: into the next span when that is taut.
+PAST_M = 2.0
+#: Where two spans meet follows from this much of both [m], whole spans along roads and a part of longer ones:
+#: the far end of the next span may be beyond what a tile sees.
+SUPPORT_REACH_M = 60.0
+#: Wires on one support leave it in one direction within this angle [rad], and lie in this box [m].
+BUNDLE_RAD, BUNDLE_PLAN_M, BUNDLE_UP_M = math.radians(12.0), 2.5, 5.0
+#: Wires of a bundle run alike: a degree in plan, and in height as far as their sags differ by a fifth.
+BESIDE_TURN, BESIDE_TILT = 0.02, 0.03
+#: A pole (or a wall that the wire ends at) is a column of points at least this high [m] up to near the wire,
+#: this near to it in plan [m] and no wider along it [m]: a crown is wider.
+POLE_M, POLE_SIDE_M, POLE_WIDE_M = 1.5, 0.6, 0.75
+
+
+class End(NamedTuple):
+    """An end of a wire: which wire, low (0) or high (1), its place in plan, the direction outwards, the wire there."""
+
+    wire: int
+    side: int
+    xy: FloatArray
+    out: FloatArray
+    near: Wire
+
+
+def join_pieces(band: Band, wires: list[Wire]) -> list[Wire]:
+    """Return the wires with those pieces joined that are one catenary of one span.
+
+    Notes
+    -----
+    A joint fit must explain both as well as each fit explains its own, without a kink. Longest first.
+    """
+    left = sorted(wires, key=lambda w: (-w.length_m, w.plan.x, w.plan.y, w.fit.curve.height_m))
+    done: list[Wire] = []
+    while left:
+        wire = left.pop(0)
+        for other in [w for w in _in_line(wire, left) if _one_line(wire, w)]:
+            joint = _joined(band, wire, other)
+            if joint is not None:
+                wire = joint
+                left = [w for w in left if w is not other]
+        done.append(wire)
+    return done
+
+
+def _in_line(wire: Wire, others: list[Wire]) -> list[Wire]:
+    """Return those whose ends lie about the line of the wire in plan: of a thousand pieces a handful.
+
+    The same test as in `_one_line`, for all at once; without it half of the time of the search goes there.
+    """
+    if not others:
+        return []
+    line = np.array([(w.plan.x, w.plan.y, w.plan.ux, w.plan.uy, w.low_m, w.high_m) for w in others]).T
+    across = [
+        (line[1] + at * line[3] - wire.plan.y) * wire.plan.ux
+        - (line[0] + at * line[2] - wire.plan.x) * wire.plan.uy
+        for at in (line[4], line[5])
+    ]
+    near = np.maximum(np.abs(across[0]), np.abs(across[1])) <= 4.0 * wire.widths.side_m + 1e-6
+    return [others[i] for i in np.flatnonzero(near)]
+
+
+def _one_line(wire: Wire, other: Wire) -> bool:
+    ends = other.at(np.array([other.low_m, other.high_m]))
+    s, o, dz = wire.residuals(ends)
+    near = int(np.argmin(np.abs(s - (wire.low_m + wire.high_m) / 2.0)))
+    hidden = max(float(s.min()) - wire.high_m, wire.low_m - float(s.max()))
+    return bool(
+        np.abs(o).max() <= 4.0 * wire.widths.side_m
+        and abs(o[near]) <= wire.widths.side_m
+        and abs(dz[near]) <= max(wire.widths.side_m, 0.03 * hidden)
+        and hidden <= min(MOST_HIDDEN_M, wire.length_m + other.length_m)
+    )
+
+
+def _joined(band: Band, wire: Wire, other: Wire) -> Wire | None:
+    members = np.union1d(wire.members, other.members)
+    joint = fit_wire(band, members, wire.widths)
+    if joint is None:
+        return None
+    if any(np.isin(w.members, joint.members).mean() < 0.9 for w in (wire, other)):
+        return None
+    worst = max(wire.fit.sigma_m, other.fit.sigma_m)
+    if joint.fit.sigma_m > 1.3 * worst + 0.002 or split_at_kink(band, joint, 3.0) is not None:
+        return None
+    return joint
+
+
+def without_mixtures(band: Band, wires: list[Wire]) -> list[Wire]:
+    """Return the wires without those that consist of pieces of others: a curve laid across a bundle.
+
+    The wire with the smallest share of points of its own goes first, until all have most for themselves.
+    """
+    kept = list(wires)
+    times = np.zeros(len(band.xyz), dtype=np.int64)
+    for w in kept:
+        times[w.members] += 1
+    while kept:
+        own = [float((times[w.members] == 1).mean()) for w in kept]
+        worst = int(np.argmin(own))
+        if own[worst] >= LEAST_OWN:
+            break
+        times[kept.pop(worst).members] -= 1
+    return kept
+
+
+def without_tails(band: Band, wires: list[Wire]) -> list[Wire]:
+    """Return the wires without what they share with others at their ends.
+
+    Carried on past its support a wire crosses those of the next span, which lie on it for a metre or so.
+    Points on one wire alone say how far it goes; the supports are found from there.
+    """
+    times = np.zeros(len(band.xyz), dtype=np.int64)
+    for w in wires:
+        times[w.members] += 1
+    kept = []
+    for w in wires:
+        s = w.plan.stations(band.xyz[w.members, :2])[0]
+        own = np.flatnonzero(times[w.members] == 1)
+        if len(own) < 4:
+            continue
+        first, last = main_run(s[own])
+        a, b = own[first], own[last - 1] + 1
+        kept.append(replace(w, members=w.members[a:b], low_m=float(s[a]), high_m=float(s[b - 1])))
+    return kept
+
+
+def end_at_supports(band: Band, wires: list[Wire], min_length_m: float) -> list[Wire]:
+    """Return the wires with their ends moved to where neighbouring spans meet, or to the pole.
+
+    Parameters
+    ----------
+    min_length_m
+        Shorter ones stay only if they hang on a support with a longer one or beside one: the edge of the
+        survey, or what hides a span, leaves such pieces.
+
+    Notes
+    -----
+    First wires of neighbouring spans are paired by where their lines or catenaries meet; then an end
+    without a partner takes the pole that stands there, or the support of the wires beside it. No wire ends
+    in the air: without any support it is carried on a little.
+    """
+    wires = _with_partners(band, wires, min_length_m)
+    ends = _ends(band, wires)
+    of_wire = np.zeros(len(band.xyz), dtype=bool)
+    for w in wires:
+        of_wire[w.members] = True
+    support = {(e.wire, e.side): place for pair, place in _met(ends) for e in pair}
+    for end in ends:
+        if (end.wire, end.side) not in support:
+            pole = _pole_at(band, of_wire, wires[end.wire], end)
+            if pole is not None:
+                support[end.wire, end.side] = pole
+    limits = [[w.low_m, w.high_m] for w in wires]
+    for end in ends:
+        place = support.get((end.wire, end.side))
+        if place is None:
+            place = _support_of_bundle(wires, ends, support, end)
+        if place is None:
+            place = end.xy + OPEN_M * end.out
+        limits[end.wire][end.side] = float(wires[end.wire].plan.stations(place[None])[0][0])
+    return [
+        replace(w, low_m=low, high_m=high)
+        for w, (low, high) in zip(wires, limits, strict=True)
+        if high - low > 1.0
+    ]
+
+
+def _with_partners(band: Band, wires: list[Wire], min_length_m: float) -> list[Wire]:
+    """Return the wires that are long enough, and those that meet such a wire at a support or hang beside it."""
+    long = [w.length_m >= min_length_m for w in wires]
+    if all(long):
+        return wires
+    met = [pair for pair, _ in _met(_ends(band, wires))]
+    partner = {a.wire for a, b in met if long[b.wire]} | {b.wire for a, b in met if long[a.wire]}
+    known = [w for w, is_long in zip(wires, long, strict=True) if is_long]
+    return [
+        w
+        for i, w in enumerate(wires)
+        if long[i] or i in partner or any(_hangs_beside(w, other) for other in known)
+    ]
+
+
+def _hangs_beside(wire: Wire, other: Wire) -> bool:
+    """Whether a short piece runs along a wire of the same bundle, in plan and in height."""
+    middle = (wire.low_m + wire.high_m) / 2.0
+    s, o, dz = other.residuals(wire.at(np.array([middle])))
+    turn = abs(wire.plan.ux * other.plan.uy - wire.plan.uy * other.plan.ux)
+    same_way = math.copysign(1.0, wire.plan.ux * other.plan.ux + wire.plan.uy * other.plan.uy)
+    tilt = abs(same_way * wire.fit.curve.slope_at(np.array([middle]))[0] - other.fit.curve.slope_at(s)[0])
+    return bool(
+        turn <= BESIDE_TURN
+        and tilt <= BESIDE_TILT
+        and other.low_m <= s[0] <= other.high_m
+        and abs(o[0]) <= BUNDLE_PLAN_M
+        and abs(dz[0]) <= BUNDLE_UP_M
+    )
+
+
+def _met(ends: list[End]) -> list[tuple[tuple[End, End], FloatArray]]:
+    """Return the pairs of ends that hang on one support, and where; the nearest pairs first."""
+    taken: set[int] = set()
+    pairs = []
+    for _, a, b, place in _meetings(ends):
+        if a not in taken and b not in taken:
+            taken |= {a, b}
+            pairs.append(((ends[a], ends[b]), place))
+    return pairs
+
+
+def _ends(band: Band, wires: list[Wire]) -> list[End]:
+    """Return both ends of all wires."""
+    ends = []
+    for i, wire in enumerate(wires):
+        for side, sign in ((0, -1.0), (1, 1.0)):
+            near = near_end(band, wire, side, SUPPORT_REACH_M)
+            last = np.array([wire.high_m if side else wire.low_m])
+            at = near.plan.stations(wire.plan.places(last))[0]
+            ahead = sign if near.plan.ux * wire.plan.ux + near.plan.uy * wire.plan.uy > 0.0 else -sign
+            out = ahead * np.array([near.plan.ux, near.plan.uy])
+            ends.append(End(i, side, near.plan.places(at)[0], out, near))
+    return ends
+
+
+def _meetings(ends: list[End]) -> list[tuple[float, int, int, FloatArray]]:
+    """Return (cost, end, end, place) of every two ends that may hang on one support."""
+    xy = np.array([e.xy for e in ends]).reshape(-1, 2)
+    out = np.array([e.out for e in ends]).reshape(-1, 2)
+    of_wire = np.array([e.wire for e in ends], dtype=np.int64)
+    order = np.lexsort(xy.T)  # by place: which of two wires is the first must not depend on their lengths
+    found = []
+    for n, a in enumerate(order):
+        end = ends[a]
+        later = order[n + 1 :]
+        off, facing = xy[later] - end.xy, out[later] @ end.out < -0.5
+        near = np.hypot(off[:, 0], off[:, 1]) <= CARRY_M + POLE_CARRY_M
+        for b in later[near & facing & (of_wire[later] != end.wire)]:
+            meeting = _meeting(end.near, ends[b].near, end, ends[b])
+            if meeting is not None:
+                found.append((meeting[0], int(a), int(b), meeting[1]))
+    return sorted(found, key=lambda m: m[0])
+
+
+def _meeting(wire: Wire, other: Wire, end: End, end2: End) -> tuple[float, FloatArray] | None:
+    cross = float(end.out[0] * end2.out[1] - end.out[1] * end2.out[0])
+    d = end2.xy - end.xy
+    if abs(cross) > math.sin(math.radians(2.0)):
+        along = float(d[0] * end2.out[1] - d[1] * end2.out[0]) / cross
+        places = [end.xy + along * end.out]
+    else:
+        if abs(float(end.out[0] * d[1] - end.out[1] * d[0])) > 2.0 * wire.widths.side_m:
+            return None
+        places = [end.xy + a * end.out for a in _height_meetings(wire, other, end, float(d @ end.out))]
+    best: tuple[float, FloatArray] | None = None
+    for place in places:
+        on1, on2 = float((place - end.xy) @ end.out), float((place - end2.xy) @ end2.out)
+        if max(on1, on2) > CARRY_M or on1 + on2 > CARRY_M + POLE_CARRY_M or min(on1, on2) < -PAST_M:
+            continue
+        gap = abs(_height(wire, place) - _height(other, place))
+        cost = abs(on1) + abs(on2) + 10.0 * gap
+        if gap <= wire.widths.side_m and (best is None or cost < best[0]):
+            best = (cost, place)
+    return best
+
+
+def _height_meetings(wire: Wire, other: Wire, end: End, apart_m: float) -> list[float]:
+    """Return how far beyond `end` two collinear wires have one height; half way where they do nowhere."""
+    station = float(wire.plan.stations(end.xy[None])[0][0])
+    sign = 1.0 if float(end.out @ np.array([wire.plan.ux, wire.plan.uy])) > 0.0 else -1.0
+    same = wire.plan.ux * other.plan.ux + wire.plan.uy * other.plan.uy
+    shift = float(wire.plan.stations(other.plan.places(np.array([other.fit.curve.station_m])))[0][0])
+    curve = replace(
+        other.fit.curve, station_m=shift, slope=other.fit.curve.slope * (1.0 if same > 0 else -1.0)
+    )
+    low, high = sorted((station - sign * PAST_M, station + sign * max(apart_m + PAST_M, 0.0)))
+    meetings = [sign * (float(s) - station) for s in meeting_stations(wire.fit.curve, curve, low, high)]
+    return [*meetings, apart_m / 2.0]
+
+
+def _height(wire: Wire, place: FloatArray) -> float:
+    x, y = place.tolist()
+    return wire.fit.curve.height_of((x - wire.plan.x) * wire.plan.ux + (y - wire.plan.y) * wire.plan.uy)
+
+
+def _support_of_bundle(
+    wires: list[Wire], ends: list[End], support: dict[tuple[int, int], FloatArray], end: End
+) -> FloatArray | None:
+    """Return the place on the wire beside the supports that its neighbours end at, or None."""
+    own_height = _height(wires[end.wire], end.xy)
+    stations = []
+    for other in ends:
+        place = support.get((other.wire, other.side))
+        if place is None or float(other.out @ end.out) < math.cos(BUNDLE_RAD):
+            continue
+        off = place - end.xy
+        on, aside = float(off @ end.out), abs(float(end.out[0] * off[1] - end.out[1] * off[0]))
+        up = abs(_height(wires[other.wire], place) - own_height)
+        if aside <= BUNDLE_PLAN_M and up <= BUNDLE_UP_M and -PAST_M <= on <= CARRY_M:
+            stations.append(on)
+    return end.xy + float(np.median(stations)) * end.out if stations else None
+
+
+def _pole_at(band: Band, of_wire: BoolArray, wire: Wire, end: End) -> FloatArray | None:
+    """Return the place on the wire at a pole just beyond its end, or None."""
+    line = np.array([*end.xy, *end.out, -POLE_WIDE_M, POLE_CARRY_M])
+    near = band.near(line, POLE_SIDE_M)
+    near = near[~of_wire[near]]  # a stack of wires is no pole
+    along = (band.xyz[near, :2] - end.xy) @ end.out
+    drop = _height(wire, end.xy) - band.xyz[near, 2]
+    below = (drop > -0.5) & (drop < POLE_M + 1.0)
+    bins = np.floor((along[below] + POLE_WIDE_M) / 0.25).astype(np.int64)
+    levels = np.unique(np.stack([bins, np.floor(drop[below] / 0.25).astype(np.int64)]), axis=1)[0]
+    column = np.flatnonzero(np.bincount(levels, minlength=1) >= 0.6 * POLE_M / 0.25)
+    if len(column) == 0:
+        return None
+    run = column[column - np.arange(len(column)) == column[0]]
+    if 0.25 * len(run) > POLE_WIDE_M:
+        return None
+    at_pole = (bins >= run[0]) & (bins <= run[-1])
+    return end.xy + float(np.median(along[below][at_pole])) * end.out

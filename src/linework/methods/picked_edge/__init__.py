@@ -1,0 +1,1 @@
+"""One edge, picked in an image and followed."""

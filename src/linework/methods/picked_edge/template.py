@@ -1,0 +1,140 @@
+"""The pattern across a line, as it has looked so far: what every match is compared with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from linework.arrays import FloatArray
+from linework.kernels.images.line_matching import integral_of
+from linework.methods.picked_edge.profile import Pattern
+
+#: Spacing and reach of a template: finer than any camera's pixel at the nearest place it sees. [m]
+STEP_M, REACH_M = 0.005, 0.8
+#: Beside a stripe, and to either side of an edge, so much is compared: as wide as the narrowest verge. [m]
+BESIDE_M, EDGE_M = 0.12, 0.22
+#: An edge's own sides, at least. [m]
+LEAST_EDGE_M = 0.08
+#: So much of a template is taken from each match: it is renewed over some metres, grain of the road
+#: does not become part of it.
+RENEWED = 0.04
+#: An edge's sides are averaged over this, the noise of single samples away. [m]
+_SIDE_M = 0.03
+#: An edge stays within this of where it was. [m]
+_EDGE_REACH_M = 0.12
+
+
+@dataclass(frozen=True, slots=True)
+class Template:
+    """Grey values across a line.
+
+    Parameters
+    ----------
+    grey
+        (n,) float64 every `STEP_M`, the first `REACH_M` to the right of the line.
+    anchor_m
+        Where on it the line is: the middle of both edges of a stripe, the half height of an edge.
+    width_m
+        Between both edges of a stripe; NaN for an edge.
+    rise
+        Of an edge, from its right to its left; of a stripe, paint over road. [grey values]
+    free_m
+        From an edge to the next one, which has its own way. [m]
+    total
+        (n + 1,) running integral of `grey`, as kernels take it.
+    """
+
+    grey: FloatArray
+    anchor_m: float
+    width_m: float
+    rise: float
+    free_m: float
+    total: FloatArray
+
+    @property
+    def is_stripe(self) -> bool:
+        """Whether it is a stripe of paint."""
+        return not np.isnan(self.width_m)
+
+    @property
+    def window_m(self) -> float:
+        """Half of the width that is compared. [m]"""  # noqa: D400
+        if self.is_stripe:
+            return 0.5 * self.width_m + BESIDE_M
+        return min(max(self.free_m, LEAST_EDGE_M), EDGE_M)
+
+    @property
+    def mean(self) -> float:
+        """Mean grey value of the part that is compared."""
+        s = grid()
+        return float(self.grey[np.abs(s - self.anchor_m) <= self.window_m].mean())
+
+
+def grid() -> FloatArray:
+    """Return (n,) places of a template's values. [m, left of the line positive]"""  # noqa: D400
+    n = round(REACH_M / STEP_M)
+    return np.asarray(STEP_M * np.arange(-n, n + 1), dtype=np.float64)
+
+
+def template_of(s: FloatArray, grey: FloatArray, pattern: Pattern) -> Template:
+    """Return the template of grey values at places across a line [m], anchored anew on its edges."""
+    seen = np.isfinite(grey)
+    values = np.interp(grid() + pattern.at_m, s[seen], grey[seen])
+    p = pattern
+    return anchored(Template(values, 0.0, p.width_m, p.rise, p.free_m, integral_of(values)))
+
+
+def renewed(template: Template, s: FloatArray, grey: FloatArray, seen: FloatArray) -> Template:
+    """Return a template drawn a little towards what a match showed.
+
+    Parameters
+    ----------
+    s
+        (k,) ascending places on the template [m].
+    grey
+        (k,) what was seen there, its gain and offset taken out.
+    seen
+        (k,) the template as the same pixels see it: only the difference is drawn in, so that coarse pixels do not
+        blur the template.
+    """
+    difference = np.interp(grid(), s, grey - seen, left=0.0, right=0.0)
+    values = template.grey + RENEWED * difference
+    return anchored(replace(template, grey=values, total=integral_of(values)))
+
+
+def anchored(template: Template) -> Template:
+    """Return the template with its line where its edges are now: matching alone would drift away from them."""
+    s, grey, at = grid(), template.grey, template.anchor_m
+    if not template.is_stripe:
+        edge = _crossing(s, grey, at, template.rise, min(template.window_m, _EDGE_REACH_M))
+        return template if edge is None else replace(template, anchor_m=edge[0], rise=edge[1])
+    half = 0.5 * template.width_m
+    reach = min(max(half, 2.0 * STEP_M), BESIDE_M)
+    right = _crossing(s, grey, at - half, template.rise, reach)
+    left = _crossing(s, grey, at + half, -template.rise, reach)
+    if right is None or left is None or left[0] - right[0] < 2.0 * STEP_M:
+        return template
+    return replace(
+        template, anchor_m=0.5 * (left[0] + right[0]), width_m=left[0] - right[0],
+        rise=0.5 * (right[1] - left[1]),
+    )  # fmt: skip
+
+
+def _crossing(
+    s: FloatArray, grey: FloatArray, at: float, rise: float, reach: float
+) -> tuple[float, float] | None:
+    """Return where an edge is at half of its height [m], and its height; None where it is no longer there."""
+    side = max(0.5 * reach, _SIDE_M)
+    right = grey[(s < at - 0.5 * reach) & (s >= at - 0.5 * reach - side)].mean()
+    left = grey[(s > at + 0.5 * reach) & (s <= at + 0.5 * reach + side)].mean()
+    if (left - right) * rise <= 0.0 or abs(left - right) < 0.3 * abs(rise):
+        return None
+    near = np.flatnonzero(np.abs(s - at) <= reach)
+    above = (grey[near] - 0.5 * (left + right)) * np.sign(rise)
+    turns = np.flatnonzero((above[:-1] < 0.0) & (above[1:] >= 0.0))
+    if len(turns) == 0:
+        return None
+    i = turns[np.argmin(np.abs(s[near[turns]] - at))]
+    share = above[i] / (above[i] - above[i + 1])
+    return float(s[near[i]] + share * STEP_M), float(left - right)

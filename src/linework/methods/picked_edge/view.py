@@ -1,0 +1,147 @@
+"""One stereo pair as it is seen from the world: where places are in both of its images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.arrays import AnyArray, FloatArray
+from linework.model.images import Poses, RectifiedPair
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """A rectified pair and where its cameras were.
+
+    Parameters
+    ----------
+    images
+        Left and right, (height, width) uint8.
+    to_pixel
+        Of both, (3, 4) float64 from places to homogeneous column and row.
+    centre
+        (3,) float64 [m, local world]: projection centre of the left camera.
+    ahead
+        (3,) float64: where the cameras look.
+    up
+        (3,) float64: normal of the road.
+    """
+
+    number: int
+    images: tuple[AnyArray, AnyArray]
+    to_pixel: tuple[FloatArray, FloatArray]
+    centre: FloatArray
+    ahead: FloatArray
+    up: FloatArray
+
+    @classmethod
+    def of(
+        cls, pair: RectifiedPair, poses: Poses, i: int, origin: FloatArray, up_vehicle: FloatArray
+    ) -> View:
+        """Return a pair as seen from the world, less an origin. [m]
+
+        Parameters
+        ----------
+        poses, i
+            Pose i belongs to the pair.
+        up_vehicle
+            (3,) normal of the road in the vehicle frame.
+        """  # noqa: D400
+        rig, turn = pair.rig, poses.R_world_vehicle[i]
+        inside = np.array([[rig.focal_px, 0.0, rig.cx], [0.0, rig.focal_px, rig.cy], [0.0, 0.0, 1.0]])
+        axes = turn @ rig.R_vehicle_camera
+        centre = turn @ rig.position_m + poses.xyz[i] - origin
+        left = inside @ np.column_stack([axes.T, -axes.T @ centre])
+        right = left.copy()
+        right[0, 3] -= rig.focal_px * rig.base_m
+        return cls(
+            pair.number, (np.ascontiguousarray(pair.left), np.ascontiguousarray(pair.right)), (left, right),
+            centre, axes[:, 2], turn @ up_vehicle,
+        )  # fmt: skip
+
+    def pixels(self, side: int, xyz: FloatArray) -> FloatArray:
+        """Return (n, 2) columns and rows of (n, 3) places in one image; NaN behind the camera."""
+        m = self.to_pixel[side]
+        h = xyz @ m[:, :3].T + m[:, 3]
+        depth = np.where(h[:, 2] > 0.1, h[:, 2], np.nan)
+        return np.asarray(h[:, :2] / depth[:, None])
+
+    def jacobian(self, side: int, place: FloatArray) -> FloatArray:
+        """Return (2, 3) how the pixel of a place moves with it. [pixels/m]"""  # noqa: D400
+        m = self.to_pixel[side]
+        h = m[:, :3] @ place + m[:, 3]
+        return np.asarray((m[:2, :3] - np.outer(h[:2] / h[2], m[2, :3])) / h[2])
+
+    def depth_m(self, xyz: FloatArray) -> FloatArray:
+        """Return (n,) how far ahead of the cameras (n, 3) places are. [m]"""  # noqa: D400
+        return np.asarray((xyz - self.centre) @ self.ahead)
+
+    def is_inside(self, side: int, xyz: FloatArray, margin_px: float = 2.0) -> AnyArray:
+        """Return (n,) whether places are inside an image."""
+        col, row = self.pixels(side, xyz).T
+        height, width = self.images[side].shape
+        with np.errstate(invalid="ignore"):
+            return np.asarray(
+                (col >= margin_px) & (row >= margin_px)
+                & (col <= width - 1 - margin_px) & (row <= height - 1 - margin_px)
+            )  # fmt: skip
+
+
+# Whether something nearer stands where a line should be seen
+
+#: Half size of the windows that are compared. [rows, columns]
+_HALF = (4, 7)
+#: Two windows show the same thing when they correlate so well; the nearer must do so better than the road by this.
+_SAME, _BETTER = 0.8, 0.1
+#: Something that stands on the road is nearer than the road behind it by at least so much of its disparity, and by
+#: at least so many pixels. Nothing is looked for nearer than a quarter of the distance.
+_NEARER, _NEARER_PX, _NEAREST = 1.12, 2.0, 4.0
+
+
+def is_hidden(view: View, places: FloatArray) -> bool:
+    """Return whether most of (n, 3) places [m, local world] are behind something.
+
+    Notes
+    -----
+    The window around each place in the left image is looked for along its row of the right image. It is hidden
+    where a disparity larger than the place's own fits better.
+    """
+    ahead = places[view.is_inside(0, places) & (view.depth_m(places) > 1.0)]
+    if len(ahead) == 0:
+        return False
+    left, right = view.pixels(0, ahead), view.pixels(1, ahead)
+    votes = [
+        _is_nearer(view.images, c, r, d) for (c, r), d in zip(left, left[:, 0] - right[:, 0], strict=True)
+    ]
+    return 2 * sum(votes) > len(votes)
+
+
+def _is_nearer(images: tuple[AnyArray, AnyArray], col: float, row: float, disparity: float) -> bool:
+    left, right = images
+    c, r = round(col), round(row)
+    high, wide = _HALF
+    if not (high <= r < left.shape[0] - high and wide <= c < left.shape[1] - wide):
+        return False
+    window = _normal(left[r - high : r + high + 1, c - wide : c + wide + 1].astype(np.float64)[None])[0]
+    first = max(c - wide - int(_NEAREST * disparity) - 1, 0)
+    strip = right[r - high : r + high + 1, first : c + wide + 1 - max(int(disparity) - 2, 0)].astype(
+        np.float64
+    )
+    if strip.shape[1] < 2 * wide + 1:
+        return False
+    shifted = np.lib.stride_tricks.sliding_window_view(strip, window.shape)[0]
+    alike = np.einsum("krc,rc->k", _normal(shifted), window)
+    found = c - wide - (first + np.arange(len(alike)))
+    nearer = found > max(_NEARER * disparity, disparity + _NEARER_PX)
+    if not nearer.any() or nearer.all():
+        return False
+    best = alike[nearer].max()
+    return bool(best > _SAME and best > alike[~nearer].max() + _BETTER)
+
+
+def _normal(windows: FloatArray) -> FloatArray:
+    """Return (k, rows, columns) windows less their mean, of unit length; empty ones stay 0."""
+    out = windows - windows.mean(axis=(1, 2), keepdims=True)
+    length = np.sqrt((out * out).sum(axis=(1, 2), keepdims=True))
+    return np.asarray(out / np.maximum(length, 1.0))

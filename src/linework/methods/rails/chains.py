@@ -1,0 +1,353 @@
+"""Chains: what was followed from many starts, each for itself, put together to whole lines.
+
+A line that is followed from one start to its end depends on where it was begun, and so on how much of it a
+tile sees. Here nothing is followed further than `FAR_M` from where it was begun, and many starts are near one
+another: what holds at a place is known from the points about it, whatever tile it is seen from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from linework.kernels.radon import follow
+from linework.kernels.radon.follow import SETTLED
+from linework.kernels.tracking.passing import passing
+from linework.methods.rails.circles import Bins, CircleConfig
+
+#: Lines are followed so far from where a beam was seen [m]: three times to the next start, or more.
+REACH_M = 24.0
+#: And so far where no other start is met [m]: four times the longest bush.
+FAR_M = 48.0
+#: Starts so near to a clearer one, on its line, are passed over [m]: every place is followed from several.
+NEAR_M = 8.0
+#: Columns of a chain: x, y [m from the bins' origin], top z [m], number of points, measured (1) or not (0).
+N_COLUMNS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Strands:
+    """What was followed from n starts, the clearest first: strand i from offsets[i] to offsets[i + 1].
+
+    Parameters
+    ----------
+    nodes
+        (m, 7) float64: x, y, heading, top z, number of points, spread, measured.
+    arc_m
+        (m,) float64 [m]: along each strand, 0 at its middle.
+    middle
+        (n,) int64: node where the strand was begun.
+    begin
+        (n, 5) float64: the start.
+    """
+
+    nodes: FloatArray
+    offsets: IntArray
+    arc_m: FloatArray
+    middle: IntArray
+    begin: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.middle)
+
+    def along(self, end: int, to_m: float, at: FloatArray) -> FloatArray:
+        """Return the rows of a chain at shares `at` of the way `to_m` [m] from a strand's middle to an end."""
+        begin, stop = self.offsets[end // 2], self.offsets[end // 2 + 1]
+        sign = 1.0 if end % 2 == 0 else -1.0
+        s, nodes = self.arc_m[begin:stop], self.nodes[begin:stop]
+        return np.column_stack([np.interp(sign * to_m * at, s, nodes[:, k]) for k in (0, 1, 3, 4, 6)])
+
+    def tail(self, end: int) -> FloatArray:
+        """Return the rows of a chain from a strand's middle, left out, to an end."""
+        i = end // 2
+        nodes = self.nodes[self.middle[i] + 1 : self.offsets[i + 1]]
+        if end % 2 == 1:
+            nodes = self.nodes[self.offsets[i] : self.middle[i]][::-1]
+        return nodes[:, (0, 1, 3, 4, 6)]
+
+    def reaching(self, partner: dict[int, Link], n_nodes: int) -> IntArray:
+        """Return which strands have an end without partner that would go on after `n_nodes` from the middle."""
+        ahead, behind = self.offsets[1:] - 1 - self.middle, self.middle - self.offsets[:-1]
+        free = np.array([end not in partner for end in range(2 * len(self))], dtype=bool).reshape(-1, 2)
+        # A few nodes less: what was not measured at the end is left off
+        return np.flatnonzero((free & (np.column_stack([ahead, behind]) >= n_nodes - SETTLED)).any(axis=1))
+
+    def replaced(self, longer: Strands) -> Strands:
+        """Return the strands with some of them followed further."""
+        at = {tuple(begin): i for i, begin in enumerate(longer.begin.tolist())}
+        parts = [
+            longer.part(at[key]) if (key := tuple(begin)) in at else self.part(i)
+            for i, begin in enumerate(self.begin.tolist())
+        ]
+        if not parts:
+            return self
+        offsets = np.concatenate([[0], np.cumsum([len(nodes) for nodes, *_ in parts])])
+        return Strands(
+            np.concatenate([nodes for nodes, *_ in parts]),
+            offsets,
+            np.concatenate([arc for _, arc, _ in parts]),
+            offsets[:-1] + [middle for *_, middle in parts],
+            self.begin,
+        )
+
+    def part(self, i: int) -> tuple[FloatArray, FloatArray, int]:
+        """Return nodes, arc lengths and number of the middle of strand i."""
+        run = slice(self.offsets[i], self.offsets[i + 1])
+        return self.nodes[run], self.arc_m[run], int(self.middle[i] - self.offsets[i])
+
+    def ends_on(self, end: int, i: int, config: CircleConfig) -> bool:
+        """Return whether a strand's end lies on another strand i."""
+        last = self.nodes[self.offsets[end // 2 + 1] - 1 if end % 2 == 0 else self.offsets[end // 2]]
+        nodes = self.nodes[self.offsets[i] : self.offsets[i + 1]]
+        step, angle = last[:2] - nodes[:, :2], nodes[:, 2]
+        along = step[:, 0] * np.cos(angle) + step[:, 1] * np.sin(angle)
+        across = step[:, 1] * np.cos(angle) - step[:, 0] * np.sin(angle)
+        return bool(np.any((np.abs(along) <= config.spacing_m) & (np.abs(across) <= 1.25 * config.radius_m)))
+
+
+def follow_all(
+    starts: FloatArray, bins: Bins, band_m: tuple[float, float], least_m: float, config: CircleConfig
+) -> list[FloatArray]:
+    """Return the chains (n, 5) that the circles make from all starts (see `find_starts`); each place once.
+
+    Columns: see `N_COLUMNS`. What is shorter than `least_m` is dropped.
+    """
+    least = max(round(least_m / config.spacing_m), 4)
+    order = np.lexsort((starts[:, 1], starts[:, 0], -starts[:, 4]))
+    reach, far, near = (round(m / config.spacing_m) for m in (REACH_M, FAR_M, NEAR_M))
+    strands = follow_strands(starts[order], bins, band_m, (least, reach, near), config)
+    # Once more, and further, those that meet no other
+    lonely = strands.begin[strands.reaching(linked(strands, bins, config), reach)]
+    strands = strands.replaced(follow_strands(lonely, bins, band_m, (least, far, -1), config))
+    partner = linked(strands, bins, config)
+    chains = [_assembled(strands, chain, partner, config) for chain in _ordered(len(strands), partner)]
+    return _each_place_once(chains, least, config)
+
+
+def follow_strands(
+    starts: FloatArray,
+    bins: Bins,
+    band_m: tuple[float, float],
+    limits: tuple[int, int, int],
+    config: CircleConfig,
+) -> Strands:
+    """Follow the starts both ways, in their order; for `limits` see `linework.kernels.radon.follow.follow_all`."""
+    how = (config.spacing_m, config.radius_m, config.max_gap_m, config.spacing_m, *band_m, config.sheet_m)
+    nodes, offsets, middle, number = follow.follow_all(
+        bins.points,
+        bins.layers,
+        (bins.n_x, bins.n_y, bins.cell_m),
+        starts,
+        np.array(how),
+        (config.spacing_m, 1.25 * config.radius_m),
+        limits,
+        bins.work,
+    )
+    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(nodes[:, :2], axis=0).T))])[: len(nodes)]
+    arc -= np.repeat(arc[middle], np.diff(offsets))
+    return Strands(nodes, offsets, arc, middle, starts[number])
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """Where an end of a strand goes on: in which other end, how far away the other strand's middle is.
+
+    `seen`: the strand itself passes that middle; if not, only the other one passes this one's.
+    """
+
+    end: int
+    away_m: float
+    seen: bool = True
+
+
+def linked(strands: Strands, bins: Bins, config: CircleConfig) -> dict[int, Link]:
+    """Return which end of a strand goes on in which other, both ways.
+
+    End 2 i is ahead of strand i, 2 i + 1 behind it. Two strands are linked when each passes the other's
+    middle, and neither meets a nearer one of which that holds. Of the ends that are left over two are linked
+    where one strand passes the other's middle, and what was followed from there ends on the way back: a gap
+    that is crossed one way only.
+    """
+    pairs, how = passing(
+        strands.nodes,
+        strands.offsets,
+        strands.middle,
+        (bins.n_x, bins.n_y, bins.cell_m),
+        (config.spacing_m, 1.25 * config.radius_m),
+    )
+    away, same = how[:, 0], how[:, 1] > 0
+    far = np.abs(away) >= 0.5 * config.spacing_m
+    own = (2 * pairs[:, 0] + (away < 0))[far]
+    other = (2 * pairs[:, 1] + ((away > 0) == same))[far]
+    away, n = np.abs(away[far]), 2 * len(strands)
+    mutual = np.isin(own * n + other, other * n + own)
+    found = _nearest_of_each_other(n, own[mutual], other[mutual], away[mutual])
+    links = {end: Link(to, m) for end, (to, m) in found.items()}
+
+    left = ~mutual & ~np.isin(own, list(links)) & ~np.isin(other, list(links))
+    left[left] = [strands.ends_on(b, a // 2, config) for a, b in zip(own[left], other[left], strict=True)]
+    one, two, m = own[left], other[left], away[left]
+    both_ways = np.r_[one, two], np.r_[two, one], np.r_[m, m]
+    seeing = set(zip(one.tolist(), two.tolist(), strict=True))
+    for end, (to, m_away) in _nearest_of_each_other(n, *both_ways).items():
+        links[end] = Link(to, m_away, seen=(end, to) in seeing)
+    return links
+
+
+def _nearest_of_each_other(
+    n: int, own: IntArray, other: IntArray, away: FloatArray
+) -> dict[int, tuple[int, float]]:
+    """Return for ends the nearest other, and how far it is, where that holds both ways."""
+    order = np.lexsort((other, away))[::-1]
+    nearest = np.full(n, -1, dtype=np.int64)
+    nearest[own[order]] = order  # of several the last one stays: the nearest
+    to = np.where(nearest >= 0, other[nearest] if len(other) else -1, -1)
+    ends = np.flatnonzero(nearest >= 0)
+    ends = ends[to[to[ends]] == ends]
+    return {end: (int(to[end]), float(away[nearest[end]])) for end in ends.tolist()}
+
+
+def _ordered(n: int, partner: dict[int, Link]) -> list[list[int]]:
+    """Return the strands in order along each chain, as the ends that they are left by; a ring starts anywhere."""
+    chains, done = [], set()
+    starts = [e for e in range(2 * n) if e not in partner] + list(range(2 * n))
+    for start in starts:
+        chain: list[int] = []
+        end: int | None = start
+        while end is not None and end // 2 not in done:
+            done.add(end // 2)
+            chain.append(end ^ 1)
+            end = partner[end ^ 1].end if end ^ 1 in partner else None
+        if chain:
+            chains.append(chain)
+    return chains
+
+
+@dataclass(frozen=True, slots=True)
+class _Chain:
+    """Rows of a chain; and how far to trust each, where two chains lie on each other.
+
+    Parameters
+    ----------
+    far
+        (n,) bool: followed far, and from one side only.
+    score
+        (n,) float64: of the start; half of it where it was followed from one side only.
+    number
+        (n,) int64: the strand, which no other chain has.
+    """
+
+    rows: FloatArray
+    far: BoolArray
+    score: FloatArray
+    number: IntArray
+
+
+def _assembled(strands: Strands, chain: list[int], partner: dict[int, Link], config: CircleConfig) -> _Chain:
+    """Return the nodes of a chain: those of its strands, evenly spaced and blended between two middles."""
+    near, score = round(NEAR_M / config.spacing_m), strands.begin[:, 4]
+    is_ring = chain[-1] in partner
+    chain = [*chain, chain[0]] if is_ring else chain
+
+    def from_one_side(rows: FloatArray, i: int, steps: IntArray) -> _Chain:
+        n = len(rows)
+        return _Chain(rows, steps >= near, np.full(n, 0.5 * score[i]), np.full(n, i))
+
+    def tail(end: int) -> _Chain:
+        rows = strands.tail(end)[: 0 if is_ring else None]
+        return from_one_side(rows, end // 2, np.arange(len(rows)))
+
+    first = tail(chain[0] ^ 1)
+    parts = [_Chain(first.rows[::-1], first.far[::-1], first.score, first.number)]
+    for end, following in pairwise(chain):
+        link, i, j = partner[end], end // 2, following // 2
+        back = partner[link.end]
+        rows = _between(strands, end, link, back, config)
+        at, n = np.arange(len(rows)), len(rows)
+        if link.seen and back.seen:
+            least = np.full(n, min(score[i], score[j]))
+            parts.append(_Chain(rows, np.zeros(n, dtype=bool), least, np.full(n, max(i, j))))
+        else:
+            parts.append(from_one_side(rows, i if link.seen else j, at if link.seen else at[::-1]))
+    last = chain[-1]
+    parts += [
+        from_one_side(strands.along(last, 0.0, np.zeros(1)), last // 2, np.zeros(1, np.int64)),
+        tail(last),
+    ]
+    return _Chain(
+        np.concatenate([p.rows for p in parts]),
+        np.concatenate([p.far for p in parts]),
+        np.concatenate([p.score for p in parts]),
+        np.concatenate([p.number for p in parts]),
+    )
+
+
+def _between(strands: Strands, end: int, link: Link, back: Link, config: CircleConfig) -> FloatArray:
+    """Return the rows from the middle of a strand to that of the next, left out.
+
+    What both followed, blended; the same rows whichever way they are gone through.
+    """
+    steps = max(round(0.5 * (link.away_m + back.away_m) / config.spacing_m), 1)
+    at = np.arange(steps) / steps
+    own, other = strands.along(end, link.away_m, at), strands.along(link.end, back.away_m, 1.0 - at)
+    if not (link.seen and back.seen):
+        rows = own if link.seen else other
+        rows[0] = strands.along(end, 0.0, np.zeros(1))[0]
+        return rows
+    rows = (1.0 - at[:, None]) * own + at[:, None] * other
+    rows[:, 4] = np.minimum(own[:, 4], other[:, 4]) >= 0.5
+    return np.asarray(rows)
+
+
+def _each_place_once(chains: list[_Chain], least: int, config: CircleConfig) -> list[FloatArray]:
+    """Return the runs of nodes, of at least `least`, on which no other chain lies that is to be trusted more.
+
+    What was followed from the clearer start is; what was followed from both sides is trusted twice as much, and
+    what was followed far from one side only less than all else.
+    """
+    if not chains:
+        return []
+    lengths = [len(chain.rows) for chain in chains]
+    rows, owner = np.concatenate([c.rows for c in chains]), np.repeat(np.arange(len(chains)), lengths)
+    score, number = np.concatenate([c.score for c in chains]), np.concatenate([c.number for c in chains])
+    rank = np.empty(len(rows), dtype=np.int64)
+    rank[np.lexsort((number, -score, np.concatenate([c.far for c in chains])))] = np.arange(len(rows))
+    ahead = np.concatenate([_ahead(chain.rows) for chain in chains])
+    along, across = config.spacing_m, 1.25 * config.radius_m
+    near = cKDTree(rows[:, :2]).query_pairs(float(np.hypot(along, across)), output_type="ndarray")
+    near = near[owner[near[:, 0]] != owner[near[:, 1]]]
+    less = np.where((rank[near[:, 0]] > rank[near[:, 1]])[:, None], near, near[:, ::-1])
+    node, over = less.T
+    step, turn = rows[node, :2] - rows[over, :2], _cross(ahead[node], ahead[over])
+    lies_on = np.abs(np.sum(step * ahead[over], axis=1)) <= along
+    lies_on &= (np.abs(_cross(step, ahead[over])) <= across) & (np.abs(turn) < 0.34)  # 20 degrees
+    free = np.ones(len(rows), dtype=bool)
+    free[node[lies_on]] = False
+    parts = np.split(free, np.cumsum(lengths)[:-1])
+    return [chain.rows[run] for chain, own in zip(chains, parts, strict=True) for run in runs(own, least)]
+
+
+def _ahead(rows: FloatArray) -> FloatArray:
+    """Return the unit vectors along a chain."""
+    step = np.gradient(rows[:, :2], axis=0)
+    return np.asarray(step / np.maximum(np.hypot(step[:, :1], step[:, 1:]), 1e-9))
+
+
+def _cross(a: AnyArray, b: AnyArray) -> FloatArray:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def runs(chosen: BoolArray, least: int) -> list[slice]:
+    """Return the runs of True of at least `least` in a row.
+
+    >>> runs(np.array([True, True, False, True]), 2)
+    [slice(0, 2, None)]
+    """
+    edges = np.flatnonzero(np.diff(np.r_[False, chosen, False].astype(np.int8)))
+    return [
+        slice(a, b) for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True) if b - a >= least
+    ]

@@ -1,0 +1,136 @@
+"""Back to the points: circles along the seed lines, followed on through bends, fitted locally."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.arrays import Float32Array, FloatArray, IntArray
+from linework.kernels.cells import bins as binning
+from linework.kernels.radon import corridor as kernels
+from linework.methods.radon.seeds import Segments
+from linework.model.grid import Image
+from linework.model.settings import setting
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CircleConfig:
+    """Settings of the circles."""
+
+    spacing_m: float = setting(
+        0.5,
+        unit="m",
+        reason="two circles per metre: two scan lines each at the widest spacing",
+        low=0.05,
+        high=10,
+    )
+    radius_m: float = setting(
+        0.08,
+        unit="m",
+        reason="a beam is 8 cm deep: its half depth and two sigma of 2 cm noise",
+        low=0.01,
+        high=2,
+    )
+    max_gap_m: float = setting(
+        2.0,
+        unit="m",
+        reason="a post's spacing without a return; longer is a gap in the rail",
+        low=0,
+        high=100,
+    )
+    fit_window_m: float = setting(
+        3.0,
+        unit="m",
+        reason="half window of the local fit: eight posts' bending, 18 m bends",
+        low=0.5,
+        high=50,
+    )
+    min_height_m: float = setting(
+        0.06,
+        unit="m",
+        reason="above the ground: three sigma of 2 cm noise; a buried end dips so far",
+        low=0,
+        high=1,
+    )
+    min_top_m: float = setting(
+        0.42,
+        unit="m",
+        reason="of a beam to start from, above the ground: 0.31 m, and a gap below it",
+        low=0,
+        high=5,
+    )
+    max_top_m: float = setting(
+        1.3, unit="m", reason="of a beam to start from, above the ground: bridge rails", low=0, high=5
+    )
+    sheet_m: float = setting(
+        0.36, unit="m", reason="height of a W-beam (31 cm) and the noise of its top", low=0.05, high=2
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Bins:
+    """Points near candidate features, binned for quick access.
+
+    Parameters
+    ----------
+    points
+        (n, 4) float64 [m]: x, y from `origin`, z above it, height above road; by bin, and in it by layer.
+    starts
+        (n_x * n_y + 1,) int64: where each bin's points begin; row-major from the south-west.
+    layers
+        What finds a bin's layers, see `linework.kernels.cells.bins.sort_into_layers`.
+    origin
+        (3,) float64 [m, world].
+    n_most
+        Points in the fullest bin.
+    """
+
+    points: FloatArray
+    starts: IntArray
+    layers: tuple[IntArray, FloatArray, IntArray]
+    n_x: int
+    n_y: int
+    cell_m: float
+    origin: FloatArray
+    n_most: int = 1
+
+    @property
+    def work(self) -> FloatArray:
+        """A buffer that holds all points of a box of a few metres."""
+        return np.empty((64 * self.n_most, 4))
+
+
+def bin_near(xyz: FloatArray, height_m: Float32Array, binary: Image, cell_m: float = 0.5) -> Bins:
+    """Bin the points within a metre of the image's set cells, from 0.6 m below the road to 2.2 m above it.
+
+    That is what the profile looks at: the foot of a bank behind a rail, and what stands above one.
+    """
+    grid = binary.grid
+    reach = max(round(1.0 / grid.cell_width_m), 1)
+    frame = grid.east_m, grid.north_m, grid.cell_width_m
+    index, low, high = binning.choose_near(xyz, height_m, frame, binary.values, reach, (-0.6, 2.2))
+    if len(index) == 0:
+        low = high = np.zeros(3)
+    origin = np.floor(low / cell_m) * cell_m
+    n_x, n_y = (int(v / cell_m) + 1 for v in (high - origin)[:2])
+    points, starts = binning.sort_into_bins(xyz, height_m, index, origin, cell_m, n_x, n_y)
+    layers = binning.sort_into_layers(points, starts)
+    n_most = int(np.max(np.diff(starts), initial=1))
+    return Bins(points, starts, layers, n_x, n_y, cell_m, origin, n_most)
+
+
+def find_starts(segments: Segments, bins: Bins, config: CircleConfig) -> FloatArray:
+    """Return (n, 5) places to follow from: x, y [m from the origin], heading [rad], top z [m], score.
+
+    A seed line is good to a cell of the image. Around it the Radon transform is taken once more, of the
+    points themselves and over small turns, for strips that look like a beam from its end: points over a
+    beam's height, none above, none below. Seeds in hedges, walls and cars end here.
+    """
+    turns = np.radians(np.arange(-3.0, 3.01, 0.5))
+    shape = np.array(
+        [config.radius_m, config.sheet_m - 0.06, 0.10, 6.0, 0.4, config.min_top_m, config.max_top_m]
+    )
+    ends = np.concatenate([segments.start_xy - bins.origin[:2], segments.end_xy - bins.origin[:2]], axis=1)
+    args = (bins.points, bins.starts, bins.n_x, bins.n_y, bins.cell_m)
+    return np.asarray(kernels.find_starts(*args, ends, turns, shape, bins.work))

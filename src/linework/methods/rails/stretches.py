@@ -1,0 +1,138 @@
+"""Which stretches of a followed chain are lines: surely enough, and long enough.
+
+Nothing here asks for more of a chain than a few dozen metres about a place: how much of a long line a tile
+sees changes nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from linework.arrays import AnyArray, BoolArray, FloatArray
+from linework.kernels.tracking.times import times_near
+from linework.methods.rails.chains import runs
+from linework.methods.rails.profile import ProfileConfig
+from linework.methods.rails.verdict import Verdict
+from linework.model.lines import LineSet
+from linework.model.points import Points
+
+#: Lengths are compared with this to spare [m]: nodes are half a metre apart, and limits whole multiples of it.
+SPARE_M = 1e-6
+
+
+def guardrail_stretches(
+    verdict: Verdict, chainage: FloatArray, config: ProfileConfig
+) -> list[tuple[slice, FloatArray]]:
+    """Return runs of nodes that are guardrail, with the score of each node.
+
+    A run starts where it is firm, and goes on from there for `max_run_on_m` at most where it is not sure.
+    Two runs with no more than that between them are one: the circles have followed one thing from one to
+    the other.
+    """
+    sure = verdict.guardrail >= 0.5
+    if not sure.any():
+        return []
+    goes_on = sure | (verdict.goes_on >= 0.5)
+    firm = np.zeros(len(sure), dtype=bool)
+    for run in runs(goes_on & within(sure, chainage, config.max_run_on_m), 2):
+        firm[run] = _is_firm(sure[run], verdict.open_[run], chainage[run], config)
+    found = runs(goes_on & within(firm, chainage, config.max_run_on_m), 2)
+    whole = _joined(found, chainage, config.max_run_on_m)
+    return [(run, np.maximum(verdict.guardrail[run], 0.5)) for run in whole]
+
+
+def barrier_stretches(
+    verdict: Verdict, chainage: FloatArray, config: ProfileConfig
+) -> list[tuple[slice, FloatArray]]:
+    """Return runs of nodes that are barrier and not guardrail, with the score of each node."""
+    sure = np.where(verdict.guardrail < 0.5, verdict.barrier, 0.0)
+    return [
+        (run, sure[run])
+        for run in runs(sure >= 0.5, 2)
+        if chainage[run][-1] - chainage[run][0] >= config.min_closed_length_m - SPARE_M
+    ]
+
+
+def _is_firm(sure: BoolArray, open_: AnyArray, chainage: FloatArray, config: ProfileConfig) -> BoolArray:
+    """Return which nodes of a run are sure, in a stretch that is sure over enough of it.
+
+    A stretch is twice `min_closed_length_m` long, or all of a shorter run.
+    """
+    half = config.min_closed_length_m
+    low = np.clip(chainage - half, chainage[0], max(chainage[-1] - 2 * half, chainage[0]))
+    first = np.searchsorted(chainage, low - SPARE_M)
+    stop = np.searchsorted(chainage, low + 2 * half + SPARE_M, side="right")
+    share, n_open = _sums(sure, first, stop) / (stop - first), _sums(open_, first, stop)
+    is_open = 2 * n_open >= stop - first
+    length = share * (chainage[stop - 1] - chainage[first])
+    enough = np.where(is_open, config.min_length_m, config.min_closed_length_m) - SPARE_M
+    stands = (share >= config.min_core) & (length >= enough)
+    # Of the stretch about each node that stands, all nodes
+    covered = np.zeros(len(sure) + 1, dtype=np.int64)
+    np.add.at(covered, first[stands], 1)
+    np.add.at(covered, stop[stands], -1)
+    return np.asarray(sure & (np.cumsum(covered)[:-1] > 0))
+
+
+def _sums(values: AnyArray, first: AnyArray, stop: AnyArray) -> AnyArray:
+    total = np.concatenate([[0], np.cumsum(values, dtype=np.int64)])
+    return np.asarray(total[stop] - total[first])
+
+
+def within(chosen: BoolArray, chainage: FloatArray, reach_m: float) -> BoolArray:
+    """Return which nodes have a chosen one within reach along the chain."""
+    places = chainage[chosen]
+    if not len(places):
+        return np.zeros(len(chosen), dtype=bool)
+    at = np.searchsorted(places, chainage)
+    ahead, behind = places[np.minimum(at, len(places) - 1)], places[np.maximum(at - 1, 0)]
+    away = np.minimum(np.abs(ahead - chainage), np.abs(behind - chainage))
+    return np.asarray(away <= reach_m + SPARE_M)
+
+
+def _joined(found: list[slice], chainage: FloatArray, gap_m: float) -> list[slice]:
+    whole: list[slice] = []
+    for run in found:
+        if whole and chainage[run.start] - chainage[whole[-1].stop - 1] <= gap_m + SPARE_M:
+            whole[-1] = slice(whole[-1].start, run.stop)
+        else:
+            whole.append(run)
+    return whole
+
+
+# When lines were measured: the times of the points they run through
+
+#: Points this near to a vertex lie on the feature: the face of a beam reaches 0.31 m down from its top edge. [m]
+REACH_M = 0.3
+
+
+def with_times(lines: LineSet, points: Points) -> LineSet:
+    """Return the lines with the time span of the points on them, where they have none yet.
+
+    Parameters
+    ----------
+    points
+        What the lines were found among; without times the lines stay as they are.
+
+    Notes
+    -----
+    Points count within `REACH_M` of a vertex, in space: the ground below and branches above do not.
+
+    Examples
+    --------
+    >>> xyz = np.array([[0.0, 0.1, 0.0], [1.0, 0.0, 0.2], [0.5, 0.0, 3.0]])
+    >>> line = LineSet.from_lines([np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])])
+    >>> timed = with_times(line, Points(xyz, time_s=np.array([7.0, 9.0, 11.0])))
+    >>> timed.time_start_s.tolist(), timed.time_end_s.tolist()
+    ([7.0], [9.0])
+    """
+    open_ = np.isnan(lines.time_start_s)
+    owner = lines.line_of_vertex
+    chosen = open_[owner]
+    if points.time_s is None or not chosen.any():
+        return lines
+    start, end = times_near(points.xyz, points.time_s, lines.xyz[chosen], owner[chosen], len(lines), REACH_M)
+    return lines.with_columns(
+        time_start_s=np.where(open_, start, lines.time_start_s),
+        time_end_s=np.where(open_, end, lines.time_end_s),
+    )

@@ -1,0 +1,1 @@
+"""Lines tracked through boxes: what obb and stereo share."""

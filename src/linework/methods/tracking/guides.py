@@ -1,0 +1,160 @@
+"""Lines of a road run side by side: long ones say where worn ones go on.
+
+A worn dash leaves a box or two, too few for a direction of their own. Beside a long line (a guide: other paint,
+a boundary, the van's way) the place of a piece is its chainage along the guide and its offset from it, and
+pieces of one line have one offset. So pieces are joined over gaps that tracking alone would not cross.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.arrays import FloatArray, IntArray
+from linework.methods.tracking.neighbours import STATION_M, Course
+from linework.methods.tracking.track import Tracks
+from linework.model.boxes import BoxSet
+
+#: A line guides where it is this long, as far as this to its sides. [m]
+LEAST_GUIDE_M, REACH_M = 25.0, 15.0
+#: Pieces run along their guide: cosine of 10 degrees, what the direction of one box is good for.
+LEAST_COSINE = 0.985
+#: One piece of a line has so many boxes at least: what is single everywhere is noise.
+LEAST_BOXES = 3
+#: Mean score of pieces of fewer boxes.
+LEAST_SCORE = 0.5
+#: Offsets of one line's pieces differ by less than this [m] and this share of the gap: lines run side by side
+#: to a few centimetres, carriageways widen by 1 in 50 at the most, markings by less.
+OFFSET_M, OFFSET_PER_M = 0.06, 0.004
+
+
+@dataclass(frozen=True, slots=True)
+class _Ends:
+    """Chainage and offset of a piece's two ends on a guide, ascending, and whether the piece runs against it."""
+
+    guide: int
+    start: tuple[float, float]
+    end: tuple[float, float]
+    is_turned: bool
+
+
+def join_along(boxes: BoxSet, tracks: Tracks, guides: Sequence[Course], longest_gap_m: float) -> Tracks:
+    """Return the tracks with those that guides show to be pieces of one line put together.
+
+    Parameters
+    ----------
+    tracks
+        Pieces, down to single boxes.
+    guides
+        Courses of lines; short ones are passed over.
+    """
+    long = [g for g in guides if len(g.xy) * STATION_M >= LEAST_GUIDE_M]
+    if not long or len(tracks) == 0:
+        return tracks
+    ends = _ends_on_guides(boxes, tracks, long)
+    partner = _partners(ends, longest_gap_m)
+    return _chained(tracks, ends, partner)
+
+
+def surer(pieces: Tracks, score: FloatArray) -> Tracks:
+    """Return the pieces but for the small ones that are rather not of a line than of one, by their boxes' score."""
+    n = np.diff(pieces.offsets)
+    total = np.add.reduceat(score[pieces.box], pieces.offsets[:-1]) if len(n) else np.zeros(0)
+    return pieces.take((n >= LEAST_BOXES) | (total >= LEAST_SCORE * n))
+
+
+def _ends_on_guides(boxes: BoxSet, tracks: Tracks, guides: Sequence[Course]) -> list[_Ends | None]:
+    """Return where each piece is beside the longest guide within reach that it runs along."""
+    found: list[_Ends | None] = [None] * len(tracks)
+    middle = np.array([box[len(box) // 2] for box in (tracks.line(i)[0] for i in range(len(tracks)))])
+    xy, u = boxes.centre[middle, :2], boxes.u[middle]
+    # The longest last: it has the last word
+    for number in sorted(range(len(guides)), key=lambda g: len(guides[g].xy)):
+        guide = guides[number]
+        low, high = guide.xy.min(axis=0) - REACH_M, guide.xy.max(axis=0) + REACH_M
+        near = np.flatnonzero(np.all((xy >= low) & (xy <= high), axis=1))
+        tree = cKDTree(guide.xy)
+        distance, station = tree.query(xy[near], distance_upper_bound=REACH_M)
+        beside = np.isfinite(distance)
+        near, normal = near[beside], guide.normal[station[beside]]
+        cosine = np.abs(u[near, 0] * normal[:, 1] - u[near, 1] * normal[:, 0])
+        for i in near[cosine >= LEAST_COSINE].tolist():
+            found[i] = _ends(boxes, tracks.line(i)[0], guide, tree, number) or found[i]
+    return found
+
+
+def _ends(boxes: BoxSet, box: IntArray, guide: Course, tree: cKDTree, number: int) -> _Ends | None:
+    places = boxes.centre[box[[0, -1]], :2]
+    _, station = tree.query(places)
+    step = places - guide.xy[station]
+    along = np.column_stack([guide.normal[station, 1], -guide.normal[station, 0]])
+    chainage = station * _spacing(guide) + np.sum(step * along, axis=1)
+    offset = np.sum(step * guide.normal[station], axis=1)
+    if np.abs(np.sum(step * along, axis=1)).max() > 1.5 * STATION_M:
+        return None  # beyond the guide's end
+    a, b = sorted(zip(chainage.tolist(), offset.tolist(), strict=True))
+    return _Ends(number, a, b, bool(chainage[1] < chainage[0]))
+
+
+def _spacing(guide: Course) -> float:
+    """Return the distance of a guide's stations."""
+    return float(np.hypot(*np.diff(guide.xy, axis=0).T).mean()) if len(guide.xy) > 1 else STATION_M
+
+
+def _partners(ends: Sequence[_Ends | None], longest_gap_m: float) -> dict[int, int]:
+    """Return which piece goes on in which, the nearest in chainage and offset first."""
+    by_guide: dict[int, list[int]] = {}
+    for i, e in enumerate(ends):
+        if e is not None:
+            by_guide.setdefault(e.guide, []).append(i)
+    pairs: list[tuple[float, int, int]] = []
+    for members in by_guide.values():
+        known = [e for i in members if (e := ends[i]) is not None]
+        start = np.array([e.start for e in known])
+        order = np.argsort(start[:, 0], kind="stable")
+        chainage = start[order, 0]
+        for k, e in enumerate(known):
+            low, high = np.searchsorted(chainage, [e.end[0], e.end[0] + longest_gap_m])
+            after = order[low:high]
+            gap = start[after, 0] - e.end[0]
+            off = np.abs(start[after, 1] - e.end[1])
+            fits = (off <= OFFSET_M + OFFSET_PER_M * gap) & (after != k)
+            cost = gap + off / OFFSET_PER_M
+            pairs += [(float(cost[j]), members[k], members[int(after[j])]) for j in np.flatnonzero(fits)]
+    follows: dict[int, int] = {}
+    taken: set[int] = set()
+    for _, a, b in sorted(pairs):
+        if a not in follows and b not in taken:
+            follows[a] = b
+            taken.add(b)
+    return follows
+
+
+def _chained(tracks: Tracks, ends: Sequence[_Ends | None], follows: dict[int, int]) -> Tracks:
+    """Return the pieces one after the other as they follow each other."""
+    begun = set(follows.values())
+    box: list[IntArray] = []
+    way: list[FloatArray] = []
+    lengths = [0]
+    for i in range(len(tracks)):
+        if i in begun:
+            continue
+        chain = [i]
+        while chain[-1] in follows:
+            chain.append(follows[chain[-1]])
+        pieces = [tracks.line(k) for k in chain]
+        if max(len(own) for own, _ in pieces) < LEAST_BOXES:
+            continue
+        for k, (own, ways) in zip(chain, pieces, strict=True):
+            e = ends[k]
+            turned = e is not None and e.is_turned
+            box.append(own[::-1] if turned else own)
+            way.append(-ways[::-1] if turned else ways)
+        lengths.append(sum(len(own) for own, _ in pieces))
+    none, nowhere = np.zeros(0, np.int64), np.zeros(0)
+    return Tracks(
+        np.concatenate([none, *box]), np.concatenate([nowhere, *way]), np.cumsum(lengths).astype(np.int64)
+    )

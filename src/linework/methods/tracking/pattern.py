@@ -1,0 +1,160 @@
+"""Solid or dashed: the pattern of paint along a tracked line, and its single dashes."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.arrays import FloatArray
+from linework.kernels.paint.rhythm import best_rhythm
+
+#: Paint is looked at in steps of this along the line. [m]
+STEP_M = 0.10
+#: Periods in use, dash and gap together: from 1 m + 1 m at crossings to 6 m + 18 m. [m]
+PERIODS_M = (1.8, 26.0)
+#: Dashes and gaps in use are no shorter than this. [m]
+LEAST_DASH_M, LEAST_GAP_M = 0.5, 0.8
+#: And the gap is no less of the period than this (warning lines: 6 m of paint, 3 m of gap).
+LEAST_GAP_SHARE = 0.28
+#: In the gaps no more than this share is bright, as stains; in dashes no less, with 70 % worn off.
+GAP_PAINT, DASH_PAINT = 0.08, 0.25
+#: A period is seen where it comes again: so often at least.
+LEAST_PERIODS = 2.0
+#: Wear takes paint away in patches of about this [m]; a rhythm with more than this chance among them is none.
+PATCH_M, CHANCE = 2.5, 0.005
+#: A dash is whole if it is this near the length that most have [m]; so many of them show where others belong, the
+#: nearest so many are asked.
+WHOLE_M, LEAST_WHOLE, N_NEAR = 0.25, 3, 4
+#: Lines are judged over this length: a pattern keeps its period and phase that far. [m]
+WINDOW_M = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Rhythm:
+    """A repeated pattern: dashes of `dash_m` every `period_m`; `contrast`: paint in dashes less that in gaps."""
+
+    period_m: float
+    dash_m: float
+    contrast: float
+
+
+def united(start_m: FloatArray, end_m: FloatArray, close_m: float) -> FloatArray:
+    """Return (k, 2) intervals: the union of those given, gaps of up to `close_m` closed.
+
+    >>> united(np.array([0.0, 0.9, 5.0]), np.array([1.0, 2.0, 6.0]), 0.1).tolist()
+    [[0.0, 2.0], [5.0, 6.0]]
+    """
+    if len(start_m) == 0:
+        return np.zeros((0, 2))
+    order = np.argsort(start_m, kind="stable")
+    start, reach = start_m[order], np.maximum.accumulate(end_m[order])
+    new = np.concatenate([[True], start[1:] > reach[:-1] + close_m])
+    last = np.concatenate([np.flatnonzero(new)[1:] - 1, [len(start) - 1]])
+    return np.column_stack([start[new], reach[last]])
+
+
+def find_rhythm(paint: FloatArray) -> Rhythm | None:
+    """Return the rhythm of a dashed line, or None where the paint has none: a solid line, however worn.
+
+    Parameters
+    ----------
+    paint
+        (k, 2) intervals of paint along a line [m], ascending.
+
+    Notes
+    -----
+    The paint is folded over every period in use: in a dashed line one stretch of the period is free of paint
+    in every repetition, and the rest is not. Wear takes paint away, but not at the same place of each period.
+    Long lines are judged window by window, and are what most of their length is.
+    """
+    if len(paint) < 2 or np.max(paint[1:, 0] - paint[:-1, 1]) < LEAST_GAP_M:
+        return None
+    start, end = float(paint[0, 0]), float(paint[-1, 1])
+    n = max(int((end - start) / WINDOW_M), 1)
+    edges = np.linspace(start, end, n + 1)
+    found = [
+        _rhythm_within(paint[(paint[:, 1] > a) & (paint[:, 0] < b)])
+        for a, b in itertools.pairwise(edges.tolist())
+    ]
+    seen = sorted((r for r in found if r is not None), key=lambda r: r.period_m)
+    if 2 * len(seen) == n:  # the whole line decides
+        return _rhythm_within(paint)
+    return seen[len(seen) // 2] if 2 * len(seen) > n else None
+
+
+def _rhythm_within(paint: FloatArray) -> Rhythm | None:
+    """Return the rhythm of the paint within a window."""
+    if len(paint) < 2:
+        return None
+    start, end = float(paint[0, 0]), float(paint[-1, 1])
+    n = max(round((end - start) / STEP_M), 1)
+    place: FloatArray = start + (np.arange(n, dtype=np.float64) + 0.5) * STEP_M
+    i = np.searchsorted(paint[:, 0], place, side="right") - 1
+    is_paint = place < paint[np.maximum(i, 0), 1]
+    longest = min(PERIODS_M[1], (end - start + LEAST_GAP_M) / LEAST_PERIODS)
+    period, gap, contrast = best_rhythm(
+        is_paint, STEP_M, (PERIODS_M[0], longest), (LEAST_DASH_M, LEAST_GAP_M, LEAST_GAP_SHARE),
+        (GAP_PAINT, DASH_PAINT),
+    )  # fmt: skip
+    if period == 0.0:
+        return None
+    # How unlikely it is that wear left no paint in any of the gaps of a solid line
+    n_patches = (end - start) / period * gap / PATCH_M
+    if -n_patches * math.log(max(1.0 - contrast, 0.01)) < math.log(1.0 / CHANCE):
+        return None
+    return Rhythm(period, period - gap, contrast)
+
+
+def dashes_of(paint: FloatArray, rhythm: Rhythm) -> FloatArray:
+    """Return (k, 2) intervals [m] of the single dashes, from the first to the last paint of each.
+
+    What wear has left of a dash belongs together: all that ends within the dash's length, and some of the gap.
+    Phase is taken from dash to dash, as no painter keeps it over a road.
+
+    >>> paint = np.array([[0.0, 1.0], [1.8, 3.0], [9.0, 12.0]])
+    >>> dashes_of(paint, Rhythm(9.0, 3.0, 0.9)).tolist()
+    [[0.0, 3.0], [9.0, 12.0]]
+    """
+    slack_m = 0.3 * (rhythm.period_m - rhythm.dash_m)
+    dashes: list[list[float]] = []
+    for start, end in paint.tolist():
+        if dashes and end <= dashes[-1][0] + rhythm.dash_m + slack_m:
+            dashes[-1][1] = end
+        else:
+            dashes.append([start, end])
+    return np.array(dashes).reshape(-1, 2)
+
+
+def completed(dashes: FloatArray, rhythm: Rhythm) -> FloatArray:
+    """Return the dashes (k, 2) [m], those that wear has shortened drawn out to where their neighbours say they end.
+
+    Dashes of one line have one length and one period. Where the dashes that are whole, before and after, lead
+    to an interval that holds what is left of a worn one, that interval is the dash; else it stays as it is.
+
+    >>> dashes = np.array([[0.0, 3.0], [9.0, 12.0], [19.2, 20.1], [27.0, 30.0], [36.0, 39.0]])
+    >>> completed(dashes, Rhythm(9.0, 3.0, 0.9))[2].round(3).tolist()
+    [18.0, 21.0]
+    """
+    length = dashes[:, 1] - dashes[:, 0]
+    if len(dashes) < LEAST_WHOLE + 1:
+        return dashes
+    nominal = float(np.quantile(length, 0.8))
+    whole = np.flatnonzero(np.abs(length - nominal) <= WHOLE_M)
+    if len(whole) < LEAST_WHOLE:
+        return dashes
+    middle = dashes.mean(axis=1)
+    out = dashes.copy()
+    for i in np.flatnonzero(length < nominal - WHOLE_M).tolist():
+        near = whole[np.argsort(np.abs(middle[whole] - middle[i]), kind="stable")[:N_NEAR]]
+        number = np.rint((middle[near] - middle[i]) / rhythm.period_m)
+        # Phase from the nearest whole dashes, each a whole number of periods away
+        phase = middle[near] - number * rhythm.period_m
+        place = float(np.median(phase))
+        start, end = place - 0.5 * nominal, place + 0.5 * nominal
+        agree = float(np.ptp(phase)) <= 2.0 * WHOLE_M
+        if agree and start - WHOLE_M <= dashes[i, 0] and dashes[i, 1] <= end + WHOLE_M:
+            out[i] = min(start, dashes[i, 0]), max(end, dashes[i, 1])
+    return out

@@ -1,0 +1,1 @@
+"""Child processes: a pool, a conversation, their limits."""

@@ -1,0 +1,1 @@
+"""Runs of an extraction: tiles, tasks, journal, outputs."""

@@ -1,0 +1,221 @@
+"""From an opened survey to published lines: begun, resumed, or found to be finished already."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from linework.errors import InputError, OutputExistsError, PartialError
+from linework.files.logs.photolog import van_log
+from linework.files.output.record import hash_file
+from linework.files.survey.open import open_survey
+from linework.methods.kinds import ALL_KINDS, choose_methods, stereo_method
+from linework.methods.protocol import Method
+from linework.methods.stereo.method import StereoMethod
+from linework.model.lines import LineSet
+from linework.model.survey import Survey
+from linework.processes.executors import Executor
+from linework.runs.extraction import Extraction
+from linework.runs.find import find_lines
+from linework.runs.opened.recordings import Recordings, opened_recordings
+from linework.runs.opened.work_folder import work_folder
+from linework.runs.outputs import publish_extraction, with_kept_reviews
+from linework.runs.record import record_path
+from linework.runs.resume import describe_run, fingerprint_of, made_here, run_folder
+from linework.runs.settings import RunSettings
+from linework.runs.steps import Steps
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """What is to be made, and of what may be there already.
+
+    Parameters
+    ----------
+    output
+        File of the lines.
+    methods, stereo
+        What looks at the points, and what looks at the stereo pairs.
+    parameters
+        All that was asked for, as it goes into the record.
+    overwrite
+        Replace an output of another run.
+    resume
+        Go on with a run of the same order that was killed.
+    forget_reviews
+        Lose what people said of the lines that are there.
+    """
+
+    output: Path
+    methods: Sequence[Method]
+    settings: RunSettings
+    parameters: Mapping[str, Any]
+    stereo: StereoMethod | None = None
+    overwrite: bool = False
+    resume: bool = False
+    forget_reviews: bool = False
+
+
+def extract_to(
+    order: Order, recordings: Recordings, work: Path, executor: Executor, steps: Steps
+) -> tuple[dict[str, Any], Extraction | None]:
+    """Make the lines of a survey; return the record, and what was found unless it had been finished before.
+
+    Raises
+    ------
+    OutputExistsError
+        An output of another run is there, and `overwrite` is not set.
+    UsageError
+        The run to resume was begun with other parameters.
+    """
+    described = describe_run({**order.parameters, "recorded": recordings.identity}, recordings.hashes)
+    fingerprint = fingerprint_of(described)
+    if order.resume and os.path.lexists(order.output):
+        record = _finished(order.output, fingerprint)
+        if record is not None:
+            return record, None
+        if not order.overwrite and not made_here(work, order.output):
+            raise OutputExistsError(
+                "output exists already, and the run to resume has not made it", where=order.output,
+                advice="choose another name or give --overwrite",
+            )  # fmt: skip
+    with run_folder(work, order.output, described, resume=order.resume) as run:
+        found = find_lines(
+            recordings, order.methods, order.stereo, run,
+            settings=order.settings, executor=executor, steps=steps,
+        )  # fmt: skip
+        found, reviews = with_log(found, recordings), None
+        if not order.forget_reviews:
+            found, reviews = with_kept_reviews(found, order.output)
+        record = publish_extraction(
+            found, order.output, {**order.parameters, "fingerprint": fingerprint},
+            overwrite=order.overwrite or order.resume,
+            note=lambda sha256: run.journal.note_output(order.output.name, sha256),
+            steps=steps,
+            reviews=reviews,
+        )  # fmt: skip
+    return record, found
+
+
+def with_log(found: Extraction, recordings: Recordings) -> Extraction:
+    """Return what was found with the van's log beside it; a log that cannot be used stops nothing else."""
+    series = recordings.stereo.series if recordings.stereo else None
+    try:
+        logged = van_log(recordings.survey, series, recordings.trajectory)
+    except InputError as error:
+        named = recordings.survey.settings.get("events", {}).get("file", "")
+        return replace(found, unusable=(*found.unusable, (named, str(error))))
+    return replace(found, logged=logged, warnings=(*found.warnings, *logged.warnings))
+
+
+def _finished(output: Path, fingerprint: str) -> dict[str, Any] | None:
+    """Return the record of the output that is there, if it is what this run would make."""
+    try:
+        record: dict[str, Any] = json.loads(record_path(output).read_text(encoding="utf-8"))
+        is_ours = record["parameters"]["fingerprint"] == fingerprint
+        is_whole = record["output"]["sha256"] == hash_file(output)
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return record if is_ours and is_whole else None
+
+
+# The whole job in one call
+
+
+def extract(
+    inputs: Path | str | Sequence[Path | str],
+    *,
+    kinds: tuple[str, ...] = ALL_KINDS,
+    crs: str | None = None,
+    settings: RunSettings | None = None,
+    work: Path | None = None,
+) -> LineSet:
+    """Return the lines of a survey: LAS / LAZ files, a folder of them, a survey folder, or a KITTI drive.
+
+    Parameters
+    ----------
+    kinds
+        Kinds of line to look for.
+    crs
+        "EPSG:n", "EPSG:n+m" or "local", where the files do not say.
+    work
+        Folder where the decoded points stay for the next call; None: they are kept among the temporary
+        files, for this call only.
+
+    Raises
+    ------
+    LineworkError
+        One line: which file, what is wrong, what to do. A tile or an image that could not be worked is an
+        error here.
+
+    >>> import linework
+    >>> linework.extract("no-such-file.laz")
+    Traceback (most recent call last):
+    linework.errors.InputError: no-such-file.laz: cannot be opened: No such file or directory. Check the name.
+    """
+    listed = [inputs] if isinstance(inputs, str | Path) else list(inputs)
+    survey = open_survey([Path(item) for item in listed], crs=crs)
+    settings = settings or RunSettings()
+    methods = choose_methods("auto", kinds, radon=settings.radon, obb=settings.obb)
+    stereo = stereo_method("auto", kinds, settings.stereo)
+    with tempfile.TemporaryDirectory(prefix="linework-") as temporary:
+        folder = work_folder(survey.root, work or Path(temporary))
+        with (
+            opened_recordings(survey, folder, images=stereo is not None) as recordings,
+            run_folder(folder, Path(temporary) / "lines", {}) as run,
+        ):
+            found = find_lines(recordings, methods, stereo, run, settings=settings)
+    failures = [*found.failures, *(found.pairs.failures if found.pairs else ()), *found.unusable]
+    if failures:
+        what, problem = failures[0]
+        raise PartialError(
+            f"{len(failures)} tiles, images or logs failed, the first {what}: {problem}", where=survey.name
+        )
+    return found.lines
+
+
+# What a person asks of a survey, as an order to extract its lines
+
+
+def asked_order(
+    output: Path,
+    survey: Survey,
+    kinds: tuple[str, ...],
+    method: str,
+    settings: RunSettings,
+    *,
+    crs: str = "",
+    overwrite: bool = False,
+    resume: bool = False,
+) -> Order:
+    """Return the order to look for `kinds` by a method ("auto": what suits each kind).
+
+    Parameters
+    ----------
+    survey
+        As its recordings have it: its trajectory may have been located.
+    crs
+        As it was given, for the record.
+    """
+    return Order(
+        output=output,
+        methods=choose_methods(method, kinds, radon=settings.radon, obb=settings.obb),
+        stereo=stereo_method(method, kinds, settings.stereo),
+        settings=settings,
+        parameters={
+            "features": list(kinds),
+            "method": method,
+            "crs": crs or None,
+            "trajectory": str(survey.trajectory_file) if survey.trajectory_file else None,
+            "lever_m": list(survey.trajectory_lever_m),
+            "cameras": survey.settings.get("cameras"),
+            "settings": asdict(settings),
+        },
+        overwrite=overwrite,
+        resume=resume,
+    )

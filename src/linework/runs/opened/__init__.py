@@ -1,0 +1,1 @@
+"""What a run opens: points, pairs, path, surface."""

@@ -1,0 +1,312 @@
+"""What a survey holds, in numbers: extents, heights, densities, intensity, times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from linework.arrays import FloatArray
+from linework.errors import InputError, LineworkError
+from linework.files.geodesy.crs import describe_crs, has_height
+from linework.files.images.pair_check import check_pairs
+from linework.files.images.series import open_stereo
+from linework.files.logs.keys import read_events
+from linework.files.logs.sensors import read_navigation_logs
+from linework.files.store.facts import FileFacts, StoreFacts
+from linework.files.trajectories.of_survey import VanPath, read_van_path
+from linework.imaging.rectify import rectifier_of
+from linework.imaging.scan_lines import scan_line_spacing_m
+from linework.model.camera import Camera
+from linework.model.images import StereoSeries
+from linework.model.points import Points
+from linework.model.survey import Survey
+from linework.model.trajectory import Trajectory
+from linework.runs.opened.points import SurveyRead
+
+#: Density is counted in cells of this size: holds several scan lines, and shows where the van was near. [m]
+CELL_M = 1.0
+#: A van's scanner turns at least 10 times a second: without a point for this long it was off. [s]
+GAP_S = 1.0
+#: More gaps than this are counted, not listed.
+MAX_GAPS = 20
+
+
+def describe_survey(read: SurveyRead | None, survey: Survey) -> dict[str, Any]:
+    """Return what a survey holds, as a document for people and JSON; None where it does not apply.
+
+    Parameters
+    ----------
+    read
+        Its points and its trajectory; None where it has no points.
+
+    Raises
+    ------
+    InputError
+        There is nothing in it that can be used.
+    """
+    van = describe_van(survey, with_path=read is None)
+    if read is None and van.cameras is None and not van.logs and van.trajectory is None:
+        problem = van.failures[0]["problem"].rstrip(".") if van.failures else "holds nothing that can be used"
+        raise InputError(problem, where=survey.name, advice="see the manual for what a survey is made of")
+    path = van.trajectory if read is None else read.trajectory
+    document = {
+        "name": survey.name,
+        "crs": {"name": describe_crs(survey.crs), "compound": has_height(survey.crs), "wkt": survey.crs},
+        **(_NO_POINTS if read is None else _points(read)),
+        "trajectory": None if path is None else _path(path),
+        "cameras": van.cameras,
+        "logs": van.logs,
+    }
+    document["warnings"] = [*document["warnings"], *van.warnings]
+    document["failures"] = [*document["failures"], *van.failures]
+    return document
+
+
+_NO_POINTS: dict[str, Any] = {
+    "files": [], "points": 0, "points_rejected": {}, "extent_m": None, "height_m": None, "density_per_m2": None,
+    "intensity": None, "time": None, "scan_line_spacing_m": None, "warnings": [], "failures": [],
+}  # fmt: skip
+
+
+def _points(read: SurveyRead) -> dict[str, Any]:
+    trajectory, points = read.trajectory, read.points.points
+    spacing, why_not = _spacing(points, trajectory)
+    return {
+        "files": [_file(facts) for facts in read.points.files],
+        "points": len(points),
+        "points_rejected": dict(read.points.rejected),
+        "extent_m": points.bounds._asdict(),
+        "height_m": _quantiles(points.xyz[:, 2]),
+        "density_per_m2": _quantiles(densities_per_m2(points)),
+        "intensity": _intensity(points),
+        "time": _times(points, read.points.facts),
+        "scan_line_spacing_m": spacing,
+        "warnings": [*read.warnings, *([why_not] if why_not and trajectory is not None else [])],
+        "failures": [{"file": str(path), "problem": problem} for path, problem in read.points.failures],
+    }
+
+
+def densities_per_m2(points: Points) -> FloatArray:
+    """Return the points per square metre of every cell that has any, (n_cells,).
+
+    >>> xyz = np.array([[0.1, 0.1, 0.0], [0.9, 0.9, 0.0], [7.5, 0.5, 0.0]])
+    >>> densities_per_m2(Points(xyz)).tolist()
+    [2.0, 1.0]
+    """
+    bounds = points.bounds
+    cols = np.floor(points.xyz[:, 0] / CELL_M).astype(np.int64)
+    rows = np.floor(points.xyz[:, 1] / CELL_M).astype(np.int64)
+    n_rows = int(bounds.height_m / CELL_M) + 2
+    _, counts = np.unique((cols - cols.min()) * n_rows + rows - rows.min(), return_counts=True)
+    return counts / CELL_M**2
+
+
+def _file(facts: FileFacts) -> dict[str, Any]:
+    return {
+        "file": str(facts.path),
+        "version": facts.version,
+        "point_format": facts.point_format,
+        "points": facts.n_promised,
+        "used": facts.n_points,
+        "rejected": dict(facts.n_rejected),
+    }
+
+
+def _quantiles(values: FloatArray) -> dict[str, float]:
+    names = ("lowest", "percentile_5", "median", "percentile_95", "highest")
+    found = np.quantile(values, [0.0, 0.05, 0.5, 0.95, 1.0])
+    return {name: round(float(value), 3) for name, value in zip(names, found, strict=True)}
+
+
+def _intensity(points: Points) -> dict[str, Any] | None:
+    """Return range and bits: 8 where no value is above 255, or where all are multiples of 256 or 257."""
+    if points.intensity is None:
+        return None
+    low, high = float(points.intensity.min()), float(points.intensity.max())
+    scaled = high > 255 and any(not np.any(points.intensity % step) for step in (256, 257))
+    return {
+        "lowest": low,
+        "median": float(np.median(points.intensity)),
+        "highest": high,
+        "bits": 8 if high <= 255 or scaled else 16,
+    }
+
+
+def _times(points: Points, facts: StoreFacts) -> dict[str, Any] | None:
+    if points.time_s is None:
+        return None
+    times = np.sort(points.time_s)
+    at = np.flatnonzero(np.diff(times) > GAP_S)
+    gaps = [{"start_s": float(times[i]), "end_s": float(times[i + 1])} for i in at[:MAX_GAPS]]
+    return {
+        "kind": facts.gps_time_kind,
+        "start_s": float(times[0]),
+        "end_s": float(times[-1]),
+        "in_order": facts.in_time_order,
+        "gap_longer_than_s": GAP_S,
+        "n_gaps": len(at),
+        "gaps": gaps,
+    }
+
+
+def _spacing(points: Points, trajectory: Trajectory | None) -> tuple[float | None, str]:
+    """Return the along-track distance of scan lines, or why it is not known."""
+    try:
+        return round(scan_line_spacing_m(points, trajectory), 4), ""
+    except InputError as error:
+        return None, error.problem
+
+
+def _path(trajectory: Trajectory) -> dict[str, Any]:
+    steps = np.linalg.norm(np.diff(trajectory.xyz[:, :2], axis=0), axis=1)
+    length, duration = float(steps.sum()), float(trajectory.time_s[-1] - trajectory.time_s[0])
+    speeds = steps / np.diff(trajectory.time_s)
+    return {
+        "positions": len(trajectory),
+        "start_s": float(trajectory.time_s[0]),
+        "end_s": float(trajectory.time_s[-1]),
+        "length_m": round(length, 2),
+        "mean_speed_mps": round(length / duration, 2),
+        "highest_speed_mps": round(float(speeds.max()), 2),
+        "longest_step_s": round(float(np.diff(trajectory.time_s).max()), 3),
+        "has_attitude": trajectory.attitude_deg is not None,
+    }
+
+
+# What a survey's van recorded beside points, in numbers: cameras and pairs, navigation logs, keys
+
+_T = TypeVar("_T")
+
+
+@dataclass(slots=True)
+class VanRecordings:
+    """What was found; a part that cannot be used keeps no other from being told.
+
+    Parameters
+    ----------
+    cameras
+        As a document for people and JSON; None without cameras.
+    logs
+        Likewise, by name: gnss, gyro, wheels, events.
+    trajectory
+        Path of the vehicle's origin, or None.
+    warnings, failures
+        One line each, and with the part's name.
+    """
+
+    cameras: dict[str, Any] | None = None
+    logs: dict[str, dict[str, Any]] = field(default_factory=dict)
+    trajectory: Trajectory | None = None
+    warnings: list[str] = field(default_factory=list)
+    failures: list[dict[str, str]] = field(default_factory=list)
+
+    def tried(self, part: str, read: Callable[[], _T]) -> _T | None:
+        """Return what `read` gives, or None where the part cannot be used, which is then told."""
+        try:
+            return read()
+        except LineworkError as error:
+            self.failures.append({"part": part, "problem": str(error)})
+            return None
+
+
+def describe_van(survey: Survey, *, with_path: bool) -> VanRecordings:
+    """Describe cameras, pairs and logs; a few pairs are looked at, whether they are pairs.
+
+    Parameters
+    ----------
+    with_path
+        Whether to read the survey's trajectory, too.
+    """
+    found = VanRecordings(warnings=list(survey.warnings))
+    series = found.tried("cameras", lambda: open_stereo(survey))
+    if with_path:
+        path = found.tried("trajectory", lambda: read_van_path(survey, series)) or VanPath(None, series)
+        found.trajectory, series = path.trajectory, path.series
+        found.warnings += path.warnings
+    if series is not None:
+        _add_cameras(series, survey.name, found)
+    if "gnss" in survey.settings.get("navigation", {}):
+        _add_logs(survey, found)
+    if "file" in survey.settings.get("events", {}):
+        file = survey.settings["events"]["file"]
+        events = found.tried(file, lambda: read_events(survey.root / file))
+        if events is not None:
+            found.logs["events"] = _log(file, events.time_s)
+            found.warnings += events.warnings
+    return found
+
+
+def _add_cameras(series: StereoSeries, name: str, found: VanRecordings) -> None:
+    found.cameras = _cameras(series)
+    found.warnings += series.warnings
+    check = found.tried("cameras", lambda: check_pairs(series, rectifier_of(series.rig), where=name))
+    if check is not None:
+        found.warnings += check.warnings
+        found.cameras["row_error_px"] = _rounded(check.error_px, 2)
+
+
+def _cameras(series: StereoSeries) -> dict[str, Any]:
+    times = np.array([pair.time_s for pair in series.pairs])
+    steps = np.diff(times)
+    base = series.rig.right.position_m - series.rig.left.position_m
+    return {
+        "left": _camera(series.rig.left, series.pairs[0].left),
+        "right": _camera(series.rig.right, series.pairs[0].right),
+        "base_m": round(float(np.linalg.norm(base)), 4),
+        "pairs": len(times),
+        "unpaired_images": len(series.unpaired),
+        "start_s": float(times[0]),
+        "end_s": float(times[-1]),
+        "rate_hz": _rounded(1.0 / float(np.median(steps)), 3) if len(steps) else None,
+        "longest_pause_s": _rounded(float(steps.max()), 3) if len(steps) else None,
+        "row_error_px": None,
+    }
+
+
+def _camera(camera: Camera, first: Path) -> dict[str, Any]:
+    return {
+        "width": camera.width,
+        "height": camera.height,
+        "focal_px": round(camera.fx, 3),
+        "is_distorted": any(camera.distortion),
+        "position_m": np.round(camera.position_m, 4).tolist(),
+        "first_image": str(first),
+    }
+
+
+def _add_logs(survey: Survey, found: VanRecordings) -> None:
+    named = survey.settings["navigation"]
+    content = found.tried("navigation", lambda: read_navigation_logs(survey))
+    if content is None:
+        return
+    found.warnings += content.warnings
+    for name, log in (
+        ("gnss", content.logs.gnss),
+        ("gyro", content.logs.gyro),
+        ("wheels", content.logs.wheels),
+    ):
+        if log is not None:
+            found.logs[name] = _log(named[name], log.time_s)
+
+
+def _log(file: str, time_s: FloatArray) -> dict[str, Any]:
+    steps = np.diff(time_s)
+    return {
+        "file": file,
+        "rows": len(time_s),
+        "start_s": float(time_s[0]) if len(time_s) else None,
+        "end_s": float(time_s[-1]) if len(time_s) else None,
+        "rate_hz": _rounded(1.0 / float(np.median(steps)), 3)
+        if len(steps) and np.median(steps) > 0
+        else None,
+        "longest_pause_s": _rounded(float(steps.max()), 3) if len(steps) else None,
+    }
+
+
+def _rounded(value: float, digits: int) -> float | None:
+    """Return a number for JSON, which has no NaN."""
+    return round(value, digits) if np.isfinite(value) else None

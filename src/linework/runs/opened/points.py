@@ -1,0 +1,193 @@
+"""A survey whose points are in the tile store and whose trajectory has been read."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from linework.files.las.decoder import DecoderLimits
+from linework.files.logs.clock_offset import named_clock_offset
+from linework.files.output.locks import locked
+from linework.files.output.record import hash_file
+from linework.files.store.facts import StoreFacts
+from linework.files.store.in_memory import EPOCH_OF_KIND, SurveyPoints, check_trajectory_covers
+from linework.files.store.layout import BLOCK_M
+from linework.files.store.read import PointStore
+from linework.files.trajectories.of_survey import on_clock_of, read_survey_trajectory_content
+from linework.model.grid import Bounds
+from linework.model.points import Points
+from linework.model.survey import Survey
+from linework.model.trajectory import Trajectory
+from linework.navigation.lever import at_vehicle_origin
+from linework.processes.executors import Executor
+from linework.runs.opened.store import held_store
+from linework.runs.opened.surface import SurveySurface, make_surface
+from linework.runs.resume import fingerprint_of, source_hash
+from linework.runs.steps import Steps
+from linework.surface.road import RoadConfig
+
+
+@dataclass(frozen=True, slots=True)
+class OpenedSurvey:
+    """A survey whose points are at hand and whose trajectory has been read.
+
+    Parameters
+    ----------
+    points
+        The tile store.
+    facts
+        Points used and left out, file by file.
+    trajectory
+        Path of the vehicle's origin, or None.
+    warnings
+        One line each.
+    key, path_hash
+        Stand for the content of the files of points, and for the trajectory ("" without one).
+    hashes
+        SHA-256 of every input file that can be read.
+    """
+
+    survey: Survey
+    points: PointStore
+    facts: StoreFacts
+    trajectory: Trajectory | None
+    warnings: tuple[str, ...]
+    key: str
+    path_hash: str
+    hashes: Mapping[Path, str]
+
+
+@contextlib.contextmanager
+def opened_survey(
+    survey: Survey,
+    work: Path,
+    *,
+    n_threads: int = 1,
+    limits: DecoderLimits | None = None,
+    steps: Steps | None = None,
+) -> Iterator[OpenedSurvey]:
+    """Give a survey with its points in the tile store of `work`, and see that points and trajectory belong together.
+
+    Raises
+    ------
+    InputError
+        No file can be used, or the trajectory does not go with the points. Damaged files among good ones
+        are no error here: ``facts.failures`` lists them.
+    """
+    # Before the points: it is read in no time, and may be wrong
+    content = read_survey_trajectory_content(survey)
+    trajectory: Trajectory | None = None
+    with held_store(survey, work, n_threads=n_threads, limits=limits, steps=steps) as held:
+        warnings, hashes, path_hash = held.facts.warnings, dict(held.hashes), ""
+        if content is not None and survey.trajectory_file is not None:
+            where = survey.trajectory_file
+            if held.facts.has_time:
+                span = held.facts.times.low_s, held.facts.times.high_s
+                content = on_clock_of(content, span, EPOCH_OF_KIND[held.facts.gps_time_kind], survey)
+            warnings += tuple(f"{where.name}: {text}" for text in content.warnings)
+            trajectory = at_vehicle_origin(
+                content.trajectory, survey.trajectory_lever_m, survey.trajectory_boresight_deg
+            )
+            warnings += check_trajectory_covers(trajectory, held.facts, where=where)
+            if held.facts.has_time:
+                epoch = EPOCH_OF_KIND[held.facts.gps_time_kind]
+                text = named_clock_offset(trajectory, held.points, epoch)
+                warnings += (f"{where.name}: {text}",) if text else ()
+            if where.is_file():
+                hashes[where] = hash_file(where)
+            path_hash = hash_path(trajectory)
+        yield OpenedSurvey(survey, held.points, held.facts, trajectory, warnings, held.key, path_hash, hashes)
+
+
+def hash_path(trajectory: Trajectory) -> str:
+    """Return what stands for a path: the SHA-256 of its times, positions, attitudes and their sigmas."""
+    parts = (
+        trajectory.time_s, trajectory.xyz, trajectory.attitude_deg, trajectory.sigma_xyz_m,
+        trajectory.sigma_attitude_deg,
+    )  # fmt: skip
+    return hashlib.sha256(b"".join(part.tobytes() for part in parts if part is not None)).hexdigest()
+
+
+def surface_of(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps: Steps) -> SurveySurface:
+    """Return the road and the ground of the survey, made once for a store, a trajectory and settings."""
+    with steps.step("find the road", unit="tiles") as advance:
+        made_of = {
+            "points": opened.key,
+            "path": opened.path_hash,
+            "road": asdict(road),
+            "code": source_hash("kernels", "model", "files", "navigation", "surface", "tiling"),
+        }
+        key = fingerprint_of(made_of)
+        folder = opened.points.folder / f"surface-{key[:16]}"
+        # Two runs of one survey share its surface: the second waits for the first to make it
+        with locked(folder.with_suffix(".lock"), keep=True):
+            return make_surface(opened.points, opened.trajectory, road, folder, executor, advance, key=key)
+
+
+# A survey with all its points in memory, for what looks at all of them at once
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyRead:
+    """A survey with its points and its trajectory in memory.
+
+    Parameters
+    ----------
+    points
+        Points used and left out, file by file.
+    trajectory
+        Path of the vehicle's origin, or None.
+    warnings
+        One line each.
+    hashes
+        SHA-256 of every input file that can be read.
+    """
+
+    survey: Survey
+    points: SurveyPoints
+    trajectory: Trajectory | None
+    warnings: tuple[str, ...]
+    hashes: Mapping[Path, str]
+
+
+def in_memory(opened: OpenedSurvey) -> SurveyRead:
+    """Return a survey with all its points read from the tile store."""
+    points = SurveyPoints(opened.points.points(), opened.facts)
+    return SurveyRead(opened.survey, points, opened.trajectory, opened.warnings, opened.hashes)
+
+
+# A few of very many points: for pictures and statistics of surveys that do not fit into memory
+
+#: Pictures of some thousand pixels show no more, and 100 bytes of each are in memory at a time.
+MOST_POINTS = 4_000_000
+
+
+def points_for_pictures(store: PointStore, most: int = MOST_POINTS) -> Points:
+    """Return all points, or of more than `most` every k-th of each block: the same ones every time."""
+    step = -(-store.n_points // most)
+    if step <= 1:
+        return store.points()
+    parts = []
+    for east, north in (store.block_counts[0] * BLOCK_M).tolist():
+        parts.append(
+            store.points(Bounds(east, north, east + BLOCK_M, north + BLOCK_M)).take(slice(None, None, step))
+        )
+    return joined(parts)
+
+
+def joined(parts: list[Points]) -> Points:
+    """Return the points of all parts, which have the same columns."""
+    if not parts:
+        return Points(np.zeros((0, 3)))
+    intensity = [part.intensity for part in parts if part.intensity is not None]
+    time = [part.time_s for part in parts if part.time_s is not None]
+    return Points(
+        np.concatenate([part.xyz for part in parts]),
+        np.concatenate(intensity) if intensity else None,
+        np.concatenate(time) if time else None,
+    )

@@ -1,0 +1,193 @@
+"""The tile store of a survey: made once for one state of its files, then used by whatever needs points."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from linework.errors import InputError
+from linework.files.las.decoder import DecoderLimits
+from linework.files.las.header import read_las_header
+from linework.files.output.locks import locked
+from linework.files.output.publish import machine_errors
+from linework.files.output.record import hash_file
+from linework.files.store.build import spill_survey
+from linework.files.store.facts import StoreFacts, facts_of
+from linework.files.store.read import PointStore
+from linework.model.survey import Survey
+from linework.runs.opened.work_folder import STORES, in_use
+from linework.runs.resume import source_hash
+from linework.runs.steps import Steps
+
+if TYPE_CHECKING:
+    from linework.model.survey import Survey
+    from linework.processes.executors import Executor
+    from linework.runs.settings import RunSettings
+
+
+@dataclass(frozen=True, slots=True)
+class HeldStore:
+    """A store that stays as it is while it is held.
+
+    Parameters
+    ----------
+    key
+        Stands for the content of all files of points, and for what they were taken for.
+    hashes
+        SHA-256 of every file of points that can be read.
+    """
+
+    points: PointStore
+    facts: StoreFacts
+    key: str
+    hashes: Mapping[Path, str]
+
+
+@contextlib.contextmanager
+def held_store(
+    survey: Survey,
+    work: Path,
+    *,
+    n_threads: int = 1,
+    limits: DecoderLimits | None = None,
+    steps: Steps | None = None,
+) -> Iterator[HeldStore]:
+    """Give the store of a survey, made if the work folder has none for what the files hold now.
+
+    Parameters
+    ----------
+    n_threads, limits
+        Of the process that decodes; the store does not depend on them.
+
+    Raises
+    ------
+    InputError
+        No file can be used; or one changed while it was read.
+    MachineError
+        The work folder is full.
+
+    Notes
+    -----
+    A store is known by its files' bytes, not by their times. Those of earlier states are removed.
+    """
+    steps = steps or Steps()
+    before = _states(survey)
+    hashes = _hashes(survey.point_files, n_threads)
+    family, key = _names(survey, hashes)
+    name = f"{family}-{key}"
+    folder, lock = work / STORES / name, work / f"store-{name}.lock"
+    if not folder.is_dir():
+        with locked(lock, keep=True):
+            if not folder.is_dir():
+                _make(survey, folder, n_threads, limits, steps)
+                _refuse_changed(before, _states(survey))
+                _remove_earlier(work, family, name)
+    with locked(lock, shared=True, keep=True):
+        points = PointStore.open(folder)
+        yield HeldStore(points, facts_of(points), key, hashes)
+
+
+def promised_points(survey: Survey) -> int:
+    """Return how many points the files' headers promise; a file that cannot be read promises none."""
+    total = 0
+    for path in survey.point_files:
+        with contextlib.suppress(InputError):
+            total += read_las_header(path).n_points
+    return total
+
+
+def _make(survey: Survey, folder: Path, n_threads: int, limits: DecoderLimits | None, steps: Steps) -> None:
+    """Decode all files into a part folder, and give it its name when it is whole."""
+    part = folder.with_name(f".{folder.name}.part")
+    with machine_errors(folder):
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir(parents=True)
+        try:
+            with steps.step("read points", unit="points") as advance:
+                spill_survey(survey, part, n_threads=n_threads, progress=advance, limits=limits)
+            part.replace(folder)
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+
+
+def _names(survey: Survey, hashes: Mapping[Path, str]) -> tuple[str, str]:
+    """Return what stands for the files by name, and for what they hold and are taken for."""
+    names = [os.fsdecode(os.fsencode(path.absolute())) for path in survey.point_files]
+    content = [
+        source_hash("files", "kernels"),
+        survey.crs,
+        survey.settings.get("crs"),
+        [hashes.get(p) for p in survey.point_files],
+    ]
+    files, state = (hashlib.sha256(json.dumps(v).encode()).hexdigest() for v in (names, content))
+    return files[:8], state[:16]
+
+
+def _hashes(paths: tuple[Path, ...], n_threads: int) -> dict[Path, str]:
+    """Return the hashes; a file that cannot be read is told about by whoever reads its points."""
+
+    def hashed(path: Path) -> str | None:
+        with contextlib.suppress(InputError, OSError):
+            return hash_file(path)
+        return None
+
+    with ThreadPoolExecutor(max_workers=n_threads) as pool:
+        return {path: text for path, text in zip(paths, pool.map(hashed, paths), strict=True) if text}
+
+
+def _states(survey: Survey) -> dict[Path, tuple[int, ...]]:
+    """Return what tells that a file has been changed since."""
+    found: dict[Path, tuple[int, ...]] = {}
+    for path in survey.point_files:
+        with contextlib.suppress(OSError):
+            status = path.stat()
+            found[path] = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
+    return found
+
+
+def _refuse_changed(before: Mapping[Path, tuple[int, ...]], after: Mapping[Path, tuple[int, ...]]) -> None:
+    for path, state in before.items():
+        if after.get(path) != state:
+            raise InputError(
+                "changed while it was read", where=path, advice="run again when nothing writes to it any more"
+            )
+
+
+def _remove_earlier(work: Path, family: str, name: str) -> None:
+    """Remove the stores of the same files in earlier states, but for those in use."""
+    for folder in sorted((work / STORES).glob(f"{family}-*")):
+        if folder.name != name:
+            lock = work / f"store-{folder.name}.lock"
+            with contextlib.suppress(OSError), locked(lock, in_use(work)):
+                shutil.rmtree(folder)
+
+
+# What works the tiles of a survey on this machine
+
+
+def usable_cores() -> int:
+    """Return the cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextlib.contextmanager
+def executor_for(survey: Survey, n_workers: int, settings: RunSettings) -> Iterator[Executor]:
+    """Give what works the tiles: processes, started now, where there will be several tiles and workers."""
+    from linework.processes.executors import Serial
+    from linework.processes.pool import Processes
+
+    # Images are many small windows of work: they are worth workers as soon as there are any
+    is_small = promised_points(survey) <= settings.tiling.max_points and not survey.settings.get("cameras")
+    if n_workers == 1 or is_small:
+        yield Serial()
+        return
+    with Processes(n_workers, modules=("linework.runs.tasks", "linework.runs.tasks")) as processes:
+        yield processes

@@ -1,0 +1,352 @@
+"""Road and ground of a whole survey, whatever its size: a global pass over tiles of cells, kept on disk.
+
+What has memory (how far a road reaches, which of the smooth regions it is) is decided for the survey as a
+whole: regions are found in every tile, united across the tiles' edges, and chosen together. So the surface
+does not depend on how the survey is split.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from linework.arrays import AnyArray, IntArray
+from linework.files.store.cell_tiles import (
+    SurfaceTiles,
+    TileNumber,
+    clear_surface,
+    read_surface_record,
+    write_surface_record,
+)
+from linework.files.store.read import PointStore
+from linework.model.grid import Bounds
+from linework.model.tile import RoadSurface
+from linework.model.trajectory import Trajectory
+from linework.processes.executors import Executor
+from linework.runs.opened import surface_passes as passes
+from linework.runs.steps import Advance
+from linework.surface.apart import ground_of_pieces, touching
+from linework.surface.carry import CoarseGround, halo_cells
+from linework.surface.cells import BLOCK_M, Window, path_samples
+from linework.surface.choose import Choice, Link
+from linework.surface.config import RoadConfig
+from linework.surface.heights import height_origin, rough_limit_m
+from linework.surface.regions import Islands, links_east, links_south
+
+#: Raised whenever surfaces made by older versions are not to be used any more.
+_VERSION = 1
+
+
+class Layout(NamedTuple):
+    """How the cells are split into tiles: the surface does not depend on it.
+
+    Parameters
+    ----------
+    n_cells
+        Size of a tile, in rows and columns.
+    origin
+        Cell numbers east and north that a tile begins at.
+    """
+
+    n_cells: int
+    origin: tuple[int, int] = (0, 0)
+
+    @classmethod
+    def for_cells(cls, config: RoadConfig) -> Layout:
+        """Return the layout that costs least.
+
+        384 cells of 0.5 m are 3 x 3 blocks of the point store: smaller tiles have more edge to look beyond,
+        larger ones more empty cells along a road. Smaller cells look beyond farther in cells; 1200 of them,
+        with what is around, take 200 MB.
+        """
+        return cls(min(max(384, 2 * halo_cells(config)), 1200))
+
+
+@dataclass(frozen=True, slots=True)
+class SurveySurface:
+    """Road and ground of a survey, on disk.
+
+    Parameters
+    ----------
+    tiles
+        Where the arrays are.
+    cell_m, z0_m
+        Size of the cells; local height origin.
+    known
+        Tiles that have arrays.
+    failed
+        Tiles that could not be worked, and why, in one line: they have no surface.
+    """
+
+    tiles: SurfaceTiles
+    cell_m: float
+    z0_m: float
+    known: frozenset[TileNumber]
+    failed: Mapping[TileNumber, str]
+
+    @classmethod
+    def open(cls, folder: Path) -> SurveySurface:
+        """Open a surface that `make_surface` has made; its arrays are read where they are asked for.
+
+        Raises
+        ------
+        FileNotFoundError
+            There is none in the folder.
+        """
+        record = read_surface_record(folder)
+        if record is None or record.get("version") != _VERSION:
+            raise FileNotFoundError(f"no surface in {folder}")
+        return cls._from(folder, record)
+
+    @classmethod
+    def _from(cls, folder: Path, record: Mapping[str, Any]) -> SurveySurface:
+        east, north = record["origin"]
+        return cls(
+            SurfaceTiles(folder, record["n_cells"], (east, north)),
+            record["cell_m"],
+            record["z0_m"],
+            frozenset((e, n) for e, n in record["tiles"]),
+            {(e, n): problem for e, n, problem in record["failed"]},
+        )
+
+    @property
+    def failures(self) -> tuple[tuple[str, str], ...]:
+        """Name of each tile that has no surface, and the problem in one line."""
+        return tuple((f"surface e{e}n{n}", problem) for (e, n), problem in sorted(self.failed.items()))
+
+    def over(self, bounds: Bounds) -> RoadSurface:
+        """Return road and ground over a place: every cell that touches it, the same wherever it is asked from.
+
+        Heights are NaN in failed tiles, and in a survey without any point.
+        """
+        window = Window.over(bounds, self.cell_m)
+        road_m = np.full(window.shape, np.nan, dtype=np.float32)
+        ground_m, kind = road_m.copy(), np.zeros(window.shape, dtype=np.uint8)
+        out: tuple[AnyArray, ...] = road_m, ground_m, kind
+        for tile in self.tiles.touching(window):
+            at = self.tiles.place(tile, window)
+            if tile in self.known:
+                for i, to in enumerate(out):
+                    to[at] = self.tiles.part(passes.SURFACE, i, tile, window)
+            elif tile not in self.failed:
+                shared = self.tiles.window(tile).common(window)
+                road_m[at] = ground_m[at] = self._far(shared) if shared else np.nan
+        return RoadSurface(window.grid(self.cell_m), self.z0_m, road_m, ground_m, *passes.is_kind(kind))
+
+    def _far(self, window: Window) -> AnyArray:
+        """Return the ground far from any ground: as high as the nearest block that has some."""
+        coarse = CoarseGround(*self.tiles.read_common(passes.COARSE))
+        far, rows, cols = coarse.over(window, self.cell_m)
+        return np.asarray(far[rows[:, None], cols])
+
+
+def make_surface(
+    store: PointStore | passes.PointSource,
+    trajectory: Trajectory | None,
+    config: RoadConfig,
+    folder: Path,
+    executor: Executor,
+    advance: Advance,
+    *,
+    key: str,
+    layout: Layout | None = None,
+) -> SurveySurface:
+    """Find road and ground of a survey, and keep them in a folder; what is there already for `key` is used.
+
+    Parameters
+    ----------
+    store
+        The survey's points.
+    trajectory
+        The vehicle's path; None: in each recorded place, the region with most points is the road.
+    folder
+        For the surface alone: what else is in it may be removed.
+    executor
+        Does the tiles.
+    advance
+        Told how many of the tiles' steps are done, and how many there are.
+    key
+        Fingerprint of points, trajectory and settings.
+    layout
+        How the cells are split into tiles; None: as costs least.
+
+    Raises
+    ------
+    MachineError
+        The folder cannot be written.
+
+    Notes
+    -----
+    A tile that cannot be worked has no surface; `SurveySurface.failures` names it, and the next call tries
+    again. Memory: one tile in each worker, and here what crosses the edges.
+    """
+    record = read_surface_record(folder)
+    if record and (record.get("version"), record.get("key")) == (_VERSION, key) and not record["failed"]:
+        return SurveySurface._from(folder, record)
+    layout = layout or Layout.for_cells(config)
+    clear_surface(folder)
+    try:
+        making = _Making(store, trajectory, config, SurfaceTiles(folder, *layout), executor, advance)
+        known = making.surface()
+    except BaseException:
+        # Half a surface is of no use to the next run; on a full disk its room is
+        with contextlib.suppress(OSError):
+            clear_surface(folder)
+        raise
+    write_surface_record(
+        folder,
+        {
+            "version": _VERSION,
+            "key": key,
+            "cell_m": config.cell_m,
+            "z0_m": making.z0_m,
+            "n_cells": layout.n_cells,
+            "origin": list(layout.origin),
+            "tiles": sorted(known),
+            "failed": [[*tile, problem] for tile, problem in sorted(making.failed.items())],
+        },
+    )
+    return SurveySurface.open(folder)
+
+
+class _Making:
+    """The passes of one surface."""
+
+    def __init__(
+        self,
+        store: PointStore | passes.PointSource,
+        trajectory: Trajectory | None,
+        config: RoadConfig,
+        tiles: SurfaceTiles,
+        executor: Executor,
+        advance: Advance,
+    ) -> None:
+        self._tiles, self._config, self._executor, self._advance = tiles, config, executor, advance
+        self._blocks, counts = store.block_counts
+        self.z0_m = _height_origin(store, trajectory, self._blocks, counts)
+        self.failed: dict[TileNumber, str] = {}
+        self._occupied = _tiles_of(self._blocks, tiles, config, 0)
+        self._reached = _tiles_of(self._blocks, tiles, config, halo_cells(config))
+        source = store.folder if isinstance(store, PointStore) else store
+        self._task = passes.TileTask(source, tiles, (0, 0), config, self.z0_m)
+        path, islands = path_samples(trajectory, config.cell_m), Islands.of(self._blocks)
+        tiles.write_common(passes.PATH, path, passes.path_boxes(path))
+        tiles.write_common(passes.ISLANDS, islands.codes, islands.number)
+
+    def surface(self) -> list[TileNumber]:
+        """Make the surface; return the tiles that have one."""
+        # The lowest supported height of every cell, and how much the layer above it spreads
+        spreads = self._run(0, passes.find_heights, self._occupied)
+        self._task = replace(self._task, rough_limit_m=rough_limit_m(_added(spreads.values()), self._config))
+        # Regions that continue the slope, and looser ones, united across the edges of tiles
+        facts = self._run(1, passes.find_regions, [tile for tile, counts in spreads.items() if len(counts)])
+        names = sorted(facts)
+        choice = Choice([facts.pop(name) for name in names], self._links(names), self._config.cell_m)
+        # The road is under the van; the ground is what is connected to it, and level pieces apart from it
+        self._write_chosen(names, choice)
+        receipts = self._run(2, passes.find_apart, names)
+        self._add_ground(names, choice, receipts)
+        coarse = CoarseGround.added(*(receipt.coarse for receipt in receipts.values()))
+        self._tiles.write_common(passes.COARSE, coarse.blocks, coarse.total, coarse.cells)
+        # Beyond its edge the road is carried on, and gives way to the ground
+        has = self._run(3, passes.carry_on, [tile for tile in self._reached if tile not in self.failed])
+        self._advance(self._n_steps, self._n_steps)
+        self._tiles.keep_only(passes.SURFACE, passes.COARSE)
+        return [tile for tile, is_there in has.items() if is_there]
+
+    def _run(
+        self, number: int, work: Callable[[passes.TileTask], Any], tiles: Iterable[TileNumber]
+    ) -> dict[TileNumber, Any]:
+        """Do one pass over tiles, and return their receipts; failures are kept by tile."""
+        receipts, done = {}, number * len(self._occupied)
+        for outcome in self._executor.run(work, [replace(self._task, tile=tile) for tile in tiles]):
+            if outcome.receipt is None:
+                self.failed.setdefault(outcome.task.tile, outcome.problem)
+            else:
+                receipts[outcome.task.tile] = outcome.receipt
+            done += 1
+            self._advance(done, self._n_steps)
+        return receipts
+
+    @property
+    def _n_steps(self) -> int:
+        return 3 * len(self._occupied) + len(self._reached)
+
+    def _links(self, names: Sequence[TileNumber]) -> list[Link]:
+        """Return what is connected across the edges between tiles."""
+        number = {name: i for i, name in enumerate(names)}
+        links = []
+        for (east, north), i in number.items():
+            for side, other, find in (
+                (("east", "west"), number.get((east + 1, north)), links_east),
+                (("south", "north"), number.get((east, north - 1)), links_south),
+            ):
+                if other is not None:
+                    one = passes.edge_cells(self._tiles, names[i], side[0])
+                    two = passes.edge_cells(self._tiles, names[other], side[1])
+                    links.append(Link(i, other, *find(one, two, self._config)))
+        return links
+
+    def _write_chosen(self, names: Sequence[TileNumber], choice: Choice) -> None:
+        for i, name in enumerate(names):
+            self._tiles.write(passes.CHOSEN, name, choice.road_labels(i), choice.ground_labels(i))
+
+    def _add_ground(
+        self, names: Sequence[TileNumber], choice: Choice, receipts: Mapping[TileNumber, passes.ApartReceipt]
+    ) -> None:
+        """Take for ground what lies level with it beyond holes in the data."""
+        with_pieces = [name for name in names if name in receipts and receipts[name].pieces]
+        number = {name: i for i, name in enumerate(with_pieces)}
+        pieces = [p for p in (receipts[name].pieces for name in with_pieces) if p]
+        links = []
+        for (east, north), i in number.items():
+            for other, below in (
+                (number.get((east + 1, north)), False),
+                (number.get((east, north - 1)), True),
+            ):
+                if other is not None:
+                    links.append((i, other, touching(pieces[i], pieces[other], below=below)))
+        if pieces:
+            for name, labels in zip(
+                with_pieces, ground_of_pieces(pieces, links, self._config.cell_m), strict=True
+            ):
+                choice.add_ground(names.index(name), labels)
+            self._write_chosen(names, choice)
+
+
+def _height_origin(
+    store: PointStore | passes.PointSource, trajectory: Trajectory | None, blocks: IntArray, counts: IntArray
+) -> float:
+    """Return the height origin of the path, or without one of a block with neither few nor many points."""
+    if trajectory is not None and len(trajectory):
+        return height_origin(trajectory.xyz[:, 2])
+    if len(counts) == 0:
+        return 0.0
+    east, north = (blocks[np.argsort(counts, kind="stable")[len(counts) // 2]] * BLOCK_M).tolist()
+    block = Bounds(east, north, east + BLOCK_M, north + BLOCK_M)
+    return height_origin(store.points(block, ordered=False, with_time=False, with_intensity=False).xyz[:, 2])
+
+
+def _tiles_of(blocks: IntArray, tiles: SurfaceTiles, config: RoadConfig, margin: int) -> list[TileNumber]:
+    """Return the tiles that hold cells of blocks, or that lie within a margin of those, in cells."""
+    found: set[TileNumber] = set()
+    for east, north in (np.asarray(blocks) * BLOCK_M).tolist():
+        window = Window.over(Bounds(east, north, east + BLOCK_M, north + BLOCK_M), config.cell_m)
+        found.update(tiles.touching(window.grown(margin)))
+    return sorted(found)
+
+
+def _added(counts: Iterable[AnyArray]) -> IntArray:
+    """Return the sum of counts of different lengths."""
+    total = np.zeros(0, dtype=np.int64)
+    for part in counts:
+        longer = np.zeros(max(len(total), len(part)), dtype=np.int64)
+        longer[: len(total)] = total
+        longer[: len(part)] += part
+        total = longer
+    return total

@@ -1,0 +1,232 @@
+"""What is done to each tile of the surface: tasks that carry names and settings, and leave arrays in a folder.
+
+heights -> regions -> (regions are united and chosen) -> pieces apart -> (chosen) -> carried on
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from linework.files.store.cell_tiles import SurfaceTiles, TileNumber
+from linework.files.store.read import PointStore
+from linework.model.grid import Bounds
+from linework.model.points import Points
+from linework.surface import apart
+from linework.surface.carry import CoarseGround, carried, halo_cells, reach_cells
+from linework.surface.cells import BLOCK_M, NEAR_M, Window
+from linework.surface.config import RoadConfig
+from linework.surface.heights import HALO, cell_heights, count_spreads
+from linework.surface.regions import CellRegions, Islands, RegionFacts, cell_regions, cells_with
+
+#: The path is looked up by boxes around so many samples: 256 m of it.
+PATH_BOX = 1024
+#: Names of the arrays that are needed only while the surface is made: height, spread and number of points of
+#: the cells; road and ground labels; edges; road and ground labels that were chosen.
+CELLS, LABELS, EDGES, CHOSEN = "cells", "labels", "edges", "chosen"
+#: For all tiles: samples and boxes of the path; codes and numbers of islands.
+PATH, ISLANDS = "path", "islands"
+#: What stays: road, ground and kind of the cells; coarse ground.
+SURFACE, COARSE = "surface", "coarse"
+#: What comes first, where there is something of the road and of the ground.
+_ROAD, _GROUND = 0, 1
+#: What is kept of the cells along a tile's edges, two deep.
+_EDGE = np.dtype([("height", "f4"), ("east", "f4"), ("north", "f4"), ("road", "i4"), ("ground", "i4")])
+_SIDES = {"west": np.s_[:, :2], "east": np.s_[:, -2:], "north": np.s_[:2, :], "south": np.s_[-2:, :]}
+
+
+class PointSource(Protocol):
+    """Gives the points of any place: what is needed of `PointStore`."""
+
+    def points(self, bounds: Bounds, *, ordered: bool, with_time: bool, with_intensity: bool) -> Points:
+        """Return the points of a place."""
+        ...
+
+    @property
+    def block_counts(self) -> tuple[IntArray, IntArray]:
+        """Blocks of 64 m (n, 2) int64, numbered east and north, and the points in each."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class TileTask:
+    """One tile in one pass.
+
+    Parameters
+    ----------
+    source
+        The store's folder, or what gives points in its stead.
+    z0_m
+        Local height origin of the whole survey. [m, world]
+    rough_limit_m
+        Cells whose layer spreads more are rough; not known yet in the first pass.
+    """
+
+    source: Path | PointSource
+    tiles: SurfaceTiles
+    tile: TileNumber
+    config: RoadConfig
+    z0_m: float
+    rough_limit_m: float = np.nan
+
+
+def find_heights(task: TileTask) -> IntArray:
+    """Write the heights of a tile's cells; return how many cells spread how much (none: there is no point)."""
+    cell_m = task.config.cell_m
+    # Edges that binary fractions do not hit: points on them may lie either way, so a little more is read
+    margin_m = 0.0 if (cell_m * 1024).is_integer() else 1e-3
+    source = _opened(task.source) if isinstance(task.source, Path) else task.source
+    bands = []
+    for band in _bands(task.tiles.window(task.tile), cell_m):
+        points = source.points(
+            band.bounds(cell_m).grown(margin_m), ordered=False, with_time=False, with_intensity=False
+        )
+        bands.append(cell_heights(points.xyz, band, task.z0_m, task.config))
+    height, spread, count = (
+        np.concatenate([getattr(band, name) for band in bands]) for name in ("height", "spread", "count")
+    )
+    if not count.any():
+        return np.zeros(0, dtype=np.int64)
+    task.tiles.write(CELLS, task.tile, height, spread, count)
+    return count_spreads(spread)
+
+
+def _bands(window: Window, cell_m: float) -> Iterator[Window]:
+    """Yield the rows of a window from the north, as many at a time as a block has: fewer points in memory."""
+    n = max(math.floor(BLOCK_M / cell_m), 1)
+    for first in range((window.north - 1) // n, window.south // n - 1, -1):
+        band = window.common(Window(window.west, first * n, n, window.n_cols))
+        if band:
+            yield band
+
+
+@lru_cache(maxsize=1)
+def _opened(folder: Path) -> PointStore:
+    return PointStore.open(folder)
+
+
+def find_regions(task: TileTask) -> RegionFacts:
+    """Write the labels of a tile's cells and what neighbours need of its edges; return what it tells of them."""
+    tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
+    _, spread, count = tiles.read(CELLS, task.tile)
+    regions, facts = cell_regions(
+        window,
+        tiles.over(CELLS, 0, window.grown(HALO), np.float32(np.nan)),
+        spread,
+        count,
+        _path_near(tiles, window.bounds(config.cell_m)),
+        Islands(*tiles.read_common(ISLANDS)),
+        task.rough_limit_m,
+        task.z0_m,
+        config,
+    )
+    tiles.write(LABELS, task.tile, regions.road, regions.ground)
+    tiles.write(EDGES, task.tile, *(_edge(regions, part) for part in _SIDES.values()))
+    return facts
+
+
+def edge_cells(tiles: SurfaceTiles, tile: TileNumber, side: str) -> CellRegions:
+    """Return the two columns or rows of a tile's cells along its "west", "east", "north" or "south" edge."""
+    edge = tiles.read(EDGES, tile)[list(_SIDES).index(side)]
+    return CellRegions(tiles.window(tile), *(np.array(edge[name]) for name in _EDGE.names or ()))
+
+
+def _edge(regions: CellRegions, part: tuple[slice, slice]) -> AnyArray:
+    planes = regions.height, regions.slope_east, regions.slope_north, regions.road, regions.ground
+    edge = np.empty(regions.height[part].shape, dtype=_EDGE)
+    for name, plane in zip(_EDGE.names or (), planes, strict=True):
+        edge[name] = plane[part]
+    return edge
+
+
+def path_boxes(path: FloatArray) -> FloatArray:
+    """Return west, south, east, north (k, 4) of each stretch of `PATH_BOX` samples."""
+    starts = np.arange(0, len(path), PATH_BOX)
+    if len(starts) == 0:
+        return np.zeros((0, 4))
+    low = np.minimum.reduceat(path[:, :2], starts, axis=0)
+    high = np.maximum.reduceat(path[:, :2], starts, axis=0)
+    return np.concatenate([low, high], axis=1)
+
+
+def _path_near(tiles: SurfaceTiles, bounds: Bounds) -> FloatArray:
+    """Return all samples of the path that can be near cells of the bounds, and some more."""
+    near = bounds.grown(2.0 * NEAR_M + 5.0)  # cells are 5 m at most
+    path, boxes = tiles.read_common(PATH)
+    hit = (boxes[:, 0] <= near.east) & (boxes[:, 2] >= near.west)
+    hit &= (boxes[:, 1] <= near.north) & (boxes[:, 3] >= near.south)
+    parts = [path[i * PATH_BOX : (i + 1) * PATH_BOX] for i in np.flatnonzero(hit)]
+    return np.concatenate([np.zeros((0, 3)), *parts])
+
+
+@dataclass(frozen=True, slots=True)
+class ApartReceipt:
+    """What a tile tells of its smooth pieces (None: it has none), and of the ground in blocks of 64 m."""
+
+    pieces: apart.Pieces | None
+    coarse: CoarseGround
+
+
+def find_apart(task: TileTask) -> ApartReceipt:
+    """Return what is to be known of a tile's pieces that data holes may part from the ground."""
+    tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
+    height, *_ = tiles.read(CELLS, task.tile)
+    _, ground = tiles.read(LABELS, task.tile)
+    around = window.grown(apart.HALO)
+    is_ground = _cells_of(tiles, _GROUND, around)
+    inner = np.ascontiguousarray(is_ground[around.part(window)])
+    coarse = CoarseGround.of(window, height, inner, config.cell_m)
+    smooth = tiles.over(LABELS, _ROAD, around, np.int32(0)) > 0
+    found, n_border, n = apart.smooth_pieces(smooth & ~is_ground)
+    if n == 0:
+        return ApartReceipt(None, coarse)
+    around = window.grown(reach_cells(config))
+    pieces = apart.describe_pieces(
+        found,
+        (n_border, n),
+        ground,
+        tiles.over(CELLS, 0, around, np.float32(np.nan)),
+        _cells_of(tiles, _GROUND, around),
+        config,
+    )
+    return ApartReceipt(pieces, coarse)
+
+
+def carry_on(task: TileTask) -> bool:
+    """Write road and ground of a tile; False where there is neither near."""
+    tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
+    around = window.grown(halo_cells(config))
+    is_ground = _cells_of(tiles, _GROUND, around)
+    if not is_ground.any():
+        return False
+    is_road = _cells_of(tiles, _ROAD, around)
+    height = tiles.over(CELLS, 0, around, np.float32(np.nan))
+    coarse = CoarseGround(*tiles.read_common(COARSE))
+    road_m, ground_m = carried(window, height, is_road, is_ground, coarse, config)
+    inner = around.part(window)
+    kind = is_road[inner].view(np.uint8) << _ROAD | is_ground[inner].view(np.uint8) << _GROUND
+    tiles.write(SURFACE, task.tile, road_m, ground_m, kind)
+    return True
+
+
+def is_kind(kind: AnyArray) -> tuple[BoolArray, BoolArray]:
+    """Return which cells are road, and which are ground, by the third array of a tile's surface."""
+    return (kind >> _ROAD) & 1 > 0, (kind >> _GROUND) & 1 > 0
+
+
+def _cells_of(tiles: SurfaceTiles, what: int, window: Window) -> BoolArray:
+    """Return which cells of a window have labels that were chosen for road, or for ground."""
+    out = np.zeros(window.shape, dtype=bool)
+    for tile in tiles.touching(window):
+        labels = tiles.part(LABELS, what, tile, window)
+        # Where labels lie and nothing was chosen, the tile has failed on the way
+        if labels is not None and tiles.has(CHOSEN, tile):
+            out[tiles.place(tile, window)] = cells_with(labels, tiles.read(CHOSEN, tile)[what])
+    return out

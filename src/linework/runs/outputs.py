@@ -1,0 +1,208 @@
+"""Publish what a run found: the lines, then their record beside them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from linework.editing.queue.carried_over import REJECTED, carried
+from linework.errors import LineworkError
+from linework.files.geodesy.crs import describe_crs
+from linework.files.line_file.carried import has_reviews, with_history
+from linework.files.line_file.file import DrawingFile
+from linework.files.output.record import hash_file, write_json
+from linework.files.store.facts import StoreFacts
+from linework.files.vectors.read_write import points_left_out, write_lines
+from linework.model.lines import REVIEWS, LineSet
+from linework.model.logs import VanLog
+from linework.runs.extraction import Extraction, path_text
+from linework.runs.record import record_path, set_aside, versions
+from linework.runs.steps import Steps
+
+
+def publish_extraction(
+    extraction: Extraction,
+    output: Path,
+    parameters: Mapping[str, Any],
+    *,
+    overwrite: bool = False,
+    note: Callable[[str], None] | None = None,
+    steps: Steps | None = None,
+    reviews: KeptReviews | None = None,
+) -> dict[str, Any]:
+    """Write the lines and run.json, and return the record.
+
+    Parameters
+    ----------
+    parameters
+        All that was asked for and all settings, as they go into the record.
+    note
+        Told the SHA-256 of the lines' file before it gets its name.
+    reviews
+        What people said of the lines that were there (see `with_kept_reviews`).
+
+    Raises
+    ------
+    OutputExistsError, MachineError
+        As for `linework.files.output.publish.publish`; the old lines and their record are then as before.
+
+    Notes
+    -----
+    Every kind that was looked for has its layer, with or without lines.
+    """
+    steps = steps or Steps()
+    path = record_path(output)
+    with steps.step("write lines"), set_aside(path):
+        write_lines(
+            reviews.lines if reviews else extraction.lines, output,
+            kinds=extraction.kinds, points=extraction.logged, overwrite=overwrite, note=note,
+            finish=reviews.finish if reviews else None,
+        )  # fmt: skip
+    record = record_of(extraction, output, parameters, steps)
+    if reviews is not None:
+        record["counts"]["reviews"] = dict(reviews.counts)
+    write_json(record, path, overwrite=True)
+    return record
+
+
+def record_of(
+    extraction: Extraction, output: Path, parameters: Mapping[str, Any], steps: Steps
+) -> dict[str, Any]:
+    """Return the record of a run whose lines are in place.
+
+    Raises
+    ------
+    RuntimeError
+        Points in the files are not points used and points left out, or lines are of kinds not looked for.
+    """
+    read, lines, pairs = extraction.read, extraction.lines, extraction.pairs
+    n_lines = {kind: int((lines.kind == kind).sum()) for kind in extraction.kinds}
+    if sum(n_lines.values()) != len(lines):
+        raise RuntimeError(f"{len(lines)} lines, but {n_lines} of the kinds that were looked for")
+    return {
+        "command": "extract",
+        "versions": versions(),
+        "crs": {"name": describe_crs(lines.crs), "wkt": lines.crs},
+        "parameters": dict(parameters),
+        "inputs": [
+            {"file": path_text(file), "bytes": file.stat().st_size, "sha256": digest}
+            for file, digest in extraction.hashes.items()
+        ],
+        "output": {"file": path_text(output), "bytes": output.stat().st_size, "sha256": hash_file(output)},
+        "counts": {
+            **_point_counts(read),
+            "tiles": len(extraction.tiles),
+            "stereo_pairs": pairs.n_pairs if pairs else 0,
+            "stereo_pairs_used": pairs.n_used if pairs else 0,
+            **_logged_counts(extraction.logged),
+            "lines": n_lines,
+            "length_m": {
+                kind: round(float(lines.length_m[lines.kind == kind].sum()), 3) for kind in extraction.kinds
+            },
+        },
+        "timings_s": {step: round(seconds, 4) for step, seconds in steps.timings_s.items()},
+        "tiles": [
+            {
+                "id": report.name,
+                "core": list(report.tile.core),
+                "buffer_m": report.tile.buffer_m,
+                "points": report.n_points,
+                "lines": report.n_lines,
+                "problem": report.problem or None,
+            }
+            for report in extraction.tiles
+        ],
+        "warnings": [*extraction.warnings, *points_left_out(output, extraction.logged)],
+        "failures": [
+            *(
+                {"file": path_text(file), "problem": problem}
+                for file, problem in (read.failures if read else ())
+            ),
+            *(
+                {"tile": tile, "problem": problem, "trace": extraction.traces.get(tile)}
+                for tile, problem in extraction.failures
+            ),
+            *(
+                {"image": path_text(Path(image)), "problem": problem}
+                for image, problem in (pairs.failures if pairs else ())
+            ),
+            *({"recording": what, "problem": problem} for what, problem in extraction.unusable),
+        ],
+    }
+
+
+def _logged_counts(logged: VanLog | None) -> dict[str, int]:
+    """Return how many images and keys have a place."""
+    photos, events = (logged.photos, logged.events) if logged else (None, None)
+    return {"photolog": len(photos) if photos else 0, "events": len(events) if events else 0}
+
+
+def _point_counts(read: StoreFacts | None) -> dict[str, Any]:
+    """Return the account of the points: those in the files are those used and those left out."""
+    if read is None:
+        return {"files": 0, "points_in_files": 0, "points_used": 0, "points_rejected": {}}
+    n_promised = sum(facts.n_promised for facts in read.files)
+    n_rejected = sum(read.rejected.values())
+    if n_promised != read.n_points + n_rejected:
+        raise RuntimeError(f"{n_promised} points, but {read.n_points} used and {n_rejected} left out")
+    return {
+        "files": len(read.files) + len(read.failures),
+        "points_in_files": n_promised,
+        "points_used": read.n_points,
+        "points_rejected": dict(read.rejected),
+    }
+
+
+# What people said of lines, carried over into the lines of a new extraction
+
+
+@dataclass(frozen=True, slots=True)
+class KeptReviews:
+    """What is written besides what was found.
+
+    Parameters
+    ----------
+    lines
+        All lines, rejected ones too.
+    counts
+        Lines that stay, by what people said of them, and `found_again`: found lines left out or cut for them.
+    finish
+        Adds the history to the bytes of the file.
+    """
+
+    lines: LineSet
+    counts: Mapping[str, int]
+    finish: Callable[[bytes], bytes]
+
+
+def with_kept_reviews(found: Extraction, output: Path) -> tuple[Extraction, KeptReviews | None]:
+    """Return what was found beside what people said of the lines in `output`, which will be replaced.
+
+    The lines of the extraction are then those that readers will see. None where nobody said anything.
+
+    Raises
+    ------
+    LineworkError
+        There are reviews that cannot be used: in another CRS, damaged.
+    """
+    if output.suffix.lower() != ".gpkg" or not output.is_file() or not has_reviews(output):
+        return found, None
+    try:
+        with DrawingFile.opened(output, crs=found.lines.crs, is_held=True) as drawing:
+            there, judged = drawing.lines, drawing.judged
+    except LineworkError as error:
+        error.advice = "give --forget-reviews to lose what people said of its lines, or choose another name"
+        raise
+    kept = carried(found.lines, there, judged)
+    lines = LineSet.concatenate([there.take(kept.stays), kept.new])
+    said = Counter(there.review[kept.stays].tolist())
+    counts = {name: said[name] for name in REVIEWS} | {"found_again": kept.n_again}
+    seen = lines.take(lines.review != REJECTED)
+    kinds = tuple(dict.fromkeys([*found.kinds, *sorted(set(seen.kind.tolist()))]))
+    told = ", ".join(f"{n} {name}" for name, n in counts.items() if n and name in REVIEWS) or "none"
+    warning = f"{output}: kept what people said of its lines ({told}); {kept.n_again} found again were left out or cut"
+    found = replace(found, lines=seen, kinds=kinds, warnings=(*found.warnings, warning))
+    return found, KeptReviews(lines, counts, with_history(output, lines))

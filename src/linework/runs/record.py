@@ -1,0 +1,133 @@
+"""run.json: what a run was given, what it did and how long it took, beside its output."""
+
+from __future__ import annotations
+
+import contextlib
+import glob
+import json
+import os
+import platform
+from collections.abc import Iterator, Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import linework
+from linework.files.output.publish import is_alive
+
+#: What can change the result: named in every record.
+PACKAGES = ("numpy", "scipy", "numba", "laspy", "lazrs", "pyproj", "pyogrio", "shapely")
+#: More failures than this are counted, not listed: run.json has all.
+MAX_LISTED = 3
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of linework, of Python and of the packages that can change a result."""
+    found = {"linework": linework.__version__, "python": platform.python_version()}
+    for package in PACKAGES:
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            found[package] = metadata.version(package)
+    return found
+
+
+def record_path(output: Path) -> Path:
+    """Return where the record of `output` belongs: run.json beside it.
+
+    Where run.json there belongs to another output that still exists, or is no record at all, it is
+    the output's full name and ``.run.json``: lines.gpkg.run.json, so that lines.dxf has another. There it stays.
+    """
+    plain, own = output.with_name("run.json"), output.with_name(f"{output.name}.run.json")
+    if _output_of(own) == output.name:
+        return own
+    owner = _output_of(plain)
+    ours = not plain.exists() or owner == output.name
+    deserted = owner and not output.with_name(owner).exists()
+    if plain.name != output.name and (ours or deserted):
+        return plain
+    return own
+
+
+def facts_of(record: Mapping[str, Any]) -> dict[str, str]:
+    """Return what a person first wants to know of a run, by name.
+
+    >>> facts_of({
+    ...     "counts": {"points_used": 5, "lines": {"cable": 1}}, "crs": {"name": "local"},
+    ...     "timings_s": {"read points": 1.26}, "versions": {"linework": "1"},
+    ... })["time"]
+    'read points 1.3 s'
+    """
+    counts = record["counts"]
+    return {
+        "points": f"{counts['points_used']:,}",
+        "CRS": record["crs"]["name"],
+        "looked for": ", ".join(counts["lines"]),
+        "time": ", ".join(f"{step} {seconds:.1f} s" for step, seconds in record["timings_s"].items()),
+        "linework": record["versions"]["linework"],
+    }
+
+
+def what_is_missing(record: Mapping[str, Any]) -> str:
+    """Return on one line what a run has left out and why, "" where it has left out nothing.
+
+    >>> failures = [{"file": "a.laz", "problem": "a.laz: empty file."}]
+    >>> what_is_missing({"failures": failures, "counts": {"files": 2, "tiles": 1, "stereo_pairs": 0}})
+    '1 of 2 files left out: a.laz: empty file'
+    """
+    failures, counts = record["failures"], record["counts"]
+    totals = {"file": counts["files"], "tile": counts["tiles"], "stereo pair": counts["stereo_pairs"]}
+    left_out = {
+        "file": sum("file" in failure for failure in failures),
+        "tile": sum("tile" in failure for failure in failures),
+        "stereo pair": sum("image" in failure for failure in failures),
+    }
+    parts = [f"{left_out[name]} of {of} {name}s" for name, of in totals.items() if left_out[name]]
+    n_recordings = sum("recording" in failure for failure in failures)
+    parts += [f"{n_recordings} recording{'s' * (n_recordings > 1)}"] * bool(n_recordings)
+    listed = "; ".join(
+        f"tile {failure['tile']}: {failure['problem']}"
+        if "tile" in failure
+        else failure["problem"].rstrip(".")
+        for failure in failures[:MAX_LISTED]
+    )
+    more = f" and {len(failures) - MAX_LISTED} more" if len(failures) > MAX_LISTED else ""
+    return f"{' and '.join(parts)} left out: {listed}{more}" if failures else ""
+
+
+@contextlib.contextmanager
+def set_aside(path: Path) -> Iterator[None]:
+    """Take an old record away while its output is replaced; it comes back if that fails.
+
+    The order is: old record away, new output in place, new record in place. Whenever the run is killed,
+    no output stands beside the record of another.
+    """
+    _put_back(path)
+    aside = path.with_name(f".{path.name}.{os.getpid()}.old")
+    had_one = path.exists()
+    if had_one:
+        path.replace(aside)
+    try:
+        yield
+    except BaseException:
+        if had_one:
+            aside.replace(path)
+        raise
+    aside.unlink(missing_ok=True)
+
+
+def _put_back(path: Path) -> None:
+    """Put back, or remove where there is a newer one, the old record that a killed run took away."""
+    for aside in sorted(path.parent.glob(f".{glob.escape(path.name)}.*.old")):
+        number = aside.name.removesuffix(".old").rpartition(".")[2]
+        if number.isdigit() and not is_alive(int(number)):
+            if path.exists():
+                aside.unlink()
+            else:
+                aside.replace(path)
+
+
+def _output_of(record: Path) -> str:
+    """Return the name of the output a record belongs to, "" where there is none that can be read."""
+    try:
+        return Path(json.loads(record.read_text(encoding="utf-8"))["output"]["file"]).name
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""

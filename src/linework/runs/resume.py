@@ -1,0 +1,274 @@
+"""Runs that are not finished: their journal and the lines of their tiles, in the work folder."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import shutil
+import sqlite3
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import linework
+from linework.errors import MachineError, UsageError
+from linework.files.output.locks import locked
+from linework.files.output.publish import machine_errors
+from linework.files.output.record import hash_file
+from linework.runs.opened.work_folder import RUNS, in_use
+from linework.runs.record import versions
+
+_DESCRIPTION, _JOURNAL, _RESULTS = "run.json", "journal.sqlite", "tiles"
+
+
+@dataclass(frozen=True, slots=True)
+class RunFolder:
+    """Where a run keeps what it has done.
+
+    Parameters
+    ----------
+    results
+        Folder for the lines of each tile.
+    is_resumed
+        Whether an earlier process has begun it.
+    """
+
+    path: Path
+    results: Path
+    journal: Journal
+    is_resumed: bool
+
+
+def describe_run(parameters: Mapping[str, Any], hashes: Mapping[Path, str]) -> dict[str, Any]:
+    """Return all that the result of a run depends on: parameters, the bytes of its inputs, the program."""
+    inputs = {os.fsencode(path).decode("utf-8", "backslashreplace"): text for path, text in hashes.items()}
+    found = {"inputs": inputs, **parameters, "code": source_hash(), "versions": versions()}
+    described: dict[str, Any] = json.loads(json.dumps(found, default=str))
+    return described
+
+
+def fingerprint_of(described: Mapping[str, Any]) -> str:
+    """Return what stands for a description, for the record of the finished run."""
+    return hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()
+
+
+def made_here(work: Path, output: Path) -> bool:
+    """Return whether the output that is there is what an unfinished run was about to call finished."""
+    journal = _folder(work, output) / _JOURNAL
+    if not journal.is_file():
+        return False
+    with contextlib.suppress(sqlite3.DatabaseError):
+        held = Journal(journal)
+        try:
+            return held.noted_output(output.name) == hash_file(output)
+        finally:
+            held.close()
+    return False
+
+
+def _folder(work: Path, output: Path) -> Path:
+    return work / RUNS / hashlib.sha256(os.fsencode(output.absolute())).hexdigest()[:16]
+
+
+@contextlib.contextmanager
+def run_folder(
+    work: Path, output: Path, described: Mapping[str, Any], *, resume: bool = False
+) -> Iterator[RunFolder]:
+    """Give the folder of a run; it is removed when the run ends well, and stays for `resume` when it does not.
+
+    Parameters
+    ----------
+    output
+        What the run makes: two runs are one if they make the same output.
+    described
+        All that the result depends on, see `describe_run`.
+    resume
+        Go on with what an earlier process has done. Otherwise that is thrown away.
+
+    Raises
+    ------
+    UsageError
+        What is there was begun with other parameters; the message names the first that differs.
+    OutputExistsError
+        Another process is at it.
+    """
+    folder = _folder(work, output)
+    with locked(work / f"run-{folder.name}.lock", in_use(work)), machine_errors(folder):
+        begun = _description(folder)
+        if begun is not None and resume:
+            _refuse_other(begun, described, output)
+        is_resumed = begun is not None and resume
+        if not is_resumed:
+            shutil.rmtree(folder, ignore_errors=True)
+        (folder / _RESULTS).mkdir(parents=True, exist_ok=True)
+        journal = _journal(folder)
+        if not is_resumed:
+            _describe(folder, described)
+        try:
+            yield RunFolder(folder, folder / _RESULTS, journal, is_resumed)
+        finally:
+            journal.close()
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _journal(folder: Path) -> Journal:
+    """Open the journal; of a damaged one nothing is believed, and the tiles are done anew."""
+    path = folder / _JOURNAL
+    try:
+        journal = Journal(path)
+        journal.done()
+    except (sqlite3.DatabaseError, ValueError):
+        for ending in ("", "-journal", "-wal", "-shm"):
+            path.with_name(path.name + ending).unlink(missing_ok=True)
+        return Journal(path)
+    return journal
+
+
+def _describe(folder: Path, described: Mapping[str, Any]) -> None:
+    """Write what the run is, last of what makes its folder: a folder without it was never begun."""
+    part = folder / f".{_DESCRIPTION}.part"
+    part.write_text(json.dumps(described), encoding="utf-8")
+    part.replace(folder / _DESCRIPTION)
+
+
+def _description(folder: Path) -> dict[str, Any] | None:
+    try:
+        found = json.loads((folder / _DESCRIPTION).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def _refuse_other(begun: Mapping[str, Any], now: Mapping[str, Any], output: Path) -> None:
+    one, two = dict(_flat(begun)), dict(_flat(now))
+    for name in sorted(one.keys() | two.keys()):
+        if one.get(name) != two.get(name):
+            was, is_ = (_short(values.get(name)) for values in (one, two))
+            raise UsageError(
+                f"the run to resume was begun with {name} = {was}, now it is {is_}",
+                where=output,
+                advice="give the same again, or run without --resume to begin anew",
+            )
+
+
+def _flat(document: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield every leaf of a document with its dotted name.
+
+    >>> dict(_flat({"a": {"b": 1}, "c": [2, 3]}))
+    {'a.b': 1, 'c': [2, 3]}
+    """
+    if isinstance(document, Mapping):
+        for key, value in document.items():
+            yield from _flat(value, f"{name}.{key}" if name else str(key))
+    else:
+        yield name, document
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+# The journal of a run: which tiles are done, which failed; kept so that a killed run goes on where it was
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A tile that is done: the SHA-256 of its result file, and its receipt."""
+
+    tile_id: str
+    sha256: str
+    receipt: Mapping[str, Any]
+
+
+class Journal:
+    """A journal on disk; what has been entered stays, also when the power goes.
+
+    Parameters
+    ----------
+    path
+        Made when it is not there.
+
+    Raises
+    ------
+    MachineError
+        It cannot be written.
+    sqlite3.DatabaseError
+        The file is damaged.
+    """
+
+    def __init__(self, path: Path) -> None:
+        with _machine_errors(path):
+            self._path = path
+            # One statement, one transaction, on the disk before it returns
+            self._connection = sqlite3.connect(path, isolation_level=None)
+            self._connection.execute("PRAGMA synchronous = FULL")
+            self._connection.execute(
+                "CREATE TABLE IF NOT EXISTS done (tile_id TEXT PRIMARY KEY, sha256 TEXT, receipt TEXT)"
+            )
+            self._connection.execute(
+                "CREATE TABLE IF NOT EXISTS published (name TEXT PRIMARY KEY, sha256 TEXT)"
+            )
+
+    def enter(self, entry: Entry) -> None:
+        """Enter a tile as done; the last entry of a tile counts."""
+        text = json.dumps(dict(entry.receipt), allow_nan=False)
+        self._write("INSERT OR REPLACE INTO done VALUES (?, ?, ?)", (entry.tile_id, entry.sha256, text))
+
+    def done(self) -> dict[str, Entry]:
+        """Return the tiles that are done, by name."""
+        with _machine_errors(self._path):
+            rows = self._connection.execute("SELECT tile_id, sha256, receipt FROM done").fetchall()
+        return {row[0]: Entry(row[0], row[1], json.loads(row[2])) for row in rows}
+
+    def note_output(self, name: str, sha256: str) -> None:
+        """Note the bytes that are about to be put in an output's place."""
+        self._write("INSERT OR REPLACE INTO published VALUES (?, ?)", (name, sha256))
+
+    def noted_output(self, name: str) -> str:
+        """Return the SHA-256 of what was about to be put in an output's place, "" where none was."""
+        with _machine_errors(self._path):
+            row = self._connection.execute("SELECT sha256 FROM published WHERE name = ?", (name,)).fetchone()
+        return str(row[0]) if row else ""
+
+    def close(self) -> None:
+        """Close the file."""
+        self._connection.close()
+
+    def _write(self, statement: str, values: tuple[str, ...]) -> None:
+        with _machine_errors(self._path):
+            self._connection.execute(statement, values)
+
+
+@contextlib.contextmanager
+def _machine_errors(path: Path) -> Iterator[None]:
+    """Turn what SQLite says of a full or broken disk into ours; a damaged file is another matter."""
+    try:
+        yield
+    except sqlite3.OperationalError as error:
+        raise MachineError(
+            f"cannot be written: {error}",
+            where=path,
+            advice="free some space there, or give --work another folder",
+        ) from error
+
+
+# What stands for linework's own source: what two versions of it made must not come together
+
+
+@lru_cache(maxsize=8)
+def source_hash(*rooms: str) -> str:
+    """Return a hash of the source of some rooms, or of all without any.
+
+    >>> len(source_hash("files")), source_hash("files") == source_hash("kernels")
+    (16, False)
+    """
+    root = Path(linework.__file__).parent
+    total = hashlib.sha256()
+    for path in sorted(path for room in rooms or (".",) for path in (root / room).rglob("*.py")):
+        total.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
+    return total.hexdigest()[:16]

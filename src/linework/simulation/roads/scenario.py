@@ -1,0 +1,273 @@
+"""What stands where on a simulated road, and how the van drives and measures it: plain values.
+
+Offsets `q_m` are from the road's axis, left positive; `start_m`, `end_m` are chainages along it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from linework.simulation.roads.road import Road
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Marking:
+    """A painted line. Dashes start at `start_m`; `wear` is the share of the paint that is gone."""
+
+    q_m: float
+    start_m: float
+    end_m: float
+    width_m: float
+    role: str
+    pattern: str = "solid"
+    dash_m: float = 0.0
+    gap_m: float = 0.0
+    double: bool = False
+    wear: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Symbol:
+    """A painted rectangle that is no line along the road.
+
+    `form` says what it is: a bar of a "zebra" crossing, a "stop" line, the shaft of an "arrow"; "" is a piece
+    of the one before it (a step of an arrow's head).
+    """
+
+    start_m: float
+    end_m: float
+    right_m: float
+    left_m: float
+    wear: float = 0.0
+    form: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rail:
+    """A W-beam. `q_m` is midway between crest and valley; `faces` +1: the traffic is to its left.
+
+    Ends may dip towards the ground over a length (`dip_..._m`) and flare away from the road by an amount
+    (`flare_..._m`).
+    """
+
+    q_m: float
+    faces: int
+    start_m: float
+    end_m: float
+    top_m: float
+    beam_height_m: float = 0.31
+    depth_m: float = 0.081
+    post_every_m: float = 4.0
+    post_behind_m: float = 0.0
+    has_posts: bool = True
+    dip_start_m: float = 0.0
+    dip_end_m: float = 0.0
+    flare_start_m: float = 0.0
+    flare_end_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Barrier:
+    """A concrete barrier with its middle at `q_m`; `traffic` lists the sides that traffic passes."""
+
+    q_m: float
+    start_m: float
+    end_m: float
+    height_m: float
+    foot_width_m: float
+    top_width_m: float
+    traffic: tuple[int, ...]
+    stepped: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fence:
+    """A fence with its plane at `q_m`: wire "mesh", horizontal "boards", or two "tubes" (a handrail)."""
+
+    q_m: float
+    start_m: float
+    end_m: float
+    height_m: float
+    form: str = "mesh"
+    post_every_m: float = 2.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hedge:
+    """A hedge with its middle at `q_m`, bumpy and rough."""
+
+    q_m: float
+    start_m: float
+    end_m: float
+    width_m: float
+    height_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wall:
+    """A wall or a facade (`is_facade`: with windows) with its road-side face at `q_m`."""
+
+    q_m: float
+    start_m: float
+    end_m: float
+    height_m: float
+    is_facade: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Car:
+    """A car or lorry; a moving one is drawn out or squeezed by the scanner (`stretch`) and is in one pass."""
+
+    s_m: float
+    q_m: float
+    length_m: float
+    width_m: float
+    height_m: float
+    heading: int = 1
+    is_lorry: bool = False
+    stretch: float = 1.0
+    only_pass: int = -1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pole:
+    """A pole, lamp post (`arm_m` > 0: an arm towards the road) or traffic sign."""
+
+    s_m: float
+    q_m: float
+    height_m: float
+    radius_m: float
+    arm_m: float = 0.0
+    has_sign: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cable:
+    """One wire of one span between two fixings (chainage, offset, height over the ground there).
+
+    `seen_width_m` is the width over which a beam of a few centimetres still returns from the wire.
+    """
+
+    start: tuple[float, float, float]
+    end: tuple[float, float, float]
+    sag_m: float
+    wire_m: float = 0.012
+    seen_width_m: float = 0.035
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plant:
+    """A bush (`trunk_m` = 0) or a tree."""
+
+    s_m: float
+    q_m: float
+    radius_m: float
+    height_m: float
+    trunk_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bridge:
+    """A bridge across the road."""
+
+    s_m: float
+    width_m: float
+    clearance_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gantry:
+    """A sign gantry over the road from offset `right_m` to `left_m`: four straight chords and a panel."""
+
+    s_m: float
+    right_m: float
+    left_m: float
+    clearance_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scanner:
+    """A profile scanner: position in the vehicle frame; its axis is x turned by yaw, then lowered by pitch.
+
+    `rays_per_turn` is no whole number: pulses are not locked to the mirror, so that successive turns do not
+    look in the same directions (a wire along the road would be met by every turn or by none).
+    """
+
+    position_m: tuple[float, float, float]
+    yaw_deg: float
+    pitch_deg: float
+    turns_per_s: float
+    rays_per_turn: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensor:
+    """What all scanners share.
+
+    `contrast` is the reflectance of paint over asphalt; intensity goes with range to the power `-range_power`
+    and with the cosine of incidence to `incidence_power`; `drift` is its slow change over the survey.
+    """
+
+    range_noise_m: float
+    max_range_m: float
+    intensity_bits: int
+    contrast: float
+    gain: float
+    range_power: float
+    incidence_power: float
+    drift: float
+    drift_period_s: float
+    stray_share: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pass:
+    """One drive along the road; `direction` -1 goes against chainage."""
+
+    q_m: float
+    direction: int
+    speed_mps: float
+    wander_m: float
+    pose_error_m: tuple[float, float, float]
+    start_time_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """The road and all that stands on and beside it.
+
+    `lanes` are the (offset, direction) the van may drive; `far_edges_m` are offsets of further pavement
+    edges: a motorway's other carriageway.
+    """
+
+    road: Road
+    lanes: tuple[tuple[float, int], ...]
+    speed_mps: float
+    markings: tuple[Marking, ...] = ()
+    symbols: tuple[Symbol, ...] = ()
+    rails: tuple[Rail, ...] = ()
+    barriers: tuple[Barrier, ...] = ()
+    fences: tuple[Fence, ...] = ()
+    hedges: tuple[Hedge, ...] = ()
+    walls: tuple[Wall, ...] = ()
+    cars: tuple[Car, ...] = ()
+    poles: tuple[Pole, ...] = ()
+    cables: tuple[Cable, ...] = ()
+    plants: tuple[Plant, ...] = ()
+    bridges: tuple[Bridge, ...] = ()
+    gantries: tuple[Gantry, ...] = ()
+    far_edges_m: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """Everything a seed decides; the survey follows from it without further choices but noise."""
+
+    kind: str
+    seed: int
+    length_m: float
+    origin_m: tuple[float, float, float]
+    layout: Layout
+    scanners: tuple[Scanner, ...]
+    sensor: Sensor
+    passes: tuple[Pass, ...]

@@ -1,0 +1,1 @@
+"""What records it: scanners, cameras, logs."""

@@ -1,1 +1,0 @@
-"""From a survey to its lines: tiles, the run over them, its record."""

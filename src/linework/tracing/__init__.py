@@ -1,0 +1,1 @@
+"""Following one line from one place, on the ground and in images."""

@@ -1,0 +1,253 @@
+"""Following a lane marking or a road boundary from a picked place, step by step, on an opened survey."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
+
+from linework.arrays import BoolArray, FloatArray
+from linework.editing.edits.continued import Gap, continued
+from linework.methods.obb import trace
+from linework.methods.obb.method import ObbMethod
+from linework.methods.obb.trace import Stop, near_line
+from linework.methods.protocol import Sight
+from linework.model.grid import Bounds
+from linework.model.lines import LineSet
+from linework.tracing.boxes import Corridor, SurveyBoxes
+
+#: The first look around a place: a line shows in so much of it. [m]
+NEAR_M = 4.0
+#: Lines around a picked place are looked at this far: through the gaps of dashed lines. [m]
+AROUND_M = 16.0
+#: Along a line that goes on, and beyond its ends, boxes are looked for this far to either side. [m]
+STRIP_M = 4.0
+#: While a line grows, only where it leads: so far to either side, and so far ahead at a time. [m]
+TIP_M, STEP_M = 1.5, 12.0
+#: Beside a line that has grown so many places are looked at between two steps: 40 m, whose points are read once.
+_AT_ONCE = 10
+#: What is less is no growth. [m]
+_LEAST_GROWTH_M = 0.5
+#: A picked line goes on where another is in line with it, over a gap as long as the tracker's longest.
+SAME_LINE = Gap(longest_m=32.0, off_deg=1.0, turn_deg=20.0)
+#: Of the van's way only so much of what is beside a line matters to it. [m]
+_PATH_M = 100.0
+
+Growth = Generator[LineSet, bool | None, bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """What a survey is asked for lines on the ground.
+
+    Parameters
+    ----------
+    origin
+        Its local origin. [m, world]
+    seen
+        Says where road or ground was measured. [m, world]
+    path
+        (n, 3) the van's way [m, world], or None.
+    """
+
+    boxes: SurveyBoxes
+    method: ObbMethod
+    origin: tuple[float, float, float]
+    seen: Sight
+    path: FloatArray | None
+
+    def lines(self, corridor: Corridor) -> LineSet:
+        """Return all lines in a corridor. [m, world]"""  # noqa: D400
+        return self.method.track(corridor.boxes, self.origin, self.seen, self._path_near(corridor.bounds))
+
+    def tracking(self, corridor: Corridor) -> Generator[None, None, LineSet]:
+        """Return what `lines` returns, in steps."""
+        path = self._path_near(corridor.bounds)
+        return self.method.tracking(corridor.boxes, self.origin, self.seen, path)
+
+    def near(self, corridor: Corridor, place: FloatArray, kind: str) -> LineSet | None:
+        """Return the line that passes a place [m, world], as far as the boxes found so far show it."""
+        corner = np.asarray(self.origin[:2])
+
+        def seen_here(xy: FloatArray) -> BoolArray:
+            return self.seen(xy + corner)
+
+        local = place - corner
+        one = near_line(corridor.boxes, local, kind, self.method.config.track, seen_here)
+        return None if one is None else one.with_columns(xyz=one.xyz + np.asarray(self.origin))
+
+    def _path_near(self, bounds: Bounds) -> FloatArray | None:
+        if self.path is None:
+            return None
+        near, (x, y) = bounds.grown(_PATH_M), self.path[:, :2].T
+        inside = (x >= near.west) & (x <= near.east) & (y >= near.south) & (y <= near.north)
+        return np.asarray(self.path[inside]) if inside.any() else None
+
+
+@dataclass(frozen=True, slots=True)
+class Pick:
+    """A place (2,) [m, world], the kind that is meant ("": any), and the way (2,) to follow it (None: both)."""
+
+    place: FloatArray
+    kind: str = ""
+    way: FloatArray | None = None
+
+    def ends(self, one: LineSet) -> list[int]:
+        """Return at which ends a line is followed on: 0 its start, 1 its end."""
+        ways = trace.leads(one.xyz)[1]
+        return [k for k in (0, 1) if self.way is None or float(ways[k] @ self.way) > 0.0]
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """A followed line with what runs beside it, its kind, how far the place is from it, and why it ends."""
+
+    kind: str
+    lines: LineSet
+    distance_m: float
+    stops: tuple[str, str]
+
+
+def follow_ground(ground: Ground, pick: Pick) -> Generator[LineSet, bool | None, Followed | None]:
+    """Follow the line at a place; yield it as it grows, and return it whole; None: there is none.
+
+    ``send(True)`` stops it: what has been followed so far is returned.
+    """
+    corridor = Corridor(ground.boxes)
+    # As fast as it can be seen: only what shows the line itself
+    grown, is_stopped = yield from _grown(ground, corridor, pick)
+    # Then with all that lies beside it, which says what it is, and where it really ends
+    corridor.load(pick.place[None], AROUND_M)
+    if grown is not None:
+        along = _every(grown.xyz[:, :2], STRIP_M)
+        for first in range(0, len(along), _AT_ONCE):
+            corridor.load(along[first : first + _AT_ONCE], STRIP_M)
+            # Long lines take a while: nothing new is to be seen, but somebody may stop it
+            is_stopped = bool((yield grown)) or is_stopped
+            if is_stopped:
+                break
+    one, lines, stop = yield from _whole(ground, corridor, pick, grown)
+    is_stopped = is_stopped or stop
+    while one is not None and not is_stopped:
+        shown = one if grown is None else trace.turned_like(one, grown)
+        is_stopped = bool((yield shown))
+        tips, ways = trace.leads(one.xyz)
+        ahead = np.arange(0.0, SAME_LINE.longest_m + STRIP_M, STRIP_M)[:, None]
+        new = [corridor.load(tips[k] + ahead * ways[k], STRIP_M) for k in pick.ends(one) if not is_stopped]
+        if not any(new):
+            break
+        one, lines, is_stopped = yield from _whole(ground, corridor, pick, shown)
+    if one is None:
+        return None
+    one = one if grown is None else trace.turned_like(one, grown)
+    return _followed(ground, pick, one, lines, is_stopped=is_stopped)
+
+
+def _grown(
+    ground: Ground, corridor: Corridor, pick: Pick
+) -> Generator[LineSet, bool | None, tuple[LineSet | None, bool]]:
+    """Follow a line by its own boxes alone; return it, and whether somebody stopped it."""
+    corridor.load(pick.place[None], NEAR_M, pick.kind)
+    one = ground.near(corridor, pick.place, pick.kind)
+    if one is None:
+        return None, False
+    left = pick.ends(one)
+    while True:
+        if (yield one):
+            return one, True
+        for end in list(left):
+            longer = _longer(ground, corridor, pick, one, end)
+            if longer is None:
+                left.remove(end)
+            else:
+                one = longer
+        if not left:
+            return one, False
+
+
+def _longer(ground: Ground, corridor: Corridor, pick: Pick, one: LineSet, end: int) -> LineSet | None:
+    """Return a line with what follows at an end; None where nothing does: first nearby, then beyond a gap."""
+    kind = str(one.kind[0])
+    tips, ways = trace.leads(one.xyz)
+    for reach_m in (STEP_M, ground.method.config.track.longest_gap_m + STRIP_M):
+        ahead = np.arange(0.0, reach_m, TIP_M)[:, None]
+        if not corridor.load(tips[end] + ahead * ways[end], TIP_M, kind):
+            continue
+        new = ground.near(corridor, pick.place, kind)
+        if new is None:
+            continue
+        new = trace.turned_like(new, one)
+        if float((new.xyz[-end, :2] - tips[end]) @ ways[end]) >= _LEAST_GROWTH_M:
+            return new
+    return None
+
+
+def _whole(
+    ground: Ground, corridor: Corridor, pick: Pick, shown: LineSet | None
+) -> Generator[LineSet, bool | None, tuple[LineSet | None, LineSet, bool]]:
+    """Return the line at a place with what goes on where it ends (None: there is none), all lines, whether to stop.
+
+    What is `shown` is yielded between the steps of that: of a long line each may take a while.
+    """
+    steps, is_stopped = ground.tracking(corridor), False
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            lines: LineSet = end.value
+            break
+        if shown is not None:
+            is_stopped = bool((yield shown)) or is_stopped
+    i, kind, _ = trace.nearest_line(lines, pick.place, pick.kind)
+    one = None if i < 0 else _gone_on(lines, i).with_columns(kind=np.array([kind]))
+    return one, lines, is_stopped
+
+
+def _gone_on(lines: LineSet, i: int) -> LineSet:
+    """Return a line with those that go on where it ends."""
+    one, rest = lines.take([i]), np.flatnonzero(lines.kind == lines.kind[i])
+    left = [k for k in rest.tolist() if k != i]
+    while left:
+        for k in left:
+            if not trace.may_go_on(one.xyz, lines.line(k), SAME_LINE.longest_m):
+                continue
+            joined = continued(one, lines.take([k]), SAME_LINE)
+            if len(joined) == 1:
+                one, left = joined, [other for other in left if other != k]
+                break
+        else:
+            break
+    return one
+
+
+def _followed(ground: Ground, pick: Pick, one: LineSet, lines: LineSet, *, is_stopped: bool) -> Followed:
+    """Return a line as it is told: cut at the place if it goes one way, with what belongs to it, and why it ends."""
+    distance_m = trace.nearest_vertex(one.xyz[:, :2], pick.place)[1]
+    starts, ends = trace.stops_of(one.xyz, ground.seen)
+    if is_stopped and starts is not Stop.RING:
+        open_ends = pick.ends(one)
+        starts, ends = (Stop.INTERRUPTED if k in open_ends else stop for k, stop in enumerate((starts, ends)))
+    stops = (str(starts), str(ends))
+    if pick.way is not None:
+        one, stops = toward(one, pick.place, pick.way, stops)
+    parts = [one, *(lines.take(trace.beside(lines, one.xyz, name)) for name in trace.BESIDE_M)]
+    return Followed(str(one.kind[0]), LineSet.concatenate(parts), distance_m, stops)
+
+
+def toward(
+    one: LineSet, place: FloatArray, way: FloatArray, stops: tuple[str, str]
+) -> tuple[LineSet, tuple[str, str]]:
+    """Return the piece of a line that leads from a place in a direction, and why it ends."""
+    i = min(max(trace.nearest_vertex(one.xyz[:, :2], place)[0], 1), len(one.xyz) - 2)
+    ahead = one.xyz[min(i + 4, len(one.xyz) - 1), :2] - one.xyz[max(i - 4, 0), :2]
+    if float(ahead @ way) >= 0.0:
+        return trace.part_of(one, slice(i, None)), (str(Stop.PICKED), stops[1])
+    return trace.part_of(one, slice(0, i + 2)), (stops[0], str(Stop.PICKED))
+
+
+def _every(xy: FloatArray, step_m: float) -> FloatArray:
+    """Return places along a line (n, 2), no farther apart than a step."""
+    t = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+    at = np.linspace(0.0, t[-1], int(np.ceil(t[-1] / step_m)) + 1)
+    return np.column_stack([np.interp(at, t, column) for column in xy.T])

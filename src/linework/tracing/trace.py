@@ -1,0 +1,321 @@
+"""One line from one picked place, on an opened survey."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from linework.arrays import FloatArray
+from linework.editing.edits.continued import PICKED_TWICE, continued
+from linework.errors import InputError, UsageError
+from linework.methods.obb import trace
+from linework.methods.obb.method import ObbMethod
+from linework.methods.obb.picks import Surroundings, nearest_that_works, why_not
+from linework.methods.obb.search_area import Failure
+from linework.methods.obb.trace import PICK_M, Stop, leads, may_go_on
+from linework.methods.radon.method import CABLE_KINDS, RAIL_KINDS, CableMethod, RailMethod
+from linework.model.grid import Bounds
+from linework.model.lines import LineSet
+from linework.model.tile import local_origin
+from linework.runs.opened.points import OpenedSurvey
+from linework.runs.opened.sight import SurveySight
+from linework.runs.opened.surface import SurveySurface
+from linework.runs.settings import RunSettings
+from linework.tracing.boxes import Corridor, SurveyBoxes
+from linework.tracing.on_ground import AROUND_M, Ground, Pick, follow_ground, toward
+from linework.tracing.rails import RailPieces
+
+#: Kinds that a place can be picked on.
+PICKED_KINDS = ("lane_marking", "road_boundary", *RAIL_KINDS, *CABLE_KINDS)
+#: Something stands at a place, or hangs over it, where points within so much of it are so high over ground. [m]
+STANDS_M, STANDS_HIGH_M, HANGS_M, HANGS_HIGH_M = 1.0, (0.2, 2.0), 3.0, (3.5, 100.0)
+#: Of a van's way places so near one another say the same. [m]
+_PATH_STEP_M = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class TracedLine:
+    """A followed line in the survey's CRS, how far the picked place is from it, and why it ends where it does.
+
+    The line is the first of `lines`; its dashes or its kerb's top come after.
+    """
+
+    kind: str
+    lines: LineSet
+    distance_m: float
+    stops: tuple[str, str]
+
+
+Trace = Generator[LineSet, bool | None, TracedLine]
+
+
+class Tracer:
+    """A survey that lines are picked on; what has been found around one pick serves the next.
+
+    Parameters
+    ----------
+    opened, surface
+        The survey's points, and its road and ground.
+    """
+
+    def __init__(self, opened: OpenedSurvey, surface: SurveySurface, settings: RunSettings) -> None:
+        bounds = opened.points.bounds
+        self._opened, self._surface, self._settings = opened, surface, settings
+        self._origin = local_origin(bounds.west, bounds.south, surface.z0_m)
+        store, method = opened.points, ObbMethod(settings.obb)
+        detectors = {kind: method.only(kind) for kind in trace.TRACKED_AS}
+        self._ground = Ground(
+            SurveyBoxes(store, surface, detectors, self._origin), method, self._origin, SurveySight(surface),
+            None if opened.trajectory is None else _thinned(opened.trajectory.xyz),
+        )  # fmt: skip
+        self._rails = RailPieces(store, surface, RailMethod(settings.radon), self._origin)
+        self._cables = RailPieces(store, surface, CableMethod(settings.radon), self._origin)
+
+    def trace(
+        self, at: tuple[float, float], *, kind: str = "", toward: tuple[float, float] | None = None
+    ) -> Trace:
+        """Follow the line at a place [m, world]; yield it as it grows, and return it whole.
+
+        Parameters
+        ----------
+        kind
+            Of `PICKED_KINDS`; "": the nearest of them.
+        toward
+            Follow it only from the place towards this one, not both ways.
+
+        Raises
+        ------
+        RefusedPickError
+            There is no line at the place: why, and where the nearest one is.
+
+        Notes
+        -----
+        ``send(True)`` stops it: what has been followed so far is returned.
+        """
+        place = np.asarray(at, dtype=np.float64)
+        way = None if toward is None else np.asarray(toward) - place
+        pick = Pick(place, kind, way)
+        standing = self._standing(pick) if kind not in trace.TRACKED_AS else None
+        if kind in ("", *trace.TRACKED_AS):
+            found = yield from follow_ground(self._ground, pick)
+            if found is not None and (standing is None or found.distance_m <= standing.distance_m):
+                return TracedLine(found.kind, self._in_crs(found.lines), found.distance_m, found.stops)
+        if standing is None:
+            raise self._refusal(place, kind)
+        return standing
+
+    def bridge(self, lines: LineSet, end: int, stops: tuple[str, str]) -> Trace:
+        """Follow a line (the first of `lines`) on beyond the gap at its start (0) or its end (1), as `trace`.
+
+        The gap is bridged. `stops`: why the line ends where it does.
+
+        Raises
+        ------
+        RefusedPickError
+            No line goes on there within reach of `PICKED_TWICE`.
+        """
+        one, kind = lines.take([0]), str(lines.kind[0])
+        way = way_on(one, end, self._ahead(one, end))
+        if way is None:
+            tip = trace.leads(one.xyz)[0][end]
+            raise RefusedPickError(
+                f"no {kind} goes on", f"within {PICKED_TWICE.longest_m:.0f} m beyond {tip[0]:.2f},{tip[1]:.2f}",
+                where=self._opened.survey.name, advice="pick a place on the line further on",
+            )  # fmt: skip
+        place, onward = way
+        steps = self.trace((place[0], place[1]), kind=kind, toward=(onward[0], onward[1]))
+        said: bool | None = None
+        while True:
+            try:
+                said = yield trace.turned_like(joined(one, steps.send(said).take([0])), one)
+            except StopIteration as stop:
+                new: TracedLine = stop.value
+                break
+        whole = trace.turned_like(joined(one, new.lines.take([0])), one)
+        far = new.stops[1] if new.stops[0] == str(Stop.PICKED) else new.stops[0]
+        beside = continued(lines.of_kind("kerb_top"), new.lines.of_kind("kerb_top"))
+        dashes = [part.of_kind("lane_marking_dash") for part in (lines, new.lines)]
+        both = LineSet.concatenate([whole, beside, *dashes])
+        return TracedLine(kind, self._in_crs(both), 0.0, (far, stops[1]) if end == 0 else (stops[0], far))
+
+    def _in_crs(self, lines: LineSet) -> LineSet:
+        return lines.with_columns(crs=self._opened.survey.crs)
+
+    def _ahead(self, one: LineSet, end: int) -> LineSet:
+        """Return the lines of a line's kind about where it leads beyond its end."""
+        kind = str(one.kind[0])
+        places, reach_m = places_ahead(one, end)
+        if kind not in trace.TRACKED_AS:
+            pieces = self._rails if kind in RAIL_KINDS else self._cables
+            return pieces.lines_about(places).of_kind(kind)
+        corridor = Corridor(self._ground.boxes)
+        corridor.load(places, reach_m)
+        lines = self._ground.lines(corridor)
+        lines = lines.take(np.isin(lines.kind, trace.TRACKED_AS[kind]))
+        return lines.with_columns(kind=np.full(len(lines), kind))
+
+    def _standing(self, pick: Pick) -> TracedLine | None:
+        """Return the nearest guardrail, barrier or cable at a place, whole."""
+        place, kind = pick.place, pick.kind
+        near = Bounds(*place, *place).grown(HANGS_M)
+        points = self._opened.points.points(near, ordered=False, with_time=False, with_intensity=False)
+        surface = self._surface.over(near)
+        rows, cols = (int(v[0]) for v in surface.grid.to_cell(place[None]))
+        height = points.xyz[:, 2] - (float(surface.ground_m[rows, cols]) + surface.z0_m)
+        apart = np.hypot(*(points.xyz[:, :2] - place).T)
+        found = []
+        for pieces, kinds, within_m, (low_m, high_m) in (
+            (self._rails, RAIL_KINDS, STANDS_M, STANDS_HIGH_M),
+            (self._cables, CABLE_KINDS, HANGS_M, HANGS_HIGH_M),
+        ):
+            is_there = np.any((apart <= within_m) & (height > low_m) & (height < high_m))
+            if is_there and kind in ("", *kinds):
+                one = pieces.line_at(place, PICK_M)
+                if one is not None and kind in ("", str(one[0].kind[0])):
+                    found.append(one)
+        if not found:
+            return None
+        line, distance_m = min(found, key=lambda one: one[1])
+        stops = (str(Stop.FADED), str(Stop.FADED))
+        if pick.way is not None:
+            line, stops = toward(line, place, pick.way, stops)
+        return TracedLine(str(line.kind[0]), self._in_crs(line), distance_m, stops)
+
+    def _refusal(self, place: FloatArray, kind: str) -> RefusedPickError:
+        """Return why there is no line at a place, and where the nearest one is."""
+        near, local = Bounds(*place, *place).grown(AROUND_M), place - self._origin[:2]
+        points = self._opened.points.points(near, ordered=False, with_time=False, with_intensity=False)
+        corridor = Corridor(self._ground.boxes)
+        corridor.load(place[None], AROUND_M)
+        boxes = corridor.boxes
+        boxes = boxes.take(np.hypot(*(boxes.centre[:, :2] - local).T) <= 1.5 * AROUND_M)
+        path = self._ground.path
+        way = None if path is None else path - np.asarray(self._origin)
+        found = Surroundings.of(boxes, way, self._settings.obb.track)
+        wanted = kind if kind in trace.TRACKED_AS else ""
+        surface = self._surface.over(near)
+        rows, cols = (int(v[0]) for v in surface.grid.to_cell(place[None]))
+        reason = why_not(
+            points.xyz - np.asarray(self._origin), local, found, wanted=wanted,
+            is_road=bool(surface.is_road[rows, cols]),
+        )  # fmt: skip
+        works, advice = nearest_that_works(local, found, wanted), "pick a place on a line"
+        if reason is None:
+            # There is one, but it bounds no carriageway: it stands behind another
+            reason, works = Failure.NO_ROAD, None
+        there = None
+        if works is not None:
+            away_m, (east, north) = np.hypot(*(works[:2] - local)), works[:2] + self._origin[:2]
+            advice = f"the nearest line is {away_m:.1f} m away, pick {east:.2f},{north:.2f}"
+            there = float(east), float(north)
+        return RefusedPickError(
+            str(reason), f"within {PICK_M} m of {place[0]:.2f},{place[1]:.2f}",
+            where=self._opened.survey.name, advice=advice, works=there,
+        )  # fmt: skip
+
+
+def _thinned(path: FloatArray) -> FloatArray:
+    """Return the places of a van's way (n, 3) that are `_PATH_STEP_M` apart or so."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))])
+    return np.asarray(path[np.unique(np.floor(along / _PATH_STEP_M), return_index=True)[1]])
+
+
+def check_kind(kind: str) -> None:
+    """Refuse a kind that no place can be picked on; "" stands for the nearest.
+
+    Raises
+    ------
+    UsageError
+        With what can be chosen.
+    """
+    if kind not in ("", *PICKED_KINDS):
+        raise UsageError(
+            f"{kind} cannot be picked", where="--feature", advice=f"choose from {','.join(PICKED_KINDS)}"
+        )
+
+
+# Where a line goes on beyond a gap that is too long for the tracker: somebody says that it is one line
+
+#: Ahead of an end it is looked every so many metres, as far to either side.
+_STRIP_M = 4.0
+#: What lies beyond a gap is known for a line by so much of it. [m]
+_BEYOND_M = 12.0
+#: The way on over a gap may bend: it is looked for to either side by this share of how far ahead it is.
+_FAN = 0.1
+#: Where a line that was interrupted goes on, both have so much in common: that joins them. [m]
+_OVERLAP_M = 3.0
+
+
+def places_ahead(one: LineSet, end: int) -> tuple[FloatArray, FloatArray]:
+    """Return places (n, 2) beyond a line's start (0) or end (1) [m], and how far about each it may go on."""
+    tip, way = (part[end] for part in leads(one.xyz))
+    along = np.arange(0.0, PICKED_TWICE.longest_m + _BEYOND_M, _STRIP_M)
+    return tip + along[:, None] * way, _STRIP_M + _FAN * along
+
+
+def way_on(one: LineSet, end: int, lines: LineSet) -> tuple[FloatArray, FloatArray] | None:
+    """Return a place (2,) on the nearest line that goes on beyond an end, and one further along it; None: none does.
+
+    Parameters
+    ----------
+    lines
+        Of the same kind, about what is ahead.
+    """
+    tip, way = (part[end] for part in leads(one.xyz))
+    best: tuple[float, FloatArray] | None = None
+    for i in range(len(lines)):
+        other = lines.line(i)[:, :2]
+        ahead_m = (other - tip) @ way
+        if ahead_m.max() < PICK_M or not may_go_on(one.xyz, lines.line(i), PICKED_TWICE.longest_m):
+            continue
+        if joined(one, lines.take([i])) is one:
+            continue
+        beyond = other[ahead_m > -_OVERLAP_M]
+        beyond = beyond if (beyond[-1] - beyond[0]) @ way >= 0.0 else beyond[::-1]
+        gap_m = float(np.hypot(*(beyond[0] - tip)))
+        if len(beyond) > 1 and (best is None or gap_m < best[0]):
+            best = gap_m, beyond
+    if best is None:
+        return None
+    # The first vertex may be one of an end that is not known well
+    return best[1][min(1, len(best[1]) - 2)], best[1][-1]
+
+
+def joined(one: LineSet, new: LineSet) -> LineSet:
+    """Return a line with one that goes on where it ends, the gap bridged; the same where that one does not."""
+    found = continued(one, new.with_columns(crs=one.crs))
+    return found if len(found) == 1 else one
+
+
+# A pick that no line can be followed from: why, and where the nearest one is that works
+
+
+class RefusedPickError(InputError):
+    """No line at a place, or at a pixel.
+
+    Parameters
+    ----------
+    reason
+        Why, without the place.
+    at
+        The place as it is said.
+    where
+        Survey or image.
+    works
+        The nearest place (east, north) [m, world] or pixel (col, row) that works; None: there is none near.
+    """
+
+    def __init__(
+        self,
+        reason: str,
+        at: str,
+        *,
+        where: str | Path,
+        advice: str,
+        works: tuple[float, float] | None = None,
+    ) -> None:
+        super().__init__(f"{reason} {at}", where=where, advice=advice)
+        self.reason, self.works = reason, works

@@ -1,0 +1,1 @@
+"""Edits that the page asks for, applied to the line file."""

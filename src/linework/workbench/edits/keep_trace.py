@@ -1,0 +1,152 @@
+"""A followed line put among the others: what it runs over becomes one line with it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.editing.edits.attributes import reviewed
+from linework.editing.edits.continued import SAME_M, Gap, continued
+from linework.editing.edits.split_join import joined
+from linework.editing.edits.vertices import trimmed
+from linework.errors import UsageError
+from linework.methods.obb.trace import BESIDE_M, beside
+from linework.model.changes import Change
+from linework.model.lines import LineSet
+
+#: Lines are one with a followed line where they overlap it: no gap is closed unasked. [m]
+_OVERLAPPING = Gap(longest_m=SAME_M, off_deg=5.0, turn_deg=20.0)
+#: Wires of a line hang further apart than this. [m]
+SAME_WIRE_M = 0.2
+#: A line of which so much lies on another is that line, seen less well here and there: points and images differ.
+NEARLY_ALL = 0.9
+#: Short pieces that are there or not, and never grow together.
+_WHOLE_KINDS = ("lane_marking_dash",)
+
+
+def kept_change(
+    lines: LineSet, trace: LineSet, span: tuple[int, int], continues: LineSet | None = None
+) -> Change:
+    """Return the change that puts a followed line among the others.
+
+    Parameters
+    ----------
+    lines
+        All lines.
+    trace
+        The followed line, first, and what runs beside it.
+    span
+        First and last vertex of it to keep.
+    continues
+        The line that it was followed on from.
+
+    Returns
+    -------
+    Change
+        Lines of its kind that it overlaps go, and are one line with it; `continues` is, too, over a gap that is
+        bridged. Dashes and kerb tops beside what is kept come along where there are none yet.
+    """
+    first, last = span
+    one = trimmed(trace.take([0]), first, min(last, int(trace.offsets[1]) - 1)).with_columns(
+        id=np.array([""])
+    )
+    gone: list[int] = []
+    if continues is not None:
+        if str(continues.kind[0]) != str(one.kind[0]):
+            raise UsageError(
+                f"a {one.kind[0]} does not continue a {continues.kind[0]}", where="keep",
+                advice="follow the kind of the line",
+            )  # fmt: skip
+        others = lines.take((lines.review != "rejected") & (lines.id != continues.id[0]))
+        one = joined(continues, one, others)
+        gone += np.flatnonzero(lines.id == continues.id[0]).tolist()
+    if str(one.kind[0]) == "cable":
+        absorbed = _same_wire(one, lines)
+    else:
+        one, absorbed = _grown(one, lines, gone)
+    new = [one]
+    gone += absorbed + _mistaken(one, lines)
+    for kind in BESIDE_M:
+        others = trace.of_kind(kind)
+        for k in beside(others, trace.line(0)[first : last + 1], kind).tolist() if len(others) else []:
+            companion = others.take([k]).with_columns(id=np.array([""]))
+            if kind in _WHOLE_KINDS:
+                new += [] if _touching(companion, lines, gone).size else [companion]
+                continue
+            companion, absorbed = _grown(companion, lines, gone)
+            new, gone = [*new, companion], gone + absorbed
+    before = lines.take(np.array(gone, dtype=np.int64))
+    return Change("keep", before, reviewed(LineSet.concatenate(new), "drawn"))
+
+
+def _same_wire(one: LineSet, lines: LineSet) -> list[int]:
+    """Return cables that hang where one does: wires above one another are others."""
+    tree, found = cKDTree(stations_of(one.xyz)), []
+    for k in np.flatnonzero((lines.kind == "cable") & (lines.review != "rejected")).tolist():
+        distance, _ = tree.query(lines.line(k), distance_upper_bound=SAME_WIRE_M)
+        if np.isfinite(distance).mean() > 0.5:
+            found.append(k)
+    return found
+
+
+def stations_of(xyz: FloatArray) -> FloatArray:
+    """Return places (k, 3) along a line, `SAME_WIRE_M` apart at most."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xyz, axis=0), axis=1))])
+    at = np.linspace(0.0, along[-1], int(np.ceil(along[-1] / SAME_WIRE_M)) + 1)
+    return np.stack([np.interp(at, along, column) for column in xyz.T], axis=1)
+
+
+def _mistaken(one: LineSet, lines: LineSet) -> list[int]:
+    """Return what was taken for bars and arrows, and is paint of a line."""
+    if str(one.kind[0]) != "lane_marking":
+        return []
+    bars = _touching(one.with_columns(kind=np.array(["road_marking_other"])), lines, [])
+    return [k for k in bars.tolist() if _is_on(lines.line(k)[:, :2], one.xyz[:, :2]).mean() > 0.5]
+
+
+def _grown(one: LineSet, lines: LineSet, gone: list[int]) -> tuple[LineSet, list[int]]:
+    """Return a line with those that it overlaps, as one; and which they are."""
+    absorbed: list[int] = []
+    for k in _touching(one, lines, gone).tolist():
+        other = lines.take([k])
+        whole = continued(one, other, _OVERLAPPING)
+        if len(whole) > 1:
+            whole = _longer(one, other)
+        if len(whole) == 1:
+            name = one.id if one.id[0] else other.id
+            one = whole.with_columns(id=name)
+            absorbed.append(k)
+    return one, absorbed
+
+
+def _longer(one: LineSet, other: LineSet) -> LineSet:
+    """Return the longer of two lines that run apart here and there, if one of them is the other; else both."""
+    on_other = _is_on(stations_of(one.xyz)[:, :2], other.xyz[:, :2]).mean()
+    on_one = _is_on(stations_of(other.xyz)[:, :2], one.xyz[:, :2]).mean()
+    if max(on_other, on_one) < NEARLY_ALL:
+        return LineSet.concatenate([one, other])
+    return one if on_one >= on_other else other
+
+
+def _touching(one: LineSet, lines: LineSet, gone: list[int]) -> IntArray:
+    """Return which lines of a kind, not rejected and not `gone`, have a vertex on a line."""
+    xy = one.xyz[:, :2]
+    low, high = xy.min(axis=0) - SAME_M, xy.max(axis=0) + SAME_M
+    candidates = (lines.kind == one.kind[0]) & (lines.review != "rejected")
+    candidates[gone] = False
+    inside = np.all((lines.xyz[:, :2] >= low) & (lines.xyz[:, :2] <= high), axis=1)
+    inside &= candidates[lines.line_of_vertex]
+    near = np.flatnonzero(inside)[_is_on(lines.xyz[inside, :2], xy)]
+    return np.unique(lines.line_of_vertex[near])
+
+
+def _is_on(places: FloatArray, line: FloatArray) -> BoolArray:
+    """Return which places (n, 2) lie on a line (k, 2)."""
+    out = np.zeros(len(places), dtype=np.bool_)
+    a, way = line[:-1], np.diff(line, axis=0)
+    size2 = np.maximum(np.sum(way * way, axis=1), 1e-12)
+    for i, place in enumerate(places):
+        share = np.clip(np.sum((place - a) * way, axis=1) / size2, 0.0, 1.0)
+        out[i] = float(np.hypot(*(place - a - share[:, None] * way).T).min()) <= SAME_M
+    return out

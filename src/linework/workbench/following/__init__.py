@@ -1,0 +1,1 @@
+"""Following a line from a click, and bridging its gaps."""

@@ -1,0 +1,1 @@
+"""Extractions started from the page."""

@@ -1,0 +1,350 @@
+"""The guard before the server: who asks, from where, and what for, before any route hears of it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import math
+import mimetypes
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NoReturn
+from urllib.parse import parse_qs
+
+from starlette.datastructures import Headers
+from starlette.responses import JSONResponse, PlainTextResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from linework.workbench.server.problems import problem_document
+from linework.workbench.server.sessions import Sessions
+
+#: Pages that are open at once, twice: each has one socket for news and one for following lines.
+MOST_SOCKETS = 32
+_SAFE = ("GET", "HEAD", "OPTIONS")
+_NO_SESSION = "no session: open the link that linework serve printed"
+_USED = "This link has been used, or is of another run. Open the newest link that linework serve printed.\n"
+#: Asked for a part of an answer a server does more work, not less: it is given whole.
+_DROPPED = (b"range", b"if-range")
+
+
+class Guard:
+    """An ASGI application that lets through to another one what comes from the page and nothing else.
+
+    Parameters
+    ----------
+    app
+        Heard only of requests of an open session, from this very origin, with a body that was read whole.
+    port
+        Of this server on 127.0.0.1.
+    page
+        Files that anyone may have: the page without any data.
+    save_log
+        Called with faults of the application.
+
+    Notes
+    -----
+    Sites of this machine's other ports are "same-site", so that SameSite alone does not keep them out: Origin and
+    Sec-Fetch-Site are checked as well.
+    """
+
+    def __init__(
+        self, app: ASGIApp, sessions: Sessions, port: int, page: Mapping[str, PageFile],
+        save_log: Callable[[BaseException], Any],
+    ) -> None:  # fmt: skip
+        self._app, self._sessions, self._page, self._save_log = app, sessions, page, save_log
+        self._hosts = (f"127.0.0.1:{port}", f"localhost:{port}")
+        self._n_sockets = 0
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, or let it through."""
+        if scope["type"] == "http":
+            await self._request(scope, receive, with_headers(send))
+        elif scope["type"] == "websocket":
+            await self._socket(scope, receive, send)
+        else:
+            await self._app(scope, receive, send)
+
+    async def _request(self, scope: Scope, receive: Receive, send: Send) -> None:
+        headers = Headers(scope=scope)
+        answer, body = self._without_session(scope, headers), None
+        if answer is None:
+            try:
+                check_body_headers(headers)
+                body = await whole_body(receive)
+                if body:
+                    check_json(body)
+                receive = replayed(body, receive)
+            except BodyError as error:
+                answer = _refused(error.status, error.problem)
+        if answer is not None:
+            if body is None:
+                await drained(headers, receive)
+            await answer(scope, receive, send)
+            return
+        kept = [(name, value) for name, value in scope["headers"] if name not in _DROPPED]
+        with self._faults():
+            await self._app({**scope, "headers": kept}, receive, send)
+
+    def _without_session(self, scope: Scope, headers: Headers) -> Response | None:
+        """Return the answer to what needs no session, or is refused; None: it may go on."""
+        method, path = scope["method"], scope["path"]
+        if headers.getlist("host") not in [[host] for host in self._hosts]:
+            return _refused(403, "this server answers only to its own name")
+        if path == "/" and method == "GET" and b"token=" in scope["query_string"]:
+            return self._entrance(scope, headers)
+        if path in self._page and method in ("GET", "HEAD"):
+            file = self._page[path]
+            return Response(file.content, headers={"content-type": file.content_type})
+        if not self._sessions.knows(headers.get("cookie", "")):
+            return _refused(401, _NO_SESSION)
+        if not self._is_from_page(headers, must_say=method not in _SAFE):
+            return _refused(403, "only the workbench's own page may ask for this")
+        return None
+
+    def _entrance(self, scope: Scope, headers: Headers) -> Response:
+        """Return a session's cookie for a token, and the way to the page, which is always the same."""
+        token = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
+        home = Response(status_code=303, headers={"location": "/"})
+        if self._sessions.knows(headers.get("cookie", "")):
+            return home
+        cookie = self._sessions.enter(token)
+        if not cookie:
+            return PlainTextResponse(_USED, 403)
+        home.set_cookie(self._sessions.cookie_name, cookie, httponly=True, samesite="strict")
+        return home
+
+    def _is_from_page(self, headers: Headers, *, must_say: bool) -> bool:
+        """Return whether a request comes from our own page, by what only the browser can have written."""
+        origins = headers.getlist("origin")
+        ours = [[f"http://{headers['host']}"]] + ([] if must_say else [[]])
+        return origins in ours and headers.get("sec-fetch-site", "none") in ("same-origin", "none")
+
+    async def _socket(self, scope: Scope, receive: Receive, send: Send) -> None:
+        headers = Headers(scope=scope)
+        may_enter = (
+            headers.getlist("host") in [[host] for host in self._hosts]
+            and self._sessions.knows(headers.get("cookie", ""))
+            and self._is_from_page(headers, must_say=True)
+            and self._n_sockets < MOST_SOCKETS
+        )
+        if not may_enter:
+            # Closed before it is accepted: the browser sees a 403
+            await receive()
+            await send({"type": "websocket.close", "code": 1008})
+            return
+        self._n_sockets += 1
+        try:
+            with self._faults():
+                await self._app(scope, receive, send)
+        finally:
+            self._n_sockets -= 1
+
+    @contextlib.contextmanager
+    def _faults(self) -> Iterator[None]:
+        """Hand on what must never happen; the page was told that much, or its socket closes."""
+        try:
+            yield
+        except Exception as error:
+            self._save_log(error)
+
+
+def _refused(status: int, problem: str) -> Response:
+    """Return a refusal, after which nothing more is read: its body may have no end."""
+    return JSONResponse(problem_document(problem, status), status, headers={"connection": "close"})
+
+
+# What is sent to the server: JSON, so much of it, in so much time
+
+#: A line of ten thousand vertices is half of it.
+MOST_BYTES = 1 << 20
+#: From the head of a request to the end of its body, on the same machine. [s]
+MOST_S = 10.0
+#: Of a body that is refused so much is read, in so much time, before the answer: closed with something unread, the
+#: connection would be reset, and the answer lost.
+_DRAINED_BYTES, _DRAINED_S = 4 << 20, 1.0
+
+
+class BodyError(Exception):
+    """A body that is not taken: the status, and why."""
+
+    def __init__(self, status: int, problem: str) -> None:
+        super().__init__(problem)
+        self.status, self.problem = status, problem
+
+
+def check_body_headers(headers: Mapping[str, str]) -> None:
+    """Refuse a body by what its headers say of it.
+
+    Raises
+    ------
+    BodyError
+        Too long, packed, or not JSON.
+    """
+    length = headers.get("content-length", "0")
+    has_body = "transfer-encoding" in headers or length != "0"
+    if not length.isascii() or not length.isdigit():
+        raise BodyError(400, "the length of the body is not a number")
+    if int(length[:20]) > MOST_BYTES:
+        raise BodyError(413, f"the body is longer than {MOST_BYTES:,} bytes")
+    if headers.get("content-encoding", "identity").lower() != "identity":
+        raise BodyError(415, "packed bodies are not taken: send plain JSON")
+    content_type = headers.get("content-type", "").partition(";")[0].strip().lower()
+    if has_body and content_type != "application/json":
+        raise BodyError(415, "only bodies of the type application/json are taken")
+
+
+async def whole_body(receive: Receive) -> bytes:
+    """Return the body of a request, read to its end.
+
+    Raises
+    ------
+    BodyError
+        It is too long, or comes too slowly, or its sender has gone.
+    """
+    parts: list[bytes] = []
+    n_bytes = 0
+    try:
+        async with asyncio.timeout(MOST_S):
+            while True:
+                message = await receive()
+                if message["type"] == "http.disconnect":
+                    raise BodyError(400, "the body was cut off")
+                part = message.get("body", b"")
+                parts.append(part)
+                n_bytes += len(part)
+                if n_bytes > MOST_BYTES:
+                    raise BodyError(413, f"the body is longer than {MOST_BYTES:,} bytes")
+                if not message.get("more_body", False):
+                    return b"".join(parts)
+    except TimeoutError:
+        raise BodyError(408, f"the body took longer than {MOST_S:.0f} s") from None
+
+
+async def drained(headers: Mapping[str, str], receive: Receive) -> None:
+    """Read what is there of a body that was refused, if it may have an end."""
+    length = headers.get("content-length", "0")
+    if "transfer-encoding" not in headers and (not length.isdigit() or int(length[:20]) > _DRAINED_BYTES):
+        return
+    n_bytes, is_more = 0, True
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(_DRAINED_S):
+            while is_more and n_bytes < _DRAINED_BYTES:
+                message = await receive()
+                n_bytes += len(message.get("body", b""))
+                is_more = message.get("more_body", False)
+
+
+def check_json(body: bytes) -> None:
+    """Refuse a body that is not JSON, or holds numbers that no coordinate and no count can be.
+
+    Raises
+    ------
+    BodyError
+        With what is wrong. JSON itself knows no NaN and no infinity, Python's reader does.
+    """
+    try:
+        json.loads(body, parse_constant=_refuse_number, parse_float=_finite, parse_int=_small)
+    except (ValueError, RecursionError) as error:
+        problem = "nested too deeply" if isinstance(error, RecursionError) else str(error)
+        raise BodyError(400, f"the body is not JSON that can be used: {problem}"[:200]) from None
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    return value if math.isfinite(value) else _refuse_number(text)
+
+
+def _small(text: str) -> int:
+    value = int(text)
+    return value if abs(value) < 2**63 else _refuse_number(text)
+
+
+def _refuse_number(text: str) -> NoReturn:
+    raise ValueError(f"{text[:20]} is no number that can be used")
+
+
+def replayed(body: bytes, receive: Receive) -> Receive:
+    """Return a `receive` that gives a body that was read already, and then what comes."""
+    waiting: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
+
+    async def receiving() -> Message:
+        return waiting.pop() if waiting else await receive()
+
+    return receiving
+
+
+# What every answer says to the browser: nothing from elsewhere, in no frame, kept nowhere
+
+#: The page's policy. A report is a page of its own, see `REPORT_POLICY`.
+PAGE_POLICY = (
+    "default-src 'self'; img-src 'self' data: blob:; object-src 'none'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'"
+)
+#: A report: pictures and styles that are in it, nothing else, and no part of the page's origin.
+REPORT_POLICY = (
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'; sandbox"
+)
+_ALWAYS = {
+    b"content-security-policy": PAGE_POLICY.encode(),
+    b"x-content-type-options": b"nosniff",
+    b"x-frame-options": b"DENY",
+    b"referrer-policy": b"no-referrer",
+    b"cross-origin-opener-policy": b"same-origin",
+    b"cross-origin-resource-policy": b"same-origin",
+    b"cache-control": b"no-store",
+}
+#: What a route may say differently.
+_OWN = b"content-security-policy"
+
+
+def with_headers(send: Send) -> Send:
+    """Return a `send` that adds the headers to what is answered."""
+
+    async def sending(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            there = [(name.lower(), value) for name, value in message.get("headers", ())]
+            has_own = any(name == _OWN for name, _ in there)
+            kept = [(name, value) for name, value in there if name not in _ALWAYS or name == _OWN]
+            added = [(name, value) for name, value in _ALWAYS.items() if name != _OWN or not has_own]
+            message = {**message, "headers": [*kept, *added]}
+        await send(message)
+
+    return sending
+
+
+# The page's own files, read once at the start: what is not among them is not served
+
+PAGE = Path(__file__).parents[1] / "page"
+#: Said where the package holds no page, which no release does.
+_NO_PAGE = b"<!doctype html><title>linework</title><p>This copy of linework was made without its page.</p>"
+
+
+@dataclass(frozen=True, slots=True)
+class PageFile:
+    """A file of the page."""
+
+    content: bytes
+    content_type: str
+
+
+def page_files(folder: Path = PAGE) -> Mapping[str, PageFile]:
+    """Return the files of the page by their URL path; "/" is index.html."""
+    found = {
+        f"/{path.relative_to(folder).as_posix()}": PageFile(path.read_bytes(), _type_of(path))
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and not path.is_symlink() and not path.name.startswith(".")
+    }
+    found["/"] = found.get("/index.html", PageFile(_NO_PAGE, "text/html; charset=utf-8"))
+    return MappingProxyType(found)
+
+
+def _type_of(path: Path) -> str:
+    """Return the content type; of scripts always the same, whatever this machine's own table says."""
+    if path.suffix in (".js", ".mjs"):
+        return "text/javascript; charset=utf-8"
+    kind = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
+    return f"{kind}; charset=utf-8" if kind.startswith("text/") else kind

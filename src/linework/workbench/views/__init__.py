@@ -1,0 +1,1 @@
+"""What the page shows: tiles, points, sections, heights and stereo images."""

@@ -1,0 +1,178 @@
+"""Works at a desk about stereo pairs: which there are, their images for the screen, lines projected into them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+
+from linework.errors import AbsentError
+from linework.files.images.screen import screen_image, screen_thumbnail
+from linework.files.logs.photolog import van_log
+from linework.imaging.projected import DEPTH_M, Pieces, projected
+from linework.model.camera import Camera
+from linework.model.images import ImagePair
+from linework.model.lines import LineSet
+from linework.model.logs import LoggedPlaces
+from linework.model.survey import Survey
+from linework.runs.opened.pairs import OpenedStereo
+from linework.workbench.worker.session import Table
+
+Side = Literal["left", "right"]
+#: Small pictures that are kept at hand: 4 kB each.
+_MOST_KEPT = 4096
+#: Half the width of what the widest lenses show, as a multiple of the depth: 60 degrees from the axis.
+_WIDEST = 2.0
+
+
+def pairs_at_desk(table: Table) -> list[dict[str, Any]]:
+    """Return a document per pair that can be used, in time order; why others cannot is in the survey's warnings."""
+    stereo = table.recordings.stereo
+    if stereo is None:
+        return []
+    log = van_log(_without_keys(table.survey), stereo.series, stereo.trajectory)
+    assert log.photos is not None
+    usable = set(stereo.numbers.tolist())
+    return [
+        document | {"number": number, "left": left.name, "right": right.name}
+        for document, number, left, right in zip(
+            _places(log.photos.places), log.photos.number.tolist(), log.photos.left, log.photos.right, strict=True
+        )
+        if number in usable
+    ]  # fmt: skip
+
+
+def keys_at_desk(table: Table) -> list[dict[str, Any]]:
+    """Return a document per key that the operator pressed, in time order.
+
+    Raises
+    ------
+    InputError
+        The file of keys cannot be used.
+    """
+    recordings = table.recordings
+    events = van_log(recordings.survey, None, recordings.trajectory).events
+    if events is None:
+        return []
+    return [
+        document | {"key": key, "note": note}
+        for document, key, note in zip(_places(events.places), events.key, events.note, strict=True)
+    ]
+
+
+def image_at_desk(table: Table, number: int, side: Side) -> bytes:
+    """Return an image as it was taken, as JPEG.
+
+    Raises
+    ------
+    AbsentError
+        There is no such pair.
+    InputError
+        It cannot be read.
+    """
+    return screen_image(getattr(_pair(table, number), side), _camera(table, side), table.survey.root)
+
+
+def thumbnail_at_desk(table: Table, number: int) -> bytes:
+    """Return the left image of a pair made small, as JPEG (see `image_at_desk`)."""
+    kept = table.keep("thumbnails", dict[int, bytes])
+    pair = _pair(table, number)
+    if number not in kept:
+        if len(kept) >= _MOST_KEPT:
+            kept.pop(next(iter(kept)))
+        kept[number] = screen_thumbnail(pair.left, _camera(table, "left"), table.survey.root)
+    return kept[number]
+
+
+def pair_lines_at_desk(table: Table, number: int, lines: LineSet) -> bytes:
+    """Return where both images of a pair show lines, as JSON (`PairLines` of the page).
+
+    Made here and not in the server, which has other things to do than to write some ten thousand numbers.
+    """
+    stereo = _stereo(table, number)
+    i = int(np.flatnonzero(stereo.numbers == number)[0])
+    rig = stereo.series.rig
+    return json.dumps(
+        {
+            "number": number,
+            "width": rig.left.width,
+            "height": rig.left.height,
+            "left": _documents(lines, projected(lines, rig.left, stereo.poses, i)),
+            "right": _documents(lines, projected(lines, rig.right, stereo.poses, i)),
+        },
+        separators=(",", ":"),
+    ).encode()
+
+
+def near(lines: LineSet, at: tuple[float, ...]) -> LineSet:
+    """Return the lines that a camera at a place [m, world] may see, whichever way it looks."""
+    if not len(lines.xyz):
+        return lines
+    # Lines without a vertex would take the bounds of the next one
+    starts = lines.offsets[:-1][np.diff(lines.offsets) > 0]
+    reach = _WIDEST * DEPTH_M[1]
+    low = np.minimum.reduceat(lines.xyz[:, :2], starts, axis=0) <= np.array(at[:2]) + reach
+    high = np.maximum.reduceat(lines.xyz[:, :2], starts, axis=0) >= np.array(at[:2]) - reach
+    return lines.take(np.flatnonzero(np.diff(lines.offsets) > 0)[(low & high).all(axis=1)])
+
+
+def _documents(lines: LineSet, pieces: Pieces) -> list[dict[str, Any]]:
+    """Return a document per line that is seen."""
+    pixels = pieces.pixels.round(1).tolist()
+    documents: list[dict[str, Any]] = []
+    before = -1
+    for k, (line, is_bridged) in enumerate(zip(pieces.line.tolist(), pieces.bridged.tolist(), strict=True)):
+        if line != before:
+            documents.append(
+                {"id": str(lines.id[line]), "kind": str(lines.kind[line]), "runs": [], "bridged": []}
+            )
+            before = line
+        documents[-1]["runs"].append(pixels[pieces.offsets[k] : pieces.offsets[k + 1]])
+        documents[-1]["bridged"].append(is_bridged)
+    return documents
+
+
+def _places(places: LoggedPlaces) -> list[dict[str, Any]]:
+    return [
+        {
+            "time_s": time_s,
+            "chainage_m": round(chainage_m, 3),
+            "at": [round(value, 3) for value in xyz],
+            "heading_deg": round(heading_deg, 3),
+        }
+        for time_s, chainage_m, xyz, heading_deg in zip(
+            places.time_s.tolist(), places.chainage_m.tolist(), places.xyz.tolist(), places.heading_deg.tolist(),
+            strict=True,
+        )
+    ]  # fmt: skip
+
+
+def _stereo(table: Table, number: int) -> OpenedStereo:
+    """Return the opened pairs, one of which has that number."""
+    stereo = table.recordings.stereo
+    if stereo is None or number not in stereo.numbers:
+        raise no_pair(number)
+    return stereo
+
+
+def _pair(table: Table, number: int) -> ImagePair:
+    return next(pair for pair in _stereo(table, number).pairs if pair.number == number)
+
+
+def no_pair(number: int) -> AbsentError:
+    """Return what is raised where there is no pair of that number."""
+    return AbsentError(f"there is no pair {number}")
+
+
+def _camera(table: Table, side: Side) -> Camera:
+    stereo = table.recordings.stereo
+    assert stereo is not None
+    camera: Camera = getattr(stereo.series.rig, side)
+    return camera
+
+
+def _without_keys(survey: Survey) -> Survey:
+    """Return the survey without the operator's keys: a file of them that is damaged spoils no image."""
+    return replace(survey, settings={k: v for k, v in survey.settings.items() if k != "events"})

@@ -1,0 +1,252 @@
+"""The points under a tile: read patch by patch, with their height above the road, and kept while there is room."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.spatial import cKDTree
+
+from linework.arrays import AnyArray, Float32Array, FloatArray
+from linework.files.store.read import PointStore
+from linework.kernels.cells.tile_cells import divided_by
+from linework.model.grid import Bounds
+from linework.runs.opened.surface import SurveySurface
+from linework.surface.road import height_above_road, is_road_point
+from linework.workbench.views.pyramid import BLOCK_M, Tile
+
+#: A patch has so many points at most: 20 MB while they are kept, 70 MB while they are read.
+MOST_POINTS = 1_000_000
+#: Patches are kept up to this. [bytes]
+ROOM = 128 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """The points of a square, as they come.
+
+    Parameters
+    ----------
+    corner
+        South-west corner [m, world], and the surface's height origin.
+    x, y, z
+        (n,) float32 from the corner. [m]
+    above
+        (n,) float32: height above the road [m], NaN where it is not known.
+    intensity
+        (n,) uint16: asphalt is 1000 where the van's way is known, else as recorded; 0 where the survey has none.
+    """
+
+    corner: tuple[float, float, float]
+    x: Float32Array
+    y: Float32Array
+    z: Float32Array
+    above: Float32Array
+    intensity: AnyArray
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    @property
+    def columns(self) -> tuple[AnyArray, ...]:
+        """x, y, z, above, intensity."""
+        return self.x, self.y, self.z, self.above, self.intensity
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of the columns."""
+        return sum(column.nbytes for column in self.columns)
+
+
+class PatchReader:
+    """Reads the points of any square.
+
+    Parameters
+    ----------
+    surface
+        None: no height above the road is known.
+    path
+        (k, 2) places of the van's way [m, world]; none: intensities stay as recorded.
+    """
+
+    def __init__(
+        self, store: PointStore, surface: SurveySurface | None, path: FloatArray | None = None
+    ) -> None:
+        self.store, self.surface = store, surface
+        self._asphalt = None if surface is None or path is None else asphalt_level(store, surface, path)
+        self.z0_m = surface.z0_m if surface is not None else 0.0
+        blocks, counts = store.block_counts
+        #: Points by number of block.
+        self.counts = {(e, n): k for (e, n), k in zip(blocks.tolist(), counts.tolist(), strict=True)}
+        self._kept: OrderedDict[Tile, Patch] = OrderedDict()
+        self._n_bytes = 0
+
+    def patches(self, bounds: Bounds, *, keep: bool = True) -> Iterator[Patch]:
+        """Yield the patches that hold the points of a rectangle, row-major from the south-west.
+
+        Parameters
+        ----------
+        keep
+            Keep them for the next that asks, as long as there is room.
+        """
+        for tile in self._patches_over(bounds):
+            yield self._patch(tile, keep)
+
+    def count_in(self, bounds: Bounds) -> int:
+        """Return how many points lie in the blocks that share places with a rectangle."""
+        return sum(self.counts.get((tile.east, tile.north), 0) for tile in tiles_over(bounds, 0))
+
+    def _patches_over(self, bounds: Bounds) -> Iterator[Tile]:
+        for block in tiles_over(bounds, 0):
+            n = self.counts.get((block.east, block.north), 0)
+            if n == 0:
+                continue
+            level = -max(0, math.ceil(math.log(n / MOST_POINTS, 4.0)))
+            for tile in tiles_over(bounds, level):
+                if tile.east >> -level == block.east and tile.north >> -level == block.north:
+                    yield tile
+
+    def _patch(self, tile: Tile, keep: bool) -> Patch:
+        found = self._kept.get(tile)
+        if found is not None:
+            self._kept.move_to_end(tile)
+            return found
+        patch = self._read(tile.bounds)
+        if keep:
+            self._kept[tile] = patch
+            self._n_bytes += patch.n_bytes
+            while self._n_bytes > ROOM and len(self._kept) > 1:
+                self._n_bytes -= self._kept.popitem(last=False)[1].n_bytes
+        return patch
+
+    def _read(self, bounds: Bounds) -> Patch:
+        points = self.store.points(bounds, ordered=False, with_time=False)
+        n = len(points)
+        xyz, intensity = points.xyz, points.intensity
+        above = np.full(n, np.nan, np.float32)
+        if self.surface is not None and n:
+            # Heights are taken between the middles of cells: also of those beyond the edge
+            above = height_above_road(self.surface.over(bounds.grown(self.surface.cell_m)), xyz)
+        x, y, z = (
+            (xyz[:, i] - origin).astype(np.float32)
+            for i, origin in enumerate((bounds.west, bounds.south, self.z0_m))
+        )
+        bright = np.zeros(n, np.uint16) if intensity is None else intensity.astype(np.uint16)
+        if self._asphalt is not None:
+            bright = self._asphalt.normalised(x, y, bright, bounds)
+        return Patch((bounds.west, bounds.south, self.z0_m), x, y, z, above, bright)
+
+
+def tiles_over(bounds: Bounds, level: int) -> Iterator[Tile]:
+    """Yield the tiles of a level that share places with a rectangle, row-major from the south-west.
+
+    >>> [(t.east, t.north) for t in tiles_over(Bounds(0.0, 10.0, 64.0, 70.0), 0)]
+    [(0, 0), (0, 1)]
+    """
+    size = math.ldexp(BLOCK_M, level)
+    last = math.ceil(bounds.east / size), math.ceil(bounds.north / size)
+    for north in range(math.floor(bounds.south / size), last[1]):
+        for east in range(math.floor(bounds.west / size), last[0]):
+            yield Tile(level, east, north)
+
+
+# How bright asphalt is at a distance from the van's way: what is divided by it is paint wherever it lies
+
+#: Normalised intensities are whole numbers: asphalt is this.
+ASPHALT = 1000.0
+#: Distances are told apart by this, up to the last; the level is smooth between nodes a metre apart. [m]
+_BIN_M, _FARTHEST_M, _NODE_M = 0.5, 40.0, 1.0
+#: From so many points of the road a level is known; so many blocks are the survey.
+_LEAST, _N_BLOCKS = 300, 12
+#: Asphalt is the darkest ground: of the road's points so many are surely darker than what grows beside it.
+_SHARE = 0.3
+#: Beyond the road the level goes on to fall, with the range from a scanner so high. [m]
+_MOUNT_M = 2.2
+
+
+@dataclass(frozen=True, slots=True)
+class AsphaltLevel:
+    """Level of asphalt over the distance from the van's way.
+
+    Parameters
+    ----------
+    way
+        The way's places, in plan.
+    level
+        (n,) intensities as recorded, at distances of whole `_BIN_M` and a half.
+    """
+
+    way: cKDTree
+    level: FloatArray
+
+    def normalised(self, x: AnyArray, y: AnyArray, intensity: AnyArray, bounds: Bounds) -> AnyArray:
+        """Return (n,) uint16 intensities with asphalt at `ASPHALT`, of points in bounds, counted from their corner."""
+        cols, rows = (int(np.ceil(side / _NODE_M)) + 1 for side in (bounds.width_m, bounds.height_m))
+        east, north = np.meshgrid(
+            bounds.west + _NODE_M * np.arange(cols), bounds.south + _NODE_M * np.arange(rows)
+        )
+        apart, _ = self.way.query(
+            np.column_stack([east.ravel(), north.ravel()]), distance_upper_bound=_FARTHEST_M
+        )
+        at = np.minimum(apart, _FARTHEST_M) / _BIN_M - 0.5
+        level = np.interp(at, np.arange(len(self.level)), self.level).reshape(rows, cols)
+        return np.asarray(divided_by(x, y, intensity, level / ASPHALT, _NODE_M))
+
+
+def asphalt_level(store: PointStore, surface: SurveySurface, path: FloatArray) -> AsphaltLevel | None:
+    """Return the level of asphalt of a survey, by the road's points of a sample of blocks; None: not known.
+
+    Parameters
+    ----------
+    path
+        (k, 2) places of the van's way [m, world], closer to one another than it is wide.
+    """
+    if len(path) == 0 or not store.facts.get("has_intensity", True):
+        return None
+    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T))]
+    way = cKDTree(path[np.unique(np.floor(along / _BIN_M), return_index=True)[1]])
+    blocks, _ = store.block_counts
+    values: list[list[AnyArray]] = [[] for _ in range(int(_FARTHEST_M / _BIN_M))]
+    for east, north in blocks[:: max(1, len(blocks) // _N_BLOCKS)].tolist():
+        corner = east * BLOCK_M, north * BLOCK_M
+        bounds = Bounds(*corner, corner[0] + BLOCK_M, corner[1] + BLOCK_M)
+        points = store.points(bounds, ordered=False, with_time=False)
+        if points.intensity is None:
+            return None
+        road = points.take(is_road_point(surface.over(bounds.grown(surface.cell_m)), points.xyz, 0.03))
+        cells = ((road.xyz[:, :2] - corner) / _BIN_M).astype(np.int64)
+        apart = _distances(way, corner)[cells[:, 1], cells[:, 0]]
+        bins = np.minimum(apart / _BIN_M, len(values)).astype(np.int64)
+        order = np.argsort(bins, kind="stable")
+        parts = np.split(
+            np.asarray(road.intensity)[order], np.searchsorted(bins[order], np.arange(len(values) + 1))
+        )
+        for k, part in enumerate(parts[1:-1]):
+            values[k].append(part)
+    return _fitted(way, [np.concatenate(parts) if parts else np.zeros(0) for parts in values])
+
+
+def _distances(way: cKDTree, corner: tuple[float, float]) -> FloatArray:
+    """Return the distance from the way of the middles of a block's cells of `_BIN_M`, row 0 south. [m]"""  # noqa: D400
+    middles = _BIN_M * (np.arange(round(BLOCK_M / _BIN_M)) + 0.5)
+    east, north = np.meshgrid(corner[0] + middles, corner[1] + middles)
+    apart, _ = way.query(np.stack([east, north], axis=-1), distance_upper_bound=_FARTHEST_M)
+    return np.asarray(apart)
+
+
+def _fitted(way: cKDTree, values: list[AnyArray]) -> AsphaltLevel | None:
+    known = np.array([k for k, v in enumerate(values) if len(v) >= _LEAST])
+    if len(known) == 0:
+        return None
+    levels = median_filter(np.array([np.quantile(values[k], _SHARE) for k in known]), 5, mode="nearest")
+    every = np.arange(len(values))
+    # It falls with the distance: where it seems to rise, grass lies beside the road
+    level = np.minimum.accumulate(np.interp(every, known, np.maximum(levels, 1.0)))
+    reach = np.hypot((every + 0.5) * _BIN_M, _MOUNT_M)
+    beyond = every > known[-1]
+    level[beyond] *= reach[known[-1]] / reach[beyond]
+    return AsphaltLevel(way, level)

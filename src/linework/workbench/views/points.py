@@ -1,0 +1,178 @@
+"""Works of the desk of pictures: points of a place, no more than can be shown, as the page reads them."""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from linework.arrays import AnyArray, Float32Array
+from linework.errors import UsageError
+from linework.kernels.cells import even_thinning as kernels
+from linework.model.grid import Bounds
+from linework.workbench.views.patches import Patch
+from linework.workbench.views.tiles import patch_reader, picture_scale
+from linework.workbench.worker.session import Table
+
+#: More are not shown at once: a page holds them in 15 bytes each, and a graphics card draws them smoothly.
+MOST_POINTS = 1_000_000
+#: A place is no longer than this: larger ones are looked at in plan. [m]
+LONGEST_M = 1000.0
+#: Of points by lot so many times as many as are wanted are thinned evenly.
+_BY_LOT = 4
+_UNKNOWN_CM = 32767
+#: Makes one number of a place's two.
+_PRIME = 1_000_003
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Points of one patch, and the lots by which they are chosen."""
+
+    xyz: Float32Array
+    above: Float32Array
+    intensity: AnyArray
+    lots: AnyArray
+
+    def by_lot(self, share: float) -> Found:
+        """Return a share of the points."""
+        if share >= 1.0:
+            return self
+        kept = self.lots < np.uint64(share * 2.0**64)
+        return Found(self.xyz[kept], self.above[kept], self.intensity[kept], self.lots[kept])
+
+
+def points_of_place(
+    table: Table, bounds: Bounds, most: int, heights: tuple[float, float] = (-math.inf, math.inf)
+) -> bytes:
+    """Return points of a rectangle, evenly thinned to `most`.
+
+    Parameters
+    ----------
+    heights
+        From and to [m, world].
+
+    Raises
+    ------
+    UsageError
+        The rectangle is empty, or longer than `LONGEST_M`.
+    """
+    check_place(bounds)
+    reader = patch_reader(table)
+    origin = math.floor(bounds.west), math.floor(bounds.south), reader.z0_m if reader else 0.0
+    if reader is None:
+        return packed(origin, [], table, most)
+    low, high = (height - reader.z0_m for height in heights)
+    found: list[Found] = []
+    share = 1.0
+    for patch in reader.patches(bounds):
+        west, south = bounds.west - patch.corner[0], bounds.south - patch.corner[1]
+        inside = (patch.x >= west) & (patch.x < west + bounds.width_m) & (patch.y >= south)
+        inside &= (patch.y < south + bounds.height_m) & (patch.z >= low) & (patch.z < high)
+        found.append(by_lot(patch, inside, share, origin))
+        # Halved as often as all points together ask for, whatever the order they come in
+        while sum(len(part.lots) for part in found) > _BY_LOT * most:
+            share *= 0.5
+            found = [part.by_lot(share) for part in found]
+    return packed(origin, found, table, most)
+
+
+def check_place(bounds: Bounds) -> None:
+    """Refuse a rectangle that is none, or too large."""
+    if not (bounds.west < bounds.east and bounds.south < bounds.north):
+        raise UsageError(
+            "the place is empty", advice="its west must be less than its east, its south than its north"
+        )
+    if max(bounds.width_m, bounds.height_m) > LONGEST_M:
+        raise UsageError(
+            f"a place of {bounds.width_m:,.0f} x {bounds.height_m:,.0f} m, the limit is {LONGEST_M:,.0f} m",
+            advice="look at a part of it",
+        )
+
+
+def by_lot(patch: Patch, inside: AnyArray, share: float, origin: tuple[float, float, float]) -> Found:
+    """Return the points of a patch that are inside, or a share of them chosen by lot."""
+    index = np.flatnonzero(inside)
+    x, y, z, above, intensity = (column[index] for column in patch.columns)
+    salt = (int(patch.corner[0]) * _PRIME + int(patch.corner[1])) & 0x7FFFFFFF
+    lots = kernels.lots(x, y, z, intensity, salt)
+    xyz = np.stack(
+        [x + np.float32(patch.corner[0] - origin[0]), y + np.float32(patch.corner[1] - origin[1]), z]
+    )
+    return Found(np.ascontiguousarray(xyz.T, dtype=np.float32), above, intensity, lots).by_lot(share)
+
+
+def packed(origin: tuple[float, float, float], found: list[Found], table: Table, most: int) -> bytes:
+    """Return found points, evenly thinned to `most`, as the page reads them (`points` of its api)."""
+    xyz = np.concatenate([np.zeros((0, 3), np.float32), *(part.xyz for part in found)])
+    above = np.concatenate([np.zeros(0, np.float32), *(part.above for part in found)])
+    intensity = np.concatenate([np.zeros(0, np.uint16), *(part.intensity for part in found)])
+    lots = np.concatenate([np.zeros(0, np.uint64), *(part.lots for part in found)])
+    order = np.argsort(lots, kind="stable")
+    chosen = order[kernels.evenly_thinned(xyz[order], most)]
+    xyz, above, intensity = xyz[chosen], above[chosen], intensity[chosen]
+    scale = picture_scale(table)
+    shine = np.zeros(len(xyz), np.float32) if scale is None else scale.shine(intensity.astype(np.float32))
+    with np.errstate(invalid="ignore"):
+        above_cm = np.clip(np.round(100.0 * above), 1 - _UNKNOWN_CM, _UNKNOWN_CM - 1)
+    above_cm = np.where(np.isnan(above), _UNKNOWN_CM, np.nan_to_num(above_cm))
+    return b"".join(
+        (
+            struct.pack("<II3d", len(xyz), 0, *origin),
+            xyz.astype("<f4").tobytes(),
+            above_cm.astype("<i2").tobytes(),
+            np.round(255.0 * shine).astype(np.uint8).tobytes(),
+        )
+    )
+
+
+# Works of the desk of pictures: a slice of the points, seen along the road
+
+#: A slice is no wider and no thicker. [m]
+WIDEST_M, THICKEST_M = 60.0, 20.0
+#: Points that a slice shows at most: a dozen for every pixel.
+MOST_SECTION_POINTS = 200_000
+
+
+def section_at(
+    table: Table, place: tuple[float, float], heading_deg: float, half_width_m: float, thickness_m: float
+) -> bytes:
+    """Return the points of a slice across a heading, as `points_of_place` does: x to the right of it, y along it.
+
+    Parameters
+    ----------
+    place
+        Its middle [m, world], from which points are counted.
+    heading_deg
+        Clockwise from grid north.
+
+    Raises
+    ------
+    UsageError
+        The slice is wider than `WIDEST_M` to a side, or thicker than `THICKEST_M`.
+    """
+    if not 0.0 < half_width_m <= WIDEST_M or not 0.0 < thickness_m <= THICKEST_M:
+        raise UsageError(
+            f"a slice of {half_width_m:g} m to each side and {thickness_m:g} m thick",
+            advice=f"up to {WIDEST_M:g} m to each side and {THICKEST_M:g} m thick can be shown",
+        )
+    reader = patch_reader(table)
+    origin = (*place, reader.z0_m if reader else 0.0)
+    if reader is None:
+        return packed(origin, [], table, MOST_SECTION_POINTS)
+    sin, cos = math.sin(math.radians(heading_deg)), math.cos(math.radians(heading_deg))
+    half_m = 0.5 * thickness_m
+    reach = abs(cos) * half_width_m + abs(sin) * half_m, abs(sin) * half_width_m + abs(cos) * half_m
+    bounds = Bounds(place[0] - reach[0], place[1] - reach[1], place[0] + reach[0], place[1] + reach[1])
+    found = []
+    for patch in reader.patches(bounds):
+        east = patch.x + np.float32(patch.corner[0] - place[0])
+        north = patch.y + np.float32(patch.corner[1] - place[1])
+        right, ahead = east * cos - north * sin, east * sin + north * cos
+        inside = (np.abs(right) <= half_width_m) & (np.abs(ahead) <= half_m)
+        part = by_lot(patch, inside, 1.0, origin)
+        xyz = np.stack([right[inside], ahead[inside], part.xyz[:, 2]], axis=1).astype(np.float32)
+        found.append(replace(part, xyz=xyz))
+    return packed(origin, found, table, MOST_SECTION_POINTS)

@@ -1,0 +1,102 @@
+"""Works of the desk of pictures: a tile, and one step towards having all of them."""
+
+from __future__ import annotations
+
+import hashlib
+from contextlib import suppress
+from pathlib import Path
+
+from linework.errors import MachineError, UsageError
+from linework.runs.resume import source_hash
+from linework.workbench.views.cells import TileCells, cells_folder
+from linework.workbench.views.colours import Scale, tile_picture
+from linework.workbench.views.layers import Layers, filled, margin_cells
+from linework.workbench.views.patches import PatchReader
+from linework.workbench.views.pyramid import IMAGES, TILE_PX, Lattice, Tile
+from linework.workbench.worker.session import Table
+
+_NAMES = tuple(name for name, _, _ in IMAGES)
+#: Densities are counted in cells of an eighth of a metre at least: finer ones hold a point or none.
+DENSITY_LEVEL = -1
+
+
+def tile_png(table: Table, image: str, tile: Tile) -> bytes:
+    """Return the PNG of an image of a tile, b"" where no point is.
+
+    Raises
+    ------
+    UsageError
+        There is no such image.
+    """
+    if image not in _NAMES:
+        raise UsageError(f"no image {image[:40]!r}", advice=f"choose from {', '.join(_NAMES)}")
+    cells = tile_cells(table)
+    if cells is None:
+        return b""
+    layers = density_layers(cells, tile) if image == "density" else cells.layers(tile)[0]
+    if layers is None:
+        return b""
+    if image == "density":
+        return tile_picture(image, layers, cells.scale, tile.cell_m, 0)
+    return tile_picture(image, filled(layers, tile.cell_m), cells.scale, tile.cell_m, margin_cells(tile))
+
+
+def density_layers(cells: TileCells, tile: Tile) -> Layers | None:
+    """Return the cells of a tile for its density: those of `DENSITY_LEVEL`, larger, where it is finer."""
+    up = max(0, DENSITY_LEVEL - tile.level)
+    coarser = Tile(tile.level + up, tile.east >> up, tile.north >> up)
+    layers, _ = cells.layers(coarser)
+    if layers is None:
+        return None
+    margin, n = margin_cells(coarser), TILE_PX >> up
+    col = margin + (tile.east - (coarser.east << up)) * n
+    row = margin + TILE_PX - n - (tile.north - (coarser.north << up)) * n
+    part = layers.part(slice(row, row + n), slice(col, col + n))
+    return Layers(*(layer.repeat(1 << up, axis=0).repeat(1 << up, axis=1) for layer in part))
+
+
+def prepare_tiles(table: Table) -> tuple[int, int]:
+    """Make one more of the tiles that are kept on disk; return how many are there, and how many there will be."""
+    cells = tile_cells(table)
+    if cells is None or not cells.go_on():
+        return 0, 0
+    return cells.n_done, cells.n_all
+
+
+def patch_reader(table: Table) -> PatchReader | None:
+    """Return the reader of the survey's points, one for all works; None without points."""
+    points = table.recordings.points
+    if points is None:
+        return None
+
+    def read() -> PatchReader:
+        path = table.recordings.trajectory
+        return PatchReader(points.points, table.surface, None if path is None else path.xyz[:, :2])
+
+    return table.keep("patch reader", read)
+
+
+def tile_cells(table: Table) -> TileCells | None:
+    """Return the cells of all tiles, one for all works; None without points."""
+    reader = patch_reader(table)
+    if reader is None:
+        return None
+    coarsest = Lattice.of(reader.store.bounds).coarsest
+    return table.keep("tile cells", lambda: TileCells(reader, _folder(reader), coarsest))
+
+
+def picture_scale(table: Table) -> Scale | None:
+    """Return the scale of all pictures of the survey; None without points."""
+    cells = tile_cells(table)
+    return None if cells is None else cells.scale
+
+
+def _folder(reader: PatchReader) -> Path | None:
+    """Return where cells are kept: known by the surface they show and by the code that makes them."""
+    surface = reader.surface
+    name = surface.tiles.folder.name if surface is not None else ""
+    made_of = name + source_hash("kernels", "files", "surface", "workbench")
+    # On a disk that takes nothing there are pictures all the same, each made when it is looked at
+    with suppress(MachineError):
+        return cells_folder(reader.store.folder, hashlib.sha256(made_of.encode()).hexdigest()[:16])
+    return None

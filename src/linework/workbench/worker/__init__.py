@@ -1,0 +1,1 @@
+"""What the worker process keeps open for the page."""

@@ -1,0 +1,137 @@
+"""Opening the survey at a desk: decoding and the road at the first time, and what the server has to know of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from linework.arrays import FloatArray
+from linework.files.geodesy.crs import LOCAL, describe_crs
+from linework.files.store.layout import BLOCK_M
+from linework.model.grid import Bounds
+from linework.runs.opened.recordings import Recordings
+from linework.runs.steps import Steps
+from linework.workbench.worker.session import Table
+
+#: The path is drawn, not measured on: a vertex for so many metres.
+_PATH_STEP_M = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SurveyFacts:
+    """What the server knows of a survey.
+
+    Parameters
+    ----------
+    name, crs, crs_name
+        For people; WKT2 or "local"; and its name for people.
+    root
+        Folder of the survey.
+    work
+        Work folder.
+    bounds
+        West, south, east, north of the points, or of the path. [m, world]
+    middle
+        Where one looks first: half-way along the path, else where most points are. [m, world]
+    heights
+        Lowest and highest height worth showing. [m, world]
+    n_points, n_pairs
+        0 where there are none.
+    path
+        (k, 3) of the van's way [m, world], thinned; none: no trajectory.
+    warnings
+        One line each, also about recordings that cannot be used.
+    """
+
+    name: str
+    crs: str
+    crs_name: str
+    root: str
+    work: str
+    bounds: tuple[float, float, float, float]
+    middle: tuple[float, float, float]
+    heights: tuple[float, float]
+    n_points: int
+    n_pairs: int
+    path: tuple[tuple[float, float, float], ...]
+    warnings: tuple[str, ...]
+
+
+def place_at_desk(table: Table) -> tuple[str, str]:
+    """Return folder and CRS of the survey, as its files say them: what opening the lines needs."""
+    return str(table.survey.root), table.survey.crs
+
+
+def open_at_desk(table: Table) -> SurveyFacts:
+    """Open the survey, telling ("begin", step, unit), ("advance", done, total), ("end", step, seconds)."""
+    steps = Steps(_Teller(table))
+    recordings = table.opened(steps)
+    surface = table.surface_with(steps)
+    points, stereo, path = recordings.points, recordings.stereo, _path(recordings)
+    if points is not None:
+        bounds = points.points.bounds
+        edges = (bounds.west, bounds.south, bounds.east, bounds.north)
+    else:
+        low, high = path[:, :2].min(axis=0) - 30.0, path[:, :2].max(axis=0) + 30.0
+        edges = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    z0_m = surface.z0_m if surface is not None else float(np.floor(path[:, 2].min()))
+    survey = recordings.survey
+    return SurveyFacts(
+        name=survey.name,
+        crs=survey.crs,
+        crs_name="local metres" if survey.crs == LOCAL else describe_crs(survey.crs),
+        root=str(survey.root),
+        work=str(table.work),
+        bounds=edges,
+        middle=_middle(recordings, path),
+        heights=(z0_m, z0_m + 30.0),
+        n_points=points.points.n_points if points else 0,
+        n_pairs=len(stereo.pairs) if stereo else 0,
+        path=tuple((float(e), float(n), float(u)) for e, n, u in path),
+        warnings=(*recordings.warnings, *(f"{what}: {problem}" for what, problem in recordings.problems)),
+    )
+
+
+def _path(recordings: Recordings) -> FloatArray:
+    """Return (k, 3) places of the van's way, one for every `_PATH_STEP_M`."""
+    trajectory = recordings.trajectory
+    if trajectory is None or len(trajectory) == 0:
+        return np.zeros((0, 3))
+    xyz = trajectory.xyz
+    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))]
+    first = np.unique(np.floor(along / _PATH_STEP_M), return_index=True)[1]
+    return np.asarray(xyz[np.unique(np.r_[first, len(xyz) - 1])])
+
+
+def _middle(recordings: Recordings, path: FloatArray) -> tuple[float, float, float]:
+    """Return a place at which there is something to see."""
+    place = path[len(path) // 2] if len(path) else np.zeros(3)
+    if not len(path) and recordings.points is not None:
+        blocks, counts = recordings.points.points.block_counts
+        west, south = (blocks[int(np.argmax(counts))] * BLOCK_M).tolist()
+        block = Bounds(west, south, west + BLOCK_M, south + BLOCK_M)
+        xyz = recordings.points.points.points(block, ordered=False, with_time=False, with_intensity=False).xyz
+        # A point, not the mean of all: in a bend that lies beside the road
+        place = xyz[int(np.argmin(np.hypot(*(xyz - np.median(xyz, axis=0))[:, :2].T)))]
+    return float(place[0]), float(place[1]), float(place[2])
+
+
+class _Teller:
+    """Hands the steps of a run on to whoever asked for it."""
+
+    def __init__(self, table: Table) -> None:
+        self._tell: Any = table.tell
+
+    def begin(self, step: str, unit: str) -> None:
+        """Tell that a step begins."""
+        self._tell(("begin", step, unit))
+
+    def advance(self, done: int, total: int) -> None:
+        """Tell how far it is."""
+        self._tell(("advance", done, total))
+
+    def end(self, step: str, seconds: float) -> None:
+        """Tell that it is done."""
+        self._tell(("end", step, seconds))
