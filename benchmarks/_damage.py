@@ -6,7 +6,7 @@ import struct
 from pathlib import Path
 
 import numpy as np
-from tests.laser_files import COMPRESSED_FORMATS, copc_file, drive_file, point_by_point
+from tests.scenes.laser_files import COMPRESSED_FORMATS, copc_file, drive_file, point_by_point
 
 N_POINTS = 2_000
 #: Two chunks and a third that is not full.

@@ -266,7 +266,7 @@ LIES = (
 
 def header_lies(folder):
     """Time the refusal of each lie in a process of its own kind, LAS and LAZ of 100,000 points."""
-    from tests.laser_files import drive_file
+    from tests.scenes.laser_files import drive_file
 
     print(f"{'header lie':28} {'file':5} {'ms':>8} {'MB':>7}  outcome")
     watched = Watched(folder)

@@ -51,7 +51,7 @@ TILES = """
 def main(arguments: tuple[str, ...] = ()) -> None:
     """Serve the survey, click, and say the figures."""
     from tests.workbench import serve_process
-    from tests.workbench.plan_page import PlanPage
+    from tests.workbench.page.plan_page import PlanPage
 
     # The first time all points are decoded and the road is found
     serve_process.START_S = 3600.0

@@ -1,4 +1,4 @@
-// SOURCES.sha256: of which sources a built page is made. tests/workbench/test_page_bundle.py does the same sum.
+// SOURCES.sha256: of which sources a built page is made. tests/workbench/page/test_bundle.py does the same sum.
 
 import { createHash } from "node:crypto";
 import { readdirSync, readFileSync } from "node:fs";

@@ -1,18 +1,18 @@
 """`linework evaluate` as a user runs it."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from tests.scenes.places import REAL
 
 from linework.cli.app import main
 from linework.files.geodesy.crs import parse_crs
 from linework.files.vectors.read_write import write_lines
 from linework.model.lines import LineSet
 
-AV2 = Path(__file__).parents[2] / "../shared/data/av2/av2_adcf7d18_map.geojson"
+AV2 = REAL / "av2/av2_adcf7d18_map.geojson"
 ORIGIN = np.array([691_000.0, 5_336_000.0, 500.0])
 
 

@@ -11,7 +11,7 @@ import pyogrio
 import pytest
 import shapely
 from PIL import Image
-from tests.stereo_folders import TOML, make_stereo_folder
+from tests.scenes.stereo_folders import TOML, make_stereo_folder
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from contextlib import closing
 
 import numpy as np
 import pytest
-from tests.drawing_scenes import same, whole
+from tests.scenes.drawing_scenes import same, whole
 
 from linework.files.line_file.file import DrawingFile
 from linework.files.line_file.tables import connected

@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.image_folders import camera_toml, stereo_folder
-from tests.kitti_folders import write_drive, write_sequence
+from tests.scenes.image_folders import camera_toml, stereo_folder
+from tests.scenes.kitti_folders import write_drive, write_sequence
+from tests.scenes.places import REAL
 
 from linework.files.trajectories.read import write_trajectory
 from linework.model.trajectory import Trajectory
 
-RAMP = Path(__file__).parents[3] / "shared/data/stereo-ramp"
+RAMP = REAL / "stereo-ramp"
 TIMES = [round(0.05 + 0.1 * i, 3) for i in range(8)]
 MORE = '[trajectory]\nfile = "trajectory.csv"\n[events]\nfile = "events.csv"\n'
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import PIL.Image
 import pytest
-from tests.edge_scenes import RADIUS_M, bend, circular_poses, drive_over, pixel_of
-from tests.road_images import RIG
+from tests.scenes.edge_scenes import RADIUS_M, bend, circular_poses, drive_over, pixel_of
+from tests.scenes.road_images import RIG
 
 from linework.files.vectors.read_write import read_lines
 from linework.navigation.poses import attitude_deg_of

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.paint_scenes import EAST_M, NORTH_M, Stripe, level_surface, road_points, tile_of
+from tests.scenes.paint_scenes import EAST_M, NORTH_M, Stripe, level_surface, road_points, tile_of
 
 from linework.methods.obb.marking import REACH_M, MarkingConfig, find_marking_boxes
 from linework.model.boxes import BOX_COLUMNS, BoxSet

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.edge_scenes import bend, circular_poses, drive_over, followed, pixel_of
+from tests.scenes.edge_scenes import bend, circular_poses, drive_over, followed, pixel_of
 
 from linework.imaging.rectify import directions, distorted, original_pixels, rectified_pixels, rectifier_of
 from linework.methods.picked_edge.method import Drive

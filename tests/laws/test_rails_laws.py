@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
-from tests import rail_scenes as made
-from tests.rail_scenes import extract, rail_scene, straight
+from tests.scenes import rail_scenes as made
+from tests.scenes.rail_scenes import extract, rail_scene, straight
 
 few = settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 seeds = st.integers(0, 1000)

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from tests.road_images import RIG, road_pair, straight_poses
+from tests.scenes.road_images import RIG, road_pair, straight_poses
 
 from linework.methods.stereo.method import StereoMethod
 from linework.model.images import Poses, RectifiedPair

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.surface_scenes import CONFIG, along, on_lattice, store_of, surface_of, winding_road
+from tests.scenes.surface_scenes import CONFIG, along, on_lattice, store_of, surface_of, winding_road
 
 from linework.model.points import Points
 from linework.processes.pool import Processes

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.scenes.places import REAL
 
 from linework.evaluation.measures import evaluate_lines
 from linework.lines.catenary import Catenary
@@ -16,7 +16,7 @@ from linework.simulation.simulate import simulate_survey
 from linework.surface.road import RoadConfig, find_road, height_above_ground
 
 ORIGIN = np.array([500_000.0, 5_400_000.0, 100.0])  # ground is level here
-POWERLINE = Path(__file__).parents[2] / "../shared/data/powerline/12AN2_20.laz"
+POWERLINE = REAL / "powerline/12AN2_20.laz"
 
 
 def span(start, end, sag_m):

@@ -1,10 +1,10 @@
 """Guardrails and barriers of simulated surveys against exact truth, and of a real motorway against what is there."""
 
 import functools
-from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.scenes.places import REAL
 
 from linework.evaluation.measures import match_lines, score
 from linework.evaluation.stations import Stations
@@ -98,7 +98,7 @@ def test_barriers_lie_on_their_top_edge():
 
 # ---------------------------------------------------------------- a real motorway
 
-MOTORWAY = Path(__file__).parents[2] / "../shared/data/here-a22"
+MOTORWAY = REAL / "here-a22"
 
 
 @pytest.fixture(scope="module")

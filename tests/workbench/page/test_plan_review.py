@@ -1,0 +1,82 @@
+"""The review queue, worked by keys alone."""
+
+from __future__ import annotations
+
+import pytest
+from tests.workbench.page.plan_page import PlanPage
+from tests.workbench.serve_process import opened_page, wait_until
+
+
+@pytest.fixture
+def plan(page, served):
+    return PlanPage(page, served)
+
+
+def _left(plan):
+    return int(plan.page.get_attribute(".queue-pane", "data-left") or -1)
+
+
+def _current(plan):
+    return plan.page.get_attribute(".queue-pane", "data-current") or ""
+
+
+def test_the_queue_is_worked_by_keys(plan, served):
+    items = served.get("/api/queue")
+    assert items, "the drive has something to look at"
+    wait_until(lambda: _left(plan) == len(items))
+    # Next looks at the first, back and next go round
+    plan.press("n")
+    wait_until(lambda: _current(plan) == items[0]["key"])
+    assert set(plan.selected) == set(items[0]["ids"])
+    for _ in items:
+        plan.press("n")
+    assert _current(plan) == items[0]["key"]
+    plan.press("n", "p")
+    assert _current(plan) == items[0]["key"]
+    # Nothing to do here: it is gone, for everybody and for good
+    before = plan.revision
+    plan.press("q")
+    wait_until(lambda: _left(plan) == len(items) - 1)
+    assert items[0]["key"] not in {item["key"] for item in served.get("/api/queue")}
+    plan.press("Control+z")
+    wait_until(lambda: _left(plan) == len(items))
+    assert plan.revision > before
+
+
+def test_a_proposal_is_taken(browser, served):
+    line = next(line for line in served.get("/api/lines")["lines"] if line["kind"] == "kerb_top")
+    east, north, _ = line["xyz"][0]
+    item = {
+        "key": "k", "type": "line", "ids": [line["id"]], "kind": line["kind"], "at": [east, north],
+        "box": [east - 5, north - 5, east + 5, north + 5], "length_m": 5.0, "confidence": 0.1,
+        "reason": "unsure", "proposal": {"action": "reject", "ids": [line["id"]]},
+    }  # fmt: skip
+    with opened_page(browser, served) as page:
+        page.route("**/api/queue", lambda route: route.fulfill(json=[item]))
+        page.reload()
+        plan = PlanPage(page, served)
+        wait_until(lambda: _left(plan) == 1)
+        plan.press("n")
+        wait_until(lambda: _current(plan) == "k")
+        plan.press("y")
+        wait_until(lambda: plan.documents()[line["id"]]["review"] == "rejected")
+        plan.press("Control+z")
+        wait_until(lambda: plan.documents()[line["id"]]["review"] == "")
+
+
+def test_lines_are_accepted_and_rejected(plan):
+    first, second, *_ = (line for line in plan.documents().values() if line["kind"] == "lane_marking")
+    before = plan.revision
+    for line, key, review in ((first, "a", "accepted"), (second, "x", "rejected")):
+        place = line["xyz"][len(line["xyz"]) // 2]
+        plan.look_at((place[0], place[1]))
+        plan.click((place[0], place[1]))
+        wait_until(lambda line=line: plan.selected == [line["id"]])
+        plan.press(key)
+        wait_until(lambda line=line, review=review: plan.documents()[line["id"]]["review"] == review)
+    lines = plan.saved_since(before + 1)
+    assert lines.review[lines.id == first["id"]].tolist() == ["accepted"]
+    assert second["id"] not in lines.id.tolist(), "readers do not see what is rejected"
+    plan.press("Shift+X")
+    wait_until(lambda: plan.documents()[second["id"]]["review"] != "rejected")
+    assert second["id"] in plan.lines.id.tolist()

@@ -1,0 +1,49 @@
+"""What the plan view shows: the image under the lines, and the kinds of lines that are switched off."""
+
+from __future__ import annotations
+
+import pytest
+from tests.workbench.page.plan_page import PlanPage, middle_of
+from tests.workbench.serve_process import wait_until
+
+
+@pytest.fixture
+def plan(page, served):
+    return PlanPage(page, served)
+
+
+def test_another_image_is_asked_for_and_none_at_all(plan):
+    asked = []
+    plan.page.on("request", lambda request: asked.append(request.url))
+    row = plan.page.locator(".image-switch")
+    for name in ("height", "density"):
+        with plan.page.expect_response(lambda answer, name=name: f"/api/tiles/{name}/" in answer.url):
+            row.locator(f"button[data-image={name}]").click()
+        pressed = row.locator("button[aria-pressed=true]").get_attribute("data-image")
+        assert pressed == name
+    row.get_by_text("None", exact=True).click()
+    plan.page.wait_for_load_state("networkidle")
+    asked.clear()
+    plan.look_at(middle_of(plan.served.get("/api/survey")["path"]), nearer=2)
+    plan.page.wait_for_load_state("networkidle")
+    assert [url for url in asked if "/api/tiles/" in url] == []
+
+
+def test_a_kind_that_is_switched_off_cannot_be_clicked(plan):
+    lines = [line for line in plan.documents().values() if line["kind"] == "lane_marking"]
+    line = max(lines, key=lambda line: line["length_m"])
+    counted = plan.page.locator(".legend .row", has=plan.page.locator("input[name=show-lane_marking]"))
+    assert counted.locator(".count").text_content() == str(len(lines))
+    plan.look_at(middle_of(line["xyz"]), nearer=3)
+    plan.page.evaluate("document.querySelector('.legend').open = true")
+    for kind in ("lane_marking", "lane_marking_dash"):
+        plan.page.uncheck(f"input[name=show-{kind}]")
+    plan.page.evaluate("document.querySelector('.legend').open = false")
+    plan.click(middle_of(line["xyz"]))
+    plan.press("Escape")
+    assert line["id"] not in plan.selected
+    plan.page.evaluate("document.querySelector('.legend').open = true")
+    plan.page.check("input[name=show-lane_marking]")
+    plan.page.evaluate("document.querySelector('.legend').open = false")
+    plan.click(middle_of(line["xyz"]))
+    wait_until(lambda: plan.selected == [line["id"]])

@@ -1,0 +1,92 @@
+"""What the page does with hostile names, and when the server is gone."""
+
+from __future__ import annotations
+
+from tests.workbench.page.plan_page import PlanPage, middle_of
+from tests.workbench.serve_process import opened_page, served_survey, wait_until
+
+HOSTILE = "<img src=x onerror=\"document.title='in'\"><script>document.title='in'</script>"
+
+
+def _line(served):
+    return next(line for line in served.get("/api/lines")["lines"] if line["kind"] == "lane_marking")
+
+
+def test_names_are_never_markup(browser, served_alone):
+    line = _line(served_alone)
+    served_alone.post("/api/changes", {
+        "revision": 0, "edit": {"action": "set", "ids": [line["id"]], "column": "note", "value": HOSTILE},
+    })  # fmt: skip
+    with opened_page(browser, served_alone) as page:
+        dialogs = []
+        page.on("dialog", lambda dialog: (dialogs.append(dialog.message), dialog.dismiss()))
+        plan = PlanPage(page, served_alone)
+        plan.look_at(middle_of(line["xyz"]))
+        plan.click(middle_of(line["xyz"]))
+        wait_until(lambda: plan.selected == [line["id"]])
+        assert page.input_value("input[name=note]") == HOSTILE
+        # An error that says it back, as text
+        plan.press("/")
+        page.fill("input[name=go-to]", HOSTILE)
+        plan.press("Enter")
+        wait_until(lambda: "onerror" in plan.message)
+        page.get_by_role("tab", name="History").click()
+        page.wait_for_selector(".record")
+        assert page.locator("img[src=x]").count() == 0
+        assert dialogs == []
+        assert page.title() != "in"
+
+
+def test_edits_wait_for_a_server_that_is_gone(browser, made_drive, made_lines, tmp_path):
+    """J22: what is edited meanwhile is kept, said, and saved when the server is back with another link."""
+    lines = tmp_path / "lines.gpkg"
+    lines.write_bytes(made_lines.read_bytes())
+    work = ("--work", tmp_path / "work")
+    with served_survey(made_drive, *work, lines=lines) as served:
+        line = _line(served)
+        with opened_page(browser, served) as page:
+            plan = PlanPage(page, served)
+            plan.look_at(middle_of(line["xyz"]))
+            plan.click(middle_of(line["xyz"]))
+            wait_until(lambda: plan.selected == [line["id"]])
+            served.process.kill()
+            served.process.wait()
+            saved = page.locator(".status-bar .saved")
+            wait_until(lambda: saved.get_attribute("data-state") == "away")
+            plan.press("a", "z")
+            wait_until(lambda: "2 edits kept here" in saved.inner_text())
+            with served_survey(made_drive, "--port", served.port, *work, lines=lines) as again:
+                wait_until(lambda: "link" in plan.message, seconds=40)
+                name, value = again.cookie
+                page.context.add_cookies([{"name": name, "value": value, "url": again.url}])
+                page.reload()
+                wait_until(lambda: again.get("/api/survey")["revision"] == 2, seconds=40)
+                document = next(d for d in again.get("/api/lines")["lines"] if d["id"] == line["id"])
+                assert document["condition"] == "worn"
+                assert document["review"] in ("accepted", "edited")
+                page.wait_for_selector(".status-bar .saved[data-state=saved]")
+
+
+def test_light_and_dark(browser, served_alone):
+    with opened_page(browser, served_alone, color_scheme="dark") as page:
+        PlanPage(page, served_alone)
+        theme = "document.documentElement.dataset.theme"
+        assert page.evaluate(theme) == "dark"
+        page.get_by_label("Light or dark").click()
+        assert page.evaluate(theme) == "light"
+        page.reload()
+        PlanPage(page, served_alone)
+        assert page.evaluate(theme) == "light", "what a person chose stays"
+
+
+def test_all_keys_are_in_the_help(browser, served_alone):
+    with opened_page(browser, served_alone) as page:
+        plan = PlanPage(page, served_alone)
+        plan.press("?")
+        page.wait_for_selector("dialog.help[open]")
+        said = page.inner_text("dialog.help")
+        for words in ("Interrupt", "Split", "Accept the lines", "condition: worn", "Undo"):
+            assert words in said
+        # One key, one meaning, among those that always work
+        keys = page.locator("dialog.help section:has-text('Attributes') kbd").all_inner_texts()
+        assert len(keys) == len(set(keys))
