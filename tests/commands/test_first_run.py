@@ -26,6 +26,7 @@ def test_compiled_is_what_is_no_older_than_its_source(tmp_path):
 def test_one_line_where_kernels_are_missing(tmp_path, monkeypatch, capsys):
     for name in set(_KERNEL_OF.values()):
         assert (Path(linework.kernels.__path__[0]) / f"{name}.py").exists()
+        (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / f"{name}.py").touch()
     assert set(_KERNEL_OF) == {*ALL_KINDS, "trajectory"}  # what extract and locate come to
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
@@ -34,8 +35,8 @@ def test_one_line_where_kernels_are_missing(tmp_path, monkeypatch, capsys):
     assert capsys.readouterr().err == ""
     tell_of_compiling(ALL_KINDS, quiet=False)
     assert capsys.readouterr().err == "first run: compiling, once, about half a minute\n"
-    (tmp_path / "__pycache__").mkdir()
-    (tmp_path / "__pycache__" / "cable_fit.robust_line-20.py311.nbi").touch()
+    (tmp_path / "cables/__pycache__").mkdir()
+    (tmp_path / "cables/__pycache__/fit.robust_line-20.py311.nbi").touch()
     tell_of_compiling(["cable"], quiet=False)
     assert capsys.readouterr().err == ""
     tell_of_compiling(["cable", "barrier"], quiet=False)

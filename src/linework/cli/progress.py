@@ -122,9 +122,9 @@ class _Bars(_Nothing):
 
 #: A kernel that the search for a kind always comes to; where it is compiled, so are the others.
 _KERNEL_OF = {
-    "lane_marking": "stripes_all", "lane_marking_dash": "stripes_all", "road_marking_other": "stripes_all",
-    "road_boundary": "boundary_boxes", "kerb_top": "boundary_boxes",
-    "guardrail": "follow", "barrier": "follow", "cable": "cable_fit",
+    "lane_marking": "paint/stripes_all", "lane_marking_dash": "paint/stripes_all", "road_marking_other": "paint/stripes_all",
+    "road_boundary": "boundaries/boundary_boxes", "kerb_top": "boundaries/boundary_boxes",
+    "guardrail": "radon/follow", "barrier": "radon/follow", "cable": "cables/fit",
     "trajectory": "navigation",
 }  # fmt: skip
 

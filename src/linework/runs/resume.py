@@ -269,6 +269,7 @@ def source_hash(*rooms: str) -> str:
     """
     root = Path(linework.__file__).parent
     total = hashlib.sha256()
+    assert all((root / room).is_dir() for room in rooms), rooms
     for path in sorted(path for room in rooms or (".",) for path in (root / room).rglob("*.py")):
         total.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
     return total.hexdigest()[:16]

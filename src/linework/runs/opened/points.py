@@ -120,7 +120,7 @@ def surface_of(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps
             "points": opened.key,
             "path": opened.path_hash,
             "road": asdict(road),
-            "code": source_hash("kernels", "model", "files", "navigation", "surface", "tiling"),
+            "code": source_hash("kernels", "model", "files", "navigation", "surface", "runs"),
         }
         key = fingerprint_of(made_of)
         folder = opened.points.folder / f"surface-{key[:16]}"
