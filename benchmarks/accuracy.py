@@ -16,7 +16,8 @@ from linework.evaluation.measures import match_lines, score
 from linework.evaluation.report.tables import score_tables
 from linework.evaluation.tolerance import DASH_END_M
 from linework.evaluation.values import Scores
-from linework.methods.kinds import ALL_KINDS, choose_methods, parse_kinds
+from linework.methods.choose import choose_methods
+from linework.methods.kinds import ALL_KINDS, parse_kinds
 from linework.methods.radon.method import RadonConfig
 from linework.model.lines import LineSet
 from linework.model.tile import TileData, local_origin

@@ -13,7 +13,8 @@ from linework.files.las.decoder import DecoderLimits
 from linework.files.las.write import write_las
 from linework.files.survey.open import open_survey
 from linework.files.trajectories.read import write_trajectory
-from linework.methods.kinds import ALL_KINDS, choose_methods
+from linework.methods.choose import choose_methods
+from linework.methods.kinds import ALL_KINDS
 from linework.model.lines import LineSet
 from linework.processes.executors import Serial
 from linework.processes.pool import Processes

@@ -72,7 +72,8 @@ def _extract_and_score(folder: Path, steps: Steps, *, overwrite: bool) -> None:
 
     from linework.cli.extract import executor_for, usable_cores
     from linework.files.survey.open import open_survey
-    from linework.methods.kinds import ALL_KINDS, choose_methods
+    from linework.methods.choose import choose_methods
+    from linework.methods.kinds import ALL_KINDS
     from linework.runs.extract import Order, extract_to
     from linework.runs.opened.points import points_for_pictures
     from linework.runs.opened.recordings import opened_recordings

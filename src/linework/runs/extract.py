@@ -14,7 +14,8 @@ from linework.errors import InputError, OutputExistsError, PartialError
 from linework.files.logs.photolog import van_log
 from linework.files.output.record import hash_file
 from linework.files.survey.open import open_survey
-from linework.methods.kinds import ALL_KINDS, choose_methods, stereo_method
+from linework.methods.choose import choose_methods, stereo_method
+from linework.methods.kinds import ALL_KINDS
 from linework.methods.protocol import Method
 from linework.methods.stereo.method import StereoMethod
 from linework.model.lines import LineSet

@@ -158,7 +158,8 @@ def read_lines(
 def _writer(path: Path) -> tuple[_Write, _Verify]:
     """Return how a file is written and how it is verified."""
     name = _WRITERS[path.suffix.lower()]
-    module = importlib.import_module(f"linework.files.vectors_{name}")
+    room = "gdal" if name == "flatgeobuf" else name
+    module = importlib.import_module(f"linework.files.vectors.{room}")
     return getattr(module, f"write_{name}"), getattr(module, f"verify_{name}")
 
 
