@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from linework.editing.edits.new_lines import beside, wire, with_heights
+from linework.editing.edits.new_lines import beside, wire_through, with_heights
 from linework.errors import UsageError
 from linework.model.lines import LineSet
 
@@ -72,7 +72,7 @@ def hanging(span=40.0, lowest=16.0, a=250.0):
 @pytest.mark.parametrize("order", [[0, 1, 2], [2, 0, 1], [1, 2, 0]])
 def test_a_wire_is_the_catenary_through_its_places_in_any_order(order):
     places, height = hanging()
-    line = wire(places[order], "EPSG:25832")
+    line = wire_through(places[order], "EPSG:25832")
     s = np.hypot(*line.xyz[:, :2].T)
     assert line.kind.tolist() == ["cable"]
     assert np.sort(s)[[0, -1]].tolist() == pytest.approx([0.0, 40.0])
@@ -83,15 +83,15 @@ def test_places_of_no_span_are_refused():
     places, _ = hanging()
     aside = places + np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     with pytest.raises(UsageError, match="not on one span"):
-        wire(aside, "EPSG:25832")
+        wire_through(aside, "EPSG:25832")
     with pytest.raises(UsageError, match="a span of 4000 m"):
-        wire(places * 100.0, "EPSG:25832")
+        wire_through(places * 100.0, "EPSG:25832")
     with pytest.raises(UsageError, match="a span of 0 m"):
-        wire(np.ones((3, 3)), "EPSG:25832")
+        wire_through(np.ones((3, 3)), "EPSG:25832")
 
 
 def test_a_place_above_the_chord_makes_a_straight_wire():
     places, _ = hanging()
     places[1, 2] = places[[0, 2], 2].max() + 0.1
-    line = wire(places, "EPSG:25832")
+    line = wire_through(places, "EPSG:25832")
     assert np.ptp(np.diff(line.xyz[:, 2])) < 1e-9
