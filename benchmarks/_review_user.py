@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmarks._review_scene import WITHIN_M, matched, missing_runs, right_share
 from linework.editing.edits.attributes import with_kind
-from linework.editing.edits.new_lines import beside, foot_along
+from linework.editing.edits.new_lines import foot_along, line_beside
 from linework.editing.edits.vertices import trim_to_vertices
 from linework.errors import InputError, UsageError
 from linework.model.changes import Change
@@ -253,7 +253,7 @@ class User:
         edit["at"] = [tuple(xyz[k, :2].tolist()) for k in (first, last)]
         order = ChangeOrder.model_validate({"revision": 0, "edit": edit}).edit
         try:
-            places = beside(lines.take([best]), kind, np.array(order.at)).xyz
+            places = line_beside(lines.take([best]), kind, np.array(order.at)).xyz
             heights = np.column_stack(self.heights(kind, places.tolist()))
             return change_of(order, self.drawing.lines, EditInputs(heights=heights))
         except UsageError:

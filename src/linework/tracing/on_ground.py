@@ -238,7 +238,7 @@ def _followed(
         )
     stops = (str(starts), str(ends))
     if pick.way is not None:
-        one, stops = toward(one, pick.place, pick.way, stops)
+        one, stops = piece_toward(one, pick.place, pick.way, stops)
     parts = [
         one,
         *(lines.take(trace.companions_of(lines, one.xyz, name)) for name in trace.COMPANION_BESIDE_M),
@@ -246,7 +246,7 @@ def _followed(
     return FollowedLine(str(one.kind[0]), LineSet.concatenate(parts), distance_m, stops)
 
 
-def toward(
+def piece_toward(
     one: LineSet, place: FloatArray, way: FloatArray, stops: tuple[str, str]
 ) -> tuple[LineSet, tuple[str, str]]:
     """Return the piece of a line that leads from a place in a direction, and why it ends."""

@@ -25,7 +25,7 @@ from linework.runs.opened.sight import SurveySight
 from linework.runs.opened.surface import SurveySurface
 from linework.runs.settings import RunSettings
 from linework.tracing.boxes import Corridor, SurveyBoxes
-from linework.tracing.on_ground import PICK_AROUND_M, GroundPick, GroundSurvey, follow_ground, toward
+from linework.tracing.on_ground import PICK_AROUND_M, GroundPick, GroundSurvey, follow_ground, piece_toward
 from linework.tracing.rails import RailPieces
 
 #: Kinds that a place can be picked on.
@@ -181,7 +181,7 @@ class Tracer:
         line, distance_m = min(found, key=lambda one: one[1])
         stops = (str(TraceStop.FADED), str(TraceStop.FADED))
         if pick.way is not None:
-            line, stops = toward(line, place, pick.way, stops)
+            line, stops = piece_toward(line, place, pick.way, stops)
         return TracedLine(str(line.kind[0]), self._in_crs(line), distance_m, stops)
 
     def _refusal(self, place: FloatArray, kind: str) -> RefusedPickError:

@@ -15,7 +15,7 @@ from linework.model.lines import LineSet
 FARTHEST_BESIDE_M = 30.0
 
 
-def beside(line: LineSet, kind: str, at: FloatArray) -> LineSet:
+def line_beside(line: LineSet, kind: str, at: FloatArray) -> LineSet:
     """Return a new line of a kind beside a line.
 
     Parameters

@@ -23,10 +23,10 @@ from linework.files.line_file.history import (
     as_edit,
     displace_versions,
     edit_number_of_key,
-    entries,
     entry_of,
     line_bytes,
     place_versions,
+    read_entries,
     reviewed_versions,
     stored_lines,
     undone_edits,
@@ -180,12 +180,12 @@ class LineFile:
     def history(self, most: int = 100) -> list[Edit]:
         """Return the last edits, the newest first, with their lines."""
         with self._turn, sql_errors(self.path):
-            return [as_edit(self._db, entry, self._crs) for entry in entries(self._db, most=most)]
+            return [as_edit(self._db, entry, self._crs) for entry in read_entries(self._db, most=most)]
 
     def entries(self, most: int = 100) -> list[HistoryEntry]:
         """Return the last edits, the newest first, with the ids of their lines only."""
         with self._turn, sql_errors(self.path):
-            return entries(self._db, most=most)
+            return read_entries(self._db, most=most)
 
     @property
     def judged(self) -> LineSet:
@@ -204,7 +204,9 @@ class LineFile:
         with self._turn, sql_errors(self.path):
             if revision <= 0:
                 return self._held.all, ()
-            touched = dict.fromkeys(n for e in reversed(entries(self._db, after=revision)) for n in e.ids)
+            touched = dict.fromkeys(
+                n for e in reversed(read_entries(self._db, after=revision)) for n in e.ids
+            )
             there = [name for name in touched if name in self._held]
             return self._held.of(there), tuple(name for name in touched if name not in self._held)
 

@@ -71,7 +71,7 @@ def add_entry(db: sqlite3.Connection, entry: HistoryEntry) -> None:
     db.execute("INSERT INTO edit VALUES (?, ?, ?, ?, ?, ?, ?, ?)", (*values, *lists))
 
 
-def entries(db: sqlite3.Connection, *, after: int = 0, most: int = -1) -> list[HistoryEntry]:
+def read_entries(db: sqlite3.Connection, *, after: int = 0, most: int = -1) -> list[HistoryEntry]:
     """Return edits after a number, the newest first; no more than `most` (-1: all)."""
     rows = db.execute("SELECT * FROM edit WHERE number > ? ORDER BY number DESC LIMIT ?", (after, most))
     return [HistoryEntry(*row[:5], *(tuple(json.loads(part)) for part in row[5:])) for row in rows]
@@ -90,7 +90,7 @@ def edit_number_of_key(db: sqlite3.Connection, key: str) -> int:
 
 def entry_of(db: sqlite3.Connection, number: int) -> HistoryEntry:
     """Return an edit."""
-    return entries(db, after=number - 1, most=-1)[-1]
+    return read_entries(db, after=number - 1, most=-1)[-1]
 
 
 def stored_lines(db: sqlite3.Connection, versions: Sequence[int], crs: str) -> LineSet:
@@ -107,7 +107,7 @@ def as_edit(db: sqlite3.Connection, entry: HistoryEntry, crs: str) -> Edit:
 
 def reviewed_versions(db: sqlite3.Connection, steps: UndoSteps) -> list[int]:
     """Return the versions of lines that people's edits, as far as they are not taken back, have put out of the way."""
-    known = {entry.number: entry for entry in entries(db)}
+    known = {entry.number: entry for entry in read_entries(db)}
     found: dict[int, None] = {}
     for number in steps.done:
         origin = known[number]

@@ -15,7 +15,7 @@ from linework.editing.edits import vertices as edited
 from linework.editing.edits import vertices as edited_smooth
 from linework.editing.edits.attributes import with_review
 from linework.editing.edits.dashes import dashes_by_paint, with_missing_dashes
-from linework.editing.edits.new_lines import beside, wire_through, with_heights
+from linework.editing.edits.new_lines import line_beside, wire_through, with_heights
 from linework.editing.edits.split_join import join_two_lines
 from linework.errors import AbsentError, UsageError
 from linework.methods.obb.trace import COMPANION_BESIDE_M
@@ -171,7 +171,7 @@ def _drawn(edit: edits.DrawLine, lines: LineSet, given: EditInputs) -> Change:
 
 
 def _beside(edit: edits.DrawBeside, lines: LineSet, given: EditInputs) -> Change:
-    new = with_heights(beside(lines_of(lines, [edit.id]), edit.kind, np.array(edit.at)), given.heights)
+    new = with_heights(line_beside(lines_of(lines, [edit.id]), edit.kind, np.array(edit.at)), given.heights)
     return replace(kept_change(lines, new, (0, len(new.xyz) - 1)), action=edit.action)
 
 

@@ -71,7 +71,7 @@ def points_of_place(
         west, south = bounds.west - patch.corner[0], bounds.south - patch.corner[1]
         inside = (patch.x >= west) & (patch.x < west + bounds.width_m) & (patch.y >= south)
         inside &= (patch.y < south + bounds.height_m) & (patch.z >= low) & (patch.z < high)
-        found.append(by_lot(patch, inside, share, origin))
+        found.append(sample_points(patch, inside, share, origin))
         # Halved as often as all points together ask for, whatever the order they come in
         while sum(len(part.lots) for part in found) > _BY_LOT * most:
             share *= 0.5
@@ -92,7 +92,7 @@ def check_place(bounds: Bounds) -> None:
         )
 
 
-def by_lot(
+def sample_points(
     patch: PointPatch, inside: AnyArray, share: float, origin: tuple[float, float, float]
 ) -> SampledPoints:
     """Return the points of a patch that are inside, or a share of them chosen by lot."""
@@ -180,7 +180,7 @@ def section_at(
         north = patch.y + np.float32(patch.corner[1] - place[1])
         right, ahead = east * cos - north * sin, east * sin + north * cos
         inside = (np.abs(right) <= half_width_m) & (np.abs(ahead) <= half_m)
-        part = by_lot(patch, inside, 1.0, origin)
+        part = sample_points(patch, inside, 1.0, origin)
         xyz = np.stack([right[inside], ahead[inside], part.xyz[:, 2]], axis=1).astype(np.float32)
         found.append(replace(part, xyz=xyz))
     return packed_points(origin, found, table, MOST_SECTION_POINTS)

@@ -115,7 +115,7 @@ async def get_section(
 
 
 @views_router.post("/heights")
-async def heights(bench: CurrentState, wanted: HeightsQuery) -> dict[str, list[float | None]]:
+async def get_heights(bench: CurrentState, wanted: HeightsQuery) -> dict[str, list[float | None]]:
     """Return how high a line of a kind is at places, and how sure that is; null where no point tells."""
     found = await bench.pictures.ask(heights_at, wanted.kind, wanted.places)
     height, sigma = ([None if np.isnan(v) else round(float(v), 4) for v in values] for values in found)
@@ -220,6 +220,6 @@ async def get_pair_lines(number: PairNumber, request: Request, bench: PairState)
 
 
 @views_router.get("/pairs/{number}/{side}", response_class=Response)
-async def image(number: PairNumber, side: CameraSide, bench: PairState) -> Response:
+async def get_image(number: PairNumber, side: CameraSide, bench: PairState) -> Response:
     """Return an image as it was taken."""
     return Response(await bench.pictures.ask(image_jpeg, number, side), media_type="image/jpeg")
