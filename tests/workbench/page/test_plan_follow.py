@@ -190,7 +190,7 @@ def test_a_line_that_the_server_follows_is_interrupted_bridged_and_kept(plan, ke
     plan.follow(middle_of(kerb), "road_boundary")
     plan.press("Space")
     plan.page.wait_for_selector(
-        ".plan-view[data-state=stopped], .plan-view[data-state=refused]", state="attached", timeout=60_000
+        ".plan-view[data-state=stopped], .plan-view[data-state=refused]", state="attached"
     )
     if plan.said("state") == "refused":  # it had not yet begun
         assert "before it had begun" in plan.card
