@@ -1,0 +1,77 @@
+"""Write the pages of the API reference before Sphinx reads them: the public names, and a page for each room."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sphinx.application import Sphinx
+
+import linework
+
+PACKAGE = Path(linework.__file__).parent
+#: What each page begins with is the docstring of its room; without one, this stands there.
+ROOT_PAGE = "errors"
+
+
+def rooms() -> dict[str, list[str]]:
+    """Return the modules of each room by the room's dotted name, in alphabetical order."""
+    found: dict[str, list[str]] = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        parts = ("linework", *path.relative_to(PACKAGE).with_suffix("").parts)
+        if parts[-1].startswith("__"):
+            continue
+        found.setdefault(".".join(parts[:-1]), []).append(".".join(parts))
+    return found
+
+
+def room_page(room: str, modules: list[str]) -> str:
+    """Return the page of one room: its own docstring, then each of its modules with all public members."""
+    title = room.removeprefix("linework.") if room != "linework" else ROOT_PAGE
+    lines = [title, "=" * len(title), ""]
+    if room != "linework":
+        lines += [f".. automodule:: {room}", "   :no-members:", ""]
+    for module in modules:
+        name = module.removeprefix(room + ".")
+        if room != "linework":
+            lines += [name, "-" * len(name), ""]
+        lines += [f".. automodule:: {module}", ""]
+    return "\n".join(lines)
+
+
+def public_page() -> str:
+    """Return the page of `linework.__all__`. Its entries are indexed on the pages of their rooms."""
+    lines = ["linework", "========", "", ".. automodule:: linework", "   :no-members:", ""]
+    for name in sorted(linework.__all__, key=str.lower):
+        if name.startswith("__"):
+            continue
+        value = getattr(linework, name)
+        lines += [name, "-" * len(name), ""]
+        lines += [f"Defined in :py:mod:`{value.__module__}`.", ""]
+        directive = "autoexception" if _is_error(value) else "autoclass" if isinstance(value, type) else "autofunction"
+        lines += [f".. {directive}:: {value.__module__}.{name}", "   :no-index:", ""]
+    return "\n".join(lines)
+
+
+def _is_error(value: object) -> bool:
+    return isinstance(value, type) and issubclass(value, Exception)
+
+
+def write_pages(app: Sphinx) -> None:
+    """Write docs/reference/generated; a page that has not changed keeps its time, so that it is not read anew."""
+    folder = Path(app.srcdir) / "reference" / "generated"
+    folder.mkdir(parents=True, exist_ok=True)
+    pages = {"linework.rst": public_page()}
+    for room, modules in rooms().items():
+        pages[f"{room if room != 'linework' else 'linework.errors'}.rst"] = room_page(room, modules)
+    for stale in {path.name for path in folder.iterdir()} - set(pages):
+        (folder / stale).unlink()
+    for name, text in pages.items():
+        path = folder / name
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Write the pages when the builder is ready."""
+    app.connect("builder-inited", write_pages)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
