@@ -56,4 +56,4 @@ html_theme_options = {
     "footer_end": [],
     "secondary_sidebar_items": ["page-toc"],
 }
-html_sidebars = {"changelog": [], "contributing": [], "glossary": [], "architecture": []}
+html_sidebars = {name: [] for name in ("architecture", "changelog", "contributing", "getting-started", "glossary")}
