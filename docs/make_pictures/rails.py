@@ -1,4 +1,4 @@
-"""Make the pictures of docs/methods from simulated surveys: ``python docs/make_method_pictures.py``."""
+"""Make the pictures of docs/methods from simulated surveys: ``python docs/make_pictures/rails.py``."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from linework.model.lines import LineSet
 from linework.simulation.simulate import SimulatedSurvey, simulate_survey
 from linework.surface.road import RoadConfig, find_road, height_above_ground, height_above_road
 
-PICTURES = Path(__file__).parent / "pictures"
+PICTURES = Path(__file__).parents[1] / "pictures"
 CONFIG = RadonConfig()
 #: Half the length of road that is looked at from its end. [m]
 SLICE_M = 1.5
