@@ -18,7 +18,8 @@ from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LineSet
 from linework.model.tile import TileData, local_origin
 from linework.simulation.simulate import simulate_survey
-from linework.surface.road import RoadConfig, find_road
+from linework.surface.config import RoadConfig
+from linework.surface.road import find_road
 
 PICTURES = Path(__file__).parents[1] / "pictures"
 #: Half the stretch of street that is shown, along and across. [m]

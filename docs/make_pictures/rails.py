@@ -24,7 +24,8 @@ from linework.methods.rails.rails import FittedRail, fit_rail
 from linework.model.grid import Image
 from linework.model.lines import LineSet
 from linework.simulation.simulate import SimulatedSurvey, simulate_survey
-from linework.surface.road import RoadConfig, find_road, height_above_ground, height_above_road
+from linework.surface.config import RoadConfig
+from linework.surface.road import find_road, height_above_ground, height_above_road
 
 PICTURES = Path(__file__).parents[1] / "pictures"
 CONFIG = RadonConfig()
