@@ -15,7 +15,9 @@ sys.path.insert(0, str(DOCS / "extensions"))
 
 project = "linework"
 author = "the linework maintainers"
-version = release = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+version = release = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+    "version"
+]
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "reference_pages"]
 exclude_patterns = ["extensions", "make_pictures"]
@@ -43,6 +45,9 @@ nitpick_ignore_regex = [
     (r"py:.*", r"linework\..*\.(_\w+|[A-Z]|Annotated|Kept|Receipt|Task)"),
 ]
 
+# A source listed under References is that of the whole docstring, and is not cited again in its text.
+suppress_warnings = ["ref.citation"]
+
 html_theme = "pydata_sphinx_theme"
 html_title = "linework"
 html_static_path: list[str] = []
@@ -58,4 +63,6 @@ html_theme_options = {
     "footer_end": [],
     "secondary_sidebar_items": ["page-toc"],
 }
-html_sidebars = {name: [] for name in ("architecture", "changelog", "contributing", "getting-started", "glossary")}
+html_sidebars = {
+    name: [] for name in ("architecture", "changelog", "contributing", "getting-started", "glossary")
+}

@@ -85,9 +85,9 @@ def defined_in(file: Path) -> set[str]:
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=name)
 def test_modules_and_files_that_are_named_exist(page):
-    text = page.read_text(encoding="utf-8")
+    text = LINK.sub("", page.read_text(encoding="utf-8"))
     spans = [span.strip("`") for span in SPANS.findall(text)]
-    modules = {m for m in re.findall(r"\blinework(?:\.[A-Za-z_]\w*)+", text) if m != "linework.py"}
+    modules = set(re.findall(r"\blinework(?:\.[A-Za-z_]\w*)+", text))
     files = {span for span in spans if re.fullmatch(r"(?:docs|tests|benchmarks|page|src)/[\w./-]*\w", span)}
     in_rooms = {span for span in spans if re.fullmatch(r"[a-z_]+(?:/[a-z_]+)+\.py", span)} - files
     wrong = [module for module in modules if not is_in_the_package(module)]
@@ -124,7 +124,9 @@ def test_every_room_is_on_the_architecture_page():
 def test_every_page_is_in_a_menu():
     listed = set()
     for page in DOCS.rglob("*.md"):
-        for block in re.findall(r"^```\{toctree\}\n(.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S):
+        for block in re.findall(
+            r"^```\{toctree\}\n(.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S
+        ):
             entries = [line for line in block.splitlines() if line and not line.startswith(":")]
             listed |= {path for entry in entries for path in page.parent.glob(f"{entry}.md")}
     missing = {name(page) for page in set(DOCS.rglob("*.md")) - listed - {DOCS / "index.md"}}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from pathlib import Path
 from types import GenericAlias
 from typing import Any
@@ -81,13 +82,32 @@ def public_page() -> str:
         value = getattr(linework, name)
         lines += [name, "-" * len(name), ""]
         lines += [f"Defined in :py:mod:`{value.__module__}`.", ""]
-        directive = "autoexception" if _is_error(value) else "autoclass" if isinstance(value, type) else "autofunction"
+        directive = (
+            "autoexception"
+            if _is_error(value)
+            else "autoclass"
+            if isinstance(value, type)
+            else "autofunction"
+        )
         lines += [f".. {directive}:: {value.__module__}.{name}", "   :no-index:", ""]
     return "\n".join(lines)
 
 
 def _is_error(value: object) -> bool:
     return isinstance(value, type) and issubclass(value, Exception)
+
+
+#: A literal of reStructuredText, and a bar that is no column of a diagram.
+LITERAL, BAR = re.compile(r"(``.*?``)"), re.compile(r"(?<=\S)\||\|(?=\S)")
+
+
+def escape_bars(app: Sphinx, what: str, name: str, value: object, options: Any, lines: list[str]) -> None:
+    """Escape the bars of lengths and absolute values (|E|), which reStructuredText takes for substitutions."""
+    for i, line in enumerate(lines):
+        if "|" in line:
+            lines[i] = "".join(
+                part if part.startswith("``") else BAR.sub(r"\\|", part) for part in LITERAL.split(line)
+            )
 
 
 def is_skipped(app: Sphinx, what: str, name: str, value: object, skip: bool, options: Any) -> bool | None:
@@ -119,5 +139,6 @@ def setup(app: Sphinx) -> dict[str, bool]:
     docscrape_sphinx.SandboxedEnvironment = lambda loader: numpydoc_templates()
     app.add_domain(ExactNames, override=True)
     app.connect("autodoc-skip-member", is_skipped)
+    app.connect("autodoc-process-docstring", escape_bars)
     app.connect("builder-inited", write_pages)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
