@@ -32,6 +32,10 @@ add_module_names = False
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 100
 autodoc_member_order = "bysource"
+autodoc_type_aliases = {
+    name: name
+    for name in ("FloatArray", "Float32Array", "IntArray", "Int32Array", "ByteArray", "BoolArray", "AnyArray")
+}
 autodoc_typehints_format = "fully-qualified"
 autodoc_preserve_defaults = True
 autodoc_default_options = {"members": True, "undoc-members": True, "show-inheritance": True}
@@ -42,7 +46,7 @@ numpydoc_show_class_members = False
 nitpicky = True
 nitpick_ignore_regex = [
     (r"py:.*", r"(?!linework\.).*"),
-    (r"py:.*", r"linework\..*\.(_\w+|[A-Z]|Annotated|Kept|Receipt|Task)"),
+    (r"py:.*", r"linework\..*\.(_\w+|\w*T|Annotated)"),
 ]
 
 # A source listed under References is that of the whole docstring, and is not cited again in its text.

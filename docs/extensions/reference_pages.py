@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import dataclasses
 import functools
 import re
 from pathlib import Path
@@ -16,10 +18,11 @@ from sphinx.domains.python import PythonDomain
 from sphinx.environment import BuildEnvironment
 
 import linework
+from linework.runs.settings import RunSettings
 
 PACKAGE = Path(linework.__file__).parent
 #: The title of the page for modules that stand in no room.
-ROOT_PAGE = "errors"
+ROOT_PAGE = "errors, arrays"
 
 
 class ExactNames(PythonDomain):
@@ -93,6 +96,51 @@ def public_page() -> str:
     return "\n".join(lines)
 
 
+def rooms_table() -> str:
+    """Return the table of all rooms, with the first line that each says of itself."""
+    lines = ["| room | what it is |", "|---|---|"]
+    for room in rooms():
+        if room != "linework":
+            title = room.removeprefix("linework.")
+            lines.append(f"| [{title}](generated/{room}.rst) | {first_line(room)} |")
+    lines.append(f"| [{ROOT_PAGE}](generated/linework.errors.rst) | {first_line('linework.errors')} |")
+    return "\n".join([*lines, ""])
+
+
+def first_line(module: str) -> str:
+    """Return the first line of a module's docstring, without importing it."""
+    path = PACKAGE.parent.joinpath(*module.split("."))
+    file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    text = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
+    return text.split("\n", maxsplit=1)[0].replace("``", "`").replace("|", "\\|")
+
+
+def settings_page() -> str:
+    """Return the page of all settings of a run file, a table for each of its tables."""
+    lines = [
+        "# Settings", "",
+        "All settings of a run file, as `linework config` prints them. A run file is TOML: write the tables and keys",
+        "to change, and pass the file with `--config`. An unknown key is an error.", "",
+    ]  # fmt: skip
+    return "\n".join([*lines, *_settings_tables(RunSettings(), "")])
+
+
+def _settings_tables(settings: Any, prefix: str) -> list[str]:
+    own, nested = [], []
+    for field in dataclasses.fields(settings):
+        value = getattr(settings, field.name)
+        if dataclasses.is_dataclass(value):
+            name = f"{prefix}{field.name}"
+            nested += [f"## [{name}]", "", *_settings_tables(value, f"{name}.")]
+        else:
+            facts = field.metadata
+            limits = f"{facts['low']:g} to {facts['high']:g}" if isinstance(value, int | float) else ""
+            limits = "" if isinstance(value, bool) or "inf" in limits else limits
+            own.append(f"| `{field.name}` | {value!r} | {facts['unit']} | {limits} | {facts['reason']} |")
+    table = ["| setting | default | unit | allowed | reason |", "|---|---|---|---|---|", *own, ""]
+    return [*(table if own else []), *nested]
+
+
 def _is_error(value: object) -> bool:
     return isinstance(value, type) and issubclass(value, Exception)
 
@@ -123,7 +171,7 @@ def write_pages(app: Sphinx) -> None:
     """Write docs/reference/generated; a page that has not changed keeps its time, so that it is not read anew."""
     folder = Path(app.srcdir) / "reference" / "generated"
     folder.mkdir(parents=True, exist_ok=True)
-    pages = {"linework.rst": public_page()}
+    pages = {"linework.rst": public_page(), "settings.md": settings_page(), "rooms.txt": rooms_table()}
     for room, modules in rooms().items():
         pages[f"{room if room != 'linework' else 'linework.errors'}.rst"] = room_page(room, modules)
     for stale in {path.name for path in folder.iterdir()} - set(pages):
