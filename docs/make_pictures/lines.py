@@ -1,4 +1,4 @@
-"""Make the pictures of the README from a simulated survey: ``python docs/make_pictures.py``."""
+"""Make the pictures of the README from a simulated survey: ``python docs/make_pictures/lines.py``."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from linework.files.vectors.read_write import read_lines
 from linework.model.grid import Bounds, holds
 from linework.model.points import Points
 
-PICTURES = Path(__file__).parent / "pictures"
+PICTURES = Path(__file__).parents[1] / "pictures"
 #: Colours of the palette: keeps the picture under 300 kB.
 N_COLOURS = 128
 

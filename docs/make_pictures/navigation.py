@@ -1,4 +1,4 @@
-"""Make the pictures of docs/methods/navigation.md from a simulated drive: ``python docs/make_navigation_pictures.py``."""
+"""Make the pictures of docs/methods/navigation.md from a simulated drive: ``python docs/make_pictures/navigation.py``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from linework.navigation.locate import locate_drive
 from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, WheelGrade, simulate_logs
 from linework.simulation.sensors.long_drives import URBAN, long_drive
 
-PICTURES = Path(__file__).parent / "pictures"
+PICTURES = Path(__file__).parents[1] / "pictures"
 OUTAGES_S = ((100.0, 130.0), (200.0, 320.0))
 
 

@@ -1,4 +1,4 @@
-"""Make the pictures of docs/methods/stereo.md from a simulated drive: ``python docs/make_stereo_pictures.py``."""
+"""Make the pictures of docs/methods/stereo.md from a simulated drive: ``python docs/make_pictures/stereo.py``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from linework.model.sightings import Sightings
 from linework.simulation.roads.draw import draw_scenario
 from linework.simulation.sensors.cameras import StereoDrive, images_of, stereo_survey
 
-PICTURES = Path(__file__).parent / "pictures"
+PICTURES = Path(__file__).parents[1] / "pictures"
 ROAD, SEED, LENGTH_M, SHOWN = "straight", 1, 50.0, 2
 ON_LINE, ALONE, SEEN = "#ffe000", "#1f77ff", "#00d060"
 #: Rows above the horizon that are shown; grey values are lifted to this power for paper and screens.

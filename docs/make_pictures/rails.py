@@ -1,4 +1,4 @@
-"""Make the pictures of docs/methods from simulated surveys: ``python docs/make_method_pictures.py``."""
+"""Make the pictures of docs/methods from simulated surveys: ``python docs/make_pictures/rails.py``."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ from linework.methods.rails.rails import FittedRail, fit_rail
 from linework.model.grid import Image
 from linework.model.lines import LineSet
 from linework.simulation.simulate import SimulatedSurvey, simulate_survey
-from linework.surface.road import RoadConfig, find_road, height_above_ground, height_above_road
+from linework.surface.config import RoadConfig
+from linework.surface.road import find_road, height_above_ground, height_above_road
 
-PICTURES = Path(__file__).parent / "pictures"
+PICTURES = Path(__file__).parents[1] / "pictures"
 CONFIG = RadonConfig()
 #: Half the length of road that is looked at from its end. [m]
 SLICE_M = 1.5

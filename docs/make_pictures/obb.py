@@ -1,4 +1,4 @@
-"""Make the picture of docs/methods/obb.md from a simulated survey: ``python docs/make_obb_pictures.py``."""
+"""Make the picture of docs/methods/obb.md from a simulated survey: ``python docs/make_pictures/obb.py``."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LineSet
 from linework.model.tile import TileData, local_origin
 from linework.simulation.simulate import simulate_survey
-from linework.surface.road import RoadConfig, find_road
+from linework.surface.config import RoadConfig
+from linework.surface.road import find_road
 
-PICTURES = Path(__file__).parent / "pictures"
+PICTURES = Path(__file__).parents[1] / "pictures"
 #: Half the stretch of street that is shown, along and across. [m]
 HALF_M = (17.0, 8.5)
 COLOURS = {

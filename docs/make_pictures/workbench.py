@@ -1,4 +1,4 @@
-"""Make the pictures of docs/workbench.md from a simulated survey: ``python docs/make_workbench_pictures.py``.
+"""Make the pictures of docs/workbench.md from a simulated survey: ``python docs/make_pictures/workbench.py``.
 
 Needs Chromium (/usr/bin/chromium, or another by CHROMIUM=...) and playwright.
 """
@@ -20,7 +20,7 @@ from PIL import Image
 
 from linework.cli.app import main
 
-PICTURES = Path(__file__).parent / "pictures"
+PICTURES = Path(__file__).parents[1] / "pictures"
 CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium")
 #: Without a graphics card: WebGL by the processor.
 BROWSER = ("--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking")
