@@ -1,9 +1,9 @@
 // Opens the survey and puts the parts of the page where they belong.
 
-import * as api from "./api";
-import { App } from "./app";
-import { element } from "./element";
-import { shellOf } from "./shell";
+import * as api from "./app/api";
+import { App } from "./app/app";
+import { element } from "./controls/element";
+import { shellOf } from "./shell/shell";
 
 async function start(): Promise<void> {
   const app = new App(await api.survey());

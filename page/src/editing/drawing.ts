@@ -1,0 +1,41 @@
+// Drawing a line by hand: clicks are vertices, the server gives them heights.
+
+import type { App } from "../app/app";
+import { ClickPath } from "./click-path";
+import type { Edit, Place } from "../app/documents";
+
+export class Drawing {
+  readonly path: ClickPath;
+
+  constructor(private readonly app: App) {
+    this.path = new ClickPath(app.colour(app.followKind), () => undefined);
+    const when = () => app.tool === "draw" && this.path.places.length > 0;
+    const group = "Draw";
+    app.keyboard.bind({ keys: ["Enter"], title: "End the line", group, when, run: () => void this.end() });
+    app.keyboard.bind({ keys: ["Backspace"], title: "Take the last vertex back", group, when, run: () => this.path.back() });
+    app.keyboard.bind({ keys: ["Escape"], title: "Drop the line", group, when, run: () => this.path.clear() });
+  }
+
+  click(place: Place): void {
+    if (this.app.followKind === "")
+      return this.app.emit("message", { text: "Choose the kind of the line first.", kind: "problem", place });
+    this.path.recolour(this.app.colour(this.app.followKind));
+    this.path.add(place);
+  }
+
+  async end(): Promise<void> {
+    const xyz = this.path.places;
+    if (xyz.length < 2)
+      return this.app.emit("message", { text: "A line has two vertices at least.", kind: "problem" });
+    this.path.clear();
+    const changed = await this.app.change(editOf(this.app.followKind, xyz));
+    if (changed) this.app.select(changed.lines.map((line) => line.id));
+  }
+}
+
+// Three places of a cable are a wire that hangs through them
+function editOf(kind: string, xyz: Place[]): Edit {
+  const [first, between, last, more] = xyz;
+  if (kind === "cable" && first && between && last && !more) return { action: "wire", xyz: [first, between, last] };
+  return { action: "draw", kind, xyz };
+}
