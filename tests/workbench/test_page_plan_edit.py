@@ -179,7 +179,7 @@ def test_measuring_tells_distance_and_height(plan, boundary):
     plan.press("Escape", "0", "m")
     plan.click(tuple(a[:2]))
     plan.click(tuple(b[:2]))
-    wait_until(lambda: "height difference" in plan.message and "not known" not in plan.message)
+    wait_until(lambda: "height difference" in plan.message and "unknown" not in plan.message)
     distance_m = float(plan.message.split()[1])
     assert distance_m == pytest.approx(np.hypot(b[0] - a[0], b[1] - a[1]), abs=0.5)
     assert plan.revision == before
@@ -201,4 +201,4 @@ def test_a_place_that_is_no_place(plan):
     plan.press("/")
     plan.page.fill("input[name=go-to]", "north of here")
     plan.press("Enter")
-    wait_until(lambda: "not two numbers" in plan.message)
+    wait_until(lambda: "not a pair of coordinates" in plan.message)

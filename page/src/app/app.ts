@@ -1,58 +1,63 @@
-// What all panes share: the survey, the lines, what is selected, where one looks, and who is told of changes.
+// The state that all panes share - the survey, its lines, the selection, the tool - and the events that announce changes.
 
 import * as api from "./api";
-import { Following, type Growth } from "./following";
 import { Keyboard } from "../controls/keyboard";
-import type { Changed, Edit, FollowNews, FollowOrder, Line, Place, Survey } from "./documents";
+import type { Changed, Edit, FollowMessage, Job, Line, Place, Survey } from "./documents";
+import { Following, type Growth } from "./following";
 import { Outbox } from "./outbox";
 
 export interface Events {
-  lines: { changed: Line[]; removed: string[] }; // lines came, changed or went
+  lines: { changed: Line[]; removed: string[] }; // lines were added, changed or removed
   selection: string[]; // ids of the selected lines
-  look: { at: Place; by: string }; // somebody (a pane's name) looks at a place: others follow
-  cursor: { at: Place; by: string } | null; // where the mouse is
-  growing: { lines: Line[]; area: Place[]; pair?: number }; // the line that is being followed; empty lines: none
+  look: { at: Place; by: string }; // a pane (its name) moved to a place: the others follow
+  cursor: { at: Place; by: string } | null; // the mouse, in world coordinates
   tool: Tool;
   message: { text: string; kind: "info" | "problem"; place?: Place };
   undo: { can_undo: boolean; can_redo: boolean };
   connected: boolean;
-  job: import("./documents").Job;
-  pictures: { done: number; total: number }; // tiles made ahead
-  pair: number; // the stereo pair that is shown
-  order: FollowOrder; // a pane asks the one follower of the page (plan and images alike) for something
-  follow: FollowNews; // everything the follower hears, as it comes
-  growth: Growth; // the same line as `growing`, with its state, why it stopped and what can be done
-  saved: { waiting: number; since: Date | null }; // edits that the server has not answered; when the last was saved
+  job: Job;
+  tiles: { done: number; total: number }; // image tiles the server has rendered ahead
+  pair: number; // the stereo pair on show
+  followMessage: FollowMessage; // every message about the followed line
+  growth: Growth; // the line being followed
+  saved: { waiting: number; since: Date | null }; // edits not yet confirmed by the server; time of the last save
 }
 
-// select: click selects; follow: click follows a line; draw: clicks are vertices; measure
+// select: a click selects; follow: a click follows a line; draw: clicks are vertices; measure: clicks are a path
 export type Tool = "select" | "follow" | "draw" | "measure";
 
 type Listener<K extends keyof Events> = (value: Events[K]) => void;
 
-const AS_SEEN_IN_IMAGES = /_stereo$/;
-const AGAIN_MS = 3000; // what the server could not save is sent again after so long
+const FROM_IMAGES = /_stereo$/; // kinds of lines extracted from images alone
+const RETRY_MS = 3000; // pause before resending an edit that the server could not save
 
 export class App {
   readonly lines = new Map<string, Line>();
   revision = 0;
   selection: string[] = [];
   tool: Tool = "select";
-  followKind = ""; // "": the nearest decides
+  followKind = ""; // "": the server chooses by the place
   readonly keyboard = new Keyboard();
   readonly following: Following;
   private readonly outbox: Outbox;
   private readonly listeners = new Map<keyof Events, Set<(value: never) => void>>();
 
   constructor(readonly survey: Survey) {
-    this.following = new Following(this);
+    this.following = new Following({
+      kind: () => this.followKind,
+      save: (edit, shape) => this.submit(edit, shape),
+      select: (ids) => this.select(ids),
+      received: (message) => this.emit("followMessage", message),
+      changed: (growth) => this.emit("growth", growth),
+      problem: (error) => this.reportProblem(error),
+    });
     this.outbox = new Outbox(survey, {
-      arrived: (changed) => this.take(changed),
-      told: (waiting, since) => this.emit("saved", { waiting, since }),
-      // The server says that it cannot just now, and the connection stays: nobody else would send it again
-      held: (why) => {
-        this.problem(why);
-        window.setTimeout(() => void this.reconnected().catch((error: unknown) => this.problem(error)), AGAIN_MS);
+      saved: (changed) => this.apply(changed),
+      progress: (waiting, since) => this.emit("saved", { waiting, since }),
+      // The connection stays open when the server is busy, so no reconnection will resend the edit
+      unavailable: (error) => {
+        this.reportProblem(error);
+        window.setTimeout(() => void this.reconnected().catch((why: unknown) => this.reportProblem(why)), RETRY_MS);
       },
     });
   }
@@ -73,21 +78,21 @@ export class App {
       try {
         (listener as Listener<K>)(value);
       } catch (error) {
-        reportError(error); // a fault of one pane leaves the others working
+        reportError(error); // an error in one pane must not stop the others
       }
     }
   }
 
   colour(kind: string): string {
-    const plain = kind.replace(AS_SEEN_IN_IMAGES, "");
+    const plain = kind.replace(FROM_IMAGES, "");
     return this.survey.kinds.find((known) => known.kind === plain)?.colour ?? "#787878";
   }
 
-  // What people call a kind; lines as images alone saw them have kinds of their own
+  // The name of a kind as the user reads it
   title(kind: string): string {
-    const plain = kind.replace(AS_SEEN_IN_IMAGES, "");
+    const plain = kind.replace(FROM_IMAGES, "");
     const title = this.survey.kinds.find((known) => known.kind === plain)?.title ?? plain;
-    return plain === kind ? title : `${title}, in images`;
+    return plain === kind ? title : `${title} (from images)`;
   }
 
   select(ids: string[]): void {
@@ -95,55 +100,55 @@ export class App {
     this.emit("selection", this.selection);
   }
 
-  // Everything a person does to lines goes through here; the result comes back to all panes. An edit that cannot be
-  // sent is kept and sent when the server is back; `shape`: the line as it looks here, for when a trace is lost.
+  // Save an edit; returns null if it was refused or is waiting for the server. Every edit of the page goes through here.
+  // `shape` is the line as it looks on the page, in case the server loses its trace.
   async change(edit: Edit, shape?: Line): Promise<Changed | null> {
-    const changed = await this.tried(edit, shape);
+    const changed = await this.submit(edit, shape);
     return changed === "refused" ? null : changed;
   }
 
-  // The same, for those who have something to lose when it is refused; null: it waits
-  async tried(edit: Edit, shape?: Line): Promise<Changed | null | "refused"> {
+  // As `change`, but telling a refusal from a wait (null)
+  async submit(edit: Edit, shape?: Line): Promise<Changed | null | "refused"> {
     try {
       return await this.outbox.send(edit, this.revision, shape);
     } catch (error) {
-      this.problem(error);
+      this.reportProblem(error);
       return "refused";
     }
   }
 
-  // The server is there (again): what waited is sent, then what was missed is asked for
+  // The connection is open (again): send the waiting edits, then fetch what was missed
   async reconnected(): Promise<void> {
     const problems = await this.outbox.resend();
     await this.reload();
-    for (const problem of problems) this.problem(problem);
+    for (const problem of problems) this.reportProblem(problem);
   }
 
   async undo(): Promise<void> {
-    await this.wound(api.undo);
+    await this.revert(api.undo);
   }
 
   async redo(): Promise<void> {
-    await this.wound(api.redo);
+    await this.revert(api.redo);
   }
 
-  // What was undone or done again is selected, and looked at
-  private async wound(ask: () => Promise<Changed>): Promise<void> {
+  // Undo or redo, then select and show the lines it touched
+  private async revert(request: () => Promise<Changed>): Promise<void> {
     try {
-      const changed = await ask();
-      this.take(changed);
+      const changed = await request();
+      this.apply(changed);
       this.select(changed.lines.map(({ id }) => id));
       const [east, north] = changed.lines[0]?.xyz[0] ?? [];
       if (east !== undefined && north !== undefined) this.emit("look", { at: [east, north], by: "undo" });
     } catch (error) {
-      this.problem(error);
+      this.reportProblem(error);
     }
   }
 
-  take(changed: Changed): void {
-    if (changed.revision <= this.revision) return; // our own change comes twice: as the answer, and live
+  apply(changed: Changed): void {
+    if (changed.revision <= this.revision) return; // the page's own edits arrive twice: as the answer, and live
     if (changed.revision > this.revision + 1)
-      return void this.reload().catch((error: unknown) => this.problem(error)); // something was missed
+      return void this.reload().catch((error: unknown) => this.reportProblem(error)); // a message was missed
     this.revision = changed.revision;
     for (const id of changed.removed) this.lines.delete(id);
     for (const line of changed.lines) this.lines.set(line.id, line);
@@ -152,14 +157,14 @@ export class App {
     this.select(this.selection);
   }
 
-  // Ask for what has happened since; at the beginning for everything
+  // Fetch what has changed since the page's revision; at first, everything
   async reload(): Promise<void> {
     let all = await api.lines(this.revision);
     let removed = all.removed;
     if (this.revision === 0 || all.revision < this.revision) {
       all = this.revision === 0 ? all : await api.lines();
-      const there = new Set(all.lines.map(({ id }) => id));
-      removed = [...this.lines.keys()].filter((id) => !there.has(id));
+      const present = new Set(all.lines.map(({ id }) => id));
+      removed = [...this.lines.keys()].filter((id) => !present.has(id));
     }
     for (const id of removed) this.lines.delete(id);
     for (const line of all.lines) this.lines.set(line.id, line);
@@ -169,13 +174,7 @@ export class App {
     this.select(this.selection);
   }
 
-  problem(error: unknown): void {
+  reportProblem(error: unknown): void {
     this.emit("message", { text: error instanceof Error ? error.message : String(error), kind: "problem" });
   }
-}
-
-// A part of the page: made once, put where the layout wants it
-export interface Pane {
-  readonly element: HTMLElement;
-  resized?(): void;
 }

@@ -1,4 +1,4 @@
-// What the server says, document by document. Lengths in metres, world coordinates [east, north, up].
+// The documents exchanged with the server. Lengths in metres, world coordinates [east, north, up].
 
 export type Place = [number, number];
 export type Vertex = [number, number, number];
@@ -36,33 +36,33 @@ export interface Kind {
   kind: string;
   title: string;
   colour: string; // "#rrggbb"
-  picked: boolean; // a place can be picked on it in points
-  picked_in_images: boolean;
+  picked: boolean; // can be followed in points
+  picked_in_images: boolean; // can be followed in images
 }
 
 export interface Survey {
   name: string;
-  crs: string; // for people
+  crs: string; // its name, as shown
   bounds: [number, number, number, number];
-  middle: Vertex; // where one looks first
+  middle: Vertex; // where the views start
   heights: [number, number];
   n_points: number;
   n_pairs: number;
-  path: Vertex[];
+  path: Vertex[]; // of the vehicle
   warnings: string[];
-  lines_file: string; // name only
+  lines_file: string; // file name without its folder
   who: string;
   kinds: Kind[];
   choices: Record<"role" | "pattern" | "form" | "condition", string[]>;
   images: { name: string; title: string; unit: string }[];
   tiles: { tile_px: number; origin: Place; resolutions: number[] };
   revision: number;
-  busy: string; // what the server is still doing, "" when ready
+  busy: string; // what the server is still doing; "" when ready
 }
 
 export interface Lines {
   revision: number;
-  lines: Line[]; // all, or those that came or changed since the revision asked for
+  lines: Line[]; // all, or those added or changed since the requested revision
   removed: string[];
   can_undo: boolean;
   can_redo: boolean;
@@ -70,7 +70,7 @@ export interface Lines {
 
 export interface Changed extends Lines {
   action: string;
-  number: number; // of the edit
+  number: number; // number of the edit
 }
 
 export type Edit =
@@ -82,29 +82,29 @@ export type Edit =
   | { action: "reverse"; id: string }
   | { action: "kind"; ids: string[]; kind: string }
   | { action: "set"; ids: string[]; column: string; value: string | boolean }
-  | { action: "move"; id: string; vertex: number; to: Place | Vertex } // of a Place the height is re-sampled
+  | { action: "move"; id: string; vertex: number; to: Place | Vertex } // given a Place, the height is sampled again
   | { action: "insert"; id: string; after: number; to: Place | Vertex }
   | { action: "remove"; id: string; vertex: number }
-  | { action: "trim"; id: string; first: number; last: number } // keeps these vertices
+  | { action: "trim"; id: string; first: number; last: number } // keeps the vertices first to last
   | { action: "draw"; kind: string; xyz: (Place | Vertex)[] }
   | { action: "keep"; trace: string; first: number; last: number; continues?: string } // a followed line
-  | { action: "beside"; id: string; kind: string; at: [Place] | [Place, Place] } // as long as the line, or from one to the other
-  | { action: "wire"; xyz: [Place | Vertex, Place | Vertex, Place | Vertex] } // a cable: both ends, and a place between
-  | { action: "dashes"; ids: string[] } // adds the dashes that lines lack, as paint and rhythm say
-  | { action: "dismiss"; key: string }; // nothing to do about an item of the queue
+  | { action: "beside"; id: string; kind: string; at: [Place] | [Place, Place] } // along the whole line, or between two places
+  | { action: "wire"; xyz: [Place | Vertex, Place | Vertex, Place | Vertex] } // a cable: both ends and a point between them
+  | { action: "dashes"; ids: string[] } // adds the missing dashes, from the paint and the dash pattern
+  | { action: "dismiss"; key: string }; // closes an item of the queue without an edit
 
 export interface QueueItem {
-  key: string; // the same as long as it is about the same thing
-  // an unsure line, a line that ends in view of data, a stretch without a boundary, missing dashes
+  key: string; // stays the same as long as the item concerns the same thing
+  // a line of low confidence, a line that ends where there is data, a road without a boundary, missing dashes
   type: "line" | "gap" | "boundary" | "dashes";
-  ids: string[]; // lines it is about; of a gap: the one that ends, and the one that may go on
+  ids: string[]; // lines concerned; for a gap, the line that ends and the one that may continue it
   kind: string;
   at: Place; // where to look
   box: [number, number, number, number];
-  length_m: number; // how much may be wrong or missing
+  length_m: number; // length that may be wrong or missing
   confidence: number;
   reason: string;
-  proposal: Edit | null; // what would settle it, if one thing would
+  proposal: Edit | null; // the edit that would resolve it, if a single one would
 }
 
 export interface EditRecord {
@@ -121,9 +121,9 @@ export interface Pair {
   number: number;
   time_s: number;
   chainage_m: number;
-  at: Vertex; // of the left camera
+  at: Vertex; // position of the left camera
   heading_deg: number;
-  left: string; // name of the file
+  left: string; // file name
   right: string;
 }
 
@@ -138,8 +138,8 @@ export interface OperatorKey {
 export interface PairLine {
   id: string;
   kind: string;
-  runs: [number, number][][]; // pixels of the image as it was taken, piece by piece
-  bridged: boolean[]; // per piece
+  runs: [number, number][][]; // pixels of the raw (distorted) image, run by run
+  bridged: boolean[]; // per run
 }
 
 export interface PairLines {
@@ -157,36 +157,36 @@ export interface Job {
   done: number;
   total: number;
   unit: string;
-  seconds: number; // since it began; when it is over: how long it took
+  seconds: number; // since it started; once finished, its duration
   message: string;
   counts: Record<string, number> | null; // lines by kind
   report: boolean;
 }
 
-// WebSocket /api/live: what happens, to every page
-export type Live =
+// WebSocket /api/live: broadcast to every page
+export type LiveMessage =
   | ({ type: "changed" } & Changed)
   | ({ type: "job" } & Job)
-  | { type: "pictures"; done: number; total: number } // tiles made ahead: when all are, those shown in part are whole
-  | { type: "busy"; busy: string } // what the server is still doing, "" when ready
-  | { type: "behind" }; // ask for everything anew
+  | { type: "pictures"; done: number; total: number } // tiles rendered ahead; when all are, partly rendered ones are complete
+  | { type: "busy"; busy: string } // what the server is still doing; "" when ready
+  | { type: "behind" }; // messages were dropped: reload
 
 // WebSocket /api/follow
-export type FollowOrder =
+export type FollowRequest =
   | { type: "pick"; at: Place; kind: string; toward?: Place; continues?: { id: string; end: "start" | "end" } }
   | { type: "pick_image"; pair: number; side: "left" | "right"; at_px: [number, number]; kind: string }
-  | { type: "bridge"; trace: string; end: "start" | "end" } // go on beyond the gap at an end
+  | { type: "bridge"; trace: string; end: "start" | "end" } // follow on beyond the gap at an end
   | { type: "interrupt" };
 
-export type FollowNews =
+export type FollowMessage =
   | { type: "area"; corners: Place[] } // the search area
-  | { type: "grown"; trace: string; lines: Line[] } // the line so far (first), and what runs beside it
+  | { type: "grown"; trace: string; lines: Line[] } // first the line so far, then the lines beside it
   | { type: "seen"; trace: string; pair: number; left: [number, number][]; right: [number, number][] }
   | {
       type: "stopped";
-      trace: string; // kept by the server until the next pick: POST /api/changes {action: "keep"}
+      trace: string; // held by the server until the next pick; saved by POST /api/changes {action: "keep"}
       lines: Line[];
-      stops: [string, string]; // why it starts and ends where it does
+      stops: [string, string]; // why it stopped at the start and at the end
       choices: [string[], string[]]; // at each end: "bridge", "continue"
       distance_m: number;
       interrupted: boolean;
@@ -194,6 +194,6 @@ export type FollowNews =
   | { type: "refused"; reason: string; advice: string; works: Place | null; works_px: [number, number] | null };
 
 export interface Problem {
-  problem: string; // what is wrong and what to do, in one line
+  problem: string; // what went wrong and what to do about it, in one line
   status: number;
 }

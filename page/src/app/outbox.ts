@@ -1,147 +1,147 @@
-// Edits on their way to the server. One that the server could not be told of is kept, in the browser's own storage
-// too, and sent again when the server is back; until then the page says how many wait.
+// Edits on their way to the server. Those that cannot be delivered are kept, also in the browser's local storage, and
+// resent in order when the server is back.
 
 import * as api from "./api";
 import type { Changed, Edit, Line, Survey } from "./documents";
 
-interface Letter {
+interface PendingEdit {
   edit: Edit;
-  key: string; // an edit whose answer was lost is not made twice
-  revision: number; // what the page knew when the person acted
+  key: string; // idempotency key: an edit whose answer was lost is not saved twice
+  revision: number; // what the page had when the user acted
   shape: Line | null; // of a followed line: what to draw if the server has lost the trace
 }
 
 export class Outbox {
-  private readonly place: string;
-  private letters: Letter[];
-  private onTheWay = 0;
+  private readonly storageKey: string;
+  private pending: PendingEdit[];
+  private inFlight = 0;
   private isResending = false;
-  private turn: Promise<void> = Promise.resolve(); // one edit after the other
-  private own = { from: 0, to: 0 }; // from and to revisions between which all edits were this page's own
-  private last: Date | null = null;
+  private queue: Promise<void> = Promise.resolve(); // one edit at a time
+  private own = { from: 0, to: 0 }; // every revision in this range is an edit of this page
+  private lastSaved: Date | null = null;
 
   constructor(
     survey: Survey,
-    private readonly tells: {
-      arrived(changed: Changed): void;
-      told(waiting: number, since: Date | null): void;
-      held(why: Error): void; // the server is there, and could not save
+    private readonly page: {
+      saved(changed: Changed): void;
+      progress(waiting: number, lastSaved: Date | null): void;
+      unavailable(error: Error): void; // the server answers, but cannot save now
     },
   ) {
-    this.place = `linework unsent ${survey.name} ${survey.lines_file}`;
-    this.letters = kept(this.place);
+    this.storageKey = `linework unsent ${survey.name} ${survey.lines_file}`;
+    this.pending = storedEdits(this.storageKey);
   }
 
-  // Send an edit, after those before it. Throws what the server has against it; null: the edit has to wait.
+  // Send an edit after those before it. Throws if the server refuses it; returns null if it has to wait.
   async send(edit: Edit, revision: number, shape?: Line): Promise<Changed | null> {
-    const letter = { edit, key: crypto.randomUUID(), revision, shape: shape ?? null };
-    this.onTheWay += 1;
-    this.tell();
-    const sending = this.turn.then(() => this.deliver(letter));
-    this.turn = sending.then(() => undefined, () => undefined);
+    const pending = { edit, key: crypto.randomUUID(), revision, shape: shape ?? null };
+    this.inFlight += 1;
+    this.report();
+    const sending = this.queue.then(() => this.deliver(pending));
+    this.queue = sending.then(() => undefined, () => undefined);
     try {
       return await sending;
     } finally {
-      this.onTheWay -= 1;
-      this.tell();
+      this.inFlight -= 1;
+      this.report();
     }
   }
 
-  // Send what waits, oldest first; returns what the server has against some of them
+  // Resend the waiting edits, oldest first; returns the server's refusals
   async resend(): Promise<Error[]> {
     const problems: Error[] = [];
     if (this.isResending) return problems;
     this.isResending = true;
-    for (let letter = this.letters[0]; letter !== undefined; letter = this.letters[0]) {
+    for (let first = this.pending[0]; first !== undefined; first = this.pending[0]) {
       try {
-        this.receive(letter, await this.again(letter));
+        this.accept(first, await this.retry(first));
       } catch (error) {
-        if (isAway(error)) {
-          this.later(error);
+        if (isUndelivered(error)) {
+          this.reportUnavailable(error);
           break;
         }
-        const why = error instanceof Error ? error.message : String(error);
-        problems.push(new Error(`An edit that had waited (${letter.edit.action}) could not be saved: ${why}`));
+        const reason = error instanceof Error ? error.message : String(error);
+        problems.push(new Error(`A waiting edit (${first.edit.action}) could not be saved: ${reason}`));
       }
-      this.letters.shift();
+      this.pending.shift();
       this.store();
     }
     this.isResending = false;
     return problems;
   }
 
-  private async deliver(letter: Letter): Promise<Changed | null> {
-    if (this.letters.length > 0) return this.hold(letter); // the order of edits is kept
+  private async deliver(pending: PendingEdit): Promise<Changed | null> {
+    if (this.pending.length > 0) return this.hold(pending); // edits stay in order
     try {
-      return this.receive(letter, await api.change(letter.edit, this.knownTo(letter), letter.key));
+      return this.accept(pending, await api.change(pending.edit, this.revisionFor(pending), pending.key));
     } catch (error) {
-      if (!isAway(error)) throw error;
-      this.later(error);
-      return this.hold(letter);
+      if (!isUndelivered(error)) throw error;
+      this.reportUnavailable(error);
+      return this.hold(pending);
     }
   }
 
-  private later(error: unknown): void {
-    if (error instanceof api.ProblemError && error.status === 503) this.tells.held(error);
+  private reportUnavailable(error: unknown): void {
+    if (error instanceof api.ProblemError && error.status === 503) this.page.unavailable(error);
   }
 
-  // What the person knew: also the edits of their own that were still on the way when they made this one
-  private knownTo({ revision }: Letter): number {
+  // The revision the user acted on, including the page's own edits that were still in flight
+  private revisionFor({ revision }: PendingEdit): number {
     const { from, to } = this.own;
     return revision >= from && revision <= to ? to : revision;
   }
 
-  // A trace lives as long as the server: if it is gone, the line is saved as it was on the screen
-  private async again(letter: Letter): Promise<Changed> {
-    const { edit, key, shape } = letter;
-    const known = this.knownTo(letter);
+  // The server forgets traces when it restarts; the line is then drawn as it was on the screen
+  private async retry(pending: PendingEdit): Promise<Changed> {
+    const { edit, key, shape } = pending;
+    const revision = this.revisionFor(pending);
     try {
-      return await api.change(edit, known, key);
+      return await api.change(edit, revision, key);
     } catch (error) {
-      if (edit.action !== "keep" || shape === null || isAway(error)) throw error;
+      if (edit.action !== "keep" || shape === null || isUndelivered(error)) throw error;
       const xyz = shape.xyz.slice(edit.first, edit.last + 1);
-      return api.change({ action: "draw", kind: shape.kind, xyz }, known, key);
+      return api.change({ action: "draw", kind: shape.kind, xyz }, revision, key);
     }
   }
 
-  private receive(letter: Letter, changed: Changed): Changed {
+  private accept(pending: PendingEdit, changed: Changed): Changed {
     const { from, to } = this.own;
-    const known = this.knownTo(letter);
-    // Nobody else's edit lies between: what follows is of the same knowledge
+    const known = this.revisionFor(pending);
+    // No edit of another page in between: the range of own revisions grows
     if (changed.revision === known + 1) this.own = { from: known === to ? from : known, to: changed.revision };
-    this.last = new Date();
-    this.tells.arrived(changed);
+    this.lastSaved = new Date();
+    this.page.saved(changed);
     return changed;
   }
 
-  private hold(letter: Letter): null {
-    this.letters.push(letter);
+  private hold(pending: PendingEdit): null {
+    this.pending.push(pending);
     this.store();
     return null;
   }
 
   private store(): void {
-    if (this.letters.length > 0) localStorage.setItem(this.place, JSON.stringify(this.letters));
-    else localStorage.removeItem(this.place);
-    this.tell();
+    if (this.pending.length > 0) localStorage.setItem(this.storageKey, JSON.stringify(this.pending));
+    else localStorage.removeItem(this.storageKey);
+    this.report();
   }
 
-  private tell(): void {
-    this.tells.told(this.letters.length + this.onTheWay, this.last);
+  private report(): void {
+    this.page.progress(this.pending.length + this.inFlight, this.lastSaved);
   }
 }
 
-// What was kept when the page was closed; what nobody can read is not worth keeping
-function kept(place: string): Letter[] {
+// The edits that were waiting when the page was closed; an unreadable list is dropped
+function storedEdits(storageKey: string): PendingEdit[] {
   try {
-    const letters: unknown = JSON.parse(localStorage.getItem(place) ?? "[]");
-    return Array.isArray(letters) ? (letters as Letter[]) : [];
+    const edits: unknown = JSON.parse(localStorage.getItem(storageKey) ?? "[]");
+    return Array.isArray(edits) ? (edits as PendingEdit[]) : [];
   } catch {
     return [];
   }
 }
 
-// Nobody answered, or somebody who does not know us: the edit is not refused, it has not arrived
-function isAway(error: unknown): boolean {
+// No answer (0), an unknown session (401) or a busy server (503): the edit was not refused, it did not arrive
+function isUndelivered(error: unknown): boolean {
   return error instanceof api.ProblemError && (error.status === 0 || error.status === 401 || error.status === 503);
 }

@@ -1,4 +1,4 @@
-// Makes elements. Text only ever becomes text: nothing that a file or a server says is read as markup.
+// Creates elements. Text is always inserted as text: nothing from a file or the server is parsed as markup.
 
 type Child = Node | string;
 type Attributes = Record<string, string | number | boolean | EventListener>;

@@ -1,16 +1,18 @@
-// One table of keys: what a key does, and where it does it. The help shows the same table.
+// The keyboard shortcuts: one table that runs them, labels the buttons and fills the help dialog.
+
+import { element } from "./element";
 
 export interface KeyBinding {
-  keys: string[]; // "n", "Shift+Backspace", "Ctrl+z", "?": the first is shown
+  keys: string[]; // "n", "Shift+Backspace", "Ctrl+z", "?"; the first is the main one
   title: string;
   group: string;
-  when?: () => boolean; // the first binding of a key that applies runs
+  when?: () => boolean; // of several bindings of a key, the first that applies runs
   run: () => void;
 }
 
 const SHOWN: Record<string, string> = { " ": "Space", Escape: "Esc", Delete: "Del" };
 
-// "Ctrl+Shift+z" of an event; Shift only where the key itself does not say it
+// The name of a key event, such as "Ctrl+Shift+z"; "Shift" only where the character does not imply it
 export function nameOf(event: KeyboardEvent): string {
   const letter = event.key.length === 1;
   const key = letter ? event.key.toLowerCase() : event.key;
@@ -31,7 +33,7 @@ function isTyping(target: EventTarget | null): boolean {
 
 export class Keyboard {
   readonly bindings: KeyBinding[] = [];
-  // Groups whose keys work just now; null: all of them
+  // Groups whose keys are active now; null: all groups
   only: () => readonly string[] | null = () => null;
 
   constructor() {
@@ -46,14 +48,53 @@ export class Keyboard {
     if (event.defaultPrevented || isTyping(event.target)) return;
     const name = nameOf(event);
     const only = this.only();
-    const works = ({ keys, group, when }: KeyBinding) =>
+    const isActive = ({ keys, group, when }: KeyBinding) =>
       keys.includes(name) && (only?.includes(group) ?? true) && (when?.() ?? true);
-    const found = this.bindings.find(works);
+    const found = this.bindings.find(isActive);
     if (found === undefined) return;
-    // A focused button is pressed by Space and Enter; every other key means the same everywhere
+    // Space and Enter press a focused button; every other key means the same everywhere
     const focused = event.target instanceof HTMLElement && event.target.closest("button, a, summary, [role=tab]");
     if (focused && (name === " " || name === "Enter")) return;
     event.preventDefault();
     found.run();
   }
+}
+
+// A button labelled with its key
+export function keyButton(
+  key: string, title: string, click: () => void, attributes: Record<string, string | boolean> = {},
+): HTMLButtonElement {
+  return element(
+    "button", { type: "button", ...attributes, click }, element("span", {}, title), element("kbd", {}, shownKey(key).replace("Shift ", "⇧")),
+  );
+}
+
+// The help: all keys by group
+export function helpDialog(keyboard: Keyboard): HTMLDialogElement {
+  const body = element("div", { class: "keys" });
+  const dialog = element("dialog", { class: "help", "aria-label": "Keyboard shortcuts" },
+    element("header", {}, element("h2", {}, "Keyboard shortcuts"), element("button", { type: "button", click: () => dialog.close() }, "Close")),
+    body,
+  );
+  const showModal = dialog.showModal.bind(dialog);
+  // Filled when opened, because panes bind keys after this
+  dialog.showModal = () => {
+    body.replaceChildren(...groupsOf(keyboard));
+    showModal();
+  };
+  dialog.addEventListener("click", (event) => {
+    if (event.target === dialog) dialog.close();
+  });
+  return dialog;
+}
+
+function groupsOf(keyboard: Keyboard): HTMLElement[] {
+  const groups = new Map<string, HTMLElement>();
+  for (const { keys, title, group } of keyboard.bindings) {
+    const list = groups.get(group) ?? element("dl", {});
+    groups.set(group, list);
+    const shown = keys.flatMap((key, i) => [...(i > 0 ? [" "] : []), element("kbd", {}, shownKey(key))]);
+    list.append(element("div", {}, element("dt", {}, ...shown), element("dd", {}, title)));
+  }
+  return [...groups].map(([title, list]) => element("section", {}, element("h3", {}, title), list));
 }

@@ -1,7 +1,12 @@
-// Several panes in one place: a row of tabs, and the pane that is chosen.
+// Several panes in one place: a row of tabs and the selected pane.
 
-import type { Pane } from "../app/app";
 import { button, element } from "./element";
+
+// A part of the page, created once and placed by the shell
+export interface Pane {
+  readonly element: HTMLElement;
+  resized?(): void;
+}
 
 export class Tabs implements Pane {
   readonly element: HTMLElement;

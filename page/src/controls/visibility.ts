@@ -1,35 +1,35 @@
-// Whether a view can be seen: what is hidden does not load or draw, and catches up when it is shown.
+// Whether a view is visible: a hidden view neither loads nor draws, and catches up when it appears.
 
-export class Shown {
-  is = false;
-  private visible = false;
+export class Visibility {
+  visible = false;
+  private onScreen = false;
 
-  // `appeared` is called when the view comes into sight, `resized` when its size changes while it is seen
+  // Calls `appeared` when the view becomes visible, and `resized` when its size changes while it is
   constructor(element: HTMLElement, appeared: () => void, resized: () => void) {
-    const settle = (): void => {
-      const now = this.visible && !document.hidden;
-      if (now === this.is) return;
-      this.is = now;
+    const update = (): void => {
+      const now = this.onScreen && !document.hidden;
+      if (now === this.visible) return;
+      this.visible = now;
       if (now) appeared();
     };
     new IntersectionObserver((entries) => {
-      this.visible = entries[entries.length - 1]?.isIntersecting ?? false;
-      settle();
+      this.onScreen = entries[entries.length - 1]?.isIntersecting ?? false;
+      update();
     }).observe(element);
-    document.addEventListener("visibilitychange", settle);
+    document.addEventListener("visibilitychange", update);
     new ResizeObserver(() => {
-      if (this.is) resized();
+      if (this.visible) resized();
     }).observe(element);
   }
 }
 
-// Runs one `load` at a time; of those asked for meanwhile only the last is done
-export class Latest {
+// Runs one task at a time; of the tasks requested meanwhile, only the last is run
+export class LatestTask {
   private running = false;
   private next: (() => Promise<void>) | null = null;
 
-  async ask(load: () => Promise<void>): Promise<void> {
-    this.next = load;
+  async run(task: () => Promise<void>): Promise<void> {
+    this.next = task;
     if (this.running) return;
     this.running = true;
     try {

@@ -1,4 +1,4 @@
-// A path of clicks, with a line to the mouse: what measuring and drawing have in common.
+// A path of clicks with a line to the mouse: shared by drawing and measuring.
 
 import Feature from "ol/Feature";
 import LineString from "ol/geom/LineString";
@@ -39,7 +39,7 @@ export class ClickPath {
     this.drawTo(null);
   }
 
-  back(): void {
+  removeLast(): void {
     this.places = this.places.slice(0, -1);
     this.drawTo(null);
   }

@@ -1,4 +1,4 @@
-// Drawing a line by hand: clicks are vertices, the server gives them heights.
+// Drawing a line by hand: clicks are vertices, and the server adds their heights.
 
 import type { App } from "../app/app";
 import { ClickPath } from "./click-path";
@@ -11,29 +11,29 @@ export class Drawing {
     this.path = new ClickPath(app.colour(app.followKind), () => undefined);
     const when = () => app.tool === "draw" && this.path.places.length > 0;
     const group = "Draw";
-    app.keyboard.bind({ keys: ["Enter"], title: "End the line", group, when, run: () => void this.end() });
-    app.keyboard.bind({ keys: ["Backspace"], title: "Take the last vertex back", group, when, run: () => this.path.back() });
-    app.keyboard.bind({ keys: ["Escape"], title: "Drop the line", group, when, run: () => this.path.clear() });
+    app.keyboard.bind({ keys: ["Enter"], title: "Finish the line", group, when, run: () => void this.finish() });
+    app.keyboard.bind({ keys: ["Backspace"], title: "Remove the last vertex", group, when, run: () => this.path.removeLast() });
+    app.keyboard.bind({ keys: ["Escape"], title: "Discard the line", group, when, run: () => this.path.clear() });
   }
 
   click(place: Place): void {
     if (this.app.followKind === "")
-      return this.app.emit("message", { text: "Choose the kind of the line first.", kind: "problem", place });
+      return this.app.emit("message", { text: "First choose the kind of line to draw.", kind: "problem", place });
     this.path.recolour(this.app.colour(this.app.followKind));
     this.path.add(place);
   }
 
-  async end(): Promise<void> {
+  async finish(): Promise<void> {
     const xyz = this.path.places;
     if (xyz.length < 2)
-      return this.app.emit("message", { text: "A line has two vertices at least.", kind: "problem" });
+      return this.app.emit("message", { text: "A line needs at least two vertices.", kind: "problem" });
     this.path.clear();
     const changed = await this.app.change(editOf(this.app.followKind, xyz));
     if (changed) this.app.select(changed.lines.map((line) => line.id));
   }
 }
 
-// Three places of a cable are a wire that hangs through them
+// Three points of a cable are saved as a wire hanging through them
 function editOf(kind: string, xyz: Place[]): Edit {
   const [first, between, last, more] = xyz;
   if (kind === "cable" && first && between && last && !more) return { action: "wire", xyz: [first, between, last] };

@@ -1,4 +1,4 @@
-// What can be done with the selected lines, and the keys that do it.
+// The commands for the selected lines, and their keys.
 
 import type { App } from "../app/app";
 import type { Edit, Place } from "../app/documents";
@@ -25,13 +25,13 @@ export function lineCommands(app: App, editing: VertexEditing, cursor: () => Pla
     { title: "Join", key: "j", can: () => ids().length === 2, run: () => void join(app) },
     { title: "Smooth", key: "Shift+s", can: () => one() !== null, run: onOne("smooth") },
     { title: "Reverse", key: "r", can: () => one() !== null, run: onOne("reverse") },
-    { title: "Beside", key: "Shift+p", can: () => one() !== null, run: () => void putBeside(app, cursor()) },
-    { title: "From here", key: "Shift+o", can: () => one() !== null, run: () => begin(app, cursor()) },
+    { title: "Parallel", key: "Shift+p", can: () => one() !== null, run: () => void drawParallel(app, cursor()) },
+    { title: "From here", key: "Shift+o", can: () => one() !== null, run: () => startParallel(app, cursor()) },
     {
       title: "Dashes", key: "Shift+d", can: () => some() && ids().every((id) => app.lines.get(id)?.kind === "lane_marking"),
       run: () => void app.change({ action: "dashes", ids: ids() }),
     },
-    { title: "Continue", key: "c", can: () => one() !== null, run: () => goOn(app, editing, cursor()) },
+    { title: "Continue", key: "c", can: () => one() !== null, run: () => continueLine(app, editing, cursor()) },
     {
       title: "Restore", key: "Shift+x", can: isRejected,
       run: () => void app.change({ action: "restore", ids: ids() }),
@@ -54,37 +54,37 @@ export function bindCommands(app: App, commands: Command[]): void {
 }
 
 const titles: Record<string, string> = {
-  Split: "Split at the active vertex, or where the mouse is",
+  Split: "Split at the active vertex, or at the mouse",
   Join: "Join the two selected lines",
-  Delete: "Remove the active vertex; without one: delete the lines",
-  Continue: "Continue from the nearer end: click farther on",
+  Delete: "Remove the active vertex or, without one, delete the lines",
+  Continue: "Continue from the nearer end: click farther along",
   Restore: "Restore rejected lines",
-  Beside: "New line beside the selected one, through the mouse",
-  "From here": "The new line begins at the mouse, and ends where Beside is pressed",
-  Dashes: "Add the dashes that the line lacks",
+  Parallel: "New line parallel to the selected one, through the mouse",
+  "From here": "Start the parallel line at the mouse; Parallel then ends it",
+  Dashes: "Add the missing dashes of the line",
 };
 
 function split(app: App, editing: VertexEditing, cursor: Place | null): void {
   const line = app.lines.get(app.selection[0] ?? "");
   const vertex = editing.active === null ? undefined : line?.xyz[editing.active];
   const at: Place | null = vertex ? [vertex[0], vertex[1]] : cursor;
-  if (line && at) void selected(app, { action: "split", id: line.id, at });
-  else app.emit("message", { text: "Put the mouse where the line is to be split, or click a vertex.", kind: "info" });
+  if (line && at) void changeAndSelect(app, { action: "split", id: line.id, at });
+  else app.emit("message", { text: "Move the mouse to where the line is to be split, or click a vertex.", kind: "info" });
 }
 
 async function join(app: App): Promise<void> {
   const [first, second] = app.selection;
   if (first === undefined || second === undefined) return;
-  await selected(app, { action: "join", ids: [first, second] });
+  await changeAndSelect(app, { action: "join", ids: [first, second] });
 }
 
-// Both halves of what was split, the whole of what was joined
-async function selected(app: App, edit: Edit): Promise<void> {
+// Save an edit, then select the lines it made
+async function changeAndSelect(app: App, edit: Edit): Promise<void> {
   const changed = await app.change(edit);
   if (changed) app.select(changed.lines.map((line) => line.id));
 }
 
-function goOn(app: App, editing: VertexEditing, cursor: Place | null): void {
+function continueLine(app: App, editing: VertexEditing, cursor: Place | null): void {
   const line = app.lines.get(app.selection[0] ?? "");
   const [first, last] = [line?.xyz[0], line?.xyz.at(-1)];
   if (!line || !first || !last) return;
@@ -93,25 +93,25 @@ function goOn(app: App, editing: VertexEditing, cursor: Place | null): void {
   const atStart = editing.active === null ? near(first) < near(last) : editing.active === 0;
   app.followKind = line.kind;
   app.setTool("follow");
-  app.following.goOnFrom(atStart ? "start" : "end", line.id);
+  app.following.continueFrom(atStart ? "start" : "end", line.id);
 }
 
-// Where the next line beside another begins: of that line, and no other
-let begun: { id: string; at: Place } | null = null;
+// Where the next parallel line starts, and the line it belongs to
+let parallelStart: { id: string; at: Place } | null = null;
 
-function begin(app: App, cursor: Place | null): void {
+function startParallel(app: App, cursor: Place | null): void {
   const [id] = app.selection;
-  begun = id !== undefined && cursor ? { id, at: cursor } : null;
-  const text = begun ? "Now put the mouse where the new line ends, and press Shift P." : "Put the mouse where the new line begins.";
+  parallelStart = id !== undefined && cursor ? { id, at: cursor } : null;
+  const text = parallelStart ? "Now move the mouse to where the new line ends and press Shift P." : "Move the mouse to where the new line starts.";
   app.emit("message", { text, kind: "info" });
 }
 
-async function putBeside(app: App, cursor: Place | null): Promise<void> {
+async function drawParallel(app: App, cursor: Place | null): Promise<void> {
   const line = app.lines.get(app.selection[0] ?? "");
   if (!line || !cursor)
-    return app.emit("message", { text: "Put the mouse where the new line is to run, and press Shift P.", kind: "info" });
-  const at: [Place] | [Place, Place] = begun?.id === line.id ? [begun.at, cursor] : [cursor];
-  begun = null;
+    return app.emit("message", { text: "Move the mouse to where the new line is to run and press Shift P.", kind: "info" });
+  const at: [Place] | [Place, Place] = parallelStart?.id === line.id ? [parallelStart.at, cursor] : [cursor];
+  parallelStart = null;
   const changed = await app.change({ action: "beside", id: line.id, kind: line.kind, at });
   if (changed) app.select(changed.lines.map(({ id }) => id));
 }

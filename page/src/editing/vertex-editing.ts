@@ -14,7 +14,7 @@ import Fill from "ol/style/Fill";
 import Stroke from "ol/style/Stroke";
 import Style from "ol/style/Style";
 import type { App } from "../app/app";
-import { placeOf } from "../plan/map";
+import { placeOf } from "../app/geometry";
 import type { Edit, Line, Place } from "../app/documents";
 import { handlesOf, type Hold, holdAt } from "./vertex-handles";
 

@@ -1,4 +1,4 @@
-// The line that is being followed, in plan: the search area, the line so far, why it stops at each end, a refusal.
+// The line being followed, on the map: the search area, the line so far, why it stopped at each end, a refusal.
 
 import Feature from "ol/Feature";
 import Point from "ol/geom/Point";
@@ -18,7 +18,7 @@ import { geometriesOf } from "./line-layer";
 import { faded, palette } from "./line-styles";
 import type { Line, Place, Vertex } from "../app/documents";
 
-const INSIDE = 0.7; // the growing end stays in this share of the view
+const INSIDE = 0.7; // the growing end is kept within this share of the view
 
 export class GrowthLayer {
   private readonly source = new VectorSource();
@@ -36,14 +36,14 @@ export class GrowthLayer {
     const first = growth.lines[0];
     if (first) features.push(...endsOf(first, growth));
     if (growth.at && !first) features.push(mark(growth.at, growth.state === "refused"));
-    if (growth.refusal?.works) features.push(better(growth.refusal.works));
+    if (growth.refusal?.works) features.push(suggestion(growth.refusal.works));
     this.source.clear(true);
     this.source.addFeatures(features);
     if (growth.state === "growing" && first) this.follow(first);
     if (growth.state === "idle") this.ends = [null, null];
   }
 
-  // The view goes with the end that grows
+  // Moves the view with the growing end
   private follow(line: Line): void {
     const ends: [Vertex | null, Vertex | null] = [line.xyz[0] ?? null, line.xyz.at(-1) ?? null];
     const moved = ([0, 1] as const).filter((i) => String(ends[i]) !== String(this.ends[i]));
@@ -93,7 +93,7 @@ function mark([east, north]: Place, refused: boolean): Feature {
   return made;
 }
 
-function better([east, north]: Place): Feature {
+function suggestion([east, north]: Place): Feature {
   const made = new Feature(new Point([east, north]));
   made.setStyle(new Style({
     image: new CircleStyle({
@@ -103,19 +103,19 @@ function better([east, north]: Place): Feature {
   return made;
 }
 
-// Both ends, with the reason for the stop beside them
+// Both ends, each with the reason why it stopped there
 function endsOf(line: Line, growth: Growth): Feature[] {
   return ([line.xyz[0], line.xyz.at(-1)] as const).flatMap((end, i) => {
     if (end === undefined) return [];
     const made = new Feature(new Point([end[0], end[1]]));
-    const why = growth.stops[i === 0 ? 0 : 1];
+    const reason = growth.stops[i === 0 ? 0 : 1];
     made.setStyle(new Style({
       image: new CircleStyle({
         radius: 5, fill: new Fill({ color: "#ffffff" }), stroke: new Stroke({ color: "#000000", width: 1.5 }),
       }),
-      ...(why && {
+      ...(reason && {
         text: new Text({
-          text: why, offsetY: -16, font: "12px system-ui, sans-serif", padding: [2, 5, 2, 5], overflow: true,
+          text: reason, offsetY: -16, font: "12px system-ui, sans-serif", padding: [2, 5, 2, 5], overflow: true,
           fill: new Fill({ color: "#ffffff" }), backgroundFill: new Fill({ color: "rgba(17, 22, 29, 0.85)" }),
         }),
       }),

@@ -1,34 +1,34 @@
-// The legend: every kind with its colour, to switch on and off; what edges and dashes mean; bands of sigma; the path.
+// The legend: shows and hides kinds, rejected lines and the vehicle's path, and sets the accuracy bands.
 
 import type { App } from "../app/app";
 import { element } from "../controls/element";
 import type { LineLayer } from "./line-layer";
 
-const BANDS: [string, number][] = [["none", 0], ["± 2 σ, true to scale", 2], ["± 2 σ, ten times as wide", 20]];
+const BANDS: [string, number][] = [["none", 0], ["± 2 σ, true to scale", 2], ["± 2 σ, enlarged 10 times", 20]];
 
-const ROOMY_PX = 1600; // on a narrower window it would hide half of the plan
+const WIDE_PX = 1600; // in a narrower window the open legend would hide half of the plan
 
 export function legend(app: App, lines: LineLayer, showPath: (is: boolean) => void): HTMLElement {
   const counts = new Map<string, HTMLElement>();
   const kinds = app.survey.kinds.map(({ kind }) => kind);
-  // Drives with images have lines as these alone saw them, too
+  // Surveys with images also have lines extracted from images alone
   const inImages = app.survey.n_pairs > 0 ? ["lane_marking_stereo", "lane_marking_dash_stereo"] : [];
   const rows = [...kinds, ...inImages].map((kind) => kindRow(app, lines, kind, app.title(kind), counts));
   const bands = element("select", {
-    "aria-label": "Bands of sigma",
+    "aria-label": "Accuracy bands",
     change: (event) => {
       lines.sigmas = Number((event.target as HTMLSelectElement).value);
       lines.restyle();
     },
   }, ...BANDS.map(([title, sigmas]) => element("option", { value: sigmas }, title)));
   app.on("lines", () => count(app, counts));
-  return element("details", { class: "legend", open: window.innerWidth >= ROOMY_PX },
+  return element("details", { class: "legend", open: window.innerWidth >= WIDE_PX },
     element("summary", {}, "Legend"),
     ...rows,
     element("hr"),
     switchRow("Rejected lines", "swatch rejected", (is) => hide(lines, "rejected", !is), "rejected"),
-    switchRow("The van's path", "swatch path", showPath, "path"),
-    element("div", { class: "row" }, element("span", { class: "swatch bridged" }), "bridged: not measured"),
+    switchRow("Vehicle path", "swatch path", showPath, "path"),
+    element("div", { class: "row" }, element("span", { class: "swatch bridged" }), "bridged (not measured)"),
     element("div", { class: "row" }, element("span", { class: "swatch accepted" }), "accepted"),
     element("div", { class: "row" }, element("span", { class: "swatch edited" }), "edited or drawn"),
     element("label", { class: "row" }, "Accuracy", bands),

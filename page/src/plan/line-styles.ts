@@ -1,4 +1,4 @@
-// How a line is drawn: its colour says its kind, its edge what a person said of it, dashes where nothing was measured.
+// How a line is drawn: its colour shows its kind, its casing its review state, dashes where it is bridged.
 
 import type Feature from "ol/Feature";
 import type Geometry from "ol/geom/Geometry";
@@ -8,17 +8,17 @@ import Stroke from "ol/style/Stroke";
 import Style from "ol/style/Style";
 import type { Line } from "../app/documents";
 
-const FAR_M = 0.6; // a pixel: farther away than this, a line is a line and nothing else
+const FAR_M = 0.6; // metres per pixel from which lines are drawn without a casing
 
 export interface Palette {
-  edge: string; // around a line nobody has looked at
+  edge: string; // casing of a line that has not been reviewed
   accepted: string;
   edited: string;
   rejected: string;
   selected: string;
 }
 
-// The page's colours as they are now: they change with light and dark
+// The colours of the current theme
 export function palette(): Palette {
   const style = getComputedStyle(document.documentElement);
   const colour = (name: string) => style.getPropertyValue(name).trim();
@@ -36,7 +36,7 @@ export function faded(colour: string, alpha: number): string {
   return `rgba(${red}, ${green}, ${blue}, ${alpha})`;
 }
 
-// Black wires over a dark image would not be seen without an edge of light
+// Black wires need a light casing to stand out from a dark image
 function isDark(colour: string): boolean {
   const [red = 0, green = 0, blue = 0] = asArray(colour);
   return 0.299 * red + 0.587 * green + 0.114 * blue < 70;
@@ -51,8 +51,8 @@ export class LineStyles {
 
   constructor(private readonly colour: (kind: string) => string) {}
 
-  // Light became dark, or the other way round
-  renew(): void {
+  // After a change of theme
+  reset(): void {
     this.colours = palette();
     this.made.clear();
   }

@@ -1,4 +1,4 @@
-// Marks over the lines: direction of what is selected, where another pane's mouse is, and where a message belongs.
+// Marks over the lines: the direction of the selected lines, and the cursor of another pane.
 
 import Feature from "ol/Feature";
 import LineString from "ol/geom/LineString";
@@ -39,7 +39,7 @@ export class MarkLayer {
   }
 }
 
-// Arrows along the line, and one at its end, where it points to
+// Arrows along the line, and one at its end
 function directionOf(line: Line): Feature {
   const path = line.xyz.map(([east, north]): Place => [east, north]);
   const made = new Feature(new LineString(path));

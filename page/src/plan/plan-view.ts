@@ -1,32 +1,33 @@
-// The plan view: the image, the lines over it, the tools that work on them, and what is written on the map.
+// The plan view: the background image, the lines over it, the tools that work on them, and the map's controls.
 
 import type OlMap from "ol/Map";
 import type MapBrowserEvent from "ol/MapBrowserEvent";
-import type { App, Pane } from "../app/app";
+import type { App } from "../app/app";
+import type { Pane } from "../controls/tabs";
 import { Drawing } from "../editing/drawing";
 import { element } from "../controls/element";
 import { GrowthCard } from "./growth-card";
 import { GrowthLayer } from "./growth-layer";
-import { ImageLayer } from "./image-layer";
-import { imageSwitch } from "./image-switch";
+import { ImageLayer, imageSwitch } from "./image-layer";
 import { legend } from "./legend";
 import { bindCommands, type Command, lineCommands } from "../editing/line-commands";
 import { LineLayer } from "./line-layer";
 import { Measuring } from "../editing/measuring";
 import { MarkLayer } from "./mark-layer";
-import { type Box, boxOf, grown, placeOf, planMap } from "./map";
+import { type Box, boxOf, expanded, placeOf } from "../app/geometry";
+import { planMap } from "./map";
 import { Selecting } from "./selecting";
 import type { Place } from "../app/documents";
-import { vanPath } from "./van-path";
+import { vehiclePath } from "./van-path";
 import { VertexEditing } from "../editing/vertex-editing";
 
-const NEAR_M = 20; // half of what is shown around a place that is gone to
+const GO_TO_RADIUS_M = 20; // shown around a place that the view is sent to
 
 export class PlanView implements Pane {
   readonly element = element("div", { class: "plan-view" });
   readonly map: OlMap;
   readonly commands: Command[];
-  private readonly target = element("div", { class: "map", tabindex: 0, "aria-label": "Plan of the survey" });
+  private readonly target = element("div", { class: "map", tabindex: 0, "aria-label": "Plan view" });
   private readonly lines: LineLayer;
   private readonly selecting: Selecting;
   private readonly measuring: Measuring;
@@ -37,8 +38,8 @@ export class PlanView implements Pane {
     this.element.append(this.target);
     this.map = planMap(this.target, app.survey);
     const image = new ImageLayer(app.survey, this.map.getView().getProjection());
-    app.on("pictures", ({ done, total }) => done >= total && image.again());
-    const path = vanPath(app.survey.path);
+    app.on("tiles", ({ done, total }) => done >= total && image.reload());
+    const path = vehiclePath(app.survey.path);
     this.lines = new LineLayer(app);
     this.measuring = new Measuring(app);
     this.drawing = new Drawing(app);
@@ -69,7 +70,7 @@ export class PlanView implements Pane {
     const view = this.map.getView();
     const [width = 1, height = 1] = this.map.getSize() ?? [];
     view.setCenter(place);
-    view.setResolution((2 * NEAR_M) / Math.min(width, height));
+    view.setResolution((2 * GO_TO_RADIUS_M) / Math.min(width, height));
     this.app.emit("look", { at: place, by: "plan" });
   }
 
@@ -84,7 +85,7 @@ export class PlanView implements Pane {
 
   fitSelection(): void {
     const box = boxOf(this.app.selection.flatMap((id) => this.app.lines.get(id)?.xyz ?? []));
-    if (box) this.fit(grown(box, 5));
+    if (box) this.fit(expanded(box, 5));
   }
 
   zoom(by: number): void {
@@ -92,7 +93,7 @@ export class PlanView implements Pane {
     view.setZoom((view.getZoom() ?? 0) + by);
   }
 
-  // Light became dark, or the other way round
+  // After a change of theme
   restyle(): void {
     this.lines.restyle();
   }
@@ -100,7 +101,7 @@ export class PlanView implements Pane {
   private listen(): void {
     const { app, map } = this;
     map.on("click", (event) => this.clicked(event));
-    map.on("dblclick", () => void (app.tool === "draw" && this.drawing.end()));
+    map.on("dblclick", () => void (app.tool === "draw" && this.drawing.finish()));
     map.on("pointermove", (event) => this.moved(placeOf(event.coordinate)));
     this.target.addEventListener("pointerleave", () => this.left());
     app.on("look", ({ at, by }) => {
@@ -140,11 +141,11 @@ export class PlanView implements Pane {
     this.app.emit("cursor", null);
   }
 
-  // Another pane looks somewhere: the plan goes there if it cannot be seen
+  // Another pane looks at a place: centre the plan there unless it is well inside the view
   private lookAt([east, north]: Place): void {
     const [west = 0, south = 0, right = 0, top = 0] = this.map.getView().calculateExtent(this.map.getSize());
     const [dx, dy] = [(right - west) / 8, (top - south) / 8];
-    const isSeen = east > west + dx && east < right - dx && north > south + dy && north < top - dy;
-    if (!isSeen) this.map.getView().setCenter([east, north]);
+    const isInside = east > west + dx && east < right - dx && north > south + dy && north < top - dy;
+    if (!isInside) this.map.getView().setCenter([east, north]);
   }
 }

@@ -1,8 +1,8 @@
-// Selecting lines in plan: a click, shift and a click, shift and a box.
+// Selecting lines on the map: by click, Shift-click or Shift-drag of a box.
 
 import DragBox from "ol/interaction/DragBox";
 import type OlMap from "ol/Map";
-import { nearestOn } from "../app/along-line";
+import { nearestOn } from "../app/geometry";
 import type { App } from "../app/app";
 import type { LineLayer } from "./line-layer";
 import type { Place } from "../app/documents";
@@ -17,7 +17,7 @@ export class Selecting {
     box.on("boxend", () => this.box(box.getGeometry().getExtent(), box.getGeometry().getArea()));
     map.addInteraction(box);
     app.keyboard.bind({
-      keys: ["Escape"], title: "Select nothing", group: "Edit the selected line",
+      keys: ["Escape"], title: "Clear the selection", group: "Edit the selected line",
       when: () => app.selection.length > 0 && app.following.growth.state === "idle", run: () => app.select([]),
     });
     app.keyboard.bind({
@@ -26,7 +26,7 @@ export class Selecting {
     });
   }
 
-  // The line nearest to a place, within reach of the mouse; what is rejected only where nothing else is
+  // The line nearest to a place, within reach of the mouse; a rejected line only if there is no other
   lineAt(place: Place): string | null {
     const reach_m = REACH_PX * (this.map.getView().getResolution() ?? 1);
     const [east, north] = place;
@@ -42,16 +42,16 @@ export class Selecting {
     return best;
   }
 
-  click(place: Place, more: boolean): void {
+  click(place: Place, extend: boolean): void {
     const id = this.lineAt(place);
     const known = this.app.selection;
-    if (id === null) return more ? undefined : this.app.select([]);
-    if (!more) this.app.select([id]);
+    if (id === null) return extend ? undefined : this.app.select([]);
+    if (!extend) this.app.select([id]);
     else this.app.select(known.includes(id) ? known.filter((one) => one !== id) : [...known, id]);
   }
 
   private box(extent: number[], area_m2: number): void {
-    if (area_m2 === 0) return; // a click with shift
+    if (area_m2 === 0) return; // a Shift-click
     const ids = new Set(this.app.selection);
     this.lines.source.forEachFeatureIntersectingExtent(extent, (feature) => {
       const line = this.app.lines.get(String(feature.getId()));

@@ -1,4 +1,4 @@
-// The way of the van, thin, with arrows in the direction of the drive.
+// The vehicle's path, with arrows in the direction of travel.
 
 import Feature from "ol/Feature";
 import LineString from "ol/geom/LineString";
@@ -13,7 +13,7 @@ import type { Vertex } from "../app/documents";
 
 const ARROW_PX = 160; // between two arrows
 
-export function vanPath(path: Vertex[]): VectorLayer {
+export function vehiclePath(path: Vertex[]): VectorLayer {
   const line = new Feature(new LineString(path.map(([east, north]) => [east, north])));
   return new VectorLayer({
     source: new VectorSource({ features: path.length > 1 ? [line] : [] }),

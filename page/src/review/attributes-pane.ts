@@ -1,9 +1,10 @@
-// What is known of the selected lines, and what a person says of them: kind, role, pattern, form, condition, note.
+// The attributes of the selected lines: measured values, commands, and what the user sets - kind, role, pattern, form,
+// condition and note.
 
-import type { App, Pane } from "../app/app";
-import { KIND_KEYS, valueKeys } from "./attribute-keys";
+import type { App } from "../app/app";
+import type { Pane } from "../controls/tabs";
 import { element } from "../controls/element";
-import { keyButton } from "../controls/key-button";
+import { keyButton } from "../controls/keyboard";
 import type { Command } from "../editing/line-commands";
 import type { Line } from "../app/documents";
 
@@ -62,7 +63,7 @@ export class AttributesPane implements Pane {
       element("h3", {}, title), element("div", {}, ...buttons));
   }
 
-  // The same value again takes it away
+  // Setting the same value again clears it
   private set(column: string, value: string): void {
     const ids = this.app.selection;
     if (ids.length === 0) return;
@@ -74,7 +75,7 @@ export class AttributesPane implements Pane {
     const lines = this.lines;
     const [line] = lines;
     this.element.dataset.selected = this.app.selection.join(" ");
-    this.title.textContent = line === undefined ? "Nothing is selected" : lines.length === 1 ? this.app.title(line.kind) : `${lines.length} lines`;
+    this.title.textContent = line === undefined ? "Nothing selected" : lines.length === 1 ? this.app.title(line.kind) : `${lines.length} lines`;
     this.facts.replaceChildren(...(line ? factsOf(lines) : [hint()]));
     const buttons = this.commandRow.querySelectorAll("button");
     this.commands.forEach(({ can }, i) => buttons[i]?.toggleAttribute("disabled", !can()));
@@ -89,7 +90,7 @@ export class AttributesPane implements Pane {
 }
 
 function hint(): HTMLElement {
-  return element("p", { class: "hint" }, "Click a line in the plan; with Shift several, or drag a box.");
+  return element("p", { class: "hint" }, "Click a line in the plan. Shift-click adds lines; Shift-drag selects a box.");
 }
 
 function factsOf(lines: Line[]): HTMLElement[] {
@@ -107,9 +108,9 @@ function detailsOf(line: Line): [string, string][] {
   const metres = (value: number | null) => (value === null ? "" : `${value.toFixed(2)} m`);
   const facts: [string, string][] = [
     ["Width", metres(line.width_m)], ["Height", metres(line.height_m)], ["Clearance", metres(line.clearance_m)],
-    ["σ in plan", medianOf(line.sigma_xy_m)], ["σ in height", medianOf(line.sigma_z_m)],
-    ["Confidence", line.confidence.toFixed(2)], ["Review", line.review || "not looked at"],
-    ["From", [line.method, line.source].filter(Boolean).join(", ")], ["Id", line.id],
+    ["σ horizontal", medianOf(line.sigma_xy_m)], ["σ vertical", medianOf(line.sigma_z_m)],
+    ["Confidence", line.confidence.toFixed(2)], ["Review", line.review || "not reviewed"],
+    ["Source", [line.method, line.source].filter(Boolean).join(", ")], ["ID", line.id],
   ];
   return facts.filter(([, value]) => value !== "");
 }
@@ -118,4 +119,27 @@ function medianOf(values: (number | null)[]): string {
   const known = values.filter((value) => value !== null).sort((a, b) => a - b);
   const middle = known[Math.floor(known.length / 2)];
   return middle === undefined ? "" : `± ${(middle * 100).toFixed(1)} cm`;
+}
+
+// One key, one value, as on the touch screen in the van. The key is shown on the button.
+const KIND_KEYS = ["1", "2", "3", "4", "5", "6", "7", "8", "9"];
+
+const VALUE_KEYS: Record<string, string> = {
+  "role edge": "e", "role lane": "l", "role centre": "i",
+  "pattern solid": "s", "pattern dashed": "h",
+  "form kerb": "k", "form edge": "g", "form barrier": "w",
+  "condition good": "o", "condition worn": "z", "condition damaged": "u", "condition missing": ";",
+};
+// For values that a newer server may add
+const SPARE = ["[", "]", "'", ",", "Shift+1", "Shift+2", "Shift+3", "Shift+4", "Shift+5", "Shift+6"];
+
+function valueKeys(choices: Record<string, string[]>): Map<string, string> {
+  const keys = new Map<string, string>();
+  const spare = [...SPARE];
+  for (const [column, values] of Object.entries(choices))
+    for (const value of values) {
+      const key = VALUE_KEYS[`${column} ${value}`] ?? spare.shift();
+      if (key !== undefined) keys.set(`${column} ${value}`, key);
+    }
+  return keys;
 }

@@ -1,24 +1,26 @@
-// The review queue: what matters most first. Next, look, accept, reject or take the proposal: by keys alone.
+// The review queue, the most important items first, worked with the keyboard: next, accept, reject, take the proposal.
 
 import * as api from "../app/api";
-import type { App, Pane } from "../app/app";
+import type { App } from "../app/app";
+import { actionTitle } from "./action-titles";
+import type { Pane } from "../controls/tabs";
 import { element } from "../controls/element";
-import { keyButton } from "../controls/key-button";
-import type { Box } from "../plan/map";
+import { keyButton } from "../controls/keyboard";
+import type { Box } from "../app/geometry";
 import type { Edit, Line, Place, QueueItem } from "../app/documents";
 
 const TITLES = {
-  line: "Unsure line", gap: "Gap", boundary: "No boundary", dashes: "Missing dashes",
+  line: "Uncertain line", gap: "Gap", boundary: "Missing boundary", dashes: "Missing dashes",
 };
 
 export class QueuePane implements Pane {
   readonly element = element("div", { class: "queue-pane" });
-  private readonly list = element("ol", { class: "queue", "aria-label": "What to look at, most important first" });
+  private readonly list = element("ol", { class: "queue", "aria-label": "Review items, most important first" });
   private readonly progress = element("p", { class: "progress", role: "status" });
   private items: QueueItem[] = [];
   private current = "";
-  private most = 0; // metres, when the page opened
-  private asked = 0;
+  private initial_m = 0; // the longest total length since the page was opened
+  private latest = 0; // number of the newest request; older answers are dropped
 
   constructor(private readonly app: App, private readonly show: (box: Box) => void) {
     this.element.append(this.progress, this.buttons(), this.list);
@@ -29,17 +31,17 @@ export class QueuePane implements Pane {
   private buttons(): HTMLElement {
     const group = "Review";
     const actions: [string, string, string, () => void][] = [
-      ["n", "Next", "Next in the queue", () => this.step(1)],
-      ["p", "Back", "Previous in the queue", () => this.step(-1)],
-      ["a", "Accept", "Accept the lines, go on", () => void this.settle("accept")],
-      ["x", "Reject", "Reject the lines, go on", () => void this.settle("reject")],
-      ["y", "Take it", "Take the proposal, go on", () => void this.propose()],
-      ["q", "Dismiss", "Nothing to do here, go on", () => void this.dismiss()],
-      ["Shift+f", "Follow", "Follow what is there, then Enter", () => void this.follow()],
+      ["n", "Next", "Next item", () => this.step(1)],
+      ["p", "Back", "Previous item", () => this.step(-1)],
+      ["a", "Accept", "Accept the lines and go to the next item", () => void this.decide("accept")],
+      ["x", "Reject", "Reject the lines and go to the next item", () => void this.decide("reject")],
+      ["y", "Take it", "Take the proposal and go to the next item", () => void this.propose()],
+      ["q", "Dismiss", "Dismiss the item and go to the next", () => void this.dismiss()],
+      ["Shift+f", "Follow", "Follow the missing line; Enter keeps it", () => void this.follow()],
     ];
-    return element("div", { class: "actions" }, ...actions.map(([key, title, says, run]) => {
-      this.app.keyboard.bind({ keys: [key], title: says, group, run });
-      return keyButton(key, title, run, { title: says, "data-action": title.toLowerCase() });
+    return element("div", { class: "actions" }, ...actions.map(([key, title, help, run]) => {
+      this.app.keyboard.bind({ keys: [key], title: help, group, run });
+      return keyButton(key, title, run, { title: help, "data-action": title.toLowerCase() });
     }));
   }
 
@@ -48,14 +50,14 @@ export class QueuePane implements Pane {
   }
 
   private async refresh(): Promise<void> {
-    const asked = (this.asked += 1);
+    const request = (this.latest += 1);
     try {
       const items = await api.queue();
-      if (asked !== this.asked) return;
+      if (request !== this.latest) return;
       this.items = items;
       this.draw();
     } catch (error) {
-      if (asked === this.asked) this.app.problem(error);
+      if (request === this.latest) this.app.reportProblem(error);
     }
   }
 
@@ -71,44 +73,44 @@ export class QueuePane implements Pane {
     const { app } = this;
     this.current = item.key;
     this.draw();
-    if (app.following.growth.state === "refused") app.following.cancel(); // it was about the one before
+    if (app.following.growth.state === "refused") app.following.cancel(); // of the previous item
     if (app.tool !== "select") app.setTool("select");
     app.select(item.ids);
     this.show(item.box);
     this.app.emit("look", { at: item.at, by: "queue" });
   }
 
-  // Accept or reject what is selected: mostly the item's own lines
-  private async settle(action: "accept" | "reject"): Promise<void> {
+  // Accept or reject the selected lines, which are usually the item's own
+  private async decide(action: "accept" | "reject"): Promise<void> {
     const ids = this.app.selection;
-    if (ids.length === 0) return this.say("Select a line, or press N for the next in the queue.");
+    if (ids.length === 0) return this.inform("Select a line, or press N for the next item.");
     const isItem = this.item !== null && ids.every((id) => this.item?.ids.includes(id));
-    if (isItem) await this.done({ action, ids });
+    if (isItem) await this.resolve({ action, ids });
     else await this.app.change({ action, ids });
   }
 
   private async propose(): Promise<void> {
     const proposal = this.item?.proposal ?? null;
-    if (proposal === null) return this.say("There is no proposal here: follow it with Shift F, or edit the line.");
-    await this.done(proposal);
+    if (proposal === null) return this.inform("This item has no proposal: follow the line with Shift F, or edit it.");
+    await this.resolve(proposal);
   }
 
   private async dismiss(): Promise<void> {
-    if (this.item !== null) await this.done({ action: "dismiss", key: this.item.key });
+    if (this.item !== null) await this.resolve({ action: "dismiss", key: this.item.key });
   }
 
-  // Follow what the item says is missing, from the end of its line on if it has one; Enter keeps it
+  // Follow the line that the item reports missing; of a gap, from the end of its line
   private async follow(): Promise<void> {
     const item = this.item;
-    if (item === null) return this.say("Press N for the next in the queue.");
+    if (item === null) return this.inform("Press N for the next item.");
     const line = item.type === "gap" ? this.app.lines.get(item.ids[0] ?? "") : undefined;
     this.app.followKind = item.kind;
     this.app.setTool("follow");
     await this.app.following.pick(item.at, line && { id: line.id, end: nearerEnd(line, item.at) });
   }
 
-  // Save what settles the current item, and go on to what came after it: the queue is another one then
-  private async done(edit: Edit): Promise<void> {
+  // Save the edit that resolves the item, then go to the item after it in the renewed queue
+  private async resolve(edit: Edit): Promise<void> {
     const at = this.items.findIndex(({ key }) => key === this.current);
     const after = this.items[at + 1]?.key;
     if ((await this.app.change(edit)) === null) return;
@@ -119,24 +121,24 @@ export class QueuePane implements Pane {
     this.draw();
   }
 
-  private say(text: string): void {
+  private inform(text: string): void {
     this.app.emit("message", { text, kind: "info" });
   }
 
   private draw(): void {
     const left_m = this.items.reduce((sum, { length_m }) => sum + length_m, 0);
-    this.most = Math.max(this.most, left_m);
+    this.initial_m = Math.max(this.initial_m, left_m);
     this.progress.textContent = this.items.length === 0
-      ? "Nothing is left to look at."
-      : `${this.items.length} to look at, ${left_m.toFixed(0)} m`;
-    this.progress.style.setProperty("--done", `${100 * (1 - left_m / Math.max(this.most, 1e-9))}%`);
+      ? "Nothing left to review."
+      : `${this.items.length} to review, ${left_m.toFixed(0)} m`;
+    this.progress.style.setProperty("--done", `${100 * (1 - left_m / Math.max(this.initial_m, 1e-9))}%`);
     this.element.dataset.left = String(this.items.length);
     this.element.dataset.current = this.current;
     this.list.replaceChildren(...this.items.map((item) => this.row(item)));
     this.list.querySelector("[aria-current]")?.scrollIntoView({ block: "nearest" });
     const item = this.item;
-    const take = this.element.querySelector<HTMLButtonElement>("[data-action='take it']");
-    if (take) take.disabled = item === null || item.proposal === null;
+    const takeButton = this.element.querySelector<HTMLButtonElement>("[data-action='take it']");
+    if (takeButton) takeButton.disabled = item === null || item.proposal === null;
   }
 
   private row(item: QueueItem): HTMLElement {
@@ -148,7 +150,7 @@ export class QueuePane implements Pane {
       element("span", { class: "what" }, `${TITLES[item.type]}: ${kind}`),
       element("span", { class: "length" }, `${item.length_m.toFixed(1)} m`),
       element("span", { class: "reason" }, item.reason),
-      ...(item.proposal ? [element("span", { class: "proposal" }, `Proposal: ${item.proposal.action}`)] : []),
+      ...(item.proposal ? [element("span", { class: "proposal" }, `Proposal: ${actionTitle(item.proposal.action)}`)] : []),
     );
     if (item.key === this.current) row.setAttribute("aria-current", "true");
     return element("li", {}, row);

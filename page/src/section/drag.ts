@@ -1,54 +1,54 @@
-// Dragging in a section: a node of a line, or what is in sight.
+// Dragging in a section: moves a node of a line, or pans.
 
 import type { Points } from "../app/api";
 import type { Frame } from "./drawing";
-import { inWorld, type Plane, pointAt, roadAt, type SectionNode } from "./nodes";
+import { inWorld, type Plane, pointAt, type SectionNode } from "./nodes";
+import { roadAt } from "./readings";
 import type { Edit } from "../app/documents";
 
 const GRAB_PX = 12;
-// Less is a click
-const MOVED_M = 0.001;
+const MOVED_M = 0.001; // a shorter drag is a click
 
 type Drag =
   | { what: "node"; node: SectionNode; x: number; z: number; grip: [number, number] }
-  | { what: "sight"; px: number; py: number; centre: [number, number] };
+  | { what: "pan"; px: number; py: number; centre: [number, number] };
 
 export class SectionDrag {
   private drag: Drag | null = null;
 
-  // The node that is dragged, where it is now
+  // The dragged node at its present position; `from` is where it was
   get node(): (SectionNode & { from: SectionNode }) | null {
     if (this.drag?.what !== "node") return null;
     const { node, x, z } = this.drag;
     return { ...node, x, z, from: node };
   }
 
-  press(frame: Frame, nodes: readonly SectionNode[], [px, py]: [number, number], first: string): void {
-    const node = nodeAt(frame, nodes, [px, py], first);
+  press(frame: Frame, nodes: readonly SectionNode[], [px, py]: [number, number], preferred: string): void {
+    const node = nodeAt(frame, nodes, [px, py], preferred);
     if (node) {
       const [x, z] = frame.fromPx(px, py);
       this.drag = { what: "node", node, x: node.x, z: node.z, grip: [node.x - x, node.z - z] };
-    } else this.drag = { what: "sight", px, py, centre: [frame.x0, frame.z0] };
+    } else this.drag = { what: "pan", px, py, centre: [frame.x0, frame.z0] };
   }
 
-  // Returns the new middle of the sight, if that is what is dragged. With `snaps` a node goes to the nearest point.
+  // Returns the new centre when panning. With `snaps`, a node snaps to the nearest point.
   move(frame: Frame, [px, py]: [number, number], points: Points | null, snaps: boolean): [number, number] | null {
     const { drag } = this;
-    if (drag?.what === "sight") {
-      return [drag.centre[0] - (px - drag.px) / frame.scale, drag.centre[1] + (py - drag.py) / (frame.scale * frame.tall)];
+    if (drag?.what === "pan") {
+      return [drag.centre[0] - (px - drag.px) / frame.scale, drag.centre[1] + (py - drag.py) / (frame.scale * frame.exaggeration)];
     }
     if (!drag) return null;
-    const far = (x: number, z: number): number => {
+    const distance = (x: number, z: number): number => {
       const [x1, y1] = frame.toPx(x, z);
       return Math.hypot(x1 - px, y1 - py);
     };
-    const point = snaps && points ? pointAt(points, far, 2 * GRAB_PX) : null;
+    const point = snaps && points ? pointAt(points, distance, 2 * GRAB_PX) : null;
     const [x, z] = frame.fromPx(px, py);
     Object.assign(drag, point ?? { x: x + drag.grip[0], z: z + drag.grip[1] });
     return null;
   }
 
-  get is(): boolean {
+  get isActive(): boolean {
     return this.drag !== null;
   }
 
@@ -56,7 +56,7 @@ export class SectionDrag {
     this.drag = null;
   }
 
-  // What the drag of a node means; null: it was a click
+  // The edit that the drag of a node amounts to; null: it was a click
   edit(plane: Plane): Edit | null {
     const { node } = this;
     if (!node || Math.hypot(node.x - node.from.x, node.z - node.from.z) < MOVED_M) return null;
@@ -67,7 +67,7 @@ export class SectionDrag {
       : { action: "move", id, vertex: node.vertex, to };
   }
 
-  words(points: Points | null, title: (kind: string) => string): string {
+  readout(points: Points | null, title: (kind: string) => string): string {
     const { node } = this;
     if (!node) return "";
     const road = points && roadAt(points, node.x);
@@ -77,16 +77,16 @@ export class SectionDrag {
   }
 }
 
-// The node that is grabbed at a pixel; `first`: of nodes at one place this line's is meant
+// The node within reach of a pixel; of nodes in one place, the one of line `preferred`
 export function nodeAt(
-  frame: Frame, nodes: readonly SectionNode[], [px, py]: [number, number], first: string,
+  frame: Frame, nodes: readonly SectionNode[], [px, py]: [number, number], preferred: string,
 ): SectionNode | null {
-  const far = (node: SectionNode): number => {
+  const distance = (node: SectionNode): number => {
     const [x, y] = frame.toPx(node.x, node.z);
-    return Math.hypot(x - px, y - py) - (node.line.id === first ? 2 : 0);
+    return Math.hypot(x - px, y - py) - (node.line.id === preferred ? 2 : 0);
   };
-  const nearest = [...nodes].sort((a, b) => far(a) - far(b))[0];
-  return nearest && far(nearest) <= GRAB_PX ? nearest : null;
+  const nearest = [...nodes].sort((a, b) => distance(a) - distance(b))[0];
+  return nearest && distance(nearest) <= GRAB_PX ? nearest : null;
 }
 
 export const sameNode = (a: SectionNode, b: SectionNode): boolean =>

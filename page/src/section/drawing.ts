@@ -1,18 +1,18 @@
-// What a section looks like: points, a grid of metres, and the nodes of lines.
+// Draws a section: points, a grid in metres, and the nodes of lines.
 
 import type { Points } from "../app/api";
-import { type Colouring, INK, inkOf } from "../controls/colours";
+import { type Colouring, CANVAS, pointColour } from "../controls/colours";
 import type { SectionNode } from "./nodes";
 
-// A road is looked at from the ground up: its height is so far down the picture
+// Where the station's height lies in the picture, as a share from the top: a road needs room above it, a cable on both sides
 export const GROUND_SHARE = 0.75;
 export const MIDDLE_SHARE = 0.5;
 
-// From metres across and up to pixels of the canvas: x0, z0 are in the middle across, and `down` of the height down
+// Maps metres (x across, z up) to canvas pixels: (x0, z0) lies in the middle of the width and at share `down` of the height
 export class Frame {
   constructor(
     readonly width: number, readonly height: number, readonly x0: number, readonly z0: number,
-    readonly half_width_m: number, readonly tall: number, readonly down: number,
+    readonly half_width_m: number, readonly exaggeration: number, readonly down: number,
   ) {}
 
   get scale(): number {
@@ -20,13 +20,13 @@ export class Frame {
   }
 
   toPx(x: number, z: number): [number, number] {
-    return [this.width / 2 + (x - this.x0) * this.scale, this.height * this.down - (z - this.z0) * this.scale * this.tall];
+    return [this.width / 2 + (x - this.x0) * this.scale, this.height * this.down - (z - this.z0) * this.scale * this.exaggeration];
   }
 
   fromPx(px: number, py: number): [x: number, z: number] {
     return [
       this.x0 + (px - this.width / 2) / this.scale,
-      this.z0 - (py - this.height * this.down) / (this.scale * this.tall),
+      this.z0 - (py - this.height * this.down) / (this.scale * this.exaggeration),
     ];
   }
 }
@@ -34,7 +34,7 @@ export class Frame {
 export interface Handle {
   node: SectionNode;
   colour: string;
-  chosen: boolean;
+  selected: boolean;
 }
 
 const STEPS_M = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10];
@@ -44,14 +44,14 @@ export function drawSection(
   context: CanvasRenderingContext2D, frame: Frame, points: Points | null, colouring: Colouring,
   heights: [number, number], handles: readonly Handle[],
 ): void {
-  context.fillStyle = INK.canvas;
+  context.fillStyle = CANVAS.background;
   context.fillRect(0, 0, frame.width, frame.height);
   drawGrid(context, frame);
   if (points) drawPoints(context, frame, points, colouring, heights);
   for (const handle of handles) drawHandle(context, frame, handle);
 }
 
-function stepFor(pixels: number): number {
+function gridStep(pixels: number): number {
   return STEPS_M.find((step) => step * pixels >= 50) ?? 20;
 }
 
@@ -60,16 +60,16 @@ function drawGrid(context: CanvasRenderingContext2D, frame: Frame): void {
   const [right, bottom] = frame.fromPx(frame.width, frame.height);
   context.font = "11px system-ui, sans-serif";
   context.lineWidth = 1;
-  const across = stepFor(frame.scale);
+  const across = gridStep(frame.scale);
   for (let i = Math.ceil(left / across); i <= right / across; i++) {
     const px = Math.round(frame.toPx(i * across, 0)[0]) + 0.5;
-    stroke(context, i === 0 ? INK.axis : INK.grid, px, 0, px, frame.height);
+    stroke(context, i === 0 ? CANVAS.axis : CANVAS.grid, px, 0, px, frame.height);
     label(context, `${round(i * across)}`, px + 3, frame.height - 5);
   }
-  const up = stepFor(frame.scale * frame.tall);
+  const up = gridStep(frame.scale * frame.exaggeration);
   for (let i = Math.ceil(bottom / up); i <= top / up; i++) {
     const py = Math.round(frame.toPx(0, i * up)[1]) + 0.5;
-    stroke(context, INK.grid, 0, py, frame.width, py);
+    stroke(context, CANVAS.grid, 0, py, frame.width, py);
     if (py < frame.height - 24) label(context, `${round(i * up)}`, 4, py - 3);
   }
 }
@@ -77,7 +77,7 @@ function drawGrid(context: CanvasRenderingContext2D, frame: Frame): void {
 const round = (value: number): string => String(Math.round(value * 100) / 100);
 
 function label(context: CanvasRenderingContext2D, text: string, px: number, py: number): void {
-  context.fillStyle = INK.text;
+  context.fillStyle = CANVAS.text;
   context.fillText(text, px, py);
 }
 
@@ -94,11 +94,11 @@ function stroke(
 function drawPoints(
   context: CanvasRenderingContext2D, frame: Frame, points: Points, colouring: Colouring, heights: [number, number],
 ): void {
-  // Setting the colour costs more than drawing: points of a colour are drawn together
+  // Setting the colour costs more than drawing, so points are drawn colour by colour
   const byColour = new Map<string, number[]>();
   for (let i = 0; i < points.n; i++) {
     const z = points.origin[2] + points.xyz[3 * i + 2]!;
-    const rgb = inkOf(colouring, points.intensity[i]!, points.above_cm[i]!, z, heights);
+    const rgb = pointColour(colouring, points.intensity[i]!, points.above_cm[i]!, z, heights);
     const colour = `rgb(${rgb.map((part) => Math.round(part / 16) * 16).join(" ")})`;
     const same = byColour.get(colour);
     if (same) same.push(i);
@@ -117,12 +117,12 @@ function drawPoints(
 function drawHandle(context: CanvasRenderingContext2D, frame: Frame, handle: Handle): void {
   const [px, py] = frame.toPx(handle.node.x, handle.node.z);
   context.beginPath();
-  context.arc(px, py, handle.chosen ? HANDLE_PX + 2 : HANDLE_PX, 0, 2 * Math.PI);
+  context.arc(px, py, handle.selected ? HANDLE_PX + 2 : HANDLE_PX, 0, 2 * Math.PI);
   context.lineWidth = 2;
-  context.strokeStyle = handle.chosen ? INK.chosen : "rgb(0 0 0 / 60%)";
+  context.strokeStyle = handle.selected ? CANVAS.selected : "rgb(0 0 0 / 60%)";
   context.fillStyle = handle.colour;
-  // Hollow: the line has no vertex here, a drag inserts one
-  if (handle.node.vertex !== null || handle.chosen) context.fill();
+  // Hollow where the line has no vertex: a drag inserts one
+  if (handle.node.vertex !== null || handle.selected) context.fill();
   else context.strokeStyle = handle.colour;
   context.stroke();
 }

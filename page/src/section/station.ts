@@ -1,31 +1,30 @@
-// Where the section is: across the selected line if that is near, else across the van's way.
+// Where the section is: across the selected line if that is near, else across the vehicle's path.
 
-import { headingOf, nearestOn, type Station, stationAt } from "../app/along-line";
+import { headingOf, nearestOn, type Station, stationAt } from "../app/geometry";
 import { inSection, inWorld } from "./nodes";
 import type { Line, Place, Survey } from "../app/documents";
 
-// A line so far from where one looks is not what one looks at
-const BESIDE_M = 15;
-// The section is on the line, and stays on it
-const ON_M = 1;
+const NEAR_M = 15; // a selected line farther than this from the place is ignored
+const ON_M = 1; // a section within this distance of the line steps along it
 
-export function middleOf({ middle }: Survey): Place {
+export function startOf({ middle }: Survey): Place {
   return [middle[0], middle[1]];
 }
 
 export function stationFor(survey: Survey, line: Line | undefined, place: Place): Station {
   const onLine = line && nearestOn(line.xyz, place);
-  if (onLine && onLine.distance_m <= BESIDE_M) return onLine.station;
+  if (onLine && onLine.distance_m <= NEAR_M) return onLine.station;
   const onPath = nearestOn(survey.path, place)?.station;
   return { at: place, z: onPath?.z ?? survey.middle[2], heading_deg: onPath?.heading_deg ?? 0, chainage_m: 0 };
 }
 
-// The place on the line to go to when it is selected; null: the section is near it already
-export function farFrom(line: Line, station: Station): Station | null {
+// Where to move when a line is selected; null: the section is near it already
+export function stationOnto(line: Line, station: Station): Station | null {
   const here = nearestOn(line.xyz, station.at);
-  return here && here.distance_m > BESIDE_M ? here.station : null;
+  return here && here.distance_m > NEAR_M ? here.station : null;
 }
 
+// The station `by_m` farther along the line, or along the path
 export function stepped(survey: Survey, line: Line | undefined, station: Station, by_m: number): Station {
   const onLine = line && nearestOn(line.xyz, station.at);
   if (line && onLine && onLine.distance_m < ON_M) {
@@ -39,8 +38,8 @@ export function stepped(survey: Survey, line: Line | undefined, station: Station
 }
 
 // The next vertex of the line, ahead (1) or behind (-1)
-export function nextVertex(line: Line, station: Station, way: 1 | -1): Station | null {
-  const ahead = line.xyz.map((vertex, i) => ({ i, y: inSection(station, vertex)[1] * way }));
+export function nextVertex(line: Line, station: Station, direction: 1 | -1): Station | null {
+  const ahead = line.xyz.map((vertex, i) => ({ i, y: inSection(station, vertex)[1] * direction }));
   const next = ahead.filter(({ y }) => y > 0.01).sort((a, b) => a.y - b.y)[0];
   if (!next) return null;
   const [east, north, z] = line.xyz[next.i]!;

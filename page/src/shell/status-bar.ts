@@ -1,10 +1,10 @@
-// The bar below: coordinates under the mouse, the scale, messages, whether everything is saved.
+// The status bar: coordinates of the mouse, the scale, messages, and whether everything is saved.
 
 import type { App } from "../app/app";
 import { element } from "../controls/element";
 import type { PlanView } from "../plan/plan-view";
 
-const PX_PER_M = 96 / 0.0254; // of the screen as browsers count it
+const PX_PER_M = 96 / 0.0254; // CSS pixels per metre of the screen
 
 export class StatusBar {
   readonly element = element("div", { class: "status-bar" });
@@ -16,21 +16,21 @@ export class StatusBar {
 
   constructor(private readonly app: App, private readonly plan: PlanView) {
     const dismiss = element("button", {
-      type: "button", class: "dismiss", "aria-label": "Close the message", hidden: true, click: () => this.say("", "info"),
+      type: "button", class: "dismiss", "aria-label": "Dismiss the message", hidden: true, click: () => this.showMessage("", "info"),
     }, "×");
     this.element.append(this.coordinates(), this.scale(), this.message, dismiss, this.saved);
-    app.on("message", ({ text, kind }) => this.say(text, kind));
+    app.on("message", ({ text, kind }) => this.showMessage(text, kind));
     app.on("connected", (is) => {
       this.isConnected = is;
-      this.tellSaved();
+      this.showSaved();
     });
     app.on("saved", ({ waiting, since }) => {
-      if (since !== this.since) this.settled();
+      if (since !== this.since) this.clearProblem();
       [this.waiting, this.since] = [waiting, since];
-      this.tellSaved();
+      this.showSaved();
     });
-    for (const text of app.survey.warnings.slice(0, 1)) this.say(text, "info");
-    this.tellSaved();
+    for (const text of app.survey.warnings.slice(0, 1)) this.showMessage(text, "info");
+    this.showSaved();
   }
 
   private coordinates(): HTMLElement {
@@ -53,7 +53,7 @@ export class StatusBar {
     return text;
   }
 
-  private say(text: string, kind: "info" | "problem"): void {
+  private showMessage(text: string, kind: "info" | "problem"): void {
     this.message.textContent = text;
     this.message.title = text;
     this.message.dataset.kind = kind;
@@ -61,25 +61,25 @@ export class StatusBar {
     if (close) close.hidden = text === "";
   }
 
-  // An edit went well: what was wrong before is over
-  private settled(): void {
-    if (this.message.dataset.kind === "problem") this.say("", "info");
+  // An edit was saved, so an earlier problem no longer matters
+  private clearProblem(): void {
+    if (this.message.dataset.kind === "problem") this.showMessage("", "info");
   }
 
-  private tellSaved(): void {
+  private showSaved(): void {
     const { waiting, isConnected, since, saved } = this;
     const edits = `${waiting} edit${waiting === 1 ? "" : "s"}`;
     if (!isConnected) {
       saved.dataset.state = "away";
       saved.textContent = waiting > 0
-        ? `The server does not answer: ${edits} kept here, sent when it is back`
-        : "The server does not answer: trying again";
+        ? `The server does not answer: ${edits} kept here, to be sent when it is back`
+        : "The server does not answer: reconnecting …";
     } else if (waiting > 0) {
       saved.dataset.state = "saving";
       saved.textContent = `Saving ${edits} …`;
     } else {
       saved.dataset.state = "saved";
-      saved.textContent = since ? `Saved ${since.toLocaleTimeString([], { hour12: false })}` : "Everything is saved";
+      saved.textContent = since ? `Saved ${since.toLocaleTimeString([], { hour12: false })}` : "All edits saved";
     }
   }
 }

@@ -1,17 +1,17 @@
-// The stereo pairs in the order of the drive: which is near a place, which comes next, playing them one after another.
+// The stereo pairs in the order of the drive: the pair that sees a place, the next pair, and playback.
 
 import * as api from "../app/api";
 import type { Pair, Place } from "../app/documents";
 
-const MOST_KEPT = 6;
+const MAX_CACHED = 6; // pairs of images
 
 export class StereoDrive {
   pairs: Pair[] = [];
   playing = false;
   perSecond = 2;
-  private readonly kept = new Map<number, Promise<[HTMLImageElement, HTMLImageElement]>>();
+  private readonly cached = new Map<number, Promise<[HTMLImageElement, HTMLImageElement]>>();
 
-  // `show` shows a pair and comes back when it is seen
+  // `show` resolves when the pair is on the screen
   constructor(private readonly show: (pair: Pair) => Promise<void>, private readonly stopped: () => void) {}
 
   async load(): Promise<void> {
@@ -22,14 +22,13 @@ export class StereoDrive {
     return this.pairs.find((pair) => pair.number === number);
   }
 
-  // The pair `by` further along the drive; none beyond its ends
+  // The pair `by` places farther along the drive; undefined beyond its ends
   beside(number: number, by: number): Pair | undefined {
     const i = this.pairs.findIndex((pair) => pair.number === number);
     return i < 0 ? undefined : this.pairs[i + by];
   }
 
-  // The pair that sees a place best: the place is ahead of the camera, not far, and not to the side of its view.
-  // Where none sees it, the nearest.
+  // The pair that sees a place best: ahead of the cameras, not far, and within the field of view; otherwise the nearest
   seeing(place: Place): Pair | undefined {
     let best: Pair | undefined;
     let least = Infinity;
@@ -37,23 +36,23 @@ export class StereoDrive {
       const heading = (pair.heading_deg * Math.PI) / 180;
       const [de, dn] = [place[0] - pair.at[0], place[1] - pair.at[1]];
       const ahead = de * Math.sin(heading) + dn * Math.cos(heading);
-      const aside = Math.abs(de * Math.cos(heading) - dn * Math.sin(heading));
-      // Some 8 m ahead the road fills the lower half of an image; beyond 45 degrees nothing is in it
-      const cost = Math.abs(ahead - 8) + (ahead < aside || ahead < 4 ? 30 : 0);
+      const lateral = Math.abs(de * Math.cos(heading) - dn * Math.sin(heading));
+      // About 8 m ahead the road fills the lower half of the image; beyond 45 degrees off axis nothing is visible
+      const cost = Math.abs(ahead - 8) + (ahead < lateral || ahead < 4 ? 30 : 0);
       if (cost < least) [best, least] = [pair, cost];
     }
     return best;
   }
 
-  // Left and right image of a pair; asked for early, they are there when they are shown
+  // The left and right image of a pair; requesting them early avoids a wait when they are shown
   images(number: number): Promise<[HTMLImageElement, HTMLImageElement]> {
-    const kept = this.kept.get(number);
-    if (kept) return kept;
+    const cached = this.cached.get(number);
+    if (cached) return cached;
     const both = Promise.all([loaded(api.imageUrl(number, "left")), loaded(api.imageUrl(number, "right"))]);
-    this.kept.set(number, both);
-    both.catch(() => this.kept.delete(number));
-    const oldest = this.kept.keys().next().value;
-    if (this.kept.size > MOST_KEPT && oldest !== undefined) this.kept.delete(oldest);
+    this.cached.set(number, both);
+    both.catch(() => this.cached.delete(number));
+    const oldest = this.cached.keys().next().value;
+    if (this.cached.size > MAX_CACHED && oldest !== undefined) this.cached.delete(oldest);
     return both;
   }
 
@@ -82,7 +81,7 @@ function loaded(src: string): Promise<HTMLImageElement> {
   return new Promise((done, failed) => {
     const image = new Image();
     image.onload = () => done(image);
-    image.onerror = () => failed(new Error("This image of the drive cannot be read."));
+    image.onerror = () => failed(new Error("This stereo image cannot be read."));
     image.src = src;
   });
 }

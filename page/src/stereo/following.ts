@@ -1,8 +1,8 @@
-// A line that is followed from a pixel: what was seen of it, pair by pair, and where it was refused.
+// A line followed from a pixel: its sightings pair by pair, and where a pick was refused.
 
 import type { App } from "../app/app";
 import type { Px } from "./image";
-import type { FollowNews } from "../app/documents";
+import type { FollowMessage } from "../app/documents";
 
 type Side = "left" | "right";
 
@@ -10,62 +10,64 @@ interface Refusal {
   pair: number;
   side: Side;
   at: Px;
-  works: Px | null; // where it would work
+  suggestion: Px | null; // where it would work
 }
 
 export class ImageFollowing {
-  answer = ""; // why not
-  private seen = new Map<number, Record<Side, Px[]>>();
-  private picked: Omit<Refusal, "works"> | null = null;
+  refusalText = "";
+  private sightings = new Map<number, Record<Side, Px[]>>();
+  private picked: Omit<Refusal, "suggestion"> | null = null;
   private refusal: Refusal | null = null;
 
-  // `went`: it is seen in this pair now; `changed`: something else is to be drawn
-  constructor(private readonly app: App, private readonly went: (pair: number) => void, private readonly changed: () => void) {
-    app.on("follow", (news) => this.heard(news));
-    // Another line is followed now, or none
-    app.on("growth", ({ state, lines, seen }) => {
-      if (state === "idle" || (state === "growing" && lines.length === 0 && seen === null)) this.forget();
+  // `reached` reports the pair in which the line is now visible; `changed` asks for a redraw
+  constructor(
+    private readonly app: App, private readonly reached: (pair: number) => void, private readonly changed: () => void,
+  ) {
+    app.on("followMessage", (message) => this.receive(message));
+    // Another line is being followed, or none
+    app.on("growth", ({ state, lines, sighting }) => {
+      if (state === "idle" || (state === "growing" && lines.length === 0 && sighting === null)) this.clear();
     });
   }
 
-  // The images go along with a line that grows from a pixel
-  get is(): boolean {
+  // Whether a line is growing from a pixel: the view then follows it from pair to pair
+  get isGrowing(): boolean {
     const { state, pair } = this.app.following.growth;
     return state === "growing" && pair !== null;
   }
 
   pick(pair: number, side: Side, at: Px): void {
     this.picked = { pair, side, at };
-    this.app.emit("order", { type: "pick_image", pair, side, at_px: at, kind: this.app.followKind });
+    void this.app.following.pickInImage(pair, side, at);
   }
 
-  seenIn(pair: number, side: Side): Px[] {
-    return this.seen.get(pair)?.[side] ?? [];
+  sightingIn(pair: number, side: Side): Px[] {
+    return this.sightings.get(pair)?.[side] ?? [];
   }
 
   refusedIn(pair: number, side: Side): Refusal | null {
     return this.refusal?.pair === pair && this.refusal.side === side ? this.refusal : null;
   }
 
-  private heard(news: FollowNews): void {
-    if (news.type === "seen") {
-      this.seen.set(news.pair, { left: news.left, right: news.right });
-      if (this.is) this.went(news.pair);
+  private receive(message: FollowMessage): void {
+    if (message.type === "seen") {
+      this.sightings.set(message.pair, { left: message.left, right: message.right });
+      if (this.isGrowing) this.reached(message.pair);
       this.changed();
     }
-    if (news.type === "stopped") this.picked = null;
-    if (news.type !== "refused" || !this.picked) return;
-    this.refusal = { ...this.picked, works: news.works_px };
+    if (message.type === "stopped") this.picked = null;
+    if (message.type !== "refused" || !this.picked) return;
+    this.refusal = { ...this.picked, suggestion: message.works_px };
     this.picked = null;
-    this.answer = `${news.reason} ${news.advice}`.trim();
+    this.refusalText = `${message.reason} ${message.advice}`.trim();
     this.changed();
   }
 
-  private forget(): void {
-    if (this.seen.size === 0 && this.refusal === null) return;
-    this.seen = new Map();
+  private clear(): void {
+    if (this.sightings.size === 0 && this.refusal === null) return;
+    this.sightings = new Map();
     this.refusal = null;
-    this.answer = "";
+    this.refusalText = "";
     this.changed();
   }
 }

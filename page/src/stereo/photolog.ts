@@ -1,28 +1,26 @@
-// Photolog: the drive by chainage, a picture for each place, and the keys that the operator pressed there.
+// Photolog: the drive by chainage, with an image for each pair and the keys that the operator pressed there.
 
 import "./photolog.css";
-
 import * as api from "../app/api";
-import type { App, Pane } from "../app/app";
+import type { App } from "../app/app";
+import type { Pane } from "../controls/tabs";
 import { Bar, fill } from "../controls/bar";
 import { element } from "../controls/element";
-import { type DriveRow, nearestRow, rowsOf } from "./photolog-rows";
-import { Shown } from "../controls/visibility";
-import type { OperatorKey, Pair } from "../app/documents";
+import { Visibility } from "../controls/visibility";
+import type { OperatorKey, Pair, Vertex } from "../app/documents";
 
 const NAME = "photolog";
-// All rows are as high, so that only those in sight need to be there
-const ROW_PX = 66;
-const ALL = "";
-const ANY = "any";
+const ROW_PX = 66; // fixed, so that only visible rows need to exist; as in photolog.css
+const WHOLE_DRIVE = "";
+const ANY_KEY = "any";
 
 export class Photolog implements Pane {
   readonly element: HTMLElement;
   private readonly filter: HTMLSelectElement;
-  private readonly words: HTMLElement;
+  private readonly status: HTMLElement;
   private readonly list = element("div", { class: "photolog-list", tabindex: 0, role: "listbox", "aria-label": "Drive" });
-  private readonly room = element("div", { class: "photolog-room" });
-  private readonly shown: Shown;
+  private readonly scrolled = element("div", { class: "photolog-room" });
+  private readonly shown: Visibility;
   private pairs: Pair[] = [];
   private keys: OperatorKey[] = [];
   private rows: DriveRow[] = [];
@@ -31,12 +29,12 @@ export class Photolog implements Pane {
 
   constructor(private readonly app: App) {
     const bar = new Bar();
-    this.filter = bar.choice("Operator's keys", [[ALL, "Whole drive"]], () => this.filtered());
-    bar.number("go to", "Chainage", "m", { value: 0, least: 0, most: 1e7, step: 10 }, (chainage_m) => this.goTo(chainage_m));
-    this.words = bar.words();
-    this.list.append(this.room);
+    this.filter = bar.choice("Operator keys", [[WHOLE_DRIVE, "Whole drive"]], () => this.filterRows());
+    bar.number("go to", "Chainage", "m", { value: 0, min: 0, max: 1e7, step: 10 }, (chainage_m) => this.goTo(chainage_m));
+    this.status = bar.status();
+    this.list.append(this.scrolled);
     this.element = element("div", { class: "photolog" }, bar.element, this.list);
-    this.shown = new Shown(this.list, () => void this.appeared(), () => this.draw());
+    this.shown = new Visibility(this.list, () => void this.appeared(), () => this.draw());
     this.list.addEventListener("scroll", () => this.draw());
     this.list.addEventListener("keydown", (event) => this.key(event));
     app.on("pair", (number) => this.mark(number));
@@ -52,46 +50,46 @@ export class Photolog implements Pane {
         [this.pairs, this.keys] = await Promise.all([api.pairs(), api.keys()]);
         this.isLoaded = true;
       } catch (error) {
-        return this.app.problem(error);
+        return this.app.reportProblem(error);
       }
       const counts = new Map<string, number>();
       for (const { key } of this.keys) counts.set(key, (counts.get(key) ?? 0) + 1);
       const each = [...counts].sort().map(([key, n]): [string, string] => [`key ${key}`, `${key} (${n})`]);
-      fill(this.filter, [[ALL, "Whole drive"], [ANY, `Any key (${this.keys.length})`], ...each]);
+      fill(this.filter, [[WHOLE_DRIVE, "Whole drive"], [ANY_KEY, `Any key (${this.keys.length})`], ...each]);
     }
-    this.filtered();
+    this.filterRows();
   }
 
-  private filtered(): void {
+  private filterRows(): void {
     const { value } = this.filter;
     this.rows = rowsOf(this.pairs, this.keys).filter(
-      ({ keys }) => value === ALL || keys.some(({ key }) => value === ANY || value === `key ${key}`),
+      ({ keys }) => value === WHOLE_DRIVE || keys.some(({ key }) => value === ANY_KEY || value === `key ${key}`),
     );
-    this.room.style.height = `${this.rows.length * ROW_PX}px`;
-    this.words.textContent = `${this.rows.length} of ${this.pairs.length} pairs`;
+    this.scrolled.style.height = `${this.rows.length * ROW_PX}px`;
+    this.status.textContent = `${this.rows.length} of ${this.pairs.length} pairs`;
     this.draw();
   }
 
-  // Rows in sight, and some above and below
+  // The visible rows, and a few above and below
   private draw(): void {
-    if (!this.shown.is) return;
+    if (!this.shown.visible) return;
     const first = Math.max(0, Math.floor(this.list.scrollTop / ROW_PX) - 2);
     const last = Math.ceil((this.list.scrollTop + this.list.clientHeight) / ROW_PX) + 2;
-    const there = new Map([...this.room.children].map((child) => [(child as HTMLElement).dataset["row"] ?? "", child]));
-    const wanted = this.rows.slice(first, last).map((row, i) => {
-      const made = there.get(row.name) ?? this.row(row);
-      (made as HTMLElement).style.top = `${(first + i) * ROW_PX}px`;
-      made.setAttribute("aria-selected", String(row.pair?.number === this.current));
-      return made;
+    const existing = new Map([...this.scrolled.children].map((child) => [(child as HTMLElement).dataset["row"] ?? "", child]));
+    const visible = this.rows.slice(first, last).map((row, i) => {
+      const rowElement = existing.get(row.name) ?? this.row(row);
+      (rowElement as HTMLElement).style.top = `${(first + i) * ROW_PX}px`;
+      rowElement.setAttribute("aria-selected", String(row.pair?.number === this.current));
+      return rowElement;
     });
-    this.room.replaceChildren(...wanted);
+    this.scrolled.replaceChildren(...visible);
   }
 
   private row(row: DriveRow): HTMLElement {
     const { pair, keys } = row;
     const picture = pair
       ? element("img", { src: api.thumbnailUrl(pair.number), alt: `Pair ${pair.number}`, decoding: "async" })
-      : element("span", { class: "no-picture" }, "no images");
+      : element("span", { class: "no-picture" }, "no image");
     const chips = keys.map(({ key, note }) => element("span", { class: "key" }, element("kbd", {}, key), note));
     const place = element("span", { class: "chainage" }, `${row.chainage_m.toFixed(1)} m`);
     const time = element("span", { class: "time" }, `${row.time_s.toFixed(2)} s`);
@@ -111,13 +109,13 @@ export class Photolog implements Pane {
 
   private mark(number: number): void {
     this.current = number;
-    this.bringInSight(this.rows.findIndex(({ pair }) => pair?.number === number));
+    this.scrollTo(this.rows.findIndex(({ pair }) => pair?.number === number));
     this.draw();
   }
 
-  private bringInSight(i: number): void {
+  private scrollTo(i: number): void {
     const { scrollTop, clientHeight } = this.list;
-    if (i < 0 || !this.shown.is) return;
+    if (i < 0 || !this.shown.visible) return;
     if (i * ROW_PX < scrollTop) this.list.scrollTop = i * ROW_PX;
     else if ((i + 1) * ROW_PX > scrollTop + clientHeight) this.list.scrollTop = (i + 1) * ROW_PX - clientHeight;
   }
@@ -136,4 +134,48 @@ export class Photolog implements Pane {
     event.preventDefault();
     event.stopPropagation();
   }
+}
+
+// A pair and the operator keys nearest to it in time; in a survey without images, a key alone
+interface DriveRow {
+  name: string;
+  chainage_m: number;
+  time_s: number;
+  at: Vertex;
+  pair: Pair | null;
+  keys: OperatorKey[];
+}
+
+function rowsOf(pairs: readonly Pair[], keys: readonly OperatorKey[]): DriveRow[] {
+  const rows = pairs.map((pair): DriveRow => ({ ...positionOf(pair), name: `pair ${pair.number}`, pair, keys: [] }));
+  rows.sort((a, b) => a.time_s - b.time_s);
+  keys.forEach((key, i) => {
+    const nearby = rows[nearestTime(rows, key.time_s)];
+    if (nearby?.pair) nearby.keys.push(key);
+    else rows.push({ ...positionOf(key), name: `key ${i}`, pair: null, keys: [key] });
+  });
+  return rows;
+}
+
+function positionOf({ chainage_m, time_s, at }: Pair | OperatorKey): Pick<DriveRow, "chainage_m" | "time_s" | "at"> {
+  return { chainage_m, time_s, at };
+}
+
+// By time, not by chainage: a drive may pass a place twice
+function nearestTime(rows: readonly DriveRow[], time_s: number): number {
+  return nearest(rows, (row) => Math.abs(row.time_s - time_s));
+}
+
+function nearestRow(rows: readonly DriveRow[], chainage_m: number): number {
+  return nearest(rows, (row) => Math.abs(row.chainage_m - chainage_m));
+}
+
+function nearest(rows: readonly DriveRow[], distanceTo: (row: DriveRow) => number): number {
+  let best = -1;
+  let least = Infinity;
+  rows.forEach((row, i) => {
+    const distance = distanceTo(row);
+    if (distance < least) [best, least] = [i, distance];
+  });
+  return best;
 }

@@ -1,14 +1,14 @@
-// What of the images is in sight: moved and zoomed in both together; and clicks, which are no drags.
+// Panning and zooming both images together, and telling clicks from drags.
 
-import { type Px, type Sight, type StereoImage } from "./image";
+import type { Px, StereoImage, Viewport } from "./image";
 
 const CLICK_PX = 4;
-const MOST_SCALE = 16;
-const STEP = 1.25;
+const MAX_SCALE = 16; // canvas pixels per image pixel
+const ZOOM_STEP = 1.25; // per notch of the wheel
 
-export class SharedSight {
-  private own: Sight | null = null; // null: the whole image
-  private drag: { px: Px; sight: Sight; moved: boolean } | null = null;
+export class SharedViewport {
+  private chosen: Viewport | null = null; // null: the whole image
+  private drag: { px: Px; viewport: Viewport; moved: boolean } | null = null;
 
   constructor(
     private readonly images: readonly [StereoImage, StereoImage],
@@ -25,44 +25,44 @@ export class SharedSight {
     }
   }
 
-  get now(): Sight {
-    return this.own ?? this.images[0].whole();
+  get current(): Viewport {
+    return this.chosen ?? this.images[0].whole();
   }
 
-  look(sight: Sight | null): void {
-    this.own = sight;
+  show(viewport: Viewport | null): void {
+    this.chosen = viewport;
     this.changed();
   }
 
   private press(event: PointerEvent, image: StereoImage): void {
-    this.drag = { px: [event.clientX, event.clientY], sight: this.now, moved: false };
+    this.drag = { px: [event.clientX, event.clientY], viewport: this.current, moved: false };
     image.canvas.setPointerCapture(event.pointerId);
   }
 
   private move(event: PointerEvent): void {
     if (!this.drag) return;
-    const { px, sight } = this.drag;
+    const { px, viewport } = this.drag;
     const [dx, dy] = [event.clientX - px[0], event.clientY - px[1]];
     if (!this.drag.moved && Math.hypot(dx, dy) < CLICK_PX) return;
     this.drag.moved = true;
-    this.look({ scale: sight.scale, centre: [sight.centre[0] - dx / sight.scale, sight.centre[1] - dy / sight.scale] });
+    this.show({ scale: viewport.scale, centre: [viewport.centre[0] - dx / viewport.scale, viewport.centre[1] - dy / viewport.scale] });
   }
 
   private release(event: PointerEvent, image: StereoImage): void {
     const { drag } = this;
     this.drag = null;
-    if (drag && !drag.moved && event.button === 0) this.clicked(image.pixelAt(event, drag.sight), image);
+    if (drag && !drag.moved && event.button === 0) this.clicked(image.pixelAt(event, drag.viewport), image);
   }
 
-  // What is under the mouse stays there
+  // The pixel under the mouse stays in place
   private wheel(event: WheelEvent, image: StereoImage): void {
     event.preventDefault();
-    const before = this.now;
-    const least = this.images[0].whole().scale;
-    const scale = Math.min(MOST_SCALE, Math.max(least, before.scale * (event.deltaY > 0 ? 1 / STEP : STEP)));
-    if (scale === least) return this.look(null);
+    const before = this.current;
+    const minScale = this.images[0].whole().scale;
+    const scale = Math.min(MAX_SCALE, Math.max(minScale, before.scale * (event.deltaY > 0 ? 1 / ZOOM_STEP : ZOOM_STEP)));
+    if (scale === minScale) return this.show(null);
     const [x, y] = image.pixelAt(event, before);
-    const kept = (pixel: number, centre: number): number => pixel + ((centre - pixel) * before.scale) / scale;
-    this.look({ scale, centre: [kept(x + 0.5, before.centre[0]), kept(y + 0.5, before.centre[1])] });
+    const fixed = (pixel: number, centre: number): number => pixel + ((centre - pixel) * before.scale) / scale;
+    this.show({ scale, centre: [fixed(x + 0.5, before.centre[0]), fixed(y + 0.5, before.centre[1])] });
   }
 }

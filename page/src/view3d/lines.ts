@@ -1,45 +1,44 @@
-// Lines in space: by the colour of their kind, bridged stretches dashed, the selected wider.
+// The lines of the 3-D view: coloured by kind, bridged stretches dashed, selected lines wider.
 
 import { Color, Group } from "three";
 import { LineMaterial } from "three/addons/lines/LineMaterial.js";
 import { LineSegments2 } from "three/addons/lines/LineSegments2.js";
 import { LineSegmentsGeometry } from "three/addons/lines/LineSegmentsGeometry.js";
 
-import { bright, INK } from "../controls/colours";
+import { brightened, CANVAS } from "../controls/colours";
 import type { Line, Place, Vertex } from "../app/documents";
 
-// Lines so far away are a few pixels
-const REACH_M = 250;
-const GROWING = INK.seen;
-const ORDER = ["solid", "dashed", "halo", "chosen", "chosenDashed"]; // the later over the earlier
+const DRAW_RADIUS_M = 250; // lines farther away would be a few pixels
+const GROWING = CANVAS.followed;
+const ORDER = ["solid", "dashed", "halo", "selected", "selectedDashed"]; // later ones are drawn over earlier ones
 
 type Part = { positions: number[]; colours: number[] };
 
-export class SpaceLines {
+export class Lines3D {
   readonly group = new Group();
-  // Not hidden by points: paint lies among the points of the road, and would flicker
+  // Drawn over the points: paint lies among the points of the road and would flicker
   private readonly materials = {
     solid: material(2.5, false),
     dashed: material(2.5, true),
-    halo: material(8, false), // around what is selected
-    chosen: material(4.5, false),
-    chosenDashed: material(4.5, true),
+    halo: material(8, false), // around the selected lines
+    selected: material(4.5, false),
+    selectedDashed: material(4.5, true),
   };
   drawn: Line[] = [];
 
   show(
-    lines: Iterable<Line>, growing: readonly Line[], path: readonly Vertex[], chosen: readonly string[], at: Place,
-    origin: Vertex, colour: (kind: string) => string,
+    lines: Iterable<Line>, growing: readonly Line[], path: readonly Vertex[], selectedIds: readonly string[], at: Place,
+    origin: Vertex, colourOf: (kind: string) => string,
   ): void {
-    const parts = { solid: part(), dashed: part(), halo: part(), chosen: part(), chosenDashed: part() };
-    this.drawn = [...lines].filter((line) => line.review !== "rejected" && near(line, at));
+    const parts = { solid: part(), dashed: part(), halo: part(), selected: part(), selectedDashed: part() };
+    this.drawn = [...lines].filter((line) => line.review !== "rejected" && isNear(line, at));
     for (const line of this.drawn) {
-      const wide = chosen.includes(line.id);
-      const ink = new Color(bright(colour(line.kind)));
-      if (wide) addRun(line.xyz, new Color(INK.chosen), origin, parts.halo);
-      add(line, ink, origin, wide ? parts.chosen : parts.solid, wide ? parts.chosenDashed : parts.dashed);
+      const isSelected = selectedIds.includes(line.id);
+      const colour = new Color(brightened(colourOf(line.kind)));
+      if (isSelected) addRun(line.xyz, new Color(CANVAS.selected), origin, parts.halo);
+      add(line, colour, origin, isSelected ? parts.selected : parts.solid, isSelected ? parts.selectedDashed : parts.dashed);
     }
-    for (const line of growing) add(line, new Color(GROWING), origin, parts.chosen, parts.chosenDashed);
+    for (const line of growing) add(line, new Color(GROWING), origin, parts.selected, parts.selectedDashed);
     addRun(path, new Color("#4a5563"), origin, parts.solid);
     this.clear();
     for (const [name, { positions, colours }] of Object.entries(parts) as [keyof typeof parts, Part][]) {
@@ -74,22 +73,22 @@ function material(linewidth: number, dashed: boolean): LineMaterial {
 
 const part = (): Part => ({ positions: [], colours: [] });
 
-function near(line: Line, at: Place): boolean {
-  return line.xyz.some(([e, n]) => Math.abs(e - at[0]) < REACH_M && Math.abs(n - at[1]) < REACH_M);
+function isNear(line: Line, at: Place): boolean {
+  return line.xyz.some(([e, n]) => Math.abs(e - at[0]) < DRAW_RADIUS_M && Math.abs(n - at[1]) < DRAW_RADIUS_M);
 }
 
-function add(line: Line, ink: Color, origin: Vertex, solid: Part, dashed: Part): void {
+function add(line: Line, colour: Color, origin: Vertex, solid: Part, dashed: Part): void {
   for (let i = 1; i < line.xyz.length; i++) {
     const isBridged = line.bridged.some(([first, last]) => first <= i - 1 && i <= last);
-    addRun(line.xyz.slice(i - 1, i + 1), ink, origin, isBridged ? dashed : solid);
+    addRun(line.xyz.slice(i - 1, i + 1), colour, origin, isBridged ? dashed : solid);
   }
 }
 
-function addRun(xyz: readonly Vertex[], ink: Color, origin: Vertex, into: Part): void {
+function addRun(xyz: readonly Vertex[], colour: Color, origin: Vertex, target: Part): void {
   for (let i = 1; i < xyz.length; i++) {
     for (const vertex of [xyz[i - 1]!, xyz[i]!]) {
-      into.positions.push(vertex[0] - origin[0], vertex[1] - origin[1], vertex[2] - origin[2]);
-      into.colours.push(ink.r, ink.g, ink.b);
+      target.positions.push(vertex[0] - origin[0], vertex[1] - origin[1], vertex[2] - origin[2]);
+      target.colours.push(colour.r, colour.g, colour.b);
     }
   }
 }

@@ -1,19 +1,19 @@
-// Points around a place: dense near it, coarser around, so that there are never more than a browser draws at ease.
+// Points around a place: dense near it and coarser farther out, so that a browser can draw them smoothly.
 
 import { BufferAttribute, BufferGeometry, Group, Points, PointsMaterial } from "three";
 
 import * as api from "../app/api";
-import { type Colouring, inkOf } from "../controls/colours";
+import { type Colouring, pointColour } from "../controls/colours";
 import type { Place, Vertex } from "../app/documents";
+import type { Projection } from "./pick";
 
-// Half the width of each ring, and the most points in it; 150 000 all in all
+// Half width and point limit of each square ring; 150,000 points in all
 const RINGS = [
-  { half_m: 12, most: 60_000 },
-  { half_m: 40, most: 50_000 },
-  { half_m: 130, most: 40_000 },
+  { half_m: 12, max: 60_000 },
+  { half_m: 40, max: 50_000 },
+  { half_m: 130, max: 40_000 },
 ] as const;
-// Farther than so from where they were loaded, what one looks at is not dense any more
-export const RELOAD_M = 6;
+export const RELOAD_M = 6; // reload once the view is this far from the centre of the dense ring
 
 interface Ring {
   points: api.Points;
@@ -32,14 +32,14 @@ export class PointRings {
     return this.rings.reduce((sum, { points }) => sum + points.n, 0);
   }
 
-  // Load what is around a place, the near first; `shown` is called after each ring
+  // Load the rings around a place, innermost first; `shown` is called after each
   async load(at: Place, origin: Vertex, colouring: Colouring, shown: () => void): Promise<void> {
     this.at = at;
     const rings: Ring[] = [];
     let inner: Bounds | null = null;
-    for (const { half_m, most } of RINGS) {
+    for (const { half_m, max } of RINGS) {
       const bounds: Bounds = [at[0] - half_m, at[1] - half_m, at[0] + half_m, at[1] + half_m];
-      const points: api.Points = without(await api.points(bounds, most), inner);
+      const points: api.Points = without(await api.points(bounds, max), inner);
       rings.push({ points, cloud: this.cloud(points, origin, colouring) });
       inner = bounds;
       this.replace(rings);
@@ -57,18 +57,16 @@ export class PointRings {
     this.material.size = pixels;
   }
 
-  // The place seen nearest to the eye within a few pixels; `seen` is the pixel distance and depth of a local place
-  nearest(
-    seen: (x: number, y: number, z: number) => { far: number; depth: number } | null, within_px: number,
-  ): { at: Vertex; depth: number } | null {
+  // The point nearest to the camera among those within a few pixels
+  nearest(project: Projection, within_px: number): { at: Vertex; depth: number } | null {
     let best: { at: Vertex; depth: number } | null = null;
     for (const { points, cloud } of this.rings) {
       const { x, y, z } = cloud.position;
       for (let i = 0; i < points.n; i++) {
         const [px, py, pz] = [points.xyz[3 * i]!, points.xyz[3 * i + 1]!, points.xyz[3 * i + 2]!];
-        const here = seen(x + px, y + py, z + pz);
-        if (!here || here.far > within_px || (best && here.depth >= best.depth)) continue;
-        best = { at: [points.origin[0] + px, points.origin[1] + py, points.origin[2] + pz], depth: here.depth };
+        const hit = project(x + px, y + py, z + pz);
+        if (!hit || hit.distance_px > within_px || (best && hit.depth >= best.depth)) continue;
+        best = { at: [points.origin[0] + px, points.origin[1] + py, points.origin[2] + pz], depth: hit.depth };
       }
     }
     return best;
@@ -79,7 +77,7 @@ export class PointRings {
     geometry.setAttribute("position", new BufferAttribute(points.xyz, 3));
     geometry.setAttribute("color", this.colours(points, colouring));
     const cloud = new Points(geometry, this.material);
-    // Subtracted in double: coordinates of millions of metres do not fit a float32
+    // Subtracted in float64: coordinates of millions of metres do not fit a float32
     cloud.position.set(points.origin[0] - origin[0], points.origin[1] - origin[1], points.origin[2] - origin[2]);
     return cloud;
   }
@@ -88,7 +86,7 @@ export class PointRings {
     const colours = new Uint8Array(3 * points.n);
     for (let i = 0; i < points.n; i++) {
       const z = points.origin[2] + points.xyz[3 * i + 2]!;
-      colours.set(inkOf(colouring, points.intensity[i]!, points.above_cm[i]!, z, this.heights), 3 * i);
+      colours.set(pointColour(colouring, points.intensity[i]!, points.above_cm[i]!, z, this.heights), 3 * i);
     }
     return new BufferAttribute(colours, 3, true);
   }
@@ -103,7 +101,7 @@ export class PointRings {
 
 type Bounds = [number, number, number, number];
 
-// What a ring inside shows already is left out
+// Leaves out the points that the next inner ring shows
 function without(points: api.Points, bounds: Bounds | null): api.Points {
   if (!bounds) return points;
   const [west, south, east, north] = bounds;

@@ -1,48 +1,46 @@
-// 3-D view: points around where one looks, and the lines. Drawn when something changes, never in an endless loop:
-// where there is no graphics card, a picture takes a tenth of a second.
+// The 3-D view: points around a place, and the lines. Drawn only when something changes, never in a loop: without a
+// graphics card a frame takes 0.1 s.
 
 import "./view3d.css";
-
 import { Color, ColorManagement, LinearSRGBColorSpace, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
-
-import { nearestOn } from "../app/along-line";
-import type { App, Pane } from "../app/app";
+import { nearestOn } from "../app/geometry";
+import type { App } from "../app/app";
+import type { Pane } from "../controls/tabs";
 import { Bar } from "../controls/bar";
 import { element } from "../controls/element";
-import { type Colouring, COLOURINGS, INK } from "../controls/colours";
-import { Latest, Shown } from "../controls/visibility";
-import { Calm } from "./deferral";
-import { SpaceLines } from "./lines";
-import { lineAt, seenFrom } from "./pick";
+import { type Colouring, COLOURINGS, CANVAS } from "../controls/colours";
+import { LatestTask, Visibility } from "../controls/visibility";
+import { Lines3D } from "./lines";
+import { lineAt, projectionAt } from "./pick";
 import { PointRings, RELOAD_M } from "./points";
 import type { Line, Place, Vertex } from "../app/documents";
 
-// Colours are drawn as they are given
+// Draw colours as given, without colour conversion
 ColorManagement.enabled = false;
 
 const NAME = "3-D";
 const CLICK_PX = 4;
-const NEAR_PX = 8;
-const ALONG_M = 8; // the eye stands some 15 m away: what is farther from where it looks leaves the picture
+const PICK_RADIUS_PX = 8;
+const ALONG_M = 8; // the camera stands about 15 m away: a growing end farther than this from its target leaves the picture
 
-export class ThreeView implements Pane {
+export class View3D implements Pane {
   readonly element: HTMLElement;
   private readonly canvas = element("canvas", { "aria-label": "3-D view", tabindex: 0 });
-  private readonly words: HTMLElement;
-  private readonly shown: Shown;
-  private readonly loading = new Latest();
+  private readonly status: HTMLElement;
+  private readonly shown: Visibility;
+  private readonly loading = new LatestTask();
   private readonly scene = new Scene();
   private readonly camera = new PerspectiveCamera(50, 1, 0.3, 2000);
   private readonly points: PointRings;
-  private readonly lines = new SpaceLines();
-  private readonly origin: Vertex; // what is drawn is measured from here
-  private readonly focus = new Vector3(); // what the eye turns about, from the origin
+  private readonly lines = new Lines3D();
+  private readonly origin: Vertex; // coordinates of the scene are relative to it
+  private readonly focus = new Vector3(); // the camera's target, relative to the origin
   private renderer: WebGLRenderer | null = null;
   private controls: OrbitControls | null = null;
   private colouring: Colouring = "intensity";
   private growing: Line[] = [];
-  private asked = false;
+  private isFrameRequested = false;
   private pressed: [number, number] | null = null;
 
   constructor(private readonly app: App) {
@@ -56,14 +54,14 @@ export class ThreeView implements Pane {
       this.draw();
     }).value = "2";
     bar.button("Selection", "Look at the selected line", () => this.toSelection());
-    bar.button("From above", "Look straight down", () => this.eye(new Vector3(0, -0.01, 25)));
+    bar.button("From above", "Look straight down", () => this.placeCamera(new Vector3(0, -0.01, 25)));
     bar.button("Along", "Look along the drive", () => this.alongDrive());
-    this.words = bar.words();
+    this.status = bar.status();
     this.element = element("div", { class: "three-view" }, bar.element, this.canvas);
-    this.scene.background = new Color(INK.canvas);
+    this.scene.background = new Color(CANVAS.background);
     this.scene.add(this.points.group, this.lines.group);
     this.camera.up.set(0, 0, 1);
-    this.shown = new Shown(this.canvas, () => this.appeared(), () => this.resized());
+    this.shown = new Visibility(this.canvas, () => this.appeared(), () => this.resized());
     this.alongDrive();
     this.listen();
   }
@@ -81,16 +79,16 @@ export class ThreeView implements Pane {
 
   private listen(): void {
     const { app, canvas } = this;
-    const calm = new Calm(app, () => app.following.growth.state === "growing");
+    const deferral = new Deferral(app);
     app.on("look", ({ at, by }) => {
       const isPick = by === "plan" && app.tool === "follow"; // a line is about to grow there
-      if (by !== NAME) calm.when("look", () => this.lookAt([at[0], at[1], this.ground(at)]), isPick || undefined);
+      if (by !== NAME) deferral.run("look", () => this.lookAt([at[0], at[1], this.groundHeight(at)]), isPick);
     });
     app.on("selection", () => this.showLines());
     app.on("lines", () => this.showLines());
-    app.on("growing", ({ lines }) =>
-      calm.when("growing", () => {
-        this.goAlong(lines);
+    app.on("growth", ({ lines }) =>
+      deferral.run("growth", () => {
+        this.followGrowth(lines);
         this.growing = lines;
         this.showLines();
       }),
@@ -99,14 +97,14 @@ export class ThreeView implements Pane {
     canvas.addEventListener("pointerup", (event) => this.release(event));
   }
 
-  // The context is made when the view is first seen; where there is no WebGL the page goes on without it
+  // The WebGL context is created when the view first appears; without WebGL the rest of the page still works
   private appeared(): void {
     if (!this.renderer) {
       try {
         this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true });
         this.renderer.outputColorSpace = LinearSRGBColorSpace;
       } catch {
-        this.words.textContent = "This browser has no WebGL: there is no 3-D view.";
+        this.status.textContent = "The 3-D view needs WebGL, which this browser does not provide.";
         return;
       }
       this.controls = new OrbitControls(this.camera, this.canvas);
@@ -127,11 +125,11 @@ export class ThreeView implements Pane {
     return [this.origin[0] + x, this.origin[1] + y, this.origin[2] + z];
   }
 
-  private ground(place: Place): number {
+  private groundHeight(place: Place): number {
     return nearestOn(this.app.survey.path, place)?.station.z ?? this.origin[2];
   }
 
-  // The eye goes along, at its distance and direction
+  // Moves the camera's target, keeping distance and direction
   private lookAt(vertex: Vertex): void {
     const to = this.local(vertex);
     this.camera.position.add(to.clone().sub(this.focus));
@@ -140,21 +138,21 @@ export class ThreeView implements Pane {
     this.moved();
   }
 
-  // Where a line grows, the view goes along with its end
-  private goAlong([line]: Line[]): void {
+  // Follows the growing end of a line
+  private followGrowth([line]: Line[]): void {
     const before = this.growing[0]?.xyz ?? [];
     const ends = [line?.xyz[0], line?.xyz[line.xyz.length - 1]] as const;
     const [moved] = [...ends.entries()]
-      .map(([i, end]) => ({ end, by: apart(end, before[i === 0 ? 0 : before.length - 1]) }))
+      .map(([i, end]) => ({ end, by: planDistance(end, before[i === 0 ? 0 : before.length - 1]) }))
       .sort((a, b) => b.by - a.by);
-    if (moved?.end && moved.by > 0 && apart(moved.end, this.target) > ALONG_M) this.lookAt(moved.end);
+    if (moved?.end && moved.by > 0 && planDistance(moved.end, this.target) > ALONG_M) this.lookAt(moved.end);
   }
 
   private local(vertex: Vertex): Vector3 {
     return new Vector3(vertex[0] - this.origin[0], vertex[1] - this.origin[1], vertex[2] - this.origin[2]);
   }
 
-  private eye(from: Vector3): void {
+  private placeCamera(from: Vector3): void {
     this.camera.position.copy(this.focus).add(from);
     this.controls?.update();
     this.draw();
@@ -163,7 +161,7 @@ export class ThreeView implements Pane {
   private alongDrive(): void {
     const station = nearestOn(this.app.survey.path, [this.target[0], this.target[1]])?.station;
     const heading = ((station?.heading_deg ?? 0) * Math.PI) / 180;
-    this.eye(new Vector3(-14 * Math.sin(heading), -14 * Math.cos(heading), 7));
+    this.placeCamera(new Vector3(-14 * Math.sin(heading), -14 * Math.cos(heading), 7));
   }
 
   private toSelection(): void {
@@ -182,13 +180,13 @@ export class ThreeView implements Pane {
   }
 
   private load(): void {
-    if (!this.shown.is || !this.renderer) return;
+    if (!this.shown.visible || !this.renderer) return;
     const [e, n] = this.target;
-    void this.loading.ask(async () => {
+    void this.loading.run(async () => {
       try {
         await this.points.load([e, n], this.origin, this.colouring, () => this.draw());
       } catch (error) {
-        this.app.problem(error);
+        this.app.reportProblem(error);
       }
       this.showLines();
     });
@@ -201,7 +199,7 @@ export class ThreeView implements Pane {
   }
 
   private showLines(): void {
-    if (!this.shown.is || !this.renderer) return;
+    if (!this.shown.visible || !this.renderer) return;
     const { app } = this;
     const [e, n] = this.target;
     this.lines.show(
@@ -211,15 +209,15 @@ export class ThreeView implements Pane {
     this.draw();
   }
 
-  // Once per picture, however often it is asked for
+  // At most once per frame
   private draw(): void {
-    if (this.asked || !this.shown.is) return;
-    this.asked = true;
+    if (this.isFrameRequested || !this.shown.visible) return;
+    this.isFrameRequested = true;
     requestAnimationFrame(() => {
-      this.asked = false;
+      this.isFrameRequested = false;
       this.renderer?.render(this.scene, this.camera);
       this.element.dataset["points"] = String(this.points.n);
-      this.words.textContent = `${this.points.n.toLocaleString("en")} points`;
+      this.status.textContent = `${this.points.n.toLocaleString("en")} points`;
     });
   }
 
@@ -229,16 +227,46 @@ export class ThreeView implements Pane {
     if (!pressed || event.button !== 0) return;
     if (Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) > CLICK_PX) return;
     const box = this.canvas.getBoundingClientRect();
-    const seen = seenFrom(this.camera, box, event.clientX - box.left, event.clientY - box.top);
-    const line = lineAt(this.lines.drawn, this.origin, seen, NEAR_PX);
+    const project = projectionAt(this.camera, box, event.clientX - box.left, event.clientY - box.top);
+    const line = lineAt(this.lines.drawn, this.origin, project, PICK_RADIUS_PX);
     if (line) return this.app.select([line.id]);
-    const point = this.points.nearest(seen, NEAR_PX);
+    const point = this.points.nearest(project, PICK_RADIUS_PX);
     if (!point) return this.app.select([]);
     this.lookAt(point.at);
     this.app.emit("look", { at: [point.at[0], point.at[1]], by: NAME });
   }
 }
 
-function apart(a?: Vertex, b?: Vertex): number {
+function planDistance(a?: Vertex, b?: Vertex): number {
   return a && b ? Math.hypot(a[0] - b[0], a[1] - b[1]) : 0;
+}
+
+const MAX_DEFERRAL_MS = 1500; // a line that grows for long is still drawn now and then
+
+// Puts off redrawing while a line grows: drawing 150,000 points without a graphics card took 0.6 s of the 0.8 s to the
+// first metres of the line.
+class Deferral {
+  private readonly waiting = new Map<string, () => void>();
+  private timer = 0;
+
+  constructor(private readonly app: App) {
+    app.on("growth", ({ state }) => {
+      if (state !== "growing") this.runAll();
+    });
+  }
+
+  // Run a task now or, while a line grows, later; of the tasks of one name only the last is run
+  run(name: string, task: () => void, isGrowthExpected = false): void {
+    if (!isGrowthExpected && this.app.following.growth.state !== "growing") return task();
+    this.waiting.set(name, task);
+    this.timer ||= window.setTimeout(() => this.runAll(), MAX_DEFERRAL_MS);
+  }
+
+  private runAll(): void {
+    window.clearTimeout(this.timer);
+    this.timer = 0;
+    const tasks = [...this.waiting.values()];
+    this.waiting.clear();
+    for (const task of tasks) task();
+  }
 }
