@@ -173,6 +173,21 @@ def test_a_line_is_drawn(plan):
     assert np.isfinite(xyz[:, 2]).all()
 
 
+def test_a_double_click_finishes_a_line(plan):
+    line = next(line for line in plan.documents().values() if line["kind"] == "lane_marking")
+    places = [tuple(vertex[:2]) for vertex in line["xyz"][:9:4]]
+    plan.look_at(places[1])
+    plan.press("d")
+    plan.page.select_option("select[name=kind]", "lane_marking")
+    before = plan.revision
+    for place in places[:-1]:
+        plan.click(place)
+    plan.click(places[-1], click_count=2)
+    drawn = plan.saved_since(before).of_kind("lane_marking")
+    newest = drawn.take(drawn.review == "drawn")
+    assert np.diff(newest.offsets).tolist() == [3], "the second click of the two adds no vertex"
+
+
 def test_measuring_tells_distance_and_height(plan, boundary):
     before = plan.revision
     a, b = boundary["xyz"][2], boundary["xyz"][-3]

@@ -23,7 +23,13 @@ export class Drawing {
     this.path.add(place);
   }
 
-  async finish(): Promise<void> {
+  // A double-click finishes the line; its second click has added the last vertex twice
+  doubleClick(): void {
+    this.path.removeLast();
+    void this.finish();
+  }
+
+  private async finish(): Promise<void> {
     const xyz = this.path.places;
     if (xyz.length < 2)
       return this.app.emit("message", { text: "A line needs at least two vertices.", kind: "problem" });

@@ -101,7 +101,8 @@ export class PlanView implements Pane {
   private listen(): void {
     const { app, map } = this;
     map.on("click", (event) => this.clicked(event));
-    map.on("dblclick", () => void (app.tool === "draw" && this.drawing.finish()));
+    // The browser's event: OpenLayers takes any two clicks within 250 ms for a double-click, wherever they are
+    this.target.addEventListener("dblclick", () => void (app.tool === "draw" && this.drawing.doubleClick()));
     map.on("pointermove", (event) => this.moved(placeOf(event.coordinate)));
     this.target.addEventListener("pointerleave", () => this.left());
     app.on("look", ({ at, by }) => {
