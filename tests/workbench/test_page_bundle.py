@@ -50,7 +50,9 @@ def imports() -> dict[PurePosixPath, set[PurePosixPath]]:
     scripts = {PurePosixPath(path.relative_to(src).as_posix()) for path in src.rglob("*.ts")}
     found: dict[PurePosixPath, set[PurePosixPath]] = {}
     for script in scripts:
-        named = (os.path.normpath(script.parent / name) for name in IMPORT.findall((src / script).read_text()))
+        named = (
+            os.path.normpath(script.parent / name) for name in IMPORT.findall((src / script).read_text())
+        )
         targets = {PurePosixPath(name if name.endswith(".css") else f"{name}.ts") for name in named}
         assert all((src / target).is_file() for target in targets), (script, targets)
         found[script] = targets & scripts
