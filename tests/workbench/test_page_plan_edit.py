@@ -73,6 +73,19 @@ def test_a_vertex_is_inserted_and_removed(plan, boundary):
     assert len(of(plan, boundary)["xyz"]) == n
 
 
+def test_an_active_vertex_is_of_its_line_only(plan, boundary):
+    plan.click(middle_of(boundary["xyz"]))
+    marking = next(line for line in plan.documents().values() if line["kind"] == "lane_marking")
+    plan.look_at(middle_of(marking["xyz"]))
+    plan.click(middle_of(marking["xyz"]))
+    wait_until(lambda: plan.selected == [marking["id"]])
+    before = plan.revision
+    plan.press("Delete")
+    lines = plan.saved_since(before)
+    assert marking["id"] not in lines.id.tolist()
+    assert of(plan, boundary)["xyz"] == boundary["xyz"]
+
+
 def test_split_and_join(plan, boundary):
     before = plan.revision
     plan.click(middle_of(boundary["xyz"]))

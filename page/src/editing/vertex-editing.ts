@@ -1,12 +1,15 @@
-// Vertices of the selected line in plan: drag one, click or drag a segment to insert one, the last clicked is active.
+// Editing the vertices of the selected line with OpenLayers' Modify: drag a vertex to move it, click or drag a segment to
+// insert one, click a vertex to make it active. Modify changes a copy of the line; the resulting edit goes to the server.
 
+import type { Coordinate } from "ol/coordinate";
+import Collection from "ol/Collection";
+import { noModifierKeys, primaryAction } from "ol/events/condition";
 import Feature from "ol/Feature";
 import LineString from "ol/geom/LineString";
 import MultiPoint from "ol/geom/MultiPoint";
 import Point from "ol/geom/Point";
-import PointerInteraction from "ol/interaction/Pointer";
+import Modify from "ol/interaction/Modify";
 import VectorLayer from "ol/layer/Vector";
-import type MapBrowserEvent from "ol/MapBrowserEvent";
 import type OlMap from "ol/Map";
 import VectorSource from "ol/source/Vector";
 import CircleStyle from "ol/style/Circle";
@@ -14,44 +17,47 @@ import Fill from "ol/style/Fill";
 import Stroke from "ol/style/Stroke";
 import Style from "ol/style/Style";
 import type { App } from "../app/app";
-import { placeOf } from "../app/geometry";
 import type { Edit, Line, Place } from "../app/documents";
-import { handlesOf, type Hold, holdAt } from "./vertex-handles";
+import { placeOf } from "../app/geometry";
 
-const MOVED_PX = 3; // less is a click
+const REACH_PX = 8; // how near to a vertex or a segment the mouse has to be
+const APART_PX = 18; // vertices shown closer together would hide the line
 
-export class VertexEditing extends PointerInteraction {
-  active: number | null = null; // a vertex of the selected line
-  private readonly handles = new Feature<MultiPoint>();
-  private readonly one = new Feature<Point>();
-  private readonly preview = new Feature<LineString>();
+export class VertexEditing {
+  active: number | null = null; // the vertex of the selected line that was clicked last
+  private shown: Line | null = null; // the line that `copy` was made from
+  private readonly copy = new Feature<LineString>();
   readonly layer = new VectorLayer({
-    source: new VectorSource({ features: [this.preview, this.handles, this.one] }), updateWhileInteracting: true,
+    source: new VectorSource({ features: [this.copy] }), updateWhileInteracting: true,
+    style: (_, resolution) => this.styles(resolution),
   });
-  private hold: Hold | null = null;
-  private from_px: readonly number[] = [0, 0];
+  private readonly modify = new Modify({
+    features: new Collection([this.copy]),
+    pixelTolerance: REACH_PX,
+    condition: (event) => noModifierKeys(event) && primaryAction(event), // Shift selects
+    deleteCondition: () => false, // the Delete key removes the active vertex
+    style: (vertex) => (vertex.get("existing") ? HOVERED : INSERTED),
+  });
+  private before: Coordinate[] | null = null; // coordinates of the copy when the drag began; null: no drag
+  private saving = 0; // edits in flight
 
-  constructor(private readonly app: App, private readonly map: OlMap) {
-    super();
-    this.handles.setStyle(dot(4, "#ffffff", "#16202c"));
-    this.preview.setStyle(new Style({ stroke: new Stroke({ color: "#ffb000", width: 2, lineDash: [6, 4] }) }));
-    app.on("selection", () => this.begin());
-    app.on("lines", () => this.begin());
-    app.on("tool", () => this.begin());
-    map.on("moveend", () => this.draw());
+  constructor(private readonly app: App, map: OlMap) {
+    map.addInteraction(this.modify);
+    this.modify.on("modifystart", () => (this.before = this.coordinates));
+    this.modify.on("modifyend", () => void this.save());
+    const onVertex = (is: boolean) => map.getTargetElement()?.classList.toggle("on-vertex", is);
+    this.modify.getOverlay().getSource()?.on("addfeature", () => onVertex(true));
+    this.modify.getOverlay().getSource()?.on("removefeature", () => onVertex(false));
+    map.on("click", () => this.activate(this.vertexAt(this.modify.getPoint())));
+    for (const event of ["selection", "lines", "tool"] as const) app.on(event, () => this.update());
   }
 
-  // The line that can be edited: the only selected one
+  // The line that can be edited: the only one selected
   get line(): Line | null {
     const [id, ...others] = this.app.selection;
     if (id === undefined || others.length > 0 || this.app.tool !== "select") return null;
     const line = this.app.lines.get(id);
     return line === undefined || line.review === "rejected" ? null : line;
-  }
-
-  activate(vertex: number | null): void {
-    this.active = vertex;
-    this.draw();
   }
 
   removeActive(): boolean {
@@ -62,78 +68,86 @@ export class VertexEditing extends PointerInteraction {
     return true;
   }
 
-  private begin(): void {
-    if (this.active !== null && this.active >= (this.line?.xyz.length ?? 0)) this.active = null;
-    if (this.line === null) this.active = null;
-    this.preview.setGeometry(undefined);
-    this.draw();
+  private get coordinates(): Coordinate[] {
+    return this.copy.getGeometry()?.getCoordinates() ?? [];
   }
 
-  private draw(): void {
-    const line = this.line;
-    const shown = line ? handlesOf(line, this.map.getView().getResolution() ?? 1) : [];
-    const at = (i: number): Place[] => (line?.xyz[i] ? [placeOf(line.xyz[i])] : []);
-    this.handles.setGeometry(new MultiPoint(shown.flatMap(at)));
-    const [place] = this.active === null ? [] : at(this.active);
-    this.mark(place ?? null, "active");
+  private activate(vertex: number | null): void {
+    this.active = vertex;
+    this.layer.changed();
   }
 
-  private mark(place: Place | null, as: "active" | "vertex" | "segment"): void {
-    this.one.setGeometry(place ? new Point(place) : undefined);
-    this.one.setStyle(as === "segment" ? dot(5, "rgba(255, 255, 255, 0.6)", "#ffb000") : dot(6, "#ffb000", "#16202c"));
+  private vertexAt(point: Coordinate | null): number | null {
+    const found = point === null ? -1 : this.coordinates.findIndex(([e, n]) => e === point[0] && n === point[1]);
+    return found < 0 ? null : found;
   }
 
-  override handleMoveEvent(event: MapBrowserEvent): void {
-    const line = this.line;
-    const hold = line && !event.originalEvent.shiftKey ? holdAt(line, placeOf(event.coordinate), this.map) : null;
-    this.map.getTargetElement()?.classList.toggle("on-vertex", hold !== null);
-    if (hold) this.mark(hold.at, hold.on);
-    else this.draw();
+  // Copy the selected line as the server has it, unless the copy is up to date or an edit of it is under way
+  private update(isSaved = false): void {
+    const { line, shown } = this;
+    const isSame = line?.id === shown?.id;
+    if (this.before !== null || (line === shown && !isSaved) || (isSame && this.saving > 0)) return;
+    if (!isSame || (this.active ?? 0) >= (line?.xyz.length ?? 0)) this.active = null;
+    this.shown = line;
+    this.copy.setGeometry(line ? new LineString(line.xyz.map(placeOf)) : undefined);
   }
 
-  override handleDownEvent(event: MapBrowserEvent): boolean {
-    const line = this.line;
-    if (line === null || event.originalEvent.shiftKey || (event.originalEvent as PointerEvent).button !== 0) return false;
-    this.hold = holdAt(line, placeOf(event.coordinate), this.map);
-    this.from_px = event.pixel;
-    return this.hold !== null;
-  }
-
-  override handleDragEvent(event: MapBrowserEvent): void {
-    const [line, hold] = [this.line, this.hold];
-    if (line === null || hold === null || !this.moved(event)) return;
-    const place = placeOf(event.coordinate);
-    const next = line.xyz[hold.vertex + 1];
-    const before = hold.on === "vertex" ? line.xyz[hold.vertex - 1] : line.xyz[hold.vertex];
-    const part = [...(before ? [placeOf(before)] : []), place, ...(next ? [placeOf(next)] : [])];
-    this.preview.setGeometry(new LineString(part));
-    this.mark(place, hold.on);
-  }
-
-  override handleUpEvent(event: MapBrowserEvent): boolean {
-    const [line, hold] = [this.line, this.hold];
-    this.hold = null;
-    if (line === null || hold === null) return false;
-    const to = this.moved(event) ? placeOf(event.coordinate) : hold.at;
-    if (hold.on === "segment") void this.save({ action: "insert", id: line.id, after: hold.vertex, to }, hold.vertex + 1);
-    else if (this.moved(event)) void this.save({ action: "move", id: line.id, vertex: hold.vertex, to }, hold.vertex);
-    else this.activate(hold.vertex);
-    return false;
-  }
-
-  private async save(edit: Edit, vertex: number): Promise<void> {
+  private async save(): Promise<void> {
+    const { before, shown } = this;
+    this.before = null;
+    const edit = shown && before && editBetween(shown.id, before, this.coordinates);
+    if (!edit) return this.update();
+    this.saving += 1;
     const changed = await this.app.change(edit);
-    this.preview.setGeometry(undefined);
-    this.activate(changed ? vertex : this.active);
+    this.saving -= 1;
+    if (shown.id !== this.shown?.id) return;
+    this.active = changed === null ? null : edit.action === "insert" ? edit.after + 1 : edit.vertex;
+    this.update(true); // the server may have refused the edit
   }
 
-  private moved({ pixel }: MapBrowserEvent): boolean {
-    return Math.hypot(pixel[0]! - this.from_px[0]!, pixel[1]! - this.from_px[1]!) > MOVED_PX;
+  private styles(resolution: number): Style[] {
+    const { coordinates } = this;
+    if (coordinates.length === 0) return [];
+    const active = this.active === null ? undefined : coordinates[this.active];
+    return [
+      ...(this.before === null && this.saving === 0 ? [] : [CHANGING]),
+      handles(spaced(coordinates, APART_PX * resolution)),
+      ...(active ? [new Style({ image: ACTIVE, geometry: new Point(active) })] : []),
+    ];
   }
 }
 
-function dot(radius: number, fill: string, edge: string): Style {
-  return new Style({
-    image: new CircleStyle({ radius, fill: new Fill({ color: fill }), stroke: new Stroke({ color: edge, width: 1.5 }) }),
+// The one vertex that was moved or inserted
+function editBetween(
+  id: string, before: Coordinate[], after: Coordinate[],
+): Extract<Edit, { action: "move" | "insert" }> | null {
+  const vertex = after.findIndex(([e, n], i) => e !== before[i]?.[0] || n !== before[i]?.[1]);
+  if (vertex < 0) return null;
+  const to: Place = placeOf(after[vertex]!);
+  return after.length > before.length ? { action: "insert", id, after: vertex - 1, to } : { action: "move", id, vertex, to };
+}
+
+// The ends, and the vertices between them that are at least `apart_m` apart
+function spaced(coordinates: Coordinate[], apart_m: number): Coordinate[] {
+  const shown: Coordinate[] = [];
+  coordinates.forEach((vertex, i) => {
+    const last = shown.at(-1);
+    const isNear = last && Math.hypot(vertex[0]! - last[0]!, vertex[1]! - last[1]!) < apart_m;
+    if (!isNear || i === coordinates.length - 1) shown.push(vertex);
   });
+  return shown;
+}
+
+function circle(radius: number, fill: string, edge: string): CircleStyle {
+  return new CircleStyle({ radius, fill: new Fill({ color: fill }), stroke: new Stroke({ color: edge, width: 1.5 }) });
+}
+
+const HANDLE = circle(4, "#ffffff", "#16202c");
+const ACTIVE = circle(6, "#ffb000", "#16202c");
+const HOVERED = new Style({ image: ACTIVE });
+const INSERTED = new Style({ image: circle(5, "rgba(255, 255, 255, 0.6)", "#ffb000") });
+const CHANGING = new Style({ stroke: new Stroke({ color: "#ffb000", width: 2, lineDash: [6, 4] }) });
+
+function handles(coordinates: Coordinate[]): Style {
+  return new Style({ image: HANDLE, geometry: new MultiPoint(coordinates) });
 }

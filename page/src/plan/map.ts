@@ -10,6 +10,7 @@ import type { Survey } from "../app/documents";
 import { expanded } from "../app/geometry";
 
 const FINEST_M = 0.002; // metres per pixel when zoomed in fully: finer than any sensor resolves
+const MOVED_PX = 3; // a shorter drag is a click
 const COARSEST_SCREENS = 4; // how many times the survey fits into the view when zoomed out fully
 
 function metres(survey: Survey): Projection {
@@ -32,6 +33,7 @@ export function planMap(target: HTMLElement, survey: Survey): OlMap {
   return new OlMap({
     target,
     view,
+    moveTolerance: MOVED_PX,
     controls: controls({ attribution: false, rotate: false, zoom: false }).extend([new ScaleLine({ minWidth: 80 })]),
     // Shift-drag selects, double-clicks belong to the tools, and keys go through the keyboard table
     interactions: interactions({

@@ -45,7 +45,6 @@ export class PlanView implements Pane {
     this.drawing = new Drawing(app);
     this.selecting = new Selecting(app, this.map, this.lines);
     const editing = new VertexEditing(app, this.map);
-    this.map.addInteraction(editing);
     const marks = new MarkLayer(app);
     for (const layer of [
       image.layer, path, this.lines.bands, this.lines.layer, marks.layer, new GrowthLayer(app, this.map).layer,
