@@ -92,7 +92,7 @@ export class App {
   title(kind: string): string {
     const plain = kind.replace(FROM_IMAGES, "");
     const title = this.survey.kinds.find((known) => known.kind === plain)?.title ?? plain;
-    return plain === kind ? title : `${title} (from images)`;
+    return plain === kind ? title : `${title} (images)`;
   }
 
   select(ids: string[]): void {

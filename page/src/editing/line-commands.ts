@@ -61,7 +61,7 @@ const titles: Record<string, string> = {
   Restore: "Restore rejected lines",
   Parallel: "New line parallel to the selected one, through the mouse",
   "From here": "Start the parallel line at the mouse; Parallel then ends it",
-  Dashes: "Add the missing dashes of the line",
+  Dashes: "Add missing dashes",
 };
 
 function split(app: App, editing: VertexEditing, cursor: Place | null): void {

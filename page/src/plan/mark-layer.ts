@@ -9,7 +9,7 @@ import RegularShape from "ol/style/RegularShape";
 import Stroke from "ol/style/Stroke";
 import Style from "ol/style/Style";
 import type { App } from "../app/app";
-import { arrow, arrows } from "./van-path";
+import { arrow, arrows } from "./vehicle-path";
 import type { Line, Place } from "../app/documents";
 
 const ARROW_PX = 120;

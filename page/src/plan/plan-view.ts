@@ -18,7 +18,7 @@ import { type Box, boxOf, expanded, placeOf } from "../app/geometry";
 import { planMap } from "./map";
 import { Selecting } from "./selecting";
 import type { Place } from "../app/documents";
-import { vehiclePath } from "./van-path";
+import { vehiclePath } from "./vehicle-path";
 import { VertexEditing } from "../editing/vertex-editing";
 
 const GO_TO_RADIUS_M = 20; // shown around a place that the view is sent to

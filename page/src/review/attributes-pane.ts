@@ -110,7 +110,7 @@ function detailsOf(line: Line): [string, string][] {
     ["Width", metres(line.width_m)], ["Height", metres(line.height_m)], ["Clearance", metres(line.clearance_m)],
     ["σ plan", medianOf(line.sigma_xy_m)], ["σ height", medianOf(line.sigma_z_m)],
     ["Confidence", line.confidence.toFixed(2)], ["Review", line.review || "not reviewed"],
-    ["Source", [line.method, line.source].filter(Boolean).join(", ")], ["ID", line.id],
+    ["From", [line.method, line.source].filter(Boolean).join(", ")], ["ID", line.id],
   ];
   return facts.filter(([, value]) => value !== "");
 }

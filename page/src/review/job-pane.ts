@@ -11,7 +11,7 @@ import type { Job } from "../app/documents";
 const METHODS: { method: string; title: string; kinds: string[] }[] = [
   {
     method: "auto",
-    title: "Automatic (best method per kind)",
+    title: "Automatic",
     kinds: ["lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top", "guardrail", "barrier", "cable"],
   },
   {
@@ -26,7 +26,7 @@ const METHODS: { method: string; title: string; kinds: string[] }[] = [
 export class JobPane implements Pane {
   readonly element: HTMLElement;
   private readonly method = element("select", { "aria-label": "Method" });
-  private readonly kinds = element("fieldset", {}, element("legend", {}, "Extract"));
+  private readonly kinds = element("fieldset", {}, element("legend", {}, "Kinds"));
   private readonly start: HTMLButtonElement;
   private readonly jobs = element("div", { class: "job-list" });
   private readonly all = new Map<string, Job>();
@@ -59,7 +59,7 @@ export class JobPane implements Pane {
       .map(({ kind, title }) =>
         element("label", {}, element("input", { type: "checkbox", name: "kind", value: kind, checked: true }), title),
       );
-    this.kinds.replaceChildren(element("legend", {}, "Extract"), ...checkboxes);
+    this.kinds.replaceChildren(element("legend", {}, "Kinds"), ...checkboxes);
   }
 
   private async load(): Promise<void> {

@@ -33,10 +33,10 @@ export class QueuePane implements Pane {
     const actions: [string, string, string, () => void][] = [
       ["n", "Next", "Next item", () => this.step(1)],
       ["p", "Back", "Previous item", () => this.step(-1)],
-      ["a", "Accept", "Accept the lines and go to the next item", () => void this.decide("accept")],
-      ["x", "Reject", "Reject the lines and go to the next item", () => void this.decide("reject")],
-      ["y", "Take it", "Take the proposal and go to the next item", () => void this.propose()],
-      ["q", "Dismiss", "Dismiss the item and go to the next", () => void this.dismiss()],
+      ["a", "Accept", "Accept the lines; next item", () => void this.decide("accept")],
+      ["x", "Reject", "Reject the lines; next item", () => void this.decide("reject")],
+      ["y", "Take it", "Take the proposal; next item", () => void this.propose()],
+      ["q", "Dismiss", "Dismiss the item; next item", () => void this.dismiss()],
       ["Shift+f", "Follow", "Follow the missing line; Enter keeps it", () => void this.follow()],
     ];
     return element("div", { class: "actions" }, ...actions.map(([key, title, help, run]) => {

@@ -1,7 +1,7 @@
 // Dragging in a section: moves a node of a line, or pans.
 
 import type { Points } from "../app/api";
-import type { Frame } from "./drawing";
+import type { Frame } from "./rendering";
 import { inWorld, type Plane, pointAt, type SectionNode } from "./nodes";
 import { roadAt } from "./readings";
 import type { Edit } from "../app/documents";

@@ -10,7 +10,7 @@ import { Bar } from "../controls/bar";
 import { element } from "../controls/element";
 import { brightened, type Colouring, COLOURINGS } from "../controls/colours";
 import { nodeAt, sameNode, SectionDrag } from "./drag";
-import { drawSection, Frame, GROUND_SHARE, type Handle, MIDDLE_SHARE } from "./drawing";
+import { drawSection, Frame, GROUND_SHARE, type Handle, MIDDLE_SHARE } from "./rendering";
 import { nodesIn, type SectionNode } from "./nodes";
 import { readingsOf, sectionTable } from "./readings";
 import { stationOnto, startOf, nextVertex, stationFor, stepped } from "./station";

@@ -8,7 +8,7 @@ import type { Place } from "../app/documents";
 
 const TOOLS: { tool: Tool; title: string; key: string; help: string }[] = [
   { tool: "select", title: "Select", key: "v", help: "Select and edit lines" },
-  { tool: "follow", title: "Follow", key: "f", help: "Follow a line from a click beside it" },
+  { tool: "follow", title: "Follow", key: "f", help: "Follow a line from a click" },
   { tool: "draw", title: "Draw", key: "d", help: "Draw a line by hand" },
   { tool: "measure", title: "Measure", key: "m", help: "Measure distances and height differences" },
 ];
