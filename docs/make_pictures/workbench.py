@@ -111,7 +111,7 @@ def stereo(page: Any) -> None:
     """Follow a marking in both images."""
     page.get_by_role("tab", name="Stereo").click()
     page.get_by_role("tab", name="Photolog").click()
-    page.get_by_role("button", name="Views above: large").click()
+    page.get_by_role("button", name="Enlarge upper views").click()
     page.wait_for_selector(".stereo-view[data-strokes]:not([data-strokes='0'])", timeout=WAIT_MS)
     canvas = page.locator(".stereo-view canvas[data-side=left]")
     place = page.evaluate(MARKING, int(page.locator(".stereo-view").get_attribute("data-pair")))

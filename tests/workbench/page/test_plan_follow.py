@@ -231,7 +231,7 @@ def test_a_refusal_offers_another_place(page, served, kerb):
     talk.tell(type="refused", reason="no kerb here", advice="click nearer to it", works=works, works_px=None)
     plan.wait_for("state", "refused")
     assert "no kerb here" in plan.card
-    page.get_by_text("Go there instead").click()
+    page.get_by_text("Follow there instead").click()
     assert talk.wait_for(2, page)["at"] == works
     plan.press("Escape")
 

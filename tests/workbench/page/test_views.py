@@ -194,7 +194,7 @@ def test_an_extraction_can_be_cancelled(views: tuple[Any, Served]) -> None:
     before = served.get("/api/lines")["lines"]
     _show(page, "Extract")
     page.locator(".job-pane .start").click()
-    page.get_by_role("button", name="Stop this extraction; the lines stay as they are").click()
+    page.get_by_role("button", name="Cancel this extraction; the lines stay unchanged").click()
     wait_until(lambda: page.locator(".job").first.get_attribute("data-state") == "cancelled")
     assert served.get("/api/lines")["lines"] == before
     assert page.locator(".job-pane .start").is_enabled()
