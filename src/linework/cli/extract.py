@@ -93,7 +93,9 @@ def extract(
         kinds = findable_kinds(kinds, has_points=bool(survey.point_files), asked=bool(features))
         folder, n_workers, steps = work_folder(survey.root, work), workers or usable_cores(), Steps(display)
         executor = held.enter_context(executor_for(survey, n_workers, settings))
-        ahead = import_ahead("linework.runs.extract", "linework.methods.choose", "linework.files.vectors.gpkg")
+        ahead = import_ahead(
+            "linework.runs.extract", "linework.methods.choose", "linework.files.vectors.gpkg"
+        )
         from linework.runs.opened.recordings import opened_recordings
 
         recordings = held.enter_context(

@@ -1,4 +1,4 @@
-"""What a run found, and the account of how it came about."""
+"""The result of a run: lines, and the account of what was looked at and what was left out."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from linework.runs.tiles import Tile
 
 @dataclass(frozen=True, slots=True)
 class TileReport:
-    """What came of a tile: points it saw (core and buffer), lines found, or the problem."""
+    """A tile of a method: points loaded (core and buffer), lines or boxes found, or why it failed."""
 
     name: str
     tile: Tile
@@ -29,29 +30,38 @@ class TileReport:
     problem: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PairsSeen:
-    """The account of a survey's stereo pairs.
+class Failure(NamedTuple):
+    """Something that was left out of a run.
 
     Parameters
     ----------
-    n_pairs, n_used
-        All pairs, images without their other one counted as such, and those that were looked at.
-    failures
-        (left image, problem) of the others, and of images in no pair.
-    traces
-        Tracebacks of windows that failed by a fault of linework's own.
+    what
+        "tile", "image" or "recording": its key in run.json.
+    name
+        Of the tile; path of the (left) image; name of the recording.
+    problem
+        One line.
+    trace
+        Traceback, if the cause is a fault of linework's own.
     """
+
+    what: str
+    name: str
+    problem: str
+    trace: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PairsSeen:
+    """Number of stereo pairs, images without a partner counted as pairs, and of those that were looked at."""
 
     n_pairs: int
     n_used: int
-    failures: tuple[tuple[str, str], ...]
-    traces: Mapping[str, str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extraction:
-    """Lines of a survey and the account of how they came about.
+    """Lines of a survey and the account of how they were found.
 
     Parameters
     ----------
@@ -60,21 +70,19 @@ class Extraction:
     lines
         In their fixed order, with their names.
     kinds
-        What was looked for.
+        Kinds that were looked for.
     read
         Points used and left out, file by file; None where no points were looked at.
+    tiles
+        All tiles of all methods.
     failures
-        (tile, problem) of what could not be worked.
-    traces
-        Tracebacks of tiles that failed by a fault of linework's own.
+        Tiles, images and recordings that were left out.
     hashes
         SHA-256 of every input file.
     pairs
         Stereo pairs used and left out; None where none were looked at.
     logged
         Images and operator's keys by place, or None.
-    unusable
-        (what, problem) of recordings that cannot be used at all: images, logs.
     """
 
     source: str
@@ -82,13 +90,11 @@ class Extraction:
     kinds: tuple[str, ...]
     read: StoreFacts | None
     tiles: tuple[TileReport, ...]
-    failures: tuple[tuple[str, str], ...]
-    traces: Mapping[str, str]
+    failures: tuple[Failure, ...]
     hashes: Mapping[Path, str]
     warnings: tuple[str, ...]
     pairs: PairsSeen | None = None
     logged: VanLog | None = None
-    unusable: tuple[tuple[str, str], ...] = ()
 
 
 # Names and order of lines: from kind and place alone, so that a re-run gives the same

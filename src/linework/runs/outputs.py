@@ -18,7 +18,7 @@ from linework.files.store.facts import StoreFacts
 from linework.files.vectors.read_write import points_left_out, write_lines
 from linework.model.lines import REVIEWS, LineSet
 from linework.model.logs import VanLog
-from linework.runs.extraction import Extraction, path_text
+from linework.runs.extraction import Extraction, Failure, path_text
 from linework.runs.record import record_path, set_aside, versions
 from linework.runs.steps import Steps
 
@@ -121,17 +121,18 @@ def record_of(
                 {"file": path_text(file), "problem": problem}
                 for file, problem in (read.failures if read else ())
             ),
-            *(
-                {"tile": tile, "problem": problem, "trace": extraction.traces.get(tile)}
-                for tile, problem in extraction.failures
-            ),
-            *(
-                {"image": path_text(Path(image)), "problem": problem}
-                for image, problem in (pairs.failures if pairs else ())
-            ),
-            *({"recording": what, "problem": problem} for what, problem in extraction.unusable),
+            *map(_failure_document, extraction.failures),
         ],
     }
+
+
+def _failure_document(failure: Failure) -> dict[str, str | None]:
+    """Return a failure for run.json: a tile's with its traceback or None, others with the traceback they have."""
+    name = path_text(Path(failure.name)) if failure.what == "image" else failure.name
+    found = {failure.what: name, "problem": failure.problem}
+    if failure.trace or failure.what == "tile":
+        return {**found, "trace": failure.trace or None}
+    return dict(found)
 
 
 def _logged_counts(logged: VanLog | None) -> dict[str, int]:

@@ -9,43 +9,11 @@ from dataclasses import dataclass
 
 from linework.arrays import IntArray
 from linework.model.grid import Bounds
-from linework.model.settings import setting
+from linework.runs.settings import TilingConfig
 
 #: A survey no larger than this, east-west and north-south, may be one tile: its raster image at the default
 #: cell of 0.2 m has 36 million cells, of the 50 million that `linework.imaging` allows. [m]
 MAX_SINGLE_M = 1200.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TilingConfig:
-    """Settings of the plan; the lines do not depend on them."""
-
-    core_m: float = setting(
-        512.0,
-        unit="m",
-        reason="eight blocks of the tile store; its buffer is a sixth of it",
-        low=64,
-        high=4096,
-    )
-    high_core_m: float = setting(
-        2048.0,
-        unit="m",
-        reason="of methods that look at high points only: few, and a wide buffer that is a fifth of it",
-        low=64,
-        high=8192,
-    )
-    max_points: int = setting(
-        3_000_000,
-        unit="points",
-        reason="a tile with more, buffer included, is divided: a worker needs some 150 bytes a point",
-        low=10_000,
-        high=1_000_000_000,
-    )
-    least_core_m: float = setting(
-        64.0, unit="m", reason="tiles are not divided below a block of the tile store", low=16, high=4096
-    )
-    shift_east_m: float = setting(0.0, unit="m", reason="moves the lattice of the cores", low=-1e7, high=1e7)
-    shift_north_m: float = setting(0.0, unit="m", reason="moves the lattice of the cores", low=-1e7, high=1e7)
 
 
 @dataclass(frozen=True, slots=True)

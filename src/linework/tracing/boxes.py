@@ -77,7 +77,7 @@ class SurveyBoxes:
         if len(points) == 0:
             return BoxSet.empty()
         tile = TileData("trace", whole, points, None, "", self._surface.over(extent), self._origin)
-        return detector.detect(tile, cores)
+        return detector.find_boxes(tile, cores)
 
 
 class Corridor:

@@ -12,7 +12,7 @@ from linework.editing.edits.continued import Gap, continued
 from linework.methods.obb import trace
 from linework.methods.obb.method import ObbMethod
 from linework.methods.obb.trace import Stop, near_line
-from linework.methods.protocol import Sight
+from linework.methods.protocol import Sight, SurveyContext
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.tracing.boxes import Corridor, SurveyBoxes
@@ -59,12 +59,20 @@ class Ground:
 
     def lines(self, corridor: Corridor) -> LineSet:
         """Return all lines in a corridor. [m, world]"""  # noqa: D400
-        return self.method.track(corridor.boxes, self.origin, self.seen, self._path_near(corridor.bounds))
+        return self.method.join(corridor.boxes, self._context(corridor))
 
-    def tracking(self, corridor: Corridor) -> Generator[None, None, LineSet]:
-        """Return what `lines` returns, in steps."""
+    def joining(self, corridor: Corridor) -> Generator[None, None, LineSet]:
+        """Return what `lines` returns; yield after each step of the method."""
+        survey = self._context(corridor)
+        now = self.method.begin_join(corridor.boxes, survey)
+        for step in self.method.join_steps:
+            now = step(now)
+            yield
+        return self.method.end_join(now, survey)
+
+    def _context(self, corridor: Corridor) -> SurveyContext:
         path = self._path_near(corridor.bounds)
-        return self.method.tracking(corridor.boxes, self.origin, self.seen, path)
+        return SurveyContext(origin=self.origin, is_visible=self.seen, path=path)
 
     def near(self, corridor: Corridor, place: FloatArray, kind: str) -> LineSet | None:
         """Return the line that passes a place [m, world], as far as the boxes found so far show it."""
@@ -190,7 +198,7 @@ def _whole(
 
     What is `shown` is yielded between the steps of that: of a long line each may take a while.
     """
-    steps, is_stopped = ground.tracking(corridor), False
+    steps, is_stopped = ground.joining(corridor), False
     while True:
         try:
             next(steps)

@@ -9,12 +9,12 @@ import numpy as np
 from linework.arrays import FloatArray
 from linework.files.store.layout import CELL_M
 from linework.files.store.read import PointStore
-from linework.methods.protocol import Method
+from linework.methods.radon.method import CableMethod, RailMethod
+from linework.methods.radon.seams import WHOLE_KINDS, inside_core, join_seams
 from linework.model.grid import Bounds, Image
 from linework.model.lines import LineSet
 from linework.model.tile import TileData
 from linework.runs.opened.surface import SurveySurface
-from linework.runs.seams import WHOLE_KINDS, inside_core, join_seams
 
 #: Tiles of this size are worked. [m]
 CORE_M = 128.0
@@ -26,7 +26,11 @@ class RailPieces:
     """The lines of a method in the tiles that have been asked for, joined."""
 
     def __init__(
-        self, store: PointStore, surface: SurveySurface, method: Method, origin: tuple[float, float, float]
+        self,
+        store: PointStore,
+        surface: SurveySurface,
+        method: RailMethod | CableMethod,
+        origin: tuple[float, float, float],
     ) -> None:
         self._store, self._surface, self._method, self._origin = store, surface, method, origin
         self._tiles: dict[tuple[int, int], LineSet] = {}
@@ -79,7 +83,7 @@ class RailPieces:
         if len(points) == 0:
             return LineSet.empty()
         tile = TileData("trace", core, points, None, "", surface, self._origin)
-        lines = self._method.extract(tile)
+        lines = self._method.look(tile)
         # What is never cut belongs to the tile of its middle, where the place need not be: all of it is kept
         is_whole = np.isin(lines.kind, WHOLE_KINDS)
         return LineSet.concatenate([lines.take(is_whole), inside_core(lines.take(~is_whole), core)])

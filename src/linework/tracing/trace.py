@@ -21,8 +21,7 @@ from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.tile import local_origin
 from linework.runs.opened.points import OpenedSurvey
-from linework.runs.opened.sight import SurveySight
-from linework.runs.opened.surface import SurveySurface
+from linework.runs.opened.surface import SurveySight, SurveySurface
 from linework.runs.settings import RunSettings
 from linework.tracing.boxes import Corridor, SurveyBoxes
 from linework.tracing.on_ground import AROUND_M, Ground, Pick, follow_ground, toward

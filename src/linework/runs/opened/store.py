@@ -189,5 +189,5 @@ def executor_for(survey: Survey, n_workers: int, settings: RunSettings) -> Itera
     if n_workers == 1 or is_small:
         yield Serial()
         return
-    with Processes(n_workers, modules=("linework.runs.tasks",)) as processes:
+    with Processes(n_workers, modules=("linework.runs.tasks", "linework.methods.choose")) as processes:
         yield processes

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linework.arrays import AnyArray, IntArray
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.files.store.cell_tiles import (
     SurfaceTiles,
     TileNumber,
@@ -24,6 +24,7 @@ from linework.files.store.cell_tiles import (
     write_surface_record,
 )
 from linework.files.store.read import PointStore
+from linework.methods.protocol import Sight, sight_of
 from linework.model.grid import Bounds
 from linework.model.tile import RoadSurface
 from linework.model.trajectory import Trajectory
@@ -38,8 +39,10 @@ from linework.surface.config import RoadConfig
 from linework.surface.heights import height_origin, rough_limit_m
 from linework.surface.regions import Islands, links_east, links_south
 
-#: Raised whenever surfaces made by older versions are not to be used any more.
+#: Version of the arrays on disk: surfaces of another version are made again.
 _VERSION = 1
+#: Side of the pieces in which `SurveySight` reads the surface [m], and the number of pieces it keeps: 2 km of road.
+PIECE_M, N_PIECES = 256.0, 32
 
 
 class Layout(NamedTuple):
@@ -143,6 +146,32 @@ class SurveySurface:
         coarse = CoarseGround(*self.tiles.read_common(passes.COARSE))
         far, rows, cols = coarse.over(window, self.cell_m)
         return np.asarray(far[rows[:, None], cols])
+
+
+class SurveySight:
+    """Visibility in a whole survey: whether road or ground was measured at places (`linework.methods.protocol.Sight`)."""
+
+    def __init__(self, surface: SurveySurface) -> None:
+        self._surface = surface
+        self._pieces: dict[tuple[int, int], Sight] = {}
+
+    def __call__(self, xy: FloatArray) -> BoolArray:
+        """Return (n,) bool for (n, 2) places [m, world]."""
+        out = np.zeros(len(xy), dtype=np.bool_)
+        number = np.floor(xy / PIECE_M).astype(np.int64)
+        for east, north in np.unique(number, axis=0).tolist():
+            inside = (number[:, 0] == east) & (number[:, 1] == north)
+            out[inside] = self._piece(east, north)(xy[inside])
+        return out
+
+    def _piece(self, east: int, north: int) -> Sight:
+        if (east, north) not in self._pieces:
+            while len(self._pieces) >= N_PIECES:
+                del self._pieces[next(iter(self._pieces))]
+            west, south = east * PIECE_M, north * PIECE_M
+            surface = self._surface.over(Bounds(west, south, west + PIECE_M, south + PIECE_M))
+            self._pieces[east, north] = sight_of(surface)
+        return self._pieces[east, north]
 
 
 def make_surface(

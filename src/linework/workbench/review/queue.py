@@ -20,7 +20,7 @@ from linework.lines.along import Way
 from linework.methods.protocol import Sight
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
-from linework.runs.opened.sight import SurveySight
+from linework.runs.opened.surface import SurveySight
 from linework.workbench.server.bench import Bench, bench_of
 from linework.workbench.views.patches import PatchReader
 from linework.workbench.views.tiles import patch_reader
