@@ -10,8 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from linework.errors import InputError, OutputExistsError, PartialError
-from linework.files.logs.photolog import van_log
+from linework.errors import OutputExistsError, PartialError
 from linework.files.output.record import hash_file
 from linework.files.survey.open import open_survey
 from linework.methods.choose import choose_methods
@@ -101,14 +100,11 @@ def extract_to(
 
 
 def with_log(found: Extraction, recordings: Recordings) -> Extraction:
-    """Return what was found with the van's log beside it; a log that cannot be used stops nothing else."""
-    series = recordings.stereo.series if recordings.stereo else None
-    try:
-        logged = van_log(recordings.survey, series, recordings.trajectory)
-    except InputError as error:
-        named = recordings.survey.settings.get("events", {}).get("file", "")
-        return replace(found, failures=(*found.failures, Failure("recording", named, str(error))))
-    return replace(found, logged=logged, warnings=(*found.warnings, *logged.warnings))
+    """Return an extraction with the van's log; a log that cannot be used is one of its failures."""
+    log = recordings.van_log()
+    if log.value is None:
+        return replace(found, failures=(*found.failures, Failure("recording", log.name, str(log.error))))
+    return replace(found, logged=log.value, warnings=(*found.warnings, *log.value.warnings))
 
 
 def _finished(output: Path, fingerprint: str) -> dict[str, Any] | None:
