@@ -135,8 +135,9 @@ def opened_recordings(
     """
     steps = steps or Steps()
     with contextlib.ExitStack() as held:
-        logs = Opened[tuple[Survey, tuple[str, ...]]]("navigation logs")
-        points, pairs = Opened[OpenedSurvey]("laser points"), Opened[OpenedStereo]("stereo pairs")
+        logs: Opened[tuple[Survey, tuple[str, ...]]] = Opened("navigation logs")
+        points: Opened[OpenedSurvey] = Opened("laser points")
+        pairs: Opened[OpenedStereo] = Opened("stereo pairs")
         wants_points = laser and bool(survey.point_files)
         wants_pairs = images and bool(survey.settings.get("cameras"))
         if wants_points or wants_pairs:
