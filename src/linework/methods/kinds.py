@@ -37,7 +37,7 @@ def parse_kinds(text: str) -> tuple[str, ...]:
     return tuple(kind for kind in ALL_KINDS if kind in asked)
 
 
-def kinds_of(method: str) -> tuple[str, ...]:
+def kinds_of_method(method: str) -> tuple[str, ...]:
     """Return the kinds that a method finds, in their fixed order; all for "auto" and for an unknown method.
 
     >>> kinds_of("radon")
@@ -88,18 +88,18 @@ def findable_kinds(kinds: tuple[str, ...], *, has_points: bool, asked: bool) -> 
     """
     if has_points:
         return kinds
-    found = kinds_in("pairs", kinds)
+    found = kinds_from("pairs", kinds)
     missing = [kind for kind in kinds if kind not in found]
     if missing and asked:
         raise UsageError(f"{', '.join(missing)}: only laser points show them, and the survey has none",
-                         where="--features", advice=f"ask for {','.join(kinds_in('pairs', ALL_KINDS))}")  # fmt: skip
+                         where="--features", advice=f"ask for {','.join(kinds_from('pairs', ALL_KINDS))}")  # fmt: skip
     return found
 
 
-def kinds_in(recording: str, kinds: tuple[str, ...]) -> tuple[str, ...]:
+def kinds_from(recording: str, kinds: tuple[str, ...]) -> tuple[str, ...]:
     """Return those kinds that some method finds in a recording, "points" or "pairs".
 
-    >>> kinds_in("pairs", ("cable", "lane_marking"))
+    >>> kinds_from("pairs", ("cable", "lane_marking"))
     ('lane_marking',)
     """
     found = {kind for method, own in KINDS_OF.items() if RECORDING_OF[method] == recording for kind in own}
@@ -115,5 +115,5 @@ def recordings_for(method: str, kinds: tuple[str, ...]) -> dict[str, bool]:
     recordings = {RECORDING_OF[name] for name in ([method] if method in RECORDING_OF else RECORDING_OF)}
     return {
         "laser": "points" in recordings,
-        "images": "pairs" in recordings and bool(kinds_in("pairs", kinds)),
+        "images": "pairs" in recordings and bool(kinds_from("pairs", kinds)),
     }

@@ -73,11 +73,11 @@ class SurveyContext:
     pair_numbers: IntArray | None = None
 
 
-Piece = TypeVar("Piece", contravariant=True)
-Found = TypeVar("Found", bound=Evidence)
+PieceT = TypeVar("PieceT", contravariant=True)
+EvidenceT = TypeVar("EvidenceT", bound=Evidence)
 
 
-class Method(Protocol[Piece, Found]):
+class Method(Protocol[PieceT, EvidenceT]):
     """A method of finding lines: `look` at every piece of a survey, `join` once over all of them.
 
     A method may be used for many pieces, at the same time and in any order: it has no state, and the same piece
@@ -100,7 +100,7 @@ class Method(Protocol[Piece, Found]):
         ...
 
     @property
-    def evidence(self) -> type[Found]:
+    def evidence(self) -> type[EvidenceT]:
         """Type of what it finds in a piece."""
         ...
 
@@ -114,11 +114,11 @@ class Method(Protocol[Piece, Found]):
         """Lowest height above ground that matters to it [m]: lower points are not loaded; -inf: all are."""
         ...
 
-    def look(self, piece: Piece) -> Found:
+    def look(self, piece: PieceT) -> EvidenceT:
         """Return the evidence in a piece."""
         ...
 
-    def join(self, found: Found, survey: SurveyContext) -> LineSet:
+    def join(self, found: EvidenceT, survey: SurveyContext) -> LineSet:
         """Return the lines of a survey in world coordinates.
 
         Parameters
@@ -138,7 +138,7 @@ AnyMethod = Method[Any, Any]
 # A tile that is a survey of its own
 
 
-def extract_tile(method: Method[TileData, Found], tile: TileData) -> LineSet:
+def extract_tile(method: Method[TileData, EvidenceT], tile: TileData) -> LineSet:
     """Return the lines of a tile that is a survey of its own: one look, then the join."""
     if len(tile.points) == 0:
         return LineSet.empty()
@@ -183,7 +183,7 @@ def sight_of(surface: RoadSurface) -> Sight:
     return is_visible
 
 
-def seen_share(seen: Sight, start: FloatArray, end: FloatArray) -> float:
+def visible_share(seen: Sight, start: FloatArray, end: FloatArray) -> float:
     """Return the visible share of the straight line between two places (2,) or (3,) [m], 0 to 1."""
     n = max(int(np.hypot(*(end[:2] - start[:2])) / VISIBLE_STEP_M), 1)
     along = (np.arange(n) + 0.5)[:, None] / n

@@ -7,7 +7,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from linework.lines.merged import merged
+from linework.lines.merged import merge_line_sets
 from linework.methods.protocol import AnyMethod
 from linework.model.lines import KINDS, LineSet
 from linework.processes.executors import Executor, Serial
@@ -16,7 +16,7 @@ from linework.runs.opened.recordings import Recordings
 from linework.runs.resume import RunFolder
 from linework.runs.settings import RunSettings
 from linework.runs.sources import Source, SourceAccount, open_sources
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 from linework.runs.tasks import RunTask, TasksDone, run_tasks
 
 
@@ -27,7 +27,7 @@ def find_lines(
     *,
     settings: RunSettings | None = None,
     executor: Executor | None = None,
-    steps: Steps | None = None,
+    steps: RunSteps | None = None,
 ) -> Extraction:
     """Return all lines that the methods find in the recordings of a survey.
 
@@ -53,7 +53,7 @@ def find_lines(
     lines of the second recording as they were measured are in the layer ``<kind>_<method>``, such as
     ``lane_marking_stereo``.
     """
-    settings, steps, executor = settings or RunSettings(), steps or Steps(), executor or Serial()
+    settings, steps, executor = settings or RunSettings(), steps or RunSteps(), executor or Serial()
     sources = open_sources(recordings, methods, run, settings, executor, steps)
     found, accounts = list[LineSet](), list[SourceAccount]()
     for source in sources:
@@ -90,7 +90,7 @@ def _joined(source: Source, tasks: Sequence[RunTask], done: TasksDone) -> LineSe
 
 
 def _merged(
-    sources: Sequence[Source], found: Sequence[LineSet], steps: Steps
+    sources: Sequence[Source], found: Sequence[LineSet], steps: RunSteps
 ) -> tuple[LineSet, tuple[str, ...]]:
     """Return the lines of all sources in their order and with their names, and the kinds that were looked for."""
     lines, kinds = identify(found[0]), _kinds_of(sources[:1])
@@ -99,7 +99,7 @@ def _merged(
             names = zip(other.kind.tolist(), other.method.tolist(), strict=True)
             layers = [f"{kind}_{method}" for kind, method in names]
             as_measured = other.with_columns(kind=np.array(layers, dtype=np.str_))
-            lines = identify(LineSet.concatenate([merged(lines, other), as_measured]))
+            lines = identify(LineSet.concatenate([merge_line_sets(lines, other), as_measured]))
         own = (f"{kind}_{method.name}" for method in source.methods for kind in KINDS if kind in method.kinds)
         kinds = (*_kinds_of(sources[: number + 1]), *own)
     return lines, kinds

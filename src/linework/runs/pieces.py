@@ -15,7 +15,7 @@ import numpy as np
 
 from linework.errors import InputError
 from linework.files.output.parts import read_path_part
-from linework.files.store.layout import CELL_M
+from linework.files.store.layout import STORE_CELL_M
 from linework.files.store.read import PointStore
 from linework.imaging.rectify import Rectifier, rectifier_of
 from linework.model.camera import StereoRig
@@ -101,7 +101,7 @@ class TilePiece:
         surface = _opened_surface(survey.surface).over(tile.extent)
         lowest, above_m = None, 0.0
         # Points are left out by the ground below their cell of the store: cells of the surface must hold whole ones
-        if np.isfinite(self.least_height_m) and surface.grid.cell_width_m % CELL_M == 0.0:
+        if np.isfinite(self.least_height_m) and surface.grid.cell_width_m % STORE_CELL_M == 0.0:
             lowest, above_m = Image(surface.ground_m, surface.grid), surface.z0_m + self.least_height_m
         points = _opened_store(survey.store).points(tile.extent, lowest=lowest, above_m=above_m)
         path = _trajectory(survey.trajectory) if survey.trajectory else None

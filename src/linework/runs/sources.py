@@ -13,12 +13,12 @@ import numpy as np
 from linework.errors import InputError, LineworkError, PartialError
 from linework.files.output.parts import write_part
 from linework.files.store.facts import StoreFacts
-from linework.files.store.layout import BLOCK_M
+from linework.files.store.layout import STORE_BLOCK_M
 from linework.methods.protocol import AnyMethod, SurveyContext
 from linework.model.lines import LineSet
 from linework.model.tile import local_origin
 from linework.processes.executors import Executor
-from linework.runs.extraction import Failure, PairsSeen, TileReport, with_sources
+from linework.runs.extraction import Failure, PairAccount, TileReport, with_sources
 from linework.runs.opened.pairs import OpenedStereo
 from linework.runs.opened.points import OpenedSurvey, surface_of
 from linework.runs.opened.recordings import Recordings
@@ -26,7 +26,7 @@ from linework.runs.opened.surface import SurveySight, SurveySurface
 from linework.runs.pieces import TiledPoints, TilePiece, windows_of
 from linework.runs.resume import RunFolder
 from linework.runs.settings import RunSettings, TilingConfig
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 from linework.runs.tasks import RunTask, TasksDone
 from linework.runs.tiles import Tile, plan_tiles
 
@@ -51,7 +51,7 @@ class SourceAccount:
     is_empty: bool
     read: StoreFacts | None = None
     tiles: tuple[TileReport, ...] = ()
-    pairs: PairsSeen | None = None
+    pairs: PairAccount | None = None
 
 
 class Source(Protocol):
@@ -99,7 +99,7 @@ def open_sources(
     run: RunFolder,
     settings: RunSettings,
     executor: Executor,
-    steps: Steps,
+    steps: RunSteps,
 ) -> list[Source]:
     """Return the sources that a survey has and that some method looks at; points come first."""
     of_points = [method for method in methods if method.recording == "points"]
@@ -107,14 +107,14 @@ def open_sources(
     found: list[Source] = []
     if recordings.points is not None and of_points:
         surface = surface_of(recordings.points, settings.road, executor, steps)
-        found.append(PointSource.of(recordings.points, surface, of_points, settings.tiling, run))
+        found.append(LaserSource.of(recordings.points, surface, of_points, settings.tiling, run))
     if recordings.stereo is not None and of_pairs:
-        found.append(PairSource(recordings.stereo, of_pairs))
+        found.append(StereoSource(recordings.stereo, of_pairs))
     return found
 
 
 @dataclass(frozen=True, slots=True)
-class PointSource:
+class LaserSource:
     """Laser points in tiles.
 
     Parameters
@@ -142,7 +142,7 @@ class PointSource:
         methods: Sequence[AnyMethod],
         tiling: TilingConfig,
         run: RunFolder,
-    ) -> PointSource:
+    ) -> LaserSource:
         """Plan the tiles of each method, and write the path of the vehicle where every process can read it."""
         path, store = None, opened.points
         if opened.trajectory is not None:
@@ -153,7 +153,7 @@ class PointSource:
         blocks, _ = store.block_counts
         plans = {
             method.kinds: plan_tiles(
-                store.bounds, blocks, BLOCK_M, store.count_in, method.buffer_m, tiling,
+                store.bounds, blocks, STORE_BLOCK_M, store.count_in, method.buffer_m, tiling,
                 only_high=math.isfinite(method.least_height_m),
             )
             for method in methods
@@ -222,7 +222,7 @@ def _tile_name(method: AnyMethod, tile: Tile) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class PairSource:
+class StereoSource:
     """Stereo pairs in time windows.
 
     What a pair shows depends on that pair alone: windows are units of processing only.
@@ -269,7 +269,7 @@ class PairSource:
         return SourceAccount(
             failures=tuple(sorted([*before, *done.failures])),
             is_empty=n_used == 0,
-            pairs=PairsSeen(n_pairs=n_pairs, n_used=n_used),
+            pairs=PairAccount(n_pairs=n_pairs, n_used=n_used),
         )
 
     def refusal(self, account: SourceAccount) -> LineworkError:

@@ -13,7 +13,7 @@ from linework.methods.protocol import AnyMethod, Evidence
 from linework.processes.executors import Executor, Outcome
 from linework.runs.extraction import Failure
 from linework.runs.pieces import Pieces
-from linework.runs.resume import Entry, RunFolder
+from linework.runs.resume import JournalEntry, RunFolder
 from linework.runs.steps import Advance
 
 
@@ -149,6 +149,6 @@ def run_tasks(tasks: Sequence[RunTask], run: RunFolder, executor: Executor, adva
             failed.append(outcome)
         else:
             done[name] = receipt
-            run.journal.enter(Entry(name, receipt.sha256, receipt.as_document()))
+            run.journal.enter(JournalEntry(name, receipt.sha256, receipt.as_document()))
         advance(len(done) + len(failed), len(tasks))
     return TasksDone(done, failed)

@@ -23,16 +23,16 @@ from linework.methods.tracking.arrangement import (
     paint_forms,
     roles,
 )
-from linework.methods.tracking.boundary_lines import Boundary
-from linework.methods.tracking.guides import join_along, surer
-from linework.methods.tracking.marking_lines import Marking
-from linework.methods.tracking.neighbours import Course, courses_of_path
+from linework.methods.tracking.boundary_lines import SmoothBoundary
+from linework.methods.tracking.guides import drop_unlikely_pieces, join_along
+from linework.methods.tracking.marking_lines import SmoothMarking
+from linework.methods.tracking.neighbours import LineAxis, axes_of_path
 from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LineSet
 
 #: Boxes this near a line, side by side with it, are of the same feature: paint, and boundaries. [m]
-SAME_PAINT_M, SAME_BOUNDARY_M = 0.06, 0.15
+SAME_PAINT_BOXES_M, SAME_BOUNDARY_M = 0.06, 0.15
 #: Edges this near a kerb's foot on either side belong to the kerb: gutter, kerb stone and its bed. [m]
 KERB_SIDE_M = 1.0
 #: Boundaries of at least this confidence overrule paint that contradicts them: there is no paint on grass. [1]
@@ -64,16 +64,16 @@ class Joining:
 
     boxes: Mapping[BoxForm, BoxSet]
     is_visible: Sight
-    path: Sequence[Course]
+    path: Sequence[LineAxis]
     config: TrackConfig
-    kerbs: Sequence[Boundary] = ()
-    boundaries: Sequence[Boundary] = ()
-    markings: Sequence[Marking] = ()
-    other: Sequence[Marking] = ()
+    kerbs: Sequence[SmoothBoundary] = ()
+    boundaries: Sequence[SmoothBoundary] = ()
+    markings: Sequence[SmoothMarking] = ()
+    other: Sequence[SmoothMarking] = ()
 
 
 #: One step: what it finds is added to, or left out of, a copy of what it is given.
-Step = Callable[[Joining], Joining]
+JoinStep = Callable[[Joining], Joining]
 
 
 def begin(boxes: BoxSet, survey: SurveyContext, config: TrackConfig) -> Joining:
@@ -86,7 +86,7 @@ def begin(boxes: BoxSet, survey: SurveyContext, config: TrackConfig) -> Joining:
             return np.ones(len(xy), dtype=np.bool_)
         return is_visible_in_world(xy + survey.origin[:2])
 
-    path = [] if survey.path is None else courses_of_path(survey.path - np.asarray(survey.origin))
+    path = [] if survey.path is None else axes_of_path(survey.path - np.asarray(survey.origin))
     by_form = {form: boxes.take(boxes.form == form) for form in BoxForm}
     return Joining(by_form, is_visible, path, config)
 
@@ -109,16 +109,16 @@ def find_barriers(now: Joining) -> Joining:
 
 def find_paint(now: Joining) -> Joining:
     """Track the boxes of paint: lane markings, solid and dashed, and other paint."""
-    kerbs, config = courses_of(now.kerbs), now.config
+    kerbs, config = axes_of_lines(now.kerbs), now.config
     stripes, blobs = (
         now.boxes[form].take(~beside_kerb(now.boxes[form], kerbs, -KERB_STONE_M, ON_FOOT_M))
         for form in (BoxForm.STRIPE, BoxForm.OTHER_PAINT)
     )
-    pieces = track_lines(stripes, config, width_m=SAME_PAINT_M, least_boxes=1)
-    pieces = surer(pieces, stripes.score)
+    pieces = track_lines(stripes, config, width_m=SAME_PAINT_BOXES_M, least_boxes=1)
+    pieces = drop_unlikely_pieces(pieces, stripes.score)
     # Worn pieces are joined along whole lines, along boundaries and along the path
     whole, _ = marking_lines.marking_lines(stripes, pieces.with_boxes(3), now.is_visible)
-    guides = [*courses_of(whole), *courses_of(now.boundaries), *now.path]
+    guides = [*axes_of_lines(whole), *axes_of_lines(now.boundaries), *now.path]
     lines = join_along(stripes, pieces, guides, config.longest_gap_m).with_boxes(3)
     blobs = blobs.take(blobs.half_v_m <= 0.5 * WIDEST_BAR_M)
     bars = track_lines(blobs, config, width_m=SAME_BOUNDARY_M)
@@ -133,50 +133,50 @@ def keep_consistent(now: Joining) -> Joining:
     is_kerb = np.array([b.form == "kerb" for b in boundaries], dtype=np.bool_)
     is_sure = is_kerb | np.array([b.confidence >= SURE for b in boundaries], dtype=np.bool_)
     sure = [b for b, yes in zip(boundaries, is_sure, strict=True) if yes]
-    behind = behind_boundaries(courses_of(now.markings), courses_of(sure), is_kerb[is_sure])
+    behind = behind_boundaries(axes_of_lines(now.markings), axes_of_lines(sure), is_kerb[is_sure])
     markings = [m for m, yes in zip(now.markings, behind, strict=True) if not yes]
     # A boundary has a carriageway in front of it and none behind it
-    kept = bounds_carriageway(courses_of(boundaries), is_kerb, is_sure, [*courses_of(markings), *path])
+    kept = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, [*axes_of_lines(markings), *path])
     boundaries = [b for b, yes in zip(boundaries, kept, strict=True) if yes]
     # Bars and arrows stand alone: paint that runs along a line is a piece of that line
-    lines = [*courses_of(markings), *courses_of(boundaries)]
-    is_piece = along_lines(courses_of(now.other), lines, KERB_STONE_M)
+    lines = [*axes_of_lines(markings), *axes_of_lines(boundaries)]
+    is_piece = along_lines(axes_of_lines(now.other), lines, KERB_STONE_M)
     other = [m for m, yes in zip(now.other, is_piece, strict=True) if not yes and m.confidence >= SURE]
     return replace(now, markings=markings, other=other, boundaries=boundaries)
 
 
 def line_set(now: Joining) -> LineSet:
     """Return all lines, with the roles and forms that follow from how they lie to one another."""
-    lanes, bounds = courses_of(now.markings), courses_of(now.boundaries)
+    lanes, bounds = axes_of_lines(now.markings), axes_of_lines(now.boundaries)
     double = is_double(lanes)
     names = roles(lanes, bounds, now.path, double)
-    forms = np.array(paint_forms(courses_of(now.other), [*lanes, *bounds, *now.path]), dtype=np.str_)
+    forms = np.array(paint_forms(axes_of_lines(now.other), [*lanes, *bounds, *now.path]), dtype=np.str_)
     return LineSet.concatenate([
-        marking_lines.as_lines(now.markings, "lane_marking").with_columns(
+        marking_lines.marking_line_set(now.markings, "lane_marking").with_columns(
             double=double, role=np.array(names, dtype=np.str_)
         ),
         marking_lines.dash_lines(now.markings, names),
-        marking_lines.as_lines(now.other, "road_marking_other").with_columns(
+        marking_lines.marking_line_set(now.other, "road_marking_other").with_columns(
             form=forms, pattern=np.full(len(now.other), "", dtype=np.str_)
         ),
-        boundary_lines.as_lines(now.boundaries),
+        boundary_lines.boundary_line_set(now.boundaries),
         boundary_lines.top_lines(now.boundaries),
     ])  # fmt: skip
 
 
-def courses_of(lines: Sequence[Marking] | Sequence[Boundary]) -> list[Course]:
+def axes_of_lines(lines: Sequence[SmoothMarking] | Sequence[SmoothBoundary]) -> list[LineAxis]:
     """Return the axes of lines."""
-    return [Course.of(line.line.t_m, line.line.xyz) for line in lines]
+    return [LineAxis.of(line.line.t_m, line.line.xyz) for line in lines]
 
 
 def _with_boundaries(now: Joining, form: BoxForm) -> Joining:
     """Track the boxes of one form, without those beside a kerb."""
     boxes = now.boxes[form]
-    away = ~beside_kerb(boxes, courses_of(now.kerbs), -KERB_SIDE_M, KERB_SIDE_M)
+    away = ~beside_kerb(boxes, axes_of_lines(now.kerbs), -KERB_SIDE_M, KERB_SIDE_M)
     return replace(now, boundaries=[*now.boundaries, *_boundaries(now, boxes.take(away))])
 
 
-def _boundaries(now: Joining, boxes: BoxSet) -> list[Boundary]:
+def _boundaries(now: Joining, boxes: BoxSet) -> list[SmoothBoundary]:
     """Return the boundaries through boxes of one form."""
     tracks = track_lines(boxes, now.config, width_m=SAME_BOUNDARY_M)
-    return boundary_lines.boundaries(boxes, tracks, now.is_visible)
+    return boundary_lines.smooth_boundaries(boxes, tracks, now.is_visible)

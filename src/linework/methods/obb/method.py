@@ -30,7 +30,7 @@ from linework.model.lines import LineSet
 from linework.model.settings import group
 from linework.model.tile import TileData
 
-KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top")
+OBB_KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +49,7 @@ class ObbMethod:
     recording: ClassVar[Recording] = "points"
     evidence: ClassVar[type[BoxSet]] = BoxSet
     config: ObbConfig = field(default_factory=ObbConfig)
-    kinds: tuple[str, ...] = KINDS
+    kinds: tuple[str, ...] = OBB_KINDS
     name: str = "obb"
     #: A box depends on the points within this distance of its cell only.
     buffer_m: float = 8.0
@@ -92,7 +92,7 @@ class ObbMethod:
         return self.end_join(now, survey)
 
     #: Boxes that collide when moved on by the search length are joined, forward and backward, over gaps.
-    join_steps: ClassVar[tuple[joining.Step, ...]] = (
+    join_steps: ClassVar[tuple[joining.JoinStep, ...]] = (
         # Kerbs first: stone and gutter beside them are neither paint nor edges of their own
         joining.find_kerbs,
         # What else bounds the road: the edge of the pavement, then barriers and walls

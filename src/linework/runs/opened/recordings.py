@@ -19,11 +19,11 @@ from linework.files.trajectories.read import write_trajectory
 from linework.model.logs import VanLog
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
-from linework.navigation.locate import locate
+from linework.navigation.locate import locate_drive
 from linework.runs.opened.pairs import OpenedStereo, place_pairs
 from linework.runs.opened.points import OpenedSurvey, hash_path, opened_survey
 from linework.runs.opened.work_folder import STORES
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 
 T = TypeVar("T")
 
@@ -119,7 +119,7 @@ def opened_recordings(
     laser: bool = True,
     images: bool = True,
     n_threads: int = 1,
-    steps: Steps | None = None,
+    steps: RunSteps | None = None,
 ) -> Iterator[Recordings]:
     """Open the recordings of a survey that are asked for, and hold them open.
 
@@ -133,7 +133,7 @@ def opened_recordings(
     InputError
         Nothing can be used. If only one recording cannot be used, `Recordings.problems` names it.
     """
-    steps = steps or Steps()
+    steps = steps or RunSteps()
     with contextlib.ExitStack() as held:
         logs: Opened[tuple[Survey, tuple[str, ...]]] = Opened("navigation logs")
         points: Opened[OpenedSurvey] = Opened("laser points")
@@ -198,7 +198,7 @@ def _hashes(survey: Survey, points: OpenedSurvey | None, stereo: OpenedStereo | 
     return hashes
 
 
-def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: Steps) -> OpenedStereo:
+def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: RunSteps) -> OpenedStereo:
     """Return the stereo pairs with their poses, on the trajectory of the points where there are any."""
     series = open_stereo(survey)
     assert series is not None, "the survey has [cameras]"
@@ -218,7 +218,7 @@ def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: Steps) ->
 # A survey that has logs and no trajectory: its trajectory is made from them, as `linework locate` does
 
 
-def located_survey(survey: Survey, work: Path, steps: Steps) -> tuple[Survey, tuple[str, ...]]:
+def located_survey(survey: Survey, work: Path, steps: RunSteps) -> tuple[Survey, tuple[str, ...]]:
     """Return the survey with a trajectory, its own or one made from its logs, and messages about the latter.
 
     Parameters
@@ -235,7 +235,7 @@ def located_survey(survey: Survey, work: Path, steps: Steps) -> tuple[Survey, tu
         return survey, ()
     with steps.step("locate", unit="stretches") as advance:
         content = read_navigation_logs(survey)
-        found = locate(content.logs, progress=advance)
+        found = locate_drive(content.logs, progress=advance)
         path = work / STORES / f"located-{hash_path(found.trajectory)[:16]}.csv"
         if not path.is_file():
             write_trajectory(found.trajectory, path, overwrite=True)
