@@ -97,7 +97,7 @@ class Extraction:
     logged: VanLog | None = None
 
 
-# Names and order of lines: from kind and place alone, so that a re-run gives the same
+# Names and order of lines: from kind and place alone, so that another run gives the same
 
 
 def identify(lines: LineSet) -> LineSet:
@@ -106,8 +106,8 @@ def identify(lines: LineSet) -> LineSet:
     Notes
     -----
     The order is: kind (as in `KINDS`), then place from west to east, south to north, low to high, then the
-    exact vertices, so that it does not depend on the order in which tiles or methods were done. Two lines
-    of one kind at one place (the two wires of a pair, both beams of a rail) are told apart by a number.
+    exact vertices, so that it does not depend on the order in which tiles or methods ended. Two lines
+    of one kind at one place (the two wires of a pair, both beams of a rail) are numbered.
 
     Examples
     --------
@@ -130,27 +130,27 @@ def identify(lines: LineSet) -> LineSet:
 
 
 def _key(lines: LineSet, places: np.ndarray, i: int) -> tuple[int, list[int], bytes]:
-    # Big-endian bytes of the vertices: any fixed order does where kind and place are the same
+    # Big-endian bytes of the vertices: any fixed order will do where kind and place are equal
     exact = lines.line(i).astype(">f8").tobytes()
     kind = str(lines.kind[i])
     return (KINDS.index(kind) if kind in KINDS else len(KINDS)), places[i].tolist(), exact
 
 
-# Where lines come from: the point files that lie about each
+# Sources of lines: the point files around each line
 
-#: A field of a table is to be read at a glance: of more files the first are named, the others counted.
+#: Files named in the `source` field of a line; further ones are counted: a reader takes it in at a glance. [files]
 MAX_NAMES = 3
 
 
 def with_sources(lines: LineSet, files: Sequence[FileFacts], survey: str) -> LineSet:
-    """Return the lines, those without a `source` with the names of the files whose extents they reach into.
+    """Return the lines; those without a `source` get the names of the files whose extents they overlap.
 
     Parameters
     ----------
     files
-        What was read, in the survey's order.
+        Files that were read, in the order of the survey.
     survey
-        Name of the survey: the source of a line that lies in the extent of no file.
+        Name of the survey: the source of a line outside the extents of all files.
     """
     open_ = np.flatnonzero(lines.source == "")
     sources = lines.source.astype(object)
@@ -170,12 +170,12 @@ def with_sources(lines: LineSet, files: Sequence[FileFacts], survey: str) -> Lin
 
 
 def path_text(path: Path) -> str:
-    """Return a path as text that any reader takes, bytes that are no UTF-8 escaped."""
+    """Return a path as UTF-8 text; other bytes are escaped."""
     return os.fsencode(path).decode("utf-8", errors="backslashreplace")
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Return the names, or the first of them and how many more there are.
+    """Return the names, or the first of them and the number of further ones.
 
     >>> _listed(["a.laz", "b.laz"]), _listed(["a", "b", "c", "d", "e"])
     ('a.laz, b.laz', 'a, b, c and 2 more')

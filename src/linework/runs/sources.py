@@ -207,7 +207,7 @@ class LaserSource:
         """Return the error of a survey of which all tiles failed."""
         problem = account.failures[0].problem.rstrip(".")
         return PartialError(f"none of {len(account.tiles)} tiles could be processed: {problem}",
-                            where=self.opened.survey.name, advice="mend that, and run again")  # fmt: skip
+                            where=self.opened.survey.name, advice="correct that and run again")  # fmt: skip
 
     def _tiles(self) -> list[tuple[AnyMethod, Tile]]:
         """Return all tiles, those of methods with few (large) tiles first: the last tasks of a run are short."""
@@ -277,4 +277,4 @@ class StereoSource:
         n_pairs = account.pairs.n_pairs if account.pairs else 0
         problem = account.failures[0].problem.rstrip(".")
         return InputError(f"none of {n_pairs} stereo pairs can be used, the first: {problem}",
-                          where=self.opened.survey.name, advice="mend that, and run again")  # fmt: skip
+                          where=self.opened.survey.name, advice="correct that and run again")  # fmt: skip
