@@ -7,7 +7,7 @@ from enum import StrEnum
 import numpy as np
 
 from linework.arrays import FloatArray, IntArray
-from linework.methods.obb.method import SAME_BOUNDARY_M, SAME_PAINT_BOXES_M
+from linework.methods.obb.joining import SAME_BOUNDARY_M, SAME_PAINT_BOXES_M
 from linework.methods.protocol import Sight
 from linework.methods.tracking.boundary_lines import boundary_line_set as boundary_set
 from linework.methods.tracking.boundary_lines import smooth_boundaries

@@ -20,7 +20,7 @@ from linework.lines.along import DrivenPath
 from linework.methods.protocol import Sight
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
-from linework.runs.opened.sight import SurveySight
+from linework.runs.opened.surface import SurveySight
 from linework.workbench.server.bench import AppState, state_of_request
 from linework.workbench.views.patches import PatchReader
 from linework.workbench.views.tiles import patch_reader
