@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from linework.arrays import AnyArray, FloatArray, IntArray
-from linework.kernels.radon import corridor as kernels
+from linework.arrays import AnyArray, FloatArray, IntArray, offsets_of
+from linework.kernels.radon import sections as kernels
 from linework.kernels.tracking.times import moving_sums
 from linework.methods.rails.circles import Bins, CircleConfig
 from linework.model.settings import setting
@@ -214,11 +214,6 @@ class VerticalProfile:
 
 
 _COLUMNS = tuple(f.name for f in fields(VerticalProfile) if f.name not in ("offsets", "window"))
-
-
-def offsets_of(lengths: list[int]) -> IntArray:
-    """Return where lines of these lengths begin, one after the other, and where the last one ends."""
-    return np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(lengths, dtype=np.int64)])
 
 
 def measure_profile(

@@ -7,10 +7,10 @@ from itertools import pairwise, starmap
 
 import numpy as np
 
-from linework.arrays import BoolArray, FloatArray, IntArray
-from linework.kernels.radon import corridor as kernels
+from linework.arrays import BoolArray, FloatArray, IntArray, distance_along, offsets_of
+from linework.kernels.radon import sections as kernels
 from linework.methods.rails.circles import Bins, CircleConfig
-from linework.methods.rails.profile import ProfileConfig, VerticalProfile, measure_profile, offsets_of
+from linework.methods.rails.profile import ProfileConfig, VerticalProfile, measure_profile
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ def fit_rails(
         return []
     # Chains are many and short: all are worked at once, each for itself
     chain, offsets = np.concatenate(chains), offsets_of([len(c) for c in chains])
-    lines = _Lines(np.concatenate([node_chainage(c[:, :2]) for c in chains]), offsets, circles.fit_window_m)
+    lines = _Lines(np.concatenate([distance_along(c) for c in chains]), offsets, circles.fit_window_m)
     weight = np.minimum(chain[:, 3], 10.0) * chain[:, 4] + 1e-3
     xy, heading, *_ = lines.fit_plan(chain[:, :2], weight)
     top, *_ = lines.fit(chain[:, 2], weight)
@@ -106,8 +106,3 @@ class _Lines:
         x, dx, rms_x, effective = self.fit(xy[:, 0], weight)
         y, dy, rms_y, _ = self.fit(xy[:, 1], weight)
         return np.column_stack([x, y]), np.arctan2(dy, dx), np.hypot(rms_x, rms_y), effective
-
-
-def node_chainage(xy: FloatArray) -> FloatArray:
-    """Return the arc length at each node, in plan [m]."""
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
