@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray, distance_along, offsets_of
 from linework.kernels.radon import follow
 from linework.kernels.radon.follow import SETTLED
 from linework.kernels.tracking.passing import passing
@@ -85,7 +85,7 @@ class Strands:
         ]
         if not parts:
             return self
-        offsets = np.concatenate([[0], np.cumsum([len(nodes) for nodes, *_ in parts])])
+        offsets = offsets_of([len(nodes) for nodes, *_ in parts])
         return Strands(
             np.concatenate([nodes for nodes, *_ in parts]),
             offsets,
@@ -119,10 +119,12 @@ def chains_from_starts(
     least = max(round(least_m / config.spacing_m), 4)
     order = np.lexsort((starts[:, 1], starts[:, 0], -starts[:, 4]))
     reach, far, near = (round(m / config.spacing_m) for m in (FOLLOW_REACH_M, FAR_REACH_M, NEAR_START_M))
-    strands = follow_strands(starts[order], bins, band_m, (least, reach, near), config)
+    strands = follow_strands(starts[order], bins, band_m, follow.FollowLimits(least, reach, near), config)
     # Once more, and further, those that meet no other
     lonely = strands.begin[strands.reaching(link_strands(strands, bins, config), reach)]
-    strands = strands.replaced(follow_strands(lonely, bins, band_m, (least, far, -1), config))
+    strands = strands.replaced(
+        follow_strands(lonely, bins, band_m, follow.FollowLimits(least, far, -1), config)
+    )
     partner = link_strands(strands, bins, config)
     chains = [_assembled(strands, chain, partner, config) for chain in _ordered(len(strands), partner)]
     return _each_place_once(chains, least, config)
@@ -132,22 +134,30 @@ def follow_strands(
     starts: FloatArray,
     bins: Bins,
     band_m: tuple[float, float],
-    limits: tuple[int, int, int],
+    limits: follow.FollowLimits,
     config: CircleConfig,
 ) -> Strands:
     """Follow the starts both ways, in their order; for `limits` see `linework.kernels.radon.follow.chains_from_starts`."""
-    how = (config.spacing_m, config.radius_m, config.max_gap_m, config.spacing_m, *band_m, config.sheet_m)
+    setting = follow.FollowSettings(
+        spacing=float(config.spacing_m),
+        radius=float(config.radius_m),
+        max_gap=float(config.max_gap_m),
+        half_along=float(config.spacing_m),
+        low=float(band_m[0]),
+        high=float(band_m[1]),
+        sheet=float(config.sheet_m),
+    )
     nodes, offsets, middle, number = follow.follow_sheets(
         bins.points,
         bins.layers,
         (bins.n_x, bins.n_y, bins.cell_m),
         starts,
-        np.array(how),
+        setting,
         (config.spacing_m, 1.25 * config.radius_m),
         limits,
         bins.work,
     )
-    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(nodes[:, :2], axis=0).T))])[: len(nodes)]
+    arc = distance_along(nodes)[: len(nodes)]
     arc -= np.repeat(arc[middle], np.diff(offsets))
     return Strands(nodes, offsets, arc, middle, starts[number])
 

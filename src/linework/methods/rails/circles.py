@@ -13,6 +13,15 @@ from linework.methods.radon.seeds import SeedSegments
 from linework.model.grid import Image
 from linework.model.settings import setting
 
+#: Height of the followed sheet less that of the beam itself: noise of its top and bottom. [m]
+BLUR_M = 0.06
+#: Height above and below a beam in which points count against a start. Tuned; see `linework.methods.rails.fitted`. [m]
+CLEAR_M = 0.10
+#: Fewest points of a beam to start from. Tuned; see `linework.methods.rails.fitted`.
+LEAST_BEAM_POINTS = 6.0
+#: Least share of a beam's points that must remain when those above and below are taken off. Tuned, as above.
+LEAST_CLARITY = 0.4
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CircleConfig:
@@ -128,8 +137,14 @@ def find_starts(segments: SeedSegments, bins: Bins, config: CircleConfig) -> Flo
     beam's height, none above, none below. Seeds in hedges, walls and cars end here.
     """
     turns = np.radians(np.arange(-3.0, 3.01, 0.5))
-    shape = np.array(
-        [config.radius_m, config.sheet_m - 0.06, 0.10, 6.0, 0.4, config.min_top_m, config.max_top_m]
+    shape = kernels.BeamShape(
+        strip=float(config.radius_m),
+        beam=config.sheet_m - BLUR_M,
+        clear=CLEAR_M,
+        least=LEAST_BEAM_POINTS,
+        clarity=LEAST_CLARITY,
+        lowest=float(config.min_top_m),
+        highest=float(config.max_top_m),
     )
     ends = np.concatenate([segments.start_xy - bins.origin[:2], segments.end_xy - bins.origin[:2]], axis=1)
     args = (bins.points, bins.starts, bins.n_x, bins.n_y, bins.cell_m)

@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import AnyArray, BoolArray, FloatArray
+from linework.arrays import AnyArray, BoolArray, FloatArray, distance_along, offsets_of
 from linework.methods.rails.chains import long_runs
 from linework.methods.rails.circles import Bins, CircleConfig
-from linework.methods.rails.profile import BIN_M, TOP_BIN, ProfileConfig, VerticalProfile, offsets_of
-from linework.methods.rails.rails import FittedRail, fit_rails, node_chainage
+from linework.methods.rails.profile import BIN_M, TOP_BIN, ProfileConfig, VerticalProfile
+from linework.methods.rails.rails import FittedRail, fit_rails
 from linework.methods.rails.stretches import barrier_stretches, guardrail_stretches, near_chosen
 from linework.methods.rails.verdict import NodeScores, classify
 from linework.model.grid import Bounds
@@ -46,7 +46,7 @@ def _placed(rails: list[FittedRail], bins: Bins, surface: RoadSurface) -> list[_
     height = height_above_road(surface, xyz).astype(np.float64)
     ground = height_above_ground(surface, xyz).astype(np.float64)
     return [
-        _Placed(rail, xyz[a:b], edge[a:b], height[a:b], ground[a:b], node_chainage(rail.xy))
+        _Placed(rail, xyz[a:b], edge[a:b], height[a:b], ground[a:b], distance_along(rail.xy))
         for rail, (a, b) in zip(rails, ends, strict=True)
     ]
 
@@ -230,7 +230,9 @@ def raised_rails(
         higher = raise_of(rail)
         may_be = (verdict.barrier >= 0.5) | ((higher >= LEAST_RAISE_M) & (verdict.goes_on >= 0.5))
         near = near_chosen(
-            may_be & (verdict.guardrail < CLEAR_GUARDRAIL), node_chainage(rail.xy), config.min_closed_length_m
+            may_be & (verdict.guardrail < CLEAR_GUARDRAIL),
+            distance_along(rail.xy),
+            config.min_closed_length_m,
         )
         chain = _chain_of(rail, rail.top_m + higher)
         chains += [
