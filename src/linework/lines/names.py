@@ -18,8 +18,8 @@ ID_STEP_M = 1.0
 def with_ids(lines: LineSet, taken: Container[str]) -> LineSet:
     """Return the lines, those without an `id` with one that no other line has and that is not taken.
 
-    >>> lines = named(LineSet.from_lines([np.zeros((2, 3))] * 2, kind=["cable"] * 2), ())
-    >>> len(set(lines.id.tolist())), lines.id[0] == named(lines.take([0]).with_columns(id=[""]), ()).id[0]
+    >>> lines = with_ids(LineSet.from_lines([np.zeros((2, 3))] * 2, kind=["cable"] * 2), ())
+    >>> len(set(lines.id.tolist())), lines.id[0] == with_ids(lines.take([0]).with_columns(id=[""]), ()).id[0]
     (2, True)
     """
     ids = lines.id.tolist()

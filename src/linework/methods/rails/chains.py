@@ -360,7 +360,7 @@ def _cross(a: AnyArray, b: AnyArray) -> FloatArray:
 def long_runs(chosen: BoolArray, least: int) -> list[slice]:
     """Return the runs of True of at least `least` in a row.
 
-    >>> runs(np.array([True, True, False, True]), 2)
+    >>> long_runs(np.array([True, True, False, True]), 2)
     [slice(0, 2, None)]
     """
     edges = np.flatnonzero(np.diff(np.r_[False, chosen, False].astype(np.int8)))
