@@ -9,7 +9,7 @@ from linework.kernels.paint.paint_points import MOST_VISITS, dark_level, smalles
 from linework.kernels.paint.stripe_fit import extent
 from linework.kernels.paint.stripe_search import direction
 from linework.kernels.paint.stripes import clipped
-from linework.kernels.tracking.cholesky import factor, solve
+from linework.kernels.tracking.small_systems import factor, solve
 
 
 @pytest.fixture
