@@ -22,9 +22,9 @@ from linework.kernels.paint.stripe_fit import (
     edge_variance,
     extent,
     fit_stripe,
-    height_of,
     strip_of,
 )
+from linework.kernels.paint.stripe_height import height_of
 from linework.kernels.paint.stripe_search import (
     BAND_COLUMNS,
     BAND_LEFT,
