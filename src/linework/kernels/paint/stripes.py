@@ -40,12 +40,14 @@ from linework.kernels.paint.stripe_search import (
 #: intensity of road and paint; points used; first and last time [s], both -1 if no point lay on it; whole length,
 #: spacing of the points, and place along the search area's direction [m].
 (
-    CX, CY, CZ, STRIPE_UX, STRIPE_UY, STRIPE_HALF_U, STRIPE_HALF_V, STRIPE_SIGMA_V, SIGMA_Z, STRIPE_SIGMA_U, T_VALUE, STRIPE_STEP, SIGMA_STEP,
-    DARK, STRIPE_BRIGHT, NUMBER, FIRST, LAST, LENGTH, APART, ALONG,
+    STRIPE_X, STRIPE_Y, STRIPE_Z, STRIPE_UX, STRIPE_UY, STRIPE_HALF_U, STRIPE_HALF_V,
+    STRIPE_SIGMA_V, STRIPE_SIGMA_Z, STRIPE_SIGMA_U, STRIPE_T, STRIPE_STEP, STRIPE_SIGMA_STEP,
+    STRIPE_DARK, STRIPE_BRIGHT, STRIPE_POINTS, STRIPE_FIRST, STRIPE_LAST, STRIPE_LENGTH,
+    STRIPE_SPACING, STRIPE_ALONG,
 ) = range(21)  # fmt: skip
-N_COLUMNS = 21
+STRIPE_COLUMNS = 21
 #: A stripe found within this of a cell may pass through it once it is measured; and the shortest piece in a cell. [m]
-NEAR_M, LEAST_PIECE_M = 0.05, 0.04
+NEAR_CELL_M, LEAST_PIECE_M = 0.05, 0.04
 #: Fewest of 8 parts along a stripe with points on its paint, to trust it, and to measure it at all.
 LEAST_PARTS, FEWEST_PARTS = 3, 2
 #: Share of points beside a stripe that may be as bright as its paint (specks, a ragged edge).
@@ -140,7 +142,7 @@ def stripes_in_area(
     edges = np.empty((MOST_STRIPES, BAND_COLUMNS))
     m = stripes_across(work, n, angle, radius, least_t, edges)
     axes = (math.cos(angle), math.sin(angle))
-    wide = (west - NEAR_M, south - NEAR_M, east + NEAR_M, north + NEAR_M)
+    wide = (west - NEAR_CELL_M, south - NEAR_CELL_M, east + NEAR_CELL_M, north + NEAR_CELL_M)
     fit, covariance = np.empty(FIT_UNKNOWNS), np.empty((FIT_UNKNOWNS, FIT_UNKNOWNS))
     strip = np.empty((n, STRIP_COLUMNS))
     number, sparse = 0, False
@@ -162,16 +164,16 @@ def stripes_in_area(
         row = out[number]
         if write_place(fit, (begin, end), axes, cell, row):
             write_figures(near, (begin, end), high - low, radius, fit, covariance, row)
-            row[DARK] = dark + (bright - dark) * max(fit[FIT_ROAD_LEFT], fit[FIT_ROAD_RIGHT])
-            row[BRIGHT] = dark + (bright - dark) * fit[FIT_PAINT]
-            row[NUMBER] = used
-            row[APART] = radius * math.sqrt(math.pi * (1.0 + PROFILE_REACH * PROFILE_REACH) / n)
+            row[STRIPE_DARK] = dark + (bright - dark) * max(fit[FIT_ROAD_LEFT], fit[FIT_ROAD_RIGHT])
+            row[STRIPE_BRIGHT] = dark + (bright - dark) * fit[FIT_PAINT]
+            row[STRIPE_POINTS] = used
+            row[STRIPE_SPACING] = radius * math.sqrt(math.pi * (1.0 + PROFILE_REACH * PROFILE_REACH) / n)
             number += 1
     return number, HOLES if sparse else (STRIPE_FOUND if number else NO_STRIPE)
 
 
 @njit(cache=True, nogil=True)
-def limits_of(edges: FloatArray, j: int, radius: float) -> tuple[float, float]:
+def fit_window(edges: FloatArray, j: int, radius: float) -> tuple[float, float]:
     """Return the lowest and highest offset [m] that stripe j is fitted over: road on both sides, no other paint.
 
     edges: (m, 3), see `stripes_across`.
@@ -243,9 +245,13 @@ def write_place(
     if s1 - s0 < LEAST_PIECE_M:
         return False
     s = 0.5 * (s0 + s1)
-    row[CX], row[CY], row[UX], row[UY] = px + s * ux, py + s * uy, ux, uy
-    row[HALF_U], row[LENGTH], row[HALF_V] = min(s - begin, end - s), end - begin, 0.5 * fit[FIT_WIDTH] / root
-    row[ALONG] = s / root
+    row[STRIPE_X], row[STRIPE_Y], row[STRIPE_UX], row[STRIPE_UY] = px + s * ux, py + s * uy, ux, uy
+    row[STRIPE_HALF_U], row[STRIPE_LENGTH], row[STRIPE_HALF_V] = (
+        min(s - begin, end - s),
+        end - begin,
+        0.5 * fit[FIT_WIDTH] / root,
+    )
+    row[STRIPE_ALONG] = s / root
     return True
 
 
@@ -267,7 +273,7 @@ def write_figures(
     row: FloatArray,
 ) -> None:
     """Write a stripe's standard deviations, its t-value against the road, and its height."""
-    at = row[ALONG]
+    at = row[STRIPE_ALONG]
     slope_variance = covariance[FIT_SLOPE, FIT_SLOPE]
     variance = (
         covariance[FIT_OFFSET, FIT_OFFSET]
@@ -275,13 +281,13 @@ def write_figures(
         + at * at * slope_variance
     )
     unknown = edge_variance(near, stretch, across, fit)
-    row[SIGMA_V] = math.sqrt(variance + unknown)
+    row[STRIPE_SIGMA_V] = math.sqrt(variance + unknown)
     # The error that the fit does not know of is independent at the two ends: over half the length at the least
-    row[SIGMA_U] = math.sqrt(slope_variance + 4.0 * unknown / row[LENGTH] ** 2)
-    row[T_VALUE] = min(
+    row[STRIPE_SIGMA_U] = math.sqrt(slope_variance + 4.0 * unknown / row[STRIPE_LENGTH] ** 2)
+    row[STRIPE_T] = min(
         contrast_t(fit, covariance, FIT_ROAD_LEFT), contrast_t(fit, covariance, FIT_ROAD_RIGHT)
     )
-    row[CZ], row[SIGMA_Z], row[STEP], row[SIGMA_STEP] = height_of(
+    row[STRIPE_Z], row[STRIPE_SIGMA_Z], row[STRIPE_STEP], row[STRIPE_SIGMA_STEP] = height_of(
         near, stretch, fit, at, HEIGHT_REACH * radius
     )
-    row[FIRST], row[LAST] = -1.0, -1.0
+    row[STRIPE_FIRST], row[STRIPE_LAST] = -1.0, -1.0

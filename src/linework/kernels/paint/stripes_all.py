@@ -19,20 +19,20 @@ from linework.kernels.paint.paint_points import (
     split_into_visits,
     visit_of,
 )
-from linework.kernels.paint.stripe_search import MOST_STRIPES, PROFILE_REACH, gather
+from linework.kernels.paint.stripe_search import MOST_STRIPES, PROFILE_REACH, gather_within_reach
 from linework.kernels.paint.stripes import (
-    CX,
-    CY,
-    FIRST,
     HOLES,
-    LAST,
     NO_BRIGHT,
     STRIPE_COLUMNS,
+    STRIPE_FIRST,
     STRIPE_FOUND,
     STRIPE_HALF_U,
     STRIPE_HALF_V,
+    STRIPE_LAST,
     STRIPE_UX,
     STRIPE_UY,
+    STRIPE_X,
+    STRIPE_Y,
     TOO_FEW_POINTS,
     stripes_in_area,
 )
@@ -44,7 +44,7 @@ RADII_M = (0.5, 1.0, 2.0)
 BRIGHT_SPREADS = 2.5
 #: Fewest points of a search area: paint 0.12 m wide covers a twelfth of it. And points that are enough, so that no
 #: larger area is tried: so many over the diameter in metres.
-LEAST_POINTS, MANY_POINTS = 80, 400
+LEAST_STRIPE_POINTS, MANY_POINTS = 80, 400
 #: Points that the levels of road and paint are estimated from, and the fewest of a visit of the scanner.
 N_LEVEL, LEAST_VISIT = 200, 10
 
@@ -59,7 +59,7 @@ def even_out(work: FloatArray, n: int) -> tuple[int, float, float]:
     Parameters
     ----------
     work
-        (n or more, 5): points, see `linework.kernels.paint.stripe_search.gather`.
+        (n or more, 5): points, see `linework.kernels.paint.stripe_search.gather_within_reach`.
     """
     # A part of the points, evenly chosen, shows which visits there are and how dark the road is in each
     stride = n // N_LEVEL + 1
@@ -143,7 +143,7 @@ def stripes_at(
     why = TOO_FEW_POINTS
     for radius in RADII_M:
         reach = math.sqrt(1.0 + PROFILE_REACH * PROFILE_REACH) * radius
-        n = gather(points, starts, lattice, x, y, reach, work)
+        n = gather_within_reach(points, starts, lattice, x, y, reach, work)
         if n < 0:
             work = np.empty((-2 * n, work.shape[1]))
             n = gather_within_reach(points, starts, lattice, x, y, reach, work)
@@ -159,8 +159,8 @@ def stripes_at(
             continue
         number, why = stripes_in_area(work, n, radius, (dark, bright), box, least_t, out)
         for k in range(number):
-            out[k, CX] += x
-            out[k, CY] += y
+            out[k, STRIPE_X] += x
+            out[k, STRIPE_Y] += y
         if number > 0 or (why != HOLES and n > MANY_POINTS / (2.0 * radius)):
             return number, STRIPE_FOUND if number > 0 else why, work
     return 0, why, work
@@ -187,8 +187,8 @@ def all_stripes(
         Smallest t-value, see `linework.kernels.paint.stripe_search.stripes_across`.
     """
     size, south, west, _, n_cols = lattice
-    out = np.empty((256, N_COLUMNS))
-    some = np.empty((MOST_STRIPES, N_COLUMNS))
+    out = np.empty((256, STRIPE_COLUMNS))
+    some = np.empty((MOST_STRIPES, STRIPE_COLUMNS))
     work = np.empty((4096, POINT_COLUMNS))
     m = 0
     for k in range(len(cells)):
@@ -198,7 +198,7 @@ def all_stripes(
         number, _, work = stripes_at(points, starts, lattice, place, cell, least_t, work, some)
         for j in range(number):
             # Half open: a centre on the northern or eastern edge belongs to another cell
-            if np.floor(some[j, CX] / size) != col or np.floor(some[j, CY] / size) != row:
+            if np.floor(some[j, STRIPE_X] / size) != col or np.floor(some[j, STRIPE_Y] / size) != row:
                 continue
             if m == len(out):
                 grown = np.empty((2 * m, STRIPE_COLUMNS))
@@ -211,20 +211,20 @@ def all_stripes(
 
 
 @njit(cache=True, nogil=True)
-def write_times(work: FloatArray, place: tuple[float, float], stripe: FloatArray) -> None:
+def write_stripe_times(work: FloatArray, place: tuple[float, float], stripe: FloatArray) -> None:
     """Write the first and last time of the points on a stripe (21,).
 
     work: (n, 5) points with x and y from `place`, ended by a time that is NaN.
     """
     x, y = place
-    dx, dy = stripe[CX] - x, stripe[CY] - y
+    dx, dy = stripe[STRIPE_X] - x, stripe[STRIPE_Y] - y
     first, last = np.inf, -np.inf
     for i in range(len(work)):
         if np.isnan(work[i, POINT_TIME]):
             break
-        u = (work[i, POINT_X] - dx) * stripe[UX] + (work[i, POINT_Y] - dy) * stripe[UY]
-        v = (work[i, POINT_Y] - dy) * stripe[UX] - (work[i, POINT_X] - dx) * stripe[UY]
-        if abs(u) <= stripe[HALF_U] and abs(v) <= stripe[HALF_V]:
+        u = (work[i, POINT_X] - dx) * stripe[STRIPE_UX] + (work[i, POINT_Y] - dy) * stripe[STRIPE_UY]
+        v = (work[i, POINT_Y] - dy) * stripe[STRIPE_UX] - (work[i, POINT_X] - dx) * stripe[STRIPE_UY]
+        if abs(u) <= stripe[STRIPE_HALF_U] and abs(v) <= stripe[STRIPE_HALF_V]:
             first, last = min(first, work[i, POINT_TIME]), max(last, work[i, POINT_TIME])
     if first <= last:
-        stripe[FIRST], stripe[LAST] = first, last
+        stripe[STRIPE_FIRST], stripe[STRIPE_LAST] = first, last

@@ -166,31 +166,31 @@ def marking_box_set(found: FloatArray, config: MarkingConfig, *, has_time: bool)
     found
         (n, 21) float64: rows of `linework.kernels.paint.stripes`.
     """
-    dark, bright = found[:, stripes.DARK], found[:, stripes.STRIPE_BRIGHT]
+    dark, bright = found[:, stripes.STRIPE_DARK], found[:, stripes.STRIPE_BRIGHT]
     # A kerb of 2.5 cm and more, beyond the noise, is no paint
-    is_flat = found[:, stripes.STRIPE_STEP] < np.maximum(0.025, 3.0 * found[:, stripes.SIGMA_STEP])
+    is_flat = found[:, stripes.STRIPE_STEP] < np.maximum(0.025, 3.0 * found[:, stripes.STRIPE_SIGMA_STEP])
     found = found[is_flat & (bright >= config.least_contrast * dark)]
-    dark, bright = found[:, stripes.DARK], found[:, stripes.STRIPE_BRIGHT]
-    width, length = 2.0 * found[:, stripes.STRIPE_HALF_V], found[:, stripes.LENGTH]
+    dark, bright = found[:, stripes.STRIPE_DARK], found[:, stripes.STRIPE_BRIGHT]
+    width, length = 2.0 * found[:, stripes.STRIPE_HALF_V], found[:, stripes.STRIPE_LENGTH]
     # Points farther apart than lines are wide (0.1 m, airborne), and spots as large, make paint wider by that
-    widest = config.widest_line_m + np.maximum(found[:, stripes.APART] - 0.1, 0.0)
+    widest = config.widest_line_m + np.maximum(found[:, stripes.STRIPE_SPACING] - 0.1, 0.0)
     is_stripe = (width >= 0.05) & (width <= widest) & (length >= 1.5 * width)
-    times = found[:, [stripes.FIRST, stripes.LAST]]
+    times = found[:, [stripes.STRIPE_FIRST, stripes.STRIPE_LAST]]
     # -1 and -1: none of its points was looked at for its time
     times = np.where(has_time & (times != -1.0).any(axis=1, keepdims=True), times, np.nan)
     return BoxSet(
-        centre=found[:, [stripes.CX, stripes.CY, stripes.CZ]],
+        centre=found[:, [stripes.STRIPE_X, stripes.STRIPE_Y, stripes.STRIPE_Z]],
         u=found[:, [stripes.STRIPE_UX, stripes.STRIPE_UY]],
         half_u_m=found[:, stripes.STRIPE_HALF_U],
         half_v_m=found[:, stripes.STRIPE_HALF_V],
         sigma_v_m=np.maximum(found[:, stripes.STRIPE_SIGMA_V], 0.001),
-        sigma_z_m=np.maximum(found[:, stripes.SIGMA_Z], 0.001),
+        sigma_z_m=np.maximum(found[:, stripes.STRIPE_SIGMA_Z], 0.001),
         sigma_u_rad=np.maximum(found[:, stripes.STRIPE_SIGMA_U], 0.001),
         # Of boxes that stand out by 1.5, 3.5, 5.5, 9 deviations 65, 88, 95, 99 % were on paint (simulated roads)
-        score=expit(0.5 * found[:, stripes.T_VALUE] - 0.5),
+        score=expit(0.5 * found[:, stripes.STRIPE_T] - 0.5),
         form=np.where(is_stripe, BoxForm.STRIPE, BoxForm.OTHER_PAINT).astype(np.int8),
         contrast=np.where(dark > 0.0, bright / np.where(dark > 0.0, dark, 1.0), np.nan),
-        n_points=found[:, stripes.NUMBER].astype(np.int64),
+        n_points=found[:, stripes.STRIPE_POINTS].astype(np.int64),
         time_start_s=times[:, 0],
         time_end_s=times[:, 1],
     )
