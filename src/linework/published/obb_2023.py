@@ -231,6 +231,7 @@ def dop_directions(k: int) -> FloatArray:
     return np.array(known[k], dtype=np.float64)
 
 
+#: Signs of the corners of a box, (8, 3).
 _SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 

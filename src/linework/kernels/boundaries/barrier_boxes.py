@@ -96,7 +96,7 @@ def barrier_in_cell(
 ) -> int:
     """Find the foot of a barrier in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
-    Arguments as for `linework.kernels.boundaries.kerb_boxes.kerb_in_cell`.
+    Arguments as for `linework.kernels.boundaries.kerb_boxes.kerb_in_cell`, with slopes (4, 4) and box (16,).
     """
     work = scratch.work
     x, y = place
@@ -118,7 +118,7 @@ def barrier_in_cell(
     n = gather_at(
         data.points, data.starts, data.span, (x + mx, y + my), AGAIN_M * scale, plane, MOST_PLACE_POINTS, work
     )
-    most = roughness_limit(floor.usual, limits)
+    most = roughness_limit(floor.usual, limits.most_noise)
     half_u = HALF_LENGTH_M * scale
     a, b, c, noise, n_floor = fit_side(
         work, n, (vx, vy), (FOOT_GAP_M, FLOOR_WIDTH_M * scale, half_u), (0.0, floor.noise + 0.01), FLOOR_SOFT
@@ -236,4 +236,4 @@ def _stands_on_floor(
             elif r > CLIP_M:
                 above[k] += 1.0
     both = np.sum((below > 0.0) & (above > 0.0) & (before > 0.0))
-    return both >= 3 and np.sum(below) >= 6.0, u_low, u_high
+    return bool(both >= 3 and np.sum(below) >= 6.0), u_low, u_high

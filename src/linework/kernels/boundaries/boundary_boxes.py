@@ -73,7 +73,7 @@ def box_in_cell(
     noise, usual = floor_near(data.facets, data.span, x, y, (east, north), plane)
     if noise < 0.0:
         return BOX_HOLE
-    if noise > roughness_limit(usual, limits):
+    if noise > roughness_limit(usual, limits.most_noise):
         return BOX_NO_ROAD
     floor = LocalFloor(plane, noise, east, north, usual)
     slopes = np.empty((4, 4))

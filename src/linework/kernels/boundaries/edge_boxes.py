@@ -125,7 +125,7 @@ def edge_in_cell(
     """Find the pavement's edge in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
     First by roughness; where that shows nothing, by brightness alone. Arguments as for
-    `linework.kernels.boundaries.kerb_boxes.kerb_in_cell`.
+    `linework.kernels.boundaries.kerb_boxes.kerb_in_cell`, with box (16,).
     """
     work, sums, edge = scratch
     slopes, _ = around
@@ -160,7 +160,7 @@ def edge_in_cell(
     low, high = chord_in_cell(mx + v * vx, my + v * vy, vy, -vx, 0.5 * BOX_CELL_M)
     if high - low < LEAST_BOX_M:
         return BOX_ELSEWHERE
-    if not _is_edge(edge, by, roughness_limit(floor.usual, limits)):
+    if not _is_edge(edge, by, roughness_limit(floor.usual, limits.most_noise)):
         return BOX_NO_ROAD
     window = (v + CLEAR_M, v + FLOOR_WIDTH_M * scale, HALF_LENGTH_M * scale)
     a, b, c, noise, count = fit_side(work, n, (vx, vy), window, (0.0, edge[EDGE_SMOOTH] + 0.01), FLOOR_SOFT)

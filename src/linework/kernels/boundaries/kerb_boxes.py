@@ -215,7 +215,7 @@ def kerb_in_cell(
 
 @njit(cache=True, nogil=True)
 def _write_step(step: FloatArray, share: FloatArray, box: FloatArray) -> None:
-    """Write what a measured step (18,) says of its box (16,)."""
+    """Write the columns of a box (16,) that follow from its measured step (18,) and cover (5,)."""
     box[S_V], box[S_U] = step[STEP_SIGMA_V], step[STEP_SIGMA_U]
     box[S_Z] = 2.0 * step[STEP_NOISE] / np.sqrt(step[STEP_N_FLOOR])
     box[SCORE] = _score(step, share)
@@ -249,7 +249,7 @@ def _is_kerb(
     verge = step[STEP_NOISE] ** 2 - step[STEP_NOISE_TOP] ** 2 > GRASS_M**2
     smooth = (
         not verge
-        and step[STEP_NOISE] <= roughness_limit(floor.usual, limits)
+        and step[STEP_NOISE] <= roughness_limit(floor.usual, limits.most_noise)
         and step[STEP_NOISE_TOP] <= max(limits.most_noise, ROUGHEST_TOP * h)
     )
     top = abs(step[STEP_TOP_C] - step[STEP_FLOOR_C]) <= STEEPEST_TOP

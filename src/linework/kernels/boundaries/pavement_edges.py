@@ -82,7 +82,7 @@ SIDE_POINTS = 10
 CLEAR_SPLIT = 24.0
 #: Bins that are checked together for one brightness, and the fewest points of them.
 STEADY_BINS, STEADY_POINTS = 5, 3.0
-#: Number of last points that say where a shadow begins: the fourth last, so that strays do no harm.
+#: Number of last points before a shadow; it begins at the fourth last, so that strays do no harm.
 N_LAST = 4
 
 

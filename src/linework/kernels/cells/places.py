@@ -65,9 +65,9 @@ def floor_near(
 
 
 @njit(cache=True, nogil=True)
-def roughness_limit(usual: float, limits: FloatArray) -> float:
-    """Return how rough the floor of a place may be, where the smoothest floor around is known."""
-    return float(min(limits[3], max(ROUGHER_FLOOR * usual, SMOOTH_FLOOR_M)))
+def roughness_limit(usual: float, most_noise: float) -> float:
+    """Return the largest noise of the floor at a place [m], `usual` being that of the smoothest floors around."""
+    return float(min(most_noise, max(ROUGHER_FLOOR * usual, SMOOTH_FLOOR_M)))
 
 
 @njit(cache=True, nogil=True)

@@ -22,7 +22,7 @@ FIT_UNKNOWNS = 6
 
 #: Bins along a stripe, and parts along it whose errors are taken for independent.
 N_ALONG, N_SLICES = 80, 8
-#: Fewest points that a stripe or a plane is fitted to.
+#: Fewest points of a fitted stripe or plane.
 FEWEST_FITTED = 8
 #: Standard deviations of what is known before the fit: the offset to 0.1 m, the slope to 0.2, the width to 0.05 m
 #: (lines are 0.10 m wide and wider), the brightness of paint, about 1, to 0.3.
@@ -305,7 +305,7 @@ def bright_beside(strip: FloatArray, stretch: tuple[float, float], fit: FloatArr
     """Return the share of points within `side` [m] of a stripe's edges that are as bright as it, on the worse side.
 
     The road beside paint has hardly any, whatever its level; a strip of grass beside other grass has many.
-    `strip`, `stretch`, `fit` as for `edge_variance`.
+    `strip` (n, 4), `stretch`, `fit` (6,) as for `edge_variance`.
     """
     begin, end = stretch
     # Left and right of the stripe: points, and bright ones among them

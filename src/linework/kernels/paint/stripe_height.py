@@ -35,7 +35,7 @@ UNKNOWN_HEIGHT_M, UNKNOWN_STEP_M = 0.05, 1.0
 KERB_IN_ZONE = 0.3
 #: Variance on the stripe over that beside it, from which on it is rough, as a kerb's face or grass are.
 ROUGH_RATIO = 3.0
-#: Weight, in points, that holds the unknowns of a plane to 0 where no point tells them.
+#: Weight, in points, that holds the unknowns of a plane to 0 where no point determines them.
 PLANE_DAMPING = 1e-4
 #: Significance of a step. [standard deviations]
 STEP_SIGMAS = 3.0
@@ -50,7 +50,8 @@ def height_of(
     """Return the height of a stripe's centre and its sigma; and the height of a kerb under it and its sigma [m].
 
     Points within `side` [m] of the stripe count. Paint lies in one plane with the road on both its sides.
-    `strip`, `stretch`, `fit` as for `edge_variance`; `at`: where along the stripe [m].
+    `strip` (n, 4), `stretch`, `fit` (6,) as for `linework.kernels.paint.stripe_fit.edge_variance`; `at`: where along the
+    stripe [m].
     """
     begin, end = stretch
     normal, right = np.zeros((PLANE_UNKNOWNS, PLANE_UNKNOWNS)), np.zeros(PLANE_UNKNOWNS)

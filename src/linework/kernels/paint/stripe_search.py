@@ -38,7 +38,7 @@ N_ACROSS, PROFILE_REACH = 56, 1.4
 N_SIDE = 4
 #: Widest paint, in bins: 1 m in a search area of 0.5 m.
 WIDEST = 40
-#: Bins on either side of a border that say whether brightness rises or falls there.
+#: Bins on either side of a border whose means give the slope of the brightness there.
 N_EDGE = 2
 #: Most stripes of one search area: a double line and two neighbours.
 MOST_STRIPES = 4

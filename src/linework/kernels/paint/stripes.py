@@ -52,7 +52,7 @@ NEAR_CELL_M, LEAST_PIECE_M = 0.05, 0.04
 LEAST_PARTS, FEWEST_PARTS = 3, 2
 #: Share of points beside a stripe that may be as bright as its paint (specks, a ragged edge).
 MOST_BESIDE = 0.25
-#: Road beside a stripe, in radii of the search area: looked at for bright points, for its height, and fitted.
+#: Road beside a stripe, in radii of the search area: checked for bright points, used for its height, and fitted.
 BESIDE_REACH, HEIGHT_REACH, FIT_REACH = 0.16, 0.18, 0.24
 #: Share of the gap to the next stripe at either end that belongs to the blurred edges, not to the road.
 GAP_BORDER = 0.2
@@ -63,7 +63,7 @@ LEAST_LENGTH, ROUGH_BLUR = 0.3, 0.06
 EDGE_POINTS, LEAST_BLUR_M = 8.0, 0.01
 #: Gauss-Newton steps of the rough and of the fine fit.
 ROUGH_ROUNDS, FINE_ROUNDS = 3, 4
-#: Brightness at which points are clipped: darker than road, brighter than paint tells nothing more.
+#: Brightness at which points are clipped: values darker than road or brighter than paint carry no more information.
 DARKEST, BRIGHTEST = -1.0, 1.5
 #: Brightness of paint that a fit begins with: worn paint is darker than the brightest points.
 FIRST_PAINT = 0.7
@@ -234,7 +234,19 @@ def write_place(
     cell: tuple[float, float, float, float],
     row: FloatArray,
 ) -> bool:
-    """Write centre, direction and extent of the piece of a stripe in a cell; return whether there is such a piece."""
+    """Write centre, direction and extent of the piece of a stripe in a cell; return whether there is such a piece.
+
+    Parameters
+    ----------
+    fit, stretch
+        (6,) unknowns of the stripe; its begin and end [m].
+    axes
+        Unit vector along the search area's direction.
+    cell
+        West, south, east and north edge. [m]
+    row
+        (21,) output.
+    """
     axis_x, axis_y = axes
     first, last = stretch
     root = math.sqrt(1.0 + fit[FIT_SLOPE] ** 2)
@@ -257,7 +269,7 @@ def write_place(
 
 @njit(cache=True, nogil=True)
 def contrast_t(fit: FloatArray, covariance: FloatArray, side: int) -> float:
-    """Return the difference of paint and road on one side over its standard deviation."""
+    """Return the difference of paint and road on one side over its sigma; `fit` (6,), `covariance` (6, 6)."""
     variance = covariance[FIT_PAINT, FIT_PAINT] + covariance[side, side] - 2.0 * covariance[FIT_PAINT, side]
     return float((fit[FIT_PAINT] - fit[side]) / math.sqrt(variance))
 
@@ -272,7 +284,19 @@ def write_figures(
     covariance: FloatArray,
     row: FloatArray,
 ) -> None:
-    """Write a stripe's standard deviations, its t-value against the road, and its height."""
+    """Write a stripe's standard deviations, its t-value against the road, and its height.
+
+    Parameters
+    ----------
+    near
+        (n, 4): points, see `linework.kernels.paint.stripe_fit.strip_of`.
+    stretch, across, radius
+        Begin and end of the stripe; width of the strip; radius of the search area. [m]
+    fit, covariance
+        (6,) unknowns, (6, 6).
+    row
+        (21,) input and output.
+    """
     at = row[STRIPE_ALONG]
     slope_variance = covariance[FIT_SLOPE, FIT_SLOPE]
     variance = (

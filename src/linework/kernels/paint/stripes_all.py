@@ -42,8 +42,8 @@ from linework.kernels.paint.stripes import (
 RADII_M = (0.5, 1.0, 2.0)
 #: Bright points are this many standard deviations above the level of the road.
 BRIGHT_SPREADS = 2.5
-#: Fewest points of a search area: paint 0.12 m wide covers a twelfth of it. And points that are enough, so that no
-#: larger area is tried: so many over the diameter in metres.
+#: Fewest points of a search area: paint 0.12 m wide covers a twelfth of it. And the number of points over the
+#: diameter in metres from which on no larger area is tried.
 LEAST_STRIPE_POINTS, MANY_POINTS = 80, 400
 #: Points that the levels of road and paint are estimated from, and the fewest of a visit of the scanner.
 N_LEVEL, LEAST_VISIT = 200, 10

@@ -29,7 +29,7 @@ N_END = 2
 
 #: Number of neighbouring boxes that err as one: search areas overlap, so neighbours share about half of their points.
 SHARED = 2.0
-#: Longest piece behind the last box that the prediction is fitted to. [m]
+#: Longest piece behind the last box that the prediction uses. [m]
 TRACK_PAST_M = 20.0
 #: Largest turn that a parabola approximates, 45 degrees: cosine.
 LEAST_ALONG = 0.7
@@ -108,7 +108,7 @@ def first_at(codes: IntArray, code: int) -> int:
 def support(
     boxes: FloatArray, codes: IntArray, lattice: tuple[float, float, float, int], reach_m: float
 ) -> FloatArray:
-    """Return for each box the share of the next `reach_m` along it, both ways, where others continue it, (n,).
+    """Return for each box the share of the next `reach_m` along it, in both directions, where others continue it, (n,).
 
     Parameters
     ----------
@@ -122,9 +122,9 @@ def support(
     west, south, cell, n_cols = lattice
     n_bins = SUPPORT_BINS
     out = np.zeros(len(boxes))
-    seen = np.zeros(n_bins, dtype=np.uint8)
+    continued = np.zeros(n_bins, dtype=np.uint8)
     for i in range(len(boxes)):
-        seen[:] = 0
+        continued[:] = 0
         x, y, ux, uy = boxes[i, TRACK_X], boxes[i, TRACK_Y], boxes[i, TRACK_UX], boxes[i, TRACK_UY]
         row0, row1 = int((y - reach_m - south) // cell), int((y + reach_m - south) // cell)
         col0, col1 = int((x - reach_m - west) // cell), int((x + reach_m - west) // cell)
@@ -146,8 +146,8 @@ def support(
                     abs(v) < GATE_SIGMAS * sigma + 0.5 * s * s / (3.0 * TIGHTEST_M) + SUPPORT_SLACK_M
                     and turn < SUPPORT_TURN
                 ):
-                    seen[int((s + reach_m) / (2.0 * reach_m) * n_bins)] = 1
-        out[i] = seen.sum() / n_bins
+                    continued[int((s + reach_m) / (2.0 * reach_m) * n_bins)] = 1
+        out[i] = continued.sum() / n_bins
     return out
 
 
@@ -358,7 +358,17 @@ def absorb(
     pair: tuple[int, int],
     width_m: float,
 ) -> None:
-    """Mark the free boxes beside two boxes of a line as absorbed: they are the same feature in other cells."""
+    """Mark the free boxes beside two boxes of a line as absorbed: they are the same feature in other cells.
+
+    Parameters
+    ----------
+    boxes, codes, lattice
+        (k, 8), (k,), tuple: as for `support`.
+    owner
+        (k,) int64, changed in place: owner of every box.
+    pair, width_m
+        The two boxes; largest distance from the line between them [m].
+    """
     west, south, cell, n_cols = lattice
     i, j = pair
     dx, dy = boxes[j, TRACK_X] - boxes[i, TRACK_X], boxes[j, TRACK_Y] - boxes[i, TRACK_Y]

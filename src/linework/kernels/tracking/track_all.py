@@ -34,7 +34,8 @@ def track_one(
     Parameters
     ----------
     boxes, codes, lattice, state, strength
-        As for `linework.kernels.tracking.track.next_box`; path and sense in `state` are output.
+        (k, 8), (k,), tuple, tuple, (k,): as for `linework.kernels.tracking.track.next_box`; path and sense in `state`
+        are output.
     line
         The number of the line.
     limits

@@ -17,6 +17,7 @@ from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntAr
 from linework.kernels.paint import paint_points, stripes
 from linework.kernels.paint.stripes_all import BRIGHT_SPREADS, all_stripes
 from linework.methods.obb.boundary import local_origin_of
+from linework.methods.tracking.fitted import PAINT_SCORE_OFFSET, PAINT_SCORE_SLOPE
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.grid import Bounds
 from linework.model.points import Points
@@ -37,9 +38,6 @@ _FLAT_M, _FLAT_SIGMAS = 0.025, 3.0
 _NARROWEST_M, _LEAST_RATIO, _DENSE_M = 0.05, 1.5, 0.1
 #: Smallest standard deviation of a box: no scanner measures better. [m, rad]
 _LEAST_SIGMA = 0.001
-#: Logistic curve from t-value to score, fitted to simulated roads (seeds not recorded): of boxes with t-values of 1.5,
-#: 3.5, 5.5 and 9, 65, 88, 95 and 99 % were on paint.
-_SCORE_SLOPE, _SCORE_OFFSET = 0.5, -0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -189,7 +187,7 @@ def marking_box_set(found: FloatArray, config: MarkingConfig, *, has_time: bool)
         sigma_v_m=np.maximum(found[:, stripes.STRIPE_SIGMA_V], _LEAST_SIGMA),
         sigma_z_m=np.maximum(found[:, stripes.STRIPE_SIGMA_Z], _LEAST_SIGMA),
         sigma_u_rad=np.maximum(found[:, stripes.STRIPE_SIGMA_U], _LEAST_SIGMA),
-        score=expit(_SCORE_SLOPE * found[:, stripes.STRIPE_T] + _SCORE_OFFSET),
+        score=expit(PAINT_SCORE_SLOPE * found[:, stripes.STRIPE_T] + PAINT_SCORE_OFFSET),
         form=np.where(is_stripe, BoxForm.STRIPE, BoxForm.OTHER_PAINT).astype(np.int8),
         contrast=np.where(dark > 0.0, bright / np.where(dark > 0.0, dark, 1.0), np.nan),
         n_points=found[:, stripes.STRIPE_POINTS].astype(np.int64),

@@ -34,7 +34,7 @@ SAME_BOXES_M = 0.10
 
 @dataclass(frozen=True, slots=True)
 class PickSurroundings:
-    """The lines around a place, as far as boxes show them.
+    """The lines around a place, tracked through boxes.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class PickSurroundings:
         return cls(boxes, markings, boundaries, np.zeros((0, 2)) if path is None else np.asarray(path)[:, :2])
 
     def nearest(self, place: FloatArray, wanted: str = "") -> tuple[int, float]:
-        """Return the nearest box of a line that can be tracked, and its distance [m]; -1 and inf without one near.
+        """Return the box of a trackable line nearest to a place (2,), and its distance [m]; -1, inf without one.
 
         Parameters
         ----------

@@ -38,7 +38,7 @@ HOLE_RAD = np.radians(120.0)
 LEAST_AREA_POINTS, SPARSE_M = 60, 2.0
 #: Rounds of fitting the lowest plane, after which it stands still; weight of a point above it over one below.
 _N_ROUNDS, _ABOVE_WEIGHT = 12, 0.01
-#: Of so many points one may be a stray far below the road.
+#: One in this many points may be a stray far below the road.
 _POINTS_PER_STRAY = 50
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels.tracking.track import SHARED
 from linework.methods.protocol import Sight, visible_share
+from linework.methods.tracking.fitted import LEAST_BOUNDARY_SCORE, SHARED_EDGE
 from linework.methods.tracking.marking_lines import confidence_of
 from linework.methods.tracking.smooth import SmoothLine, smooth_line, smooth_value
 from linework.methods.tracking.track import Tracks
@@ -23,13 +24,8 @@ LONGEST_DROP_M = 10.0
 LEAST_BOUNDARY_M = 4.0
 #: Shortest edge without a kerb: patches of asphalt are shorter. [m]
 LEAST_PAVEMENT_EDGE_M = 8.0
-#: Smallest mean score of its boxes: boxes that are more likely wrong make no line, however many.
-LEAST_BOUNDARY_SCORE = 0.5
 #: Stations in a gap without a box longer than this count as bridged. [m]
 UNMEASURED_M = 1.5
-#: Number of neighbouring boxes of an edge that err as one: tufts of grass and a verge's shadow hide it over some metres
-#: alike.
-SHARED_EDGE = 6.0
 #: Density of the random walk of a kerb's height and width: they change by 2 cm over ten metres. [m]
 STEP_CHANGE = 0.02**2 / 10.0
 #: Names of the forms of boxes, as lines have them.

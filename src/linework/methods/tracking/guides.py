@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import FloatArray, IntArray, offsets_of
+from linework.methods.tracking.fitted import LEAST_PIECE_SCORE
 from linework.methods.tracking.neighbours import AXIS_STATION_M, LineAxis
 from linework.methods.tracking.track import Tracks
 from linework.model.boxes import BoxSet
@@ -24,8 +25,6 @@ LEAST_GUIDE_M, GUIDE_REACH_M = 25.0, 15.0
 LEAST_COSINE = 0.985
 #: Fewest boxes of the largest piece of a line: single boxes alone are noise.
 LEAST_BOXES = 3
-#: Smallest mean score of pieces of fewer boxes.
-LEAST_PIECE_SCORE = 0.5
 #: Largest difference of the offsets of one line's pieces [m], and its growth per metre of gap: lines run parallel to a
 #: few centimetres, carriageways widen by 1 in 50 at most, markings by less.
 OFFSET_M, OFFSET_PER_M = 0.06, 0.004

@@ -11,6 +11,7 @@ from scipy.special import erf
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.protocol import Sight, visible_share
+from linework.methods.tracking.fitted import INDEPENDENT_BOXES
 from linework.methods.tracking.pattern import (
     PATCH_M,
     PaintRhythm,
@@ -250,6 +251,6 @@ def confidence_of(score: FloatArray, sigma_m: FloatArray) -> float:
     >>> round(confidence_of(np.array([0.8, 0.8]), np.array([0.01])), 3)
     0.96
     """
-    is_one = 1.0 - (1.0 - float(np.mean(score))) ** 2
+    is_one = 1.0 - (1.0 - float(np.mean(score))) ** INDEPENDENT_BOXES
     is_near = float(np.mean(erf(TOLERANCE_M / (np.sqrt(2.0) * np.maximum(sigma_m, 1e-6)))))
     return is_one * is_near

@@ -49,7 +49,7 @@ class TrackConfig:
     least_support: float = setting(
         0.18,
         unit="",
-        reason="a line goes on beyond a gap where 3 of 16 places within 2 m continue it",
+        reason="a line continues beyond a gap where 3 of 16 places within 2 m continue it",
         low=0,
         high=1,
     )
