@@ -32,7 +32,7 @@ from linework.kernels.boundaries.profiles import (
     FloorCells,
     FloorLimits,
     LocalFloor,
-    Scratch,
+    PlaceScratch,
     fit_side,
     gather_at,
 )
@@ -91,7 +91,7 @@ def barrier_in_cell(
     slopes: FloatArray,
     area: tuple[int, float],
     limits: FloorLimits,
-    scratch: Scratch,
+    scratch: PlaceScratch,
     box: FloatArray,
 ) -> int:
     """Find the foot of a barrier in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.

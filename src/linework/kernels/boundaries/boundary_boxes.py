@@ -27,7 +27,7 @@ from linework.kernels.boundaries.profiles import (
     FloorCells,
     FloorLimits,
     LocalFloor,
-    Scratch,
+    PlaceScratch,
 )
 from linework.kernels.cells.floor import FINE_M
 from linework.kernels.cells.places import (
@@ -57,7 +57,7 @@ def box_in_cell(
     ground: tuple[Float32Array, float, int, int],
     place: tuple[float, float],
     limits: FloorLimits,
-    scratch: Scratch,
+    scratch: PlaceScratch,
     box: FloatArray,
 ) -> int:
     """Find the edge of the floor in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
@@ -98,9 +98,9 @@ def box_in_cell(
 
 
 @njit(cache=True, nogil=True)
-def make_scratch() -> Scratch:
+def make_scratch() -> PlaceScratch:
     """Return arrays for the points of a place, the sums of a profile, and a step or an edge."""
-    return Scratch(
+    return PlaceScratch(
         np.empty((MOST_PLACE_POINTS + 2, PLACE_COLUMNS)),
         np.empty((N_PROFILE_BINS + 1, BIN_COLUMNS)),
         np.empty(STEP_COLUMNS),

@@ -52,7 +52,7 @@ from linework.kernels.boundaries.profiles import (
     FloorCells,
     FloorLimits,
     LocalFloor,
-    Scratch,
+    PlaceScratch,
     fit_side,
     gather_at,
 )
@@ -119,7 +119,7 @@ def edge_in_cell(
     around: tuple[FloatArray, float],
     area: tuple[int, float],
     limits: FloorLimits,
-    scratch: Scratch,
+    scratch: PlaceScratch,
     box: FloatArray,
 ) -> int:
     """Find the pavement's edge in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.

@@ -62,7 +62,7 @@ from linework.kernels.boundaries.profiles import (
     FloorCells,
     FloorLimits,
     LocalFloor,
-    Scratch,
+    PlaceScratch,
     gather_at,
 )
 from linework.kernels.cells.places import (
@@ -140,7 +140,7 @@ def kerb_in_cell(
     around: tuple[FloatArray, float],
     area: tuple[int, float],
     limits: FloorLimits,
-    scratch: Scratch,
+    scratch: PlaceScratch,
     box: FloatArray,
 ) -> int:
     """Find the foot of a kerb in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.

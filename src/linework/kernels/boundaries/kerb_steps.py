@@ -10,7 +10,6 @@ from numba import njit
 
 from linework.arrays import FloatArray
 from linework.kernels.boundaries.profiles import (
-    BIN_M,
     CLEAR_M,
     FLOOR_SOFT,
     FLOOR_WIDTH_M,
@@ -18,6 +17,7 @@ from linework.kernels.boundaries.profiles import (
     PLACE_R,
     PLACE_X,
     PLACE_Y,
+    PROFILE_BIN_M,
     TUKEY_SPREADS,
     UNIFORM_SIGMA,
     beside_cell,
@@ -83,7 +83,7 @@ def best_step(
     out
         (7,) output, columns `CLEAREST_VX` to `CLEAREST_NOISE`.
     """
-    step, half_u = BIN_M * scale, HALF_LENGTH_M * scale
+    step, half_u = PROFILE_BIN_M * scale, HALF_LENGTH_M * scale
     half = int(KERB_REACH_V / step) + 1
     out[CLEAREST_VX], out[CLEAREST_VY] = frame
     out[CLEAREST_CLEAR] = 0.0

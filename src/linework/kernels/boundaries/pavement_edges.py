@@ -12,7 +12,6 @@ from linework.arrays import FloatArray
 from linework.kernels.boundaries.profiles import (
     BIN_I,
     BIN_II,
-    BIN_M,
     BIN_N,
     BIN_V,
     BIN_VI,
@@ -24,6 +23,7 @@ from linework.kernels.boundaries.profiles import (
     PLACE_R,
     PLACE_X,
     PLACE_Y,
+    PROFILE_BIN_M,
     beside_cell,
     bin_sums_across,
     line_through,
@@ -210,7 +210,7 @@ def best_split(
     out
         (11,) output, columns `EDGE_VX` to `EDGE_N_ROUGH`.
     """
-    step, half_u = BIN_M * scale, HALF_LENGTH_M * scale
+    step, half_u = PROFILE_BIN_M * scale, HALF_LENGTH_M * scale
     half = int(BEYOND * EDGE_REACH_V / step)
     found, gains = np.zeros(EDGE_COLUMNS), np.zeros(N_PROFILE_BINS)
     out[EDGE_VX], out[EDGE_VY] = frame
@@ -241,7 +241,7 @@ def sharpen_split(
     edge is brighter than both sides. Parameters as for `best_split`, whose result is `first` (11,); `out` gets all
     columns.
     """
-    step, half_u = BIN_M * scale, HALF_LENGTH_M * scale
+    step, half_u = PROFILE_BIN_M * scale, HALF_LENGTH_M * scale
     found, gains = np.zeros(EDGE_COLUMNS), np.zeros(N_PROFILE_BINS)
     out[EDGE_VX], out[EDGE_VY], out[EDGE_CLEAR] = first[EDGE_VX], first[EDGE_VY], 0.0
     for stage in range(len(FINE_TURNS)):

@@ -52,7 +52,7 @@ LEAST_VV = 1e-9
 #: Standard deviation of a uniform distribution over its width: 1 / sqrt(12).
 UNIFORM_SIGMA = 0.29
 #: Width of a bin of the profile across a usual search area, and half of the length along u that it takes in. [m]
-BIN_M, HALF_LENGTH_M = 0.02, 0.5
+PROFILE_BIN_M, HALF_LENGTH_M = 0.02, 0.5
 #: Extent of a floor across [m]; weights that hold its slopes along u and v to 0 [m^2]; distance that it keeps from the
 #: foot of a step: half of a usual scan spot [m].
 FLOOR_WIDTH_M, FLOOR_SOFT, CLEAR_M = 0.60, (0.04, 0.04), 0.02
@@ -133,7 +133,7 @@ class LocalFloor(NamedTuple):
     usual: float
 
 
-class Scratch(NamedTuple):
+class PlaceScratch(NamedTuple):
     """Arrays that the kernels of one place overwrite: its points, the sums of a profile, a measured step."""
 
     work: FloatArray

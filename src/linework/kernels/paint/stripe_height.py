@@ -50,8 +50,8 @@ def height_of(
     """Return the height of a stripe's centre and its sigma; and the height of a kerb under it and its sigma [m].
 
     Points within `side` [m] of the stripe count. Paint lies in one plane with the road on both its sides.
-    `strip` (n, 4), `stretch`, `fit` (6,) as for `linework.kernels.paint.stripe_fit.edge_variance`; `at`: where along the
-    stripe [m].
+    `strip` (n, 4), `stretch`, `fit` (6,) as for `linework.kernels.paint.stripe_fit.edge_variance`; `at`: position along
+    the stripe [m].
     """
     begin, end = stretch
     normal, right = np.zeros((PLANE_UNKNOWNS, PLANE_UNKNOWNS)), np.zeros(PLANE_UNKNOWNS)

@@ -68,7 +68,7 @@ DARKEST, BRIGHTEST = -1.0, 1.5
 #: Brightness of paint that a fit begins with: worn paint is darker than the brightest points.
 FIRST_PAINT = 0.7
 #: Below this a component of a unit vector counts as 0.
-PARALLEL = 1e-9
+ZERO_COMPONENT = 1e-9
 
 #: Why a search area has no stripe.
 STRIPE_FOUND, TOO_FEW_POINTS, HOLES, NO_BRIGHT, NO_STRIPE = range(5)
@@ -92,7 +92,7 @@ def clipped(
     for axis in range(2):
         p, u = (px, ux) if axis == 0 else (py, uy)
         low, high = (west, east) if axis == 0 else (south, north)
-        if abs(u) < PARALLEL:
+        if abs(u) < ZERO_COMPONENT:
             if p < low or p >= high:
                 return 1.0, 0.0
             continue

@@ -57,7 +57,7 @@ LEAST_GATE_M, GATE_SLACK_M, SUPPORT_SLACK_M = 0.03, 0.01, 0.02
 #: Gates are this many standard deviations wide.
 GATE_SIGMAS = 3.0
 #: A candidate's turn: what its gate is wider by than its sigmas, and its largest value. [rad]
-TURN_SLACK, MOST_TURN = 0.05, 0.6
+TURN_SLACK, MOST_BOX_TURN = 0.05, 0.6
 #: Smallest variance of an observation, against division by zero. [m^2]
 LEAST_VARIANCE_M2 = 1e-6
 #: Number of boxes from which on the curvature is known better than by the tightest bend.
@@ -326,7 +326,7 @@ def next_box(
                 if off > min(GATE_SIGMAS * math.sqrt(sigma2) + GATE_SLACK_M, widest):
                     continue
                 turn2 = sigma_slope * sigma_slope + SHARED * boxes[j, TRACK_SIGMA_U] ** 2
-                if abs(turn) > min(GATE_SIGMAS * math.sqrt(turn2) + TURN_SLACK, MOST_TURN):
+                if abs(turn) > min(GATE_SIGMAS * math.sqrt(turn2) + TURN_SLACK, MOST_BOX_TURN):
                     continue
                 if s > NEAR_BOX_M and strength[j] < least_strength:
                     continue
