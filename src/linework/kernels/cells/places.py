@@ -42,8 +42,6 @@ ROUGHER_FLOOR, SMOOTH_FLOOR_M = 3.0, 0.006
 
 #: Result of the search at a place: a box, or why there is none.
 BOX_FOUND, BOX_HOLE, BOX_NO_ROAD, BOX_ALL_ROAD, BOX_ELSEWHERE = 0, 1, 2, 3, 4
-#: Element of the limits of a method that holds the largest noise of a floor. [m]
-LIMIT_NOISE = 3
 #: Elements of a plane: height [m], slopes east and north.
 PLANE_HEIGHT, PLANE_EAST, PLANE_NORTH = 0, 1, 2
 #: Half width of a facet, over which a tilt against the road counts like its rms distance. [m]
@@ -102,9 +100,9 @@ def floor_near(
 
 
 @njit(cache=True, nogil=True)
-def roughness_limit(usual: float, limits: FloatArray) -> float:
-    """Return the largest noise of the floor of a place [m], given that of the smoothest floor around [m]."""
-    return float(min(limits[LIMIT_NOISE], max(ROUGHER_FLOOR * usual, SMOOTH_FLOOR_M)))
+def roughness_limit(usual: float, most_noise: float) -> float:
+    """Return the largest noise of the floor at a place [m], `usual` being that of the smoothest floors around."""
+    return float(min(most_noise, max(ROUGHER_FLOOR * usual, SMOOTH_FLOOR_M)))
 
 
 @njit(cache=True, nogil=True)

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from linework.arrays import BoolArray, FloatArray
+from linework.arrays import BoolArray, FloatArray, offsets_of
 from linework.methods.protocol import Recording, SurveyContext
 from linework.methods.stereo.pieces import coverage_test, fused_boxes, pieces_of
 from linework.methods.stereo.road_plane import fit_pair_road
@@ -144,7 +144,7 @@ def _kept(tracks: Tracks, kept: BoolArray) -> Tracks:
     """Return the tracks with some of their places only."""
     owner = np.repeat(np.arange(len(tracks)), np.diff(tracks.offsets))
     n = np.bincount(owner[kept], minlength=len(tracks))
-    return Tracks(tracks.box[kept], tracks.way[kept], np.concatenate([[0], np.cumsum(n)]).astype(np.int64))
+    return Tracks(tracks.box[kept], tracks.sense[kept], offsets_of(n))
 
 
 def _is_sure(score: FloatArray) -> bool:
