@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-import os
-import socket
-import subprocess
-import sys
+import pickle
 import threading
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
-from multiprocessing.connection import Connection
 from typing import Any
 
 from linework.errors import LineworkError, MachineError
-from linework.workbench.worker.process import LEAVE
+from linework.processes.child import Child, Ending
 from linework.workbench.worker.session import SurveyOrder
-
-#: Libraries that start threads of their own only disturb the other desks.
-_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 class Desk:
@@ -41,9 +34,7 @@ class Desk:
         self._turn = asyncio.Lock()
         self._number = 0
         self._told: asyncio.Queue[Any] = asyncio.Queue()
-        self._process: subprocess.Popen[bytes] | None = None
-        self._connection: Connection | None = None
-        self._writing = threading.Lock()
+        self._child: Child | None = None
         #: Called when the process begins to compile kernels, and when it is done with that.
         self.on_compiling: Callable[[bool], None] = lambda _is_so: None
 
@@ -88,7 +79,7 @@ class Desk:
         """Tell a work that nobody waits for it, and wait until it has taken that in."""
         try:
             async with steps.leaving():
-                await asyncio.to_thread(steps.say, LEAVE)
+                await asyncio.to_thread(self._send, ("leave", self._number, None))
                 async for _ in steps:
                     pass
         except TimeoutError:
@@ -102,72 +93,55 @@ class Desk:
     @property
     def memory_pid(self) -> int:
         """Number of the process, 0 where none runs."""
-        return self._process.pid if self._process is not None else 0
+        return 0 if self._child is None else self._child.pid
 
     def kill(self) -> None:
         """End the process, whatever it is doing; the work it is at fails."""
-        process, self._process, self._connection = self._process, None, None
-        if process is not None:
-            process.kill()
-            process.wait()
-            died = MachineError("the process at work died", where="workbench", advice="try again")
-            self._told.put_nowait(("failed", died))
+        child, self._child = self._child, None
+        if child is not None:
+            self._told.put_nowait(("failed", _machine_error(child.kill())))
             self.on_compiling(False)
 
     def _start(self) -> None:
         """Start the process, if none runs."""
-        if self._process is not None and self._process.poll() is None:
+        if self._child is not None and self._child.is_running:
             return
         self.kill()
-        ours, theirs = socket.socketpair()
-        with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "linework.workbench.worker.process", str(theirs.fileno()),
-                 str(os.getpid()), *self._modules],
-                pass_fds=[theirs.fileno()],
-                env=os.environ | _ONE_THREAD,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )  # fmt: skip
-        self._connection = Connection(ours.detach())
-        self._connection.send(self._order)
-        reader = threading.Thread(
-            target=self._read, args=(self._connection, asyncio.get_running_loop()), daemon=True
-        )
-        reader.start()
+        child = Child("linework.workbench.worker.process:survey_worker_main", *self._modules)
+        self._child = child
+        child.send_object(self._order)
+        arguments = child, asyncio.get_running_loop()
+        threading.Thread(target=self._read, args=arguments, name="worker", daemon=True).start()
 
     def _send(self, message: tuple[Any, ...]) -> None:
         """Send a message; that a dead process cannot take it shows when its answer is read."""
-        connection = self._connection
-        if connection is not None:
-            with self._writing, suppress(OSError):
-                connection.send(message)
+        child = self._child
+        if child is not None:
+            child.send_object(message)
 
-    def _read(self, connection: Connection, loop: asyncio.AbstractEventLoop) -> None:
+    def _read(self, child: Child, loop: asyncio.AbstractEventLoop) -> None:
         """Hand on what the process says, in a thread of its own."""
-        while True:
+        is_over = False
+        while not is_over:
             try:
-                kind, number, value = connection.recv()
-            except Exception:  # its end, or the half of a message that it died in
-                with self._writing:
-                    connection.close()
-                with suppress(RuntimeError):
-                    loop.call_soon_threadsafe(self._hear, connection, None, None)
-                return
-            with suppress(RuntimeError):
-                loop.call_soon_threadsafe(self._hear, connection, number, (kind, value))
+                message = pickle.loads(child.receive())
+            except Exception:  # it ended, or sent what cannot be read: no answer would come to what was asked
+                message, is_over = None, True
+                child.channel.close()
+            with suppress(RuntimeError):  # the loop is closed
+                loop.call_soon_threadsafe(self._hear, child, message)
 
-    def _hear(self, connection: Connection, number: int | None, message: tuple[str, Any] | None) -> None:
-        if connection is not self._connection:
+    def _hear(self, child: Child, message: tuple[str, int, Any] | None) -> None:
+        if child is not self._child:
             return
         if message is None:
             self.kill()
             return
-        if message[0] == "compiling":
-            self.on_compiling(message[1])
+        kind, number, value = message
+        if kind == "compiling":
+            self.on_compiling(value)
         if number == self._number:
-            self._told.put_nowait(message)
+            self._told.put_nowait((kind, value))
 
 
 # A work at a desk, as the server sees it: what it tells, and how long one waits for that
@@ -234,9 +208,7 @@ class Work:
         except TimeoutError:
             self._kill()
             self.is_over = True
-            raise MachineError(
-                f"no answer for {limit_s:.0f} s", where="workbench", advice="try again"
-            ) from None
+            raise _machine_error(Ending.hung(limit_s)) from None
 
     @asynccontextmanager
     async def leaving(self) -> AsyncIterator[None]:
@@ -255,3 +227,7 @@ class Work:
         self.is_compiling = is_so
         if self._limit is not None:
             self._limit.reschedule(None if is_so else asyncio.get_running_loop().time() + LEAVE_S)
+
+
+def _machine_error(ending: Ending) -> MachineError:
+    return MachineError(f"the worker {ending}", where="workbench", advice="try again")
