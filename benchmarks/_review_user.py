@@ -12,7 +12,7 @@ from linework.errors import InputError, UsageError
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 from linework.tracing.rails import distance_m
-from linework.workbench.edits.apply import Given, change_of, lines_of
+from linework.workbench.edits.apply import EditInputs, change_of, lines_of
 from linework.workbench.edits.orders import ChangeOrder
 from linework.workbench.review.queue import document_of
 
@@ -74,13 +74,13 @@ class User:
     def _given(self, edit):
         """Return what the desk measures for an edit."""
         if edit.action != "dashes":
-            return Given()
+            return EditInputs()
         chosen = lines_of(self.drawing.lines, edit.ids)
         spans = {
             str(chosen.id[k]): self.spans(chosen.line(k), float(chosen.width_m[k]))
             for k in range(len(chosen))
         }
-        return Given(spans=spans)
+        return EditInputs(spans=spans)
 
     def save(self, change: Change, cost=1):
         self.drawing.commit(change, who="scripted", based_on=self.drawing.revision)
@@ -187,7 +187,7 @@ class User:
         is_whole = span == (0, int(traced.lines.offsets[1]) - 1)
         edit = {"action": "keep", "trace": "1", "first": span[0], "last": span[1]}
         order = ChangeOrder.model_validate({"revision": 0, "edit": edit})
-        change = change_of(order.edit, self.drawing.lines, Given(kept=traced.lines))
+        change = change_of(order.edit, self.drawing.lines, EditInputs(kept=traced.lines))
         self.save(change, cost=0 if is_whole else 1)
         return True
 
@@ -255,7 +255,7 @@ class User:
         try:
             places = beside(lines.take([best]), kind, np.array(order.at)).xyz
             heights = np.column_stack(self.heights(kind, places.tolist()))
-            return change_of(order, self.drawing.lines, Given(heights=heights))
+            return change_of(order, self.drawing.lines, EditInputs(heights=heights))
         except UsageError:
             return None
 
@@ -269,7 +269,7 @@ class User:
         places = [(float(xyz[k, 0]), float(xyz[k, 1]), float(heights[k])) for k in clicked]
         order = ChangeOrder.model_validate({"revision": 0, "edit": {"action": "wire", "xyz": places}}).edit
         try:
-            return change_of(order, self.drawing.lines, Given())
+            return change_of(order, self.drawing.lines, EditInputs())
         except UsageError:
             return None
 
@@ -283,7 +283,7 @@ class User:
             return f"left {length_m:.0f} m"
         heights = np.column_stack(self.heights(item.kind, vertices[:, :2]))
         edit = {"action": "draw", "kind": item.kind, "xyz": [(float(e), float(n)) for e, n, _ in vertices]}
-        self.do(edit, Given(heights=heights), cost=len(vertices))
+        self.do(edit, EditInputs(heights=heights), cost=len(vertices))
         return f"drew {length_m:.0f} m with {len(vertices)} clicks"
 
 

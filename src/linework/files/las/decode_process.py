@@ -21,7 +21,7 @@ from linework.arrays import FloatArray
 from linework.errors import InputError, MachineError
 from linework.files.las.batches import read_las_batches
 from linework.files.las.header import LasHeader, read_las_header
-from linework.files.las.messages import Decoded, DecodeTask, json_message, refusal
+from linework.files.las.messages import Decoded, DecodeTask, error_message, json_message
 from linework.files.las.repeats import PointSample, repeated_inside
 from linework.files.las.tally import HeaderBox, LasTally, TimeCounts, Verdict
 from linework.processes.channel import Channel
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from linework.files.store.write import StoreWriter
 
 #: Sends a message (see `linework.files.las.messages`) to the run.
-Report = Callable[[Mapping[str, Any]], None]
+SendReport = Callable[[Mapping[str, Any]], None]
 #: Coordinates that may be degrees: longitudes and latitudes. [deg]
 _LONGEST_DEG, _NORTHMOST_DEG = 180.0, 90.0
 
@@ -50,15 +50,15 @@ def decoder_main(channel: Channel, _arguments: list[str]) -> None:
             task = DecodeTask.from_message(channel.receive())
         except EOFError:
             return
-        report(answer(task, report))
+        report(run_decode_task(task, report))
 
 
-def answer(task: DecodeTask, report: Report) -> dict[str, Any]:
+def run_decode_task(task: DecodeTask, report: SendReport) -> dict[str, Any]:
     """Run a task and return its last message, whatever happens."""
     try:
         return {"done": decode_file(task, report).to_document()}
     except (InputError, MachineError) as error:
-        return {"refused": refusal(error)}
+        return {"refused": error_message(error)}
     except MemoryError:
         return {"died": OUT_OF_MEMORY}
     except Exception:
@@ -67,7 +67,7 @@ def answer(task: DecodeTask, report: Report) -> dict[str, Any]:
         return {"died": f"{type(error).__name__}: {error}"}
 
 
-def decode_file(task: DecodeTask, report: Report) -> Decoded:
+def decode_file(task: DecodeTask, report: SendReport) -> Decoded:
     """Write the points of a laser file to a file of the tile store, and return what was written.
 
     Raises
@@ -100,7 +100,7 @@ class _Written:
         self.height_counts: Mapping[int, int]
 
 
-def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: Report) -> _Written:
+def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: SendReport) -> _Written:
     """Write all batches and return their counts; on failure the target is removed."""
     written = _Written(tally, task, header)
     writer = None
@@ -128,7 +128,7 @@ def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: Report)
     return written
 
 
-def _writer(target: Path, report: Report) -> StoreWriter:
+def _writer(target: Path, report: SendReport) -> StoreWriter:
     """Return the writer of a file; its module was imported beside the decoding of the first batch."""
     report({"loading": True})
     try:

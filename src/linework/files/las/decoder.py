@@ -13,7 +13,7 @@ from typing import Any, Self
 
 from linework.errors import InputError, MachineError
 from linework.files.las.batches import BATCH_POINTS
-from linework.files.las.messages import Decoded, DecodeTask, refused
+from linework.files.las.messages import Decoded, DecodeTask, error_from_message
 from linework.processes.child import NONSENSE, Child, ChildEndedError, Ending
 
 #: glibc gives each thread an arena of 128 MiB of addresses; a few serve all threads, and the limit on addresses holds.
@@ -180,7 +180,7 @@ class DecoderProcess:
             elif "done" in message:
                 return self._decoded(message["done"], n_read)
             elif "refused" in message:
-                raise refused(message["refused"])
+                raise error_from_message(message["refused"])
             elif "died" in message:
                 raise self._death(Ending("failed", message["died"]), n_read)
             elif "fault" in message:

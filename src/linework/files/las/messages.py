@@ -149,15 +149,15 @@ def json_message(message: Mapping[str, Any]) -> bytes:
     return json.dumps(message).encode("ascii")
 
 
-def refusal(error: LineworkError) -> dict[str, Any]:
-    """Return an error as a JSON object, for `refused` to read."""
+def error_message(error: LineworkError) -> dict[str, Any]:
+    """Return an error as a JSON object, for `error_from_message` to read."""
     kind = next(name for name, leaf in _ERRORS.items() if isinstance(error, leaf))
     where = None if error.where is None else str(error.where)
     return {"kind": kind, "problem": error.problem, "where": where, "advice": error.advice}
 
 
-def refused(document: Mapping[str, Any]) -> LineworkError:
-    """Return the error that `refusal` made an object of."""
+def error_from_message(document: Mapping[str, Any]) -> LineworkError:
+    """Return the error that `error_message` made an object of."""
     fields = dict(document)
     return _ERRORS[fields.pop("kind")](fields.pop("problem"), **fields)
 

@@ -24,11 +24,11 @@ from linework.model.changes import Change
 from linework.model.lines import LineSet
 from linework.workbench.edits import orders as edits
 from linework.workbench.edits.keep_trace import kept_change
-from linework.workbench.edits.orders import EditOrder, places_of
+from linework.workbench.edits.orders import EditOrder, positions_of
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
+class EditInputs:
     """What an edit needs beside the lines.
 
     Parameters
@@ -47,7 +47,7 @@ class Given:
     spans: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
-def change_of(edit: EditOrder, lines: LineSet, given: Given) -> Change:
+def change_of(edit: EditOrder, lines: LineSet, given: EditInputs) -> Change:
     """Return the change that an edit makes to lines.
 
     Raises
@@ -82,7 +82,7 @@ def lines_of(lines: LineSet, ids: Iterable[str]) -> LineSet:
     return lines.take(np.array([number[name] for name in wanted], dtype=np.int64))
 
 
-def _reviewed(edit: edits.Review, lines: LineSet, _: Given) -> Change:
+def _reviewed(edit: edits.ReviewLines, lines: LineSet, _: EditInputs) -> Change:
     review = {"accept": "accepted", "reject": "rejected", "restore": ""}[edit.action]
     chosen = with_companions(lines_of(lines, edit.ids), lines)
     if edit.action == "reject":
@@ -92,17 +92,17 @@ def _reviewed(edit: edits.Review, lines: LineSet, _: Given) -> Change:
     return Change(edit.action, chosen, edited_words.reviewed(chosen, review))
 
 
-def _deleted(edit: edits.Delete, lines: LineSet, _: Given) -> Change:
+def _deleted(edit: edits.DeleteLines, lines: LineSet, _: EditInputs) -> Change:
     chosen = with_companions(lines_of(lines, edit.ids), lines)
     return Change(edit.action, chosen, LineSet.empty(lines.crs))
 
 
-def _split(edit: edits.Split, lines: LineSet, _: Given) -> Change:
+def _split(edit: edits.SplitLine, lines: LineSet, _: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
     return _edited(edit.action, line, edited_parts.split(line, np.array(edit.at)))
 
 
-def _joined(edit: edits.Join, lines: LineSet, _: Given) -> Change:
+def _joined(edit: edits.JoinLines, lines: LineSet, _: EditInputs) -> Change:
     both = lines_of(lines, edit.ids)
     if len(both) != 2:
         raise UsageError("a line cannot be joined to itself", where="join", advice="choose two lines")
@@ -112,17 +112,17 @@ def _joined(edit: edits.Join, lines: LineSet, _: Given) -> Change:
     return with_tops(change, tops[0], tops[1])
 
 
-def _shaped(edit: edits.Shape, lines: LineSet, _: Given) -> Change:
+def _shaped(edit: edits.ReshapeLine, lines: LineSet, _: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
     make = edited_smooth.smoothed if edit.action == "smooth" else edited.reversed_line
     return _edited(edit.action, line, make(line))
 
 
-def _dashed(edit: edits.Dashes, lines: LineSet, given: Given) -> Change:
-    return dashed(lines_of(lines, edit.ids), lines, given.spans)
+def _dashed(edit: edits.AddDashes, lines: LineSet, given: EditInputs) -> Change:
+    return dashes_change(lines_of(lines, edit.ids), lines, given.spans)
 
 
-def _as_kind(edit: edits.AsKind, lines: LineSet, _: Given) -> Change:
+def _as_kind(edit: edits.ChangeKind, lines: LineSet, _: EditInputs) -> Change:
     chosen = lines_of(lines, edit.ids)
     whole = with_companions(chosen, lines)
     # Dashes of what is no marking, and tops of what is no kerb, are nothing
@@ -136,32 +136,32 @@ def _as_kind(edit: edits.AsKind, lines: LineSet, _: Given) -> Change:
     return Change(edit.action, LineSet.concatenate([chosen, left]), after)
 
 
-def _set(edit: edits.Set, lines: LineSet, _: Given) -> Change:
+def _set(edit: edits.SetAttribute, lines: LineSet, _: EditInputs) -> Change:
     chosen = lines_of(lines, edit.ids)
     return _edited(edit.action, chosen, edited_words.with_word(chosen, edit.column, edit.value))
 
 
-def _vertex(edit: edits.Move | edits.Insert, lines: LineSet, given: Given) -> Change:
+def _vertex(edit: edits.MoveVertex | edits.InsertVertex, lines: LineSet, given: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
     (to,), (sigma_z_m,) = _placed(edit, given, line.xyz)
-    if isinstance(edit, edits.Move):
+    if isinstance(edit, edits.MoveVertex):
         after = edited.moved(line, edit.vertex, to, sigma_z_m=sigma_z_m)
     else:
         after = edited.inserted(line, edit.after, to, sigma_z_m=sigma_z_m)
     return _edited(edit.action, line, after)
 
 
-def _removed(edit: edits.Remove, lines: LineSet, _: Given) -> Change:
+def _removed(edit: edits.RemoveVertex, lines: LineSet, _: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
     return _edited(edit.action, line, edited.removed(line, edit.vertex))
 
 
-def _trimmed(edit: edits.Trim, lines: LineSet, _: Given) -> Change:
+def _trimmed(edit: edits.TrimLine, lines: LineSet, _: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
     return _edited(edit.action, line, edited.trimmed(line, edit.first, edit.last))
 
 
-def _drawn(edit: edits.Draw, lines: LineSet, given: Given) -> Change:
+def _drawn(edit: edits.DrawLine, lines: LineSet, given: EditInputs) -> Change:
     edited_words.check_kind(edit.kind)
     xyz, sigma_z = _placed(edit, given, None)
     if np.any(np.linalg.norm(np.diff(xyz, axis=0), axis=1) < edited.ONE_PLACE_M):
@@ -170,12 +170,12 @@ def _drawn(edit: edits.Draw, lines: LineSet, given: Given) -> Change:
     return Change(edit.action, LineSet.empty(lines.crs), edited_words.reviewed(line, "drawn"))
 
 
-def _beside(edit: edits.Beside, lines: LineSet, given: Given) -> Change:
+def _beside(edit: edits.DrawBeside, lines: LineSet, given: EditInputs) -> Change:
     new = with_heights(beside(lines_of(lines, [edit.id]), edit.kind, np.array(edit.at)), given.heights)
     return replace(kept_change(lines, new, (0, len(new.xyz) - 1)), action=edit.action)
 
 
-def _hung(edit: edits.Wire, lines: LineSet, given: Given) -> Change:
+def _hung(edit: edits.DrawWire, lines: LineSet, given: EditInputs) -> Change:
     asked = np.array([len(place) == 2 for place in edit.xyz])
     if asked.any() and (len(given.heights) == 0 or np.isnan(given.heights[asked, 0]).any()):
         raise UsageError(
@@ -187,14 +187,14 @@ def _hung(edit: edits.Wire, lines: LineSet, given: Given) -> Change:
     return Change(edit.action, LineSet.empty(lines.crs), edited_words.reviewed(new, "drawn"))
 
 
-def _kept(edit: edits.Keep, lines: LineSet, given: Given) -> Change:
+def _kept(edit: edits.KeepTrace, lines: LineSet, given: EditInputs) -> Change:
     if given.kept is None or len(given.kept) == 0:
         raise AbsentError("the followed line is gone", where="keep", advice="follow it again")
     continues = None if edit.continues is None else lines_of(lines, [edit.continues])
     return kept_change(lines, given.kept, (edit.first, edit.last), continues)
 
 
-def _dismissed(edit: edits.Dismiss, lines: LineSet, _: Given) -> Change:
+def _dismissed(edit: edits.DismissSuspect, lines: LineSet, _: EditInputs) -> Change:
     empty = LineSet.empty(lines.crs)
     return Change(f"{edit.action} {edit.key}", empty, empty)
 
@@ -205,7 +205,7 @@ def _edited(action: str, before: LineSet, after: LineSet) -> Change:
     return Change(action, before, replace(after, review=np.full(len(after), review)))
 
 
-def _placed(edit: EditOrder, given: Given, line: FloatArray | None) -> tuple[FloatArray, list[float]]:
+def _placed(edit: EditOrder, given: EditInputs, line: FloatArray | None) -> tuple[FloatArray, list[float]]:
     """Return the places of an edit (k, 3) with heights: as named, else as measured, else as the line has it there.
 
     Raises
@@ -213,7 +213,7 @@ def _placed(edit: EditOrder, given: Given, line: FloatArray | None) -> tuple[Flo
     UsageError
         There is no height.
     """
-    placed, sigmas, places = [], [], places_of(edit)
+    placed, sigmas, places = [], [], positions_of(edit)
     heights = given.heights if len(given.heights) else np.full((len(places), 2), np.nan)
     for place, (measured_m, sigma_m) in zip(places, heights.tolist(), strict=True):
         is_named = len(place) == 3
@@ -237,23 +237,23 @@ def _placed(edit: EditOrder, given: Given, line: FloatArray | None) -> tuple[Flo
 
 
 _MAKERS: dict[type, Callable[..., Change]] = {
-    edits.Review: _reviewed,
-    edits.Delete: _deleted,
-    edits.Split: _split,
-    edits.Join: _joined,
-    edits.Shape: _shaped,
-    edits.Dashes: _dashed,
-    edits.AsKind: _as_kind,
-    edits.Set: _set,
-    edits.Move: _vertex,
-    edits.Insert: _vertex,
-    edits.Remove: _removed,
-    edits.Trim: _trimmed,
-    edits.Draw: _drawn,
-    edits.Beside: _beside,
-    edits.Wire: _hung,
-    edits.Keep: _kept,
-    edits.Dismiss: _dismissed,
+    edits.ReviewLines: _reviewed,
+    edits.DeleteLines: _deleted,
+    edits.SplitLine: _split,
+    edits.JoinLines: _joined,
+    edits.ReshapeLine: _shaped,
+    edits.AddDashes: _dashed,
+    edits.ChangeKind: _as_kind,
+    edits.SetAttribute: _set,
+    edits.MoveVertex: _vertex,
+    edits.InsertVertex: _vertex,
+    edits.RemoveVertex: _removed,
+    edits.TrimLine: _trimmed,
+    edits.DrawLine: _drawn,
+    edits.DrawBeside: _beside,
+    edits.DrawWire: _hung,
+    edits.KeepTrace: _kept,
+    edits.DismissSuspect: _dismissed,
 }
 
 
@@ -306,7 +306,7 @@ def with_tops(change: Change, tops: LineSet, other_tops: LineSet) -> Change:
 # The change that gives lines the dashes that they lack
 
 
-def dashed(chosen: LineSet, lines: LineSet, spans: Mapping[str, FloatArray]) -> Change:
+def dashes_change(chosen: LineSet, lines: LineSet, spans: Mapping[str, FloatArray]) -> Change:
     """Return the change that gives lines their dashes: by the paint along them, else by the rhythm of those there.
 
     Parameters

@@ -19,7 +19,7 @@ from linework.runs.opened.recordings import opened_recordings
 from linework.runs.opened.store import executor_for, usable_cores
 from linework.runs.opened.work_folder import RUNS
 from linework.runs.steps import Steps
-from linework.workbench.worker.session import Table
+from linework.workbench.worker.session import SurveySession
 
 #: Told so often: five times a second moves smoothly. [s]
 _TELL_S = 0.2
@@ -30,7 +30,7 @@ _NICE = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class JobRequest:
     """What a job is to find.
 
     Parameters
@@ -47,7 +47,7 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class JobResult:
     """What a job found.
 
     Parameters
@@ -65,15 +65,15 @@ class Found:
     message: str
 
 
-def extract_at_desk(table: Table, asked: Asked) -> str:
+def extract_in_worker(table: SurveySession, asked: JobRequest) -> str:
     """Extract the lines of the survey and return their report, HTML.
 
-    Told are (step, done, total, unit), up to five times a second, and `Found` before the report is written.
+    Told are (step, done, total, unit), up to five times a second, and `JobResult` before the report is written.
 
     Notes
     -----
     The lines are published in the work folder, so that a run that was killed goes on where it was when the same is
-    asked for again. `forget` removes them.
+    asked for again. `discard_job_lines` removes them.
     """
     # Here and not above: the server names this work, and has no use for what it needs
     from linework.evaluation.report.page import extraction_report
@@ -112,17 +112,17 @@ def extract_at_desk(table: Table, asked: Asked) -> str:
         except UsageError:  # begun with other files, other settings or another version
             record = extracted(resume=False)
         lines = read_lines(output)
-        teller.tell(Found(lines=lines, counts=record["counts"]["lines"], message=what_is_missing(record)))
+        teller.tell(JobResult(lines=lines, counts=record["counts"]["lines"], message=what_is_missing(record)))
         with steps.step("write report"):
             return extraction_report(lines, recordings, record)
 
 
-def forget(work: Path, asked: Asked) -> None:
+def discard_job_lines(work: Path, asked: JobRequest) -> None:
     """Remove the lines of a job from the work folder."""
     shutil.rmtree(_folder(work, asked), ignore_errors=True)
 
 
-def _folder(work: Path, asked: Asked) -> Path:
+def _folder(work: Path, asked: JobRequest) -> Path:
     said = "\n".join((asked.name, asked.method, *asked.kinds))
     return work / RUNS / f"workbench-{hashlib.sha256(said.encode()).hexdigest()[:16]}"
 

@@ -13,7 +13,7 @@ from linework.files.store.layout import BLOCK_M
 from linework.model.grid import Bounds
 from linework.runs.opened.recordings import Recordings
 from linework.runs.steps import Steps
-from linework.workbench.worker.session import Table
+from linework.workbench.worker.session import SurveySession
 
 #: The path is drawn, not measured on: a vertex for so many metres.
 _PATH_STEP_M = 2.0
@@ -59,12 +59,12 @@ class SurveyFacts:
     warnings: tuple[str, ...]
 
 
-def place_at_desk(table: Table) -> tuple[str, str]:
+def read_folder_and_crs(table: SurveySession) -> tuple[str, str]:
     """Return folder and CRS of the survey, as its files say them: what opening the lines needs."""
     return str(table.survey.root), table.survey.crs
 
 
-def open_at_desk(table: Table) -> SurveyFacts:
+def open_in_worker(table: SurveySession) -> SurveyFacts:
     """Open the survey, telling ("begin", step, unit), ("advance", done, total), ("end", step, seconds)."""
     steps = Steps(_Teller(table))
     recordings = table.opened(steps)
@@ -121,7 +121,7 @@ def _middle(recordings: Recordings, path: FloatArray) -> tuple[float, float, flo
 class _Teller:
     """Hands the steps of a run on to whoever asked for it."""
 
-    def __init__(self, table: Table) -> None:
+    def __init__(self, table: SurveySession) -> None:
         self._tell: Any = table.tell
 
     def begin(self, step: str, unit: str) -> None:

@@ -12,7 +12,7 @@ from linework.errors import LineworkError
 from linework.processes.channel import Channel
 from linework.processes.child import OUT_OF_MEMORY
 from linework.workbench.worker.compiling import Compiling
-from linework.workbench.worker.session import SurveyOrder, Table
+from linework.workbench.worker.session import SurveyOrder, SurveySession
 
 
 def survey_worker_main(channel: Channel, modules: list[str]) -> None:
@@ -36,7 +36,7 @@ class _Process:
         self._channel = channel
         self._waiting: deque[tuple[Any, ...]] = deque()
         self._number = 0
-        self._table = Table(order, self._tell)
+        self._table = SurveySession(order, self._tell)
         self._compiling = Compiling(
             lambda is_so: self._channel.send_object(("compiling", self._number, is_so))
         )

@@ -18,7 +18,7 @@ from linework.runs.opened.work_folder import work_folder
 from linework.runs.settings import RunSettings
 from linework.runs.steps import Steps
 
-Kept = TypeVar("Kept")
+KeptT = TypeVar("KeptT")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class SurveyOrder:
     n_threads: int = 1
 
 
-class Table:
+class SurveySession:
     """The survey that a process has open, and what its works keep for one another.
 
     Parameters
@@ -105,8 +105,8 @@ class Table:
             return None
         return self.keep("surface", lambda: surface_of(points, self.settings.road, Serial(), steps))
 
-    def keep(self, name: str, make: Callable[[], Kept]) -> Kept:
+    def keep(self, name: str, make: Callable[[], KeptT]) -> KeptT:
         """Return what is kept under a name; made when it is first asked for."""
         if name not in self._kept:
             self._kept[name] = make()
-        return cast(Kept, self._kept[name])
+        return cast(KeptT, self._kept[name])
