@@ -7,7 +7,7 @@ import pytest
 
 from linework.editing.edits.new_lines import beside
 from linework.files.vectors.read_write import read_lines
-from linework.workbench.review.queue import BRIGHTNESS_STATION_M, PaintOfLines, brightness_along
+from linework.workbench.review.paint import BRIGHTNESS_STATION_M, PaintOfLines, brightness_along
 from linework.workbench.worker.session import SurveyOrder, SurveySession
 
 
@@ -46,7 +46,7 @@ def test_each_line_is_measured_once(table, drive_lines, monkeypatch):
         asked.append((len(xyz), width_m))
         return np.zeros((0, 2))
 
-    monkeypatch.setattr("linework.workbench.review.queue.dash_spans", measured)
+    monkeypatch.setattr("linework.workbench.review.paint.dash_spans", measured)
     paint, markings = PaintOfLines(), lines.of_kind("lane_marking")
     assert set(paint.of(table, lines)) == set(markings.id.tolist())
     assert len(asked) == len(markings)

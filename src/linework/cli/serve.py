@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from linework.workbench.server.bench import AppState
+    from linework.workbench.server.app_state import AppState
 
 
 def serve(
@@ -72,9 +72,9 @@ def serve(
 
         tell_of_compiling(ALL_KINDS, quiet=quiet)
 
-        def ready(bench: AppState, url: str) -> None:
+        def ready(app_state: AppState, url: str) -> None:
             display.__exit__(None, None, None)
-            _print(bench, url, as_json=as_json, quiet=quiet)
+            _print(app_state, url, as_json=as_json, quiet=quiet)
             if not no_browser:
                 held.enter_context(opened_browser(url))
 
@@ -114,7 +114,7 @@ def _user() -> str:
         return ""
 
 
-def _print(bench: AppState, url: str, *, as_json: bool, quiet: bool) -> None:
+def _print(app_state: AppState, url: str, *, as_json: bool, quiet: bool) -> None:
     """Say where it is; at once, as whoever started it in the background waits for that line."""
     import sys
 
@@ -123,13 +123,13 @@ def _print(bench: AppState, url: str, *, as_json: bool, quiet: bool) -> None:
         import json
 
         document: dict[str, Any] = {
-            "url": url, "survey": bench.facts.name, "lines": str(bench.drawing.path), "who": bench.who,
+            "url": url, "survey": app_state.facts.name, "lines": str(app_state.line_file.path), "who": app_state.who,
         }  # fmt: skip
         text = json.dumps(document)
     typer.echo(text)
     sys.stdout.flush()
     if not quiet:
-        typer.echo(f"lines: {bench.drawing.path}; Ctrl-C ends the workbench", err=True)
+        typer.echo(f"lines: {app_state.line_file.path}; Ctrl-C ends the workbench", err=True)
 
 
 # Open a link in the user's browser without anybody else seeing it

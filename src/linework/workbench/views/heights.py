@@ -43,7 +43,7 @@ _STEPS = ("road_boundary", "kerb_top")
 
 
 def heights_at(
-    table: SurveySession, kind: str, places: Sequence[Sequence[float]]
+    session: SurveySession, kind: str, places: Sequence[Sequence[float]]
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n,) heights of a kind of line at places [m, world], and (n,) standard deviations; NaN where unknown.
 
@@ -66,12 +66,12 @@ def heights_at(
     if plain not in KINDS:
         raise UsageError(f"no kind {kind[:40]!r}", advice=f"choose from {', '.join(KINDS)}")
     at = np.array([(*place, np.nan)[:3] for place in places], dtype=np.float64).reshape(-1, 3)
-    reader = patch_reader(table)
+    reader = patch_reader(session)
     if reader is not None:
         return _from_points(reader, plain, at)
     if plain in _ABOVE_GROUND:
         return np.full(len(at), np.nan), np.full(len(at), np.nan)
-    return heights_from_path(table.recordings.trajectory, at[:, :2])
+    return heights_from_path(session.recordings.trajectory, at[:, :2])
 
 
 def heights_from_path(path: Trajectory | None, at: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -27,12 +27,12 @@ _MOST_KEPT = 4096
 _WIDEST = 2.0
 
 
-def list_pairs(table: SurveySession) -> list[dict[str, Any]]:
+def list_pairs(session: SurveySession) -> list[dict[str, Any]]:
     """Return a document per pair that can be used, in time order; why others cannot is in the survey's warnings."""
-    stereo = table.recordings.stereo
+    stereo = session.recordings.stereo
     if stereo is None:
         return []
-    log = van_log(_without_keys(table.survey), stereo.series, stereo.trajectory)
+    log = van_log(_without_keys(session.survey), stereo.series, stereo.trajectory)
     assert log.photos is not None
     usable = set(stereo.numbers.tolist())
     return [
@@ -44,7 +44,7 @@ def list_pairs(table: SurveySession) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def list_keys(table: SurveySession) -> list[dict[str, Any]]:
+def list_keys(session: SurveySession) -> list[dict[str, Any]]:
     """Return a document per key that the operator pressed, in time order.
 
     Raises
@@ -52,7 +52,7 @@ def list_keys(table: SurveySession) -> list[dict[str, Any]]:
     InputError
         The file of keys cannot be used.
     """
-    recordings = table.recordings
+    recordings = session.recordings
     events = van_log(recordings.survey, None, recordings.trajectory).events
     if events is None:
         return []
@@ -62,7 +62,7 @@ def list_keys(table: SurveySession) -> list[dict[str, Any]]:
     ]
 
 
-def image_jpeg(table: SurveySession, number: int, side: CameraSide) -> bytes:
+def image_jpeg(session: SurveySession, number: int, side: CameraSide) -> bytes:
     """Return an image as it was taken, as JPEG.
 
     Raises
@@ -72,26 +72,26 @@ def image_jpeg(table: SurveySession, number: int, side: CameraSide) -> bytes:
     InputError
         It cannot be read.
     """
-    return screen_image(getattr(_pair(table, number), side), _camera(table, side), table.survey.root)
+    return screen_image(getattr(_pair(session, number), side), _camera(session, side), session.survey.root)
 
 
-def thumbnail_jpeg(table: SurveySession, number: int) -> bytes:
+def thumbnail_jpeg(session: SurveySession, number: int) -> bytes:
     """Return the left image of a pair made small, as JPEG (see `image_jpeg`)."""
-    kept = table.keep("thumbnails", dict[int, bytes])
-    pair = _pair(table, number)
+    kept = session.keep("thumbnails", dict[int, bytes])
+    pair = _pair(session, number)
     if number not in kept:
         if len(kept) >= _MOST_KEPT:
             kept.pop(next(iter(kept)))
-        kept[number] = screen_thumbnail(pair.left, _camera(table, "left"), table.survey.root)
+        kept[number] = screen_thumbnail(pair.left, _camera(session, "left"), session.survey.root)
     return kept[number]
 
 
-def lines_in_pair(table: SurveySession, number: int, lines: LineSet) -> bytes:
+def lines_in_pair(session: SurveySession, number: int, lines: LineSet) -> bytes:
     """Return where both images of a pair show lines, as JSON (`PairLines` of the page).
 
     Made here and not in the server, which has other things to do than to write some ten thousand numbers.
     """
-    stereo = _stereo(table, number)
+    stereo = _stereo(session, number)
     i = int(np.flatnonzero(stereo.numbers == number)[0])
     rig = stereo.series.rig
     return json.dumps(
@@ -149,16 +149,16 @@ def _places(places: LoggedPlaces) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _stereo(table: SurveySession, number: int) -> OpenedStereo:
+def _stereo(session: SurveySession, number: int) -> OpenedStereo:
     """Return the opened pairs, one of which has that number."""
-    stereo = table.recordings.stereo
+    stereo = session.recordings.stereo
     if stereo is None or number not in stereo.numbers:
         raise no_such_pair_error(number)
     return stereo
 
 
-def _pair(table: SurveySession, number: int) -> ImagePair:
-    return next(pair for pair in _stereo(table, number).pairs if pair.number == number)
+def _pair(session: SurveySession, number: int) -> ImagePair:
+    return next(pair for pair in _stereo(session, number).pairs if pair.number == number)
 
 
 def no_such_pair_error(number: int) -> AbsentError:
@@ -166,8 +166,8 @@ def no_such_pair_error(number: int) -> AbsentError:
     return AbsentError(f"there is no pair {number}")
 
 
-def _camera(table: SurveySession, side: CameraSide) -> Camera:
-    stereo = table.recordings.stereo
+def _camera(session: SurveySession, side: CameraSide) -> Camera:
+    stereo = session.recordings.stereo
     assert stereo is not None
     camera: Camera = getattr(stereo.series.rig, side)
     return camera

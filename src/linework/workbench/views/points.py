@@ -45,7 +45,7 @@ class SampledPoints:
 
 
 def points_of_place(
-    table: SurveySession, bounds: Bounds, most: int, heights: tuple[float, float] = (-math.inf, math.inf)
+    session: SurveySession, bounds: Bounds, most: int, heights: tuple[float, float] = (-math.inf, math.inf)
 ) -> bytes:
     """Return points of a rectangle, evenly thinned to `most`.
 
@@ -60,10 +60,10 @@ def points_of_place(
         The rectangle is empty, or longer than `LONGEST_PLACE_M`.
     """
     check_place(bounds)
-    reader = patch_reader(table)
+    reader = patch_reader(session)
     origin = math.floor(bounds.west), math.floor(bounds.south), reader.z0_m if reader else 0.0
     if reader is None:
-        return packed_points(origin, [], table, most)
+        return packed_points(origin, [], session, most)
     low, high = (height - reader.z0_m for height in heights)
     found: list[SampledPoints] = []
     share = 1.0
@@ -76,7 +76,7 @@ def points_of_place(
         while sum(len(part.lots) for part in found) > _BY_LOT * most:
             share *= 0.5
             found = [part.by_lot(share) for part in found]
-    return packed_points(origin, found, table, most)
+    return packed_points(origin, found, session, most)
 
 
 def check_place(bounds: Bounds) -> None:
@@ -107,7 +107,7 @@ def sample_points(
 
 
 def packed_points(
-    origin: tuple[float, float, float], found: list[SampledPoints], table: SurveySession, most: int
+    origin: tuple[float, float, float], found: list[SampledPoints], session: SurveySession, most: int
 ) -> bytes:
     """Return found points, evenly thinned to `most`, as the page reads them (`points` of its api)."""
     xyz = np.concatenate([np.zeros((0, 3), np.float32), *(part.xyz for part in found)])
@@ -117,7 +117,7 @@ def packed_points(
     order = np.argsort(lots, kind="stable")
     chosen = order[kernels.evenly_thinned(xyz[order], most)]
     xyz, above, intensity = xyz[chosen], above[chosen], intensity[chosen]
-    scale = picture_scale(table)
+    scale = picture_scale(session)
     shine = np.zeros(len(xyz), np.float32) if scale is None else scale.shine(intensity.astype(np.float32))
     with np.errstate(invalid="ignore"):
         above_cm = np.clip(np.round(100.0 * above), 1 - _UNKNOWN_CM, _UNKNOWN_CM - 1)
@@ -141,7 +141,7 @@ MOST_SECTION_POINTS = 200_000
 
 
 def section_at(
-    table: SurveySession,
+    session: SurveySession,
     place: tuple[float, float],
     heading_deg: float,
     half_width_m: float,
@@ -166,10 +166,10 @@ def section_at(
             f"a slice of {half_width_m:g} m to each side and {thickness_m:g} m thick",
             advice=f"up to {WIDEST_M:g} m to each side and {THICKEST_M:g} m thick can be shown",
         )
-    reader = patch_reader(table)
+    reader = patch_reader(session)
     origin = (*place, reader.z0_m if reader else 0.0)
     if reader is None:
-        return packed_points(origin, [], table, MOST_SECTION_POINTS)
+        return packed_points(origin, [], session, MOST_SECTION_POINTS)
     sin, cos = math.sin(math.radians(heading_deg)), math.cos(math.radians(heading_deg))
     half_m = 0.5 * thickness_m
     reach = abs(cos) * half_width_m + abs(sin) * half_m, abs(sin) * half_width_m + abs(cos) * half_m
@@ -183,4 +183,4 @@ def section_at(
         part = sample_points(patch, inside, 1.0, origin)
         xyz = np.stack([right[inside], ahead[inside], part.xyz[:, 2]], axis=1).astype(np.float32)
         found.append(replace(part, xyz=xyz))
-    return packed_points(origin, found, table, MOST_SECTION_POINTS)
+    return packed_points(origin, found, session, MOST_SECTION_POINTS)

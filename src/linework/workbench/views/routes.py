@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from linework.errors import LineworkError
 from linework.model.grid import Bounds
-from linework.workbench.server.bench import AppState, state_of_request
+from linework.workbench.server.app_state import AppState, state_of_request
 from linework.workbench.views.heights import heights_at
 from linework.workbench.views.pairs import (
     CameraSide,
@@ -69,23 +69,23 @@ NO_CONTENT: dict[int | str, dict[str, Any]] = {204: {"description": "Nothing the
 @views_router.get("/tiles/{image}/{z}/{col}/{row}", response_class=Response, responses=NO_CONTENT)
 async def get_tile(
     request: Request,
-    bench: CurrentState,
+    app_state: CurrentState,
     image: str,
     z: MapTileNumber,
     col: MapTileNumber,
     row: MapTileNumber,
 ) -> Response:
     """Return an image of a tile as PNG, or 204 where there is nothing."""
-    ahead = prefetcher_of(request, bench)
+    ahead = prefetcher_of(request, app_state)
     ahead.asked()
-    wanted = Lattice.of(bench.facts.bounds).tile(z, col, row)
-    if wanted is None or not bench.facts.n_points:
+    wanted = Lattice.of(app_state.facts.bounds).tile(z, col, row)
+    if wanted is None or not app_state.facts.n_points:
         return Response(status_code=204)
     async with ahead.turn:
         # Who pans fast has long gone on: what is no longer looked at is not made
         if await request.is_disconnected():
             return Response(status_code=204)
-        png: bytes = await bench.pictures.ask(tile_png, image, wanted)
+        png: bytes = await app_state.pictures.ask(tile_png, image, wanted)
     if not png:
         return Response(status_code=204)
     return Response(png, media_type="image/png", headers={"Cache-Control": "no-store"})
@@ -93,40 +93,40 @@ async def get_tile(
 
 @views_router.get("/points", response_class=Response)
 async def get_points(
-    bench: CurrentState, west: QueryMetres, south: QueryMetres, east: QueryMetres, north: QueryMetres,
+    app_state: CurrentState, west: QueryMetres, south: QueryMetres, east: QueryMetres, north: QueryMetres,
     most: Annotated[int, Query(ge=1, le=MOST_SHOWN_POINTS)], low: QueryMetres | None = None, high: QueryMetres | None = None,
 ) -> Response:  # fmt: skip
     """Return points of a rectangle, evenly thinned to `most`, between two heights if they are given."""
     heights = -math.inf if low is None else low, math.inf if high is None else high
     bounds = Bounds(west, south, east, north)
-    return Response(await bench.pictures.ask(points_of_place, bounds, most, heights), media_type=_BINARY)
+    return Response(await app_state.pictures.ask(points_of_place, bounds, most, heights), media_type=_BINARY)
 
 
 @views_router.get("/section", response_class=Response)
 async def get_section(
-    bench: CurrentState, east: QueryMetres, north: QueryMetres,
+    app_state: CurrentState, east: QueryMetres, north: QueryMetres,
     heading_deg: Annotated[float, Query(ge=-720.0, le=720.0, allow_inf_nan=False)],
     half_width_m: Annotated[float, Query(gt=0.0, le=WIDEST_M, allow_inf_nan=False)],
     thickness_m: Annotated[float, Query(gt=0.0, le=THICKEST_M, allow_inf_nan=False)],
 ) -> Response:  # fmt: skip
     """Return the points of a slice across a heading: x to the right of it, y along it, from the place."""
     slice_ = (east, north), heading_deg, half_width_m, thickness_m
-    return Response(await bench.pictures.ask(section_at, *slice_), media_type=_BINARY)
+    return Response(await app_state.pictures.ask(section_at, *slice_), media_type=_BINARY)
 
 
 @views_router.post("/heights")
-async def get_heights(bench: CurrentState, wanted: HeightsQuery) -> dict[str, list[float | None]]:
+async def get_heights(app_state: CurrentState, wanted: HeightsQuery) -> dict[str, list[float | None]]:
     """Return how high a line of a kind is at places, and how sure that is; null where no point tells."""
-    found = await bench.pictures.ask(heights_at, wanted.kind, wanted.places)
+    found = await app_state.pictures.ask(heights_at, wanted.kind, wanted.places)
     height, sigma = ([None if np.isnan(v) else round(float(v), 4) for v in values] for values in found)
     return {"heights": height, "sigmas": sigma}
 
 
-def prefetcher_of(request: Request, bench: AppState) -> TilePrefetcher:
+def prefetcher_of(request: Request, app_state: AppState) -> TilePrefetcher:
     """Return what makes the tiles that nobody has asked for yet, one for a server."""
     state = request.app.state
     if not hasattr(state, "ahead"):
-        state.ahead = TilePrefetcher(bench)
+        state.ahead = TilePrefetcher(app_state)
     ahead: TilePrefetcher = state.ahead
     return ahead
 
@@ -146,8 +146,8 @@ class TilePrefetcher:
     that were shown in part are whole.
     """
 
-    def __init__(self, bench: AppState) -> None:
-        self._bench = bench
+    def __init__(self, app_state: AppState) -> None:
+        self._app_state = app_state
         self._task: asyncio.Task[None] | None = None
         self._asked_s = 0.0
         #: Held by whoever asks for a tile; the others wait.
@@ -156,7 +156,7 @@ class TilePrefetcher:
     def asked(self) -> None:
         """Note that somebody asks now; the first who asks starts it."""
         self._asked_s = time.monotonic()
-        if self._task is None and self._bench.facts.n_points:
+        if self._task is None and self._app_state.facts.n_points:
             self._task = asyncio.create_task(self._run())
 
     async def _run(self) -> None:
@@ -167,7 +167,7 @@ class TilePrefetcher:
                 while (idle_s := time.monotonic() - self._asked_s) < IDLE_S:
                     await asyncio.sleep(IDLE_S - idle_s)
                 before, n_made = total, n_made + 1
-                done, total = await self._bench.pictures.ask(prepare_tiles)
+                done, total = await self._app_state.pictures.ask(prepare_tiles)
                 if total and time.monotonic() - told_s >= TOLD_S:
                     told_s = time.monotonic()
                     self._tell(done, total)
@@ -176,7 +176,7 @@ class TilePrefetcher:
                 self._tell(before, before)
 
     def _tell(self, done: int, total: int) -> None:
-        self._bench.hub.tell({"type": "pictures", "done": done, "total": total})
+        self._app_state.broadcaster.send({"type": "pictures", "done": done, "total": total})
 
 
 # Routes of the workbench: stereo pairs, their images, and the lines in them; the operator's keys
@@ -187,39 +187,39 @@ PairState = Annotated[AppState, Depends(state_of_request)]
 
 
 @views_router.get("/pairs")
-async def get_pairs(request: Request, bench: PairState) -> list[dict[str, Any]]:
+async def get_pairs(request: Request, app_state: PairState) -> list[dict[str, Any]]:
     """Return the stereo pairs that can be used, in time order."""
     found: list[dict[str, Any]] | None = getattr(request.app.state, "pairs", None)
     if found is None:
-        found = request.app.state.pairs = await bench.pictures.ask(list_pairs)
+        found = request.app.state.pairs = await app_state.pictures.ask(list_pairs)
     return found
 
 
 @views_router.get("/keys")
-async def get_keys(bench: PairState) -> list[dict[str, Any]]:
+async def get_keys(app_state: PairState) -> list[dict[str, Any]]:
     """Return the operator's keys, in time order."""
-    found: list[dict[str, Any]] = await bench.pictures.ask(list_keys)
+    found: list[dict[str, Any]] = await app_state.pictures.ask(list_keys)
     return found
 
 
 @views_router.get("/pairs/{number}/thumbnail", response_class=Response)
-async def get_thumbnail(number: PairNumber, bench: PairState) -> Response:
+async def get_thumbnail(number: PairNumber, app_state: PairState) -> Response:
     """Return the left image of a pair, small."""
-    return Response(await bench.pictures.ask(thumbnail_jpeg, number), media_type="image/jpeg")
+    return Response(await app_state.pictures.ask(thumbnail_jpeg, number), media_type="image/jpeg")
 
 
 @views_router.get("/pairs/{number}/lines", response_class=JSONResponse)
-async def get_pair_lines(number: PairNumber, request: Request, bench: PairState) -> Response:
+async def get_pair_lines(number: PairNumber, request: Request, app_state: PairState) -> Response:
     """Return where both images of a pair show the lines."""
-    pair = next((pair for pair in await get_pairs(request, bench) if pair["number"] == number), None)
+    pair = next((pair for pair in await get_pairs(request, app_state) if pair["number"] == number), None)
     if pair is None:
         raise no_such_pair_error(number)
-    lines = lines_near_camera(bench.drawing.lines, tuple(pair["at"]))
-    shown = await bench.pictures.ask(lines_in_pair, number, lines)
+    lines = lines_near_camera(app_state.line_file.lines, tuple(pair["at"]))
+    shown = await app_state.pictures.ask(lines_in_pair, number, lines)
     return Response(shown, media_type="application/json")
 
 
 @views_router.get("/pairs/{number}/{side}", response_class=Response)
-async def get_image(number: PairNumber, side: CameraSide, bench: PairState) -> Response:
+async def get_image(number: PairNumber, side: CameraSide, app_state: PairState) -> Response:
     """Return an image as it was taken."""
-    return Response(await bench.pictures.ask(image_jpeg, number, side), media_type="image/jpeg")
+    return Response(await app_state.pictures.ask(image_jpeg, number, side), media_type="image/jpeg")

@@ -20,7 +20,7 @@ _NAMES = tuple(name for name, _, _ in IMAGES)
 DENSITY_LEVEL = -1
 
 
-def tile_png(table: SurveySession, image: str, tile: MapTile) -> bytes:
+def tile_png(session: SurveySession, image: str, tile: MapTile) -> bytes:
     """Return the PNG of an image of a tile, b"" where no point is.
 
     Raises
@@ -30,7 +30,7 @@ def tile_png(table: SurveySession, image: str, tile: MapTile) -> bytes:
     """
     if image not in _NAMES:
         raise UsageError(f"no image {image[:40]!r}", advice=f"choose from {', '.join(_NAMES)}")
-    cells = tile_cells(table)
+    cells = tile_cells(session)
     if cells is None:
         return b""
     layers = density_layers(cells, tile) if image == "density" else cells.layers(tile)[0]
@@ -57,39 +57,39 @@ def density_layers(cells: TileCells, tile: MapTile) -> TileLayers | None:
     return TileLayers(*(layer.repeat(1 << up, axis=0).repeat(1 << up, axis=1) for layer in part))
 
 
-def prepare_tiles(table: SurveySession) -> tuple[int, int]:
+def prepare_tiles(session: SurveySession) -> tuple[int, int]:
     """Make one more of the tiles that are kept on disk; return how many are there, and how many there will be."""
-    cells = tile_cells(table)
+    cells = tile_cells(session)
     if cells is None or not cells.go_on():
         return 0, 0
     return cells.n_done, cells.n_all
 
 
-def patch_reader(table: SurveySession) -> PatchReader | None:
+def patch_reader(session: SurveySession) -> PatchReader | None:
     """Return the reader of the survey's points, one for all works; None without points."""
-    points = table.recordings.points
+    points = session.recordings.points
     if points is None:
         return None
 
     def read() -> PatchReader:
-        path = table.recordings.trajectory
-        return PatchReader(points.points, table.surface, None if path is None else path.xyz[:, :2])
+        path = session.recordings.trajectory
+        return PatchReader(points.points, session.surface, None if path is None else path.xyz[:, :2])
 
-    return table.keep("patch reader", read)
+    return session.keep("patch reader", read)
 
 
-def tile_cells(table: SurveySession) -> TileCells | None:
+def tile_cells(session: SurveySession) -> TileCells | None:
     """Return the cells of all tiles, one for all works; None without points."""
-    reader = patch_reader(table)
+    reader = patch_reader(session)
     if reader is None:
         return None
     coarsest = Lattice.of(reader.store.bounds).coarsest
-    return table.keep("tile cells", lambda: TileCells(reader, _folder(reader), coarsest))
+    return session.keep("tile cells", lambda: TileCells(reader, _folder(reader), coarsest))
 
 
-def picture_scale(table: SurveySession) -> ColourScale | None:
+def picture_scale(session: SurveySession) -> ColourScale | None:
     """Return the scale of all pictures of the survey; None without points."""
-    cells = tile_cells(table)
+    cells = tile_cells(session)
     return None if cells is None else cells.scale
 
 
