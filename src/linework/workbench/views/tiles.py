@@ -1,4 +1,4 @@
-"""Works of the desk of pictures: a tile, and one step towards having all of them."""
+"""Requests to the pictures worker: the picture of a tile, and one step towards preparing all of them."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from linework.workbench.views.patches import PatchReader
 from linework.workbench.views.pyramid import IMAGES, TILE_PX, Lattice, MapTile
 from linework.workbench.worker.session import SurveySession
 
+#: Names of the images.
 _NAMES = tuple(name for name, _, _ in IMAGES)
-#: Densities are counted in cells of an eighth of a metre at least: finer ones hold a point or none.
+#: Finest level whose density is counted, with cells of 1/8 m: finer ones hold one point or none.
 DENSITY_LEVEL = -1
 
 
 def tile_png(session: SurveySession, image: str, tile: MapTile) -> bytes:
-    """Return the PNG of an image of a tile, b"" where no point is.
+    """Return the PNG of an image of a tile, b"" for a tile without points.
 
     Raises
     ------
@@ -44,7 +45,7 @@ def tile_png(session: SurveySession, image: str, tile: MapTile) -> bytes:
 
 
 def density_layers(cells: TileCells, tile: MapTile) -> TileLayers | None:
-    """Return the cells of a tile for its density: those of `DENSITY_LEVEL`, larger, where it is finer."""
+    """Return the layers of a tile for its density; of a finer tile the enlarged ones of `DENSITY_LEVEL`."""
     up = max(0, DENSITY_LEVEL - tile.level)
     coarser = MapTile(tile.level + up, tile.east >> up, tile.north >> up)
     layers, _ = cells.layers(coarser)
@@ -58,7 +59,7 @@ def density_layers(cells: TileCells, tile: MapTile) -> TileLayers | None:
 
 
 def prepare_tiles(session: SurveySession) -> tuple[int, int]:
-    """Make one more of the tiles that are kept on disk; return how many are there, and how many there will be."""
+    """Make one more of the tiles to be kept on disk; return the number made, and of all, 0 and 0 when all are made."""
     cells = tile_cells(session)
     if cells is None or not cells.go_on():
         return 0, 0
@@ -66,7 +67,7 @@ def prepare_tiles(session: SurveySession) -> tuple[int, int]:
 
 
 def patch_reader(session: SurveySession) -> PatchReader | None:
-    """Return the reader of the survey's points, one for all works; None without points."""
+    """Return the reader of the survey's points, one for all requests; None without points."""
     points = session.recordings.points
     if points is None:
         return None
@@ -79,7 +80,7 @@ def patch_reader(session: SurveySession) -> PatchReader | None:
 
 
 def tile_cells(session: SurveySession) -> TileCells | None:
-    """Return the cells of all tiles, one for all works; None without points."""
+    """Return the cells of all tiles, one object for all requests; None without points."""
     reader = patch_reader(session)
     if reader is None:
         return None
@@ -88,17 +89,17 @@ def tile_cells(session: SurveySession) -> TileCells | None:
 
 
 def picture_scale(session: SurveySession) -> ColourScale | None:
-    """Return the scale of all pictures of the survey; None without points."""
+    """Return the colour scale of all pictures of the survey; None without points."""
     cells = tile_cells(session)
     return None if cells is None else cells.scale
 
 
 def _folder(reader: PatchReader) -> Path | None:
-    """Return where cells are kept: known by the surface they show and by the code that makes them."""
+    """Return the folder of kept cells, named by the surface they show and by the code that makes them; or None."""
     surface = reader.surface
     name = surface.tiles.folder.name if surface is not None else ""
     made_of = name + source_hash("kernels", "files", "surface", "workbench")
-    # On a disk that takes nothing there are pictures all the same, each made when it is looked at
+    # If the disk cannot be written, each picture is made when it is requested
     with suppress(MachineError):
         return cells_folder(reader.store.folder, hashlib.sha256(made_of.encode()).hexdigest()[:16])
     return None
