@@ -72,7 +72,7 @@ class User:
         self.save(change_of(order.edit, self.line_file.lines, given or self._given(order.edit)), cost)
 
     def _given(self, edit):
-        """Return what the desk measures for an edit."""
+        """Return what a worker measures for an edit."""
         if edit.action != "dashes":
             return EditInputs()
         chosen = lines_of(self.line_file.lines, edit.ids)
