@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks._review_scene import WITHIN_M, matched, missing_runs, right_share
-from linework.editing.edits.attributes import as_kind
-from linework.editing.edits.new_lines import beside, foot_along
-from linework.editing.edits.vertices import trimmed
+from linework.editing.edits.attributes import with_kind
+from linework.editing.edits.new_lines import foot_along, line_beside
+from linework.editing.edits.vertices import trim_to_vertices
 from linework.errors import InputError, UsageError
 from linework.model.changes import Change
 from linework.model.lines import LineSet
@@ -89,7 +89,7 @@ class User:
     def _judge(self, item):
         """Accept or reject a line, or take what it is proposed to be."""
         line = lines_of(self.line_file.lines, item.ids)
-        if item.as_kind and right_share(as_kind(line, item.as_kind), self.truth) >= RIGHT:
+        if item.as_kind and right_share(with_kind(line, item.as_kind), self.truth) >= RIGHT:
             self.do(queue_item(item).proposal)
             return "taken"
         is_right = right_share(line, self.truth) >= 0.5
@@ -180,7 +180,7 @@ class User:
         span = self._right_span(traced.lines.take([0]))
         if span is None or traced.kind != kind:
             return False
-        kept = trimmed(traced.lines.take([0]), *span)
+        kept = trim_to_vertices(traced.lines.take([0]), *span)
         if distance_m(kept.xyz[:, :2], place[:2]) > WITHIN_M:
             return False  # another line grew
         # Nodes that went wrong are taken back one by one, or the line is trimmed: one more action
@@ -253,7 +253,7 @@ class User:
         edit["at"] = [tuple(xyz[k, :2].tolist()) for k in (first, last)]
         order = ChangeOrder.model_validate({"revision": 0, "edit": edit}).edit
         try:
-            places = beside(lines.take([best]), kind, np.array(order.at)).xyz
+            places = line_beside(lines.take([best]), kind, np.array(order.at)).xyz
             heights = np.column_stack(self.heights(kind, places.tolist()))
             return change_of(order, self.line_file.lines, EditInputs(heights=heights))
         except UsageError:
@@ -297,9 +297,9 @@ def added(change):
     is_old = np.isin(whole.xyz[:, 0], change.before.xyz[:, 0])
     new = np.flatnonzero(~is_old)
     if len(new):
-        return trimmed(whole, max(int(new[0]) - 1, 0), min(int(new[-1]) + 1, len(whole.xyz) - 1))
+        return trim_to_vertices(whole, max(int(new[0]) - 1, 0), min(int(new[-1]) + 1, len(whole.xyz) - 1))
     widest = int(np.argmax(np.hypot(*np.diff(whole.xyz[:, :2], axis=0).T)))
-    return trimmed(whole, widest, widest + 1)
+    return trim_to_vertices(whole, widest, widest + 1)
 
 
 def length_of(xyz):

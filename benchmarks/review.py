@@ -24,7 +24,7 @@ from pathlib import Path
 from benchmarks._review_scene import KINDS, POINTS_PER_M, WEAR, copied, errors_of, scene_of, truth_of
 from benchmarks._review_user import User
 from benchmarks.accuracy import seeds_of
-from linework.files.line_file.file import DrawingFile
+from linework.files.line_file.file import LineFile
 from linework.runs.settings import RunSettings
 from linework.tracing.trace import Tracer
 from linework.workbench.review.paint import dash_spans
@@ -68,7 +68,7 @@ def reviewed(seed, folder, options):
     truth = truth_of(scene)
     table = SurveySession(SurveyOrder((scene.survey,), work=scene.work), lambda _: None)
     tracer = Tracer(table.recordings.points, table.surface, RunSettings())
-    with DrawingFile.opened(copied(scene), crs=truth.crs) as line_file:
+    with LineFile.opened(copied(scene), crs=truth.crs) as line_file:
         before = errors_of(line_file.lines, truth)
         user = User(
             line_file, truth, tracer, partial(heights_at, table), partial(dash_spans, table), options.actions

@@ -87,7 +87,7 @@ def test_packing_keeps_what_is_seen():
 def test_nearest_known_is_nearly_always_the_nearest():
     rng = np.random.default_rng(4)
     known = rng.random((60, 70)) < 0.03
-    nearest = kernels.nearest_known(known, 5.0)
+    nearest = kernels.nearest_known_index(known, 5.0)
     rows, cols = np.nonzero(known)
     for r, c in np.ndindex(known.shape):
         apart = np.hypot(rows - r, cols - c)

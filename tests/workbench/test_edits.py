@@ -7,7 +7,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from linework.errors import AbsentError, UsageError
-from linework.files.line_file.file import DrawingFile
+from linework.files.line_file.file import LineFile
 from linework.files.vectors.read_write import read_lines
 from linework.model.changes import Change
 from linework.model.lines import LineSet
@@ -22,7 +22,7 @@ ORDER = TypeAdapter(EditOrder)
 @pytest.fixture
 def line_file(drive_lines):
     crs = read_lines(drive_lines).crs
-    with DrawingFile.opened(drive_lines, crs=crs) as line_file:
+    with LineFile.opened(drive_lines, crs=crs) as line_file:
         yield line_file
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.editing.edits.new_lines import beside
+from linework.editing.edits.new_lines import line_beside
 from linework.files.vectors.read_write import read_lines
 from linework.workbench.review.paint import BRIGHTNESS_STATION_M, PaintOfLines, brightness_along
 from linework.workbench.worker.session import SurveyOrder, SurveySession
@@ -26,7 +26,7 @@ def test_paint_is_brighter_than_the_road_beside_it(session, drive_lines):
     assert len(brightness) == pytest.approx(line.length_m[0] / BRIGHTNESS_STATION_M, abs=2)
     assert np.mean(weight > 0) > 0.5
     left = np.array([-(line.xyz[-1, 1] - line.xyz[0, 1]), line.xyz[-1, 0] - line.xyz[0, 0]])
-    aside = beside(line, "lane_marking", line.xyz[:1, :2] + 0.4 * left / np.hypot(*left))
+    aside = line_beside(line, "lane_marking", line.xyz[:1, :2] + 0.4 * left / np.hypot(*left))
     asphalt, n = brightness_along(session, aside.xyz, 0.12)
     on, off = np.average(brightness, weights=weight), np.average(asphalt, weights=n)
     assert off == pytest.approx(1.0, abs=0.35)

@@ -65,12 +65,12 @@ def serve(
     settings = read_settings(config)
     with contextlib.ExitStack() as held:
         display = held.enter_context(open_display(quiet=quiet))
-        from linework.cli.progress import tell_of_compiling
+        from linework.cli.progress import announce_compilation
         from linework.methods.kinds import ALL_KINDS
         from linework.workbench.server.serve import RunningServer, run_server
         from linework.workbench.worker.session import SurveyOrder
 
-        tell_of_compiling(ALL_KINDS, quiet=quiet)
+        announce_compilation(ALL_KINDS, quiet=quiet)
 
         def ready(app_state: AppState, url: str) -> None:
             display.__exit__(None, None, None)

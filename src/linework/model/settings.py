@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from linework.errors import ConfigError
 
-T = TypeVar("T")
+SettingsT = TypeVar("SettingsT")
 _ADVICE = "linework config prints every setting with its unit"
 
 
@@ -20,12 +20,14 @@ def setting(default: Any, *, unit: str, reason: str, low: float = -math.inf, hig
     )
 
 
-def group(cls: type[T]) -> Any:
+def group(cls: type[SettingsT]) -> Any:
     """Return a dataclass field that holds a group of settings with its own defaults."""
     return dataclasses.field(default_factory=cls)
 
 
-def settings_from(cls: type[T], values: Mapping[str, Any], *, where: object = None, prefix: str = "") -> T:
+def settings_from(
+    cls: type[SettingsT], values: Mapping[str, Any], *, where: object = None, prefix: str = ""
+) -> SettingsT:
     """Build the settings `cls` from a parsed TOML table; what is not given keeps its default.
 
     Raises

@@ -23,7 +23,7 @@ from linework.files.las.batches import read_las_batches
 from linework.files.las.header import LasHeader, read_las_header
 from linework.files.las.messages import Decoded, DecodeTask, error_message, json_message
 from linework.files.las.repeats import PointSample, repeated_inside
-from linework.files.las.tally import HeaderBox, LasTally, TimeCounts, Verdict
+from linework.files.las.tally import HeaderBox, LasTally, TimeCounts, TimeVerdict
 from linework.processes.channel import Channel
 from linework.processes.child import OUT_OF_MEMORY
 
@@ -142,7 +142,7 @@ def _writer(target: Path, report: SendReport) -> StoreWriter:
     return StoreWriter(target)
 
 
-def _decoded(written: _Written, verdict: Verdict) -> Decoded:
+def _decoded(written: _Written, verdict: TimeVerdict) -> Decoded:
     tally = written.tally
     has_time = verdict.gps_time_kind != "none"
     repeats = written.repeats.numbers()

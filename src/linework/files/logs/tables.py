@@ -15,14 +15,14 @@ import numpy as np
 from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.las.header import regular_file_bytes
-from linework.files.logs.text import TextBlock, judge_bad_lines, text_blocks
+from linework.files.logs.text import TextBlock, bad_lines_warning, text_blocks
 
 #: A block with an odd line is halved until the part around that line is as small as this, and read line by line.
 _SMALL_BYTES = 1 << 14
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class NumberTable:
     """Columns of finite numbers by name, the line each row came from, and what was left out."""
 
     columns: dict[str, FloatArray]
@@ -41,7 +41,7 @@ class _Layout:
 
 def read_table(
     path: Path, required: Sequence[str], groups: Sequence[Sequence[str]] = (), *, one_of: bool = False
-) -> Table:
+) -> NumberTable:
     """Read columns of numbers from a CSV file with a header row; UTF-8, any line ends, with or without BOM.
 
     Cells are separated by commas; by semicolons or tabs where the header is, and decimals are then points or
@@ -74,12 +74,12 @@ def read_table(
     names = _column_names(path, there, required, groups, one_of=one_of)
     layout = _Layout(separator, len(there), tuple(there.index(name) for name in names))
     values, numbers, bad = _read_rows(rest, blocks, layout)
-    said = judge_bad_lines(
+    said = bad_lines_warning(
         path, bad, len(values), "finite numbers in all columns",
         advice="columns are separated by commas, decimals by points",
     )  # fmt: skip
     columns = {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(names)}
-    return Table(columns, numbers, said)
+    return NumberTable(columns, numbers, said)
 
 
 def _read_rows(

@@ -109,7 +109,7 @@ def _check_lengths(path: Path, block: TextBlock, left: bytes) -> None:
                          advice="check what this file is")  # fmt: skip
 
 
-def judge_bad_lines(
+def bad_lines_warning(
     path: Path, bad: Sequence[int], n_good: int, expected: str, *, advice: str, unit: str = "line"
 ) -> tuple[str, ...]:
     """Return the warning about lines left out.
@@ -199,7 +199,7 @@ def read_number_rows(path: Path, n_cells: int) -> NumberRows:
                 numbers.append(number)
                 rows.append(n_rows)
             n_rows += 1
-    said = judge_bad_lines(
+    said = bad_lines_warning(
         path, bad, len(values), f"{n_cells} finite numbers", advice=f"each line holds {n_cells} numbers"
     )
     return NumberRows(

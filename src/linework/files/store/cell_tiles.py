@@ -18,7 +18,7 @@ import numpy as np
 from linework.arrays import AnyArray
 from linework.errors import MachineError
 from linework.files.output.publish import machine_errors
-from linework.surface.cells import Window
+from linework.surface.cells import CellWindow
 
 #: A tile's number east and north.
 TileNumber = tuple[int, int]
@@ -47,12 +47,12 @@ class SurfaceTiles:
     n_cells: int
     origin: tuple[int, int] = (0, 0)
 
-    def window(self, tile: TileNumber) -> Window:
+    def window(self, tile: TileNumber) -> CellWindow:
         """Return the cells of a tile."""
         west, south = (o + number * self.n_cells for o, number in zip(self.origin, tile, strict=True))
-        return Window(west, south, self.n_cells, self.n_cells)
+        return CellWindow(west, south, self.n_cells, self.n_cells)
 
-    def touching(self, window: Window) -> Iterator[TileNumber]:
+    def touching(self, window: CellWindow) -> Iterator[TileNumber]:
         """Yield the numbers of the tiles that share cells with a window, whether they exist or not."""
         (o_east, o_north), n = self.origin, self.n_cells
         for north in range((window.south - o_north) // n, (window.north - 1 - o_north) // n + 1):
@@ -79,7 +79,7 @@ class SurfaceTiles:
         """
         return self.read_common(_tile_name(name, tile))
 
-    def part(self, name: str, which: int, tile: TileNumber, window: Window) -> AnyArray | None:
+    def part(self, name: str, which: int, tile: TileNumber, window: CellWindow) -> AnyArray | None:
         """Return of one of a tile's arrays the cells in a window; None where the tile has none of this name."""
         own = self.window(tile)
         shared = own.common(window)
@@ -92,7 +92,7 @@ class SurfaceTiles:
         except FileNotFoundError:
             return None
 
-    def over(self, name: str, which: int, window: Window, empty: Any) -> AnyArray:
+    def over(self, name: str, which: int, window: CellWindow, empty: Any) -> AnyArray:
         """Return one of the arrays over any cells, put together from those of the tiles.
 
         Parameters
@@ -107,7 +107,7 @@ class SurfaceTiles:
                 out[self.place(tile, window)] = values
         return out
 
-    def place(self, tile: TileNumber, window: Window) -> tuple[slice, slice]:
+    def place(self, tile: TileNumber, window: CellWindow) -> tuple[slice, slice]:
         """Return where in a window's array the cells lie that a tile shares with it."""
         shared = self.window(tile).common(window)
         return window.part(shared) if shared else (slice(0), slice(0))

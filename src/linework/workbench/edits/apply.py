@@ -9,22 +9,22 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from linework.arrays import FloatArray, IntArray
-from linework.editing.edits.attributes import as_kind, check_kind, reviewed, with_word
+from linework.editing.edits.attributes import check_line_kind, with_attribute, with_kind, with_review
 from linework.editing.edits.dashes import dashes_by_paint, with_missing_dashes
-from linework.editing.edits.new_lines import beside, wire, with_heights
-from linework.editing.edits.split_join import joined, split
+from linework.editing.edits.new_lines import line_beside, wire_through, with_heights
+from linework.editing.edits.split_join import join_two_lines, split_line
 from linework.editing.edits.vertices import (
     ONE_PLACE_M,
-    inserted,
-    moved,
-    removed,
+    insert_vertex,
+    move_vertex,
+    remove_vertex,
     reversed_line,
-    smoothed,
-    trimmed,
+    smooth_by_sigmas,
+    trim_to_vertices,
 )
 from linework.errors import AbsentError, UsageError
-from linework.methods.obb.trace import BESIDE_M
-from linework.methods.obb.trace import beside as lies_beside
+from linework.methods.obb.trace import COMPANION_BESIDE_M
+from linework.methods.obb.trace import companions_of as lies_beside
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 from linework.workbench.edits.keep_trace import kept_change
@@ -113,7 +113,7 @@ def _reviewed(edit: ReviewLines, lines: LineSet, _: EditInputs) -> Change:
         # What a person decided about a dash or a top by itself stays
         own = np.isin(chosen.id, np.array(edit.ids))
         chosen = chosen.take(own | (chosen.review == ""))
-    return Change(edit.action, chosen, reviewed(chosen, review))
+    return Change(edit.action, chosen, with_review(chosen, review))
 
 
 def _deleted(edit: DeleteLines, lines: LineSet, _: EditInputs) -> Change:
@@ -123,7 +123,7 @@ def _deleted(edit: DeleteLines, lines: LineSet, _: EditInputs) -> Change:
 
 def _split(edit: SplitLine, lines: LineSet, _: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
-    return _edited(edit.action, line, split(line, np.array(edit.at)))
+    return _edited(edit.action, line, split_line(line, np.array(edit.at)))
 
 
 def _joined(edit: JoinLines, lines: LineSet, _: EditInputs) -> Change:
@@ -131,14 +131,14 @@ def _joined(edit: JoinLines, lines: LineSet, _: EditInputs) -> Change:
     if len(both) != 2:
         raise UsageError("a line cannot be joined to itself", where="join", advice="choose two lines")
     others = lines.take((lines.review != "rejected") & ~np.isin(lines.id, both.id))
-    change = _edited(edit.action, both, joined(both.take([0]), both.take([1]), others))
+    change = _edited(edit.action, both, join_two_lines(both.take([0]), both.take([1]), others))
     tops = [with_companions(both.take([k]), others).of_kind("kerb_top") for k in (0, 1)]
     return with_tops(change, tops[0], tops[1])
 
 
 def _shaped(edit: ReshapeLine, lines: LineSet, _: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
-    make = smoothed if edit.action == "smooth" else reversed_line
+    make = smooth_by_sigmas if edit.action == "smooth" else reversed_line
     return _edited(edit.action, line, make(line))
 
 
@@ -153,8 +153,8 @@ def _as_kind(edit: ChangeKind, lines: LineSet, _: EditInputs) -> Change:
     left = whole.take(~np.isin(whole.id, chosen.id) & (whole.kind != edit.kind))
     after = LineSet.concatenate(
         [
-            reviewed(as_kind(chosen, edit.kind), "edited"),
-            reviewed(left, "rejected"),
+            with_review(with_kind(chosen, edit.kind), "edited"),
+            with_review(left, "rejected"),
         ]
     )
     return Change(edit.action, LineSet.concatenate([chosen, left]), after)
@@ -162,40 +162,40 @@ def _as_kind(edit: ChangeKind, lines: LineSet, _: EditInputs) -> Change:
 
 def _set(edit: SetAttribute, lines: LineSet, _: EditInputs) -> Change:
     chosen = lines_of(lines, edit.ids)
-    return _edited(edit.action, chosen, with_word(chosen, edit.column, edit.value))
+    return _edited(edit.action, chosen, with_attribute(chosen, edit.column, edit.value))
 
 
 def _vertex(edit: MoveVertex | InsertVertex, lines: LineSet, inputs: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
     (to,), (sigma_z_m,) = _placed(edit, inputs, line.xyz)
     if isinstance(edit, MoveVertex):
-        after = moved(line, edit.vertex, to, sigma_z_m=sigma_z_m)
+        after = move_vertex(line, edit.vertex, to, sigma_z_m=sigma_z_m)
     else:
-        after = inserted(line, edit.after, to, sigma_z_m=sigma_z_m)
+        after = insert_vertex(line, edit.after, to, sigma_z_m=sigma_z_m)
     return _edited(edit.action, line, after)
 
 
 def _removed(edit: RemoveVertex, lines: LineSet, _: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
-    return _edited(edit.action, line, removed(line, edit.vertex))
+    return _edited(edit.action, line, remove_vertex(line, edit.vertex))
 
 
 def _trimmed(edit: TrimLine, lines: LineSet, _: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
-    return _edited(edit.action, line, trimmed(line, edit.first, edit.last))
+    return _edited(edit.action, line, trim_to_vertices(line, edit.first, edit.last))
 
 
 def _drawn(edit: DrawLine, lines: LineSet, inputs: EditInputs) -> Change:
-    check_kind(edit.kind)
+    check_line_kind(edit.kind)
     xyz, sigma_z = _placed(edit, inputs, None)
     if np.any(np.linalg.norm(np.diff(xyz, axis=0), axis=1) < ONE_PLACE_M):
         raise UsageError("two consecutive vertices are at one place", where="draw", advice="leave one out")
     line = LineSet.from_lines([xyz], crs=lines.crs, kind=[edit.kind], method=["drawn"], sigma_z_m=sigma_z)
-    return Change(edit.action, LineSet.empty(lines.crs), reviewed(line, "drawn"))
+    return Change(edit.action, LineSet.empty(lines.crs), with_review(line, "drawn"))
 
 
 def _beside(edit: DrawBeside, lines: LineSet, inputs: EditInputs) -> Change:
-    new = with_heights(beside(lines_of(lines, [edit.id]), edit.kind, np.array(edit.at)), inputs.heights)
+    new = with_heights(line_beside(lines_of(lines, [edit.id]), edit.kind, np.array(edit.at)), inputs.heights)
     return replace(kept_change(lines, new, (0, len(new.xyz) - 1)), action=edit.action)
 
 
@@ -207,8 +207,8 @@ def _hung(edit: DrawWire, lines: LineSet, inputs: EditInputs) -> Change:
             where="wire",
             advice="click where points are, or in 3-D",
         )
-    new = wire(_placed(edit, inputs, None)[0], lines.crs)
-    return Change(edit.action, LineSet.empty(lines.crs), reviewed(new, "drawn"))
+    new = wire_through(_placed(edit, inputs, None)[0], lines.crs)
+    return Change(edit.action, LineSet.empty(lines.crs), with_review(new, "drawn"))
 
 
 def _kept(edit: KeepTrace, lines: LineSet, inputs: EditInputs) -> Change:
@@ -291,7 +291,7 @@ def with_companions(chosen: LineSet, lines: LineSet) -> LineSet:
     for i in range(len(chosen)):
         kind = COMPANIONS.get(str(chosen.kind[i]), "")
         if kind:
-            box = _near(lines, chosen.line(i), BESIDE_M[kind])
+            box = _near(lines, chosen.line(i), COMPANION_BESIDE_M[kind])
             is_in[box[lies_beside(lines.take(box), chosen.line(i), kind)]] = True
     return lines.take(is_in)
 
@@ -315,13 +315,13 @@ def with_tops(change: Change, tops: LineSet, other_tops: LineSet) -> Change:
     _, i, k = min(pairs)
     before = [tops.take([i]), other_tops.take([k])]
     try:
-        top = joined(before[0], before[1], change.after)
+        top = join_two_lines(before[0], before[1], change.after)
     except UsageError:
         return change  # tops that cannot be joined stay as they are
     return Change(
         change.action,
         LineSet.concatenate([change.before, *before]),
-        LineSet.concatenate([change.after, reviewed(top, str(change.after.review[0]))]),
+        LineSet.concatenate([change.after, with_review(top, str(change.after.review[0]))]),
     )
 
 
@@ -352,7 +352,7 @@ def dashes_change(chosen: LineSet, lines: LineSet, spans: Mapping[str, FloatArra
             refused = refused or refusal
             continue
         before.append(gone)
-        after.append(reviewed(new, "drawn"))
+        after.append(with_review(new, "drawn"))
         if not line.pattern[0]:
             before.append(line)
             after.append(line.with_columns(pattern=np.array(["dashed"])))

@@ -9,17 +9,17 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, IntArray
-from linework.editing.edits.attributes import reviewed
-from linework.editing.edits.continued import SAME_M, Gap, continued
-from linework.editing.edits.split_join import joined
-from linework.editing.edits.vertices import trimmed
+from linework.editing.edits.attributes import with_review
+from linework.editing.edits.continued import SAME_LINE_M, Gap, continue_lines
+from linework.editing.edits.split_join import join_two_lines
+from linework.editing.edits.vertices import trim_to_vertices
 from linework.errors import UsageError
-from linework.methods.obb.trace import BESIDE_M, beside
+from linework.methods.obb.trace import COMPANION_BESIDE_M, companions_of
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 
 #: Lines are joined with a followed line where they overlap it; no gap is closed without being asked for.
-_OVERLAPPING = Gap(longest_m=SAME_M, off_deg=5.0, turn_deg=20.0)
+_OVERLAPPING = Gap(longest_m=SAME_LINE_M, off_deg=5.0, turn_deg=20.0)
 #: Distance within which two cables are the same: the wires of a power line hang farther apart. [m]
 SAME_WIRE_M = 0.2
 #: Share of a line on another one from which both are the same line: points and images differ here and there.
@@ -59,7 +59,7 @@ def kept_change(
         It is of another kind than the line that it continues.
     """
     first, last = span
-    one = trimmed(trace.take([0]), first, min(last, int(trace.offsets[1]) - 1)).with_columns(
+    one = trim_to_vertices(trace.take([0]), first, min(last, int(trace.offsets[1]) - 1)).with_columns(
         id=np.array([""])
     )
     gone: list[int] = []
@@ -70,7 +70,7 @@ def kept_change(
                 advice="follow the kind of the line",
             )  # fmt: skip
         others = lines.take((lines.review != "rejected") & (lines.id != continues.id[0]))
-        one = joined(continues, one, others)
+        one = join_two_lines(continues, one, others)
         gone += np.flatnonzero(lines.id == continues.id[0]).tolist()
     if str(one.kind[0]) == "cable":
         absorbed = _same_wire(one, lines)
@@ -78,9 +78,9 @@ def kept_change(
         one, absorbed = _grown(one, lines, gone)
     new = [one]
     gone += absorbed + _mistaken(one, lines)
-    for kind in BESIDE_M:
+    for kind in COMPANION_BESIDE_M:
         others = trace.of_kind(kind)
-        for k in beside(others, trace.line(0)[first : last + 1], kind).tolist() if len(others) else []:
+        for k in companions_of(others, trace.line(0)[first : last + 1], kind).tolist() if len(others) else []:
             companion = others.take([k]).with_columns(id=np.array([""]))
             if kind in _WHOLE_KINDS:
                 new += [] if _touching(companion, lines, gone).size else [companion]
@@ -88,7 +88,7 @@ def kept_change(
             companion, absorbed = _grown(companion, lines, gone)
             new, gone = [*new, companion], gone + absorbed
     before = lines.take(np.array(gone, dtype=np.int64))
-    return Change("keep", before, reviewed(LineSet.concatenate(new), "drawn"))
+    return Change("keep", before, with_review(LineSet.concatenate(new), "drawn"))
 
 
 def _same_wire(one: LineSet, lines: LineSet) -> list[int]:
@@ -121,7 +121,7 @@ def _grown(one: LineSet, lines: LineSet, gone: list[int]) -> tuple[LineSet, list
     absorbed: list[int] = []
     for k in _touching(one, lines, gone).tolist():
         other = lines.take([k])
-        whole = continued(one, other, _OVERLAPPING)
+        whole = continue_lines(one, other, _OVERLAPPING)
         if len(whole) > 1:
             whole = _longer(one, other)
         if len(whole) == 1:
@@ -143,7 +143,7 @@ def _longer(one: LineSet, other: LineSet) -> LineSet:
 def _touching(one: LineSet, lines: LineSet, gone: list[int]) -> IntArray:
     """Return the indices of lines of its kind, not rejected and not `gone`, that have a vertex on a line."""
     xy = one.xyz[:, :2]
-    low, high = xy.min(axis=0) - SAME_M, xy.max(axis=0) + SAME_M
+    low, high = xy.min(axis=0) - SAME_LINE_M, xy.max(axis=0) + SAME_LINE_M
     candidates = (lines.kind == one.kind[0]) & (lines.review != "rejected")
     candidates[gone] = False
     inside = np.all((lines.xyz[:, :2] >= low) & (lines.xyz[:, :2] <= high), axis=1)
@@ -153,11 +153,11 @@ def _touching(one: LineSet, lines: LineSet, gone: list[int]) -> IntArray:
 
 
 def _is_on(places: FloatArray, line: FloatArray) -> BoolArray:
-    """Return which places (n, 2) lie within `SAME_M` of a line (k, 2)."""
+    """Return which places (n, 2) lie within `SAME_LINE_M` of a line (k, 2)."""
     out = np.zeros(len(places), dtype=np.bool_)
     a, step = line[:-1], np.diff(line, axis=0)
     size2 = np.maximum(np.sum(step * step, axis=1), 1e-12)
     for i, place in enumerate(places):
         share = np.clip(np.sum((place - a) * step, axis=1) / size2, 0.0, 1.0)
-        out[i] = float(np.hypot(*(place - a - share[:, None] * step).T).min()) <= SAME_M
+        out[i] = float(np.hypot(*(place - a - share[:, None] * step).T).min()) <= SAME_LINE_M
     return out

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.editing.edits.new_lines import beside
+from linework.editing.edits.new_lines import line_beside
 from linework.errors import UsageError
 from linework.workbench.edits.apply import EditInputs, lines_of
 from linework.workbench.edits.orders import (
@@ -77,7 +77,7 @@ async def inputs_for(edit: EditOrder, app_state: AppState) -> EditInputs:
     if isinstance(edit, AddDashes):
         return EditInputs(spans=await _dash_spans(edit, app_state))
     if isinstance(edit, DrawBeside):
-        places = beside(lines_of(app_state.line_file.lines, [edit.id]), edit.kind, np.array(edit.at)).xyz
+        places = line_beside(lines_of(app_state.line_file.lines, [edit.id]), edit.kind, np.array(edit.at)).xyz
         heights = await app_state.pictures.ask(heights_at, edit.kind, places.tolist())
         return EditInputs(heights=np.column_stack(heights))
     if not isinstance(edit, DrawLine | DrawWire | MoveVertex | InsertVertex):

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Header
 
 from linework.errors import UsageError
-from linework.files.line_file.file import DrawingFile
-from linework.files.line_file.history import Entry
+from linework.files.line_file.file import LineFile
+from linework.files.line_file.history import HistoryEntry
 from linework.model.changes import Edit
 from linework.workbench.edits.apply import change_of
 from linework.workbench.edits.measure import check_reach, inputs_for
@@ -109,7 +109,7 @@ async def get_history(app_state: CurrentState) -> list[HistoryRecord]:
     return await asyncio.to_thread(records)
 
 
-def changed_lines(line_file: DrawingFile, edit: Edit) -> ChangedLines:
+def changed_lines(line_file: LineFile, edit: Edit) -> ChangedLines:
     """Return a saved edit as the page gets it."""
     before, after = edit.change.before, edit.change.after
     return ChangedLines(
@@ -130,7 +130,7 @@ def _broadcast(app_state: AppState, edit: Edit) -> ChangedLines:
     return changed
 
 
-def _history_record(entry: Entry, *, is_undone: bool) -> HistoryRecord:
+def _history_record(entry: HistoryEntry, *, is_undone: bool) -> HistoryRecord:
     return HistoryRecord(
         number=entry.number,
         time_utc=entry.time_utc,

@@ -17,7 +17,7 @@ from linework.methods.obb.trace import PICK_M, TRACKED_AS
 from linework.methods.picked_edge.method import SIDES, EdgeStep
 from linework.model.lines import LineSet
 from linework.tracing.in_images import ImageTracer, TracedEdge
-from linework.tracing.trace import RefusedPickError, Trace, TracedLine, Tracer, check_kind
+from linework.tracing.trace import RefusedPickError, Trace, TracedLine, Tracer, check_pick_kind
 from linework.workbench.following.messages import (
     FollowPixel,
     FollowPlace,
@@ -55,7 +55,7 @@ def follow_in_worker(session: SurveySession, order: FollowPlace, trace_id: str) 
     """Follow the line at a place, reporting how it grows."""
     yield FollowMessage(area_message(_area(order.at)))
     try:
-        check_kind(order.kind)
+        check_pick_kind(order.kind)
         toward = None if order.toward == order.at else order.toward
         steps = tracer_of(session).trace(order.at, kind=order.kind, toward=toward)
         found, is_interrupted = yield from _streamed(steps, lambda lines: _grown(trace_id, lines))

@@ -10,7 +10,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from linework.arrays import FloatArray
 from linework.errors import LineworkError, UsageError
-from linework.methods.obb.trace import Stop
+from linework.methods.obb.trace import TraceStop
 from linework.model.lines import LineSet
 from linework.tracing.trace import RefusedPickError
 from linework.workbench.following.traces import KeptTrace
@@ -91,10 +91,10 @@ def order_of(text: str) -> FollowOrder:
 
 #: What can be done where a line ends: look for it beyond a gap, or pick a place further on, which continues it.
 _CHOICES = {
-    Stop.FADED: ["bridge", "continue"],
-    Stop.END_OF_DATA: ["bridge", "continue"],
-    Stop.INTERRUPTED: ["bridge", "continue"],
-    Stop.RING: [],
+    TraceStop.FADED: ["bridge", "continue"],
+    TraceStop.END_OF_DATA: ["bridge", "continue"],
+    TraceStop.INTERRUPTED: ["bridge", "continue"],
+    TraceStop.RING: [],
 }
 
 

@@ -18,7 +18,7 @@ from linework.model.lines import LineSet
 from linework.runs.opened.recordings import opened_recordings
 from linework.runs.opened.store import executor_for, usable_cores
 from linework.runs.opened.work_folder import RUNS
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 from linework.workbench.worker.session import SurveySession
 
 #: Shortest time between reports of progress: five a second move smoothly. [s]
@@ -83,8 +83,8 @@ def extract_in_worker(session: SurveySession, request: JobRequest) -> str:
     # Here and not above: the server names this function, and does not need what it imports
     from linework.evaluation.report.page import extraction_report
     from linework.files.vectors.read_write import read_lines
-    from linework.runs.extract import asked_order, extract_to
-    from linework.runs.record import what_is_missing
+    from linework.runs.extract import extract_to, extraction_request
+    from linework.runs.record import missing_summary
 
     os.nice(_NICE)
     survey, settings = session.survey, session.settings
@@ -92,7 +92,7 @@ def extract_in_worker(session: SurveySession, request: JobRequest) -> str:
     n_workers = max(usable_cores() - 1, 1)
     with contextlib.ExitStack() as held:
         reporter = held.enter_context(_reporter(session.report))
-        steps = Steps(reporter)
+        steps = RunSteps(reporter)
         executor = held.enter_context(executor_for(survey, n_workers, settings))
         recordings = held.enter_context(
             opened_recordings(
@@ -106,7 +106,7 @@ def extract_in_worker(session: SurveySession, request: JobRequest) -> str:
         output = _folder(session.work, request) / "lines.gpkg"
 
         def extracted(*, resume: bool) -> dict[str, Any]:
-            order = asked_order(
+            order = extraction_request(
                 output, recordings.survey, request.kinds, request.method, settings,
                 crs=session.order.crs, overwrite=True, resume=resume,
             )  # fmt: skip
@@ -118,7 +118,7 @@ def extract_in_worker(session: SurveySession, request: JobRequest) -> str:
             record = extracted(resume=False)
         lines = read_lines(output)
         reporter.report(
-            JobResult(lines=lines, counts=record["counts"]["lines"], message=what_is_missing(record))
+            JobResult(lines=lines, counts=record["counts"]["lines"], message=missing_summary(record))
         )
         with steps.step("write report"):
             return extraction_report(lines, recordings, record)

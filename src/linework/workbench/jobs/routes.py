@@ -8,7 +8,7 @@ from fastapi import APIRouter, Depends, Path, Request, Response
 from pydantic import Field
 
 from linework.errors import InputError, UsageError
-from linework.methods.kinds import ALL_KINDS, check_method, findable_kinds, kinds_of, parse_kinds
+from linework.methods.kinds import ALL_KINDS, check_method, findable_kinds, kinds_of_method, parse_kinds
 from linework.workbench.jobs.extract import JobRequest
 from linework.workbench.jobs.jobs import Job, Jobs
 from linework.workbench.server.app_state import state_of_request
@@ -76,7 +76,7 @@ def _request_of(order: JobOrder, *, has_points: bool) -> JobRequest:
         A kind that the method, or this survey, cannot give.
     """
     try:
-        kinds = parse_kinds(",".join(order.features)) if order.features else kinds_of(order.method)
+        kinds = parse_kinds(",".join(order.features)) if order.features else kinds_of_method(order.method)
         check_method(order.method, kinds)
         kinds = findable_kinds(kinds, has_points=has_points, asked=False)
     except UsageError as error:

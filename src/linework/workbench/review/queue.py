@@ -9,8 +9,8 @@ from typing import Any
 from fastapi import APIRouter, Request
 
 from linework.editing.queue.suspects import Suspect
-from linework.files.line_file.file import DrawingFile
-from linework.files.line_file.history import Entry
+from linework.files.line_file.file import LineFile
+from linework.files.line_file.history import HistoryEntry
 from linework.model.lines import LineSet
 from linework.workbench.review.suspects import suspects_in_worker
 from linework.workbench.server.app_state import CurrentState
@@ -69,9 +69,7 @@ class ReviewQueue:
         Finds the suspects among lines, away from the server's loop.
     """
 
-    def __init__(
-        self, line_file: DrawingFile, find: Callable[[LineSet], Awaitable[Sequence[Suspect]]]
-    ) -> None:
+    def __init__(self, line_file: LineFile, find: Callable[[LineSet], Awaitable[Sequence[Suspect]]]) -> None:
         self._line_file, self._find = line_file, find
         self._turn = asyncio.Lock()
         self._revision = -1
@@ -98,7 +96,7 @@ class Dismissed:
         self._read = 0
         self._keys: dict[int, str] = {}
 
-    def keys(self, line_file: DrawingFile) -> frozenset[str]:
+    def keys(self, line_file: LineFile) -> frozenset[str]:
         """Return the keys that are dismissed now."""
         revision = line_file.revision
         self._keys |= _dismissals(line_file.entries(revision - self._read) if revision > self._read else ())
@@ -107,7 +105,7 @@ class Dismissed:
         return frozenset(key for number, key in self._keys.items() if number not in undone)
 
 
-def _dismissals(entries: Iterable[Entry]) -> dict[int, str]:
+def _dismissals(entries: Iterable[HistoryEntry]) -> dict[int, str]:
     return {
         entry.number: entry.action.removeprefix(DISMISS)
         for entry in entries

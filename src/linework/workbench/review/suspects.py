@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray
-from linework.editing.queue.gaps import gaps
-from linework.editing.queue.suspects import Suspect, loose_wires, missing_dashes, ranked, unsure_lines
-from linework.lines.along import Way
+from linework.editing.queue.gaps import gap_suspects
+from linework.editing.queue.suspects import Suspect, loose_wires, missing_dashes, rank_suspects, unsure_lines
+from linework.lines.along import DrivenPath
 from linework.methods.protocol import Sight
 from linework.model.lines import LineSet
 from linework.runs.opened.sight import SurveySight
@@ -26,7 +26,7 @@ def suspects_in_worker(session: SurveySession, lines: LineSet) -> list[Suspect]:
 
 
 def suspects(
-    lines: LineSet, path: Way, visible: Sight, paint: Mapping[str, FloatArray] | None = None
+    lines: LineSet, path: DrivenPath, visible: Sight, paint: Mapping[str, FloatArray] | None = None
 ) -> list[Suspect]:
     """Return what is worth checking, the most promising first; rejected lines do not count.
 
@@ -42,16 +42,16 @@ def suspects(
     there = lines.take(lines.review != "rejected")
     found = [
         *unsure_lines(there, path),
-        *gaps(there, path, visible),
+        *gap_suspects(there, path, visible),
         *loose_wires(there),
         *missing_dashes(there, paint),
     ]
-    return ranked(found)
+    return rank_suspects(found)
 
 
-def _path(session: SurveySession) -> Way:
+def _path(session: SurveySession) -> DrivenPath:
     trajectory = session.recordings.trajectory
-    return Way.of(np.zeros((0, 3)) if trajectory is None else trajectory.xyz)
+    return DrivenPath.of(np.zeros((0, 3)) if trajectory is None else trajectory.xyz)
 
 
 def _sight(session: SurveySession) -> Sight:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from fastapi import Depends, Request, WebSocket
 
-from linework.files.line_file.file import DrawingFile
+from linework.files.line_file.file import LineFile
 from linework.workbench.following.traces import KeptTraces
 from linework.workbench.worker.conversation import SurveyWorker
 from linework.workbench.worker.open import SurveyFacts
@@ -69,7 +69,7 @@ class AppState:
 
     order: SurveyOrder
     facts: SurveyFacts
-    line_file: DrawingFile
+    line_file: LineFile
     pictures: SurveyWorker
     tracing: SurveyWorker
     broadcaster: Broadcaster = field(default_factory=Broadcaster)

@@ -11,7 +11,7 @@ from fastapi import APIRouter, Query, Request, Response, WebSocket, WebSocketDis
 from fastapi.responses import JSONResponse
 
 from linework.editing.edits.attributes import CHOICES
-from linework.files.line_file.file import DrawingFile
+from linework.files.line_file.file import LineFile
 from linework.files.vectors.fields import colour_of
 from linework.model.lines import KINDS
 from linework.workbench.server.app_state import AppState, CurrentState, state_of_socket
@@ -46,7 +46,7 @@ async def get_lines(
     return Response(content, media_type="application/json")
 
 
-def _lines_content(line_file: DrawingFile, since: int) -> bytes:
+def _lines_content(line_file: LineFile, since: int) -> bytes:
     # Read first: what is saved meanwhile is sent twice rather than never
     revision = line_file.revision
     found, removed = line_file.since(since if since <= revision else 0)

@@ -20,7 +20,7 @@ from fastapi import FastAPI
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from linework.errors import MachineError
-from linework.files.line_file.file import DrawingFile
+from linework.files.line_file.file import LineFile
 from linework.runs.steps import Watcher
 from linework.workbench.server.app import create_app
 from linework.workbench.server.app_state import AppState
@@ -112,7 +112,7 @@ async def _opened(serving: RunningServer, held: contextlib.AsyncExitStack) -> tu
     tracing = held.enter_context(_worker(serving.order))
     root, crs = await pictures.ask(read_folder_and_crs)
     lines = serving.lines or Path(root) / LINES_NAME
-    line_file = held.enter_context(DrawingFile.opened(lines, crs=crs))
+    line_file = held.enter_context(LineFile.opened(lines, crs=crs))
     facts = await _watched(pictures, serving.watcher)
     app_state = AppState(
         order=serving.order,

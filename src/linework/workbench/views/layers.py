@@ -99,7 +99,7 @@ def fill_between_points(layers: TileLayers, cell_m: float) -> TileLayers:
     """Return layers with empty cells filled from the nearest cell within `FILL_M`."""
     reach = max(FILL_M / cell_m, FILL_CELLS)
     known = layers.density > 0
-    nearest = kernels.nearest_known(known, reach)
+    nearest = kernels.nearest_known_index(known, reach)
     is_near = nearest >= 0
     out = []
     for layer in layers:

@@ -11,7 +11,7 @@ import numpy as np
 from linework.errors import AbsentError
 from linework.files.images.screen import screen_image, screen_thumbnail
 from linework.files.logs.photolog import van_log
-from linework.imaging.projected import DEPTH_M, Pieces, projected
+from linework.imaging.projected import PROJECTED_DEPTH_M, ProjectedLines, projected
 from linework.model.camera import Camera
 from linework.model.images import ImagePair
 from linework.model.lines import LineSet
@@ -118,13 +118,13 @@ def lines_near_camera(lines: LineSet, at: tuple[float, ...]) -> LineSet:
         return lines
     # Lines without vertices would get the bounds of the next one
     starts = lines.offsets[:-1][np.diff(lines.offsets) > 0]
-    reach = _WIDEST * DEPTH_M[1]
+    reach = _WIDEST * PROJECTED_DEPTH_M[1]
     low = np.minimum.reduceat(lines.xyz[:, :2], starts, axis=0) <= np.array(at[:2]) + reach
     high = np.maximum.reduceat(lines.xyz[:, :2], starts, axis=0) >= np.array(at[:2]) - reach
     return lines.take(np.flatnonzero(np.diff(lines.offsets) > 0)[(low & high).all(axis=1)])
 
 
-def _documents(lines: LineSet, pieces: Pieces) -> list[dict[str, Any]]:
+def _documents(lines: LineSet, pieces: ProjectedLines) -> list[dict[str, Any]]:
     """Return a document per visible line."""
     pixels = pieces.pixels.round(1).tolist()
     documents: list[dict[str, Any]] = []

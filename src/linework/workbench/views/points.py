@@ -106,7 +106,7 @@ def sample_points(
     index = np.flatnonzero(inside)
     x, y, z, above, intensity = (column[index] for column in patch.columns)
     salt = (int(patch.corner[0]) * _PRIME + int(patch.corner[1])) & 0x7FFFFFFF
-    lots = kernels.lots(x, y, z, intensity, salt)
+    lots = kernels.sampling_keys(x, y, z, intensity, salt)
     xyz = np.stack(
         [x + np.float32(patch.corner[0] - origin[0]), y + np.float32(patch.corner[1] - origin[1]), z]
     )

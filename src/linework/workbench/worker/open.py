@@ -9,10 +9,10 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.files.geodesy.crs import LOCAL, describe_crs
-from linework.files.store.layout import BLOCK_M
+from linework.files.store.layout import STORE_BLOCK_M
 from linework.model.grid import Bounds
 from linework.runs.opened.recordings import Recordings
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 from linework.workbench.worker.session import SurveySession
 
 #: Distance between vertices of the path, which is drawn but not measured on. [m]
@@ -80,7 +80,7 @@ def open_in_worker(session: SurveySession) -> SurveyFacts:
     InputError
         The survey holds nothing that can be used.
     """
-    steps = Steps(_Reporter(session))
+    steps = RunSteps(_Reporter(session))
     recordings = session.opened(steps)
     surface = session.surface_with(steps)
     points, stereo, path = recordings.points, recordings.stereo, _path(recordings)
@@ -124,8 +124,8 @@ def _middle(recordings: Recordings, path: FloatArray) -> tuple[float, float, flo
     place = path[len(path) // 2] if len(path) else np.zeros(3)
     if not len(path) and recordings.points is not None:
         blocks, counts = recordings.points.points.block_counts
-        west, south = (blocks[int(np.argmax(counts))] * BLOCK_M).tolist()
-        block = Bounds(west, south, west + BLOCK_M, south + BLOCK_M)
+        west, south = (blocks[int(np.argmax(counts))] * STORE_BLOCK_M).tolist()
+        block = Bounds(west, south, west + STORE_BLOCK_M, south + STORE_BLOCK_M)
         xyz = recordings.points.points.points(block, ordered=False, with_time=False, with_intensity=False).xyz
         # A point, not the mean of all: in a bend that lies beside the road
         place = xyz[int(np.argmin(np.hypot(*(xyz - np.median(xyz, axis=0))[:, :2].T)))]

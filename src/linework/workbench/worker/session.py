@@ -16,7 +16,7 @@ from linework.runs.opened.recordings import Recordings, opened_recordings
 from linework.runs.opened.surface import SurveySurface
 from linework.runs.opened.work_folder import work_folder
 from linework.runs.settings import RunSettings
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 
 KeptT = TypeVar("KeptT")
 
@@ -84,9 +84,9 @@ class SurveySession:
         InputError
             The survey holds nothing that can be used.
         """
-        return self.opened(Steps())
+        return self.opened(RunSteps())
 
-    def opened(self, steps: Steps) -> Recordings:
+    def opened(self, steps: RunSteps) -> Recordings:
         """Return `recordings`; if they have to be opened first, `steps` shows the progress."""
         return self.keep(
             "recordings",
@@ -98,9 +98,9 @@ class SurveySession:
     @property
     def surface(self) -> SurveySurface | None:
         """Road and ground; None without points."""
-        return self.surface_with(Steps())
+        return self.surface_with(RunSteps())
 
-    def surface_with(self, steps: Steps) -> SurveySurface | None:
+    def surface_with(self, steps: RunSteps) -> SurveySurface | None:
         """Return `surface`; if it has to be made first, `steps` shows the progress."""
         points = self.opened(steps).points
         if points is None:
