@@ -230,7 +230,7 @@ def test_a_tile_may_fail_at_any_step(tmp_path, monkeypatch, step):
 
     monkeypatch.setattr(passes, step, lives)
     surface = surface_of(store, along(), tmp_path / "surface")
-    assert {problem for _, problem in surface.failures} == {"needs more memory than there is"}
+    assert {problem for _, problem in surface.failures} == {"out of memory"}
     over = surface.over(store.bounds)
     row, col = (int(v[0]) for v in over.grid.to_cell(ORIGIN[None, :2] + [[50.0, 12.0 * np.sin(2.0)]]))
     assert np.isnan(over.ground_m[row, col])

@@ -26,7 +26,7 @@ from linework.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from linework.workbench.server.bench import AppState
+    from linework.workbench.server.app_state import AppState
 
 
 def serve(
@@ -77,9 +77,9 @@ def serve(
 
         announce_compilation(ALL_KINDS, quiet=quiet)
 
-        def ready(bench: AppState, url: str) -> None:
+        def ready(app_state: AppState, url: str) -> None:
             display.__exit__(None, None, None)
-            _print(bench, url, as_json=as_json, quiet=quiet)
+            _print(app_state, url, as_json=as_json, quiet=quiet)
             if not no_browser:
                 held.enter_context(opened_browser(url))
 
@@ -121,20 +121,20 @@ def _user() -> str:
         return ""
 
 
-def _print(bench: AppState, url: str, *, as_json: bool, quiet: bool) -> None:
+def _print(app_state: AppState, url: str, *, as_json: bool, quiet: bool) -> None:
     """Print the link, flushed at once: a program that started the server may be waiting for that line."""
     text = url
     if as_json:
         import json
 
         document: dict[str, Any] = {
-            "url": url, "survey": bench.facts.name, "lines": str(bench.drawing.path), "who": bench.who,
+            "url": url, "survey": app_state.facts.name, "lines": str(app_state.line_file.path), "who": app_state.who,
         }  # fmt: skip
         text = json.dumps(document)
     typer.echo(text)
     sys.stdout.flush()
     if not quiet:
-        typer.echo(f"lines: {bench.drawing.path}; stop with Ctrl-C", err=True)
+        typer.echo(f"lines: {app_state.line_file.path}; stop with Ctrl-C", err=True)
 
 
 #: A page that forwards to the link.

@@ -1,4 +1,4 @@
-"""What the routes of the server share."""
+"""State that the routes of the server share."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import asyncio
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import Request, WebSocket
+from fastapi import Depends, Request, WebSocket
 
 from linework.files.line_file.file import LineFile
 from linework.workbench.following.traces import KeptTraces
@@ -16,20 +16,18 @@ from linework.workbench.worker.conversation import SurveyWorker
 from linework.workbench.worker.open import SurveyFacts
 from linework.workbench.worker.session import SurveyOrder
 
-# What happens at the workbench, told to every page that listens
-
-#: A page that does not read falls behind so far; then it is told to ask for everything anew.
+#: Messages that wait for a page that does not read them; then it is told to reload everything.
 MOST_WAITING = 1000
 
 
 class Broadcaster:
-    """Tells messages (plain values that become JSON) to all listeners."""
+    """Sends messages (plain values that become JSON) to all listening pages."""
 
     def __init__(self) -> None:
         self._queues: set[asyncio.Queue[dict[str, Any]]] = set()
 
-    def tell(self, message: dict[str, Any]) -> None:
-        """Tell all listeners; called on the server's loop."""
+    def send(self, message: dict[str, Any]) -> None:
+        """Send a message to all listeners; called on the server's loop."""
         for queue in self._queues:
             if queue.qsize() < MOST_WAITING:
                 queue.put_nowait(message)
@@ -38,7 +36,7 @@ class Broadcaster:
 
     @contextmanager
     def listening(self) -> Iterator[asyncio.Queue[dict[str, Any]]]:
-        """Give a queue of what is told from now on."""
+        """Give a queue of the messages sent from now on."""
         queue: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
         self._queues.add(queue)
         try:
@@ -49,43 +47,47 @@ class Broadcaster:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AppState:
-    """One survey on the workbench.
+    """The served survey, its lines, and the workers.
 
     Parameters
     ----------
     order, facts
-        Which survey, and what is known of it.
-    drawing
+        The survey to serve, and what is known of it.
+    line_file
         The lines, on disk.
     pictures
-        Desk for what is looked at: tiles, points, sections, heights, images. Works there take milliseconds.
+        Worker for what is looked at: tiles, points, sections, heights, images. Requests take milliseconds.
     tracing
-        Desk for following lines: one at a time.
-    hub
-        Tells all pages what happens.
+        Worker for following lines, one at a time.
+    broadcaster
+        To all pages.
     traces
         The last lines that were followed: see `linework.workbench.following.traces.kept_trace`.
     who
-        Who edits, for the record.
+        Name of the person who edits, for the record.
     """
 
     order: SurveyOrder
     facts: SurveyFacts
-    drawing: LineFile
+    line_file: LineFile
     pictures: SurveyWorker
     tracing: SurveyWorker
-    hub: Broadcaster = field(default_factory=Broadcaster)
+    broadcaster: Broadcaster = field(default_factory=Broadcaster)
     traces: KeptTraces = field(default_factory=KeptTraces)
     who: str = ""
 
 
 def state_of_request(request: Request) -> AppState:
-    """Return the bench of a request (for ``Depends``)."""
-    bench: AppState = request.app.state.bench
-    return bench
+    """Return the state of the application that got a request."""
+    app_state: AppState = request.app.state.app_state
+    return app_state
+
+
+#: Parameter of a route.
+CurrentState = Annotated[AppState, Depends(state_of_request)]
 
 
 def state_of_socket(socket: WebSocket) -> AppState:
-    """Return the bench of a WebSocket."""
-    bench: AppState = socket.app.state.bench
-    return bench
+    """Return the state of the application that got a WebSocket."""
+    app_state: AppState = socket.app.state.app_state
+    return app_state
