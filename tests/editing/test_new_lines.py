@@ -46,7 +46,7 @@ def test_no_line_beside_one_of_another_road_or_of_no_length():
         line_beside(straight(), "lane_marking", np.array([[10.0, 90.0]]))
     with pytest.raises(UsageError, match="would be 1"):
         line_beside(straight(), "lane_marking", np.array([[10.0, 1.0], [11.0, 1.0]]))
-    with pytest.raises(UsageError, match="no kind"):
+    with pytest.raises(UsageError, match="does not exist"):
         line_beside(straight(), "wall", np.array([[10.0, 1.0]]))
 
 

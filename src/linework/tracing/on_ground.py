@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.arrays import BoolArray, FloatArray
+from linework.arrays import BoolArray, FloatArray, distance_along
 from linework.editing.edits.continued import Gap, continue_lines
 from linework.methods.obb import trace
 from linework.methods.obb.method import ObbMethod
@@ -267,6 +267,6 @@ def piece_toward(
 
 def _every(xy: FloatArray, step_m: float) -> FloatArray:
     """Return places (k, 2) along a line (n, 2), at most `step_m` apart [m]."""
-    t = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+    t = distance_along(xy)
     at = np.linspace(0.0, t[-1], int(np.ceil(t[-1] / step_m)) + 1)
     return np.column_stack([np.interp(at, t, column) for column in xy.T])

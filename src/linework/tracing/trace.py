@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.arrays import FloatArray
+from linework.arrays import FloatArray, distance_along
 from linework.editing.edits.continued import PICKED_TWICE, continue_lines
 from linework.errors import InputError, UsageError
 from linework.methods.obb import trace
@@ -219,7 +219,7 @@ class Tracer:
 
 def _thinned(path: FloatArray) -> FloatArray:
     """Return the positions of a path (n, 3) at intervals of about `_PATH_STEP_M`."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))])
+    along = distance_along(path)
     return np.asarray(path[np.unique(np.floor(along / _PATH_STEP_M), return_index=True)[1]])
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.arrays import BoolArray, FloatArray, IntArray, distance_along
 from linework.editing.edits.new_lines import foot_along
 from linework.errors import UsageError
 from linework.model.lines import LineSet
@@ -63,7 +63,7 @@ def with_missing_dashes(line: LineSet, dashes: LineSet) -> LineSet:
             where="dashes",
             advice="draw some of them first",
         )
-    middles = missing_middles(rhythm, _along(line.xyz)[-1])
+    middles = missing_middles(rhythm, distance_along(line.xyz)[-1])
     if len(middles) == 0:
         raise UsageError("no dash is missing", where="dashes", advice="choose another line")
     return _dashes_at(line, dashes, middles[:, None] + np.array([-0.5, 0.5]) * rhythm.dash_m)
@@ -152,7 +152,7 @@ def missing_middles(rhythm: DashRhythm, length_m: float) -> FloatArray:
 
 
 def _dashes_at(line: LineSet, dashes: LineSet, spans: FloatArray) -> LineSet:
-    along = _along(line.xyz)
+    along = distance_along(line.xyz)
     span = np.clip(spans, 0.0, along[-1])
     xyz = np.stack([np.interp(span, along, column) for column in line.xyz.T], axis=-1)
     n = len(spans)
@@ -172,13 +172,9 @@ def _dashes_at(line: LineSet, dashes: LineSet, spans: FloatArray) -> LineSet:
 
 def _ends_along(line: LineSet, dashes: LineSet) -> FloatArray:
     """Return the start and end of each dash along the line (k, 2) [m]."""
-    along = _along(line.xyz)
+    along = distance_along(line.xyz)
     ends = [[foot_along(line.xyz, along, dashes.line(i)[k]) for k in (0, -1)] for i in range(len(dashes))]
     return np.sort(np.array(ends, dtype=np.float64).reshape(-1, 2), axis=1)
-
-
-def _along(xyz: FloatArray) -> FloatArray:
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
 
 
 # The rhythm of worn paint: dashes too faint to be detected one by one, estimated together along their line

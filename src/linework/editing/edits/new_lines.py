@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from linework.arrays import FloatArray
+from linework.arrays import FloatArray, distance_along
 from linework.editing.edits.attributes import check_line_kind
 from linework.editing.edits.vertices import line_of_vertices
 from linework.errors import UsageError
@@ -38,7 +38,7 @@ def line_beside(line: LineSet, kind: str, at: FloatArray) -> LineSet:
     """
     check_line_kind(kind)
     xyz = line.xyz
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
+    along = distance_along(xyz)
     feet = np.sort(np.array([foot_along(xyz, along, place) for place in at]))
     places = at[np.argsort([foot_along(xyz, along, place) for place in at], kind="stable")]
     first, last = (0.0, float(along[-1])) if len(at) == 1 else (float(feet[0]), float(feet[1]))
@@ -190,7 +190,7 @@ def _beside(
     low, high = line[:, :2].min(axis=0) - LINES_BESIDE_M, line[:, :2].max(axis=0) + LINES_BESIDE_M
     if any(np.any(place[:2] < low) or np.any(place[:2] > high) for place in (start, end)):
         return None
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line[:, :2], axis=0).T))])
+    along = distance_along(line)
     a, b = (foot_along(line, along, place) for place in (start, end))
     if not (min(a, b) > 0.0 and max(a, b) < along[-1] and 0.7 * gap_m <= abs(b - a) <= 1.5 * gap_m):
         return None

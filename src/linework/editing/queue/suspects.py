@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.arrays import BoolArray, FloatArray, IntArray, distance_along
 from linework.editing.edits.dashes import missing_middles, missing_spans, rhythm_of
 from linework.lines.along import DrivenPath
 from linework.model.grid import Bounds
@@ -177,14 +177,14 @@ def view_box(xyz: FloatArray) -> Bounds:
 
 def line_stations(xyz: FloatArray, step_m: float) -> FloatArray:
     """Return places (k, 2) along a line, no further apart than a step."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
+    along = distance_along(xyz)
     at = np.linspace(0.0, along[-1], max(int(np.ceil(along[-1] / step_m)), 1) + 1)
     return np.stack([np.interp(at, along, xyz[:, axis]) for axis in (0, 1)], axis=1)
 
 
 def line_middle(xyz: FloatArray) -> tuple[float, float]:
     """Return the point halfway along a line (n, 3)."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
+    along = distance_along(xyz)
     return (
         float(np.interp(0.5 * along[-1], along, xyz[:, 0])),
         float(np.interp(0.5 * along[-1], along, xyz[:, 1])),
