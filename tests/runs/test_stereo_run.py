@@ -1,15 +1,19 @@
 """Time windows of stereo pairs: what a pair shows depends on it alone, and no bad pair stops another."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from tests.conftest import road_points
 from tests.scenes.stereo_folders import TOML, make_stereo_folder
 
 from linework.errors import ConfigError, InputError
 from linework.files.images.series import open_stereo
+from linework.files.las.write import write_las
 from linework.files.survey.open import open_survey
+from linework.methods.obb.method import ObbMethod
 from linework.methods.stereo.method import StereoMethod
+from linework.model.boxes import BoxSet
 from linework.model.lines import LineSet
 from linework.model.sightings import Sightings
 from linework.processes.executors import Serial
@@ -41,13 +45,33 @@ class Brightness(StereoMethod):
         )  # fmt: skip
 
 
-def found_in(folder, work, executor=None, **options):
+def found_in(folder, work, executor=None, methods=(Brightness(),), **options):
     survey = open_survey([folder])
     with (
         opened_recordings(survey, work) as recordings,
         run_folder(work, work / "lines", {}, **options) as run,
     ):
-        return find_lines(recordings, (Brightness(),), run, executor=executor or Serial())
+        return find_lines(recordings, methods, run, executor=executor or Serial())
+
+
+@dataclass(frozen=True, slots=True)
+class NoBoxes(ObbMethod):
+    """Finds nothing in points, or fails in every tile."""
+
+    fails: bool = False
+
+    def look(self, tile):
+        if self.fails:
+            raise ArithmeticError("no box here")
+        return BoxSet.empty()
+
+
+def add_points(folder):
+    """Add flat road to a survey of pairs."""
+    write_las(replace(road_points(), time_s=None), folder / "a.laz", crs="EPSG:25832")
+    toml = folder / "survey.toml"
+    toml.write_text(toml.read_text().replace("[trajectory]", '[points]\nfiles = ["a.laz"]\n[trajectory]', 1))
+    return folder
 
 
 @pytest.fixture
@@ -66,6 +90,19 @@ def test_pairs_are_placed_by_their_poses(tmp_path, work):
     np.testing.assert_allclose(found.lines.xyz[:, 0], 500_009.0 + 10.0 * np.arange(6), atol=0.3)
     np.testing.assert_allclose(found.lines.xyz[:, 1:], [[5_400_000.0, 100.0]] * 6, atol=1e-6)
     assert found.lines.source.tolist() == ["000000.png to 000005.png"]
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_points_that_show_nothing_stop_no_pair(tmp_path, work, fails):
+    folder = add_points(make_stereo_folder(tmp_path / "survey"))
+    found = found_in(folder, work, methods=(NoBoxes(fails=fails), Brightness()))
+    assert found.kinds[-2:] == ("lane_marking_stereo", "lane_marking_dash_stereo")
+    assert found.lines.kind.tolist() == ["lane_marking", "lane_marking_stereo"]
+    assert (found.pairs.n_used, len(found.tiles)) == (6, 1)
+    assert [(one.what, one.problem) for one in found.failures] == [
+        ("tile", "ArithmeticError: no box here")
+    ] * fails
+    assert all("in look" in one.trace for one in found.failures)
 
 
 def test_windows_do_not_change_the_lines(tmp_path, work, monkeypatch):

@@ -40,7 +40,7 @@ def parse_kinds(text: str) -> tuple[str, ...]:
 def kinds_of_method(method: str) -> tuple[str, ...]:
     """Return the kinds that a method finds, in their fixed order; all for "auto" and for an unknown method.
 
-    >>> kinds_of("radon")
+    >>> kinds_of_method("radon")
     ('guardrail', 'barrier', 'cable')
     """
     return KINDS_OF.get(method, ALL_KINDS)

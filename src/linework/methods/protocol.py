@@ -183,8 +183,8 @@ def sight_of(surface: RoadSurface) -> Sight:
     return is_visible
 
 
-def visible_share(seen: Sight, start: FloatArray, end: FloatArray) -> float:
+def visible_share(is_visible: Sight, start: FloatArray, end: FloatArray) -> float:
     """Return the visible share of the straight line between two places (2,) or (3,) [m], 0 to 1."""
     n = max(int(np.hypot(*(end[:2] - start[:2])) / VISIBLE_STEP_M), 1)
     along = (np.arange(n) + 0.5)[:, None] / n
-    return float(np.mean(seen(start[:2] + along * (end[:2] - start[:2]))))
+    return float(np.mean(is_visible(start[:2] + along * (end[:2] - start[:2]))))

@@ -50,7 +50,7 @@ def record_path(output: Path) -> Path:
 def facts_of_run(record: Mapping[str, Any]) -> dict[str, str]:
     """Return the main facts of a run for a reader, by name.
 
-    >>> facts_of({
+    >>> facts_of_run({
     ...     "counts": {"points_used": 5, "lines": {"cable": 1}}, "crs": {"name": "local"},
     ...     "timings_s": {"read points": 1.26}, "versions": {"linework": "1"},
     ... })["time"]
@@ -70,7 +70,7 @@ def missing_summary(record: Mapping[str, Any]) -> str:
     """Return a line on what a run has left out and why, "" if nothing.
 
     >>> failures = [{"file": "a.laz", "problem": "a.laz: empty file."}]
-    >>> what_is_missing({"failures": failures, "counts": {"files": 2, "tiles": 1, "stereo_pairs": 0}})
+    >>> missing_summary({"failures": failures, "counts": {"files": 2, "tiles": 1, "stereo_pairs": 0}})
     '1 of 2 files left out: a.laz: empty file'
     """
     failures, counts = record["failures"], record["counts"]

@@ -37,7 +37,7 @@ class RunSteps:
 
     Examples
     --------
-    >>> steps = Steps()
+    >>> steps = RunSteps()
     >>> with steps.step("read points", unit="points") as advance:
     ...     advance(5, 10)
     >>> list(steps.timings_s)

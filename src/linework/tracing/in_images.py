@@ -58,7 +58,7 @@ class ImageTracer:
         image
             File of the survey, or the end of its path.
         kind
-            Of `EDGE_KINDS`; "": stripes of paint are lane markings, other edges road boundaries.
+            Kind of line; "": stripes of paint are lane markings, other edges road boundaries.
 
         Raises
         ------

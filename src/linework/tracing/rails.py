@@ -20,6 +20,8 @@ from linework.runs.opened.surface import SurveySurface
 CORE_M = 128.0
 #: Tiles over which a line is followed at most: 12 km. [tiles]
 MOST_TILES = 100
+#: Ends on the edge of a core are searched this far around, for the tile beyond it. [m]
+_AROUND_END_M = 1e-6
 
 
 class RailPieces:
@@ -50,7 +52,7 @@ class RailPieces:
             n = len(self._tiles)
             for x, y in ends.tolist():
                 # A line that ends on the edge of a core may continue in the next tile
-                self._search(x - 1e-6, y - 1e-6, x + 1e-6, y + 1e-6)
+                self._search(x - _AROUND_END_M, y - _AROUND_END_M, x + _AROUND_END_M, y + _AROUND_END_M)
             if len(self._tiles) == n or n >= MOST_TILES:
                 return lines.take([i]), float(distances[i])
 

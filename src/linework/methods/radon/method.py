@@ -1,7 +1,7 @@
 """The radon method on a page: guardrails and cables from laser points.
 
-D. Manandhar, R. Shibasaki (2002): Extraction of linear features from vehicle-borne laser data. What goes
-beyond the paper is named in docs/methods/radon.md.
+D. Manandhar, R. Shibasaki (2002): Extraction of linear features from vehicle-borne laser data. docs/methods/radon.md
+names what goes beyond the paper.
 """
 
 from __future__ import annotations

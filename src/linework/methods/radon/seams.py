@@ -28,6 +28,10 @@ MAX_SEAM_STEP_M = 0.15
 MAX_TURN_DEG = 20.0
 #: Length over which the direction of an end is measured. [m]
 _TANGENT_M = 1.0
+#: Cut ends within this distance of the edge of a core are put on it exactly: interpolation rounds. [m]
+_ON_EDGE_M = 1e-6
+#: Least length that is divided by: two vertices at one place have no direction. [m]
+_LEAST_M = 1e-9
 
 
 def inside_core(lines: LineSet, core: Bounds) -> LineSet:
@@ -58,7 +62,7 @@ def inside_core(lines: LineSet, core: Bounds) -> LineSet:
 def join_seams(lines: LineSet, cores: Sequence[Bounds]) -> LineSet:
     """Return the lines, those that meet at the edge of a core joined into one.
 
-    Two ends are joined when both lie on an edge, are less than `MAX_SEAM_STEP_M` apart and go on in the same
+    Two ends are joined if both lie on an edge, are less than `MAX_SEAM_STEP_M` apart and lead on in the same
     direction (or are at one place: shards are too short for a direction); of several the closest. Shards
     without a continuation are dropped.
     """
@@ -116,7 +120,7 @@ def _piece(lines: LineSet, i: int, interval: tuple[float, float], core: Bounds) 
     for axis, edges in ((0, (core.west, core.east)), (1, (core.south, core.north))):
         for edge in edges:
             values = piece["xyz"][[0, -1], axis]
-            piece["xyz"][[0, -1], axis] = np.where(np.abs(values - edge) < 1e-6, edge, values)
+            piece["xyz"][[0, -1], axis] = np.where(np.abs(values - edge) < _ON_EDGE_M, edge, values)
     for name in VERTEX_COLUMNS:
         values = whole[name]
         if values.dtype == np.bool_:
@@ -163,7 +167,7 @@ def _without_straight(xyz: FloatArray, cuts: Sequence[int]) -> BoolArray:
         if before < 0 or after >= len(xyz):
             continue
         chord, step = xyz[after] - xyz[before], xyz[at] - xyz[before]
-        share = float(np.clip(step @ chord / max(float(chord @ chord), 1e-18), 0.0, 1.0))
+        share = float(np.clip(step @ chord / max(float(chord @ chord), _LEAST_M**2), 0.0, 1.0))
         kept[at] = float(np.linalg.norm(step - share * chord)) > STRAIGHT_CUT_M
     return kept
 
@@ -185,7 +189,7 @@ def _ends(lines: LineSet) -> tuple[FloatArray, FloatArray]:
             away = np.hypot(*(xyz[:, :2] - xyz[0, :2]).T)
             inner = int(np.argmax(away >= min(_TANGENT_M, float(away.max()))))
             ends[2 * i + side] = xyz[0]
-            tangents[2 * i + side] = (xyz[inner, :2] - xyz[0, :2]) / max(float(away[inner]), 1e-9)
+            tangents[2 * i + side] = (xyz[inner, :2] - xyz[0, :2]) / max(float(away[inner]), _LEAST_M)
     return ends, tangents
 
 
@@ -229,7 +233,7 @@ def _chains(n_lines: int, partner: dict[int, int]) -> list[list[tuple[int, bool]
 def _merged_columns(lines: LineSet, owner: Sequence[Sequence[int]]) -> dict[str, AnyArray]:
     """Return the columns of joined lines: means and majorities by length, the least clearance, the whole time span."""
     merged: dict[str, AnyArray] = {}
-    weights = np.maximum(lines.length_m, 1e-9)
+    weights = np.maximum(lines.length_m, _LEAST_M)
     for name in LINE_COLUMNS:
         column = getattr(lines, name)
         if column.dtype == np.bool_:

@@ -1,7 +1,7 @@
 """The stereo method on a page: lane markings in stereo pairs, joined into long lines.
 
 G. He, K. Novak (1992): Automatic analysis of highway features from digital stereo-images, ISPRS XXIX B3, 119-124.
-What goes beyond the paper is named in docs/methods/stereo.md.
+docs/methods/stereo.md names what goes beyond the paper.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from linework.model.sightings import Sightings
 from linework.model.tile import local_origin
 
 STEREO_KINDS = ("lane_marking", "lane_marking_dash")
-#: Places this near a line, side by side with it, are the same paint. [m]
+#: Places this near a line, side by side with it, are on the same paint. [m]
 SAME_PAINT_PLACES_M = 0.10
-#: Mean score of the places of a line: what mostly single pairs have seen is not there. Of a long line, whose scores
-#: add up to so much, less will do: chance makes short ones.
+#: Least mean score of the places of a line, as paint that mostly single pairs show is not there; the same for a long
+#: line, as chance makes short ones; and the sum of scores from which a line is long. [1]
 LEAST_STEREO_SCORE, LEAST_OF_LONG, LONG = 0.45, 0.38, 20.0
-#: A place with less than this share of its line's median score is no paint: far pairs smear the ends of dashes.
+#: Least score of a place, as a share of the median score of its line: far pairs smear the ends of dashes. [1]
 WEAK = 0.5
-#: A line of paint has one width: places that are wider or narrower by this share of it [1] and by what edges differ [m]
-#: are of an arrow, a crossing or something bright that the line was led to.
+#: A line of paint has one width: places that differ from it by more than this share [1] and the scatter of edges [m]
+#: are on an arrow, a crossing or something else that is bright.
 OTHER_WIDTH, EDGES_M = 0.5, 0.03
 
 
@@ -95,22 +95,22 @@ class StereoMethod:
         pieces = pieces_of(found, poses, rig, np.asarray(pose), origin)
         boxes = fused_boxes(pieces, poses, rig, origin)
         boxes = boxes.take(np.lexsort((boxes.centre[:, 1], boxes.centre[:, 0])))
-        looked = coverage_test(pieces, poses, rig, origin)
+        is_visible = coverage_test(pieces, poses, rig, origin)
         # Places that continue each other are joined into lines, over gaps; dashed ones by their rhythm
-        way = axes_of_path(poses.xyz - origin) if len(poses) > 1 else []
+        path = axes_of_path(poses.xyz - origin) if len(poses) > 1 else []
         tracks = drop_unlikely_pieces(
             track_lines(boxes, self.config.track, width_m=SAME_PAINT_PLACES_M, least_boxes=1), boxes.score
         )
-        whole, _ = marking_lines.marking_lines(boxes, tracks.with_boxes(3), looked)
-        guides = [*(LineAxis.of(m.line.t_m, m.line.xyz) for m in whole), *way]
+        whole, _ = marking_lines.marking_lines(boxes, tracks.with_boxes(3), is_visible)
+        guides = [*(LineAxis.of(m.line.t_m, m.line.xyz) for m in whole), *path]
         tracks = join_along(boxes, tracks, guides, self.config.track.longest_gap_m)
         tracks = _without_weak(_of_one_width(tracks, 2.0 * boxes.half_v_m), boxes.score).with_boxes(3)
-        markings, _ = marking_lines.marking_lines(boxes, tracks, looked)
+        markings, _ = marking_lines.marking_lines(boxes, tracks, is_visible)
         markings = [m for m in markings if _is_sure(boxes.score[m.boxes])]
         # Edge, lane and centre lines by how they lie to one another
-        courses = [LineAxis.of(m.line.t_m, m.line.xyz) for m in markings]
-        double = is_double(courses)
-        names = roles(courses, [], way, double)
+        axes = [LineAxis.of(m.line.t_m, m.line.xyz) for m in markings]
+        double = is_double(axes)
+        names = roles(axes, [], path, double)
         lines = LineSet.concatenate([
             marking_lines.marking_line_set(markings, "lane_marking").with_columns(
                 double=double, role=np.array(names, dtype=np.str_)
@@ -124,30 +124,30 @@ class StereoMethod:
 
 
 def _without_weak(tracks: Tracks, score: FloatArray) -> Tracks:
-    """Return the tracks without the places that far fewer pairs saw than the line's others: beyond ends of dashes."""
+    """Return the tracks without places that far fewer pairs show than others of the line, as beyond ends of dashes."""
     return _kept(tracks, score[tracks.box] >= WEAK * _typical(tracks, score))
 
 
 def _of_one_width(tracks: Tracks, width_m: FloatArray) -> Tracks:
-    """Return the tracks without the places that are much wider or narrower than the line's others."""
+    """Return the tracks without places that are much wider or narrower than others of the line."""
     typical = _typical(tracks, width_m)
     return _kept(tracks, np.abs(width_m[tracks.box] - typical) <= OTHER_WIDTH * typical + EDGES_M)
 
 
 def _typical(tracks: Tracks, value: FloatArray) -> FloatArray:
-    """Return for each place of the tracks the median value of its line's places."""
+    """Return for each place of the tracks (n,) the median value of the places of its line."""
     medians = [float(np.median(value[tracks.line(i)[0]])) for i in range(len(tracks))]
     return np.repeat(np.array(medians), np.diff(tracks.offsets))
 
 
 def _kept(tracks: Tracks, kept: BoolArray) -> Tracks:
-    """Return the tracks with some of their places only."""
+    """Return the tracks with the chosen places (n,) only."""
     owner = np.repeat(np.arange(len(tracks)), np.diff(tracks.offsets))
     n = np.bincount(owner[kept], minlength=len(tracks))
     return Tracks(tracks.box[kept], tracks.sense[kept], offsets_of(n))
 
 
 def _is_sure(score: FloatArray) -> bool:
-    """Return whether enough pairs have seen the places of a line, by their scores."""
+    """Return whether enough pairs show the places of a line, by their scores."""
     mean = float(np.mean(score))
     return mean >= LEAST_STEREO_SCORE or (mean >= LEAST_OF_LONG and float(np.sum(score)) >= LONG)
