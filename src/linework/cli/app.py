@@ -19,18 +19,20 @@ from typing import Annotated, TextIO
 import typer
 
 import linework
-from linework.cli.demo import demo
-from linework.cli.evaluate import evaluate
-from linework.cli.extract import extract_command
+from linework.cli.commands.clean import clean
+from linework.cli.commands.config import config
+from linework.cli.commands.convert import convert
+from linework.cli.commands.demo import demo
+from linework.cli.commands.evaluate import evaluate
+from linework.cli.commands.extract import extract_command
+from linework.cli.commands.info import info
+from linework.cli.commands.locate import locate
+from linework.cli.commands.photolog import photolog
+from linework.cli.commands.raster import raster
+from linework.cli.commands.serve import serve
+from linework.cli.commands.simulate import simulate
+from linework.cli.commands.trace import trace
 from linework.cli.failures import Interrupted, failure_of, save_log
-from linework.cli.info import info
-from linework.cli.locate import locate
-from linework.cli.photolog import photolog
-from linework.cli.raster import raster
-from linework.cli.serve import serve
-from linework.cli.simulate import simulate
-from linework.cli.small_commands import clean, config, convert
-from linework.cli.trace import trace
 from linework.errors import LineworkError
 
 app = typer.Typer(

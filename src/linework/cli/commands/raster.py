@@ -64,7 +64,7 @@ def raster(
     """Draw density, heights, intensity, road, binary and Radon images of SURVEY, with run.json beside them."""
     import json
 
-    from linework.cli.extract import with_trajectory
+    from linework.cli.commands.extract import with_trajectory
     from linework.cli.progress import open_display
     from linework.errors import PartialError
     from linework.files.output.publish import check_output_folder
@@ -128,7 +128,7 @@ def _check_band(config: FigureConfig) -> None:
 
 def _read(survey: Survey, work: Path | None, steps: RunSteps) -> SurveyInMemory:
     """Read points and trajectory."""
-    from linework.cli.extract import usable_cores
+    from linework.cli.commands.extract import usable_cores
     from linework.runs.opened.points import opened_survey, read_into_memory
     from linework.runs.opened.work_folder import work_folder
 

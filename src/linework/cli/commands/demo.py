@@ -70,7 +70,7 @@ def _extract_and_score(folder: Path, steps: RunSteps, *, overwrite: bool) -> Non
     """Do what `linework extract DIR/survey -o DIR/lines.gpkg` does, and score what it made."""
     from dataclasses import asdict
 
-    from linework.cli.extract import executor_for, usable_cores
+    from linework.cli.commands.extract import executor_for, usable_cores
     from linework.files.survey.open import open_survey
     from linework.methods.choose import choose_methods
     from linework.methods.kinds import ALL_KINDS
@@ -110,7 +110,7 @@ def _score_and_report(
     overwrite: bool,
 ) -> None:
     """Compare the lines with the truth, write the report and print its main tables."""
-    from linework.cli.evaluate import print_tables
+    from linework.cli.commands.evaluate import print_tables
     from linework.evaluation.measures import match_lines, scores_of
     from linework.evaluation.report.page import ReportContent, report_html
     from linework.evaluation.report.tables import score_tables

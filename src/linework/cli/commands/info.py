@@ -33,7 +33,7 @@ def info(
     Files, CRS, extents, heights, densities, scan lines, intensity, times and their gaps, trajectory; cameras,
     stereo pairs and whether they are pairs, logs.
     """
-    from linework.cli.extract import usable_cores
+    from linework.cli.commands.extract import usable_cores
     from linework.cli.progress import open_display
     from linework.files.survey.open import open_survey
     from linework.runs.opened.describe import describe_survey

@@ -81,7 +81,7 @@ def trace(
     with contextlib.ExitStack() as held:
         held.enter_context(reserve_output(output, overwrite=overwrite or append))
         display = held.enter_context(open_display(quiet=quiet))
-        from linework.cli.extract import read_settings
+        from linework.cli.commands.extract import read_settings
         from linework.cli.progress import announce_compilation
         from linework.files.survey.open import open_survey
         from linework.files.vectors.read_write import check_format, write_lines

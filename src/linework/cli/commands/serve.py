@@ -57,7 +57,7 @@ def serve(
     import asyncio
     import contextlib
 
-    from linework.cli.extract import read_settings, usable_cores
+    from linework.cli.commands.extract import read_settings, usable_cores
     from linework.cli.failures import Interrupted, save_log
     from linework.cli.progress import open_display
 

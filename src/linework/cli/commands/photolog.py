@@ -39,7 +39,7 @@ def photolog(
     The page is one file; each picture is a link to its image, named from where the page lies. At most 500
     pictures are on it: on a long drive they stand farther apart than asked for.
     """
-    from linework.cli.extract import with_trajectory
+    from linework.cli.commands.extract import with_trajectory
     from linework.cli.progress import open_display
     from linework.errors import InputError, PartialError, UsageError
     from linework.evaluation.report.photolog import photolog_html

@@ -1,0 +1,32 @@
+"""`linework config`: the default run file, every field with its unit and its reason."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+
+def config(
+    method: Annotated[
+        str, typer.Argument(metavar="[METHOD]", help="Only this method's settings; without it, all.")
+    ] = "",
+) -> None:
+    """Print the default run file.
+
+    It is TOML: edit it and give it to `extract --config`.
+    """
+    from dataclasses import fields
+
+    from linework.errors import UsageError
+    from linework.model.settings import settings_toml
+    from linework.runs.settings import RunSettings
+
+    names = [f.name for f in fields(RunSettings)]
+    if method and method not in names:
+        raise UsageError(
+            f"method {method} is not there", where="config", advice=f"choose from {', '.join(names)}"
+        )
+    settings = RunSettings()
+    for name in [method] if method else names:
+        typer.echo(f"[{name}]\n{settings_toml(getattr(settings, name), f'{name}.')}", nl=False)
