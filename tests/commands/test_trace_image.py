@@ -100,10 +100,14 @@ def test_nothing_there_names_the_nearest_pixel(linework, survey, drive, tmp_path
         (
             ("--image", "left/000001.png", "--at-px", "1,1", "--config", "a.toml"),
             2,
-            "--config: only with --at",
+            "--config: only valid with --at",
         ),
         (("--at-px", "300,150"), 2, "--image FILE is missing"),
-        (("--image", "left/000001.png", "--at-px", "300,150", "--at", "1,2"), 2, "both a place and a pixel"),
+        (
+            ("--image", "left/000001.png", "--at-px", "300,150", "--at", "1,2"),
+            2,
+            "both a position and a pixel",
+        ),
         (("--image", "left/000001.png", "--at-px", "300,150", "--feature", "cable"), 2, "cannot be picked"),
         ((), 2, "no place and no pixel"),
     ],

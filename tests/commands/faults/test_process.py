@@ -189,7 +189,7 @@ def test_our_own_fault_is_said_and_logged(las_file, tmp_path):
     assert said.returncode == 1
     (line,) = said.stderr.splitlines()
     assert line.startswith(
-        "error: linework: RuntimeError: ZeroDivisionError: division by zero (a fault of linework"
+        "error: linework: RuntimeError: ZeroDivisionError: division by zero (a bug in linework"
     )
     (log,) = tmp_path.glob("linework-*.log")
     assert str(log) in line

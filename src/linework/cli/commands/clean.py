@@ -1,32 +1,28 @@
-"""`linework clean`: remove the work folder of a survey."""
+"""`linework clean`: delete the work folder of a survey.
+
+Apart from the other commands, as every command has its own file.
+"""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
 import typer
+
+from linework.cli.options import SurveyArgument, WorkFolder
 
 
 def clean(
-    surveys: Annotated[
-        list[Path],
-        typer.Argument(metavar="SURVEY...", help="Laser files, a folder of them, or a survey folder."),
-    ],
-    work: Annotated[
-        Path | None, typer.Option("--work", help="The folder given as --work to other commands.")
-    ] = None,
+    surveys: SurveyArgument,
+    work: WorkFolder = None,
 ) -> None:
-    """Remove the tile store and unfinished runs of SURVEY.
+    """Delete the tile store and unfinished runs of SURVEY.
 
-    They can be made anew; input files and outputs are not touched.
+    Both can be rebuilt; inputs and outputs are not touched.
     """
-    from linework.runs.opened.work_folder import clean_work_folder as cleaned
-    from linework.runs.opened.work_folder import existing_work_folders, survey_root
+    from linework.runs.opened.work_folder import clean_work_folder, existing_work_folders, survey_root
 
     folders = existing_work_folders(survey_root(surveys), work)
     for folder in folders:
-        n_bytes = cleaned(folder)
+        n_bytes = clean_work_folder(folder)
         typer.echo(f"{folder}: {n_bytes / 1e6:,.1f} MB freed")
     if not folders:
-        typer.echo("nothing to remove")
+        typer.echo("nothing to delete")

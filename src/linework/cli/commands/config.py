@@ -1,4 +1,7 @@
-"""`linework config`: the default run file, every field with its unit and its reason."""
+"""`linework config`: the default run file, every setting with its unit and reason.
+
+Apart from the other commands, as every command has its own file.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,12 @@ import typer
 
 def config(
     method: Annotated[
-        str, typer.Argument(metavar="[METHOD]", help="Only this method's settings; without it, all.")
+        str, typer.Argument(metavar="METHOD", help="Print the settings of this method only; default: all.")
     ] = "",
 ) -> None:
-    """Print the default run file.
+    """Print the default run file: every setting with its unit and reason.
 
-    It is TOML: edit it and give it to `extract --config`.
+    It is TOML; edit it and give it to other commands as --config.
     """
     from dataclasses import fields
 
@@ -25,7 +28,7 @@ def config(
     names = [f.name for f in fields(RunSettings)]
     if method and method not in names:
         raise UsageError(
-            f"method {method} is not there", where="config", advice=f"choose from {', '.join(names)}"
+            f"unknown method '{method}'", where="config", advice=f"choose from {', '.join(names)}"
         )
     settings = RunSettings()
     for name in [method] if method else names:

@@ -1,4 +1,7 @@
-"""`linework convert`: lines from one vector format to another."""
+"""`linework convert`: lines from one vector format to another.
+
+Apart from the other commands, as every command has its own file.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +10,21 @@ from typing import Annotated
 
 import typer
 
+from linework.cli.options import Crs, Overwrite
+
 
 def convert(
-    lines: Annotated[Path, typer.Argument(metavar="LINES", help="Lines to read.")],
-    output: Annotated[Path, typer.Argument(metavar="OUT", help="File to write; its suffix says the format.")],
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT.")] = False,
-    crs: Annotated[
-        str, typer.Option("--crs", help="EPSG:... or local: the CRS where LINES does not say.")
-    ] = "",
+    lines: Annotated[Path, typer.Argument(metavar="LINES", help="Input file.")],
+    output: Annotated[
+        Path, typer.Argument(metavar="OUT", help="Output file; its suffix selects the format.")
+    ],
+    overwrite: Overwrite = False,
+    crs: Crs = "",
 ) -> None:
-    """Convert LINES to another vector format; the points of the van's log go with them where it holds points."""
+    """Convert LINES to another vector format.
+
+    The points of the vehicle's log (images and operator keys) are copied where the format holds points.
+    """
     from linework.cli.failures import warn
     from linework.errors import UsageError
     from linework.files.output.locks import reserve_output
@@ -25,7 +33,7 @@ def convert(
 
     check_format(output)
     if output.exists() and lines.exists() and output.samefile(lines):
-        raise UsageError("would replace the file it reads", where=output, advice="choose another name")
+        raise UsageError("the output is the input file", where=output, advice="choose another name")
     with reserve_output(output, overwrite=overwrite):
         found = read_lines(lines, crs=crs or None)
         points = read_point_layers(lines)

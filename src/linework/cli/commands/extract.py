@@ -1,76 +1,70 @@
-"""`linework extract`: the main job, from laser points and stereo images to lines."""
+"""`linework extract`: lines from laser points and stereo images."""
 
 from __future__ import annotations
 
 import contextlib
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from linework.cli.failures import warn
-from linework.cli.progress import announce_compilation, preload_modules
-from linework.runs.opened.store import executor_for as executor_for
-from linework.runs.opened.store import usable_cores as usable_cores
-
-if TYPE_CHECKING:
-    from linework.model.survey import Survey
-    from linework.runs.settings import RunSettings
+from linework.cli.options import (
+    AsJson,
+    Crs,
+    LinesOutput,
+    Overwrite,
+    Quiet,
+    RunFile,
+    SurveyArgument,
+    TrajectoryFile,
+    Workers,
+    WorkFolder,
+    read_settings,
+    with_trajectory,
+)
+from linework.cli.startup import announce_compilation, preload_modules
 
 
 def extract_command(
-    surveys: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="SURVEY...", help="Laser files, a folder of them, a survey folder, or a KITTI drive."
-        ),
-    ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Lines to write: .gpkg, .geojson, .dxf ...")],
+    surveys: SurveyArgument,
+    output: LinesOutput,
     features: Annotated[
         str,
-        typer.Option("--features", help="Kinds to look for, for example guardrail,cable; all if not given."),
+        typer.Option(
+            "--features",
+            metavar="KIND,...",
+            help="Kinds of line to extract, e.g. guardrail,cable; default: all.",
+        ),
     ] = "",
     method: Annotated[
-        str, typer.Option("--method", help="auto, obb, radon (laser points) or stereo (images).")
+        str, typer.Option("--method", help="obb or radon (laser points), stereo (images), or auto.")
     ] = "auto",
-    trajectory: Annotated[
-        Path | None,
-        typer.Option("--trajectory", help="Where the van was (CSV), its origin, not an antenna's."),
-    ] = None,
-    config: Annotated[
-        Path | None, typer.Option("--config", help="Run file (TOML) with settings; see `linework config`.")
-    ] = None,
-    crs: Annotated[
-        str, typer.Option("--crs", help="EPSG:... or local: the CRS where the files do not say.")
-    ] = "",
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", min=1, max=256, help="Processes to use; all cores if not given."),
-    ] = None,
-    work: Annotated[
-        Path | None,
-        typer.Option(
-            "--work", help="Folder for points and unfinished runs; .linework beside the survey if not given."
-        ),
-    ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was killed.")] = False,
+    trajectory: TrajectoryFile = None,
+    config: RunFile = None,
+    crs: Crs = "",
+    workers: Workers = None,
+    work: WorkFolder = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")] = False,
     report: Annotated[
-        Path | None, typer.Option("--report", help="Page (.html) with pictures and tables of the lines.")
+        Path | None,
+        typer.Option("--report", metavar="FILE", help="Also write a report with figures and tables: .html."),
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the output.")] = False,
+    overwrite: Overwrite = False,
     forget_reviews: Annotated[
         bool,
-        typer.Option("--forget-reviews", help="Lose what people said of the lines that are replaced."),
+        typer.Option("--forget-reviews", help="Discard review decisions of replaced lines."),
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the record of the run as JSON.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
-    """Find the lines in SURVEY and write them.
+    """Extract the lines of SURVEY and write them to a file.
 
-    run.json beside them says what was read, with which settings, and how long it took. An output that exists is not touched without --overwrite. Nothing found is no error: the layers are there
-    and empty. A run that was killed goes on where it was with --resume. Lines that a person accepted, edited, drew
-    or rejected stay as they are when a .gpkg is replaced, unless --forget-reviews is given.
+    run.json beside the output records the inputs, settings, counts and timings. Existing output is not touched
+    without --overwrite. Finding nothing is not an error: the layers are written and are empty. --resume continues
+    an interrupted run. Lines that were accepted, edited, drawn or rejected in the workbench are kept when a .gpkg
+    is replaced, unless --forget-reviews is given.
     """
     from linework.cli.progress import open_display
     from linework.files.output.locks import reserve_output
@@ -88,6 +82,7 @@ def extract_command(
             parse_kinds,
             recordings_for,
         )
+        from linework.runs.opened.store import executor_for, usable_cores
         from linework.runs.opened.work_folder import work_folder
         from linework.runs.steps import RunSteps
 
@@ -97,13 +92,10 @@ def extract_command(
         settings = read_settings(config)
         survey = with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
         kinds = findable_kinds(kinds, has_points=bool(survey.point_files), asked=bool(features))
-        folder, n_workers, steps = (
-            work_folder(survey.root, work),
-            workers or usable_cores(),
-            RunSteps(display),
-        )
+        folder, n_workers = work_folder(survey.root, work), workers or usable_cores()
+        steps = RunSteps(display)
         executor = held.enter_context(executor_for(survey, n_workers, settings))
-        ahead = preload_modules(
+        preloading = preload_modules(
             "linework.runs.extract", "linework.methods.choose", "linework.files.vectors.gpkg"
         )
         from linework.runs.opened.recordings import opened_recordings
@@ -113,15 +105,15 @@ def extract_command(
                 survey, folder, n_threads=n_workers, steps=steps, **recordings_for(method, kinds)
             )
         )
-        ahead.join()
+        preloading.join()
         from linework.runs.extract import extract_to, extraction_request
 
         announce_compilation(kinds, quiet=quiet)
-        order = extraction_request(
+        request = extraction_request(
             output, recordings.survey, kinds, method, settings, crs=crs, overwrite=overwrite, resume=resume
         )
-        order = replace(order, forget_reviews=forget_reviews)
-        record, found = extract_to(order, recordings, folder, executor, steps)
+        request = replace(request, forget_reviews=forget_reviews)
+        record, found = extract_to(request, recordings, folder, executor, steps)
         if report is not None and found is not None:
             with steps.step("write report"):
                 from linework.evaluation.report.page import extraction_report
@@ -132,54 +124,25 @@ def extract_command(
     for warning in record["warnings"]:
         warn(warning)
     _print_result(record, as_json=as_json)
-    _tell_what_is_missing(record, output)
-
-
-def read_settings(path: Path | None) -> RunSettings:
-    """Return the settings of a run file; what it does not name keeps its default."""
-    import tomllib
-
-    from linework.errors import ConfigError
-    from linework.files.las.header import regular_file_bytes
-    from linework.model.settings import settings_from
-    from linework.runs.settings import RunSettings
-
-    if path is None:
-        return RunSettings()
-    regular_file_bytes(path)
-    try:
-        values = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"not TOML: {error}", where=path, advice="see linework config") from error
-    return settings_from(RunSettings, values, where=path)
-
-
-def with_trajectory(survey: Survey, path: Path | None) -> Survey:
-    """Return the survey with this trajectory in the place of its own, whose lever arm goes with it."""
-    from dataclasses import replace
-
-    if path is None:
-        return survey
-    none = (0.0, 0.0, 0.0)
-    return replace(survey, trajectory_file=path, trajectory_lever_m=none, trajectory_boresight_deg=none)
+    _report_missing(record, output)
 
 
 def _check_report(report: Path | None, output: Path, *, overwrite: bool) -> None:
-    """Refuse, before any work, a report that could not be written at the end."""
+    """Raise, before any work, where the report could not be written at the end."""
     from linework.errors import UsageError
     from linework.files.output.publish import check_output
 
     if report is None:
         return
     if report.suffix.lower() not in (".html", ".htm"):
-        raise UsageError("reports are .html files", where=report, advice="name it something.html")
+        raise UsageError(f"cannot write reports as '{report.suffix}'", where=report, advice="use .html")
     if report.absolute() == output.absolute():
-        raise UsageError("report and lines are one file", where=report, advice="name two files")
+        raise UsageError("the report would replace the lines", where=report, advice="choose another name")
     check_output(report, overwrite=overwrite)
 
 
 def _print_result(record: dict[str, Any], *, as_json: bool) -> None:
-    """Print what was found, by kind."""
+    """Print the number and length of the lines of each kind."""
     if as_json:
         import json
 
@@ -190,13 +153,13 @@ def _print_result(record: dict[str, Any], *, as_json: bool) -> None:
         typer.echo(f"{kind:14} {n_lines:6,} lines {counts['length_m'][kind]:12,.1f} m")
 
 
-def _tell_what_is_missing(record: dict[str, Any], output: Path) -> None:
-    """Warn where nothing was found; end as unfinished where files or tiles were left out."""
+def _report_missing(record: dict[str, Any], output: Path) -> None:
+    """Warn where nothing was found; raise PartialError where files or tiles were left out."""
     from linework.errors import PartialError
     from linework.runs.record import missing_summary
 
     if not any(record["counts"]["lines"].values()):
-        warn(f"{output}: nothing found: its layers are there and empty")
+        warn(f"{output}: nothing found; its layers are empty")
     problem = missing_summary(record)
     if problem:
         raise PartialError(problem, where=output, advice="see run.json")
