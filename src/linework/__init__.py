@@ -1,19 +1,19 @@
-"""linework: from what a mapping van records to finished, georeferenced 3-D road lines.
+"""linework: georeferenced 3-D road lines from mobile-mapping surveys.
 
-Conventions, written once
--------------------------
-- SI units inside: metres, seconds, radians; every field, option and column carries its unit in its name.
-- Points are (n, 3): east, north, up, float64, in the survey's projected CRS. A local origin is taken
-  off before anything becomes float32.
+Conventions
+-----------
+- SI units internally: metres, seconds, radians; fields, options and columns carry the unit in their name.
+- Points are (n, 3): east, north, up, float64, in the survey's projected CRS. A local origin is subtracted
+  before a conversion to float32.
 - Images are (row, col); row 0 is north.
 - Vehicle frame: x forward, y left, z up, origin on the ground under the rear axle (ISO 8855).
 - Heading: clockwise from grid north. Roll: right side down positive. Pitch: nose up positive.
-- Transforms are named ``T_to_from``; inner names cancel.
-- One clock: GPS seconds, float64.
-- A line normal form is ``x cos(theta) + y sin(theta) = rho``.
+- Transforms are named ``T_to_from``: inner names cancel.
+- One time scale: GPS seconds, float64.
+- The normal form of a line is ``x cos(theta) + y sin(theta) = rho``.
 
-Three rungs: one call (`extract`), a few steps (`open_survey`, `read_survey_points`, `ObbMethod`,
-`RadonMethod`), each step (the rooms: `linework.surface`, `linework.imaging`, `linework.methods.obb`,
+Three levels of use: one call (`extract`), a few steps (`open_survey`, `read_survey_points`, `ObbMethod`,
+`RadonMethod`), single steps (the rooms `linework.surface`, `linework.imaging`, `linework.methods.obb`,
 `linework.methods.radon`, `linework.lines`).
 """
 
@@ -68,7 +68,7 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used, so that `import linework` stays instant."""
+    """Import a public name on first use, so that `import linework` stays instant."""
     if name in _PUBLIC:
         return getattr(importlib.import_module(_PUBLIC[name]), name)
     raise AttributeError(f"module 'linework' has no attribute {name!r}")

@@ -146,7 +146,7 @@ def test_a_folder_with_something_in_it_is_not_touched_and_a_second_run_gives_the
     [
         (["--cell-m", 0], UsageError, "--cell-m is 0"),
         (["--cell-m", "nan"], UsageError, "--cell-m is nan"),
-        (["--cell-along-m", "wide"], UsageError, "expected metres or auto"),
+        (["--cell-along-m", "wide"], UsageError, "expected a number of metres or auto"),
         (["--cell-across-m", -1], UsageError, "--cell-across-m is -1"),
         (["--min-height-m", 2], UsageError, "is not below --max-height-m 1.2"),
         (["--cell-along-m", "auto"], InputError, "needs times"),

@@ -109,7 +109,7 @@ def test_nothing_there_names_the_nearest_pixel(linework, survey, drive, tmp_path
             "both a position and a pixel",
         ),
         (("--image", "left/000001.png", "--at-px", "300,150", "--feature", "cable"), 2, "cannot be picked"),
-        ((), 2, "no place and no pixel"),
+        ((), 2, "no position and no pixel"),
     ],
 )
 def test_what_cannot_be_picked_is_one_line(linework, survey, tmp_path, options, code, told) -> None:

@@ -8,8 +8,8 @@ from linework.evaluation.report.cuts import (
     kerb_figure,
     marking_cuts,
     marking_figure,
-    measured_places,
-    place_on,
+    measured_chainages,
+    station_at,
 )
 from linework.evaluation.report.page import ReportContent, report_html
 from linework.evaluation.report.plan import PlanView, close_up_figure, plan_figure
@@ -149,8 +149,8 @@ def test_a_marking_stands_out_of_its_cut(street, lines):
 def test_places_are_measured_ones():
     bridged = np.arange(101) % 100 > 10
     line = LineSet.from_lines([along(0.0)], kind=["road_boundary"], bridged=bridged)
-    assert max(measured_places(line, 0, 3)) <= 10.0
-    place = place_on(along(0.0), 50.0)
+    assert max(measured_chainages(line, 0, 3)) <= 10.0
+    place = station_at(along(0.0), 50.0)
     assert place.slope == pytest.approx(SLOPE)
     assert (*place.along, *place.right) == pytest.approx((1, 0, 0, -1))
 

@@ -87,7 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Without the program's name; None: those of this process.
     """
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    # Accepted anywhere: whoever investigates an error appends it to the command
+    # Accepted anywhere in the line: to investigate an error one appends it to the command
     debug = "--debug" in arguments
     arguments = [a for a in arguments if a != "--debug"]
     _open_missing_streams()

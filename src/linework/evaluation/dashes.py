@@ -1,4 +1,7 @@
-"""Scores of single dashes: how many were found, and the errors of their ends."""
+"""Scores of single dashes: how many were found, and the errors of their ends.
+
+Apart from the measures of lengths, as dashes are counted one by one.
+"""
 
 from __future__ import annotations
 

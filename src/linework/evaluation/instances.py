@@ -92,15 +92,15 @@ def _samples(chains: Chains) -> FloatArray:
 def _boxes(samples: Sequence[FloatArray], n_dims: int) -> FloatArray:
     """Return (m, 2, n_dims) the lowest and highest coordinates [m, local]; NaN for a line without length."""
     boxes = np.full((len(samples), 2, n_dims), np.nan)
-    for i, places in enumerate(samples):
-        if len(places):
-            boxes[i] = places[:, :n_dims].min(axis=0), places[:, :n_dims].max(axis=0)
+    for i, positions in enumerate(samples):
+        if len(positions):
+            boxes[i] = positions[:, :n_dims].min(axis=0), positions[:, :n_dims].max(axis=0)
     return boxes
 
 
-def _mean_to_box(places: FloatArray, box: FloatArray) -> float:
+def _mean_to_box(positions: FloatArray, box: FloatArray) -> float:
     """Return the mean distance of positions (k, 3) to a box [m], a lower bound of that to the line inside it."""
-    inside = places[:, : box.shape[1]]
+    inside = positions[:, : box.shape[1]]
     out = np.maximum(np.maximum(box[0] - inside, inside - box[1]), 0.0)
     return float(np.sqrt(np.einsum("ij,ij->i", out, out)).mean())
 

@@ -135,25 +135,25 @@ def nearest_along(pieces: LinePieces, chains: Chains, reach_m: float) -> Nearest
 
 
 def pairs_within(
-    places: FloatArray, segments: ChainSegments, reach_m: float, n_dims: int
+    positions: FloatArray, segments: ChainSegments, reach_m: float, n_dims: int
 ) -> Iterator[tuple[IntArray, IntArray]]:
     """Yield index pairs (query, segment), each (k,) int64, that may lie within `reach_m`, by blocks of queries.
 
     Parameters
     ----------
-    places
+    positions
         (q, 3) positions. [m, local]
     n_dims
         2: distances in plan; 3: in space.
     """
-    if len(places) == 0 or len(segments) == 0:
+    if len(positions) == 0 or len(segments) == 0:
         return
     middle = (segments.start + segments.end)[:, :n_dims] / 2
     half_m = float(np.linalg.norm((segments.end - segments.start)[:, :n_dims], axis=1).max()) / 2
     tree = cKDTree(middle)
     block = max(int(_QUERY_BLOCK_M / reach_m), 1000)
-    for first in range(0, len(places), block):
-        queries = cKDTree(places[first : first + block, :n_dims])
+    for first in range(0, len(positions), block):
+        queries = cKDTree(positions[first : first + block, :n_dims])
         found = queries.sparse_distance_matrix(tree, reach_m + half_m + TIE_M, output_type="ndarray")
         yield found["i"].astype(np.int64) + first, found["j"].astype(np.int64)
 
@@ -170,19 +170,19 @@ def first_per_query(query: IntArray, cost: AnyArray, tie: AnyArray) -> IntArray:
     return np.asarray(order[is_first], dtype=np.int64)
 
 
-def distance_to(places: FloatArray, chains: Chains, spacing_m: float) -> FloatArray:
+def distance_to(positions: FloatArray, chains: Chains, spacing_m: float) -> FloatArray:
     """Return (k,) distances [m] of positions (k, 3) to the nearest line of any direction, at any distance.
 
     Exact for straight lines; in a bend of radius r wrong by at most ``spacing_m**2 / (8 r)``. inf where there are
     no lines.
     """
     line, chainage_m, length_m = chains.divided(spacing_m)
-    if len(line) == 0 or len(places) == 0:
-        return np.full(len(places), np.inf)
+    if len(line) == 0 or len(positions) == 0:
+        return np.full(len(positions), np.inf)
     n = chains.n_dims
     start = chains.at(line, chainage_m - length_m / 2)[:, :n]
     step = chains.at(line, chainage_m + length_m / 2)[:, :n] - start
-    query = places[:, :n]
+    query = positions[:, :n]
     _, k = cKDTree(start + step / 2).query(query)
     size = np.einsum("ij,ij->i", step[k], step[k])
     along = np.einsum("ij,ij->i", query - start[k], step[k])

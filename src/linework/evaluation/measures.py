@@ -103,7 +103,7 @@ def match_lines(
     curve_m: Sequence[float] = _CURVE_M,
     dash_end_m: float = DASH_END_M,
 ) -> tuple[KindMatch, ...]:
-    """Return the match of each kind, which serves every tolerance: the first half of `evaluate_lines`, which see.
+    """Return the match of each kind, which serves every tolerance: the first half of `evaluate_lines`.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def match_lines(
 def scores_of(
     parts: Sequence[KindMatch], *, tolerance_m: float = 0.10, curve_m: Sequence[float] = _CURVE_M
 ) -> Scores:
-    """Return the scores of at least one matched kind: the second half of `evaluate_lines`, which see."""
+    """Return the scores of at least one matched kind: the second half of `evaluate_lines`."""
     return Scores(
         tolerance_m=tolerance_m,
         kinds=tuple(score([part], part.kind, tolerance_m, curve_m) for part in parts),
@@ -239,7 +239,7 @@ def check_crs(extracted: str, reference: str) -> None:
     a, b = describe_crs(extracted), describe_crs(reference)
     if LOCAL in (extracted, reference):
         raise CrsError(
-            f"lines are in {a}, reference in {b} (local: metres, no place on earth)",
+            f"lines are in {a}, reference in {b} (local: metres, not georeferenced)",
             where="evaluate",
             advice="give the CRS of the local file with --crs",
         )

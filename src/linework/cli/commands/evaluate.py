@@ -151,15 +151,11 @@ def _read(path: Path, kind_field: str, names: Mapping[str, str], crs: str) -> Li
 
 def _kinds_held(path: Path, lines: LineSet, names: Mapping[str, str]) -> set[str]:
     """Return the kinds of a file: those of its lines, of its empty layers, and of --kind-map."""
-    import pyogrio  # GDAL's limits were set when the lines were read
-
-    from linework.files.vectors.fields import REJECTED_LAYER
+    from linework.files.vectors.gpkg import line_layers
 
     held = {str(kind) for kind in lines.kind} | set(names.values())
     if path.suffix.lower() == ".gpkg" and not names:
-        held |= {
-            str(name) for name, geometry in pyogrio.list_layers(path) if geometry and name != REJECTED_LAYER
-        }
+        held |= line_layers(path)
     return held
 
 

@@ -1,4 +1,7 @@
-"""Cuts across lines and their figures: the shape of the ground at a kerb, the intensity at a marking."""
+"""Cuts across lines and their figures: the shape of the ground at a kerb, the intensity at a marking.
+
+Apart from sections.py, as a cut follows the slope of its line and is read at single stations.
+"""
 
 from __future__ import annotations
 
@@ -94,13 +97,15 @@ def kerb_cuts(
         return ()
     longest = int(np.lexsort((bounds.length_m, bounds.form == "kerb"))[-1])
     cuts = []
-    for chainage_m in measured_places(bounds, longest, n):
-        place = place_on(bounds.line(longest), chainage_m)
+    for chainage_m in measured_chainages(bounds, longest, n):
+        station = station_at(bounds.line(longest), chainage_m)
         step = bounds.height_m[longest]
         size = f": step {100 * step:.0f} cm" if np.isfinite(step) else ""
         name = str(bounds.form[longest] or "road boundary")
         title = f"{name}, {chainage_m:.0f} m from its start{size}"
-        cuts.append(_higher_to_the_right(_cut(title, place, ("road_boundary",), lines, points_in, reference)))
+        cuts.append(
+            _higher_to_the_right(_cut(title, station, ("road_boundary",), lines, points_in, reference))
+        )
     return tuple(cuts)
 
 
@@ -113,24 +118,29 @@ def marking_cuts(
     )
     cuts = []
     for i in np.argsort(-painted.length_m, kind="stable")[:n].tolist():
-        for chainage_m in measured_places(painted, i, 1):
-            place = place_on(painted.line(i), chainage_m)
+        for chainage_m in measured_chainages(painted, i, 1):
+            station = station_at(painted.line(i), chainage_m)
             width = painted.width_m[i]
             size = f": {100 * width:.0f} cm wide" if np.isfinite(width) else ""
             name = "dash" if painted.kind[i] == "lane_marking_dash" else str(painted.pattern[i] or "marking")
             cuts.append(
                 _cut(
-                    f"{name}{size}", place, ("lane_marking", "lane_marking_dash"), lines, points_in, reference
+                    f"{name}{size}",
+                    station,
+                    ("lane_marking", "lane_marking_dash"),
+                    lines,
+                    points_in,
+                    reference,
                 )
             )
     return tuple(cuts)
 
 
-def measured_places(lines: LineSet, i: int, n: int) -> list[float]:
+def measured_chainages(lines: LineSet, i: int, n: int) -> list[float]:
     """Return `n` chainages [m] on line `i`, evenly spread over its measured vertices; [] where all is bridged.
 
     >>> line = LineSet.from_lines([[[x, 0, 0] for x in range(5)]], bridged=[False, False, False, True, True])
-    >>> measured_places(line, 0, 1)
+    >>> measured_chainages(line, 0, 1)
     [1.0]
     """
     own = slice(lines.offsets[i], lines.offsets[i + 1])
@@ -141,7 +151,7 @@ def measured_places(lines: LineSet, i: int, n: int) -> list[float]:
     return sorted(set(np.quantile(measured_m, shares, method="nearest").tolist()))
 
 
-def place_on(line: FloatArray, chainage_m: float) -> CutStation:
+def station_at(line: FloatArray, chainage_m: float) -> CutStation:
     """Return the station at a chainage of a line (k, 3) [m, world]; its direction is that of a chord of 1 m."""
     axis_m = distance_along(line[:, :2], in_space=True)
     here, ahead, behind = (
@@ -156,7 +166,7 @@ def place_on(line: FloatArray, chainage_m: float) -> CutStation:
 
 def _cut(
     title: str,
-    place: CutStation,
+    station: CutStation,
     kinds: Sequence[str],
     lines: LineSet,
     points_in: Callable[[Bounds], Points],
@@ -164,18 +174,18 @@ def _cut(
 ) -> Cut:
     is_paint = "lane_marking" in kinds
     reach_m, thick_m = (_PAINT_REACH_M, _PAINT_THICK_M) if is_paint else (_KERB_REACH_M, _KERB_THICK_M)
-    east, north = place.xyz[:2].tolist()
+    east, north = station.xyz[:2].tolist()
     wide = reach_m + thick_m
     points = points_in(Bounds(east - wide, north - wide, east + wide, north + wide))
-    local = points.xyz - place.xyz
-    a, b = local[:, :2] @ place.along, local[:, :2] @ place.right
-    up = local[:, 2] - place.slope * a
+    local = points.xyz - station.xyz
+    a, b = local[:, :2] @ station.along, local[:, :2] @ station.right
+    up = local[:, 2] - station.slope * a
     inside = (np.abs(a) <= thick_m / 2) & (np.abs(b) <= reach_m)
     if is_paint:
         inside &= np.abs(up) <= _OFF_ROAD_M
     sets = [s if s is not None else LineSet.empty() for s in (lines, reference)]
-    (found, width_m), (truth, _) = (_crossings(_of_kinds(s, kinds), place, reach_m) for s in sets)
-    (found_top, _), (truth_top, _) = (_crossings(s.of_kind("kerb_top"), place, reach_m) for s in sets)
+    (found, width_m), (truth, _) = (_crossings(_of_kinds(s, kinds), station, reach_m) for s in sets)
+    (found_top, _), (truth_top, _) = (_crossings(s.of_kind("kerb_top"), station, reach_m) for s in sets)
     intensity = None if points.intensity is None else points.intensity[inside]
     return Cut(
         title, np.stack([b, up], axis=1)[inside], intensity, found, truth, found_top, truth_top, width_m
@@ -198,12 +208,12 @@ def _of_kinds(lines: LineSet, kinds: Sequence[str]) -> LineSet:
     return lines.take(np.isin(lines.kind, kinds) & ~in_dashes)
 
 
-def _crossings(lines: LineSet, place: CutStation, reach_m: float) -> tuple[FloatArray, FloatArray]:
+def _crossings(lines: LineSet, station: CutStation, reach_m: float) -> tuple[FloatArray, FloatArray]:
     """Return where lines cross the plane of a cut: (k, 2) distance across and height [m], and (k,) widths [m]."""
     found, width_m = [np.zeros((0, 2))], []
     for i in range(len(lines)):
-        local = lines.line(i) - place.xyz
-        a, b = local[:, :2] @ place.along, local[:, :2] @ place.right
+        local = lines.line(i) - station.xyz
+        a, b = local[:, :2] @ station.along, local[:, :2] @ station.right
         for k in np.flatnonzero((a[:-1] <= 0) != (a[1:] <= 0)):
             part = a[k] / (a[k] - a[k + 1])
             across, up = (v[k] + part * (v[k + 1] - v[k]) for v in (b, local[:, 2]))
@@ -219,8 +229,8 @@ def kerb_figure(cuts: Sequence[Cut]) -> Figure:
     panels = figure.subplots(1, len(cuts), squeeze=False, sharey=True)[0]
     for ax, cut in zip(panels, cuts, strict=True):
         ax.plot(*cut.points.T, ".", ms=2.5, color="#555555", rasterized=True)
-        for places in (cut.truth, cut.truth_top):
-            ax.plot(*places.T, "o", ms=13, mfc="none", mec=FOUND_COLOUR, mew=1.6)
+        for crossings in (cut.truth, cut.truth_top):
+            ax.plot(*crossings.T, "o", ms=13, mfc="none", mec=FOUND_COLOUR, mew=1.6)
         ax.plot(*cut.found.T, "x", ms=9, color=COLOURS["road_boundary"], mew=1.8)
         ax.plot(*cut.found_top.T, "^", ms=8, mfc="none", mec=COLOURS["road_boundary"], mew=1.8)
         ax.set(aspect="equal", xlim=(-_KERB_REACH_M, _KERB_REACH_M), ylim=(-0.2, 0.3))
@@ -246,12 +256,12 @@ def marking_figure(cuts: Sequence[Cut]) -> Figure:
         assert cut.intensity is not None
         ax.plot(cut.points[:, 0], cut.intensity, ".", ms=2.0, color="#8a8a8a", rasterized=True)
         ax.plot(*_mean_steps(cut.points[:, 0], cut.intensity), "-", lw=1.3, color="black")
-        for place, width_m in zip(cut.found[:, 0].tolist(), cut.found_width_m.tolist(), strict=True):
-            ax.axvline(place, color=colour, lw=1.6)
+        for across_m, width_m in zip(cut.found[:, 0].tolist(), cut.found_width_m.tolist(), strict=True):
+            ax.axvline(across_m, color=colour, lw=1.6)
             if np.isfinite(width_m):
-                ax.axvspan(place - width_m / 2, place + width_m / 2, color=colour, alpha=0.3, lw=0)
-        for place in cut.truth[:, 0].tolist():
-            ax.axvline(place, color=FOUND_COLOUR, lw=1.6, ls=(0, (4, 3)))
+                ax.axvspan(across_m - width_m / 2, across_m + width_m / 2, color=colour, alpha=0.3, lw=0)
+        for across_m in cut.truth[:, 0].tolist():
+            ax.axvline(across_m, color=FOUND_COLOUR, lw=1.6, ls=(0, (4, 3)))
         ax.set(xlim=(-_PAINT_REACH_M, _PAINT_REACH_M), ylim=(0, None))
         _label(ax, cut)
     panels[0].set_ylabel("recorded intensity")

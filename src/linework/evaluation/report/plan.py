@@ -60,16 +60,16 @@ class PlanView:
     turn: float
 
     @classmethod
-    def of(cls, places: FloatArray) -> PlanView:
+    def of(cls, positions: FloatArray) -> PlanView:
         """Return the view along the main direction of positions (k, 2) [m, world]."""
-        if len(places) == 0:
+        if len(positions) == 0:
             return cls(np.zeros(2), 0.0)
-        origin = np.floor(places.mean(axis=0))
-        return cls(origin, main_direction([places[:: max(1, len(places) // 10_000)] - origin]))
+        origin = np.floor(positions.mean(axis=0))
+        return cls(origin, main_direction([positions[:: max(1, len(positions) // 10_000)] - origin]))
 
-    def in_plan(self, places: FloatArray) -> FloatArray:
+    def in_plan(self, positions: FloatArray) -> FloatArray:
         """Return positions (k, 2) [m, world] in the axes of the plan, (k, 2) [m]."""
-        return turned_in_plan(places - self.origin, self.turn)
+        return turned_in_plan(positions - self.origin, self.turn)
 
     def bounds(self, box: Box) -> Bounds:
         """Return the bounds [m, world] that hold a box of the plan."""
@@ -131,9 +131,9 @@ def _view_of(lines: LineSet, points: Points | None) -> tuple[PlanView, Box]:
 
     A tenth of the points is omitted at each side: a scanner reaches far beyond the road.
     """
-    places, cloud = lines.xyz[:, :2], np.zeros((0, 2)) if points is None else _few(points)
-    view = PlanView.of(places if len(places) else cloud)
-    corners = [view.in_plan(places)]
+    positions, cloud = lines.xyz[:, :2], np.zeros((0, 2)) if points is None else _few(points)
+    view = PlanView.of(positions if len(positions) else cloud)
+    corners = [view.in_plan(positions)]
     if len(cloud):
         corners.append(np.quantile(view.in_plan(cloud), [0.1, 0.9], axis=0))
     inside = np.concatenate(corners)
@@ -190,20 +190,20 @@ def _draw_lines(ax: Axes, lines: LineSet, view: PlanView, box: Box, width: float
     for is_bridged, style in ((False, "solid"), (True, (0, (1.0, 1.6)))):
         runs, colours = [], []
         for i in order:
-            places = view.in_plan(lines.line(i)[:, :2])
+            positions = view.in_plan(lines.line(i)[:, :2])
             bridged = lines.bridged[lines.offsets[i] : lines.offsets[i + 1]]
-            own = _runs(places, (bridged[:-1] | bridged[1:]) == is_bridged)
+            own = _runs(positions, (bridged[:-1] | bridged[1:]) == is_bridged)
             runs += own
             colours += [COLOURS.get(str(lines.kind[i]), _OTHER_COLOUR)] * len(own)
         ax.add_collection(LineCollection(runs, colors=colours, linewidths=width, linestyles=[style]))
     ax.set(xlim=box[0], ylim=box[1], aspect="equal", xticks=[], yticks=[])
 
 
-def _runs(places: FloatArray, chosen: Sequence[bool] | np.ndarray) -> list[FloatArray]:
+def _runs(positions: FloatArray, chosen: Sequence[bool] | np.ndarray) -> list[FloatArray]:
     """Return the stretches of a line (n, 2) formed by the chosen segments (n - 1,) bool."""
     index = np.flatnonzero(chosen)
     groups = np.split(index, np.flatnonzero(np.diff(index) > 1) + 1) if len(index) else []
-    return [places[run[0] : run[-1] + 2] for run in groups]
+    return [positions[run[0] : run[-1] + 2] for run in groups]
 
 
 def _draw_legend(figure: Figure, lines: LineSet) -> None:

@@ -120,9 +120,9 @@ def chosen_stretches(chains: Chains, pieces: LinePieces, chosen: BoolArray) -> l
     return runs
 
 
-def main_direction(places: Sequence[FloatArray]) -> float:
+def main_direction(positions: Sequence[FloatArray]) -> float:
     """Return the angle of the longest extent of all positions (k, 2), -pi/2 to pi/2 from east [rad]."""
-    together = np.concatenate([np.zeros((0, 2)), *places])
+    together = np.concatenate([np.zeros((0, 2)), *positions])
     if len(together) < 2:
         return 0.0
     _, vectors = np.linalg.eigh(np.cov(together.T))
@@ -130,18 +130,18 @@ def main_direction(places: Sequence[FloatArray]) -> float:
     return float(math.atan2(north, east) if east >= 0 else math.atan2(-north, -east))
 
 
-def turned_in_plan(places: FloatArray, turn: float) -> FloatArray:
+def turned_in_plan(positions: FloatArray, turn: float) -> FloatArray:
     """Return positions (k, 2) in axes rotated anticlockwise by `turn` [rad]."""
     cos, sin = math.cos(turn), math.sin(turn)
     return np.stack(
-        [places[:, 0] * cos + places[:, 1] * sin, places[:, 1] * cos - places[:, 0] * sin], axis=1
+        [positions[:, 0] * cos + positions[:, 1] * sin, positions[:, 1] * cos - positions[:, 0] * sin], axis=1
     )
 
 
 def _box(matches: Sequence[PieceMatch], turn: float) -> tuple[tuple[float, float], tuple[float, float]]:
     pieces = [m.e_pieces.xyz for m in matches] + [m.r_pieces.xyz for m in matches]
-    places = turned_in_plan(np.concatenate(pieces)[:, :2], turn)
-    (x0, y0), (x1, y1) = places.min(axis=0), places.max(axis=0)
+    positions = turned_in_plan(np.concatenate(pieces)[:, :2], turn)
+    (x0, y0), (x1, y1) = positions.min(axis=0), positions.max(axis=0)
     margin = max(0.03 * (x1 - x0), 2.0)
     return (float(x0 - margin), float(x1 + margin)), (float(y0 - margin), float(y1 + margin))
 

@@ -1,4 +1,7 @@
-"""Sections through the points, across a guardrail and along a cable span, and their figures."""
+"""Sections through the points, across a guardrail and along a cable span, and their figures.
+
+Apart from cuts.py, as a section shows heights above the road or along a whole span.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Figures of lines drawn into the stereo pairs that show them."""
+"""Figures of lines drawn into the stereo pairs that show them.
+
+Apart from page.py, as it projects lines into images, which surveys without cameras do not need.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +74,13 @@ def in_image(
 
 
 def views_figure(views: StereoViews, lines: LineSet, numbers: Sequence[int]) -> Figure:
-    """Return a figure of the lines in both images of the pairs `numbers`, a row per pair."""
+    """Return a figure of the lines in both images of the pairs `numbers`, a row per pair.
+
+    Raises
+    ------
+    InputError
+        A pair cannot be read.
+    """
     pairs = [views.read(number) for number in numbers]
     height = sum(0.5 * WIDTH_IN * pair.rig.height / pair.rig.width + 0.25 for pair in pairs) + 0.3
     figure = Figure(figsize=(WIDTH_IN, height), layout="constrained", dpi=140)

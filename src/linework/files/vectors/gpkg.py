@@ -203,6 +203,19 @@ def read_own_gpkg(path: Path, *, rejected: bool = False) -> LineSet | None:
     return found.take(found.review != REJECTED_LAYER)
 
 
+def line_layers(path: Path) -> set[str]:
+    """Return the layers with geometry of a GeoPackage, empty ones included, except that of rejected lines.
+
+    Raises
+    ------
+    InputError
+        Not readable.
+    """
+    with read_errors(path):
+        layers = pyogrio.list_layers(path)
+    return {str(name) for name, geometry in layers if geometry and name != REJECTED_LAYER}
+
+
 def _own_lines(path: Path) -> LineSet | None:
     layers = [str(name) for name, kind in pyogrio.list_layers(path) if "Point" not in str(kind)]
     layers = [name for name in layers if name == VERTEX_TABLE or name not in TABLES]
