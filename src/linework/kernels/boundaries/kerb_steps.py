@@ -29,9 +29,9 @@ from linework.kernels.tracking.small_systems import solve_two
 
 #: Columns of the clearest step of a profile: unit vector v, clearness, v of the step [m], heights below and above it
 #: [m], noise [m].
-CLEAREST_VX, CLEAREST_VY, CLEAREST_CLEAR, CLEAREST_V, CLEAREST_BELOW, CLEAREST_ABOVE, CLEAREST_NOISE = range(
-    7
-)
+(
+    CLEAREST_VX, CLEAREST_VY, CLEAREST_CLEAR, CLEAREST_V, CLEAREST_BELOW, CLEAREST_ABOVE, CLEAREST_NOISE,
+) = range(7)  # fmt: skip
 CLEAREST_COLUMNS = 7
 
 #: Turns that are tried about the first direction, from coarse to fine. [rad]

@@ -24,6 +24,11 @@ TRACKED_AS = {
     "lane_marking": ("lane_marking", "road_marking_other"),
     "road_boundary": ("road_boundary",),
 }
+#: Forms of the boxes of each kind.
+_FORMS = {
+    "lane_marking": (BoxForm.STRIPE,),
+    "road_boundary": (BoxForm.KERB, BoxForm.EDGE, BoxForm.BARRIER),
+}
 #: Largest distance of a companion from its line: dashes lie on it, a kerb's top within the width of a kerb stone. [m]
 COMPANION_BESIDE_M = {"lane_marking_dash": 0.05, "kerb_top": 0.45}
 #: Length beyond an end that is checked for measured ground; and the largest distance of the two ends of a ring. [m]
@@ -144,13 +149,6 @@ def _stop(tip: FloatArray, outward: FloatArray, visible: Sight) -> TraceStop:
     ahead = tip + np.linspace(0.5, _AHEAD_M, 6)[:, None] * outward
     places = np.concatenate([ahead, ahead + 0.5 * left, ahead - 0.5 * left])
     return TraceStop.FADED if np.mean(visible(places)) > 0.5 else TraceStop.END_OF_DATA
-
-
-#: Forms of the boxes of each kind.
-_FORMS = {
-    "lane_marking": (BoxForm.STRIPE,),
-    "road_boundary": (BoxForm.KERB, BoxForm.EDGE, BoxForm.BARRIER),
-}
 
 
 def near_line(

@@ -14,8 +14,10 @@ from linework.model.boxes import BoxSet
 
 #: Widest carriageway, or half of one with paint in its middle. [m]
 FACING_M = 20.0
+#: Stations of two lines are beside each other if they are no farther apart along the line, in stations.
+_BESIDE_STATIONS = 0.75
 #: Largest distance from the end of a kerb to the one that continues it (stations are a metre from the ends). [m]
-GOES_ON_M = 4.0
+KERB_CONTINUES_M = 4.0
 #: Width of the footways and yards behind a kerb, where paint is not a marking. [m]
 BEHIND_KERB_M = 15.0
 #: An edge with paint this close behind it is a seam within the carriageway. [m]
@@ -46,7 +48,7 @@ def beside_kerb(boxes: BoxSet, kerbs: Sequence[LineAxis], from_m: float, to_m: f
         return out
     xy = np.concatenate([c.xy for c in kerbs])
     normal = np.concatenate([c.normal for c in kerbs])
-    reach = float(np.hypot(max(abs(from_m), abs(to_m)), 0.75 * AXIS_STATION_M))
+    reach = float(np.hypot(max(abs(from_m), abs(to_m)), _BESIDE_STATIONS * AXIS_STATION_M))
     distance, nearest = cKDTree(xy).query(boxes.centre[:, :2], distance_upper_bound=reach)
     near = np.isfinite(distance)
     step = boxes.centre[near, :2] - xy[nearest[near]]
@@ -105,8 +107,8 @@ def _with_continued(axes: Sequence[LineAxis], is_kerb: BoolArray, kept: BoolArra
     open_ = [i for i in np.flatnonzero(kept).tolist() if is_kerb[i]]
     while open_:
         i = open_.pop()
-        before = np.linalg.norm(ends[:, 1] - ends[i, 0], axis=1) <= GOES_ON_M
-        behind = np.linalg.norm(ends[:, 0] - ends[i, 1], axis=1) <= GOES_ON_M
+        before = np.linalg.norm(ends[:, 1] - ends[i, 0], axis=1) <= KERB_CONTINUES_M
+        behind = np.linalg.norm(ends[:, 0] - ends[i, 1], axis=1) <= KERB_CONTINUES_M
         new = np.flatnonzero((before | behind) & is_kerb & ~kept).tolist()
         kept[new] = True
         open_ += new

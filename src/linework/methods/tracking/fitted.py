@@ -11,7 +11,9 @@ figure     on seeds that took no part, 860 to 874: lane markings 94.7 % complete
 
 What a number adds by itself is recorded only where its entry says so. Limits that a user may change are settings of
 `MarkingConfig`, `BoundaryConfig` and `TrackConfig`; physical bounds (the height of a kerb, the length of a dash, the
-curvature of a road) are constants with their reason where they are used.
+curvature of a road) are constants with their reason where they are used. Kernels cannot import from here: two numbers
+of this kind stand there, the share of independent points `linework.kernels.boundaries.pavement_edges.NEW_SHARE`, and
+the widths of the score of a kerb in `linework.kernels.boundaries.kerb_boxes`.
 """
 
 from __future__ import annotations

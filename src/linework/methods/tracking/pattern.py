@@ -49,7 +49,7 @@ class PaintRhythm:
 def merged_intervals(start_m: FloatArray, end_m: FloatArray, close_m: float) -> FloatArray:
     """Return the union of intervals [m], (k, 2), with gaps of up to `close_m` closed.
 
-    >>> united(np.array([0.0, 0.9, 5.0]), np.array([1.0, 2.0, 6.0]), 0.1).tolist()
+    >>> merged_intervals(np.array([0.0, 0.9, 5.0]), np.array([1.0, 2.0, 6.0]), 0.1).tolist()
     [[0.0, 2.0], [5.0, 6.0]]
     """
     if len(start_m) == 0:
@@ -125,7 +125,7 @@ def dashes_of(paint: FloatArray, rhythm: PaintRhythm) -> FloatArray:
         (n, 2) intervals of paint along a line [m], ascending.
 
     >>> paint = np.array([[0.0, 1.0], [1.8, 3.0], [9.0, 12.0]])
-    >>> dashes_of(paint, Rhythm(9.0, 3.0, 0.9)).tolist()
+    >>> dashes_of(paint, PaintRhythm(9.0, 3.0, 0.9)).tolist()
     [[0.0, 3.0], [9.0, 12.0]]
     """
     slack_m = SLACK_SHARE * (rhythm.period_m - rhythm.dash_m)
@@ -145,7 +145,7 @@ def restore_worn_dashes(dashes: FloatArray, rhythm: PaintRhythm) -> FloatArray:
     that contains its remains, that interval is the dash; otherwise it stays as it is.
 
     >>> dashes = np.array([[0.0, 3.0], [9.0, 12.0], [19.2, 20.1], [27.0, 30.0], [36.0, 39.0]])
-    >>> completed(dashes, Rhythm(9.0, 3.0, 0.9))[2].round(3).tolist()
+    >>> restore_worn_dashes(dashes, PaintRhythm(9.0, 3.0, 0.9))[2].round(3).tolist()
     [18.0, 21.0]
     """
     length = dashes[:, 1] - dashes[:, 0]
