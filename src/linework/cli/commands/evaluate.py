@@ -151,11 +151,11 @@ def _read(path: Path, kind_field: str, names: Mapping[str, str], crs: str) -> Li
 
 def _kinds_held(path: Path, lines: LineSet, names: Mapping[str, str]) -> set[str]:
     """Return the kinds of a file: those of its lines, of its empty layers, and of --kind-map."""
-    from linework.files.vectors.gpkg import line_layers
+    from linework.files.vectors.gpkg import geometry_layers
 
     held = {str(kind) for kind in lines.kind} | set(names.values())
     if path.suffix.lower() == ".gpkg" and not names:
-        held |= line_layers(path)
+        held |= geometry_layers(path)
     return held
 
 

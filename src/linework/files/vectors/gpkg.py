@@ -203,7 +203,7 @@ def read_own_gpkg(path: Path, *, rejected: bool = False) -> LineSet | None:
     return found.take(found.review != REJECTED_LAYER)
 
 
-def line_layers(path: Path) -> set[str]:
+def geometry_layers(path: Path) -> set[str]:
     """Return the layers with geometry of a GeoPackage, empty ones included, except that of rejected lines.
 
     Raises

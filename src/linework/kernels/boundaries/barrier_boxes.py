@@ -26,8 +26,6 @@ from linework.kernels.boundaries.profiles import (
     PLANE_EAST,
     PLANE_NORTH,
     PLANE_Z,
-    SLOPE_EAST,
-    SLOPE_NORTH,
     UNIFORM_SIGMA,
     FloorCells,
     FloorLimits,
@@ -59,7 +57,7 @@ from linework.kernels.cells.places import (
     chord_in_cell,
     roughness_limit,
 )
-from linework.kernels.cells.surroundings import RISE
+from linework.kernels.cells.surroundings import RISE, SLOPE_EAST, SLOPE_NORTH
 
 #: A barrier reaches from the floor (its lowest part is hidden in noise) up to this at least; kerbs are lower. [m]
 LOW_M, HIGH_M = 0.05, 0.55

@@ -44,10 +44,6 @@ from linework.kernels.boundaries.profiles import (
     PLANE_EAST,
     PLANE_NORTH,
     PLANE_Z,
-    SLOPE_EAST,
-    SLOPE_MEAN,
-    SLOPE_NORTH,
-    SLOPE_SHARE,
     UNIFORM_SIGMA,
     FloorCells,
     FloorLimits,
@@ -82,7 +78,14 @@ from linework.kernels.cells.places import (
     chord_in_cell,
     roughness_limit,
 )
-from linework.kernels.cells.surroundings import ROUGH, ROUGHEST_M
+from linework.kernels.cells.surroundings import (
+    ROUGH,
+    ROUGHEST_M,
+    SLOPE_EAST,
+    SLOPE_MEAN,
+    SLOPE_NORTH,
+    SLOPE_SHARE,
+)
 
 #: Smallest share of the variance of the fine cells that a slope explains, before their points are used.
 EDGE_EXPLAINED = 0.25

@@ -56,9 +56,6 @@ from linework.kernels.boundaries.profiles import (
     PLANE_EAST,
     PLANE_NORTH,
     PLANE_Z,
-    SLOPE_EAST,
-    SLOPE_NORTH,
-    SLOPE_SHARE,
     FloorCells,
     FloorLimits,
     LocalFloor,
@@ -90,7 +87,7 @@ from linework.kernels.cells.places import (
     chord_in_cell,
     roughness_limit,
 )
-from linework.kernels.cells.surroundings import CHANNEL_HEIGHT, RISE
+from linework.kernels.cells.surroundings import CHANNEL_HEIGHT, RISE, SLOPE_EAST, SLOPE_NORTH, SLOPE_SHARE
 
 #: Smallest height of a kerb over the noise of its floor: grass stays below it.
 LEAST_CLEAR_KERB = 1.5

@@ -20,7 +20,7 @@ MOST_TURN_DEG, TURN_STEP_DEG = 3.0, 0.5
 #: Points within this distance of the image's set cells are binned: half of the widest profile. [m]
 NEAR_M = 1.0
 #: Range of heights above the road of binned points: from the foot of a bank behind a rail to above a rail. [m]
-BAND_M = (-0.6, 2.2)
+RAIL_BAND_M = (-0.6, 2.2)
 #: A box of a few metres covers at most this many bins.
 _MOST_BINS = 64
 
@@ -129,7 +129,7 @@ def bin_near(xyz: FloatArray, height_m: Float32Array, binary: Image, cell_m: flo
     grid = binary.grid
     reach = max(round(NEAR_M / grid.cell_width_m), 1)
     frame = grid.east_m, grid.north_m, grid.cell_width_m
-    index, low, high = binning.choose_near(xyz, height_m, frame, binary.values, reach, BAND_M)
+    index, low, high = binning.choose_near(xyz, height_m, frame, binary.values, reach, RAIL_BAND_M)
     if len(index) == 0:
         low = high = np.zeros(3)
     origin = np.floor(low / cell_m) * cell_m

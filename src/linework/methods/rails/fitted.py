@@ -34,7 +34,7 @@ WOBBLE_WIDTH = 0.15
 #: Of the share of occupied stations.
 OCCUPIED_WIDTH = 0.08
 #: Of heights of the top edge, and of the height of the sheet at its upper limit. [m]
-TOP_WIDTH_M, BEAM_WIDTH_M = 0.03, 0.03
+TOP_EDGE_WIDTH_M, BEAM_WIDTH_M = 0.03, 0.03
 #: Of the height of the sheet at its lower limits: a plate, a beam, a lip. [m]
 LOW_BEAM_WIDTH_M = 0.02
 #: Of the common roughness.

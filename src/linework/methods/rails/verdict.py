@@ -105,7 +105,7 @@ def classify(
         _below(unrest, fitted.CONTINUES_WOBBLE * config.max_wobble, fitted.WOBBLE_WIDTH),
         _below(wander, fitted.CONTINUES_WANDER * config.max_wander, fitted.WOBBLE_WIDTH),
         _below(-occupied, -fitted.CONTINUES_OCCUPIED, fitted.OCCUPIED_WIDTH),
-        _below(height_m, config.max_top_m, fitted.TOP_WIDTH_M),
+        _below(height_m, config.max_top_m, fitted.TOP_EDGE_WIDTH_M),
     )
     is_smooth = _below(rough, config.max_rough, fitted.ROUGH_WIDTH)
     is_free_above = _below(profile.above, config.max_above, fitted.ABOVE_WIDTH)
@@ -117,7 +117,7 @@ def classify(
         _below(profile.below, config.max_below, fitted.BELOW_WIDTH),
         _below(profile.apron, config.max_apron, fitted.APRON_WIDTH),
         _below(_row_under(profile.rows, above_ground_m), config.max_second, fitted.SECOND_WIDTH),
-        _below(-height_m, -config.min_top_m, fitted.TOP_WIDTH_M),
+        _below(-height_m, -config.min_top_m, fitted.TOP_EDGE_WIDTH_M),
     )
     # A tube is neither deep nor high; a beam is at least one of both: a W-beam deep, a flat plate high
     deep = np.maximum(
@@ -147,7 +147,7 @@ def classify(
         is_free_in_front,
         _below(-profile.apron, -fitted.BARRIER_APRON * config.max_apron, fitted.APRON_WIDTH),
         _below(profile.open_, config.min_open, fitted.OPEN_WIDTH),
-        _below(-height_m, -fitted.BARRIER_TOP * config.min_top_m, fitted.TOP_WIDTH_M),
+        _below(-height_m, -fitted.BARRIER_TOP * config.min_top_m, fitted.TOP_EDGE_WIDTH_M),
     )
     return NodeScores(
         guardrail=np.maximum(alone, beside),
