@@ -15,21 +15,17 @@ from linework.kernels.boundaries.kerb_boxes import kerb_in_cell, may_be_kerb
 from linework.kernels.boundaries.kerb_steps import STEP_COLUMNS
 from linework.kernels.boundaries.pavement_edges import BY_BRIGHTNESS, BY_ROUGHNESS
 from linework.kernels.boundaries.profiles import (
-    BIN_COLUMNS,
     CLIP_M,
     MOST_PLACE_POINTS,
     N_PROFILE_BINS,
     PLACE_COLUMNS,
-    SPAN_COLS,
-    SPAN_ROWS,
-    SPAN_SOUTH,
-    SPAN_WEST,
+    PROFILE_SUMS,
     FloorCells,
     FloorLimits,
     LocalFloor,
     PlaceScratch,
 )
-from linework.kernels.cells.floor import FINE_M
+from linework.kernels.cells.floor import FINE_M, SPAN_COLS, SPAN_ROWS, SPAN_SOUTH, SPAN_WEST
 from linework.kernels.cells.places import (
     BOX_ALL_ROAD,
     BOX_END,
@@ -102,7 +98,7 @@ def make_scratch() -> PlaceScratch:
     """Return arrays for the points of a place, the sums of a profile, and a step or an edge."""
     return PlaceScratch(
         np.empty((MOST_PLACE_POINTS + 2, PLACE_COLUMNS)),
-        np.empty((N_PROFILE_BINS + 1, BIN_COLUMNS)),
+        np.empty((N_PROFILE_BINS + 1, PROFILE_SUMS)),
         np.empty(STEP_COLUMNS),
     )
 

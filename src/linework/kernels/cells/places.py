@@ -9,7 +9,14 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import Float32Array, FloatArray, IntArray
-from linework.kernels.boundaries.profiles import ENOUGH_POINTS, count_near, gather_at
+from linework.kernels.boundaries.profiles import (
+    ENOUGH_POINTS,
+    PLANE_EAST,
+    PLANE_HEIGHT,
+    PLANE_NORTH,
+    count_near,
+    gather_at,
+)
 from linework.kernels.cells.floor import (
     FACET_EAST,
     FACET_HEIGHT,
@@ -42,8 +49,6 @@ ROUGHER_FLOOR, SMOOTH_FLOOR_M = 3.0, 0.006
 
 #: Result of the search at a place: a box, or why there is none.
 BOX_FOUND, BOX_HOLE, BOX_NO_ROAD, BOX_ALL_ROAD, BOX_ELSEWHERE = 0, 1, 2, 3, 4
-#: Elements of a plane: height [m], slopes east and north.
-PLANE_HEIGHT, PLANE_EAST, PLANE_NORTH = 0, 1, 2
 #: Half width of a facet, over which a tilt against the road counts like its rms distance. [m]
 _TILT_LEVER_M = 0.15
 #: Half of the length over which the slope of the ground is taken. [m]

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray, IntArray
-from linework.kernels.boundaries.profiles import CLIP_M
+from linework.kernels.boundaries.profiles import CLIP_M, PLANE_EAST, PLANE_HEIGHT, PLANE_NORTH
 from linework.kernels.cells.floor import (
     FINE_M,
     SPAN_COLS,
@@ -28,7 +28,7 @@ from linework.kernels.cells.floor import (
     SUM_Z,
     SUM_ZZ,
 )
-from linework.kernels.cells.places import AREA_M, PLANE_EAST, PLANE_HEIGHT, PLANE_NORTH
+from linework.kernels.cells.places import AREA_M
 
 #: Channels: height over the plane; the same clipped to a low kerb, so that a kerb and a wall count alike;
 #: roughness; brightness.

@@ -28,7 +28,7 @@ from linework.model.tile import RoadSurface, TileData, local_origin
 #: A box depends on the points within this of its cell only: a search area of 2 m, and the facets around it. [m]
 BOUNDARY_REACH_M = 6.0
 #: Heights over the ground of the points that are used: feet of walls are above it, floors under grass below. [m]
-BAND_M = (-0.30, 0.60)
+BOUNDARY_BAND_M = (-0.30, 0.60)
 #: Cells within this many steps of road or ground are used: half a metre into holes.
 NEAR_CELLS = 2
 #: Half of the extent of a boundary box across. [m]
@@ -87,7 +87,7 @@ class FloorPoints:
         ground_m = surface.ground_m + np.float32(surface.z0_m - origin[2])
         at = np.array(origin)
         col, row, span = floor.cells_near_ground(
-            points.xyz, at, g.cell_width_m, west, north, ground_m, near, BAND_M
+            points.xyz, at, g.cell_width_m, west, north, ground_m, near, BOUNDARY_BAND_M
         )
         no_strength = np.zeros(len(points), dtype=np.float32)
         strength = no_strength if points.intensity is None else points.intensity
