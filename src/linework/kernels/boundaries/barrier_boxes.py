@@ -24,8 +24,8 @@ from linework.kernels.boundaries.profiles import (
     PLACE_X,
     PLACE_Y,
     PLANE_EAST,
+    PLANE_HEIGHT,
     PLANE_NORTH,
-    PLANE_Z,
     UNIFORM_SIGMA,
     FloorCells,
     FloorLimits,
@@ -112,7 +112,7 @@ def barrier_in_cell(
         return BOX_ELSEWHERE
     # Measured again about the middle of the piece in this cell
     mx, my = v * vx + 0.5 * (low + high) * vy, v * vy - 0.5 * (low + high) * vx
-    plane[PLANE_Z] += plane[PLANE_EAST] * mx + plane[PLANE_NORTH] * my
+    plane[PLANE_HEIGHT] += plane[PLANE_EAST] * mx + plane[PLANE_NORTH] * my
     n = gather_at(
         data.points, data.starts, data.span, (x + mx, y + my), AGAIN_M * scale, plane, MOST_PLACE_POINTS, work
     )
@@ -141,7 +141,7 @@ def barrier_in_cell(
     u = 0.5 * (low + high)
     dx, dy = foot * vx + u * vy, foot * vy - u * vx
     box[BOX_X], box[BOX_Y] = x + mx + dx, y + my + dy
-    box[BOX_Z] = plane[PLANE_Z] + plane[PLANE_EAST] * dx + plane[PLANE_NORTH] * dy + a + b * u + c * foot
+    box[BOX_Z] = plane[PLANE_HEIGHT] + plane[PLANE_EAST] * dx + plane[PLANE_NORTH] * dy + a + b * u + c * foot
     box[BOX_UX], box[BOX_UY] = vy, -vx
     box[BOX_HALF_U] = max(min(u_high - u, u - u_low, half_u), 0.05)
     box[S_V] = np.sqrt(2.0 * spread**2 / count + (0.1 * CLIP_M) ** 2 / count + 0.003**2)

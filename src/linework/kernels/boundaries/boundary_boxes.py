@@ -19,7 +19,7 @@ from linework.kernels.boundaries.profiles import (
     MOST_PLACE_POINTS,
     N_PROFILE_BINS,
     PLACE_COLUMNS,
-    PROFILE_COLUMNS,
+    PROFILE_SUMS,
     FloorCells,
     FloorLimits,
     LocalFloor,
@@ -98,7 +98,7 @@ def make_scratch() -> PlaceScratch:
     """Return arrays for the points of a place, the sums of a profile, and a step or an edge."""
     return PlaceScratch(
         np.empty((MOST_PLACE_POINTS + 2, PLACE_COLUMNS)),
-        np.empty((N_PROFILE_BINS + 1, PROFILE_COLUMNS)),
+        np.empty((N_PROFILE_BINS + 1, PROFILE_SUMS)),
         np.empty(STEP_COLUMNS),
     )
 

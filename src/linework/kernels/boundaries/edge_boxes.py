@@ -42,8 +42,8 @@ from linework.kernels.boundaries.profiles import (
     LEAST_CHORD_M,
     MOST_PLACE_POINTS,
     PLANE_EAST,
+    PLANE_HEIGHT,
     PLANE_NORTH,
-    PLANE_Z,
     UNIFORM_SIGMA,
     FloorCells,
     FloorLimits,
@@ -153,7 +153,7 @@ def edge_in_cell(
         return BOX_ELSEWHERE
     # Measured again about the middle of the piece in this cell
     mx, my = v * vx + 0.5 * (low + high) * vy, v * vy - 0.5 * (low + high) * vx
-    plane[PLANE_Z] += plane[PLANE_EAST] * mx + plane[PLANE_NORTH] * my
+    plane[PLANE_HEIGHT] += plane[PLANE_EAST] * mx + plane[PLANE_NORTH] * my
     n = gather_at(
         data.points, data.starts, data.span, (x + mx, y + my), AGAIN_M * scale, plane, MOST_PLACE_POINTS, work
     )
@@ -172,7 +172,7 @@ def edge_in_cell(
     u = 0.5 * (low + high)
     dx, dy = v * vx + u * vy, v * vy - u * vx
     box[BOX_X], box[BOX_Y] = x + mx + dx, y + my + dy
-    box[BOX_Z] = plane[PLANE_Z] + plane[PLANE_EAST] * dx + plane[PLANE_NORTH] * dy + a + b * u + c * v
+    box[BOX_Z] = plane[PLANE_HEIGHT] + plane[PLANE_EAST] * dx + plane[PLANE_NORTH] * dy + a + b * u + c * v
     box[BOX_UX], box[BOX_UY] = vy, -vx
     box[BOX_HALF_U] = 0.5 * BOX_CELL_M * scale
     box[S_V], box[S_U] = edge[EDGE_SIGMA], edge[EDGE_SIGMA] / (UNIFORM_SIGMA * scale)

@@ -54,8 +54,8 @@ from linework.kernels.boundaries.profiles import (
     LEAST_CHORD_M,
     MOST_PLACE_POINTS,
     PLANE_EAST,
+    PLANE_HEIGHT,
     PLANE_NORTH,
-    PLANE_Z,
     FloorCells,
     FloorLimits,
     LocalFloor,
@@ -186,7 +186,7 @@ def kerb_in_cell(
         return BOX_ELSEWHERE
     # Measured again about the middle of the piece in this cell
     mx, my = v * vx + 0.5 * (low + high) * vy, v * vy - 0.5 * (low + high) * vx
-    plane[PLANE_Z] += plane[PLANE_EAST] * mx + plane[PLANE_NORTH] * my
+    plane[PLANE_HEIGHT] += plane[PLANE_EAST] * mx + plane[PLANE_NORTH] * my
     n = gather_at(
         data.points, data.starts, data.span, (x + mx, y + my), AGAIN_M * scale, plane, MOST_PLACE_POINTS, work
     )
@@ -202,7 +202,7 @@ def kerb_in_cell(
     u = 0.5 * (low + high)
     dx, dy = foot * vx + u * vy, foot * vy - u * vx
     box[BOX_X], box[BOX_Y] = x + mx + dx, y + my + dy
-    box[BOX_Z] = plane[PLANE_Z] + plane[PLANE_EAST] * dx + plane[PLANE_NORTH] * dy + step[STEP_FLOOR_A]
+    box[BOX_Z] = plane[PLANE_HEIGHT] + plane[PLANE_EAST] * dx + plane[PLANE_NORTH] * dy + step[STEP_FLOOR_A]
     box[BOX_Z] += step[STEP_FLOOR_B] * u + step[STEP_FLOOR_C] * foot
     box[BOX_UX], box[BOX_UY] = vy, -vx
     box[BOX_HALF_U] = max(min(share[COVER_U_HIGH] - u, u - share[COVER_U_LOW], HALF_LENGTH_M * scale), 0.05)

@@ -61,7 +61,7 @@ FLOOR_POINTS, TOP_POINTS, FACE_POINTS_LEAST, SMALLEST_STEP_M = 5, 4, 4, 0.005
 #: The face is what is above the floor and below the top by this many noises, and by this share of the step.
 FACE_NOISES, FACE_SHARE = 2.5, 0.15
 #: Extent of the top across, from its edge [m]; weights that hold its slopes along u and v to 0 [m^2].
-TOP_WIDTH_M, TOP_SOFT = 0.30, (0.10, 0.02)
+KERB_TOP_WIDTH_M, TOP_SOFT = 0.30, (0.10, 0.02)
 
 
 @njit(cache=True, nogil=True)
@@ -248,7 +248,7 @@ def measure_step(work: FloatArray, n: int, first: FloatArray, scale: float, out:
     clear = FIRST_CLEAR_M * scale
     for _ in range(3):
         low = (foot + clear, foot + FLOOR_WIDTH_M * scale, half_u)
-        high = (top - clear - TOP_WIDTH_M * scale, top - clear, half_u)
+        high = (top - clear - KERB_TOP_WIDTH_M * scale, top - clear, half_u)
         a, b, c, noise, n_floor = fit_side(work, n, (vx, vy), low, (a, noise + 0.01), FLOOR_SOFT)
         a2, _, c2, noise2, n_top = fit_side(work, n, (vx, vy), high, (a2, noise2 + 0.01), TOP_SOFT)
         if n_floor < FLOOR_POINTS or n_top < TOP_POINTS:

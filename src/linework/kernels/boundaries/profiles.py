@@ -20,9 +20,9 @@ PLACE_X, PLACE_Y, PLACE_R, PLACE_INTENSITY, PLACE_INDEX = range(5)
 PLACE_COLUMNS = 5
 #: Columns of the sums over the bins of a profile: points, v, v^2, height r, v r, r^2, intensity i, v i, i^2.
 BIN_N, BIN_V, BIN_VV, BIN_R, BIN_VR, BIN_RR, BIN_I, BIN_VI, BIN_II = range(9)
-PROFILE_COLUMNS = 9
+PROFILE_SUMS = 9
 #: Parts of a plane through a place: height there [m], slopes to the east and to the north.
-PLANE_Z, PLANE_EAST, PLANE_NORTH = range(3)
+PLANE_HEIGHT, PLANE_EAST, PLANE_NORTH = range(3)
 
 #: Bins of a profile, and the most that a piece on either side of a break has: with bins of 2 cm the lower side is
 #: fitted over 0.6 m, the upper over 0.4 m (kerb tops are narrow). The break between them is twice `FACE_BINS` wide.
@@ -33,7 +33,7 @@ STEEP_TOP = 0.3
 #: Smallest noise of a floor: no scanner measures better. [m]
 LEAST_FLOOR_NOISE_M = 0.0025
 #: The sums of no bins.
-EMPTY_BIN = np.zeros(PROFILE_COLUMNS)
+EMPTY_BIN = np.zeros(PROFILE_SUMS)
 #: Fewest points on either side of a break: three unknowns, and one more for the noise.
 PIECE_POINTS = 4
 #: Most points used to measure a place (with more, noise is not what limits it), and to find it.
@@ -112,7 +112,7 @@ class LocalFloor(NamedTuple):
     Parameters
     ----------
     plane
-        (3,): `PLANE_Z`, `PLANE_EAST`, `PLANE_NORTH`.
+        (3,): `PLANE_HEIGHT`, `PLANE_EAST`, `PLANE_NORTH`.
     noise
         Its rms distance from its points. [m]
     east, north
@@ -196,7 +196,9 @@ def gather_at(
             x, y = points[i, PLACE_X] - px, points[i, PLACE_Y] - py
             w = work[n]
             w[PLACE_X], w[PLACE_Y] = x, y
-            w[PLACE_R] = points[i, PLACE_R] - plane[PLANE_Z] - plane[PLANE_EAST] * x - plane[PLANE_NORTH] * y
+            w[PLACE_R] = (
+                points[i, PLACE_R] - plane[PLANE_HEIGHT] - plane[PLANE_EAST] * x - plane[PLANE_NORTH] * y
+            )
             w[PLACE_INTENSITY], w[PLACE_INDEX] = points[i, PLACE_INTENSITY], i
             n += int(x * x + y * y <= radius * radius)
     return n
@@ -240,7 +242,7 @@ def bin_sums_across(
         s[BIN_VI] += v * intensity
         s[BIN_II] += intensity * intensity
     for k in range(1, N_PROFILE_BINS + 1):
-        for j in range(PROFILE_COLUMNS):
+        for j in range(PROFILE_SUMS):
             sums[k, j] += sums[k - 1, j]
 
 
@@ -284,7 +286,7 @@ def step_in(
         Breaks are tried up to `half` bins from the middle, every `stride` bins.
     """
     best, at, below, above, noise = 0.0, 0.0, 0.0, 0.0, 0.0
-    both = np.empty(PROFILE_COLUMNS)
+    both = np.empty(PROFILE_SUMS)
     for k in range(N_PROFILE_BINS // 2 - half, N_PROFILE_BINS // 2 + half + 1, stride):
         v = (k - 0.5 * N_PROFILE_BINS) * step
         k_low, k_high = k + FACE_BINS, k - FACE_BINS
@@ -298,7 +300,7 @@ def step_in(
             or abs(slope_high - slope_low) > STEEP_TOP
         ):
             continue
-        for j in range(PROFILE_COLUMNS):
+        for j in range(PROFILE_SUMS):
             both[j] = low[j] - sums[k_low, j] + sums[k_high, j] - high[j]
         square = (left_low + left_high) / max(n_low + n_high - 4.0, 1.0) + LEAST_FLOOR_NOISE_M**2
         _, left, _, _ = line_through(EMPTY_BIN, both, v)

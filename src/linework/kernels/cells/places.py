@@ -12,8 +12,8 @@ from linework.arrays import Float32Array, FloatArray, IntArray
 from linework.kernels.boundaries.profiles import (
     ENOUGH_POINTS,
     PLANE_EAST,
+    PLANE_HEIGHT,
     PLANE_NORTH,
-    PLANE_Z,
     count_near,
     gather_at,
 )
@@ -76,7 +76,7 @@ def floor_near(
     slope
         Slope of the road to the east and to the north.
     plane
-        (3,), written: elements `PLANE_Z` to `PLANE_NORTH`, at (x, y).
+        (3,), written: elements `PLANE_HEIGHT` to `PLANE_NORTH`, at (x, y).
 
     Returns
     -------
@@ -99,7 +99,7 @@ def floor_near(
                 best, noise, usual = cost, f[FACET_RMS], f[FACET_SMOOTHEST]
                 dx = x - (span[SPAN_WEST] // 2 + c + 0.5) * BOX_CELL_M
                 dy = y - (span[SPAN_SOUTH] // 2 + r + 0.5) * BOX_CELL_M
-                plane[PLANE_Z] = f[FACET_HEIGHT] + f[FACET_EAST] * dx + f[FACET_NORTH] * dy
+                plane[PLANE_HEIGHT] = f[FACET_HEIGHT] + f[FACET_EAST] * dx + f[FACET_NORTH] * dy
                 plane[PLANE_EAST], plane[PLANE_NORTH] = f[FACET_EAST], f[FACET_NORTH]
     return noise, usual
 

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray, IntArray
-from linework.kernels.boundaries.profiles import CLIP_M, PLANE_EAST, PLANE_NORTH, PLANE_Z
+from linework.kernels.boundaries.profiles import CLIP_M, PLANE_EAST, PLANE_HEIGHT, PLANE_NORTH
 from linework.kernels.cells.floor import (
     FINE_M,
     SPAN_COLS,
@@ -69,7 +69,7 @@ def fit_surroundings(
     place
         x and y. [m]
     plane
-        (3,) floor of the place, elements `PLANE_Z` to `PLANE_NORTH`.
+        (3,) floor of the place, elements `PLANE_HEIGHT` to `PLANE_NORTH`.
     noise
         Rms distance of the floor's points. [m]
     out
@@ -101,7 +101,7 @@ def fit_surroundings(
             if dx * dx + dy * dy > AREA_M**2:
                 continue
             # Mean and mean square of the heights over the plane, from the sums
-            p = plane[PLANE_Z] + a * ox + b * oy
+            p = plane[PLANE_HEIGHT] + a * ox + b * oy
             tilted = a * s[SUM_X] + b * s[SUM_Y]
             d = s[SUM_Z] * m - p - tilted * m
             square = s[SUM_ZZ] + s[SUM_N] * p * p + a * a * s[SUM_XX] + b * b * s[SUM_YY]

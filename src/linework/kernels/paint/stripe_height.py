@@ -23,7 +23,7 @@ from linework.kernels.paint.stripe_fit import (
 from linework.kernels.tracking.small_systems import factor, solve
 
 #: Unknowns of the road's plane about a stripe: height [m], slopes along and across, step from right to left [m].
-PLANE_HEIGHT, PLANE_ALONG, PLANE_ACROSS, PLANE_STEP = range(4)
+PLANE_CENTRE, PLANE_ALONG, PLANE_ACROSS, PLANE_STEP = range(4)
 PLANE_UNKNOWNS = 4
 #: Zones across a stripe: right of it, its right half, its left half, left of it.
 ZONE_RIGHT, ZONE_RIGHT_HALF, ZONE_LEFT_HALF, ZONE_LEFT = range(4)
@@ -78,7 +78,7 @@ def height_of(
     for i in range(number):
         d = across[i]
         off = (
-            height[i] - solution[PLANE_HEIGHT] - solution[PLANE_ALONG] * along[i] - solution[PLANE_ACROSS] * d
+            height[i] - solution[PLANE_CENTRE] - solution[PLANE_ALONG] * along[i] - solution[PLANE_ACROSS] * d
         )
         if d < 0.0:
             zone = ZONE_RIGHT if d < -half else ZONE_RIGHT_HALF
@@ -88,12 +88,12 @@ def height_of(
         zones[zone, ZONE_SUM] += off
         zones[zone, ZONE_SQUARES] += off * off
         total += off * off
-    z = strip[0, STRIP_HEIGHT] + solution[PLANE_HEIGHT]
+    z = strip[0, STRIP_HEIGHT] + solution[PLANE_CENTRE]
     variance = total / max(number - 3, 1) + LEAST_HEIGHT_VARIANCE
     right[:] = 0.0
-    right[PLANE_HEIGHT] = variance
+    right[PLANE_CENTRE] = variance
     solve(normal, right, solution)
-    sigma = math.sqrt(solution[PLANE_HEIGHT])
+    sigma = math.sqrt(solution[PLANE_CENTRE])
     # A step between the planes of the two sides
     normal[:], right[:] = 0.0, 0.0
     for i in range(number):

@@ -8,7 +8,7 @@ from numba import njit
 from linework.arrays import FloatArray, IntArray
 
 #: Columns of a node: place [m] and direction [rad].
-PASSING_X, PASSING_Y, PASSING_ANGLE = range(3)
+PASS_X, PASS_Y, PASS_ANGLE = range(3)
 #: Columns of how one line passes another.
 PASS_ALONG, PASS_SENSE, PASS_ACROSS = range(3)
 #: Lines are parallel within 20 degrees: sine.
@@ -28,7 +28,7 @@ def passing(
     Parameters
     ----------
     nodes
-        (k, 3) nodes of all lines, line after line: `PASSING_X`, `PASSING_Y` [m], `PASSING_ANGLE` [rad].
+        (k, 3) nodes of all lines, line after line: `PASS_X`, `PASS_Y` [m], `PASS_ANGLE` [rad].
     offsets
         (m + 1,): first node of each line.
     middle
@@ -53,10 +53,7 @@ def passing(
     following, entry = np.full(n_lines, -1, dtype=np.int64), np.full(n_lines, -1, dtype=np.int64)
     nearest = np.empty(n_lines)
     for j in range(n_lines):
-        c, r = (
-            int(np.floor(nodes[middle[j], PASSING_X] / cell)),
-            int(np.floor(nodes[middle[j], PASSING_Y] / cell)),
-        )
+        c, r = int(np.floor(nodes[middle[j], PASS_X] / cell)), int(np.floor(nodes[middle[j], PASS_Y] / cell))
         if c >= 0 and c < n_x and r >= 0 and r < n_y:
             following[j] = heads[r * n_x + c]
             heads[r * n_x + c] = j
@@ -67,9 +64,9 @@ def passing(
         begin = 0.0  # arc length of the middle of this line
         s = 0.0
         for k in range(offsets[i], offsets[i + 1]):
-            x, y, angle = nodes[k, PASSING_X], nodes[k, PASSING_Y], nodes[k, PASSING_ANGLE]
+            x, y, angle = nodes[k, PASS_X], nodes[k, PASS_Y], nodes[k, PASS_ANGLE]
             if k > offsets[i]:
-                s += np.hypot(x - nodes[k - 1, PASSING_X], y - nodes[k - 1, PASSING_Y])
+                s += np.hypot(x - nodes[k - 1, PASS_X], y - nodes[k - 1, PASS_Y])
             if k == middle[i]:
                 begin = s
             cos, sin = np.cos(angle), np.sin(angle)
@@ -79,9 +76,9 @@ def passing(
                     j = heads[rr * n_x + cc]
                     while j >= 0:
                         other = nodes[middle[j]]
-                        ds = (other[PASSING_X] - x) * cos + (other[PASSING_Y] - y) * sin
-                        du = (other[PASSING_Y] - y) * cos - (other[PASSING_X] - x) * sin
-                        turn = other[PASSING_ANGLE] - angle
+                        ds = (other[PASS_X] - x) * cos + (other[PASS_Y] - y) * sin
+                        du = (other[PASS_Y] - y) * cos - (other[PASS_X] - x) * sin
+                        turn = other[PASS_ANGLE] - angle
                         if (
                             j != i
                             and abs(ds) <= along
