@@ -92,7 +92,7 @@ def test_nothing_there_names_the_nearest_pixel(linework, survey, drive, tmp_path
 @pytest.mark.parametrize(
     ("options", "code", "told"),
     [
-        (("--image", "left/000099.png", "--at-px", "10,150"), 3, "in none of the 3 stereo pairs"),
+        (("--image", "left/000099.png", "--at-px", "10,150"), 3, "in none of the 3 usable stereo pairs"),
         (("--image", "left/000001.png", "--at-px", "600,150"), 2, "columns are 0 to 599, rows 0 to 189"),
         (("--image", "left/000001.png", "--at-px", "300,5"), 3, "horizon"),
         (("--image", "left/000001.png", "--at-px", "left"), 2, "is not a pixel"),
