@@ -20,7 +20,7 @@ from linework.processes.channel import Channel
 _PR_SET_PDEATHSIG = 1
 
 
-def main(arguments: list[str]) -> None:
+def child_main(arguments: list[str]) -> None:
     """Run a function in this process.
 
     Parameters
@@ -59,4 +59,4 @@ def die_with_parent(parent: int) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    child_main(sys.argv[1:])

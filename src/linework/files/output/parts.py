@@ -1,4 +1,4 @@
-"""What is kept of a run on its way to the whole: files of columns, written whole or not at all."""
+"""Intermediate results of a run: files of columns, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -6,70 +6,47 @@ import hashlib
 import io
 import os
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
 from linework.arrays import AnyArray
 from linework.files.output.publish import machine_errors
-from linework.model.boxes import BOX_COLUMNS, BoxSet
-from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
-from linework.model.sightings import SIGHTING_COLUMNS, Sightings
 from linework.model.trajectory import Trajectory
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
-def write_line_part(lines: LineSet, path: Path) -> str:
-    """Write lines and return the SHA-256 of the file: the same lines give the same bytes.
+PartT = TypeVar("PartT")
+
+
+def write_part(value: DataclassInstance, path: Path) -> str:
+    """Write a dataclass of columns and return the SHA-256 of the file: equal values give equal bytes.
+
+    Parameters
+    ----------
+    value
+        Its fields are arrays, strings or None: lines, boxes, sightings, a trajectory.
 
     Raises
     ------
     MachineError
-        The folder is full, read-only or gone.
+        The folder is full, read-only or missing.
     """
-    columns = {name: getattr(lines, name) for name in (*VERTEX_COLUMNS, *LINE_COLUMNS)}
-    return _write({"xyz": lines.xyz, "offsets": lines.offsets, "crs": np.array(lines.crs), **columns}, path)
+    columns = {field.name: getattr(value, field.name) for field in fields(value)}
+    return _write({name: np.asarray(column) for name, column in columns.items() if column is not None}, path)
 
 
-def read_line_part(path: Path, sha256: str) -> LineSet | None:
-    """Return the lines of a part, or None where it is gone or is not what was written."""
+def read_part(kind: type[PartT], path: Path, sha256: str) -> PartT | None:
+    """Return what `write_part` wrote, or None where the file is missing or has other bytes."""
     columns = _read(path, sha256)
-    return None if columns is None else LineSet(crs=str(columns.pop("crs")), **columns)
-
-
-def write_box_part(boxes: BoxSet, path: Path) -> str:
-    """Write boxes, as `write_line_part` does lines."""
-    return _write({name: getattr(boxes, name) for name in ("centre", "u", *BOX_COLUMNS)}, path)
-
-
-def read_box_part(path: Path, sha256: str) -> BoxSet | None:
-    """Return the boxes of a part, or None where it is gone or is not what was written."""
-    columns = _read(path, sha256)
-    return None if columns is None else BoxSet(**columns)
-
-
-def write_sighting_part(seen: Sightings, path: Path) -> str:
-    """Write sightings, as `write_line_part` does lines."""
-    return _write({name: getattr(seen, name) for name in ("xyz", *SIGHTING_COLUMNS)}, path)
-
-
-def read_sighting_part(path: Path, sha256: str) -> Sightings | None:
-    """Return the sightings of a part, or None where it is gone or is not what was written."""
-    columns = _read(path, sha256)
-    return None if columns is None else Sightings(**columns)
-
-
-def write_path_part(trajectory: Trajectory, path: Path) -> str:
-    """Write a trajectory: read back by many workers, a hundred times as fast as its CSV."""
-    columns = {"time_s": trajectory.time_s, "xyz": trajectory.xyz}
-    for name in ("attitude_deg", "sigma_xyz_m", "sigma_attitude_deg"):
-        value = getattr(trajectory, name)
-        columns |= {} if value is None else {name: value}
-    return _write(columns, path)
+    return None if columns is None else kind(**columns)
 
 
 def read_path_part(path: Path) -> Trajectory:
-    """Return the trajectory of a part."""
+    """Return the trajectory of a part that this run has written, without checking its bytes."""
     with np.load(path, allow_pickle=False) as held:
         return Trajectory(**{name: held[name] for name in held.files})
 
@@ -99,7 +76,8 @@ def _write(columns: Mapping[str, AnyArray], path: Path) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def _read(path: Path, sha256: str) -> dict[str, AnyArray] | None:
+def _read(path: Path, sha256: str) -> dict[str, Any] | None:
+    """Return the columns of a part; a string is an array without dimensions in the file."""
     try:
         data = path.read_bytes()
     except OSError:
@@ -107,4 +85,5 @@ def _read(path: Path, sha256: str) -> dict[str, AnyArray] | None:
     if hashlib.sha256(data).hexdigest() != sha256:
         return None
     with np.load(io.BytesIO(data), allow_pickle=False) as held:
-        return {name: held[name] for name in held.files}
+        columns = {name: held[name] for name in held.files}
+    return {name: column if column.ndim else column.item() for name, column in columns.items()}

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from linework.arrays import FloatArray, IntArray
+from linework.arrays import FloatArray, IntArray, distance_along
 from linework.editing.edits.attributes import check_line_kind, with_attribute, with_kind, with_review
 from linework.editing.edits.dashes import dashes_by_paint, with_missing_dashes
 from linework.editing.edits.new_lines import line_beside, wire_through, with_heights
@@ -255,7 +255,7 @@ def _placed(edit: EditOrder, inputs: EditInputs, line: FloatArray | None) -> tup
             "nothing was measured at these places", where="draw", advice="draw where the survey has points"
         )
     # Between places of known height it is interpolated
-    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))]
+    along = distance_along(xyz)
     xyz[~known, 2] = np.interp(along[~known], along[known], xyz[known, 2])
     return xyz, sigmas
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.arrays import BoolArray, FloatArray, IntArray, distance_along
 from linework.editing.edits.attributes import with_review
 from linework.editing.edits.continued import SAME_LINE_M, Gap, continue_lines
 from linework.editing.edits.split_join import join_two_lines
@@ -103,7 +103,7 @@ def _same_wire(one: LineSet, lines: LineSet) -> list[int]:
 
 def stations_of(xyz: FloatArray) -> FloatArray:
     """Return places (k, 3) along a line (n, 3), `SAME_WIRE_M` apart at most. [m]"""  # noqa: D400
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xyz, axis=0), axis=1))])
+    along = distance_along(xyz, in_space=True)
     at = np.linspace(0.0, along[-1], int(np.ceil(along[-1] / SAME_WIRE_M)) + 1)
     return np.stack([np.interp(at, along, column) for column in xyz.T], axis=1)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import FloatArray
+from linework.arrays import FloatArray, distance_along
 from linework.editing.edits.dashes import dashes_in_paint
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
@@ -47,7 +47,7 @@ def brightness_along(
         (k,) every `BRIGHTNESS_STATION_M`: relative to asphalt, 0 without points; number of points.
     """
     half_m = float(np.fmax(0.5 * width_m, LEAST_HALF_M))
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
+    along = distance_along(xyz)
     at = (np.arange(max(int(along[-1] / BRIGHTNESS_STATION_M), 1)) + 0.5) * BRIGHTNESS_STATION_M
     places = np.stack([np.interp(at, along, column) for column in xyz[:, :2].T], axis=1)
     total, count = np.zeros(len(at)), np.zeros(len(at))

@@ -1,4 +1,7 @@
-"""Request to a worker for the suspects among lines, from the van's path, what was measured, and the paint."""
+"""Request to a worker for the suspects among lines, from the van's path, what was measured, and the paint.
+
+Apart from `queue`, because it runs in the worker and needs the opened survey.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from linework.editing.queue.suspects import Suspect, loose_wires, missing_dashes
 from linework.lines.along import DrivenPath
 from linework.methods.protocol import Sight
 from linework.model.lines import LineSet
-from linework.runs.opened.sight import SurveySight
+from linework.runs.opened.surface import SurveySight
 from linework.workbench.review.paint import PaintOfLines
 from linework.workbench.worker.session import SurveySession
 

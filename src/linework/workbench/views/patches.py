@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.spatial import cKDTree
 
-from linework.arrays import AnyArray, Float32Array, FloatArray
+from linework.arrays import AnyArray, Float32Array, FloatArray, distance_along
 from linework.files.store.read import PointStore
 from linework.kernels.cells.tile_cells import divided_by
 from linework.model.grid import Bounds
@@ -211,7 +211,7 @@ def asphalt_level(store: PointStore, surface: SurveySurface, path: FloatArray) -
     """
     if len(path) == 0 or not store.facts.get("has_intensity", True):
         return None
-    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T))]
+    along = distance_along(path)
     tree = cKDTree(path[np.unique(np.floor(along / _BIN_M), return_index=True)[1]])
     blocks, _ = store.block_counts
     values: list[list[AnyArray]] = [[] for _ in range(int(_FARTHEST_M / _BIN_M))]

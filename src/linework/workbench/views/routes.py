@@ -41,7 +41,7 @@ from linework.workbench.views.tiles import prepare_tiles, tile_png
 views_router = APIRouter(prefix="/api")
 
 #: Zoom, column or row of a tile; those outside the survey are empty.
-TileNumber = Annotated[int, Path(ge=-(2**31), le=2**31)]
+TileIndex = Annotated[int, Path(ge=-(2**31), le=2**31)]
 #: Largest coordinate, as in the point store. [m]
 FARTHEST_QUERY_M = 1e8
 QueryMetres = Annotated[float, Query(ge=-FARTHEST_QUERY_M, le=FARTHEST_QUERY_M, allow_inf_nan=False)]
@@ -69,9 +69,9 @@ async def get_tile(
     request: Request,
     app_state: CurrentState,
     image: str,
-    z: TileNumber,
-    col: TileNumber,
-    row: TileNumber,
+    z: TileIndex,
+    col: TileIndex,
+    row: TileIndex,
 ) -> Response:
     """Return an image of a tile as PNG, or 204 for a tile without points."""
     prefetcher = prefetcher_of(request, app_state)

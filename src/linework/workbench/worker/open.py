@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from linework.arrays import FloatArray
+from linework.arrays import FloatArray, distance_along
 from linework.files.geodesy.crs import LOCAL, describe_crs
 from linework.files.store.layout import STORE_BLOCK_M
 from linework.model.grid import Bounds
@@ -114,7 +114,7 @@ def _path(recordings: Recordings) -> FloatArray:
     if trajectory is None or len(trajectory) == 0:
         return np.zeros((0, 3))
     xyz = trajectory.xyz
-    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))]
+    along = distance_along(xyz)
     first = np.unique(np.floor(along / _PATH_STEP_M), return_index=True)[1]
     return np.asarray(xyz[np.unique(np.r_[first, len(xyz) - 1])])
 

@@ -1,8 +1,8 @@
-"""Bounding volumes of points: axis-aligned box, oriented box, polytope of fixed directions.
+"""The bounding volumes of Kang, Lee and Lee (2023) and their collision tests, as published.
 
-The oriented box is the one that tracking uses; figure 1 of the paper compares the three [1]. Each is frozen,
-made from points, and knows its corners and what it contains. Whether two of them collide is told in
-`linework.methods.obb.boxes`.
+Figure 1 of the paper compares the axis-aligned box, the oriented box and the polytope of fixed directions [1]; its
+tracking joins oriented boxes that collide (step 2.5). `linework.methods.obb` keeps the centres, directions and extents
+of its boxes in columns and tests rectangles in plan; these classes hold one volume each, in space.
 
 References
 ----------
@@ -21,7 +21,7 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray, checked
 from linework.kernels.tracking.track import collides_in_plan
 
-#: What rounding adds to a point's place in a box; less than any scanner resolves. [m]
+#: Tolerance for rounding of a point on the side of a box; less than any scanner resolves. [m]
 ROUNDING_M = 1e-9
 
 
@@ -38,22 +38,28 @@ class AABB:
 
     @classmethod
     def of(cls, xyz: FloatArray) -> AABB:
-        """Return the smallest box around points (n, 3)."""
+        """Return the smallest box around points (n, 3) [m].
+
+        Raises
+        ------
+        ValueError
+            There are no points, or they have another shape.
+        """
         xyz = _points(xyz)
         return cls(xyz.min(axis=0), xyz.max(axis=0))
 
     @property
     def centre(self) -> FloatArray:
-        """Middle of the box, (3,)."""
+        """Centre of the box, (3,) [m]."""
         return 0.5 * (self.low + self.high)
 
     @property
     def corners(self) -> FloatArray:
-        """Corners, (8, 3), the last axis changing fastest."""
+        """Corners, (8, 3) [m], the last axis changing fastest."""
         return np.where(_SIGNS < 0, self.low, self.high)
 
     def contains(self, xyz: FloatArray) -> BoolArray:
-        """Return which points (n, 3) are in the box or on its sides."""
+        """Return which points (n, 3) [m] are in the box or on its sides, (n,) bool."""
         return np.asarray(((xyz >= self.low) & (xyz <= self.high)).all(axis=1))
 
 
@@ -84,6 +90,11 @@ class OBB:
         line
             (2,) or (3,): direction of the line; with 3 numbers the box climbs with it, its v-axis stays level.
 
+        Raises
+        ------
+        ValueError
+            There are no points, or the line has no direction in plan.
+
         >>> box = OBB.along(np.array([[0.0, 0.0, 0.0], [2.0, 2.0, 1.0]]), np.array([1.0, 1.0]))
         >>> box.half_m.round(3).tolist()
         [1.414, 0.0, 0.5]
@@ -100,6 +111,11 @@ class OBB:
         """Return the upright box of least area in plan around points (n, 3), its longer side along u.
 
         One side of the smallest rectangle lies on an edge of the convex hull: every edge is tried.
+
+        Raises
+        ------
+        ValueError
+            There are no points, or they have another shape.
         """
         hull = _hull_in_plan(_points(xyz)[:, :2])
         edges = np.diff(np.concatenate([hull, hull[:1]]), axis=0)
@@ -127,20 +143,20 @@ class OBB:
 
     @property
     def corners(self) -> FloatArray:
-        """Corners, (8, 3), the w-axis changing fastest."""
+        """Corners, (8, 3) [m], the w-axis changing fastest."""
         return np.asarray(self.centre + (_SIGNS * self.half_m) @ self.axes)
 
     def contains(self, xyz: FloatArray) -> BoolArray:
-        """Return which points (n, 3) are in the box or on its sides."""
+        """Return which points (n, 3) [m] are in the box or on its sides, (n,) bool."""
         local = (xyz - self.centre) @ self.axes.T
         return np.asarray((np.abs(local) <= self.half_m + ROUNDING_M).all(axis=1))
 
     def moved(self, along_m: float) -> OBB:
-        """Return the box moved along its u-axis: A' of the paper's figure 12."""
+        """Return the box moved along its u-axis [m]: A' of the paper's figure 12."""
         return replace(self, centre=self.centre + along_m * self.u)
 
     def grown(self, by_m: float) -> OBB:
-        """Return the box with every side moved outwards."""
+        """Return the box with every side moved outwards by `by_m` [m]."""
         return replace(self, half_m=self.half_m + by_m)
 
 
@@ -162,7 +178,13 @@ class KDOP:
 
     @classmethod
     def of(cls, xyz: FloatArray, directions: FloatArray) -> KDOP:
-        """Return the smallest polytope of these directions (m, 3) around points (n, 3)."""
+        """Return the smallest polytope of these directions (m, 3) around points (n, 3) [m].
+
+        Raises
+        ------
+        ValueError
+            There are no points, or an array has another shape.
+        """
         directions = checked("directions", directions, np.float64, (None, 3))
         directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
         along = _points(xyz) @ directions.T
@@ -170,7 +192,7 @@ class KDOP:
 
     @property
     def corners(self) -> FloatArray:
-        """Corners, (n, 3): where three of its planes meet and no other one cuts the place off."""
+        """Corners, (n, 3) [m]: places where three of its planes meet and that no other plane cuts off."""
         slabs = np.array(list(combinations(range(len(self.directions)), 3)))
         normals = self.directions[slabs]
         slabs = slabs[np.abs(np.linalg.det(normals)) > 1e-9]
@@ -182,7 +204,7 @@ class KDOP:
         return np.asarray(np.unique(places.round(6), axis=0))
 
     def contains(self, xyz: FloatArray) -> BoolArray:
-        """Return which points (n, 3) are in the polytope or on its sides."""
+        """Return which points (n, 3) [m] are in the polytope or on its sides, (n,) bool."""
         along = xyz @ self.directions.T
         return np.asarray(((along >= self.low - ROUNDING_M) & (along <= self.high + ROUNDING_M)).all(axis=1))
 
@@ -190,6 +212,13 @@ class KDOP:
 def dop_directions(k: int) -> FloatArray:
     """Return the directions (k / 2, 3) of the usual k-DOPs: faces of a cube (6), its corners and edges cut off.
 
+    Raises
+    ------
+    ValueError
+        k is none of 6, 14, 18, 26.
+
+    Examples
+    --------
     >>> [len(dop_directions(k)) for k in (6, 14, 18, 26)]
     [3, 7, 9, 13]
     """
@@ -202,13 +231,14 @@ def dop_directions(k: int) -> FloatArray:
     return np.array(known[k], dtype=np.float64)
 
 
+#: Signs of the corners of a box, (8, 3).
 _SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
 def _points(xyz: FloatArray) -> FloatArray:
     xyz = checked("xyz", xyz, np.float64, (None, 3))
     if len(xyz) == 0:
-        raise ValueError("no points: they have no box")
+        raise ValueError("no points: a bounding volume needs one at least")
     return xyz
 
 
@@ -244,14 +274,12 @@ def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
     return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
-# Do two boxes collide: the separating axis theorem (step 2.5)
-
 #: Cross products of unit vectors shorter than this are rounding: the axes are parallel.
 PARALLEL = 1e-12
 
 
 def collide_in_plan(a: OBB, b: OBB) -> bool:
-    """Return whether two boxes share a place in plan: four axes, the sides of both rectangles.
+    """Return whether two boxes overlap in plan: four axes, the sides of both rectangles.
 
     >>> box = OBB.along(np.array([[0.0, 0.0, 0.0], [1.0, 0.2, 0.0]]), np.array([1.0, 0.0]))
     >>> collide_in_plan(box, box.moved(0.9)), collide_in_plan(box, box.moved(1.1))
@@ -262,11 +290,11 @@ def collide_in_plan(a: OBB, b: OBB) -> bool:
 
 
 def collide_in_space(a: OBB, b: OBB) -> bool:
-    """Return whether two boxes share a place in space: 15 axes, the faces of both and each edge with each.
+    """Return whether two boxes overlap in space: 15 axes, the faces of both and each edge with each.
 
-    Of parallel edges the cross product is nothing but rounding and is passed over: the faces decide there.
-    Nearly parallel ones need no tolerance, as any axis of unit length that parts the boxes proves them
-    disjoint, be it the cross product to all digits or not.
+    The cross product of parallel edges is only rounding and is skipped: the faces decide there. Nearly parallel edges
+    need no tolerance, as any axis of unit length that separates the boxes proves them disjoint, even if it is not
+    exactly the cross product.
     """
     edges = np.cross(a.axes[:, None], b.axes[None]).reshape(9, 3)
     length = np.linalg.norm(edges, axis=1)
@@ -279,8 +307,8 @@ def collide_in_space(a: OBB, b: OBB) -> bool:
 def collide_by_slabs(a: KDOP, b: KDOP) -> bool:
     """Return whether two polytopes of the same directions overlap on each of these.
 
-    False proves them disjoint. True does not prove that they share a place, as edges against edges are not
-    tried: that is what makes the test fast.
+    False proves them disjoint. True does not prove that they overlap, as edges against edges are not tried: that is
+    what makes the test fast.
 
     Raises
     ------

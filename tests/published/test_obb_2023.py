@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 from shapely import MultiPoint
 from tests.scenes.effort import examples
 
-from linework.methods.obb.boxes import (
+from linework.published.obb_2023 import (
     AABB,
     KDOP,
     OBB,

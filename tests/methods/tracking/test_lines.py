@@ -104,9 +104,9 @@ def test_a_dashed_line_is_one_line_with_its_dashes():
 
 
 def test_a_solid_line_ends_where_there_is_road_and_no_paint():
-    courses = straight(20.0), straight(20.0, x=30.0)
-    assert len(lines_of(boxes_on(*courses), everything_seen)[0]) == 2
-    hidden, _ = lines_of(boxes_on(*courses), nothing_seen)
+    axes = straight(20.0), straight(20.0, x=30.0)
+    assert len(lines_of(boxes_on(*axes), everything_seen)[0]) == 2
+    hidden, _ = lines_of(boxes_on(*axes), nothing_seen)
     assert len(hidden) == 1
     assert marking_lines.marking_line_set(hidden, "lane_marking").bridged_m[0] == pytest.approx(10.0, abs=1.5)
 
@@ -134,51 +134,51 @@ def test_a_boundary_runs_on_through_drives_and_ends_at_mouths():
     np.testing.assert_allclose(tops.xyz[:, 1], -0.03, atol=0.02)
 
 
-def course(y, *, turned=False, length=40.0):
+def axis(y, *, turned=False, length=40.0):
     t = np.linspace(0.0, length, 81)
     xyz = np.column_stack([t[::-1] if turned else t, np.full(81, y), np.zeros(81)])
     return LineAxis.of(t, xyz)
 
 
-def bounds(courses, kerbs, lanes=()):
-    return bounds_carriageway(courses, np.array(kerbs), np.array(kerbs), lanes).tolist()
+def bounds(axes, kerbs, lanes=()):
+    return bounds_carriageway(axes, np.array(kerbs), np.array(kerbs), lanes).tolist()
 
 
 def test_what_stands_behind_a_kerb_is_no_boundary():
     # Carriageway north of both: kerb at 0, wall at -2; across the road a kerb that looks back
-    courses = [course(0.0), course(-2.0), course(7.0, turned=True)]
-    assert bounds(courses, [True, False, True]) == [True, False, True]
+    axes = [axis(0.0), axis(-2.0), axis(7.0, turned=True)]
+    assert bounds(axes, [True, False, True]) == [True, False, True]
 
 
 def test_an_edge_does_not_hide_a_kerb_and_is_none_beside_it():
-    courses = [course(0.0), course(1.0), course(7.0, turned=True)]
-    assert bounds(courses, [True, False, True]) == [True, False, True]
+    axes = [axis(0.0), axis(1.0), axis(7.0, turned=True)]
+    assert bounds(axes, [True, False, True]) == [True, False, True]
 
 
 def test_a_seam_of_the_asphalt_is_no_boundary():
-    courses = [course(0.0), course(4.0), course(8.0, turned=True)]
-    assert bounds(courses, [False, False, False], [course(3.5)]) == [True, False, True]
+    axes = [axis(0.0), axis(4.0), axis(8.0, turned=True)]
+    assert bounds(axes, [False, False, False], [axis(3.5)]) == [True, False, True]
 
 
 def test_an_edge_needs_a_carriageway_and_a_kerb_shows_it():
-    elsewhere = course(100.0)
-    assert bounds([course(0.0)], [False], [elsewhere]) == [False]
-    assert bounds([course(0.0)], [True], [elsewhere]) == [True]
-    assert bounds([course(0.0)], [False], [course(3.0)]) == [True]
-    assert bounds([course(0.0)], [False], [course(-2.0)]) == [False]
+    elsewhere = axis(100.0)
+    assert bounds([axis(0.0)], [False], [elsewhere]) == [False]
+    assert bounds([axis(0.0)], [True], [elsewhere]) == [True]
+    assert bounds([axis(0.0)], [False], [axis(3.0)]) == [True]
+    assert bounds([axis(0.0)], [False], [axis(-2.0)]) == [False]
     # Without paint or a van's way there is nothing to ask
-    assert bounds([course(0.0)], [False]) == [True]
+    assert bounds([axis(0.0)], [False]) == [True]
 
 
 def test_kerb_stones_are_no_paint():
     stone, paint = boxes_on(straight(20.0, y=-0.1)), boxes_on(straight(20.0, y=0.3))
-    assert beside_kerb(stone, [course(0.0)], -0.45, 0.04).all()
-    assert not beside_kerb(paint, [course(0.0)], -0.45, 0.04).any()
+    assert beside_kerb(stone, [axis(0.0)], -0.45, 0.04).all()
+    assert not beside_kerb(paint, [axis(0.0)], -0.45, 0.04).any()
 
 
 def test_bright_strips_behind_a_kerb_are_no_markings():
-    kerbs = [course(0.0), course(7.0, turned=True)]
-    lanes, is_kerb = [course(3.0), course(-5.0), course(9.0)], np.ones(2, bool)
+    kerbs = [axis(0.0), axis(7.0, turned=True)]
+    lanes, is_kerb = [axis(3.0), axis(-5.0), axis(9.0)], np.ones(2, bool)
     assert behind_boundaries(lanes, kerbs, is_kerb).tolist() == [False, True, True]
     # Behind the edge of one carriageway the next may begin
     assert behind_boundaries(lanes, kerbs, ~is_kerb).tolist() == [False, False, True]
@@ -186,23 +186,23 @@ def test_bright_strips_behind_a_kerb_are_no_markings():
 
 
 def test_a_piece_of_a_line_is_no_bar():
-    bars = [course(0.1, length=3.0), course(1.0, length=3.0)]
-    assert along_lines(bars, [course(0.0)], 0.45).tolist() == [True, False]
+    bars = [axis(0.1, length=3.0), axis(1.0, length=3.0)]
+    assert along_lines(bars, [axis(0.0)], 0.45).tolist() == [True, False]
 
 
 def test_double_lines_and_roles():
-    markings = [course(0.0), course(3.5), course(3.75), course(7.2)]
-    kerbs = [course(-0.8), course(8.0, turned=True)]
+    markings = [axis(0.0), axis(3.5), axis(3.75), axis(7.2)]
+    kerbs = [axis(-0.8), axis(8.0, turned=True)]
     double = is_double(markings)
     assert double.tolist() == [False, True, True, False]
     assert roles(markings, kerbs, [], double) == ["edge", "centre", "centre", "edge"]
-    one, kerbs = [course(3.6)], [course(-1.0), course(8.2, turned=True)]
+    one, kerbs = [axis(3.6)], [axis(-1.0), axis(8.2, turned=True)]
     assert roles(one, kerbs, [], is_double(one)) == ["centre"]
-    motorway = [course(0.0), course(3.75), course(7.5), course(11.25)]
+    motorway = [axis(0.0), axis(3.75), axis(7.5), axis(11.25)]
     assert roles(motorway, [], [], is_double(motorway)) == ["edge", "lane", "lane", "edge"]
-    three = [course(0.0), course(3.75), course(7.5)]
-    assert roles(three, [], [course(1.8), course(5.6)], is_double(three)) == ["edge", "lane", "edge"]
-    assert roles(three, [], [course(1.8), course(5.6, turned=True)], is_double(three)) == [
+    three = [axis(0.0), axis(3.75), axis(7.5)]
+    assert roles(three, [], [axis(1.8), axis(5.6)], is_double(three)) == ["edge", "lane", "edge"]
+    assert roles(three, [], [axis(1.8), axis(5.6, turned=True)], is_double(three)) == [
         "edge",
         "centre",
         "edge",
@@ -210,10 +210,10 @@ def test_double_lines_and_roles():
 
 
 def test_bars_stop_lines_and_arrows():
-    bars = [course(float(y), length=3.5) for y in range(4)]
+    bars = [axis(float(y), length=3.5) for y in range(4)]
     stop = LineAxis.of(
         np.linspace(0, 3, 7), np.column_stack([np.full(7, 50.0), np.linspace(0, 3, 7), np.zeros(7)])
     )
-    arrow = course(20.0, length=3.5)
-    road = [course(-1.0, length=60.0), course(22.0, length=60.0)]
+    arrow = axis(20.0, length=3.5)
+    road = [axis(-1.0, length=60.0), axis(22.0, length=60.0)]
     assert paint_forms([*bars, stop, arrow], road) == ["zebra"] * 4 + ["stop", "arrow"]

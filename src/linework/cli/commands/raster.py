@@ -1,4 +1,4 @@
-"""`linework raster`: the images of a survey, for machines (GeoTIFF) and for people (PNG)."""
+"""`linework raster`: a survey as raster images, GeoTIFF for GIS and PNG for the eye."""
 
 from __future__ import annotations
 
@@ -9,6 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from linework.cli.failures import warn
+from linework.cli.options import (
+    AsJson,
+    Crs,
+    Overwrite,
+    Quiet,
+    SurveyArgument,
+    TrajectoryFile,
+    WorkFolder,
+    with_trajectory,
+)
 
 if TYPE_CHECKING:
     from linework.arrays import Float32Array
@@ -22,49 +32,48 @@ if TYPE_CHECKING:
     from linework.runs.opened.points import SurveyInMemory
     from linework.runs.steps import RunSteps
 
+#: Cell sizes allowed [m]. Below a millimetre no survey has more to show, and the grid has 10^12 cells.
+_CELL_RANGE_M = (0.001, 1000.0)
+
 
 def raster(
-    surveys: Annotated[
-        list[Path],
-        typer.Argument(metavar="SURVEY...", help="Laser files, a folder of them, or a survey folder."),
-    ],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")],
-    cell_m: Annotated[float, typer.Option("--cell-m", help="Cell of a north-up grid.")] = 0.20,
+    surveys: SurveyArgument,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Output folder.")],
+    cell_m: Annotated[float, typer.Option("--cell-m", help="Cell size of the north-up grid [m].")] = 0.20,
     cell_along_m: Annotated[
         str,
         typer.Option(
             "--cell-along-m",
-            help="Cell along the main direction, the grid turned to it; auto: the spacing of the scan lines.",
+            help="Cell size along the main direction [m], with the grid rotated to it; auto: scan-line spacing.",
         ),
     ] = "",
     cell_across_m: Annotated[
-        float, typer.Option("--cell-across-m", help="Cell across the main direction; --cell-m if not given.")
+        float,
+        typer.Option(
+            "--cell-across-m",
+            show_default=False,
+            help="Cell size across the main direction [m]; default: --cell-m.",
+        ),
     ] = math.nan,
     min_height_m: Annotated[
-        float, typer.Option("--min-height-m", help="Binary image: lowest height above the road.")
+        float, typer.Option("--min-height-m", help="Binary image: minimum height above the road [m].")
     ] = 0.2,
     max_height_m: Annotated[
-        float, typer.Option("--max-height-m", help="Binary image: greatest height above the road.")
+        float, typer.Option("--max-height-m", help="Binary image: maximum height above the road [m].")
     ] = 1.2,
-    trajectory: Annotated[
-        Path | None,
-        typer.Option("--trajectory", help="Where the van was (CSV), its origin, not an antenna's."),
-    ] = None,
-    crs: Annotated[
-        str, typer.Option("--crs", help="EPSG:... or local: the CRS where the files do not say.")
-    ] = "",
-    work: Annotated[
-        Path | None,
-        typer.Option("--work", help="Folder for the points; .linework beside the survey if not given."),
-    ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the images in DIR.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the record of the run as JSON.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
+    trajectory: TrajectoryFile = None,
+    crs: Crs = "",
+    work: WorkFolder = None,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
-    """Draw density, heights, intensity, road, binary and Radon images of SURVEY, with run.json beside them."""
+    """Rasterise SURVEY: density, heights, intensity, road, binary and Radon images.
+
+    Writes each image as GeoTIFF and PNG, and run.json beside them.
+    """
     import json
 
-    from linework.cli.extract import with_trajectory
     from linework.cli.progress import open_display
     from linework.errors import PartialError
     from linework.files.output.publish import check_output_folder
@@ -94,13 +103,16 @@ def raster(
 
 
 def _cells(cell_m: float, along: str, across_m: float) -> tuple[float | None, float, float]:
-    """Return (cell of a north-up grid or None, cell along, cell across); NaN along: measure it."""
+    """Return the cell size of a north-up grid, or None, and those along and across the main direction [m].
+
+    NaN along the main direction: the scan-line spacing, still to be measured.
+    """
     from linework.errors import UsageError
 
     def checked(name: str, value: float) -> float:
-        # below a millimetre no survey has anything to show, and the grid has 10^12 cells
-        if not 0.001 <= value <= 1000.0:
-            raise UsageError(f"{name} is {value:g}, expected 0.001 to 1000 m", where="raster")
+        low_m, high_m = _CELL_RANGE_M
+        if not low_m <= value <= high_m:
+            raise UsageError(f"{name} is {value:g}, expected {low_m:g} to {high_m:g} m", where="raster")
         return value
 
     cell_m = checked("--cell-m", cell_m)
@@ -113,7 +125,9 @@ def _cells(cell_m: float, along: str, across_m: float) -> tuple[float | None, fl
     try:
         value = float(along) if along else cell_m
     except ValueError:
-        raise UsageError(f"--cell-along-m is {along!r}, expected metres or auto", where="raster") from None
+        raise UsageError(
+            f"--cell-along-m is {along!r}, expected a number of metres or auto", where="raster"
+        ) from None
     return None, checked("--cell-along-m", value), across
 
 
@@ -127,9 +141,9 @@ def _check_band(config: FigureConfig) -> None:
 
 
 def _read(survey: Survey, work: Path | None, steps: RunSteps) -> SurveyInMemory:
-    """Read points and trajectory."""
-    from linework.cli.extract import usable_cores
+    """Return the points and trajectory of the survey, in memory."""
     from linework.runs.opened.points import opened_survey, read_into_memory
+    from linework.runs.opened.store import usable_cores
     from linework.runs.opened.work_folder import work_folder
 
     folder = work_folder(survey.root, work)
@@ -165,7 +179,7 @@ def _publish(
     overwrite: bool,
     steps: RunSteps,
 ) -> dict[str, Any]:
-    """Write all images and run.json into one folder that appears whole, and return the record."""
+    """Write all images and run.json as one folder, which appears complete or not at all; return the record."""
     from linework.files.geodesy.crs import describe_crs, epsg_text
     from linework.files.images.geotiff import write_geotiff
     from linework.files.output.publish import publish_folder
@@ -216,7 +230,7 @@ def _normalised(points: Points, surface: RoadSurface, path: Trajectory | None) -
 def _record(
     survey: Survey, read: SurveyPoints, what: tuple[Grid, FigureConfig], names: list[str], steps: RunSteps
 ) -> dict[str, Any]:
-    """Return what goes into run.json."""
+    """Return the content of run.json."""
     from dataclasses import asdict
 
     from linework.files.geodesy.crs import describe_crs
@@ -247,7 +261,7 @@ def _record(
 
 def _summary(record: dict[str, Any], output: Path) -> str:
     grid, counts = record["parameters"]["grid"], record["counts"]
-    turned = f", turned {grid['rotation_deg']:.2f} deg" if grid["rotation_deg"] else ""
+    turned = f", rotated {grid['rotation_deg']:.2f} deg" if grid["rotation_deg"] else ""
     return (
         f"{counts['points_used']:,} points on {grid['n_rows']:,} x {grid['n_cols']:,} cells of "
         f"{grid['cell_width_m']:.3g} x {grid['cell_height_m']:.3g} m{turned}\n"

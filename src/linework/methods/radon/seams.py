@@ -1,4 +1,4 @@
-"""Lines across the seams of tiles: cut where a core ends, joined again with what the next core found."""
+"""Lines across the seams of tiles: cut at the edge of a core, and joined with the lines of the next core."""
 
 from __future__ import annotations
 
@@ -12,24 +12,26 @@ from linework.lines.names import midpoints
 from linework.model.grid import Bounds
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
-#: A wire's span is shorter than any buffer: it belongs whole to the core that holds its middle.
+#: Kinds that are never cut: a span of wire is shorter than any buffer, and belongs to the core that holds its middle.
 UNCUT_AT_SEAMS = ("cable",)
-#: What is left of a line on the other side of a seam, shorter than this, is no line. [m]
+#: Least length of a line that ends at a seam without a continuation: shorter pieces are rounding. [m]
 MIN_PIECE_M = 0.05
-#: Tiles that see the same stations cut the same line at the same place, to rounding. [m]
+#: Ends within this distance are joined in any direction: tiles with the same points cut a line at the same place, to
+#: rounding. [m]
 MEET_M = 0.001
-#: Where the line runs on straight through a cut, no vertex stays there. [m]
+#: Cuts within this distance of the straight line through their neighbours leave no vertex. [m]
 STRAIGHT_CUT_M = 0.0001
-#: Two tiles see the same points about a seam: what they find there is apart by less than this. [m]
+#: Greatest distance of two ends that are joined: two tiles have the same points around a seam, and find nearly the
+#: same line. [m]
 MAX_SEAM_STEP_M = 0.15
-#: And has the same direction within this.
+#: Greatest difference of the directions of two ends that are joined. [deg]
 MAX_TURN_DEG = 20.0
-#: Smallest stretch of a line that its direction is taken over. [m]
+#: Length over which the direction of an end is measured. [m]
 _TANGENT_M = 1.0
 
 
 def inside_core(lines: LineSet, core: Bounds) -> LineSet:
-    """Return what of the lines a core answers for: parts inside it, of kinds that are never cut the whole.
+    """Return the parts of lines inside a core; lines that are never cut are whole, if their middle is inside.
 
     A cut end lies exactly on the core's edge.
 
@@ -47,18 +49,18 @@ def inside_core(lines: LineSet, core: Bounds) -> LineSet:
         else:
             intervals = _intervals_inside(xyz, core)
         for interval in intervals:
-            # However short: what goes on beyond the seam belongs to it
+            # However short: its continuation beyond the seam may be long
             owner.append(i)
             pieces.append(_piece(lines, i, interval, core))
     return _assembled(lines, owner, pieces)
 
 
 def join_seams(lines: LineSet, cores: Sequence[Bounds]) -> LineSet:
-    """Return the lines with pieces that meet at a core's edge joined into one.
+    """Return the lines, those that meet at the edge of a core joined into one.
 
     Two ends are joined when both lie on an edge, are less than `MAX_SEAM_STEP_M` apart and go on in the same
     direction (or are at one place: shards are too short for a direction); of several the closest. Shards
-    that go on nowhere are left out.
+    without a continuation are dropped.
     """
     ends, tangents = _ends(lines)
     on_edge = np.isin(ends[:, 0], [x for c in cores for x in (c.west, c.east)])
@@ -150,7 +152,7 @@ def _joined(parts: Sequence[dict[str, AnyArray]]) -> dict[str, AnyArray]:
 
 
 def _without_straight(xyz: FloatArray, cuts: Sequence[int]) -> BoolArray:
-    """Return which vertices stay: all but the cuts that lie on the line between what is before and after them."""
+    """Return which vertices stay: all but the cuts on the straight line between the vertices before and after."""
     kept = np.ones(len(xyz), dtype=bool)
     for at in cuts:
         before, after = at - 1, at + 1
@@ -160,14 +162,14 @@ def _without_straight(xyz: FloatArray, cuts: Sequence[int]) -> BoolArray:
             after += 1
         if before < 0 or after >= len(xyz):
             continue
-        way, step = xyz[after] - xyz[before], xyz[at] - xyz[before]
-        share = float(np.clip(step @ way / max(float(way @ way), 1e-18), 0.0, 1.0))
-        kept[at] = float(np.linalg.norm(step - share * way)) > STRAIGHT_CUT_M
+        chord, step = xyz[after] - xyz[before], xyz[at] - xyz[before]
+        share = float(np.clip(step @ chord / max(float(chord @ chord), 1e-18), 0.0, 1.0))
+        kept[at] = float(np.linalg.norm(step - share * chord)) > STRAIGHT_CUT_M
     return kept
 
 
 def _assembled(lines: LineSet, owner: Sequence[int], pieces: Sequence[dict[str, AnyArray]]) -> LineSet:
-    """Return the pieces as lines with the columns of the line each comes from."""
+    """Return the pieces as lines, each with the columns of the line that it comes from."""
     if not pieces:
         return LineSet.empty(lines.crs)
     columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in VERTEX_COLUMNS}
@@ -188,7 +190,7 @@ def _ends(lines: LineSet) -> tuple[FloatArray, FloatArray]:
 
 
 def _partners(kind: AnyArray, ends: FloatArray, tangents: FloatArray, edge: AnyArray) -> dict[int, int]:
-    """Return which end goes on in which other, both ways, the closest pairs first."""
+    """Return the end that each end continues in, both ways; the closest pairs are taken first."""
     pairs = []
     for n, a in enumerate(edge.tolist()):
         others = edge[n + 1 :]
@@ -225,7 +227,7 @@ def _chains(n_lines: int, partner: dict[int, int]) -> list[list[tuple[int, bool]
 
 
 def _merged_columns(lines: LineSet, owner: Sequence[Sequence[int]]) -> dict[str, AnyArray]:
-    """Return the numbers of joined lines: means and votes by length, the least clearance, all of the time."""
+    """Return the columns of joined lines: means and majorities by length, the least clearance, the whole time span."""
     merged: dict[str, AnyArray] = {}
     weights = np.maximum(lines.length_m, 1e-9)
     for name in LINE_COLUMNS:

@@ -1,43 +1,33 @@
-"""`linework info`: what a survey holds."""
+"""`linework info`: a summary of a survey."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
 from linework.cli.failures import warn
+from linework.cli.options import AsJson, Crs, Quiet, SurveyArgument, WorkFolder
 
 
 def info(
-    surveys: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="SURVEY...", help="Laser files, a folder of them, a survey folder, or a KITTI drive."
-        ),
-    ],
-    crs: Annotated[
-        str, typer.Option("--crs", help="EPSG:... or local: the CRS where the files do not say.")
-    ] = "",
-    work: Annotated[
-        Path | None,
-        typer.Option("--work", help="Folder for the points; .linework beside the survey if not given."),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
+    surveys: SurveyArgument,
+    crs: Crs = "",
+    work: WorkFolder = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
-    """Say what SURVEY holds.
+    """Summarise SURVEY: points, trajectory, images and logs.
 
-    Files, CRS, extents, heights, densities, scan lines, intensity, times and their gaps, trajectory; cameras,
-    stereo pairs and whether they are pairs, logs.
+    Lists files, CRS, extent, heights, point density, scan-line spacing, intensity, times and their gaps,
+    trajectory, cameras, stereo pairs (and whether their rows match) and logs.
     """
-    from linework.cli.extract import usable_cores
     from linework.cli.progress import open_display
     from linework.files.survey.open import open_survey
     from linework.runs.opened.describe import describe_survey
     from linework.runs.opened.points import opened_survey, read_into_memory
+    from linework.runs.opened.store import usable_cores
     from linework.runs.opened.work_folder import work_folder
     from linework.runs.steps import RunSteps
 
@@ -58,13 +48,13 @@ def info(
             typer.echo(line)
         for warning in document["warnings"]:
             warn(warning)
-    _tell_left_out(document)
+    _report_left_out(document)
 
 
 def _lines(document: dict[str, Any]) -> Iterator[str]:
-    """Yield the document as lines for people."""
+    """Yield the document as lines of text."""
     yield f"survey      {document['name']}"
-    height = "heights in its vertical datum" if document["crs"]["compound"] else "no vertical datum stated"
+    height = "heights in its vertical datum" if document["crs"]["compound"] else "no vertical datum"
     yield f"CRS         {document['crs']['name']}, {height}"
     for file in document["files"]:
         left_out = ", ".join(f"{n:,} {reason}" for reason, n in file["rejected"].items())
@@ -79,7 +69,7 @@ def _lines(document: dict[str, Any]) -> Iterator[str]:
 
 
 def _points(document: dict[str, Any]) -> Iterator[str]:
-    """Yield the lines about the places of the points."""
+    """Yield the lines about the positions of the points."""
     extent = document["extent_m"]
     yield f"points      {document['points']:,}"
     yield (
@@ -93,7 +83,7 @@ def _points(document: dict[str, Any]) -> Iterator[str]:
 
 
 def _recorded(document: dict[str, Any]) -> Iterator[str]:
-    """Yield the lines about what was recorded beside the places of points: intensity, times."""
+    """Yield the lines about the intensities and times of the points."""
     intensity, time = document["intensity"], document["time"]
     if not document["points"]:
         yield "points      none"
@@ -107,18 +97,18 @@ def _recorded(document: dict[str, Any]) -> Iterator[str]:
     if time is None:
         yield "time        none"
     else:
-        order = "in order" if time["in_order"] else "not in order"
+        order = "sorted" if time["in_order"] else "not sorted"
         yield (
             f"time        {time['start_s']:.3f} to {time['end_s']:.3f} s "
             f"({time['end_s'] - time['start_s']:.1f} s, GPS {time['kind']}, {order}), "
-            f"{time['n_gaps']} gaps over {time['gap_longer_than_s']:g} s"
+            f"{time['n_gaps']} gaps longer than {time['gap_longer_than_s']:g} s"
         )
         for gap in time["gaps"]:
             yield f"  gap       {gap['start_s']:.3f} to {gap['end_s']:.3f} s"
 
 
 def _driven(document: dict[str, Any]) -> Iterator[str]:
-    """Yield the lines about the drive: the path, the cameras, the logs."""
+    """Yield the lines about the trajectory, the cameras and the logs."""
     path, cameras = document["trajectory"], document["cameras"]
     if path is None:
         yield "trajectory  none"
@@ -129,14 +119,14 @@ def _driven(document: dict[str, Any]) -> Iterator[str]:
             + ("with attitude" if path["has_attitude"] else "no attitude")
         )
     if cameras is not None:
-        yield from _seen(cameras)
+        yield from _of_cameras(cameras)
     for name, log in document["logs"].items():
         span = f"{log['start_s']:.3f} to {log['end_s']:.3f} s" if log["rows"] else "no rows"
-        rate = "" if name == "events" or log["rate_hz"] is None else f", {log['rate_hz']:g} a second"
+        rate = "" if name == "events" or log["rate_hz"] is None else f", {log['rate_hz']:g} Hz"
         yield f"{name:<12}{log['file']}: {log['rows']:,} rows, {span}{rate}"
 
 
-def _seen(cameras: dict[str, Any]) -> Iterator[str]:
+def _of_cameras(cameras: dict[str, Any]) -> Iterator[str]:
     for side in ("left", "right"):
         camera = cameras[side]
         lens = "with distortion" if camera["is_distorted"] else "no distortion"
@@ -144,24 +134,24 @@ def _seen(cameras: dict[str, Any]) -> Iterator[str]:
             f"camera      {side}: {camera['width']} x {camera['height']} pixels, focal length "
             f"{camera['focal_px']:g} pixels, {lens}"
         )
-    rate = "" if cameras["rate_hz"] is None else f", {cameras['rate_hz']:g} a second"
+    rate = "" if cameras["rate_hz"] is None else f", {cameras['rate_hz']:g} Hz"
     yield (
-        f"pairs       {cameras['pairs']:,}, base {cameras['base_m']:.3f} m, {cameras['start_s']:.3f} to "
-        f"{cameras['end_s']:.3f} s{rate}, {cameras['unpaired_images']:,} images in no pair"
+        f"pairs       {cameras['pairs']:,}, baseline {cameras['base_m']:.3f} m, {cameras['start_s']:.3f} to "
+        f"{cameras['end_s']:.3f} s{rate}, {cameras['unpaired_images']:,} unpaired images"
     )
     if cameras["row_error_px"] is not None:
-        yield f"rows        left and right differ by {cameras['row_error_px']:.2f} pixels (median)"
+        yield f"rows        left and right rows differ by {cameras['row_error_px']:.2f} pixels (median)"
 
 
 def _spread(values: dict[str, float]) -> str:
     return (
         f"{values['lowest']:,.2f} to {values['highest']:,.2f}, median {values['median']:,.2f}, "
-        f"5 to 95 %: {values['percentile_5']:,.2f} to {values['percentile_95']:,.2f}"
+        f"5th to 95th percentile {values['percentile_5']:,.2f} to {values['percentile_95']:,.2f}"
     )
 
 
-def _tell_left_out(document: dict[str, Any]) -> None:
-    """End as unfinished where files were left out."""
+def _report_left_out(document: dict[str, Any]) -> None:
+    """Raise PartialError where files were left out."""
     from linework.errors import PartialError
     from linework.runs.record import MAX_LISTED
 
@@ -169,7 +159,8 @@ def _tell_left_out(document: dict[str, Any]) -> None:
     if failures:
         n_files = len(failures) + len(document["files"])
         of_files = all("file" in failure for failure in failures)
-        what = f"of {n_files} files left out" if of_files else "parts of it cannot be used"
+        parts = "part" if len(failures) == 1 else "parts"
+        what = f"of {n_files} files left out" if of_files else f"{parts} of the survey cannot be used"
         listed = "; ".join(failure["problem"].rstrip(".") for failure in failures[:MAX_LISTED])
         more = f" and {len(failures) - MAX_LISTED} more" if len(failures) > MAX_LISTED else ""
         raise PartialError(

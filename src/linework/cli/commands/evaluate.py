@@ -1,64 +1,66 @@
-"""`linework evaluate`: how complete, how correct and how exact lines are, against reference lines."""
+"""`linework evaluate`: completeness, correctness and accuracy of lines against a reference."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich import box
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
-from linework.evaluation.report.tables import ReportTable
+from linework.cli.options import AsJson, Crs, Overwrite
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
+    from linework.evaluation.report.tables import ReportTable
     from linework.model.lines import LineSet
+
+#: Width of tables without a terminal [characters]: the widest table of an evaluation fits.
+_PLAIN_WIDTH = 160
+#: Names of a reference listed in a message.
+_MAX_NAMES = 12
 
 
 def evaluate(
     lines: Annotated[Path, typer.Argument(metavar="LINES", help="Extracted lines.")],
-    reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="Lines that are right.")],
+    reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="Reference lines.")],
     tolerance_m: Annotated[
-        float, typer.Option("--tolerance-m", help="Distance within which a line counts as found.")
+        float, typer.Option("--tolerance-m", help="Distance within which a line counts as found [m].")
     ] = 0.10,
     dash_end_m: Annotated[
         float,
         typer.Option(
-            "--dash-end-m", help="How far the end of a dash may be off: the spacing of scan lines if wider."
+            "--dash-end-m",
+            help="Tolerance for the ends of dashes [m]; give the scan-line spacing where that is larger.",
         ),
     ] = 0.10,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: AsJson = False,
     picture: Annotated[
-        Path | None, typer.Option("--picture", help="PNG of what was found, missed and wrong.")
+        Path | None,
+        typer.Option("--picture", metavar="FILE", help="Also draw what was found, missed and wrong: .png."),
     ] = None,
     kinds: Annotated[
-        str, typer.Option("--kinds", help="Score these kinds only, for example guardrail,cable.")
+        str, typer.Option("--kinds", metavar="KIND,...", help="Score these kinds only, e.g. guardrail,cable.")
     ] = "",
     kind_field: Annotated[
-        str, typer.Option("--kind-field", help="Property of the reference that says what a line is.")
+        str, typer.Option("--kind-field", help="Field of the reference that holds the kind of a line.")
     ] = "kind",
     kind_map: Annotated[
         str,
         typer.Option(
             "--kind-map",
-            help="Names in the reference and what they are here: SOLID_WHITE=lane_marking,edge=road_boundary. "
-            "Looked up in --kind-field, then in the property kind; other lines are left out.",
+            metavar="NAME=KIND,...",
+            help="Kinds of the names in the reference, e.g. SOLID_WHITE=lane_marking,edge=road_boundary. "
+            "Names are looked up in --kind-field, then in the field kind; other lines are ignored.",
         ),
     ] = "",
-    crs: Annotated[
-        str, typer.Option("--crs", help="EPSG:... or local: the CRS where a file does not say.")
-    ] = "",
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the picture.")] = False,
+    crs: Crs = "",
+    overwrite: Overwrite = False,
 ) -> None:
     """Score LINES against REFERENCE: completeness, correctness, quality, lateral and height errors.
 
-    Scored are the kinds that both files hold (an empty layer counts: nothing found is a score, too).
+    Scores the kinds that both files hold, empty layers included: nothing found is a score as well.
     """
     from linework.errors import UsageError
     from linework.evaluation.measures import match_lines, scores_of
@@ -66,14 +68,14 @@ def evaluate(
 
     if picture is not None:
         if picture.suffix.lower() != ".png":
-            raise UsageError("pictures are .png files", where=picture, advice="name it something.png")
+            raise UsageError(f"cannot write pictures as '{picture.suffix}'", where=picture, advice="use .png")
         check_output(picture, overwrite=overwrite)
     names = _parsed_map(kind_map)
     found = _read(lines, "kind", {}, crs)
     truth = _read(reference, kind_field, names, crs)
     held = (_kinds_held(lines, found, {}), _kinds_held(reference, truth, names))
-    chosen = _asked_kinds(kinds, held) if kinds else _shared_kinds(lines, reference, held)
-    _tell_left_out(chosen, found, truth)
+    chosen = _requested_kinds(kinds, held) if kinds else _shared_kinds(lines, reference, held)
+    _report_not_scored(chosen, found, truth)
     parts = match_lines(found, truth, tolerance_m=tolerance_m, kinds=chosen, dash_end_m=dash_end_m)
     scores = scores_of(parts, tolerance_m=tolerance_m)
     if picture is not None:
@@ -92,7 +94,7 @@ def evaluate(
 
 
 def _parsed_map(text: str) -> dict[str, str]:
-    """Return the names of --kind-map and the kinds they stand for."""
+    """Return the kinds of --kind-map by name."""
     from linework.errors import UsageError
     from linework.model.lines import KINDS
 
@@ -101,18 +103,20 @@ def _parsed_map(text: str) -> dict[str, str]:
         name, equals, kind = (part.strip() for part in entry.partition("="))
         if not (equals and name):
             raise UsageError(
-                f"'{entry}' is not NAME=KIND", where="--kind-map", advice="write a=guardrail,b=cable"
+                f"'{entry}' is not NAME=KIND",
+                where="--kind-map",
+                advice="give pairs such as a=guardrail,b=cable",
             )
         if kind not in KINDS:
             raise UsageError(
-                f"kind '{kind}' is unknown", where="--kind-map", advice=f"known: {', '.join(KINDS)}"
+                f"unknown kind '{kind}'", where="--kind-map", advice=f"choose from {', '.join(KINDS)}"
             )
         names[name] = kind
     return names
 
 
 def _read(path: Path, kind_field: str, names: Mapping[str, str], crs: str) -> LineSet:
-    """Read lines; with `names` those of other names fall away."""
+    """Read lines, with the kinds of `names` where given; lines of other names are dropped."""
     import numpy as np
 
     from linework.errors import InputError
@@ -126,7 +130,7 @@ def _read(path: Path, kind_field: str, names: Mapping[str, str], crs: str) -> Li
         return lines
     own = lines.kind
     if kind_field != "kind":
-        # Files of others come back in the order they are in, whatever property is looked at
+        # Files of other programs are read in file order, whichever field is read: the rows correspond
         own = read_lines(path, kind_field=kind_field, crs=crs or None).kind
     if not names:
         return lines.with_columns(kind=own)
@@ -135,19 +139,19 @@ def _read(path: Path, kind_field: str, names: Mapping[str, str], crs: str) -> Li
         dtype=np.str_,
     )
     if not (kind != "").any():
-        there = sorted({str(k) for k in [*own, *lines.kind] if k})
-        shown = ", ".join(there[:12]) + (" ..." if len(there) > 12 else "")
+        present = sorted({str(k) for k in [*own, *lines.kind] if k})
+        shown = ", ".join(present[:_MAX_NAMES]) + (" ..." if len(present) > _MAX_NAMES else "")
         raise InputError(
-            f"no line has a name of --kind-map; its names are: {shown or 'none'}",
+            f"no line has a name of --kind-map; names in the file: {shown or 'none'}",
             where=path,
-            advice="see --kind-field and --kind-map",
+            advice="check --kind-field and --kind-map",
         )
     return lines.with_columns(kind=kind).take(kind != "")
 
 
 def _kinds_held(path: Path, lines: LineSet, names: Mapping[str, str]) -> set[str]:
-    """Return the kinds a file can hold: those of its lines, its empty layers, what its names stand for."""
-    import pyogrio  # its limits were set when the lines were read
+    """Return the kinds of a file: those of its lines, of its empty layers, and of --kind-map."""
+    import pyogrio  # GDAL's limits were set when the lines were read
 
     from linework.files.vectors.fields import REJECTED_LAYER
 
@@ -167,46 +171,46 @@ def _shared_kinds(lines: Path, reference: Path, held: tuple[set[str], set[str]])
     if not shared:
         a, b = (", ".join(sorted(kinds)) or "no lines" for kinds in held)
         raise InputError(
-            f"no kind in common: it holds {a}; {reference.name} holds {b}",
+            f"no kind in common: the lines hold {a}; {reference.name} holds {b}",
             where=lines,
-            advice="give --kind-map to say what the names mean, or --kinds",
+            advice="map the names with --kind-map, or choose with --kinds",
         )
     return tuple(k for k in KINDS if k in shared) + tuple(sorted(shared - set(KINDS)))
 
 
-def _asked_kinds(text: str, held: tuple[set[str], set[str]]) -> tuple[str, ...]:
+def _requested_kinds(text: str, held: tuple[set[str], set[str]]) -> tuple[str, ...]:
     from linework.errors import UsageError
     from linework.model.lines import KINDS
 
-    asked = tuple(dict.fromkeys(filter(None, (part.strip() for part in text.split(",")))))
+    requested = tuple(dict.fromkeys(filter(None, (part.strip() for part in text.split(",")))))
     known = set(KINDS) | held[0] | held[1]
-    unknown = [kind for kind in asked if kind not in known]
-    if unknown or not asked:
+    unknown = [kind for kind in requested if kind not in known]
+    if unknown or not requested:
         raise UsageError(
-            f"kind '{', '.join(unknown)}' is unknown",
+            f"unknown kind '{', '.join(unknown)}'",
             where="--kinds",
-            advice=f"known: {', '.join(sorted(known))}",
+            advice=f"choose from {', '.join(sorted(known))}",
         )
-    return asked
+    return requested
 
 
-def _tell_left_out(chosen: Sequence[str], found: LineSet, truth: LineSet) -> None:
-    """Say on stderr which lines take no part."""
+def _report_not_scored(chosen: Sequence[str], found: LineSet, truth: LineSet) -> None:
+    """Print on stderr the kinds that are not scored."""
     for name, lines in (("LINES", found), ("REFERENCE", truth)):
         others = sorted({str(kind) for kind in lines.kind} - set(chosen))
         if others:
-            typer.echo(f"note: not scored, from {name}: {', '.join(others)}", err=True)
-
-
-# Print tables on stdout: as wide as the terminal, or as wide as they need to be in a file
-
-#: Without a terminal a table may have this many characters in a row.
-PLAIN_WIDTH = 160
+            typer.echo(f"note: not scored in {name}: {', '.join(others)}", err=True)
 
 
 def print_tables(tables: Iterable[ReportTable]) -> None:
-    """Print tables one after another."""
-    console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else PLAIN_WIDTH, highlight=False)
+    """Print tables on stdout, as wide as the terminal, or as wide as they need where there is none."""
+    # Imported here: it would double the time of `linework --help`
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else _PLAIN_WIDTH, highlight=False)
     for table in tables:
         shown = Table(
             title=Text(table.title), caption=Text(table.note) if table.note else None, box=box.SIMPLE_HEAD,

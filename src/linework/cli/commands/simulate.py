@@ -1,4 +1,4 @@
-"""`linework simulate`: a made-up survey with exact truth, to try things on and to measure them."""
+"""`linework simulate`: a simulated survey with exact truth, for trials and for measuring accuracy."""
 
 from __future__ import annotations
 
@@ -7,39 +7,44 @@ from typing import Annotated
 
 import typer
 
+from linework.cli.options import AsJson, Overwrite, Quiet
+
 
 def simulate(
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder to make.", metavar="DIR")],
-    seed: Annotated[int, typer.Option("--seed", help="Decides everything that is not given.")] = 0,
-    length_m: Annotated[float, typer.Option("--length-m", help="How far the van drives.")] = 200.0,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Output folder.", metavar="DIR")],
+    seed: Annotated[
+        int, typer.Option("--seed", help="Random seed; decides whatever the options leave open.")
+    ] = 0,
+    length_m: Annotated[float, typer.Option("--length-m", help="Length of the drive [m].")] = 200.0,
     road: Annotated[
-        str, typer.Option("--road", help="straight, bends, urban or motorway.", metavar="KIND")
+        str, typer.Option("--road", help="Kind of road: straight, bends, urban or motorway.", metavar="KIND")
     ] = "straight",
     points_per_m: Annotated[
         float | None,
         typer.Option(
-            "--points-per-m", help="About how many points per metre; as the seed draws it if not given."
+            "--points-per-m",
+            help="Approximate number of points per metre of drive; default: drawn from the seed.",
         ),
     ] = None,
     no_images: Annotated[
-        bool, typer.Option("--no-images", help="Leave out the stereo images, which take minutes.")
+        bool, typer.Option("--no-images", help="Skip the stereo images, which take minutes.")
     ] = False,
     image_size: Annotated[
         str,
-        typer.Option("--image-size", help="732x484 (a van's roof) or 1240x376 (a car's).", metavar="SIZE"),
+        typer.Option(
+            "--image-size", help="Image size: 732x484 (van roof) or 1240x376 (car).", metavar="SIZE"
+        ),
     ] = "1240x376",
     image_every_m: Annotated[
-        float, typer.Option("--image-every-m", help="About how far the van drives between pairs.")
+        float, typer.Option("--image-every-m", help="Approximate distance between stereo pairs [m].")
     ] = 3.0,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace files in a folder that is there.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was made as JSON.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Simulate a survey: points (LAZ), trajectory, stereo images, and truth.gpkg with the exact lines.
 
-    The same options make the same bytes.
+    The same options give byte-identical files.
     """
     import json
 
@@ -56,15 +61,15 @@ def simulate(
     check_output_folder(out, overwrite=overwrite)
     scenario = draw_scenario(road, seed, length_m, points_per_m=points_per_m)
     cameras = None if no_images else stereo_survey(scenario, size=image_size, every_m=image_every_m)
-    # Without images it takes seconds: nothing is said
+    # Without images it takes seconds: no progress is shown
     with open_display(quiet=quiet or no_images) as display:
         steps = RunSteps(display)
-        with steps.step("scan"):
+        with steps.step("simulate scans"):
             survey = survey_of(scenario)
-        with steps.step("take images", unit="pairs") as advance:
+        with steps.step("render images", unit="pairs") as advance:
             write_survey_folder(survey, out, overwrite=overwrite, cameras=cameras, advance=advance)
     kinds, counts = np.unique(survey.truth.kind, return_counts=True)
-    made = {
+    result = {
         "survey": str(out),
         "road": road,
         "seed": seed,
@@ -74,8 +79,8 @@ def simulate(
         "n_truth_lines": {str(k): int(n) for k, n in zip(kinds, counts, strict=True)},
     }
     if as_json:
-        typer.echo(json.dumps(made, indent=1))
+        typer.echo(json.dumps(result, indent=1))
         return
-    lines = ", ".join(f"{n} {k}" for k, n in made["n_truth_lines"].items())  # type: ignore[attr-defined]
+    lines = ", ".join(f"{n} {k}" for k, n in result["n_truth_lines"].items())  # type: ignore[attr-defined]
     pairs = f"{len(cameras)} stereo pairs, " if cameras else ""
     typer.echo(f"{out}: {len(survey.points):,} points, {pairs}truth: {lines}")

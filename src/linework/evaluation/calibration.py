@@ -1,4 +1,4 @@
-"""Do the lines know how good they are: errors against sigma, correctness against confidence."""
+"""How well lines state their own quality: errors against sigma, correctness against confidence, bridged stretches."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from linework.evaluation.stations import Stations
 from linework.evaluation.tolerance import KindMatch, error_stats, ratio
 from linework.evaluation.values import BridgedScores, Calibration, ConfidenceClass, SigmaTercile
 
-#: Confidence is judged per piece of about this length. [m]
-JUDGED_PIECE_M = 10.0
-#: Classes of confidence in the calibration error.
-N_CLASSES = 10
+#: Length of the pieces over which confidence is judged [m]: some dashes long, short against most lines.
+_JUDGED_PIECE_M = 10.0
+#: Classes of confidence in the calibration error: a tenth each, as is usual.
+_N_CLASSES = 10
 
 
 def sigma_terciles(error_m: FloatArray, sigma_m: FloatArray) -> tuple[SigmaTercile, ...]:
-    """Return rms(error / sigma) per third of the stations by sigma, smallest sigmas first.
+    """Return rms(error / sigma) per third of the stations ordered by sigma, smallest first.
 
     Parameters
     ----------
     error_m, sigma_m
-        (k,) float64 [m]; places without error or without a positive sigma are left out.
+        (k,) [m]; stations without an error or without a positive sigma are omitted.
 
     Returns
     -------
     tuple of SigmaTercile
-        Three; fewer where many sigmas are equal, none for fewer than three places.
+        Three; fewer where many sigmas are equal, none for fewer than three stations.
 
     Examples
     --------
@@ -42,7 +42,7 @@ def sigma_terciles(error_m: FloatArray, sigma_m: FloatArray) -> tuple[SigmaTerci
     if len(error_m) < 3:
         return ()
     low, high = np.quantile(sigma_m, [1 / 3, 2 / 3])
-    # Equal sigmas stay together: where all are equal there is one class, not three
+    # Equal sigmas stay in one third: where all are equal there is one, not three
     which = (sigma_m > low).astype(np.int64) + (sigma_m > high)
     thirds = []
     for third in (np.flatnonzero(which == i) for i in range(3)):
@@ -61,10 +61,10 @@ def sigma_terciles(error_m: FloatArray, sigma_m: FloatArray) -> tuple[SigmaTerci
 
 
 def calibrate(matches: Sequence[PieceMatch], tolerance_m: float) -> Calibration:
-    """Judge the confidence of the extracted lines, piece of 10 m by piece of 10 m.
+    """Return how well the confidence of extracted lines predicts correctness, per piece of about 10 m.
 
-    Lines are divided into equal pieces as near to 10 m as they allow; a piece is correct if more than half
-    of it is within the tolerance of the reference.
+    Lines are divided into equal pieces as close to 10 m as possible; a piece is correct if more than half
+    of it is within `tolerance_m` of the reference.
     """
     shares, confidences = [np.zeros(0)], [np.zeros(0)]
     for match in matches:
@@ -88,14 +88,14 @@ def calibrate(matches: Sequence[PieceMatch], tolerance_m: float) -> Calibration:
 
 
 def _judged_pieces(match: PieceMatch, tolerance_m: float) -> tuple[FloatArray, FloatArray]:
-    """Return (k,) share within tolerance and (k,) confidence of pieces of about 10 m."""
+    """Return (k,) the share within tolerance and (k,) the confidence of pieces of about 10 m."""
     chains, pieces = match.extracted, match.e_pieces
     if len(pieces) == 0:
         return np.zeros(0), np.zeros(0)
-    n_judged = np.maximum(np.rint(chains.length_m / JUDGED_PIECE_M), 1).astype(np.int64)
+    n_judged = np.maximum(np.rint(chains.length_m / _JUDGED_PIECE_M), 1).astype(np.int64)
     first = np.cumsum(n_judged) - n_judged
     size_m = chains.length_m / n_judged
-    # The middle of a short piece may be on the border of two judged ones: rounding does not decide
+    # The middle of a short piece may lie on the border of two judged ones: rounding must not decide
     within = ((pieces.chainage_m + TIE_M) // size_m[pieces.line]).astype(np.int64)
     within = np.minimum(within, n_judged[pieces.line] - 1)
     judged = first[pieces.line] + within
@@ -109,7 +109,7 @@ def _judged_pieces(match: PieceMatch, tolerance_m: float) -> tuple[FloatArray, F
 
 
 def _classes(confidence: FloatArray, is_correct: BoolArray) -> tuple[ConfidenceClass, ...]:
-    which = np.clip((confidence * N_CLASSES).astype(np.int64), 0, N_CLASSES - 1)
+    which = np.clip((confidence * _N_CLASSES).astype(np.int64), 0, _N_CLASSES - 1)
     return tuple(
         ConfidenceClass(
             n=int(own.sum()), said=float(confidence[own].mean()), was=float(is_correct[own].mean())
@@ -126,16 +126,15 @@ def _area_under_roc(confidence: FloatArray, is_correct: BoolArray) -> float | No
     return (rank_sum - n_right * (n_right + 1) / 2) / (n_right * n_wrong)
 
 
-# Stretches without measurement: how much was bridged, how well, and how much of what is hidden that found
-
-
 def bridged_scores(parts: Sequence[KindMatch], stations: Stations, tolerance_m: float) -> BridgedScores:
-    """Score what lines say of places that they did not measure.
+    """Return the scores of bridged stretches, and how much of the hidden reference was found.
 
     Parameters
     ----------
     stations
-        Those of all `parts`.
+        The stations of all `parts`.
+    tolerance_m
+        Distance within which a bridged stretch is right. [m]
     """
     hidden_m, hidden_found_m, bridged_m, right_m = np.zeros(4)
     for m in (part.match for part in parts):

@@ -1,4 +1,4 @@
-"""`linework serve`: the browser workbench, on this machine alone."""
+"""`linework serve`: the browser workbench, served to this machine only."""
 
 from __future__ import annotations
 
@@ -15,49 +15,53 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from linework.cli.options import (
+    AsJson,
+    Crs,
+    Quiet,
+    RunFile,
+    SurveyArgument,
+    WorkFolder,
+    read_settings,
+)
+
 if TYPE_CHECKING:
     from linework.workbench.server.app_state import AppState
 
 
 def serve(
-    surveys: Annotated[
-        list[Path],
-        typer.Argument(metavar="SURVEY...", help="Laser files, a folder of them, or a survey folder."),
-    ],
+    surveys: SurveyArgument,
     lines: Annotated[
         Path | None,
         typer.Option(
-            "--lines", help="GeoPackage of lines to work on; lines.gpkg in the survey if not given."
+            "--lines", metavar="LINES", help="GeoPackage to edit; default: lines.gpkg in the survey."
         ),
     ] = None,
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="0: the same one for a survey, if it is free.")
+        int, typer.Option("--port", min=0, max=65535, help="Port; 0: a fixed port per survey, if it is free.")
     ] = 0,
-    host: Annotated[str, typer.Option("--host", help="127.0.0.1: no other machine can ask.")] = "127.0.0.1",
-    who: Annotated[str, typer.Option("--who", help="Who edits, for the record; the user if not given.")] = "",
-    crs: Annotated[
-        str, typer.Option("--crs", help="EPSG:... or local: the CRS where the files do not say.")
+    host: Annotated[
+        str, typer.Option("--host", help="Address to listen on; only 127.0.0.1 is allowed.")
+    ] = "127.0.0.1",
+    who: Annotated[
+        str, typer.Option("--who", help="Name recorded with each edit; default: the user's.")
     ] = "",
-    work: Annotated[
-        Path | None,
-        typer.Option("--work", help="Folder for points; .linework beside the survey if not given."),
-    ] = None,
-    config: Annotated[
-        Path | None, typer.Option("--config", help="Run file (TOML) with settings; see `linework config`.")
-    ] = None,
-    no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the link, open nothing.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the link and the file as JSON.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
+    crs: Crs = "",
+    work: WorkFolder = None,
+    config: RunFile = None,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the link without opening a browser.")
+    ] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
-    """Trace, review and edit the lines of SURVEY in a browser on this machine.
+    """Open the workbench: trace, review and edit the lines of SURVEY in a browser on this machine.
 
-    Prints the link that opens it; a link works once, and the next one is printed when it has been used. Every
-    change is in the file of lines before the page shows it. Ctrl-C ends it.
+    Prints a link that opens it. A link works once; after it is used, a new one is printed. Every change is saved
+    to the line file before the page shows it. Stop with Ctrl-C.
     """
     import asyncio
-    import contextlib
 
-    from linework.cli.extract import read_settings, usable_cores
     from linework.cli.failures import Interrupted, save_log
     from linework.cli.progress import open_display
 
@@ -65,8 +69,9 @@ def serve(
     settings = read_settings(config)
     with contextlib.ExitStack() as held:
         display = held.enter_context(open_display(quiet=quiet))
-        from linework.cli.progress import announce_compilation
+        from linework.cli.startup import announce_compilation
         from linework.methods.kinds import ALL_KINDS
+        from linework.runs.opened.store import usable_cores
         from linework.workbench.server.serve import RunningServer, run_server
         from linework.workbench.worker.session import SurveyOrder
 
@@ -80,10 +85,12 @@ def serve(
 
         def renewed(url: str) -> None:
             if not quiet:
-                typer.echo(f"opened; for another browser: {url}", err=True)
+                typer.echo(f"link used; for another browser: {url}", err=True)
 
         def log(error: BaseException) -> None:
-            typer.echo(f"error: a fault of linework. The log is in {save_log(error)}.", err=True)
+            typer.echo(
+                f"error: a bug in linework. Please report it with the log {save_log(error)}.", err=True
+            )
 
         order = SurveyOrder(tuple(surveys), crs=crs, work=work, settings=settings, n_threads=usable_cores())
         serving = RunningServer(
@@ -91,7 +98,7 @@ def serve(
             ready=ready, renewed=renewed, save_log=log,
         )  # fmt: skip
         number = asyncio.run(run_server(serving))
-    raise Interrupted(number, "ended: every change is saved")
+    raise Interrupted(number, "stopped: all changes are saved")
 
 
 def _check_host(host: str) -> None:
@@ -99,13 +106,13 @@ def _check_host(host: str) -> None:
 
     if host not in ("127.0.0.1", "localhost"):
         raise UsageError(
-            f"{host} can be asked by other machines", where="--host",
-            advice="leave it out: the workbench serves this machine alone; from another one, use ssh -L",
+            f"{host} is reachable from other machines", where="--host",
+            advice="omit it: the workbench serves this machine only; from another machine, tunnel with ssh -L",
         )  # fmt: skip
 
 
 def _user() -> str:
-    """Return who runs this, "" where the system does not know."""
+    """Return the name of the system user; "" where it is unknown."""
     import getpass
 
     try:
@@ -115,9 +122,7 @@ def _user() -> str:
 
 
 def _print(app_state: AppState, url: str, *, as_json: bool, quiet: bool) -> None:
-    """Say where it is; at once, as whoever started it in the background waits for that line."""
-    import sys
-
+    """Print the link, flushed at once: a program that started the server may be waiting for that line."""
     text = url
     if as_json:
         import json
@@ -129,22 +134,21 @@ def _print(app_state: AppState, url: str, *, as_json: bool, quiet: bool) -> None
     typer.echo(text)
     sys.stdout.flush()
     if not quiet:
-        typer.echo(f"lines: {app_state.line_file.path}; Ctrl-C ends the workbench", err=True)
+        typer.echo(f"lines: {app_state.line_file.path}; stop with Ctrl-C", err=True)
 
 
-# Open a link in the user's browser without anybody else seeing it
-
+#: A page that forwards to the link.
 _PAGE = '<!doctype html><meta charset="utf-8"><title>linework</title><meta http-equiv="refresh" content="0; url={}">'
 
 
 @contextlib.contextmanager
 def opened_browser(url: str) -> Iterator[None]:
-    """Open a link, where there is a screen; for as long as the server runs.
+    """Open a link in the user's browser, where there is a screen; to be held while the server runs.
 
     Notes
     -----
-    Arguments of a command can be read by every user of the machine: the browser is given a file that only this one
-    may read, and which sends it on.
+    The arguments of a process can be read by every user of the machine, and the link is a secret. The browser is
+    therefore given a file that only this user may read, which forwards to the link.
     """
     if not has_screen():
         yield
@@ -153,13 +157,13 @@ def opened_browser(url: str) -> Iterator[None]:
         page = Path(folder) / "open.html"
         page.touch(mode=0o600)
         page.write_text(_PAGE.format(html.escape(url)), encoding="utf-8")
-        # A browser in the terminal would not return
+        # In a thread: a text browser in the terminal would not return
         threading.Thread(target=_open, args=(page.as_uri(),), daemon=True).start()
         yield
 
 
 def has_screen() -> bool:
-    """Return whether a browser's window could be seen here."""
+    """Return whether there is a screen to open a browser window on."""
     return sys.platform == "darwin" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 

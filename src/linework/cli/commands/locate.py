@@ -1,4 +1,4 @@
-"""`linework locate`: from GNSS, gyros and wheel counters to a smoothed trajectory with sigmas."""
+"""`linework locate`: a smoothed trajectory with sigmas from GNSS, gyros and wheel counters."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from linework.cli.failures import warn
+from linework.cli.options import AsJson, Crs, Overwrite, Quiet
 
 if TYPE_CHECKING:
     from linework.model.survey import Survey
@@ -17,29 +18,30 @@ if TYPE_CHECKING:
 
 def locate(
     surveys: Annotated[
-        list[Path], typer.Argument(metavar="SURVEY", help="Survey folder whose survey.toml has [navigation].")
+        list[Path], typer.Argument(metavar="SURVEY", help="Survey folder with [navigation] in survey.toml.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Trajectory to write (CSV).")],
-    rate_hz: Annotated[float, typer.Option("--rate-hz", help="Poses per second.")] = 50.0,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Output trajectory: .csv.")],
+    rate_hz: Annotated[float, typer.Option("--rate-hz", help="Output rate [Hz].")] = 50.0,
     longest_outage_s: Annotated[
         float,
-        typer.Option("--longest-outage-s", help="Of outages that are longer the middle is left out."),
+        typer.Option(
+            "--longest-outage-s",
+            help="Longest GNSS outage bridged in full [s]; of longer ones the middle gets no poses.",
+        ),
     ] = 180.0,
     plot: Annotated[
         Path | None,
-        typer.Option("--plot", metavar="FILE", help="Picture of track, sigmas, residuals: .png or .html."),
+        typer.Option("--plot", metavar="FILE", help="Also plot track, sigmas and residuals: .png or .html."),
     ] = None,
-    crs: Annotated[
-        str, typer.Option("--crs", help="EPSG:... or local: the CRS where the survey does not say.")
-    ] = "",
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the output.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the results as JSON.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress on stderr.")] = False,
+    crs: Crs = "",
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
-    """Find where the van was from its GNSS, gyro and wheel logs, also while satellites were hidden.
+    """Compute a trajectory from GNSS, gyro and wheel logs, dead reckoning through GNSS outages.
 
-    Poses with sigmas, smoothed. Where an outage is too long for dead reckoning, or the clock jumps, there are no
-    poses, and the exit code is 4.
+    Writes smoothed poses with their standard deviations. There are no poses where an outage is too long for dead
+    reckoning or the clock jumps; the exit code is then 4.
     """
     from linework.cli.progress import open_display
     from linework.errors import PartialError
@@ -72,7 +74,7 @@ def locate(
         spans = ", ".join(f"{a:.1f} to {b:.1f} s" for a, b in located.left_out_s[:5])
         raise PartialError(
             f"no poses from {spans}{' ...' if len(located.left_out_s) > 5 else ''}",
-            where=output, advice="fixes are missing too long there, or the clock jumps",
+            where=output, advice="there the GNSS outage is too long or the clock jumps",
         )  # fmt: skip
 
 
@@ -85,20 +87,22 @@ def _check(rate_hz: float, longest_outage_s: float, plot: Path | None) -> None:
         if not low <= value <= high:
             raise UsageError(f"{value:g} is not within {low:g} to {high:g}", where=name)
     if plot is not None and plot.suffix.lower() not in (".png", ".html"):
-        raise UsageError(f"{plot.name} is no picture", where="--plot", advice="name a .png or .html file")
+        raise UsageError(
+            f"cannot write a plot as '{plot.suffix}'", where="--plot", advice="use .png or .html"
+        )
 
 
 def _located(
     survey: Survey, logs: Any, rate_hz: float, longest_outage_s: float, *, quiet: bool
 ) -> LocatedDrive:
-    from linework.cli.progress import announce_compilation
+    from linework.cli.startup import announce_compilation
     from linework.errors import InputError
-    from linework.navigation.locate import locate_drive as locate_logs
+    from linework.navigation.locate import locate_drive
     from linework.navigation.located import NavigationConfig
 
     announce_compilation(("trajectory",), quiet=quiet)
     try:
-        return locate_logs(logs, NavigationConfig(longest_outage_s=longest_outage_s), rate_hz=rate_hz)
+        return locate_drive(logs, NavigationConfig(longest_outage_s=longest_outage_s), rate_hz=rate_hz)
     except InputError as error:
         where = f"{survey.root} ({error.where})" if error.where else survey.root
         raise InputError(error.problem, where=where, advice=error.advice) from error
@@ -116,7 +120,7 @@ def _write_plot(located: LocatedDrive, plot: Path, *, overwrite: bool) -> None:
 
 
 def _results(located: LocatedDrive) -> dict[str, Any]:
-    """Return what there is to say about a drive."""
+    """Return the results as a document for JSON."""
     import numpy as np
 
     poses = located.trajectory
@@ -147,14 +151,14 @@ def _results(located: LocatedDrive) -> dict[str, Any]:
 
 
 def _rows(located: LocatedDrive) -> list[tuple[str, str]]:
-    """Return the results as lines of a table."""
+    """Return the results as names and texts of a table."""
     r = _results(located)
     rows = [
         ("drive", f"{r['duration_s']:,.1f} s, {r['distance_m'] / 1000.0:,.3f} km, {r['n_poses']:,} poses"),
-        ("fixes", f"{r['n_fixes']:,}, {r['n_outliers']:,} of them far off"),
-        ("outages", f"{len(r['outages_s'])}, the longest {r['longest_outage_s']:.1f} s; "
-                    f"{sum(b - a for a, b in r['left_out_s']):.1f} s left out"),
-        ("sigma in plan", f"median {r['sigma_plan_median_m']:.3f} m, largest {r['sigma_plan_largest_m']:.3f} m "
+        ("fixes", f"{r['n_fixes']:,}, {r['n_outliers']:,} outliers"),
+        ("outages", f"{len(r['outages_s'])}, longest {r['longest_outage_s']:.1f} s; "
+                    f"{sum(b - a for a, b in r['left_out_s']):.1f} s without poses"),
+        ("horizontal sigma", f"median {r['sigma_plan_median_m']:.3f} m, largest {r['sigma_plan_largest_m']:.3f} m "
                           f"(at {r['sigma_plan_largest_at_s']:.1f} s)"),
     ]  # fmt: skip
     for stretch in r["stretches"]:
