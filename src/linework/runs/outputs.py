@@ -19,7 +19,7 @@ from linework.files.vectors.read_write import points_left_out, write_lines
 from linework.model.lines import REVIEWS, LineSet
 from linework.model.logs import VanLog
 from linework.runs.extraction import Extraction, Failure, path_text
-from linework.runs.record import record_path, set_record_aside, versions
+from linework.runs.record import record_path, versions
 from linework.runs.steps import RunSteps
 
 

@@ -146,7 +146,7 @@ class LaserSource:
         """Plan the tiles of each method, and write the path of the vehicle where every process can read it."""
         path, store = None, opened.points
         if opened.trajectory is not None:
-            path = run.path / "trajectory.npz"
+            path = run.path / "trajectory.arrays"
             write_part(opened.trajectory, path)
         origin = local_origin(store.bounds.west, store.bounds.south, surface.z0_m)
         survey = TiledPoints(store.folder, surface.tiles.folder, path, opened.survey.name, origin)

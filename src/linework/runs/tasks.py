@@ -41,7 +41,7 @@ class RunTask:
     @property
     def result(self) -> Path:
         """File for what is found."""
-        return self.results / f"{self.name}.npz"
+        return self.results / f"{self.name}.arrays"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,7 @@
-"""Jobs: automatic extractions of the served survey, one at a time, each in a process of its own."""
+"""Jobs: automatic extractions of the served survey, one at a time, each in a process of its own.
+
+Apart from `routes`, because jobs live on without any request.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The web application: all routes, and the answers to errors."""
+"""The web application: all routes, and the answers to errors.
+
+Apart from `serve`, because tests build the application without a server.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +50,7 @@ async def _own(_request: Request, error: Exception) -> JSONResponse:
 
 
 async def _fault(_request: Request, _error: Exception) -> JSONResponse:
-    """Answer a fault of ours; the error itself goes on to the guard, which saves the log."""
+    """Answer a fault of ours; the guard gets the error too, and saves the log."""
     return JSONResponse(problem_document(FAULT, 500), 500)
 
 

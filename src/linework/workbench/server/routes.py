@@ -1,4 +1,7 @@
-"""Routes for the survey, its lines, and a stream of what changes."""
+"""Routes for the survey, its lines, and a stream of what changes.
+
+Apart from `app`, as the routes of every other room are.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Layers of all tiles: made from points or from the four tiles below, cached in memory and on disk."""
+"""Layers of all tiles: made from points or from the four tiles below, cached in memory and on disk.
+
+Apart from `tiles`, because it is the cache below all requests for tiles.
+"""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ def tile_picture(image: str, layers: TileLayers, scale: ColourScale, cell_m: flo
 
 
 def _surface(layers: TileLayers, cell_m: float) -> AnyArray:
-    """Return the height of the surface seen from above: of the ground and of objects on it."""
+    """Return the height of the surface as it looks from above: of the ground and of objects on it."""
     if cell_m >= _NO_THINGS_M:
         return layers.ground
     return layers.ground + np.where(layers.stands > _STANDS_M, layers.stands, np.float32(0.0))

@@ -1,6 +1,7 @@
 """Height of the ground, a kerb's top, a rail or a cable, from the few points around a place.
 
-Points are (n, 4): east and north from the place, up from the height origin, and above the road (NaN: unknown). [m]
+Apart from `heights`, because it needs no survey: points are (n, 4), east and north from the place, up from the height
+origin, and above the road (NaN: unknown). [m]
 """
 
 from __future__ import annotations

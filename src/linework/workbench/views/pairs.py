@@ -1,4 +1,7 @@
-"""Requests to the pictures worker about stereo pairs: the list, images for the screen, lines projected into them."""
+"""Requests to the pictures worker about stereo pairs: the list, images for the screen, lines projected into them.
+
+Apart from `routes`, because it runs in the worker and needs the opened survey.
+"""
 
 from __future__ import annotations
 
