@@ -128,7 +128,7 @@ def read_settings(path: Path | None) -> RunSettings:
     import tomllib
 
     from linework.errors import ConfigError
-    from linework.files.las.header import regular_file_bytes
+    from linework.files.input import regular_file_bytes
     from linework.model.settings import settings_from
     from linework.runs.settings import RunSettings
 

@@ -15,7 +15,7 @@ from pyproj.transformer import TransformerGroup
 from linework.arrays import FloatArray
 from linework.errors import ConfigError, CrsError, InputError
 from linework.files.geodesy.crs import LOCAL, describe_crs, has_height, horizontal_part
-from linework.files.las.header import regular_file_bytes
+from linework.files.input import regular_file_bytes
 from linework.model.survey import Survey
 
 #: A zone is used a little beyond its edges.

@@ -16,7 +16,8 @@ import numpy as np
 from linework.arrays import FloatArray
 from linework.errors import ConfigError, InputError
 from linework.files.logs.clock import in_seconds
-from linework.files.logs.tables import MAX_ROWS, finite_number, read_text_table, text_lines
+from linework.files.logs.tables import finite_number, read_text_table
+from linework.files.logs.text import MAX_ROWS, text_lines
 from linework.imaging.pairing import certain_times
 
 #: Suffixes of images that `read_pair` reads.

@@ -15,7 +15,7 @@ import PIL.Image
 
 from linework.arrays import AnyArray
 from linework.errors import InputError
-from linework.files.las.header import regular_file_bytes
+from linework.files.input import filled_file_bytes
 from linework.model.camera import Camera, StereoRig
 from linework.model.images import ImagePair
 
@@ -56,7 +56,7 @@ def read_image(path: Path, camera: Camera) -> AnyArray:
     image; images of 10 or 12 bits that were not scaled up to 16 are refused. Sizes are compared before a pixel
     is decoded. Exif that is damaged is ignored.
     """
-    _check_bytes(_bytes_of(path), path, camera)
+    _check_bytes(filled_file_bytes(path, DAMAGED), path, camera)
     return decoded_image(path.read_bytes(), path, camera)
 
 
@@ -91,16 +91,9 @@ def image_size(path: Path) -> tuple[int, int]:
     InputError
         Missing, no image, absurdly large.
     """
-    _bytes_of(path)
+    filled_file_bytes(path, DAMAGED)
     with image_errors(path), path.open("rb") as file, open_image(file, path) as image:
         return int(image.width), int(image.height)
-
-
-def _bytes_of(path: Path) -> int:
-    n_bytes = regular_file_bytes(path)
-    if n_bytes == 0:
-        raise InputError("empty file (0 bytes)", where=path, advice=DAMAGED)
-    return n_bytes
 
 
 def _check_bytes(n_bytes: int, path: Path, camera: Camera) -> None:

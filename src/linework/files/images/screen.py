@@ -12,8 +12,8 @@ import numpy as np
 import PIL.Image
 
 from linework.errors import InputError
-from linework.files.images.read import decoded_image, image_errors, most_bytes, open_image
-from linework.files.las.header import regular_file_bytes
+from linework.files.images.read import DAMAGED, decoded_image, image_errors, most_bytes, open_image
+from linework.files.input import filled_file_bytes
 from linework.model.camera import Camera
 
 #: Edges of paint stay as sharp as the eye sees them, at an eighth of the bytes of a PNG.
@@ -112,7 +112,7 @@ def thumbnail(path: Path) -> bytes:
     InputError
         Missing, no image, cut off, absurdly large.
     """
-    regular_file_bytes(path)
+    filled_file_bytes(path, DAMAGED)
     with image_errors(path), path.open("rb") as file:
         return thumbnail_of(file, path)
 

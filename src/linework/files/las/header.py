@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import math
 import os
-import stat
 import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
 from linework.errors import InputError
+from linework.files.input import open_input
 from linework.files.las.chunks import LazTable, read_laz_table, refuse_unfinished
 
 #: Bytes of a point record without extra bytes, by point format (specification tables 7 to 17).
@@ -79,31 +79,8 @@ def read_las_header(path: Path) -> LasHeader:
     InputError
         Not a regular LAS file, cut off, or a header that cannot be true; with the numbers.
     """
-    n_bytes = regular_file_bytes(path)
-    if n_bytes == 0:
-        raise InputError("empty file (0 bytes)", where=path, advice="copy the file again")
-    with path.open("rb") as file:
-        return _Reader(path, file, n_bytes).header()
-
-
-def regular_file_bytes(path: Path) -> int:
-    """Return the size of a regular file; a pipe, a device or a folder is refused unopened, so nothing can hang.
-
-    Raises
-    ------
-    InputError
-        Missing, unreadable, or not a regular file.
-    """
-    try:
-        status = path.stat()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"cannot be opened: {reason}", where=path, advice="check the name") from error
-    if not stat.S_ISREG(status.st_mode):
-        raise InputError("is not a regular file", where=path, advice="name a file on a disk")
-    if not os.access(path, os.R_OK):
-        raise InputError("may not be read", where=path, advice="check its permissions")
-    return status.st_size
+    with open_input(path) as file:
+        return _Reader(path, file, os.fstat(file.fileno()).st_size).header()
 
 
 class _Reader:

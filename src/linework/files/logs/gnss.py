@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from linework.files.geodesy.geodetic import EarthFrame, to_places
-from linework.files.las.header import regular_file_bytes
 from linework.files.logs.fixes import GnssContent, RawFixes, usable_fixes
 from linework.files.logs.nmea import read_nmea
 from linework.files.logs.rtklib import read_rtklib_pos
@@ -47,7 +46,7 @@ def is_gnss_file(path: Path) -> bool:
 
 
 def _kind(path: Path) -> str:
-    if regular_file_bytes(path) == 0 or path.suffix.lower() == ".csv":
+    if path.suffix.lower() == ".csv":
         return "csv"
     if path.suffix.lower() in (".nmea", ".pos"):
         return path.suffix.lower()[1:]

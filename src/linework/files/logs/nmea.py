@@ -19,7 +19,6 @@ from pynmeagps.exceptions import NMEAMessageError, NMEAParseError, NMEAStreamErr
 from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.geodesy.geodetic import EarthFrame, to_places
-from linework.files.las.header import regular_file_bytes
 from linework.files.logs.clock import gps_of_unix
 from linework.files.logs.fixes import GnssContent, RawFixes, usable_fixes
 from linework.files.logs.text import judge_bad_lines, text_blocks
@@ -73,8 +72,6 @@ def read_nmea(path: Path, frame: EarthFrame) -> GnssContent:
     InputError
         No fix, or more than 1 % of the sentences damaged.
     """
-    if regular_file_bytes(path) == 0:
-        raise InputError("empty file (0 bytes)", where=path, advice="copy the file again")
     log, bad, n_good, n_others = _Log(), list[int](), 0, 0
     for block in text_blocks(path):
         for number, line in block.lines():

@@ -12,7 +12,6 @@ import pyproj
 from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.geodesy.geodetic import EarthFrame, to_places
-from linework.files.las.header import regular_file_bytes
 from linework.files.logs.clock import WEEK_S, gps_of_unix
 from linework.files.logs.fixes import GnssContent, RawFixes, usable_fixes
 from linework.files.logs.text import judge_bad_lines, text_blocks
@@ -44,8 +43,6 @@ def read_rtklib_pos(path: Path, frame: EarthFrame) -> GnssContent:
     InputError
         No header, a layout that is not known, more than 1 % of the lines unusable.
     """
-    if regular_file_bytes(path) == 0:
-        raise InputError("empty file (0 bytes)", where=path, advice="copy the file again")
     comments, rows, numbers, bad = [], [], [], []
     for block in text_blocks(path):
         for number, line in block.lines():

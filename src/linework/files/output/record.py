@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from linework.errors import MachineError
-from linework.files.las.header import regular_file_bytes
+from linework.files.input import regular_file_bytes
 from linework.files.output.publish import publish
 
 

@@ -18,7 +18,8 @@ from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.images.lists import find_images
 from linework.files.images.read import image_size
-from linework.files.logs.tables import finite_number, text_lines
+from linework.files.logs.tables import finite_number
+from linework.files.logs.text import text_lines
 from linework.model.camera import LOOKING_AHEAD
 
 #: Height of the inertial unit over the road (Geiger et al., figure 3). [m]

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from linework.errors import CrsError, InputError, UsageError
 from linework.files.geodesy.crs import LOCAL, describe_crs, has_height, parse_crs, same_crs, same_plan
+from linework.files.input import regular_file_bytes
 from linework.files.las.crs import resolve_crs
-from linework.files.las.header import read_las_header, regular_file_bytes
+from linework.files.las.header import read_las_header
 from linework.files.survey.kitti import read_kitti_folder
 from linework.files.survey.toml import read_survey_file
 from linework.model.survey import Survey

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from linework.errors import ConfigError
-from linework.files.las.header import regular_file_bytes
+from linework.files.input import regular_file_bytes
 
 #: A survey.toml is a page; a megabyte is something else.
 _MAX_BYTES = 1 << 20

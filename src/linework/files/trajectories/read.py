@@ -13,7 +13,6 @@ from linework.errors import InputError, MachineError
 from linework.files.geodesy.crs import LOCAL
 from linework.files.geodesy.geodetic import EarthFrame
 from linework.files.images.lists import read_times
-from linework.files.las.header import regular_file_bytes
 from linework.files.logs.clock import in_seconds
 from linework.files.logs.gnss import is_gnss_file, read_gnss
 from linework.files.logs.tables import read_table
@@ -90,7 +89,7 @@ def read_trajectory_content(path: Path, settings: TrajectorySettings | None = No
 
 def _kind_of_text(path: Path) -> str:
     """Return which kind of text a file is by its first line of content: "gnss", "tum", "kitti", or "csv"."""
-    if regular_file_bytes(path) == 0 or path.suffix.lower() == ".csv":
+    if path.suffix.lower() == ".csv":
         return "csv"
     if is_gnss_file(path):
         return "gnss"

@@ -9,7 +9,7 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray
 from linework.errors import InputError
 from linework.files.geodesy.geodetic import EarthFrame, convergence_deg, to_places
-from linework.files.las.header import regular_file_bytes
+from linework.files.input import regular_file_bytes
 from linework.files.logs.clock import WEEK_S, in_seconds
 from linework.files.logs.text import judge_bad_lines
 from linework.files.trajectories.content import TrajectoryContent, ordered_content

@@ -20,7 +20,7 @@ from pyproj.exceptions import CRSError as ProjError
 from linework.arrays import FloatArray
 from linework.errors import InputError, MachineError
 from linework.files.geodesy.crs import LOCAL, parse_crs
-from linework.files.las.header import regular_file_bytes
+from linework.files.input import filled_file_bytes
 from linework.files.output.publish import publish
 from linework.files.vectors.fields import colour_of, field_values, fields_of_kind, layer_names, ordered_layers
 from linework.files.vectors.gdal import foreign_lines
@@ -142,8 +142,7 @@ def _crs_beside(path: Path) -> str | None:
 
 
 def _open(path: Path) -> Drawing:
-    if regular_file_bytes(path) == 0:
-        raise InputError("empty file (0 bytes)", where=path, advice="copy the file again")
+    filled_file_bytes(path)
     try:
         return readfile(path)
     except (OSError, DXFError, ValueError, KeyError, AttributeError, IndexError, TypeError) as error:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import linework.files.vectors.gdal_limits  # noqa: F401 (what GDAL may not do)
 from linework.errors import InputError, LineworkError
-from linework.files.las.header import regular_file_bytes
+from linework.files.input import open_input
 
 #: Drivers that read other files or the network on behalf of the file they open.
 FORBIDDEN_DRIVERS = (
@@ -70,10 +70,8 @@ def checked_vector_file(path: Path) -> Path:
     """
     if not path.name.isprintable():
         raise InputError("control characters in the name", where=path, advice="give it another name")
-    if regular_file_bytes(path) == 0:
-        raise InputError("empty file (0 bytes)", where=path, advice="copy the file again")
     expected = _FIRST_BYTES.get(path.suffix.lower())
-    with path.open("rb") as file:
+    with open_input(path) as file:
         first = file.read(16)
     if expected is None or not first.startswith(expected):
         raise InputError(

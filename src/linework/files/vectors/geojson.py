@@ -20,7 +20,7 @@ import shapely.geometry
 from linework.arrays import AnyArray
 from linework.errors import CrsError, InputError, MachineError
 from linework.files.geodesy.crs import LOCAL, epsg_text, parse_crs
-from linework.files.las.header import regular_file_bytes
+from linework.files.input import regular_file_bytes
 from linework.files.vectors.fields import (
     DISAGREEMENT,
     REVIEWED,
