@@ -39,3 +39,8 @@ def checked(name: str, values: Any, dtype: Any, shape: Sequence[int | None]) -> 
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+def offsets_of(counts: npt.ArrayLike) -> IntArray:
+    """Return the offsets (m + 1,) of ragged columns whose m rows have these counts."""
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

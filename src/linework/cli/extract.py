@@ -93,7 +93,9 @@ def extract(
         kinds = findable_kinds(kinds, has_points=bool(survey.point_files), asked=bool(features))
         folder, n_workers, steps = work_folder(survey.root, work), workers or usable_cores(), Steps(display)
         executor = held.enter_context(executor_for(survey, n_workers, settings))
-        ahead = import_ahead("linework.runs.extract", "linework.methods.choose", "linework.files.vectors.gpkg")
+        ahead = import_ahead(
+            "linework.runs.extract", "linework.methods.choose", "linework.files.vectors.gpkg"
+        )
         from linework.runs.opened.recordings import opened_recordings
 
         recordings = held.enter_context(
@@ -125,21 +127,10 @@ def extract(
 
 def read_settings(path: Path | None) -> RunSettings:
     """Return the settings of a run file; what it does not name keeps its default."""
-    import tomllib
-
-    from linework.errors import ConfigError
-    from linework.files.input import regular_file_bytes
-    from linework.model.settings import settings_from
+    from linework.files.settings_file import read_settings_file
     from linework.runs.settings import RunSettings
 
-    if path is None:
-        return RunSettings()
-    regular_file_bytes(path)
-    try:
-        values = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"not TOML: {error}", where=path, advice="see linework config") from error
-    return settings_from(RunSettings, values, where=path)
+    return RunSettings() if path is None else read_settings_file(RunSettings, path)
 
 
 def with_trajectory(survey: Survey, path: Path | None) -> Survey:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 
-from linework.arrays import AnyArray, BoolArray, FloatArray, checked
+from linework.arrays import AnyArray, FloatArray
+from linework.model.columns import Columns, column, column_types, filled_column
 
 
 class BoxForm(IntEnum):
@@ -27,12 +26,8 @@ class BoxForm(IntEnum):
     BARRIER = 4
 
 
-def _column(dtype: Any, default: Any) -> Any:
-    return field(default=None, metadata={"dtype": dtype, "default": default})
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BoxSet:
+class BoxSet(Columns):
     """n oriented boxes, in plan: centre, u-axis along the feature, v-axis to its left.
 
     Parameters
@@ -65,53 +60,21 @@ class BoxSet:
         (n,) float64 [s]: of these points; NaN where they have no time.
     """
 
-    centre: FloatArray
-    u: FloatArray
-    half_u_m: FloatArray = _column(np.float64, np.nan)
-    half_v_m: FloatArray = _column(np.float64, np.nan)
-    sigma_v_m: FloatArray = _column(np.float64, np.nan)
-    sigma_z_m: FloatArray = _column(np.float64, np.nan)
-    sigma_u_rad: FloatArray = _column(np.float64, np.nan)
-    score: FloatArray = _column(np.float64, 1.0)
-    form: AnyArray = _column(np.int8, 0)
-    height_m: FloatArray = _column(np.float64, np.nan)
-    top_v_m: FloatArray = _column(np.float64, np.nan)
-    contrast: FloatArray = _column(np.float64, np.nan)
-    n_points: AnyArray = _column(np.int64, 0)
-    time_start_s: FloatArray = _column(np.float64, np.nan)
-    time_end_s: FloatArray = _column(np.float64, np.nan)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", checked("centre", self.centre, np.float64, (None, 3)))
-        n = len(self.centre)
-        object.__setattr__(self, "u", checked("u", self.u, np.float64, (n, 2)))
-        for name in BOX_COLUMNS:
-            meta = self.__dataclass_fields__[name].metadata
-            value = getattr(self, name)
-            if value is None:
-                value = np.full(n, meta["default"], dtype=meta["dtype"])
-            object.__setattr__(self, name, checked(name, value, meta["dtype"], (n,)))
-
-    def __len__(self) -> int:
-        return len(self.centre)
-
-    @classmethod
-    def empty(cls) -> BoxSet:
-        """Return a set of no boxes."""
-        return cls(centre=np.zeros((0, 3)), u=np.zeros((0, 2)))
-
-    @classmethod
-    def concatenate(cls, sets: Iterable[BoxSet]) -> BoxSet:
-        """Return all boxes of `sets` in order; they must share one local origin.
-
-        >>> len(BoxSet.concatenate([BoxSet.empty(), BoxSet.empty()]))
-        0
-        """
-        kept = list(sets)
-        if not kept:
-            return cls.empty()
-        names = ("centre", "u", *BOX_COLUMNS)
-        return cls(**{name: np.concatenate([getattr(s, name) for s in kept]) for name in names})
+    centre: FloatArray = column(np.float64, 3)
+    u: FloatArray = column(np.float64, 2)
+    half_u_m: FloatArray = filled_column(np.float64, np.nan)
+    half_v_m: FloatArray = filled_column(np.float64, np.nan)
+    sigma_v_m: FloatArray = filled_column(np.float64, np.nan)
+    sigma_z_m: FloatArray = filled_column(np.float64, np.nan)
+    sigma_u_rad: FloatArray = filled_column(np.float64, np.nan)
+    score: FloatArray = filled_column(np.float64, 1.0)
+    form: AnyArray = filled_column(np.int8, 0)
+    height_m: FloatArray = filled_column(np.float64, np.nan)
+    top_v_m: FloatArray = filled_column(np.float64, np.nan)
+    contrast: FloatArray = filled_column(np.float64, np.nan)
+    n_points: AnyArray = filled_column(np.int64, 0)
+    time_start_s: FloatArray = filled_column(np.float64, np.nan)
+    time_end_s: FloatArray = filled_column(np.float64, np.nan)
 
     def time_span(self, index: AnyArray) -> tuple[float, float]:
         """Return the first and the last time of some boxes [s]; NaN where none has times."""
@@ -124,9 +87,6 @@ class BoxSet:
         step = np.linalg.norm(np.diff(self.centre[index, :2], axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(step)])
 
-    def take(self, index: AnyArray | BoolArray) -> BoxSet:
-        """Return the boxes chosen by a mask or an index array, in that order."""
-        return BoxSet(**{name: getattr(self, name)[index] for name in ("centre", "u", *BOX_COLUMNS)})
 
-
-BOX_COLUMNS = tuple(f.name for f in fields(BoxSet) if f.name not in ("centre", "u"))
+#: Columns beside `centre` and `u`, in order.
+BOX_COLUMNS = tuple(name for name in column_types(BoxSet) if name not in ("centre", "u"))

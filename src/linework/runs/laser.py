@@ -107,7 +107,7 @@ def _tasks(
     """Return the tiles of all methods, those with the largest tiles first: what is left to the end is short."""
     path = None
     if opened.trajectory is not None:
-        path = run.path / "trajectory.npz"
+        path = run.path / "trajectory.arrays"
         write_path_part(opened.trajectory, path)
     bounds = opened.points.bounds
     job = Job(

@@ -14,12 +14,13 @@ from linework.files.geodesy.crs import describe_crs
 from linework.files.line_file.carried import has_reviews, with_history
 from linework.files.line_file.file import DrawingFile
 from linework.files.output.record import hash_file, write_json
+from linework.files.output.replace import set_aside
 from linework.files.store.facts import StoreFacts
 from linework.files.vectors.read_write import points_left_out, write_lines
 from linework.model.lines import REVIEWS, LineSet
 from linework.model.logs import VanLog
 from linework.runs.extraction import Extraction, path_text
-from linework.runs.record import record_path, set_aside, versions
+from linework.runs.record import record_path, versions
 from linework.runs.steps import Steps
 
 

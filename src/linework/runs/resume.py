@@ -19,6 +19,7 @@ from linework.errors import MachineError, UsageError
 from linework.files.output.locks import locked
 from linework.files.output.publish import machine_errors
 from linework.files.output.record import hash_file
+from linework.files.output.replace import replace_file
 from linework.runs.opened.work_folder import RUNS, in_use
 from linework.runs.record import versions
 
@@ -130,9 +131,7 @@ def _journal(folder: Path) -> Journal:
 
 def _describe(folder: Path, described: Mapping[str, Any]) -> None:
     """Write what the run is, last of what makes its folder: a folder without it was never begun."""
-    part = folder / f".{_DESCRIPTION}.part"
-    part.write_text(json.dumps(described), encoding="utf-8")
-    part.replace(folder / _DESCRIPTION)
+    replace_file(folder / _DESCRIPTION, json.dumps(described).encode())
 
 
 def _description(folder: Path) -> dict[str, Any] | None:

@@ -81,7 +81,7 @@ class TileTask:
     @property
     def result(self) -> Path:
         """Where its lines go."""
-        return self.job.results / f"{self.name}.npz"
+        return self.job.results / f"{self.name}.arrays"
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +167,7 @@ class WindowTask:
     @property
     def result(self) -> Path:
         """Where what is seen goes."""
-        return self.results / f"{self.name}.npz"
+        return self.results / f"{self.name}.arrays"
 
 
 @dataclass(frozen=True, slots=True)

@@ -239,8 +239,8 @@ FRUGAL = """
 import resource, sys
 from pathlib import Path
 from linework.errors import InputError
-from linework.files.survey import open_survey
-import linework.files.las_header
+from linework.files.survey.open import open_survey
+import linework.files.las.header
 
 in_use = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (in_use + (200 << 20),) * 2)

@@ -143,10 +143,10 @@ def children_of(pid):
 PARENT = """
 import sys
 from pathlib import Path
-from linework.files import decoder_process
-from linework.files.decoder import DecoderLimits
-from linework.files.spill import spill_survey
-from linework.files.survey import open_survey
+from linework.files.las import decode_process
+from linework.files.las.decoder import DecoderLimits
+from linework.files.store.build import spill_survey
+from linework.files.survey.open import open_survey
 limits = DecoderLimits(batch_points=100, program=(sys.argv[1], "hang", ""))
 say = lambda done, total: print(done, flush=True)
 spill_survey(open_survey([Path(sys.argv[2])]), Path(sys.argv[3]), n_threads=1, limits=limits, progress=say)

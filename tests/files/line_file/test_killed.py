@@ -22,7 +22,7 @@ from linework.model.changes import Change
 EDITING = """
 import sys
 from pathlib import Path
-from linework.files.drawing import DrawingFile
+from linework.files.line_file.file import DrawingFile
 from linework.model.changes import Change
 
 with DrawingFile.opened(Path(sys.argv[1]), crs="local") as drawing:

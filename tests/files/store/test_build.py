@@ -211,8 +211,8 @@ def test_too_little_space_is_said_before_anything_is_decoded(drive, folder, monk
 FULL = """
 import resource, signal, sys
 from pathlib import Path
-from linework.files.spill import spill_survey
-from linework.files.survey import open_survey
+from linework.files.store.build import spill_survey
+from linework.files.survey.open import open_survey
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), int(sys.argv[3])))
 try:
     spill_survey(open_survey([Path(sys.argv[1])]), Path(sys.argv[2]), n_threads=1)

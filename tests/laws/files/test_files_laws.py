@@ -14,6 +14,7 @@ from linework.files.las.read import read_las
 from linework.files.las.write import write_las
 from linework.files.trajectories.read import read_trajectory, write_trajectory
 from linework.files.vectors.read_write import read_lines, write_lines
+from linework.model.columns import column_types
 from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
@@ -28,7 +29,7 @@ CRSS = st.sampled_from(["local", "EPSG:25832", "EPSG:25832+7837", "EPSG:2180"])
 
 
 def strategy_of(name):
-    kind = LineSet.__dataclass_fields__[name].metadata["dtype"]
+    kind = column_types(LineSet)[name].dtype
     if name == "kind":
         return st.sampled_from(KINDS) | TEXTS
     return {np.str_: TEXTS, np.bool_: st.booleans(), np.float64: NUMBERS | st.just(np.nan)}[kind]

@@ -11,7 +11,6 @@ import numpy as np
 from linework.arrays import FloatArray, IntArray
 from linework.errors import ConfigError, InputError
 from linework.files.images.lists import ImageList, read_image_list
-from linework.files.survey.toml import check_cameras
 from linework.imaging.pairing import PairedTimes, pair_by_time
 from linework.model.camera import Camera, StereoRig
 from linework.model.images import ImagePair, StereoSeries
@@ -51,6 +50,8 @@ def open_stereo(survey: Survey) -> StereoSeries | None:
     if not cameras:
         return None
     where = survey.settings_file or survey.root
+    from linework.files.survey.toml import check_cameras
+
     check_cameras(cameras, where)
     rig = rig_of(cameras, where)
     left, right = (read_image_list(cameras[side], survey.root, f"cameras.{side}") for side in _SIDES)

@@ -16,6 +16,7 @@ from linework.errors import InputError
 from linework.files.line_file.tables import Row, columns_of, line_layers, quoted, wkb_of
 from linework.files.vectors.fields import REJECTED, lines_from_geometries
 from linework.files.vectors.gpkg import VERTEX_TABLE
+from linework.model.columns import column_types
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 
@@ -207,7 +208,7 @@ def with_vertex_rows(db: sqlite3.Connection, found: Found) -> tuple[LineSet, Map
 
 
 def _column(name: str, values: tuple[Any, ...]) -> FloatArray | BoolArray:
-    dtype = LineSet.__dataclass_fields__[name].metadata["dtype"]
+    dtype = column_types(LineSet)[name].dtype
     return np.array([v == 1 for v in values]) if dtype is np.bool_ else np.array(values, dtype=np.float64)
 
 

@@ -18,6 +18,7 @@ from linework.arrays import AnyArray, FloatArray
 from linework.errors import InputError
 from linework.files.line_file.tables import Row
 from linework.model.changes import Change, Edit
+from linework.model.columns import column_types
 from linework.model.lines import LINE_COLUMNS, LineSet
 
 UNDO, REDO = "undo", "redo"
@@ -236,11 +237,11 @@ def _unpacked(stored: Sequence[bytes], crs: str) -> LineSet:
         "observed": np.concatenate([both[1] for both in flags]).astype(bool),
     }
     for name in LINE_COLUMNS:
-        meta = LineSet.__dataclass_fields__[name].metadata
-        values = [head.get(name, meta["default"]) for head in heads]
-        if meta["dtype"] is np.float64:
+        column = column_types(LineSet)[name]
+        values = [head.get(name, column.fill) for head in heads]
+        if column.dtype is np.float64:
             values = [math.nan if value is None else value for value in values]
-        columns[name] = np.array(values, dtype=meta["dtype"])
+        columns[name] = np.array(values, dtype=column.dtype)
     xyz = [values[: 3 * (len(values) // 5)].reshape(-1, 3) for values in numbers]
     return LineSet.from_lines(xyz, crs=crs, **columns)
 

@@ -1,21 +1,21 @@
-"""What is kept of a run on its way to the whole: files of columns, written whole or not at all."""
+"""Intermediate results of a run, one file per tile or pair: lines, boxes, sightings, the trajectory.
+
+Each file is written whole or not at all; its hash goes into the journal, and a file that has another is made anew.
+"""
 
 from __future__ import annotations
 
-import hashlib
-import io
-import os
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from linework.arrays import AnyArray
-from linework.files.output.publish import machine_errors
-from linework.model.boxes import BOX_COLUMNS, BoxSet
+from linework.errors import MachineError
+from linework.files.array_file import is_file_of, read_named_arrays, write_named_arrays
+from linework.model.boxes import BoxSet
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
-from linework.model.sightings import SIGHTING_COLUMNS, Sightings
+from linework.model.sightings import Sightings
 from linework.model.trajectory import Trajectory
 
 
@@ -27,84 +27,64 @@ def write_line_part(lines: LineSet, path: Path) -> str:
     MachineError
         The folder is full, read-only or gone.
     """
-    columns = {name: getattr(lines, name) for name in (*VERTEX_COLUMNS, *LINE_COLUMNS)}
-    return _write({"xyz": lines.xyz, "offsets": lines.offsets, "crs": np.array(lines.crs), **columns}, path)
+    columns = {name: getattr(lines, name) for name in ("xyz", "offsets", *VERTEX_COLUMNS, *LINE_COLUMNS)}
+    return write_named_arrays(path, {"crs": np.array([lines.crs]), **columns})
 
 
 def read_line_part(path: Path, sha256: str) -> LineSet | None:
-    """Return the lines of a part, or None where it is gone or is not what was written."""
+    """Return the lines of a part, or None where it is missing or damaged."""
     columns = _read(path, sha256)
-    return None if columns is None else LineSet(crs=str(columns.pop("crs")), **columns)
+    return None if columns is None else LineSet(crs=str(columns.pop("crs")[0]), **columns)
 
 
 def write_box_part(boxes: BoxSet, path: Path) -> str:
-    """Write boxes, as `write_line_part` does lines."""
-    return _write({name: getattr(boxes, name) for name in ("centre", "u", *BOX_COLUMNS)}, path)
+    """Write boxes and return the SHA-256 of the file (see `write_line_part`)."""
+    return write_named_arrays(path, boxes.by_name())
 
 
 def read_box_part(path: Path, sha256: str) -> BoxSet | None:
-    """Return the boxes of a part, or None where it is gone or is not what was written."""
+    """Return the boxes of a part, or None where it is missing or damaged."""
     columns = _read(path, sha256)
     return None if columns is None else BoxSet(**columns)
 
 
-def write_sighting_part(seen: Sightings, path: Path) -> str:
-    """Write sightings, as `write_line_part` does lines."""
-    return _write({name: getattr(seen, name) for name in ("xyz", *SIGHTING_COLUMNS)}, path)
+def write_sighting_part(sightings: Sightings, path: Path) -> str:
+    """Write sightings and return the SHA-256 of the file (see `write_line_part`)."""
+    return write_named_arrays(path, sightings.by_name())
 
 
 def read_sighting_part(path: Path, sha256: str) -> Sightings | None:
-    """Return the sightings of a part, or None where it is gone or is not what was written."""
+    """Return the sightings of a part, or None where it is missing or damaged."""
     columns = _read(path, sha256)
     return None if columns is None else Sightings(**columns)
 
 
 def write_path_part(trajectory: Trajectory, path: Path) -> str:
-    """Write a trajectory: read back by many workers, a hundred times as fast as its CSV."""
-    columns = {"time_s": trajectory.time_s, "xyz": trajectory.xyz}
-    for name in ("attitude_deg", "sigma_xyz_m", "sigma_attitude_deg"):
-        value = getattr(trajectory, name)
-        columns |= {} if value is None else {name: value}
-    return _write(columns, path)
+    """Write a trajectory for the workers, who read it a hundred times as fast as its CSV; return the SHA-256."""
+    return write_named_arrays(path, trajectory.by_name())
 
 
 def read_path_part(path: Path) -> Trajectory:
-    """Return the trajectory of a part."""
-    with np.load(path, allow_pickle=False) as held:
-        return Trajectory(**{name: held[name] for name in held.files})
+    """Return the trajectory of a part.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is none.
+    MachineError
+        It cannot be read.
+    """
+    columns: dict[str, Any] = read_named_arrays(path)
+    return Trajectory(**columns)
 
 
 def part_is_whole(path: Path, sha256: str) -> bool:
-    """Return whether a part is there and is what was written."""
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest() == sha256
-    except OSError:
-        return False
-
-
-def _write(columns: Mapping[str, AnyArray], path: Path) -> str:
-    held = io.BytesIO()
-    np.savez(held, **cast(Any, columns))
-    data = held.getvalue()
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    with machine_errors(path):
-        try:
-            with part.open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
-    return hashlib.sha256(data).hexdigest()
+    """Return whether a part exists and is what was written."""
+    return is_file_of(path, sha256)
 
 
 def _read(path: Path, sha256: str) -> dict[str, AnyArray] | None:
     try:
-        data = path.read_bytes()
-    except OSError:
+        return read_named_arrays(path, sha256)
+    except (FileNotFoundError, MachineError):
         return None
-    if hashlib.sha256(data).hexdigest() != sha256:
-        return None
-    with np.load(io.BytesIO(data), allow_pickle=False) as held:
-        return {name: held[name] for name in held.files}

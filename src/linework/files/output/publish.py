@@ -81,13 +81,13 @@ def publish(
         with machine_errors(path):
             write(part)
             verify(part)
-            _sync(part)
+            sync(part)
             if os.path.lexists(path) and not overwrite:
                 raise OutputExistsError(
                     "output appeared while it was being written", where=path, advice="give --overwrite"
                 )
             part.replace(path)
-            _sync(path.parent)
+            sync(path.parent)
     finally:
         _remove_part(part)
 
@@ -120,12 +120,12 @@ def publish_folder(
             write(part)
             verify(part)
             for file in sorted(p for p in part.rglob("*") if p.is_file()):
-                _sync(file)
+                sync(file)
             if path.is_dir() and any(path.iterdir()):
                 _merge_folder(part, path)
             else:
                 part.replace(path)
-            _sync(path.parent)
+            sync(path.parent)
     finally:
         _remove_part(part)
 
@@ -193,8 +193,8 @@ def machine_errors(path: Path) -> Iterator[None]:
         raise MachineError(f"cannot be written: {reason}{number}", where=path, advice=advice) from error
 
 
-def _sync(path: Path) -> None:
-    """Ask the disk to keep a file, or a folder's names."""
+def sync(path: Path) -> None:
+    """Wait until the disk holds a file, or a folder's names."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -207,7 +207,7 @@ def _merge_folder(part: Path, path: Path) -> None:
         target = path / file.relative_to(part)
         target.parent.mkdir(parents=True, exist_ok=True)
         file.replace(target)
-        _sync(target.parent)
+        sync(target.parent)
 
 
 def _remove_part(part: Path) -> None:

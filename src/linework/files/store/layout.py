@@ -20,7 +20,6 @@ import math
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -110,15 +109,6 @@ class RunTable:
     def from_bytes(cls, data: bytes) -> RunTable:
         """Return the table that `to_bytes` was given; ValueError for anything else."""
         return cls(np.load(io.BytesIO(data), allow_pickle=False))
-
-    def save(self, path: Path) -> None:
-        """Write the table."""
-        path.write_bytes(self.to_bytes())
-
-    @classmethod
-    def load(cls, path: Path) -> RunTable:
-        """Read a table written by `save`."""
-        return cls.from_bytes(path.read_bytes())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

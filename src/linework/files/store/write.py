@@ -15,6 +15,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, FloatArray, checked
 from linework.files.output.publish import machine_errors
+from linework.files.output.replace import make_durable, replace_file
 from linework.files.store.folder import Columns, StoreFiles
 from linework.files.store.layout import (
     BLOCK_STEPS,
@@ -118,10 +119,8 @@ class StoreWriter:
             The disk is full, or failed.
         """
         with machine_errors(self._path):
-            try:
-                os.fsync(self._file)
-            finally:
-                self._close()
+            self._close()
+        make_durable(self._path)
         return RunTable.concatenate(*self._tables)
 
     def abort(self) -> None:
@@ -216,15 +215,8 @@ def write_index(
     }
     document["crc32"] = facts_crc32(document)
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    _write_durably(folder / RUNS_FILE, runs)
-    _write_durably(folder / INDEX_FILE, text.encode())
-
-
-def _write_durably(path: Path, data: bytes) -> None:
-    with machine_errors(path), path.open("xb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
+    replace_file(folder / RUNS_FILE, runs)
+    replace_file(folder / INDEX_FILE, text.encode())
 
 
 # Which points of a tile store lie within its limits: counted once, when the index is written

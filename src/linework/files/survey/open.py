@@ -11,7 +11,6 @@ from linework.files.input import regular_file_bytes
 from linework.files.las.crs import resolve_crs
 from linework.files.las.header import read_las_header
 from linework.files.survey.kitti import read_kitti_folder
-from linework.files.survey.toml import read_survey_file
 from linework.model.survey import Survey
 
 _SUFFIXES = (".las", ".laz")
@@ -51,6 +50,8 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
     found = _survey_file_of(inputs)
     kitti = read_kitti_folder(inputs[0]) if found is None and len(inputs) == 1 else None
     if found is not None:
+        from linework.files.survey.toml import read_survey_file
+
         settings, root = read_survey_file(found), found.parent
         files = _each_once(_matching(root, settings.get("points", {}).get("files", []), found))
     elif kitti is not None:

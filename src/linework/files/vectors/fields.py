@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import shapely
 
-from linework.arrays import AnyArray, FloatArray, IntArray
+from linework.arrays import AnyArray, FloatArray, IntArray, offsets_of
 from linework.errors import InputError, UsageError
+from linework.model.columns import column_types
 from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: Fields in the order of the manual; clearance_m follows for cables, DISAGREEMENT where two methods saw a line, REVIEWED
@@ -148,7 +149,7 @@ def lines_from_geometries(
     if len(coordinates) and not np.isfinite(coordinates[:, :2]).all():
         raise InputError("coordinates that are not finite numbers", where=where, advice="correct the file")
     counts = np.bincount(owner, minlength=len(parts))
-    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    offsets = offsets_of(counts)
     values = {
         name: column_values(name, [columns[name][i] for i in feature])
         for name in LINE_COLUMNS
@@ -159,7 +160,7 @@ def lines_from_geometries(
 
 def column_values(name: str, values: Iterable[Any]) -> AnyArray:
     """Return a LineSet column from what a file holds; what is missing or unfit becomes "", False or NaN."""
-    dtype = LineSet.__dataclass_fields__[name].metadata["dtype"]
+    dtype = column_types(LineSet)[name].dtype
     if dtype is np.str_:
         return np.array(
             [v if isinstance(v, str) else "" if v is None else str(v) for v in values], dtype=np.str_

@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 import shapely.geometry
 
-from linework.arrays import AnyArray
+from linework.arrays import AnyArray, offsets_of
 from linework.errors import CrsError, InputError, MachineError
 from linework.files.geodesy.crs import LOCAL, epsg_text, parse_crs
 from linework.files.input import regular_file_bytes
@@ -250,6 +250,6 @@ def _own_lines(shapes: AnyArray, columns: Mapping[str, list[Any]], crs: str) -> 
     own: dict[str, Any] = {
         name: column_values(name, columns.get(name, [None] * len(shapes))) for name in LINE_COLUMNS
     }
-    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    offsets = offsets_of(counts)
     xyz = shapely.get_coordinates(shapes, include_z=True)
     return LineSet(xyz=xyz, offsets=offsets, crs=crs, **vertex, **own)
