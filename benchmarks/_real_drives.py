@@ -6,7 +6,7 @@ import numpy as np
 from pyproj import Transformer
 
 from linework.model.logs import GnssLog, GyroLog, NavigationLogs, WheelLog
-from linework.navigation.locate import locate
+from linework.navigation.locate import locate_drive
 
 #: Length of the hidden stretches, and how far apart their starts are. [s]
 HIDDEN_S, EVERY_S = (10.0, 30.0, 60.0), 15.0
@@ -14,7 +14,7 @@ HIDDEN_S, EVERY_S = (10.0, 30.0, 60.0), 15.0
 
 def report_real(folder):
     for name, logs in (("dresden", dresden(folder)), ("berlin", berlin(folder))):
-        whole = locate(logs, rate_hz=10.0)
+        whole = locate_drive(logs, rate_hz=10.0)
         print(f"{name}: {whole.distance_m:.0f} m, {len(logs.gnss.time_s)} fixes; {whole.stretches[0].noise}")
         print(f"  {dict(whole.stretches[0].estimates)} {whole.warnings}")
         for length in HIDDEN_S:
@@ -29,7 +29,7 @@ def hidden(logs, length_s):
     for start in starts:
         gone = (time > start) & (time < start + length_s)
         seen = GnssLog(time[~gone], logs.gnss.xyz[~gone], logs.gnss.sigma_m[~gone])
-        located = locate(
+        located = locate_drive(
             NavigationLogs(gnss=seen, gyro=logs.gyro, wheels=logs.wheels, tick_m=logs.tick_m,
                            track_m=logs.track_m, gnss_lever_m=logs.gnss_lever_m),
             rate_hz=10.0,

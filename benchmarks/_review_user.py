@@ -5,14 +5,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks._review_scene import WITHIN_M, matched, missing_runs, right_share
-from linework.editing.edits.attributes import as_kind
-from linework.editing.edits.new_lines import beside, foot_along
-from linework.editing.edits.vertices import trimmed
+from linework.editing.edits.attributes import with_kind
+from linework.editing.edits.new_lines import foot_along, line_beside
+from linework.editing.edits.vertices import trim_to_vertices
 from linework.errors import InputError, UsageError
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 from linework.tracing.rails import distance_m
-from linework.workbench.edits.apply import Given, change_of, lines_of
+from linework.workbench.edits.apply import EditInputs, change_of, lines_of
 from linework.workbench.edits.orders import ChangeOrder
 from linework.workbench.review.queue import document_of
 
@@ -74,13 +74,13 @@ class User:
     def _given(self, edit):
         """Return what the desk measures for an edit."""
         if edit.action != "dashes":
-            return Given()
+            return EditInputs()
         chosen = lines_of(self.drawing.lines, edit.ids)
         spans = {
             str(chosen.id[k]): self.spans(chosen.line(k), float(chosen.width_m[k]))
             for k in range(len(chosen))
         }
-        return Given(spans=spans)
+        return EditInputs(spans=spans)
 
     def save(self, change: Change, cost=1):
         self.drawing.commit(change, who="scripted", based_on=self.drawing.revision)
@@ -89,7 +89,7 @@ class User:
     def _judge(self, item):
         """Accept or reject a line, or take what it is proposed to be."""
         line = lines_of(self.drawing.lines, item.ids)
-        if item.as_kind and right_share(as_kind(line, item.as_kind), self.truth) >= RIGHT:
+        if item.as_kind and right_share(with_kind(line, item.as_kind), self.truth) >= RIGHT:
             self.do(document_of(item)["proposal"])
             return "taken"
         is_right = right_share(line, self.truth) >= 0.5
@@ -180,14 +180,14 @@ class User:
         span = self._right_span(traced.lines.take([0]))
         if span is None or traced.kind != kind:
             return False
-        kept = trimmed(traced.lines.take([0]), *span)
+        kept = trim_to_vertices(traced.lines.take([0]), *span)
         if distance_m(kept.xyz[:, :2], place[:2]) > WITHIN_M:
             return False  # another line grew
         # Nodes that went wrong are taken back one by one, or the line is trimmed: one more action
         is_whole = span == (0, int(traced.lines.offsets[1]) - 1)
         edit = {"action": "keep", "trace": "1", "first": span[0], "last": span[1]}
         order = ChangeOrder.model_validate({"revision": 0, "edit": edit})
-        change = change_of(order.edit, self.drawing.lines, Given(kept=traced.lines))
+        change = change_of(order.edit, self.drawing.lines, EditInputs(kept=traced.lines))
         self.save(change, cost=0 if is_whole else 1)
         return True
 
@@ -253,9 +253,9 @@ class User:
         edit["at"] = [tuple(xyz[k, :2].tolist()) for k in (first, last)]
         order = ChangeOrder.model_validate({"revision": 0, "edit": edit}).edit
         try:
-            places = beside(lines.take([best]), kind, np.array(order.at)).xyz
+            places = line_beside(lines.take([best]), kind, np.array(order.at)).xyz
             heights = np.column_stack(self.heights(kind, places.tolist()))
-            return change_of(order, self.drawing.lines, Given(heights=heights))
+            return change_of(order, self.drawing.lines, EditInputs(heights=heights))
         except UsageError:
             return None
 
@@ -269,7 +269,7 @@ class User:
         places = [(float(xyz[k, 0]), float(xyz[k, 1]), float(heights[k])) for k in clicked]
         order = ChangeOrder.model_validate({"revision": 0, "edit": {"action": "wire", "xyz": places}}).edit
         try:
-            return change_of(order, self.drawing.lines, Given())
+            return change_of(order, self.drawing.lines, EditInputs())
         except UsageError:
             return None
 
@@ -283,7 +283,7 @@ class User:
             return f"left {length_m:.0f} m"
         heights = np.column_stack(self.heights(item.kind, vertices[:, :2]))
         edit = {"action": "draw", "kind": item.kind, "xyz": [(float(e), float(n)) for e, n, _ in vertices]}
-        self.do(edit, Given(heights=heights), cost=len(vertices))
+        self.do(edit, EditInputs(heights=heights), cost=len(vertices))
         return f"drew {length_m:.0f} m with {len(vertices)} clicks"
 
 
@@ -297,9 +297,9 @@ def added(change):
     is_old = np.isin(whole.xyz[:, 0], change.before.xyz[:, 0])
     new = np.flatnonzero(~is_old)
     if len(new):
-        return trimmed(whole, max(int(new[0]) - 1, 0), min(int(new[-1]) + 1, len(whole.xyz) - 1))
+        return trim_to_vertices(whole, max(int(new[0]) - 1, 0), min(int(new[-1]) + 1, len(whole.xyz) - 1))
     widest = int(np.argmax(np.hypot(*np.diff(whole.xyz[:, :2], axis=0).T)))
-    return trimmed(whole, widest, widest + 1)
+    return trim_to_vertices(whole, widest, widest + 1)
 
 
 def length_of(xyz):

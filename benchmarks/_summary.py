@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from linework.evaluation.honesty import calibrate
-from linework.evaluation.report.tables import TextTable, centimetres, number, percent, ratio_texts
+from linework.evaluation.report.tables import ReportTable, centimetres, number, percent, ratio_texts
 from linework.evaluation.tolerance import KindMatch, ratio
 from linework.evaluation.values import GroupScores, KindScores, Scores
 
 
-def summary_table(scores: Mapping[str, Scores]) -> TextTable:
+def summary_table(scores: Mapping[str, Scores]) -> ReportTable:
     """Return the main figures of every kind and group, variant by variant."""
     rows = []
     for kind in next(iter(scores.values())).kinds:
@@ -28,7 +28,7 @@ def summary_table(scores: Mapping[str, Scores]) -> TextTable:
         "kind", "variant", "complete", "correct", "double", "pieces", "measured\ncm", "height\ncm",
         "height_m\ncm", "pattern", "role", "dashes\nfound", "ends\nwithin", "sigma xy",
     )  # fmt: skip
-    return TextTable("Variants", columns, tuple(rows), "measured: lateral RMSE, bridged stretches left out")
+    return ReportTable("Variants", columns, tuple(rows), "measured: lateral RMSE, bridged stretches left out")
 
 
 def _of_kind(row: KindScores) -> tuple[str, ...]:
@@ -50,7 +50,7 @@ def _of_group(group: GroupScores) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def confidence_table(parts: Sequence[KindMatch], tolerance_m: float) -> TextTable:
+def confidence_table(parts: Sequence[KindMatch], tolerance_m: float) -> ReportTable:
     """Return per kind and class of confidence how sure pieces of 10 m were said to be, and were."""
     rows = []
     for kind in dict.fromkeys(part.kind for part in parts):
@@ -63,4 +63,4 @@ def confidence_table(parts: Sequence[KindMatch], tolerance_m: float) -> TextTabl
         )  # fmt: skip
         rows += [("", str(c.n), percent(c.was), percent(c.said), "", "") for c in judged.classes]
     columns = ("kind", "pieces", "right", "said", "calibration error", "AUC")
-    return TextTable("Confidence per piece of 10 m", columns, tuple(rows))
+    return ReportTable("Confidence per piece of 10 m", columns, tuple(rows))

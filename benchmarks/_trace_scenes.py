@@ -11,11 +11,11 @@ from scipy.spatial import cKDTree
 from linework.files.las.write import write_las
 from linework.files.survey.open import open_survey
 from linework.files.trajectories.read import write_trajectory
-from linework.methods.obb.search_area import Failure
+from linework.methods.obb.search_area import NoLineReason
 from linework.processes.executors import Serial
 from linework.runs.opened.points import opened_survey, surface_of
 from linework.runs.opened.work_folder import work_folder
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 from linework.simulation.roads.alignment import widening
 from linework.simulation.scene.materials import Material
 from linework.simulation.simulate import simulate_survey
@@ -29,8 +29,8 @@ NEAR_M, AWAY_M = 0.3, 1.0
 SEARCH_M, LEAST_POINTS = 0.5, 12
 #: Seen over less than this share of its directions, a search area has a hole in it.
 LEAST_SIDES, N_SIDES = 6, 8
-ON_ROAD = {Failure.ALL_ROAD, Failure.NO_MARKING}
-NO_DATA = {Failure.HOLES, Failure.TOO_FEW_POINTS, Failure.OFF_THE_EDGE}
+ON_ROAD = {NoLineReason.ALL_ROAD, NoLineReason.NO_MARKING}
+NO_DATA = {NoLineReason.HOLES, NoLineReason.TOO_FEW_POINTS, NoLineReason.OFF_THE_EDGE}
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def opened_simulation(road, seed, length_m):
         (folder / "survey.toml").write_text(
             f'name = "{road} {seed}"\n[points]\nfiles = ["*.laz"]\n[trajectory]\nfile = "trajectory.csv"\n'
         )
-        steps = Steps()
+        steps = RunSteps()
         with opened_survey(open_survey([folder]), work_folder(folder, None), steps=steps) as opened:
             yield simulated, opened, surface_of(opened, RoadConfig(), Serial(), steps)
 
@@ -100,7 +100,7 @@ def places_away(simulated, n, rng):
         if (where == "off the data") != empty:
             continue
         near = simulated.points.xyz[points.query_ball_point(place[:2], SEARCH_M)] - place
-        reasons = {Failure.OFF_THE_EDGE} if empty else _reasons(road, s, q, near)
+        reasons = {NoLineReason.OFF_THE_EDGE} if empty else _reasons(road, s, q, near)
         found.append(Away(place[:2], reasons, where))
     return found
 
@@ -122,12 +122,12 @@ def _reasons(road, s, q, near):
     if not is_road and beyond < side.reach_m:
         i = min(int(np.searchsorted(side.land_d_m, beyond)) - 1, len(side.land_material) - 1)
         is_road = side.land_material[max(i, 0)] == Material.ASPHALT
-    right = set(ON_ROAD) if is_road else {Failure.NO_ROAD}
+    right = set(ON_ROAD) if is_road else {NoLineReason.NO_ROAD}
     ground = near[np.abs(near[:, 2]) < 0.15]
     sides = np.unique((np.arctan2(ground[:, 1], ground[:, 0]) / (2 * np.pi) * N_SIDES).astype(int) % N_SIDES)
     if len(ground) < LEAST_POINTS or len(sides) < LEAST_SIDES:
         right |= NO_DATA
     if len(ground) < 0.5 * len(near):
         # A car on the road, a trunk in the grass: no road is seen there
-        right.add(Failure.NO_ROAD)
+        right.add(NoLineReason.NO_ROAD)
     return right

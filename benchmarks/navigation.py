@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.accuracy import seeds_of
-from linework.navigation.locate import locate
+from linework.navigation.locate import locate_drive
 from linework.simulation.sensors.logs import (
     GNSS_1_M,
     GNSS_2_CM,
@@ -20,7 +20,7 @@ from linework.simulation.sensors.logs import (
     SensorGrades,
     WheelGrade,
     attitude_deg,
-    made_logs,
+    simulate_logs,
 )
 from linework.simulation.sensors.long_drives import MOTORWAY, URBAN, long_drive
 
@@ -93,7 +93,7 @@ def driven(seed, kind, receiver, gyro):
     )
     grade = replace(GYROS[gyro], scale=GYROS[gyro].scale * rng.choice([-1.0, 1.0]))
     grades = SensorGrades(gnss=RECEIVERS[receiver], gyro=grade, wheels=wheels)
-    located = locate(made_logs(drive, grades, rng, outages_s=spans), rate_hz=10.0)
+    located = locate_drive(simulate_logs(drive, grades, rng, outages_s=spans), rate_hz=10.0)
     smoothed, turned = errors_of(drive, located.trajectory)
     forward, _ = errors_of(drive, located.forward)
     time = located.trajectory.time_s

@@ -27,10 +27,10 @@ from benchmarks._stereo_sets import FOLDER, stereo_set
 from benchmarks.accuracy import seeds_of
 from linework.errors import InputError
 from linework.imaging.rectify import rectifier_of
-from linework.methods.picked_edge.method import Drive, follow_picked
+from linework.methods.picked_edge.method import PosedPairs, follow_picked
 from linework.model.images import RectifiedPair
 from linework.simulation.roads.draw import ROADS
-from linework.simulation.sensors.view import View
+from linework.simulation.sensors.view import PassScene
 
 ON_REQUEST = True
 VISIBLE_M, WITHIN_M, END_M, SHARE = 25.0, 0.15, 1.0, 0.95
@@ -62,9 +62,9 @@ class World:
         self.poses, self.drawn = drawn.drive.poses, drawn
         self.rectifier = rectifier_of(drawn.drive.rig)
         self.rig = self.rectifier.rig
-        self.scene, self.origin = View(drawn.drive.scenario), np.asarray(drawn.drive.scenario.origin_m)
+        self.scene, self.origin = PassScene(drawn.drive.scenario), np.asarray(drawn.drive.scenario.origin_m)
         self.pairs = {}
-        self.drive = Drive(self.pair, list(range(len(drawn.left))), self.poses)
+        self.drive = PosedPairs(self.pair, list(range(len(drawn.left))), self.poses)
         dashes = drawn.truth.of_kind("lane_marking_dash")
         places = [resampled(dashes.line(i), 0.05) for i in range(len(dashes))]
         self.paint = cKDTree(np.concatenate(places)[:, :2]) if places else None

@@ -24,12 +24,12 @@ from pathlib import Path
 from benchmarks._review_scene import KINDS, POINTS_PER_M, WEAR, copied, errors_of, scene_of, truth_of
 from benchmarks._review_user import User
 from benchmarks.accuracy import seeds_of
-from linework.files.line_file.file import DrawingFile
+from linework.files.line_file.file import LineFile
 from linework.runs.settings import RunSettings
 from linework.tracing.trace import Tracer
-from linework.workbench.review.queue import Dismissed, dash_spans, suspects_at_desk
+from linework.workbench.review.queue import Dismissed, dash_spans, suspects_in_worker
 from linework.workbench.views.heights import heights_at
-from linework.workbench.worker.session import SurveyOrder, Table
+from linework.workbench.worker.session import SurveyOrder, SurveySession
 
 #: Simulates and extracts kilometres: run where it is asked for.
 ON_REQUEST = True
@@ -64,9 +64,9 @@ def reviewed(seed, folder, options):
     """Work the queue of one street; return the length in error before and after."""
     scene = scene_of(seed, folder, options.points_per_m, options.wear)
     truth = truth_of(scene)
-    table = Table(SurveyOrder((scene.survey,), work=scene.work), lambda _: None)
+    table = SurveySession(SurveyOrder((scene.survey,), work=scene.work), lambda _: None)
     tracer = Tracer(table.recordings.points, table.surface, RunSettings())
-    with DrawingFile.opened(copied(scene), crs=truth.crs) as drawing:
+    with LineFile.opened(copied(scene), crs=truth.crs) as drawing:
         before = errors_of(drawing.lines, truth)
         user = User(
             drawing, truth, tracer, partial(heights_at, table), partial(dash_spans, table), options.actions
@@ -74,7 +74,7 @@ def reviewed(seed, folder, options):
         dismissed = Dismissed()
         while user.left > 0:
             settled = dismissed.keys(drawing)
-            items = [s for s in suspects_at_desk(table, drawing.lines) if s.key not in settled]
+            items = [s for s in suspects_in_worker(table, drawing.lines) if s.key not in settled]
             if not items:
                 break
             user.settle(items[0])

@@ -1,7 +1,7 @@
 """How good stereo lines are on simulated drives, and how many pairs a second are worked.
 
 ``python -m benchmarks.stereo --seeds 950-952 --roads straight,bends --sizes 1240x376`` takes others than the
-default. Poses are the true ones, or with ``--poses located`` what `locate` makes of a 2 cm receiver, the best gyro
+default. Poses are the true ones, or with ``--poses located`` what `locate_drive` makes of a 2 cm receiver, the best gyro
 and wheel counters. Images are drawn once and kept (``--folder``). Completeness is over what at least 3 pairs saw within 20 m.
 Nothing may be tuned on the seeds that are reported.
 """
@@ -21,10 +21,10 @@ from linework.imaging.rectify import rectifier_of
 from linework.methods.stereo.method import StereoMethod
 from linework.model.images import RectifiedPair
 from linework.model.sightings import Sightings
-from linework.navigation.locate import locate
+from linework.navigation.locate import locate_drive
 from linework.navigation.poses import poses_at
 from linework.simulation.roads.draw import ROADS
-from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, made_logs
+from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, simulate_logs
 from linework.simulation.sensors.view import SIZES
 from linework.simulation.simulate import drives_of
 
@@ -82,8 +82,8 @@ def located_poses(drive):
     scenario = drive.scenario
     grades = SensorGrades(gnss=GNSS_2_CM, gyro=GYROS[0])
     rng = np.random.default_rng([scenario.seed, 51])
-    logs = made_logs(drives_of(scenario)[0], grades, rng, origin_m=scenario.origin_m)
-    return poses_at(locate(logs).trajectory, drive.time_s)
+    logs = simulate_logs(drives_of(scenario)[0], grades, rng, origin_m=scenario.origin_m)
+    return poses_at(locate_drive(logs).trajectory, drive.time_s)
 
 
 POSES = {"true": true_poses, "located": located_poses}

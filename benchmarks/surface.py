@@ -16,7 +16,7 @@ from linework.files.store.read import PointStore
 from linework.files.store.write import StoreWriter, write_index
 from linework.model.grid import Bounds
 from linework.processes.executors import Serial
-from linework.runs.opened.surface import Layout, make_surface
+from linework.runs.opened.surface import SurfaceTiling, make_surface
 from linework.simulation.simulate import simulate_survey
 from linework.surface.config import RoadConfig
 
@@ -46,7 +46,7 @@ def stored(folder, points):
 
 def main():
     length_m = float(sys.argv[1]) if len(sys.argv) > 1 else 1000.0
-    layout = Layout(int(sys.argv[2])) if len(sys.argv) > 2 else None
+    layout = SurfaceTiling(int(sys.argv[2])) if len(sys.argv) > 2 else None
     survey = simulate_survey("bends", 3, length_m, points_per_m=4000)
     n = len(survey.points)
     print(

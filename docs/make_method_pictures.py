@@ -13,11 +13,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from PIL import Image as Picture
 
-from linework.evaluation.report.scores_figure import png
+from linework.evaluation.report.scores_figure import plot_png
 from linework.imaging.raster import grid_for, in_height_band
 from linework.methods.radon.method import RadonConfig
-from linework.methods.radon.seeds import SeedLines, Segments, find_seed_lines, split_into_segments
-from linework.methods.rails.chains import follow_all
+from linework.methods.radon.seeds import SeedLines, SeedSegments, find_seed_lines, split_into_segments
+from linework.methods.rails.chains import chains_from_starts
 from linework.methods.rails.circles import Bins, bin_near, find_starts
 from linework.methods.rails.rail_lines import rail_lines
 from linework.methods.rails.rails import FittedRail, fit_rail
@@ -41,7 +41,7 @@ class Steps:
     binary: Image
     bins: Bins
     seeds: SeedLines
-    segments: Segments
+    segments: SeedSegments
     starts: np.ndarray
     chains: list[np.ndarray]
     rails: list[FittedRail]
@@ -61,7 +61,7 @@ def steps_of(survey: SimulatedSurvey) -> Steps:
     bins = bin_near(points.xyz, height, binary)
     starts = find_starts(segments, bins, CONFIG.circles)
     band = (-1.0, CONFIG.max_height_m)
-    chains = follow_all(starts, bins, band, CONFIG.profile.min_length_m, CONFIG.circles)
+    chains = chains_from_starts(starts, bins, band, CONFIG.profile.min_length_m, CONFIG.circles)
     rails = [fit_rail(chain, bins, CONFIG.circles, CONFIG.profile) for chain in chains]
     lines = rail_lines(rails, bins, surface, CONFIG.circles, CONFIG.profile)
     return Steps(survey, above_road, binary, bins, seeds, segments, starts, chains, rails, lines)
@@ -159,7 +159,7 @@ def sharpest(steps: Steps) -> np.ndarray:
 
 def save(figure: Figure, name: str) -> None:
     """Write a picture of 128 colours, which keeps it under 200 kB."""
-    picture = Picture.open(io.BytesIO(png(figure))).convert("RGB")
+    picture = Picture.open(io.BytesIO(plot_png(figure))).convert("RGB")
     picture.quantize(128, method=Picture.Quantize.MAXCOVERAGE, dither=Picture.Dither.NONE).save(
         PICTURES / name, optimize=True
     )

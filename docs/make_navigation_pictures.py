@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from linework.evaluation.report.scores_figure import png
+from linework.evaluation.report.scores_figure import plot_png
 from linework.evaluation.report.track import track_figure
-from linework.navigation.locate import locate
-from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, WheelGrade, made_logs
+from linework.navigation.locate import locate_drive
+from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, WheelGrade, simulate_logs
 from linework.simulation.sensors.long_drives import URBAN, long_drive
 
 PICTURES = Path(__file__).parent / "pictures"
@@ -26,7 +26,7 @@ def run() -> int:
     grades = SensorGrades(
         gnss=GNSS_2_CM, gyro=GYROS[2], wheels=WheelGrade(scale_left=0.012, scale_right=-0.006)
     )
-    located = locate(made_logs(drive, grades, rng, outages_s=OUTAGES_S))
+    located = locate_drive(simulate_logs(drive, grades, rng, outages_s=OUTAGES_S))
     saved(track_figure(located), "navigation_track.png")
     saved(outage_figure(drive, located), "navigation_outage.png")
     return 0
@@ -56,7 +56,7 @@ def outage_figure(drive, located) -> Figure:
 
 def saved(figure: Figure, name: str) -> None:
     """Write a small PNG."""
-    picture = Image.open(io.BytesIO(png(figure))).convert("RGB")
+    picture = Image.open(io.BytesIO(plot_png(figure))).convert("RGB")
     picture.quantize(128, dither=Image.Dither.NONE).save(PICTURES / name, optimize=True)
 
 

@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from PIL import Image
 
-from linework.evaluation.report.scores_figure import png
+from linework.evaluation.report.scores_figure import plot_png
 from linework.imaging.brightness import brightness_picture, near_ground
 from linework.methods.obb.method import ObbMethod
 from linework.methods.protocol import sight_of
@@ -56,7 +56,7 @@ def run() -> int:
     way /= np.linalg.norm(way)
     turn = np.column_stack([way, [-way[1], way[0]]])
     figure = drawn(points, boxes, lines, np.asarray(origin), turn, centre)
-    picture = Image.open(io.BytesIO(png(figure))).convert("RGB")
+    picture = Image.open(io.BytesIO(plot_png(figure))).convert("RGB")
     picture.quantize(64, dither=Image.Dither.NONE).save(PICTURES / "obb_plan.png", optimize=True)
     return 0
 

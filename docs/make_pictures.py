@@ -14,7 +14,7 @@ from PIL import Image
 from linework.cli.app import main
 from linework.evaluation.report.cuts import kerb_cuts, kerb_figure, marking_cuts, marking_figure
 from linework.evaluation.report.plan import plan_figure
-from linework.evaluation.report.scores_figure import png
+from linework.evaluation.report.scores_figure import plot_png
 from linework.evaluation.report.sections import cable_figure, cable_section, rail_figure, rail_sections
 from linework.files.store.in_memory import read_survey_points
 from linework.files.survey.open import open_survey
@@ -51,7 +51,7 @@ def make_lines_picture(folder: Path) -> Image.Image:
 
 
 def _pixels(figure: Figure) -> np.ndarray:
-    return np.asarray(Image.open(io.BytesIO(png(figure))).convert("RGB"))
+    return np.asarray(Image.open(io.BytesIO(plot_png(figure))).convert("RGB"))
 
 
 def run() -> int:

@@ -9,11 +9,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw
 
-from linework.evaluation.report.scores_figure import png
+from linework.evaluation.report.scores_figure import plot_png
 from linework.imaging.rectify import rectifier_of
 from linework.kernels.images.row_stripes import COL, ROW, WIDTH
 from linework.methods.stereo.method import StereoMethod
-from linework.methods.stereo.road_plane import find_road
+from linework.methods.stereo.road_plane import fit_pair_road
 from linework.methods.stereo.stripes import StripeConfig, find_stripe_lines
 from linework.model.images import RectifiedPair
 from linework.model.lines import LineSet
@@ -43,7 +43,7 @@ def run() -> int:
     stacked(drawn).quantize(128, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(
         PICTURES / "stereo_pair.png", optimize=True
     )
-    (PICTURES / "stereo_plan.png").write_bytes(png(plan(drive, seen, lines)))
+    (PICTURES / "stereo_plan.png").write_bytes(plot_png(plan(drive, seen, lines)))
     return 0
 
 
@@ -61,7 +61,7 @@ def cut(image: Image.Image, pair: RectifiedPair) -> Image.Image:
 
 def stripes_drawn(pair: RectifiedPair) -> Image.Image:
     """Return the left image with its stripes, row by row: those of lines, and those that stand alone."""
-    road = find_road(pair)
+    road = fit_pair_road(pair)
     assert road is not None, "the drawn road is seen"
     lines = find_stripe_lines(pair, road, StripeConfig())
     n = np.bincount(lines.line[lines.line >= 0])

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from tests.scenes.drawing_scenes import same, whole
 
-from linework.files.line_file.file import DrawingFile
-from linework.files.line_file.tables import connected
+from linework.files.line_file.file import LineFile
+from linework.files.line_file.tables import connect_database
 from linework.files.vectors.gpkg import read_own_gpkg
 from linework.files.vectors.read_write import read_lines
 from linework.model.changes import Change
@@ -57,7 +57,7 @@ def again(linework, survey, made, out):
 def worked_on(path, *, deletes=True):
     """Accept, move, reject, delete and draw a line each; return them as they are now."""
     crs = read_lines(path).crs
-    with DrawingFile.opened(path, crs=crs) as drawing:
+    with LineFile.opened(path, crs=crs) as drawing:
 
         def change(action, before, after):
             return drawing.commit(Change(action, before, after), who="Ann").change.after
@@ -97,7 +97,7 @@ def test_what_people_said_stays_and_is_not_found_again(again, out):
     assert sum(record["counts"]["lines"].values()) == len(read_lines(path))
     whole_again = {p.name for p in out.iterdir()}
     assert whole_again == {"lines.gpkg", "run.json"}
-    with DrawingFile.opened(path, crs=first.crs) as drawing:
+    with LineFile.opened(path, crs=first.crs) as drawing:
         # Nothing else has changed, so that the history is as it was, and goes on
         assert (drawing.revision, drawing.can_undo) == (5, True)
         for _ in range(5):
@@ -110,7 +110,7 @@ def test_an_extraction_that_finds_other_lines_is_an_edit_that_can_be_undone(agai
     path = out / "lines.gpkg"
     said, _, held = worked_on(path, deletes=False)
     assert again("--overwrite", "--features", "guardrail").code == 0
-    with DrawingFile.opened(path, crs=said.crs) as drawing:
+    with LineFile.opened(path, crs=said.crs) as drawing:
         edit = drawing.history(1)[0]
         assert (edit.change.action, edit.number) == ("extract", 5)
         assert set(drawing.lines.kind.tolist()) >= {"cable", "guardrail", "fence"}
@@ -121,7 +121,7 @@ def test_an_extraction_that_finds_other_lines_is_an_edit_that_can_be_undone(agai
         drawing.redo(who="")
     # Once more: who judged is asked no more
     assert again("--overwrite").code == 0
-    with DrawingFile.opened(path, crs=said.crs) as drawing:
+    with LineFile.opened(path, crs=said.crs) as drawing:
         assert same(drawing.lines, held)
 
 
@@ -139,7 +139,7 @@ def test_reviews_are_forgotten_where_that_is_asked_for(again, out):
 def test_a_file_that_was_only_looked_at_is_replaced_as_any_other(again, out):
     path = out / "lines.gpkg"
     before = path.read_bytes()
-    with DrawingFile.opened(path, crs=read_lines(path).crs):
+    with LineFile.opened(path, crs=read_lines(path).crs):
         pass
     assert again("--overwrite").code == 0
     assert path.read_bytes() == before
@@ -148,7 +148,7 @@ def test_a_file_that_was_only_looked_at_is_replaced_as_any_other(again, out):
 def test_reviews_typed_in_elsewhere_count_too(again, out):
     path = out / "lines.gpkg"
     n = len(read_lines(path))
-    with closing(connected(path)) as db:
+    with closing(connect_database(path)) as db:
         db.execute("ALTER TABLE cable ADD COLUMN review TEXT")
         db.execute("UPDATE cable SET review = 'rejected' WHERE fid = 1")
     found = again("--overwrite", "--json")
@@ -158,7 +158,7 @@ def test_reviews_typed_in_elsewhere_count_too(again, out):
 
 def test_an_open_workbench_is_not_written_over(again, out):
     path = out / "lines.gpkg"
-    with DrawingFile.opened(path, crs=read_lines(path).crs):
+    with LineFile.opened(path, crs=read_lines(path).crs):
         found = again("--overwrite")
     assert found.code == 6
     assert "another run is writing it" in found.stderr

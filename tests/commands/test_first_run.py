@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 import linework.kernels
-from linework.cli.progress import _KERNEL_OF, is_compiled, tell_of_compiling
+from linework.cli.progress import _KERNEL_OF, announce_compilation, is_compiled
 from linework.methods.kinds import ALL_KINDS
 
 
@@ -31,16 +31,16 @@ def test_one_line_where_kernels_are_missing(tmp_path, monkeypatch, capsys):
     assert set(_KERNEL_OF) == {*ALL_KINDS, "trajectory"}  # what extract and locate come to
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setattr(linework.kernels, "__path__", [str(tmp_path)])
-    tell_of_compiling(ALL_KINDS, quiet=True)
+    announce_compilation(ALL_KINDS, quiet=True)
     assert capsys.readouterr().err == ""
-    tell_of_compiling(ALL_KINDS, quiet=False)
+    announce_compilation(ALL_KINDS, quiet=False)
     assert capsys.readouterr().err == "first run: compiling, once, about half a minute\n"
     (tmp_path / "cables/__pycache__").mkdir()
     (tmp_path / "cables/__pycache__/fit.robust_line-20.py311.nbi").touch()
-    tell_of_compiling(["cable"], quiet=False)
+    announce_compilation(["cable"], quiet=False)
     assert capsys.readouterr().err == ""
-    tell_of_compiling(["cable", "barrier"], quiet=False)
+    announce_compilation(["cable", "barrier"], quiet=False)
     assert capsys.readouterr().err.startswith("first run")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    tell_of_compiling(ALL_KINDS, quiet=False)
+    announce_compilation(ALL_KINDS, quiet=False)
     assert capsys.readouterr().err == ""

@@ -9,7 +9,7 @@ import pytest
 
 from linework.files.trajectories.read import read_trajectory
 from linework.simulation.folder import write_logs
-from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, made_logs
+from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, simulate_logs
 from linework.simulation.sensors.long_drives import URBAN, long_drive
 
 ORIGIN = (500_000.0, 5_400_000.0, 100.0)
@@ -19,7 +19,7 @@ def survey_of(folder, *, outages=(), seconds=120.0, seed=4):
     """Write a survey folder of logs alone; returns the true drive."""
     rng = np.random.default_rng(seed)
     drive = long_drive(URBAN, seconds, rng)
-    logs = made_logs(
+    logs = simulate_logs(
         drive, SensorGrades(gnss=GNSS_2_CM, gyro=GYROS[1]), rng, outages_s=outages, origin_m=ORIGIN
     )
     folder.mkdir(parents=True)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from linework.editing.queue.carried_over import carried, extraction_change, with_reviews
+from linework.editing.queue.carried_over import carry_over_reviews, extraction_change, with_reviews
 from linework.model.lines import LineSet
 
 
@@ -31,7 +31,7 @@ def spans(found: LineSet) -> list[tuple[str, float, float, float, str]]:
 @pytest.mark.parametrize("review", ["accepted", "edited", "drawn", "rejected"])
 def test_what_is_found_again_is_left_out_and_what_goes_beyond_stays(review):
     there = line("guardrail", 0.0, 10, 30, review=review, id="mine", note="seen")
-    again = carried(line("guardrail", 0.1, 11, 30), there)
+    again = carry_over_reviews(line("guardrail", 0.1, 11, 30), there)
     assert (again.stays.tolist(), len(again.new), again.n_again) == ([True], 0, 1)
     longer = with_reviews(line("guardrail", 0.1, 0, 60), there)
     kept = longer.take(longer.review == review)
@@ -76,7 +76,7 @@ def test_lines_that_nobody_judged_are_replaced():
 def test_how_near_follows_from_sigmas_and_width(distance_m, sigma_m, width_m, is_same):
     there = line("lane_marking", 0.0, review="accepted", sigma_m=sigma_m, width_m=width_m)
     found = line("lane_marking", distance_m, sigma_m=sigma_m, width_m=width_m)
-    assert len(carried(found, there).new) == (not is_same)
+    assert len(carry_over_reviews(found, there).new) == (not is_same)
 
 
 def test_other_kinds_ways_and_heights_are_other_things():
@@ -84,24 +84,24 @@ def test_other_kinds_ways_and_heights_are_other_things():
     crossing = line("cable", 0.0, z=8.0)
     crossing = crossing.with_columns(xyz=crossing.xyz[:, [1, 0, 2]] + [25.0, -25.0, 0.0], id=["across"])
     found = lines(line("cable", 0.0, z=7.0, id="below"), crossing, line("guardrail", 20.0))
-    assert len(carried(found, there).new) == 3
+    assert len(carry_over_reviews(found, there).new) == 3
 
 
 def test_what_was_moved_trimmed_or_made_another_kind_is_not_found_again_where_it_was():
     before = line("road_boundary", 0.0, 0, 50)
     moved = line("road_boundary", 0.45, 0, 30, review="edited")
     found = line("road_boundary", 0.02, 0, 50)
-    assert len(carried(found, moved).new) == 1
-    assert len(carried(found, moved, before).new) == 0
+    assert len(carry_over_reviews(found, moved).new) == 1
+    assert len(carry_over_reviews(found, moved, before).new) == 0
     other = before.with_columns(kind=["guardrail"], review=["edited"])
-    assert len(carried(found, other).new) == 1
-    assert len(carried(found, other, before).new) == 0
+    assert len(carry_over_reviews(found, other).new) == 1
+    assert len(carry_over_reviews(found, other, before).new) == 0
 
 
 def test_what_was_judged_and_set_free_again_is_found_again():
     before = line("road_boundary", 0.0)
     accepted = before.with_columns(review=["accepted"])
-    kept = carried(line("road_boundary", 0.01), before, lines(before, accepted))
+    kept = carry_over_reviews(line("road_boundary", 0.01), before, lines(before, accepted))
     assert (kept.stays.tolist(), len(kept.new)) == ([False], 1)
 
 

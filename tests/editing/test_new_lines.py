@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from linework.editing.edits.new_lines import beside, wire, with_heights
+from linework.editing.edits.new_lines import line_beside, wire_through, with_heights
 from linework.errors import UsageError
 from linework.model.lines import LineSet
 
@@ -20,7 +20,7 @@ def bend(radius=50.0):
 
 
 def test_through_one_place_it_is_as_long_as_the_line():
-    new = beside(straight(), "road_boundary", np.array([[10.0, 3.0]]))
+    new = line_beside(straight(), "road_boundary", np.array([[10.0, 3.0]]))
     assert new.kind.tolist() == ["road_boundary"]
     assert new.id.tolist() == [""]
     assert np.allclose(new.xyz[:, 1], 3.0)
@@ -31,27 +31,27 @@ def test_through_one_place_it_is_as_long_as_the_line():
 
 @pytest.mark.parametrize("order", [[0, 1], [1, 0]])
 def test_from_one_place_to_another_the_distance_goes_over_evenly(order):
-    new = beside(straight(), "lane_marking", np.array([[10.0, -3.0], [30.0, -4.0]])[order])
+    new = line_beside(straight(), "lane_marking", np.array([[10.0, -3.0], [30.0, -4.0]])[order])
     assert new.xyz[[0, -1], :2].ravel().tolist() == pytest.approx([10.0, -3.0, 30.0, -4.0])
     assert new.xyz[5, 1] == pytest.approx(-3.5)
 
 
 def test_beside_a_bend_it_bends_about_the_same_centre():
-    new = beside(bend(), "lane_marking", np.array([[0.0, -46.0]]))
+    new = line_beside(bend(), "lane_marking", np.array([[0.0, -46.0]]))
     assert np.abs(np.hypot(*new.xyz[:, :2].T) - 46.0).max() < 0.01
 
 
 def test_no_line_beside_one_of_another_road_or_of_no_length():
     with pytest.raises(UsageError, match="90 m beside"):
-        beside(straight(), "lane_marking", np.array([[10.0, 90.0]]))
+        line_beside(straight(), "lane_marking", np.array([[10.0, 90.0]]))
     with pytest.raises(UsageError, match="would be 1"):
-        beside(straight(), "lane_marking", np.array([[10.0, 1.0], [11.0, 1.0]]))
+        line_beside(straight(), "lane_marking", np.array([[10.0, 1.0], [11.0, 1.0]]))
     with pytest.raises(UsageError, match="no kind"):
-        beside(straight(), "wall", np.array([[10.0, 1.0]]))
+        line_beside(straight(), "wall", np.array([[10.0, 1.0]]))
 
 
 def test_it_is_as_high_as_measured_and_ends_where_nothing_was():
-    new = beside(straight(), "lane_marking", np.array([[10.0, 3.0]]))
+    new = line_beside(straight(), "lane_marking", np.array([[10.0, 3.0]]))
     heights = np.full((len(new.xyz), 2), np.nan)
     heights[[3, 4, 8]] = [[1.0, 0.01], [1.1, 0.02], [1.5, 0.03]]
     placed = with_heights(new, heights)
@@ -72,7 +72,7 @@ def hanging(span=40.0, lowest=16.0, a=250.0):
 @pytest.mark.parametrize("order", [[0, 1, 2], [2, 0, 1], [1, 2, 0]])
 def test_a_wire_is_the_catenary_through_its_places_in_any_order(order):
     places, height = hanging()
-    line = wire(places[order], "EPSG:25832")
+    line = wire_through(places[order], "EPSG:25832")
     s = np.hypot(*line.xyz[:, :2].T)
     assert line.kind.tolist() == ["cable"]
     assert np.sort(s)[[0, -1]].tolist() == pytest.approx([0.0, 40.0])
@@ -83,15 +83,15 @@ def test_places_of_no_span_are_refused():
     places, _ = hanging()
     aside = places + np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     with pytest.raises(UsageError, match="not on one span"):
-        wire(aside, "EPSG:25832")
+        wire_through(aside, "EPSG:25832")
     with pytest.raises(UsageError, match="a span of 4000 m"):
-        wire(places * 100.0, "EPSG:25832")
+        wire_through(places * 100.0, "EPSG:25832")
     with pytest.raises(UsageError, match="a span of 0 m"):
-        wire(np.ones((3, 3)), "EPSG:25832")
+        wire_through(np.ones((3, 3)), "EPSG:25832")
 
 
 def test_a_place_above_the_chord_makes_a_straight_wire():
     places, _ = hanging()
     places[1, 2] = places[[0, 2], 2].max() + 0.1
-    line = wire(places, "EPSG:25832")
+    line = wire_through(places, "EPSG:25832")
     assert np.ptp(np.diff(line.xyz[:, 2])) < 1e-9

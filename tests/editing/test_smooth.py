@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from linework.editing.edits.dashes import with_missing_dashes
-from linework.editing.edits.vertices import CLICKED_M, smoothed
+from linework.editing.edits.vertices import CLICKED_M, smooth_by_sigmas
 from linework.errors import UsageError
 from linework.model.lines import LineSet
 
@@ -21,7 +21,7 @@ def wavy(sigma, *, n=101, off=None, **columns):
 
 def test_a_smoothed_line_is_smoother_and_holds_its_ends():
     one = wavy(0.03)
-    after = smoothed(one)
+    after = smooth_by_sigmas(one)
     rough = [np.diff(x.xyz[:, 1], 2).std() for x in (one, after)]
     assert rough[1] < 0.2 * rough[0]
     assert np.array_equal(after.xyz[[0, -1]], one.xyz[[0, -1]])
@@ -35,7 +35,7 @@ def test_no_vertex_moves_further_than_three_sigma(sigma, most):
     off = np.zeros(101)
     off[50] = 1.0
     one = wavy(sigma, off=off)
-    step = smoothed(one).xyz - one.xyz
+    step = smooth_by_sigmas(one).xyz - one.xyz
     assert np.hypot(step[:, 0], step[:, 1]).max() <= most + 1e-9
     assert np.abs(step[50, 1]) == pytest.approx(most, rel=0.1)
 
@@ -44,15 +44,15 @@ def test_a_bridged_vertex_goes_where_the_others_lead():
     off = np.zeros(101)
     off[48:53] = 0.8
     bridged = (off > 0).tolist()
-    after = smoothed(wavy(0.01, off=off, bridged=bridged))
+    after = smooth_by_sigmas(wavy(0.01, off=off, bridged=bridged))
     assert np.abs(after.xyz[48:53, 1] - 5_800_000.0).max() < 0.02
 
 
 def test_a_cable_and_a_line_of_two_vertices_are_refused():
     with pytest.raises(UsageError, match="weight"):
-        smoothed(wavy(0.01).with_columns(kind=np.array(["cable"])))
+        smooth_by_sigmas(wavy(0.01).with_columns(kind=np.array(["cable"])))
     with pytest.raises(UsageError, match="no vertex between"):
-        smoothed(wavy(0.01, n=2))
+        smooth_by_sigmas(wavy(0.01, n=2))
 
 
 def dashed(length=120.0, period=9.0, dash=3.0, gone=(), shift=lambda k: 0.0):

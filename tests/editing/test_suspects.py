@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from linework.editing.queue.gaps import gaps
-from linework.editing.queue.suspects import loose_wires, missing_dashes, ranked, unsure_lines
-from linework.lines.along import Way
+from linework.editing.queue.gaps import gap_suspects
+from linework.editing.queue.suspects import loose_wires, missing_dashes, rank_suspects, unsure_lines
+from linework.lines.along import DrivenPath
 from linework.model.lines import LineSet
 
 ORIGIN = np.array([500_000.0, 5_800_000.0])
@@ -62,7 +62,7 @@ def of_type(found, kind):
 def test_a_gap_between_two_pieces_of_a_line_is_to_be_joined(radius, turned):
     path = road(radius=radius)
     lines = together(beside(path, 0, 80, 1.7, name="a"), beside(path, 110, 200, 1.7, name="b", turned=turned))
-    (gap,) = gaps(lines, Way.of(path), everywhere)
+    (gap,) = gap_suspects(lines, DrivenPath.of(path), everywhere)
     assert (gap.type, gap.kind, gap.proposal, gap.ids) == ("gap", "lane_marking", "join", ("a", "b"))
     assert gap.length_m == pytest.approx(27.0, abs=2.0)
     assert gap.at == pytest.approx(tuple(lines.line(0)[-1, :2]))
@@ -71,12 +71,14 @@ def test_a_gap_between_two_pieces_of_a_line_is_to_be_joined(radius, turned):
 def test_what_is_hidden_is_not_missing():
     path = road()
     lines = together(beside(path, 0, 80, 1.7), beside(path, 110, 200, 1.7))
-    assert ranked(gaps(lines, Way.of(path), nowhere)) == []
+    assert rank_suspects(gap_suspects(lines, DrivenPath.of(path), nowhere)) == []
 
 
 def test_a_line_that_ends_in_view_has_no_proposal():
     path = road()
-    (end,) = ranked(gaps(beside(path, 0, 120, -1.7, name="a"), Way.of(path), everywhere))
+    (end,) = rank_suspects(
+        gap_suspects(beside(path, 0, 120, -1.7, name="a"), DrivenPath.of(path), everywhere)
+    )
     assert (end.proposal, end.ids) == ("", ("a",))
     assert end.length_m == pytest.approx(40.0, abs=2.0)
     assert "ends in view" in end.reason
@@ -85,14 +87,14 @@ def test_a_line_that_ends_in_view_has_no_proposal():
 def test_lines_of_another_lane_are_not_the_same_line():
     path = road()
     lines = together(beside(path, 0, 80, 1.7, name="a"), beside(path, 90, 200, -1.7, name="b"))
-    assert all(len(gap.ids) == 1 for gap in gaps(lines, Way.of(path), everywhere))
+    assert all(len(gap.ids) == 1 for gap in gap_suspects(lines, DrivenPath.of(path), everywhere))
 
 
 def test_of_a_double_line_each_goes_on_as_itself():
     path = road()
     parts = [(0, 80, 0.15, "a"), (0, 82, -0.15, "b"), (100, 200, 0.15, "c"), (101, 200, -0.15, "d")]
     lines = together(*(beside(path, s, e, q, name=name) for s, e, q, name in parts))
-    found = gaps(lines, Way.of(path), everywhere)
+    found = gap_suspects(lines, DrivenPath.of(path), everywhere)
     assert {gap.ids for gap in found} == {("a", "c"), ("b", "d")}
 
 
@@ -104,7 +106,7 @@ def test_a_side_without_a_boundary():
         beside(path, 0, 60, 4.0, **kinds),
         beside(path, 100, 200, 4.3, **kinds),
     )
-    (bare,) = gaps(lines, Way.of(path), everywhere)
+    (bare,) = gap_suspects(lines, DrivenPath.of(path), everywhere)
     assert (bare.type, bare.proposal) == ("boundary", "join")
     assert "left" in bare.reason
     assert bare.length_m == pytest.approx(32.0, abs=2.0)
@@ -113,23 +115,23 @@ def test_a_side_without_a_boundary():
 def test_an_accepted_line_may_end():
     path = road()
     line = beside(path, 0, 120, -1.7).with_columns(review=np.array(["accepted"]))
-    assert gaps(line, Way.of(path), everywhere) == []
+    assert gap_suspects(line, DrivenPath.of(path), everywhere) == []
 
 
 def test_without_a_way_nothing_is_missing():
     path = road()
-    assert gaps(beside(path, 0, 80, 1.7), Way.of(path[:0]), everywhere) == []
+    assert gap_suspects(beside(path, 0, 80, 1.7), DrivenPath.of(path[:0]), everywhere) == []
 
 
 def test_a_way_driven_twice_is_one_road():
     path = road()
     back = path[::-1].copy()
     back[:, 1] += 3.0
-    assert len(Way.of(np.concatenate([path, back]))) == pytest.approx(200, abs=16)
+    assert len(DrivenPath.of(np.concatenate([path, back]))) == pytest.approx(200, abs=16)
 
 
 def test_places_come_back_from_their_offsets():
-    way = Way.of(road(radius=60.0))
+    way = DrivenPath.of(road(radius=60.0))
     along, left = np.array([20.0, 100.0, 150.0]), np.array([3.0, -4.0, 0.5])
     places = way.places(along, left)
     assert way.offsets(places, 25.0)[0] == pytest.approx(along, abs=0.2)
@@ -145,7 +147,7 @@ def test_long_unsure_lines_come_before_short_and_sure_ones():
         beside(path, 0, 50, 3.0, name="worst", confidence=[0.5]),
         beside(path, 0, 50, 4.0, name="seen", confidence=[0.1], review=["accepted"]),
     )
-    found = ranked(unsure_lines(lines, Way.of(path)))
+    found = rank_suspects(unsure_lines(lines, DrivenPath.of(path)))
     assert [s.ids[0] for s in found] == ["worst", "short"]
     assert [s.proposal for s in found] == ["accept", "reject"]
     assert found[0].length_m == pytest.approx(25.0)
@@ -156,7 +158,7 @@ def test_nobody_is_asked_to_accept_what_was_hardly_seen(bridged, proposal):
     path = road()
     line = beside(path, 0, 50, 1.0, name="a", confidence=[0.8])
     line = line.with_columns(bridged=np.arange(len(line.xyz)) < bridged * len(line.xyz))
-    (found,) = unsure_lines(line, Way.of(path))
+    (found,) = unsure_lines(line, DrivenPath.of(path))
     assert found.proposal == proposal
 
 
@@ -164,7 +166,7 @@ def test_bars_that_are_too_long_are_one_thing_to_settle():
     path = road()
     bars = [beside(path, s, s + 30, -3.0, kind="road_marking_other", name=f"bar{s}") for s in (0, 50, 100)]
     arrow = beside(path, 20, 24, 1.0, kind="road_marking_other", name="arrow", confidence=[1.0])
-    (item,) = ranked(unsure_lines(together(*bars, arrow), Way.of(path)))
+    (item,) = rank_suspects(unsure_lines(together(*bars, arrow), DrivenPath.of(path)))
     assert item.ids == ("bar0", "bar50", "bar100")
     assert (item.proposal, item.as_kind) == ("kind", "lane_marking")
 
@@ -213,7 +215,10 @@ def test_wires_come_after_markings_of_which_more_is_wrong():
         cable(0, 40).with_columns(confidence=np.array([0.5])),
         beside(path, 0, 40, 1.7, name="marking", confidence=[0.8]),
     )
-    assert [s.kind for s in ranked(unsure_lines(lines, Way.of(path)))] == ["lane_marking", "cable"]
+    assert [s.kind for s in rank_suspects(unsure_lines(lines, DrivenPath.of(path)))] == [
+        "lane_marking",
+        "cable",
+    ]
 
 
 def test_a_span_is_missing_between_two_wires():
@@ -237,8 +242,8 @@ def test_keys_stay_while_the_thing_is_there():
         beside(path, 110, 200, 1.7, name="b"),
         beside(path, 0, 50, -3.0, name="c"),
     )
-    before = gaps(lines, Way.of(path), everywhere)
-    after = gaps(lines.take([2, 1, 0]), Way.of(path), everywhere)
+    before = gap_suspects(lines, DrivenPath.of(path), everywhere)
+    after = gap_suspects(lines.take([2, 1, 0]), DrivenPath.of(path), everywhere)
     assert {s.key for s in before} == {s.key for s in after}
     assert len({s.key for s in before}) == len(before)
 
@@ -250,6 +255,6 @@ def test_a_sure_line_with_a_long_bridge_is_worth_a_look():
         beside(path, 0, 190, 1.0, name="bridged", bridged=np.arange(n) > 20),
         beside(path, 0, 190, 3.0, name="measured"),
     )
-    found = ranked(unsure_lines(lines, Way.of(path)))
+    found = rank_suspects(unsure_lines(lines, DrivenPath.of(path)))
     assert [s.ids[0] for s in found] == ["bridged"]
     assert "180 m of it bridged" in found[0].reason

@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
-from linework.editing.edits.attributes import as_kind, reviewed, with_word
-from linework.editing.edits.split_join import joined, split
-from linework.editing.edits.vertices import inserted, moved, removed, reversed_line, trimmed
+from linework.editing.edits.attributes import with_attribute, with_kind, with_review
+from linework.editing.edits.split_join import join_two_lines, split_line
+from linework.editing.edits.vertices import (
+    insert_vertex,
+    move_vertex,
+    remove_vertex,
+    reversed_line,
+    trim_to_vertices,
+)
 from linework.errors import UsageError
 from linework.model.lines import LineSet
 
@@ -25,7 +31,7 @@ def arc(start_deg, end_deg, radius=50.0, *, n=40, name="a", kind="lane_marking")
 
 def test_a_moved_vertex_is_known_as_well_as_its_height():
     one = line()
-    after = moved(one, 3, np.array([3.0, 0.4, 1.0]), sigma_z_m=0.03)
+    after = move_vertex(one, 3, np.array([3.0, 0.4, 1.0]), sigma_z_m=0.03)
     assert after.xyz[3].tolist() == [3.0, 0.4, 1.0]
     assert np.isnan(after.sigma_xy_m[3])
     assert after.sigma_z_m[3] == 0.03
@@ -38,7 +44,7 @@ def test_a_moved_vertex_is_known_as_well_as_its_height():
 @pytest.mark.parametrize("after", [-1, 4, 10])
 def test_a_vertex_is_inserted_inside_and_at_both_ends(after):
     place = np.array([after + 0.5, 0.2, 0.0])
-    longer = inserted(line(), after, place)
+    longer = insert_vertex(line(), after, place)
     assert len(longer.xyz) == 12
     assert longer.xyz[after + 1].tolist() == place.tolist()
     assert np.isnan(longer.sigma_xy_m[after + 1])
@@ -47,40 +53,40 @@ def test_a_vertex_is_inserted_inside_and_at_both_ends(after):
 
 def test_a_vertex_inserted_over_a_gap_measures_nothing():
     one = line(bridged=[False] * 4 + [True] * 2 + [False] * 5)
-    assert inserted(one, 4, np.array([4.5, 0.1, 0.0])).bridged[5]
-    assert not inserted(one, 8, np.array([8.5, 0.1, 0.0])).bridged[9]
-    assert inserted(one, 4, np.array([4.5, 0.0, 0.45])).bridged_m == pytest.approx(one.bridged_m)
+    assert insert_vertex(one, 4, np.array([4.5, 0.1, 0.0])).bridged[5]
+    assert not insert_vertex(one, 8, np.array([8.5, 0.1, 0.0])).bridged[9]
+    assert insert_vertex(one, 4, np.array([4.5, 0.0, 0.45])).bridged_m == pytest.approx(one.bridged_m)
 
 
 def test_removing_and_trimming_keep_the_rest_as_it_is():
     one = line()
-    assert removed(one, 5).xyz[:, 0].tolist() == [0, 1, 2, 3, 4, 6, 7, 8, 9, 10]
-    assert trimmed(one, 2, 6).xyz[:, 0].tolist() == [2, 3, 4, 5, 6]
-    assert trimmed(one, 2, 6).sigma_z_m.tolist() == [0.02] * 5
+    assert remove_vertex(one, 5).xyz[:, 0].tolist() == [0, 1, 2, 3, 4, 6, 7, 8, 9, 10]
+    assert trim_to_vertices(one, 2, 6).xyz[:, 0].tolist() == [2, 3, 4, 5, 6]
+    assert trim_to_vertices(one, 2, 6).sigma_z_m.tolist() == [0.02] * 5
 
 
 @pytest.mark.parametrize(
     "wrong",
     [
-        lambda: moved(line(), 11, np.zeros(3)),
-        lambda: moved(line(), -1, np.zeros(3)),
-        lambda: moved(line(), 1, np.array([0.0, 0.0, 0.0])),
-        lambda: inserted(line(), 11, np.zeros(3)),
-        lambda: inserted(line(), 0, np.array([1.0, 0.0, 0.1])),
-        lambda: removed(line(n=2), 0),
-        lambda: trimmed(line(), 4, 4),
-        lambda: trimmed(line(), 0, 11),
-        lambda: split(line(), np.array([-3.0, 0.0])),
-        lambda: split(line(), np.array([10.0, 0.0])),
-        lambda: joined(line(), line(12, 20, kind="road_boundary")),
-        lambda: joined(line(), line(400, 420)),
-        lambda: as_kind(line(), "wall"),
-        lambda: reviewed(line(), "perhaps"),
-        lambda: with_word(line(), "role", "middle"),
-        lambda: with_word(line(), "width_m", "0.1"),
-        lambda: with_word(line(), "double", "yes"),
-        lambda: with_word(line(), "note", "x" * 501),
-        lambda: with_word(line(kind="cable"), "role", "edge"),
+        lambda: move_vertex(line(), 11, np.zeros(3)),
+        lambda: move_vertex(line(), -1, np.zeros(3)),
+        lambda: move_vertex(line(), 1, np.array([0.0, 0.0, 0.0])),
+        lambda: insert_vertex(line(), 11, np.zeros(3)),
+        lambda: insert_vertex(line(), 0, np.array([1.0, 0.0, 0.1])),
+        lambda: remove_vertex(line(n=2), 0),
+        lambda: trim_to_vertices(line(), 4, 4),
+        lambda: trim_to_vertices(line(), 0, 11),
+        lambda: split_line(line(), np.array([-3.0, 0.0])),
+        lambda: split_line(line(), np.array([10.0, 0.0])),
+        lambda: join_two_lines(line(), line(12, 20, kind="road_boundary")),
+        lambda: join_two_lines(line(), line(400, 420)),
+        lambda: with_kind(line(), "wall"),
+        lambda: with_review(line(), "perhaps"),
+        lambda: with_attribute(line(), "role", "middle"),
+        lambda: with_attribute(line(), "width_m", "0.1"),
+        lambda: with_attribute(line(), "double", "yes"),
+        lambda: with_attribute(line(), "note", "x" * 501),
+        lambda: with_attribute(line(kind="cable"), "role", "edge"),
     ],
 )
 def test_what_makes_no_sense_is_refused_in_one_line(wrong):
@@ -102,7 +108,7 @@ def test_a_reversed_line_has_its_left_on_the_right():
 @pytest.mark.parametrize("at", [3.0, 3.4, 7.6, 8.0])
 def test_the_longer_part_keeps_the_name(at):
     one = line()
-    parts = split(one, np.array([at, 0.3]))
+    parts = split_line(one, np.array([at, 0.3]))
     assert parts.length_m.tolist() == pytest.approx([at, 10.0 - at])
     assert parts.id.tolist() == (["", "a"] if at < 5.0 else ["a", ""])
     assert parts.xyz[parts.offsets[1] - 1].tolist() == pytest.approx([at, 0.0, 0.1 * at])
@@ -114,14 +120,14 @@ def test_the_longer_part_keeps_the_name(at):
 
 def test_both_halves_of_a_bridged_segment_are_bridged():
     one = line(bridged=[False] * 3 + [True] * 3 + [False] * 5)
-    parts = split(one, np.array([4.5, 0.0]))
+    parts = split_line(one, np.array([4.5, 0.0]))
     assert parts.bridged_m.sum() == pytest.approx(one.bridged_m[0])
 
 
 def test_what_was_split_can_be_joined_again():
     one = line()
-    parts = split(one, np.array([6.3, 0.0]))
-    whole = joined(parts.take([0]), parts.take([1]))
+    parts = split_line(one, np.array([6.3, 0.0]))
+    whole = join_two_lines(parts.take([0]), parts.take([1]))
     assert whole.id.tolist() == ["a"]
     assert whole.length_m[0] == pytest.approx(10.0)
     assert not whole.bridged.any()
@@ -132,7 +138,7 @@ def test_what_was_split_can_be_joined_again():
 def test_a_joined_gap_is_bridged_whichever_way_the_lines_run(turn_one, turn_other):
     one, other = line(0, 20, name="a"), line(30, 60, name="b")
     first, second = (reversed_line(x) if turn else x for x, turn in ((one, turn_one), (other, turn_other)))
-    whole = joined(first, second)
+    whole = join_two_lines(first, second)
     assert len(whole) == 1
     assert whole.length_m[0] == pytest.approx(60.0)
     assert whole.bridged_m[0] == pytest.approx(10.0)
@@ -145,7 +151,7 @@ def test_numbers_of_joined_lines_are_means_by_length_and_words_those_there_are()
         0, 10, name="a", confidence=[0.4], width_m=[0.10], role=[""], time_start_s=[5.0], note=["worn"]
     )
     other = line(11, 41, name="b", confidence=[0.8], width_m=[np.nan], role=["edge"], time_start_s=[2.0])
-    whole = joined(one, other)
+    whole = join_two_lines(one, other)
     assert whole.confidence[0] == pytest.approx(0.7)
     assert whole.width_m[0] == pytest.approx(0.10)
     assert whole.role.tolist() == ["edge"]
@@ -155,41 +161,41 @@ def test_numbers_of_joined_lines_are_means_by_length_and_words_those_there_are()
 
 def test_lines_that_would_turn_back_are_not_joined():
     with pytest.raises(UsageError, match="turn back"):
-        joined(line(0, 20), line(18, 5, y=1.0))
+        join_two_lines(line(0, 20), line(18, 5, y=1.0))
 
 
 def test_over_a_gap_a_line_runs_beside_the_one_that_goes_on_there():
     whole = arc(0, 90, 53.5, n=90, name="kerb", kind="road_boundary")
     one, other = arc(0, 20, name="a"), arc(60, 90, name="b")
-    closed = joined(one, other, whole)
+    closed = join_two_lines(one, other, whole)
     away = np.hypot(*closed.xyz[:, :2].T)
     assert np.abs(away - 50.0).max() < 0.05
     assert closed.bridged_m[0] == pytest.approx(np.radians(40.0) * 50.0, abs=0.5)
     # With nothing beside it: as the ends lead, an arc within half a metre over 35 m
-    alone = np.hypot(*joined(one, other).xyz[:, :2].T)
+    alone = np.hypot(*join_two_lines(one, other).xyz[:, :2].T)
     assert np.abs(alone - 50.0).max() < 0.5
 
 
 def test_another_kind_keeps_what_it_can_have():
     one = line(role=["edge"], pattern=["dashed"], width_m=[0.12], double=[True], form=["x"])
-    kerb = as_kind(one, "road_boundary")
+    kerb = with_kind(one, "road_boundary")
     assert (kerb.kind[0], kerb.role[0], kerb.pattern[0], kerb.form[0]) == ("road_boundary", "", "", "")
     assert np.isnan(kerb.width_m[0])
     assert not kerb.double[0]
-    bar = as_kind(one, "road_marking_other")
+    bar = with_kind(one, "road_marking_other")
     assert bar.width_m.tolist() == [0.12]
 
 
 def test_words_are_said_and_taken_back():
-    one = with_word(with_word(line(), "role", "edge"), "condition", "worn")
+    one = with_attribute(with_attribute(line(), "role", "edge"), "condition", "worn")
     assert (one.role[0], one.condition[0]) == ("edge", "worn")
-    assert with_word(one, "role", "").role.tolist() == [""]
-    assert with_word(one, "double", True).double.tolist() == [True]
-    assert with_word(one, "note", "half of it is gone").note.tolist() == ["half of it is gone"]
+    assert with_attribute(one, "role", "").role.tolist() == [""]
+    assert with_attribute(one, "double", True).double.tolist() == [True]
+    assert with_attribute(one, "note", "half of it is gone").note.tolist() == ["half of it is gone"]
 
 
 def test_what_is_accepted_or_drawn_is_sure():
     one = line(confidence=[0.4])
-    assert reviewed(one, "accepted").confidence.tolist() == [1.0]
-    assert reviewed(one, "rejected").confidence.tolist() == [0.4]
-    assert reviewed(one, "rejected").review.tolist() == ["rejected"]
+    assert with_review(one, "accepted").confidence.tolist() == [1.0]
+    assert with_review(one, "rejected").confidence.tolist() == [0.4]
+    assert with_review(one, "rejected").review.tolist() == ["rejected"]

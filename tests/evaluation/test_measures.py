@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from linework.errors import CrsError, InputError, UsageError
-from linework.evaluation.measures import evaluate_lines, kinds_of
+from linework.evaluation.measures import evaluate_lines, kinds_in
 from linework.model.lines import LineSet
 
 MIDDLE = np.array([50.25, 0.0, 0.0])
@@ -371,13 +371,13 @@ def test_blocks_of_queries_do_not_show(monkeypatch):
     truth = lines(straight(), straight(5), straight(-5))
     found = lines(straight(0.04), straight(4.9, 0, 70), straight(-5.3))
     whole = evaluate_lines(found, truth).to_dict()
-    monkeypatch.setattr("linework.evaluation.match.BLOCK_M", 1.0)
+    monkeypatch.setattr("linework.evaluation.match.QUERY_BLOCK_M", 1.0)
     assert evaluate_lines(found, truth).to_dict() == whole
 
 
 def test_kinds_come_in_the_order_of_the_layers():
     found = lines(straight(), straight(), straight(), kind=["cable", "ditch", "guardrail"])
-    assert kinds_of(found, lines(straight(), kind="fence")) == ("guardrail", "fence", "cable", "ditch")
+    assert kinds_in(found, lines(straight(), kind="fence")) == ("guardrail", "fence", "cable", "ditch")
 
 
 def test_nothing_against_nothing_is_refused():

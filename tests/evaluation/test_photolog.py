@@ -16,7 +16,7 @@ from tests.scenes.image_folders import picture
 
 from linework.errors import InputError
 from linework.evaluation.report.photolog import MAX_PICTURES, photolog_html
-from linework.files.images.screen import THUMBNAIL_PX, thumbnail
+from linework.files.images.screen import THUMBNAIL_PX, image_thumbnail
 from linework.model.logs import Events, LoggedPlaces, Photos, VanLog
 
 
@@ -120,7 +120,7 @@ def test_thumbnails_are_small_jpegs(tmp_path: Path, mode: str) -> None:
         Image.fromarray(np.asarray(grey).astype(np.uint16) * 257) if mode == "I;16" else grey.convert(mode)
     )
     image.save(tmp_path / "a.png")
-    small = Image.open(io.BytesIO(thumbnail(tmp_path / "a.png")))
+    small = Image.open(io.BytesIO(image_thumbnail(tmp_path / "a.png")))
     assert (small.format, small.size) == ("JPEG", (THUMBNAIL_PX, 49)) or small.size == (THUMBNAIL_PX, 48)
     assert abs(float(np.asarray(small.convert("L")).mean()) - 120.0) < 12.0
 
@@ -130,7 +130,7 @@ def test_a_thumbnail_of_half_an_image_is_refused(tmp_path: Path) -> None:
     data = (tmp_path / "a.jpg").read_bytes()
     (tmp_path / "a.jpg").write_bytes(data[: len(data) // 2])
     with pytest.raises(InputError, match="damaged image"):
-        thumbnail(tmp_path / "a.jpg")
+        image_thumbnail(tmp_path / "a.jpg")
 
 
 def test_the_same_log_gives_the_same_page(tmp_path: Path) -> None:

@@ -8,9 +8,9 @@ import pytest
 
 from linework.evaluation.chains import Chains, cut_into_pieces
 from linework.evaluation.measures import evaluate_lines, match_lines, scores_of
-from linework.evaluation.report.page import Report, report_html
+from linework.evaluation.report.page import ReportContent, report_html
 from linework.evaluation.report.plan import plan_figure
-from linework.evaluation.report.scores_figure import hits_figure, png, runs_of, tolerance_figure
+from linework.evaluation.report.scores_figure import chosen_stretches, hits_figure, plot_png, tolerance_figure
 from linework.evaluation.report.sections import cable_section, rail_sections
 from linework.evaluation.report.tables import kinds_table, lines_table, score_tables
 from linework.model.lines import LineSet
@@ -69,10 +69,10 @@ def test_runs_join_pieces_and_break_at_gaps_and_lines():
     pieces = cut_into_pieces(chains)
     chosen = np.ones(len(pieces), dtype=bool)
     chosen[30:50] = False
-    runs = runs_of(chains, pieces, chosen)
+    runs = chosen_stretches(chains, pieces, chosen)
     ends = [run[[0, -1]].round(6).tolist() for run in runs]
     assert ends == [[[0, 0], [3, 0]], [[5, 0], [10, 0]], [[0, 5], [10, 5]]]
-    assert runs_of(chains, pieces, np.zeros(len(pieces), dtype=bool)) == []
+    assert chosen_stretches(chains, pieces, np.zeros(len(pieces), dtype=bool)) == []
 
 
 def test_pictures_are_the_same_twice(truth):
@@ -80,16 +80,16 @@ def test_pictures_are_the_same_twice(truth):
     for draw in (
         lambda: hits_figure(parts, 0.1), lambda: tolerance_figure(scores_of(parts)), lambda: plan_figure(truth, None),
     ):  # fmt: skip
-        image = png(draw())
+        image = plot_png(draw())
         assert image.startswith(b"\x89PNG")
-        assert image == png(draw())
+        assert image == plot_png(draw())
 
 
 def test_nothing_is_drawn_without_failing():
     nothing = LineSet.empty()
-    assert png(hits_figure(match_lines(nothing, nothing, kinds=["cable"]), 0.1)).startswith(b"\x89PNG")
-    assert png(plan_figure(nothing, None)).startswith(b"\x89PNG")
-    assert png(plan_figure(nothing, Points(np.zeros((0, 3))))).startswith(b"\x89PNG")
+    assert plot_png(hits_figure(match_lines(nothing, nothing, kinds=["cable"]), 0.1)).startswith(b"\x89PNG")
+    assert plot_png(plan_figure(nothing, None)).startswith(b"\x89PNG")
+    assert plot_png(plan_figure(nothing, Points(np.zeros((0, 3))))).startswith(b"\x89PNG")
 
 
 def test_a_rail_is_cut_at_even_distances_above_the_road(truth, points):
@@ -130,7 +130,7 @@ def test_no_rail_no_cable_no_section(points):
 
 def test_the_page_is_whole_and_safe(truth, points):
     parts = match_lines(truth, truth)
-    report = Report(
+    report = ReportContent(
         title="<script>alert(1)</script>", lines=truth, points=points, reference=truth, parts=parts,
         scores=scores_of(parts), facts={"survey": "a & b"},
     )  # fmt: skip
@@ -145,11 +145,11 @@ def test_the_page_is_whole_and_safe(truth, points):
 
 
 def test_a_page_without_reference_says_what_was_found(truth, points):
-    page = report_html(Report(title="lines", lines=truth, points=points))
+    page = report_html(ReportContent(title="lines", lines=truth, points=points))
     assert page.count("<img ") == 4
     assert "rail-1" in page
     assert "complete" not in page
-    bare = report_html(Report(title="lines", lines=truth))
+    bare = report_html(ReportContent(title="lines", lines=truth))
     assert bare.count("<img ") == 1
-    nothing = report_html(replace(Report(title="lines", lines=LineSet.empty()), points=points))
+    nothing = report_html(replace(ReportContent(title="lines", lines=LineSet.empty()), points=points))
     assert nothing.count("<img ") == 2

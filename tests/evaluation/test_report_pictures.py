@@ -11,9 +11,9 @@ from linework.evaluation.report.cuts import (
     measured_places,
     place_on,
 )
-from linework.evaluation.report.page import Report, report_html
-from linework.evaluation.report.plan import View, close_up_figure, plan_figure
-from linework.evaluation.report.scores_figure import png
+from linework.evaluation.report.page import ReportContent, report_html
+from linework.evaluation.report.plan import PlanView, close_up_figure, plan_figure
+from linework.evaluation.report.scores_figure import plot_png
 from linework.evaluation.report.tables import kinds_table
 from linework.imaging.brightness import brightness_picture, near_ground
 from linework.model.grid import holds
@@ -93,7 +93,7 @@ def test_noise_is_not_made_to_look_like_paint():
 def test_a_view_reads_what_it_shows():
     turn = np.radians(30.0)
     places = ORIGIN[:2] + np.outer(np.linspace(0, 100, 50), [np.cos(turn), np.sin(turn)])
-    view = View.of(places)
+    view = PlanView.of(places)
     assert np.ptp(view.seen(places)[:, 1]) == pytest.approx(0, abs=1e-6)
     middle = view.seen(places[25:26])[0]
     bounds = view.bounds(((middle[0] - 1, middle[0] + 1), (middle[1] - 1, middle[1] + 1)))
@@ -162,9 +162,9 @@ def test_pictures_are_the_same_twice_and_need_no_reference(street, lines):
         lambda: kerb_figure(kerb_cuts(lines, reader(street), None)),
         lambda: marking_figure(marking_cuts(lines, reader(street), None)),
     ):
-        image = png(draw())
+        image = plot_png(draw())
         assert image.startswith(b"\x89PNG")
-        assert image == png(draw())
+        assert image == plot_png(draw())
     short = street.take(street.xyz[:, 0] < ORIGIN[0] + 20.0)
     assert close_up_figure(LineSet.empty(), short, reader(short)) is None
     assert close_up_figure(lines, Points(np.zeros((0, 3))), reader(street)) is None
@@ -179,18 +179,18 @@ def test_what_was_missed_is_drawn_too(street, lines):
 
     # One short line at the start of the road
     found = LineSet.from_lines([along(0.0, x1=5.0)], kind=["lane_marking"])
-    assert png(close_up_figure(found, street, points_in)).startswith(b"\x89PNG")
+    assert plot_png(close_up_figure(found, street, points_in)).startswith(b"\x89PNG")
     assert sorted(places) == pytest.approx([100 / 6, 50, 500 / 6], abs=1.0)
     ax = plan_figure(found, street).axes[0]
     assert np.ptp(ax.get_xlim()) > 80
 
 
 def test_the_page_has_all_of_them(street, lines):
-    page = report_html(Report(title="street", lines=lines, points=street))
+    page = report_html(ReportContent(title="street", lines=lines, points=street))
     for title in ("Lines over the points", "Close up", "Across the road&#39;s boundary", "Across markings"):
         assert f"<h2>{title}</h2>" in page
     assert "brightness of the ground" in page
-    dark = report_html(Report(title="street", lines=lines, points=Points(street.xyz)))
+    dark = report_html(ReportContent(title="street", lines=lines, points=Points(street.xyz)))
     assert "Across markings" not in dark
     asked = []
 
@@ -198,7 +198,7 @@ def test_the_page_has_all_of_them(street, lines):
         asked.append(bounds)
         return reader(street)(bounds)
 
-    assert report_html(Report(title="street", lines=lines, points=street, points_in=points_in)) == page
+    assert report_html(ReportContent(title="street", lines=lines, points=street, points_in=points_in)) == page
     assert len(asked) == 3 + 3 + 2
 
 

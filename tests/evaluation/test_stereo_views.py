@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from linework.errors import InputError
-from linework.evaluation.report.page import Report, report_html
+from linework.evaluation.report.page import ReportContent, report_html
 from linework.evaluation.report.stereo_views import StereoViews, chosen_numbers, in_image
 from linework.model.camera import LOOKING_AHEAD, RectifiedRig
 from linework.model.images import Poses, RectifiedPair
@@ -52,10 +52,10 @@ def test_pairs_are_shown_where_a_line_is_ahead():
 
 def test_the_report_shows_the_pairs():
     views = StereoViews(poses(), np.arange(3), read)
-    page = report_html(Report(title="t", lines=line_ahead(), views=views))
+    page = report_html(ReportContent(title="t", lines=line_ahead(), views=views))
     assert "Lines in the images" in page
     both = LineSet.concatenate([line_ahead(), line_ahead("lane_marking_stereo")])
-    assert "Lines in the images" in report_html(Report(title="t", lines=both, views=views))
+    assert "Lines in the images" in report_html(ReportContent(title="t", lines=both, views=views))
 
 
 def test_pairs_that_cannot_be_read_are_left_out():
@@ -63,6 +63,6 @@ def test_pairs_that_cannot_be_read_are_left_out():
         raise InputError("cut off", where="a.png")
 
     page = report_html(
-        Report(title="t", lines=line_ahead(), views=StereoViews(poses(), np.arange(3), broken))
+        ReportContent(title="t", lines=line_ahead(), views=StereoViews(poses(), np.arange(3), broken))
     )
     assert "Lines in the images" not in page

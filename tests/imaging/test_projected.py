@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from linework.imaging.projected import DEPTH_M, MARGIN_PX, projected
+from linework.imaging.projected import MARGIN_PX, PROJECTED_DEPTH_M, projected
 from linework.imaging.rectify import directions, original_pixels, rectifier_of
 from linework.model.camera import LOOKING_AHEAD, Camera, StereoRig
 from linework.model.images import Poses
@@ -36,7 +36,7 @@ def slowly(lines, cam, at):
     share = np.linspace(0.0, 1.0, 20_000)[:, None]
     place = at.to_vehicle(0, ends[0] * (1.0 - share) + ends[1] * share)
     xyz = (place - cam.position_m) @ cam.R_vehicle_camera
-    ahead = (xyz[:, 2] > DEPTH_M[0]) & (xyz[:, 2] < DEPTH_M[1])
+    ahead = (xyz[:, 2] > PROJECTED_DEPTH_M[0]) & (xyz[:, 2] < PROJECTED_DEPTH_M[1])
     x, y = (xyz[ahead, :2] / xyz[ahead, 2:]).T
     k1, k2, p1, p2, k3 = cam.distortion
     r2 = x * x + y * y

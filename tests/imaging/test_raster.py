@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from linework.errors import InputError
 from linework.imaging.raster import (
     MAX_CELLS,
-    cells_of,
+    cell_indices,
     grid_for,
     in_height_band,
     main_direction_grid,
@@ -33,7 +33,7 @@ def cloud(n=500, seed=0, origin=(664_000.0, 5_080_000.0, 180.0), size=8.0):
 
 def twin(points, grid, height, origin):
     """The obvious way: one list of points per cell."""
-    cells = cells_of(points, grid)
+    cells = cell_indices(points, grid)
     empty = np.full(grid.shape, np.nan)
     out = {name: empty.copy() for name in ("density", "maximum", "minimum", "mean", "intensity")}
     for cell in range(grid.n_rows * grid.n_cols):
@@ -65,15 +65,16 @@ def test_compiled_and_plain_python_agree(monkeypatch):
     points, grid = cloud(200), Grid(664_000.0, 5_080_006.0, 0.5, 0.8, 9, 13, 20.0)
     where = [placement(grid), *grid.shape]
     arguments = [points.xyz, points.xyz[:, 2], 180.0, points.intensity, *where]
-    compiled = kernels.rasterise(*arguments)
+    compiled = kernels.rasterise_points(*arguments)
     counted = kernels.count_in_band(points.xyz, points.xyz[:, 2], 181.0, 182.0, *where)
     monkeypatch.setattr(kernels, "cell_of", kernels.cell_of.py_func)
-    for a, b in zip(compiled, kernels.rasterise.py_func(*arguments), strict=True):
+    for a, b in zip(compiled, kernels.rasterise_points.py_func(*arguments), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-6)
     plain = kernels.count_in_band.py_func(points.xyz, points.xyz[:, 2], 181.0, 182.0, *where)
     np.testing.assert_array_equal(counted, plain)
     np.testing.assert_array_equal(
-        kernels.cells_of.py_func(points.xyz, *where), kernels.cells_of(points.xyz, *where)
+        kernels.cells_of_coordinates.py_func(points.xyz, *where),
+        kernels.cells_of_coordinates(points.xyz, *where),
     )
 
 
@@ -102,7 +103,7 @@ def test_a_point_on_an_edge_is_in_the_same_cell_of_every_grid(col0, row0, seed, 
         else points.bounds,
         cell_m,
     )
-    in_whole, in_part = cells_of(points, whole), cells_of(points, part)
+    in_whole, in_part = cell_indices(points, whole), cell_indices(points, part)
     seen = in_part >= 0
     row, col = np.divmod(in_part[seen], part.n_cols)
     shift_col = round((part.east_m - whole.east_m) / cell_m)
@@ -115,14 +116,14 @@ def test_a_grid_made_for_points_holds_every_one_of_them():
         corner = np.array([664_000.0, 5_080_000.0])
         xy = corner + np.array([[0.0, 0.0], [0.6, 0.6], [1.2, 0.3], [0.3, 1.2]])
         points = Points(np.column_stack([xy, np.zeros(4)]))
-        assert np.all(cells_of(points, grid_for(points, cell_m)) >= 0)
-        assert np.all(cells_of(points, main_direction_grid(points, cell_m, 2 * cell_m)) >= 0)
+        assert np.all(cell_indices(points, grid_for(points, cell_m)) >= 0)
+        assert np.all(cell_indices(points, main_direction_grid(points, cell_m, 2 * cell_m)) >= 0)
 
 
 def test_west_and_north_edges_are_inside():
     points = Points(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]]))
     for grid in (Grid(0.0, 1.0, 1.0, 1.0, 1, 1), Grid(0.0, 1.0, 0.5, 0.25, 4, 2)):
-        assert (cells_of(points, grid) >= 0).tolist() == [False, False, True, False]
+        assert (cell_indices(points, grid) >= 0).tolist() == [False, False, True, False]
 
 
 def test_points_outside_and_without_height_are_left_out():
@@ -197,7 +198,7 @@ def test_the_turned_grid_follows_the_road(direction_deg):
         assert -90.0 < grid.rotation_deg <= 90.0
         assert grid.cell_width_m == 0.5
         assert grid.cell_height_m == 0.25
-        assert np.all(cells_of(points, grid) >= 0)
+        assert np.all(cell_indices(points, grid) >= 0)
         assert grid.n_cols < 615
         assert grid.n_rows < 70
 

@@ -60,7 +60,7 @@ def test_layers_part_the_points_of_a_bin_by_height(jit):
     assert np.array_equal(slot >= 0, np.diff(starts) > 0)
     for b in np.flatnonzero(slot >= 0):
         own = points[starts[b] : starts[b + 1]]
-        number = np.minimum((own[:, 2] - own[:, 2].min()) // binning.LAYER_M, binning.N_LAYERS - 1)
+        number = np.minimum((own[:, 2] - own[:, 2].min()) // binning.BIN_LAYER_M, binning.N_LAYERS - 1)
         order = np.argsort(number, kind="stable")
         np.testing.assert_array_equal(layered[starts[b] : starts[b + 1]], own[order])
         assert floor[slot[b]] == own[:, 2].min()
@@ -86,7 +86,7 @@ def test_a_box_gathers_the_points_inside_it(jit, heading, middle):
     points, starts = binned(cloud(2))
     box = np.array([*middle, np.cos(heading), np.sin(heading), 1.4, 0.45, 0.2, 1.1])
     out = np.empty((len(points), 4))
-    n = form_of(kernels.gather, jit)(points, starts, N_X, N_Y, CELL_M, box, out)
+    n = form_of(kernels.gather_in_box, jit)(points, starts, N_X, N_Y, CELL_M, box, out)
     local = turned_into(points, *middle, heading)
     inside = (np.abs(local[:, 0]) <= 1.4) & (np.abs(local[:, 1]) <= 0.45)
     inside &= (local[:, 3] >= 0.2) & (local[:, 3] <= 1.1)
@@ -119,7 +119,7 @@ def test_a_full_buffer_is_not_overrun():
     points, starts = binned(cloud(3))
     out = np.full((60, 4), np.nan)
     box = np.array([3.0, 2.0, 1.0, 0.0, 3.0, 2.0, -1.0, 2.0])
-    assert 49 <= kernels.gather(points, starts, N_X, N_Y, CELL_M, box, out[:50]) <= 50
+    assert 49 <= kernels.gather_in_box(points, starts, N_X, N_Y, CELL_M, box, out[:50]) <= 50
     assert np.isnan(out[50:]).all()
 
 
@@ -246,7 +246,10 @@ def slow_profile(points, node, half_s, radius, reach):
     local = turned_into(points, *node[:3])
     local = local[(np.abs(local[:, 0]) <= half_s) & (np.abs(local[:, 1]) <= reach)]
     u, below, height = local[:, 1], node[3] - local[:, 2], local[:, 3]
-    is_near, is_sheet = np.abs(u) <= radius, (below > -0.03) & (below < 0.33) & (height >= kernels.FLOOR_M)
+    is_near, is_sheet = (
+        np.abs(u) <= radius,
+        (below > -0.03) & (below < 0.33) & (height >= kernels.BEAM_FLOOR_M),
+    )
     held = is_near & is_sheet
     sheet = np.array(
         [held.sum(), u[held].mean(), u[held].std(), slow_top_edge(local, 0.0, 0.75 * radius, node[3], 0.06)]
@@ -255,7 +258,7 @@ def slow_profile(points, node, half_s, radius, reach):
     depth, sides = np.zeros((2, kernels.DEPTH_BINS)), np.zeros((4, 2))
     for side, on_side in enumerate((u > 0, u <= 0)):
         for b in range(kernels.DEPTH_BINS):
-            depth[side, b] = np.sum(on_side & is_near & (height >= kernels.FLOOR_M) & (bins == b))
+            depth[side, b] = np.sum(on_side & is_near & (height >= kernels.BEAM_FLOOR_M) & (bins == b))
         apart = on_side & ~is_near
         sides[0, side] = np.sum(apart & is_sheet)
         sides[1, side] = np.sum(apart & (below >= 0.36))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from linework.kernels.cells.even_thinning import evenly_thinned, lots
+from linework.kernels.cells.even_thinning import evenly_thinned, sampling_keys
 
 
 def test_never_more_than_wanted_and_not_far_fewer():
@@ -32,8 +32,8 @@ def test_lots_depend_on_the_point_alone():
     x, y, z = rng.uniform(0.0, 64.0, (3, 5000)).astype(np.float32)
     bright = rng.integers(0, 65536, 5000).astype(np.uint16)
     order = rng.permutation(5000)
-    drawn = lots(x, y, z, bright, 7)
-    np.testing.assert_array_equal(lots(x[order], y[order], z[order], bright[order], 7), drawn[order])
+    drawn = sampling_keys(x, y, z, bright, 7)
+    np.testing.assert_array_equal(sampling_keys(x[order], y[order], z[order], bright[order], 7), drawn[order])
     assert len(np.unique(drawn)) == 5000
     assert abs(np.mean(drawn / 2.0**64) - 0.5) < 0.03
-    assert not np.array_equal(lots(x, y, z, bright, 8), drawn)
+    assert not np.array_equal(sampling_keys(x, y, z, bright, 8), drawn)

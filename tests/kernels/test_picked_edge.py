@@ -9,13 +9,13 @@ from scipy.ndimage import map_coordinates
 from linework.kernels.images.line_matching import (
     CORRELATION,
     GAIN,
+    MATCH_SIGMA,
     OFFSET,
     SHIFT,
-    SIGMA,
     blurred,
+    grey_profile_across,
     integral_of,
     match_profile,
-    profile_across,
 )
 from linework.kernels.tracking.smooth import smooth_beside
 
@@ -47,7 +47,7 @@ def test_sigma_says_how_far_shifts_are_off() -> None:
         match_profile(clean + rng.normal(0.0, 6.0, len(s)), PIXEL_M, total, STEP_M, 0.2, (0.0, 0.06), 0.1)
         for _ in range(200)
     ]
-    ratio = [(f[SHIFT] - 0.013) / f[SIGMA] for f in found]
+    ratio = [(f[SHIFT] - 0.013) / f[MATCH_SIGMA] for f in found]
     assert 0.7 < np.sqrt(np.mean(np.square(ratio))) < 1.3
 
 
@@ -69,7 +69,7 @@ def test_profiles_are_bilinear_samples_where_places_project() -> None:
     image = np.random.default_rng(3).integers(0, 255, (60, 80)).astype(np.uint8)
     to_pixel = np.array([[50.0, 0.0, 40.0, 0.0], [0.0, 50.0, 30.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
     frame = np.array([[0.1, 0.2, 2.0], [0.0, 0.6, 0.8], [1.0, 0.0, 0.0]])
-    seen = profile_across(image, to_pixel, frame, 0.0, (0.3, 3), 0.05, 6)
+    seen = grey_profile_across(image, to_pixel, frame, 0.0, (0.3, 3), 0.05, 6)
     along = 0.3 * ((np.arange(3) + 0.5) / 3 - 0.5)
     places = frame[0] + along[:, None, None] * frame[1] + (0.05 * np.arange(-6, 7))[:, None] * frame[2]
     col, row = 50.0 * places[..., 0] / places[..., 2] + 40.0, 50.0 * places[..., 1] / places[..., 2] + 30.0
@@ -80,7 +80,7 @@ def test_profiles_are_bilinear_samples_where_places_project() -> None:
 def test_outside_of_the_image_is_not_a_number() -> None:
     image = np.full((20, 20), 100, dtype=np.uint8)
     to_pixel = np.array([[10.0, 0.0, 10.0, 0.0], [0.0, 10.0, 10.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
-    seen = profile_across(
+    seen = grey_profile_across(
         image, to_pixel, np.array([[0.0, 0, 1], [0, 1, 0], [1, 0, 0]]), 0.0, (0.0, 1), 0.5, 4
     )
     s = 0.5 * np.arange(-4, 5)

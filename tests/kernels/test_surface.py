@@ -21,7 +21,7 @@ def test_nearest_known_is_exact_and_ties_go_west_then_north(seed):
     known = rng.random((19, 23)) < (0.02, 0.1, 0.5, 0.0)[seed]
     reach, margin = 5, 3
     cells = np.argwhere(known)
-    for function in (nearest.nearest_known, nearest.nearest_known.py_func):
+    for function in (nearest.nearest_known_squared, nearest.nearest_known_squared.py_func):
         index, square = function(known, reach, margin)
         assert index.shape == (13, 17)
         for (r, c), found in np.ndenumerate(index):
@@ -184,6 +184,6 @@ def test_the_road_gives_way_to_the_ground_between_one_and_two_times_the_reach():
     ground = np.array([[3.0, 3.0, 3.0, np.nan, 3.0]], np.float32)
     square = np.array([[0, 400, 900, 1600, 9]], np.int32)
     far = np.array([[7.0]], np.float32)
-    nearest.give_way(road, square, ground, far, np.zeros(1, int), np.zeros(5, int), 0.5, 10.0)
+    nearest.blend_into_ground(road, square, ground, far, np.zeros(1, int), np.zeros(5, int), 0.5, 10.0)
     assert road[0].tolist() == [1.0, 1.0, 2.0, 7.0, 3.0]
     assert ground[0].tolist() == [3.0, 3.0, 3.0, 7.0, 3.0]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from linework.kernels.cells import tile_cells as kernels
-from linework.workbench.views.layers import Layers, filled, layers_from_children
-from linework.workbench.views.pyramid import FINEST, Lattice, Tile
+from linework.workbench.views.layers import TileLayers, fill_between_points, layers_from_children
+from linework.workbench.views.pyramid import FINEST, Lattice, MapTile
 
 
 def columns(rng, n, side=16.0):
@@ -26,7 +26,7 @@ def layers_of(parts, cell_m=1.0, n=16):
     sums = kernels.no_sums(n, n)
     for part in parts:
         kernels.add_points(part, (0.0, 0.0), cell_m, sums)
-    return Layers(*kernels.layers_of(sums, cell_m))
+    return TileLayers(*kernels.layers_of(sums, cell_m))
 
 
 def test_a_car_over_the_road_is_told_apart():
@@ -87,7 +87,7 @@ def test_packing_keeps_what_is_seen():
 def test_nearest_known_is_nearly_always_the_nearest():
     rng = np.random.default_rng(4)
     known = rng.random((60, 70)) < 0.03
-    nearest = kernels.nearest_known(known, 5.0)
+    nearest = kernels.nearest_known_index(known, 5.0)
     rows, cols = np.nonzero(known)
     for r, c in np.ndindex(known.shape):
         apart = np.hypot(rows - r, cols - c)
@@ -103,7 +103,7 @@ def test_holes_between_points_are_filled_but_no_farther():
     sums = kernels.no_sums(64, 64)
     at = np.array([0.5], np.float32)
     kernels.add_points((at, at, at, np.zeros(1, np.float32), np.ones(1, np.uint16)), (0.0, 0.0), 1 / 64, sums)
-    cells = filled(Layers(*kernels.layers_of(sums, 1 / 64)), 1 / 64)
+    cells = fill_between_points(TileLayers(*kernels.layers_of(sums, 1 / 64)), 1 / 64)
     rows, cols = np.nonzero(cells.density)
     reach = np.hypot(rows - 31, cols - 32).max() / 64
     assert 0.1 < reach <= 0.16
@@ -126,5 +126,5 @@ def test_tiles_nest_and_cover_the_survey():
             assert b.south <= north_m < b.north
     assert lattice.tile(len(document["resolutions"]), 0, 0) is None
     assert lattice.tile(0, -1, 0) is lattice.tile(-1, 0, 0) is lattice.tile(3, 0, 2**40) is None
-    assert [child.parent for child in Tile(1, -3, 4).children] == [Tile(1, -3, 4)] * 4
+    assert [child.parent for child in MapTile(1, -3, 4).children] == [MapTile(1, -3, 4)] * 4
     assert document["resolutions"][-1] == 2.0 ** (FINEST - 2)

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from linework.methods.obb.boundary import REACH_M, BoundaryConfig, find_boundary_boxes
+from linework.methods.obb.boundary import BOUNDARY_REACH_M, BoundaryConfig, find_boundary_boxes
 from linework.model.boxes import BOX_COLUMNS, BoxForm, BoxSet
 from linework.model.grid import Bounds
 from linework.model.points import Points
@@ -68,7 +68,7 @@ def part_of_surface(b: Bounds) -> RoadSurface:
 
 
 def tile_over(core: Bounds) -> tuple[TileData, RoadSurface]:
-    extent = core.grown(REACH_M)
+    extent = core.grown(BOUNDARY_REACH_M)
     x, y = POINTS.xyz[:, 0], POINTS.xyz[:, 1]
     held = (x >= extent.west) & (x < extent.east) & (y >= extent.south) & (y < extent.north)
     return TileData("part", core, POINTS.take(held), origin=ORIGIN), part_of_surface(extent.grown(2.0))

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.scenes.paint_scenes import EAST_M, NORTH_M, Stripe, level_surface, road_points, tile_of
 
-from linework.methods.obb.marking import REACH_M, MarkingConfig, find_marking_boxes
+from linework.methods.obb.marking import MARKING_REACH_M, MarkingConfig, find_marking_boxes
 from linework.model.boxes import BOX_COLUMNS, BoxSet
 from linework.model.grid import Bounds
 from linework.model.points import Points
@@ -69,7 +69,7 @@ def part_of_surface(bounds: Bounds) -> RoadSurface:
 
 
 def tile_over(core: Bounds) -> tuple[TileData, RoadSurface]:
-    extent = core.grown(REACH_M)
+    extent = core.grown(MARKING_REACH_M)
     x, y = WHOLE.points.xyz[:, 0], WHOLE.points.xyz[:, 1]
     held = (x >= extent.west) & (x < extent.east) & (y >= extent.south) & (y < extent.north)
     tile = TileData("part", core, WHOLE.points.take(held), origin=WHOLE.origin)

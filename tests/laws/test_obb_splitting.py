@@ -9,7 +9,7 @@ import pytest
 from linework.files.las.write import write_las
 from linework.files.survey.open import open_survey
 from linework.files.trajectories.read import write_trajectory
-from linework.methods.obb.method import KINDS, ObbMethod
+from linework.methods.obb.method import OBB_KINDS, ObbMethod
 from linework.model.lines import LineSet
 from linework.processes.executors import Serial
 from linework.processes.pool import Processes
@@ -66,7 +66,7 @@ def reference(simulated, places):
     found = extracted(folder, work)
     assert len(found.tiles) > 2
     assert {"lane_marking", "road_boundary", "kerb_top"} <= set(found.lines.kind)
-    assert set(found.lines.kind) <= set(KINDS)
+    assert set(found.lines.kind) <= set(OBB_KINDS)
     return folder, work, found.lines
 
 

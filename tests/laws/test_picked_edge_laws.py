@@ -11,18 +11,18 @@ from hypothesis import strategies as st
 from tests.scenes.edge_scenes import bend, circular_poses, drive_over, followed, pixel_of
 
 from linework.imaging.rectify import directions, distorted, original_pixels, rectified_pixels, rectifier_of
-from linework.methods.picked_edge.method import Drive
+from linework.methods.picked_edge.method import PosedPairs
 from linework.model.camera import LOOKING_AHEAD, Camera, StereoRig
 
 PLACE = (9.0, -1.1, 0.0)
 
 
 @pytest.fixture(scope="module")
-def drive() -> Drive:
+def drive() -> PosedPairs:
     return drive_over(bend, circular_poses(2))
 
 
-def test_the_worlds_origin_does_not_matter(drive: Drive) -> None:
+def test_the_worlds_origin_does_not_matter(drive: PosedPairs) -> None:
     far = np.array([500_000.0, 5_400_000.0, 120.0])
     pick = pixel_of(drive, 0, PLACE)
     here, _ = followed(drive, pick)
@@ -30,7 +30,7 @@ def test_the_worlds_origin_does_not_matter(drive: Drive) -> None:
     np.testing.assert_allclose(there.lines.xyz - far, here.lines.xyz, atol=1e-4)
 
 
-def test_both_images_lead_to_the_same_line(drive: Drive) -> None:
+def test_both_images_lead_to_the_same_line(drive: PosedPairs) -> None:
     i, col, row = pixel_of(drive, 0, PLACE)
     pair = drive.source(i)
     disparity = float(pair.rig.project(drive.poses.to_vehicle(i, np.array([PLACE])))[2][0])
@@ -42,7 +42,7 @@ def test_both_images_lead_to_the_same_line(drive: Drive) -> None:
     assert abs(np.median(away[near[1]]) - np.median(here[near[0]])) < 0.005
 
 
-def test_the_same_pick_gives_the_same_bytes(drive: Drive) -> None:
+def test_the_same_pick_gives_the_same_bytes(drive: PosedPairs) -> None:
     pick = pixel_of(drive, 0, PLACE)
     one, two = (followed(drive, pick)[0].lines for _ in range(2))
     assert one.xyz.tobytes() == two.xyz.tobytes() and one.sigma_xy_m.tobytes() == two.sigma_xy_m.tobytes()

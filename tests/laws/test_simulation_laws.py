@@ -5,7 +5,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from linework.simulation.roads.draw import ROADS, draw_scenario
-from linework.simulation.scene.ground import boundaries, marking_truth
+from linework.simulation.scene.ground import boundary_truth, marking_truth
 from linework.simulation.scene.rails import rail_offset, rail_top
 from linework.simulation.scene.scene import build_scene
 from linework.simulation.simulate import simulate_survey
@@ -59,7 +59,7 @@ def test_every_scenario_is_sound(kind, seed, length_m):
 @given(roads, seeds)
 def test_lines_along_the_road_keep_their_offset_and_do_not_jump(kind, seed):
     layout = draw_scenario(kind, seed, 120.0).layout
-    lines = list(boundaries(layout.road, layout.far_edges_m).lines)
+    lines = list(boundary_truth(layout.road, layout.far_edges_m).lines)
     lines += [line for m in layout.markings for line in marking_truth(layout.road, m).lines]
     for line in lines:
         step = np.linalg.norm(np.diff(line.xyz, axis=0), axis=1)

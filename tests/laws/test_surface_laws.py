@@ -12,7 +12,7 @@ from tests.scenes.surface_scenes import CONFIG, along, on_lattice, store_of, sur
 
 from linework.model.points import Points
 from linework.processes.pool import Processes
-from linework.runs.opened.surface import Layout
+from linework.runs.opened.surface import SurfaceTiling
 from linework.simulation.roads.draw import ROADS
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import find_road
@@ -44,7 +44,7 @@ def store(folder):
 def reference(request, store, folder):
     """The path or None, and the surface in one tile."""
     path = along() if request.param else None
-    surface = surface_of(store, path, folder / f"one-{request.param}", layout=Layout(512, (-3, -200)))
+    surface = surface_of(store, path, folder / f"one-{request.param}", layout=SurfaceTiling(512, (-3, -200)))
     assert len(surface.known) > 1
     return path, surface.over(store.bounds.grown(90.0))
 
@@ -54,7 +54,7 @@ def reference(request, store, folder):
 def test_the_size_and_the_place_of_the_tiles_do_not_matter(store, reference, n_cells, east, north):
     path, expected = reference
     with tempfile.TemporaryDirectory() as name:
-        split = surface_of(store, path, Path(name), layout=Layout(n_cells, (east, north)))
+        split = surface_of(store, path, Path(name), layout=SurfaceTiling(n_cells, (east, north)))
         assert not split.failures
         assert_same(split.over(store.bounds.grown(90.0)), expected)
 
@@ -67,7 +67,7 @@ def test_the_order_of_the_points_and_their_batches_do_not_matter(store, referenc
     with tempfile.TemporaryDirectory() as name:
         order = np.random.default_rng(seed).permutation(len(xyz))
         other = store_of(Path(name) / "store", xyz, order=order, batch=batch)
-        split = surface_of(other, path, Path(name) / "surface", layout=Layout(128))
+        split = surface_of(other, path, Path(name) / "surface", layout=SurfaceTiling(128))
         assert_same(split.over(store.bounds.grown(90.0)), expected)
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from linework.errors import InputError
 from linework.model.logs import GnssLog, GyroLog, WheelLog
-from linework.navigation.locate import locate
+from linework.navigation.locate import locate_drive
 from linework.navigation.located import NavigationConfig
-from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, WheelGrade, made_logs
+from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, WheelGrade, simulate_logs
 from linework.simulation.sensors.long_drives import URBAN, long_drive
 
 
@@ -23,7 +23,7 @@ def drive():
 @pytest.fixture(scope="module")
 def logs(drive):
     grades = SensorGrades(gnss=GNSS_2_CM, gyro=GYROS[1], wheels=WheelGrade(scale_left=0.01))
-    return made_logs(drive, grades, np.random.default_rng(13))
+    return simulate_logs(drive, grades, np.random.default_rng(13))
 
 
 def off_m(drive, located):
@@ -54,7 +54,7 @@ def later(logs, seconds, since_s=-1.0):
 
 
 def test_sound_logs_need_no_warning(drive, logs):
-    located = locate(logs, rate_hz=10.0)
+    located = locate_drive(logs, rate_hz=10.0)
     assert located.warnings == ()
     assert off_m(drive, located).max() < 0.2
 
@@ -65,7 +65,7 @@ def test_sound_logs_need_no_warning(drive, logs):
      (19.0, "TAI against GPS time"), (37.0, "TAI against UTC")],
 )  # fmt: skip
 def test_clock_offsets_are_named(drive, logs, seconds, name):
-    located = locate(later(logs, seconds), rate_hz=10.0)
+    located = locate_drive(later(logs, seconds), rate_hz=10.0)
     said(located, name, "taken into account")
     poses = located.trajectory
     true = np.stack([np.interp(poses.time_s - seconds, drive.time_s, c) for c in drive.xyz.T], axis=1)
@@ -73,7 +73,7 @@ def test_clock_offsets_are_named(drive, logs, seconds, name):
 
 
 def test_late_stamps_are_estimated(drive, logs):
-    located = locate(later(logs, 0.12), rate_hz=10.0)
+    located = locate_drive(later(logs, 0.12), rate_hz=10.0)
     said(located, "GNSS stamps are 0.1", "later")
     value, sigma = located.stretches[0].estimates["gnss_delay_s"]
     assert value == pytest.approx(0.12, abs=max(4.0 * sigma, 0.005))
@@ -81,7 +81,7 @@ def test_late_stamps_are_estimated(drive, logs):
 
 
 def test_a_clock_that_jumps_cuts_the_drive(drive, logs):
-    located = locate(later(logs, 1.0, since_s=170.0), rate_hz=10.0)
+    located = locate_drive(later(logs, 1.0, since_s=170.0), rate_hz=10.0)
     said(located, "clock jumps by +1.00 s", "split")
     assert len(located.stretches) == 2
     assert located.stretches[0].last_s == pytest.approx(170.0, abs=3.0)
@@ -93,7 +93,7 @@ def test_a_long_outage_is_bridged_up_to_the_limit(drive, logs):
     gone = (logs.gnss.time_s > 60.0) & (logs.gnss.time_s < 200.0)
     gnss = GnssLog(logs.gnss.time_s[~gone], logs.gnss.xyz[~gone], logs.gnss.sigma_m[~gone])
     config = NavigationConfig(longest_outage_s=60.0)
-    located = locate(replace(logs, gnss=gnss), config, rate_hz=10.0)
+    located = locate_drive(replace(logs, gnss=gnss), config, rate_hz=10.0)
     assert np.allclose(located.left_out_s, [[90.0, 170.0]], atol=1.0)
     time, sigma = located.trajectory.time_s, located.trajectory.sigma_xyz_m[:, 0]
     assert not np.any((time > 91.0) & (time < 169.0))
@@ -106,13 +106,13 @@ def test_a_long_outage_is_bridged_up_to_the_limit(drive, logs):
 def test_counters_wrap(drive, logs, bits):
     size = 2.0**bits
     start = size - 2000.0
-    located = locate(with_ticks(logs, (logs.wheels.ticks + start) % size), rate_hz=10.0)
+    located = locate_drive(with_ticks(logs, (logs.wheels.ticks + start) % size), rate_hz=10.0)
     assert sum("wraps at" in w for w in located.warnings) == 2
     assert off_m(drive, located).max() < 0.2
 
 
 def test_counters_count_down(drive, logs):
-    located = locate(with_ticks(logs, -logs.wheels.ticks), rate_hz=10.0)
+    located = locate_drive(with_ticks(logs, -logs.wheels.ticks), rate_hz=10.0)
     said(located, "counts down")
     assert off_m(drive, located).max() < 0.2
 
@@ -120,7 +120,7 @@ def test_counters_count_down(drive, logs):
 def test_a_counter_is_reset(drive, logs):
     ticks = logs.wheels.ticks.copy()
     ticks[2000:] -= ticks[2000]
-    located = locate(with_ticks(logs, ticks), rate_hz=10.0)
+    located = locate_drive(with_ticks(logs, ticks), rate_hz=10.0)
     assert any("jumps" in w for w in located.warnings)
     assert off_m(drive, located).max() < 0.2
 
@@ -131,7 +131,7 @@ def test_a_stuck_counter_is_replaced_by_the_other(drive, logs):
     ticks[2400:, 0] -= ticks[2400, 0] - ticks[1600, 0]
     gone = (logs.gnss.time_s > 85.0) & (logs.gnss.time_s < 115.0)
     gnss = GnssLog(logs.gnss.time_s[~gone], logs.gnss.xyz[~gone], logs.gnss.sigma_m[~gone])
-    located = locate(replace(with_ticks(logs, ticks), gnss=gnss), rate_hz=10.0)
+    located = locate_drive(replace(with_ticks(logs, ticks), gnss=gnss), rate_hz=10.0)
     assert any("left counter is stuck" in w for w in located.warnings)
     assert off_m(drive, located).max() < 0.6
 
@@ -140,7 +140,7 @@ def test_wheels_that_stand_while_the_van_moves_are_not_believed(drive, logs):
     ticks = logs.wheels.ticks.copy()
     ticks[1600:1800] = ticks[1600]
     ticks[1800:] -= ticks[1800] - ticks[1600]
-    located = locate(with_ticks(logs, ticks), rate_hz=10.0)
+    located = locate_drive(with_ticks(logs, ticks), rate_hz=10.0)
     said(located, "while GNSS moves", "not taken for a stop")
     assert off_m(drive, located).max() < 0.5
 
@@ -151,14 +151,14 @@ def test_wheels_that_stand_while_the_van_moves_are_not_believed(drive, logs):
      (np.pi / 180.0, "in radians where degrees")],
 )  # fmt: skip
 def test_signs_and_units_of_the_gyro_are_named(drive, logs, factor, name):
-    located = locate(with_rate(logs, logs.gyro.yaw_rate_radps * factor), rate_hz=10.0)
+    located = locate_drive(with_rate(logs, logs.gyro.yaw_rate_radps * factor), rate_hz=10.0)
     said(located, "gyro: against GNSS it turns", name)
     assert off_m(drive, located).max() < 0.2
 
 
 def test_a_step_of_the_bias_is_named(drive, logs):
     step = np.where(logs.gyro.time_s > 150.0, np.radians(0.2), 0.0)
-    located = locate(with_rate(logs, logs.gyro.yaw_rate_radps + step), rate_hz=10.0)
+    located = locate_drive(with_rate(logs, logs.gyro.yaw_rate_radps + step), rate_hz=10.0)
     warning = said(located, "its bias jumps")
     assert abs(float(warning.split("about ")[1].split()[0]) - 150.0) < 5.0
     assert off_m(drive, located).max() < 0.2
@@ -167,16 +167,18 @@ def test_a_step_of_the_bias_is_named(drive, logs):
 def test_a_saturated_gyro_is_named_and_bridged_by_the_wheels(drive, logs):
     limit = np.radians(12.0)
     assert np.abs(logs.gyro.yaw_rate_radps).max() > 1.5 * limit
-    located = locate(with_rate(logs, np.clip(logs.gyro.yaw_rate_radps, -limit, limit)), rate_hz=10.0)
+    located = locate_drive(with_rate(logs, np.clip(logs.gyro.yaw_rate_radps, -limit, limit)), rate_hz=10.0)
     assert any("saturated at 12.0 deg/s" in w for w in located.warnings)
     assert off_m(drive, located).max() < 0.3
 
 
 def test_a_wrong_tick_or_unit_of_speed_is_named(drive, logs):
-    located = locate(replace(logs, tick_m=logs.tick_m * 1.3), rate_hz=10.0)
+    located = locate_drive(replace(logs, tick_m=logs.tick_m * 1.3), rate_hz=10.0)
     said(located, "the way by GNSS is 0.77", "times what they say")
     speed = np.gradient(logs.wheels.ticks.mean(axis=1) * logs.tick_m, logs.wheels.time_s)
-    located = locate(replace(logs, wheels=WheelLog(logs.wheels.time_s, speed_mps=3.6 * speed)), rate_hz=10.0)
+    located = locate_drive(
+        replace(logs, wheels=WheelLog(logs.wheels.time_s, speed_mps=3.6 * speed)), rate_hz=10.0
+    )
     said(located, "km/h where m/s are said")
     assert off_m(drive, located).max() < 0.3
 
@@ -184,17 +186,17 @@ def test_a_wrong_tick_or_unit_of_speed_is_named(drive, logs):
 def test_works_with_fewer_sensors(drive, logs):
     bare = replace(logs, gyro=GyroLog(logs.gyro.time_s, logs.gyro.yaw_rate_radps))
     for fewer in (bare, replace(bare, wheels=None), replace(logs, gyro=None)):
-        located = locate(fewer, rate_hz=10.0)
+        located = locate_drive(fewer, rate_hz=10.0)
         assert off_m(drive, located).max() < 0.5
         assert np.sqrt(np.mean((off_m(drive, located) / located.trajectory.sigma_xyz_m[:, 0]) ** 2)) < 3.0
 
 
 def test_refuses_what_cannot_be_located(logs):
     with pytest.raises(InputError, match="neither a gyro nor"):
-        locate(replace(logs, gyro=None, wheels=None))
+        locate_drive(replace(logs, gyro=None, wheels=None))
     with pytest.raises(InputError, match="one clock"):
-        locate(later(logs, 1e6))
+        locate_drive(later(logs, 1e6))
     still = np.flatnonzero(logs.gnss.time_s < 4.0)
     gnss = GnssLog(logs.gnss.time_s[still], logs.gnss.xyz[still], logs.gnss.sigma_m[still])
     with pytest.raises(InputError, match="hardly moves"):
-        locate(replace(logs, gnss=gnss))
+        locate_drive(replace(logs, gnss=gnss))

@@ -10,11 +10,11 @@ import pytest
 from linework.kernels import navigation as kernel
 from linework.model.logs import GnssLog, GyroLog, WheelLog
 from linework.navigation.dead_reckoning import Motion, reckon, steps_between
-from linework.navigation.filter import filtered, problem_of, smoothed
-from linework.navigation.motion import sound_turns
+from linework.navigation.filter import filter_problem, filter_states, smooth_states
+from linework.navigation.motion import valid_turn_rates
 from linework.navigation.noise import NoiseModel
-from linework.navigation.stretch import laid_onto
-from linework.navigation.wheels import sound_ways
+from linework.navigation.stretch import fit_onto_fixes
+from linework.navigation.wheels import valid_wheel_travel
 
 NONE = np.zeros((0, 2))
 
@@ -50,11 +50,11 @@ def test_derivatives_are_those_of_the_step():
     rng = np.random.default_rng(1)
     step = np.zeros(kernel.N_STEP)
     step[[kernel.DT, kernel.TURN_READ, kernel.LEFT_M, kernel.RIGHT_M]] = 0.4, 0.05, 4.1, 3.9
-    step[[kernel.AHEAD, kernel.ASIDE, kernel.PITCH_READ]] = 0.999, 0.025, 0.04
+    step[[kernel.ANTENNA_AHEAD, kernel.ASIDE, kernel.PITCH_READ]] = 0.999, 0.025, 0.04
     step[[kernel.SPEED_FREE, kernel.TURN_FREE, kernel.WHEELS_TURN]] = 1.0, 1.0, 1.0
     step[kernel.WHEEL_TURN_VAR] = np.inf
     x, noise = 0.01 * rng.normal(size=kernel.N_STATES), some_noise().row()
-    x[kernel.HEADING] = 0.7
+    x[kernel.NAV_HEADING] = 0.7
     F, unused = np.empty((16, 16)), np.empty((16, 16))
     kernel.predict(x, np.zeros((16, 16)), step, noise, F)
     for i in range(kernel.N_STATES):
@@ -95,18 +95,23 @@ def short_problem():
     xyz = np.stack([100.0 * (1.0 - np.cos(angle)), 100.0 * np.sin(angle), np.full(20, 1.9)], axis=1)
     gnss = GnssLog(time, xyz + 0.02 * rng.normal(size=(20, 3)), np.full((20, 3), 0.02))
     x0, sigma0 = np.zeros(16), np.zeros(16)
-    sigma0[:3], sigma0[kernel.HEADING], sigma0[kernel.BIAS], sigma0[kernel.GYRO_SCALE] = 5.0, 0.05, 1e-3, 0.01
+    sigma0[:3], sigma0[kernel.NAV_HEADING], sigma0[kernel.BIAS], sigma0[kernel.GYRO_SCALE] = (
+        5.0,
+        0.05,
+        1e-3,
+        0.01,
+    )
     sigma0[[kernel.LEFT, kernel.RIGHT]] = 0.02
     sigma0[kernel.WANDER :] = 1.0
     lever = np.array([0.0, 0.0, 1.9])
-    return problem_of(motion, reckon(motion, gnss.time_s), gnss, x0, sigma0, lever)
+    return filter_problem(motion, reckon(motion, gnss.time_s), gnss, x0, sigma0, lever)
 
 
 def test_smoother_equals_least_squares():
     """All states of all nodes at once: prior, steps and fixes as one weighted adjustment."""
     problem, noise = short_problem(), some_noise()
     none = np.zeros((len(problem.fixes), 2))
-    estimate = smoothed(problem, noise, filtered(problem, noise, none))
+    estimate = smooth_states(problem, noise, filter_states(problem, noise, none))
     x, p = adjusted(problem, noise, estimate.x)
     own, twin = np.diagonal(estimate.p, axis1=1, axis2=2), np.diagonal(p, axis1=1, axis2=2)
     # Both are linearised, at places that differ by the filter's own errors
@@ -136,7 +141,7 @@ def adjusted(problem, noise, about):
         ahead, q = kernel.predict(about[k], np.zeros((16, 16)), step, row, F)
         add([(k, -F), (k + 1, np.eye(16))], ahead - about[k + 1], q)
         h = np.zeros((1, 16))
-        h[0, kernel.BIAS], h[0, kernel.GYRO_SCALE], h[0, kernel.TURN] = (
+        h[0, kernel.BIAS], h[0, kernel.GYRO_SCALE], h[0, kernel.NAV_TURN] = (
             -step[kernel.DT], step[kernel.TURN_READ], step[kernel.DT]
         )  # fmt: skip
         h[0, kernel.LEFT], h[0, kernel.RIGHT] = -step[kernel.LEFT_M] / 1.5, step[kernel.RIGHT_M] / 1.5
@@ -156,11 +161,11 @@ def adjusted(problem, noise, about):
 
 def test_a_fix_far_off_pulls_little():
     problem, noise = short_problem(), some_noise()
-    sound = filtered(problem, noise).x[-1, :2]
+    sound = filter_states(problem, noise).x[-1, :2]
     fixes = problem.fixes.copy()
     fixes[10] += [30.0, -20.0, 0.0]
     problem = replace(problem, fixes=fixes)
-    off = filtered(problem, noise)
+    off = filter_states(problem, noise)
     assert off.added_m2[10, 0] > 100.0
     assert np.hypot(*(off.x[-1, :2] - sound)) < 0.01
 
@@ -171,7 +176,7 @@ def test_a_way_is_laid_onto_fixes():
     c, s = np.cos(0.6), np.sin(0.6)
     fixes = 1.02 * way @ np.array([[c, -s], [s, c]]) + [7.0, -3.0]
     fixes[5] += 400.0
-    fit = laid_onto(way, fixes)
+    fit = fit_onto_fixes(way, fixes)
     assert (fit.east_m, fit.north_m) == pytest.approx((7.0, -3.0), abs=0.05)
     assert fit.heading_rad == pytest.approx(0.6, abs=1e-3)
     assert fit.scale == pytest.approx(1.02, abs=1e-3)
@@ -182,15 +187,17 @@ def test_noise_of_a_gyro_is_read_from_rest_and_from_driving():
     time = np.arange(0.0, 200.0, 0.02)
     walk = np.radians(0.5) / 60.0
     rate = walk / np.sqrt(0.02) * rng.normal(size=len(time)) + 0.2 * np.sin(0.3 * time)
-    assert sound_turns(GyroLog(time, rate), NONE).noise == pytest.approx(walk, rel=0.05)
+    assert valid_turn_rates(GyroLog(time, rate), NONE).noise == pytest.approx(walk, rel=0.05)
     rate[:5000] -= 0.2 * np.sin(0.3 * time[:5000])
-    assert sound_turns(GyroLog(time, rate), np.array([[0.0, 99.0]])).noise == pytest.approx(walk, rel=0.15)
+    assert valid_turn_rates(GyroLog(time, rate), np.array([[0.0, 99.0]])).noise == pytest.approx(
+        walk, rel=0.15
+    )
 
 
 def test_stops_and_speeds():
     time = np.arange(0.0, 30.0, 0.1)
     speed = np.where((time > 10.0) & (time < 20.0), 0.0, 8.0)
     log = WheelLog(time, speed_mps=speed)
-    ways = sound_ways(log, 0.02, 1.5, None)
+    ways = valid_wheel_travel(log, 0.02, 1.5, None)
     assert np.allclose(ways.at_rest, [[10.4, 19.6]], atol=0.11)
     assert ways.way_m[-1, 0] == pytest.approx(8.0 * 20.0, abs=1.0)

@@ -6,12 +6,19 @@ import numpy as np
 import pytest
 
 from linework.errors import InputError, MachineError, OutputExistsError, UsageError
-from linework.files.output.locks import locked
+from linework.files.output.locks import hold_lock
 from linework.files.output.parts import read_line_part, write_line_part
 from linework.files.output.replace import set_aside
 from linework.model.lines import LineSet
 from linework.runs.opened import work_folder
-from linework.runs.resume import Entry, Journal, describe_run, fingerprint_of, made_here, run_folder
+from linework.runs.resume import (
+    Journal,
+    JournalEntry,
+    describe_run,
+    fingerprint_of,
+    is_result_of_run,
+    run_folder,
+)
 
 
 def some_lines():
@@ -48,12 +55,12 @@ def test_a_part_that_cannot_be_written_is_the_machines_fault(tmp_path):
 
 def test_what_is_entered_stays(tmp_path):
     journal = Journal(tmp_path / "j.sqlite")
-    journal.enter(Entry("e0n0", "ab", {"n_lines": 3}))
-    journal.enter(Entry("e0n0", "cd", {"n_lines": 4}))
+    journal.enter(JournalEntry("e0n0", "ab", {"n_lines": 3}))
+    journal.enter(JournalEntry("e0n0", "cd", {"n_lines": 4}))
     journal.note_output("lines.gpkg", "ef")
     journal.close()
     again = Journal(tmp_path / "j.sqlite")
-    assert again.done() == {"e0n0": Entry("e0n0", "cd", {"n_lines": 4})}
+    assert again.done() == {"e0n0": JournalEntry("e0n0", "cd", {"n_lines": 4})}
     assert again.noted_output("lines.gpkg") == "ef"
     assert again.noted_output("other.gpkg") == ""
     again.close()
@@ -73,7 +80,7 @@ def begin(tmp_path, described, *, resume, then=None):
 
 
 def stop_after_one(run):
-    run.journal.enter(Entry("e0n0", "ab", {}))
+    run.journal.enter(JournalEntry("e0n0", "ab", {}))
     raise Killed
 
 
@@ -115,7 +122,7 @@ def test_two_processes_on_one_output_are_refused(tmp_path):
 def test_an_output_is_known_by_what_was_noted_of_it(tmp_path):
     output = tmp_path / "lines.gpkg"
     output.write_bytes(b"lines")
-    assert not made_here(tmp_path, output)
+    assert not is_result_of_run(tmp_path, output)
 
     def publish(run):
         from linework.files.output.record import hash_file
@@ -125,9 +132,9 @@ def test_an_output_is_known_by_what_was_noted_of_it(tmp_path):
 
     with pytest.raises(Killed):
         begin(tmp_path, {"a": 1}, resume=True, then=publish)
-    assert made_here(tmp_path, output)
+    assert is_result_of_run(tmp_path, output)
     output.write_bytes(b"edited")
-    assert not made_here(tmp_path, output)
+    assert not is_result_of_run(tmp_path, output)
 
 
 def test_a_run_is_described_by_inputs_parameters_and_program(tmp_path):
@@ -144,20 +151,20 @@ def test_clean_removes_ours_only(tmp_path):
     (folder / "stores" / "x" / "points").write_bytes(b"12345")
     (folder / "note.txt").write_text("mine")
     assert work_folder.existing_work_folders(tmp_path) == [folder]
-    assert work_folder.clean(folder) == 5
+    assert work_folder.clean_work_folder(folder) == 5
     assert [p.name for p in folder.iterdir()] == ["note.txt"]
     with pytest.raises(InputError, match="not a work folder"):
-        work_folder.clean(folder)
+        work_folder.clean_work_folder(folder)
 
 
 def test_clean_waits_for_nobody(tmp_path):
     folder = work_folder.work_folder(tmp_path)
     with (
-        locked(folder / "store-x.lock", shared=True, keep=True),
+        hold_lock(folder / "store-x.lock", shared=True, keep=True),
         pytest.raises(OutputExistsError, match="another run is using it"),
     ):
-        work_folder.clean(folder)
-    work_folder.clean(folder)
+        work_folder.clean_work_folder(folder)
+    work_folder.clean_work_folder(folder)
     assert not folder.exists()
 
 

@@ -7,7 +7,7 @@ from tests.scenes.stereo_folders import TOML, make_stereo_folder
 from linework.errors import InputError
 from linework.files.survey.open import open_survey
 from linework.runs.opened.recordings import located_survey, opened_recordings
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 
 SPEED_MPS = 10.0
 LOGS = '[navigation]\ngnss = "gnss.csv"\ngyro = "gyro.csv"\nwheels = "wheels.csv"\n[vehicle]\ntick_m = 0.02\n'
@@ -50,16 +50,16 @@ def test_pairs_are_placed_by_the_logs(logged, work):
 
 def test_the_same_logs_make_the_same_file(logged, work):
     survey = open_survey([logged])
-    one, _ = located_survey(survey, work, Steps())
+    one, _ = located_survey(survey, work, RunSteps())
     first = one.trajectory_file.read_bytes()
-    two, _ = located_survey(survey, work, Steps())
+    two, _ = located_survey(survey, work, RunSteps())
     assert one.trajectory_file == two.trajectory_file
     assert first == two.trajectory_file.read_bytes()
 
 
 def test_a_survey_with_a_trajectory_is_left_as_it_is(tmp_path, work):
     survey = open_survey([make_stereo_folder(tmp_path / "survey", toml=TOML + LOGS)])
-    assert located_survey(survey, work, Steps()) == (survey, ())
+    assert located_survey(survey, work, RunSteps()) == (survey, ())
 
 
 def test_logs_that_cannot_be_used_are_named(logged, work):

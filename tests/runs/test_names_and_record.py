@@ -11,7 +11,7 @@ from linework.lines.names import midpoints
 from linework.model.lines import LineSet
 from linework.runs.extraction import identify
 from linework.runs.record import record_path
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 
 
 def some_lines() -> LineSet:
@@ -62,7 +62,7 @@ def test_steps_add_up_and_are_shown():
         def end(self, step, seconds):
             seen.append(("end", step))
 
-    steps = Steps(Watcher())
+    steps = RunSteps(Watcher())
     for _ in range(2):
         with steps.step("read", unit="points") as advance:
             advance(3, 4)

@@ -20,7 +20,7 @@ from linework.runs.extraction import with_sources
 from linework.runs.opened.points import opened_survey
 from linework.runs.opened.work_folder import work_folder
 from linework.runs.resume import run_folder
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 from linework.runs.tiles import TilingConfig
 
 #: So many tiles that the 40 m of road lie in at least two.
@@ -186,7 +186,7 @@ def test_a_damaged_file_among_good_ones_is_listed_and_has_its_hash(las_file, met
 
 
 def test_the_record_balances_and_hashes(las_file, tmp_path, method, extracted):
-    steps = Steps()
+    steps = RunSteps()
     found = extracted(las_file, method, steps=steps)
     record = outputs.publish_extraction(found, tmp_path / "lines.gpkg", {"features": []}, steps=steps)
     assert json.loads((tmp_path / "run.json").read_text()) == record
@@ -210,7 +210,7 @@ def test_lines_of_a_kind_not_looked_for_are_a_fault(las_file, tmp_path, method, 
     astray = dataclasses.replace(found, lines=found.lines.with_columns(kind=["fence"]))
     (tmp_path / "lines.gpkg").touch()
     with pytest.raises(RuntimeError, match=r"1 lines, but .*'guardrail': 0"):
-        outputs.record_of(astray, tmp_path / "lines.gpkg", {}, Steps())
+        outputs.record_of(astray, tmp_path / "lines.gpkg", {}, RunSteps())
 
 
 def test_the_same_input_gives_the_same_bytes(las_file, tmp_path, method, extracted):
@@ -239,7 +239,7 @@ def test_old_lines_and_their_record_stay_if_the_new_ones_cannot_be_written(
 
 def test_the_store_is_made_once_and_anew_when_a_file_changes(las_file, method, extracted, tmp_path):
     stores = tmp_path / "work" / "stores"
-    one, steps = extracted(las_file, method), Steps()
+    one, steps = extracted(las_file, method), RunSteps()
     (before,) = stores.iterdir()
     two = extracted(las_file, method, steps=steps)
     assert "read points" not in steps.timings_s

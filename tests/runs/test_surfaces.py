@@ -24,8 +24,8 @@ from linework.model.grid import Bounds
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
 from linework.runs.opened import surface_passes as passes
-from linework.runs.opened.surface import Layout, SurveySurface
-from linework.surface.cells import Window
+from linework.runs.opened.surface import SurfaceTiling, SurveySurface
+from linework.surface.cells import CellWindow
 from linework.surface.road import find_road, height_above_ground, height_above_road, is_road_point
 
 #: One tile of 32 m holds what is 31 m or less from here.
@@ -137,7 +137,7 @@ def test_a_small_piece_of_ground_beyond_a_hole_counts_as_a_whole(tmp_path, split
     road, pavement = plane(rng, 0, 2, 30, 10), plane(rng, 10, 13, 16, 18)
     store = store_of(tmp_path / "store", np.concatenate([road, pavement]))
     east = round((CORNER[0] + split_m) / CONFIG.cell_m)
-    layout = Layout(64, (east, round(CORNER[1] / CONFIG.cell_m) + 31))
+    layout = SurfaceTiling(64, (east, round(CORNER[1] / CONFIG.cell_m) + 31))
     surface = surface_of(store, path_over((5, 6), (25, 6)), tmp_path / "surface", layout=layout)
     whole = surface.over(place(0, 0, 30, 20))
     rows, cols = (np.floor(v).astype(int) for v in whole.grid.to_cell(at(13.2, 15.2)[:, :2]))
@@ -275,7 +275,7 @@ def test_a_damaged_surface_is_said_with_its_file(tmp_path):
     surface = surface_of(store, along(), tmp_path / "surface")
     east, north = ORIGIN[0] + 50.0, ORIGIN[1] + 5.0
     middle = Bounds(east, north, east, north)
-    east, north = next(surface.tiles.touching(Window.over(middle, CONFIG.cell_m)))
+    east, north = next(surface.tiles.touching(CellWindow.over(middle, CONFIG.cell_m)))
     path = tmp_path / "surface" / f"surface.e{east}n{north}.arrays"
     path.write_bytes(path.read_bytes()[:5000])
     with pytest.raises(
@@ -343,9 +343,9 @@ def test_a_store_without_points_has_no_surface_and_no_error(tmp_path):
 
 
 def test_tiles_grow_with_what_they_look_beyond():
-    assert Layout.for_cells(CONFIG) == Layout(384)
-    assert Layout.for_cells(replace(CONFIG, cell_m=0.05)) == Layout(1200)
-    assert Layout.for_cells(replace(CONFIG, cell_m=0.2)).n_cells * 0.2 > 100.0
+    assert SurfaceTiling.for_cells(CONFIG) == SurfaceTiling(384)
+    assert SurfaceTiling.for_cells(replace(CONFIG, cell_m=0.05)) == SurfaceTiling(1200)
+    assert SurfaceTiling.for_cells(replace(CONFIG, cell_m=0.2)).n_cells * 0.2 > 100.0
 
 
 def test_cells_that_binary_fractions_miss_lose_no_point_at_the_edges_of_tiles(tmp_path):
@@ -358,7 +358,7 @@ def test_cells_that_binary_fractions_miss_lose_no_point_at_the_edges_of_tiles(tm
     xyz = on_lattice(xyz + np.array([300_000.0, 600_000.0, 50.0]))
     store = store_of(tmp_path / "store", xyz)
     whole = find_road(Points(xyz), None, config)
-    split = surface_of(store, None, tmp_path / "surface", layout=Layout(64, (3, 1)), config=config)
+    split = surface_of(store, None, tmp_path / "surface", layout=SurfaceTiling(64, (3, 1)), config=config)
     over = split.over(store.bounds)
     assert np.array_equal(over.is_road, whole.is_road)
     assert np.abs((over.ground_m + over.z0_m) - (whole.ground_m + whole.z0_m)).max() < 1e-4

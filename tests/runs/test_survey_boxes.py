@@ -11,7 +11,7 @@ from linework.model.tile import local_origin
 from linework.processes.executors import Serial
 from linework.runs.opened.points import opened_survey, surface_of
 from linework.runs.opened.work_folder import work_folder
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import RoadConfig
 from linework.tracing.boxes import Corridor, SurveyBoxes
@@ -24,8 +24,8 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("boxes") / "survey"
     simulated = simulate_survey("urban", 983, 40.0, points_per_m=2000)
     write_las(simulated.points, folder / "points.laz", crs=simulated.crs)
-    with opened_survey(open_survey([folder]), work_folder(folder, None), steps=Steps()) as opened:
-        surface = surface_of(opened, RoadConfig(), Serial(), Steps())
+    with opened_survey(open_survey([folder]), work_folder(folder, None), steps=RunSteps()) as opened:
+        surface = surface_of(opened, RoadConfig(), Serial(), RunSteps())
         bounds = opened.points.bounds
         origin = local_origin(bounds.west, bounds.south, surface.z0_m)
         line = simulated.truth.line(int(np.argmax(simulated.truth.length_m)))[:, :2]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.lines.names import named
+from linework.lines.names import with_ids
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 
@@ -17,7 +17,7 @@ def some_lines(n: int = 6) -> LineSet:
     kinds = (["lane_marking", "road_boundary", "guardrail", "cable"] * n)[:n]
     columns = {"sigma_xy_m": rng.uniform(0, 1, m), "sigma_z_m": rng.uniform(0, 1, m)}
     found = LineSet.from_lines(lines, kind=kinds, bridged=rng.random(m) < 0.3, **columns)
-    return named(found.with_columns(confidence=rng.random(n), width_m=[0.15] + [np.nan] * (n - 1)), ())
+    return with_ids(found.with_columns(confidence=rng.random(n), width_m=[0.15] + [np.nan] * (n - 1)), ())
 
 
 def same(a: LineSet, b: LineSet) -> bool:

@@ -72,4 +72,4 @@ def dying_batches(path, header, *, is_sequential, **settings):
 
 if __name__ == "__main__":
     decoding.read_las_batches = dying_batches
-    decoding.main(sys.argv[3:])
+    decoding.decoder_main(sys.argv[3:])

@@ -8,7 +8,7 @@ import numpy as np
 from tests.scenes.road_images import RIG, _grain
 
 from linework.arrays import FloatArray
-from linework.methods.picked_edge.method import Drive, EdgeStep, PickedEdge, follow_picked
+from linework.methods.picked_edge.method import EdgeStep, PickedEdge, PosedPairs, follow_picked
 from linework.model.camera import RectifiedRig
 from linework.model.images import Poses, RectifiedPair
 from linework.navigation.poses import rotations_of
@@ -43,7 +43,7 @@ def shaded(ground: Ground) -> Ground:
 
 def drive_over(
     ground: Ground, poses: Poses, *, rig: RectifiedRig = RIG, said: Poses | None = None, noise: float = 2.0
-) -> Drive:
+) -> PosedPairs:
     """Return the drive of a van at `poses` over a ground; `said` is where the poses say it was."""
     pairs = {}
 
@@ -58,7 +58,7 @@ def drive_over(
             pairs[i] = RectifiedPair(images[0], images[1], rig, i, float(poses.time_s[i]))
         return pairs[i]
 
-    return Drive(source, list(range(len(poses))), said or poses)
+    return PosedPairs(source, list(range(len(poses))), said or poses)
 
 
 def circular_poses(n: int = 4, step_m: float = 3.0) -> Poses:
@@ -70,13 +70,15 @@ def circular_poses(n: int = 4, step_m: float = 3.0) -> Poses:
     return Poses(0.2 * np.arange(n), xyz, rotations_of(attitude), nothing, nothing)
 
 
-def pixel_of(drive: Drive, i: int, xyz: tuple[float, float, float]) -> tuple[int, float, float]:
+def pixel_of(drive: PosedPairs, i: int, xyz: tuple[float, float, float]) -> tuple[int, float, float]:
     """Return a pick: the pair, and where its left image shows a place."""
     col, row, _ = drive.source(i).rig.project(drive.poses.to_vehicle(i, np.array([xyz])))
     return i, float(col[0]), float(row[0])
 
 
-def followed(drive: Drive, pick: tuple[int, float, float], **how: str) -> tuple[PickedEdge, list[EdgeStep]]:
+def followed(
+    drive: PosedPairs, pick: tuple[int, float, float], **how: str
+) -> tuple[PickedEdge, list[EdgeStep]]:
     """Return a picked edge with all its steps."""
     steps, following = [], follow_picked(drive, pick, **how)
     while True:

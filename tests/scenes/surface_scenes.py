@@ -5,13 +5,13 @@ from tests.oracles.store_twin import made
 
 from linework.model.trajectory import Trajectory
 from linework.processes.executors import Serial
-from linework.runs.opened.surface import Layout, make_surface
+from linework.runs.opened.surface import SurfaceTiling, make_surface
 from linework.surface.config import RoadConfig
 
 #: South-west corner of the scenes: just off the corners of blocks and tiles.
 ORIGIN = np.array([500_000.0 - 20.0, 5_800_000.0 - 12.0, 100.0])
 CONFIG = RoadConfig()
-SMALL_TILES = Layout(64)
+SMALL_TILES = SurfaceTiling(64)
 
 
 def on_lattice(xyz):

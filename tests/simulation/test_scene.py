@@ -6,9 +6,9 @@ import pytest
 from linework.simulation.roads.draw import ROADS, draw_scenario
 from linework.simulation.roads.draw_pieces import arrow
 from linework.simulation.roads.scenario import Barrier, Cable, Fence, Marking, Rail, Symbol
-from linework.simulation.scene.ground import boundaries, ground, marking_truth, symbol_truth
+from linework.simulation.scene.ground import boundary_truth, ground, marking_truth, symbol_truth
 from linework.simulation.scene.materials import Material
-from linework.simulation.scene.part import assembled
+from linework.simulation.scene.part import assemble_scene
 from linework.simulation.scene.rails import barrier, fence, guardrail, rail_top
 from linework.simulation.scene.wires import cable, catenary
 from linework.simulation.sensors.scanner import Caster
@@ -25,7 +25,7 @@ def offsets_of(road, xyz):
 
 
 def first_hit(part, origin, direction):
-    scene = assembled([part])
+    scene = assemble_scene([part])
     o, d = np.atleast_2d(origin).astype(float), np.atleast_2d(direction).astype(float)
     d = d / np.linalg.norm(d, axis=1, keepdims=True)
     ray, triangle, reach = Caster(scene).cast(o, d, 100.0, 0, np.random.default_rng(0))
@@ -125,7 +125,7 @@ def test_boundary_and_paint_truth_lie_on_the_mesh(kind):
         side = road.side(sign)
         s = np.linspace(0.0, 95.0, 300)
         inside = road.place(s, sign * (side.width_m - 0.002), road.carriageway_height(s, 0.0) + 3.0)
-        scene = assembled([part])
+        scene = assemble_scene([part])
         rng = np.random.default_rng(0)
         ray, triangle, _ = Caster(scene).cast(inside, np.tile(down, (300, 1)), 50.0, 0, rng)
         on_road = scene.mesh.material[triangle] == Material.ASPHALT
@@ -137,7 +137,7 @@ def test_boundary_and_paint_truth_lie_on_the_mesh(kind):
 
 def test_kerb_tops_stand_the_kerb_height_above_the_foot():
     road = draw_scenario("urban", 2, 60.0).layout.road
-    lines = boundaries(road, ()).lines
+    lines = boundary_truth(road, ()).lines
     assert [line.kind for line in lines] == ["road_boundary", "kerb_top"] * 2
     for foot, top in ((lines[0], lines[1]), (lines[2], lines[3])):
         rise = top.xyz[:, 2] - foot.xyz[:, 2]
@@ -161,7 +161,7 @@ def test_the_kerb_turns_into_a_side_street_and_its_truth_with_it(junction):
     sign = 1 if junction.left.mouths else -1
     side = junction.side(sign)
     (mouth,) = side.mouths
-    lines = [line for line in boundaries(junction, ()).lines if line.kind == "road_boundary"]
+    lines = [line for line in boundary_truth(junction, ()).lines if line.kind == "road_boundary"]
     assert len(lines) == 3  # two pieces beside the side street, one on the other side
     pieces = [offsets_of(junction, line.xyz) for line in lines]
     here = [(s, q * sign - side.width_m) for s, q in pieces if np.median(q * sign) > 0]
@@ -183,7 +183,7 @@ def test_rays_from_above_see_the_kerb_of_a_side_street_where_its_truth_is(juncti
     sign = 1 if junction.left.mouths else -1
     side = junction.side(sign)
     (mouth,) = side.mouths
-    scene = assembled([ground(junction)])
+    scene = assemble_scene([ground(junction)])
     caster = Caster(scene)
     rng = np.random.default_rng(3)
 

@@ -11,10 +11,10 @@ from linework.simulation.scene.ground import ground, marking_truth
 from linework.simulation.scene.materials import Material
 from linework.simulation.scene.meshes import boxes
 from linework.simulation.scene.paint import paint_cover
-from linework.simulation.scene.part import Part, assembled
+from linework.simulation.scene.part import Part, assemble_scene
 from linework.simulation.scene.scene import OBSERVED, build_scene
-from linework.simulation.sensors.scanner import Caster, Hits, turned
-from linework.simulation.simulate import drives_of, measured, simulate_survey
+from linework.simulation.sensors.scanner import Caster, Hits, to_local_frame
+from linework.simulation.simulate import drives_of, scan_passes, simulate_survey
 
 
 @pytest.fixture(scope="module")
@@ -56,13 +56,13 @@ def test_poses_and_scanner_explain_the_hits_to_a_tenth_of_a_millimetre():
     scenario = draw_scenario("straight", 1, 50.0, points_per_m=300)
     scene = build_scene(scenario)
     drives = drives_of(scenario)
-    hits = Hits.concatenate(list(measured(scenario, scene, drives)))
+    hits = Hits.concatenate(list(scan_passes(scenario, scene, drives)))
     d = drives[0]
     first = hits.time_s < d.time_s[-1] + 1.0
     place = np.stack([np.interp(hits.time_s[first], d.time_s, c) for c in d.xyz.T], axis=1)
     mounts = [s.position_m for s in scenario.scanners]
     angles = [np.interp(hits.time_s[first], d.time_s, a) for a in (d.roll_rad, d.pitch_rad, d.yaw_rad)]
-    arms = [turned(np.broadcast_to(np.array(m), place.shape), *angles) for m in mounts]
+    arms = [to_local_frame(np.broadcast_to(np.array(m), place.shape), *angles) for m in mounts]
     gap = np.min([np.linalg.norm(hits.origin[first] - place - arm, axis=1) for arm in arms], axis=0)
     assert gap.max() < 1e-4
 
@@ -76,7 +76,7 @@ def test_a_wall_hides_what_is_behind_it():
     direction = aim - origin
     direction = direction / np.linalg.norm(direction, axis=1, keepdims=True)
     for parts, hidden in (([ground(road)], False), ([ground(road), Part((wall,))], True)):
-        scene = assembled(parts)
+        scene = assemble_scene(parts)
         _, triangle, _ = Caster(scene).cast(origin, direction, 80.0, 0, np.random.default_rng(0))
         assert np.all(scene.mesh.material[triangle] == Material.WALL) == hidden
 
@@ -88,12 +88,12 @@ def test_wire_mesh_lets_a_part_of_the_beams_through_and_passing_cars_are_in_one_
 
     tri = np.array([[0, 1, 2]])
     front = Mesh.of(corner, tri, Material.MESH)
-    scene = assembled([Part((front, Mesh.of(back, tri, Material.CONCRETE)))])
+    scene = assemble_scene([Part((front, Mesh.of(back, tri, Material.CONCRETE)))])
     origin, direction = np.zeros((20_000, 3)), np.tile([1.0, 0.0, 0.0], (20_000, 1))
     _, triangle, reach = Caster(scene).cast(origin, direction, 50.0, 0, np.random.default_rng(0))
     assert np.mean(triangle == 0) == pytest.approx(0.30, abs=0.02)
     assert np.allclose(reach, np.where(triangle == 0, 5.0, 10.0), atol=1e-9)
-    car = assembled(
+    car = assemble_scene(
         [Part((Mesh.of(corner, tri, Material.CAR).in_pass(1), Mesh.of(back, tri, Material.CONCRETE)))]
     )
     for i_pass, seen in ((0, False), (1, True)):
@@ -108,7 +108,7 @@ def test_observed_flags_equal_a_brute_force_recount(kind):
     from linework.simulation.scene.scene import PAINT_KINDS, TIMED_M, truth_lines
 
     scene = build_scene(scenario)
-    hits = Hits.concatenate(list(measured(scenario, scene, drives_of(scenario))))
+    hits = Hits.concatenate(list(scan_passes(scenario, scene, drives_of(scenario))))
     truth = truth_lines(scenario, scene, (hits.xyz, hits.triangle, hits.time_s), "local")
     material = scene.mesh.material[hits.triangle]
     target = scene.mesh.target[hits.triangle]

@@ -15,8 +15,8 @@ from linework.surface.intensity import (
     fit_views,
     full_scale,
     local_level,
-    mounted,
     normalised_intensity,
+    path_at_scanner,
     scanner_track,
     share_of_counts,
     view_of,
@@ -165,7 +165,7 @@ def test_the_track_is_under_the_scanner() -> None:
     x, y = (np.interp(t, track.time_s, track.xyz[:, k]) - ORIGIN[k] for k in (0, 1))
     assert np.abs(x - SPEED * t).max() < 0.5 and np.abs(y).max() < 0.3
     # Where the scanner looks down is told to centimetres by a whole path
-    way = mounted(path(behind_m=1.8), track)
+    way = path_at_scanner(path(behind_m=1.8), track)
     off = way.xyz - path().xyz
     assert np.abs(np.median(off, axis=0)).max() < 0.05
 
@@ -173,9 +173,9 @@ def test_the_track_is_under_the_scanner() -> None:
 def test_no_track_without_times_or_from_few_points() -> None:
     assert scanner_track(Points(POINTS.xyz)) is None
     assert scanner_track(POINTS.take(slice(0, 20))) is None
-    assert np.array_equal(mounted(path(), None).xyz, path().xyz)
+    assert np.array_equal(path_at_scanner(path(), None).xyz, path().xyz)
     far = Trajectory(path().time_s, path().xyz + np.array([0.0, 30.0, 0.0]))
-    assert np.array_equal(mounted(path(), far).xyz, path().xyz)  # not believed
+    assert np.array_equal(path_at_scanner(path(), far).xyz, path().xyz)  # not believed
 
 
 def test_what_is_recorded_at_full_scale_takes_no_part_in_a_level() -> None:
@@ -198,7 +198,7 @@ def test_blocks_with_few_points_take_the_nearest_level() -> None:
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
 def test_percentiles_from_counts(share: float) -> None:
     value = np.random.default_rng(2).lognormal(5.0, 0.5, 4000)
-    counts = np.bincount([kernels.bin_of(v) for v in value], minlength=kernels.N_BINS)
+    counts = np.bincount([kernels.bin_of(v) for v in value], minlength=kernels.N_INTENSITY_BINS)
     assert share_of_counts(counts, share) == pytest.approx(np.quantile(value, share), rel=0.02)
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.navigation.locate import locate
+from linework.navigation.locate import locate_drive
 from linework.simulation.sensors.logs import (
     GNSS_2_CM,
     GYROS,
     SensorGrades,
     WheelGrade,
     attitude_deg,
-    made_logs,
+    simulate_logs,
 )
 from linework.simulation.sensors.long_drives import MOTORWAY, URBAN, long_drive
 
@@ -37,7 +37,7 @@ def drive(request):
     rng = np.random.default_rng([5, gyro])
     driven = long_drive(kind, 300.0, rng)
     grades = SensorGrades(gnss=gnss, gyro=GYROS[gyro], wheels=WHEELS)
-    return driven, grades, locate(made_logs(driven, grades, rng, outages_s=OUTAGES))
+    return driven, grades, locate_drive(simulate_logs(driven, grades, rng, outages_s=OUTAGES))
 
 
 def test_outages_are_bridged_to_a_thousandth_of_the_way(drive):

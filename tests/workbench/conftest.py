@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from tests.workbench.serve_process import Served, opened_browser, opened_page, served_survey
 
-from linework.files.output.locks import locked
+from linework.files.output.locks import hold_lock
 
 
 def _made_once(
@@ -23,7 +23,7 @@ def _made_once(
     shared = (base.parent if base.name.startswith("popen-") else base) / "workbench"
     shared.mkdir(exist_ok=True)
     path = shared / name
-    with locked(shared / f"{name}.lock", keep=True):
+    with hold_lock(shared / f"{name}.lock", keep=True):
         if not path.exists():
             part = shared / f"part-{name}"
             make(part)

@@ -11,7 +11,7 @@ from tests.workbench import desk_works as works
 
 from linework.errors import InputError, MachineError
 from linework.workbench.worker import conversation as desk_work
-from linework.workbench.worker.conversation import LEAVE_S, Desk
+from linework.workbench.worker.conversation import LEAVE_S, SurveyWorker
 from linework.workbench.worker.session import SurveyOrder
 
 
@@ -26,7 +26,7 @@ def at_desk(scene):
     """Run a coroutine function with a desk, for a time that no wait for a lost message fits into."""
 
     async def running():
-        desk = Desk(SurveyOrder((Path("nowhere"),)))
+        desk = SurveyWorker(SurveyOrder((Path("nowhere"),)))
         try:
             async with asyncio.timeout(60.0):
                 return await scene(desk)

@@ -7,11 +7,11 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from linework.errors import AbsentError, UsageError
-from linework.files.line_file.file import DrawingFile
+from linework.files.line_file.file import LineFile
 from linework.files.vectors.read_write import read_lines
 from linework.model.changes import Change
 from linework.model.lines import LineSet
-from linework.workbench.edits.apply import Given, change_of
+from linework.workbench.edits.apply import EditInputs, change_of
 from linework.workbench.edits.keep_trace import kept_change
 from linework.workbench.edits.measure import check_reach
 from linework.workbench.edits.orders import ChangeOrder, EditOrder
@@ -22,13 +22,13 @@ ORDER = TypeAdapter(EditOrder)
 @pytest.fixture
 def drawing(drive_lines):
     crs = read_lines(drive_lines).crs
-    with DrawingFile.opened(drive_lines, crs=crs) as drawing:
+    with LineFile.opened(drive_lines, crs=crs) as drawing:
         yield drawing
 
 
 def done(drawing, given=None, **edit):
     """Save an edit and return it."""
-    change = change_of(ORDER.validate_python(edit), drawing.lines, given or Given())
+    change = change_of(ORDER.validate_python(edit), drawing.lines, given or EditInputs())
     return drawing.commit(change, who="tester", based_on=drawing.revision)
 
 
@@ -90,7 +90,7 @@ def test_split_and_joined_again(drawing):
 def test_a_moved_vertex_takes_the_height_that_was_measured(drawing):
     name = longest(drawing, "lane_marking")
     east, north, up = one_of(drawing, name).xyz[2].tolist()
-    given = Given(heights=np.array([[up + 0.05, 0.01]]))
+    given = EditInputs(heights=np.array([[up + 0.05, 0.01]]))
     done(drawing, given, action="move", id=name, vertex=2, to=[east + 0.1, north])
     line = one_of(drawing, name)
     assert line.xyz[2].tolist() == pytest.approx([east + 0.1, north, up + 0.05])
@@ -102,14 +102,14 @@ def test_a_moved_vertex_takes_the_height_that_was_measured(drawing):
 def test_where_nothing_was_measured_a_vertex_is_as_high_as_its_line(drawing):
     name = longest(drawing, "lane_marking")
     east, north, up = one_of(drawing, name).xyz[2].tolist()
-    given = Given(heights=np.array([[np.nan, np.nan]]))
+    given = EditInputs(heights=np.array([[np.nan, np.nan]]))
     done(drawing, given, action="insert", id=name, after=2, to=[east + 0.01, north])
     assert one_of(drawing, name).xyz[3, 2] == pytest.approx(up)
 
 
 def test_a_drawn_line_is_sure_and_says_so(drawing):
     east, north, _ = drawing.lines.xyz[0].tolist()
-    given = Given(heights=np.array([[30.0, 0.02], [np.nan, np.nan], [32.0, 0.02]]))
+    given = EditInputs(heights=np.array([[30.0, 0.02], [np.nan, np.nan], [32.0, 0.02]]))
     xyz = [[east, north], [east + 5.0, north], [east + 10.0, north]]
     (line,) = [done(drawing, given, action="draw", kind="fence", xyz=xyz).change.after]
     assert (line.review[0], line.method[0], line.confidence[0]) == ("drawn", "drawn", 1.0)
@@ -155,7 +155,7 @@ def test_what_cannot_be_done_changes_nothing(drawing, error, edit):
     name = longest(drawing, "road_boundary")
     filled = {k: name if v == "LINE" else [name if x == "LINE" else x for x in v] if isinstance(v, list) else v
               for k, v in edit.items()}  # fmt: skip
-    given = Given(heights=np.full((2, 2), np.nan)) if edit["action"] == "draw" else Given()
+    given = EditInputs(heights=np.full((2, 2), np.nan)) if edit["action"] == "draw" else EditInputs()
     with pytest.raises(error):
         done(drawing, given, **filled)
     assert drawing.revision == 0
@@ -268,7 +268,7 @@ def test_tops_of_joined_kerbs_are_joined():
 
     feet = [straight(0, 30, name="a", kind="road_boundary"), straight(50, 90, name="b", kind="road_boundary")]
     lines = LineSet.concatenate([*feet, top(0, 29, "c"), top(51, 90, "d")])
-    change = change_of(ORDER.validate_python({"action": "join", "ids": ["a", "b"]}), lines, Given())
+    change = change_of(ORDER.validate_python({"action": "join", "ids": ["a", "b"]}), lines, EditInputs())
     assert set(change.before.id.tolist()) == {"a", "b", "c", "d"}
     assert change.after.kind.tolist() == ["road_boundary", "kerb_top"]
     assert change.after.length_m.tolist() == pytest.approx([90.0, 90.0])

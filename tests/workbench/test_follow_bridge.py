@@ -14,7 +14,7 @@ from linework.processes.executors import Serial
 from linework.runs.opened.points import opened_survey, surface_of
 from linework.runs.opened.work_folder import work_folder
 from linework.runs.settings import RunSettings
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import RoadConfig
 from linework.tracing.trace import RefusedPickError, Tracer
@@ -52,7 +52,7 @@ def tracer(simulated, tmp_path_factory):
     (folder / "survey.toml").write_text(
         'name = "hole"\n[points]\nfiles = ["*.laz"]\n[trajectory]\nfile = "trajectory.csv"\n'
     )
-    steps = Steps()
+    steps = RunSteps()
     with opened_survey(open_survey([folder]), work_folder(folder, None), steps=steps) as opened:
         yield Tracer(opened, surface_of(opened, RoadConfig(), Serial(), steps), RunSettings())
 

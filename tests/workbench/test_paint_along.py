@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.editing.edits.new_lines import beside
+from linework.editing.edits.new_lines import line_beside
 from linework.files.vectors.read_write import read_lines
-from linework.workbench.review.queue import STEP_M, PaintOfLines, paint_along
-from linework.workbench.worker.session import SurveyOrder, Table
+from linework.workbench.review.queue import BRIGHTNESS_STATION_M, PaintOfLines, brightness_along
+from linework.workbench.worker.session import SurveyOrder, SurveySession
 
 
 @pytest.fixture
 def table(drive):
-    return Table(SurveyOrder((drive,)), lambda _: None)
+    return SurveySession(SurveyOrder((drive,)), lambda _: None)
 
 
 def longest(lines):
@@ -22,12 +22,12 @@ def longest(lines):
 
 def test_paint_is_brighter_than_the_road_beside_it(table, drive_lines):
     line = longest(read_lines(drive_lines))
-    brightness, weight = paint_along(table, line.xyz, 0.12)
-    assert len(brightness) == pytest.approx(line.length_m[0] / STEP_M, abs=2)
+    brightness, weight = brightness_along(table, line.xyz, 0.12)
+    assert len(brightness) == pytest.approx(line.length_m[0] / BRIGHTNESS_STATION_M, abs=2)
     assert np.mean(weight > 0) > 0.5
     left = np.array([-(line.xyz[-1, 1] - line.xyz[0, 1]), line.xyz[-1, 0] - line.xyz[0, 0]])
-    aside = beside(line, "lane_marking", line.xyz[:1, :2] + 0.4 * left / np.hypot(*left))
-    asphalt, n = paint_along(table, aside.xyz, 0.12)
+    aside = line_beside(line, "lane_marking", line.xyz[:1, :2] + 0.4 * left / np.hypot(*left))
+    asphalt, n = brightness_along(table, aside.xyz, 0.12)
     on, off = np.average(brightness, weights=weight), np.average(asphalt, weights=n)
     assert off == pytest.approx(1.0, abs=0.35)
     assert on > 1.2 * off
@@ -35,7 +35,7 @@ def test_paint_is_brighter_than_the_road_beside_it(table, drive_lines):
 
 def test_far_from_all_points_nothing_is_measured(table, drive_lines):
     line = longest(read_lines(drive_lines))
-    _, weight = paint_along(table, line.xyz + np.array([500.0, 500.0, 0.0]), np.nan)
+    _, weight = brightness_along(table, line.xyz + np.array([500.0, 500.0, 0.0]), np.nan)
     assert not weight.any()
 
 

@@ -12,7 +12,7 @@ from linework import errors
 from linework.errors import InputError, LineworkError, MachineError, StaleError
 from linework.workbench.server.app import FAULT, create_app
 from linework.workbench.server.guard import Guard
-from linework.workbench.server.problems import PROBLEMS, STATUS_OF, problem_of, without_paths
+from linework.workbench.server.problems import PROBLEMS, STATUS_OF, hide_paths, status_and_message
 from linework.workbench.server.sessions import Sessions
 
 PORT = 4711
@@ -24,7 +24,7 @@ def test_every_error_has_a_status():
     } - {LineworkError}
     assert set(STATUS_OF) == leaves
     assert set(STATUS_OF.values()) <= set(PROBLEMS)
-    assert problem_of(LineworkError("x"))[0] == 400
+    assert status_and_message(LineworkError("x"))[0] == 400
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,7 @@ def test_every_error_has_a_status():
     ],
 )  # fmt: skip
 def test_one_line_without_paths(error, status, line):
-    assert problem_of(error) == (status, line)
+    assert status_and_message(error) == (status, line)
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def test_one_line_without_paths(error, status, line):
     ],
 )
 def test_what_is_no_path_stays(text):
-    assert without_paths(text) == text
+    assert hide_paths(text) == text
 
 
 def test_a_fault_of_ours_is_told_without_what_it_is():

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from linework.editing.queue.suspects import Suspect
-from linework.files.line_file.file import DrawingFile
-from linework.lines.along import Way
+from linework.files.line_file.file import LineFile
+from linework.lines.along import DrivenPath
 from linework.model.changes import Change
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
@@ -31,7 +31,7 @@ def marking(start, end, **columns):
 
 @pytest.fixture
 def drawing(tmp_path):
-    with DrawingFile.opened(tmp_path / "lines.gpkg", crs="local") as drawing:
+    with LineFile.opened(tmp_path / "lines.gpkg", crs="local") as drawing:
         lines = LineSet.concatenate([marking(0, 80), marking(110, 200), marking(50, 60, confidence=[0.2])])
         drawing.commit(Change("extract", LineSet.empty(), lines), who="")
         yield drawing
@@ -49,7 +49,7 @@ class Counting:
 
     async def __call__(self, lines):
         self.n += 1
-        return suspects(lines, Way.of(PATH), everywhere)
+        return suspects(lines, DrivenPath.of(PATH), everywhere)
 
 
 def keys(queue):
@@ -89,7 +89,7 @@ def test_only_new_edits_are_read_for_dismissals(drawing, monkeypatch):
     say(drawing, "dismiss a b", none, none)
     assert dismissed.keys(drawing) == {"a b"}
     asked = []
-    monkeypatch.setattr(DrawingFile, "entries", lambda _, most: asked.append(most) or [])
+    monkeypatch.setattr(LineFile, "entries", lambda _, most: asked.append(most) or [])
     say(drawing, "dismiss c", none, none)
     dismissed.keys(drawing)
     dismissed.keys(drawing)

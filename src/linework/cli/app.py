@@ -21,7 +21,7 @@ import typer
 import linework
 from linework.cli.demo import demo
 from linework.cli.evaluate import evaluate
-from linework.cli.extract import extract
+from linework.cli.extract import extract_command
 from linework.cli.failures import Interrupted, failure_of, save_log
 from linework.cli.info import info
 from linework.cli.locate import locate
@@ -43,7 +43,7 @@ for command in (
     demo,
     info,
     locate,
-    extract,
+    extract_command,
     trace,
     serve,
     evaluate,

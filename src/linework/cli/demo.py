@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from linework.model.lines import LineSet
     from linework.model.points import Points
     from linework.runs.extraction import Extraction
-    from linework.runs.steps import Steps
+    from linework.runs.steps import RunSteps
 
 #: The survey: a street with every kind of line (kerbs that turn into a side street, dashed and solid markings,
 #: a crossing with its stop line, arrows, a rail, cables), parked cars, hedges and walls, and few enough points
 #: for half a minute. Chosen for what stands along it, not for how it comes out.
-ROAD, SEED, LENGTH_M, POINTS_PER_M = "urban", 108, 150.0, 6000.0
+DEMO_ROAD, SEED, LENGTH_M, POINTS_PER_M = "urban", 108, 150.0, 6000.0
 
 
 def demo(
@@ -40,12 +40,12 @@ def demo(
 
     check_output_folder(folder, overwrite=overwrite)
     with open_display(quiet=quiet) as display:
-        from linework.cli.progress import tell_of_compiling
+        from linework.cli.progress import announce_compilation
         from linework.methods.kinds import ALL_KINDS
-        from linework.runs.steps import Steps
+        from linework.runs.steps import RunSteps
 
-        tell_of_compiling(ALL_KINDS, quiet=quiet)
-        steps = Steps(display)
+        announce_compilation(ALL_KINDS, quiet=quiet)
+        steps = RunSteps(display)
         _simulate(folder / "survey", seed, steps, overwrite=overwrite)
         _extract_and_score(folder, steps, overwrite=overwrite)
     for name, what in (
@@ -57,16 +57,16 @@ def demo(
         typer.echo(f"{folder / name}: {what}")
 
 
-def _simulate(folder: Path, seed: int, steps: Steps, *, overwrite: bool) -> None:
+def _simulate(folder: Path, seed: int, steps: RunSteps, *, overwrite: bool) -> None:
     from linework.simulation.folder import write_survey_folder
     from linework.simulation.simulate import simulate_survey
 
     with steps.step("simulate"):
-        survey = simulate_survey(ROAD, seed, LENGTH_M, points_per_m=POINTS_PER_M)
+        survey = simulate_survey(DEMO_ROAD, seed, LENGTH_M, points_per_m=POINTS_PER_M)
         write_survey_folder(survey, folder, overwrite=overwrite)
 
 
-def _extract_and_score(folder: Path, steps: Steps, *, overwrite: bool) -> None:
+def _extract_and_score(folder: Path, steps: RunSteps, *, overwrite: bool) -> None:
     """Do what `linework extract DIR/survey -o DIR/lines.gpkg` does, and score what it made."""
     from dataclasses import asdict
 
@@ -74,14 +74,14 @@ def _extract_and_score(folder: Path, steps: Steps, *, overwrite: bool) -> None:
     from linework.files.survey.open import open_survey
     from linework.methods.choose import choose_methods
     from linework.methods.kinds import ALL_KINDS
-    from linework.runs.extract import Order, extract_to
+    from linework.runs.extract import ExtractionRequest, extract_to
     from linework.runs.opened.points import points_for_pictures
     from linework.runs.opened.recordings import opened_recordings
     from linework.runs.opened.work_folder import work_folder
     from linework.runs.settings import RunSettings
 
     survey, settings = open_survey([folder / "survey"]), RunSettings()
-    order = Order(
+    order = ExtractionRequest(
         output=folder / "lines.gpkg",
         methods=choose_methods("auto", ALL_KINDS, radon=settings.radon, obb=settings.obb),
         settings=settings,
@@ -105,29 +105,29 @@ def _score_and_report(
     found: Extraction,
     points: Points,
     record: Mapping[str, Any],
-    steps: Steps,
+    steps: RunSteps,
     *,
     overwrite: bool,
 ) -> None:
     """Compare the lines with the truth, write the report and print its main tables."""
     from linework.cli.evaluate import print_tables
     from linework.evaluation.measures import match_lines, scores_of
-    from linework.evaluation.report.page import Report, report_html
+    from linework.evaluation.report.page import ReportContent, report_html
     from linework.evaluation.report.tables import score_tables
     from linework.files.output.publish import write_page
     from linework.files.vectors.read_write import read_lines
-    from linework.runs.record import facts_of
+    from linework.runs.record import facts_of_run
 
     with steps.step("evaluate"):
         truth = read_lines(folder / "survey" / "truth.gpkg")
         parts: tuple[KindMatch, ...] = match_lines(found.lines, truth, kinds=_scored(found, truth))
         scores = scores_of(parts)
     with steps.step("write report"):
-        report = Report(
+        report = ReportContent(
             title="A simulated survey, its lines, and how good they are",
             lines=found.lines,
             points=points,
-            facts=facts_of(record),
+            facts=facts_of_run(record),
             reference=truth,
             parts=parts,
             scores=scores,

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from linework.evaluation.report.tables import TextTable
+from linework.evaluation.report.tables import ReportTable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -77,10 +77,10 @@ def evaluate(
     parts = match_lines(found, truth, tolerance_m=tolerance_m, kinds=chosen, dash_end_m=dash_end_m)
     scores = scores_of(parts, tolerance_m=tolerance_m)
     if picture is not None:
-        from linework.evaluation.report.scores_figure import hits_figure, png
+        from linework.evaluation.report.scores_figure import hits_figure, plot_png
         from linework.files.output.publish import write_bytes
 
-        write_bytes(png(hits_figure(parts, tolerance_m)), picture, overwrite=overwrite)
+        write_bytes(plot_png(hits_figure(parts, tolerance_m)), picture, overwrite=overwrite)
     if as_json:
         import json
 
@@ -149,11 +149,13 @@ def _kinds_held(path: Path, lines: LineSet, names: Mapping[str, str]) -> set[str
     """Return the kinds a file can hold: those of its lines, its empty layers, what its names stand for."""
     import pyogrio  # its limits were set when the lines were read
 
-    from linework.files.vectors.fields import REJECTED
+    from linework.files.vectors.fields import REJECTED_LAYER
 
     held = {str(kind) for kind in lines.kind} | set(names.values())
     if path.suffix.lower() == ".gpkg" and not names:
-        held |= {str(name) for name, geometry in pyogrio.list_layers(path) if geometry and name != REJECTED}
+        held |= {
+            str(name) for name, geometry in pyogrio.list_layers(path) if geometry and name != REJECTED_LAYER
+        }
     return held
 
 
@@ -202,7 +204,7 @@ def _tell_left_out(chosen: Sequence[str], found: LineSet, truth: LineSet) -> Non
 PLAIN_WIDTH = 160
 
 
-def print_tables(tables: Iterable[TextTable]) -> None:
+def print_tables(tables: Iterable[ReportTable]) -> None:
     """Print tables one after another."""
     console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else PLAIN_WIDTH, highlight=False)
     for table in tables:

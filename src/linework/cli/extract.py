@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from linework.cli.failures import warn
-from linework.cli.progress import import_ahead, tell_of_compiling
+from linework.cli.progress import announce_compilation, preload_modules
 from linework.runs.opened.store import executor_for as executor_for
 from linework.runs.opened.store import usable_cores as usable_cores
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from linework.runs.settings import RunSettings
 
 
-def extract(
+def extract_command(
     surveys: Annotated[
         list[Path],
         typer.Argument(
@@ -73,27 +73,37 @@ def extract(
     or rejected stay as they are when a .gpkg is replaced, unless --forget-reviews is given.
     """
     from linework.cli.progress import open_display
-    from linework.files.output.locks import reserved_output
+    from linework.files.output.locks import reserve_output
 
     _check_report(report, output, overwrite=overwrite or resume)
     with contextlib.ExitStack() as held:
-        held.enter_context(reserved_output(output, overwrite=overwrite or resume))
+        held.enter_context(reserve_output(output, overwrite=overwrite or resume))
         display = held.enter_context(open_display(quiet=quiet))
         from linework.files.survey.open import open_survey
         from linework.files.vectors.read_write import check_format
-        from linework.methods.kinds import check_method, findable_kinds, kinds_of, parse_kinds, recordings_for
+        from linework.methods.kinds import (
+            check_method,
+            findable_kinds,
+            kinds_of_method,
+            parse_kinds,
+            recordings_for,
+        )
         from linework.runs.opened.work_folder import work_folder
-        from linework.runs.steps import Steps
+        from linework.runs.steps import RunSteps
 
         check_format(output)
-        kinds = parse_kinds(features) if features else kinds_of(method)
+        kinds = parse_kinds(features) if features else kinds_of_method(method)
         check_method(method, kinds)
         settings = read_settings(config)
         survey = with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
         kinds = findable_kinds(kinds, has_points=bool(survey.point_files), asked=bool(features))
-        folder, n_workers, steps = work_folder(survey.root, work), workers or usable_cores(), Steps(display)
+        folder, n_workers, steps = (
+            work_folder(survey.root, work),
+            workers or usable_cores(),
+            RunSteps(display),
+        )
         executor = held.enter_context(executor_for(survey, n_workers, settings))
-        ahead = import_ahead(
+        ahead = preload_modules(
             "linework.runs.extract", "linework.methods.choose", "linework.files.vectors.gpkg"
         )
         from linework.runs.opened.recordings import opened_recordings
@@ -104,10 +114,10 @@ def extract(
             )
         )
         ahead.join()
-        from linework.runs.extract import asked_order, extract_to
+        from linework.runs.extract import extract_to, extraction_request
 
-        tell_of_compiling(kinds, quiet=quiet)
-        order = asked_order(
+        announce_compilation(kinds, quiet=quiet)
+        order = extraction_request(
             output, recordings.survey, kinds, method, settings, crs=crs, overwrite=overwrite, resume=resume
         )
         order = replace(order, forget_reviews=forget_reviews)
@@ -172,10 +182,10 @@ def _print_result(record: dict[str, Any], *, as_json: bool) -> None:
 def _tell_what_is_missing(record: dict[str, Any], output: Path) -> None:
     """Warn where nothing was found; end as unfinished where files or tiles were left out."""
     from linework.errors import PartialError
-    from linework.runs.record import what_is_missing
+    from linework.runs.record import missing_summary
 
     if not any(record["counts"]["lines"].values()):
         warn(f"{output}: nothing found: its layers are there and empty")
-    problem = what_is_missing(record)
+    problem = missing_summary(record)
     if problem:
         raise PartialError(problem, where=output, advice="see run.json")

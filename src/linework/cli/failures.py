@@ -54,7 +54,7 @@ class Interrupted(BaseException):
 
 
 @dataclass(frozen=True, slots=True)
-class Failure:
+class CommandFailure:
     """How a command ended: the line for stderr ("" for none) and the exit code.
 
     Parameters
@@ -68,7 +68,7 @@ class Failure:
     is_bug: bool = False
 
 
-def failure_of(error: BaseException) -> Failure:
+def failure_of(error: BaseException) -> CommandFailure:
     """Return the line and the exit code an exception ends in.
 
     >>> failure_of(InputError("empty file", where="a.laz", advice="copy it again"))
@@ -78,9 +78,9 @@ def failure_of(error: BaseException) -> Failure:
     """
     if isinstance(error, Interrupted | KeyboardInterrupt):
         ending = error if isinstance(error, Interrupted) else Interrupted(2)
-        return Failure(ending.said, 128 + ending.signal_number)
+        return CommandFailure(ending.said, 128 + ending.signal_number)
     if isinstance(error, BrokenPipeError):
-        return Failure("", 141)  # the reader of our output left: the shell's own code for that
+        return CommandFailure("", 141)  # the reader of our output left: the shell's own code for that
     if isinstance(error, LineworkError):
         return _from_own(error)
     if isinstance(error, _ShownException):
@@ -95,11 +95,11 @@ def failure_of(error: BaseException) -> Failure:
         return _from_own(InputError(_said(error), where=_place(error), advice="check the path"))
     what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
     bug = LineworkError(f"{what} (a fault of linework, not of your data)", where="linework")
-    return Failure(f"error: {bug}", 1, is_bug=True)
+    return CommandFailure(f"error: {bug}", 1, is_bug=True)
 
 
-def _from_own(error: LineworkError) -> Failure:
-    return Failure(f"error: {error}", error.exit_code)
+def _from_own(error: LineworkError) -> CommandFailure:
+    return CommandFailure(f"error: {error}", error.exit_code)
 
 
 def _place(error: OSError) -> str:

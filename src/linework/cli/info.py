@@ -37,16 +37,16 @@ def info(
     from linework.cli.progress import open_display
     from linework.files.survey.open import open_survey
     from linework.runs.opened.describe import describe_survey
-    from linework.runs.opened.points import in_memory, opened_survey
+    from linework.runs.opened.points import opened_survey, read_into_memory
     from linework.runs.opened.work_folder import work_folder
-    from linework.runs.steps import Steps
+    from linework.runs.steps import RunSteps
 
     with open_display(quiet=quiet) as display:
         survey = open_survey(surveys, crs=crs or None)
         if survey.point_files:
             folder = work_folder(survey.root, work)
-            with opened_survey(survey, folder, n_threads=usable_cores(), steps=Steps(display)) as opened:
-                document = describe_survey(in_memory(opened), survey)
+            with opened_survey(survey, folder, n_threads=usable_cores(), steps=RunSteps(display)) as opened:
+                document = describe_survey(read_into_memory(opened), survey)
         else:
             document = describe_survey(None, survey)
     if as_json:

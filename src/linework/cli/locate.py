@@ -12,7 +12,7 @@ from linework.cli.failures import warn
 
 if TYPE_CHECKING:
     from linework.model.survey import Survey
-    from linework.navigation.located import Located
+    from linework.navigation.located import LocatedDrive
 
 
 def locate(
@@ -43,19 +43,19 @@ def locate(
     """
     from linework.cli.progress import open_display
     from linework.errors import PartialError
-    from linework.files.output.locks import reserved_output
+    from linework.files.output.locks import reserve_output
 
     _check(rate_hz, longest_outage_s, plot)
     with contextlib.ExitStack() as held:
         for path in (output, *((plot,) if plot else ())):
-            held.enter_context(reserved_output(path, overwrite=overwrite))
+            held.enter_context(reserve_output(path, overwrite=overwrite))
         display = held.enter_context(open_display(quiet=quiet))
         from linework.files.logs.sensors import read_navigation_logs
         from linework.files.survey.open import open_survey
         from linework.files.trajectories.read import write_trajectory
-        from linework.runs.steps import Steps
+        from linework.runs.steps import RunSteps
 
-        steps = Steps(display)
+        steps = RunSteps(display)
         with steps.step("read the logs"):
             survey = open_survey(surveys, crs=crs or None)
             content = read_navigation_logs(survey)
@@ -88,13 +88,15 @@ def _check(rate_hz: float, longest_outage_s: float, plot: Path | None) -> None:
         raise UsageError(f"{plot.name} is no picture", where="--plot", advice="name a .png or .html file")
 
 
-def _located(survey: Survey, logs: Any, rate_hz: float, longest_outage_s: float, *, quiet: bool) -> Located:
-    from linework.cli.progress import tell_of_compiling
+def _located(
+    survey: Survey, logs: Any, rate_hz: float, longest_outage_s: float, *, quiet: bool
+) -> LocatedDrive:
+    from linework.cli.progress import announce_compilation
     from linework.errors import InputError
-    from linework.navigation.locate import locate as locate_logs
+    from linework.navigation.locate import locate_drive as locate_logs
     from linework.navigation.located import NavigationConfig
 
-    tell_of_compiling(("trajectory",), quiet=quiet)
+    announce_compilation(("trajectory",), quiet=quiet)
     try:
         return locate_logs(logs, NavigationConfig(longest_outage_s=longest_outage_s), rate_hz=rate_hz)
     except InputError as error:
@@ -102,18 +104,18 @@ def _located(survey: Survey, logs: Any, rate_hz: float, longest_outage_s: float,
         raise InputError(error.problem, where=where, advice=error.advice) from error
 
 
-def _write_plot(located: Located, plot: Path, *, overwrite: bool) -> None:
-    from linework.evaluation.report.scores_figure import png
+def _write_plot(located: LocatedDrive, plot: Path, *, overwrite: bool) -> None:
+    from linework.evaluation.report.scores_figure import plot_png
     from linework.evaluation.report.track import track_figure, track_page
     from linework.files.output.publish import write_bytes, write_page
 
     if plot.suffix.lower() == ".png":
-        write_bytes(png(track_figure(located)), plot, overwrite=overwrite)
+        write_bytes(plot_png(track_figure(located)), plot, overwrite=overwrite)
     else:
         write_page(track_page(located, _rows(located)), plot, overwrite=overwrite)
 
 
-def _results(located: Located) -> dict[str, Any]:
+def _results(located: LocatedDrive) -> dict[str, Any]:
     """Return what there is to say about a drive."""
     import numpy as np
 
@@ -144,7 +146,7 @@ def _results(located: Located) -> dict[str, Any]:
     }
 
 
-def _rows(located: Located) -> list[tuple[str, str]]:
+def _rows(located: LocatedDrive) -> list[tuple[str, str]]:
     """Return the results as lines of a table."""
     r = _results(located)
     rows = [
@@ -163,7 +165,7 @@ def _rows(located: Located) -> list[tuple[str, str]]:
     return rows
 
 
-def _print(located: Located, output: Path, *, as_json: bool) -> None:
+def _print(located: LocatedDrive, output: Path, *, as_json: bool) -> None:
     if as_json:
         import json
 

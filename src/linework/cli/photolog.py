@@ -51,7 +51,7 @@ def photolog(
     from linework.files.trajectories.of_survey import read_van_path
     from linework.runs.opened.recordings import located_survey
     from linework.runs.opened.work_folder import work_folder
-    from linework.runs.steps import Steps
+    from linework.runs.steps import RunSteps
 
     if output.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"cannot write '{output.suffix}' files", where=output, advice="use .html")
@@ -62,7 +62,7 @@ def photolog(
         raise InputError("neither images nor keys in this survey", where=survey.name,
                          advice="see what there is with linework info")  # fmt: skip
     with open_display(quiet=quiet) as display:
-        steps = Steps(display)
+        steps = RunSteps(display)
         survey, told = located_survey(survey, work_folder(survey.root, work), steps)
         path = read_van_path(survey, series)
         if path.trajectory is None:

@@ -129,7 +129,7 @@ _KERNEL_OF = {
 }  # fmt: skip
 
 
-def tell_of_compiling(kinds: Iterable[str], *, quiet: bool) -> None:
+def announce_compilation(kinds: Iterable[str], *, quiet: bool) -> None:
     """Print one line on stderr where kernels for these kinds have to be compiled first.
 
     Where numba keeps them elsewhere (``NUMBA_CACHE_DIR``, a package that cannot be written) nothing is said.
@@ -156,7 +156,7 @@ def is_compiled(module: Path) -> bool:
 # Import what comes later while the points are decoded
 
 
-def import_ahead(*modules: str) -> threading.Thread:
+def preload_modules(*modules: str) -> threading.Thread:
     """Begin to import modules in a thread of their own; join it before they are used.
 
     Decoding lets go of the interpreter's lock and leaves it to the imports: of the 0.9 s that numba, scipy

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from linework.model.survey import Survey
     from linework.model.tile import RoadSurface
     from linework.model.trajectory import Trajectory
-    from linework.runs.opened.points import SurveyRead
-    from linework.runs.steps import Steps
+    from linework.runs.opened.points import SurveyInMemory
+    from linework.runs.steps import RunSteps
 
 
 def raster(
@@ -70,14 +70,14 @@ def raster(
     from linework.files.output.publish import check_output_folder
     from linework.files.survey.open import open_survey
     from linework.methods.radon.figures import FigureConfig
-    from linework.runs.steps import Steps
+    from linework.runs.steps import RunSteps
 
     cells = _cells(cell_m, cell_along_m, cell_across_m)
     config = FigureConfig(low_m=min_height_m, high_m=max_height_m)
     _check_band(config)
     check_output_folder(output, overwrite=overwrite)
     with open_display(quiet=quiet) as display:
-        steps = Steps(display)
+        steps = RunSteps(display)
         survey = with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
         opened = _read(survey, work, steps)
         read, path = opened.points, opened.trajectory
@@ -126,15 +126,15 @@ def _check_band(config: FigureConfig) -> None:
         )
 
 
-def _read(survey: Survey, work: Path | None, steps: Steps) -> SurveyRead:
+def _read(survey: Survey, work: Path | None, steps: RunSteps) -> SurveyInMemory:
     """Read points and trajectory."""
     from linework.cli.extract import usable_cores
-    from linework.runs.opened.points import in_memory, opened_survey
+    from linework.runs.opened.points import opened_survey, read_into_memory
     from linework.runs.opened.work_folder import work_folder
 
     folder = work_folder(survey.root, work)
     with opened_survey(survey, folder, n_threads=usable_cores(), steps=steps) as opened:
-        return in_memory(opened)
+        return read_into_memory(opened)
 
 
 def _grid(
@@ -163,7 +163,7 @@ def _publish(
     output: Path,
     *,
     overwrite: bool,
-    steps: Steps,
+    steps: RunSteps,
 ) -> dict[str, Any]:
     """Write all images and run.json into one folder that appears whole, and return the record."""
     from linework.files.geodesy.crs import describe_crs, epsg_text
@@ -214,7 +214,7 @@ def _normalised(points: Points, surface: RoadSurface, path: Trajectory | None) -
 
 
 def _record(
-    survey: Survey, read: SurveyPoints, what: tuple[Grid, FigureConfig], names: list[str], steps: Steps
+    survey: Survey, read: SurveyPoints, what: tuple[Grid, FigureConfig], names: list[str], steps: RunSteps
 ) -> dict[str, Any]:
     """Return what goes into run.json."""
     from dataclasses import asdict

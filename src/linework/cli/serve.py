@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from linework.workbench.server.bench import Bench
+    from linework.workbench.server.bench import AppState
 
 
 def serve(
@@ -65,14 +65,14 @@ def serve(
     settings = read_settings(config)
     with contextlib.ExitStack() as held:
         display = held.enter_context(open_display(quiet=quiet))
-        from linework.cli.progress import tell_of_compiling
+        from linework.cli.progress import announce_compilation
         from linework.methods.kinds import ALL_KINDS
-        from linework.workbench.server.serve import Serving, serve
+        from linework.workbench.server.serve import RunningServer, run_server
         from linework.workbench.worker.session import SurveyOrder
 
-        tell_of_compiling(ALL_KINDS, quiet=quiet)
+        announce_compilation(ALL_KINDS, quiet=quiet)
 
-        def ready(bench: Bench, url: str) -> None:
+        def ready(bench: AppState, url: str) -> None:
             display.__exit__(None, None, None)
             _print(bench, url, as_json=as_json, quiet=quiet)
             if not no_browser:
@@ -86,11 +86,11 @@ def serve(
             typer.echo(f"error: a fault of linework. The log is in {save_log(error)}.", err=True)
 
         order = SurveyOrder(tuple(surveys), crs=crs, work=work, settings=settings, n_threads=usable_cores())
-        serving = Serving(
+        serving = RunningServer(
             order=order, lines=lines, port=port, who=who or _user(), watcher=display,
             ready=ready, renewed=renewed, save_log=log,
         )  # fmt: skip
-        number = asyncio.run(serve(serving))
+        number = asyncio.run(run_server(serving))
     raise Interrupted(number, "ended: every change is saved")
 
 
@@ -114,7 +114,7 @@ def _user() -> str:
         return ""
 
 
-def _print(bench: Bench, url: str, *, as_json: bool, quiet: bool) -> None:
+def _print(bench: AppState, url: str, *, as_json: bool, quiet: bool) -> None:
     """Say where it is; at once, as whoever started it in the background waits for that line."""
     import sys
 

@@ -47,7 +47,7 @@ def simulate(
 
     from linework.cli.progress import open_display
     from linework.files.output.publish import check_output_folder
-    from linework.runs.steps import Steps
+    from linework.runs.steps import RunSteps
     from linework.simulation.folder import write_survey_folder
     from linework.simulation.roads.draw import draw_scenario
     from linework.simulation.sensors.cameras import stereo_survey
@@ -58,7 +58,7 @@ def simulate(
     cameras = None if no_images else stereo_survey(scenario, size=image_size, every_m=image_every_m)
     # Without images it takes seconds: nothing is said
     with open_display(quiet=quiet or no_images) as display:
-        steps = Steps(display)
+        steps = RunSteps(display)
         with steps.step("scan"):
             survey = survey_of(scenario)
         with steps.step("take images", unit="pairs") as advance:

@@ -19,14 +19,14 @@ def convert(
     """Convert LINES to another vector format; the points of the van's log go with them where it holds points."""
     from linework.cli.failures import warn
     from linework.errors import UsageError
-    from linework.files.output.locks import reserved_output
+    from linework.files.output.locks import reserve_output
     from linework.files.vectors.point_layers import read_point_layers
     from linework.files.vectors.read_write import check_format, points_left_out, read_lines, write_lines
 
     check_format(output)
     if output.exists() and lines.exists() and output.samefile(lines):
         raise UsageError("would replace the file it reads", where=output, advice="choose another name")
-    with reserved_output(output, overwrite=overwrite):
+    with reserve_output(output, overwrite=overwrite):
         found = read_lines(lines, crs=crs or None)
         points = read_point_layers(lines)
         write_lines(found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite)
@@ -51,10 +51,10 @@ def clean(
 
     They can be made anew; input files and outputs are not touched.
     """
-    from linework.runs.opened.work_folder import clean as cleaned
-    from linework.runs.opened.work_folder import existing_work_folders, root_of
+    from linework.runs.opened.work_folder import clean_work_folder as cleaned
+    from linework.runs.opened.work_folder import existing_work_folders, survey_root
 
-    folders = existing_work_folders(root_of(surveys), work)
+    folders = existing_work_folders(survey_root(surveys), work)
     for folder in folders:
         n_bytes = cleaned(folder)
         typer.echo(f"{folder}: {n_bytes / 1e6:,.1f} MB freed")

@@ -75,27 +75,27 @@ def trace(
         )  # fmt: skip
         return
     from linework.cli.progress import open_display
-    from linework.files.output.locks import reserved_output
+    from linework.files.output.locks import reserve_output
 
     place, way = _place("--at", at), _place("--toward", toward) if toward else None
     with contextlib.ExitStack() as held:
-        held.enter_context(reserved_output(output, overwrite=overwrite or append))
+        held.enter_context(reserve_output(output, overwrite=overwrite or append))
         display = held.enter_context(open_display(quiet=quiet))
         from linework.cli.extract import read_settings
-        from linework.cli.progress import tell_of_compiling
+        from linework.cli.progress import announce_compilation
         from linework.files.survey.open import open_survey
         from linework.files.vectors.read_write import check_format, write_lines
         from linework.processes.executors import Serial
         from linework.runs.opened.points import opened_survey, surface_of
         from linework.runs.opened.work_folder import work_folder
-        from linework.runs.steps import Steps
-        from linework.tracing.trace import Tracer, check_kind
+        from linework.runs.steps import RunSteps
+        from linework.tracing.trace import Tracer, check_pick_kind
 
         check_format(output)
-        check_kind(feature)
-        settings, steps = read_settings(config), Steps(display)
+        check_pick_kind(feature)
+        settings, steps = read_settings(config), RunSteps(display)
         survey = open_survey(surveys, crs=crs or None)
-        tell_of_compiling((feature or "lane_marking",), quiet=quiet)
+        announce_compilation((feature or "lane_marking",), quiet=quiet)
         opened = held.enter_context(opened_survey(survey, work_folder(survey.root, work), steps=steps))
         surface = surface_of(opened, settings.road, Serial(), steps)
         with steps.step("follow the line"):
@@ -131,21 +131,21 @@ def _trace_image(
 ) -> None:  # fmt: skip
     """Follow the edge at a pixel of an image and write it."""
     from linework.cli.progress import open_display
-    from linework.files.output.locks import reserved_output
+    from linework.files.output.locks import reserve_output
 
     with contextlib.ExitStack() as held:
-        held.enter_context(reserved_output(output, overwrite=overwrite or append))
+        held.enter_context(reserve_output(output, overwrite=overwrite or append))
         display = held.enter_context(open_display(quiet=quiet))
         from linework.files.survey.open import open_survey
         from linework.files.vectors.read_write import check_format, write_lines
         from linework.runs.opened.recordings import opened_recordings
         from linework.runs.opened.work_folder import work_folder
-        from linework.runs.steps import Steps
+        from linework.runs.steps import RunSteps
         from linework.tracing.in_images import ImageTracer, pixel_of
 
         check_format(output)
         col, row = pixel_of(at_px).tolist()
-        survey, steps = open_survey(surveys, crs=crs or None), Steps(display)
+        survey, steps = open_survey(surveys, crs=crs or None), RunSteps(display)
         folder = work_folder(survey.root, work)
         recordings = held.enter_context(opened_recordings(survey, folder, laser=False, steps=steps))
         if recordings.stereo is None:
@@ -202,10 +202,10 @@ def _drained(
 
 def _with_those_there(output: Path, lines: LineSet) -> LineSet:
     """Return the lines of a file and a new one, joined where one continues the other."""
-    from linework.editing.edits.continued import continued
+    from linework.editing.edits.continued import continue_lines
     from linework.files.vectors.read_write import read_lines
 
-    return continued(read_lines(output), lines)
+    return continue_lines(read_lines(output), lines)
 
 
 def _print(found: TracedLine | TracedEdge, output: Path, *, as_json: bool) -> None:

@@ -12,7 +12,7 @@ from linework.errors import InputError
 from linework.model.lines import LineSet
 
 #: Lines are compared in pieces no longer than this (methods.md section 5). [m]
-PIECE_M = 0.1
+COMPARED_PIECE_M = 0.1
 #: The direction at a place is that of the chord from this far before it to this far after it [m]: long
 #: against the noise of close vertices, short against the sharpest kerb (radius 0.5 m turns 29 degrees in it).
 HALF_CHORD_M = 0.25
@@ -128,7 +128,7 @@ class Chains:
 
 
 @dataclass(frozen=True, slots=True)
-class Pieces:
+class LinePieces:
     """Lines cut into short pieces of equal length along each line.
 
     Parameters
@@ -152,12 +152,12 @@ class Pieces:
     def __len__(self) -> int:
         return len(self.line)
 
-    def take(self, chosen: BoolArray) -> Pieces:
+    def take(self, chosen: BoolArray) -> LinePieces:
         """Return the chosen pieces."""
-        return Pieces(*(getattr(self, f.name)[chosen] for f in fields(self)))
+        return LinePieces(*(getattr(self, f.name)[chosen] for f in fields(self)))
 
 
-def cut_into_pieces(chains: Chains, piece_m: float = PIECE_M) -> Pieces:
+def cut_into_pieces(chains: Chains, piece_m: float = COMPARED_PIECE_M) -> LinePieces:
     """Cut lines into pieces of at most `piece_m`.
 
     >>> lines = LineSet.from_lines([[[0, 0, 0], [1, 0, 0]]], kind=["guardrail"])
@@ -167,11 +167,11 @@ def cut_into_pieces(chains: Chains, piece_m: float = PIECE_M) -> Pieces:
     """
     line, chainage_m, length_m = chains.divided(piece_m)
     xyz = chains.at(line, chainage_m)
-    return Pieces(line, chainage_m, length_m, xyz, chains.direction_at(line, chainage_m))
+    return LinePieces(line, chainage_m, length_m, xyz, chains.direction_at(line, chainage_m))
 
 
 @dataclass(frozen=True, slots=True)
-class Segments:
+class ChainSegments:
     """The straight stretches between vertices, long ones divided, so that a search by middles finds them.
 
     Parameters
@@ -194,7 +194,7 @@ class Segments:
         return len(self.line)
 
 
-def cut_into_segments(chains: Chains, longest_m: float) -> Segments:
+def cut_into_segments(chains: Chains, longest_m: float) -> ChainSegments:
     """Cut lines at their vertices, and segments longer than `longest_m` into equal parts."""
     owner = chains.lines.line_of_vertex
     k = np.flatnonzero(owner[:-1] == owner[1:]) if len(owner) else np.zeros(0, dtype=np.int64)
@@ -207,7 +207,7 @@ def cut_into_segments(chains: Chains, longest_m: float) -> Segments:
     begin, step = chains.xyz[k[segment]], np.diff(chains.xyz, axis=0)[k[segment]]
     line = owner[k[segment]]
     base = chains.axis_m[k[segment]] - chains.start_m[line]
-    return Segments(
+    return ChainSegments(
         start=begin + low[:, None] * step,
         end=np.where((high < 1)[:, None], begin + high[:, None] * step, chains.xyz[k[segment] + 1]),
         line=line,

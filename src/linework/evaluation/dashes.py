@@ -10,7 +10,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.evaluation.honesty import bridged_scores
-from linework.evaluation.match import TIE_M, Match, first_per_query
+from linework.evaluation.match import TIE_M, PieceMatch, first_per_query
 from linework.evaluation.stations import Stations
 from linework.evaluation.tolerance import KindMatch, at_tolerance, error_stats, ratio
 from linework.evaluation.values import DashScores, ErrorStats, GroupScores, LabelScores
@@ -18,7 +18,7 @@ from linework.model.lines import LineSet
 
 DASH_KIND = "lane_marking_dash"
 #: A dash is found if another covers this share of it, and seen if this share of it was observed.
-LEAST_SHARE = 0.5
+LEAST_DASH_COVER = 0.5
 
 
 def dash_scores(parts: Sequence[KindMatch], tolerance_m: float) -> DashScores:
@@ -56,7 +56,7 @@ def dash_scores(parts: Sequence[KindMatch], tolerance_m: float) -> DashScores:
     )
 
 
-def paired_dashes(match: Match, tolerance_m: float) -> tuple[IntArray, IntArray]:
+def paired_dashes(match: PieceMatch, tolerance_m: float) -> tuple[IntArray, IntArray]:
     """Return (k,) reference and extracted dashes that are each other's largest overlap, half the former or more."""
     found = match.r_nearest.distance_m <= tolerance_m + TIE_M
     n_e = max(len(match.extracted), 1)
@@ -67,11 +67,11 @@ def paired_dashes(match: Match, tolerance_m: float) -> tuple[IntArray, IntArray]
     mutual = np.intersect1d(
         first_per_query(r_line, -overlap_m, e_line), first_per_query(e_line, -overlap_m, r_line)
     )
-    kept = mutual[overlap_m[mutual] >= LEAST_SHARE * match.reference.length_m[r_line[mutual]] - TIE_M]
+    kept = mutual[overlap_m[mutual] >= LEAST_DASH_COVER * match.reference.length_m[r_line[mutual]] - TIE_M]
     return r_line[kept], e_line[kept]
 
 
-def end_errors(match: Match, r_line: IntArray, e_line: IntArray) -> tuple[FloatArray, BoolArray]:
+def end_errors(match: PieceMatch, r_line: IntArray, e_line: IntArray) -> tuple[FloatArray, BoolArray]:
     """Return (k, 2) errors of both ends [m], positive outwards, and (k, 2) bool: was that end observed.
 
     Both are measured along the reference dash's chord: it is short against any bend.
@@ -92,28 +92,28 @@ def end_errors(match: Match, r_line: IntArray, e_line: IntArray) -> tuple[FloatA
     return errors_m, np.stack([r.lines.observed[first], r.lines.observed[last]], axis=1)
 
 
-def _seen(match: Match) -> BoolArray:
+def _seen(match: PieceMatch) -> BoolArray:
     """Return (m_r,) bool: at least half of the dash was observed."""
     length_m = match.r_pieces.length_m * match.r_observed
     seen_m = np.bincount(match.r_pieces.line, weights=length_m, minlength=len(match.reference))
     return np.asarray(
-        (match.reference.length_m > 0) & (seen_m >= LEAST_SHARE * match.reference.length_m - TIE_M)
+        (match.reference.length_m > 0) & (seen_m >= LEAST_DASH_COVER * match.reference.length_m - TIE_M)
     )
 
 
 # The words that lines carry: did the extracted line say the same as the reference
 
 #: Words that are compared where the reference has one.
-LABELS = ("role", "pattern", "form", "double")
+COMPARED_LABELS = ("role", "pattern", "form", "double")
 
 
-def label_scores(matches: Sequence[Match], name: str, tolerance_m: float) -> LabelScores:
+def label_scores(matches: Sequence[PieceMatch], name: str, tolerance_m: float) -> LabelScores:
     """Return for what length of the found reference the extracted line has the same word.
 
     Parameters
     ----------
     name
-        One of `LABELS`. "double" is compared where the reference has a pattern.
+        One of `COMPARED_LABELS`. "double" is compared where the reference has a pattern.
     tolerance_m
         A piece of the reference is found if an extracted line is this near; the nearest one counts. [m]
     """
@@ -211,7 +211,7 @@ def _scores(parts: Sequence[KindMatch], value: str, tolerance_m: float) -> Group
 ATTRIBUTES = ("height_m", "width_m", "clearance_m")
 
 
-def attribute_errors(matches: Sequence[Match], name: str, tolerance_m: float) -> ErrorStats:
+def attribute_errors(matches: Sequence[PieceMatch], name: str, tolerance_m: float) -> ErrorStats:
     """Return the errors of a per-line attribute, over the matched length where both lines have it.
 
     `n` counts extracted lines.

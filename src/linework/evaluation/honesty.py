@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from linework.arrays import BoolArray, FloatArray
-from linework.evaluation.match import TIE_M, Match
+from linework.evaluation.match import TIE_M, PieceMatch
 from linework.evaluation.stations import Stations
 from linework.evaluation.tolerance import KindMatch, error_stats, ratio
 from linework.evaluation.values import BridgedScores, Calibration, ConfidenceClass, SigmaTercile
@@ -60,7 +60,7 @@ def sigma_terciles(error_m: FloatArray, sigma_m: FloatArray) -> tuple[SigmaTerci
     return tuple(thirds)
 
 
-def calibrate(matches: Sequence[Match], tolerance_m: float) -> Calibration:
+def calibrate(matches: Sequence[PieceMatch], tolerance_m: float) -> Calibration:
     """Judge the confidence of the extracted lines, piece of 10 m by piece of 10 m.
 
     Lines are divided into equal pieces as near to 10 m as they allow; a piece is correct if more than half
@@ -87,7 +87,7 @@ def calibrate(matches: Sequence[Match], tolerance_m: float) -> Calibration:
     )
 
 
-def _judged_pieces(match: Match, tolerance_m: float) -> tuple[FloatArray, FloatArray]:
+def _judged_pieces(match: PieceMatch, tolerance_m: float) -> tuple[FloatArray, FloatArray]:
     """Return (k,) share within tolerance and (k,) confidence of pieces of about 10 m."""
     chains, pieces = match.extracted, match.e_pieces
     if len(pieces) == 0:

@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.evaluation.chains import (
     Chains,
-    Pieces,
-    Segments,
+    ChainSegments,
+    LinePieces,
     cut_into_pieces,
     cut_into_segments,
     same_direction,
@@ -26,7 +26,7 @@ TIE_M = 1e-6
 SEARCH_SEGMENT_M = 0.5
 #: Queries per block, times the reach in metres: bounds the memory of the pairs (some 10 per query at a reach
 #: of 0.5 m, 100 bytes each).
-BLOCK_M = 50_000.0
+QUERY_BLOCK_M = 50_000.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Nearest:
 
 
 @dataclass(frozen=True, slots=True)
-class Match:
+class PieceMatch:
     """Extracted and reference lines of one kind, piece by piece.
 
     Parameters
@@ -71,15 +71,15 @@ class Match:
 
     extracted: Chains
     reference: Chains
-    e_pieces: Pieces
-    r_pieces: Pieces
+    e_pieces: LinePieces
+    r_pieces: LinePieces
     e_nearest: Nearest
     r_nearest: Nearest
     r_observed: BoolArray
     reach_m: float
 
 
-def match_chains(extracted: Chains, reference: Chains, reach_m: float) -> Match:
+def match_chains(extracted: Chains, reference: Chains, reach_m: float) -> PieceMatch:
     """Find for every piece of either side how far the other side is.
 
     Parameters
@@ -95,7 +95,7 @@ def match_chains(extracted: Chains, reference: Chains, reach_m: float) -> Match:
     half of another matches up to one tolerance more than its half of it.
     """
     e_pieces, r_pieces = cut_into_pieces(extracted), cut_into_pieces(reference)
-    return Match(
+    return PieceMatch(
         extracted=extracted,
         reference=reference,
         e_pieces=e_pieces,
@@ -107,7 +107,7 @@ def match_chains(extracted: Chains, reference: Chains, reach_m: float) -> Match:
     )
 
 
-def nearest_along(pieces: Pieces, chains: Chains, reach_m: float) -> Nearest:
+def nearest_along(pieces: LinePieces, chains: Chains, reach_m: float) -> Nearest:
     """Return the nearest place on `chains` for each piece, among those of the same direction.
 
     Distances are to the lines themselves, not to samples. Of two lines equally near the first is taken.
@@ -135,7 +135,7 @@ def nearest_along(pieces: Pieces, chains: Chains, reach_m: float) -> Nearest:
 
 
 def pairs_within(
-    places: FloatArray, segments: Segments, reach_m: float, n_dims: int
+    places: FloatArray, segments: ChainSegments, reach_m: float, n_dims: int
 ) -> Iterator[tuple[IntArray, IntArray]]:
     """Yield (query, segment) index pairs that may lie within `reach_m`, in blocks of queries.
 
@@ -151,7 +151,7 @@ def pairs_within(
     middle = (segments.start + segments.end)[:, :n_dims] / 2
     half_m = float(np.linalg.norm((segments.end - segments.start)[:, :n_dims], axis=1).max()) / 2
     tree = cKDTree(middle)
-    block = max(int(BLOCK_M / reach_m), 1000)
+    block = max(int(QUERY_BLOCK_M / reach_m), 1000)
     for first in range(0, len(places), block):
         queries = cKDTree(places[first : first + block, :n_dims])
         found = queries.sparse_distance_matrix(tree, reach_m + half_m + TIE_M, output_type="ndarray")

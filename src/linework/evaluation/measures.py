@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from linework.errors import CrsError, UsageError
-from linework.evaluation.chains import PIECE_M, Chains
+from linework.evaluation.chains import COMPARED_PIECE_M, Chains
 from linework.evaluation.dashes import (
     ATTRIBUTES,
+    COMPARED_LABELS,
     DASH_KIND,
-    LABELS,
     attribute_errors,
     dash_scores,
     group_scores,
@@ -21,7 +21,7 @@ from linework.evaluation.dashes import (
 )
 from linework.evaluation.honesty import bridged_scores, calibrate, sigma_terciles
 from linework.evaluation.instances import CHAMFER_M, average_precision
-from linework.evaluation.match import TIE_M, Match, distance_to, match_chains
+from linework.evaluation.match import TIE_M, PieceMatch, distance_to, match_chains
 from linework.evaluation.stations import Stations, measure_stations
 from linework.evaluation.tolerance import DASH_END_M, KindMatch, at_tolerance
 from linework.evaluation.values import KindScores, Scores
@@ -116,7 +116,7 @@ def match_lines(
                 where="evaluate",
             )
     reach_m = max(tolerance_m, *curve_m)
-    chosen = kinds_of(extracted, reference) if kinds is None else tuple(kinds)
+    chosen = kinds_in(extracted, reference) if kinds is None else tuple(kinds)
     parts = (match_kind(extracted, reference, kind, reach_m) for kind in chosen)
     return tuple(replace(part, dash_end_m=dash_end_m) for part in parts)
 
@@ -132,7 +132,7 @@ def scores_of(
     )
 
 
-def kinds_of(*sets: LineSet) -> tuple[str, ...]:
+def kinds_in(*sets: LineSet) -> tuple[str, ...]:
     """Return the kinds of all lines in `sets`: known ones in the order of the layers, then others by name."""
     present = {str(kind) for lines in sets for kind in lines.kind}
     return tuple(k for k in KINDS if k in present) + tuple(sorted(present - set(KINDS)))
@@ -180,19 +180,21 @@ def score(
         sigma_z=sigma_terciles(measured.height_m, measured.sigma_z_m),
         confidence=calibrate(matches, tolerance_m),
         bridged=bridged_scores(parts, stations, tolerance_m),
-        labels={label: label_scores(matches, label, tolerance_m) for label in LABELS} if kind else {},
+        labels={label: label_scores(matches, label, tolerance_m) for label in COMPARED_LABELS}
+        if kind
+        else {},
         groups=group_scores(parts, kind, tolerance_m),
         dashes=dash_scores(parts, tolerance_m) if kind == DASH_KIND else None,
     )
 
 
-def hausdorff(matches: Sequence[Match]) -> tuple[float | None, float | None]:
+def hausdorff(matches: Sequence[PieceMatch]) -> tuple[float | None, float | None]:
     """Return the Hausdorff distance and the larger of the two sides' 95th percentiles [m].
 
     From E to all of R, and from the observed R to E. None where a side has no lines.
     """
-    to_r = [distance_to(m.e_pieces.xyz, m.reference, PIECE_M) for m in matches]
-    to_e = [distance_to(m.r_pieces.xyz[m.r_observed], m.extracted, PIECE_M) for m in matches]
+    to_r = [distance_to(m.e_pieces.xyz, m.reference, COMPARED_PIECE_M) for m in matches]
+    to_e = [distance_to(m.r_pieces.xyz[m.r_observed], m.extracted, COMPARED_PIECE_M) for m in matches]
     sides = [np.concatenate(side) for side in (to_r, to_e)]
     if any(len(side) == 0 or not np.isfinite(side).all() for side in sides):
         return None, None

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
-from linework.evaluation.chains import Chains, Segments, cut_into_segments, same_direction, unit
+from linework.evaluation.chains import Chains, ChainSegments, cut_into_segments, same_direction, unit
 from linework.evaluation.match import (
     MAX_ANGLE_DEG,
     SEARCH_SEGMENT_M,
@@ -18,7 +18,7 @@ from linework.evaluation.match import (
 )
 
 #: Distance between stations on the reference (methods.md section 5). [m]
-STATION_M = 0.5
+REFERENCE_STATION_M = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ def measure_stations(extracted: Chains, reference: Chains, reach_m: float) -> St
     (for cables the nearest in the vertical plane), of those equally near the first. A line met at more than
     20 degrees is not counted as met.
     """
-    line, chainage_m, _ = reference.divided(STATION_M)
+    line, chainage_m, _ = reference.divided(REFERENCE_STATION_M)
     n = len(line)
     lateral_m, height_m, offset_m = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.inf)
     met_line, met_m = np.full(n, -1, dtype=np.int64), np.zeros(n)
@@ -135,7 +135,9 @@ def measure_stations(extracted: Chains, reference: Chains, reach_m: float) -> St
     )
 
 
-def _crossings(stations: _Perpendiculars, segments: Segments, query: IntArray, k: IntArray) -> _Crossings:
+def _crossings(
+    stations: _Perpendiculars, segments: ChainSegments, query: IntArray, k: IntArray
+) -> _Crossings:
     """Return where the perpendiculars `query` meet the segments `k`; pairs that do not meet fall away."""
     start, end = segments.start[k] - stations.q[query], segments.end[k] - stations.q[query]
     before = np.einsum("ij,ij->i", start[:, :2], stations.along[query])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.evaluation.match import TIE_M, Match
+from linework.evaluation.match import TIE_M, PieceMatch
 from linework.evaluation.stations import Stations
 from linework.evaluation.values import ErrorStats, ToleranceScores
 
@@ -27,7 +27,7 @@ class KindMatch:
     """
 
     kind: str
-    match: Match
+    match: PieceMatch
     stations: Stations
     chamfer_ap: Mapping[float, float | None]
     dash_end_m: float = DASH_END_M
@@ -86,7 +86,7 @@ def error_stats(errors_m: FloatArray, *, signed: bool = True, n: int | None = No
     )
 
 
-def _n_gaps(m: Match, b: float) -> int:
+def _n_gaps(m: PieceMatch, b: float) -> int:
     """Count the stretches of observed reference without a match; a hidden stretch does not divide one."""
     line = m.r_pieces.line[m.r_observed]
     is_missed = m.r_nearest.distance_m[m.r_observed] > b + TIE_M
@@ -95,7 +95,7 @@ def _n_gaps(m: Match, b: float) -> int:
     return int((is_missed & ~goes_on).sum())
 
 
-def _pieces_per_line(matches: Sequence[Match], b: float) -> float | None:
+def _pieces_per_line(matches: Sequence[PieceMatch], b: float) -> float | None:
     n_pieces, n_found = 0, 0
     for m in matches:
         found = m.e_nearest.distance_m <= b + TIE_M

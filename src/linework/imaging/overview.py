@@ -14,7 +14,7 @@ from linework.model.grid import Image
 STRETCH_M = 2.0
 
 
-class Window(NamedTuple):
+class ImageWindow(NamedTuple):
     """Rows and columns of a part of an image, half open."""
 
     row0: int
@@ -48,7 +48,7 @@ def reduced(
     return out, factor
 
 
-def close_ups(density: Image, width_m: float, height_m: float, n_max: int = 3) -> tuple[Window, ...]:
+def close_ups(density: Image, width_m: float, height_m: float, n_max: int = 3) -> tuple[ImageWindow, ...]:
     """Return up to `n_max` windows along the occupied cells: as many as do not overlap much.
 
     They stand at the middles of n parts of equal area along the axis on which the cells spread further, each
@@ -72,5 +72,5 @@ def close_ups(density: Image, width_m: float, height_m: float, n_max: int = 3) -
         beside = np.abs(along - middle) < STRETCH_M
         row0 = int(np.clip(np.median(rows[beside]) - n_rows / 2, 0, grid.n_rows - n_rows))
         col0 = int(np.clip(np.median(cols[beside]) - n_cols / 2, 0, grid.n_cols - n_cols))
-        windows.append(Window(row0, row0 + n_rows, col0, col0 + n_cols))
+        windows.append(ImageWindow(row0, row0 + n_rows, col0, col0 + n_cols))
     return tuple(windows)

@@ -21,7 +21,7 @@ from matplotlib.transforms import Transform, offset_copy
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
 from linework.arrays import FloatArray
-from linework.imaging.overview import Window, close_ups, reduced
+from linework.imaging.overview import ImageWindow, close_ups, reduced
 from linework.model.grid import Grid, Image
 
 #: Cells drawn along the longer side of a panel at most; a screen shows no more.
@@ -29,9 +29,9 @@ PANEL_CELLS = 1600
 #: An image with more cells than this along a side gets close-ups: there a cell is two pixels.
 OVERVIEW_CELLS = 600
 #: Size of a close-up. [m]
-CLOSE_UP_M = (60.0, 45.0)
+MAP_CLOSE_UP_M = (60.0, 45.0)
 #: A map with sides of such a ratio has no room for a scale bar and a north arrow.
-NARROW = 0.12
+NARROW_MAP = 0.12
 DPI = 120
 LINE_COLOUR = "#d01c1c"
 
@@ -92,7 +92,7 @@ def draw_map(
     *,
     title: str,
     crs_name: str,
-    windows: Sequence[Window] | None = None,
+    windows: Sequence[ImageWindow] | None = None,
     lines: OverlaidLines | None = None,
 ) -> bytes:
     """Return a PNG of the image: whole, and where it is large also `windows` of it close up.
@@ -111,7 +111,7 @@ def draw_map(
     The size of the picture is bounded whatever the image's; a turned grid is drawn along its own axes.
     """
     if windows is None:
-        windows = close_ups(image, *CLOSE_UP_M)
+        windows = close_ups(image, *MAP_CLOSE_UP_M)
     g = image.grid
     if max(g.shape) <= OVERVIEW_CELLS:
         windows = ()
@@ -120,7 +120,7 @@ def draw_map(
     windows = [w for w in windows if (w.row1 - w.row0) * (w.col1 - w.col0) < cells]
     figure, whole, panels = _layout(g, len(windows))
     colours, norm = _colours(image, style)
-    drawn = _draw_panel(whole, image, Window(0, g.n_rows, 0, g.n_cols), (style, colours, norm), lines)
+    drawn = _draw_panel(whole, image, ImageWindow(0, g.n_rows, 0, g.n_cols), (style, colours, norm), lines)
     for name, panel, window in zip("ABCDEF", panels, windows, strict=False):
         _draw_panel(panel, image, window, (style, colours, norm), lines)
         panel.set_title(name, fontsize=9, weight="bold", loc="left")
@@ -133,10 +133,10 @@ def draw_map(
     size = f"{g.n_rows:,} x {g.n_cols:,} cells of {g.cell_width_m:.3g} x {g.cell_height_m:.3g} m"
     figure.suptitle(title, fontsize=13, weight="bold")
     whole.set_title(f"{size}{turn}; {crs_name}", fontsize=8, pad=16 if windows else 6)
-    return png(figure)
+    return figure_png(figure)
 
 
-def png(figure: Figure) -> bytes:
+def figure_png(figure: Figure) -> bytes:
     """Return a figure as the bytes of a PNG file, the same for the same picture."""
     buffer = io.BytesIO()
     figure.set_canvas(FigureCanvasAgg(figure))
@@ -190,7 +190,7 @@ def _spread(values: Any) -> tuple[float, float]:
 def _draw_panel(
     ax: Axes,
     image: Image,
-    window: Window,
+    window: ImageWindow,
     look: tuple[Style, Colormap, Any],
     lines: OverlaidLines | None,
 ) -> AxesImage:
@@ -218,7 +218,7 @@ def _draw_panel(
     names = ("along the grid's columns", "across") if grid.rotation_deg else ("east", "north")
     draw_coordinates(ax, *names)
     # In the overview of a long straight road they would hide it; the close-ups have them
-    if NARROW < (top - bottom) / (right - left) < 1.0 / NARROW:
+    if NARROW_MAP < (top - bottom) / (right - left) < 1.0 / NARROW_MAP:
         draw_scale_bar(ax)
         draw_north_arrow(ax, grid.rotation_deg)
     return drawn
@@ -249,7 +249,7 @@ def _draw_lines(ax: Axes, grid: Grid, lines: OverlaidLines, box: tuple[float, fl
             )  # fmt: skip
 
 
-def _frame(ax: Axes, grid: Grid, window: Window, name: str) -> None:
+def _frame(ax: Axes, grid: Grid, window: ImageWindow, name: str) -> None:
     (left, top), (right, bottom) = (
         _place(grid, window.row0, window.col0),
         _place(grid, window.row1, window.col1),
@@ -336,7 +336,7 @@ def draw_radon(
                 fontsize=8, color="white", bbox={"boxstyle": "round,pad=0.15", "facecolor": LINE_COLOUR},
             )  # fmt: skip
         ax.legend(loc="upper right", fontsize=8)
-    return png(figure)
+    return figure_png(figure)
 
 
 # Scale bar, north arrow and coordinates of a map picture

@@ -14,7 +14,7 @@ from linework.model.images import Poses
 from linework.model.lines import LineSet
 
 #: Nearer than the first a place is on the van, beyond the second a marking is thinner than a pixel. [m]
-DEPTH_M = (0.5, 80.0)
+PROJECTED_DEPTH_M = (0.5, 80.0)
 #: Lines are followed so far beyond the image's edge, so that they are seen to go on. [pixels]
 MARGIN_PX = 16.0
 #: A straight segment is divided so finely that the lens bends each part by far less than a pixel. [pixels]
@@ -26,7 +26,7 @@ _N_EDGE = 33
 
 
 @dataclass(frozen=True, slots=True)
-class Pieces:
+class ProjectedLines:
     """What an image shows of some lines: pieces that are drawn without lifting the pen.
 
     Parameters
@@ -50,7 +50,7 @@ class Pieces:
         return len(self.line)
 
 
-def projected(lines: LineSet, camera: Camera, poses: Poses, i: int) -> Pieces:
+def projected(lines: LineSet, camera: Camera, poses: Poses, i: int) -> ProjectedLines:
     """Return where a camera of the vehicle sees lines at pose i.
 
     Notes
@@ -80,7 +80,7 @@ def projected(lines: LineSet, camera: Camera, poses: Poses, i: int) -> Pieces:
     pixels = distorted(camera, ideal)
     kept = _apart(pixels, piece)
     offsets = np.concatenate([[0], np.cumsum(np.bincount(piece[kept], minlength=len(starts)))])
-    return Pieces(pixels[kept], offsets.astype(np.int64), owner[first[starts]], is_bridged[starts])
+    return ProjectedLines(pixels[kept], offsets.astype(np.int64), owner[first[starts]], is_bridged[starts])
 
 
 def _ideal(xyz_camera: FloatArray) -> FloatArray:
@@ -91,7 +91,7 @@ def _seen_parts(a: FloatArray, b: FloatArray, camera: Camera) -> tuple[FloatArra
     """Return from where to where the camera looks at segments a-b [m, camera], as shares; nothing: begin >= end."""
     begin, end = np.zeros(len(a)), np.ones(len(a))
     (left, top), (right, bottom) = _looked_at(camera)
-    near, far = DEPTH_M
+    near, far = PROJECTED_DEPTH_M
     # Inside: normal . place >= least
     for normal, least in (
         ((0.0, 0.0, 1.0), near), ((0.0, 0.0, -1.0), -far), ((1.0, 0.0, -left), 0.0), ((-1.0, 0.0, right), 0.0),

@@ -77,7 +77,7 @@ def rasterise(points: Points, grid: Grid, *, height_m: Float32Array | None = Non
     else:
         height, origin = checked("height_m", height_m, np.float32, (n,)), 0.0
     intensity = points.intensity if points.intensity is not None else np.zeros(0, dtype=np.float32)
-    density, *heights, bright = kernels.rasterise(
+    density, *heights, bright = kernels.rasterise_points(
         points.xyz, height, origin, intensity, placement(grid), grid.n_rows, grid.n_cols
     )
     maximum, minimum, mean = (Image(h.reshape(grid.shape), grid) for h in heights)
@@ -107,9 +107,9 @@ def grid_for(points: Points, cell_m: float) -> Grid:
     return Grid.covering(bounds, cell_m)
 
 
-def cells_of(points: Points, grid: Grid) -> IntArray:
+def cell_indices(points: Points, grid: Grid) -> IntArray:
     """Return the (n,) int64 index ``row * n_cols + col`` of the cell of each point; -1 outside the grid."""
-    cells: IntArray = kernels.cells_of(points.xyz, placement(grid), grid.n_rows, grid.n_cols)
+    cells: IntArray = kernels.cells_of_coordinates(points.xyz, placement(grid), grid.n_rows, grid.n_cols)
     return cells
 
 

@@ -13,7 +13,7 @@ from linework.model.trajectory import Trajectory
 #: well under half a turn, so the points of one line are a burst in time with a long pause after it.
 HALF_STRIP_M = 2.0
 #: Points so high above the path are branches and bridges, a second burst per turn [m].
-OVERHEAD_M = 1.0
+OVERHEAD_PATH_M = 1.0
 #: A pause between scan lines is at least so many times as long as the median step within one. A profile
 #: scanner that measures n points per turn leaves about n / 2 (hundreds; tens where points were thinned
 #: out); points that come at random split into halves that differ by 6.
@@ -69,7 +69,7 @@ def _near_path(xyz: FloatArray, time_s: FloatArray, trajectory: Trajectory) -> B
     heading = np.diff(trajectory.xyz[:, :2], axis=0)[leg]
     length = np.maximum(np.hypot(heading[:, 0], heading[:, 1]), 1e-9)
     offset = (heading[:, 0] * (xyz[:, 1] - north) - heading[:, 1] * (xyz[:, 0] - east)) / length
-    near: BoolArray = (np.abs(offset) < HALF_STRIP_M) & (xyz[:, 2] < up + OVERHEAD_M)
+    near: BoolArray = (np.abs(offset) < HALF_STRIP_M) & (xyz[:, 2] < up + OVERHEAD_PATH_M)
     return near
 
 

@@ -24,11 +24,11 @@ from numba import njit
 from linework.arrays import FloatArray, IntArray
 
 N_STATES = 16
-E, N, U, HEADING, BIAS, GYRO_SCALE, LEFT, RIGHT, SPEED, TURN, PITCH, ROLL, DELAY, WANDER = range(14)
+E, N, U, NAV_HEADING, BIAS, GYRO_SCALE, LEFT, RIGHT, SPEED, NAV_TURN, PITCH, ROLL, DELAY, WANDER = range(14)
 
 # Columns of a step from one node to the next
 (
-    DT, TURN_READ, LEFT_M, RIGHT_M, AHEAD, ASIDE, PITCH_READ, AT_REST, SPEED_FREE, TURN_FREE, WHEELS_TURN,
+    DT, TURN_READ, LEFT_M, RIGHT_M, ANTENNA_AHEAD, ASIDE, PITCH_READ, AT_REST, SPEED_FREE, TURN_FREE, WHEELS_TURN,
     WHEEL_TURN, WHEEL_TURN_VAR, SIDE_VAR, UP_VAR, BIAS_VAR,
 ) = range(16)  # fmt: skip
 N_STEP = 16
@@ -56,40 +56,40 @@ def predict(
     far = 0.0
     if step[AT_REST] == 0.0:
         # Turn and distance of the step, and the direction of its chord
-        turn = (1.0 + x[GYRO_SCALE]) * step[TURN_READ] + (x[TURN] - x[BIAS]) * dt
+        turn = (1.0 + x[GYRO_SCALE]) * step[TURN_READ] + (x[NAV_TURN] - x[BIAS]) * dt
         w = step[WHEELS_TURN] / noise[TRACK_M]
         turn += w * (x[LEFT] * step[LEFT_M] - x[RIGHT] * step[RIGHT_M])
         far = 0.5 * ((1.0 + x[LEFT]) * step[LEFT_M] + (1.0 + x[RIGHT]) * step[RIGHT_M]) + x[SPEED] * dt
-        h = x[HEADING] + 0.5 * (turn - step[TURN_READ])
+        h = x[NAV_HEADING] + 0.5 * (turn - step[TURN_READ])
         pitch = step[PITCH_READ] + x[PITCH]
-        ahead_e = step[AHEAD] * math.sin(h) + step[ASIDE] * math.cos(h)
-        ahead_n = step[AHEAD] * math.cos(h) - step[ASIDE] * math.sin(h)
+        ahead_e = step[ANTENNA_AHEAD] * math.sin(h) + step[ASIDE] * math.cos(h)
+        ahead_n = step[ANTENNA_AHEAD] * math.cos(h) - step[ASIDE] * math.sin(h)
         plan, rise = math.cos(pitch), math.sin(pitch)
         new[E] += far * plan * ahead_e
         new[N] += far * plan * ahead_n
         new[U] += far * rise
-        new[HEADING] += turn
+        new[NAV_HEADING] += turn
         # Derivatives of the turn, the distance, and the position through both
         turn_by = np.zeros(N_STATES)
-        turn_by[GYRO_SCALE], turn_by[TURN], turn_by[BIAS] = step[TURN_READ], dt, -dt
+        turn_by[GYRO_SCALE], turn_by[NAV_TURN], turn_by[BIAS] = step[TURN_READ], dt, -dt
         turn_by[LEFT], turn_by[RIGHT] = w * step[LEFT_M], -w * step[RIGHT_M]
         far_by = np.zeros(N_STATES)
         far_by[LEFT], far_by[RIGHT], far_by[SPEED] = 0.5 * step[LEFT_M], 0.5 * step[RIGHT_M], dt
         for i in range(N_STATES):
-            by_h = 0.5 * turn_by[i] + (1.0 if i == HEADING else 0.0)
+            by_h = 0.5 * turn_by[i] + (1.0 if i == NAV_HEADING else 0.0)
             by_p = 1.0 if i == PITCH else 0.0
             F[E, i] += far_by[i] * plan * ahead_e + far * (plan * ahead_n * by_h - rise * ahead_e * by_p)
             F[N, i] += far_by[i] * plan * ahead_n - far * (plan * ahead_e * by_h + rise * ahead_n * by_p)
             F[U, i] += far_by[i] * rise + far * plan * by_p
-            F[HEADING, i] += turn_by[i]
-        q[HEADING] = noise[GYRO_VAR] * dt
+            F[NAV_HEADING, i] += turn_by[i]
+        q[NAV_HEADING] = noise[GYRO_VAR] * dt
     way = abs(far)
     # What is free wanders, what is not is 0, or the slow error of a speed
     if step[SPEED_FREE] == 0.0 and noise[SPEED_VAR] > 0.0:
         _forget(SPEED, math.exp(-dt * noise[PER_SPEED_S]), noise[SPEED_VAR], new, F, q)
     else:
         _wander_freely(SPEED, step[SPEED_FREE], noise[ACCEL_VAR] * dt, 900.0, new, F, q)
-    _wander_freely(TURN, step[TURN_FREE], noise[TURN_ACCEL_VAR] * dt, 0.25, new, F, q)
+    _wander_freely(NAV_TURN, step[TURN_FREE], noise[TURN_ACCEL_VAR] * dt, 0.25, new, F, q)
     _forget(PITCH, math.exp(-dt * noise[PER_TILT_S] - way * noise[PER_TILT_M]), noise[TILT_VAR], new, F, q)
     # Roll is that of the road where nothing measures it: it changes as the slope does
     _forget(ROLL, math.exp(-dt * noise[PER_TILT_S] - way * noise[PER_TILT_M]), noise[TILT_VAR], new, F, q)
@@ -100,7 +100,7 @@ def predict(
     p = F @ p @ F.T
     for i in range(N_STATES):
         p[i, i] += q[i]
-    sin_h, cos_h = math.sin(new[HEADING]), math.cos(new[HEADING])
+    sin_h, cos_h = math.sin(new[NAV_HEADING]), math.cos(new[NAV_HEADING])
     along, side = noise[WHEEL_VAR] * way, step[SIDE_VAR]
     p[E, E] += along * sin_h * sin_h + side * cos_h * cos_h + 1e-10 * dt
     p[N, N] += along * cos_h * cos_h + side * sin_h * sin_h + 1e-10 * dt
@@ -153,7 +153,7 @@ def antenna(
     """
     roll, pitch = read[0] + x[ROLL], read[1] + x[PITCH]
     sin_r, cos_r, sin_p, cos_p = math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch)
-    sin_h, cos_h = math.sin(x[HEADING]), math.cos(x[HEADING])
+    sin_h, cos_h = math.sin(x[NAV_HEADING]), math.cos(x[NAV_HEADING])
     left, up = lever[1] * cos_r - lever[2] * sin_r, lever[1] * sin_r + lever[2] * cos_r
     front, top = lever[0] * cos_p - up * sin_p, lever[0] * sin_p + up * cos_p
     east, north = front * sin_h - left * cos_h, front * cos_h + left * sin_h
@@ -166,7 +166,7 @@ def antenna(
         H[i, i] = 1.0
         H[i, DELAY] = -velocity[i]
         H[i, WANDER + i] = slow * sigma[i]
-    H[0, HEADING], H[1, HEADING] = north, -east
+    H[0, NAV_HEADING], H[1, NAV_HEADING] = north, -east
     H[0, PITCH], H[1, PITCH], H[2, PITCH] = -top * sin_h, -top * cos_h, front
     H[0, ROLL] = -left * sin_p * sin_h + up * cos_h
     H[1, ROLL] = -left * sin_p * cos_h - up * sin_h
@@ -235,7 +235,7 @@ def filter_forward(
                 likelihood -= 0.5 * (math.log(s) + _bounded(got * got / s, GATE_UP))
             elif step[WHEEL_TURN_VAR] < math.inf:
                 # The wheels turn the van as the gyro does
-                h[BIAS], h[GYRO_SCALE], h[TURN] = -step[DT], step[TURN_READ], step[DT]
+                h[BIAS], h[GYRO_SCALE], h[NAV_TURN] = -step[DT], step[TURN_READ], step[DT]
                 h[LEFT], h[RIGHT] = -step[LEFT_M] / noise[TRACK_M], step[RIGHT_M] / noise[TRACK_M]
                 got = step[WHEEL_TURN] - step[TURN_READ] - h @ x
                 s = h @ p @ h + step[WHEEL_TURN_VAR]

@@ -16,7 +16,7 @@ PLACE_STEP_M = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class LinePlaces:
     """k places along lines, every `PLACE_STEP_M`: (k, 3), unit directions in plan, the line, its sigma, chainage."""
 
     xyz: FloatArray
@@ -26,7 +26,7 @@ class Places:
     sigma_m: FloatArray
 
 
-def places_along(lines: LineSet) -> Places:
+def places_along(lines: LineSet) -> LinePlaces:
     """Return places every `PLACE_STEP_M` along each line, its ends among them."""
     found = []
     for i in range(len(lines)):
@@ -39,7 +39,7 @@ def places_along(lines: LineSet) -> Places:
         way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
         found.append((place, way, np.full(n, i), at, np.interp(at, along, sigma)))
     xyz, way, line, at, sigma = (np.concatenate(column) for column in zip(*found, strict=True))
-    return Places(xyz, way, line.astype(np.int64), at, sigma)
+    return LinePlaces(xyz, way, line.astype(np.int64), at, sigma)
 
 
 def chainage_of(xyz: FloatArray) -> FloatArray:
@@ -57,7 +57,7 @@ def runs_of(mask: BoolArray) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
 
 
-def stretch(line: LineSet, start_m: float, end_m: float) -> LineSet:
+def line_stretch(line: LineSet, start_m: float, end_m: float) -> LineSet:
     """Return a line from one chainage to another, its vertices and new ones at both ends."""
     along = chainage_of(line.xyz)
     inside = np.flatnonzero((along > start_m + 1e-6) & (along < end_m - 1e-6))
@@ -82,7 +82,7 @@ _SMOOTH_M = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class DrivenPath:
     """The van's way, every road once.
 
     Parameters
@@ -106,7 +106,7 @@ class Way:
         object.__setattr__(self, "tree", cKDTree(self.xy - self.xy[0]) if len(self.xy) else None)
 
     @classmethod
-    def of(cls, path: FloatArray) -> Way:
+    def of(cls, path: FloatArray) -> DrivenPath:
         """Return the way along a path (n, 2 or 3), without what leads over a road again."""
         xy = path[:, :2]
         step = np.hypot(*np.diff(xy, axis=0).T) if len(xy) else np.zeros(0)

@@ -57,12 +57,14 @@ class Catenary:
 
     def height_at(self, station_m: FloatArray) -> FloatArray:
         """Return the wire's height [m] at (n,) stations [m]."""
-        heights: FloatArray = kernels.heights(np.ascontiguousarray(station_m, dtype=np.float64), self.numbers)
+        heights: FloatArray = kernels.wire_heights(
+            np.ascontiguousarray(station_m, dtype=np.float64), self.numbers
+        )
         return heights
 
     def height_of(self, station_m: float) -> float:
         """Return the wire's height [m] at one station [m]."""
-        height: float = kernels.height(station_m, self.numbers)
+        height: float = kernels.wire_height(station_m, self.numbers)
         return height
 
     @property

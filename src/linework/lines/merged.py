@@ -8,25 +8,25 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, IntArray
-from linework.lines.along import PLACE_STEP_M, Places, places_along, runs_of, stretch
+from linework.lines.along import PLACE_STEP_M, LinePlaces, line_stretch, places_along, runs_of
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: Two lines of one kind are one feature where they are nearer than three standard deviations of their difference,
 LIKELY = 3.0
 #: but always within a stripe's width (their own sigmas may leave out what both share), and never beyond half of
 #: the distance of a double line's outer edges. [m]
-SAME_M, APART_M = 0.15, 0.5
+SAME_FEATURE_M, DOUBLE_APART_M = 0.15, 0.5
 #: Neighbouring lines run within this angle of each other. [deg]
 TURN_DEG = 20.0
 #: A stretch that only one method saw is kept from this length; shorter ones are ends that differ. [m]
-LEAST_M = 3.0
+LEAST_MERGED_M = 3.0
 #: A dash of which the other method saw this share is the same dash. It is kept whole or not at all.
 SAME_SHARE = 0.3
 #: Kinds of short pieces that are not cut.
-WHOLE_KINDS = ("lane_marking_dash", "road_marking_other")
+UNCUT_KINDS = ("lane_marking_dash", "road_marking_other")
 
 
-def merged(one: LineSet, other: LineSet) -> LineSet:
+def merge_line_sets(one: LineSet, other: LineSet) -> LineSet:
     """Return all lines of two methods without those stretches that the other has with a smaller sigma.
 
     Parameters
@@ -78,11 +78,11 @@ def _merged_kind(one: LineSet, other: LineSet, kind: str) -> list[LineSet]:
     return _joined(sides[0], sides[1])
 
 
-def _nearest(a: Places, b: Places) -> IntArray:
+def _nearest(a: LinePlaces, b: LinePlaces) -> IntArray:
     """Return for each place of `a` the nearest one of `b` of the same direction and feature, -1 where there is none."""
     origin = a.xyz[0, :2]
     tree = cKDTree(b.xyz[:, :2] - origin)
-    reach_m = float(np.hypot(APART_M, PLACE_STEP_M))
+    reach_m = float(np.hypot(DOUBLE_APART_M, PLACE_STEP_M))
     distance, index = tree.query(a.xyz[:, :2] - origin, k=min(8, len(b.xyz)), distance_upper_bound=reach_m)
     distance, index = distance.reshape(len(a.xyz), -1), index.reshape(len(a.xyz), -1)
     there = np.minimum(index, len(b.xyz) - 1)
@@ -91,14 +91,14 @@ def _nearest(a: Places, b: Places) -> IntArray:
     along = np.abs(np.sum(b.way[there] * step, axis=2))
     same_way = np.abs(np.sum(b.way[there] * a.way[:, None], axis=2)) >= np.cos(np.radians(TURN_DEG))
     sigma = np.nan_to_num(np.hypot(a.sigma_m[:, None], b.sigma_m[there]))
-    within = np.clip(LIKELY * sigma, SAME_M, APART_M)
+    within = np.clip(LIKELY * sigma, SAME_FEATURE_M, DOUBLE_APART_M)
     fits = np.isfinite(distance) & same_way & (across <= within) & (along <= PLACE_STEP_M)
     best = np.argmin(np.where(fits, across, np.inf), axis=1)
     rows = np.arange(len(a.xyz))
     return np.where(fits[rows, best], there[rows, best], -1).astype(np.int64)
 
 
-def _contest(a: Places, b: Places, b_of_a: IntArray) -> _Contest:
+def _contest(a: LinePlaces, b: LinePlaces, b_of_a: IntArray) -> _Contest:
     """Decide for every two lines that run along each other which of them stays."""
     met = b_of_a >= 0
     pairs, owner = np.unique(
@@ -126,7 +126,7 @@ class _Contest:
 
 
 def _offsets(
-    a: Places, b: Places, k: IntArray, stays: BoolArray, n_lines: int, *, in_space: bool
+    a: LinePlaces, b: LinePlaces, k: IntArray, stays: BoolArray, n_lines: int, *, in_space: bool
 ) -> FloatArray:
     """Return (n_lines, 2): mean and root mean square of the other's offset from each line where that stays."""
     at = np.flatnonzero(k >= 0)[stays]
@@ -140,7 +140,7 @@ def _offsets(
     return np.stack([mean, rms], axis=1)
 
 
-def _kept(lines: LineSet, places: Places, lost: BoolArray, offsets: FloatArray) -> list[_Piece]:
+def _kept(lines: LineSet, places: LinePlaces, lost: BoolArray, offsets: FloatArray) -> list[_Piece]:
     """Return what stays of the lines: whole, or the stretches that are not lost."""
     compared = lines.with_columns(disagreement_mean_m=offsets[:, 0], disagreement_rms_m=offsets[:, 1])
     pieces = []
@@ -150,11 +150,11 @@ def _kept(lines: LineSet, places: Places, lost: BoolArray, offsets: FloatArray) 
         one = compared.take([i])
         if not gone.any():
             pieces.append(_Piece(one, is_rest=False))
-        elif str(one.kind[0]) in WHOLE_KINDS:
+        elif str(one.kind[0]) in UNCUT_KINDS:
             pieces += [_Piece(one, is_rest=False)] if gone.mean() < SAME_SHARE else []
         else:
-            runs = [(at[k], at[m]) for k, m in runs_of(~gone) if at[m] - at[k] >= LEAST_M]
-            pieces += [_Piece(stretch(one, start_m, end_m), is_rest=True) for start_m, end_m in runs]
+            runs = [(at[k], at[m]) for k, m in runs_of(~gone) if at[m] - at[k] >= LEAST_MERGED_M]
+            pieces += [_Piece(line_stretch(one, start_m, end_m), is_rest=True) for start_m, end_m in runs]
     return pieces
 
 
@@ -182,7 +182,7 @@ def _continued_by(rest: LineSet, lines: list[LineSet]) -> int | None:
     """Return which line ends where the rest begins or ends, and runs its way."""
     for k, line in enumerate(lines):
         apart = np.linalg.norm(line.xyz[[0, -1], None, :2] - rest.xyz[None, [0, -1], :2], axis=2)
-        if apart.min() > APART_M + PLACE_STEP_M or set(line.method[0].split("+")) >= set(
+        if apart.min() > DOUBLE_APART_M + PLACE_STEP_M or set(line.method[0].split("+")) >= set(
             rest.method[0].split("+")
         ):
             continue
@@ -244,8 +244,8 @@ def distances_beside(
     lines, others
         Of one kind, at least one line; in the same CRS.
     reach_m
-        How far one may run from the other. None: three standard deviations of their difference, at least `SAME_M` and at
-        most `APART_M`, and half of the width of the thing.
+        How far one may run from the other. None: three standard deviations of their difference, at least `SAME_FEATURE_M` and at
+        most `DOUBLE_APART_M`, and half of the width of the thing.
 
     Returns
     -------
@@ -260,7 +260,7 @@ def distances_beside(
     b = places_along(others)
     origin = a.xyz[0, :2]
     half = 0.5 * np.fmax(np.nan_to_num(lines.width_m)[a.line], np.nan_to_num(others.width_m).max())
-    most = APART_M + float(half.max()) if reach_m is None else reach_m
+    most = DOUBLE_APART_M + float(half.max()) if reach_m is None else reach_m
     tree = cKDTree(b.xyz[:, :2] - origin)
     near, index = tree.query(
         a.xyz[:, :2] - origin,
@@ -280,7 +280,7 @@ def distances_beside(
         np.nan_to_num(lines.width_m)[a.line][:, None], np.nan_to_num(others.width_m)[b.line[there]]
     )
     sigma = np.hypot(*(np.nan_to_num(s, nan=HAND_M) for s in (a.sigma_m[:, None], b.sigma_m[there])))
-    within = np.clip(LIKELY * sigma, SAME_M, APART_M) + width if reach_m is None else reach_m
+    within = np.clip(LIKELY * sigma, SAME_FEATURE_M, DOUBLE_APART_M) + width if reach_m is None else reach_m
     fits = np.isfinite(near) & same_way & (across <= within) & (along <= PLACE_STEP_M)
     across = np.where(fits, across, np.inf)
     rows, k = np.arange(len(a.line)), np.argmin(across, axis=1)

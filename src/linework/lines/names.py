@@ -12,10 +12,10 @@ from linework.model.lines import LineSet
 
 #: A line's place is known to this step: wider than what another pass or a changed setting moves a line's
 #: middle across it, narrower than the distance of neighbouring lines of one kind. [m]
-PLACE_STEP_M = 1.0
+ID_STEP_M = 1.0
 
 
-def named(lines: LineSet, taken: Container[str]) -> LineSet:
+def with_ids(lines: LineSet, taken: Container[str]) -> LineSet:
     """Return the lines, those without an `id` with one that no other line has and that is not taken.
 
     >>> lines = named(LineSet.from_lines([np.zeros((2, 3))] * 2, kind=["cable"] * 2), ())
@@ -25,22 +25,22 @@ def named(lines: LineSet, taken: Container[str]) -> LineSet:
     ids = lines.id.tolist()
     if all(ids):
         return lines
-    places, own = places_of(lines), set(ids)
+    places, own = cells_of_lines(lines), set(ids)
     for i in np.flatnonzero(lines.id == "").tolist():
         number = 1
-        while (name := place_name(str(lines.kind[i]), places[i], number)) in own or name in taken:
+        while (name := cell_id(str(lines.kind[i]), places[i], number)) in own or name in taken:
             number += 1
         ids[i] = name
         own.add(name)
     return lines.with_columns(id=np.array(ids, dtype=np.str_))
 
 
-def places_of(lines: LineSet) -> IntArray:
-    """Return the cell of each line's middle: (m, 3), in steps of `PLACE_STEP_M`."""
-    return np.floor(midpoints(lines) / PLACE_STEP_M).astype(np.int64)
+def cells_of_lines(lines: LineSet) -> IntArray:
+    """Return the cell of each line's middle: (m, 3), in steps of `ID_STEP_M`."""
+    return np.floor(midpoints(lines) / ID_STEP_M).astype(np.int64)
 
 
-def place_name(kind: str, place: IntArray, number: int) -> str:
+def cell_id(kind: str, place: IntArray, number: int) -> str:
     """Return the name of a line of a kind in a cell; lines of one kind in one cell are told apart by `number`."""
     text = ":".join((kind, *map(str, place), str(number)))
     return f"{kind}-{hashlib.sha256(text.encode()).hexdigest()[:10]}"

@@ -34,7 +34,7 @@ def parse_kinds(text: str) -> tuple[str, ...]:
     return tuple(kind for kind in ALL_KINDS if kind in asked)
 
 
-def kinds_of(method: str) -> tuple[str, ...]:
+def kinds_of_method(method: str) -> tuple[str, ...]:
     """Return the kinds that a method finds, in their fixed order; all for "auto" and for a method that is not there.
 
     >>> kinds_of("radon")

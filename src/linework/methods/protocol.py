@@ -94,7 +94,7 @@ def sight_of(surface: RoadSurface) -> Sight:
     return seen
 
 
-def seen_share(seen: Sight, start: FloatArray, end: FloatArray) -> float:
+def visible_share(seen: Sight, start: FloatArray, end: FloatArray) -> float:
     """Return the share of the straight way between two places, 0 to 1, that was seen."""
     n = max(int(np.hypot(*(end[:2] - start[:2])) / 0.25), 1)
     along = (np.arange(n) + 0.5)[:, None] / n

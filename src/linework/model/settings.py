@@ -6,7 +6,7 @@ import dataclasses
 import math
 from typing import Any, TypeVar
 
-T = TypeVar("T")
+SettingsT = TypeVar("SettingsT")
 
 
 def setting(default: Any, *, unit: str, reason: str, low: float = -math.inf, high: float = math.inf) -> Any:
@@ -16,7 +16,7 @@ def setting(default: Any, *, unit: str, reason: str, low: float = -math.inf, hig
     )
 
 
-def group(cls: type[T]) -> Any:
+def group(cls: type[SettingsT]) -> Any:
     """Return a dataclass field that holds a group of settings with its own defaults."""
     return dataclasses.field(default_factory=cls)
 

@@ -17,7 +17,7 @@ from linework.navigation.poses import attitude_deg_of, poses_at
 _STEP_M = 1.0
 #: Between poses farther apart nobody knows where the van was: braking or turning at 3 m/s2, 1.5 m beside the straight
 #: way between them. [s]
-HOLE_S = 2.0
+PATH_HOLE_S = 2.0
 
 
 def chainage_m(trajectory: Trajectory) -> FloatArray:
@@ -54,7 +54,7 @@ def is_placed(trajectory: Trajectory, time_s: FloatArray) -> BoolArray:
     if len(known) < 2:
         return np.asarray(inside)
     is_pose = (known[after] == time_s) | (known[after - 1] == time_s)
-    return np.asarray(inside & (is_pose | (known[after] - known[after - 1] <= HOLE_S)))
+    return np.asarray(inside & (is_pose | (known[after] - known[after - 1] <= PATH_HOLE_S)))
 
 
 def places_at(

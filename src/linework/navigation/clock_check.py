@@ -9,7 +9,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
 from linework.model.logs import GnssLog
-from linework.navigation.dead_reckoning import Motion, Reckoned, reckon
+from linework.navigation.dead_reckoning import DeadReckoning, Motion, reckon
 
 #: A way of so long keeps its shape, also by a poor gyro. [s]
 _WINDOW_S = 60.0
@@ -36,7 +36,7 @@ _EVIDENCE = 12.0
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class CheckedMotion:
     """Stretches of one clock each, and the motion with signs and units put right.
 
     Parameters
@@ -54,7 +54,7 @@ class Checked:
     warnings: tuple[str, ...]
 
 
-def checked_against_fixes(motion: Motion, gnss: GnssLog) -> Checked:
+def checked_against_fixes(motion: Motion, gnss: GnssLog) -> CheckedMotion:
     """Compare the way of gyro and wheels with the fixes; what differs by a clock, a sign or a unit is named."""
     windows = _windows(gnss)
     factor, evidence, residual = 1.0, *_evidence(motion, gnss, windows)
@@ -82,7 +82,7 @@ def checked_against_fixes(motion: Motion, gnss: GnssLog) -> Checked:
         stretches.append((part, exact))
     warnings += _said(gnss, stretches)
     motion, way_factor, said = _scaled(motion, gnss, windows)
-    return Checked(motion, tuple(stretches), factor, way_factor, (*warnings, *said))
+    return CheckedMotion(motion, tuple(stretches), factor, way_factor, (*warnings, *said))
 
 
 def _turned(motion: Motion, factor: float) -> Motion:
@@ -108,7 +108,7 @@ def _evidence(motion: Motion, gnss: GnssLog, windows: list[AnyArray]) -> tuple[F
     return n[:, None] * np.log(none / residual), residual
 
 
-def _residuals(reckoned: Reckoned, gnss: GnssLog, window: AnyArray, lags_s: AnyArray) -> FloatArray:
+def _residuals(reckoned: DeadReckoning, gnss: GnssLog, window: AnyArray, lags_s: AnyArray) -> FloatArray:
     """Return what the fixes of a window are off by (median) from the way at other times, per lag, in metres.
 
     ``fix = a + b way + c (way bent by a gyro's bias)`` with complex a, b, c, least squares, thrice reweighted.

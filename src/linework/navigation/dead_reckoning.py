@@ -72,7 +72,7 @@ class Motion:
 
 
 @dataclass(frozen=True, slots=True)
-class Reckoned:
+class DeadReckoning:
     """The way as gyro and wheels alone see it, from (0, 0) and heading 0.
 
     Parameters
@@ -95,20 +95,20 @@ class Reckoned:
     xy: FloatArray
     rise_m: FloatArray
 
-    def at(self, time_s: FloatArray) -> Reckoned:
+    def at(self, time_s: FloatArray) -> DeadReckoning:
         """Return the way at other times, between those of the grid."""
 
         def between(values: FloatArray) -> FloatArray:
             columns = values.reshape(len(values), -1).T
             return np.stack([np.interp(time_s, self.time_s, c) for c in columns], axis=1)
 
-        return Reckoned(
+        return DeadReckoning(
             time_s, between(self.heading_rad)[:, 0], between(self.way_m), between(self.xy),
             between(self.rise_m)[:, 0],
         )  # fmt: skip
 
 
-def reckon(motion: Motion, also_s: FloatArray) -> Reckoned:
+def reckon(motion: Motion, also_s: FloatArray) -> DeadReckoning:
     """Integrate turns and ways over the whole span.
 
     Parameters
@@ -129,14 +129,14 @@ def reckon(motion: Motion, also_s: FloatArray) -> Reckoned:
     xy = np.zeros((len(time), 2))
     xy[1:] = np.cumsum(step[:, None] * np.stack([np.sin(middle), np.cos(middle)], axis=1), axis=0)
     rise = np.concatenate([[0.0], np.cumsum(step * np.sin(pitch))])
-    return Reckoned(time, heading, way, xy, rise)
+    return DeadReckoning(time, heading, way, xy, rise)
 
 
 def _integral(x: FloatArray, y: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(0.5 * np.diff(x) * (y[1:] + y[:-1]))])
 
 
-def steps_between(motion: Motion, reckoned: Reckoned, nodes_s: FloatArray) -> FloatArray:
+def steps_between(motion: Motion, reckoned: DeadReckoning, nodes_s: FloatArray) -> FloatArray:
     """Return the steps from node to node as the kernels take them, (n - 1, 16)."""
     at = reckoned.at(nodes_s)
     first, last = nodes_s[:-1], nodes_s[1:]
@@ -145,7 +145,7 @@ def steps_between(motion: Motion, reckoned: Reckoned, nodes_s: FloatArray) -> Fl
     steps = np.zeros((len(dt), kernel.N_STEP))
     steps[:, kernel.DT], steps[:, kernel.TURN_READ] = dt, turn
     steps[:, kernel.LEFT_M], steps[:, kernel.RIGHT_M] = way.T
-    steps[:, kernel.AHEAD], steps[:, kernel.ASIDE] = _chords(at, far, turn)
+    steps[:, kernel.ANTENNA_AHEAD], steps[:, kernel.ASIDE] = _chords(at, far, turn)
     sine = np.divide(np.diff(at.rise_m), far, out=np.full(len(far), np.nan), where=np.abs(far) > 0.01)
     pitch = np.interp(0.5 * (first + last), motion.turn_time_s, motion.tilt_rad[:, 1])
     steps[:, kernel.PITCH_READ] = np.where(np.isnan(sine), pitch, np.arcsin(np.clip(sine, -0.5, 0.5)))
@@ -160,7 +160,7 @@ def steps_between(motion: Motion, reckoned: Reckoned, nodes_s: FloatArray) -> Fl
     return steps
 
 
-def _chords(at: Reckoned, far: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _chords(at: DeadReckoning, far: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return where a step of length 1 ends, ahead and to the right of where it began."""
     east, north = np.diff(at.xy, axis=0).T
     sin_h, cos_h = np.sin(at.heading_rad[:-1]), np.cos(at.heading_rad[:-1])

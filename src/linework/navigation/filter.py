@@ -9,7 +9,7 @@ import numpy as np
 from linework.arrays import FloatArray, IntArray
 from linework.kernels import navigation as kernel
 from linework.model.logs import GnssLog
-from linework.navigation.dead_reckoning import Motion, Reckoned, steps_between
+from linework.navigation.dead_reckoning import DeadReckoning, Motion, steps_between
 from linework.navigation.noise import NoiseModel
 
 #: Between fixes nodes are no further apart; the way between two is dead reckoned in full. [s]
@@ -19,7 +19,7 @@ _SPEED_S = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Problem:
+class FilterProblem:
     """A drive as the filter takes it: nodes, steps between them, fixes at some of them.
 
     Parameters
@@ -52,7 +52,7 @@ class Problem:
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class FilterEstimate:
     """States (n, 16) and covariances (n, 16, 16) at the nodes, and what the fixes were off by.
 
     Parameters
@@ -74,9 +74,14 @@ class Estimate:
     jump: FloatArray
 
 
-def problem_of(
-    motion: Motion, reckoned: Reckoned, gnss: GnssLog, x0: FloatArray, sigma0: FloatArray, lever_m: FloatArray
-) -> Problem:
+def filter_problem(
+    motion: Motion,
+    reckoned: DeadReckoning,
+    gnss: GnssLog,
+    x0: FloatArray,
+    sigma0: FloatArray,
+    lever_m: FloatArray,
+) -> FilterProblem:
     """Return nodes at all fixes and at least every half second.
 
     Parameters
@@ -92,7 +97,7 @@ def problem_of(
     before, after = np.maximum(nodes - _SPEED_S, first), np.minimum(nodes + _SPEED_S, last)
     way = reckoned.at(after).way_m - reckoned.at(before).way_m
     read = np.column_stack([*tilt, way.mean(axis=1) / (after - before)])
-    return Problem(
+    return FilterProblem(
         time_s=nodes, steps=steps_between(motion, reckoned, nodes), read=read, fix_of=fix_of,
         fixes=np.ascontiguousarray(gnss.xyz), sigma_m=np.ascontiguousarray(gnss.sigma_m),
         lever_m=lever_m, x0=x0, sigma0=sigma0,
@@ -107,7 +112,9 @@ def _filled(times: FloatArray, step_s: float) -> FloatArray:
     return np.append(start + part * np.repeat(np.diff(times) / n, n), times[-1])
 
 
-def filtered(problem: Problem, noise: NoiseModel, doubt: FloatArray | None = None) -> Estimate:
+def filter_states(
+    problem: FilterProblem, noise: NoiseModel, doubt: FloatArray | None = None
+) -> FilterEstimate:
     """Filter forward: what could be known at each moment.
 
     Parameters
@@ -125,17 +132,17 @@ def filtered(problem: Problem, noise: NoiseModel, doubt: FloatArray | None = Non
         problem.x0, np.diag(sigma0**2), problem.steps, problem.read, problem.fix_of, problem.fixes,
         problem.sigma_m, doubt, problem.lever_m, noise.row(),
     )  # fmt: skip
-    return Estimate(x, p, innovation, spread, added, float(likelihood), np.zeros(0))
+    return FilterEstimate(x, p, innovation, spread, added, float(likelihood), np.zeros(0))
 
 
-def smoothed(problem: Problem, noise: NoiseModel, forward: Estimate) -> Estimate:
+def smooth_states(problem: FilterProblem, noise: NoiseModel, forward: FilterEstimate) -> FilterEstimate:
     """Smooth backward: what is known once the drive is over."""
     x, p, jump = kernel.smooth_backward(forward.x, forward.p, problem.steps, noise.row())
     residual, spread = _residuals(problem, noise, x, p)
-    return Estimate(x, p, residual, spread, forward.added_m2, forward.likelihood, jump)
+    return FilterEstimate(x, p, residual, spread, forward.added_m2, forward.likelihood, jump)
 
 
-def doubts(residual_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
+def outlier_variances(residual_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
     """Return the variance to add to each fix so that those far off from the smoothed way count little.
 
     Beyond the gate (99.9 %) it grows with the fourth power of the distance: what is far off pulls least.
@@ -149,7 +156,7 @@ def doubts(residual_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
 
 
 def _residuals(
-    problem: Problem, noise: NoiseModel, x: FloatArray, p: FloatArray
+    problem: FilterProblem, noise: NoiseModel, x: FloatArray, p: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return what the fixes are off by from smoothed states, and what they may be."""
     n = len(problem.fixes)

@@ -19,9 +19,9 @@ from linework.errors import InputError
 from linework.model.logs import GnssLog, NavigationLogs
 from linework.navigation.clock_check import checked_against_fixes
 from linework.navigation.dead_reckoning import Motion
-from linework.navigation.located import Located, NavigationConfig, one_after_another
+from linework.navigation.located import LocatedDrive, NavigationConfig, concatenated_drives
 from linework.navigation.motion import motion_of
-from linework.navigation.stretch import Sensors, located_stretch
+from linework.navigation.stretch import Sensors, locate_stretch
 from linework.navigation.wheels import spans_of
 
 #: Fewer fixes are no drive.
@@ -32,13 +32,13 @@ _PAUSE_S = 5.0
 _CLOCK_S = 40.0
 
 
-def locate(
+def locate_drive(
     logs: NavigationLogs,
     config: NavigationConfig | None = None,
     *,
     rate_hz: float = 50.0,
     progress: Callable[[int, int], None] | None = None,
-) -> Located:
+) -> LocatedDrive:
     """Return where the van was and how it was turned, with honest sigmas.
 
     Parameters
@@ -67,7 +67,7 @@ def locate(
     gnss, said = _fixes_within(logs.gnss, motion.span_s)
     # Where the logs pause the drive is cut: nobody knows how the van went on
     sections, pauses_said = _sections(motion)
-    found: list[Located] = []
+    found: list[LocatedDrive] = []
     refused: list[tuple[Motion, InputError]] = []
     for i, section in enumerate(sections):
         try:
@@ -79,14 +79,14 @@ def locate(
     if not found:
         raise refused[0][1]
     lost = [f"{error.problem}: left out" for _, error in refused]
-    return one_after_another(
+    return concatenated_drives(
         found, [section.span_s for section, _ in refused], (*warnings, *said, *pauses_said, *lost)
     )
 
 
 def _located_section(
     motion: Motion, gnss: GnssLog, sensors: Sensors, config: NavigationConfig, rate_hz: float
-) -> list[Located]:
+) -> list[LocatedDrive]:
     """Return the drive between two pauses of the logs, in as many parts as there are clocks."""
     gnss, _ = _fixes_within(gnss, motion.span_s)
     # Clocks, signs and units: dead reckoning against the fixes; where a clock jumps, the drive is cut
@@ -100,7 +100,7 @@ def _located_section(
         if len(checked.stretches) > 1:
             own = own.between(float(part.time_s[0]), float(part.time_s[-1]))
         # Filter forward, smooth backward
-        parts.append(located_stretch(own, part, sensors, config, rate_hz=rate_hz))
+        parts.append(locate_stretch(own, part, sensors, config, rate_hz=rate_hz))
     return [replace(parts[0], warnings=(*checked.warnings, *parts[0].warnings)), *parts[1:]]
 
 

@@ -14,7 +14,7 @@ from linework.navigation.noise import NoiseModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stretch:
+class DriveStretch:
     """What was found out about the sensors between two clock jumps.
 
     Parameters
@@ -35,7 +35,7 @@ class Stretch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Located:
+class LocatedDrive:
     """A drive, positioned.
 
     Parameters
@@ -63,13 +63,13 @@ class Located:
     residual_m: FloatArray
     residual_sigma_m: FloatArray
     is_outlier: BoolArray
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[DriveStretch, ...]
     warnings: tuple[str, ...] = field(default=())
 
 
-def one_after_another(
-    parts: Sequence[Located], refused_s: Sequence[tuple[float, float]], warnings: Sequence[str]
-) -> Located:
+def concatenated_drives(
+    parts: Sequence[LocatedDrive], refused_s: Sequence[tuple[float, float]], warnings: Sequence[str]
+) -> LocatedDrive:
     """Return the parts of a drive as one.
 
     Parameters
@@ -82,7 +82,7 @@ def one_after_another(
     def joined(name: str) -> FloatArray:
         return np.concatenate([getattr(p, name) for p in parts])
 
-    return Located(
+    return LocatedDrive(
         trajectory=_joined([p.trajectory for p in parts]),
         forward=_joined([p.forward for p in parts]),
         distance_m=sum(p.distance_m for p in parts),
@@ -102,7 +102,7 @@ def _joined(parts: Sequence[Trajectory]) -> Trajectory:
     return Trajectory(*(np.concatenate([getattr(p, name) for p in parts]) for name in columns))
 
 
-def within(trajectory: Trajectory, kept: BoolArray) -> Trajectory:
+def kept_poses(trajectory: Trajectory, kept: BoolArray) -> Trajectory:
     """Return the poses that are kept."""
     columns = ("time_s", "xyz", "attitude_deg", "sigma_xyz_m", "sigma_attitude_deg")
     return Trajectory(*(getattr(trajectory, name)[kept] for name in columns))

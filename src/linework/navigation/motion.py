@@ -10,7 +10,7 @@ from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.model.logs import GnssLog, GyroLog, NavigationLogs
 from linework.navigation.dead_reckoning import Motion
-from linework.navigation.wheels import Ways, sound_ways, spans_of
+from linework.navigation.wheels import WheelTravel, spans_of, valid_wheel_travel
 
 #: Speed from fixes is taken over this to either side. [s]
 _SPEED_WINDOW_S = 1.0
@@ -24,7 +24,7 @@ _BLIND_S = 1.0
 _NONE = np.zeros((0, 2))
 
 
-def motion_of(logs: NavigationLogs) -> tuple[Motion, Turns | None, tuple[str, ...]]:
+def motion_of(logs: NavigationLogs) -> tuple[Motion, TurnRates | None, tuple[str, ...]]:
     """Return the motion that the logs show, the gyro's noise where there is one, and what was odd.
 
     Raises
@@ -49,13 +49,13 @@ def motion_of(logs: NavigationLogs) -> tuple[Motion, Turns | None, tuple[str, ..
     ways = (
         _ways_of_fixes(logs.gnss)
         if wheels is None
-        else sound_ways(wheels, logs.tick_m, logs.track_m, heading)
+        else valid_wheel_travel(wheels, logs.tick_m, logs.track_m, heading)
     )
     ways = _really_standing(ways, logs.gnss)
     motion = _with_ways(ways, logs)
     if gyro is None:
         return _turned_by_wheels(motion), None, ways.warnings
-    turns = sound_turns(gyro, ways.at_rest)
+    turns = valid_turn_rates(gyro, ways.at_rest)
     motion = replace(
         motion, turn_time_s=turns.time_s, turn_radps=turns.rate_radps, tilt_rad=turns.tilt_rad,
         no_turn=turns.no_turn,
@@ -63,7 +63,7 @@ def motion_of(logs: NavigationLogs) -> tuple[Motion, Turns | None, tuple[str, ..
     return motion, turns, (*ways.warnings, *turns.warnings)
 
 
-def _really_standing(ways: Ways, gnss: GnssLog) -> Ways:
+def _really_standing(ways: WheelTravel, gnss: GnssLog) -> WheelTravel:
     """Take out stops in which the fixes move: sensors of wheels are blind when slow, counters stick."""
     standing, moving, said = [], [], []
     for start, end in ways.at_rest:
@@ -82,7 +82,7 @@ def _really_standing(ways: Ways, gnss: GnssLog) -> Ways:
     )  # fmt: skip
 
 
-def _moved(ways: Ways, gnss: GnssLog, start_s: float, end_s: float) -> float:
+def _moved(ways: WheelTravel, gnss: GnssLog, start_s: float, end_s: float) -> float:
     """Return how far the fixes move while the wheels stand, 0 where that may be noise or fixes far off, in metres.
 
     Fixes are compared with those after the stop that are as good as at its place: bad ones do not last.
@@ -117,7 +117,7 @@ def _bridged(time_s: FloatArray, way_m: FloatArray, spans: FloatArray) -> FloatA
     return np.concatenate([way_m[:1], way_m[0] + np.cumsum(speed * np.diff(time_s)[:, None], axis=0)])
 
 
-def _with_ways(ways: Ways, logs: NavigationLogs) -> Motion:
+def _with_ways(ways: WheelTravel, logs: NavigationLogs) -> Motion:
     has_ticks = logs.wheels is not None and logs.wheels.ticks is not None
     return Motion(
         turn_time_s=np.zeros(0), turn_radps=np.zeros(0), tilt_rad=_NONE, no_turn=_NONE,
@@ -137,7 +137,7 @@ def _turned_by_wheels(motion: Motion) -> Motion:
     )
 
 
-def _ways_of_fixes(gnss: GnssLog) -> Ways:
+def _ways_of_fixes(gnss: GnssLog) -> WheelTravel:
     """Return ways by the speed between fixes; how far they are off is left to the filter all the time."""
     time = gnss.time_s
     before, after = np.maximum(time - _SPEED_WINDOW_S, time[0]), np.minimum(time + _SPEED_WINDOW_S, time[-1])
@@ -149,7 +149,7 @@ def _ways_of_fixes(gnss: GnssLog) -> Ways:
     way = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(time) * (speed[1:] + speed[:-1]))])
     always = np.array([[-np.inf, np.inf]])
     said = "no wheels: ways come from the fixes alone, outages of more than some seconds are not bridged well"
-    return Ways(time, np.stack([way, way], axis=1), always, _NONE, apart=False, warnings=(said,))
+    return WheelTravel(time, np.stack([way, way], axis=1), always, _NONE, apart=False, warnings=(said,))
 
 
 # Sound turn rates and tilts from the gyros' log, and how noisy they are
@@ -163,7 +163,7 @@ _TILT_WINDOW_S = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Turns:
+class TurnRates:
     """Turn rates and tilts.
 
     Parameters
@@ -189,7 +189,7 @@ class Turns:
     warnings: tuple[str, ...] = ()
 
 
-def sound_turns(log: GyroLog, at_rest: FloatArray) -> Turns:
+def valid_turn_rates(log: GyroLog, at_rest: FloatArray) -> TurnRates:
     """Return what the gyros say.
 
     Parameters
@@ -208,7 +208,7 @@ def sound_turns(log: GyroLog, at_rest: FloatArray) -> Turns:
     if log.roll_pitch_rad is not None:
         tilt, sigma = _smoothed(time, log.roll_pitch_rad)
     no_turn = np.concatenate([pauses, saturated])
-    return Turns(
+    return TurnRates(
         time, rate, tilt, sigma, no_turn[np.argsort(no_turn[:, 0], kind="stable")],
         _random_walk(time, rate, at_rest), tuple(warnings),
     )  # fmt: skip

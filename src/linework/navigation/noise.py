@@ -81,7 +81,7 @@ class NoiseModel:
         return row
 
 
-def first_noise(tick_m: float, track_m: float, *, gyro_noise: float | None, has_tilt: bool) -> NoiseModel:
+def initial_noise(tick_m: float, track_m: float, *, gyro_noise: float | None, has_tilt: bool) -> NoiseModel:
     """Return what is known of the noise before the drive is looked at.
 
     Parameters
@@ -113,7 +113,7 @@ _FACTORS = {
 _SHARES = (0.001, 0.02, 0.3, 0.6, 0.85, 0.97)
 
 
-def most_probable(first: NoiseModel, likelihood: Callable[[NoiseModel], float]) -> NoiseModel:
+def fit_noise(first: NoiseModel, likelihood: Callable[[NoiseModel], float]) -> NoiseModel:
     """Return the noise that makes the innovations most probable, near its first guess.
 
     Parameters

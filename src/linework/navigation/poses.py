@@ -8,8 +8,8 @@ from linework.arrays import AnyArray, FloatArray
 from linework.kernels import navigation as kernel
 from linework.model.images import Poses
 from linework.model.trajectory import Trajectory
-from linework.navigation.dead_reckoning import Motion, Reckoned
-from linework.navigation.filter import Estimate, Problem
+from linework.navigation.dead_reckoning import DeadReckoning, Motion
+from linework.navigation.filter import FilterEstimate, FilterProblem
 
 
 def rotations_of(attitude_deg: FloatArray) -> FloatArray:
@@ -78,10 +78,10 @@ def _interpolated(time_s: FloatArray, known_s: FloatArray, values: FloatArray | 
 
 def trajectory_at(
     time_s: FloatArray,
-    problem: Problem,
-    estimate: Estimate,
+    problem: FilterProblem,
+    estimate: FilterEstimate,
     motion: Motion,
-    reckoned: Reckoned,
+    reckoned: DeadReckoning,
     *,
     origin_m: FloatArray,
     tilt_sigma_rad: FloatArray,
@@ -113,33 +113,39 @@ def trajectory_at(
         pose[:, :3] + origin_m,
         attitude,
         sigma[:, :3],
-        np.degrees(np.column_stack([sigma_tilt, sigma[:, kernel.HEADING]])),
+        np.degrees(np.column_stack([sigma_tilt, sigma[:, kernel.NAV_HEADING]])),
     )
 
 
 def _moved(
-    x: FloatArray, node: Reckoned, at: Reckoned, k: AnyArray, dt: FloatArray, *, to_next: bool = False
+    x: FloatArray,
+    node: DeadReckoning,
+    at: DeadReckoning,
+    k: AnyArray,
+    dt: FloatArray,
+    *,
+    to_next: bool = False,
 ) -> FloatArray:
     """Return (n, 4) position and heading after the way from node `k`."""
     to = slice(1, None) if to_next else slice(None)
     turn_read = at.heading_rad[to] - node.heading_rad[k]
-    turn = (1.0 + x[:, kernel.GYRO_SCALE]) * turn_read + (x[:, kernel.TURN] - x[:, kernel.BIAS]) * dt
+    turn = (1.0 + x[:, kernel.GYRO_SCALE]) * turn_read + (x[:, kernel.NAV_TURN] - x[:, kernel.BIAS]) * dt
     way = at.way_m[to] - node.way_m[k]
     scale = 1.0 + 0.5 * (x[:, kernel.LEFT] + x[:, kernel.RIGHT])
     far = way.mean(axis=1)
     free = x[:, kernel.SPEED] * dt
     along = at.xy[to] - node.xy[k]
     # The way's own frame, turned to the heading of the node; half of what the gyro was corrected by
-    h = x[:, kernel.HEADING] - node.heading_rad[k] + 0.5 * (turn - turn_read)
+    h = x[:, kernel.NAV_HEADING] - node.heading_rad[k] + 0.5 * (turn - turn_read)
     east = along[:, 0] * np.cos(h) + along[:, 1] * np.sin(h)
     north = along[:, 1] * np.cos(h) - along[:, 0] * np.sin(h)
-    heading = x[:, kernel.HEADING] + 0.5 * turn
+    heading = x[:, kernel.NAV_HEADING] + 0.5 * turn
     rise = at.rise_m[to] - node.rise_m[k] + far * np.sin(x[:, kernel.PITCH])
     return np.column_stack(
         [
             x[:, kernel.E] + scale * east + free * np.sin(heading),
             x[:, kernel.N] + scale * north + free * np.cos(heading),
             x[:, kernel.U] + rise,
-            x[:, kernel.HEADING] + turn,
+            x[:, kernel.NAV_HEADING] + turn,
         ]
     )

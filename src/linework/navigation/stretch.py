@@ -11,10 +11,17 @@ from linework.errors import InputError
 from linework.kernels import navigation as kernel
 from linework.model.logs import GnssLog
 from linework.model.trajectory import Trajectory
-from linework.navigation.dead_reckoning import Motion, Reckoned, reckon
-from linework.navigation.filter import Estimate, Problem, doubts, filtered, problem_of, smoothed
-from linework.navigation.located import Located, NavigationConfig, Stretch, within
-from linework.navigation.noise import NoiseModel, first_noise, most_probable
+from linework.navigation.dead_reckoning import DeadReckoning, Motion, reckon
+from linework.navigation.filter import (
+    FilterEstimate,
+    FilterProblem,
+    filter_problem,
+    filter_states,
+    outlier_variances,
+    smooth_states,
+)
+from linework.navigation.located import DriveStretch, LocatedDrive, NavigationConfig, kept_poses
+from linework.navigation.noise import NoiseModel, fit_noise, initial_noise
 from linework.navigation.poses import trajectory_at
 from linework.navigation.wheels import spans_of
 
@@ -48,9 +55,9 @@ class Sensors:
     lever_m: FloatArray
 
 
-def located_stretch(
+def locate_stretch(
     motion: Motion, fixes: GnssLog, sensors: Sensors, config: NavigationConfig, *, rate_hz: float
-) -> Located:
+) -> LocatedDrive:
     """Return the poses of a stretch."""
     # A local origin; only what gyro, wheels and GNSS have in common
     first, last = motion.span_s
@@ -61,20 +68,20 @@ def located_stretch(
     if not motion.has_ways:
         problem, reckoned = _of_speed_alone(problem, motion, gnss)
     # How noisy the sensors are: what makes the fixes most probable
-    noise = first_noise(
+    noise = initial_noise(
         motion.tick_m, motion.track_m, gyro_noise=sensors.gyro_noise, has_tilt=sensors.has_tilt
     )
-    noise = most_probable(noise, lambda model: filtered(problem, model).likelihood)
+    noise = fit_noise(noise, lambda model: filter_states(problem, model).likelihood)
     problem, noise, said = _with_delay(problem, noise)
     # Forward, then backward; fixes far from the smoothed track count less the next time
-    forward = filtered(problem, noise)
-    estimate = smoothed(problem, noise, forward)
+    forward = filter_states(problem, noise)
+    estimate = smooth_states(problem, noise, forward)
     problem, steps_said = _with_bias_jumps(problem, noise, estimate)
     estimate, doubt = _reweighted(problem, noise, estimate)
     # Poses at any rate, but for what is too long or too far from a fix
     time = np.arange(np.ceil(first * rate_hz) / rate_hz, last, 1.0 / rate_hz)
 
-    def poses(of: Estimate) -> Trajectory:
+    def poses(of: FilterEstimate) -> Trajectory:
         return trajectory_at(
             time, problem, of, motion, reckoned, origin_m=origin, tilt_sigma_rad=sensors.tilt_sigma_rad
         )
@@ -82,9 +89,9 @@ def located_stretch(
     trajectory = poses(estimate)
     outages = _outages(gnss.time_s, (first, last))
     kept = _kept(time, gnss.time_s, outages, trajectory.sigma_xyz_m, config)
-    return Located(
-        trajectory=within(trajectory, kept),
-        forward=within(poses(forward), kept),
+    return LocatedDrive(
+        trajectory=kept_poses(trajectory, kept),
+        forward=kept_poses(poses(forward), kept),
         distance_m=float(np.sum(np.hypot(*np.diff(estimate.x[:, :2], axis=0).T))),
         outages_s=outages,
         left_out_s=spans_of(~kept[1:] | ~kept[:-1], time),
@@ -104,17 +111,19 @@ def _from_origin(fixes: GnssLog, first_s: float, last_s: float) -> tuple[GnssLog
     return GnssLog(fixes.time_s[inside], fixes.xyz[inside] - origin, fixes.sigma_m[inside]), origin
 
 
-def _reweighted(problem: Problem, noise: NoiseModel, estimate: Estimate) -> tuple[Estimate, FloatArray]:
+def _reweighted(
+    problem: FilterProblem, noise: NoiseModel, estimate: FilterEstimate
+) -> tuple[FilterEstimate, FloatArray]:
     """Smooth twice more, fixes far from the smoothed track with less weight; return their added variance."""
-    doubt = doubts(estimate.innovation_m, estimate.innovation_sigma_m)
+    doubt = outlier_variances(estimate.innovation_m, estimate.innovation_sigma_m)
     for _ in range(2):
         problem = replace(problem, x0=estimate.x[0])
-        estimate = smoothed(problem, noise, filtered(problem, noise, doubt))
-        doubt = doubts(estimate.innovation_m, estimate.innovation_sigma_m)
+        estimate = smooth_states(problem, noise, filter_states(problem, noise, doubt))
+        doubt = outlier_variances(estimate.innovation_m, estimate.innovation_sigma_m)
     return estimate, doubt
 
 
-def _problem(motion: Motion, reckoned: Reckoned, gnss: GnssLog, sensors: Sensors) -> Problem:
+def _problem(motion: Motion, reckoned: DeadReckoning, gnss: GnssLog, sensors: Sensors) -> FilterProblem:
     """Return nodes and steps, and the first state: dead reckoning laid onto the first fixes."""
     fit = first_heading(reckoned.at(gnss.time_s).xy, gnss.xyz[:, :2], gnss.sigma_m[:, 0])
     if fit is None:
@@ -125,15 +134,17 @@ def _problem(motion: Motion, reckoned: Reckoned, gnss: GnssLog, sensors: Sensors
         )
     x0, sigma0 = np.zeros(kernel.N_STATES), np.zeros(kernel.N_STATES)
     x0[:4] = fit.east_m, fit.north_m, gnss.xyz[0, 2] - sensors.lever_m[2], fit.heading_rad
-    sigma0[:3], sigma0[kernel.HEADING] = 100.0, np.radians(10.0)
+    sigma0[:3], sigma0[kernel.NAV_HEADING] = 100.0, np.radians(10.0)
     if not motion.wheels_turn:
         sigma0[kernel.BIAS], sigma0[kernel.GYRO_SCALE] = _SIGMA_BIAS_RADPS, _SIGMA_GYRO_SCALE
     sigma0[kernel.LEFT] = sigma0[kernel.RIGHT] = _SIGMA_WHEEL_SCALE
     sigma0[kernel.WANDER :] = 1.0
-    return problem_of(motion, reckoned, gnss, x0, sigma0, sensors.lever_m)
+    return filter_problem(motion, reckoned, gnss, x0, sigma0, sensors.lever_m)
 
 
-def _of_speed_alone(problem: Problem, motion: Motion, gnss: GnssLog) -> tuple[Problem, Reckoned]:
+def _of_speed_alone(
+    problem: FilterProblem, motion: Motion, gnss: GnssLog
+) -> tuple[FilterProblem, DeadReckoning]:
     """Leave all ways to the estimated speed: those taken from fixes would count these twice."""
     steps, read = problem.steps.copy(), problem.read.copy()
     steps[:, [kernel.LEFT_M, kernel.RIGHT_M]] = 0.0
@@ -142,24 +153,26 @@ def _of_speed_alone(problem: Problem, motion: Motion, gnss: GnssLog) -> tuple[Pr
     return replace(problem, steps=steps, read=read), reckon(still, gnss.time_s)
 
 
-def _with_delay(problem: Problem, noise: NoiseModel) -> tuple[Problem, NoiseModel, list[str]]:
+def _with_delay(problem: FilterProblem, noise: NoiseModel) -> tuple[FilterProblem, NoiseModel, list[str]]:
     """Let the filter estimate how late the GNSS stamps are, where that makes the fixes more probable."""
     sigma0 = problem.sigma0.copy()
     sigma0[kernel.DELAY] = _SIGMA_DELAY_S
     late = replace(problem, sigma0=sigma0)
-    if filtered(late, noise).likelihood - filtered(problem, noise).likelihood < _EVIDENCE:
+    if filter_states(late, noise).likelihood - filter_states(problem, noise).likelihood < _EVIDENCE:
         return problem, noise, []
-    noise = most_probable(noise, lambda model: filtered(late, model).likelihood)
-    last = filtered(late, noise)
+    noise = fit_noise(noise, lambda model: filter_states(late, model).likelihood)
+    last = filter_states(late, noise)
     delay, sigma = last.x[-1, kernel.DELAY], np.sqrt(last.p[-1, kernel.DELAY, kernel.DELAY])
     which = "later" if delay > 0 else "earlier"
     said = f"GNSS stamps are {abs(delay):.3f} s {which} than those of gyro and wheels (sigma {sigma:.3f} s): taken into account"
     return late, noise, [said]
 
 
-def _with_bias_jumps(problem: Problem, noise: NoiseModel, estimate: Estimate) -> tuple[Problem, list[str]]:
+def _with_bias_jumps(
+    problem: FilterProblem, noise: NoiseModel, estimate: FilterEstimate
+) -> tuple[FilterProblem, list[str]]:
     """Let the gyro's bias jump where the fixes say that it did."""
-    base = filtered(problem, noise).likelihood
+    base = filter_states(problem, noise).likelihood
     jump = np.abs(estimate.jump)
     spans = spans_of(jump > _JUMP_SIGMAS, np.arange(len(jump) + 1.0)).astype(np.int64)
     if len(spans) == 0:
@@ -171,7 +184,7 @@ def _with_bias_jumps(problem: Problem, noise: NoiseModel, estimate: Estimate) ->
         steps = problem.steps.copy()
         steps[at, kernel.BIAS_VAR] = np.radians(0.1) ** 2 / len(at)
         with_jump = replace(problem, steps=steps)
-        gained = filtered(with_jump, noise).likelihood - base
+        gained = filter_states(with_jump, noise).likelihood - base
         if gained < _EVIDENCE:
             continue
         problem, base = with_jump, base + gained
@@ -214,7 +227,9 @@ def _kept(
     return kept
 
 
-def _account(problem: Problem, estimate: Estimate, noise: NoiseModel, sensors: Sensors) -> Stretch:
+def _account(
+    problem: FilterProblem, estimate: FilterEstimate, noise: NoiseModel, sensors: Sensors
+) -> DriveStretch:
     """Return what was estimated besides the poses, at the end of the stretch."""
     named = [("wheel_scale_left", kernel.LEFT, 1.0), ("wheel_scale_right", kernel.RIGHT, 1.0)]
     if sensors.gyro_noise is not None:
@@ -226,7 +241,7 @@ def _account(problem: Problem, estimate: Estimate, noise: NoiseModel, sensors: S
     if np.all(problem.steps[:, kernel.SPEED_FREE]):
         named = [n for n in named if not n[0].startswith("wheel")]
     sigma = np.sqrt(np.diagonal(estimate.p[-1]))
-    return Stretch(
+    return DriveStretch(
         first_s=float(problem.time_s[0]),
         last_s=float(problem.time_s[-1]),
         estimates={name: (float(estimate.x[-1, i] * f), float(sigma[i] * abs(f))) for name, i, f in named},
@@ -241,7 +256,7 @@ _LEAST_SIGMAS, _LEAST_M = 20.0, 15.0
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
+class PathFit:
     """A way laid onto fixes: position and heading at its origin, how much longer it is, what is left.
 
     Parameters
@@ -257,7 +272,7 @@ class Fit:
     residual_m: FloatArray
 
 
-def laid_onto(way_xy: FloatArray, fixes_xy: FloatArray, *, robust: bool = True) -> Fit:
+def fit_onto_fixes(way_xy: FloatArray, fixes_xy: FloatArray, *, robust: bool = True) -> PathFit:
     """Turn, shift and scale (n, 2) places of a way onto (n, 2) fixes, least squares.
 
     With complex numbers: ``fix = origin + scale e^(-i heading) way``; fixes far from all others count less.
@@ -273,10 +288,12 @@ def laid_onto(way_xy: FloatArray, fixes_xy: FloatArray, *, robust: bool = True) 
         level = np.median(residual) + 1e-3
         weight = 1.0 / (1.0 + (residual / (2.0 * level)) ** 2)
     origin = fix_mean - turn * way_mean
-    return Fit(float(origin.real), float(origin.imag), float(-np.angle(turn)), float(np.abs(turn)), residual)
+    return PathFit(
+        float(origin.real), float(origin.imag), float(-np.angle(turn)), float(np.abs(turn)), residual
+    )
 
 
-def first_heading(way_xy: FloatArray, fixes_xy: FloatArray, sigma_m: FloatArray) -> Fit | None:
+def first_heading(way_xy: FloatArray, fixes_xy: FloatArray, sigma_m: FloatArray) -> PathFit | None:
     """Return the first way's fit, from as many fixes as its length needs; None where the van never moves."""
     far = np.maximum.accumulate(np.hypot(*(way_xy - way_xy[0]).T))
     needed = np.maximum(_LEAST_SIGMAS * np.median(sigma_m), _LEAST_M)
@@ -284,4 +301,4 @@ def first_heading(way_xy: FloatArray, fixes_xy: FloatArray, sigma_m: FloatArray)
     n = min(max(int(enough[0]) + 1, 4), len(way_xy)) if len(enough) else len(way_xy)
     if n < 3 or far[n - 1] < 3.0 * np.median(sigma_m) or far[n - 1] < 1.0:
         return None
-    return laid_onto(way_xy[:n], fixes_xy[:n])
+    return fit_onto_fixes(way_xy[:n], fixes_xy[:n])

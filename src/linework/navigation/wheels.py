@@ -25,7 +25,7 @@ _PAUSE_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Ways:
+class WheelTravel:
     """How far both wheels have come.
 
     Parameters
@@ -48,7 +48,9 @@ class Ways:
     warnings: tuple[str, ...] = ()
 
 
-def sound_ways(log: WheelLog, tick_m: float, track_m: float, heading_rad: FloatArray | None) -> Ways:
+def valid_wheel_travel(
+    log: WheelLog, tick_m: float, track_m: float, heading_rad: FloatArray | None
+) -> WheelTravel:
     """Return the ways of both wheels.
 
     Parameters
@@ -62,7 +64,7 @@ def sound_ways(log: WheelLog, tick_m: float, track_m: float, heading_rad: FloatA
         way = np.concatenate([[0.0], np.cumsum(step)])
         slow = np.abs(log.speed_mps) < 0.05
         rest = _long(spans_of(slow[1:] & slow[:-1], log.time_s), _REST_S)
-        return Ways(log.time_s, np.stack([way, way], axis=1), pauses, _shorter(rest), apart=False)
+        return WheelTravel(log.time_s, np.stack([way, way], axis=1), pauses, _shorter(rest), apart=False)
     assert log.ticks is not None
     counts, warnings = np.diff(log.ticks, axis=0), []
     for i, name in enumerate(("left", "right")):
@@ -82,7 +84,7 @@ def sound_ways(log: WheelLog, tick_m: float, track_m: float, heading_rad: FloatA
     step = _replaced(counts * tick_m, bad | stuck, track_m * turn, np.diff(log.time_s))
     way = np.concatenate([np.zeros((1, 2)), np.cumsum(step, axis=0)])
     way = _without_steps(log.time_s, way, tick_m)
-    return Ways(log.time_s, way, pauses, _shorter(rest), apart=True, warnings=tuple(warnings))
+    return WheelTravel(log.time_s, way, pauses, _shorter(rest), apart=True, warnings=tuple(warnings))
 
 
 def _without_steps(time_s: FloatArray, way_m: FloatArray, tick_m: float) -> FloatArray:

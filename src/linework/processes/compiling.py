@@ -8,7 +8,7 @@ from collections.abc import Callable
 from numba.core import event
 
 
-class Compiling(event.Listener):
+class CompilationMonitor(event.Listener):
     """Tells when compiling begins and when it ends; kernels that others need are compiled within it.
 
     Parameters

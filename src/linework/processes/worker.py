@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection
 _PR_SET_PDEATHSIG = 1
 
 
-def main(arguments: list[str]) -> None:
+def tile_worker_main(arguments: list[str]) -> None:
     """Do tasks. `arguments`: socket, parent's process number, modules to import before the first task comes."""
     socket, parent, *modules = arguments
     die_with_parent(int(parent))
@@ -47,4 +47,4 @@ def die_with_parent(parent: int) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    tile_worker_main(sys.argv[1:])

@@ -20,10 +20,10 @@ from linework.model.sightings import Sightings
 #: Standard deviation of a whole pixel's place. [pixels]
 PIXEL_SIGMA_PX = 1.0 / np.sqrt(12.0)
 #: The search window: cameras 1.4 to 2.5 m above the road see it here, up to so far ahead and to both sides. [m]
-HEIGHT_M, AHEAD_M, ACROSS_M = 2.0, 40.0, 6.0
+SEARCH_HEIGHT_M, SEARCH_AHEAD_M, SEARCH_ACROSS_M = 2.0, 40.0, 6.0
 
 
-def see_as_published(pair: RectifiedPair) -> Sightings:
+def straight_lines_of_pair(pair: RectifiedPair) -> Sightings:
     """Return the straight bright lines of a pair, a place per row, in the vehicle frame."""
     left = lines_in(pair.left, search_window(pair.rig))
     right = lines_in(pair.right, search_window(pair.rig))
@@ -50,9 +50,9 @@ def see_as_published(pair: RectifiedPair) -> Sightings:
 def search_window(rig: RectifiedRig) -> BoolArray:
     """Return (rows, cols) where level cameras at the usual height see the carriageway."""
     row, col = np.mgrid[: rig.height, : rig.width]
-    ahead = HEIGHT_M * rig.focal_px / np.maximum(row - rig.cy, 1e-9)
+    ahead = SEARCH_HEIGHT_M * rig.focal_px / np.maximum(row - rig.cy, 1e-9)
     across = (col - rig.cx) * ahead / rig.focal_px
-    return np.asarray((ahead < AHEAD_M) & (np.abs(across) < ACROSS_M))
+    return np.asarray((ahead < SEARCH_AHEAD_M) & (np.abs(across) < SEARCH_ACROSS_M))
 
 
 def lines_in(image: AnyArray, window: BoolArray | None = None) -> StraightLines:
@@ -76,7 +76,7 @@ RESIDUAL_PX = 1.5
 #: The middle of a stripe in one row is off by about this: its edges are ragged by a pixel. [pixels]
 RAGGED_PX = 0.5
 #: Lines belong together where they are no farther apart than this many standard deviations of where they lead,
-SIGMAS = 3.0
+GROUP_SIGMAS = 3.0
 #: and always within this: no lens is without some distortion. [pixels]
 ALWAYS_PX = 2.0
 
@@ -115,7 +115,7 @@ class StraightLines:
     def reach_px(self, row: FloatArray | float) -> FloatArray:
         """(m,) or (..., m) float64 [pixels]: how far off a line may lead at a row."""
         sigma = RAGGED_PX * np.sqrt(1.0 / self.n_rows + (row - self.middle_row) ** 2 / self.spread)
-        return np.asarray(ALWAYS_PX + SIGMAS * sigma * np.hypot(self.k, 1.0))
+        return np.asarray(ALWAYS_PX + GROUP_SIGMAS * sigma * np.hypot(self.k, 1.0))
 
     @property
     def is_solid(self) -> BoolArray:
@@ -124,7 +124,7 @@ class StraightLines:
         return np.asarray(self.n_rows >= 0.8 * rows)
 
 
-def analytical_functions(chains: Chains, centres: FloatArray) -> StraightLines:
+def analytical_functions(chains: PixelChains, centres: FloatArray) -> StraightLines:
     """Fit col = k row + b to each line, and keep those whose residuals are small.
 
     Parameters
@@ -247,7 +247,7 @@ MEDIAN_PX, SIGMAS_OF_BACKGROUND, LEAST_PX = 5, 1.5, 10
 
 
 @dataclass(frozen=True, slots=True)
-class Chains:
+class PixelChains:
     """Lines of pixels: line i is ``pixels[offsets[i]:offsets[i + 1]]``, (row, col), from its lowest end up.
 
     `is_corner` tells the pixels that a straight line between their neighbours does not pass: only these would have
@@ -312,7 +312,7 @@ def thinned(white: BoolArray) -> BoolArray:
     return image[1:-1, 1:-1].astype(bool)
 
 
-def chain_code(thin: BoolArray, least_px: int = LEAST_PX) -> Chains:
+def chain_code(thin: BoolArray, least_px: int = LEAST_PX) -> PixelChains:
     """Return the lines of a thinned image, followed pixel by pixel; shorter ones are dropped (3.3)."""
     pixels, offsets = follow_chains(np.pad(thin.astype(np.uint8), 1), least_px)
-    return Chains(pixels - 1, offsets, corners_of(pixels, offsets))
+    return PixelChains(pixels - 1, offsets, corners_of(pixels, offsets))

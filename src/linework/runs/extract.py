@@ -27,13 +27,13 @@ from linework.runs.opened.recordings import Recordings, opened_recordings
 from linework.runs.opened.work_folder import work_folder
 from linework.runs.outputs import publish_extraction, with_kept_reviews
 from linework.runs.record import record_path
-from linework.runs.resume import describe_run, fingerprint_of, made_here, run_folder
+from linework.runs.resume import describe_run, fingerprint_of, is_result_of_run, run_folder
 from linework.runs.settings import RunSettings
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
+class ExtractionRequest:
     """What is to be made, and of what may be there already.
 
     Parameters
@@ -63,7 +63,7 @@ class Order:
 
 
 def extract_to(
-    order: Order, recordings: Recordings, work: Path, executor: Executor, steps: Steps
+    order: ExtractionRequest, recordings: Recordings, work: Path, executor: Executor, steps: RunSteps
 ) -> tuple[dict[str, Any], Extraction | None]:
     """Make the lines of a survey; return the record, and what was found unless it had been finished before.
 
@@ -80,7 +80,7 @@ def extract_to(
         record = _finished(order.output, fingerprint)
         if record is not None:
             return record, None
-        if not order.overwrite and not made_here(work, order.output):
+        if not order.overwrite and not is_result_of_run(work, order.output):
             raise OutputExistsError(
                 "output exists already, and the run to resume has not made it", where=order.output,
                 advice="choose another name or give --overwrite",
@@ -183,7 +183,7 @@ def extract(
 # What a person asks of a survey, as an order to extract its lines
 
 
-def asked_order(
+def extraction_request(
     output: Path,
     survey: Survey,
     kinds: tuple[str, ...],
@@ -193,7 +193,7 @@ def asked_order(
     crs: str = "",
     overwrite: bool = False,
     resume: bool = False,
-) -> Order:
+) -> ExtractionRequest:
     """Return the order to look for `kinds` by a method ("auto": what suits each kind).
 
     Parameters
@@ -203,7 +203,7 @@ def asked_order(
     crs
         As it was given, for the record.
     """
-    return Order(
+    return ExtractionRequest(
         output=output,
         methods=choose_methods(method, kinds, radon=settings.radon, obb=settings.obb),
         stereo=stereo_method(method, kinds, settings.stereo),

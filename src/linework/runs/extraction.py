@@ -12,7 +12,7 @@ import numpy as np
 
 from linework.files.store.facts import StoreFacts
 from linework.files.store.in_memory import FileFacts
-from linework.lines.names import place_name, places_of
+from linework.lines.names import cell_id, cells_of_lines
 from linework.model.lines import KINDS, LineSet
 from linework.model.logs import VanLog
 from linework.runs.tiles import Tile
@@ -30,7 +30,7 @@ class TileReport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PairsSeen:
+class PairAccount:
     """The account of a survey's stereo pairs.
 
     Parameters
@@ -86,7 +86,7 @@ class Extraction:
     traces: Mapping[str, str]
     hashes: Mapping[Path, str]
     warnings: tuple[str, ...]
-    pairs: PairsSeen | None = None
+    pairs: PairAccount | None = None
     logged: VanLog | None = None
     unusable: tuple[tuple[str, str], ...] = ()
 
@@ -111,7 +111,7 @@ def identify(lines: LineSet) -> LineSet:
     >>> one.kind.tolist(), one.id.tolist() == two.id.tolist()
     (['guardrail', 'cable'], True)
     """
-    places = places_of(lines)
+    places = cells_of_lines(lines)
     keys = [_key(lines, places, i) for i in range(len(lines))]
     order = sorted(range(len(lines)), key=keys.__getitem__)
     seen: Counter[tuple[str, ...]] = Counter()
@@ -119,7 +119,7 @@ def identify(lines: LineSet) -> LineSet:
     for i in order:
         place = (str(lines.kind[i]), *map(str, places[i]))
         seen[place] += 1
-        ids.append(place_name(place[0], places[i], seen[place]))
+        ids.append(cell_id(place[0], places[i], seen[place]))
     return lines.take(np.array(order, dtype=np.int64)).with_columns(id=np.array(ids, dtype=np.str_))
 
 

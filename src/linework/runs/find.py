@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from linework.errors import InputError
-from linework.lines.merged import merged
+from linework.lines.merged import merge_line_sets
 from linework.methods.protocol import Method
 from linework.methods.stereo.method import StereoMethod
 from linework.model.lines import KINDS, LineSet
 from linework.processes.executors import Executor, Serial
-from linework.runs.extraction import Extraction, PairsSeen, identify
+from linework.runs.extraction import Extraction, PairAccount, identify
 from linework.runs.laser import extract_lines
 from linework.runs.opened.recordings import Recordings
 from linework.runs.resume import RunFolder
 from linework.runs.settings import RunSettings
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 from linework.runs.stereo import stereo_lines
 
 
@@ -30,7 +30,7 @@ def find_lines(
     *,
     settings: RunSettings | None = None,
     executor: Executor | None = None,
-    steps: Steps | None = None,
+    steps: RunSteps | None = None,
 ) -> Extraction:
     """Return all lines that the methods find in what the van recorded.
 
@@ -51,7 +51,7 @@ def find_lines(
     Where points and pairs show the same feature, the line with the smaller sigma stays in the layer of its kind,
     and the stereo lines as they were measured are in the layer ``<kind>_stereo``.
     """
-    settings, steps, executor = settings or RunSettings(), steps or Steps(), executor or Serial()
+    settings, steps, executor = settings or RunSettings(), steps or RunSteps(), executor or Serial()
     found = None
     unusable = recordings.problems
     if recordings.points is not None and methods:
@@ -75,7 +75,7 @@ def find_lines(
         as_measured = lines.with_columns(
             kind=np.array([f"{kind}_stereo" for kind in lines.kind.tolist()], dtype=np.str_)
         )
-        both = identify(LineSet.concatenate([merged(found.lines, lines), as_measured]))
+        both = identify(LineSet.concatenate([merge_line_sets(found.lines, lines), as_measured]))
     kinds = (
         *_in_order({*found.kinds, *stereo.kinds}),
         *(f"{kind}_stereo" for kind in _in_order(stereo.kinds)),
@@ -90,7 +90,7 @@ def find_lines(
     )
 
 
-def _refuse_unusable(pairs: PairsSeen, name: str) -> None:
+def _refuse_unusable(pairs: PairAccount, name: str) -> None:
     """End a run on images alone of which not one pair could be used; our own faults with their traceback."""
     if pairs.n_used:
         return

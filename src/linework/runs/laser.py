@@ -8,7 +8,7 @@ from typing import NoReturn, TypeVar
 
 from linework.errors import PartialError
 from linework.files.output.parts import read_box_part, read_line_part, write_path_part
-from linework.files.store.layout import BLOCK_M
+from linework.files.store.layout import STORE_BLOCK_M
 from linework.files.store.read import PointStore
 from linework.methods.protocol import BoxMethod, Method
 from linework.model.boxes import BoxSet
@@ -22,12 +22,12 @@ from linework.runs.opened.sight import SurveySight
 from linework.runs.opened.surface import SurveySurface
 from linework.runs.resume import RunFolder
 from linework.runs.seams import join_seams
-from linework.runs.steps import Steps
-from linework.runs.tasks import Job, TileReceipt, TileTask, work_all, work_tile
+from linework.runs.steps import RunSteps
+from linework.runs.tasks import RunContext, TileReceipt, TileTask, process_tile, run_tasks
 from linework.runs.tiles import Tile, TilingConfig, plan_tiles
 from linework.surface.road import RoadConfig
 
-T = TypeVar("T")
+ResultT = TypeVar("ResultT")
 
 
 def extract_lines(
@@ -38,7 +38,7 @@ def extract_lines(
     road: RoadConfig | None = None,
     tiling: TilingConfig | None = None,
     executor: Executor | None = None,
-    steps: Steps | None = None,
+    steps: RunSteps | None = None,
 ) -> Extraction:
     """Return all lines that the methods find in a survey.
 
@@ -60,12 +60,12 @@ def extract_lines(
     PartialError
         Not one tile could be worked. If some could not, `tiles` tells.
     """
-    steps, executor = steps or Steps(), executor or Serial()
+    steps, executor = steps or RunSteps(), executor or Serial()
     survey = opened.survey
     surface = surface_of(opened, road or RoadConfig(), executor, steps)
     tasks = _tasks(opened, methods, run, surface, tiling or TilingConfig())
     with steps.step("find lines", unit="tiles") as advance:
-        done, failed = work_all(work_tile, tasks, TileReceipt, run, executor, advance)
+        done, failed = run_tasks(process_tile, tasks, TileReceipt, run, executor, advance)
     if not done:
         _raise_failure(failed[0], len(tasks), survey.name)
     problems = {outcome.task.name: outcome.problem for outcome in failed}
@@ -92,7 +92,7 @@ def _plan(store: PointStore, method: Method, config: TilingConfig) -> tuple[Tile
     """Return the tiles of a method."""
     blocks, _ = store.block_counts
     return plan_tiles(
-        store.bounds, blocks, BLOCK_M, store.count_in, method.buffer_m, config,
+        store.bounds, blocks, STORE_BLOCK_M, store.count_in, method.buffer_m, config,
         only_high=method.least_height_m > float("-inf"),
     )  # fmt: skip
 
@@ -110,7 +110,7 @@ def _tasks(
         path = run.path / "trajectory.arrays"
         write_path_part(opened.trajectory, path)
     bounds = opened.points.bounds
-    job = Job(
+    job = RunContext(
         opened.points.folder, surface.tiles.folder, path, run.results, opened.survey.crs,
         opened.survey.name, local_origin(bounds.west, bounds.south, surface.z0_m),
     )  # fmt: skip
@@ -153,7 +153,9 @@ def _lines_of(
     return join_seams(lines, [task.tile.core for task in own]) if len(own) > 1 else lines
 
 
-def _whole(task: TileTask, read: Callable[[Path, str], T | None], done: Mapping[str, TileReceipt]) -> T:
+def _whole(
+    task: TileTask, read: Callable[[Path, str], ResultT | None], done: Mapping[str, TileReceipt]
+) -> ResultT:
     """Return what a tile found."""
     part = read(task.result, done[task.name].sha256)
     if part is None:

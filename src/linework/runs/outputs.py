@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from linework.editing.queue.carried_over import REJECTED, carried
+from linework.editing.queue.carried_over import REJECTED_REVIEW, carry_over_reviews
 from linework.errors import LineworkError
 from linework.files.geodesy.crs import describe_crs
 from linework.files.line_file.carried import has_reviews, with_history
-from linework.files.line_file.file import DrawingFile
+from linework.files.line_file.file import LineFile
 from linework.files.output.record import hash_file, write_json
 from linework.files.output.replace import set_aside
 from linework.files.store.facts import StoreFacts
@@ -21,7 +21,7 @@ from linework.model.lines import REVIEWS, LineSet
 from linework.model.logs import VanLog
 from linework.runs.extraction import Extraction, path_text
 from linework.runs.record import record_path, versions
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 
 
 def publish_extraction(
@@ -31,7 +31,7 @@ def publish_extraction(
     *,
     overwrite: bool = False,
     note: Callable[[str], None] | None = None,
-    steps: Steps | None = None,
+    steps: RunSteps | None = None,
     reviews: KeptReviews | None = None,
 ) -> dict[str, Any]:
     """Write the lines and run.json, and return the record.
@@ -54,7 +54,7 @@ def publish_extraction(
     -----
     Every kind that was looked for has its layer, with or without lines.
     """
-    steps = steps or Steps()
+    steps = steps or RunSteps()
     path = record_path(output)
     with steps.step("write lines"), set_aside(path):
         write_lines(
@@ -70,7 +70,7 @@ def publish_extraction(
 
 
 def record_of(
-    extraction: Extraction, output: Path, parameters: Mapping[str, Any], steps: Steps
+    extraction: Extraction, output: Path, parameters: Mapping[str, Any], steps: RunSteps
 ) -> dict[str, Any]:
     """Return the record of a run whose lines are in place.
 
@@ -192,16 +192,16 @@ def with_kept_reviews(found: Extraction, output: Path) -> tuple[Extraction, Kept
     if output.suffix.lower() != ".gpkg" or not output.is_file() or not has_reviews(output):
         return found, None
     try:
-        with DrawingFile.opened(output, crs=found.lines.crs, is_held=True) as drawing:
+        with LineFile.opened(output, crs=found.lines.crs, is_held=True) as drawing:
             there, judged = drawing.lines, drawing.judged
     except LineworkError as error:
         error.advice = "give --forget-reviews to lose what people said of its lines, or choose another name"
         raise
-    kept = carried(found.lines, there, judged)
+    kept = carry_over_reviews(found.lines, there, judged)
     lines = LineSet.concatenate([there.take(kept.stays), kept.new])
     said = Counter(there.review[kept.stays].tolist())
     counts = {name: said[name] for name in REVIEWS} | {"found_again": kept.n_again}
-    seen = lines.take(lines.review != REJECTED)
+    seen = lines.take(lines.review != REJECTED_REVIEW)
     kinds = tuple(dict.fromkeys([*found.kinds, *sorted(set(seen.kind.tolist()))]))
     told = ", ".join(f"{n} {name}" for name, n in counts.items() if n and name in REVIEWS) or "none"
     warning = f"{output}: kept what people said of its lines ({told}); {kept.n_again} found again were left out or cut"

@@ -44,7 +44,7 @@ def record_path(output: Path) -> Path:
     return own
 
 
-def facts_of(record: Mapping[str, Any]) -> dict[str, str]:
+def facts_of_run(record: Mapping[str, Any]) -> dict[str, str]:
     """Return what a person first wants to know of a run, by name.
 
     >>> facts_of({
@@ -63,7 +63,7 @@ def facts_of(record: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def what_is_missing(record: Mapping[str, Any]) -> str:
+def missing_summary(record: Mapping[str, Any]) -> str:
     """Return on one line what a run has left out and why, "" where it has left out nothing.
 
     >>> failures = [{"file": "a.laz", "problem": "a.laz: empty file."}]

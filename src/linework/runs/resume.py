@@ -16,11 +16,11 @@ from typing import Any
 
 import linework
 from linework.errors import MachineError, UsageError
-from linework.files.output.locks import locked
+from linework.files.output.locks import hold_lock
 from linework.files.output.publish import machine_errors
 from linework.files.output.record import hash_file
 from linework.files.output.replace import replace_file
-from linework.runs.opened.work_folder import RUNS, in_use
+from linework.runs.opened.work_folder import RUNS, folder_in_use_error
 from linework.runs.record import versions
 
 _DESCRIPTION, _JOURNAL, _RESULTS = "run.json", "journal.sqlite", "tiles"
@@ -57,7 +57,7 @@ def fingerprint_of(described: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()
 
 
-def made_here(work: Path, output: Path) -> bool:
+def is_result_of_run(work: Path, output: Path) -> bool:
     """Return whether the output that is there is what an unfinished run was about to call finished."""
     journal = _folder(work, output) / _JOURNAL
     if not journal.is_file():
@@ -98,7 +98,7 @@ def run_folder(
         Another process is at it.
     """
     folder = _folder(work, output)
-    with locked(work / f"run-{folder.name}.lock", in_use(work)), machine_errors(folder):
+    with hold_lock(work / f"run-{folder.name}.lock", folder_in_use_error(work)), machine_errors(folder):
         begun = _description(folder)
         if begun is not None and resume:
             _refuse_other(begun, described, output)
@@ -176,7 +176,7 @@ def _short(value: Any) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class JournalEntry:
     """A tile that is done: the SHA-256 of its result file, and its receipt."""
 
     tile_id: str
@@ -213,16 +213,16 @@ class Journal:
                 "CREATE TABLE IF NOT EXISTS published (name TEXT PRIMARY KEY, sha256 TEXT)"
             )
 
-    def enter(self, entry: Entry) -> None:
+    def enter(self, entry: JournalEntry) -> None:
         """Enter a tile as done; the last entry of a tile counts."""
         text = json.dumps(dict(entry.receipt), allow_nan=False)
         self._write("INSERT OR REPLACE INTO done VALUES (?, ?, ?)", (entry.tile_id, entry.sha256, text))
 
-    def done(self) -> dict[str, Entry]:
+    def done(self) -> dict[str, JournalEntry]:
         """Return the tiles that are done, by name."""
         with _machine_errors(self._path):
             rows = self._connection.execute("SELECT tile_id, sha256, receipt FROM done").fetchall()
-        return {row[0]: Entry(row[0], row[1], json.loads(row[2])) for row in rows}
+        return {row[0]: JournalEntry(row[0], row[1], json.loads(row[2])) for row in rows}
 
     def note_output(self, name: str, sha256: str) -> None:
         """Note the bytes that are about to be put in an output's place."""

@@ -13,15 +13,15 @@ from linework.model.grid import Bounds
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: A wire's span is shorter than any buffer: it belongs whole to the core that holds its middle.
-WHOLE_KINDS = ("cable",)
+UNCUT_AT_SEAMS = ("cable",)
 #: What is left of a line on the other side of a seam, shorter than this, is no line. [m]
 MIN_PIECE_M = 0.05
 #: Tiles that see the same stations cut the same line at the same place, to rounding. [m]
 MEET_M = 0.001
 #: Where the line runs on straight through a cut, no vertex stays there. [m]
-STRAIGHT_M = 0.0001
+STRAIGHT_CUT_M = 0.0001
 #: Two tiles see the same points about a seam: what they find there is apart by less than this. [m]
-MAX_STEP_M = 0.15
+MAX_SEAM_STEP_M = 0.15
 #: And has the same direction within this.
 MAX_TURN_DEG = 20.0
 #: Smallest stretch of a line that its direction is taken over. [m]
@@ -38,7 +38,7 @@ def inside_core(lines: LineSet, core: Bounds) -> LineSet:
     [[0.0, 0.0, 0.0], [4.0, 0.0, 0.4]]
     """
     middles = midpoints(lines)
-    is_whole = np.isin(lines.kind, WHOLE_KINDS)
+    is_whole = np.isin(lines.kind, UNCUT_AT_SEAMS)
     owner, pieces = [], []
     for i in range(len(lines)):
         xyz = lines.line(i)
@@ -56,7 +56,7 @@ def inside_core(lines: LineSet, core: Bounds) -> LineSet:
 def join_seams(lines: LineSet, cores: Sequence[Bounds]) -> LineSet:
     """Return the lines with pieces that meet at a core's edge joined into one.
 
-    Two ends are joined when both lie on an edge, are less than `MAX_STEP_M` apart and go on in the same
+    Two ends are joined when both lie on an edge, are less than `MAX_SEAM_STEP_M` apart and go on in the same
     direction (or are at one place: shards are too short for a direction); of several the closest. Shards
     that go on nowhere are left out.
     """
@@ -162,7 +162,7 @@ def _without_straight(xyz: FloatArray, cuts: Sequence[int]) -> BoolArray:
             continue
         way, step = xyz[after] - xyz[before], xyz[at] - xyz[before]
         share = float(np.clip(step @ way / max(float(way @ way), 1e-18), 0.0, 1.0))
-        kept[at] = float(np.linalg.norm(step - share * way)) > STRAIGHT_M
+        kept[at] = float(np.linalg.norm(step - share * way)) > STRAIGHT_CUT_M
     return kept
 
 
@@ -195,7 +195,7 @@ def _partners(kind: AnyArray, ends: FloatArray, tangents: FloatArray, edge: AnyA
         apart = np.linalg.norm(ends[others] - ends[a], axis=1)
         goes_on = tangents[others] @ tangents[a] <= -math.cos(math.radians(MAX_TURN_DEG))
         fits = (
-            ((apart < MEET_M) | ((apart < MAX_STEP_M) & goes_on))
+            ((apart < MEET_M) | ((apart < MAX_SEAM_STEP_M) & goes_on))
             & (kind[others // 2] == kind[a // 2])
             & (others // 2 != a // 2)
         )

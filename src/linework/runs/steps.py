@@ -27,7 +27,7 @@ class Watcher(Protocol):
         ...
 
 
-class Steps:
+class RunSteps:
     """The steps of one run and the wall time each took.
 
     Parameters

@@ -9,16 +9,16 @@ from linework.methods.stereo.method import StereoMethod
 from linework.model.lines import LineSet
 from linework.model.sightings import Sightings
 from linework.processes.executors import Executor
-from linework.runs.extraction import PairsSeen
+from linework.runs.extraction import PairAccount
 from linework.runs.opened.pairs import OpenedStereo
 from linework.runs.resume import RunFolder
-from linework.runs.steps import Steps
-from linework.runs.tasks import WindowReceipt, WindowTask, windows_of, work_all, work_window
+from linework.runs.steps import RunSteps
+from linework.runs.tasks import WindowReceipt, WindowTask, process_window, run_tasks, windows_of
 
 
 def stereo_lines(
-    opened: OpenedStereo, method: StereoMethod, run: RunFolder, executor: Executor, steps: Steps
-) -> tuple[LineSet, PairsSeen]:
+    opened: OpenedStereo, method: StereoMethod, run: RunFolder, executor: Executor, steps: RunSteps
+) -> tuple[LineSet, PairAccount]:
     """Return the lines that the stereo pairs of a survey show, and the account of the pairs.
 
     Notes
@@ -27,7 +27,7 @@ def stereo_lines(
     """
     tasks = windows_of(opened.pairs, opened.series.rig, method, run.results)
     with steps.step("look at stereo pairs", unit="windows") as advance:
-        done, failed = work_all(work_window, tasks, _receipt, run, executor, advance)
+        done, failed = run_tasks(process_window, tasks, _receipt, run, executor, advance)
     with steps.step("join stereo lines"):
         seen = Sightings.concatenate(_whole(task, done[task.name]) for task in tasks if task.name in done)
         lines = method.join(seen, opened.poses, opened.rectifier.rig, opened.numbers)
@@ -39,7 +39,7 @@ def stereo_lines(
     traces = {outcome.task.name: outcome.trace for outcome in failed if outcome.trace}
     series = opened.series
     n_pairs = len(series.pairs) + len(series.unpaired) + len(series.left_out)
-    account = PairsSeen(n_pairs=n_pairs, n_used=n_used, failures=tuple(sorted(failures)), traces=traces)
+    account = PairAccount(n_pairs=n_pairs, n_used=n_used, failures=tuple(sorted(failures)), traces=traces)
     return lines, account
 
 

@@ -19,7 +19,7 @@ from linework.files.output.parts import (
     write_line_part,
     write_sighting_part,
 )
-from linework.files.store.layout import CELL_M
+from linework.files.store.layout import STORE_CELL_M
 from linework.files.store.read import PointStore
 from linework.imaging.rectify import Rectifier, rectifier_of
 from linework.methods.protocol import BoxMethod, Method
@@ -35,14 +35,14 @@ from linework.model.trajectory import Trajectory
 from linework.processes.executors import Executor, Outcome
 from linework.runs.opened.pairs import rectified_pair
 from linework.runs.opened.surface import SurveySurface
-from linework.runs.resume import Entry, RunFolder
+from linework.runs.resume import JournalEntry, RunFolder
 from linework.runs.seams import inside_core
 from linework.runs.steps import Advance
 from linework.runs.tiles import Tile
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class RunContext:
     """What is the same for all tiles of a run.
 
     Parameters
@@ -70,7 +70,7 @@ class TileTask:
 
     tile: Tile
     method: Method
-    job: Job
+    job: RunContext
     is_whole: bool
 
     @property
@@ -99,7 +99,7 @@ class TileReceipt:
         return asdict(self)
 
 
-def work_tile(task: TileTask) -> TileReceipt:
+def process_tile(task: TileTask) -> TileReceipt:
     """Work a tile and write its lines or boxes; what it needs it opens by its path, so that any process can do it."""
     start = time.perf_counter()
     job, tile, method = task.job, task.tile, task.method
@@ -116,12 +116,12 @@ def work_tile(task: TileTask) -> TileReceipt:
     return TileReceipt(task.name, len(data.points), n_found, time.perf_counter() - start, sha256)
 
 
-def _tile_data(job: Job, tile: Tile, method: Method) -> TileData:
+def _tile_data(job: RunContext, tile: Tile, method: Method) -> TileData:
     """Return what a method sees of a tile."""
     surface = _opened_surface(job.surface).over(tile.extent)
     lowest, above_m = None, 0.0
     # A surface of cells that do not fit into those of the store cannot say which points to pass over
-    if np.isfinite(method.least_height_m) and surface.grid.cell_width_m % CELL_M == 0.0:
+    if np.isfinite(method.least_height_m) and surface.grid.cell_width_m % STORE_CELL_M == 0.0:
         lowest, above_m = Image(surface.ground_m, surface.grid), surface.z0_m + method.least_height_m
     points = _opened_store(job.store).points(tile.extent, lowest=lowest, above_m=above_m)
     path = _trajectory(job.trajectory) if job.trajectory else None
@@ -199,7 +199,7 @@ def windows_of(
     return [WindowTask(tuple(held), rig, method, results) for _, held in sorted(by_window.items())]
 
 
-def work_window(task: WindowTask) -> WindowReceipt:
+def process_window(task: WindowTask) -> WindowReceipt:
     """Look at the pairs of a window; a pair that cannot be read is noted, and stops no other."""
     start = time.perf_counter()
     series, rectifier = StereoSeries(task.rig, task.pairs), _rectifier(_Same(task.rig))
@@ -265,18 +265,18 @@ class NotedReceipt(Protocol):
         ...
 
 
-Task = TypeVar("Task", bound=NamedTask)
-Receipt = TypeVar("Receipt", bound=NotedReceipt)
+RunTaskT = TypeVar("RunTaskT", bound=NamedTask)
+RunReceiptT = TypeVar("RunReceiptT", bound=NotedReceipt)
 
 
-def work_all(
-    work: Callable[[Task], Receipt],
-    tasks: Sequence[Task],
-    receipt_of: Callable[..., Receipt],
+def run_tasks(
+    work: Callable[[RunTaskT], RunReceiptT],
+    tasks: Sequence[RunTaskT],
+    receipt_of: Callable[..., RunReceiptT],
     run: RunFolder,
     executor: Executor,
     advance: Advance,
-) -> tuple[dict[str, Receipt], list[Outcome[Task, Receipt]]]:
+) -> tuple[dict[str, RunReceiptT], list[Outcome[RunTaskT, RunReceiptT]]]:
     """Work the tasks that are not done yet; return receipts by the tasks' names, and what failed.
 
     Parameters
@@ -284,7 +284,7 @@ def work_all(
     receipt_of
         Makes a receipt of what the journal holds.
     """
-    done, failed = _taken_over(run, tasks, receipt_of), list[Outcome[Task, Receipt]]()
+    done, failed = _taken_over(run, tasks, receipt_of), list[Outcome[RunTaskT, RunReceiptT]]()
     advance(len(done), len(tasks))
     for outcome in executor.run(work, [task for task in tasks if task.name not in done]):
         name = outcome.task.name
@@ -292,16 +292,16 @@ def work_all(
             failed.append(outcome)
         else:
             done[name] = outcome.receipt
-            run.journal.enter(Entry(name, outcome.receipt.sha256, outcome.receipt.as_document()))
+            run.journal.enter(JournalEntry(name, outcome.receipt.sha256, outcome.receipt.as_document()))
         advance(len(done) + len(failed), len(tasks))
     return done, failed
 
 
 def _taken_over(
-    run: RunFolder, tasks: Sequence[Task], receipt_of: Callable[..., Receipt]
-) -> dict[str, Receipt]:
+    run: RunFolder, tasks: Sequence[RunTaskT], receipt_of: Callable[..., RunReceiptT]
+) -> dict[str, RunReceiptT]:
     """Return the receipts of tasks that an earlier process has done, if their results are still what they were."""
-    entries: Mapping[str, Entry] = run.journal.done()
+    entries: Mapping[str, JournalEntry] = run.journal.done()
     found = {}
     for task in tasks:
         entry = entries.get(task.name)

@@ -21,7 +21,7 @@ from linework.model.camera import Camera, StereoRig
 from linework.model.lines import KINDS
 from linework.model.logs import GnssLog, GyroLog, NavigationLogs, WheelLog
 from linework.simulation.sensors.cameras import StereoDrive, images_of, observed_in_images
-from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, WheelGrade, made_logs
+from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, WheelGrade, simulate_logs
 from linework.simulation.simulate import SIMULATED_CRS, SimulatedSurvey, drives_of
 
 
@@ -170,7 +170,7 @@ def survey_logs(survey: SimulatedSurvey) -> NavigationLogs:
     """Return what the van's navigation sensors logged in all passes; between passes they pause."""
     rng = np.random.default_rng([survey.scenario.seed, 61])
     origin = survey.scenario.origin_m
-    return joined_logs([made_logs(d, _VAN, rng, origin_m=origin) for d in drives_of(survey.scenario)])
+    return joined_logs([simulate_logs(d, _VAN, rng, origin_m=origin) for d in drives_of(survey.scenario)])
 
 
 def joined_logs(parts: Sequence[NavigationLogs]) -> NavigationLogs:

@@ -17,7 +17,7 @@ from linework.simulation.roads.scenario import Scenario
 from linework.simulation.scene.part import Scene
 from linework.simulation.scene.scene import build_scene, truth_lines
 from linework.simulation.sensors.drive import Drive, drive, reported_trajectory
-from linework.simulation.sensors.scanner import Caster, Hits, on_wire_axis, recorded, scan
+from linework.simulation.sensors.scanner import Caster, Hits, on_wire_axis, record_points, scan
 
 #: UTM zone 32 with heights of the German height system: where the made-up place is.
 SIMULATED_CRS = "EPSG:25832+7837"
@@ -76,15 +76,15 @@ def survey_of(scenario: Scenario) -> SimulatedSurvey:
     places: list[FloatArray] = []
     triangles: list[AnyArray] = []
     times: list[FloatArray] = []
-    for hits in measured(scenario, scene, drives):
-        points.append(recorded(scenario, scene, hits, rng))
+    for hits in scan_passes(scenario, scene, drives):
+        points.append(record_points(scenario, scene, hits, rng))
         places.append(hits.xyz)
         triangles.append(hits.triangle)
         times.append(hits.time_s)
     all_hits = np.concatenate(places), np.concatenate(triangles), np.concatenate(times)
     crs = parse_crs(SIMULATED_CRS)
     return SimulatedSurvey(
-        points=in_time_order(points),
+        points=points_by_time(points),
         trajectory=reported_trajectory(drives, scenario.origin_m),
         truth=truth_lines(scenario, scene, all_hits, crs),
         crs=crs,
@@ -100,7 +100,7 @@ def drives_of(scenario: Scenario) -> list[Drive]:
     ]
 
 
-def measured(scenario: Scenario, scene: Scene, drives: Sequence[Drive]) -> Iterator[Hits]:
+def scan_passes(scenario: Scenario, scene: Scene, drives: Sequence[Drive]) -> Iterator[Hits]:
     """Yield the hits of all passes and scanners in batches, without noise."""
     caster = Caster(scene)
     for i, way in enumerate(drives):
@@ -110,7 +110,7 @@ def measured(scenario: Scenario, scene: Scene, drives: Sequence[Drive]) -> Itera
                 yield on_wire_axis(scene, hits)
 
 
-def in_time_order(parts: Sequence[Points]) -> Points:
+def points_by_time(parts: Sequence[Points]) -> Points:
     """Return all points in one, by time."""
     time = np.concatenate([p.time_s for p in parts if p.time_s is not None])
     order = np.argsort(time, kind="stable")

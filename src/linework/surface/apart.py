@@ -12,10 +12,10 @@ from linework.kernels.cells import nearest as nearest_kernels
 from linework.kernels.cells import regions as kernels
 from linework.surface.carry import reach_cells
 from linework.surface.config import RoadConfig
-from linework.surface.regions import united
+from linework.surface.regions import connected_groups
 
 #: Opening by 3 x 3 cells drops wires; it needs so many cells around.
-HALO = 2
+OPENING_HALO = 2
 #: A piece of ground is larger than a lorry's roof. [m2]
 _MIN_AREA_M2 = 25.0
 #: Level: within this of the nearest ground, and as much more as a steep road rises on the way there, but no
@@ -25,7 +25,7 @@ _NOTHING = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True)
-class Pieces:
+class IsolatedPieces:
     """Smooth pieces of a window that are not ground yet.
 
     Parameters
@@ -53,9 +53,11 @@ def smooth_pieces(candidates: BoolArray) -> tuple[AnyArray, int, int]:
     Parameters
     ----------
     candidates
-        (n_rows + 2 `HALO`, n_cols + 2 `HALO`): smooth and not ground.
+        (n_rows + 2 `OPENING_HALO`, n_cols + 2 `OPENING_HALO`): smooth and not ground.
     """
-    mask = np.ascontiguousarray(kernels.opened(candidates)[HALO:-HALO, HALO:-HALO])
+    mask = np.ascontiguousarray(
+        kernels.opened(candidates)[OPENING_HALO:-OPENING_HALO, OPENING_HALO:-OPENING_HALO]
+    )
     level = np.zeros(mask.shape, dtype=np.float32)
     labels, n_border, first = kernels.label_regions(level, level, level, mask, 1.0, 1.0, True)
     return labels, n_border, len(first)
@@ -68,7 +70,7 @@ def describe_pieces(
     height: Float32Array,
     is_ground: BoolArray,
     config: RoadConfig,
-) -> Pieces:
+) -> IsolatedPieces:
     """Return the pieces with what tells whether they are ground.
 
     Parameters
@@ -85,14 +87,14 @@ def describe_pieces(
     # The smallest rectangle that holds all pieces: most windows have few
     rows, cols = np.flatnonzero(labels.any(axis=1)), np.flatnonzero(labels.any(axis=0))
     if n == 0:
-        return Pieces(0, edges, _NOTHING, _NOTHING, np.zeros((0, 2), dtype=np.int32))
+        return IsolatedPieces(0, edges, _NOTHING, _NOTHING, np.zeros((0, 2), dtype=np.int32))
     part = slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1)
     around = tuple(slice(p.start, p.stop + 2 * reach_cells(config)) for p in part)
     labels = labels[part]
     level = _is_level(np.ascontiguousarray(height[around]), np.ascontiguousarray(is_ground[around]), config)
     on = labels > 0
     pairs = np.unique((labels[on].astype(np.int64) << 32) | ground[part][on])
-    return Pieces(
+    return IsolatedPieces(
         n_border,
         edges,
         np.bincount(labels[on], minlength=n + 1)[1:],
@@ -104,22 +106,22 @@ def describe_pieces(
 def _is_level(height: Float32Array, is_ground: BoolArray, config: RoadConfig) -> BoolArray:
     """Return which of the inner cells lie level with the nearest ground."""
     reach = reach_cells(config)
-    index, square = nearest_kernels.nearest_known(is_ground, reach, reach)
-    rise = np.abs(height[reach:-reach, reach:-reach] - nearest_kernels.filled(height, index))
+    index, square = nearest_kernels.nearest_known_squared(is_ground, reach, reach)
+    rise = np.abs(height[reach:-reach, reach:-reach] - nearest_kernels.heights_by_index(height, index))
     way = np.minimum(np.sqrt(square, dtype=np.float32) * np.float32(config.cell_m), np.float32(_MAX_WAY_M))
     return np.asarray(
         rise - np.float32(_MAX_GRADE) * way <= np.float32(_MAX_STEP_M)
     )  # NaN, no ground near: no
 
 
-def touching(one: Pieces, other: Pieces, *, below: bool) -> AnyArray:
+def touching(one: IsolatedPieces, other: IsolatedPieces, *, below: bool) -> AnyArray:
     """Return the labels (n, 2) of pieces that touch across the edge to the east, or `below`: to the south."""
     a, b = (one.edges[3], other.edges[2]) if below else (one.edges[1], other.edges[0])
     return np.unique(np.stack([a, b], axis=-1)[(a > 0) & (b > 0)], axis=0)
 
 
 def ground_of_pieces(
-    pieces: Sequence[Pieces], links: Sequence[tuple[int, int, AnyArray]], cell_m: float
+    pieces: Sequence[IsolatedPieces], links: Sequence[tuple[int, int, AnyArray]], cell_m: float
 ) -> list[AnyArray]:
     """Return for each window the ground labels that turn out to be ground, (k,) int32 each.
 
@@ -130,7 +132,7 @@ def ground_of_pieces(
     """
     offsets = np.concatenate([[0], np.cumsum([len(p.cells) for p in pieces])]).astype(np.int64)
     pairs = [np.stack([offsets[a], offsets[b]]) + labels.astype(np.int64) - 1 for a, b, labels in links]
-    group = united(int(offsets[-1]), np.concatenate([np.zeros((0, 2), np.int64), *pairs]))
+    group = connected_groups(int(offsets[-1]), np.concatenate([np.zeros((0, 2), np.int64), *pairs]))
     cells = np.bincount(group, np.concatenate([p.cells for p in pieces]), minlength=1)
     level = np.bincount(group, np.concatenate([p.level for p in pieces]), minlength=1)
     # Half of its cells and more: what the median of their heights says, and counts of parts add up

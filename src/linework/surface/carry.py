@@ -11,19 +11,19 @@ from scipy.spatial import cKDTree
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels.cells import nearest as kernels
 from linework.kernels.cells.surface import FIXED
-from linework.surface.cells import Window
+from linework.surface.cells import CellWindow
 from linework.surface.config import RoadConfig
 
 #: So far the ground is carried on from its nearest cell: most of what a van sees beside and above a road lies
 #: within it. Farther away the mean height of the nearest block that has ground must do. [m]
-REACH_M = 60.0
+CARRY_REACH_M = 60.0
 #: Rays of nearest cells meet in creases: over this distance an average takes their place. [m]
 _SOFT_M = 2.0
 
 
 def reach_cells(config: RoadConfig) -> int:
     """Return how far the ground is carried on, in cells: at least as far as the road is."""
-    return math.ceil(max(REACH_M, 2.0 * config.carry_m) / config.cell_m)
+    return math.ceil(max(CARRY_REACH_M, 2.0 * config.carry_m) / config.cell_m)
 
 
 def halo_cells(config: RoadConfig) -> int:
@@ -54,7 +54,9 @@ class CoarseGround:
     cells: IntArray
 
     @classmethod
-    def of(cls, window: Window, height: Float32Array, is_ground: BoolArray, cell_m: float) -> CoarseGround:
+    def of(
+        cls, window: CellWindow, height: Float32Array, is_ground: BoolArray, cell_m: float
+    ) -> CoarseGround:
         """Return what a window's ground cells add to the blocks."""
         rows, cols = window.blocks(cell_m)
         south, west = int(rows.min()), int(cols.min())
@@ -83,15 +85,15 @@ class CoarseGround:
         mean: FloatArray = self.total / self.cells / FIXED
         return np.asarray(mean[nearest].reshape(len(north), len(east)), dtype=np.float32)
 
-    def over(self, window: Window, cell_m: float) -> tuple[Float32Array, IntArray, IntArray]:
+    def over(self, window: CellWindow, cell_m: float) -> tuple[Float32Array, IntArray, IntArray]:
         """Return the heights of the blocks about a window, and the block of each row and of each column."""
         rows, cols = window.blocks(cell_m)
         north, east = np.arange(rows.min(), rows.max() + 1), np.arange(cols.min(), cols.max() + 1)
         return self.near(east, north), rows - north[0], cols - east[0]
 
 
-def carried(
-    window: Window,
+def extended_surface(
+    window: CellWindow,
     height: Float32Array,
     is_road: BoolArray,
     is_ground: BoolArray,
@@ -116,7 +118,7 @@ def carried(
     near = min(math.ceil(2.0 * config.carry_m / config.cell_m) + half + 1, reach)
     road, square = _carried_on(height, is_road, near, reach, half, config.cell_m)
     far, rows, cols = coarse.over(window, config.cell_m)
-    kernels.give_way(road, square, ground, far, rows, cols, config.cell_m, config.carry_m)
+    kernels.blend_into_ground(road, square, ground, far, rows, cols, config.cell_m, config.carry_m)
     return road, ground
 
 
@@ -124,7 +126,7 @@ def _carried_on(
     height: Float32Array, known: BoolArray, reach: int, margin: int, half: int, cell_m: float
 ) -> tuple[Float32Array, AnyArray]:
     """Return a surface filled from its nearest cells and softened, and the square distance to them."""
-    index, square = kernels.nearest_known(known, reach, margin)
-    values = kernels.softened(kernels.filled(height, index), square, half, cell_m, _SOFT_M)
+    index, square = kernels.nearest_known_squared(known, reach, margin)
+    values = kernels.softened(kernels.heights_by_index(height, index), square, half, cell_m, _SOFT_M)
     inner = slice(half, -half or None)
     return values, np.ascontiguousarray(square[inner, inner])

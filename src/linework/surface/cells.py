@@ -13,10 +13,10 @@ from linework.model.grid import Bounds, Grid
 from linework.model.trajectory import Trajectory
 
 #: Blocks of the lattice that tells recorded places apart and holds coarse heights: the point store's. [m]
-BLOCK_M = 64.0
+SURFACE_BLOCK_M = 64.0
 
 
-class Window(NamedTuple):
+class CellWindow(NamedTuple):
     """A rectangle of cells. Cell (i, j) covers i cell <= east < (i + 1) cell, and north likewise.
 
     Parameters
@@ -31,7 +31,7 @@ class Window(NamedTuple):
     n_cols: int
 
     @classmethod
-    def over(cls, bounds: Bounds, cell_m: float) -> Window:
+    def over(cls, bounds: Bounds, cell_m: float) -> CellWindow:
         """Return the cells that hold points of the bounds, their edges counted in.
 
         >>> Window.over(Bounds(0.1, -0.1, 1.0, 0.4), 0.5)
@@ -56,11 +56,11 @@ class Window(NamedTuple):
         """Cell number beyond the last column."""
         return self.west + self.n_cols
 
-    def grown(self, n: int) -> Window:
+    def grown(self, n: int) -> CellWindow:
         """Return the window with n cells more on every side."""
-        return Window(self.west - n, self.south - n, self.n_rows + 2 * n, self.n_cols + 2 * n)
+        return CellWindow(self.west - n, self.south - n, self.n_rows + 2 * n, self.n_cols + 2 * n)
 
-    def common(self, other: Window) -> Window | None:
+    def common(self, other: CellWindow) -> CellWindow | None:
         """Return the cells that both hold, or None.
 
         >>> Window(0, 0, 4, 4).common(Window(2, 3, 4, 4))
@@ -68,9 +68,9 @@ class Window(NamedTuple):
         """
         west, south = max(self.west, other.west), max(self.south, other.south)
         east, north = min(self.east, other.east), min(self.north, other.north)
-        return Window(west, south, north - south, east - west) if west < east and south < north else None
+        return CellWindow(west, south, north - south, east - west) if west < east and south < north else None
 
-    def part(self, inner: Window) -> tuple[slice, slice]:
+    def part(self, inner: CellWindow) -> tuple[slice, slice]:
         """Return where the cells of `inner` lie in an array of this window."""
         top, left = self.north - inner.north, inner.west - self.west
         return slice(top, top + inner.n_rows), slice(left, left + inner.n_cols)
@@ -96,17 +96,17 @@ def block_of(cells: IntArray, cell_m: float) -> IntArray:
     >>> block_of(np.array([-1, 0, 127, 128]), 0.5).tolist()
     [-1, 0, 0, 1]
     """
-    return np.asarray(np.floor((cells + 0.5) * cell_m / BLOCK_M), dtype=np.int64)
+    return np.asarray(np.floor((cells + 0.5) * cell_m / SURFACE_BLOCK_M), dtype=np.int64)
 
 
 # The vehicle's path over the cells: where the road is sure to be
 
 #: The road is under the wheels: so far from the path in plan. [m]
-NEAR_M = 1.0
+NEAR_PATH_M = 1.0
 #: Heights of the path over the road are alike within this: a metre less than any bridge is high. [m]
 SAME_DROP_M = 1.0
 #: A path recorded every second at 130 km/h has steps of 36 m; a longer one leads from one drive to the next. [m]
-MAX_STEP_M = 50.0
+MAX_PATH_STEP_M = 50.0
 
 
 def path_samples(trajectory: Trajectory | None, cell_m: float) -> FloatArray:
@@ -115,13 +115,13 @@ def path_samples(trajectory: Trajectory | None, cell_m: float) -> FloatArray:
         return np.zeros((0, 3))
     step = np.hypot(*np.diff(trajectory.xyz[:, :2], axis=0).T)
     # Jumps have no length, so there is no place on them
-    chainage = np.concatenate([[0.0], np.cumsum(np.where(step <= MAX_STEP_M, step, 0.0))])
+    chainage = np.concatenate([[0.0], np.cumsum(np.where(step <= MAX_PATH_STEP_M, step, 0.0))])
     at = np.arange(0.0, chainage[-1] + cell_m, cell_m / 2)
     return np.stack([np.interp(at, chainage, trajectory.xyz[:, axis]) for axis in range(3)], axis=-1)
 
 
 def drops_of_cells(
-    path: FloatArray, window: Window, height: Float32Array, smooth: BoolArray, z0_m: float, cell_m: float
+    path: FloatArray, window: CellWindow, height: Float32Array, smooth: BoolArray, z0_m: float, cell_m: float
 ) -> tuple[AnyArray, Float32Array]:
     """Return the smooth cells (flat indices (n,)) near the path, and how far below it they are (n, 2) [m].
 
@@ -129,7 +129,7 @@ def drops_of_cells(
     """
     if len(path) == 0:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.float32)
-    reach = max(round(NEAR_M / cell_m), 1)
+    reach = max(round(NEAR_PATH_M / cell_m), 1)
     least, most = kernels.drops_below(path, window.west, window.south, height, cell_m, z0_m, reach)
     cells = np.flatnonzero(smooth & ~np.isnan(least))
     return cells, np.stack([least.ravel()[cells], most.ravel()[cells]], axis=-1)

@@ -9,7 +9,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, IntArray
 from linework.surface.cells import under_the_wheels
-from linework.surface.regions import LabelTable, RegionFacts, united
+from linework.surface.regions import LabelTable, RegionFacts, connected_groups
 
 #: In a place without path the road is larger than a lorry's roof, or a few cells of a wire. [m2]
 MIN_ROAD_M2 = 25.0
@@ -17,7 +17,7 @@ _NO_NODES = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class RegionLink:
     """Labels (n, 2) of road and of ground that are connected across the edge of windows `a` and `b`."""
 
     a: int
@@ -46,7 +46,7 @@ class Choice:
     to a road. Where no region in all the survey will do, the one with most points must.
     """
 
-    def __init__(self, facts: Sequence[RegionFacts], links: Sequence[Link], cell_m: float) -> None:
+    def __init__(self, facts: Sequence[RegionFacts], links: Sequence[RegionLink], cell_m: float) -> None:
         roads, grounds = _Nodes([f.road for f in facts]), _Nodes([f.ground for f in facts])
         roads.unite([(link.a, link.b, link.road) for link in links])
         grounds.unite([(link.a, link.b, link.ground) for link in links])
@@ -97,7 +97,7 @@ class _Nodes:
     def unite(self, links: Sequence[tuple[int, int, AnyArray]]) -> None:
         """Find what is connected."""
         pairs = [np.stack([self.nodes(a, p[:, 0]), self.nodes(b, p[:, 1])], axis=-1) for a, b, p in links]
-        self.group = united(len(self.island), np.concatenate([np.zeros((0, 2), np.int64), *pairs]))
+        self.group = connected_groups(len(self.island), np.concatenate([np.zeros((0, 2), np.int64), *pairs]))
 
     def choose(self, nodes: AnyArray) -> None:
         """Choose nodes and all that is connected to them."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels.cells import surface as kernels
-from linework.surface.cells import Window
+from linework.surface.cells import CellWindow
 from linework.surface.config import RoadConfig
 
 #: Local height origins are whole multiples of this. [m]
@@ -35,13 +35,13 @@ class CellHeights:
         (n_rows, n_cols) int32: points.
     """
 
-    window: Window
+    window: CellWindow
     height: Float32Array
     spread: Float32Array
     count: AnyArray
 
 
-def cell_heights(xyz: FloatArray, window: Window, z0_m: float, config: RoadConfig) -> CellHeights:
+def cell_heights(xyz: FloatArray, window: CellWindow, z0_m: float, config: RoadConfig) -> CellHeights:
     """Return the heights of a window's cells from points (n, 3) [m, world]; points elsewhere are passed over.
 
     The order of the points does not matter, to the last bit.
@@ -84,7 +84,7 @@ def rough_limit_m(counts: IntArray, config: RoadConfig) -> float:
 #: Slopes are medians over so many cells on every side: 25 cells outvote a kerb.
 REACH = 2
 #: They need heights from so many cells on every side.
-HALO = REACH + 1
+SLOPE_HALO = REACH + 1
 
 
 def smooth_slopes(
@@ -95,7 +95,7 @@ def smooth_slopes(
     Parameters
     ----------
     height
-        (n_rows + 2 `HALO`, n_cols + 2 `HALO`): the cells and those around them.
+        (n_rows + 2 `SLOPE_HALO`, n_cols + 2 `SLOPE_HALO`): the cells and those around them.
     spread
         (n_rows, n_cols).
     limit_m

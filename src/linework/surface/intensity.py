@@ -29,11 +29,11 @@ from linework.surface.road import is_road_point
 #: Height of a scanner on a van's roof over the ground under it. [m]
 MOUNT_M = 2.2
 #: Blocks for what is left of drift and changes of asphalt, a lane wide, and for the range as well: half a lane. [m]
-PART_M, BLOCK_M = 4.0, 2.0
+PART_M, INTENSITY_BLOCK_M = 4.0, 2.0
 #: The level of asphalt among the road's points: paint is a minority, in a block on a line a large one.
 PART_SHARE, BLOCK_SHARE = 0.5, 0.4
 #: A level is taken from so many points at least: it is then good to a fifth of the texture of asphalt.
-LEAST_POINTS = 30
+LEAST_LEVEL_POINTS = 30
 #: Percentile of the points seen alike that is the level of asphalt: paint and much of a verge are above it.
 VIEW_SHARE = 0.2
 #: Intensity goes with range to the power -RANGE_POWER (0: corrected in the scanner, 2: by physics) and with the
@@ -113,9 +113,9 @@ def normalised_intensity(
     if points.time_s is not None:
         path, tier = scanner_track(points.take(on_road)), Tier.TRACK
         if trajectory is not None and len(trajectory) > 1:
-            path, tier = mounted(trajectory, path), Tier.TRAJECTORY
+            path, tier = path_at_scanner(trajectory, path), Tier.TRAJECTORY
     if path is None:
-        level = local_level(points.xyz, points.intensity, on_road, BLOCK_M, BLOCK_SHARE)
+        level = local_level(points.xyz, points.intensity, on_road, INTENSITY_BLOCK_M, BLOCK_SHARE)
         return _over(points.intensity, level), Tier.LOCAL
     range_m, cosine = view_of(points, path, surface)
     levels = fit_views(kernels.count_views(points.intensity, range_m, cosine, on_road))
@@ -123,7 +123,7 @@ def normalised_intensity(
     seen = ~np.isnan(ratio)
     normal = _over(ratio, local_level(points.xyz, ratio, on_road & seen, PART_M, PART_SHARE))
     if not seen.all():
-        other = local_level(points.xyz, points.intensity, on_road, BLOCK_M, BLOCK_SHARE)
+        other = local_level(points.xyz, points.intensity, on_road, INTENSITY_BLOCK_M, BLOCK_SHARE)
         normal = np.where(seen, normal, _over(points.intensity, other))
     return normal, tier if seen.any() else Tier.LOCAL
 
@@ -138,7 +138,9 @@ def view_of(
     south_east = np.gradient(np.nan_to_num(surface.road_m), g.cell_width_m)
     slopes = np.stack([south_east[1], -south_east[0]], axis=-1).astype(np.float32)
     frame = (g.east_m, g.north_m, g.cell_width_m)
-    range_m, cosine = kernels.views(points.xyz, points.time_s, path.time_s, path.xyz, mount_m, frame, slopes)
+    range_m, cosine = kernels.viewing_geometry(
+        points.xyz, points.time_s, path.time_s, path.xyz, mount_m, frame, slopes
+    )
     return range_m, cosine
 
 
@@ -151,7 +153,7 @@ def fit_views(counts: IntArray) -> ViewLevels:
     then the power of the incidence stays what it mostly is, and the curve over range takes up the rest.
     """
     total = counts.sum(axis=-1)
-    rows, cols = np.nonzero(total >= LEAST_POINTS)
+    rows, cols = np.nonzero(total >= LEAST_LEVEL_POINTS)
     n, m = counts.shape[0], len(rows)
     design, right = np.zeros((m + 2 * n - 2, n + 1)), np.zeros(m + 2 * n - 2)
     design[np.arange(m), rows] = 1.0
@@ -188,7 +190,7 @@ def local_level(
     n_cols, n_rows = (np.floor(xyz[:, :2].max(axis=0) / block_m).astype(np.int64) - low + 1).tolist()
     counts = kernels.count_in_blocks(xyz, value, chosen, block_m, (int(low[0]), int(low[1])), n_rows, n_cols)
     level = np.log(share_of_counts(counts, share))
-    level[counts.sum(axis=-1) < LEAST_POINTS] = np.nan
+    level[counts.sum(axis=-1) < LEAST_LEVEL_POINTS] = np.nan
     if np.isnan(level).all():
         return np.full(len(xyz), np.nan, np.float32)
     nearest = distance_transform_edt(np.isnan(level), return_distances=False, return_indices=True)
@@ -224,11 +226,11 @@ def _over(value: Float32Array, level: Float32Array) -> Float32Array:
 #: 6 m at 100 km/h. [s]
 MOMENT_S = 0.2
 #: The place is sought among the points this near to the last estimate: a lane and a half. [m]
-NEAR_M = (8.0, 4.0, 2.5, 2.5, 2.5)
+NEAR_ESTIMATE_M = (8.0, 4.0, 2.5, 2.5, 2.5)
 #: Moments over which the places are smoothed: a van does not swerve within a second.
 N_SMOOTH = 5
 #: Farther from the van's origin no scanner looks down. [m]
-FARTHEST_M = 5.0
+FARTHEST_SCANNER_M = 5.0
 
 
 def scanner_track(points: Points) -> Trajectory | None:
@@ -253,7 +255,7 @@ def scanner_track(points: Points) -> Trajectory | None:
     starts = np.concatenate([[0], np.flatnonzero(np.diff(moment)) + 1, [len(moment)]])
     times, places = [], []
     for first, last in pairwise(starts.tolist()):
-        if last - first >= LEAST_POINTS:
+        if last - first >= LEAST_LEVEL_POINTS:
             times.append((moment[first] + 0.5) * MOMENT_S)
             places.append(_densest(xyz[first:last]))
     if len(times) < 2:
@@ -265,7 +267,7 @@ def scanner_track(points: Points) -> Trajectory | None:
     return Trajectory(ends, np.stack([np.concatenate([s[:1], s, s[-1:]]) for s in smooth], axis=-1))
 
 
-def mounted(path: Trajectory, track: Trajectory | None) -> Trajectory:
+def path_at_scanner(path: Trajectory, track: Trajectory | None) -> Trajectory:
     """Return the van's path moved to where the scanner's track usually is beside and behind it.
 
     Scanners look down some metres behind the vehicle's origin, and how far is seldom told. The median over
@@ -284,7 +286,7 @@ def mounted(path: Trajectory, track: Trajectory | None) -> Trajectory:
     off = (way - path.xyz)[known]
     along = float(np.median(np.sum(off[:, :2] * ahead[known], axis=1)))
     left = float(np.median(off[:, 1] * ahead[known, 0] - off[:, 0] * ahead[known, 1]))
-    if np.hypot(along, left) > FARTHEST_M:
+    if np.hypot(along, left) > FARTHEST_SCANNER_M:
         return path
     xyz = path.xyz + np.column_stack([
         along * ahead[:, 0] - left * ahead[:, 1],
@@ -297,9 +299,9 @@ def mounted(path: Trajectory, track: Trajectory | None) -> Trajectory:
 def _densest(xyz: FloatArray) -> FloatArray:
     """Return the middle (3,) of the densest part of points (n, 3)."""
     place = np.median(xyz, axis=0)
-    for near_m in NEAR_M:
+    for near_m in NEAR_ESTIMATE_M:
         near = xyz[np.hypot(xyz[:, 0] - place[0], xyz[:, 1] - place[1]) <= near_m]
-        if len(near) < LEAST_POINTS // 3:
+        if len(near) < LEAST_LEVEL_POINTS // 3:
             break
         place = np.median(near, axis=0)
     return np.asarray(place)

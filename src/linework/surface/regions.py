@@ -10,9 +10,9 @@ from scipy.sparse.csgraph import connected_components
 
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels.cells import regions as kernels
-from linework.surface.cells import Window, block_of, drops_of_cells
+from linework.surface.cells import CellWindow, block_of, drops_of_cells
 from linework.surface.config import RoadConfig
-from linework.surface.heights import HALO, smooth_slopes
+from linework.surface.heights import SLOPE_HALO, smooth_slopes
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class CellRegions:
         which may go on beyond it, come first.
     """
 
-    window: Window
+    window: CellWindow
     height: Float32Array
     slope_east: Float32Array
     slope_north: Float32Array
@@ -80,7 +80,7 @@ class RegionFacts:
 
 
 def cell_regions(
-    window: Window,
+    window: CellWindow,
     height: Float32Array,
     spread: Float32Array,
     count: AnyArray,
@@ -95,7 +95,7 @@ def cell_regions(
     Parameters
     ----------
     height
-        (n_rows + 2 `HALO`, n_cols + 2 `HALO`) float32: with the cells around the window.
+        (n_rows + 2 `SLOPE_HALO`, n_cols + 2 `SLOPE_HALO`) float32: with the cells around the window.
     spread, count
         (n_rows, n_cols).
     path
@@ -103,7 +103,7 @@ def cell_regions(
     """
     cell = config.cell_m
     smooth, east, north = smooth_slopes(height, spread, rough_limit_m, config)
-    height = np.ascontiguousarray(height[HALO:-HALO, HALO:-HALO])
+    height = np.ascontiguousarray(height[SLOPE_HALO:-SLOPE_HALO, SLOPE_HALO:-SLOPE_HALO])
     known = ~np.isnan(height)
     road, n_road, first_road = kernels.label_regions(
         height, east, north, smooth, cell, config.max_step_m, False
@@ -127,7 +127,7 @@ def cell_regions(
 
 
 def _table(
-    window: Window,
+    window: CellWindow,
     labels: AnyArray,
     n_border: int,
     first: AnyArray,
@@ -236,7 +236,7 @@ class Islands:
             at = np.searchsorted(codes, other).clip(0, max(len(codes) - 1, 0))
             here = np.flatnonzero(codes[at] == other) if len(codes) else np.zeros(0, dtype=np.int64)
             links.append(np.stack([here, at[here]]))
-        return cls(codes, united(len(codes), np.concatenate(links, axis=1).T))
+        return cls(codes, connected_groups(len(codes), np.concatenate(links, axis=1).T))
 
     def at(self, east: IntArray, north: IntArray) -> AnyArray:
         """Return the island (n,) of each block (or of one beside it), -1 where there is none."""
@@ -251,7 +251,7 @@ class Islands:
         return found
 
 
-def united(n: int, links: AnyArray) -> AnyArray:
+def connected_groups(n: int, links: AnyArray) -> AnyArray:
     """Return the group (n,) int32 of each of n things of which the pairs (m, 2) belong together.
 
     >>> united(4, np.array([[0, 2], [2, 3]])).tolist()

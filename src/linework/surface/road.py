@@ -24,12 +24,12 @@ from linework.model.points import Points
 from linework.model.tile import RoadSurface as RoadSurface
 from linework.model.trajectory import Trajectory
 from linework.surface import apart
-from linework.surface.carry import CoarseGround, carried, halo_cells, reach_cells
-from linework.surface.cells import Window, path_samples
+from linework.surface.carry import CoarseGround, extended_surface, halo_cells, reach_cells
+from linework.surface.cells import CellWindow, path_samples
 from linework.surface.choose import Choice
 from linework.surface.config import RoadConfig as RoadConfig
 from linework.surface.heights import (
-    HALO,
+    SLOPE_HALO,
     CellHeights,
     cell_heights,
     count_spreads,
@@ -55,7 +55,7 @@ def find_road(points: Points, trajectory: Trajectory | None, config: RoadConfig)
     # Regions that continue the slope, and looser ones
     regions, facts = cell_regions(
         window,
-        _with_halo(heights.height, HALO),
+        _with_halo(heights.height, SLOPE_HALO),
         heights.spread,
         heights.count,
         path_samples(trajectory, config.cell_m),
@@ -73,7 +73,7 @@ def find_road(points: Points, trajectory: Trajectory | None, config: RoadConfig)
     is_ground = cells_with(regions.ground, choice.ground_labels(0))
     # Beyond its edge the road is carried on, and gives way to the ground
     halo = halo_cells(config)
-    road_m, ground_m = carried(
+    road_m, ground_m = extended_surface(
         window,
         _with_halo(regions.height, halo),
         _with_halo(is_road, halo),
@@ -116,7 +116,7 @@ def _height_above(surface: RoadSurface, xyz: FloatArray, reference: Float32Array
     return out
 
 
-def _window_of(points: Points, config: RoadConfig) -> Window:
+def _window_of(points: Points, config: RoadConfig) -> CellWindow:
     bounds = points.bounds
     cells = (bounds.width_m / config.cell_m + 2) * (bounds.height_m / config.cell_m + 2)
     if not cells <= config.max_cells:
@@ -126,7 +126,7 @@ def _window_of(points: Points, config: RoadConfig) -> Window:
             where="points",
             advice="extract a part of the survey, or raise road.max_cells or road.cell_m",
         )
-    return Window.over(bounds, config.cell_m)
+    return CellWindow.over(bounds, config.cell_m)
 
 
 def _islands(heights: CellHeights, cell_m: float) -> Islands:
@@ -139,7 +139,7 @@ def _islands(heights: CellHeights, cell_m: float) -> Islands:
 
 def _ground_apart(regions: CellRegions, is_ground: BoolArray, config: RoadConfig) -> AnyArray:
     """Return the labels of ground regions that data holes part from the rest."""
-    candidates = _with_halo((regions.road > 0) & ~is_ground, apart.HALO)
+    candidates = _with_halo((regions.road > 0) & ~is_ground, apart.OPENING_HALO)
     labels, *counts = apart.smooth_pieces(candidates)
     reach = reach_cells(config)
     pieces = apart.describe_pieces(

@@ -16,7 +16,7 @@ from linework.runs.opened.surface import SurveySurface
 
 #: Boxes are found block by block: half as wide as what is read around each, so that little is read twice, and
 #: little is looked at that is not near the line. [m]
-BLOCK_M = 8.0
+BOX_BLOCK_M = 8.0
 #: Blocks that stay at hand, some kilobytes each: 25 km of a line and what is about it.
 MOST_BLOCKS = 20_000
 Block = tuple[int, int]
@@ -64,7 +64,7 @@ class SurveyBoxes:
         boxes = BoxSet.empty()
         if any(self._store.count_in(core) for core in cores):
             boxes = self._detect(kind, cores)
-        number = np.floor((boxes.centre[:, :2] + self._origin[:2]) / BLOCK_M).astype(np.int64)
+        number = np.floor((boxes.centre[:, :2] + self._origin[:2]) / BOX_BLOCK_M).astype(np.int64)
         for col, row in (block for part in parts for block in _blocks(part)):
             inside = (number[:, 0] == col) & (number[:, 1] == row)
             self._found[kind, (col, row)] = boxes.take(inside)
@@ -101,7 +101,7 @@ class Corridor:
         """Extent of what has been looked at [m, world]."""
         blocks = np.array([block for asked in self._asked.values() for block in asked], dtype=np.float64)
         (west, south), (east, north) = blocks.min(axis=0), blocks.max(axis=0) + 1.0
-        return Bounds(west * BLOCK_M, south * BLOCK_M, east * BLOCK_M, north * BLOCK_M)
+        return Bounds(west * BOX_BLOCK_M, south * BOX_BLOCK_M, east * BOX_BLOCK_M, north * BOX_BLOCK_M)
 
     def load(self, places: FloatArray, reach_m: float | FloatArray, kind: str = "") -> bool:
         """Find all boxes within `reach_m` of places (n, 2) [m, world]; return whether any were added.
@@ -112,8 +112,8 @@ class Corridor:
             Of line; "": all of them.
         """
         reach = np.broadcast_to(np.asarray(reach_m, dtype=np.float64), len(places))[:, None]
-        low = np.floor((places - reach) / BLOCK_M).astype(np.int64)
-        high = np.floor((places + reach) / BLOCK_M).astype(np.int64)
+        low = np.floor((places - reach) / BOX_BLOCK_M).astype(np.int64)
+        high = np.floor((places + reach) / BOX_BLOCK_M).astype(np.int64)
         asked = {
             (col, row)
             for (west, south), (east, north) in zip(low.tolist(), high.tolist(), strict=True)
@@ -160,7 +160,9 @@ def _is_near(parts: Sequence[Rectangle], buffer_m: float) -> bool:
 
 def _bounds(part: Rectangle) -> Bounds:
     (west, south), (east, north) = part
-    return Bounds(west * BLOCK_M, south * BLOCK_M, (east + 1) * BLOCK_M, (north + 1) * BLOCK_M)
+    return Bounds(
+        west * BOX_BLOCK_M, south * BOX_BLOCK_M, (east + 1) * BOX_BLOCK_M, (north + 1) * BOX_BLOCK_M
+    )
 
 
 def _blocks(part: Rectangle) -> Iterator[Block]:

@@ -13,12 +13,12 @@ from linework.arrays import FloatArray
 from linework.errors import AbsentError, InputError, UsageError
 from linework.imaging.rectify import original_pixels, rectified_pixels
 from linework.methods.picked_edge.method import (
-    KINDS,
+    EDGE_KINDS,
     SIDES,
-    Drive,
     EdgeStep,
+    NoEdgeAtPixelError,
     PickedEdge,
-    PickRefusedError,
+    PosedPairs,
     follow_picked,
 )
 from linework.model.images import ImagePair
@@ -46,7 +46,7 @@ class ImageTracer:
 
     def __init__(self, opened: OpenedStereo) -> None:
         self._opened = opened
-        self._drive = Drive(lru_cache(_KEPT_PAIRS)(opened.pair), opened.numbers.tolist(), opened.poses)
+        self._drive = PosedPairs(lru_cache(_KEPT_PAIRS)(opened.pair), opened.numbers.tolist(), opened.poses)
 
     def trace(
         self, image: Path, at_px: tuple[float, float], *, kind: str = ""
@@ -58,7 +58,7 @@ class ImageTracer:
         image
             A file of the survey, or the end of its path.
         kind
-            Of `KINDS`; "": stripes of paint are lane markings, other edges road boundaries.
+            Of `EDGE_KINDS`; "": stripes of paint are lane markings, other edges road boundaries.
 
         Raises
         ------
@@ -73,9 +73,9 @@ class ImageTracer:
         self, pair: ImagePair, side: int, at_px: tuple[float, float], *, kind: str = ""
     ) -> Generator[EdgeStep, bool | None, TracedEdge]:
         """Follow as `trace` does, from the left (0) or the right (1) image of a pair."""
-        if kind not in ("", *KINDS):
+        if kind not in ("", *EDGE_KINDS):
             raise UsageError(f"{kind} cannot be picked in images", where="--feature",
-                             advice=f"choose from {','.join(KINDS)}")  # fmt: skip
+                             advice=f"choose from {','.join(EDGE_KINDS)}")  # fmt: skip
         rig = self._opened.series.rig
         camera = (rig.left, rig.right)[side]
         col, row = at_px
@@ -92,7 +92,7 @@ class ImageTracer:
                 self._drive, (pair.number, float(pixel[0]), float(pixel[1])), side=SIDES[side], kind=kind
             )
             edge = yield from steps
-        except PickRefusedError as refused:
+        except NoEdgeAtPixelError as refused:
             raise self._in_original(refused, side, at_px, name) from refused
         return self._traced(edge)
 
@@ -140,7 +140,7 @@ class ImageTracer:
                          advice=f"see linework info; the first one is {first}")  # fmt: skip
 
     def _in_original(
-        self, refused: PickRefusedError, side: int, at_px: tuple[float, float], name: str
+        self, refused: NoEdgeAtPixelError, side: int, at_px: tuple[float, float], name: str
     ) -> RefusedPickError:
         """Return a refusal with the pixels of the image as it was taken."""
         advice, there = "pick a pixel on a line", None

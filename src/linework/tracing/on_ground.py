@@ -8,23 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray
-from linework.editing.edits.continued import Gap, continued
+from linework.editing.edits.continued import Gap, continue_lines
 from linework.methods.obb import trace
 from linework.methods.obb.method import ObbMethod
-from linework.methods.obb.trace import Stop, near_line
+from linework.methods.obb.trace import TraceStop, near_line
 from linework.methods.protocol import Sight
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.tracing.boxes import Corridor, SurveyBoxes
 
 #: The first look around a place: a line shows in so much of it. [m]
-NEAR_M = 4.0
+NEAR_PICK_M = 4.0
 #: Lines around a picked place are looked at this far: through the gaps of dashed lines. [m]
-AROUND_M = 16.0
+PICK_AROUND_M = 16.0
 #: Along a line that goes on, and beyond its ends, boxes are looked for this far to either side. [m]
 STRIP_M = 4.0
 #: While a line grows, only where it leads: so far to either side, and so far ahead at a time. [m]
-TIP_M, STEP_M = 1.5, 12.0
+TIP_M, GROWTH_STEP_M = 1.5, 12.0
 #: Beside a line that has grown so many places are looked at between two steps: 40 m, whose points are read once.
 _AT_ONCE = 10
 #: What is less is no growth. [m]
@@ -38,7 +38,7 @@ Growth = Generator[LineSet, bool | None, bool]
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class GroundSurvey:
     """What a survey is asked for lines on the ground.
 
     Parameters
@@ -86,7 +86,7 @@ class Ground:
 
 
 @dataclass(frozen=True, slots=True)
-class Pick:
+class GroundPick:
     """A place (2,) [m, world], the kind that is meant ("": any), and the way (2,) to follow it (None: both)."""
 
     place: FloatArray
@@ -95,12 +95,12 @@ class Pick:
 
     def ends(self, one: LineSet) -> list[int]:
         """Return at which ends a line is followed on: 0 its start, 1 its end."""
-        ways = trace.leads(one.xyz)[1]
+        ways = trace.end_directions(one.xyz)[1]
         return [k for k in (0, 1) if self.way is None or float(ways[k] @ self.way) > 0.0]
 
 
 @dataclass(frozen=True, slots=True)
-class Followed:
+class FollowedLine:
     """A followed line with what runs beside it, its kind, how far the place is from it, and why it ends."""
 
     kind: str
@@ -109,7 +109,9 @@ class Followed:
     stops: tuple[str, str]
 
 
-def follow_ground(ground: Ground, pick: Pick) -> Generator[LineSet, bool | None, Followed | None]:
+def follow_ground(
+    ground: GroundSurvey, pick: GroundPick
+) -> Generator[LineSet, bool | None, FollowedLine | None]:
     """Follow the line at a place; yield it as it grows, and return it whole; None: there is none.
 
     ``send(True)`` stops it: what has been followed so far is returned.
@@ -118,7 +120,7 @@ def follow_ground(ground: Ground, pick: Pick) -> Generator[LineSet, bool | None,
     # As fast as it can be seen: only what shows the line itself
     grown, is_stopped = yield from _grown(ground, corridor, pick)
     # Then with all that lies beside it, which says what it is, and where it really ends
-    corridor.load(pick.place[None], AROUND_M)
+    corridor.load(pick.place[None], PICK_AROUND_M)
     if grown is not None:
         along = _every(grown.xyz[:, :2], STRIP_M)
         for first in range(0, len(along), _AT_ONCE):
@@ -130,9 +132,9 @@ def follow_ground(ground: Ground, pick: Pick) -> Generator[LineSet, bool | None,
     one, lines, stop = yield from _whole(ground, corridor, pick, grown)
     is_stopped = is_stopped or stop
     while one is not None and not is_stopped:
-        shown = one if grown is None else trace.turned_like(one, grown)
+        shown = one if grown is None else trace.oriented_like(one, grown)
         is_stopped = bool((yield shown))
-        tips, ways = trace.leads(one.xyz)
+        tips, ways = trace.end_directions(one.xyz)
         ahead = np.arange(0.0, SAME_LINE.longest_m + STRIP_M, STRIP_M)[:, None]
         new = [corridor.load(tips[k] + ahead * ways[k], STRIP_M) for k in pick.ends(one) if not is_stopped]
         if not any(new):
@@ -140,15 +142,15 @@ def follow_ground(ground: Ground, pick: Pick) -> Generator[LineSet, bool | None,
         one, lines, is_stopped = yield from _whole(ground, corridor, pick, shown)
     if one is None:
         return None
-    one = one if grown is None else trace.turned_like(one, grown)
+    one = one if grown is None else trace.oriented_like(one, grown)
     return _followed(ground, pick, one, lines, is_stopped=is_stopped)
 
 
 def _grown(
-    ground: Ground, corridor: Corridor, pick: Pick
+    ground: GroundSurvey, corridor: Corridor, pick: GroundPick
 ) -> Generator[LineSet, bool | None, tuple[LineSet | None, bool]]:
     """Follow a line by its own boxes alone; return it, and whether somebody stopped it."""
-    corridor.load(pick.place[None], NEAR_M, pick.kind)
+    corridor.load(pick.place[None], NEAR_PICK_M, pick.kind)
     one = ground.near(corridor, pick.place, pick.kind)
     if one is None:
         return None, False
@@ -166,25 +168,27 @@ def _grown(
             return one, False
 
 
-def _longer(ground: Ground, corridor: Corridor, pick: Pick, one: LineSet, end: int) -> LineSet | None:
+def _longer(
+    ground: GroundSurvey, corridor: Corridor, pick: GroundPick, one: LineSet, end: int
+) -> LineSet | None:
     """Return a line with what follows at an end; None where nothing does: first nearby, then beyond a gap."""
     kind = str(one.kind[0])
-    tips, ways = trace.leads(one.xyz)
-    for reach_m in (STEP_M, ground.method.config.track.longest_gap_m + STRIP_M):
+    tips, ways = trace.end_directions(one.xyz)
+    for reach_m in (GROWTH_STEP_M, ground.method.config.track.longest_gap_m + STRIP_M):
         ahead = np.arange(0.0, reach_m, TIP_M)[:, None]
         if not corridor.load(tips[end] + ahead * ways[end], TIP_M, kind):
             continue
         new = ground.near(corridor, pick.place, kind)
         if new is None:
             continue
-        new = trace.turned_like(new, one)
+        new = trace.oriented_like(new, one)
         if float((new.xyz[-end, :2] - tips[end]) @ ways[end]) >= _LEAST_GROWTH_M:
             return new
     return None
 
 
 def _whole(
-    ground: Ground, corridor: Corridor, pick: Pick, shown: LineSet | None
+    ground: GroundSurvey, corridor: Corridor, pick: GroundPick, shown: LineSet | None
 ) -> Generator[LineSet, bool | None, tuple[LineSet | None, LineSet, bool]]:
     """Return the line at a place with what goes on where it ends (None: there is none), all lines, whether to stop.
 
@@ -210,9 +214,9 @@ def _gone_on(lines: LineSet, i: int) -> LineSet:
     left = [k for k in rest.tolist() if k != i]
     while left:
         for k in left:
-            if not trace.may_go_on(one.xyz, lines.line(k), SAME_LINE.longest_m):
+            if not trace.may_continue(one.xyz, lines.line(k), SAME_LINE.longest_m):
                 continue
-            joined = continued(one, lines.take([k]), SAME_LINE)
+            joined = continue_lines(one, lines.take([k]), SAME_LINE)
             if len(joined) == 1:
                 one, left = joined, [other for other in left if other != k]
                 break
@@ -221,29 +225,36 @@ def _gone_on(lines: LineSet, i: int) -> LineSet:
     return one
 
 
-def _followed(ground: Ground, pick: Pick, one: LineSet, lines: LineSet, *, is_stopped: bool) -> Followed:
+def _followed(
+    ground: GroundSurvey, pick: GroundPick, one: LineSet, lines: LineSet, *, is_stopped: bool
+) -> FollowedLine:
     """Return a line as it is told: cut at the place if it goes one way, with what belongs to it, and why it ends."""
     distance_m = trace.nearest_vertex(one.xyz[:, :2], pick.place)[1]
-    starts, ends = trace.stops_of(one.xyz, ground.seen)
-    if is_stopped and starts is not Stop.RING:
+    starts, ends = trace.stop_reasons(one.xyz, ground.seen)
+    if is_stopped and starts is not TraceStop.RING:
         open_ends = pick.ends(one)
-        starts, ends = (Stop.INTERRUPTED if k in open_ends else stop for k, stop in enumerate((starts, ends)))
+        starts, ends = (
+            TraceStop.INTERRUPTED if k in open_ends else stop for k, stop in enumerate((starts, ends))
+        )
     stops = (str(starts), str(ends))
     if pick.way is not None:
-        one, stops = toward(one, pick.place, pick.way, stops)
-    parts = [one, *(lines.take(trace.beside(lines, one.xyz, name)) for name in trace.BESIDE_M)]
-    return Followed(str(one.kind[0]), LineSet.concatenate(parts), distance_m, stops)
+        one, stops = piece_toward(one, pick.place, pick.way, stops)
+    parts = [
+        one,
+        *(lines.take(trace.companions_of(lines, one.xyz, name)) for name in trace.COMPANION_BESIDE_M),
+    ]
+    return FollowedLine(str(one.kind[0]), LineSet.concatenate(parts), distance_m, stops)
 
 
-def toward(
+def piece_toward(
     one: LineSet, place: FloatArray, way: FloatArray, stops: tuple[str, str]
 ) -> tuple[LineSet, tuple[str, str]]:
     """Return the piece of a line that leads from a place in a direction, and why it ends."""
     i = min(max(trace.nearest_vertex(one.xyz[:, :2], place)[0], 1), len(one.xyz) - 2)
     ahead = one.xyz[min(i + 4, len(one.xyz) - 1), :2] - one.xyz[max(i - 4, 0), :2]
     if float(ahead @ way) >= 0.0:
-        return trace.part_of(one, slice(i, None)), (str(Stop.PICKED), stops[1])
-    return trace.part_of(one, slice(0, i + 2)), (stops[0], str(Stop.PICKED))
+        return trace.line_piece(one, slice(i, None)), (str(TraceStop.PICKED), stops[1])
+    return trace.line_piece(one, slice(0, i + 2)), (stops[0], str(TraceStop.PICKED))
 
 
 def _every(xy: FloatArray, step_m: float) -> FloatArray:

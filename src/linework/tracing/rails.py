@@ -7,14 +7,14 @@ import math
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.files.store.layout import CELL_M
+from linework.files.store.layout import STORE_CELL_M
 from linework.files.store.read import PointStore
 from linework.methods.protocol import Method
 from linework.model.grid import Bounds, Image
 from linework.model.lines import LineSet
 from linework.model.tile import TileData
 from linework.runs.opened.surface import SurveySurface
-from linework.runs.seams import WHOLE_KINDS, inside_core, join_seams
+from linework.runs.seams import UNCUT_AT_SEAMS, inside_core, join_seams
 
 #: Tiles of this size are worked. [m]
 CORE_M = 128.0
@@ -40,7 +40,7 @@ class RailPieces:
             if not distances or min(distances) > reach_m:
                 return None
             i = int(np.argmin(distances))
-            if lines.kind[i] in WHOLE_KINDS:
+            if lines.kind[i] in UNCUT_AT_SEAMS:
                 return lines.take([i]), float(distances[i])
             ends = lines.line(i)[[0, -1], :2]
             n = len(self._tiles)
@@ -72,7 +72,7 @@ class RailPieces:
             return LineSet.empty()
         surface, lowest, above_m = self._surface.over(extent), None, 0.0
         # A surface of cells that do not fit into those of the store cannot say which points to pass over
-        if math.isfinite(self._method.least_height_m) and surface.grid.cell_width_m % CELL_M == 0.0:
+        if math.isfinite(self._method.least_height_m) and surface.grid.cell_width_m % STORE_CELL_M == 0.0:
             lowest = Image(surface.ground_m, surface.grid)
             above_m = surface.z0_m + self._method.least_height_m
         points = self._store.points(extent, lowest=lowest, above_m=above_m)
@@ -81,7 +81,7 @@ class RailPieces:
         tile = TileData("trace", core, points, None, "", surface, self._origin)
         lines = self._method.extract(tile)
         # What is never cut belongs to the tile of its middle, where the place need not be: all of it is kept
-        is_whole = np.isin(lines.kind, WHOLE_KINDS)
+        is_whole = np.isin(lines.kind, UNCUT_AT_SEAMS)
         return LineSet.concatenate([lines.take(is_whole), inside_core(lines.take(~is_whole), core)])
 
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.editing.edits.continued import PICKED_TWICE, continued
+from linework.editing.edits.continued import PICKED_TWICE, continue_lines
 from linework.errors import InputError, UsageError
 from linework.methods.obb import trace
 from linework.methods.obb.method import ObbMethod
-from linework.methods.obb.picks import Surroundings, nearest_that_works, why_not
-from linework.methods.obb.search_area import Failure
-from linework.methods.obb.trace import PICK_M, Stop, leads, may_go_on
+from linework.methods.obb.picks import PickSurroundings, nearest_trackable_place, refusal_reason
+from linework.methods.obb.search_area import NoLineReason
+from linework.methods.obb.trace import PICK_M, TraceStop, end_directions, may_continue
 from linework.methods.radon.method import CABLE_KINDS, RAIL_KINDS, CableMethod, RailMethod
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
@@ -25,13 +25,13 @@ from linework.runs.opened.sight import SurveySight
 from linework.runs.opened.surface import SurveySurface
 from linework.runs.settings import RunSettings
 from linework.tracing.boxes import Corridor, SurveyBoxes
-from linework.tracing.on_ground import AROUND_M, Ground, Pick, follow_ground, toward
+from linework.tracing.on_ground import PICK_AROUND_M, GroundPick, GroundSurvey, follow_ground, piece_toward
 from linework.tracing.rails import RailPieces
 
 #: Kinds that a place can be picked on.
 PICKED_KINDS = ("lane_marking", "road_boundary", *RAIL_KINDS, *CABLE_KINDS)
 #: Something stands at a place, or hangs over it, where points within so much of it are so high over ground. [m]
-STANDS_M, STANDS_HIGH_M, HANGS_M, HANGS_HIGH_M = 1.0, (0.2, 2.0), 3.0, (3.5, 100.0)
+STANDS_WITHIN_M, STANDS_HIGH_M, HANGS_WITHIN_M, HANGS_HIGH_M = 1.0, (0.2, 2.0), 3.0, (3.5, 100.0)
 #: Of a van's way places so near one another say the same. [m]
 _PATH_STEP_M = 0.25
 
@@ -67,7 +67,7 @@ class Tracer:
         self._origin = local_origin(bounds.west, bounds.south, surface.z0_m)
         store, method = opened.points, ObbMethod(settings.obb)
         detectors = {kind: method.only(kind) for kind in trace.TRACKED_AS}
-        self._ground = Ground(
+        self._ground = GroundSurvey(
             SurveyBoxes(store, surface, detectors, self._origin), method, self._origin, SurveySight(surface),
             None if opened.trajectory is None else _thinned(opened.trajectory.xyz),
         )  # fmt: skip
@@ -97,7 +97,7 @@ class Tracer:
         """
         place = np.asarray(at, dtype=np.float64)
         way = None if toward is None else np.asarray(toward) - place
-        pick = Pick(place, kind, way)
+        pick = GroundPick(place, kind, way)
         standing = self._standing(pick) if kind not in trace.TRACKED_AS else None
         if kind in ("", *trace.TRACKED_AS):
             found = yield from follow_ground(self._ground, pick)
@@ -118,9 +118,9 @@ class Tracer:
             No line goes on there within reach of `PICKED_TWICE`.
         """
         one, kind = lines.take([0]), str(lines.kind[0])
-        way = way_on(one, end, self._ahead(one, end))
+        way = continuation_beyond(one, end, self._ahead(one, end))
         if way is None:
-            tip = trace.leads(one.xyz)[0][end]
+            tip = trace.end_directions(one.xyz)[0][end]
             raise RefusedPickError(
                 f"no {kind} goes on", f"within {PICKED_TWICE.longest_m:.0f} m beyond {tip[0]:.2f},{tip[1]:.2f}",
                 where=self._opened.survey.name, advice="pick a place on the line further on",
@@ -130,13 +130,13 @@ class Tracer:
         said: bool | None = None
         while True:
             try:
-                said = yield trace.turned_like(joined(one, steps.send(said).take([0])), one)
+                said = yield trace.oriented_like(join_over_gap(one, steps.send(said).take([0])), one)
             except StopIteration as stop:
                 new: TracedLine = stop.value
                 break
-        whole = trace.turned_like(joined(one, new.lines.take([0])), one)
-        far = new.stops[1] if new.stops[0] == str(Stop.PICKED) else new.stops[0]
-        beside = continued(lines.of_kind("kerb_top"), new.lines.of_kind("kerb_top"))
+        whole = trace.oriented_like(join_over_gap(one, new.lines.take([0])), one)
+        far = new.stops[1] if new.stops[0] == str(TraceStop.PICKED) else new.stops[0]
+        beside = continue_lines(lines.of_kind("kerb_top"), new.lines.of_kind("kerb_top"))
         dashes = [part.of_kind("lane_marking_dash") for part in (lines, new.lines)]
         both = LineSet.concatenate([whole, beside, *dashes])
         return TracedLine(kind, self._in_crs(both), 0.0, (far, stops[1]) if end == 0 else (stops[0], far))
@@ -157,10 +157,10 @@ class Tracer:
         lines = lines.take(np.isin(lines.kind, trace.TRACKED_AS[kind]))
         return lines.with_columns(kind=np.full(len(lines), kind))
 
-    def _standing(self, pick: Pick) -> TracedLine | None:
+    def _standing(self, pick: GroundPick) -> TracedLine | None:
         """Return the nearest guardrail, barrier or cable at a place, whole."""
         place, kind = pick.place, pick.kind
-        near = Bounds(*place, *place).grown(HANGS_M)
+        near = Bounds(*place, *place).grown(HANGS_WITHIN_M)
         points = self._opened.points.points(near, ordered=False, with_time=False, with_intensity=False)
         surface = self._surface.over(near)
         rows, cols = (int(v[0]) for v in surface.grid.to_cell(place[None]))
@@ -168,8 +168,8 @@ class Tracer:
         apart = np.hypot(*(points.xyz[:, :2] - place).T)
         found = []
         for pieces, kinds, within_m, (low_m, high_m) in (
-            (self._rails, RAIL_KINDS, STANDS_M, STANDS_HIGH_M),
-            (self._cables, CABLE_KINDS, HANGS_M, HANGS_HIGH_M),
+            (self._rails, RAIL_KINDS, STANDS_WITHIN_M, STANDS_HIGH_M),
+            (self._cables, CABLE_KINDS, HANGS_WITHIN_M, HANGS_HIGH_M),
         ):
             is_there = np.any((apart <= within_m) & (height > low_m) & (height < high_m))
             if is_there and kind in ("", *kinds):
@@ -179,33 +179,33 @@ class Tracer:
         if not found:
             return None
         line, distance_m = min(found, key=lambda one: one[1])
-        stops = (str(Stop.FADED), str(Stop.FADED))
+        stops = (str(TraceStop.FADED), str(TraceStop.FADED))
         if pick.way is not None:
-            line, stops = toward(line, place, pick.way, stops)
+            line, stops = piece_toward(line, place, pick.way, stops)
         return TracedLine(str(line.kind[0]), self._in_crs(line), distance_m, stops)
 
     def _refusal(self, place: FloatArray, kind: str) -> RefusedPickError:
         """Return why there is no line at a place, and where the nearest one is."""
-        near, local = Bounds(*place, *place).grown(AROUND_M), place - self._origin[:2]
+        near, local = Bounds(*place, *place).grown(PICK_AROUND_M), place - self._origin[:2]
         points = self._opened.points.points(near, ordered=False, with_time=False, with_intensity=False)
         corridor = Corridor(self._ground.boxes)
-        corridor.load(place[None], AROUND_M)
+        corridor.load(place[None], PICK_AROUND_M)
         boxes = corridor.boxes
-        boxes = boxes.take(np.hypot(*(boxes.centre[:, :2] - local).T) <= 1.5 * AROUND_M)
+        boxes = boxes.take(np.hypot(*(boxes.centre[:, :2] - local).T) <= 1.5 * PICK_AROUND_M)
         path = self._ground.path
         way = None if path is None else path - np.asarray(self._origin)
-        found = Surroundings.of(boxes, way, self._settings.obb.track)
+        found = PickSurroundings.of(boxes, way, self._settings.obb.track)
         wanted = kind if kind in trace.TRACKED_AS else ""
         surface = self._surface.over(near)
         rows, cols = (int(v[0]) for v in surface.grid.to_cell(place[None]))
-        reason = why_not(
+        reason = refusal_reason(
             points.xyz - np.asarray(self._origin), local, found, wanted=wanted,
             is_road=bool(surface.is_road[rows, cols]),
         )  # fmt: skip
-        works, advice = nearest_that_works(local, found, wanted), "pick a place on a line"
+        works, advice = nearest_trackable_place(local, found, wanted), "pick a place on a line"
         if reason is None:
             # There is one, but it bounds no carriageway: it stands behind another
-            reason, works = Failure.NO_ROAD, None
+            reason, works = NoLineReason.NO_ROAD, None
         there = None
         if works is not None:
             away_m, (east, north) = np.hypot(*(works[:2] - local)), works[:2] + self._origin[:2]
@@ -223,7 +223,7 @@ def _thinned(path: FloatArray) -> FloatArray:
     return np.asarray(path[np.unique(np.floor(along / _PATH_STEP_M), return_index=True)[1]])
 
 
-def check_kind(kind: str) -> None:
+def check_pick_kind(kind: str) -> None:
     """Refuse a kind that no place can be picked on; "" stands for the nearest.
 
     Raises
@@ -251,12 +251,12 @@ _OVERLAP_M = 3.0
 
 def places_ahead(one: LineSet, end: int) -> tuple[FloatArray, FloatArray]:
     """Return places (n, 2) beyond a line's start (0) or end (1) [m], and how far about each it may go on."""
-    tip, way = (part[end] for part in leads(one.xyz))
+    tip, way = (part[end] for part in end_directions(one.xyz))
     along = np.arange(0.0, PICKED_TWICE.longest_m + _BEYOND_M, _STRIP_M)
     return tip + along[:, None] * way, _STRIP_M + _FAN * along
 
 
-def way_on(one: LineSet, end: int, lines: LineSet) -> tuple[FloatArray, FloatArray] | None:
+def continuation_beyond(one: LineSet, end: int, lines: LineSet) -> tuple[FloatArray, FloatArray] | None:
     """Return a place (2,) on the nearest line that goes on beyond an end, and one further along it; None: none does.
 
     Parameters
@@ -264,14 +264,14 @@ def way_on(one: LineSet, end: int, lines: LineSet) -> tuple[FloatArray, FloatArr
     lines
         Of the same kind, about what is ahead.
     """
-    tip, way = (part[end] for part in leads(one.xyz))
+    tip, way = (part[end] for part in end_directions(one.xyz))
     best: tuple[float, FloatArray] | None = None
     for i in range(len(lines)):
         other = lines.line(i)[:, :2]
         ahead_m = (other - tip) @ way
-        if ahead_m.max() < PICK_M or not may_go_on(one.xyz, lines.line(i), PICKED_TWICE.longest_m):
+        if ahead_m.max() < PICK_M or not may_continue(one.xyz, lines.line(i), PICKED_TWICE.longest_m):
             continue
-        if joined(one, lines.take([i])) is one:
+        if join_over_gap(one, lines.take([i])) is one:
             continue
         beyond = other[ahead_m > -_OVERLAP_M]
         beyond = beyond if (beyond[-1] - beyond[0]) @ way >= 0.0 else beyond[::-1]
@@ -284,9 +284,9 @@ def way_on(one: LineSet, end: int, lines: LineSet) -> tuple[FloatArray, FloatArr
     return best[1][min(1, len(best[1]) - 2)], best[1][-1]
 
 
-def joined(one: LineSet, new: LineSet) -> LineSet:
+def join_over_gap(one: LineSet, new: LineSet) -> LineSet:
     """Return a line with one that goes on where it ends, the gap bridged; the same where that one does not."""
-    found = continued(one, new.with_columns(crs=one.crs))
+    found = continue_lines(one, new.with_columns(crs=one.crs))
     return found if len(found) == 1 else one
 
 

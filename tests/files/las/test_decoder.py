@@ -15,7 +15,7 @@ from linework.errors import InputError, MachineError
 from linework.files.las import decoder as decoder_process
 from linework.files.las.decoder import DecoderLimits
 from linework.files.las.write import write_las
-from linework.files.store.build import spill_survey
+from linework.files.store.build import build_store
 from linework.files.store.read import PointStore
 from linework.files.survey.open import open_survey
 from linework.model.points import Points
@@ -48,7 +48,7 @@ def dying(how, name="bad", **limits):
 
 
 def spill(survey, folder, limits, **others):
-    return spill_survey(survey, folder, n_threads=2, limits=limits, **others)
+    return build_store(survey, folder, n_threads=2, limits=limits, **others)
 
 
 @pytest.mark.parametrize(

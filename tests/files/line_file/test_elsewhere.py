@@ -10,8 +10,8 @@ import shapely
 from tests.scenes.drawing_scenes import none, same, shifted, some_lines, whole
 
 from linework.errors import OutputExistsError
-from linework.files.line_file.file import ELSEWHERE, DrawingFile
-from linework.files.line_file.tables import connected, shape_of
+from linework.files.line_file.file import CHANGED_OUTSIDE, LineFile
+from linework.files.line_file.tables import connect_database, shape_of
 from linework.files.vectors.gpkg_schema import geometry_blobs
 from linework.files.vectors.read_write import read_lines, write_lines
 from linework.model.changes import Change
@@ -25,7 +25,7 @@ def path(tmp_path: Path) -> Path:
 
 def elsewhere(path: Path, *statements: tuple[str, tuple]) -> None:
     """Do what QGIS does: write to the layers, knowing nothing of the other tables."""
-    with closing(connected(path)) as db:
+    with closing(connect_database(path)) as db:
         for statement, values in statements:
             db.execute(statement, values)
 
@@ -59,7 +59,7 @@ def test_changes_of_others_become_one_edit_that_can_be_taken_back(path, is_open)
         ("UPDATE road_boundary SET note = 'cracked' WHERE fid = 2", ()),
         drawn("fence", [[0, 0, 1], [9, 0, 1]]),
     ]
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         line = shifted(first.take([0])).with_columns(kind=["fence"], id=[""])
         fence = drawing.commit(Change("draw", none(), line), who="Ann").change.after
         if is_open:
@@ -67,9 +67,9 @@ def test_changes_of_others_become_one_edit_that_can_be_taken_back(path, is_open)
             assert drawing.commit(Change("delete", fence, none()), who="Ann").number == 3
     if not is_open:
         elsewhere(path, *changes)
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         edit = drawing.history()[is_open]
-        assert (edit.number, edit.who, edit.change.action) == (2, "", ELSEWHERE)
+        assert (edit.number, edit.who, edit.change.action) == (2, "", CHANGED_OUTSIDE)
         before, after = edit.change.before, edit.change.after
         assert sorted(before.kind.tolist()) == ["cable", "guardrail", "road_boundary"]
         assert sorted(after.kind.tolist()) == ["fence", "guardrail", "road_boundary"]
@@ -89,11 +89,11 @@ def test_changes_of_others_become_one_edit_that_can_be_taken_back(path, is_open)
 
 def test_a_line_that_was_split_or_copied_elsewhere_gets_a_name_of_its_own(path):
     first = some_lines()
-    with DrawingFile.opened(path, crs="local"):
+    with LineFile.opened(path, crs="local"):
         pass
     name = str(first.of_kind("guardrail").id[0])
     elsewhere(path, drawn("guardrail", [[0, 0, 0], [4, 0, 0]], id=name, kind="guardrail"))
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         lines = drawing.lines
     assert len(set(lines.id.tolist())) == len(lines) == 7
     assert same(lines.take(np.isin(lines.id, first.id)), first)
@@ -111,7 +111,7 @@ def test_what_was_changed_before_the_first_opening_is_as_it_stands(path):
         drawn("lane_marking", [[5, 5, 5], [5, 5, 5]]),
         ("INSERT INTO lane_marking (id) VALUES ('no place')", ()),
     )
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         lines = drawing.lines
         assert (drawing.revision, drawing.can_undo) == (0, False)
     assert same(read_lines(path), lines)
@@ -124,12 +124,12 @@ def test_what_was_changed_before_the_first_opening_is_as_it_stands(path):
 
 
 def test_heights_that_were_not_drawn_are_those_of_the_next_vertex(path):
-    with DrawingFile.opened(path, crs="local"):
+    with LineFile.opened(path, crs="local"):
         pass
     place = some_lines().xyz[0]
     nan = float("nan")
     elsewhere(path, drawn("cable", [[place[0] + 0.1, place[1], nan], [place[0], place[1] + 0.1, nan]]))
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         new = drawing.lines.take(drawing.lines.review == "drawn")
     assert new.xyz[:, 2].tolist() == [place[2]] * 2
     assert np.isnan(new.sigma_z_m).all()
@@ -137,7 +137,7 @@ def test_heights_that_were_not_drawn_are_those_of_the_next_vertex(path):
 
 def test_while_another_program_writes_nothing_is_saved_and_nothing_lost(path, monkeypatch):
     monkeypatch.setattr("linework.files.line_file.tables.WAIT_S", 0.05)
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         one = drawing.lines.take([0])
         with closing(sqlite3.connect(path, isolation_level=None)) as other:
             other.execute("BEGIN IMMEDIATE")
@@ -152,12 +152,12 @@ def test_a_program_that_keeps_its_own_log_of_writes_does_not_disturb(path):
     with closing(sqlite3.connect(path, isolation_level=None)) as other:
         other.execute("PRAGMA journal_mode = WAL")
         other.execute("SELECT count(*) FROM cable").fetchone()
-        with DrawingFile.opened(path, crs="local") as drawing:
+        with LineFile.opened(path, crs="local") as drawing:
             one = drawing.lines.take([0])
             drawing.commit(Change("move", one, shifted(one)), who="")
             held = drawing.lines
     assert same(read_lines(path), held)
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         assert same(drawing.lines, held)
     whole(path)
 
@@ -171,7 +171,7 @@ def test_layers_and_tables_of_others_are_left_alone(path):
         )
         db.execute("INSERT INTO gpkg_geometry_columns VALUES ('mine', 'geom', 'LINESTRING', -1, 1, 0)")
         db.commit()
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         assert len(drawing.lines) == 6
     with closing(sqlite3.connect(path)) as db:
         assert db.execute("SELECT * FROM mine").fetchall() == [(1, None, "stays")]

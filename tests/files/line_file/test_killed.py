@@ -14,7 +14,7 @@ import pytest
 from tests.scenes.drawing_scenes import none, same, shifted, some_lines, whole
 
 from linework.errors import MachineError
-from linework.files.line_file.file import DrawingFile
+from linework.files.line_file.file import LineFile
 from linework.files.vectors.read_write import read_lines, write_lines
 from linework.model.changes import Change
 
@@ -57,7 +57,7 @@ def test_killed_at_any_moment_at_most_the_change_in_flight_is_lost(tmp_path):
         # A reader that comes first sees whole changes, too
         assert len(read_lines(copy / path.name)) == 6
         shutil.rmtree(copy)
-        with DrawingFile.opened(path, crs="local") as drawing:
+        with LineFile.opened(path, crs="local") as drawing:
             assert done <= drawing.revision <= done + 1
             assert same(read_lines(path), drawing.lines)
             moved = drawing.lines.xyz.sum() - some_lines().xyz.sum()
@@ -74,7 +74,7 @@ def test_a_full_disk_takes_nothing_away(tmp_path):
     before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
-        with DrawingFile.opened(path, crs="local") as drawing:
+        with LineFile.opened(path, crs="local") as drawing:
             one = drawing.lines.take([0])
             moved = drawing.commit(Change("move", one, shifted(one)), who="").change.after
             held = drawing.lines
@@ -93,6 +93,6 @@ def test_a_full_disk_takes_nothing_away(tmp_path):
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         signal.signal(signal.SIGXFSZ, before)
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         assert same(drawing.lines, held)
     whole(path)

@@ -19,7 +19,7 @@ from linework.errors import (
     UsageError,
 )
 from linework.files.geodesy.crs import parse_crs
-from linework.files.line_file.file import DrawingFile
+from linework.files.line_file.file import LineFile
 from linework.files.vectors.gpkg import read_own_gpkg
 from linework.files.vectors.read_write import read_lines, write_lines
 from linework.model.changes import Change
@@ -33,7 +33,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_what_is_committed_is_read_back_by_all_readers(path):
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         assert same(drawing.lines, some_lines())
         one = drawing.lines.take([1])
         edit = drawing.commit(Change("move", one, shifted(one)), who="Ann")
@@ -51,11 +51,11 @@ def test_what_is_committed_is_read_back_by_all_readers(path):
 def test_what_comes_again_under_its_key_is_saved_once(path):
     line = LineSet.from_lines([[[0, 0, 0], [5, 0, 1]]], kind=["cable"], review=["drawn"])
     change = Change("draw", none(), line)
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         first = drawing.commit(change, who="Ann", key="k1")
         assert drawing.saved_as("k2") is None and drawing.saved_as("") is None
     # Also when the file was closed in between, and something else was done
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         drawing.commit(change, who="Ann", key="k2")
         again = drawing.commit(change, who="Ann", based_on=0, key="k1")
         assert (again.number, again.change.after.id.tolist()) == (
@@ -69,7 +69,7 @@ def test_what_comes_again_under_its_key_is_saved_once(path):
 
 def test_a_missing_file_is_begun(tmp_path):
     crs = parse_crs("EPSG:25832", where="")
-    with DrawingFile.opened(tmp_path / "new.gpkg", crs=crs) as drawing:
+    with LineFile.opened(tmp_path / "new.gpkg", crs=crs) as drawing:
         assert len(drawing.lines) == 0
         line = LineSet.from_lines([[[0, 0, 0], [5, 0, 1]]], crs=crs, kind=["cable"], review=["drawn"])
         edit = drawing.commit(Change("draw", LineSet.empty(crs), line), who="")
@@ -78,7 +78,7 @@ def test_a_missing_file_is_begun(tmp_path):
 
 
 def test_rejected_lines_stay_in_the_file_but_readers_do_not_see_them(path):
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         one = drawing.lines.take([0])
         drawing.commit(Change("reject", one, one.with_columns(review=["rejected"])), who="")
         assert len(drawing.lines) == 6
@@ -92,7 +92,7 @@ def test_rejected_lines_stay_in_the_file_but_readers_do_not_see_them(path):
         db.execute("DELETE FROM vertex WHERE rowid = 1")
         db.commit()
     assert len(read_lines(path)) == 5
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         drawing.undo(who="")
         drawing.undo(who="")
         assert same(drawing.lines, some_lines())
@@ -102,18 +102,18 @@ def test_rejected_lines_stay_in_the_file_but_readers_do_not_see_them(path):
 def test_undo_and_redo_over_restarts(path):
     states = [some_lines()]
     for k in range(4):
-        with DrawingFile.opened(path, crs="local") as drawing:
+        with LineFile.opened(path, crs="local") as drawing:
             one = drawing.lines.take([k % 3])
             drawing.commit(Change("move", one, shifted(one, 1.0 + k)), who=f"person {k}")
             states.append(drawing.lines)
     for back in (3, 2, 1, 0):
-        with DrawingFile.opened(path, crs="local") as drawing:
+        with LineFile.opened(path, crs="local") as drawing:
             edit = drawing.undo(who="Bea")
             assert edit.undoes == back + 1
             assert same(drawing.lines, states[back])
             assert same(read_lines(path), states[back])
             assert (drawing.can_undo, drawing.can_redo) == (back > 0, True)
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         assert drawing.undo(who="") is None
         assert drawing.undone == {1, 2, 3, 4}
         for forth in (1, 2, 3):
@@ -134,11 +134,11 @@ def test_undo_and_redo_over_restarts(path):
 
 
 def test_since_tells_what_came_and_what_went(path):
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         a, b = drawing.lines.take([0]), drawing.lines.take([1])
         drawing.commit(Change("move", a, shifted(a)), who="")
         drawing.commit(Change("delete", b, none()), who="")
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         came, went = drawing.since(0)
         assert (len(came), went) == (5, ())
         came, went = drawing.since(1)
@@ -153,7 +153,7 @@ def test_since_tells_what_came_and_what_went(path):
 
 
 def test_who_was_second_is_told_so_and_nothing_is_saved(path):
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         one = drawing.lines.take([2])
         moved = drawing.commit(Change("move", one, shifted(one)), who="Ann").change.after
         with pytest.raises(StaleError, match="has changed since"):
@@ -180,7 +180,7 @@ def test_who_was_second_is_told_so_and_nothing_is_saved(path):
     ],
 )
 def test_lines_that_cannot_be_saved_are_refused(path, columns, words):
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         one = drawing.lines.take([0])
         with pytest.raises(UsageError, match=words):
             drawing.commit(Change("set", one, one.with_columns(**columns)), who="")
@@ -194,7 +194,7 @@ def test_names_of_any_kind(path):
         "note": ['it\'s "so"; DROP TABLE edit; \u2014 \u4e2d\u6587 \U0001f6a7\nsecond line'],
         "role": ["a'b"],
     }
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         one = drawing.lines.take([0])
         hostile = one.with_columns(**said, kind=['x"; DROP TABLE vertex; --'], id=["it's"])
         drawing.commit(Change("set", one, hostile), who='Bobby"; DROP TABLE edit; --')
@@ -202,7 +202,7 @@ def test_names_of_any_kind(path):
             drawing.commit(Change("draw", none(), shifted(one).with_columns(kind=[kind], id=[""])), who="")
         held = drawing.lines
     assert same(read_lines(path), held)
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         assert same(drawing.lines, held)
         assert drawing.history()[-1].who == 'Bobby"; DROP TABLE edit; --'
     whole(path)
@@ -210,9 +210,9 @@ def test_names_of_any_kind(path):
 
 def test_a_second_workbench_is_refused(path):
     with (
-        DrawingFile.opened(path, crs="local"),
+        LineFile.opened(path, crs="local"),
         pytest.raises(OutputExistsError, match="another workbench or run holds it"),
-        DrawingFile.opened(path, crs="local"),
+        LineFile.opened(path, crs="local"),
     ):
         pass
 
@@ -243,7 +243,7 @@ def text(path: Path) -> None:
 def test_files_that_cannot_be_edited_are_refused_in_one_line(path, spoil):
     spoil(path)
     before = path.read_bytes()
-    with pytest.raises(InputError) as error, DrawingFile.opened(path, crs="local"):
+    with pytest.raises(InputError) as error, LineFile.opened(path, crs="local"):
         pass
     assert str(error.value).startswith(f"{path}: ")
     assert len(str(error.value).splitlines()) == 1
@@ -251,24 +251,24 @@ def test_files_that_cannot_be_edited_are_refused_in_one_line(path, spoil):
 
 
 def test_other_formats_and_other_places_are_refused(path, tmp_path):
-    with pytest.raises(UsageError, match="cannot edit"), DrawingFile.opened(tmp_path / "a.dxf", crs="local"):
+    with pytest.raises(UsageError, match="cannot edit"), LineFile.opened(tmp_path / "a.dxf", crs="local"):
         pass
     crs = parse_crs("EPSG:25832", where="")
-    with pytest.raises(CrsError, match="survey is in"), DrawingFile.opened(path, crs=crs):
+    with pytest.raises(CrsError, match="survey is in"), LineFile.opened(path, crs=crs):
         pass
     history = tmp_path / "damaged.gpkg"
     history.write_bytes(path.read_bytes())
-    with DrawingFile.opened(history, crs="local"):
+    with LineFile.opened(history, crs="local"):
         pass
     with closing(sqlite3.connect(history)) as db:
         db.execute("UPDATE line_version SET content = x'00'")
         db.commit()
-    with pytest.raises(LineworkError, match="history is damaged"), DrawingFile.opened(history, crs="local"):
+    with pytest.raises(LineworkError, match="history is damaged"), LineFile.opened(history, crs="local"):
         pass
 
 
 def test_a_file_that_is_replaced_while_it_is_open_takes_no_more_changes(path):
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         one = drawing.lines.take([0])
         copy = path.with_name("copy.gpkg")
         copy.write_bytes(path.read_bytes())
@@ -281,7 +281,7 @@ def test_a_file_that_is_replaced_while_it_is_open_takes_no_more_changes(path):
 
 
 def test_threads_take_turns(path):
-    with DrawingFile.opened(path, crs="local") as drawing, ThreadPoolExecutor(4) as threads:
+    with LineFile.opened(path, crs="local") as drawing, ThreadPoolExecutor(4) as threads:
         line = some_lines(1).with_columns(id=[""])
         edits = list(
             threads.map(lambda k: drawing.commit(Change("draw", none(), line), who=str(k)), range(20))
@@ -293,7 +293,7 @@ def test_threads_take_turns(path):
 
 def test_any_edits_and_all_of_them_undone(path):
     rng = np.random.default_rng(11)
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         states = [drawing.lines]
         for _ in range(60):
             lines = drawing.lines
@@ -309,7 +309,7 @@ def test_any_edits_and_all_of_them_undone(path):
             states.append(drawing.lines)
     assert same(read_own_gpkg(path, rejected=True), states[-1])
     whole(path)
-    with DrawingFile.opened(path, crs="local") as drawing:
+    with LineFile.opened(path, crs="local") as drawing:
         for state in reversed(states[:-1]):
             drawing.undo(who="")
             assert same(drawing.lines, state)

@@ -15,8 +15,8 @@ from linework.errors import InputError, MachineError
 from linework.files.las.decoder import DecoderLimits
 from linework.files.las.write import write_las
 from linework.files.store import build as spill
-from linework.files.store.build import spill_survey
-from linework.files.store.facts import facts_of
+from linework.files.store.build import build_store
+from linework.files.store.facts import facts_of_store
 from linework.files.store.layout import Limits
 from linework.files.store.read import PointStore
 from linework.files.survey.open import open_survey
@@ -47,7 +47,7 @@ def folder(tmp_path):
 
 
 def spilled(drive, folder, *, crs=None, **settings):
-    return spill_survey(open_survey([drive], crs=crs), folder, n_threads=1, **settings)
+    return build_store(open_survey([drive], crs=crs), folder, n_threads=1, **settings)
 
 
 def odd_points(path, classes=(), times=None, n=40):
@@ -66,7 +66,7 @@ def test_the_facts_are_kept_in_the_store(drive, folder):
     seen = []
     facts = spilled(drive, folder, progress=lambda done, total: seen.append((done, total)))
     store = PointStore.open(folder)
-    assert facts == facts_of(store)
+    assert facts == facts_of_store(store)
     assert [(f.path.name, f.n_promised, f.n_points) for f in facts.files] == [
         ("a.laz", 600, 600),
         ("b.las", 600, 600),
@@ -89,7 +89,7 @@ def test_files_of_any_name(drive, folder, name):
     facts = spilled(drive, folder)
     assert {f.path for f in facts.files} == {drive / name, drive / "b.las"}
     assert [path for path, _ in facts.failures] == [drive / os.fsdecode(b"bad\xff.laz")]
-    assert facts == facts_of(PointStore.open(folder))
+    assert facts == facts_of_store(PointStore.open(folder))
 
 
 def test_points_left_out_are_counted_by_reason(drive, folder):
@@ -235,7 +235,7 @@ def test_no_file_can_be_used(drive, folder):
     (drive / "a.laz").write_bytes(b"LASF")
     (drive / "b.las").write_bytes(b"")
     with pytest.raises(InputError, match=r"a\.laz: cut off inside the header"):
-        spill_survey(survey, folder, n_threads=1)
+        build_store(survey, folder, n_threads=1)
 
 
 def test_times_out_of_order_are_told(drive, folder):

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from linework.errors import LineworkError
 from linework.files.images.lists import read_image_list, read_times
 from linework.files.images.read import image_size, read_image
-from linework.files.images.screen import thumbnail
+from linework.files.images.screen import image_thumbnail
 from linework.files.logs.keys import read_events
 from linework.files.survey.kitti import read_calibration
 from linework.model.camera import Camera
@@ -58,7 +58,7 @@ _heads = st.sampled_from(
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("read", [lambda path: read_image(path, CAMERA), image_size, thumbnail])
+@pytest.mark.parametrize("read", [lambda path: read_image(path, CAMERA), image_size, image_thumbnail])
 @given(head=_heads, rest=st.binary(max_size=300))
 def test_any_bytes_are_an_image_or_one_line(read: Callable[[Path], Any], head: bytes, rest: bytes) -> None:
     with tempfile.TemporaryDirectory() as folder:

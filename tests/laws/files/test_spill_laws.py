@@ -13,7 +13,7 @@ from linework.files.las.decode_process import decode_file
 from linework.files.las.messages import Decoded, DecodeTask
 from linework.files.las.read import read_las
 from linework.files.las.tally import TimeCounts
-from linework.files.store.extent import limits_of
+from linework.files.store.extent import stray_limits
 from linework.files.store.read import PointStore
 from linework.files.store.write import write_index
 
@@ -40,7 +40,7 @@ def stored(path, folder, **settings_):
     task = DecodeTask(path=path, target=folder / "0.points", **settings_)
     done = decode_file(task, lambda message: None)
     done = Decoded.from_document(done.to_document() | {"in_time_order": None, "sample": None})
-    write_index(folder, done.runs, {}, limits_of(done.runs, [done.height_counts]))
+    write_index(folder, done.runs, {}, stray_limits(done.runs, [done.height_counts]))
     points = PointStore.open(folder).points()
     said = {name: getattr(done, name) for name in Decoded.__slots__ if name not in ("runs", "repeats")}
     return points, said

@@ -14,8 +14,8 @@ from linework.methods.tracking.arrangement import (
     paint_forms,
     roles,
 )
-from linework.methods.tracking.neighbours import Course
-from linework.methods.tracking.pattern import find_rhythm, united
+from linework.methods.tracking.neighbours import LineAxis
+from linework.methods.tracking.pattern import find_rhythm, merged_intervals
 from linework.methods.tracking.smooth import smooth_line
 from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm
@@ -75,7 +75,7 @@ def test_dashes_have_a_rhythm_however_worn(dash, gap, left):
     start = np.arange(0.0, 90.0, dash + gap)
     pieces = [(a + x, min(a + x + 0.3, a + dash)) for a in start for x in np.arange(0.0, dash, 0.3)]
     kept = [p for p in pieces if rng.random() < left]
-    rhythm = find_rhythm(united(*np.array(kept).T, 0.05))
+    rhythm = find_rhythm(merged_intervals(*np.array(kept).T, 0.05))
     assert rhythm is not None
     assert rhythm.period_m == pytest.approx(dash + gap, rel=0.03)
 
@@ -86,13 +86,13 @@ def test_a_worn_solid_line_has_none(left):
         rng = np.random.default_rng(seed)
         start = np.arange(0.0, 100.0, 0.45)
         start = start[rng.random(len(start)) < left]
-        assert find_rhythm(united(start, start + 0.45, 0.05)) is None
+        assert find_rhythm(merged_intervals(start, start + 0.45, 0.05)) is None
 
 
 def test_a_dashed_line_is_one_line_with_its_dashes():
     markings, other = lines_of(boxes_on(*[straight(3.0, x=9.0 * k) for k in range(7)]))
     assert len(markings) == 1 and not other
-    lines = marking_lines.as_lines(markings, "lane_marking")
+    lines = marking_lines.marking_line_set(markings, "lane_marking")
     assert lines.pattern.tolist() == ["dashed"]
     assert not lines.bridged.any()
     dashes = marking_lines.dash_lines(markings, ["centre"])
@@ -108,7 +108,7 @@ def test_a_solid_line_ends_where_there_is_road_and_no_paint():
     assert len(lines_of(boxes_on(*courses), everything_seen)[0]) == 2
     hidden, _ = lines_of(boxes_on(*courses), nothing_seen)
     assert len(hidden) == 1
-    assert marking_lines.as_lines(hidden, "lane_marking").bridged_m[0] == pytest.approx(10.0, abs=1.5)
+    assert marking_lines.marking_line_set(hidden, "lane_marking").bridged_m[0] == pytest.approx(10.0, abs=1.5)
 
 
 def test_a_short_piece_of_paint_is_no_lane_marking():
@@ -120,13 +120,13 @@ def test_a_boundary_runs_on_through_drives_and_ends_at_mouths():
     def found(gap, seen=everything_seen):
         boxes = boxes_on(straight(20.0), straight(20.0, x=20.0 + gap), form=BoxForm.KERB)
         tracks = track_lines(boxes, TrackConfig(), width_m=0.15)
-        return boundary_lines.boundaries(boxes, tracks, seen)
+        return boundary_lines.smooth_boundaries(boxes, tracks, seen)
 
     assert len(found(8.0)) == 1
     assert len(found(12.0)) == 2
     assert len(found(12.0, nothing_seen)) == 1
     whole = found(6.0)
-    lines, tops = boundary_lines.as_lines(whole), boundary_lines.top_lines(whole)
+    lines, tops = boundary_lines.boundary_line_set(whole), boundary_lines.top_lines(whole)
     assert lines.form.tolist() == ["kerb"]
     assert lines.height_m[0] == pytest.approx(0.12, abs=0.003)
     assert 4.0 < lines.bridged_m[0] < 8.0
@@ -137,7 +137,7 @@ def test_a_boundary_runs_on_through_drives_and_ends_at_mouths():
 def course(y, *, turned=False, length=40.0):
     t = np.linspace(0.0, length, 81)
     xyz = np.column_stack([t[::-1] if turned else t, np.full(81, y), np.zeros(81)])
-    return Course.of(t, xyz)
+    return LineAxis.of(t, xyz)
 
 
 def bounds(courses, kerbs, lanes=()):
@@ -211,7 +211,7 @@ def test_double_lines_and_roles():
 
 def test_bars_stop_lines_and_arrows():
     bars = [course(float(y), length=3.5) for y in range(4)]
-    stop = Course.of(
+    stop = LineAxis.of(
         np.linspace(0, 3, 7), np.column_stack([np.full(7, 50.0), np.linspace(0, 3, 7), np.zeros(7)])
     )
     arrow = course(20.0, length=3.5)

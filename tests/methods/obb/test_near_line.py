@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.scenes.box_scenes import bend, boxes_on, everything_seen, nothing_seen, straight
 
-from linework.methods.obb.trace import Stop, may_go_on, near_line, stops_of, turned_like
+from linework.methods.obb.trace import TraceStop, may_continue, near_line, oriented_like, stop_reasons
 from linework.methods.tracking.track import TrackConfig
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LineSet
@@ -60,7 +60,7 @@ def test_a_line_runs_as_it_did_before():
     longer = line_of((-5.0, 0.0), (0.0, 0.0), (10.0, 0.0), (15.0, 0.0))
     turned = longer.with_columns(xyz=longer.xyz[::-1], sigma_xy_m=longer.sigma_xy_m[::-1])
     for one in (longer, turned):
-        again = turned_like(one, before)
+        again = oriented_like(one, before)
         assert again.xyz[:, 0].tolist() == [-5.0, 0.0, 10.0, 15.0]
         assert again.sigma_xy_m.tolist() == longer.sigma_xy_m.tolist()
 
@@ -77,12 +77,12 @@ def test_a_line_runs_as_it_did_before():
 )
 def test_what_may_go_on_is_ahead_or_on_the_line(other, may):
     one = line_of(*((x, 0.0) for x in range(31)))
-    assert may_go_on(one.xyz, line_of(*other).xyz, 32.0) is may
+    assert may_continue(one.xyz, line_of(*other).xyz, 32.0) is may
 
 
 def test_why_a_line_ends():
     line = np.column_stack([np.arange(20.0), np.zeros(20), np.zeros(20)])
-    assert stops_of(line, everything_seen) == (Stop.FADED, Stop.FADED)
-    assert stops_of(line, nothing_seen) == (Stop.END_OF_DATA, Stop.END_OF_DATA)
+    assert stop_reasons(line, everything_seen) == (TraceStop.FADED, TraceStop.FADED)
+    assert stop_reasons(line, nothing_seen) == (TraceStop.END_OF_DATA, TraceStop.END_OF_DATA)
     ring = np.column_stack([bend(8.0, 2.0 * np.pi - 0.05)[0], np.zeros(111)])
-    assert stops_of(ring, everything_seen) == (Stop.RING, Stop.RING)
+    assert stop_reasons(ring, everything_seen) == (TraceStop.RING, TraceStop.RING)

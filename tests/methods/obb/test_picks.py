@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.methods.obb.picks import Surroundings, nearest_that_works, why_not
-from linework.methods.obb.search_area import Failure, SearchArea, lowest_plane
+from linework.methods.obb.picks import PickSurroundings, nearest_trackable_place, refusal_reason
+from linework.methods.obb.search_area import NoLineReason, SearchArea, lowest_plane
 from linework.model.boxes import BoxForm, BoxSet
 
 #: A street along x: kerb of 12 cm on both sides at y = -4 and y = 4, a line at y = 0, footways of 3 m, walls.
@@ -42,7 +42,7 @@ BOXES = BoxSet.concatenate([
     row_of_boxes(WALL_Y, BoxForm.BARRIER, way=-1.0),
 ])  # fmt: skip
 WAY = np.column_stack([np.linspace(-30, 30, 61), np.full(61, -2.0)])
-FOUND = Surroundings.of(BOXES, WAY)
+FOUND = PickSurroundings.of(BOXES, WAY)
 XYZ = street()
 
 
@@ -53,67 +53,67 @@ XYZ = street()
         ((0.2, 0.1), "lane_marking", None),
         ((3.0, -3.8), "road_boundary", None),
         ((3.0, 4.3), "", None),
-        ((0.2, 0.1), "road_boundary", Failure.ALL_ROAD),
-        ((3.0, -4.0), "lane_marking", Failure.NO_MARKING),
-        ((0.0, 2.0), "", Failure.ALL_ROAD),
-        ((0.0, 2.0), "lane_marking", Failure.NO_MARKING),
-        ((0.0, 5.5), "", Failure.NO_ROAD),
-        ((0.0, -6.0), "lane_marking", Failure.NO_ROAD),
-        ((40.0, 0.0), "", Failure.OFF_THE_EDGE),
-        ((15.5, 1.5), "", Failure.OFF_THE_EDGE),
+        ((0.2, 0.1), "road_boundary", NoLineReason.ALL_ROAD),
+        ((3.0, -4.0), "lane_marking", NoLineReason.NO_MARKING),
+        ((0.0, 2.0), "", NoLineReason.ALL_ROAD),
+        ((0.0, 2.0), "lane_marking", NoLineReason.NO_MARKING),
+        ((0.0, 5.5), "", NoLineReason.NO_ROAD),
+        ((0.0, -6.0), "lane_marking", NoLineReason.NO_ROAD),
+        ((40.0, 0.0), "", NoLineReason.OFF_THE_EDGE),
+        ((15.5, 1.5), "", NoLineReason.OFF_THE_EDGE),
     ],
 )
-def test_reasons(place: tuple[float, float], wanted: str, expected: Failure | None) -> None:
+def test_reasons(place: tuple[float, float], wanted: str, expected: NoLineReason | None) -> None:
     for way in (WAY, None):  # without the van's way the nearest boundary tells the carriageway
-        found = FOUND if way is not None else Surroundings.of(BOXES)
-        assert why_not(XYZ, np.array(place), found, wanted=wanted) is expected
+        found = FOUND if way is not None else PickSurroundings.of(BOXES)
+        assert refusal_reason(XYZ, np.array(place), found, wanted=wanted) is expected
 
 
 def test_a_wall_at_the_back_of_a_footway_bounds_no_road() -> None:
-    assert why_not(XYZ, np.array([0.0, WALL_Y]), FOUND) is Failure.NO_ROAD
+    assert refusal_reason(XYZ, np.array([0.0, WALL_Y]), FOUND) is NoLineReason.NO_ROAD
     assert FOUND.bounds_road(np.array([0.0, KERB_Y])) and not FOUND.bounds_road(np.array([0.0, WALL_Y]))
     alone = BoxSet.concatenate([row_of_boxes(WALL_Y, BoxForm.BARRIER, way=-1.0)])
-    assert why_not(XYZ, np.array([0.0, WALL_Y]), Surroundings.of(alone, WAY)) is None
+    assert refusal_reason(XYZ, np.array([0.0, WALL_Y]), PickSurroundings.of(alone, WAY)) is None
 
 
 @pytest.mark.parametrize(("edge_y", "bounds"), [(3.2, True), (1.0, False)])
 def test_a_gutter_hides_no_kerb_but_the_pavements_edge_hides_a_bank(edge_y: float, bounds: bool) -> None:
     rows = [row_of_boxes(edge_y, BoxForm.EDGE, way=-1.0), row_of_boxes(KERB_Y, BoxForm.KERB, way=-1.0)]
-    assert Surroundings.of(BoxSet.concatenate(rows), WAY).bounds_road(np.array([0.0, KERB_Y])) is bounds
+    assert PickSurroundings.of(BoxSet.concatenate(rows), WAY).bounds_road(np.array([0.0, KERB_Y])) is bounds
 
 
 def test_the_surface_and_the_floor_tell_what_is_no_road() -> None:
     place = np.array([0.0, 2.0])
-    assert why_not(XYZ, place, FOUND, is_road=False) is Failure.NO_ROAD
+    assert refusal_reason(XYZ, place, FOUND, is_road=False) is NoLineReason.NO_ROAD
     bank = XYZ * (1.0, 1.0, 20.0)
-    assert why_not(bank, place, FOUND) is Failure.NO_ROAD
+    assert refusal_reason(bank, place, FOUND) is NoLineReason.NO_ROAD
 
 
 def test_shadows_are_holes_and_few_points_are_few() -> None:
     place = np.array([0.0, 2.0])
     shadow = XYZ[np.hypot(XYZ[:, 0], XYZ[:, 1] - 2.0) > 0.8]
-    assert why_not(shadow, place, FOUND) is Failure.HOLES
+    assert refusal_reason(shadow, place, FOUND) is NoLineReason.HOLES
     rng = np.random.default_rng(2)
-    assert why_not(XYZ[rng.random(len(XYZ)) < 0.004], place, FOUND) is Failure.TOO_FEW_POINTS
+    assert refusal_reason(XYZ[rng.random(len(XYZ)) < 0.004], place, FOUND) is NoLineReason.TOO_FEW_POINTS
 
 
 def test_the_nearest_place_that_works_is_proposed() -> None:
-    place = nearest_that_works(np.array([1.1, 2.4]), FOUND)
+    place = nearest_trackable_place(np.array([1.1, 2.4]), FOUND)
     assert place is not None and place[1] == KERB_Y and abs(place[0] - 1.1) < 0.5
-    place = nearest_that_works(np.array([1.1, 2.4]), FOUND, "lane_marking")
+    place = nearest_trackable_place(np.array([1.1, 2.4]), FOUND, "lane_marking")
     assert place is not None and place[1] == 0.0
-    assert nearest_that_works(np.array([25.0, 0.0]), FOUND) is None
-    assert nearest_that_works(np.zeros(2), Surroundings.of(BoxSet.empty())) is None
+    assert nearest_trackable_place(np.array([25.0, 0.0]), FOUND) is None
+    assert nearest_trackable_place(np.zeros(2), PickSurroundings.of(BoxSet.empty())) is None
 
 
 def test_single_boxes_are_no_line() -> None:
     one = row_of_boxes(0.0, BoxForm.STRIPE, x=np.array([0.25]))
-    assert why_not(XYZ, np.zeros(2), Surroundings.of(one, WAY)) is Failure.ALL_ROAD
+    assert refusal_reason(XYZ, np.zeros(2), PickSurroundings.of(one, WAY)) is NoLineReason.ALL_ROAD
 
 
 def test_another_carriageway_is_road_though_a_boundary_lies_between() -> None:
     far = BoxSet.concatenate([row_of_boxes(-4.0, BoxForm.BARRIER), row_of_boxes(-11.0, BoxForm.STRIPE)])
-    found = Surroundings.of(far, WAY)
+    found = PickSurroundings.of(far, WAY)
     assert found.on_carriageway(np.array([0.0, -9.0]))
     assert not found.on_carriageway(np.array([0.0, -6.0]))
 

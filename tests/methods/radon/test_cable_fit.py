@@ -7,7 +7,7 @@ import pytest
 
 from linework.lines.catenary import Catenary
 from linework.methods.cables.band import Widths, cable_band
-from linework.methods.cables.fit import FITTING_METRES, fit_wire, near_end, settled, surroundings
+from linework.methods.cables.fit import FITTING_METRES, fit_wire, near_end, settle_wire, surroundings
 
 WIDTHS = Widths(0.10)
 
@@ -34,7 +34,7 @@ def test_any_part_of_a_wire_settles_to_the_whole(part):
     found = fit_wire(band, np.arange(len(band.xyz))[part], WIDTHS)
     assert whole is not None
     assert found is not None
-    one, other = settled(band, whole), settled(band, found)
+    one, other = settle_wire(band, whole), settle_wire(band, found)
     assert np.array_equal(one.members, other.members)
     assert one.fit.curve == other.fit.curve
     assert one.length_m > 39.0
@@ -50,7 +50,7 @@ def test_an_end_of_a_long_wire_does_not_depend_on_its_other_end(side):
         band = band_of(cloud)
         wire = fit_wire(band, np.arange(len(band.xyz)), WIDTHS)
         assert wire is not None
-        ends.append(near_end(band, settled(band, wire), side, 60.0))
+        ends.append(near_end(band, settle_wire(band, wire), side, 60.0))
     assert ends[0].length_m == pytest.approx(60.0, abs=1.0)
     assert np.array_equal(ends[0].at(np.zeros(1)), ends[1].at(np.zeros(1)))
 

@@ -6,7 +6,7 @@ from tests.scenes import rail_scenes as made
 from tests.scenes.rail_scenes import RADON, TOP_M, bend, extract, prepare, rail_scene, scene, straight
 
 from linework.methods.radon.seeds import SeedConfig, SeedLines, find_seed_lines, split_into_segments
-from linework.methods.rails.chains import follow_all
+from linework.methods.rails.chains import chains_from_starts
 from linework.methods.rails.circles import find_starts
 from linework.methods.rails.rail_lines import rail_lines
 from linework.methods.rails.rails import fit_rail
@@ -29,7 +29,7 @@ def starts_in(p):
 
 def followed_in(p, starts=None):
     starts = starts_in(p) if starts is None else starts
-    return follow_all(starts, p.bins, (-1.0, RADON.max_height_m), PROFILE.min_length_m, CIRCLES)
+    return chains_from_starts(starts, p.bins, (-1.0, RADON.max_height_m), PROFILE.min_length_m, CIRCLES)
 
 
 def turn_between(a_rad, b_rad):

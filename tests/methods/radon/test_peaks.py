@@ -73,7 +73,7 @@ def test_dilation_equals_its_slow_twin_across_the_half_turn(seed, n, n_half, hal
     angles = np.sort(rng.choice(180, n, replace=False)) * (math.pi / 180)
     values = rng.integers(0, 9, (n, 2 * n_half + 1)).astype(float)
     expected = slow_dilation(values, angles, half_window, half_bins)
-    np.testing.assert_array_equal(kernels.dilate(values, angles, half_window, half_bins), expected)
+    np.testing.assert_array_equal(kernels.dilate_radon(values, angles, half_window, half_bins), expected)
 
 
 @settings(max_examples=25, deadline=None)

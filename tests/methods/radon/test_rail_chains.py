@@ -6,12 +6,12 @@ from tests.scenes import rail_scenes as made
 from tests.scenes.rail_scenes import RADON, extract, prepare, rail_scene, scene, straight
 
 from linework.methods.radon.seeds import find_seed_lines, split_into_segments
-from linework.methods.rails.chains import follow_all
+from linework.methods.rails.chains import chains_from_starts
 from linework.methods.rails.circles import find_starts
 from linework.methods.rails.rail_lines import close_beside
 from linework.methods.rails.rails import fit_rail
 from linework.methods.rails.stretches import barrier_stretches, guardrail_stretches
-from linework.methods.rails.verdict import Verdict
+from linework.methods.rails.verdict import NodeScores
 
 SEEDS, CIRCLES, PROFILE = RADON.seeds, RADON.circles, RADON.profile
 LONG = (2.0, 118.0)
@@ -23,7 +23,7 @@ def chains_in(p):
         split_into_segments(find_seed_lines(p.binary, SEEDS), p.binary, SEEDS), p.bins, CIRCLES
     )
     band = (CIRCLES.min_height_m, RADON.max_height_m)
-    found = follow_all(starts, p.bins, band, PROFILE.min_length_m, CIRCLES)
+    found = chains_from_starts(starts, p.bins, band, PROFILE.min_length_m, CIRCLES)
     return [np.column_stack([chain[:, :3] + p.bins.origin, chain[:, 3:]]) for chain in found]
 
 
@@ -80,7 +80,7 @@ def test_fits_are_the_same_whichever_way_a_chain_is_gone_through(long_rail):
 def verdict_of(sure, *, goes_on=True, open_=True):
     """A verdict that is sure of a guardrail where `sure` says so."""
     n = len(sure)
-    return Verdict(
+    return NodeScores(
         guardrail=np.where(sure, 0.9, 0.1),
         barrier=np.zeros(n),
         goes_on=np.full(n, 0.9 if goes_on else 0.1),
@@ -127,10 +127,10 @@ def test_stretches_do_not_look_further_than_the_buffer():
         sure, on = sure[: len(goes_on)], np.where(goes_on, 0.9, 0.1)
         chosen = []
         for cut in (len(sure), len(sure) - 100):
-            verdict = Verdict(
+            verdict = NodeScores(
                 np.where(sure, 0.9, 0.1), np.zeros(len(sure)), on, np.ones(len(sure), dtype=bool)
             )
-            part = Verdict(
+            part = NodeScores(
                 *(getattr(verdict, name)[:cut] for name in ("guardrail", "barrier", "goes_on", "open_"))
             )
             mask = np.zeros(len(sure), dtype=bool)
@@ -144,7 +144,7 @@ def test_stretches_do_not_look_further_than_the_buffer():
 def test_barriers_are_long():
     def found(metres):
         n = round(2 * metres)
-        verdict = Verdict(np.zeros(n), np.full(n, 0.8), np.ones(n), np.zeros(n, dtype=bool))
+        verdict = NodeScores(np.zeros(n), np.full(n, 0.8), np.ones(n), np.zeros(n, dtype=bool))
         return barrier_stretches(verdict, 0.5 * np.arange(n), PROFILE)
 
     assert len(found(19.0)) == 0

@@ -20,18 +20,18 @@ from tests.scenes.edge_scenes import (
 from tests.scenes.road_images import straight_poses
 
 from linework.errors import InputError
-from linework.methods.picked_edge.follow import Stop
-from linework.methods.picked_edge.method import Drive, PickRefusedError, follow_picked
+from linework.methods.picked_edge.follow import EdgeStop
+from linework.methods.picked_edge.method import NoEdgeAtPixelError, PosedPairs, follow_picked
 from linework.model.images import RectifiedPair
 
 
 @pytest.fixture(scope="module")
-def round_the_bend() -> Drive:
+def round_the_bend() -> PosedPairs:
     return drive_over(bend, circular_poses())
 
 
 @pytest.fixture(scope="module")
-def along_the_edge() -> Drive:
+def along_the_edge() -> PosedPairs:
     return drive_over(edge, straight_poses(3))
 
 
@@ -40,7 +40,7 @@ def place_in_bend(along_m: float) -> tuple[float, float, float]:
     return (RADIUS_M + 1.75) * np.sin(turn), RADIUS_M - (RADIUS_M + 1.75) * np.cos(turn), 0.0
 
 
-def test_paint_is_followed_round_a_bend(round_the_bend: Drive) -> None:
+def test_paint_is_followed_round_a_bend(round_the_bend: PosedPairs) -> None:
     found, steps = followed(round_the_bend, pixel_of(round_the_bend, 1, place_in_bend(12.0)))
     xyz = found.lines.xyz
     across = np.hypot(xyz[:, 0], xyz[:, 1] - RADIUS_M) - (RADIUS_M + 1.75)
@@ -51,10 +51,10 @@ def test_paint_is_followed_round_a_bend(round_the_bend: Drive) -> None:
     assert np.sqrt(np.mean(across[near] ** 2)) < 0.015 and near.sum() > 30
     assert np.sqrt(np.mean(xyz[near, 2] ** 2)) < 0.03
     assert {step.number for step in steps} == set(found.pixels) == {0, 1, 2, 3}
-    assert found.stops[0] == Stop.END_OF_IMAGES
+    assert found.stops[0] == EdgeStop.END_OF_IMAGES
 
 
-def test_a_bare_edge_is_a_road_boundary(along_the_edge: Drive) -> None:
+def test_a_bare_edge_is_a_road_boundary(along_the_edge: PosedPairs) -> None:
     found, _ = followed(along_the_edge, pixel_of(along_the_edge, 0, (9.0, 2.0, 0.0)))
     line = found.lines
     assert found.kind == "road_boundary" and np.isnan(line.width_m[0]) and line.pattern[0] == ""
@@ -62,7 +62,7 @@ def test_a_bare_edge_is_a_road_boundary(along_the_edge: Drive) -> None:
     assert line.length_m[0] > 10.0 and np.sqrt(np.mean((line.xyz[near, 1] - 2.0) ** 2)) < 0.03
 
 
-def test_a_pick_beside_an_edge_snaps_to_it(along_the_edge: Drive) -> None:
+def test_a_pick_beside_an_edge_snaps_to_it(along_the_edge: PosedPairs) -> None:
     i, col, row = pixel_of(along_the_edge, 0, (9.0, 2.0, 0.0))
     beside, _ = followed(along_the_edge, (i, col + 3.0, row))
     near = beside.lines.xyz[:, 0] < 16.0
@@ -77,9 +77,9 @@ def test_a_line_goes_on_through_a_shadow() -> None:
     assert inside.sum() >= 4  # measured there, not bridged
 
 
-def test_nothing_there_is_refused_with_a_pixel_that_works(along_the_edge: Drive) -> None:
+def test_nothing_there_is_refused_with_a_pixel_that_works(along_the_edge: PosedPairs) -> None:
     i, col, row = pixel_of(along_the_edge, 0, (9.0, 2.0, 0.0))
-    with pytest.raises(PickRefusedError, match="no edge within 4 pixels") as refused:
+    with pytest.raises(NoEdgeAtPixelError, match="no edge within 4 pixels") as refused:
         followed(along_the_edge, (i, col + 30.0, row))
     works = refused.value.works
     assert works is not None
@@ -87,23 +87,23 @@ def test_nothing_there_is_refused_with_a_pixel_that_works(along_the_edge: Drive)
     assert found.kind == "road_boundary"
 
 
-def test_an_edge_is_no_lane_marking(along_the_edge: Drive) -> None:
-    with pytest.raises(PickRefusedError, match="no stripe of paint"):
+def test_an_edge_is_no_lane_marking(along_the_edge: PosedPairs) -> None:
+    with pytest.raises(NoEdgeAtPixelError, match="no stripe of paint"):
         followed(along_the_edge, pixel_of(along_the_edge, 0, (9.0, 2.0, 0.0)), kind="lane_marking")
 
 
-def test_sky_is_refused(along_the_edge: Drive) -> None:
-    with pytest.raises(PickRefusedError, match="horizon"):
+def test_sky_is_refused(along_the_edge: PosedPairs) -> None:
+    with pytest.raises(NoEdgeAtPixelError, match="horizon"):
         followed(along_the_edge, (0, 300.0, 10.0))
 
 
-def test_the_caller_may_stop_it(round_the_bend: Drive) -> None:
+def test_the_caller_may_stop_it(round_the_bend: PosedPairs) -> None:
     following = follow_picked(round_the_bend, pixel_of(round_the_bend, 1, place_in_bend(12.0)))
     first = next(following)
     with pytest.raises(StopIteration) as end:
         following.send(True)
     assert set(end.value.value.pixels) == {first.number}
-    assert end.value.value.stops == (Stop.CALLER, Stop.CALLER)
+    assert end.value.value.stops == (EdgeStop.CALLER, EdgeStop.CALLER)
 
 
 def test_poses_that_err_by_centimetres_are_absorbed() -> None:
@@ -118,7 +118,7 @@ def test_poses_that_err_by_centimetres_are_absorbed() -> None:
     assert near.sum() > 20 and np.abs(across[near]).max() < 0.1
 
 
-def test_a_pair_that_cannot_be_read_is_told_and_left_out(round_the_bend: Drive) -> None:
+def test_a_pair_that_cannot_be_read_is_told_and_left_out(round_the_bend: PosedPairs) -> None:
     def source(i: int) -> RectifiedPair:
         if i == 2:
             raise InputError("cut off", where="000002.png")
@@ -131,5 +131,5 @@ def test_a_pair_that_cannot_be_read_is_told_and_left_out(round_the_bend: Drive) 
 
 def test_bare_asphalt_has_no_edges() -> None:
     drive = drive_over(asphalt, straight_poses(1))
-    with pytest.raises(PickRefusedError):
+    with pytest.raises(NoEdgeAtPixelError):
         followed(drive, (0, 300.0, 140.0))

@@ -14,7 +14,7 @@ from linework.published.stereo_1992 import (
     chain_code,
     grouped,
     lines_in,
-    see_as_published,
+    straight_lines_of_pair,
     thinned,
     vanishing_point,
 )
@@ -112,7 +112,7 @@ def test_functions_gate_and_groups():
 
 def test_lines_are_intersected_where_they_are():
     pair = RectifiedPair(road_image(LINES), road_image(LINES, right=True, seed=1), RIG, number=7)
-    seen = see_as_published(pair)
+    seen = straight_lines_of_pair(pair)
     assert set(seen.pair.tolist()) == {7}
     near = seen.take(seen.xyz[:, 0] < 15.0)
     offsets = sorted(float(np.median(near.xyz[near.line == i, 1])) for i in np.unique(near.line))
@@ -122,4 +122,4 @@ def test_lines_are_intersected_where_they_are():
 
 def test_an_empty_road_shows_nothing():
     pair = RectifiedPair(road_image(()), road_image((), right=True), RIG)
-    assert len(see_as_published(pair)) == 0
+    assert len(straight_lines_of_pair(pair)) == 0

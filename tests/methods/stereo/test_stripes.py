@@ -11,9 +11,9 @@ from tests.scenes.road_images import RIG, STRIPES, road_pair, straight_poses
 
 from linework.kernels.images.fuse import fuse, looked_at
 from linework.kernels.images.link_stripes import fit_at, link
-from linework.kernels.images.row_stripes import COL, CONTRAST, ROW, WIDTH, stripes_of_rows
+from linework.kernels.images.row_stripes import COL, ROW, STRIPE_CONTRAST, WIDTH, stripes_of_rows
 from linework.methods.stereo.method import StereoMethod
-from linework.methods.stereo.road_plane import RoadPlane, find_road
+from linework.methods.stereo.road_plane import RoadPlane, fit_pair_road
 from linework.methods.stereo.stripes import StripeConfig, find_stripe_lines
 from linework.model.images import RectifiedPair
 
@@ -24,7 +24,7 @@ def pair() -> RectifiedPair:
 
 
 def test_the_road_is_where_it_is(pair: RectifiedPair) -> None:
-    road = find_road(pair)
+    road = fit_pair_road(pair)
     assert road is not None
     assert road.plane.camera_height_m(RIG) == pytest.approx(1.6, abs=0.02)
     assert math.degrees(math.acos(float(-road.plane.up(RIG)[1]))) < 0.5
@@ -37,13 +37,13 @@ def test_a_wall_is_no_road() -> None:
     # One distance everywhere: upright
     grain = np.random.default_rng(0).integers(0, 255, (RIG.height, RIG.width + 30)).astype(np.uint8)
     wall = RectifiedPair(grain[:, :-30], grain[:, 30:], RIG)
-    assert find_road(wall) is None
+    assert fit_pair_road(wall) is None
     assert len(StereoMethod().see(wall)) == 0
 
 
 def test_no_texture_shows_no_road() -> None:
     grey = np.full((RIG.height, RIG.width), 90, dtype=np.uint8)
-    assert find_road(RectifiedPair(grey, grey, RIG)) is None
+    assert fit_pair_road(RectifiedPair(grey, grey, RIG)) is None
 
 
 def test_the_right_image_has_the_same_road() -> None:
@@ -68,7 +68,7 @@ def test_middles_of_stripes_are_sub_pixel(middle: float, width: float) -> None:
     assert table[:, ROW].tolist() == [2.0, 1.0, 0.0]
     assert np.abs(table[:, COL] - middle).max() < 0.1
     assert np.abs(table[:, WIDTH] - width).max() < 0.6
-    assert (table[:, CONTRAST] > 50.0).all()
+    assert (table[:, STRIPE_CONTRAST] > 50.0).all()
 
 
 def test_what_is_wider_than_paint_or_a_single_edge_is_no_stripe() -> None:
@@ -133,7 +133,7 @@ def test_local_lines_know_how_well() -> None:
 
 
 def test_stripes_are_matched_along_the_rows(pair: RectifiedPair) -> None:
-    road = find_road(pair)
+    road = fit_pair_road(pair)
     assert road is not None
     lines = find_stripe_lines(pair, road, StripeConfig())
     on_line = lines.line >= 0

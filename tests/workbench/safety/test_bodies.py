@@ -20,7 +20,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from linework.workbench.server import guard as guard_bodies
 from linework.workbench.server import serve as connections
-from linework.workbench.server.guard import MOST_BYTES, MOST_SOCKETS, Guard
+from linework.workbench.server.guard import MOST_BODY_BYTES, MOST_SOCKETS, Guard
 from linework.workbench.server.sessions import Sessions
 
 
@@ -59,10 +59,10 @@ def test_a_body_without_end(served):
             connection.sendall(request("POST", path, *headers(served, "Transfer-Encoding: chunked")))
             n_sent = 0
             with contextlib.suppress(ConnectionError):
-                while n_sent < 64 * MOST_BYTES:
+                while n_sent < 64 * MOST_BODY_BYTES:
                     connection.sendall(chunk)
                     n_sent += len(chunk)
-            assert n_sent < 32 * MOST_BYTES, path
+            assert n_sent < 32 * MOST_BODY_BYTES, path
     assert memory_mb(served) - before < 50
     assert served.client.get("/api/health").status_code == 200
 
@@ -70,14 +70,14 @@ def test_a_body_without_end(served):
 def test_a_chunked_body_is_answered_at_the_limit(served):
     with socket.create_connection(("127.0.0.1", served.port), timeout=15) as connection:
         connection.sendall(request("POST", "/api/changes", *headers(served, "Transfer-Encoding: chunked")))
-        size = MOST_BYTES + 1
+        size = MOST_BODY_BYTES + 1
         connection.sendall(f"{size:x}\r\n".encode() + b" " * size + b"\r\n")
         assert answer_on(connection).status == 413
 
 
 def test_the_largest_body_is_taken(served):
-    body = b'{"a": "' + b"x" * (MOST_BYTES - 9) + b'"}'
-    assert len(body) == MOST_BYTES
+    body = b'{"a": "' + b"x" * (MOST_BODY_BYTES - 9) + b'"}'
+    assert len(body) == MOST_BODY_BYTES
     answer = served.client.post("/api/changes", content=body, headers={"Content-Type": "application/json"})
     assert answer.status_code == 422
     more = served.client.post(
@@ -102,7 +102,7 @@ def test_only_json_is_taken(served, content_type):
 def test_packed_bodies_are_refused(served):
     """J15."""
     packed = gzip.compress(b" " * 10**8)
-    assert len(packed) < MOST_BYTES
+    assert len(packed) < MOST_BODY_BYTES
     before = memory_mb(served)
     for encoding in ("gzip", "deflate", "br", "gzip, identity", "x"):
         answer = served.client.post(
@@ -227,7 +227,7 @@ def impatient_server(monkeypatch):
         sessions = Sessions(port)
         cookie = f"{sessions.cookie_name}={sessions.enter(sessions.token)}"
         guard = Guard(app, sessions, port, {}, save_log=lambda error: None)
-        server = uvicorn.Server(uvicorn.Config(guard, **connections.settings()))
+        server = uvicorn.Server(uvicorn.Config(guard, **connections.uvicorn_settings()))
         thread = threading.Thread(target=lambda: asyncio.run(server.serve([listener])))
         thread.start()
         try:
@@ -285,7 +285,7 @@ def test_a_kept_connection_answers_again(monkeypatch):
 
 def test_a_refusal_is_read_by_who_is_still_sending(served):
     """Not reset before it was answered: the page shows why."""
-    body = b" " * (MOST_BYTES + 1000)
+    body = b" " * (MOST_BODY_BYTES + 1000)
     own = (f"Host: {served.host}", f"Origin: {served.url}", "Content-Type: application/json")
     for _ in range(10):
         assert exchange(served.port, request("POST", "/api/changes", *own, body=body)).status == 401

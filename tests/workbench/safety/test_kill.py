@@ -10,7 +10,7 @@ import pyogrio
 import pytest
 from tests.workbench.serve_process import Served, served_survey
 
-from linework.files.line_file.file import DrawingFile
+from linework.files.line_file.file import LineFile
 from linework.files.vectors.read_write import read_lines
 
 #: How often it is killed, and after how long. [s]
@@ -60,6 +60,6 @@ def test_what_was_answered_is_on_the_disk(las_file, seed):
         assert set(answered) <= set(heights)
         assert len(heights) == len(set(heights)) <= len(answered) + ROUNDS
         crs = read_lines(lines).crs
-        with DrawingFile.opened(lines, crs=crs) as drawing:
+        with LineFile.opened(lines, crs=crs) as drawing:
             assert drawing.revision == len(drawing.lines) == len(heights)
     assert len(answered) > 10

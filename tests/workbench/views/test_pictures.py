@@ -17,7 +17,7 @@ from linework.files.vectors.read_write import read_lines
 from linework.model.grid import Bounds
 from linework.workbench.views import tiles as pictures
 from linework.workbench.views.heights import heights_at, heights_from_path
-from linework.workbench.worker.session import SurveyOrder, Table
+from linework.workbench.worker.session import SurveyOrder, SurveySession
 
 IMAGES = ("density", "height", "above_road", "intensity")
 
@@ -25,7 +25,7 @@ IMAGES = ("density", "height", "above_road", "intensity")
 @pytest.fixture
 def table(drive):
     """Return the table of a desk, here: the drive opened in this process."""
-    table = Table(SurveyOrder(inputs=(drive,)), lambda _value: None)
+    table = SurveySession(SurveyOrder(inputs=(drive,)), lambda _value: None)
     yield table
     table._held.close()
 

@@ -17,7 +17,7 @@ CHOICES: Mapping[str, tuple[str, ...]] = {
     "condition": CONDITIONS,
 }
 #: A note is a sentence, not a report: as many characters.
-LONGEST_NOTE = 500
+LONGEST_REVIEW_NOTE = 500
 _PAINT = ("lane_marking", "lane_marking_dash", "road_marking_other")
 #: Columns that say something about some kinds only: of others they are empty.
 _MEANT_FOR: Mapping[str, tuple[str, ...]] = {
@@ -31,7 +31,7 @@ _MEANT_FOR: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def reviewed(lines: LineSet, review: str) -> LineSet:
+def with_review(lines: LineSet, review: str) -> LineSet:
     """Return lines with what a person said of them; what was accepted or drawn is sure."""
     if review not in ("", *REVIEWS):
         raise UsageError(f"{review} is no review", where="review", advice=f"choose from {', '.join(REVIEWS)}")
@@ -41,7 +41,7 @@ def reviewed(lines: LineSet, review: str) -> LineSet:
     return marked
 
 
-def as_kind(lines: LineSet, kind: str) -> LineSet:
+def with_kind(lines: LineSet, kind: str) -> LineSet:
     """Return lines as lines of another kind, without what that kind cannot have: paint has no height ...
 
     Raises
@@ -49,7 +49,7 @@ def as_kind(lines: LineSet, kind: str) -> LineSet:
     UsageError
         There is no such kind.
     """
-    check_kind(kind)
+    check_line_kind(kind)
     empty = {"double": False, "width_m": np.nan, "height_m": np.nan, "clearance_m": np.nan}
     columns: dict[str, object] = {"kind": np.full(len(lines), kind)}
     for name, kinds in _MEANT_FOR.items():
@@ -58,7 +58,7 @@ def as_kind(lines: LineSet, kind: str) -> LineSet:
     return lines.with_columns(**columns)
 
 
-def with_word(lines: LineSet, column: str, value: str | bool) -> LineSet:
+def with_attribute(lines: LineSet, column: str, value: str | bool) -> LineSet:
     """Return lines with a role, pattern, form, condition, note, or whether they are one of a double line.
 
     Raises
@@ -72,11 +72,13 @@ def with_word(lines: LineSet, column: str, value: str | bool) -> LineSet:
     elif column == "note":
         if (
             not isinstance(value, str)
-            or len(value) > LONGEST_NOTE
+            or len(value) > LONGEST_REVIEW_NOTE
             or not value.replace("\n", " ").isprintable()
         ):
             raise UsageError(
-                f"a note is text of {LONGEST_NOTE} characters at most", where="set", advice="shorten it"
+                f"a note is text of {LONGEST_REVIEW_NOTE} characters at most",
+                where="set",
+                advice="shorten it",
             )
     elif column not in CHOICES:
         known = ", ".join((*CHOICES, "double", "note"))
@@ -91,7 +93,7 @@ def with_word(lines: LineSet, column: str, value: str | bool) -> LineSet:
     return lines.with_columns(**{column: np.full(len(lines), value)})
 
 
-def check_kind(kind: str) -> None:
+def check_line_kind(kind: str) -> None:
     """Refuse a kind that is none of `KINDS`.
 
     Raises

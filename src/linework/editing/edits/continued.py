@@ -10,7 +10,7 @@ from linework.arrays import BoolArray, FloatArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: Lines of one kind that run this near each other are the same line, seen from two picks. [m]
-SAME_M = 0.15
+SAME_LINE_M = 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ PICKED_TWICE = Gap(longest_m=60.0, off_deg=5.0, turn_deg=60.0)
 _END_M = 5.0
 
 
-def continued(there: LineSet, new: LineSet, gap: Gap = PICKED_TWICE) -> LineSet:
+def continue_lines(there: LineSet, new: LineSet, gap: Gap = PICKED_TWICE) -> LineSet:
     """Return the lines that are there with new ones: those that go on from a line's end, or overlap it, joined.
 
     The gap between two joined lines is bridged. Lines of other kinds are never joined.
@@ -115,13 +115,13 @@ def _beyond(first: FloatArray, second: FloatArray, over: Gap) -> int | None:
 
 
 def _near(places: FloatArray, line: FloatArray) -> BoolArray:
-    """Return which places (n, 3) lie within `SAME_M` of a line, in plan."""
+    """Return which places (n, 3) lie within `SAME_LINE_M` of a line, in plan."""
     a, way = line[:-1, :2], np.diff(line[:, :2], axis=0)
     length2 = np.maximum(np.sum(way * way, axis=1), 1e-12)
     step = places[:, None, :2] - a
     share = np.clip(np.sum(step * way, axis=2) / length2, 0.0, 1.0)
     distance = np.linalg.norm(step - share[:, :, None] * way, axis=2)
-    return np.asarray(distance.min(axis=1) <= SAME_M)
+    return np.asarray(distance.min(axis=1) <= SAME_LINE_M)
 
 
 def _direction(line: FloatArray) -> FloatArray:

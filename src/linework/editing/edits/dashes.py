@@ -12,15 +12,15 @@ from linework.errors import UsageError
 from linework.model.lines import LineSet
 
 #: A dash is whole if it is this near the length that most have, and belongs where the rhythm says to within this. [m]
-WHOLE_M = 0.25
+WHOLE_DASH_M = 0.25
 #: So many dashes show a rhythm.
-LEAST_DASHES = 4
+RHYTHM_DASHES = 4
 #: A painter keeps the phase over so many metres without a dash, not further.
-LONGEST_GAP_M = 60.0
+LONGEST_RHYTHM_GAP_M = 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class Rhythm:
+class DashRhythm:
     """Where dashes are along a line.
 
     Parameters
@@ -89,45 +89,45 @@ def dashes_by_paint(line: LineSet, dashes: LineSet, spans: FloatArray) -> tuple[
     UsageError
         None is missing.
     """
-    comes, goes = lacking(line, dashes, spans)
+    comes, goes = missing_spans(line, dashes, spans)
     if not comes.any():
         raise UsageError("no dash is missing", where="dashes", advice="choose another line")
     return dashes.take(goes), _dashes_at(line, dashes, spans[comes])
 
 
-def lacking(line: LineSet, dashes: LineSet, spans: FloatArray) -> tuple[BoolArray, BoolArray]:
+def missing_spans(line: LineSet, dashes: LineSet, spans: FloatArray) -> tuple[BoolArray, BoolArray]:
     """Return which spans along a line (k,) have no dash that stays, and which dashes (n,) give way to theirs."""
     there = _ends_along(line, dashes)
     lap = np.minimum(there[None, :, 1], spans[:, None, 1]) - np.maximum(there[None, :, 0], spans[:, None, 0])
     size = np.diff(spans, axis=1)
-    stays = (np.abs(np.diff(there, axis=1)[:, 0] - size) <= WHOLE_M) | (dashes.review != "")
+    stays = (np.abs(np.diff(there, axis=1)[:, 0] - size) <= WHOLE_DASH_M) | (dashes.review != "")
     comes = ~np.any((lap > 0.0) & stays, axis=1)
     return comes, np.any((lap > 0.0) & ~stays & comes[:, None], axis=0)
 
 
-def rhythm_of(line: LineSet, dashes: LineSet) -> Rhythm | None:
+def rhythm_of(line: LineSet, dashes: LineSet) -> DashRhythm | None:
     """Return the rhythm of the dashes along a line, None where they show none."""
-    if len(dashes) < LEAST_DASHES:
+    if len(dashes) < RHYTHM_DASHES:
         return None
     ends = _ends_along(line, dashes)
     length, middle = np.diff(ends, axis=1)[:, 0], ends.mean(axis=1)
     dash_m = float(np.quantile(length, 0.8))
-    whole = np.sort(middle[np.abs(length - dash_m) <= WHOLE_M])
+    whole = np.sort(middle[np.abs(length - dash_m) <= WHOLE_DASH_M])
     apart = np.diff(whole)
     apart = apart[apart > dash_m]
-    if len(apart) < LEAST_DASHES - 1:
+    if len(apart) < RHYTHM_DASHES - 1:
         return None
     # The least distance that is common, then the mean over all that are whole numbers of it
     period_m = float(np.quantile(apart, 0.2))
     number = np.rint(apart / period_m)
-    fits = (number <= 3) & (np.abs(apart - number * period_m) <= WHOLE_M * np.maximum(number, 1.0))
-    if np.count_nonzero(fits) < LEAST_DASHES - 1 or 2 * np.count_nonzero(fits) < len(apart):
+    fits = (number <= 3) & (np.abs(apart - number * period_m) <= WHOLE_DASH_M * np.maximum(number, 1.0))
+    if np.count_nonzero(fits) < RHYTHM_DASHES - 1 or 2 * np.count_nonzero(fits) < len(apart):
         return None
     period_m = float(np.sum(apart[fits]) / np.sum(number[fits]))
-    return Rhythm(np.sort(middle), period_m, dash_m) if period_m > dash_m + WHOLE_M else None
+    return DashRhythm(np.sort(middle), period_m, dash_m) if period_m > dash_m + WHOLE_DASH_M else None
 
 
-def missing_middles(rhythm: Rhythm, length_m: float) -> FloatArray:
+def missing_middles(rhythm: DashRhythm, length_m: float) -> FloatArray:
     """Return where along a line of a length dashes are missing: their middles [m].
 
     Between two that are there, a whole number of periods apart, and beyond the first and the last, as far as the
@@ -137,12 +137,12 @@ def missing_middles(rhythm: Rhythm, length_m: float) -> FloatArray:
     found: list[float] = []
     for a, b in zip(middle[:-1].tolist(), middle[1:].tolist(), strict=True):
         n = round((b - a) / period)
-        if n >= 2 and b - a <= LONGEST_GAP_M and abs(b - a - n * period) <= 2.0 * WHOLE_M:
+        if n >= 2 and b - a <= LONGEST_RHYTHM_GAP_M and abs(b - a - n * period) <= 2.0 * WHOLE_DASH_M:
             found += [a + k * (b - a) / n for k in range(1, n)]
     for start, way in ((float(middle[0]), -1.0), (float(middle[-1]), 1.0)):
         at = start + way * period
-        while 0.5 * rhythm.dash_m - WHOLE_M <= at <= length_m - 0.5 * rhythm.dash_m + WHOLE_M:
-            if abs(at - start) > LONGEST_GAP_M:
+        while 0.5 * rhythm.dash_m - WHOLE_DASH_M <= at <= length_m - 0.5 * rhythm.dash_m + WHOLE_DASH_M:
+            if abs(at - start) > LONGEST_RHYTHM_GAP_M:
                 break
             found.append(at)
             at += way * period
@@ -182,15 +182,15 @@ def _along(xyz: FloatArray) -> FloatArray:
 # The rhythm of worn paint: dashes that are too faint to be found one by one, seen together along their line
 
 #: Dashed lines repeat within this: short dashes 1 m apart, to 6 m of paint on 12 m. [m]
-SHORTEST_M, LONGEST_M = 2.0, 18.0
+SHORTEST_PERIOD_M, LONGEST_PERIOD_M = 2.0, 18.0
 #: The phase is told from so much of the line at once, every so far. A line beside a bend's axis stretches by its
 #: distance over the radius: that is followed from window to window. [m]
-WINDOW_M, HOP_M = 40.0, 8.0
+RHYTHM_WINDOW_M, HOP_M = 40.0, 8.0
 _STRETCH = 0.08
 #: So much stronger than noise of the same spread is no chance among the hundreds of periods that are tried (exp(-12)).
 LEAST_POWER = 12.0
 #: Of a line's windows so many have to show it.
-LEAST_SHARE = 0.25
+LEAST_WINDOW_SHARE = 0.25
 _N_PERIODS, _N_NEAR, _N_PHASES = 600, 33, 48
 
 
@@ -213,10 +213,10 @@ def dashes_in_paint(step_m: float, brightness: FloatArray, weight: FloatArray) -
     -----
     Period by the power spectra of windows, summed; phase by each window's own, followed along the line; length of a
     dash by all periods folded into one. What is worn off of one dash is there of the others: the rhythm is seen where
-    most dashes are not. Windows without it are passed over where it goes on within `LONGEST_GAP_M`.
+    most dashes are not. Windows without it are passed over where it goes on within `LONGEST_RHYTHM_GAP_M`.
     """
-    starts = np.arange(0.0, max(len(brightness) * step_m - WINDOW_M, 0.0) + 1e-9, HOP_M)
-    n = min(round(WINDOW_M / step_m), len(brightness))
+    starts = np.arange(0.0, max(len(brightness) * step_m - RHYTHM_WINDOW_M, 0.0) + 1e-9, HOP_M)
+    n = min(round(RHYTHM_WINDOW_M / step_m), len(brightness))
     first = np.rint(starts / step_m).astype(np.int64)
     index = first[:, None] + np.arange(n)
     b, w = brightness[index], weight[index]
@@ -224,7 +224,7 @@ def dashes_in_paint(step_m: float, brightness: FloatArray, weight: FloatArray) -
     wave = np.where(w > 0.0, w * (b - mean[:, None]), 0.0)
     noise = np.maximum(np.sum(wave**2, axis=1), 1e-12)
     at = (np.arange(n) - 0.5 * (n - 1)) * step_m
-    rates = 1.0 / np.geomspace(SHORTEST_M, LONGEST_M, _N_PERIODS)
+    rates = 1.0 / np.geomspace(SHORTEST_PERIOD_M, LONGEST_PERIOD_M, _N_PERIODS)
     power = np.abs(wave @ np.exp(-2j * np.pi * np.outer(at, rates))) ** 2 / noise[:, None]
     rate = float(rates[int(np.argmax(np.sum(power, axis=0)))])
     near = rate * np.linspace(1.0 - _STRETCH, 1.0 + _STRETCH, _N_NEAR)
@@ -233,7 +233,7 @@ def dashes_in_paint(step_m: float, brightness: FloatArray, weight: FloatArray) -
     rows = np.arange(len(starts))
     shows = np.abs(spectrum[rows, best]) ** 2 / noise >= LEAST_POWER
     # Two windows know the rate between them
-    if np.count_nonzero(shows) < max(LEAST_SHARE * len(starts), 2.0):
+    if np.count_nonzero(shows) < max(LEAST_WINDOW_SHARE * len(starts), 2.0):
         return np.zeros((0, 2))
     middle = (first + 0.5 * (n - 1)) * step_m
     # Cycles since a crest, at the middle of each window that shows it
@@ -257,11 +257,11 @@ def _smoothed(middle: FloatArray, cycles: FloatArray) -> FloatArray:
     out = cycles.copy()
     for i, place in enumerate(middle):
         away = middle - place
-        near = np.flatnonzero(np.abs(away) <= WINDOW_M)
+        near = np.flatnonzero(np.abs(away) <= RHYTHM_WINDOW_M)
         if len(near) > 2:
-            out[i] = np.polyfit(away[near], cycles[near], 1, w=1.0 - np.abs(away[near]) / (WINDOW_M + HOP_M))[
-                1
-            ]
+            out[i] = np.polyfit(
+                away[near], cycles[near], 1, w=1.0 - np.abs(away[near]) / (RHYTHM_WINDOW_M + HOP_M)
+            )[1]
     return out
 
 
@@ -273,7 +273,7 @@ def _spans(
     station: FloatArray = (np.arange(len(brightness), dtype=np.float64) + 0.5) * step_m
     cycle = _cycles_at(station, middle, cycles)
     away = np.abs(station - middle[_nearest(middle, station)])
-    inside = away <= 0.5 * max(LONGEST_GAP_M, WINDOW_M)
+    inside = away <= 0.5 * max(LONGEST_RHYTHM_GAP_M, RHYTHM_WINDOW_M)
     shape = _folded(cycle[inside], brightness[inside], weight[inside])
     half = 0.5 * (np.quantile(shape, 0.1) + np.quantile(shape, 0.9))
     low, high = _crest(shape > half)

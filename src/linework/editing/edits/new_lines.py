@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.editing.edits.attributes import check_kind
-from linework.editing.edits.vertices import part_of
+from linework.editing.edits.attributes import check_line_kind
+from linework.editing.edits.vertices import line_of_vertices
 from linework.errors import UsageError
 from linework.lines.catenary import fit_catenary
 from linework.model.lines import LineSet
 
 #: Lines farther apart are not of one road. [m]
-FARTHEST_M = 30.0
+FARTHEST_BESIDE_M = 30.0
 
 
-def beside(line: LineSet, kind: str, at: FloatArray) -> LineSet:
+def line_beside(line: LineSet, kind: str, at: FloatArray) -> LineSet:
     """Return a new line of a kind beside a line.
 
     Parameters
@@ -29,32 +29,32 @@ def beside(line: LineSet, kind: str, at: FloatArray) -> LineSet:
     Returns
     -------
     LineSet
-        A vertex every `STATION_M` at most, in the direction of the line; as high as the line, until heights are known.
+        A vertex every `NEW_LINE_STATION_M` at most, in the direction of the line; as high as the line, until heights are known.
 
     Raises
     ------
     UsageError
-        A place is farther than `FARTHEST_M` from the line, or both are beside one place of it.
+        A place is farther than `FARTHEST_BESIDE_M` from the line, or both are beside one place of it.
     """
-    check_kind(kind)
+    check_line_kind(kind)
     xyz = line.xyz
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
     feet = np.sort(np.array([foot_along(xyz, along, place) for place in at]))
     places = at[np.argsort([foot_along(xyz, along, place) for place in at], kind="stable")]
     first, last = (0.0, float(along[-1])) if len(at) == 1 else (float(feet[0]), float(feet[1]))
-    if last - first < STATION_M:
+    if last - first < NEW_LINE_STATION_M:
         raise UsageError(
             f"the line beside it would be {last - first:.1f} m long", where="beside",
             advice="choose two places farther apart",
         )  # fmt: skip
     foot, left = places_on(xyz, along, np.append(feet, last))
     off = np.sum((places - foot[:-1, :2]) * left[:-1], axis=1)
-    if float(np.abs(off).max()) > FARTHEST_M:
+    if float(np.abs(off).max()) > FARTHEST_BESIDE_M:
         raise UsageError(
-            f"the place is {np.abs(off).max():.0f} m beside the line, {FARTHEST_M:.0f} m at most", where="beside",
+            f"the place is {np.abs(off).max():.0f} m beside the line, {FARTHEST_BESIDE_M:.0f} m at most", where="beside",
             advice="choose a line of the same road",
         )  # fmt: skip
-    stations = np.linspace(first, last, int(np.ceil((last - first) / STATION_M)) + 1)
+    stations = np.linspace(first, last, int(np.ceil((last - first) / NEW_LINE_STATION_M)) + 1)
     copy, left = places_on(xyz, along, stations)
     copy[:, :2] += np.interp(stations, feet, off)[:, None] * left
     return LineSet.from_lines([copy], crs=line.crs, kind=[kind], method=["drawn"])
@@ -82,20 +82,20 @@ def with_heights(line: LineSet, heights: FloatArray) -> LineSet:
     xyz = line.xyz.copy()
     xyz[:, 2] = np.interp(np.arange(len(xyz)), known, heights[known, 0])
     placed = line.with_columns(xyz=xyz, sigma_z_m=heights[:, 1], bridged=~np.isfinite(heights[:, 0]))
-    return part_of(placed, inside)
+    return line_of_vertices(placed, inside)
 
 
 # A wire through three places, as it hangs
 
 #: Vertices so far apart: chords of the slackest wire (a = 50 m) are within 1 cm of it. [m]
-STATION_M = 2.0
+NEW_LINE_STATION_M = 2.0
 #: Longer spans are of other lines than a street's. [m]
-LONGEST_M = 300.0
+LONGEST_SPAN_M = 300.0
 #: The place between is in the plane of the wire within this, wind and clicks included. [m]
-ASIDE_M = 1.0
+WIRE_ASIDE_M = 1.0
 
 
-def wire(xyz: FloatArray, crs: str) -> LineSet:
+def wire_through(xyz: FloatArray, crs: str) -> LineSet:
     """Return the cable that hangs through three places.
 
     Parameters
@@ -118,16 +118,16 @@ def wire(xyz: FloatArray, crs: str) -> LineSet:
     start, middle, end = xyz[order]
     way = end[:2] - start[:2]
     span_m = float(np.hypot(*way))
-    if not 1.0 <= span_m <= LONGEST_M:
+    if not 1.0 <= span_m <= LONGEST_SPAN_M:
         raise UsageError(
             f"a span of {span_m:.0f} m",
             where="wire",
-            advice=f"1 to {LONGEST_M:.0f} m; click from pole to pole",
+            advice=f"1 to {LONGEST_SPAN_M:.0f} m; click from pole to pole",
         )
     way = way / span_m
     step = middle[:2] - start[:2]
     aside_m, at_m = float(abs(way[0] * step[1] - way[1] * step[0])), float(step @ way)
-    if aside_m > ASIDE_M or not 0.05 * span_m < at_m < 0.95 * span_m:
+    if aside_m > WIRE_ASIDE_M or not 0.05 * span_m < at_m < 0.95 * span_m:
         raise UsageError(
             "the three places are not on one span", where="wire",
             advice="click both ends and a place well between them",
@@ -135,7 +135,7 @@ def wire(xyz: FloatArray, crs: str) -> LineSet:
     known, heights = np.array([0.0, at_m, span_m]), np.array([start[2], middle[2], end[2]])
     hangs = middle[2] < start[2] + at_m / span_m * (end[2] - start[2])
     curve = fit_catenary(known, heights, straight=not hangs).curve
-    at = np.linspace(0.0, span_m, int(np.ceil(span_m / STATION_M)) + 1)
+    at = np.linspace(0.0, span_m, int(np.ceil(span_m / NEW_LINE_STATION_M)) + 1)
     places = np.column_stack([start[:2] + at[:, None] * way, curve.height_at(at)])
     return LineSet.from_lines([places], crs=crs, kind=["cable"], method=["drawn"])
 
@@ -150,16 +150,16 @@ def _widest(xyz: FloatArray) -> FloatArray:
 # The way of a line over a gap: beside a line that goes on there, or else as the ends lead
 
 #: Lines of one road run beside one another within this. [m]
-BESIDE_M = 15.0
+LINES_BESIDE_M = 15.0
 #: A line is beside another where the distance changes by no more than this, and by so much of the gap.
-DRIFT_M, DRIFT_SHARE = 0.20, 0.01
+BRIDGE_DRIFT_M, BRIDGE_DRIFT_SHARE = 0.20, 0.01
 #: A line's direction is taken over this. [m]
 _OVER_M = 5.0
 #: Kinds that run along the road.
 _ALONG = ("lane_marking", "road_boundary", "guardrail", "barrier")
 
 
-def bridge(head: FloatArray, tail: FloatArray, others: LineSet) -> FloatArray:
+def bridge_gap(head: FloatArray, tail: FloatArray, others: LineSet) -> FloatArray:
     """Return places (k, 3) between the last vertex of a line and the first of the one that goes on there.
 
     Parameters
@@ -171,7 +171,7 @@ def bridge(head: FloatArray, tail: FloatArray, others: LineSet) -> FloatArray:
         a road run beside one another. Without one, a curve of evenly changing direction leads from end to end.
     """
     gap_m = float(np.hypot(*(tail[0, :2] - head[-1, :2])))
-    if gap_m < 1.5 * STATION_M:
+    if gap_m < 1.5 * NEW_LINE_STATION_M:
         return np.zeros((0, 3))
     beside = [
         found
@@ -187,18 +187,18 @@ def _beside(
     line: FloatArray, start: FloatArray, end: FloatArray, gap_m: float
 ) -> tuple[float, FloatArray] | None:
     """Return how much the distance to a line changes over a gap, and the places beside it; None where it is not there."""
-    low, high = line[:, :2].min(axis=0) - BESIDE_M, line[:, :2].max(axis=0) + BESIDE_M
+    low, high = line[:, :2].min(axis=0) - LINES_BESIDE_M, line[:, :2].max(axis=0) + LINES_BESIDE_M
     if any(np.any(place[:2] < low) or np.any(place[:2] > high) for place in (start, end)):
         return None
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line[:, :2], axis=0).T))])
     a, b = (foot_along(line, along, place) for place in (start, end))
     if not (min(a, b) > 0.0 and max(a, b) < along[-1] and 0.7 * gap_m <= abs(b - a) <= 1.5 * gap_m):
         return None
-    at = np.linspace(a, b, max(int(abs(b - a) / STATION_M), 2) + 1)
+    at = np.linspace(a, b, max(int(abs(b - a) / NEW_LINE_STATION_M), 2) + 1)
     foot, left = places_on(line, along, at)
     off = [float((place[:2] - foot[k, :2]) @ left[k]) for k, place in ((0, start), (-1, end))]
     drift = abs(off[1] - off[0])
-    if max(abs(v) for v in off) > BESIDE_M or drift > DRIFT_M + DRIFT_SHARE * gap_m:
+    if max(abs(v) for v in off) > LINES_BESIDE_M or drift > BRIDGE_DRIFT_M + BRIDGE_DRIFT_SHARE * gap_m:
         return None
     share = np.linspace(0.0, 1.0, len(at))
     # What is left between line and place at both ends, across, along and up, goes over evenly from one to the other
@@ -231,7 +231,7 @@ def places_on(line: FloatArray, along: FloatArray, at: FloatArray) -> tuple[Floa
 
 def _curve(head: FloatArray, tail: FloatArray, gap_m: float) -> FloatArray:
     """Return places on the cubic curve (Hermite) that leaves one line and enters the other in their directions."""
-    n = int(np.ceil(gap_m / STATION_M))
+    n = int(np.ceil(gap_m / NEW_LINE_STATION_M))
     t = (np.arange(1, n) / n)[:, None]
     start, end = head[-1], tail[0]
     out = gap_m * _way(head[::-1]) * -1.0

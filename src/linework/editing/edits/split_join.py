@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
-from linework.editing.edits.continued import SAME_M, Gap, continued
-from linework.editing.edits.new_lines import bridge
-from linework.editing.edits.vertices import ONE_PLACE_M, part_of, rebuilt, reversed_line
+from linework.editing.edits.continued import SAME_LINE_M, Gap, continue_lines
+from linework.editing.edits.new_lines import bridge_gap
+from linework.editing.edits.vertices import ONE_PLACE_M, line_of_vertices, rebuild_line, reversed_line
 from linework.errors import UsageError
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: A person sees further than a tracker, but no gap wider than this is one line by looking at it. [m]
-LONGEST_GAP_M = 200.0
+LONGEST_JOINED_GAP_M = 200.0
 #: Lines that overlap, or nearly meet in line, are joined as the tracker joins them.
 _MEETING = Gap(longest_m=2.0, off_deg=30.0, turn_deg=60.0)
 
 
-def split(line: LineSet, at: FloatArray) -> LineSet:
+def split_line(line: LineSet, at: FloatArray) -> LineSet:
     """Return the two parts of a line, cut at the point of it nearest to a place.
 
     Parameters
@@ -45,14 +45,17 @@ def split(line: LineSet, at: FloatArray) -> LineSet:
     # A segment is bridged if an end is: its halves are, too
     cut["bridged"] = line.bridged[before] | line.bridged[before + 1]
     place = line.xyz[before] + share * (line.xyz[before + 1] - line.xyz[before])
-    whole = rebuilt(
+    whole = rebuild_line(
         line, np.insert(line.xyz, before + 1, place, axis=0),
         {name: np.insert(getattr(line, name), before + 1, cut[name]) for name in VERTEX_COLUMNS},
     )  # fmt: skip
     # Where the cut is at a vertex, that vertex is the end of both parts
     n = len(whole.xyz)
     first, second = np.arange(before + 2), np.arange(before + 1, n)
-    parts = [_distinct(part_of(whole, first), keep_last=True), _distinct(part_of(whole, second))]
+    parts = [
+        _distinct(line_of_vertices(whole, first), keep_last=True),
+        _distinct(line_of_vertices(whole, second)),
+    ]
     if min(len(part.xyz) for part in parts) < 2:
         raise UsageError(
             "the line ends there, nothing can be cut off", where="split", advice="choose a place inside it"
@@ -62,10 +65,10 @@ def split(line: LineSet, at: FloatArray) -> LineSet:
     return LineSet.concatenate(parts)
 
 
-def joined(one: LineSet, other: LineSet, others: LineSet | None = None) -> LineSet:
+def join_two_lines(one: LineSet, other: LineSet, others: LineSet | None = None) -> LineSet:
     """Return two lines as one, joined at the ends that are nearest to each other; the gap is bridged.
 
-    Over the gap it runs beside one of `others` (see `bridge`). It runs the way of `one`, and has the `id` of the
+    Over the gap it runs beside one of `others` (see `bridge_gap`). It runs the way of `one`, and has the `id` of the
     longer. Numbers are means by length, words those of `one` where it has some.
 
     Raises
@@ -79,7 +82,7 @@ def joined(one: LineSet, other: LineSet, others: LineSet | None = None) -> LineS
             advice="change the kind of one first",
         )  # fmt: skip
     columns = _merged_columns(one, other)
-    along = continued(one, other, _MEETING)
+    along = continue_lines(one, other, _MEETING)
     whole = along if len(along) == 1 else _bridged(one, other, others or LineSet.empty(one.crs))
     if _runs_against(whole, one):
         whole = reversed_line(whole)
@@ -91,32 +94,32 @@ def _bridged(one: LineSet, other: LineSet, others: LineSet) -> LineSet:
     apart = np.linalg.norm(one.xyz[[0, -1], None, :2] - other.xyz[None, [0, -1], :2], axis=2)
     a, b = (int(v) for v in np.unravel_index(int(np.argmin(apart)), apart.shape))
     gap_m = float(apart[a, b])
-    if gap_m > LONGEST_GAP_M:
+    if gap_m > LONGEST_JOINED_GAP_M:
         raise UsageError(
-            f"the lines are {gap_m:.0f} m apart, {LONGEST_GAP_M:.0f} m at most are bridged", where="join",
+            f"the lines are {gap_m:.0f} m apart, {LONGEST_JOINED_GAP_M:.0f} m at most are bridged", where="join",
             advice="follow or draw what is between them",
         )  # fmt: skip
     head = one if a == 1 else reversed_line(one)
     tail = other if b == 0 else reversed_line(other)
     ahead, onward = _way(head.xyz[::-1]) * -1.0, _way(tail.xyz)
     step = tail.xyz[0, :2] - head.xyz[-1, :2]
-    if float(ahead @ onward) < 0.0 or (gap_m > SAME_M and float(ahead @ step) < 0.0):
+    if float(ahead @ onward) < 0.0 or (gap_m > SAME_LINE_M and float(ahead @ step) < 0.0):
         raise UsageError(
             "the lines would turn back where they are joined", where="join",
             advice="trim the one that runs past the other",
         )  # fmt: skip
     meets = float(np.linalg.norm(head.xyz[-1] - tail.xyz[0])) < ONE_PLACE_M
-    kept = part_of(tail, np.arange(int(meets), len(tail.xyz)))
-    between = np.zeros((0, 3)) if str(one.kind[0]) == "cable" else bridge(head.xyz, tail.xyz, others)
+    kept = line_of_vertices(tail, np.arange(int(meets), len(tail.xyz)))
+    between = np.zeros((0, 3)) if str(one.kind[0]) == "cable" else bridge_gap(head.xyz, tail.xyz, others)
     blank: dict[str, Any] = {"sigma_xy_m": np.nan, "sigma_z_m": np.nan, "bridged": True, "observed": True}
     columns = {
         name: np.concatenate([getattr(head, name), np.full(len(between), blank[name]), getattr(kept, name)])
         for name in VERTEX_COLUMNS
     }
-    if gap_m > SAME_M and len(between) == 0:
+    if gap_m > SAME_LINE_M and len(between) == 0:
         # A segment is bridged if an end is
         columns["bridged"][len(head.xyz) - 1 : len(head.xyz) + 1] = True
-    return rebuilt(one, np.concatenate([head.xyz, between, kept.xyz]), columns)
+    return rebuild_line(one, np.concatenate([head.xyz, between, kept.xyz]), columns)
 
 
 def _merged_columns(one: LineSet, other: LineSet) -> dict[str, AnyArray]:
@@ -173,7 +176,7 @@ def _distinct(line: LineSet, *, keep_last: bool = False) -> LineSet:
     at, beside = (len(line.xyz) - 1, len(line.xyz) - 2) if keep_last else (0, 1)
     if len(line.xyz) < 2 or float(np.linalg.norm(line.xyz[at] - line.xyz[beside])) >= ONE_PLACE_M:
         return line
-    return part_of(line, np.delete(np.arange(len(line.xyz)), at))
+    return line_of_vertices(line, np.delete(np.arange(len(line.xyz)), at))
 
 
 def _way(xyz: FloatArray) -> FloatArray:

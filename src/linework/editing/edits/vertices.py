@@ -9,7 +9,7 @@ import numpy as np
 from linework.arrays import AnyArray, FloatArray
 from linework.errors import UsageError
 from linework.kernels.tracking.smooth import smooth_height, smooth_plane
-from linework.kernels.tracking.track import CLOTHOID_M, STRAIGHT_M, TIGHTEST_M
+from linework.kernels.tracking.track import CLOTHOID_M, STRAIGHT_RADIUS_M, TIGHTEST_M
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: Two vertices nearer than this are one place. [m]
@@ -18,7 +18,7 @@ ONE_PLACE_M = 0.001
 _SIDED = ("disagreement_mean_m",)
 
 
-def moved(line: LineSet, vertex: int, to: FloatArray, *, sigma_z_m: float = np.nan) -> LineSet:
+def move_vertex(line: LineSet, vertex: int, to: FloatArray, *, sigma_z_m: float = np.nan) -> LineSet:
     """Return a line with a vertex at another place.
 
     Parameters
@@ -42,7 +42,7 @@ def moved(line: LineSet, vertex: int, to: FloatArray, *, sigma_z_m: float = np.n
     return line.with_columns(xyz=xyz, sigma_xy_m=sigma_xy, sigma_z_m=sigma_z)
 
 
-def inserted(line: LineSet, after: int, to: FloatArray, *, sigma_z_m: float = np.nan) -> LineSet:
+def insert_vertex(line: LineSet, after: int, to: FloatArray, *, sigma_z_m: float = np.nan) -> LineSet:
     """Return a line with one more vertex behind vertex `after`; -1: before the first, the last: behind it.
 
     A vertex on a bridged segment is bridged, too: somebody said where the line is, nobody measured it.
@@ -63,10 +63,10 @@ def inserted(line: LineSet, after: int, to: FloatArray, *, sigma_z_m: float = np
         "observed": True,
     }
     columns = {name: np.insert(getattr(line, name), after + 1, values[name]) for name in VERTEX_COLUMNS}
-    return rebuilt(line, np.insert(line.xyz, after + 1, to, axis=0), columns)
+    return rebuild_line(line, np.insert(line.xyz, after + 1, to, axis=0), columns)
 
 
-def removed(line: LineSet, vertex: int) -> LineSet:
+def remove_vertex(line: LineSet, vertex: int) -> LineSet:
     """Return a line without a vertex.
 
     Raises
@@ -77,10 +77,10 @@ def removed(line: LineSet, vertex: int) -> LineSet:
     _check_vertex(line, vertex)
     if len(line.xyz) <= 2:
         raise UsageError("a line has two vertices at least", where="remove", advice="delete the whole line")
-    return part_of(line, np.delete(np.arange(len(line.xyz)), vertex))
+    return line_of_vertices(line, np.delete(np.arange(len(line.xyz)), vertex))
 
 
-def trimmed(line: LineSet, first: int, last: int) -> LineSet:
+def trim_to_vertices(line: LineSet, first: int, last: int) -> LineSet:
     """Return what lies between two vertices, both kept.
 
     Raises
@@ -95,21 +95,23 @@ def trimmed(line: LineSet, first: int, last: int) -> LineSet:
             f"nothing is left from vertex {first} to vertex {last}", where="trim",
             advice="keep two vertices at least",
         )  # fmt: skip
-    return part_of(line, np.arange(first, last + 1))
+    return line_of_vertices(line, np.arange(first, last + 1))
 
 
 def reversed_line(line: LineSet) -> LineSet:
     """Return a line that runs the other way; what is on its left is on its right then."""
-    turned = part_of(line, np.arange(len(line.xyz))[::-1])
+    turned = line_of_vertices(line, np.arange(len(line.xyz))[::-1])
     return turned.with_columns(**{name: -getattr(line, name) for name in _SIDED})
 
 
-def part_of(line: LineSet, vertices: AnyArray) -> LineSet:
+def line_of_vertices(line: LineSet, vertices: AnyArray) -> LineSet:
     """Return a line of some of a line's vertices, in the order named."""
-    return rebuilt(line, line.xyz[vertices], {name: getattr(line, name)[vertices] for name in VERTEX_COLUMNS})
+    return rebuild_line(
+        line, line.xyz[vertices], {name: getattr(line, name)[vertices] for name in VERTEX_COLUMNS}
+    )
 
 
-def rebuilt(line: LineSet, xyz: FloatArray, vertex_columns: dict[str, AnyArray]) -> LineSet:
+def rebuild_line(line: LineSet, xyz: FloatArray, vertex_columns: dict[str, AnyArray]) -> LineSet:
     """Return a single line with the columns of another, and vertices of its own."""
     columns = {name: getattr(line, name) for name in LINE_COLUMNS}
     return LineSet.from_lines([xyz], crs=line.crs, **columns, **vertex_columns)
@@ -144,7 +146,7 @@ _HELD_M = 1e-4
 _STEP_M = 1e-4
 
 
-def smoothed(line: LineSet) -> LineSet:
+def smooth_by_sigmas(line: LineSet) -> LineSet:
     """Return a line whose curvature and grade change no faster than a road's.
 
     Parameters
@@ -196,7 +198,7 @@ def _smooth_plan(t: FloatArray, xy: FloatArray, variance: FloatArray) -> FloatAr
     curvature = np.full(len(t), 1.0 / 50.0)
     states = np.zeros((len(t), 3, 2))
     for _ in range(2):
-        states = smooth_plane(t, xy, variance, (curvature + 1.0 / STRAIGHT_M) ** 2 / CLOTHOID_M)[0]
+        states = smooth_plane(t, xy, variance, (curvature + 1.0 / STRAIGHT_RADIUS_M) ** 2 / CLOTHOID_M)[0]
         way = states[:, 1] / np.maximum(np.hypot(*states[:, 1].T), 1e-9)[:, None]
         turn = np.abs(way[:, 0] * states[:, 2, 1] - way[:, 1] * states[:, 2, 0])
         curvature = np.minimum(turn, 1.0 / TIGHTEST_M)

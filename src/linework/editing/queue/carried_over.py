@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray
-from linework.lines.along import places_along, runs_of, stretch
-from linework.lines.merged import APART_M, LEAST_M, SAME_SHARE, WHOLE_KINDS, distances_beside
-from linework.lines.names import named
+from linework.lines.along import line_stretch, places_along, runs_of
+from linework.lines.merged import DOUBLE_APART_M, LEAST_MERGED_M, SAME_SHARE, UNCUT_KINDS, distances_beside
+from linework.lines.names import with_ids
 from linework.model.changes import Change
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
-REJECTED = "rejected"
+REJECTED_REVIEW = "rejected"
 #: What is found along rejected lines for at least this share of its length is the same thing again.
 MOST = 0.5
 #: Lines that belong to a line of another kind, and are nothing without it.
@@ -22,7 +22,7 @@ PARTS_OF = {"lane_marking_dash": "lane_marking", "kerb_top": "road_boundary"}
 
 
 @dataclass(frozen=True, slots=True)
-class Carried:
+class CarriedReviews:
     """What becomes of lines that were there, and of those found anew.
 
     Parameters
@@ -41,12 +41,12 @@ class Carried:
 
 
 def with_reviews(found: LineSet, there: LineSet, judged: LineSet | None = None) -> LineSet:
-    """Return the lines of `there` that people judged, and those of `found` that they have not; see `carried`."""
-    kept = carried(found, there, judged)
+    """Return the lines of `there` that people judged, and those of `found` that they have not; see `carry_over_reviews`."""
+    kept = carry_over_reviews(found, there, judged)
     return LineSet.concatenate([there.take(kept.stays), kept.new])
 
 
-def carried(found: LineSet, there: LineSet, judged: LineSet | None = None) -> Carried:
+def carry_over_reviews(found: LineSet, there: LineSet, judged: LineSet | None = None) -> CarriedReviews:
     """Decide what a new extraction changes.
 
     Parameters
@@ -63,7 +63,7 @@ def carried(found: LineSet, there: LineSet, judged: LineSet | None = None) -> Ca
     -----
     Lines that people judged stay exactly as they are. A found line is left out where it runs along one of them or one
     of `judged` (see `distances_beside`), unless a line that nobody judged is nearer: what goes on beyond stays, in
-    pieces of at least `LEAST_M`; of what runs along rejected lines for `MOST` of its length nothing does. Dashes and
+    pieces of at least `LEAST_MERGED_M`; of what runs along rejected lines for `MOST` of its length nothing does. Dashes and
     arrows are left out or stay whole. Parts of other lines (`PARTS_OF`) go where these are left out. Parts that are
     there, of lines that stay and where no such part was found, stay. All other lines that are there go.
     """
@@ -86,7 +86,7 @@ def carried(found: LineSet, there: LineSet, judged: LineSet | None = None) -> Ca
     new = LineSet.concatenate([LineSet.empty(there.crs), *stands])
     stays = is_said.copy()
     stays[np.flatnonzero(~is_said)] = _parts_that_stay(free, said, new)
-    return Carried(stays, _in_order(new, found, set(there.id[stays].tolist())), n_again)
+    return CarriedReviews(stays, _in_order(new, found, set(there.id[stays].tolist())), n_again)
 
 
 def _left_out(
@@ -98,7 +98,7 @@ def _left_out(
     to_judged, _ = distances_beside(own, judged)
     by_said = np.isfinite(to_said) & (to_said <= to_free)
     left_out = by_said | (np.isfinite(to_judged) & ~np.isfinite(to_free))
-    is_out = np.append(said.review == REJECTED, False)
+    is_out = np.append(said.review == REJECTED_REVIEW, False)
     return left_out, by_said & is_out[index], np.isfinite(to_free)
 
 
@@ -106,12 +106,12 @@ def _without_whole(
     own: LineSet, said: LineSet, judged: LineSet, stands: list[LineSet], whole: str
 ) -> BoolArray:
     """Return which places along parts belong to a line that is not there any more."""
-    is_in = (said.kind == whole) & (said.review != REJECTED)
-    is_out = (said.kind == whole) & (said.review == REJECTED)
+    is_in = (said.kind == whole) & (said.review != REJECTED_REVIEW)
+    is_out = (said.kind == whole) & (said.review == REJECTED_REVIEW)
     standing = LineSet.concatenate([said.take(is_in), *(lines.of_kind(whole) for lines in stands)])
     gone = LineSet.concatenate([said.take(is_out), judged.of_kind(whole)])
-    to_gone, _ = distances_beside(own, gone, APART_M)
-    to_standing, _ = distances_beside(own, standing, APART_M)
+    to_gone, _ = distances_beside(own, gone, DOUBLE_APART_M)
+    to_standing, _ = distances_beside(own, standing, DOUBLE_APART_M)
     return np.asarray(to_gone < to_standing, dtype=np.bool_)
 
 
@@ -127,7 +127,7 @@ def _pieces(own: LineSet, left_out: BoolArray, again: BoolArray, by_free: BoolAr
             kept.append(one)
             continue
         at = places.chainage_m[mine]
-        if str(one.kind[0]) in WHOLE_KINDS or at[-1] < LEAST_M:
+        if str(one.kind[0]) in UNCUT_KINDS or at[-1] < LEAST_MERGED_M:
             is_same = out.mean() >= SAME_SHARE
             kept += [] if is_same else [one]
             n += bool(is_same)
@@ -135,8 +135,8 @@ def _pieces(own: LineSet, left_out: BoolArray, again: BoolArray, by_free: BoolAr
         n += 1
         is_again = again[mine].mean() >= MOST
         for k, m in runs_of(~out):
-            if at[m] - at[k] >= LEAST_M and (not is_again or by_free[mine][k : m + 1].mean() >= MOST):
-                kept.append(stretch(one, float(at[k]), float(at[m])).with_columns(id=[""]))
+            if at[m] - at[k] >= LEAST_MERGED_M and (not is_again or by_free[mine][k : m + 1].mean() >= MOST):
+                kept.append(line_stretch(one, float(at[k]), float(at[m])).with_columns(id=[""]))
     return LineSet.concatenate(kept), n
 
 
@@ -148,8 +148,10 @@ def _parts_that_stay(free: LineSet, said: LineSet, new: LineSet) -> BoolArray:
         if not len(chosen):
             continue
         parts = free.take(chosen)
-        own, _ = distances_beside(parts, said.take((said.kind == whole) & (said.review != REJECTED)), APART_M)
-        found, _ = distances_beside(parts, new.of_kind(whole), APART_M)
+        own, _ = distances_beside(
+            parts, said.take((said.kind == whole) & (said.review != REJECTED_REVIEW)), DOUBLE_APART_M
+        )
+        found, _ = distances_beside(parts, new.of_kind(whole), DOUBLE_APART_M)
         again, _ = distances_beside(parts, new.of_kind(kind))
         belongs = _share(parts, np.isfinite(own) & (own <= found)) >= MOST
         stays[chosen] = belongs & (_share(parts, np.isfinite(again)) < SAME_SHARE)
@@ -169,7 +171,7 @@ def _in_order(new: LineSet, found: LineSet, taken: Collection[str]) -> LineSet:
     order = np.argsort([rank[kind] for kind in new.kind.tolist()], kind="stable")
     lines = new.take(order) if len(new) else new
     ids = [name if name not in taken else "" for name in lines.id.tolist()]
-    return named(lines.with_columns(id=np.array(ids, dtype=np.str_)), {*taken, *found.id.tolist()})
+    return with_ids(lines.with_columns(id=np.array(ids, dtype=np.str_)), {*taken, *found.id.tolist()})
 
 
 def extraction_change(
@@ -184,14 +186,14 @@ def extraction_change(
     kinds
         What was looked for; lines of other kinds stay.
     judged
-        See `carried`.
+        See `carry_over_reviews`.
     """
-    kept = carried(found, there, judged)
+    kept = carry_over_reviews(found, there, judged)
     goes = ~kept.stays & np.isin(there.kind, sorted(kinds))
     free = there.take(~kept.stays & ~goes)
     new = kept.new
     ids = [name if name not in free.id else "" for name in new.id.tolist()]
-    new = named(new.with_columns(id=np.array(ids, dtype=np.str_)), set(there.id.tolist()))
+    new = with_ids(new.with_columns(id=np.array(ids, dtype=np.str_)), set(there.id.tolist()))
     before = there.take(goes)
     same = set(_keys(before)) & set(_keys(new))
     return Change(

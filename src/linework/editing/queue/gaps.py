@@ -7,18 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.editing.edits.split_join import LONGEST_GAP_M
-from linework.editing.queue.suspects import VIEW_M, Sight, Suspect, box_of
-from linework.lines.along import PATH_STEP_M, Way
+from linework.editing.edits.split_join import LONGEST_JOINED_GAP_M
+from linework.editing.queue.suspects import VIEW_M, Suspect, WasMeasured, view_box
+from linework.lines.along import PATH_STEP_M, DrivenPath
 from linework.model.lines import LineSet
 
 #: Lines farther from the way belong to another road. [m]
 WITHIN_M = 25.0
 #: A line drifts towards or away from the way by so much, and by so much of the gap: lanes change their width over
 #: tens of metres.
-DRIFT_M, DRIFT_SHARE = 0.20, 0.02
+GAP_DRIFT_M, GAP_DRIFT_SHARE = 0.20, 0.02
 #: Shorter gaps show nothing. [m]
-LEAST_GAP_M = 3.0
+LEAST_SUSPECT_GAP_M = 3.0
 #: How likely it is that a line goes on: between two pieces in line, where a road must have an edge, and where a line
 #: just ends.
 IN_LINE, ALONG_ROAD, JUST_ENDS = 0.9, 0.8, 0.5
@@ -46,7 +46,7 @@ class _Pieces:
         return str(self.lines.id[self.number[k]]), tips[side], str(self.lines.review[self.number[k]])
 
 
-def gaps(lines: LineSet, way: Way, seen: Sight) -> list[Suspect]:
+def gap_suspects(lines: LineSet, way: DrivenPath, seen: WasMeasured) -> list[Suspect]:
     """Return gaps in markings and rails, and stretches of the way without a boundary on a side.
 
     Parameters
@@ -65,7 +65,7 @@ def gaps(lines: LineSet, way: Way, seen: Sight) -> list[Suspect]:
     return found + [gap for side in (1.0, -1.0) for gap in _bare(there, side, way, seen)]
 
 
-def _gaps_of_kind(lines: LineSet, kind: str, way: Way, seen: Sight) -> list[Suspect]:
+def _gaps_of_kind(lines: LineSet, kind: str, way: DrivenPath, seen: WasMeasured) -> list[Suspect]:
     pieces = _pieces(lines, kind, way)
     next_of = _next_of(pieces)
     found = []
@@ -84,7 +84,7 @@ def _gaps_of_kind(lines: LineSet, kind: str, way: Way, seen: Sight) -> list[Susp
     return found
 
 
-def _bare(lines: LineSet, side: float, way: Way, seen: Sight) -> list[Suspect]:
+def _bare(lines: LineSet, side: float, way: DrivenPath, seen: WasMeasured) -> list[Suspect]:
     """Return stretches without a boundary on a side of the way (1: left)."""
     pieces = _pieces(lines, "road_boundary", way, side)
     found = []
@@ -109,13 +109,13 @@ def _gap(
     ends: tuple[int | None, int | None],
     span: tuple[tuple[float, float], tuple[float, float]],
     likely: float,
-    way: Way,
-    seen: Sight,
+    way: DrivenPath,
+    seen: WasMeasured,
 ) -> list[Suspect]:
     """Return the gap between two ends, or from one of them on, as a list of one; none where nothing is to be seen."""
     (start, left_start), (stop, left_stop) = span
     length_m = (stop - start) * PATH_STEP_M
-    if length_m < LEAST_GAP_M:
+    if length_m < LEAST_SUSPECT_GAP_M:
         return []
     at = np.linspace(start, stop, max(int(stop - start), 2))
     places = way.places(at, np.linspace(left_start, left_stop, len(at)))
@@ -124,10 +124,10 @@ def _gap(
     if "accepted" in [end[2] for end in (before, behind) if end is not None]:
         return []
     kind = str(pieces.lines.kind[pieces.number[next(k for k in ends if k is not None)]])
-    in_line = abs(left_stop - left_start) <= DRIFT_M + DRIFT_SHARE * length_m
+    in_line = abs(left_stop - left_start) <= GAP_DRIFT_M + GAP_DRIFT_SHARE * length_m
     ids = tuple(end[0] for end in (before, behind) if end is not None)
     tip = before[1] if before is not None else behind[1] if behind is not None else places[0]
-    joins = before is not None and behind is not None and in_line and length_m <= LONGEST_GAP_M
+    joins = before is not None and behind is not None and in_line and length_m <= LONGEST_JOINED_GAP_M
     side = "left" if left_start > 0 else "right"
     reason = (
         f"no road boundary on the {side} for {length_m:.0f} m" if kind == "road_boundary"
@@ -140,7 +140,7 @@ def _gap(
             ids=ids,
             kind=kind,
             at=(float(tip[0]), float(tip[1])),
-            box=box_of(places),
+            box=view_box(places),
             length_m=likely * to_see,
             confidence=1.0 - likely,
             reason=reason,
@@ -150,7 +150,7 @@ def _gap(
     ]
 
 
-def _pieces(lines: LineSet, kind: str, way: Way, side: float = 0.0) -> _Pieces:
+def _pieces(lines: LineSet, kind: str, way: DrivenPath, side: float = 0.0) -> _Pieces:
     """Return the lines of a kind that run along the way; those on one side of it only."""
     number, along, left = [], [], []
     length_m = lines.length_m
@@ -189,7 +189,7 @@ def _next_of(pieces: _Pieces) -> dict[int, int]:
     for k in range(len(pieces)):
         gap = pieces.along[:, 0] - pieces.along[k, 1]
         drift = np.abs(pieces.left_m[:, 0] - pieces.left_m[k, 1])
-        fits = (gap > -1.0) & (drift <= DRIFT_M + DRIFT_SHARE * np.maximum(gap, 0.0) * PATH_STEP_M)
+        fits = (gap > -1.0) & (drift <= GAP_DRIFT_M + GAP_DRIFT_SHARE * np.maximum(gap, 0.0) * PATH_STEP_M)
         fits[k] = False
         # A metre aside weighs as much as fifty ahead: of a double line each goes on as itself
         pairs += [(float(gap[m] + 50.0 * drift[m]), k, int(m)) for m in np.flatnonzero(fits)]
@@ -210,10 +210,10 @@ def _is_covered(pieces: _Pieces, k: int, side: int) -> bool:
     share = np.clip((at - pieces.along[:, 0]) / length, 0.0, 1.0)
     there_m = pieces.left_m[:, 0] + share * (pieces.left_m[:, 1] - pieces.left_m[:, 0])
     runs[k] = False
-    return bool(np.any(runs & (np.abs(there_m - left_m) <= DRIFT_M)))
+    return bool(np.any(runs & (np.abs(there_m - left_m) <= GAP_DRIFT_M)))
 
 
-def _extent(way: Way, along: FloatArray) -> tuple[int, int]:
+def _extent(way: DrivenPath, along: FloatArray) -> tuple[int, int]:
     """Return the first and last number of the stretch of the way that a piece runs along."""
     middle = float(along.mean())
     return next((p for p in way.pieces if p[0] - 1 <= middle <= p[1] + 1), (int(middle), int(middle)))

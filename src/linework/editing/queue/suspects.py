@@ -9,17 +9,17 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, IntArray
-from linework.editing.edits.dashes import lacking, missing_middles, rhythm_of
-from linework.lines.along import Way
+from linework.editing.edits.dashes import missing_middles, missing_spans, rhythm_of
+from linework.lines.along import DrivenPath
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 
 #: Says for (n, 2) places [m] whether ground was measured there: (n,).
-Sight = Callable[[FloatArray], BoolArray]
+WasMeasured = Callable[[FloatArray], BoolArray]
 #: What fits on a screen so that a hand's breadth can be seen: a longer line takes more than one look. [m]
 VIEW_M = 60.0
 #: Less than this is not worth a look. [m]
-LEAST_M = 2.0
+LEAST_SUSPECT_M = 2.0
 #: No arrow, bar or stop line is longer: paint along the road that is, is a line. [m]
 LONGEST_BAR_M = 12.0
 #: Of what is bridged, no less is wrong: 61 of 2,850 m on simulated streets of few points.
@@ -90,14 +90,14 @@ class Suspect:
         return f"{self.type} {self.kind} {east} {north}"
 
 
-def ranked(suspects: list[Suspect]) -> list[Suspect]:
+def rank_suspects(suspects: list[Suspect]) -> list[Suspect]:
     """Return suspects in the order of what a look is expected to find; each key once."""
-    worth = [s for s in suspects if s.length_m >= LEAST_M]
+    worth = [s for s in suspects if s.length_m >= LEAST_SUSPECT_M]
     worth.sort(key=lambda s: (-s.gain_m, s.key))
     return list({s.key: s for s in reversed(worth)}.values())[::-1]
 
 
-def unsure_lines(lines: LineSet, way: Way) -> list[Suspect]:
+def unsure_lines(lines: LineSet, way: DrivenPath) -> list[Suspect]:
     """Return lines that nobody has looked at, with how much of each is expected to be wrong.
 
     Dashes and kerb tops are not among them: they go with their lines.
@@ -112,13 +112,13 @@ def unsure_lines(lines: LineSet, way: Way) -> list[Suspect]:
             type="line",
             ids=(str(lines.id[i]),),
             kind=str(lines.kind[i]),
-            at=middle_of(xyz),
-            box=box_of(xyz),
+            at=line_middle(xyz),
+            box=view_box(xyz),
             length_m=float(length_m[i] - bridged_m[i]) * (1.0 - sure)
             + float(bridged_m[i]) * max(1.0 - sure, BRIDGED_WRONG),
             confidence=sure,
             reason=f"{100.0 * sure:.0f} % sure over {length_m[i]:.0f} m"
-            + (f", {bridged_m[i]:.0f} m of it bridged" if bridged_m[i] >= LEAST_M else ""),
+            + (f", {bridged_m[i]:.0f} m of it bridged" if bridged_m[i] >= LEAST_SUSPECT_M else ""),
             proposal=_verdict(sure, float(bridged_m[i]), float(length_m[i])),
             n_looks=max(float(length_m[i]) / VIEW_M, 1.0),
         )
@@ -140,8 +140,8 @@ def _no_bars(bars: LineSet) -> Suspect:
         type="line",
         ids=tuple(bars.id.tolist()),
         kind="road_marking_other",
-        at=middle_of(bars.line(0)),
-        box=box_of(bars.xyz),
+        at=line_middle(bars.line(0)),
+        box=view_box(bars.xyz),
         # Wrong as what it is, and missing as what it would be
         length_m=2.0 * whole_m,
         confidence=0.0,
@@ -151,7 +151,7 @@ def _no_bars(bars: LineSet) -> Suspect:
     )
 
 
-def _long_bars(lines: LineSet, way: Way) -> list[list[int]]:
+def _long_bars(lines: LineSet, way: DrivenPath) -> list[list[int]]:
     """Return bars that are too long, those in line with each other together."""
     length_m = lines.length_m
     is_bar = (lines.kind == "road_marking_other") & (lines.review == "") & (length_m > LONGEST_BAR_M)
@@ -169,20 +169,20 @@ def _long_bars(lines: LineSet, way: Way) -> list[list[int]]:
     return [row for _, row in rows]
 
 
-def box_of(xyz: FloatArray) -> Bounds:
+def view_box(xyz: FloatArray) -> Bounds:
     """Return the rectangle to look at for some places."""
     low, high = xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)
     return Bounds(float(low[0]), float(low[1]), float(high[0]), float(high[1])).grown(_AROUND_M)
 
 
-def stations(xyz: FloatArray, step_m: float) -> FloatArray:
+def line_stations(xyz: FloatArray, step_m: float) -> FloatArray:
     """Return places (k, 2) along a line, no further apart than a step."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
     at = np.linspace(0.0, along[-1], max(int(np.ceil(along[-1] / step_m)), 1) + 1)
     return np.stack([np.interp(at, along, xyz[:, axis]) for axis in (0, 1)], axis=1)
 
 
-def middle_of(xyz: FloatArray) -> tuple[float, float]:
+def line_middle(xyz: FloatArray) -> tuple[float, float]:
     """Return the place half way along a line (n, 3)."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
     return (
@@ -200,7 +200,7 @@ DASH_SHARE = 1.0 / 3.0
 #: How likely a line is dashed that nobody says is solid: of a street's lines half are.
 MAY_BE_DASHED = 0.5
 #: A shorter line shows no rhythm. [m]
-LEAST_LINE_M = 40.0
+LEAST_DASHED_LINE_M = 40.0
 
 
 def missing_dashes(lines: LineSet, paint: Mapping[str, FloatArray] | None = None) -> list[Suspect]:
@@ -222,7 +222,7 @@ def missing_dashes(lines: LineSet, paint: Mapping[str, FloatArray] | None = None
             for i in number.tolist()
         ]
     )
-    some = np.argsort(-lacks, kind="stable")[: np.count_nonzero(lacks >= LEAST_M)]
+    some = np.argsort(-lacks, kind="stable")[: np.count_nonzero(lacks >= LEAST_SUSPECT_M)]
     if len(some) == 0:
         return []
     bare, missing_m = lines.take(number[some]), float(lacks[some].sum())
@@ -233,8 +233,8 @@ def missing_dashes(lines: LineSet, paint: Mapping[str, FloatArray] | None = None
             type="dashes",
             ids=tuple(bare.id.tolist()),
             kind="lane_marking_dash",
-            at=middle_of(bare.line(0)),
-            box=box_of(bare.xyz),
+            at=line_middle(bare.line(0)),
+            box=view_box(bare.xyz),
             length_m=missing_m,
             confidence=there_m / (there_m + missing_m),
             reason=f"about {missing_m:.0f} m of dashes are missing from {names}",
@@ -246,12 +246,12 @@ def missing_dashes(lines: LineSet, paint: Mapping[str, FloatArray] | None = None
 def _lacking_m(line: LineSet, dashes: LineSet, spans: FloatArray | None) -> float:
     """Return how much of its dashes a line is expected to lack. [m]"""  # noqa: D400
     if spans is not None and len(spans):
-        return float(np.diff(spans[lacking(line, dashes, spans)[0]], axis=1).sum())
+        return float(np.diff(spans[missing_spans(line, dashes, spans)[0]], axis=1).sum())
     rhythm, length_m = rhythm_of(line, dashes), float(line.length_m[0])
     if rhythm is not None:
         inside = missing_middles(rhythm, length_m)
         return len(inside) * rhythm.dash_m
-    if length_m < LEAST_LINE_M or spans is not None:
+    if length_m < LEAST_DASHED_LINE_M or spans is not None:
         return 0.0
     likely = 1.0 if line.pattern[0] == "dashed" else MAY_BE_DASHED
     return max(likely * DASH_SHARE * length_m - float(dashes.length_m.sum()), 0.0)
@@ -263,10 +263,10 @@ def _line_of_dashes(lines: LineSet, markings: IntArray) -> IntArray:
     is_dash = lines.kind == "lane_marking_dash"
     if not is_dash.any() or len(markings) == 0:
         return owner
-    every = [stations(lines.line(i), ON_LINE_M) for i in markings.tolist()]
+    every = [line_stations(lines.line(i), ON_LINE_M) for i in markings.tolist()]
     origin = every[0][0]
     tree = cKDTree(np.concatenate(every) - origin)
-    middles = np.array([middle_of(lines.line(i)) for i in np.flatnonzero(is_dash).tolist()])
+    middles = np.array([line_middle(lines.line(i)) for i in np.flatnonzero(is_dash).tolist()])
     distance, nearest = tree.query(middles - origin)
     line = np.repeat(markings, [len(places) for places in every])[nearest]
     owner[is_dash] = np.where(distance <= ON_LINE_M, line, -1)
@@ -320,7 +320,7 @@ def loose_wires(lines: LineSet) -> list[Suspect]:
                 ids=tuple(str(lines.id[owner[k]]) for k in (i, m) if k >= 0),
                 kind="cable",
                 at=(float(tips[i, 0]), float(tips[i, 1])),
-                box=box_of(np.stack([tips[i, :2], target])),
+                box=view_box(np.stack([tips[i, :2], target])),
                 length_m=likely * length_m,
                 confidence=1.0 - likely,
                 reason=f"no wire goes on here for {length_m:.0f} m",

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from linework.arrays import AnyArray, FloatArray
 from linework.evaluation.report.plan import COLOURS
-from linework.evaluation.report.scores_figure import FOUND, WIDTH_IN
+from linework.evaluation.report.scores_figure import FOUND_COLOUR, WIDTH_IN
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.points import Points
@@ -55,7 +55,7 @@ class Cut:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class CutStation:
     """A place on a line with its axes.
 
     Parameters
@@ -137,7 +137,7 @@ def measured_places(lines: LineSet, i: int, n: int) -> list[float]:
     return sorted(set(np.quantile(measured_m, shares, method="nearest").tolist()))
 
 
-def place_on(line: FloatArray, chainage_m: float) -> Place:
+def place_on(line: FloatArray, chainage_m: float) -> CutStation:
     """Return the place at a chainage of a line (k, 3), its direction that of half a metre either way."""
     step = np.linalg.norm(np.diff(line[:, :2], axis=0), axis=1)
     axis_m = np.concatenate([[0.0], np.cumsum(step)])
@@ -148,12 +148,12 @@ def place_on(line: FloatArray, chainage_m: float) -> Place:
     chord = ahead - behind
     size = max(float(np.linalg.norm(chord[:2])), 1e-9)
     along = chord[:2] / size
-    return Place(here, along, np.array([along[1], -along[0]]), float(chord[2] / size))
+    return CutStation(here, along, np.array([along[1], -along[0]]), float(chord[2] / size))
 
 
 def _cut(
     title: str,
-    place: Place,
+    place: CutStation,
     kinds: Sequence[str],
     lines: LineSet,
     points_in: Callable[[Bounds], Points],
@@ -195,7 +195,7 @@ def _of_kinds(lines: LineSet, kinds: Sequence[str]) -> LineSet:
     return lines.take(np.isin(lines.kind, kinds) & ~in_dashes)
 
 
-def _crossings(lines: LineSet, place: Place, reach_m: float) -> tuple[FloatArray, FloatArray]:
+def _crossings(lines: LineSet, place: CutStation, reach_m: float) -> tuple[FloatArray, FloatArray]:
     """Return (k, 2) across and height where lines pass through the plane across a place, and (k,) widths [m]."""
     found, width_m = [np.zeros((0, 2))], []
     for i in range(len(lines)):
@@ -213,7 +213,7 @@ def _crossings(lines: LineSet, place: Place, reach_m: float) -> tuple[FloatArray
 # Pictures of cuts across kerbs and markings
 
 #: The mean brightness is drawn over steps of this width. [m]
-STEP_M = 0.03
+BRIGHTNESS_STEP_M = 0.03
 
 
 def kerb_figure(cuts: Sequence[Cut]) -> Figure:
@@ -223,7 +223,7 @@ def kerb_figure(cuts: Sequence[Cut]) -> Figure:
     for ax, cut in zip(panels, cuts, strict=True):
         ax.plot(*cut.points.T, ".", ms=2.5, color="#555555", rasterized=True)
         for places in (cut.truth, cut.truth_top):
-            ax.plot(*places.T, "o", ms=13, mfc="none", mec=FOUND, mew=1.6)
+            ax.plot(*places.T, "o", ms=13, mfc="none", mec=FOUND_COLOUR, mew=1.6)
         ax.plot(*cut.found.T, "x", ms=9, color=COLOURS["road_boundary"], mew=1.8)
         ax.plot(*cut.found_top.T, "^", ms=8, mfc="none", mec=COLOURS["road_boundary"], mew=1.8)
         ax.set(aspect="equal", xlim=(-KERB_REACH_M, KERB_REACH_M), ylim=(-0.2, 0.3))
@@ -235,7 +235,7 @@ def kerb_figure(cuts: Sequence[Cut]) -> Figure:
         _handle("^", COLOURS["road_boundary"], "kerb top, extracted"),
     ]
     if any(len(cut.truth) for cut in cuts):
-        handles.append(_handle("o", FOUND, "truth"))
+        handles.append(_handle("o", FOUND_COLOUR, "truth"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     return figure
 
@@ -254,27 +254,27 @@ def marking_figure(cuts: Sequence[Cut]) -> Figure:
             if np.isfinite(width_m):
                 ax.axvspan(place - width_m / 2, place + width_m / 2, color=colour, alpha=0.3, lw=0)
         for place in cut.truth[:, 0].tolist():
-            ax.axvline(place, color=FOUND, lw=1.6, ls=(0, (4, 3)))
+            ax.axvline(place, color=FOUND_COLOUR, lw=1.6, ls=(0, (4, 3)))
         ax.set(xlim=(-PAINT_REACH_M, PAINT_REACH_M), ylim=(0, None))
         _label(ax, cut)
     panels[0].set_ylabel("intensity as recorded")
     handles = [
         _handle(".", "#8a8a8a", "laser points"),
-        Line2D([], [], color="black", lw=1.3, label=f"mean over {100 * STEP_M:.0f} cm"),
+        Line2D([], [], color="black", lw=1.3, label=f"mean over {100 * BRIGHTNESS_STEP_M:.0f} cm"),
         Line2D([], [], color=colour, lw=3, label="extracted, as wide as its paint"),
     ]
     if any(len(cut.truth) for cut in cuts):
-        handles.append(Line2D([], [], color=FOUND, lw=1.6, ls=(0, (4, 3)), label="truth"))
+        handles.append(Line2D([], [], color=FOUND_COLOUR, lw=1.6, ls=(0, (4, 3)), label="truth"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     return figure
 
 
 def _mean_steps(across_m: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return middles of steps and the mean value in each that holds points."""
-    step = np.floor(across_m / STEP_M).astype(np.int64)
+    step = np.floor(across_m / BRIGHTNESS_STEP_M).astype(np.int64)
     steps, which = np.unique(step, return_inverse=True)
     mean = np.bincount(which, weights=values) / np.maximum(np.bincount(which), 1)
-    return (steps + 0.5) * STEP_M, mean
+    return (steps + 0.5) * BRIGHTNESS_STEP_M, mean
 
 
 def _label(ax: Axes, cut: Cut) -> None:

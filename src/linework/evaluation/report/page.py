@@ -16,10 +16,10 @@ from linework.arrays import BoolArray
 from linework.errors import InputError
 from linework.evaluation.report.cuts import kerb_cuts, kerb_figure, marking_cuts, marking_figure
 from linework.evaluation.report.plan import PointsIn, close_up_figure, plan_figure
-from linework.evaluation.report.scores_figure import hits_figure, png, tolerance_figure
+from linework.evaluation.report.scores_figure import hits_figure, plot_png, tolerance_figure
 from linework.evaluation.report.sections import cable_figure, cable_section, rail_figure, rail_sections
 from linework.evaluation.report.stereo_views import StereoViews, chosen_numbers, views_figure
-from linework.evaluation.report.tables import TextTable, kinds_table, lines_table, score_tables
+from linework.evaluation.report.tables import ReportTable, kinds_table, lines_table, score_tables
 from linework.evaluation.tolerance import KindMatch
 from linework.evaluation.values import Scores
 from linework.model.grid import Bounds, holds
@@ -27,14 +27,14 @@ from linework.model.lines import LineSet
 from linework.model.points import Points
 from linework.runs.opened.points import points_for_pictures
 from linework.runs.opened.recordings import Recordings
-from linework.runs.record import facts_of
+from linework.runs.record import facts_of_run
 
 #: Tables with more rows are folded.
 LONG_TABLE = 25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
+class ReportContent:
     """What a report is made of.
 
     Parameters
@@ -68,7 +68,7 @@ class Report:
     views: StereoViews | None = None
 
 
-def report_html(report: Report) -> str:
+def report_html(report: ReportContent) -> str:
     """Return the page as HTML, complete in itself: pictures are inside, nothing is fetched.
 
     Notes
@@ -83,7 +83,7 @@ def report_html(report: Report) -> str:
     kept = replace(report, lines=report.lines.take(~_is_as_measured(report.lines)))
     views = _view_figures(report.lines, report.views) if report.views is not None else ()
     figures = [
-        {"title": title, "caption": caption, "base64": base64.b64encode(png(figure)).decode("ascii")}
+        {"title": title, "caption": caption, "base64": base64.b64encode(plot_png(figure)).decode("ascii")}
         for title, caption, figure in (*_figures(kept), *views)
     ]
     tables = [
@@ -99,7 +99,7 @@ def report_html(report: Report) -> str:
     return page
 
 
-def _figures(report: Report) -> Iterator[tuple[str, str, Figure]]:
+def _figures(report: ReportContent) -> Iterator[tuple[str, str, Figure]]:
     """Yield title, caption and figure of what there is to draw."""
     over = "brightness of the ground, made even" if _has_intensity(report) else "how many points per cell"
     has_points = report.points is not None and len(report.points) > 0
@@ -120,7 +120,9 @@ def _figures(report: Report) -> Iterator[tuple[str, str, Figure]]:
         yield "Over the tolerance", "", tolerance_figure(report.scores)
 
 
-def _close_figures(report: Report, points: Points, points_in: PointsIn) -> Iterator[tuple[str, str, Figure]]:
+def _close_figures(
+    report: ReportContent, points: Points, points_in: PointsIn
+) -> Iterator[tuple[str, str, Figure]]:
     """Yield what is drawn large, at some places along the lines: plan, kerbs, markings."""
     near = close_up_figure(report.lines, points, points_in)
     if near is not None:
@@ -141,7 +143,7 @@ def _close_figures(report: Report, points: Points, points_in: PointsIn) -> Itera
         )
 
 
-def _section_figures(report: Report, points: Points) -> Iterator[tuple[str, str, Figure]]:
+def _section_figures(report: ReportContent, points: Points) -> Iterator[tuple[str, str, Figure]]:
     """Yield sections across a rail and along a span."""
     sections = rail_sections(points, report.lines, report.reference)
     if sections:
@@ -171,7 +173,7 @@ def _is_as_measured(lines: LineSet) -> BoolArray:
     return np.array([str(kind).endswith("_stereo") for kind in lines.kind], dtype=bool)
 
 
-def _has_intensity(report: Report) -> bool:
+def _has_intensity(report: ReportContent) -> bool:
     return report.points is not None and report.points.intensity is not None
 
 
@@ -184,7 +186,7 @@ def _reader(points: Points) -> PointsIn:
     return points_in
 
 
-def _tables(report: Report) -> Iterator[TextTable]:
+def _tables(report: ReportContent) -> Iterator[ReportTable]:
     if report.scores is not None:
         yield from score_tables(report.scores)
     yield kinds_table(report.lines)
@@ -204,12 +206,12 @@ def extraction_report(lines: LineSet, recordings: Recordings, record: Mapping[st
     """
     store, stereo = recordings.points.points if recordings.points else None, recordings.stereo
     return report_html(
-        Report(
+        ReportContent(
             title=f"Lines of {recordings.survey.name}",
             lines=lines,
             points=points_for_pictures(store) if store else None,
             points_in=store.points if store else None,
             views=StereoViews(stereo.poses, stereo.numbers, stereo.pair) if stereo else None,
-            facts=facts_of(record),
+            facts=facts_of_run(record),
         )
     )

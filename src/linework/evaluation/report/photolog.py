@@ -18,8 +18,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from linework.arrays import FloatArray, IntArray
 from linework.errors import InputError
-from linework.files.images.screen import thumbnail
-from linework.files.vectors.point_layers import path_from
+from linework.files.images.screen import image_thumbnail
+from linework.files.vectors.point_layers import relative_path
 from linework.model.logs import Events, LoggedPlaces, Photos, VanLog
 
 #: Pictures on a page: 3 MB at 6 kB each. Where the drive has more, they stand farther apart.
@@ -96,7 +96,7 @@ def photolog_html(
     entries = []
     for i in chosen.tolist():
         try:
-            picture = base64.b64encode(thumbnail(photos.left[i])).decode()
+            picture = base64.b64encode(image_thumbnail(photos.left[i])).decode()
         except InputError as error:
             picture = ""
             failures.append(str(error))
@@ -165,7 +165,7 @@ def _link(file: Path, folder: Path) -> str:
     >>> _link(Path("/drive/left/a b#1.png"), Path("/drive"))
     './left/a%20b%231.png'
     """
-    return "./" + urllib.parse.quote(os.fsencode(path_from(file, folder).as_posix()), safe="/")
+    return "./" + urllib.parse.quote(os.fsencode(relative_path(file, folder).as_posix()), safe="/")
 
 
 def _facts(log: VanLog, n_pictures: int, step_m: float) -> dict[str, str]:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from linework.arrays import FloatArray
-from linework.evaluation.report.scores_figure import WIDTH_IN, main_direction, panel_height, turned
+from linework.evaluation.report.scores_figure import WIDTH_IN, main_direction, panel_height, turned_in_plan
 from linework.imaging.brightness import brightness_picture, near_ground
 from linework.imaging.picture import draw_north_arrow, draw_scale_bar
 from linework.model.grid import Bounds
@@ -34,7 +34,7 @@ PLAN_CELLS = 1400
 #: Points drawn at most; a plan does not gain from more.
 PLAN_POINTS = 4_000_000
 #: A close-up: paint 12 cm wide is 4 pixels of it. [m]
-CLOSE_UP_M = (36.0, 15.0)
+PLAN_CLOSE_UP_M = (36.0, 15.0)
 N_CLOSE_UPS = 3
 
 Box = tuple[tuple[float, float], tuple[float, float]]
@@ -43,14 +43,14 @@ PointsIn = Callable[[Bounds], Points]
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class PlanView:
     """The axes of a plan: turned so that the road lies along it, about an origin near the lines."""
 
     origin: FloatArray
     turn: float
 
     @classmethod
-    def of(cls, places: FloatArray) -> View:
+    def of(cls, places: FloatArray) -> PlanView:
         """Return the view of places (k, 2) [m, world]."""
         if len(places) == 0:
             return cls(np.zeros(2), 0.0)
@@ -59,12 +59,12 @@ class View:
 
     def seen(self, places: FloatArray) -> FloatArray:
         """Return (k, 2) places [m, world] in the plan's axes."""
-        return turned(places - self.origin, self.turn)
+        return turned_in_plan(places - self.origin, self.turn)
 
     def bounds(self, box: Box) -> Bounds:
         """Return what is to be read for a box of the plan."""
         corners = np.array([(x, y) for x in box[0] for y in box[1]])
-        world = turned(corners, -self.turn) + self.origin
+        world = turned_in_plan(corners, -self.turn) + self.origin
         (west, south), (east, north) = world.min(axis=0), world.max(axis=0)
         return Bounds(float(west), float(south), float(east), float(north))
 
@@ -95,10 +95,10 @@ def close_up_figure(lines: LineSet, points: Points, points_in: PointsIn) -> Figu
         Gives all points within bounds.
     """
     view, whole = _view_of(lines, points)
-    if len(points) == 0 or whole[0][1] - whole[0][0] < 1.5 * CLOSE_UP_M[0]:
+    if len(points) == 0 or whole[0][1] - whole[0][0] < 1.5 * PLAN_CLOSE_UP_M[0]:
         return None
     boxes = _close_up_boxes(view.seen(lines.xyz[:, :2]), view.seen(_few(points)))
-    height = WIDTH_IN * CLOSE_UP_M[1] / CLOSE_UP_M[0]
+    height = WIDTH_IN * PLAN_CLOSE_UP_M[1] / PLAN_CLOSE_UP_M[0]
     figure = Figure(figsize=(WIDTH_IN, height * len(boxes) + 0.5), layout="constrained", dpi=110)
     for ax, box in zip(figure.subplots(len(boxes), 1, squeeze=False)[:, 0], boxes, strict=True):
         near = points_in(view.bounds(box))
@@ -116,13 +116,13 @@ def _few(points: Points) -> FloatArray:
     return points.xyz[:: max(1, len(points) // 100_000), :2]
 
 
-def _view_of(lines: LineSet, points: Points | None) -> tuple[View, Box]:
+def _view_of(lines: LineSet, points: Points | None) -> tuple[PlanView, Box]:
     """Return the view along the lines, or without lines along the points, and the extent of both.
 
     Of the points a tenth at each side is left out: a scanner sees far beyond the road.
     """
     places, cloud = lines.xyz[:, :2], np.zeros((0, 2)) if points is None else _few(points)
-    view = View.of(places if len(places) else cloud)
+    view = PlanView.of(places if len(places) else cloud)
     corners = [view.seen(places)]
     if len(cloud):
         corners.append(np.quantile(view.seen(cloud), [0.1, 0.9], axis=0))
@@ -136,7 +136,7 @@ def _view_of(lines: LineSet, points: Points | None) -> tuple[View, Box]:
 
 def _close_up_boxes(lines: FloatArray, cloud: FloatArray) -> tuple[Box, ...]:
     """Return boxes at even shares of the points along the plan, each centred across on the lines, if any."""
-    half_m, boxes = np.array(CLOSE_UP_M) / 2, []
+    half_m, boxes = np.array(PLAN_CLOSE_UP_M) / 2, []
     for along in np.quantile(cloud[:, 0], (np.arange(N_CLOSE_UPS) + 0.5) / N_CLOSE_UPS, method="nearest"):
         beside = lines[np.abs(lines[:, 0] - along) < half_m[0], 1]
         if len(beside) == 0:
@@ -147,7 +147,7 @@ def _close_up_boxes(lines: FloatArray, cloud: FloatArray) -> tuple[Box, ...]:
     return tuple(dict.fromkeys(boxes))
 
 
-def _draw_ground(ax: Axes, points: Points, view: View, box: Box) -> None:
+def _draw_ground(ax: Axes, points: Points, view: PlanView, box: Box) -> None:
     cell_m = max(box[0][1] - box[0][0], box[1][1] - box[1][0]) / PLAN_CELLS
     extent = (*box[0], *box[1])
     if points.intensity is None:
@@ -174,7 +174,7 @@ def _draw_density(ax: Axes, cloud: FloatArray, box: Box, cell_m: float) -> None:
     )  # fmt: skip
 
 
-def _draw_lines(ax: Axes, lines: LineSet, view: View, box: Box, width: float) -> None:
+def _draw_lines(ax: Axes, lines: LineSet, view: PlanView, box: Box, width: float) -> None:
     """Draw lines in the colours of their kinds, bridged stretches dotted; kerb tops below the feet beside them."""
     order = np.argsort(lines.kind != "kerb_top", kind="stable").tolist()
     for is_bridged, style in ((False, "solid"), (True, (0, (1.0, 1.6)))):

@@ -13,13 +13,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from linework.arrays import BoolArray, FloatArray
-from linework.evaluation.chains import Chains, Pieces
-from linework.evaluation.match import TIE_M, Match
+from linework.evaluation.chains import Chains, LinePieces
+from linework.evaluation.match import TIE_M, PieceMatch
 from linework.evaluation.tolerance import KindMatch
 from linework.evaluation.values import KindScores, Scores
 from linework.imaging.picture import draw_north_arrow, draw_scale_bar
 
-FOUND, MISSED, WRONG, HIDDEN = "#2a9d3f", "#d1242f", "#f58b1f", "#b8b8b8"
+FOUND_COLOUR, MISSED_COLOUR, WRONG_COLOUR, HIDDEN_COLOUR = "#2a9d3f", "#d1242f", "#f58b1f", "#b8b8b8"
 WIDTH_IN = 11.0
 
 
@@ -52,8 +52,8 @@ def hits_figure(parts: Sequence[KindMatch], tolerance_m: float) -> Figure:
     legend = [
         Line2D([], [], color=colour, lw=3, label=label)
         for colour, label in (
-            (FOUND, f"found within {tolerance_m:g} m"), (MISSED, "missed"),
-            (WRONG, "extracted, not in the reference"), (HIDDEN, "could not be seen, not found"),
+            (FOUND_COLOUR, f"found within {tolerance_m:g} m"), (MISSED_COLOUR, "missed"),
+            (WRONG_COLOUR, "extracted, not in the reference"), (HIDDEN_COLOUR, "could not be seen, not found"),
         )
     ]  # fmt: skip
     figure.legend(handles=legend, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
@@ -74,7 +74,7 @@ def tolerance_figure(scores: Scores) -> Figure:
     return figure
 
 
-def png(figure: Figure) -> bytes:
+def plot_png(figure: Figure) -> bytes:
     """Return a figure as PNG; the same figure gives the same bytes."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None})
@@ -88,21 +88,21 @@ def _draw_curve(ax: Axes, kind: KindScores, name: str) -> None:
         ax.plot(x, y, marker="o", ms=4, label=kind.kind.replace("_", " "))
 
 
-def _draw_match(ax: Axes, match: Match, tolerance_m: float, turn: float) -> None:
+def _draw_match(ax: Axes, match: PieceMatch, tolerance_m: float, turn: float) -> None:
     is_right = match.e_nearest.distance_m <= tolerance_m + TIE_M
     is_found = match.r_nearest.distance_m <= tolerance_m + TIE_M
     e, r = match.extracted, match.reference
     for chains, pieces, chosen, colour, order in (
-        (r, match.r_pieces, ~is_found & ~match.r_observed, HIDDEN, 1),
-        (r, match.r_pieces, is_found, FOUND, 2),
-        (e, match.e_pieces, ~is_right, WRONG, 3),
-        (r, match.r_pieces, ~is_found & match.r_observed, MISSED, 4),
+        (r, match.r_pieces, ~is_found & ~match.r_observed, HIDDEN_COLOUR, 1),
+        (r, match.r_pieces, is_found, FOUND_COLOUR, 2),
+        (e, match.e_pieces, ~is_right, WRONG_COLOUR, 3),
+        (r, match.r_pieces, ~is_found & match.r_observed, MISSED_COLOUR, 4),
     ):
-        runs = [turned(run, turn) for run in runs_of(chains, pieces, chosen)]
+        runs = [turned_in_plan(run, turn) for run in chosen_stretches(chains, pieces, chosen)]
         ax.add_collection(LineCollection(runs, colors=colour, linewidths=2.0, zorder=order))
 
 
-def runs_of(chains: Chains, pieces: Pieces, chosen: BoolArray) -> list[FloatArray]:
+def chosen_stretches(chains: Chains, pieces: LinePieces, chosen: BoolArray) -> list[FloatArray]:
     """Return the stretches of lines that `chosen` pieces make together, each as (k, 2) places in plan [m].
 
     A stretch runs from the beginning of its first piece to the end of its last one.
@@ -129,7 +129,7 @@ def main_direction(places: Sequence[FloatArray]) -> float:
     return float(math.atan2(north, east) if east >= 0 else math.atan2(-north, -east))
 
 
-def turned(places: FloatArray, turn: float) -> FloatArray:
+def turned_in_plan(places: FloatArray, turn: float) -> FloatArray:
     """Return (k, 2) places in axes turned anticlockwise by `turn`."""
     cos, sin = math.cos(turn), math.sin(turn)
     return np.stack(
@@ -137,9 +137,9 @@ def turned(places: FloatArray, turn: float) -> FloatArray:
     )
 
 
-def _box(matches: Sequence[Match], turn: float) -> tuple[tuple[float, float], tuple[float, float]]:
+def _box(matches: Sequence[PieceMatch], turn: float) -> tuple[tuple[float, float], tuple[float, float]]:
     pieces = [m.e_pieces.xyz for m in matches] + [m.r_pieces.xyz for m in matches]
-    places = turned(np.concatenate(pieces)[:, :2], turn)
+    places = turned_in_plan(np.concatenate(pieces)[:, :2], turn)
     (x0, y0), (x1, y1) = places.min(axis=0), places.max(axis=0)
     margin = max(0.03 * (x1 - x0), 2.0)
     return (float(x0 - margin), float(x1 + margin)), (float(y0 - margin), float(y1 + margin))

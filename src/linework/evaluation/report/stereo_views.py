@@ -19,7 +19,7 @@ from linework.model.lines import LineSet
 
 #: Lines are drawn from here to here ahead of the cameras: nearer they are below the image, farther thinner than
 #: a pixel. [m]
-DEPTH_M = (1.0, 60.0)
+VIEW_DEPTH_M = (1.0, 60.0)
 #: Pairs that a report shows.
 N_VIEWS = 3
 _STEP_M = 0.25
@@ -55,11 +55,11 @@ def in_image(
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xyz_world, axis=0), axis=1))])
     at = np.linspace(0.0, along[-1], max(int(along[-1] / _STEP_M), 1) + 1)
     dense = np.stack([np.interp(at, along, column) for column in xyz_world.T], axis=1)
-    near = np.linalg.norm(dense - poses.xyz[i], axis=1) < 2.0 * DEPTH_M[1]
+    near = np.linalg.norm(dense - poses.xyz[i], axis=1) < 2.0 * VIEW_DEPTH_M[1]
     col, row, disparity = rig.project(np.where(near[:, None], poses.to_vehicle(i, dense), np.nan))
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = rig.focal_px * rig.base_m / disparity
-        seen = (depth > DEPTH_M[0]) & (depth < DEPTH_M[1]) & (row > -1.0) & (row < rig.height)
+        seen = (depth > VIEW_DEPTH_M[0]) & (depth < VIEW_DEPTH_M[1]) & (row > -1.0) & (row < rig.height)
     return (
         np.where(seen & (col > -1.0) & (col < rig.width), col, np.nan),
         np.where(seen & (col - disparity > -1.0) & (col - disparity < rig.width), col - disparity, np.nan),
@@ -105,7 +105,7 @@ def chosen_numbers(lines: LineSet, views: StereoViews) -> list[int]:
 
 def _has_line_ahead(lines: LineSet, poses: Poses, i: int) -> bool:
     """Return whether a vertex lies within what is drawn, in front of the vehicle."""
-    near = np.linalg.norm(lines.xyz - poses.xyz[i], axis=1) < DEPTH_M[1]
+    near = np.linalg.norm(lines.xyz - poses.xyz[i], axis=1) < VIEW_DEPTH_M[1]
     ahead = poses.to_vehicle(i, lines.xyz[near])
     return bool(np.any((ahead[:, 0] > 5.0) & (np.abs(ahead[:, 1]) < 10.0)))
 

@@ -13,7 +13,7 @@ from linework.evaluation.values import ErrorStats, KindScores, Scores, SigmaTerc
 from linework.model.lines import LineSet
 
 
-def score_tables(scores: Scores) -> Iterator[TextTable]:
+def score_tables(scores: Scores) -> Iterator[ReportTable]:
     """Yield the tables of an evaluation: found, exact, over the tolerance, then those that have a row."""
     rows = [*scores.kinds, scores.overall] if len(scores.kinds) != 1 else list(scores.kinds)
     yield _found(rows, scores.tolerance_m)
@@ -27,7 +27,7 @@ def score_tables(scores: Scores) -> Iterator[TextTable]:
             yield table
 
 
-def _found(rows: Sequence[KindScores], tolerance_m: float) -> TextTable:
+def _found(rows: Sequence[KindScores], tolerance_m: float) -> ReportTable:
     columns = (
         "kind", "lines", "truth m", "seen m", "complete", "of all", "correct", "quality", "double", "gaps/km",
         "pieces", "bridged m",
@@ -45,10 +45,10 @@ def _found(rows: Sequence[KindScores], tolerance_m: float) -> TextTable:
         "lines: extracted / truth; complete: share of the truth that was seen; of all: share of all truth; "
         "double: redundancy; pieces: extracted lines per line found"
     )
-    return TextTable(f"Found, within {tolerance_m:g} m", columns, tuple(texts), note)
+    return ReportTable(f"Found, within {tolerance_m:g} m", columns, tuple(texts), note)
 
 
-def _exact(rows: Sequence[KindScores], tolerance_m: float) -> TextTable:
+def _exact(rows: Sequence[KindScores], tolerance_m: float) -> ReportTable:
     columns = (
         "kind", "met", "missed", "lateral\nbias", "\nRMSE", "\nmedian", "\n95 %", "height\nbias", "\nRMSE",
         "\nmedian", "\n95 %", "3-D\nRMSE", "Hausdorff\n95 % m", "\nmax m",
@@ -66,10 +66,10 @@ def _exact(rows: Sequence[KindScores], tolerance_m: float) -> TextTable:
         "seen; within the tolerance no lateral error can be larger than it"
     )
     title = f"Errors in cm at stations every 0.5 m, within {tolerance_m:g} m"
-    return TextTable(title, columns, tuple(texts), note)
+    return ReportTable(title, columns, tuple(texts), note)
 
 
-def _over_tolerance(rows: Sequence[KindScores]) -> TextTable:
+def _over_tolerance(rows: Sequence[KindScores]) -> ReportTable:
     columns = (
         "kind", "within m", "complete", "of all", "correct", "quality", "double", "missed", "lateral\nRMSE cm",
         "height\nRMSE cm",
@@ -83,20 +83,20 @@ def _over_tolerance(rows: Sequence[KindScores]) -> TextTable:
         for row in rows
         for i, at in enumerate(row.curve)
     ]  # fmt: skip
-    return TextTable("Over the tolerance", columns, tuple(texts))
+    return ReportTable("Over the tolerance", columns, tuple(texts))
 
 
-def _whole_lines(rows: Sequence[KindScores]) -> TextTable:
+def _whole_lines(rows: Sequence[KindScores]) -> ReportTable:
     limits_m = sorted({limit_m for row in rows for limit_m in row.chamfer_ap})
     texts = [(row.kind, *(percent(row.chamfer_ap[b]) for b in limits_m)) for row in rows if row.n_reference]
     columns = ("kind", *(f"{b:g} m" for b in limits_m))
     note = (
         "of lines taken by confidence; right: nearer than this to a line of the truth, on average both ways"
     )
-    return TextTable("Whole lines: average precision", columns, tuple(texts), note)
+    return ReportTable("Whole lines: average precision", columns, tuple(texts), note)
 
 
-def _attributes(rows: Sequence[KindScores]) -> TextTable:
+def _attributes(rows: Sequence[KindScores]) -> ReportTable:
     texts = [
         (row.kind, name.removesuffix("_m"), str(errors.n), *error_texts(errors))
         for row in rows
@@ -104,10 +104,10 @@ def _attributes(rows: Sequence[KindScores]) -> TextTable:
         if errors.n
     ]
     columns = ("kind", "of", "lines", "bias", "RMSE", "median", "95 %")
-    return TextTable("Values of the lines, errors in cm", columns, tuple(texts))
+    return ReportTable("Values of the lines, errors in cm", columns, tuple(texts))
 
 
-def _honest(rows: Sequence[KindScores]) -> TextTable:
+def _honest(rows: Sequence[KindScores]) -> ReportTable:
     columns = ("kind", "sigma xy", "sigma z", "calibration\nerror", "AUC", "pieces", "right")
     texts = []
     for row in rows:
@@ -128,14 +128,14 @@ def _honest(rows: Sequence[KindScores]) -> TextTable:
         "sigma: rms(error / sigma) where lines were measured, per third of the stations, smallest sigmas first; "
         "1 is honest"
     )
-    return TextTable("Sigma, and confidence per piece of 10 m", columns, tuple(texts), note)
+    return ReportTable("Sigma, and confidence per piece of 10 m", columns, tuple(texts), note)
 
 
 # Values as texts in tables
 
 
 @dataclass(frozen=True, slots=True)
-class TextTable:
+class ReportTable:
     """A table ready to be shown.
 
     Parameters
@@ -201,7 +201,7 @@ def number(value: float | None, decimals: int) -> str:
 # Tables of what only some kinds have: groups, words, dashes, bridged stretches
 
 
-def groups_table(rows: Sequence[KindScores]) -> TextTable:
+def groups_table(rows: Sequence[KindScores]) -> ReportTable:
     """Return the measures of boundaries by form and of markings by pattern."""
     columns = (
         "kind", "of", "truth m", "seen m", "complete", "correct", "double", "pieces", "lateral\nbias", "\nRMSE",
@@ -221,10 +221,10 @@ def groups_table(rows: Sequence[KindScores]) -> TextTable:
         "errors in cm; what was extracted counts to the group of the truth beside it, or else to its own; "
         "measured: lateral, bridged stretches left out; step: height_m of the line"
     )
-    return TextTable("Apart", columns, tuple(texts), note)
+    return ReportTable("Apart", columns, tuple(texts), note)
 
 
-def labels_table(rows: Sequence[KindScores]) -> TextTable:
+def labels_table(rows: Sequence[KindScores]) -> ReportTable:
     """Return for what length the words of the lines are right."""
     texts = []
     for row in rows:
@@ -244,12 +244,12 @@ def labels_table(rows: Sequence[KindScores]) -> TextTable:
                     )
                 )
     columns = ("kind", "of", "compared m", "right", "mistaken most (truth > said)")
-    return TextTable(
+    return ReportTable(
         "Words of the lines", columns, tuple(texts), "over the truth that was found and has such a word"
     )
 
 
-def dashes_table(rows: Sequence[KindScores]) -> TextTable:
+def dashes_table(rows: Sequence[KindScores]) -> ReportTable:
     """Return how many dashes were found and how exact their ends are."""
     columns = (
         "kind", "truth seen", "found", "", "extracted", "right", "ends", "within", "end cm\nbias", "\nRMSE",
@@ -265,10 +265,10 @@ def dashes_table(rows: Sequence[KindScores]) -> TextTable:
     ]  # fmt: skip
     limits = {100 * row.dashes.end_limit_m for row in rows if row.dashes is not None}
     note = f"within {' '.join(f'{cm:.0f}' for cm in sorted(limits))} cm; end errors: positive where it is too long"
-    return TextTable("Dashes", columns, tuple(texts), note)
+    return ReportTable("Dashes", columns, tuple(texts), note)
 
 
-def bridged_table(rows: Sequence[KindScores]) -> TextTable:
+def bridged_table(rows: Sequence[KindScores]) -> ReportTable:
     """Return how much was carried over gaps and how well, beside what was measured."""
     columns = (
         "kind", "hidden m", "found of it", "bridged m", "right", "lateral cm\nRMSE", "\n95 %",
@@ -288,13 +288,13 @@ def bridged_table(rows: Sequence[KindScores]) -> TextTable:
         "hidden: truth that could not be seen; right: part of the bridged length within the tolerance; lateral: "
         "of bridged stretches, however far off within the search; sigma as below, on bridged stretches"
     )
-    return TextTable("Bridged", columns, tuple(texts), note)
+    return ReportTable("Bridged", columns, tuple(texts), note)
 
 
 # What was found, as tables: kind by kind, and line by line
 
 
-def kinds_table(lines: LineSet) -> TextTable:
+def kinds_table(lines: LineSet) -> ReportTable:
     """Return the figures of each kind, of boundaries by form and markings by pattern: how many, how long, how sure."""
     rows = []
     for kind in dict.fromkeys(str(kind) for kind in lines.kind):
@@ -312,10 +312,10 @@ def kinds_table(lines: LineSet) -> TextTable:
         "confidence: mean over the length; sigma: root mean square over the measured vertices; width, height: "
         "median over the length, with what nine tenths of it lie between"
     )
-    return TextTable("Lines", columns, tuple(rows), note)
+    return ReportTable("Lines", columns, tuple(rows), note)
 
 
-def lines_table(lines: LineSet) -> TextTable:
+def lines_table(lines: LineSet) -> ReportTable:
     """Return every line with its own values."""
     columns = (
         "id", "kind", "role", "pattern, form", "length m", "bridged m", "width cm", "height m", "clearance m",
@@ -335,7 +335,7 @@ def lines_table(lines: LineSet) -> TextTable:
                 centimetres(_rms(lines.sigma_z_m[of_line])),
             )
         )  # fmt: skip
-    return TextTable("Every line", columns, tuple(rows))
+    return ReportTable("Every line", columns, tuple(rows))
 
 
 def _figures(lines: LineSet) -> tuple[str, ...]:

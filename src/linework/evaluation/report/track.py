@@ -12,16 +12,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from linework.arrays import BoolArray, FloatArray, IntArray
-from linework.evaluation.report.scores_figure import png
+from linework.evaluation.report.scores_figure import plot_png
 from linework.imaging.picture import draw_scale_bar
-from linework.navigation.located import Located
+from linework.navigation.located import LocatedDrive
 
 SEEN, BRIDGED, OUTLIER = "#1f77b4", "#e06c00", "#d1242f"
 #: More points than pixels of the picture show nothing more.
 _MOST_POINTS = 4000
 
 
-def track_figure(located: Located) -> Figure:
+def track_figure(located: LocatedDrive) -> Figure:
     """Draw the track (orange where there were no fixes), sigmas and residuals of the fixes over time."""
     figure = Figure(figsize=(11.0, 9.0), layout="constrained", dpi=110)
     grid = figure.add_gridspec(3, 1, height_ratios=(2.4, 1.0, 1.0))
@@ -39,9 +39,9 @@ def track_figure(located: Located) -> Figure:
     return figure
 
 
-def track_page(located: Located, rows: list[tuple[str, str]]) -> str:
+def track_page(located: LocatedDrive, rows: list[tuple[str, str]]) -> str:
     """Return the figure with a table of results as a page of its own."""
-    picture = base64.b64encode(png(track_figure(located))).decode("ascii")
+    picture = base64.b64encode(plot_png(track_figure(located))).decode("ascii")
     table = "".join(f"<tr><th>{html.escape(a)}</th><td>{html.escape(b)}</td></tr>" for a, b in rows)
     said = "".join(f"<li>{html.escape(w)}</li>" for w in located.warnings)
     return (
@@ -53,20 +53,20 @@ def track_page(located: Located, rows: list[tuple[str, str]]) -> str:
     )
 
 
-def _thinned(located: Located) -> IntArray:
+def _thinned(located: LocatedDrive) -> IntArray:
     """Return which poses to draw: breaks in time are kept."""
     n = len(located.trajectory)
     return np.unique(np.linspace(0, n - 1, min(n, _MOST_POINTS)).astype(np.int64))
 
 
-def _in_outage(time_s: FloatArray, located: Located) -> BoolArray:
+def _in_outage(time_s: FloatArray, located: LocatedDrive) -> BoolArray:
     inside = np.zeros(len(time_s), dtype=bool)
     for start, end in located.outages_s:
         inside |= (time_s >= start) & (time_s <= end)
     return inside
 
 
-def _draw_plan(ax: Axes, located: Located) -> None:
+def _draw_plan(ax: Axes, located: LocatedDrive) -> None:
     picked = _thinned(located)
     time, xy = located.trajectory.time_s[picked], located.trajectory.xyz[picked, :2]
     segments = np.stack([xy[:-1], xy[1:]], axis=1)
@@ -79,7 +79,7 @@ def _draw_plan(ax: Axes, located: Located) -> None:
     draw_scale_bar(ax)
 
 
-def _draw_sigmas(ax: Axes, located: Located) -> None:
+def _draw_sigmas(ax: Axes, located: LocatedDrive) -> None:
     picked = _thinned(located)
     for poses, style, label in ((located.trajectory, "-", "smoothed"), (located.forward, ":", "real time")):
         time, sigma = poses.time_s[picked], poses.sigma_xyz_m
@@ -92,7 +92,7 @@ def _draw_sigmas(ax: Axes, located: Located) -> None:
     ax.legend(loc="upper right", fontsize=8)
 
 
-def _draw_residuals(ax: Axes, located: Located) -> None:
+def _draw_residuals(ax: Axes, located: LocatedDrive) -> None:
     time, good = located.fix_time_s - _start(located), ~located.is_outlier
     for i, name, colour in ((0, "east", "#1f77b4"), (1, "north", "#2a9d3f"), (2, "up", "#8a8a8a")):
         share = located.residual_m[:, i] / located.residual_sigma_m[:, i]
@@ -104,12 +104,12 @@ def _draw_residuals(ax: Axes, located: Located) -> None:
     ax.legend(loc="upper right", fontsize=8, ncols=3, markerscale=4)
 
 
-def _shade(ax: Axes, located: Located) -> None:
+def _shade(ax: Axes, located: LocatedDrive) -> None:
     for start, end in located.outages_s:
         ax.axvspan(start - _start(located), end - _start(located), color=BRIDGED, alpha=0.15, lw=0)
 
 
-def _over_hole(time: FloatArray, located: Located) -> BoolArray:
+def _over_hole(time: FloatArray, located: LocatedDrive) -> BoolArray:
     """Return which steps between drawn poses pass over times without poses."""
     known = located.trajectory.time_s
     holes = np.flatnonzero(np.diff(known) > 1.5 * np.median(np.diff(known)))
@@ -117,12 +117,12 @@ def _over_hole(time: FloatArray, located: Located) -> BoolArray:
     return np.asarray(np.diff(n_before) > 0)
 
 
-def _broken(time: FloatArray, values: FloatArray, located: Located) -> tuple[FloatArray, FloatArray]:
+def _broken(time: FloatArray, values: FloatArray, located: LocatedDrive) -> tuple[FloatArray, FloatArray]:
     """Return a line with holes where there are no poses, in seconds since the start."""
     values = values.copy()
     values[1:][_over_hole(time, located)] = np.nan
     return time - _start(located), values
 
 
-def _start(located: Located) -> float:
+def _start(located: LocatedDrive) -> float:
     return float(located.trajectory.time_s[0])

@@ -51,7 +51,7 @@ class EarthFrame:
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class ProjectedPlaces:
     """Places in the survey's frame.
 
     Parameters
@@ -66,13 +66,13 @@ class Places:
     warnings: tuple[str, ...] = ()
 
 
-def to_places(
+def project_places(
     geographic: FloatArray,
     frame: EarthFrame,
     *,
     undulation_m: FloatArray | None = None,
     where: object = None,
-) -> Places:
+) -> ProjectedPlaces:
     """Return geographic places in the survey's frame.
 
     Parameters
@@ -108,7 +108,7 @@ def to_places(
         xyz, said = _transformed(longitude_deg, latitude_deg, None, _plan_of(frame.crs), where)
         xyz[:, 2] = height_m - _zero_m(longitude_deg, latitude_deg, frame, undulation_m, where)
     _check_finite(xyz, frame.crs, where)
-    return Places(xyz, (*said, *_outside_of_use(latitude_deg, longitude_deg, frame.crs, where)))
+    return ProjectedPlaces(xyz, (*said, *_outside_of_use(latitude_deg, longitude_deg, frame.crs, where)))
 
 
 def _plan_of(crs: str) -> str:
@@ -229,7 +229,9 @@ def convergence_deg(latitude_deg: FloatArray, longitude_deg: FloatArray, frame: 
     return np.asarray(-np.degrees(np.arctan2(sign * (east_1 - east_0), sign * (north_1 - north_0))))
 
 
-def _local_places(latitude_deg: FloatArray, longitude_deg: FloatArray, height_m: FloatArray) -> Places:
+def _local_places(
+    latitude_deg: FloatArray, longitude_deg: FloatArray, height_m: FloatArray
+) -> ProjectedPlaces:
     """Return places in the tangent frame at the first of them."""
     lat_0, lon_0, h_0 = float(latitude_deg[0]), float(longitude_deg[0]), float(height_m[0])
     tangent = pyproj.Transformer.from_pipeline(
@@ -238,7 +240,7 @@ def _local_places(latitude_deg: FloatArray, longitude_deg: FloatArray, height_m:
     )
     xyz = np.stack(tangent.transform(longitude_deg, latitude_deg, height_m), axis=1)
     said = f"coordinates are metres east, north and up of latitude {lat_0:.7f}, longitude {lon_0:.7f}"
-    return Places(xyz, (f"{said}, height {h_0:.2f} m",))
+    return ProjectedPlaces(xyz, (f"{said}, height {h_0:.2f} m",))
 
 
 # Undulations of the geoid from PROJ's grid files

@@ -160,7 +160,7 @@ def _decoded(data: bytes, path: Path, camera: Camera, *, in_colour: bool) -> Any
         has_colour = image.mode not in ("L", "LA", "1", "F") and not image.mode.startswith("I")
         keeps_colour = in_colour and has_colour
         values = np.array(image.convert("RGB"), dtype=np.uint8) if keeps_colour else _grey(image, path)
-    check_tail(values.reshape(len(values), -1), path, is_jpeg=image.format in ("JPEG", "MPO"))
+    check_last_rows(values.reshape(len(values), -1), path, is_jpeg=image.format in ("JPEG", "MPO"))
     return values
 
 
@@ -228,7 +228,7 @@ def check_complete(data: bytes, kind: str, path: Path) -> None:
             place = end + 4
 
 
-def check_tail(values: AnyArray, path: Path, *, is_jpeg: bool) -> None:
+def check_last_rows(values: AnyArray, path: Path, *, is_jpeg: bool) -> None:
     """Refuse an image whose last rows are one grey: a JPEG whose data ended early though its end is there.
 
     Lenses, noise and rounding leave no 16 whole rows of one value, except where all is black or white. Other

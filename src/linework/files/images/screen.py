@@ -40,7 +40,7 @@ def screen_image(path: Path, camera: Camera, root: Path) -> bytes:
 
 
 def screen_thumbnail(path: Path, camera: Camera, root: Path) -> bytes:
-    """Return an image of a camera made small (see `screen_image`, `thumbnail`)."""
+    """Return an image of a camera made small (see `screen_image`, `image_thumbnail`)."""
     return thumbnail_of(io.BytesIO(read_inside(path, root, most_bytes(camera))), path)
 
 
@@ -104,7 +104,7 @@ THUMBNAIL_PX = 160
 _THUMBNAILS_JPEG_QUALITY = 70
 
 
-def thumbnail(path: Path) -> bytes:
+def image_thumbnail(path: Path) -> bytes:
     """Return an image made small, as JPEG; in colour where it is.
 
     Raises
@@ -118,7 +118,7 @@ def thumbnail(path: Path) -> bytes:
 
 
 def thumbnail_of(file: BinaryIO, path: Path) -> bytes:
-    """Return an opened image made small (see `thumbnail`)."""
+    """Return an opened image made small (see `image_thumbnail`)."""
     with image_errors(path), open_image(file, path) as image:
         # Decodes a JPEG at an eighth to the full size, whichever is enough
         image.draft("RGB", (2 * THUMBNAIL_PX, 2 * THUMBNAIL_PX))

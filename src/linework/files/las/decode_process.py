@@ -26,22 +26,22 @@ from linework.arrays import FloatArray
 from linework.errors import InputError, MachineError
 from linework.files.las.batches import read_las_batches
 from linework.files.las.header import LasHeader, read_las_header
-from linework.files.las.messages import Decoded, DecodeTask, message_line, refusal
+from linework.files.las.messages import Decoded, DecodeTask, error_message, message_line
 from linework.files.las.repeats import PointSample, repeated_inside
-from linework.files.las.tally import HeaderBox, LasTally, TimeCounts, Verdict
+from linework.files.las.tally import HeaderBox, LasTally, TimeCounts, TimeVerdict
 
 if TYPE_CHECKING:
     from linework.files.store.layout import RunTable
     from linework.files.store.write import StoreWriter
 
 _PR_SET_PDEATHSIG = 1
-Report = Callable[[Mapping[str, Any]], None]
+SendReport = Callable[[Mapping[str, Any]], None]
 
 
-def main(arguments: list[str]) -> None:
+def decoder_main(arguments: list[str]) -> None:
     """Do tasks until there are no more."""
     parent, address_bytes = (int(argument) for argument in arguments)
-    bound_process(parent, address_bytes)
+    limit_process(parent, address_bytes)
     # What libraries print must not come between the messages
     with os.fdopen(os.dup(1), "wb") as pipe:
         os.dup2(2, 1)
@@ -53,10 +53,10 @@ def main(arguments: list[str]) -> None:
         report({"ready": True})
         _import_ahead("linework.files.store.write")
         for line in sys.stdin.buffer:
-            report(answer(DecodeTask.from_line(line), report))
+            report(run_decode_task(DecodeTask.from_line(line), report))
 
 
-def bound_process(parent: int, address_bytes: int) -> None:
+def limit_process(parent: int, address_bytes: int) -> None:
     """Bound what this process may take, and have it end with its parent, however that ends (Linux)."""
     # Interrupting is the parent's: it ends this process
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -70,12 +70,12 @@ def bound_process(parent: int, address_bytes: int) -> None:
         sys.exit(1)
 
 
-def answer(task: DecodeTask, report: Report) -> dict[str, Any]:
+def run_decode_task(task: DecodeTask, report: SendReport) -> dict[str, Any]:
     """Do a task; whatever happens becomes a message."""
     try:
         return {"done": decode_file(task, report).to_document()}
     except (InputError, MachineError) as error:
-        return {"refused": refusal(error)}
+        return {"refused": error_message(error)}
     except MemoryError:
         return {"died": "out of memory"}
     except Exception:
@@ -84,7 +84,7 @@ def answer(task: DecodeTask, report: Report) -> dict[str, Any]:
         return {"died": f"{type(error).__name__}: {error}"}
 
 
-def decode_file(task: DecodeTask, report: Report) -> Decoded:
+def decode_file(task: DecodeTask, report: SendReport) -> Decoded:
     """Write the points of a laser file to a file of the tile store.
 
     Raises
@@ -117,7 +117,7 @@ class _Written:
         self.height_counts: Mapping[int, int]
 
 
-def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: Report) -> _Written:
+def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: SendReport) -> _Written:
     """Write all batches; nothing is left of the target where that fails."""
     written = _Written(tally, task, header)
     writer = None
@@ -145,7 +145,7 @@ def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: Report)
     return written
 
 
-def _writer(target: Path, report: Report) -> StoreWriter:
+def _writer(target: Path, report: SendReport) -> StoreWriter:
     """Return the writer of a file; its imports went on beside the decoding of the first batch."""
     report({"loading": True})
     try:
@@ -159,7 +159,7 @@ def _writer(target: Path, report: Report) -> StoreWriter:
     return StoreWriter(target)
 
 
-def _decoded(written: _Written, verdict: Verdict) -> Decoded:
+def _decoded(written: _Written, verdict: TimeVerdict) -> Decoded:
     tally = written.tally
     has_time = verdict.gps_time_kind != "none"
     repeats = written.repeats.numbers()
@@ -208,4 +208,4 @@ def _import_ahead(module: str) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    decoder_main(sys.argv[1:])

@@ -20,7 +20,7 @@ from typing import IO, Any, Self
 
 from linework.errors import InputError, MachineError
 from linework.files.las.batches import BATCH_POINTS
-from linework.files.las.messages import Decoded, DecodeTask, refused
+from linework.files.las.messages import Decoded, DecodeTask, error_from_message
 
 
 class Decoder:
@@ -208,7 +208,7 @@ class DecoderProcess:
             elif "done" in message:
                 return self._decoded(message["done"], n_read)
             elif "refused" in message:
-                raise refused(message["refused"])
+                raise error_from_message(message["refused"])
             elif "died" in message:
                 raise self._death(f"the decoder failed ({message['died']})", n_read)
             elif "fault" in message:
@@ -261,7 +261,7 @@ class DecoderProcess:
     def _ending(self) -> str:
         """Return in words how it ended, after its end of a pipe was closed."""
         try:
-            return how_ended(self._popen.wait(timeout=_ENDING_S))
+            return exit_description(self._popen.wait(timeout=_ENDING_S))
         except subprocess.TimeoutExpired:
             return "it fell silent"
 
@@ -291,7 +291,7 @@ class DecoderProcess:
                 pipe.close()
 
 
-def how_ended(code: int) -> str:
+def exit_description(code: int) -> str:
     """Return how a process ended, in words.
 
     >>> how_ended(-9), how_ended(3)

@@ -136,14 +136,14 @@ def message_line(message: Mapping[str, Any]) -> bytes:
     return json.dumps(message).encode("ascii") + b"\n"
 
 
-def refusal(error: LineworkError) -> dict[str, Any]:
+def error_message(error: LineworkError) -> dict[str, Any]:
     """Return an error as a message."""
     kind = next(name for name, leaf in _ERRORS.items() if isinstance(error, leaf))
     where = None if error.where is None else str(error.where)
     return {"kind": kind, "problem": error.problem, "where": where, "advice": error.advice}
 
 
-def refused(document: Mapping[str, Any]) -> LineworkError:
+def error_from_message(document: Mapping[str, Any]) -> LineworkError:
     """Return the error a message tells of."""
     fields = dict(document)
     return _ERRORS[fields.pop("kind")](fields.pop("problem"), **fields)

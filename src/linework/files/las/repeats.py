@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
-from linework.files.store.layout import STEPS_PER_M
+from linework.files.store.layout import STORE_STEPS_PER_M
 
 #: Points of a whole survey that are about sampled: shares are right to a percent.
 _SAMPLE = 1 << 16
@@ -118,7 +118,7 @@ def repeated_elsewhere(samples: Sequence[AnyArray], *, has_time: bool) -> dict[i
     return found
 
 
-def said_elsewhere(share: float, other: str, *, has_time: bool) -> str:
+def repeats_message(share: float, other: str, *, has_time: bool) -> str:
     """Return a line about a file whose points another one holds too."""
     return f"about {share:.0%} of the points are in {other} too ({_same(has_time)})"
 
@@ -133,7 +133,7 @@ def _same(has_time: bool) -> str:
 
 def _steps(column_m: FloatArray) -> AnyArray:
     """Return coordinates as whole steps of the store's lattice, their bits as (n,) uint64."""
-    steps = column_m * STEPS_PER_M
+    steps = column_m * STORE_STEPS_PER_M
     np.rint(steps, out=steps)
     steps += 0.0  # -0 and 0 are one place
     return steps.view(np.uint64)

@@ -127,7 +127,7 @@ _IMPOSSIBLE_TIME = "impossible time"
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class TimeVerdict:
     """Which kind of time a file has, and what is odd about the file."""
 
     gps_time_kind: TimeKind
@@ -243,13 +243,13 @@ class LasTally:
         is_any = self.time_low_s <= self.time_high_s and not self._times_are_zero
         return is_any and self.n_odd <= _ODD_SHARE * self.n_read
 
-    def verdict(self, header: LasHeader) -> Verdict:
+    def verdict(self, header: LasHeader) -> TimeVerdict:
         """Return what the whole file turned out to be, after its last batch."""
         warnings = () if self.has_intensity else ("no intensity (0 for all points)",)
         if not header.has_time:
-            return Verdict("none", warnings)
+            return TimeVerdict("none", warnings)
         kind, warning = self._time_kind(has_adjusted_bit=header.has_adjusted_time)
-        return Verdict(kind, (*warnings, warning) if warning else warnings)
+        return TimeVerdict(kind, (*warnings, warning) if warning else warnings)
 
     def _time_kind(self, *, has_adjusted_bit: bool) -> tuple[TimeKind, str]:
         """Return the kind of the times and what is odd about them; the values decide, the header's bit is often wrong."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from linework.errors import LineworkError
 from linework.files.line_file.history import (
     EXTRACT,
-    Entry,
+    HistoryEntry,
     add_entry,
     add_versions,
     line_bytes,
@@ -19,10 +19,10 @@ from linework.files.line_file.history import (
     utc_now,
 )
 from linework.files.line_file.tables import (
-    Row,
-    add_drawing_tables,
+    LineRow,
+    add_line_file_tables,
     columns_of,
-    connected,
+    connect_database,
     line_layers,
     quoted,
     sql_errors,
@@ -42,7 +42,7 @@ def has_reviews(path: Path) -> bool:
     try:
         checked_vector_file(path)
         roll_back(path)
-        with contextlib.closing(connected(path)) as db:
+        with contextlib.closing(connect_database(path)) as db:
             if not columns_of(db, VERTEX_TABLE):
                 return False
             if columns_of(db, "edit") and db.execute("SELECT 1 FROM edit LIMIT 1").fetchone():
@@ -68,11 +68,11 @@ def with_history(old: Path, lines: LineSet) -> Callable[[bytes], bytes]:
     """
 
     def finish(content: bytes) -> bytes:
-        with sql_errors(old), contextlib.closing(connected(Path(":memory:"))) as db:
+        with sql_errors(old), contextlib.closing(connect_database(Path(":memory:"))) as db:
             db.deserialize(content)
             db.execute("ATTACH ? AS old", (str(old),))
             with transaction(db):
-                add_drawing_tables(db)
+                add_line_file_tables(db)
                 _carry(db, lines)
             db.execute("DETACH old")
             return db.serialize()
@@ -107,14 +107,14 @@ def _carry(db: sqlite3.Connection, lines: LineSet) -> None:
         }
         gone = tuple(version for version, _, _ in stood.values())
         ids = tuple(sorted(names | set(stood)))
-        add_entry(db, Entry(last + 1, utc_now(), "", EXTRACT, 0, ids, gone, tuple(came)))
+        add_entry(db, HistoryEntry(last + 1, utc_now(), "", EXTRACT, 0, ids, gone, tuple(came)))
 
 
-def rows_as_written(lines: LineSet) -> list[Row]:
+def rows_as_written(lines: LineSet) -> list[LineRow]:
     """Return where `write_gpkg` puts lines: numbered from 0, their features from 1 in each layer."""
     n: dict[str, int] = {}
     rows = []
     for i, layer in enumerate(layer_names(lines).tolist()):
         n[layer] = n.get(layer, 0) + 1
-        rows.append(Row(layer, n[layer], i))
+        rows.append(LineRow(layer, n[layer], i))
     return rows

@@ -16,7 +16,7 @@ from linework.model.lines import LINE_COLUMNS, LineSet
 
 #: A note is a sentence or some, all else a word or a file's name. A column of texts takes as much memory for every
 #: line as for the longest.
-LONGEST_NOTE, LONGEST_TEXT = 1000, 300
+LONGEST_STORED_NOTE, LONGEST_TEXT = 1000, 300
 
 
 def check_change(change: Change, held: Container[str], crs: str, path: Path) -> None:
@@ -40,7 +40,7 @@ def check_change(change: Change, held: Container[str], crs: str, path: Path) -> 
             )
 
 
-def check_fresh(before: LineSet, held: HeldLines, seen: Container[str] | None, path: Path) -> None:
+def check_not_stale(before: LineSet, held: LinesById, seen: Container[str] | None, path: Path) -> None:
     """Refuse a change of lines that are not as they were when somebody decided on it.
 
     Parameters
@@ -77,7 +77,7 @@ def check_texts(lines: LineSet, path: Path) -> None:
         values = getattr(lines, name)
         if values.dtype.kind != "U":
             continue
-        most = LONGEST_NOTE if name == "note" else LONGEST_TEXT
+        most = LONGEST_STORED_NOTE if name == "note" else LONGEST_TEXT
         longest = int(np.char.str_len(values).max(initial=0))
         if longest > most:
             raise UsageError(f"{name} of {longest:,} characters, at most {most:,} are kept", where=path,
@@ -91,7 +91,7 @@ def check_texts(lines: LineSet, path: Path) -> None:
 # The lines of a drawing in memory, by their ids: a change costs what it changes, not what there is
 
 
-class HeldLines:
+class LinesById:
     """Lines by id.
 
     Notes

@@ -13,15 +13,15 @@ import shapely
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.errors import InputError
-from linework.files.line_file.tables import Row, columns_of, line_layers, quoted, wkb_of
-from linework.files.vectors.fields import REJECTED, lines_from_geometries
+from linework.files.line_file.tables import LineRow, columns_of, line_layers, quoted, wkb_of
+from linework.files.vectors.fields import REJECTED_LAYER, lines_from_geometries
 from linework.files.vectors.gpkg import VERTEX_TABLE
 from linework.model.columns import column_types
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 
 @dataclass(frozen=True, slots=True)
-class Elsewhere:
+class OutsideChanges:
     """What was done.
 
     Parameters
@@ -42,17 +42,19 @@ class Elsewhere:
         return bool(self.gone or len(self.came))
 
 
-def changed_elsewhere(db: sqlite3.Connection, own: LineSet, rows: Sequence[Row], path: Path) -> Elsewhere:
+def find_outside_changes(
+    db: sqlite3.Connection, own: LineSet, rows: Sequence[LineRow], path: Path
+) -> OutsideChanges:
     """Compare the file with the lines `own`, which stood in `rows` when they were saved.
 
     A vertex that stands where one of the line stood keeps its sigmas and flags; others do not know theirs. Lines that
     nobody has reviewed are "edited", new ones "drawn".
     """
-    found = found_lines(db, own.crs, path)
+    found = read_layer_lines(db, own.crs, path)
     place = {(row.layer, row.fid): i for i, row in enumerate(rows)}
     was = np.array([place.get(feature, -1) for feature in found.features], dtype=np.int64)
     known = np.flatnonzero(was >= 0)
-    differs = different(found.lines.take(known), own.take(was[known]))
+    differs = differing_lines(found.lines.take(known), own.take(was[known]))
     differs |= ~_vertices_there(db, own, rows)[was[known]]
     changed, new = known[differs], np.flatnonzero(was < 0)
     missing = np.setdiff1d(np.arange(len(own)), was[known])
@@ -61,17 +63,17 @@ def changed_elsewhere(db: sqlite3.Connection, own: LineSet, rows: Sequence[Row],
     lines.append(_drawn(found.lines.take(new)))
     came = _with_own_ids(LineSet.concatenate(lines), own.id[was[changed]], kept)
     gone = own.id[np.concatenate([was[changed], missing]).astype(np.int64)]
-    return Elsewhere(tuple(gone.tolist()), came, tuple(found.features[j] for j in new.tolist()))
+    return OutsideChanges(tuple(gone.tolist()), came, tuple(found.features[j] for j in new.tolist()))
 
 
-def _vertices_there(db: sqlite3.Connection, own: LineSet, rows: Sequence[Row]) -> BoolArray:
+def _vertices_there(db: sqlite3.Connection, own: LineSet, rows: Sequence[LineRow]) -> BoolArray:
     """Return whether the table of vertices holds as many of each line as it has."""
     counts: Mapping[int, int] = dict(db.execute(f"SELECT line, count(*) FROM {VERTEX_TABLE} GROUP BY line"))
     n = np.array([counts.get(row.line, 0) for row in rows], dtype=np.int64)
     return np.asarray(n == np.diff(own.offsets), dtype=np.bool_)
 
 
-def _changed(found: Found, j: int, before: LineSet) -> LineSet:
+def _changed(found: LayerLines, j: int, before: LineSet) -> LineSet:
     """Return a line that was changed, with what is known per vertex where a vertex stayed."""
     line = found.lines.take([j])
     if line.review[0] == "":
@@ -106,7 +108,7 @@ def _with_own_ids(lines: LineSet, before: AnyArray, taken: set[str]) -> LineSet:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class LayerLines:
     """Lines and their features.
 
     Parameters
@@ -121,7 +123,7 @@ class Found:
     features: tuple[tuple[str, int], ...]
 
 
-def found_lines(db: sqlite3.Connection, crs: str, path: Path) -> Found:
+def read_layer_lines(db: sqlite3.Connection, crs: str, path: Path) -> LayerLines:
     """Return the lines of all layers; what is no line (no place, no length) is left out.
 
     Raises
@@ -147,7 +149,7 @@ def found_lines(db: sqlite3.Connection, crs: str, path: Path) -> Found:
         features += [
             (layer, int(fids[k]) if first else 0) for k, first in zip(feature, is_first, strict=True)
         ]
-    return Found(_with_heights(LineSet.concatenate(sets)), tuple(features))
+    return LayerLines(_with_heights(LineSet.concatenate(sets)), tuple(features))
 
 
 def _shapes(blobs: tuple[Any, ...], path: Path) -> AnyArray:
@@ -159,7 +161,7 @@ def _shapes(blobs: tuple[Any, ...], path: Path) -> AnyArray:
 
 def _of_layer(lines: LineSet, layer: str) -> LineSet:
     """Return the lines with what their layer says where their fields say nothing."""
-    if layer == REJECTED:
+    if layer == REJECTED_LAYER:
         return lines.with_columns(review=np.where(lines.review == "", "rejected", lines.review))
     return lines.with_columns(kind=np.where(lines.kind == "", layer, lines.kind))
 
@@ -183,7 +185,7 @@ def _with_heights(lines: LineSet) -> LineSet:
     return lines.with_columns(xyz=xyz)
 
 
-def with_vertex_rows(db: sqlite3.Connection, found: Found) -> tuple[LineSet, Mapping[int, Row]]:
+def with_vertex_rows(db: sqlite3.Connection, found: LayerLines) -> tuple[LineSet, Mapping[int, LineRow]]:
     """Return the lines with what the table of vertices knows, and where those lines stand of which it knows all."""
     names = [name for name in VERTEX_COLUMNS if name in columns_of(db, VERTEX_TABLE)]
     fields = ", ".join(names)
@@ -201,7 +203,7 @@ def with_vertex_rows(db: sqlite3.Connection, found: Found) -> tuple[LineSet, Map
         a, b = runs.get(feature, (0, 0))
         start, end = int(lines.offsets[i]), int(lines.offsets[i + 1])
         if b - a == end - start:
-            fitting[i] = Row(*feature, int(numbers[a]))
+            fitting[i] = LineRow(*feature, int(numbers[a]))
             for name, column in columns.items():
                 column[start:end] = own[name][a:b]
     return lines.with_columns(**columns), fitting
@@ -212,7 +214,7 @@ def _column(name: str, values: tuple[Any, ...]) -> FloatArray | BoolArray:
     return np.array([v == 1 for v in values]) if dtype is np.bool_ else np.array(values, dtype=np.float64)
 
 
-def different(a: LineSet, b: LineSet) -> BoolArray:
+def differing_lines(a: LineSet, b: LineSet) -> BoolArray:
     """Return which lines of two sets of m are not the same in place or in a column of the line."""
     counts = np.diff(a.offsets)
     differs = counts != np.diff(b.offsets)

@@ -10,40 +10,40 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from linework.errors import MachineError, StaleError
-from linework.files.line_file.checks import HeldLines, check_change, check_fresh
-from linework.files.line_file.elsewhere import Elsewhere, changed_elsewhere
+from linework.files.line_file.checks import LinesById, check_change, check_not_stale
+from linework.files.line_file.elsewhere import OutsideChanges, find_outside_changes
 from linework.files.line_file.history import (
     REDO,
     UNDO,
-    Entry,
-    Steps,
+    HistoryEntry,
+    UndoSteps,
     add_entry,
     add_key,
     add_versions,
     as_edit,
     displace_versions,
-    entries,
+    edit_number_of_key,
     entry_of,
-    judged_versions,
     line_bytes,
-    number_of_key,
     place_versions,
+    read_entries,
+    reviewed_versions,
     stored_lines,
     undone_edits,
     utc_now,
 )
-from linework.files.line_file.open import Opened, opened_drawing
-from linework.files.line_file.tables import Row, put_rows, quoted, remove_rows, sql_errors, transaction
-from linework.lines.names import named
+from linework.files.line_file.open import LineFileState, open_line_file
+from linework.files.line_file.tables import LineRow, delete_rows, insert_rows, quoted, sql_errors, transaction
+from linework.lines.names import with_ids
 from linework.model.changes import Change, Edit
 from linework.model.lines import LineSet
 
 #: What others did to the file, as an edit.
-ELSEWHERE = "changed elsewhere"
+CHANGED_OUTSIDE = "changed elsewhere"
 
 
-class DrawingFile:
-    """Lines that are edited. Made by `DrawingFile.opened`.
+class LineFile:
+    """Lines that are edited. Made by `LineFile.opened`.
 
     All of it may be called from any thread: one after the other gets its turn.
 
@@ -56,23 +56,23 @@ class DrawingFile:
 
     path: Path
 
-    def __init__(self, path: Path, db: sqlite3.Connection, opened: Opened) -> None:
+    def __init__(self, path: Path, db: sqlite3.Connection, opened: LineFileState) -> None:
         self.path = path
         self._db, self._crs = db, opened.lines.crs
         self._turn = threading.RLock()
-        self._held = HeldLines(opened.lines)
+        self._held = LinesById(opened.lines)
         self._versions = dict(zip(opened.lines.id.tolist(), opened.versions, strict=True))
         self._changed_by = dict(zip(opened.lines.id.tolist(), opened.edits, strict=True))
-        self._steps: Steps = opened.steps
+        self._steps: UndoSteps = opened.steps
         self._revision, self._next_line = opened.revision, opened.next_line
         self._seen, self._stat = self._data_version(), path.stat()
 
     @classmethod
     @contextmanager
-    def opened(cls, path: Path, *, crs: str, is_held: bool = False) -> Iterator[DrawingFile]:
+    def opened(cls, path: Path, *, crs: str, is_held: bool = False) -> Iterator[LineFile]:
         """Open the lines of a file for editing, begin a new file where there is none; hold it until the end.
 
-        What others did to the file since it was open last becomes one edit, `ELSEWHERE`, by nobody (``who == ""``).
+        What others did to the file since it was open last becomes one edit, `CHANGED_OUTSIDE`, by nobody (``who == ""``).
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class DrawingFile:
         MachineError
             It cannot be written to.
         """
-        with opened_drawing(path, crs, is_held=is_held) as (db, found):
+        with open_line_file(path, crs, is_held=is_held) as (db, found):
             drawing = cls(path, db, found)
             with sql_errors(path):
                 drawing._take_over(found.elsewhere)
@@ -154,15 +154,15 @@ class DrawingFile:
                     where=self.path, advice="reload the page",
                 )  # fmt: skip
             seen = None if based_on is None else {n for n, by in self._changed_by.items() if by <= based_on}
-            check_fresh(change.before, self._held, seen, self.path)
+            check_not_stale(change.before, self._held, seen, self.path)
             check_change(change, self._held, self._crs, self.path)
-            after = named(change.after.with_columns(crs=self._crs), self._held)
+            after = with_ids(change.after.with_columns(crs=self._crs), self._held)
             return self._save(gone, after, who, change.action, key=key)
 
     def saved_as(self, key: str) -> Edit | None:
         """Return the edit that was saved under a key, also before the file was opened; None: there is none."""
         with self._turn, sql_errors(self.path):
-            number = number_of_key(self._db, key) if key else 0
+            number = edit_number_of_key(self._db, key) if key else 0
             return as_edit(self._db, entry_of(self._db, number), self._crs) if number else None
 
     def undo(self, *, who: str) -> Edit | None:
@@ -180,18 +180,18 @@ class DrawingFile:
     def history(self, most: int = 100) -> list[Edit]:
         """Return the last edits, the newest first, with their lines."""
         with self._turn, sql_errors(self.path):
-            return [as_edit(self._db, entry, self._crs) for entry in entries(self._db, most=most)]
+            return [as_edit(self._db, entry, self._crs) for entry in read_entries(self._db, most=most)]
 
-    def entries(self, most: int = 100) -> list[Entry]:
+    def entries(self, most: int = 100) -> list[HistoryEntry]:
         """Return the last edits, the newest first, with the ids of their lines only."""
         with self._turn, sql_errors(self.path):
-            return entries(self._db, most=most)
+            return read_entries(self._db, most=most)
 
     @property
     def judged(self) -> LineSet:
-        """Lines as they were before people changed, moved or deleted them (see `linework.editing.queue.carried_over.carried`)."""
+        """Lines as they were before people changed, moved or deleted them (see `linework.editing.queue.carried_over.carry_over_reviews`)."""
         with self._turn, sql_errors(self.path):
-            return stored_lines(self._db, judged_versions(self._db, self._steps), self._crs)
+            return stored_lines(self._db, reviewed_versions(self._db, self._steps), self._crs)
 
     @property
     def undone(self) -> frozenset[int]:
@@ -204,7 +204,9 @@ class DrawingFile:
         with self._turn, sql_errors(self.path):
             if revision <= 0:
                 return self._held.all, ()
-            touched = dict.fromkeys(n for e in reversed(entries(self._db, after=revision)) for n in e.ids)
+            touched = dict.fromkeys(
+                n for e in reversed(read_entries(self._db, after=revision)) for n in e.ids
+            )
             there = [name for name in touched if name in self._held]
             return self._held.of(there), tuple(name for name in touched if name not in self._held)
 
@@ -228,7 +230,7 @@ class DrawingFile:
             return
         ids = list(self._held)
         rows = [self._row(self._versions[name]) for name in ids]
-        found = changed_elsewhere(self._db, self._held.of(ids), rows, self.path)
+        found = find_outside_changes(self._db, self._held.of(ids), rows, self.path)
         self._seen = now
         try:
             self._take_over(found)
@@ -236,14 +238,14 @@ class DrawingFile:
             self._seen = seen
             raise
 
-    def _take_over(self, elsewhere: Elsewhere) -> None:
+    def _take_over(self, elsewhere: OutsideChanges) -> None:
         if elsewhere:
-            lines = named(elsewhere.came, {*self._held})
-            self._save(elsewhere.gone, lines, "", ELSEWHERE, features=elsewhere.features)
+            lines = with_ids(elsewhere.came, {*self._held})
+            self._save(elsewhere.gone, lines, "", CHANGED_OUTSIDE, features=elsewhere.features)
 
-    def _row(self, version: int) -> Row:
+    def _row(self, version: int) -> LineRow:
         found = self._db.execute("SELECT layer, fid, line FROM line_version WHERE version = ?", (version,))
-        return Row(*found.fetchone())
+        return LineRow(*found.fetchone())
 
     def _data_version(self) -> int:
         """Return a number that changes when another connection writes."""
@@ -272,14 +274,14 @@ class DrawingFile:
                     advice="look again, then repeat it",
                 )
             old = [self._versions[name] for name in gone]
-            remove_rows(self._db, displace_versions(self._db, old))
+            delete_rows(self._db, displace_versions(self._db, old))
             for layer, fid in features:
                 self._db.execute(f"DELETE FROM {quoted(layer)} WHERE fid = ?", (fid,))
-            rows = put_rows(self._db, after, self._next_line)
+            rows = insert_rows(self._db, after, self._next_line)
             new = list(versions) or add_versions(self._db, ids, line_bytes(after))
             place_versions(self._db, new, rows, number)
             touched = tuple(dict.fromkeys([*gone, *ids]))
-            entry = Entry(number, utc_now(), who, action, undoes, touched, tuple(old), tuple(new))
+            entry = HistoryEntry(number, utc_now(), who, action, undoes, touched, tuple(old), tuple(new))
             add_entry(self._db, entry)
             if key:
                 add_key(self._db, key, number)

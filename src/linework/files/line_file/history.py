@@ -16,7 +16,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
 from linework.errors import InputError
-from linework.files.line_file.tables import Row
+from linework.files.line_file.tables import LineRow
 from linework.model.changes import Change, Edit
 from linework.model.columns import column_types
 from linework.model.lines import LINE_COLUMNS, LineSet
@@ -27,7 +27,7 @@ EXTRACT = "extract"
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class HistoryEntry:
     """A row of the table `edit`: `gone` and `came` are numbers of versions."""
 
     number: int
@@ -44,36 +44,38 @@ def add_versions(db: sqlite3.Connection, ids: Sequence[str], contents: Iterable[
     """Store lines as they are now; return the numbers of the versions. They stand nowhere yet (see `place_versions`)."""
     statement = "INSERT INTO line_version (id, edit, content) VALUES (?, 0, ?)"
     rows = zip(ids, contents, strict=True)
-    return [int(db.execute(statement, (name, packed(line))).lastrowid or 0) for name, line in rows]
+    return [int(db.execute(statement, (name, pack_line(line))).lastrowid or 0) for name, line in rows]
 
 
-def place_versions(db: sqlite3.Connection, versions: Sequence[int], rows: Sequence[Row], edit: int) -> None:
+def place_versions(
+    db: sqlite3.Connection, versions: Sequence[int], rows: Sequence[LineRow], edit: int
+) -> None:
     """Note where versions stand, and which edit put them there."""
     values = [(r.layer, r.fid, r.line, edit, v) for v, r in zip(versions, rows, strict=True)]
     db.executemany("UPDATE line_version SET layer = ?, fid = ?, line = ?, edit = ? WHERE version = ?", values)
 
 
-def displace_versions(db: sqlite3.Connection, versions: Sequence[int]) -> list[Row]:
+def displace_versions(db: sqlite3.Connection, versions: Sequence[int]) -> list[LineRow]:
     """Note that versions stand no more; return where they stood."""
     found = []
     for version in versions:
         row = db.execute("SELECT layer, fid, line FROM line_version WHERE version = ?", (version,)).fetchone()
-        found.append(Row(str(row[0]), int(row[1]), int(row[2])))
+        found.append(LineRow(str(row[0]), int(row[1]), int(row[2])))
         db.execute("UPDATE line_version SET layer = NULL, fid = NULL WHERE version = ?", (version,))
     return found
 
 
-def add_entry(db: sqlite3.Connection, entry: Entry) -> None:
+def add_entry(db: sqlite3.Connection, entry: HistoryEntry) -> None:
     """Append an edit."""
     values = (entry.number, entry.time_utc, entry.who, entry.action, entry.undoes)
     lists = [json.dumps(part, ensure_ascii=False) for part in (entry.ids, entry.gone, entry.came)]
     db.execute("INSERT INTO edit VALUES (?, ?, ?, ?, ?, ?, ?, ?)", (*values, *lists))
 
 
-def entries(db: sqlite3.Connection, *, after: int = 0, most: int = -1) -> list[Entry]:
+def read_entries(db: sqlite3.Connection, *, after: int = 0, most: int = -1) -> list[HistoryEntry]:
     """Return edits after a number, the newest first; no more than `most` (-1: all)."""
     rows = db.execute("SELECT * FROM edit WHERE number > ? ORDER BY number DESC LIMIT ?", (after, most))
-    return [Entry(*row[:5], *(tuple(json.loads(part)) for part in row[5:])) for row in rows]
+    return [HistoryEntry(*row[:5], *(tuple(json.loads(part)) for part in row[5:])) for row in rows]
 
 
 def add_key(db: sqlite3.Connection, key: str, number: int) -> None:
@@ -81,32 +83,32 @@ def add_key(db: sqlite3.Connection, key: str, number: int) -> None:
     db.execute("INSERT INTO edit_key VALUES (?, ?)", (key, number))
 
 
-def number_of_key(db: sqlite3.Connection, key: str) -> int:
+def edit_number_of_key(db: sqlite3.Connection, key: str) -> int:
     """Return the edit that was sent under a key, 0: none."""
     row = db.execute("SELECT number FROM edit_key WHERE key = ?", (key,)).fetchone()
     return 0 if row is None else int(row[0])
 
 
-def entry_of(db: sqlite3.Connection, number: int) -> Entry:
+def entry_of(db: sqlite3.Connection, number: int) -> HistoryEntry:
     """Return an edit."""
-    return entries(db, after=number - 1, most=-1)[-1]
+    return read_entries(db, after=number - 1, most=-1)[-1]
 
 
 def stored_lines(db: sqlite3.Connection, versions: Sequence[int], crs: str) -> LineSet:
     """Return versions of lines, in this order."""
     statement = "SELECT content FROM line_version WHERE version = ?"
-    return unpacked_lines([db.execute(statement, (v,)).fetchone()[0] for v in versions], crs)
+    return unpack_lines([db.execute(statement, (v,)).fetchone()[0] for v in versions], crs)
 
 
-def as_edit(db: sqlite3.Connection, entry: Entry, crs: str) -> Edit:
+def as_edit(db: sqlite3.Connection, entry: HistoryEntry, crs: str) -> Edit:
     """Return an edit with its lines."""
     before, after = (stored_lines(db, part, crs) for part in (entry.gone, entry.came))
     return Edit(entry.number, entry.time_utc, entry.who, Change(entry.action, before, after), entry.undoes)
 
 
-def judged_versions(db: sqlite3.Connection, steps: Steps) -> list[int]:
+def reviewed_versions(db: sqlite3.Connection, steps: UndoSteps) -> list[int]:
     """Return the versions of lines that people's edits, as far as they are not taken back, have put out of the way."""
-    known = {entry.number: entry for entry in entries(db)}
+    known = {entry.number: entry for entry in read_entries(db)}
     found: dict[int, None] = {}
     for number in steps.done:
         origin = known[number]
@@ -134,13 +136,13 @@ def utc_now() -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Steps:
+class UndoSteps:
     """Edits that can be taken back, and undos that can be, the last of each first to go."""
 
     done: tuple[int, ...] = ()
     undone: tuple[int, ...] = ()
 
-    def after(self, number: int, action: str, undoes: int) -> Steps:
+    def after(self, number: int, action: str, undoes: int) -> UndoSteps:
         """Return the steps after one more edit.
 
         >>> steps = Steps().after(1, "draw", 0).after(2, "undo", 1)
@@ -148,15 +150,15 @@ class Steps:
         (Steps(done=(), undone=(2,)), Steps(done=(3,), undone=()), Steps(done=(3,), undone=()))
         """
         if undoes and action == UNDO:
-            return Steps(self.done[:-1], (*self.undone, number))
+            return UndoSteps(self.done[:-1], (*self.undone, number))
         if undoes and action == REDO:
-            return Steps((*self.done, number), self.undone[:-1])
-        return Steps((*self.done, number))
+            return UndoSteps((*self.done, number), self.undone[:-1])
+        return UndoSteps((*self.done, number))
 
 
-def steps_of(db: sqlite3.Connection) -> Steps:
+def steps_of(db: sqlite3.Connection) -> UndoSteps:
     """Return what can be undone and redone after all edits."""
-    steps = Steps()
+    steps = UndoSteps()
     for number, action, undoes in db.execute("SELECT number, action, undoes FROM edit ORDER BY number"):
         steps = steps.after(number, action, undoes)
     return steps
@@ -168,7 +170,7 @@ _LENGTH = struct.Struct("<I")
 #: The fastest: a commit waits for it, and coordinates do not get much smaller anyway.
 _LEVEL = 1
 #: No line is larger: six million vertices.
-MOST_BYTES = 1 << 28
+MOST_LINE_BYTES = 1 << 28
 
 
 def line_bytes(lines: LineSet) -> list[bytes]:
@@ -193,18 +195,18 @@ def line_bytes(lines: LineSet) -> list[bytes]:
     return found
 
 
-def packed(line: bytes) -> bytes:
+def pack_line(line: bytes) -> bytes:
     """Return a line's bytes as they are stored."""
     return zlib.compress(line, _LEVEL)
 
 
-def unpacked_lines(stored: Sequence[bytes], crs: str) -> LineSet:
+def unpack_lines(stored: Sequence[bytes], crs: str) -> LineSet:
     """Return the lines of what was stored.
 
     Raises
     ------
     InputError
-        It was not stored by `packed`, or is damaged.
+        It was not stored by `pack_line`, or is damaged.
     """
     try:
         return _unpacked(stored, crs)
@@ -218,7 +220,7 @@ def _unpacked(stored: Sequence[bytes], crs: str) -> LineSet:
     flags: list[AnyArray] = []
     for content in stored:
         # A few bytes may stand for any number of zeros
-        line = zlib.decompressobj().decompress(content, MOST_BYTES)
+        line = zlib.decompressobj().decompress(content, MOST_LINE_BYTES)
         (length,) = _LENGTH.unpack_from(line)
         start = _LENGTH.size + length
         head = json.loads(line[_LENGTH.size : start])

@@ -14,40 +14,45 @@ import numpy as np
 from linework.errors import CrsError, InputError, OutputExistsError, UsageError
 from linework.files.geodesy.crs import LOCAL, describe_crs, parse_crs, same_crs
 from linework.files.line_file.checks import check_texts
-from linework.files.line_file.elsewhere import Elsewhere, changed_elsewhere, found_lines, with_vertex_rows
+from linework.files.line_file.elsewhere import (
+    OutsideChanges,
+    find_outside_changes,
+    read_layer_lines,
+    with_vertex_rows,
+)
 from linework.files.line_file.history import (
-    Steps,
+    UndoSteps,
     add_versions,
     line_bytes,
     place_versions,
     steps_of,
-    unpacked_lines,
+    unpack_lines,
 )
 from linework.files.line_file.tables import (
-    Row,
-    add_drawing_tables,
+    LineRow,
+    add_line_file_tables,
     columns_of,
-    connected,
+    connect_database,
+    insert_rows,
     line_layers,
-    put_rows,
     quoted,
     sql_errors,
     srs_of,
     transaction,
 )
-from linework.files.output.locks import lock_path, locked
+from linework.files.output.locks import hold_lock, lock_path
 from linework.files.output.publish import check_output
 from linework.files.vectors.gdal_input import checked_vector_file
 from linework.files.vectors.gpkg import VERTEX_TABLE
 from linework.files.vectors.read_write import write_lines
-from linework.lines.names import named
+from linework.lines.names import with_ids
 from linework.model.lines import KINDS, LineSet
 
 _MADE = "linework extract and linework convert make such files"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Opened:
+class LineFileState:
     """A drawing as it was saved last.
 
     Parameters
@@ -63,14 +68,14 @@ class Opened:
     edits: tuple[int, ...]
     revision: int
     next_line: int
-    steps: Steps
-    elsewhere: Elsewhere
+    steps: UndoSteps
+    elsewhere: OutsideChanges
 
 
 @contextmanager
-def opened_drawing(
+def open_line_file(
     path: Path, crs: str, *, is_held: bool = False
-) -> Iterator[tuple[sqlite3.Connection, Opened]]:
+) -> Iterator[tuple[sqlite3.Connection, LineFileState]]:
     """Open a drawing, see `DrawingFile.opened`."""
     if path.is_dir():
         raise UsageError("is a folder", where=path, advice="name a GeoPackage in it")
@@ -81,14 +86,14 @@ def opened_drawing(
     if not is_held:
         check_output(path, overwrite=True)
     busy = OutputExistsError("another workbench or run holds it", where=path, advice="end that first")
-    with contextlib.nullcontext() if is_held else locked(lock_path(path), busy):
+    with contextlib.nullcontext() if is_held else hold_lock(lock_path(path), busy):
         if not path.exists():
             write_lines(LineSet.empty(crs), path, kinds=KINDS)
         checked_vector_file(path)
-        with sql_errors(path), contextlib.closing(connected(path)) as db:
+        with sql_errors(path), contextlib.closing(connect_database(path)) as db:
             _check(db, crs, path)
             with transaction(db):
-                add_drawing_tables(db)
+                add_line_file_tables(db)
                 if db.execute("SELECT count(*) FROM line_version").fetchone()[0] == 0:
                     _take_in(db, crs, path)
             try:
@@ -139,7 +144,7 @@ def _take_in(db: sqlite3.Connection, crs: str, path: Path) -> None:
     Lines whose vertices do not fit their rows (moved or split by others) and lines without an id of their own are
     appended anew; all others stay as they are.
     """
-    found = found_lines(db, crs, path)
+    found = read_layer_lines(db, crs, path)
     lines, fitting = with_vertex_rows(db, found)
     check_texts(lines, path)
     _, first = np.unique(lines.id, return_index=True)
@@ -153,13 +158,13 @@ def _take_in(db: sqlite3.Connection, crs: str, path: Path) -> None:
     place_versions(db, versions, rows, 0)
     if rest:
         no_id = np.array([lines.id[i] if i in own else "" for i in rest], dtype=np.str_)
-        others = named(lines.take(rest).with_columns(id=no_id), set(kept.id.tolist()))
-        rows = put_rows(db, others, _next_line(db))
+        others = with_ids(lines.take(rest).with_columns(id=no_id), set(kept.id.tolist()))
+        rows = insert_rows(db, others, _next_line(db))
         versions = add_versions(db, others.id.tolist(), line_bytes(others))
         place_versions(db, versions, rows, 0)
 
 
-def _remove_others(db: sqlite3.Connection, rows: list[Row]) -> None:
+def _remove_others(db: sqlite3.Connection, rows: list[LineRow]) -> None:
     """Remove all features and vertices of our layers but those of these lines."""
     for layer in line_layers(db):
         kept = {row.fid for row in rows if row.layer == layer}
@@ -179,17 +184,17 @@ def _next_line(db: sqlite3.Connection) -> int:
     return int(row[0]) + 1
 
 
-def _saved(db: sqlite3.Connection, crs: str, path: Path) -> Opened:
+def _saved(db: sqlite3.Connection, crs: str, path: Path) -> LineFileState:
     """Return the drawing as its history says, and what the file says otherwise."""
     stored = db.execute(
         "SELECT version, layer, fid, line, edit, content FROM line_version WHERE layer IS NOT NULL ORDER BY line"
     ).fetchall()
-    lines = unpacked_lines([row[5] for row in stored], crs)
-    rows = [Row(*row[1:4]) for row in stored]
+    lines = unpack_lines([row[5] for row in stored], crs)
+    rows = [LineRow(*row[1:4]) for row in stored]
     (revision,) = db.execute("SELECT coalesce(max(number), 0) FROM edit").fetchone()
-    elsewhere = changed_elsewhere(db, lines, rows, path)
+    elsewhere = find_outside_changes(db, lines, rows, path)
     check_texts(elsewhere.came, path)
-    return Opened(
+    return LineFileState(
         lines=lines,
         versions=tuple(row[0] for row in stored),
         edits=tuple(row[4] for row in stored),

@@ -22,8 +22,8 @@ from linework.files.vectors.fields import (
     geometries,
     layer_names,
 )
-from linework.files.vectors.gpkg import STYLE_TABLE, VERTEX_TABLE, storable, style_columns
-from linework.files.vectors.gpkg_schema import Table, add_table, geometry_blobs, shape_bounds, sql_values
+from linework.files.vectors.gpkg import STYLE_TABLE, VERTEX_TABLE, null_if_empty, style_columns
+from linework.files.vectors.gpkg_schema import LayerTable, add_table, geometry_blobs, shape_bounds, sql_values
 from linework.model.lines import VERTEX_COLUMNS, LineSet
 
 #: QGIS holds the file for as long as it takes to save a layer. [s]
@@ -81,7 +81,7 @@ def sql_errors(path: Path) -> Iterator[None]:
         raise InputError(f"damaged ({error})", where=path, advice="go back to a copy") from error
 
 
-def connected(path: Path) -> sqlite3.Connection:
+def connect_database(path: Path) -> sqlite3.Connection:
     """Return a connection whose every transaction is on the disk when it ends; transactions are begun by hand.
 
     Triggers of the standard call functions that SQLite lacks; they are here.
@@ -127,7 +127,7 @@ def wkb_of(blob: bytes) -> bytes:
     return blob[8 + envelope[min((blob[3] >> 1) & 7, 4)] :]
 
 
-def add_drawing_tables(db: sqlite3.Connection) -> None:
+def add_line_file_tables(db: sqlite3.Connection) -> None:
     """Add what a drawing has and an extraction has not, within a transaction: tables, and columns of its layers."""
     for statement in _TABLES:
         db.execute(statement)
@@ -149,12 +149,12 @@ def add_layer(db: sqlite3.Connection, layer: str) -> None:
     """Add an empty layer of lines, with its style, within a transaction."""
     columns = {name: np.zeros(0, dtype=object) for name in _empty_columns(layer)}
     none = np.array([], dtype=object)
-    add_table(db, Table(layer, columns, none, sql_types=_empty_columns(layer)), srs_of(db))
+    add_table(db, LayerTable(layer, columns, none, sql_types=_empty_columns(layer)), srs_of(db))
     if columns_of(db, STYLE_TABLE):
         style = style_columns([layer])
         names = ", ".join(f'"{name}"' for name in style)
         places = ", ".join("?" * len(style))
-        values = [storable(column).tolist()[0] for column in style.values()]
+        values = [null_if_empty(column).tolist()[0] for column in style.values()]
         db.execute(f"INSERT INTO {STYLE_TABLE} ({names}) VALUES ({places})", values)
 
 
@@ -191,7 +191,7 @@ _NOW = "strftime('%Y-%m-%dT%H:%M:%fZ', 'now')"
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class LineRow:
     """Where a line stands: its layer and feature, and its number in the table of vertices."""
 
     layer: str
@@ -199,7 +199,7 @@ class Row:
     line: int
 
 
-def put_rows(db: sqlite3.Connection, lines: LineSet, first_line: int) -> list[Row]:
+def insert_rows(db: sqlite3.Connection, lines: LineSet, first_line: int) -> list[LineRow]:
     """Append lines to their layers, and their vertices, within a transaction; return where they are.
 
     Parameters
@@ -222,11 +222,11 @@ def put_rows(db: sqlite3.Connection, lines: LineSet, first_line: int) -> list[Ro
         chosen = np.flatnonzero(layers == layer)
         names = [name for name in columns_of(db, layer) if name in values]
         columns: list[Sequence[object]] = [geometry_blobs(shapes[chosen], srs_of(db))]
-        columns += [sql_values(storable(values[name][chosen])) for name in names]
+        columns += [sql_values(null_if_empty(values[name][chosen])) for name in names]
         fids[chosen] = _insert_each(db, layer, ["geom", *names], columns)
         _touch(db, layer, shapes[chosen])
     rows = [
-        Row(str(layer), int(fid), first_line + i)
+        LineRow(str(layer), int(fid), first_line + i)
         for i, (layer, fid) in enumerate(zip(layers, fids, strict=True))
     ]
     _put_vertices(db, lines, rows)
@@ -242,14 +242,14 @@ def _insert_each(
     return [int(db.execute(statement, row).lastrowid or 0) for row in zip(*columns, strict=True)]
 
 
-def _put_vertices(db: sqlite3.Connection, lines: LineSet, rows: Sequence[Row]) -> None:
+def _put_vertices(db: sqlite3.Connection, lines: LineSet, rows: Sequence[LineRow]) -> None:
     owner = lines.line_of_vertex
     there = columns_of(db, VERTEX_TABLE)
     columns: dict[str, AnyArray] = {
         "line": np.array([row.line for row in rows], dtype=np.int64)[owner],
         "layer": np.array([row.layer for row in rows], dtype=object)[owner],
         "line_fid": np.array([row.fid for row in rows], dtype=np.int64)[owner],
-        "line_id": storable(lines.id)[owner],
+        "line_id": null_if_empty(lines.id)[owner],
         "vertex": np.arange(len(owner), dtype=np.int64) - lines.offsets[owner],
     }
     columns |= {name: getattr(lines, name) for name in VERTEX_COLUMNS if name in there}
@@ -258,7 +258,7 @@ def _put_vertices(db: sqlite3.Connection, lines: LineSet, rows: Sequence[Row]) -
     db.executemany(f"INSERT INTO {VERTEX_TABLE} ({fields}) VALUES ({places})", values)
 
 
-def remove_rows(db: sqlite3.Connection, rows: Iterable[Row]) -> None:
+def delete_rows(db: sqlite3.Connection, rows: Iterable[LineRow]) -> None:
     """Take lines out of their layers, and their vertices, within a transaction."""
     layers = set()
     for row in rows:

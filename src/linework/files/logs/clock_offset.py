@@ -6,7 +6,7 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.files.logs.clock import known_offsets
-from linework.files.store.layout import BLOCK_M
+from linework.files.store.layout import STORE_BLOCK_M
 from linework.files.store.read import PointStore
 from linework.model.grid import Bounds
 from linework.model.trajectory import Trajectory
@@ -58,8 +58,8 @@ def _some_points(store: PointStore) -> tuple[FloatArray, FloatArray]:
     small = np.sort(enough[np.argsort(counts[enough], kind="stable")[:n_small]])
     chosen = small[np.linspace(0, len(small) - 1, min(_N_BLOCKS, len(small))).astype(int)]
     found_xy, found_s = [np.zeros((0, 2))], [np.zeros(0)]
-    for east, north in (blocks[chosen] * BLOCK_M).tolist():
-        bounds = Bounds(east, north, east + BLOCK_M, north + BLOCK_M)
+    for east, north in (blocks[chosen] * STORE_BLOCK_M).tolist():
+        bounds = Bounds(east, north, east + STORE_BLOCK_M, north + STORE_BLOCK_M)
         points = store.points(bounds, ordered=False, with_intensity=False)
         if points.time_s is not None:
             step = 1 + len(points) // _ENOUGH_POINTS

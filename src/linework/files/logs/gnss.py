@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.files.geodesy.geodetic import EarthFrame, to_places
+from linework.files.geodesy.geodetic import EarthFrame, project_places
 from linework.files.logs.fixes import GnssContent, RawFixes, usable_fixes
 from linework.files.logs.nmea import read_nmea
 from linework.files.logs.rtklib import read_rtklib_pos
@@ -69,6 +69,6 @@ def _read_csv(path: Path, frame: EarthFrame) -> GnssContent:
     fixes, said = usable_fixes(path, RawFixes(columns["time_s"], places, sigma, table.line_numbers))
     warnings, xyz = (*table.warnings, *said), fixes.places
     if names == _DEGREES:
-        placed = to_places(fixes.places, frame, where=path)
+        placed = project_places(fixes.places, frame, where=path)
         warnings, xyz = (*warnings, *placed.warnings), placed.xyz
     return GnssContent(GnssLog(fixes.time_s, xyz, fixes.sigma_m), warnings)

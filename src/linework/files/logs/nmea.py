@@ -18,10 +18,10 @@ from pynmeagps.exceptions import NMEAMessageError, NMEAParseError, NMEAStreamErr
 
 from linework.arrays import FloatArray
 from linework.errors import InputError
-from linework.files.geodesy.geodetic import EarthFrame, to_places
+from linework.files.geodesy.geodetic import EarthFrame, project_places
 from linework.files.logs.clock import gps_of_unix
 from linework.files.logs.fixes import GnssContent, RawFixes, usable_fixes
-from linework.files.logs.text import judge_bad_lines, text_blocks
+from linework.files.logs.text import bad_lines_warning, text_blocks
 from linework.files.trajectories.oxts import UP_PER_PLAN
 from linework.model.logs import GnssLog
 
@@ -81,7 +81,7 @@ def read_nmea(path: Path, frame: EarthFrame) -> GnssContent:
                     n_good += 1
                 else:
                     bad.append(number)
-    said = judge_bad_lines(path, bad, n_good, "sound NMEA sentences", advice="expected $..GGA sentences")
+    said = bad_lines_warning(path, bad, n_good, "sound NMEA sentences", advice="expected $..GGA sentences")
     if not log.fixes:
         raise InputError(f"no fix among {n_good} sentences", where=path, advice="expected $..GGA with a fix")
     values = np.array(log.fixes, dtype=np.float64)
@@ -91,7 +91,7 @@ def read_nmea(path: Path, frame: EarthFrame) -> GnssContent:
         odd = (*odd, f"{log.n_without_fix} of {log.n_without_fix + len(values)} epochs have no fix")
     fixes, left_out = usable_fixes(path, RawFixes(seconds, np.column_stack([places, undulation]),
                                                   _sigmas(log, values), values[:, 8]))  # fmt: skip
-    placed = to_places(fixes.places[:, :3], frame, undulation_m=fixes.places[:, 3], where=path)
+    placed = project_places(fixes.places[:, :3], frame, undulation_m=fixes.places[:, 3], where=path)
     if n_others:
         odd = (*odd, f"{n_others} lines hold no NMEA sentence")
     warnings = (*said, *more, *odd, *left_out, *placed.warnings)

@@ -11,10 +11,10 @@ import pyproj
 
 from linework.arrays import FloatArray
 from linework.errors import InputError
-from linework.files.geodesy.geodetic import EarthFrame, to_places
+from linework.files.geodesy.geodetic import EarthFrame, project_places
 from linework.files.logs.clock import WEEK_S, gps_of_unix
 from linework.files.logs.fixes import GnssContent, RawFixes, usable_fixes
-from linework.files.logs.text import judge_bad_lines, text_blocks
+from linework.files.logs.text import bad_lines_warning, text_blocks
 from linework.model.logs import GnssLog
 
 _DATE = re.compile(r"\d{4}/\d\d/\d\d")
@@ -56,7 +56,7 @@ def read_rtklib_pos(path: Path, frame: EarthFrame) -> GnssContent:
                     rows.append(row)
                     numbers.append(number)
     header = _header(comments, path)
-    said = judge_bad_lines(
+    said = bad_lines_warning(
         path, bad, len(rows), "solutions", advice="expected time, position, Q, ns and six standard deviations"
     )
     values = np.array(rows, dtype=np.float64)
@@ -70,7 +70,7 @@ def read_rtklib_pos(path: Path, frame: EarthFrame) -> GnssContent:
     if header.has_geoid_heights:
         frame = replace(frame, geoid=0.0)
         more = (*more, "heights are above the geoid: taken as they are")
-    placed = to_places(fixes.places, frame, where=path)
+    placed = project_places(fixes.places, frame, where=path)
     log = GnssLog(fixes.time_s, placed.xyz, fixes.sigma_m)
     return GnssContent(log, (*said, *more, *placed.warnings), "gps")
 

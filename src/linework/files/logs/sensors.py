@@ -14,7 +14,7 @@ from linework.files.geodesy.geodetic import EarthFrame
 from linework.files.logs.clock import epoch_by_values, fitted_times, in_seconds, in_time_order, to_survey_time
 from linework.files.logs.fixes import GnssContent
 from linework.files.logs.gnss import read_gnss
-from linework.files.logs.tables import Table, read_table
+from linework.files.logs.tables import NumberTable, read_table
 from linework.model.logs import GnssLog, GyroLog, NavigationLogs, WheelLog
 from linework.model.survey import Survey
 
@@ -133,10 +133,10 @@ def _read_wheels(path: Path) -> tuple[WheelLog, list[str]]:
     return WheelLog(columns["time_s"], speed_mps=columns["speed_mps"]), said
 
 
-def _in_order(table: Table, path: Path) -> tuple[Table, list[str]]:
+def _in_order(table: NumberTable, path: Path) -> tuple[NumberTable, list[str]]:
     """Return the rows of a table in strictly increasing time, and the warnings with the file's name."""
     time_s, odd = in_seconds(table.columns["time_s"], path)
     kept, said = in_time_order(time_s, table.line_numbers)
     columns = {name: values[kept] for name, values in {**table.columns, "time_s": time_s}.items()}
     warnings = [f"{path.name}: {text}" for text in (*table.warnings, *odd, *said)]
-    return Table(columns, table.line_numbers[kept]), warnings
+    return NumberTable(columns, table.line_numbers[kept]), warnings

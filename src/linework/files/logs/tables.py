@@ -14,14 +14,14 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.errors import InputError
-from linework.files.logs.text import TextBlock, judge_bad_lines, text_blocks, text_lines
+from linework.files.logs.text import TextBlock, bad_lines_warning, text_blocks, text_lines
 
 #: A block with an irregular line is halved down to this size, then read line by line. [bytes]
 _SMALL_BYTES = 1 << 14
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class NumberTable:
     """Columns of finite numbers by name, the line each row came from, and a warning for lines left out.
 
     Parameters
@@ -48,7 +48,7 @@ class _Layout:
 
 def read_table(
     path: Path, required: Sequence[str], groups: Sequence[Sequence[str]] = (), *, one_of: bool = False
-) -> Table:
+) -> NumberTable:
     """Read columns of numbers from a CSV file with a header row; UTF-8, any line ends, with or without BOM.
 
     Cells are separated by commas, or by semicolons or tabs where the header has more of those; decimals may then
@@ -78,12 +78,12 @@ def read_table(
     names = _column_names(path, there, required, groups, one_of=one_of)
     layout = _Layout(separator, len(there), tuple(there.index(name) for name in names))
     values, numbers, bad = _read_rows(rest, blocks, layout)
-    warnings = judge_bad_lines(
+    warnings = bad_lines_warning(
         path, bad, len(values), "finite numbers in all columns",
         advice="columns are separated by commas, decimals by points",
     )  # fmt: skip
     columns = {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(names)}
-    return Table(columns, numbers, warnings)
+    return NumberTable(columns, numbers, warnings)
 
 
 def _read_rows(

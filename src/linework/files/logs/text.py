@@ -131,7 +131,7 @@ def text_lines(path: Path) -> list[tuple[int, str]]:
     return found
 
 
-def judge_bad_lines(
+def bad_lines_warning(
     path: Path, bad: Sequence[int], n_good: int, expected: str, *, advice: str, unit: str = "line"
 ) -> tuple[str, ...]:
     """Return the warning about lines left out.
@@ -216,7 +216,7 @@ def read_number_rows(path: Path, n_cells: int) -> NumberRows:
                 numbers.append(number)
                 rows.append(n_rows)
             n_rows += 1
-    warnings = judge_bad_lines(
+    warnings = bad_lines_warning(
         path, bad, len(values), f"{n_cells} finite numbers", advice=f"each line holds {n_cells} numbers"
     )
     return NumberRows(

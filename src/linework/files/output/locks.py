@@ -13,7 +13,7 @@ from linework.files.output.publish import check_output, machine_errors
 
 
 @contextlib.contextmanager
-def locked(
+def hold_lock(
     lock: Path, refusal: OutputExistsError | None = None, *, shared: bool = False, keep: bool = False
 ) -> Iterator[None]:
     """Hold a lock file for what is done inside.
@@ -65,7 +65,7 @@ def _is_named(handle: int, path: Path) -> bool:
 
 
 @contextlib.contextmanager
-def reserved_output(path: Path, *, overwrite: bool = False) -> Iterator[None]:
+def reserve_output(path: Path, *, overwrite: bool = False) -> Iterator[None]:
     """Hold the output `path` for what is done inside.
 
     Folders made for it are taken away again if nothing was put into them.
@@ -88,7 +88,7 @@ def reserved_output(path: Path, *, overwrite: bool = False) -> Iterator[None]:
         busy = OutputExistsError(
             "another run is writing it", where=path, advice="wait for it, or choose another name"
         )
-        with locked(lock_path(path), busy):
+        with hold_lock(lock_path(path), busy):
             yield
     finally:
         with contextlib.suppress(OSError):

@@ -14,12 +14,12 @@ from linework.files.las.crs import ResolvedCrs, resolve_crs
 from linework.files.las.decoder import Decoder, DecoderLimits
 from linework.files.las.header import LasHeader, read_las_header
 from linework.files.las.messages import Decoded, DecodeTask
-from linework.files.las.repeats import repeated_elsewhere, said_elsewhere, sample_bits
+from linework.files.las.repeats import repeated_elsewhere, repeats_message, sample_bits
 from linework.files.las.tally import TimeCounts, TimeKind
 from linework.files.output.record import hash_file
-from linework.files.store.extent import limits_of, refuse_degrees
-from linework.files.store.facts import FileFacts, StoreFacts, facts_document, facts_of
-from linework.files.store.layout import POINTS_SUFFIX, STEPS_PER_M, RunTable
+from linework.files.store.extent import refuse_degrees, stray_limits
+from linework.files.store.facts import FileFacts, StoreFacts, facts_document, facts_of_store
+from linework.files.store.layout import POINTS_SUFFIX, STORE_STEPS_PER_M, RunTable
 from linework.files.store.read import PointStore
 from linework.files.store.write import write_index
 from linework.model.grid import Bounds
@@ -31,7 +31,7 @@ _POINT_BYTES = 18
 _SAMPLE = 100_000
 
 
-def spill_survey(
+def build_store(
     survey: Survey,
     folder: Path,
     *,
@@ -77,14 +77,14 @@ def spill_survey(
     refuse_degrees([result.sample for result in results], n_points, where=decoded[0][0].path)
     facts = _facts(survey, decoded, account)
     runs = RunTable.concatenate(*(result.runs for result in results))
-    write_index(folder, runs, facts, limits_of(runs, [result.height_counts for result in results]))
-    return facts_of(PointStore.open(folder))
+    write_index(folder, runs, facts, stray_limits(runs, [result.height_counts for result in results]))
+    return facts_of_store(PointStore.open(folder))
 
 
 def _decode_all(
     decoder: Decoder,
     planned: Sequence[PlannedFile],
-    account: SpillAccount,
+    account: StoreBuildAccount,
     folder: Path,
     progress: Callable[[int, int], None] | None,
 ) -> list[tuple[PlannedFile, Decoded]]:
@@ -119,7 +119,7 @@ def _decode_all(
 
 
 def _without_copies(
-    decoded: Sequence[tuple[PlannedFile, Decoded]], account: SpillAccount, folder: Path
+    decoded: Sequence[tuple[PlannedFile, Decoded]], account: StoreBuildAccount, folder: Path
 ) -> list[tuple[PlannedFile, Decoded]]:
     """Return the files without those all of whose points another file holds too; tell of those and of parts."""
     has_time = all(result.gps_time_kind != "none" for _, result in decoded)
@@ -130,7 +130,7 @@ def _without_copies(
             kept.append((file, result))
             continue
         other, share = found[i]
-        text = said_elsewhere(share, decoded[other][0].path.name, has_time=has_time)
+        text = repeats_message(share, decoded[other][0].path.name, has_time=has_time)
         if share < 1.0:
             account.warnings[file.path].append(text)
             kept.append((file, result))
@@ -166,7 +166,7 @@ def _check_free_space(folder: Path, n_points: int) -> None:
 
 
 def _facts(
-    survey: Survey, decoded: Sequence[tuple[PlannedFile, Decoded]], account: SpillAccount
+    survey: Survey, decoded: Sequence[tuple[PlannedFile, Decoded]], account: StoreBuildAccount
 ) -> dict[str, object]:
     """Return what is to be known of the store, as JSON."""
     files = tuple(_file_facts(file, result) for file, result in decoded)
@@ -197,7 +197,7 @@ def _facts(
 def _file_facts(file: PlannedFile, result: Decoded) -> FileFacts:
     # On the store's lattice, so that its points lie within
     west, south, east, north = (
-        round(v * STEPS_PER_M) / STEPS_PER_M for v in (*result.low[:2], *result.high[:2])
+        round(v * STORE_STEPS_PER_M) / STORE_STEPS_PER_M for v in (*result.low[:2], *result.high[:2])
     )
     return FileFacts(
         file.path, file.header.n_points, result.n_points, result.n_rejected, Bounds(west, south, east, north),
@@ -233,7 +233,7 @@ class PlannedFile:
 
 
 @dataclass(slots=True)
-class SpillAccount:
+class StoreBuildAccount:
     """What is found on the way, by file."""
 
     warnings: dict[Path, list[str]]
@@ -241,7 +241,7 @@ class SpillAccount:
     empty: InputError | None = None
 
 
-def plan_files(survey: Survey) -> tuple[list[PlannedFile], SpillAccount]:
+def plan_files(survey: Survey) -> tuple[list[PlannedFile], StoreBuildAccount]:
     """Check the headers of all files before anything is decoded.
 
     Raises
@@ -249,7 +249,7 @@ def plan_files(survey: Survey) -> tuple[list[PlannedFile], SpillAccount]:
     CrsError
         A file's CRS is missing, or contradicts the survey's.
     """
-    planned, account = [], SpillAccount({path: [] for path in survey.point_files})
+    planned, account = [], StoreBuildAccount({path: [] for path in survey.point_files})
     repeated = _repeated(survey.point_files)
     for path in survey.point_files:
         if path in repeated:

@@ -14,7 +14,7 @@ from linework.arrays import AnyArray
 from linework.files.array_file import ARRAY_SUFFIX, opened_arrays, write_arrays
 from linework.files.output.publish import machine_errors
 from linework.files.output.replace import make_durable, replace_file
-from linework.surface.cells import Window
+from linework.surface.cells import CellWindow
 
 #: Number of a tile east and north.
 TileNumber = tuple[int, int]
@@ -40,12 +40,12 @@ class SurfaceTiles:
     n_cells: int
     origin: tuple[int, int] = (0, 0)
 
-    def window(self, tile: TileNumber) -> Window:
+    def window(self, tile: TileNumber) -> CellWindow:
         """Return the cells of a tile."""
         west, south = (o + number * self.n_cells for o, number in zip(self.origin, tile, strict=True))
-        return Window(west, south, self.n_cells, self.n_cells)
+        return CellWindow(west, south, self.n_cells, self.n_cells)
 
-    def touching(self, window: Window) -> Iterator[TileNumber]:
+    def touching(self, window: CellWindow) -> Iterator[TileNumber]:
         """Yield the numbers of the tiles that share cells with a window, whether they exist or not."""
         (o_east, o_north), n = self.origin, self.n_cells
         for north in range((window.south - o_north) // n, (window.north - 1 - o_north) // n + 1):
@@ -72,7 +72,7 @@ class SurfaceTiles:
         """
         return self.read_common(_tile_name(name, tile))
 
-    def part(self, name: str, which: int, tile: TileNumber, window: Window) -> AnyArray | None:
+    def part(self, name: str, which: int, tile: TileNumber, window: CellWindow) -> AnyArray | None:
         """Return the cells of one array of a tile that lie in a window; None where the tile lacks this name.
 
         Raises
@@ -91,7 +91,7 @@ class SurfaceTiles:
         except FileNotFoundError:
             return None
 
-    def over(self, name: str, which: int, window: Window, empty: Any) -> AnyArray:
+    def over(self, name: str, which: int, window: CellWindow, empty: Any) -> AnyArray:
         """Return one of the arrays over a window, put together from the tiles.
 
         Parameters
@@ -111,7 +111,7 @@ class SurfaceTiles:
                 out[self.place(tile, window)] = values
         return out
 
-    def place(self, tile: TileNumber, window: Window) -> tuple[slice, slice]:
+    def place(self, tile: TileNumber, window: CellWindow) -> tuple[slice, slice]:
         """Return the slices of a window's array that a tile covers."""
         shared = self.window(tile).common(window)
         return window.part(shared) if shared else (slice(0), slice(0))

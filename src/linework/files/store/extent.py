@@ -11,7 +11,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
 from linework.errors import CrsError
-from linework.files.store.layout import BLOCK_M, HEIGHT_BUCKET_M, Limits, RunTable
+from linework.files.store.layout import HEIGHT_BUCKET_M, STORE_BLOCK_M, Limits, RunTable
 
 #: Of the points, how many may lie outside the box that says where the survey is.
 _TAIL = 0.001
@@ -25,7 +25,7 @@ _DEGREES_SIZE, _DEGREES_SLENDER = 0.5, 50.0
 _DEGREES_HEIGHT_M, _DEGREES_LEAST = 0.5, 100
 
 
-def limits_of(runs: RunTable, height_counts: Sequence[Mapping[int, int]]) -> Limits | None:
+def stray_limits(runs: RunTable, height_counts: Sequence[Mapping[int, int]]) -> Limits | None:
     """Return the limits beyond which points are far from where nearly all others are; None where there are none.
 
     Parameters
@@ -49,9 +49,9 @@ def limits_of(runs: RunTable, height_counts: Sequence[Mapping[int, int]]) -> Lim
         _middle(buckets, in_bucket),
     ]
     # Plan is one place: a long road east-west may bend north by as much.
-    plan_m = max(high - low for low, high in ranges[:2]) * BLOCK_M
+    plan_m = max(high - low for low, high in ranges[:2]) * STORE_BLOCK_M
     height_m = (ranges[2][1] - ranges[2][0]) * HEIGHT_BUCKET_M
-    plan = math.ceil(max(_REACH_SIZES * plan_m, _REACH_M) / BLOCK_M)
+    plan = math.ceil(max(_REACH_SIZES * plan_m, _REACH_M) / STORE_BLOCK_M)
     height = math.ceil(max(_REACH_SIZES * height_m, _REACH_M) / HEIGHT_BUCKET_M)
     limits = Limits(
         west=ranges[0][0] - plan,

@@ -83,7 +83,7 @@ def facts_document(
     times: TimeCounts,
     **others: Any,
 ) -> dict[str, Any]:
-    """Return as JSON what the store itself does not know; `facts_of` reads it.
+    """Return as JSON what the store itself does not know; `facts_of_store` reads it.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def facts_document(
     }
 
 
-def facts_of(store: PointStore) -> StoreFacts:
+def facts_of_store(store: PointStore) -> StoreFacts:
     """Return what is known of the points in a store that `spill_survey` made."""
     document = dict(store.facts)
     files = tuple(_file(f) for f in document.pop("files"))

@@ -14,7 +14,7 @@ from linework.arrays import FloatArray
 from linework.errors import InputError, MachineError
 from linework.files.las.tally import TimeKind
 from linework.files.logs.clock import WEEK_S, known_offsets
-from linework.files.store.build import spill_survey
+from linework.files.store.build import build_store
 from linework.files.store.facts import FileFacts as FileFacts
 from linework.files.store.facts import StoreFacts
 from linework.files.store.read import PointStore
@@ -80,7 +80,7 @@ def read_survey_points(survey: Survey, *, progress: Callable[[int], None] | None
     Raises
     ------
     InputError, CrsError, MachineError
-        As for `spill_survey`.
+        As for `build_store`.
 
     Notes
     -----
@@ -90,7 +90,7 @@ def read_survey_points(survey: Survey, *, progress: Callable[[int], None] | None
     report = None if progress is None else (lambda done, _total: progress(done))
     with tempfile.TemporaryDirectory(prefix="linework-") as name:
         folder = Path(name)
-        facts = spill_survey(survey, folder, n_threads=os.cpu_count() or 1, progress=report)
+        facts = build_store(survey, folder, n_threads=os.cpu_count() or 1, progress=report)
         points = PointStore.open(folder).points(with_time=facts.has_time, with_intensity=facts.has_intensity)
     if len(points) != facts.n_points:
         raise MachineError(

@@ -29,19 +29,19 @@ from linework.arrays import AnyArray
 #: Raised whenever files of an older version can no longer be read.
 STORE_VERSION = 1
 #: Steps per metre; a step of 0.1 mm is a tenth of what the best scanners resolve.
-STEPS_PER_M = 10_000
-STEP_M = 1e-4
+STORE_STEPS_PER_M = 10_000
+STORE_STEP_M = 1e-4
 #: Size of a block in plan and in height. [m]
-BLOCK_M = 64.0
-BLOCK_UP_M = 2**24 / STEPS_PER_M
+STORE_BLOCK_M = 64.0
+BLOCK_UP_M = 2**24 / STORE_STEPS_PER_M
 BLOCK_STEPS, BLOCK_UP_STEPS = 640_000, 2**24
 #: Heights are counted, and limited, in buckets of this. [m]
 HEIGHT_BUCKET_M = 64.0
 HEIGHT_BUCKET_STEPS = 640_000
 #: Cell of the key, and how many of them lie side by side in a block. [m]
-CELL_M, CELLS_PER_BLOCK = 0.5, 128
+STORE_CELL_M, CELLS_PER_BLOCK = 0.5, 128
 #: Coordinates lie within this. [m]
-FARTHEST_M = 1e8
+FARTHEST_COORDINATE_M = 1e8
 
 RUNS_FILE, INDEX_FILE, POINTS_SUFFIX = "runs.npy", "store.json", ".points"
 
@@ -139,10 +139,10 @@ class Limits:
     ) -> Limits:
         """Return the smallest limits that hold a closed box, its edges in metres."""
         return cls(
-            west=math.floor(west / BLOCK_M),
-            south=math.floor(south / BLOCK_M),
-            east=math.floor(east / BLOCK_M) + 1,
-            north=math.floor(north / BLOCK_M) + 1,
+            west=math.floor(west / STORE_BLOCK_M),
+            south=math.floor(south / STORE_BLOCK_M),
+            east=math.floor(east / STORE_BLOCK_M) + 1,
+            north=math.floor(north / STORE_BLOCK_M) + 1,
             low=math.floor(low / HEIGHT_BUCKET_M),
             high=math.floor(high / HEIGHT_BUCKET_M) + 1,
         )
@@ -163,11 +163,11 @@ def first_step(value_m: float) -> int:
     >>> first_step(0.0001), first_step(np.nextafter(0.0001, 1.0)), first_step(-0.00015)
     (1, 2, -1)
     """
-    if abs(value_m) > 2 * FARTHEST_M:
-        return int(math.copysign(2 * FARTHEST_M * STEPS_PER_M, value_m))
-    step = math.ceil(value_m * STEPS_PER_M)
-    while (step - 1) / STEPS_PER_M >= value_m:
+    if abs(value_m) > 2 * FARTHEST_COORDINATE_M:
+        return int(math.copysign(2 * FARTHEST_COORDINATE_M * STORE_STEPS_PER_M, value_m))
+    step = math.ceil(value_m * STORE_STEPS_PER_M)
+    while (step - 1) / STORE_STEPS_PER_M >= value_m:
         step -= 1
-    while step / STEPS_PER_M < value_m:
+    while step / STORE_STEPS_PER_M < value_m:
         step += 1
     return step

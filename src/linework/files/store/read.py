@@ -17,12 +17,12 @@ from linework.files.store.folder import ADVICE, Columns, Output, Scratch, StoreF
 from linework.files.store.layout import (
     BLOCK_STEPS,
     BLOCK_UP_STEPS,
-    CELL_M,
     CELLS_PER_BLOCK,
     HEIGHT_BUCKET_STEPS,
     INDEX_FILE,
     RUNS_FILE,
-    STEPS_PER_M,
+    STORE_CELL_M,
+    STORE_STEPS_PER_M,
     STORE_VERSION,
     Limits,
     RunTable,
@@ -93,7 +93,7 @@ class PointStore:
             raise ValueError("no points: they have no extent")
         west, south, east, north = self._extents
         edges = west.min(), south.min(), east.max(), north.max()
-        return Bounds(*(int(edge) / STEPS_PER_M for edge in edges))
+        return Bounds(*(int(edge) / STORE_STEPS_PER_M for edge in edges))
 
     @property
     def block_counts(self) -> tuple[IntArray, IntArray]:
@@ -284,12 +284,12 @@ class Floors:
 
     def __init__(self, image: Image, above_m: float = 0.0) -> None:
         grid = image.grid
-        per_col, per_row = grid.cell_width_m / CELL_M, grid.cell_height_m / CELL_M
+        per_col, per_row = grid.cell_width_m / STORE_CELL_M, grid.cell_height_m / STORE_CELL_M
         first_col, top_row = grid.east_m / grid.cell_width_m, grid.north_m / grid.cell_height_m
         # 1e-6 of a cell: the rounding of k * cell and back is 1e-8 of a cell at UTM northings
         apart = [abs(v - round(v)) for v in (per_col, per_row, first_col, top_row)]
         if grid.rotation_deg != 0.0 or max(apart) > 1e-6 or min(per_col, per_row) < 0.5:
-            raise ValueError(f"lowest: {grid} is not north-up on a lattice of multiples of {CELL_M} m")
+            raise ValueError(f"lowest: {grid} is not north-up on a lattice of multiples of {STORE_CELL_M} m")
         self._values, self._above_m = image.values, above_m
         self._per_col, self._per_row = round(per_col), round(per_row)
         self._first_col, self._top_row = round(first_col), round(top_row)
@@ -319,7 +319,7 @@ class Floors:
 
 def _first_steps(heights: AnyArray) -> AnyArray:
     """Return the lowest steps whose coordinates are not below the heights (see `store_layout.first_step`)."""
-    steps = np.ceil(heights * STEPS_PER_M)
-    steps = np.where((steps - 1) / STEPS_PER_M >= heights, steps - 1, steps)
-    first: AnyArray = np.where(steps / STEPS_PER_M < heights, steps + 1, steps)
+    steps = np.ceil(heights * STORE_STEPS_PER_M)
+    steps = np.where((steps - 1) / STORE_STEPS_PER_M >= heights, steps - 1, steps)
+    first: AnyArray = np.where(steps / STORE_STEPS_PER_M < heights, steps + 1, steps)
     return first

@@ -10,8 +10,8 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.errors import InputError
-from linework.files.geodesy.geodetic import EarthFrame, convergence_deg, to_places
-from linework.files.logs.text import judge_bad_lines, text_blocks
+from linework.files.geodesy.geodetic import EarthFrame, convergence_deg, project_places
+from linework.files.logs.text import bad_lines_warning, text_blocks
 from linework.files.trajectories.content import TrajectoryContent, ordered_content
 from linework.model.trajectory import Trajectory
 
@@ -59,11 +59,11 @@ def read_oxts_content(folder: Path, frame: EarthFrame) -> TrajectoryContent:
     time_s = np.array([times[line] for line in lines])
     good = np.array([row is not None for row in rows]) & np.isfinite(time_s)
     bad = [int(i) + 1 for i in np.flatnonzero(~good)]
-    said = judge_bad_lines(
+    said = bad_lines_warning(
         folder, bad, int(good.sum()), "poses with a time", advice="copy the folder again", unit="file"
     )
     values = np.array([rows[i] for i in np.flatnonzero(good)], dtype=np.float64)
-    places = to_places(values[:, :3], frame, where=folder)
+    places = project_places(values[:, :3], frame, where=folder)
     roll, pitch, yaw = np.degrees(values[:, 3:6]).T
     heading = (90.0 - yaw - convergence_deg(values[:, 0], values[:, 1], frame)) % 360.0
     accuracy = values[:, 6]

@@ -8,10 +8,10 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray
 from linework.errors import InputError
-from linework.files.geodesy.geodetic import EarthFrame, convergence_deg, to_places
+from linework.files.geodesy.geodetic import EarthFrame, convergence_deg, project_places
 from linework.files.input import regular_file_bytes
 from linework.files.logs.clock import WEEK_S, in_seconds
-from linework.files.logs.text import judge_bad_lines
+from linework.files.logs.text import bad_lines_warning
 from linework.files.trajectories.content import TrajectoryContent, ordered_content
 
 _N_CELLS = 17
@@ -48,7 +48,7 @@ def read_sbet_content(path: Path, frame: EarthFrame) -> TrajectoryContent:
         )  # fmt: skip
     records = np.fromfile(path, dtype="<f8", count=n * _N_CELLS).reshape(n, _N_CELLS)
     good = _possible(records)
-    said = judge_bad_lines(
+    said = bad_lines_warning(
         path, (np.flatnonzero(~good) + 1).tolist(), int(good.sum()), "time, latitude, longitude, height and angles",
         advice="check that this is an SBET", unit="record",
     )  # fmt: skip
@@ -57,7 +57,7 @@ def read_sbet_content(path: Path, frame: EarthFrame) -> TrajectoryContent:
     numbers, records = np.flatnonzero(good).astype(np.float64) + 1.0, records[good]
     time_s, more = in_seconds(records[:, 0], path)
     latitude, longitude = np.degrees(records[:, 1:3]).T
-    places = to_places(np.column_stack([latitude, longitude, records[:, 3]]), frame, where=path)
+    places = project_places(np.column_stack([latitude, longitude, records[:, 3]]), frame, where=path)
     roll, pitch, platform, wander = np.degrees(records[:, 7:11]).T
     heading = (platform - wander - convergence_deg(latitude, longitude, frame)) % 360.0
     return ordered_content(

@@ -24,7 +24,7 @@ DISAGREEMENT = ("disagreement_mean_m", "disagreement_rms_m")
 #: What people said of lines: written where they said something.
 REVIEWED = ("review", "condition", "note")
 #: The layer of lines that are no such thing, said people; and the tables of a file of lines that hold none.
-REJECTED = "rejected"
+REJECTED_LAYER = "rejected"
 TABLES = ("vertex", "layer_styles", "edit", "line_version")
 #: Decimals of what is computed for the table only; what a LineSet holds is written exactly.
 _COMPUTED_DECIMALS = 4
@@ -47,7 +47,7 @@ def field_values(lines: LineSet) -> dict[str, AnyArray]:
 
 def fields_of_kind(kind: str, known: Iterable[str]) -> tuple[str, ...]:
     """Return which of the known fields (see `field_values`) the layer of a kind has."""
-    return tuple(name for name in known if kind in ("cable", REJECTED) or name != "clearance_m")
+    return tuple(name for name in known if kind in ("cable", REJECTED_LAYER) or name != "clearance_m")
 
 
 def vertex_columns(lines: LineSet) -> tuple[str, ...]:
@@ -104,9 +104,9 @@ def geometries(lines: LineSet) -> AnyArray:
 
 
 def layer_names(lines: LineSet) -> AnyArray:
-    """Return the layer each line goes to: that of its kind (see `layer_name`), or `REJECTED`."""
+    """Return the layer each line goes to: that of its kind (see `layer_name`), or `REJECTED_LAYER`."""
     pairs = zip(lines.kind.tolist(), (lines.review == "rejected").tolist(), strict=True)
-    return np.array([REJECTED if is_out else layer_name(kind) for kind, is_out in pairs], dtype=np.str_)
+    return np.array([REJECTED_LAYER if is_out else layer_name(kind) for kind, is_out in pairs], dtype=np.str_)
 
 
 def ordered_layers(names: Sequence[str]) -> list[str]:
@@ -125,7 +125,7 @@ def layer_name(kind: str) -> str:
     ('guardrail', 'line', 'line')
     """
     safe = kind.isascii() and kind.isidentifier() and kind == kind.lower() and len(kind) <= 60
-    reserved = kind in (*TABLES, REJECTED, "photolog", "event") or kind.startswith(
+    reserved = kind in (*TABLES, REJECTED_LAYER, "photolog", "event") or kind.startswith(
         ("gpkg_", "rtree_", "sqlite_")
     )
     return kind if safe and not reserved else "line"

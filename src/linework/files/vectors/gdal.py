@@ -14,12 +14,18 @@ import shapely
 from linework.arrays import AnyArray
 from linework.errors import CrsError, InputError, MachineError
 from linework.files.geodesy.crs import LOCAL, describe_crs, parse_crs
-from linework.files.vectors.fields import REJECTED, TABLES, field_values, geometries, lines_from_geometries
-from linework.files.vectors.gdal_input import pyogrio, readable
+from linework.files.vectors.fields import (
+    REJECTED_LAYER,
+    TABLES,
+    field_values,
+    geometries,
+    lines_from_geometries,
+)
+from linework.files.vectors.gdal_input import pyogrio, read_errors
 from linework.model.lines import LINE_COLUMNS, LineSet
 
 #: Layers and tables of ours that hold no lines, and lines that are none.
-_OURS = (*TABLES, REJECTED)
+_OURS = (*TABLES, REJECTED_LAYER)
 
 
 def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
@@ -34,7 +40,7 @@ def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, c
     CrsError
         In degrees, or layers in different CRSs.
     """
-    with readable(path):
+    with read_errors(path):
         layers = [str(name) for name, kind in pyogrio.list_layers(path) if str(name) not in _OURS and kind]
         read = [(layer, *pyogrio.raw.read(path, layer=layer)) for layer in layers]
     if not read:

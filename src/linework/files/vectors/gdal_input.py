@@ -43,7 +43,7 @@ _FIRST_BYTES = {
 
 
 @contextlib.contextmanager
-def readable(path: Path) -> Iterator[None]:
+def read_errors(path: Path) -> Iterator[None]:
     """Turn the errors of pyogrio while reading into one line.
 
     Raises

@@ -15,7 +15,7 @@ from linework.arrays import AnyArray, IntArray
 from linework.errors import LineworkError, MachineError
 from linework.files.geodesy.crs import LOCAL, parse_crs, same_crs
 from linework.files.vectors.fields import (
-    REJECTED,
+    REJECTED_LAYER,
     TABLES,
     column_values,
     field_values,
@@ -26,8 +26,8 @@ from linework.files.vectors.fields import (
     qgis_style,
     vertex_columns,
 )
-from linework.files.vectors.gdal_input import pyogrio, readable
-from linework.files.vectors.gpkg_schema import FIXED_DATE, Table, geopackage_bytes
+from linework.files.vectors.gdal_input import pyogrio, read_errors
+from linework.files.vectors.gpkg_schema import FIXED_DATE, LayerTable, geopackage_bytes
 from linework.files.vectors.point_layers import PointLayer
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
@@ -56,18 +56,18 @@ def write_gpkg(
     tables = []
     for layer in names:
         chosen = np.flatnonzero(layers == layer)
-        columns = {name: storable(values[name][chosen]) for name in fields_of_kind(layer, values)}
-        tables.append(Table(layer, columns, shapes[chosen]))
+        columns = {name: null_if_empty(values[name][chosen]) for name in fields_of_kind(layer, values)}
+        tables.append(LayerTable(layer, columns, shapes[chosen]))
     for extra in points:
         places = np.asarray(shapely.points(extra.xyz), dtype=object)
-        tables.append(Table(extra.name, extra.fields, places, geometry="POINT"))
-    tables.append(Table(VERTEX_TABLE, vertex_table(lines, layers)))
-    tables.append(Table(STYLE_TABLE, style_columns(names), key="id", sql_types=STYLE_TYPES))
+        tables.append(LayerTable(extra.name, extra.fields, places, geometry="POINT"))
+    tables.append(LayerTable(VERTEX_TABLE, vertex_table(lines, layers)))
+    tables.append(LayerTable(STYLE_TABLE, style_columns(names), key="id", sql_types=STYLE_TYPES))
     content = geopackage_bytes(tables, lines.crs)
     part.write_bytes(content if finish is None else finish(content))
 
 
-def storable(values: AnyArray) -> AnyArray:
+def null_if_empty(values: AnyArray) -> AnyArray:
     """Return texts as objects, "" as None: an empty text in a table is no value."""
     if values.dtype.kind != "U":
         return values
@@ -87,7 +87,7 @@ def vertex_table(lines: LineSet, layers: AnyArray) -> dict[str, AnyArray]:
         "line": owner,
         "layer": layers.astype(object)[owner],
         "line_fid": fid[owner],
-        "line_id": storable(lines.id)[owner],
+        "line_id": null_if_empty(lines.id)[owner],
         "vertex": np.arange(len(owner), dtype=np.int64) - lines.offsets[owner],
     }
     return columns | {name: getattr(lines, name) for name in vertex_columns(lines)}
@@ -196,11 +196,11 @@ def read_own_gpkg(path: Path, *, rejected: bool = False) -> LineSet | None:
     InputError
         Not readable.
     """
-    with readable(path):
+    with read_errors(path):
         found = _own_lines(path)
-    if found is None or rejected or REJECTED not in found.review:
+    if found is None or rejected or REJECTED_LAYER not in found.review:
         return found
-    return found.take(found.review != REJECTED)
+    return found.take(found.review != REJECTED_LAYER)
 
 
 def _own_lines(path: Path) -> LineSet | None:

@@ -83,7 +83,7 @@ _PUT = (
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class LayerTable:
     """A layer of LineString Z or Point Z (`shapes` given) or a table without geometry; rows are numbered from 1.
 
     Parameters
@@ -110,7 +110,7 @@ class Table:
     geometry: str = "LINESTRING"
 
 
-def geopackage_bytes(tables: Sequence[Table], crs: str) -> bytes:
+def geopackage_bytes(tables: Sequence[LayerTable], crs: str) -> bytes:
     """Return the bytes of a GeoPackage with these tables in the CRS (WKT2 or "local").
 
     Raises
@@ -151,7 +151,7 @@ def _add_crs(db: sqlite3.Connection, crs: str) -> int:
     return srs_id
 
 
-def add_table(db: sqlite3.Connection, table: Table, srs_id: int) -> None:
+def add_table(db: sqlite3.Connection, table: LayerTable, srs_id: int) -> None:
     """Add a table with its rows, its entries in the lists of the standard and its index; commits nothing."""
     kinds = {name: table.sql_types.get(name, _SQL_TYPES[c.dtype.kind]) for name, c in table.columns.items()}
     names = [f'"{name}" {kind}' for name, kind in kinds.items()]
@@ -176,7 +176,7 @@ def add_table(db: sqlite3.Connection, table: Table, srs_id: int) -> None:
         _add_index(db, table, bounds, srs_id)
 
 
-def _add_index(db: sqlite3.Connection, table: Table, bounds: FloatArray, srs_id: int) -> None:
+def _add_index(db: sqlite3.Connection, table: LayerTable, bounds: FloatArray, srs_id: int) -> None:
     name = table.name
     db.execute(
         "INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, 1, 0)", (name, table.geometry, srs_id)

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from linework.arrays import AnyArray, FloatArray
-from linework.files.vectors.gdal_input import pyogrio, readable
+from linework.files.vectors.gdal_input import pyogrio, read_errors
 from linework.model.logs import LoggedPlaces, VanLog
 
 PHOTOLOG, EVENT = "photolog", "event"
@@ -67,10 +67,10 @@ def _fields(places: LoggedPlaces) -> dict[str, AnyArray]:
 
 def _names(files: Sequence[Path], root: Path) -> AnyArray:
     """Return files as they are named from the survey's folder, so that a survey may move."""
-    return _texts([path_from(file, root).as_posix() for file in files])
+    return _texts([relative_path(file, root).as_posix() for file in files])
 
 
-def path_from(file: Path, folder: Path) -> Path:
+def relative_path(file: Path, folder: Path) -> Path:
     """Return a path as seen from a folder; as it is where there is no way (another drive).
 
     >>> path_from(Path("/data/survey/left/1.png"), Path("/data/results")).as_posix()
@@ -109,7 +109,7 @@ def read_point_layers(path: Path) -> tuple[PointLayer, ...]:
 
 def _of_geopackage(path: Path) -> tuple[PointLayer, ...]:
     found = []
-    with readable(path):
+    with read_errors(path):
         for name, kind in pyogrio.list_layers(path):
             if name in POINT_LAYERS and str(kind) in ("Point", "Point Z"):
                 meta, _, shapes, values = pyogrio.raw.read(path, layer=str(name))

@@ -10,9 +10,16 @@ from numba import njit
 
 from linework.arrays import FloatArray, IntArray
 from linework.kernels.boundaries.kerb_steps import fit_face
-from linework.kernels.boundaries.profiles import CLIP_M, MOST_POINTS, fit_side, gather_at
+from linework.kernels.boundaries.profiles import CLIP_M, MOST_PLACE_POINTS, fit_side, gather_at
 from linework.kernels.cells import places as at_place
-from linework.kernels.cells.places import CELL_M, ELSEWHERE, FOUND, NO_ROAD, chord_in_cell, roughest
+from linework.kernels.cells.places import (
+    BOX_CELL_M,
+    BOX_ELSEWHERE,
+    BOX_FOUND,
+    BOX_NO_ROAD,
+    chord_in_cell,
+    roughness_limit,
+)
 from linework.kernels.cells.surroundings import RISE
 
 #: A barrier stands from the floor (its lowest part is hidden in noise) up to this at least; kerbs are lower. [m]
@@ -22,7 +29,7 @@ THICK_M = 0.03
 #: Fewest points of a face.
 FACE_POINTS = 20
 #: The foot of the face is judged up to here: cars are open below their sills, barriers not. [m]
-FOOT_M = 0.18
+BARRIER_FOOT_M = 0.18
 
 
 @njit(cache=True, nogil=True)
@@ -46,49 +53,49 @@ def barrier_in_cell(
     plane, sheet = floor[0].copy(), np.zeros(3)
     size = np.hypot(slopes[RISE, 0], slopes[RISE, 1])
     if size == 0.0 or not sheet_in(work, area[0], (-slopes[RISE, 0] / size, -slopes[RISE, 1] / size), sheet):
-        return NO_ROAD
+        return BOX_NO_ROAD
     vx, vy, v = sheet
-    low, high = chord_in_cell(v * vx, v * vy, vy, -vx, 0.5 * CELL_M + 0.05)
+    low, high = chord_in_cell(v * vx, v * vy, vy, -vx, 0.5 * BOX_CELL_M + 0.05)
     if high - low < 0.1:
-        return ELSEWHERE
+        return BOX_ELSEWHERE
     # Once more about the middle of the piece in this cell
     mx, my = v * vx + 0.5 * (low + high) * vy, v * vy - 0.5 * (low + high) * vx
     plane[0] += plane[1] * mx + plane[2] * my
     scale = area[1]
-    n = gather_at(points, starts, span, (x + mx, y + my), 0.80 * scale, plane, MOST_POINTS, work)
-    most = roughest(floor[4], limits)
+    n = gather_at(points, starts, span, (x + mx, y + my), 0.80 * scale, plane, MOST_PLACE_POINTS, work)
+    most = roughness_limit(floor[4], limits)
     a, b, c, noise, n_floor = fit_side(
         work, n, (vx, vy), (0.04, 0.6 * scale, 0.5 * scale), (0.0, floor[1] + 0.01), (0.04, 0.04)
     )
     if n_floor < FACE_POINTS or noise > most:
-        return NO_ROAD
+        return BOX_NO_ROAD
     about, reach = np.array([a, b, c, 0.0]), np.array([0.12, 0.12, 0.5 * scale])
     band = (max(LOW_M, 3.0 * noise), CLIP_M)
     at, beta, lean, spread, count = fit_face(work, n, (vx, vy), about, band, reach)
     if count < FACE_POINTS or spread > THICK_M:
-        return NO_ROAD
+        return BOX_NO_ROAD
     turned = np.sqrt(1.0 + beta * beta)
     vx, vy = (vx - beta * vy) / turned, (vy + beta * vx) / turned
     foot = (at + lean * 0.5 * (band[0] + band[1])) / turned
     u_low, u_high = np.zeros(1), np.zeros(1)
     if not _stands_on_floor(work, n, (vx, vy, foot, 0.5 * scale), (a, b, c), noise, u_low, u_high):
-        return NO_ROAD
-    low, high = chord_in_cell(mx + foot * vx, my + foot * vy, vy, -vx, 0.5 * CELL_M)
+        return BOX_NO_ROAD
+    low, high = chord_in_cell(mx + foot * vx, my + foot * vy, vy, -vx, 0.5 * BOX_CELL_M)
     if high - low < 0.05:
-        return ELSEWHERE
+        return BOX_ELSEWHERE
     u = 0.5 * (low + high)
     dx, dy = foot * vx + u * vy, foot * vy - u * vx
-    box[at_place.X], box[at_place.Y] = x + mx + dx, y + my + dy
-    box[at_place.Z] = plane[0] + plane[1] * dx + plane[2] * dy + a + b * u + c * foot
-    box[at_place.UX], box[at_place.UY] = vy, -vx
-    box[at_place.HALF_U] = max(min(u_high[0] - u, u - u_low[0], 0.5 * scale), 0.05)
+    box[at_place.BOX_X], box[at_place.BOX_Y] = x + mx + dx, y + my + dy
+    box[at_place.BOX_Z] = plane[0] + plane[1] * dx + plane[2] * dy + a + b * u + c * foot
+    box[at_place.BOX_UX], box[at_place.BOX_UY] = vy, -vx
+    box[at_place.BOX_HALF_U] = max(min(u_high[0] - u, u - u_low[0], 0.5 * scale), 0.05)
     box[at_place.S_V] = np.sqrt(2.0 * spread**2 / count + (0.1 * band[1]) ** 2 / count + 0.003**2)
     box[at_place.S_U] = max(spread, 0.003) / np.sqrt(count) / (0.29 * scale)
     box[at_place.S_Z] = 2.0 * noise / np.sqrt(n_floor)
     box[at_place.SCORE] = 1.0 - np.exp(-count / (4.0 * FACE_POINTS))
-    box[at_place.FORM], box[at_place.STEP], box[at_place.TOP_V] = at_place.BARRIER, HIGH_M, np.nan
+    box[at_place.FORM], box[at_place.BOX_STEP], box[at_place.TOP_V] = at_place.BARRIER, HIGH_M, np.nan
     box[at_place.COUNT] = count + n_floor
-    return FOUND
+    return BOX_FOUND
 
 
 @njit(cache=True, nogil=True)
@@ -158,7 +165,7 @@ def _stands_on_floor(
         if v > foot + 0.05:
             before[k] += 1.0 if abs(r) <= 3.0 * noise else 0.0
         elif v > foot - 0.35:
-            if r >= max(3.0 * noise, 0.03) and r <= FOOT_M:
+            if r >= max(3.0 * noise, 0.03) and r <= BARRIER_FOOT_M:
                 below[k] += 1.0
                 u_low[0], u_high[0] = min(u_low[0], u), max(u_high[0], u)
             elif r > CLIP_M:

@@ -13,27 +13,27 @@ from linework.kernels.boundaries.barrier_boxes import barrier_in_cell
 from linework.kernels.boundaries.kerb_boxes import kerb_in_cell, may_be_kerb
 from linework.kernels.boundaries.kerb_steps import STEP_COLUMNS
 from linework.kernels.boundaries.pavement_edges import differs, edge_in_cell
-from linework.kernels.boundaries.profiles import CLIP_M, MOST_POINTS, N_BINS
+from linework.kernels.boundaries.profiles import CLIP_M, MOST_PLACE_POINTS, N_PROFILE_BINS
 from linework.kernels.cells.floor import FINE_M
 from linework.kernels.cells.places import (
-    ALL_ROAD,
+    BOX_ALL_ROAD,
+    BOX_END,
+    BOX_FOUND,
+    BOX_HOLE,
+    BOX_NO_ROAD,
+    BOX_X,
+    BOX_Y,
     COLUMNS,
-    END,
-    FOUND,
-    HOLE,
-    NO_ROAD,
     START,
-    X,
-    Y,
     floor_near,
     gather_area,
-    roughest,
+    roughness_limit,
     slope_at,
 )
-from linework.kernels.cells.surroundings import look_around
+from linework.kernels.cells.surroundings import fit_surroundings
 
 #: Of the cells about a pavement's edge this share is floor at least.
-LEAST_FLOOR = 0.15
+LEAST_FLOOR_SHARE = 0.15
 
 
 @njit(cache=True, nogil=True)
@@ -56,22 +56,26 @@ def box_in_cell(
         east, north = 0.0, 0.0
     noise, usual = floor_near(data[4], data[2], place[0], place[1], (east, north), plane)
     if noise < 0.0:
-        return HOLE
-    if noise > roughest(usual, limits):
-        return NO_ROAD
+        return BOX_HOLE
+    if noise > roughness_limit(usual, limits):
+        return BOX_NO_ROAD
     floor = (plane, noise, east, north, usual)
     slopes = np.empty((4, 4))
-    rise, share = look_around(data[3], data[2], place, plane, noise, slopes)
+    rise, share = fit_surroundings(data[3], data[2], place, plane, noise, slopes)
     if rise < 0.0:
-        return HOLE
-    why = ALL_ROAD
+        return BOX_HOLE
+    why = BOX_ALL_ROAD
     if may_be_kerb(floor, (slopes, rise), limits):
         area = gather_area(data[0], data[1], data[2], place, plane, rooms[0])
         why = kerb_in_cell(data, place, floor, (slopes, rise), area, limits, rooms, box)
-    if why != FOUND and share >= LEAST_FLOOR and (differs(slopes, noise, 0) or differs(slopes, noise, 1)):
+    if (
+        why != BOX_FOUND
+        and share >= LEAST_FLOOR_SHARE
+        and (differs(slopes, noise, 0) or differs(slopes, noise, 1))
+    ):
         area = gather_area(data[0], data[1], data[2], place, plane, rooms[0])
         why = edge_in_cell(data, place, floor, (slopes, rise), area, limits, rooms, box)
-    if why != FOUND and rise >= CLIP_M:
+    if why != BOX_FOUND and rise >= CLIP_M:
         area = gather_area(data[0], data[1], data[2], place, plane, rooms[0])
         why = barrier_in_cell(data, place, floor, slopes, area, limits, rooms, box)
     return why
@@ -80,7 +84,7 @@ def box_in_cell(
 @njit(cache=True, nogil=True)
 def make_rooms() -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return room for the points of a place, a profile, and a step."""
-    return np.empty((MOST_POINTS + 2, 5)), np.empty((N_BINS + 1, 9)), np.empty(STEP_COLUMNS)
+    return np.empty((MOST_PLACE_POINTS + 2, 5)), np.empty((N_PROFILE_BINS + 1, 9)), np.empty(STEP_COLUMNS)
 
 
 @njit(cache=True, nogil=True)
@@ -114,25 +118,25 @@ def boxes_in_cells(
                 continue
             if n == len(out):
                 out = np.concatenate((out, np.empty_like(out)))
-            if box_in_cell(data, ground, place, limits, rooms, out[n]) == FOUND:
-                write_times(starts, span, times, out[n])
+            if box_in_cell(data, ground, place, limits, rooms, out[n]) == BOX_FOUND:
+                write_box_times(starts, span, times, out[n])
                 n += 1
     return out[:n]
 
 
 @njit(cache=True, nogil=True)
-def write_times(
+def write_box_times(
     starts: IntArray, span: IntArray, times: tuple[IntArray, FloatArray], box: FloatArray
 ) -> None:
     """Write when the first and the last point within about 0.25 m of the box was measured."""
-    box[START], box[END] = np.nan, np.nan
+    box[START], box[BOX_END] = np.nan, np.nan
     source, time = times
     if len(time) == 0:
         return
-    c, r = int(np.floor(box[X] / FINE_M)) - span[0], int(np.floor(box[Y] / FINE_M)) - span[1]
+    c, r = int(np.floor(box[BOX_X] / FINE_M)) - span[0], int(np.floor(box[BOX_Y] / FINE_M)) - span[1]
     first, last = np.inf, -np.inf
     for i in range(max(r - 1, 0), min(r + 2, span[3])):
         for k in range(starts[i * span[2] + max(c - 1, 0)], starts[i * span[2] + min(c + 2, span[2])]):
             first, last = min(first, time[source[k]]), max(last, time[source[k]])
     if first <= last:
-        box[START], box[END] = first, last
+        box[START], box[BOX_END] = first, last

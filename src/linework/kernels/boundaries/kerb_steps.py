@@ -6,12 +6,12 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray
-from linework.kernels.boundaries.profiles import beside_cell, fit_side, profile_across, step_in
+from linework.kernels.boundaries.profiles import beside_cell, bin_sums_across, fit_side, step_in
 
 # The foot of a kerb (or of a wall) in the points about one place: floor, step, top and face
 
 #: Turns that are tried about the first direction, from coarse to fine. [rad]
-TURNS = (
+KERB_TURNS = (
     np.deg2rad(np.array([0.0])),
     np.deg2rad(np.array([-24.0, -12.0, 12.0, 24.0])),
     np.deg2rad(np.array([-6.0, 6.0])),
@@ -19,9 +19,9 @@ TURNS = (
     np.deg2rad(np.array([-1.5, 1.5])),
 )
 #: Half of a cell's diagonal and 5 cm: a line farther than this from its middle is another cell's. [m]
-REACH_V = 0.40
+KERB_REACH_V = 0.40
 #: Three more unknowns explain so many noise variances by chance once in 10 000 places (chi-squared).
-CLEAR = 21.0
+CLEAR_STEP = 21.0
 #: How far an upright kerb's face leans back per metre of height, and how sure that is (DIN 483: 1:10 to 1:5;
 #: flat kerbs lean by 1).
 LEAN, LEAN_SIGMA = 0.15, 0.25
@@ -36,18 +36,18 @@ def best_step(
     out: v-axis, clearness, v, heights below and above, noise.
     """
     step, half_u = 0.02 * scale, 0.5 * scale
-    half = int(REACH_V / step) + 1
+    half = int(KERB_REACH_V / step) + 1
     out[0], out[1] = frame
     out[2] = 0.0
-    for stage in range(len(TURNS)):
+    for stage in range(len(KERB_TURNS)):
         x0, y0 = out[0], out[1]
-        for turn in TURNS[stage]:
+        for turn in KERB_TURNS[stage]:
             x, y = x0 * np.cos(turn) - y0 * np.sin(turn), x0 * np.sin(turn) + y0 * np.cos(turn)
-            profile_across(work, n, x, y, half_u, step, sums)
+            bin_sums_across(work, n, x, y, half_u, step, sums)
             found = step_in(sums, step, half, 2 if stage == 0 else 1)
             if found[0] > out[2]:
                 out[0], out[1], out[2], out[3], out[4], out[5], out[6] = x, y, *found
-        if out[2] < (0.5 * CLEAR if stage == 0 else CLEAR):
+        if out[2] < (0.5 * CLEAR_STEP if stage == 0 else CLEAR_STEP):
             return False
         if stage > 0 and beside_cell(out[0], out[1], out[3]):
             return False
@@ -140,8 +140,8 @@ def fit_face(
 
 
 #: Columns of a step, as `measure_step` writes them.
-VX, VY, FOOT, TOP, HEIGHT, FLOOR_A, FLOOR_B, FLOOR_C = 0, 1, 2, 3, 4, 5, 6, 7
-TOP_A, TOP_C, NOISE, NOISE_TOP, N_FLOOR, N_TOP, N_FACE, SIGMA_V, SIGMA_U, SIGMA_H = (
+VX, VY, FOOT, TOP, STEP_HEIGHT, FLOOR_A, FLOOR_B, FLOOR_C = 0, 1, 2, 3, 4, 5, 6, 7
+TOP_A, TOP_C, NOISE, NOISE_TOP, N_FLOOR, N_TOP, N_FACE, STEP_SIGMA_V, STEP_SIGMA_U, SIGMA_H = (
     8,
     9,
     10,
@@ -157,7 +157,7 @@ STEP_COLUMNS = 18
 #: What floor and top keep clear of foot and top edge, half of a usual scan spot; and before these are known. [m]
 CLEAR_M, FIRST_CLEAR_M = 0.02, 0.05
 #: Kerb stones are set this straight. [m]
-STRAIGHT_M = 0.001
+STRAIGHT_KERB_M = 0.001
 #: Places, over 16 cm, at which floor and top may change over where no face is seen.
 N_CHANGE = 32
 
@@ -203,7 +203,7 @@ def measure_step(work: FloatArray, n: int, first: FloatArray, scale: float, out:
             lean_sigma = 1.0 / np.sqrt(
                 1.0 / LEAN_SIGMA**2 + n_face * (0.29 * (band[1] - band[0])) ** 2 / spread**2
             )
-            sigma_v = np.sqrt(2.0 * spread**2 / n_face + (lean_sigma * half) ** 2 + STRAIGHT_M**2)
+            sigma_v = np.sqrt(2.0 * spread**2 / n_face + (lean_sigma * half) ** 2 + STRAIGHT_KERB_M**2)
         else:
             # No face: where the points change over from the floor to the top, to their spacing
             at, spacing = _change_over(work, n, (vx, vy), (a, b, c), (a2, c2), middle, scale)
@@ -212,7 +212,7 @@ def measure_step(work: FloatArray, n: int, first: FloatArray, scale: float, out:
             sigma_v = np.sqrt(blur**2 + (0.5 * h * LEAN_SIGMA) ** 2)
             beta_sigma = max(blur / (0.29 * scale), 0.02)
         _write(out, (vx, vy, foot, top), (a, b, c, noise, n_floor), (a2, c2, noise2, n_top))
-        out[HEIGHT], out[N_FACE], out[SIGMA_V], out[SIGMA_U] = h, n_face, sigma_v, beta_sigma
+        out[STEP_HEIGHT], out[N_FACE], out[STEP_SIGMA_V], out[STEP_SIGMA_U] = h, n_face, sigma_v, beta_sigma
         out[SIGMA_H] = 2.0 * np.sqrt(noise**2 / n_floor + noise2**2 / n_top)
     return True
 
@@ -295,7 +295,7 @@ def filled_shares(work: FloatArray, n: int, step: FloatArray, scale: float, shar
                 if v - step[FOOT] < 0.3 * scale:
                     along_floor[quarter] = 1.0
                     u_low[0], u_high[0] = min(u_low[0], u), max(u_high[0], u)
-        elif step[TOP] - v < 0.2 * scale and r > 0.5 * step[HEIGHT]:
+        elif step[TOP] - v < 0.2 * scale and r > 0.5 * step[STEP_HEIGHT]:
             top_bins[min(max(int((step[TOP] - v) / (0.05 * scale)), 0), 3)] = 1.0
             along_top[quarter] = 1.0
             u_low[1], u_high[1] = min(u_low[1], u), max(u_high[1], u)

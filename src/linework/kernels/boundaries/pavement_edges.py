@@ -10,26 +10,26 @@ from numba import njit
 
 from linework.arrays import FloatArray, IntArray
 from linework.kernels.boundaries.profiles import (
-    LEAST_NOISE_M,
-    MOST_POINTS,
-    N_BINS,
+    LEAST_FLOOR_NOISE_M,
+    MOST_PLACE_POINTS,
+    N_PROFILE_BINS,
     beside_cell,
+    bin_sums_across,
     fit_side,
     gather_at,
     line_through,
-    profile_across,
 )
 from linework.kernels.cells import places as at_place
 from linework.kernels.cells.places import (
-    ALL_ROAD,
     AREA_M,
-    CELL_M,
-    ELSEWHERE,
-    FOUND,
-    HOLE,
-    NO_ROAD,
+    BOX_ALL_ROAD,
+    BOX_CELL_M,
+    BOX_ELSEWHERE,
+    BOX_FOUND,
+    BOX_HOLE,
+    BOX_NO_ROAD,
     chord_in_cell,
-    roughest,
+    roughness_limit,
 )
 from linework.kernels.cells.surroundings import ROUGH, ROUGHEST_M
 
@@ -37,7 +37,7 @@ from linework.kernels.cells.surroundings import ROUGH, ROUGHEST_M
 #: asphalt.
 ROUGHER, BRIGHTER = 1.3, 1.3
 #: Turns that are tried about the first direction, from coarse to fine. [rad]
-TURNS = (
+EDGE_TURNS = (
     np.deg2rad(np.array([0.0])),
     np.deg2rad(np.array([-16.0, 16.0])),
     np.deg2rad(np.array([-8.0, 8.0])),
@@ -49,11 +49,11 @@ FINE_TURNS = (
     np.deg2rad(np.array([-1.5, 1.5])),
 )
 #: Half of a cell's diagonal and 5 cm. [m]
-REACH_V = 0.40
+EDGE_REACH_V = 0.40
 #: Brightness differs by this share at least from one stone to the next; one level is known to it.
 LEAST_CONTRAST = 0.03
 #: The verge is looked at from 0.5 m beyond the place on: farther off it may fall away.
-FAR_BIN = N_BINS // 2 - 25
+FAR_BIN = N_PROFILE_BINS // 2 - 25
 #: Bins to either side in which an edge is found again.
 NEAR_BINS = 10
 #: Points next to each other lie on the same tuft and the same stain: this share of them tells something new.
@@ -67,7 +67,7 @@ WIDE_BINS = 15
 #: Fewest points on either side: two spreads are to be compared.
 SIDE_POINTS = 10
 #: Two more spreads and two more levels explain twice this log likelihood by chance once in 10 000 places.
-CLEAR = 24.0
+CLEAR_SPLIT = 24.0
 #: Columns of an edge: v-axis, clearness, v, spreads on the smooth and on the other side, step up beyond it,
 #: brightness beyond over that before it (1 if it changes beyond), points on both sides, standard deviation of v.
 EDGE_COLUMNS = 11
@@ -83,7 +83,7 @@ def _spread_of(a: FloatArray, b: FloatArray, v: float) -> tuple[float, float, fl
     square = max((b[8] - a[8]) / n - bright * bright, 0.0)
     return (
         n,
-        left / max(n - 2.0, 1.0) + LEAST_NOISE_M**2,
+        left / max(n - 2.0, 1.0) + LEAST_FLOOR_NOISE_M**2,
         square + (LEAST_CONTRAST * bright) ** 2 + 1e-12,
         z,
         bright,
@@ -113,17 +113,17 @@ def split_in(
     out[:] = 0.0
     gains[:] = 0.0
     far = sums[FAR_BIN]
-    n, r, i, _, mean = _spread_of(far, sums[N_BINS], 0.0)
+    n, r, i, _, mean = _spread_of(far, sums[N_PROFILE_BINS], 0.0)
     if n == 0.0:
         return
     # Brightness that falls off with distance is a slope in one piece, not two levels
-    mv = (sums[N_BINS, 1] - far[1]) / n
-    vi = (sums[N_BINS, 7] - far[7]) / n - mv * mean
-    vv = (sums[N_BINS, 2] - far[2]) / n - mv * mv + 1e-9
+    mv = (sums[N_PROFILE_BINS, 1] - far[1]) / n
+    vi = (sums[N_PROFILE_BINS, 7] - far[7]) / n - mv * mean
+    vv = (sums[N_PROFILE_BINS, 2] - far[2]) / n - mv * mv + 1e-9
     i = max(i - vi * vi / vv, (LEAST_CONTRAST * mean) ** 2 + 1e-12)
-    for k in range(max(N_BINS // 2 - half, FAR_BIN + 4), N_BINS // 2 + half + 1, stride):
-        v = (k - 0.5 * N_BINS) * step
-        n_a, r_a, i_a, z_a, b_a = _spread_of(sums[k], sums[N_BINS], v)
+    for k in range(max(N_PROFILE_BINS // 2 - half, FAR_BIN + 4), N_PROFILE_BINS // 2 + half + 1, stride):
+        v = (k - 0.5 * N_PROFILE_BINS) * step
+        n_a, r_a, i_a, z_a, b_a = _spread_of(sums[k], sums[N_PROFILE_BINS], v)
         n_b, r_b, i_b, z_b, b_b = _spread_of(far, sums[k], v)
         if n_a == 0.0 or n_b == 0.0:
             continue
@@ -143,7 +143,7 @@ def split_in(
             if r_b <= least * r_a or r_b > ROUGHEST_M**2:
                 continue
             gain = n * np.log(r) - n_a * np.log(r_a) - n_b * np.log(r_b)
-            if stride > 1 and gain < 0.5 * CLEAR:
+            if stride > 1 and gain < 0.5 * CLEAR_SPLIT:
                 continue
         if steady:
             gain += n * np.log(i) - n_a * np.log(i_a) - n_b * np.log(i_b)
@@ -169,20 +169,20 @@ def best_split(
     """
     step, half_u = 0.02 * scale, 0.5 * scale
     # Looked for beyond the cell as well: what is clearest there is not clearest at the cell's rim
-    half = int(1.4 * REACH_V / step)
-    found, gains = np.zeros(8), np.zeros(N_BINS)
+    half = int(1.4 * EDGE_REACH_V / step)
+    found, gains = np.zeros(8), np.zeros(N_PROFILE_BINS)
     out[0], out[1] = frame
     out[2] = 0.0
-    for stage in range(len(TURNS)):
+    for stage in range(len(EDGE_TURNS)):
         x0, y0 = out[0], out[1]
-        for turn in TURNS[stage]:
+        for turn in EDGE_TURNS[stage]:
             x, y = x0 * np.cos(turn) - y0 * np.sin(turn), x0 * np.sin(turn) + y0 * np.cos(turn)
-            profile_across(work, n, x, y, half_u, step, sums)
+            bin_sums_across(work, n, x, y, half_u, step, sums)
             split_in(sums, step, half, 4 if stage == 0 else 2, by, gains, found)
             if found[0] > out[2]:
                 out[0], out[1] = x, y
                 out[2:10] = found
-        if out[2] < (0.5 * CLEAR if stage == 0 else CLEAR):
+        if out[2] < (0.5 * CLEAR_SPLIT if stage == 0 else CLEAR_SPLIT):
             return False
         if stage > 0 and beside_cell(out[0], out[1], out[3]):
             return False
@@ -198,25 +198,25 @@ def sharpen_split(
     out: see `EDGE_COLUMNS`. Paint beside the edge is brighter than both sides: it has no say farther off.
     """
     step = 0.02 * scale
-    found, gains = np.zeros(8), np.zeros(N_BINS)
+    found, gains = np.zeros(8), np.zeros(N_PROFILE_BINS)
     out[0], out[1], out[2] = first[0], first[1], 0.0
     for stage in range(len(FINE_TURNS)):
         x0, y0 = out[0], out[1]
         for turn in FINE_TURNS[stage]:
             x, y = x0 * np.cos(turn) - y0 * np.sin(turn), x0 * np.sin(turn) + y0 * np.cos(turn)
-            profile_across(work, n, x, y, 0.5 * scale, step, sums)
+            bin_sums_across(work, n, x, y, 0.5 * scale, step, sums)
             split_in(sums, step, NEAR_BINS, 1, by, gains, found)
             if found[0] > out[2]:
                 out[0], out[1] = x, y
                 out[2:10] = found
-    if out[2] < CLEAR or abs(out[3]) > (NEAR_BINS - 0.5) * step:
+    if out[2] < CLEAR_SPLIT or abs(out[3]) > (NEAR_BINS - 0.5) * step:
         return False
-    profile_across(work, n, out[0], out[1], 0.5 * scale, step, sums)
+    bin_sums_across(work, n, out[0], out[1], 0.5 * scale, step, sums)
     split_in(sums, step, NEAR_BINS, 1, by, gains, found)
     total, mean, square = 0.0, 0.0, 0.0
-    for k in range(N_BINS):
+    for k in range(N_PROFILE_BINS):
         if gains[k] > 0.0:
-            likely, v = np.exp(0.5 * NEW_SHARE * (gains[k] - found[0])), (k - 0.5 * N_BINS) * step
+            likely, v = np.exp(0.5 * NEW_SHARE * (gains[k] - found[0])), (k - 0.5 * N_PROFILE_BINS) * step
             total += likely
             mean += likely * v
             square += likely * v * v
@@ -235,8 +235,8 @@ def _out_of_shadow(
     Behind an edge over a lower verge lies the scanner's shadow: the change may be anywhere in it, the edge is
     where it begins.
     """
-    usual = (sums[N_BINS, 0] - sums[N_BINS // 2, 0]) / (N_BINS // 2)
-    k = int(np.floor(out[3] / step)) + N_BINS // 2
+    usual = (sums[N_PROFILE_BINS, 0] - sums[N_PROFILE_BINS // 2, 0]) / (N_PROFILE_BINS // 2)
+    k = int(np.floor(out[3] / step)) + N_PROFILE_BINS // 2
     for j in (k - 1, k + 1):
         if sums[j + 1, 0] - sums[j, 0] < sums[k + 1, 0] - sums[k, 0]:
             k = j
@@ -245,13 +245,13 @@ def _out_of_shadow(
     first = k
     while first > FAR_BIN and sums[first, 0] - sums[first - 1, 0] < SHADOW_SHARE * usual:
         first -= 1
-    while k < N_BINS - 1 and sums[k + 1, 0] - sums[k, 0] < SHADOW_SHARE * usual:
+    while k < N_PROFILE_BINS - 1 and sums[k + 1, 0] - sums[k, 0] < SHADOW_SHARE * usual:
         k += 1
     # So few points by chance are no shadow
     if (k - first) * usual < SHADOW_POINTS:
         return
     # The fourth last point, so that strays do no harm, and what lies on average beyond it
-    begin = (k - 0.5 * N_BINS) * step
+    begin = (k - 0.5 * N_PROFILE_BINS) * step
     last = np.full(4, begin + 4.0 * step)
     for i in range(n):
         x, y = work[i, 0], work[i, 1]
@@ -269,9 +269,9 @@ def _out_of_shadow(
 # The box of an unkerbed pavement edge in one cell: found, measured, and judged
 
 #: Share of the fine cells' differences that a slope must explain before their points are looked at.
-EXPLAINED = 0.25
+EDGE_EXPLAINED = 0.25
 #: A verge lies this far below or above the pavement at most. [m]
-STEP_M = 0.15
+VERGE_STEP_M = 0.15
 #: Gravel, soil and cut grass are rough by this at least. [m]
 VERGE_M = 0.005
 
@@ -282,7 +282,7 @@ def differs(slopes: FloatArray, noise: float, by: int) -> bool:
     row = slopes[ROUGH + by]
     # By how much both sides of the area differ, if it is cut in half: 0.85 / R is the slope of a step of 1
     least = (ROUGHER - 1.0) * noise if by == 0 else 0.5 * (BRIGHTER - 1.0) * row[3]
-    return bool(row[2] >= EXPLAINED and np.hypot(row[0], row[1]) * AREA_M >= least)
+    return bool(row[2] >= EDGE_EXPLAINED and np.hypot(row[0], row[1]) * AREA_M >= least)
 
 
 @njit(cache=True, nogil=True)
@@ -306,7 +306,7 @@ def edge_in_cell(
     n, scale = area
     plane, first = floor[0].copy(), np.zeros(EDGE_COLUMNS)
     if n < 2 * SIDE_POINTS:
-        return HOLE
+        return BOX_HOLE
     by, found = 0, False
     for k in range(2):
         gx, gy = around[0][ROUGH + k, 0], around[0][ROUGH + k, 1]
@@ -315,42 +315,44 @@ def edge_in_cell(
             by = k
             found = best_split(work, n, (-gx / size, -gy / size), scale, 2 - k, sums, first)
     if not found:
-        return ALL_ROAD if first[2] < CLEAR else ELSEWHERE
+        return BOX_ALL_ROAD if first[2] < CLEAR_SPLIT else BOX_ELSEWHERE
     vx, vy, v = first[0], first[1], first[3]
-    low, high = chord_in_cell(v * vx, v * vy, vy, -vx, 0.5 * CELL_M + 0.10)
+    low, high = chord_in_cell(v * vx, v * vy, vy, -vx, 0.5 * BOX_CELL_M + 0.10)
     if high - low < 0.1:
-        return ELSEWHERE
+        return BOX_ELSEWHERE
     # Once more about the middle of the piece in this cell
     mx, my = v * vx + 0.5 * (low + high) * vy, v * vy - 0.5 * (low + high) * vx
     plane[0] += plane[1] * mx + plane[2] * my
-    n = gather_at(points, starts, span, (x + mx, y + my), 0.80 * scale, plane, MOST_POINTS, work)
+    n = gather_at(points, starts, span, (x + mx, y + my), 0.80 * scale, plane, MOST_PLACE_POINTS, work)
     if not sharpen_split(work, n, first, scale, 2 if by == 0 else 1, sums, edge):
-        return ALL_ROAD
+        return BOX_ALL_ROAD
     vx, vy, v = edge[0], edge[1], edge[3]
-    low, high = chord_in_cell(mx + v * vx, my + v * vy, vy, -vx, 0.5 * CELL_M)
+    low, high = chord_in_cell(mx + v * vx, my + v * vy, vy, -vx, 0.5 * BOX_CELL_M)
     if high - low < 0.05:
-        return ELSEWHERE
-    if not _is_edge(edge, by, roughest(floor[4], limits)):
-        return NO_ROAD
+        return BOX_ELSEWHERE
+    if not _is_edge(edge, by, roughness_limit(floor[4], limits)):
+        return BOX_NO_ROAD
     a, b, c, noise, count = fit_side(
         work, n, (vx, vy), (v + 0.02, v + 0.60 * scale, 0.5 * scale), (0.0, edge[4] + 0.01), (0.04, 0.04)
     )
     if count < SIDE_POINTS:
-        return HOLE
+        return BOX_HOLE
     u = 0.5 * (low + high)
     dx, dy = v * vx + u * vy, v * vy - u * vx
-    box[at_place.X], box[at_place.Y] = x + mx + dx, y + my + dy
-    box[at_place.Z] = plane[0] + plane[1] * dx + plane[2] * dy + a + b * u + c * v
-    box[at_place.UX], box[at_place.UY] = vy, -vx
-    box[at_place.HALF_U] = 0.5 * CELL_M * scale
+    box[at_place.BOX_X], box[at_place.BOX_Y] = x + mx + dx, y + my + dy
+    box[at_place.BOX_Z] = plane[0] + plane[1] * dx + plane[2] * dy + a + b * u + c * v
+    box[at_place.BOX_UX], box[at_place.BOX_UY] = vy, -vx
+    box[at_place.BOX_HALF_U] = 0.5 * BOX_CELL_M * scale
     box[at_place.S_V], box[at_place.S_U] = edge[10], edge[10] / (0.29 * scale)
     box[at_place.S_Z] = 2.0 * noise / np.sqrt(count)
     box[at_place.SCORE] = (
-        1.0 - np.exp(-edge[2] / (4.0 * CLEAR)) if by == 0 else 0.5 * (1.0 - np.exp(-edge[2] / (4.0 * CLEAR)))
+        1.0 - np.exp(-edge[2] / (4.0 * CLEAR_SPLIT))
+        if by == 0
+        else 0.5 * (1.0 - np.exp(-edge[2] / (4.0 * CLEAR_SPLIT)))
     )
-    box[at_place.FORM], box[at_place.STEP], box[at_place.TOP_V] = at_place.EDGE, edge[6], np.nan
+    box[at_place.FORM], box[at_place.BOX_STEP], box[at_place.TOP_V] = at_place.EDGE, edge[6], np.nan
     box[at_place.COUNT] = edge[8] + edge[9]
-    return FOUND
+    return BOX_FOUND
 
 
 @njit(cache=True, nogil=True)
@@ -360,4 +362,4 @@ def _is_edge(edge: FloatArray, by: int, most: float) -> bool:
     rougher = by == 0 and rough >= ROUGHER * smooth and rough**2 - smooth**2 >= VERGE_M**2
     # What is only just no wall was made so by the road before it
     verge = (rougher or contrast >= BRIGHTER) and rough <= 0.8 * ROUGHEST_M
-    return bool(verge and smooth <= most and abs(edge[6]) <= STEP_M)
+    return bool(verge and smooth <= most and abs(edge[6]) <= VERGE_STEP_M)

@@ -14,16 +14,16 @@ from linework.kernels.cells.floor import FINE_M
 #: Bins of a profile, and how many of them a piece on either side of a break has at most: the lower side is
 #: looked at over 0.6 m, the upper over 0.4 m (kerb tops are narrow), where a bin is 2 cm.
 #: The break between them has twice `FACE_BINS`.
-N_BINS, LOW_BINS, HIGH_BINS, FACE_BINS = 72, 30, 20, 1
+N_PROFILE_BINS, LOW_BINS, HIGH_BINS, FACE_BINS = 72, 30, 20, 1
 #: Ramps behind dropped kerbs rise by 1 in 8, kerbs' flat tops by less: more is no top. [m/m]
-STEEP = 0.3
+STEEP_TOP = 0.3
 #: No scanner measures smoother floors. [m]
-LEAST_NOISE_M = 0.0025
-NOTHING = np.zeros(9)
+LEAST_FLOOR_NOISE_M = 0.0025
+EMPTY_BIN = np.zeros(9)
 #: Fewest points in the pieces beside a break: three unknowns there, and one to judge them.
 PIECE_POINTS = 4
 #: A place needs no more points than this to be measured (what is left is not noise), and to be found.
-MOST_POINTS, ENOUGH_POINTS = 1000, 300
+MOST_PLACE_POINTS, ENOUGH_POINTS = 1000, 300
 #: What stands higher over the plane (or lies deeper) is neither floor nor kerb: cars, hedges, walls. [m]
 CLIP_M = 0.30
 
@@ -83,7 +83,7 @@ def gather_at(
 
 
 @njit(cache=True, nogil=True)
-def profile_across(
+def bin_sums_across(
     work: FloatArray, n: int, vx: float, vy: float, half_u: float, step: float, sums: FloatArray
 ) -> None:
     """Write running sums over the bins of a profile along v: 1, v, vv, r, vr, rr, strength i, vi, ii.
@@ -94,9 +94,9 @@ def profile_across(
     for i in range(n):
         x, y = work[i, 0], work[i, 1]
         v = x * vx + y * vy
-        k = int(v / step + 0.5 * N_BINS + 1.0)
+        k = int(v / step + 0.5 * N_PROFILE_BINS + 1.0)
         r, strength = work[i, 2], work[i, 3]
-        if k < 1 or k > N_BINS or abs(x * vy - y * vx) > half_u or abs(r) > CLIP_M:
+        if k < 1 or k > N_PROFILE_BINS or abs(x * vy - y * vx) > half_u or abs(r) > CLIP_M:
             continue
         s = sums[k]
         s[0] += 1.0
@@ -108,7 +108,7 @@ def profile_across(
         s[6] += strength
         s[7] += v * strength
         s[8] += strength * strength
-    for k in range(1, N_BINS + 1):
+    for k in range(1, N_PROFILE_BINS + 1):
         for j in range(9):
             sums[k, j] += sums[k - 1, j]
 
@@ -144,23 +144,23 @@ def step_in(
     """
     best, at, below, above, noise = 0.0, 0.0, 0.0, 0.0, 0.0
     both = np.empty(9)
-    for k in range(N_BINS // 2 - half, N_BINS // 2 + half + 1, stride):
-        v = (k - 0.5 * N_BINS) * step
+    for k in range(N_PROFILE_BINS // 2 - half, N_PROFILE_BINS // 2 + half + 1, stride):
+        v = (k - 0.5 * N_PROFILE_BINS) * step
         k_low, k_high = k + FACE_BINS, k - FACE_BINS
-        low, high = sums[min(k_low + LOW_BINS, N_BINS)], sums[max(k_high - HIGH_BINS, 0)]
+        low, high = sums[min(k_low + LOW_BINS, N_PROFILE_BINS)], sums[max(k_high - HIGH_BINS, 0)]
         n_low, left_low, z_low, slope_low = line_through(sums[k_low], low, v)
         n_high, left_high, z_high, slope_high = line_through(high, sums[k_high], v)
         if (
             n_low < PIECE_POINTS
             or n_high < PIECE_POINTS
             or z_high <= z_low
-            or abs(slope_high - slope_low) > STEEP
+            or abs(slope_high - slope_low) > STEEP_TOP
         ):
             continue
         for j in range(9):
             both[j] = low[j] - sums[k_low, j] + sums[k_high, j] - high[j]
-        square = (left_low + left_high) / max(n_low + n_high - 4.0, 1.0) + LEAST_NOISE_M**2
-        clear = (line_through(NOTHING, both, v)[1] - left_low - left_high) / square
+        square = (left_low + left_high) / max(n_low + n_high - 4.0, 1.0) + LEAST_FLOOR_NOISE_M**2
+        clear = (line_through(EMPTY_BIN, both, v)[1] - left_low - left_high) / square
         if clear > best:
             best, at, below, above, noise = clear, v, z_low, z_high, np.sqrt(square)
     return best, at, below, above, noise
@@ -227,5 +227,5 @@ def fit_side(
         b, c = (ur * vv - vr * uv) / det, (vr * uu - ur * uv) / det
         a = mr - b * mu - c * mv
         left = mean_square - m * mr * mr - b * ur - c * vr
-        spread = max(np.sqrt(max(left, 0.0) / max(weights - 3.0, 1.0)), LEAST_NOISE_M)
+        spread = max(np.sqrt(max(left, 0.0) / max(weights - 3.0, 1.0)), LEAST_FLOOR_NOISE_M)
     return a, b, c, spread, count

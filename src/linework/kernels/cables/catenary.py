@@ -27,18 +27,18 @@ def terms(u: float, k: float) -> tuple[float, float]:
 
 
 @njit(cache=True, nogil=True)
-def height(station: float, curve: Curve) -> float:
+def wire_height(station: float, curve: Curve) -> float:
     """Return the height of a wire at one station [m]."""
     odd, even = terms(station - curve[0], curve[3])
     return curve[1] + curve[2] * odd + math.hypot(1.0, curve[2]) * even
 
 
 @njit(cache=True, nogil=True)
-def heights(station: AnyArray, curve: Curve) -> AnyArray:
+def wire_heights(station: AnyArray, curve: Curve) -> AnyArray:
     """Return the heights of a wire at (n,) stations [m]."""
     out = np.empty(len(station))
     for i in range(len(station)):
-        out[i] = height(station[i], curve)
+        out[i] = wire_height(station[i], curve)
     return out
 
 
@@ -54,7 +54,7 @@ def residuals(xyz: AnyArray, line: Curve, curve: Curve) -> tuple[AnyArray, AnyAr
     for i in range(n):
         dx, dy = xyz[i, 0] - x0, xyz[i, 1] - y0
         s[i], o[i] = dx * ux + dy * uy, dy * ux - dx * uy
-        dz[i] = xyz[i, 2] - height(s[i], curve)
+        dz[i] = xyz[i, 2] - wire_height(s[i], curve)
     return s, o, dz
 
 
@@ -88,7 +88,7 @@ def fit(
             if w[i] == 0.0:
                 continue
             v = derivatives(s[i] - middle, curve[2], curve[3])
-            off = z[i] - height(s[i], curve)
+            off = z[i] - wire_height(s[i], curve)
             for a in range(n_unknowns):
                 wv = w[i] * v[a] * scale[a]
                 right[a] += wv * off
@@ -113,5 +113,5 @@ def fit(
     squares = 0.0
     for i in range(len(s)):
         if w[i] > 0.0:
-            squares += w[i] * (z[i] - height(s[i], curve)) ** 2
+            squares += w[i] * (z[i] - wire_height(s[i], curve)) ** 2
     return curve, cofactor, squares / total

@@ -136,7 +136,7 @@ def on_wire(s: AnyArray, o: AnyArray, dz: AnyArray, edges: Edges, radii: Edges) 
 
 
 @njit(cache=True, nogil=True)
-def runs(s: AnyArray, most_usual: float, gap_m: float, gaps: float) -> tuple[AnyArray, AnyArray]:
+def station_runs(s: AnyArray, most_usual: float, gap_m: float, gaps: float) -> tuple[AnyArray, AnyArray]:
     """Return the edges (k + 1,) of runs of rising stations without a long gap, and the metres (k,) seen in each.
 
     A gap is long beyond `gap_m`, or `gaps` times the mean gap, each weighted by its length up to `most_usual`.

@@ -9,7 +9,7 @@ from numba import njit
 from linework.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 N_LAYERS = 16  # of 0.2 m above a bin's lowest point; the last one is open above
-LAYER_M = 0.20
+BIN_LAYER_M = 0.20
 
 
 @njit(cache=True, nogil=True)
@@ -108,7 +108,7 @@ def sort_into_bins(
 @njit(cache=True, nogil=True)
 def layer_of(z: float, floor: float) -> int:
     """Return the layer of height z in a bin whose lowest point is `floor`."""
-    return int(min(max((z - floor) / LAYER_M, 0.0), N_LAYERS - 1.0))
+    return int(min(max((z - floor) / BIN_LAYER_M, 0.0), N_LAYERS - 1.0))
 
 
 @njit(cache=True, nogil=True)

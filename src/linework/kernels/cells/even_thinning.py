@@ -9,9 +9,9 @@ from numba import njit
 
 from linework.arrays import AnyArray
 
-U64 = np.uint64
+Hash64 = np.uint64
 #: The finalizer of splitmix64 (Steele 2014, doi:10.1145/2660193.2660195).
-_ADD, _MIX1, _MIX2 = U64(0x9E3779B97F4A7C15), U64(0xBF58476D1CE4E5B9), U64(0x94D049BB133111EB)
+_ADD, _MIX1, _MIX2 = Hash64(0x9E3779B97F4A7C15), Hash64(0xBF58476D1CE4E5B9), Hash64(0x94D049BB133111EB)
 #: Sides of cubes that are tried: from 5 mm, four to the doubling, up to 80 m.
 LEAST_CUBE_M, CUBES_PER_DOUBLING, N_CUBES = 0.005, 4, 56
 #: Steps that coordinates are known by. [1/m]
@@ -19,7 +19,7 @@ _STEPS_PER_M = 1000.0
 
 
 @njit(cache=True, nogil=True)
-def lots(x: AnyArray, y: AnyArray, z: AnyArray, intensity: AnyArray, salt: int) -> AnyArray:
+def sampling_keys(x: AnyArray, y: AnyArray, z: AnyArray, intensity: AnyArray, salt: int) -> AnyArray:
     """Return (n,) uint64 numbers as good as drawn by lot, the same for the same point.
 
     Parameters
@@ -28,10 +28,10 @@ def lots(x: AnyArray, y: AnyArray, z: AnyArray, intensity: AnyArray, salt: int) 
         Number of the place that x, y and z are counted from.
     """
     out = np.empty(len(x), np.uint64)
-    start = _mixed(U64(salt))
+    start = _mixed(Hash64(salt))
     for i in range(len(x)):
-        plan = (U64(np.int64(x[i] * _STEPS_PER_M)) << U64(32)) ^ U64(np.int64(y[i] * _STEPS_PER_M))
-        rest = (U64(np.int64(z[i] * _STEPS_PER_M)) << U64(16)) ^ U64(intensity[i])
+        plan = (Hash64(np.int64(x[i] * _STEPS_PER_M)) << Hash64(32)) ^ Hash64(np.int64(y[i] * _STEPS_PER_M))
+        rest = (Hash64(np.int64(z[i] * _STEPS_PER_M)) << Hash64(16)) ^ Hash64(intensity[i])
         out[i] = _mixed(_mixed(start ^ plan) ^ rest)
     return out
 
@@ -39,9 +39,9 @@ def lots(x: AnyArray, y: AnyArray, z: AnyArray, intensity: AnyArray, salt: int) 
 @njit(cache=True, nogil=True)
 def _mixed(value: Any) -> Any:
     value = value + _ADD
-    value = (value ^ (value >> U64(30))) * _MIX1
-    value = (value ^ (value >> U64(27))) * _MIX2
-    return value ^ (value >> U64(31))
+    value = (value ^ (value >> Hash64(30))) * _MIX1
+    value = (value ^ (value >> Hash64(27))) * _MIX2
+    return value ^ (value >> Hash64(31))
 
 
 @njit(cache=True, nogil=True)
@@ -79,19 +79,19 @@ def _cube_m(number: int) -> float:
 def _firsts(xyz: AnyArray, cube_m: float, table: AnyArray, most: int) -> AnyArray:
     """Return the first point in every cube; of more than `most` cubes, one too many."""
     table[:] = 0
-    mask = U64(len(table) - 1)
+    mask = Hash64(len(table) - 1)
     firsts = np.empty(most + 1, np.int64)
     n = 0
     for i in range(len(xyz)):
-        key = U64(1)
+        key = Hash64(1)
         for k in range(3):
             # 21 bits each: cubes of 5 mm reach over 10 km
             cell = np.int64(np.floor(xyz[i, k] / cube_m)) + np.int64(1 << 20)
-            key = (key << U64(21)) | (U64(cell) & U64(0x1FFFFF))
+            key = (key << Hash64(21)) | (Hash64(cell) & Hash64(0x1FFFFF))
         slot = _mixed(key) & mask
-        while table[slot] != U64(0) and table[slot] != key:
-            slot = (slot + U64(1)) & mask
-        if table[slot] == U64(0):
+        while table[slot] != Hash64(0) and table[slot] != key:
+            slot = (slot + Hash64(1)) & mask
+        if table[slot] == Hash64(0):
             table[slot] = key
             firsts[n] = i
             n += 1

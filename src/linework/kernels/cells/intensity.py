@@ -11,7 +11,7 @@ from numba import njit
 from linework.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 #: Bins of the logarithm of a value, 16 to the doubling (4 %): from 2^-8 (ratios) to 2^16 (16 bit).
-N_BINS, PER_DOUBLING, LOWEST = 384, 16, -8
+N_INTENSITY_BINS, PER_DOUBLING, LOWEST = 384, 16, -8
 #: Bins of range, 4 to the doubling from 1 m to 64 m, and of the cosine of incidence, 2 to the halving.
 N_RANGES, RANGES_PER_DOUBLING = 24, 4
 N_COSINES, COSINES_PER_HALVING = 10, 2
@@ -23,11 +23,11 @@ def bin_of(value: float) -> int:
     if not value > 0.0:
         return 0
     b = math.floor((math.log2(value) - LOWEST) * PER_DOUBLING)
-    return int(min(max(b, 0), N_BINS - 1))
+    return int(min(max(b, 0), N_INTENSITY_BINS - 1))
 
 
 @njit(cache=True, nogil=True)
-def views(
+def viewing_geometry(
     xyz: FloatArray,
     time_s: FloatArray,
     path_time_s: FloatArray,
@@ -77,7 +77,7 @@ def count_views(
     value: Float32Array, reach: Float32Array, cosine: Float32Array, chosen: BoolArray
 ) -> IntArray:
     """Return (N_RANGES, N_COSINES, N_BINS) how many of the chosen points were seen how, and how bright."""
-    counts = np.zeros((N_RANGES, N_COSINES, N_BINS), np.int64)
+    counts = np.zeros((N_RANGES, N_COSINES, N_INTENSITY_BINS), np.int64)
     for i in range(len(value)):
         if not (chosen[i] and reach[i] >= 1.0 and cosine[i] > 0.0):
             continue
@@ -102,7 +102,7 @@ def count_in_blocks(
 
     Blocks are those of the lattice of multiples of `size`; first: numbers of the west column and of the south row.
     """
-    counts = np.zeros((n_rows, n_cols, N_BINS), np.int32)
+    counts = np.zeros((n_rows, n_cols, N_INTENSITY_BINS), np.int32)
     for i in range(len(xyz)):
         if not (chosen[i] and value[i] > 0.0):
             continue

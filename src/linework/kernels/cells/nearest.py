@@ -9,7 +9,7 @@ from linework.arrays import BoolArray, Float32Array, Int32Array, IntArray
 
 
 @njit(cache=True, nogil=True)
-def nearest_known(known: BoolArray, reach: int, margin: int) -> tuple[Int32Array, Int32Array]:
+def nearest_known_squared(known: BoolArray, reach: int, margin: int) -> tuple[Int32Array, Int32Array]:
     """Return for each cell the nearest known one (flat index, -1: none within reach) and the square distance.
 
     Parameters
@@ -101,7 +101,7 @@ def _nearest_in_columns(known: BoolArray, reach: int, margin: int) -> Int32Array
 
 
 @njit(cache=True, nogil=True)
-def filled(height: Float32Array, index: Int32Array) -> Float32Array:
+def heights_by_index(height: Float32Array, index: Int32Array) -> Float32Array:
     """Return the heights of the cells that `index` names, NaN where it names none."""
     flat = height.reshape(-1)
     out = np.full(index.shape, np.float32(np.nan), dtype=np.float32)
@@ -154,7 +154,7 @@ def softened(values: Float32Array, square: Int32Array, half: int, cell: float, o
 
 
 @njit(cache=True, nogil=True)
-def give_way(
+def blend_into_ground(
     road: Float32Array,
     square: Int32Array,
     ground: Float32Array,

@@ -13,7 +13,7 @@ from linework.kernels.boundaries.profiles import ENOUGH_POINTS, count_near, gath
 from linework.kernels.cells.floor import ground_at
 
 #: Side of a cell that may hold a box.
-CELL_M = 0.5
+BOX_CELL_M = 0.5
 #: Radius of a search area: the floor's 0.5 m on one side, 0.2 m of the top on the other, from anywhere in a cell.
 AREA_M = 0.75
 #: Search areas of fewer points grow; they have these radii.
@@ -21,16 +21,16 @@ SCALES = np.array([1.0, 1.5, 2.5])
 AREA_POINTS = 60
 
 #: A kerb is higher than this many times the noise of its floor: grass is not.
-LEAST_CLEAR = 1.5
+LEAST_CLEAR_STEP = 1.5
 
 #: The carriageway is the smoothest floor around, but for what a rough spot or a far scanner adds; and any
 #: floor is as smooth as that of fresh asphalt under a fair scanner. [times, m]
-ROUGHER_FLOOR, SMOOTH_M = 3.0, 0.006
+ROUGHER_FLOOR, SMOOTH_FLOOR_M = 3.0, 0.006
 
 #: Why there is no box.
-FOUND, HOLE, NO_ROAD, ALL_ROAD, ELSEWHERE = 0, 1, 2, 3, 4
+BOX_FOUND, BOX_HOLE, BOX_NO_ROAD, BOX_ALL_ROAD, BOX_ELSEWHERE = 0, 1, 2, 3, 4
 #: Columns of a box.
-X, Y, Z, UX, UY, HALF_U, S_V, S_Z, S_U, SCORE, FORM, STEP, TOP_V, COUNT, START, END = (
+BOX_X, BOX_Y, BOX_Z, BOX_UX, BOX_UY, BOX_HALF_U, S_V, S_Z, S_U, SCORE, FORM, BOX_STEP, TOP_V, COUNT, START, BOX_END = (
     0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15,
 )  # fmt: skip
 COLUMNS = 16
@@ -47,7 +47,7 @@ def floor_near(
     """
     best, noise, usual = 1e9, -1.0, 0.0
     n_cols, n_rows = span[2] // 2, span[3] // 2
-    c0, r0 = int(np.floor(x / CELL_M)) - span[0] // 2, int(np.floor(y / CELL_M)) - span[1] // 2
+    c0, r0 = int(np.floor(x / BOX_CELL_M)) - span[0] // 2, int(np.floor(y / BOX_CELL_M)) - span[1] // 2
     for r in range(max(r0 - 2, 0), min(r0 + 3, n_rows)):
         for c in range(max(c0 - 2, 0), min(c0 + 3, n_cols)):
             f = facets[r * n_cols + c]
@@ -58,16 +58,16 @@ def floor_near(
             cost = f[4] ** 2 + 0.15**2 * tilt
             if cost < best:
                 best, noise, usual = cost, f[4], f[5]
-                dx = x - (span[0] // 2 + c + 0.5) * CELL_M
-                dy = y - (span[1] // 2 + r + 0.5) * CELL_M
+                dx = x - (span[0] // 2 + c + 0.5) * BOX_CELL_M
+                dy = y - (span[1] // 2 + r + 0.5) * BOX_CELL_M
                 plane[0], plane[1], plane[2] = f[1] + f[2] * dx + f[3] * dy, f[2], f[3]
     return noise, usual
 
 
 @njit(cache=True, nogil=True)
-def roughest(usual: float, limits: FloatArray) -> float:
+def roughness_limit(usual: float, limits: FloatArray) -> float:
     """Return how rough the floor of a place may be, where the smoothest floor around is known."""
-    return float(min(limits[3], max(ROUGHER_FLOOR * usual, SMOOTH_M)))
+    return float(min(limits[3], max(ROUGHER_FLOOR * usual, SMOOTH_FLOOR_M)))
 
 
 @njit(cache=True, nogil=True)

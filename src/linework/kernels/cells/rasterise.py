@@ -37,7 +37,7 @@ def cell_of(x: float, y: float, placement: AnyArray, n_rows: int, n_cols: int) -
 
 
 @njit(cache=True, nogil=True)
-def cells_of(xyz: AnyArray, placement: AnyArray, n_rows: int, n_cols: int) -> AnyArray:
+def cells_of_coordinates(xyz: AnyArray, placement: AnyArray, n_rows: int, n_cols: int) -> AnyArray:
     """Return the (n,) int64 flat cell index of each point; -1 outside."""
     cells = np.empty(xyz.shape[0], np.int64)
     for i in range(xyz.shape[0]):
@@ -46,7 +46,7 @@ def cells_of(xyz: AnyArray, placement: AnyArray, n_rows: int, n_cols: int) -> An
 
 
 @njit(cache=True, nogil=True)
-def rasterise(
+def rasterise_points(
     xyz: AnyArray,
     height: AnyArray,
     origin: float,

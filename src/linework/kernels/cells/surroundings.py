@@ -15,7 +15,7 @@ from linework.kernels.cells.places import AREA_M
 
 #: Channels: height over the plane; whether there is a rise at all, of a low kerb or a high wall; roughness;
 #: brightness.
-HEIGHT, RISE, ROUGH, BRIGHT = 0, 1, 2, 3
+CHANNEL_HEIGHT, RISE, ROUGH, CHANNEL_BRIGHT = 0, 1, 2, 3
 #: What counts as a rise; and the roughest verge. [m]
 LOW_KERB_M, ROUGHEST_M = 0.05, 0.06
 #: Cells of one point know little, of many not ever more: weights of channels by number of points.
@@ -23,7 +23,7 @@ MOST_WEIGHT = 5.0
 
 
 @njit(cache=True, nogil=True)
-def look_around(
+def fit_surroundings(
     sums: FloatArray,
     span: IntArray,
     place: tuple[float, float],

@@ -8,11 +8,11 @@ from numba import njit
 from linework.arrays import AnyArray
 
 #: Steps of the fixed-point sums of heights [1/m]: whole numbers add up to the same in any order of the points.
-STEPS_PER_M = 1048576.0
+SUM_STEPS_PER_M = 1048576.0
 #: A point so near to the road's height belongs to the ground: lower than the sill of a car. [m]
 GROUND_M = 0.4
 #: What a lorry passes under does not hide the road. [m]
-OVERHEAD_M = 4.5
+OVERHEAD_ROAD_M = 4.5
 
 
 @njit(cache=True, nogil=True)
@@ -50,14 +50,14 @@ def add_points(
             if on_ground[row, col] == 0:
                 bright[row, col] = 0
             on_ground[row, col] += 1
-            steps[row, col] += np.int64(np.float64(zs[i]) * STEPS_PER_M)
+            steps[row, col] += np.int64(np.float64(zs[i]) * SUM_STEPS_PER_M)
             bright[row, col] += intensities[i]
         elif on_ground[row, col] == 0:
             bright[row, col] += intensities[i]
         old = above[row, col]
-        if not old > -np.inf or (a <= OVERHEAD_M and (a > old or old > OVERHEAD_M)):
+        if not old > -np.inf or (a <= OVERHEAD_ROAD_M and (a > old or old > OVERHEAD_ROAD_M)):
             above[row, col] = a if a == a else old
-        elif a > old and old > OVERHEAD_M:
+        elif a > old and old > OVERHEAD_ROAD_M:
             above[row, col] = a
 
 
@@ -86,7 +86,7 @@ def layers_of(sums: tuple[AnyArray, ...], cell_m: float) -> tuple[AnyArray, ...]
             if n == 0:
                 continue
             density[r, c] = n / (cell_m * cell_m)
-            ground[r, c] = steps[r, c] / (STEPS_PER_M * m) if m else top[r, c]
+            ground[r, c] = steps[r, c] / (SUM_STEPS_PER_M * m) if m else top[r, c]
             stands[r, c] = top[r, c] - ground[r, c]
             shine[r, c] = bright[r, c] / (m if m else n)
             if above[r, c] > -np.inf:
@@ -131,7 +131,7 @@ def join_cells(
 
 
 @njit(cache=True, nogil=True)
-def nearest_known(is_known: AnyArray, reach: float) -> AnyArray:
+def nearest_known_index(is_known: AnyArray, reach: float) -> AnyArray:
     """Return the flat index of the nearest known cell of each cell within a reach in cells, -1 where none is.
 
     Two passes that hand on the nearest from neighbour to neighbour (Danielsson 1980,

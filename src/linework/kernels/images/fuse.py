@@ -11,7 +11,7 @@ from linework.arrays import FloatArray, IntArray
 from linework.kernels.tracking.track import first_at
 
 #: Columns of a table of pieces: place and direction in plan, height, variances across and of the height.
-X, Y, Z, UX, UY, VAR, VAR_Z = range(7)
+PIECE_X, PIECE_Y, PIECE_Z, PIECE_UX, PIECE_UY, VAR, VAR_Z = range(7)
 #: Pieces of one line have directions within this (cosine of 15 degrees).
 SAME_WAY = 0.966
 
@@ -55,7 +55,7 @@ def fuse(
     for i in order:
         if place[i] >= 0:
             continue
-        x, y, ux, uy = pieces[i, X], pieces[i, Y], pieces[i, UX], pieces[i, UY]
+        x, y, ux, uy = pieces[i, PIECE_X], pieces[i, PIECE_Y], pieces[i, PIECE_UX], pieces[i, PIECE_UY]
         count = 0
         row0, row1 = int((y - reach - south) // cell), int((y + reach - south) // cell)
         col0, col1 = int((x - reach - west) // cell), int((x + reach - west) // cell)
@@ -63,12 +63,12 @@ def fuse(
             for j in range(first_at(codes, row * n_cols + col0), first_at(codes, row * n_cols + col1 + 1)):
                 if place[j] >= 0:
                     continue
-                dx, dy = pieces[j, X] - x, pieces[j, Y] - y
+                dx, dy = pieces[j, PIECE_X] - x, pieces[j, PIECE_Y] - y
                 s, v = dx * ux + dy * uy, dy * ux - dx * uy
-                cosine = ux * pieces[j, UX] + uy * pieces[j, UY]
+                cosine = ux * pieces[j, PIECE_UX] + uy * pieces[j, PIECE_UY]
                 if abs(s) > along_m or abs(cosine) < SAME_WAY:
                     continue
-                turn = (ux * pieces[j, UY] - uy * pieces[j, UX]) / cosine
+                turn = (ux * pieces[j, PIECE_UY] - uy * pieces[j, PIECE_UX]) / cosine
                 v -= s * turn
                 bound = across_m[0] + 3.0 * math.sqrt(pieces[i, VAR] + pieces[j, VAR])
                 if abs(v) <= min(bound, across_m[1]):
@@ -89,9 +89,9 @@ def fuse(
         for k in range(count):
             j = near[k]
             w = 1.0 / pieces[j, VAR]
-            sign = 1.0 if ux * pieces[j, UX] + uy * pieces[j, UY] > 0.0 else -1.0
-            sx, sy = sx + w * sign * pieces[j, UX], sy + w * sign * pieces[j, UY]
-            sz, wz = sz + pieces[j, Z] / pieces[j, VAR_Z], wz + 1.0 / pieces[j, VAR_Z]
+            sign = 1.0 if ux * pieces[j, PIECE_UX] + uy * pieces[j, PIECE_UY] > 0.0 else -1.0
+            sx, sy = sx + w * sign * pieces[j, PIECE_UX], sy + w * sign * pieces[j, PIECE_UY]
+            sz, wz = sz + pieces[j, PIECE_Z] / pieces[j, VAR_Z], wz + 1.0 / pieces[j, VAR_Z]
             spread += (off[k] - mean) ** 2 * w
             place[j] = m
         length = math.hypot(sx, sy)

@@ -11,7 +11,7 @@ from linework.arrays import ByteArray, FloatArray
 
 #: Columns of a match: shift and its standard deviation, correlation, gain and offset, samples compared, and the
 #: correlation of the best other place that is farther off than the pattern is wide.
-SHIFT, SIGMA, CORRELATION, GAIN, OFFSET, SAMPLES, OTHER = range(7)
+SHIFT, MATCH_SIGMA, CORRELATION, GAIN, OFFSET, SAMPLES, OTHER = range(7)
 #: Gauss-Newton is at a thousandth of a sample after so many steps from a place found by search.
 _ITERATIONS = 6
 #: Fewer samples than this say nothing about four unknowns (shift, gain, offset, noise).
@@ -19,7 +19,7 @@ LEAST_SAMPLES = 5
 
 
 @njit(cache=True, nogil=True)
-def profile_across(
+def grey_profile_across(
     image: ByteArray,
     to_pixel: FloatArray,
     frame: FloatArray,
@@ -204,7 +204,7 @@ def match_profile(
 
     Parameters
     ----------
-    profile : (2 half + 1,) from `profile_across`
+    profile : (2 half + 1,) from `grey_profile_across`
     spacing : of the profile [m]
     total : (n + 1,) running integral of the template (`integral_of`)
     step : spacing of the template [m]
@@ -243,7 +243,7 @@ def match_profile(
         if abs(move) < 1e-3 * spacing:
             break
     found = _fit(profile, half, spacing, total, step, best, window)
-    out[SHIFT], out[SIGMA] = best, math.sqrt(found[5])
+    out[SHIFT], out[MATCH_SIGMA] = best, math.sqrt(found[5])
     out[CORRELATION], out[GAIN], out[OFFSET], out[SAMPLES] = found[3], found[1], found[2], found[0]
     for i in range(1, n):
         x = expected - reach + i * (2.0 * reach / n)

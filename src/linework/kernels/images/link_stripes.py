@@ -10,12 +10,12 @@ from numba import njit
 from linework.arrays import FloatArray, IntArray
 
 #: Columns of the places to be linked: across and ahead on the road [m], width [m], standard deviation across [m].
-ACROSS, AHEAD, WIDE, OFF = range(4)
+PLACE_ACROSS, PLACE_AHEAD, PLACE_WIDTH, PLACE_SIGMA = range(4)
 #: A line's direction is taken from so much of its past [m], places at most and least.
-PAST_M, MOST_PAST, LEAST_PAST = 1.5, 24, 3
+STRIPE_PAST_M, MOST_PAST, LEAST_PAST = 1.5, 24, 3
 #: How far a line may leave its direction per metre ahead: a bend of 20 m radius, over a metre. And so much of the
 #: width of paint, of whose edges some are worn.
-TURN, WORN = 0.05, 0.30
+LINK_TURN, WORN_WIDTH = 0.05, 0.30
 
 
 @njit(cache=True, nogil=True)
@@ -23,18 +23,18 @@ def _direction(places: FloatArray, past: IntArray, n: int) -> tuple[float, float
     """Return where a line leads: last place across and ahead, its slope and how well that is known; NaN if not."""
     s = sx = sy = sxx = sxy = 0.0
     last = past[(n - 1) % MOST_PAST]
-    y0, x0 = places[last, AHEAD], places[last, ACROSS]
+    y0, x0 = places[last, PLACE_AHEAD], places[last, PLACE_ACROSS]
     for i in range(n - 1, max(n - 1 - MOST_PAST, -1), -1):
         j = past[i % MOST_PAST]
-        x, y = places[j, ACROSS] - x0, places[j, AHEAD] - y0
-        if y < -PAST_M:
+        x, y = places[j, PLACE_ACROSS] - x0, places[j, PLACE_AHEAD] - y0
+        if y < -STRIPE_PAST_M:
             break
         s, sx, sy, sxx, sxy = s + 1.0, sx + x, sy + y, sxx + y * y, sxy + x * y
     det = s * sxx - sy * sy
     if s < LEAST_PAST or det <= 1e-9:
         return x0, y0, np.nan, np.nan
     slope = (s * sxy - sy * sx) / det
-    return x0 + (sx - slope * sy) / s, y0, slope, places[last, OFF] * math.sqrt(s / det)
+    return x0 + (sx - slope * sy) / s, y0, slope, places[last, PLACE_SIGMA] * math.sqrt(s / det)
 
 
 @njit(cache=True, nogil=True)
@@ -67,8 +67,8 @@ def link(
         # Lines whose last place is too far back are ended
         for a in range(most):
             if number[a] >= 0 and start < end:
-                y = places[past[a, (size[a] - 1) % MOST_PAST], AHEAD]
-                if places[start, AHEAD] - y > gap[0] and r - last_row[a] > gap[1]:
+                y = places[past[a, (size[a] - 1) % MOST_PAST], PLACE_AHEAD]
+                if places[start, PLACE_AHEAD] - y > gap[0] and r - last_row[a] > gap[1]:
                     number[a] = -1
         # Every line chooses its place, every place the line that it suits best
         taken = np.full(end - start, -1, dtype=np.int64)
@@ -80,18 +80,18 @@ def link(
             j0 = past[a, (size[a] - 1) % MOST_PAST]
             best = 1.0
             for j in range(start, end):
-                ahead = places[j, AHEAD] - y
-                across = places[j, ACROSS] - x
-                wide = max(places[j, WIDE], places[j0, WIDE])
-                own = math.sqrt(places[j, OFF] ** 2 + places[j0, OFF] ** 2)
+                ahead = places[j, PLACE_AHEAD] - y
+                across = places[j, PLACE_ACROSS] - x
+                wide = max(places[j, PLACE_WIDTH], places[j0, PLACE_WIDTH])
+                own = math.sqrt(places[j, PLACE_SIGMA] ** 2 + places[j0, PLACE_SIGMA] ** 2)
                 bound = 0.5 * wide + steepest * max(ahead, 0.0) + 3.0 * own
                 if not math.isnan(slope):
                     if abs(across) > bound:
                         continue
                     across -= slope * ahead
-                    turn = TURN + 0.1 * abs(slope) + 3.0 * sigma
-                    bound = min(bound, WORN * wide + 3.0 * own + turn * ahead + 0.05)
-                other = abs(places[j, WIDE] - places[j0, WIDE]) / (0.6 * wide + 4.0 * own)
+                    turn = LINK_TURN + 0.1 * abs(slope) + 3.0 * sigma
+                    bound = min(bound, WORN_WIDTH * wide + 3.0 * own + turn * ahead + 0.05)
+                other = abs(places[j, PLACE_WIDTH] - places[j0, PLACE_WIDTH]) / (0.6 * wide + 4.0 * own)
                 value = max(abs(across) / bound, other)
                 if value < best:
                     best, wanted[a] = value, j

@@ -12,16 +12,16 @@ from linework.arrays import ByteArray, FloatArray
 
 #: Columns of a table of stripes: column and row [pixels], width [pixels], contrast [grey values], standard
 #: deviation of the column [pixels], level of the road beside it [grey values].
-COL, ROW, WIDTH, CONTRAST, SIGMA, LEVEL = range(6)
+COL, ROW, WIDTH, STRIPE_CONTRAST, STRIPE_SIGMA, LEVEL = range(6)
 #: Stripes of a row that are kept at most.
 MOST_PER_ROW = 64
 #: Half the length that edges are sharpened over, on the road [m]: the grain of asphalt is smaller, paint is wider.
 GRAIN_M = 0.025
 #: The road beside a stripe is judged over this width [m], from so far off its edge [pixels]: blur of the image.
-BESIDE_M, BLUR_PX = 0.15, 1.0
+ROAD_BESIDE_M, EDGE_BLUR_PX = 0.15, 1.0
 #: And farther off, from where to where [m]: a strip of light between two narrow shadows is no brighter than that. So
 #: much of its contrast paint has over the darker side there.
-FAR_M, FAR_SHARE = (0.20, 0.60), 0.5
+FAR_BESIDE_M, FAR_SHARE = (0.20, 0.60), 0.5
 
 
 @njit(cache=True, nogil=True)
@@ -134,7 +134,11 @@ def stripes_of_rows(
                 ):
                     if widths_m[0] * local - 0.7 <= stripe[1] <= wide:
                         table[n, COL], table[n, ROW], table[n, WIDTH] = stripe[0], v, stripe[1]
-                        table[n, CONTRAST], table[n, SIGMA], table[n, LEVEL] = contrast, stripe[3], level
+                        table[n, STRIPE_CONTRAST], table[n, STRIPE_SIGMA], table[n, LEVEL] = (
+                            contrast,
+                            stripe[3],
+                            level,
+                        )
                         n += 1
                         kept += 1
                         u = end
@@ -154,7 +158,7 @@ def _measured(
     centre of what is brighter than the road.
     """
     width = len(row)
-    beside, off = max(round(BESIDE_M * local), 2), int(BLUR_PX)
+    beside, off = max(round(ROAD_BESIDE_M * local), 2), int(EDGE_BLUR_PX)
     a0, a1 = max(start - off - beside, 0), max(start - off, 1)
     b0, b1 = min(end + off, width - 1), min(end + off + beside, width)
     left, right = _mean(total, min(a0, a1 - 1), a1), _mean(total, b0, max(b1, b0 + 1))
@@ -166,8 +170,8 @@ def _measured(
         for u in range(start, end):
             paint = max(paint, float(row[u]))
     contrast = paint - level
-    c0, c1 = int(start - FAR_M[1] * local), int(start - FAR_M[0] * local)
-    d0, d1 = int(end + FAR_M[0] * local), int(end + FAR_M[1] * local)
+    c0, c1 = int(start - FAR_BESIDE_M[1] * local), int(start - FAR_BESIDE_M[0] * local)
+    d0, d1 = int(end + FAR_BESIDE_M[0] * local), int(end + FAR_BESIDE_M[1] * local)
     far = level
     if c0 >= 0 and d1 < width and c1 > c0 and d1 > d0:
         far = min(_mean(total, c0, c1), _mean(total, d0, d1))

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray
-from linework.kernels.paint.stripe_search import Q, X, Y, Z
+from linework.kernels.paint.stripe_search import POINT_X, POINT_Y, POINT_Z, Q
 from linework.kernels.tracking.cholesky import factor, solve
 
 #: Bins along a stripe, and parts of it that are taken for independent.
@@ -31,11 +31,11 @@ def strip_of(
     ux, uy = axes
     m = 0
     for i in range(n):
-        v = work[i, Y] * ux - work[i, X] * uy
+        v = work[i, POINT_Y] * ux - work[i, POINT_X] * uy
         if v > limits[0] and v < limits[1]:
-            u = work[i, X] * ux + work[i, Y] * uy
+            u = work[i, POINT_X] * ux + work[i, POINT_Y] * uy
             if abs(u) < radius:
-                strip[m, 0], strip[m, 1], strip[m, 2], strip[m, 3] = u, v, work[i, Q], work[i, Z]
+                strip[m, 0], strip[m, 1], strip[m, 2], strip[m, 3] = u, v, work[i, Q], work[i, POINT_Z]
                 m += 1
     return m
 
@@ -285,7 +285,7 @@ def height_of(
             row[1], row[2], row[3] = points[i, 0], points[i, 1], 0.5 if points[i, 1] > 0.0 else -0.5
             _add(row, points[i, 2], normal, right)
     _solve(normal, right, solution)
-    height, noise = bent(zones)
+    height, noise = kerb_from_bend(zones)
     step = abs(solution[3])
     right[:] = 0.0
     right[3] = noise * noise
@@ -315,7 +315,7 @@ def _solve(normal: FloatArray, right: FloatArray, out: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True)
-def bent(zones: FloatArray) -> tuple[float, float]:
+def kerb_from_bend(zones: FloatArray) -> tuple[float, float]:
     """Return the height of a kerb that would bend four zones off their plane as far, and the noise.
 
     zones: number, sum and sum of squares of the distances from the plane: right of the stripe, its right and left

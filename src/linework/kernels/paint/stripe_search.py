@@ -10,7 +10,7 @@ from numba import njit
 from linework.arrays import FloatArray, IntArray
 
 #: Columns of the points of a search area: place from its middle, height, brightness, time.
-X, Y, Z, Q, TIME = range(5)
+POINT_X, POINT_Y, POINT_Z, Q, TIME = range(5)
 
 #: Points that show all there is in a search area: 500 per square metre and more.
 ENOUGH = 1500
@@ -18,7 +18,7 @@ N_ANGLES = 16
 N_TURN_BINS = 24
 #: Bins across a search area of radius R, which reaches 1.4 R: a bar 0.5 m wide and the road on both sides of it
 #: fit in.
-N_ACROSS, ACROSS = 56, 1.4
+N_ACROSS, PROFILE_ACROSS_M = 56, 1.4
 #: Road beside a stripe that it is held against: 4 bins, 0.10 m of a search area of 0.5 m (double lines stand
 #: 0.1 m and more apart).
 N_SIDE = 4
@@ -28,7 +28,7 @@ MOST_STRIPES = 4
 
 
 @njit(cache=True, nogil=True)
-def gather(
+def gather_within_reach(
     points: FloatArray,
     starts: IntArray,
     lattice: tuple[float, int, int, int, int],
@@ -57,7 +57,7 @@ def gather(
         for i in range(starts[row * n_cols + col0], starts[row * n_cols + col1 + 1], stride):
             dx, dy = points[i, 0] - x, points[i, 1] - y
             if dx * dx + dy * dy <= reach * reach:
-                work[n, X], work[n, Y], work[n, Z] = dx, dy, points[i, 2]
+                work[n, POINT_X], work[n, POINT_Y], work[n, POINT_Z] = dx, dy, points[i, 2]
                 work[n, Q], work[n, TIME] = points[i, 3], points[i, 4]
                 n += 1
     return n
@@ -78,10 +78,10 @@ def direction(work: FloatArray, n: int, radius: float) -> float:
     near = np.empty((n // stride + 1, 3))
     total, number = 0.0, 0
     for i in range(0, n, stride):
-        if work[i, X] ** 2 + work[i, Y] ** 2 <= reach * reach:
+        if work[i, POINT_X] ** 2 + work[i, POINT_Y] ** 2 <= reach * reach:
             near[number, 0], near[number, 1], near[number, 2] = (
-                work[i, X] * scale,
-                work[i, Y] * scale,
+                work[i, POINT_X] * scale,
+                work[i, POINT_Y] * scale,
                 work[i, Q],
             )
             total += work[i, Q]
@@ -119,13 +119,13 @@ def stripes_across(
 
     Writes right edge, left edge [m, across] and t-value of each to `out`; returns their number.
     """
-    reach = ACROSS * radius
+    reach = PROFILE_ACROSS_M * radius
     size = 2.0 * reach / N_ACROSS
     ux, uy = math.cos(angle), math.sin(angle)
     number, total = np.zeros(N_ACROSS + 1), np.zeros(N_ACROSS + 1)
     square = 0.0
     for i in range(n):
-        u, v = work[i, X] * ux + work[i, Y] * uy, work[i, Y] * ux - work[i, X] * uy
+        u, v = work[i, POINT_X] * ux + work[i, POINT_Y] * uy, work[i, POINT_Y] * ux - work[i, POINT_X] * uy
         if abs(u) < radius and abs(v) < reach:
             b = int((v + reach) / size)
             number[b + 1] += 1.0

@@ -16,23 +16,23 @@ from linework.kernels.paint.stripe_fit import (
     height_of,
     strip_of,
 )
-from linework.kernels.paint.stripe_search import ACROSS, MOST_STRIPES, Q, direction, stripes_across
+from linework.kernels.paint.stripe_search import MOST_STRIPES, PROFILE_ACROSS_M, Q, direction, stripes_across
 
 #: Columns of a stripe.
 (
-    CX, CY, CZ, UX, UY, HALF_U, HALF_V, SIGMA_V, SIGMA_Z, SIGMA_U, T_VALUE, STEP, SIGMA_STEP,
-    DARK, BRIGHT, NUMBER, FIRST, LAST, LENGTH, APART, ALONG,
+    CX, CY, CZ, STRIPE_UX, STRIPE_UY, STRIPE_HALF_U, STRIPE_HALF_V, STRIPE_SIGMA_V, SIGMA_Z, STRIPE_SIGMA_U, T_VALUE, STRIPE_STEP, SIGMA_STEP,
+    DARK, STRIPE_BRIGHT, NUMBER, FIRST, LAST, LENGTH, APART, ALONG,
 ) = range(21)  # fmt: skip
-N_COLUMNS = 21
+STRIPE_COLUMNS = 21
 #: Stripes so near to a cell may pass through it when measured; a piece in it is at least so long. [m]
-NEAR_M, LEAST_PIECE_M = 0.05, 0.04
+NEAR_CELL_M, LEAST_PIECE_M = 0.05, 0.04
 #: Points on the paint in fewer of 8 parts of a stripe are too few.
 LEAST_PARTS = 3
 #: Share of points beside a stripe that may be as bright as its paint (specks, a ragged edge).
 MOST_BESIDE = 0.25
 
 #: Why a search area has no stripe.
-FOUND, TOO_FEW_POINTS, HOLES, NO_BRIGHT, NO_STRIPE = range(5)
+STRIPE_FOUND, TOO_FEW_POINTS, HOLES, NO_BRIGHT, NO_STRIPE = range(5)
 
 
 @njit(cache=True, nogil=True)
@@ -92,7 +92,7 @@ def stripes_in_area(
     edges = np.empty((MOST_STRIPES, 3))
     m = stripes_across(work, n, angle, radius, least_t, edges)
     axes = (math.cos(angle), math.sin(angle))
-    wide = (cell[0] - NEAR_M, cell[1] - NEAR_M, cell[2] + NEAR_M, cell[3] + NEAR_M)
+    wide = (cell[0] - NEAR_CELL_M, cell[1] - NEAR_CELL_M, cell[2] + NEAR_CELL_M, cell[3] + NEAR_CELL_M)
     fit, covariance, strip = np.empty(6), np.empty((6, 6)), np.empty((n, 4))
     number, sparse = 0, False
     for j in range(m):
@@ -101,7 +101,7 @@ def stripes_in_area(
         s0, s1 = clipped(-offset * axes[1], offset * axes[0], axes[0], axes[1], (-radius, radius), wide)
         if s1 <= s0:
             continue
-        low, high = limits_of(edges[:m], j, radius)
+        low, high = fit_window(edges[:m], j, radius)
         near = strip[: strip_of(work, n, axes, radius, (low, high), strip)]
         fit[:] = 0.0
         fit[0], fit[2], fit[5] = offset, edges[j, 1] - edges[j, 0], 0.7
@@ -113,15 +113,15 @@ def stripes_in_area(
         if write_place(fit, (begin, end), axes, cell, row):
             write_figures(near, (begin, end), high - low, radius, fit, covariance, row)
             row[DARK] = dark + (bright - dark) * max(fit[3], fit[4])
-            row[BRIGHT] = dark + (bright - dark) * fit[5]
+            row[STRIPE_BRIGHT] = dark + (bright - dark) * fit[5]
             row[NUMBER] = used
-            row[APART] = radius * math.sqrt(math.pi * (1.0 + ACROSS * ACROSS) / n)
+            row[APART] = radius * math.sqrt(math.pi * (1.0 + PROFILE_ACROSS_M * PROFILE_ACROSS_M) / n)
             number += 1
-    return number, HOLES if sparse else (FOUND if number else NO_STRIPE)
+    return number, HOLES if sparse else (STRIPE_FOUND if number else NO_STRIPE)
 
 
 @njit(cache=True, nogil=True)
-def limits_of(edges: FloatArray, j: int, radius: float) -> tuple[float, float]:
+def fit_window(edges: FloatArray, j: int, radius: float) -> tuple[float, float]:
     """Return between which offsets a stripe is fitted: road on both sides, no paint of its neighbours."""
     right, left = edges[j, 0], edges[j, 1]
     low, high = right - 0.24 * radius, left + 0.24 * radius
@@ -177,8 +177,12 @@ def write_place(
     if s1 - s0 < LEAST_PIECE_M:
         return False
     s = 0.5 * (s0 + s1)
-    row[CX], row[CY], row[UX], row[UY] = px + s * ux, py + s * uy, ux, uy
-    row[HALF_U], row[LENGTH], row[HALF_V] = min(s - begin, end - s), end - begin, 0.5 * fit[2] / root
+    row[CX], row[CY], row[STRIPE_UX], row[STRIPE_UY] = px + s * ux, py + s * uy, ux, uy
+    row[STRIPE_HALF_U], row[LENGTH], row[STRIPE_HALF_V] = (
+        min(s - begin, end - s),
+        end - begin,
+        0.5 * fit[2] / root,
+    )
     row[ALONG] = s / root
     return True
 
@@ -197,12 +201,14 @@ def write_figures(
     at = row[ALONG]
     variance = covariance[0, 0] + 2.0 * at * covariance[0, 1] + at * at * covariance[1, 1]
     unseen = edge_variance(near, stretch, across, fit)
-    row[SIGMA_V] = math.sqrt(variance + unseen)
+    row[STRIPE_SIGMA_V] = math.sqrt(variance + unseen)
     # What the fit does not see is another at the other end: over half the length at the least
-    row[SIGMA_U] = math.sqrt(covariance[1, 1] + 4.0 * unseen / row[LENGTH] ** 2)
+    row[STRIPE_SIGMA_U] = math.sqrt(covariance[1, 1] + 4.0 * unseen / row[LENGTH] ** 2)
     row[T_VALUE] = min(
         (fit[5] - fit[3]) / math.sqrt(covariance[5, 5] + covariance[3, 3] - 2.0 * covariance[5, 3]),
         (fit[5] - fit[4]) / math.sqrt(covariance[5, 5] + covariance[4, 4] - 2.0 * covariance[5, 4]),
     )
-    row[CZ], row[SIGMA_Z], row[STEP], row[SIGMA_STEP] = height_of(near, stretch, fit, at, 0.18 * radius)
+    row[CZ], row[SIGMA_Z], row[STRIPE_STEP], row[SIGMA_STEP] = height_of(
+        near, stretch, fit, at, 0.18 * radius
+    )
     row[FIRST], row[LAST] = -1.0, -1.0

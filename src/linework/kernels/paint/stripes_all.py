@@ -9,21 +9,29 @@ from numba import njit
 
 from linework.arrays import FloatArray, IntArray
 from linework.kernels.paint.paint_points import MOST_VISITS, dark_level, split_into_visits, visit_of
-from linework.kernels.paint.stripe_search import ACROSS, MOST_STRIPES, TIME, Q, X, Y, gather
+from linework.kernels.paint.stripe_search import (
+    MOST_STRIPES,
+    POINT_X,
+    POINT_Y,
+    PROFILE_ACROSS_M,
+    TIME,
+    Q,
+    gather_within_reach,
+)
 from linework.kernels.paint.stripes import (
     CX,
     CY,
     FIRST,
-    FOUND,
-    HALF_U,
-    HALF_V,
     HOLES,
     LAST,
-    N_COLUMNS,
     NO_BRIGHT,
+    STRIPE_COLUMNS,
+    STRIPE_FOUND,
+    STRIPE_HALF_U,
+    STRIPE_HALF_V,
+    STRIPE_UX,
+    STRIPE_UY,
     TOO_FEW_POINTS,
-    UX,
-    UY,
     stripes_in_area,
 )
 
@@ -34,7 +42,7 @@ RADII_M = (0.5, 1.0, 2.0)
 BRIGHT_SPREADS = 2.5
 #: A search area with fewer points shows no stripe: paint 0.12 m wide covers a twelfth of it. One with many
 #: shows all there is; the larger the area, the fewer.
-LEAST_POINTS, MANY_POINTS = 80, 400
+LEAST_STRIPE_POINTS, MANY_POINTS = 80, 400
 #: Points that say how dark the road and how bright the paint is, about, and the fewest of a visit.
 N_LEVEL, LEAST_VISIT = 200, 10
 
@@ -111,15 +119,15 @@ def stripes_at(
     box = (cell[0] - x, cell[1] - y, cell[2] - x, cell[3] - y)
     why = TOO_FEW_POINTS
     for radius in RADII_M:
-        reach = math.sqrt(1.0 + ACROSS * ACROSS) * radius
-        n = gather(points, starts, lattice, x, y, reach, work)
+        reach = math.sqrt(1.0 + PROFILE_ACROSS_M * PROFILE_ACROSS_M) * radius
+        n = gather_within_reach(points, starts, lattice, x, y, reach, work)
         if n < 0:
             work = np.empty((-2 * n, work.shape[1]))
-            n = gather(points, starts, lattice, x, y, reach, work)
-        if n < LEAST_POINTS:
+            n = gather_within_reach(points, starts, lattice, x, y, reach, work)
+        if n < LEAST_STRIPE_POINTS:
             continue
         n, dark, bright = even_out(work, n)
-        if n < LEAST_POINTS:
+        if n < LEAST_STRIPE_POINTS:
             continue
         if n < len(work):
             work[n, TIME] = np.nan
@@ -131,7 +139,7 @@ def stripes_at(
             out[k, CX] += x
             out[k, CY] += y
         if number > 0 or (why != HOLES and n > MANY_POINTS / (2.0 * radius)):
-            return number, FOUND if number > 0 else why, work
+            return number, STRIPE_FOUND if number > 0 else why, work
     return 0, why, work
 
 
@@ -146,8 +154,8 @@ def all_stripes(
 ) -> FloatArray:
     """Return the stripes of all the cells in their order, one row each (see `linework.kernels.paint.stripes`)."""
     size, south, west, _, n_cols = lattice
-    out = np.empty((256, N_COLUMNS))
-    some = np.empty((MOST_STRIPES, N_COLUMNS))
+    out = np.empty((256, STRIPE_COLUMNS))
+    some = np.empty((MOST_STRIPES, STRIPE_COLUMNS))
     work = np.empty((4096, 5))
     m = 0
     for k in range(len(cells)):
@@ -160,26 +168,26 @@ def all_stripes(
             if np.floor(some[j, CX] / size) != col or np.floor(some[j, CY] / size) != row:
                 continue
             if m == len(out):
-                grown = np.empty((2 * m, N_COLUMNS))
+                grown = np.empty((2 * m, STRIPE_COLUMNS))
                 grown[:m] = out
                 out = grown
             out[m] = some[j]
-            write_times(work, place, out[m])
+            write_stripe_times(work, place, out[m])
             m += 1
     return out[:m]
 
 
 @njit(cache=True, nogil=True)
-def write_times(work: FloatArray, place: tuple[float, float], stripe: FloatArray) -> None:
+def write_stripe_times(work: FloatArray, place: tuple[float, float], stripe: FloatArray) -> None:
     """Write when the points on a stripe were measured."""
     dx, dy = stripe[CX] - place[0], stripe[CY] - place[1]
     first, last = np.inf, -np.inf
     for i in range(len(work)):
         if np.isnan(work[i, TIME]):
             break
-        u = (work[i, X] - dx) * stripe[UX] + (work[i, Y] - dy) * stripe[UY]
-        v = (work[i, Y] - dy) * stripe[UX] - (work[i, X] - dx) * stripe[UY]
-        if abs(u) <= stripe[HALF_U] and abs(v) <= stripe[HALF_V]:
+        u = (work[i, POINT_X] - dx) * stripe[STRIPE_UX] + (work[i, POINT_Y] - dy) * stripe[STRIPE_UY]
+        v = (work[i, POINT_Y] - dy) * stripe[STRIPE_UX] - (work[i, POINT_X] - dx) * stripe[STRIPE_UY]
+        if abs(u) <= stripe[STRIPE_HALF_U] and abs(v) <= stripe[STRIPE_HALF_V]:
             first, last = min(first, work[i, TIME]), max(last, work[i, TIME])
     if first <= last:
         stripe[FIRST], stripe[LAST] = first, last

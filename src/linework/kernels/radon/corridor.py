@@ -13,7 +13,7 @@ from linework.arrays import FloatArray, IntArray
 DEPTH_BINS = 40  # of 5 cm: from 0.70 m above the top edge to 1.30 m below it
 DEPTH_ABOVE_M = 0.70
 DEPTH_BIN_M = 0.05
-FLOOR_M = 0.06  # above the ground: lower is the ground and its noise
+BEAM_FLOOR_M = 0.06  # above the ground: lower is the ground and its noise
 
 
 @njit(cache=True, nogil=True)
@@ -26,7 +26,7 @@ def crossed(half: float, a: float, b: float, south: float, north: float) -> tupl
 
 
 @njit(cache=True, nogil=True)
-def gather(
+def gather_in_box(
     points: FloatArray, starts: IntArray, n_x: int, n_y: int, cell: float, box: FloatArray, out: FloatArray
 ) -> int:
     """Collect the points in a turned box into `out` (s along, u left, z, height above road); return how many.
@@ -98,7 +98,7 @@ def find_beams(
     """
     strip, beam, clear, least, clarity = shape[0], shape[1], shape[2], shape[3], shape[4]
     lowest, highest = shape[5], shape[6]
-    n = gather(points, starts, n_x, n_y, cell, box, work)
+    n = gather_in_box(points, starts, n_x, n_y, cell, box, work)
     if n < least:
         return 0
     z_low, level = np.inf, 0.0
@@ -173,7 +173,7 @@ def find_beams(
 
 
 @njit(cache=True, nogil=True)
-def find_starts(
+def find_beam_starts(
     points: FloatArray,
     starts: IntArray,
     n_x: int,
@@ -343,19 +343,19 @@ def profile_along(
         box[0], box[1] = nodes[i, 0], nodes[i, 1]
         box[2], box[3] = np.cos(nodes[i, 2]), np.sin(nodes[i, 2])
         top = nodes[i, 3]
-        n = gather(points, starts, n_x, n_y, cell, box, work)
+        n = gather_in_box(points, starts, n_x, n_y, cell, box, work)
         number, total, square = 0, 0.0, 0.0
         n_edge, u_edge = 0, 0.0
         for k in range(n):
             below = top - work[k, 2]
             u = work[k, 1]
             side = 0 if u > 0 else 1
-            inside = below > -0.03 and below < 0.33 and work[k, 3] >= FLOOR_M
+            inside = below > -0.03 and below < 0.33 and work[k, 3] >= BEAM_FLOOR_M
             if below >= 0.36 and below <= 0.62 and abs(u) <= 0.40 and work[k, 3] >= 0.12:
                 sides[i, 3, side] += 1.0
             if abs(u) <= radius:
                 b = int(np.floor((below + DEPTH_ABOVE_M) / DEPTH_BIN_M))
-                if b >= 0 and b < DEPTH_BINS and work[k, 3] >= FLOOR_M:
+                if b >= 0 and b < DEPTH_BINS and work[k, 3] >= BEAM_FLOOR_M:
                     depth[i, side, b] += 1.0
                 if inside:
                     number += 1

@@ -13,7 +13,7 @@ from linework.arrays import FloatArray, IntArray
 from linework.kernels.cells.bins import layer_of
 from linework.kernels.radon.corridor import crossed, top_edge
 
-Layers = tuple[IntArray, FloatArray, IntArray]
+LayeredBins = tuple[IntArray, FloatArray, IntArray]
 
 SETTLED = 6  # nodes after which the filter no longer knows what it was begun with
 
@@ -21,7 +21,7 @@ SETTLED = 6  # nodes after which the filter no longer knows what it was begun wi
 @njit(cache=True, nogil=True)
 def gather_level(
     points: FloatArray,
-    layers: Layers,
+    layers: LayeredBins,
     frame: tuple[int, int, float],
     box: FloatArray,
     level: tuple[float, float],
@@ -96,9 +96,9 @@ def circle_centre(
 
 
 @njit(cache=True, nogil=True)
-def follow(
+def follow_sheet(
     points: FloatArray,
-    layers: Layers,
+    layers: LayeredBins,
     frame: tuple[int, int, float],
     start: tuple[float, float, float, float],
     setting: FloatArray,
@@ -180,7 +180,7 @@ def follow(
 @njit(cache=True, nogil=True)
 def follow_both_ways(
     points: FloatArray,
-    layers: Layers,
+    layers: LayeredBins,
     frame: tuple[int, int, float],
     start: FloatArray,
     setting: FloatArray,
@@ -195,13 +195,13 @@ def follow_both_ways(
     followed, not assumed.
     """
     begin = start[0], start[1], start[2], start[3]
-    n_ahead = follow(points, layers, frame, begin, setting, work, ahead)
+    n_ahead = follow_sheet(points, layers, frame, begin, setting, work, ahead)
     if n_ahead == 0:
         return 0, 0, 0
     first = min(n_ahead - 1, SETTLED)
     turned = np.arctan2(-np.sin(ahead[first, 2]), -np.cos(ahead[first, 2]))
     begin = ahead[first, 0], ahead[first, 1], turned, ahead[first, 3]
-    n_back = follow(points, layers, frame, begin, setting, work, back)
+    n_back = follow_sheet(points, layers, frame, begin, setting, work, back)
     return n_back, first, n_ahead
 
 
@@ -240,9 +240,9 @@ def is_taken(
 
 
 @njit(cache=True, nogil=True)
-def follow_all(
+def follow_sheets(
     points: FloatArray,
-    layers: Layers,
+    layers: LayeredBins,
     frame: tuple[int, int, float],
     begin: FloatArray,
     setting: FloatArray,
@@ -260,7 +260,7 @@ def follow_all(
     Returns
     -------
     nodes
-        (n, 7): see `follow`, line after line.
+        (n, 7): see `follow_sheet`, line after line.
     offsets
         (n_lines + 1,): line i has the nodes from offsets[i] to offsets[i + 1].
     middle

@@ -14,7 +14,7 @@ SAME = 1e-9
 
 
 @njit(cache=True, nogil=True)
-def turned(i: int, n: int) -> tuple[int, int]:
+def wrapped_angle(i: int, n: int) -> tuple[int, int]:
     """Return the index of angle `i` of a row of `n` that goes on for ever, and the half turns taken."""
     turns = math.floor(i / n)
     return i - turns * n, turns
@@ -26,7 +26,7 @@ def reach(angles: AnyArray, i: int, window: float, sign: int) -> int:
     n = angles.size
     count = 0
     while count < n - 1:
-        k, turns = turned(i + sign * (count + 1), n)
+        k, turns = wrapped_angle(i + sign * (count + 1), n)
         if abs(angles[k] + turns * math.pi - angles[i]) > window * (1.0 + 1e-9):
             break
         count += 1
@@ -34,7 +34,7 @@ def reach(angles: AnyArray, i: int, window: float, sign: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def dilate(values: AnyArray, angles: AnyArray, half_window: float, half_bins: int) -> AnyArray:
+def dilate_radon(values: AnyArray, angles: AnyArray, half_window: float, half_bins: int) -> AnyArray:
     """Return the grey dilation by a line element along rho, then by one along theta.
 
     The elements reach `half_bins` bins and `half_window` [rad] to either side.
@@ -50,7 +50,7 @@ def dilate(values: AnyArray, angles: AnyArray, half_window: float, half_bins: in
     dilated = along_rho.copy()
     for i in range(n):
         for d in range(-reach(angles, i, half_window, -1), reach(angles, i, half_window, 1) + 1):
-            k, turns = turned(i + d, n)
+            k, turns = wrapped_angle(i + d, n)
             if turns % 2 == 0:
                 for j in range(m):
                     dilated[i, j] = max(dilated[i, j], along_rho[k, j])
@@ -73,7 +73,7 @@ def is_top(values: AnyArray, angles: AnyArray, i: int, j: int, half_window: floa
             return False
     for sign in (1, -1):
         for d in range(1, reach(angles, i, half_window, sign) + 1):
-            k, turns = turned(i + sign * d, n)
+            k, turns = wrapped_angle(i + sign * d, n)
             c = j if turns % 2 == 0 else m - 1 - j
             for r in range(max(0, c - half_bins), min(m, c + half_bins + 1)):
                 if value < values[k, r] - SAME * abs(values[k, r]):
@@ -108,7 +108,7 @@ def peaks(
                 continue
             size = flood(top, angles, i, j, half_window, half_bins, plateau)
             best = middle(plateau[:size])
-            k, turns = turned(plateau[best, 0], n)
+            k, turns = wrapped_angle(plateau[best, 0], n)
             c = plateau[best, 1] if turns % 2 == 0 else m - 1 - plateau[best, 1]
             d_theta, d_rho = refine(values, angles, step, k, c)
             theta, offset = angles[k] + d_theta, rho[c] + d_rho
@@ -133,9 +133,9 @@ def flood(
     while done < size:
         at, rho = plateau[done, 0], plateau[done, 1]
         done += 1
-        home, _ = turned(at, n)
+        home, _ = wrapped_angle(at, n)
         for d in range(-reach(angles, home, half_window, -1), reach(angles, home, half_window, 1) + 1):
-            k, turns = turned(at + d, n)
+            k, turns = wrapped_angle(at + d, n)
             for r in range(max(0, rho - half_bins), min(m, rho + half_bins + 1)):
                 c = r if turns % 2 == 0 else m - 1 - r
                 if top[k, c]:
@@ -166,8 +166,8 @@ def refine(values: AnyArray, angles: AnyArray, step: float, i: int, j: int) -> t
     values are no hill.
     """
     n, m = values.shape
-    below_i, below_turns = turned(i - 1, n)
-    above_i, above_turns = turned(i + 1, n)
+    below_i, below_turns = wrapped_angle(i - 1, n)
+    above_i, above_turns = wrapped_angle(i + 1, n)
     g = angles[i] - angles[below_i] - below_turns * math.pi
     h = angles[above_i] + above_turns * math.pi - angles[i]
     if j == 0 or j == m - 1 or n < 3 or max(g, h) > 2.0 * min(g, h):

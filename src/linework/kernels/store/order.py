@@ -13,7 +13,7 @@ from numba import njit
 from linework.arrays import AnyArray
 from linework.kernels.store.pack import checksum
 
-U64 = np.uint64
+Key64 = np.uint64
 #: Two columns of keys (uint64) and numbers of points (int32), and as much again.
 Room = tuple[AnyArray, AnyArray, AnyArray, AnyArray]
 
@@ -70,13 +70,13 @@ def keep_inside(
     m = 0
     for i in range(len(keys)):
         key = keys[i]
-        y_in_cell = np.int64((key >> U64(37)) & U64(8191))
-        x = np.int64((key >> U64(50)) & U64(127)) * 5000 + np.int64((key >> U64(24)) & U64(8191))
-        y = np.int64(key >> U64(57)) * 5000 + y_in_cell
-        z = np.int64(key & U64(0xFFFFFF))
+        y_in_cell = np.int64((key >> Key64(37)) & Key64(8191))
+        x = np.int64((key >> Key64(50)) & Key64(127)) * 5000 + np.int64((key >> Key64(24)) & Key64(8191))
+        y = np.int64(key >> Key64(57)) * 5000 + y_in_cell
+        z = np.int64(key & Key64(0xFFFFFF))
         inside = (x >= box[0]) & (x < box[1]) & (y >= box[2]) & (y < box[3]) & (z >= box[4]) & (z < box[5])
         if with_floors:
-            cell = np.int64(key >> U64(50)) + (128 if y_in_cell > 0 else 0)
+            cell = np.int64(key >> Key64(50)) + (128 if y_in_cell > 0 else 0)
             inside &= z >= floors[cell]
         # Written always, counted where wanted: no branch to guess wrong
         keys[m], times[m], intensities[m] = key, times[i], intensities[i]
@@ -102,10 +102,10 @@ def sort_points(keys: AnyArray, times: AnyArray, intensities: AnyArray, room: Ro
     """
     n = len(keys)
     bits = min(_CELL_BITS, _bits_for(n))
-    shift = U64(64 - bits)
+    shift = Key64(64 - bits)
     fill = np.zeros((1 << bits) + 1, np.int32)
     for i in range(n):
-        fill[(keys[i] >> shift) + U64(1)] += 1
+        fill[(keys[i] >> shift) + Key64(1)] += 1
     for k in range(1, len(fill)):
         fill[k] += fill[k - 1]
     to_keys, to_order = room[0], room[1]
@@ -140,11 +140,11 @@ def _sort_bucket(room: Room, first: Any, last: Any, shift: int, fill: AnyArray) 
     keys, order, spare_keys, spare_order = room
     if n > _FEW:
         bits = min(_MOST_BITS, _bits_for(n))
-        down, mask = U64(shift - bits), U64((1 << bits) - 1)
+        down, mask = Key64(shift - bits), Key64((1 << bits) - 1)
         n_buckets = 1 << bits
         fill[: n_buckets + 1] = 0
         for i in range(first, last):
-            fill[((keys[i] >> down) & mask) + U64(1)] += 1
+            fill[((keys[i] >> down) & mask) + Key64(1)] += 1
         for k in range(1, n_buckets + 1):
             fill[k] += fill[k - 1]
         for i in range(first, last):
@@ -228,7 +228,7 @@ def _settle_ties(times: AnyArray, intensities: AnyArray, room: Room) -> None:
                     end += 1
                 if end - begin > 1:
                     for i in range(begin, end):
-                        keys[i] = U64(intensities[order[i]])
+                        keys[i] = Key64(intensities[order[i]])
                     _merge_sort(room, begin, end)
                 begin = end
             keys[first:last] = key
@@ -238,7 +238,7 @@ def _settle_ties(times: AnyArray, intensities: AnyArray, room: Room) -> None:
 @njit(cache=True, nogil=True)
 def _sortable(bits: Any) -> Any:
     """Return a number that orders as the float64 of these bits does; -0.0 comes before 0.0."""
-    sign = U64(1) << U64(63)
+    sign = Key64(1) << Key64(63)
     return ~bits if bits & sign else bits | sign
 
 
@@ -270,11 +270,11 @@ def unpack_points(
     n = len(keys)
     for i in range(n):
         key = keys[i]
-        x = np.int64((key >> U64(50)) & U64(127)) * 5000 + np.int64((key >> U64(24)) & U64(8191))
-        y = np.int64(key >> U64(57)) * 5000 + np.int64((key >> U64(37)) & U64(8191))
+        x = np.int64((key >> Key64(50)) & Key64(127)) * 5000 + np.int64((key >> Key64(24)) & Key64(8191))
+        y = np.int64(key >> Key64(57)) * 5000 + np.int64((key >> Key64(37)) & Key64(8191))
         xyz[at + i, 0] = (corner[0] + x) / 10000.0
         xyz[at + i, 1] = (corner[1] + y) / 10000.0
-        xyz[at + i, 2] = (corner[2] + np.int64(key & U64(0xFFFFFF))) / 10000.0
+        xyz[at + i, 2] = (corner[2] + np.int64(key & Key64(0xFFFFFF))) / 10000.0
     if len(order) == n:
         if len(to_time) and len(to_intensity):
             for i in range(n):

@@ -9,21 +9,21 @@ from numba import njit
 
 from linework.arrays import AnyArray
 
-U64 = np.uint64
+Code64 = np.uint64
 
 #: Added to a coordinate in steps: whole blocks, so that what is counted is never negative. Beyond 1e8 m.
 _PLAN_BLOCKS, _UP_BLOCKS = 2**21, 2**16
 _PLAN_SHIFT, _UP_SHIFT = _PLAN_BLOCKS * 640_000, _UP_BLOCKS * 2**24
-_PLAN_END, _UP_END = U64(2 * _PLAN_SHIFT), U64(2 * _UP_SHIFT)
-_BLOCK, _CELL = U64(640_000), U64(5_000)
+_PLAN_END, _UP_END = Code64(2 * _PLAN_SHIFT), Code64(2 * _UP_SHIFT)
+_BLOCK, _CELL = Code64(640_000), Code64(5_000)
 #: A block's code: north, east, up, so that codes in order are blocks row-major from the south-west.
-_NORTH_BITS, _EAST_BITS = U64(39), U64(17)
-_EAST_MASK, _UP_MASK = U64(2**22 - 1), U64(2**17 - 1)
-_NO_CODE = U64(2**64 - 1)
+_NORTH_BITS, _EAST_BITS = Code64(39), Code64(17)
+_EAST_MASK, _UP_MASK = Code64(2**22 - 1), Code64(2**17 - 1)
+_NO_CODE = Code64(2**64 - 1)
 #: Odd, and even: their sum with any multiple of the second is odd, so that a change of one word always shows.
-_MIX_SUM, _MIX_SUMS = U64(0x9E3779B97F4A7C15), U64(0xD1B54A32D192ED02)
+_MIX_SUM, _MIX_SUMS = Code64(0x9E3779B97F4A7C15), Code64(0xD1B54A32D192ED02)
 #: Fibonacci hashing.
-_GOLDEN = U64(0x9E3779B97F4A7C15)
+_GOLDEN = Code64(0x9E3779B97F4A7C15)
 
 
 @njit(cache=True, nogil=True)
@@ -59,10 +59,10 @@ def pack_points(
     low: Any = len(heights)
     high: Any = -1
     for i in range(len(xyz)):
-        x = U64(np.int64(np.rint(xyz[i, 0] * 10000.0)) + _PLAN_SHIFT)
-        y = U64(np.int64(np.rint(xyz[i, 1] * 10000.0)) + _PLAN_SHIFT)
+        x = Code64(np.int64(np.rint(xyz[i, 0] * 10000.0)) + _PLAN_SHIFT)
+        y = Code64(np.int64(np.rint(xyz[i, 1] * 10000.0)) + _PLAN_SHIFT)
         up = np.int64(np.rint(xyz[i, 2] * 10000.0))
-        z = U64(up + _UP_SHIFT)
+        z = Code64(up + _UP_SHIFT)
         if x >= _PLAN_END or y >= _PLAN_END or z >= _UP_END:
             return False, codes, counts, low, high
         east, north = x // _BLOCK, y // _BLOCK
@@ -70,20 +70,20 @@ def pack_points(
         y -= north * _BLOCK
         col, row = x // _CELL, y // _CELL
         keys[i] = (
-            (row << U64(57))
-            | (col << U64(50))
-            | ((y - row * _CELL) << U64(37))
-            | ((x - col * _CELL) << U64(24))
-            | (z & U64(0xFFFFFF))
+            (row << Code64(57))
+            | (col << Code64(50))
+            | ((y - row * _CELL) << Code64(37))
+            | ((x - col * _CELL) << Code64(24))
+            | (z & Code64(0xFFFFFF))
         )
-        bucket = np.int64(U64(up + _PLAN_SHIFT) // _BLOCK) - _PLAN_BLOCKS + middle
+        bucket = np.int64(Code64(up + _PLAN_SHIFT) // _BLOCK) - _PLAN_BLOCKS + middle
         if bucket != last_bucket:
             if n_bucket:
                 heights[last_bucket] += n_bucket
             last_bucket, n_bucket = bucket, 0
             low, high = min(low, bucket), max(high, bucket)
         n_bucket += 1
-        code = (north << _NORTH_BITS) | (east << _EAST_BITS) | (z >> U64(24))
+        code = (north << _NORTH_BITS) | (east << _EAST_BITS) | (z >> Code64(24))
         if code == last_code:
             owners[i] = owner
             continue
@@ -111,12 +111,12 @@ def pack_points(
 @njit(cache=True, nogil=True)
 def _slot_of(code: Any, table: AnyArray, codes: AnyArray) -> Any:
     """Return the slot of the hash table that holds `code`, or -1 - the free slot where it belongs."""
-    mask = U64(len(table) - 1)
-    slot = (code * _GOLDEN) >> U64(32) & mask
+    mask = Code64(len(table) - 1)
+    slot = (code * _GOLDEN) >> Code64(32) & mask
     while table[slot] >= 0:
         if codes[table[slot]] == code:
             return np.int64(slot)
-        slot = (slot + U64(1)) & mask
+        slot = (slot + Code64(1)) & mask
     return -1 - np.int64(slot)
 
 
@@ -187,7 +187,7 @@ def checksum(keys: AnyArray, times: AnyArray, intensities: AnyArray) -> Any:
     ----------
     [1] Fletcher, An arithmetic checksum for serial transmissions (1982), doi:10.1109/TCOM.1982.1095369
     """
-    a, b = U64(0), U64(0)
+    a, b = Code64(0), Code64(0)
     for i in range(len(keys)):
         a += keys[i]
         b += a
@@ -197,15 +197,15 @@ def checksum(keys: AnyArray, times: AnyArray, intensities: AnyArray) -> Any:
     n = len(intensities)
     for i in range(0, n - 3, 4):
         a += (
-            U64(intensities[i])
-            | (U64(intensities[i + 1]) << U64(16))
-            | (U64(intensities[i + 2]) << U64(32))
-            | (U64(intensities[i + 3]) << U64(48))
+            Code64(intensities[i])
+            | (Code64(intensities[i + 1]) << Code64(16))
+            | (Code64(intensities[i + 2]) << Code64(32))
+            | (Code64(intensities[i + 3]) << Code64(48))
         )
         b += a
-    word = U64(0)
+    word = Code64(0)
     for i in range(n - n % 4, n):
-        word |= U64(intensities[i]) << U64(16 * (i % 4))
+        word |= Code64(intensities[i]) << Code64(16 * (i % 4))
     a += word
     b += a
     return a * _MIX_SUM + b * _MIX_SUMS
@@ -218,9 +218,9 @@ def extent_of(keys: AnyArray) -> AnyArray:
     east, north, high = np.int64(-1), np.int64(-1), np.int64(-1)
     for i in range(len(keys)):
         key = keys[i]
-        x = np.int64((key >> U64(50)) & U64(127)) * 5000 + np.int64((key >> U64(24)) & U64(8191))
-        y = np.int64(key >> U64(57)) * 5000 + np.int64((key >> U64(37)) & U64(8191))
-        z = np.int64(key & U64(0xFFFFFF))
+        x = np.int64((key >> Code64(50)) & Code64(127)) * 5000 + np.int64((key >> Code64(24)) & Code64(8191))
+        y = np.int64(key >> Code64(57)) * 5000 + np.int64((key >> Code64(37)) & Code64(8191))
+        z = np.int64(key & Code64(0xFFFFFF))
         west, east = min(west, x), max(east, x)
         south, north = min(south, y), max(north, y)
         low, high = min(low, z), max(high, z)

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray, IntArray
-from linework.kernels.tracking.track import END, FREE, JOINS_END, N_END, absorb, next_box
+from linework.kernels.tracking.track import FREE, JOINS_END, LINE_END, N_END, absorb, next_box
 
 
 @njit(cache=True, nogil=True)
@@ -39,7 +39,7 @@ def track_one(
             if j < 0:
                 reasons[side] = reason
                 break
-            if owner[j] <= END:
+            if owner[j] <= LINE_END:
                 reasons[side], joins[side] = JOINS_END, owner[j]
                 break
             i = path[n - 1]
@@ -94,10 +94,10 @@ def track_all(
             if code == 0:
                 for k in range(min(N_END, n)):
                     at = k if side == 0 else n - 1 - k
-                    owner[path[at]] = END - 2 * m - side
+                    owner[path[at]] = LINE_END - 2 * m - side
                     inward[path[at]] = way[at] if side == 0 else -way[at]
                 continue
-            other = END - code
+            other = LINE_END - code
             joins[m, side] = 1 + other
             # That end is taken: its boxes are inside a line now
             first, last = offsets[other // 2], offsets[other // 2 + 1]

@@ -13,9 +13,9 @@ from linework.kernels.cables import search as kernels
 COLUMN_M = 0.5
 #: Thickness of a layer [m]: three times the range noise of a mobile scanner, a third of the least
 #: distance between wires one above another.
-LAYER_M = 0.1
+CABLE_LAYER_M = 0.1
 #: How far above and below a point its column is looked at [m].
-REACH_M = 1.0
+COLUMN_REACH_M = 1.0
 #: A wire that reaches the band may hang below it by this [m]: in mid-span, and where the ground rises.
 BELOW_M = 1.0
 #: A point is crowded when more than this many of the nine layers from 0.2 m to 1 m above it (or below it)
@@ -28,7 +28,7 @@ MOST_SUB_CELLS = 15
 
 
 @dataclass(frozen=True, slots=True)
-class Band:
+class CableBand:
     """The points of a tile from a little below the cables' band up, in columns.
 
     Parameters
@@ -66,7 +66,7 @@ class Band:
         return found
 
 
-def cable_band(xyz: FloatArray, height_m: Float32Array, low_m: float, origin: FloatArray) -> Band | None:
+def cable_band(xyz: FloatArray, height_m: Float32Array, low_m: float, origin: FloatArray) -> CableBand | None:
     """Return the points above `low_m` and, for context, those up to 2 m below it; None where there are none.
 
     Parameters
@@ -82,7 +82,7 @@ def cable_band(xyz: FloatArray, height_m: Float32Array, low_m: float, origin: Fl
     -----
     Cost: one sort of the band's points, and one pass over them; about 30 ns per point.
     """
-    index = np.flatnonzero(height_m >= low_m - BELOW_M - REACH_M)
+    index = np.flatnonzero(height_m >= low_m - BELOW_M - COLUMN_REACH_M)
     if len(index) == 0:
         return None
     local = xyz[index] - origin
@@ -97,10 +97,10 @@ def cable_band(xyz: FloatArray, height_m: Float32Array, low_m: float, origin: Fl
     first = np.flatnonzero(np.diff(ordered, prepend=-1))
     start = np.append(first, len(ordered))
     sub_cell = ((sub[:, 1] % kernels.SIDE) * kernels.SIDE + sub[:, 0] % kernels.SIDE).astype(np.int32)
-    layer = np.floor(local[:, 2] / LAYER_M).astype(np.int32)
-    stacked, spread = kernels.crowding(order, start, layer, sub_cell, round(REACH_M / LAYER_M))
+    layer = np.floor(local[:, 2] / CABLE_LAYER_M).astype(np.int32)
+    stacked, spread = kernels.crowding(order, start, layer, sub_cell, round(COLUMN_REACH_M / CABLE_LAYER_M))
     lonely = (height >= low_m - BELOW_M) & (stacked <= MOST_LAYERS) & (spread <= MOST_SUB_CELLS)
-    return Band(
+    return CableBand(
         index,
         local,
         height,

@@ -7,17 +7,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import Float32Array, FloatArray, IntArray
-from linework.methods.cables.band import BELOW_M, REACH_M, Band, Widths, cable_band
+from linework.methods.cables.band import BELOW_M, COLUMN_REACH_M, CableBand, Widths, cable_band
 from linework.methods.cables.fit import (
-    Surroundings,
-    Wire,
-    exact,
+    FittedWire,
+    WireSurroundings,
+    fit_exact_catenary,
     fit_wire,
-    settled,
+    settle_wire,
     split_at_kink,
     surroundings,
 )
-from linework.methods.cables.follow import LEAST_OCCUPIED, LEAST_SEEN_M, MOST_RINGED, Lonely, follow_seed
+from linework.methods.cables.follow import (
+    LEAST_OCCUPIED,
+    LEAST_SEEN_M,
+    MOST_RINGED,
+    IsolatedPoints,
+    follow_seed,
+)
 from linework.methods.cables.lines import lines_of_wires
 from linework.methods.cables.seeds import find_cable_seeds
 from linework.methods.cables.spans import end_at_supports, join_pieces, without_mixtures, without_tails
@@ -26,13 +32,13 @@ from linework.model.settings import setting
 from linework.model.tile import local_origin
 
 #: A catenary and a line have five unknowns; eight points leave three to judge them by.
-LEAST_POINTS = 8
+LEAST_WIRE_POINTS = 8
 #: Points of a wire that scatter widely do so alike in height and across, within this ratio.
 ROUND_RATIO = 2.5
 #: Other points than wires within 0.6 m in at most this share of a short wire's metres: a wire may pass through
 #: a crown, an edge has its wall or roof all along. A wire of this length [m] that sags
 #: needs no such proof.
-MOST_CROWDED, LONG_M = 0.6, 16.0
+MOST_CROWDED, LONG_WIRE_M = 0.6, 16.0
 #: Where the points scatter like those of a beam, the ring about them is empty in all but this share of metres.
 MOST_RINGED_THICK = 0.3
 #: Wires break at a = H / w of 3 km: steel at a fifth of its strength, copper and aluminium before. What is
@@ -44,7 +50,7 @@ MOST_TURN, STEEPEST = 0.5, 0.45
 #: ... with points that scatter by no more than this share of the gate: the chord of a truss is 6 cm and more.
 THIN_GATES = 0.2
 #: Too short for its sag to be told from the noise [m]; such pieces stay only beside longer wires.
-SHORT_M = 8.0
+SHORT_WIRE_M = 8.0
 #: The metres of a wire lie on its catenary within this share of the gate, beyond what their scatter explains
 #: (poses of two passes differ by 5 mm, hits wander over the wire's width); of a curve laid across a bundle
 #: they do not.
@@ -86,7 +92,7 @@ def least_height_m(config: CableConfig) -> float:
     >>> least_height_m(CableConfig())
     2.0
     """
-    return config.low_m - BELOW_M - REACH_M
+    return config.low_m - BELOW_M - COLUMN_REACH_M
 
 
 def find_cables(
@@ -140,15 +146,15 @@ def find_cables(
     return lines_of_wires(band, wires, around, time_s, config.spacing_m)
 
 
-def _found_wires(band: Band, config: CableConfig, widths: Widths) -> list[Wire]:
+def _found_wires(band: CableBand, config: CableConfig, widths: Widths) -> list[FittedWire]:
     """Return the thin pieces of wire about all seed lines, the strongest seed first."""
     lonely = np.flatnonzero(band.lonely)
     lonely = lonely[np.lexsort(band.xyz[lonely].T)]  # whatever order the points came in
     xyz = np.ascontiguousarray(band.xyz[lonely])
-    index, free = Lonely.of(xyz), np.ones(len(xyz), dtype=bool)
+    index, free = IsolatedPoints.of(xyz), np.ones(len(xyz), dtype=bool)
     number = np.full(len(band.xyz), -1)
     number[lonely] = np.arange(len(lonely))
-    wires: list[Wire] = []
+    wires: list[FittedWire] = []
     for seed in find_cable_seeds(xyz[:, :2], window_m=config.window_m, cell_m=config.cell_m):
         followed = follow_seed(index, free, seed, widths=widths, max_gap_m=config.max_gap_m)
         pieces = [piece for points in followed for piece in _pieces(band, lonely[points], widths)]
@@ -159,7 +165,7 @@ def _found_wires(band: Band, config: CableConfig, widths: Widths) -> list[Wire]:
     return wires
 
 
-def _pieces(band: Band, points: IntArray, widths: Widths) -> list[Wire]:
+def _pieces(band: CableBand, points: IntArray, widths: Widths) -> list[FittedWire]:
     """Return the wires that a followed line consists of: it may run past supports."""
     wire = fit_wire(band, points, widths)
     if wire is None or wire.length_m < LEAST_SEEN_M:
@@ -170,17 +176,19 @@ def _pieces(band: Band, points: IntArray, widths: Widths) -> list[Wire]:
     return [piece for part in parts for piece in _pieces(band, part, widths)]
 
 
-def _spans(band: Band, wires: list[Wire], config: CableConfig) -> tuple[list[Wire], list[Wire]]:
+def _spans(
+    band: CableBand, wires: list[FittedWire], config: CableConfig
+) -> tuple[list[FittedWire], list[FittedWire]]:
     """Return all pieces of wire, and one wire per span, ended at its supports."""
-    whole = [settled(band, w) for w in without_mixtures(band, join_pieces(band, wires))]
-    pieces = [exact(band, w) for w in without_tails(band, whole)]
+    whole = [settle_wire(band, w) for w in without_mixtures(band, join_pieces(band, wires))]
+    pieces = [fit_exact_catenary(band, w) for w in without_tails(band, whole)]
     return pieces, end_at_supports(band, pieces, config.min_length_m)
 
 
-def _is_thin(band: Band, wire: Wire, low_m: float) -> bool:
+def _is_thin(band: CableBand, wire: FittedWire, low_m: float) -> bool:
     around = surroundings(band, wire, np.zeros(len(band.xyz), dtype=bool))
     return (
-        around.n_points >= LEAST_POINTS
+        around.n_points >= LEAST_WIRE_POINTS
         and float(np.quantile(band.height_m[wire.members], 0.9)) >= low_m
         and around.occupied >= LEAST_OCCUPIED
         and around.ringed <= MOST_RINGED
@@ -190,20 +198,20 @@ def _is_thin(band: Band, wire: Wire, low_m: float) -> bool:
     )
 
 
-def _is_round(wire: Wire) -> bool:
+def _is_round(wire: FittedWire) -> bool:
     """Whether the points scatter alike across the wire and in height: on a plate's edge they do not."""
     small, large = sorted((wire.sigma_o_m, wire.fit.sigma_m))
     return large <= max(wire.widths.round_m, ROUND_RATIO * small)
 
 
-def _sags(wire: Wire) -> bool:
+def _sags(wire: FittedWire) -> bool:
     """Whether it has a curvature that stands out of its error, and more than the tautest wire."""
     return wire.fit.curve.curvature_per_m > max(3.0 * wire.fit.curvature_sigma_per_m, TAUTEST_PER_M)
 
 
 def _free_hanging(
-    band: Band, wires: list[Wire], pieces: list[Wire], time_s: FloatArray | None
-) -> tuple[list[Wire], list[Surroundings]]:
+    band: CableBand, wires: list[FittedWire], pieces: list[FittedWire], time_s: FloatArray | None
+) -> tuple[list[FittedWire], list[WireSurroundings]]:
     """Return the wires that hang free, and what lies around each.
 
     Points of any piece of wire do not crowd, only those of straight ones do: the beams of a scanner that
@@ -211,32 +219,32 @@ def _free_hanging(
     """
     of_wire = np.zeros(len(band.xyz), dtype=bool)
     for wire in pieces:
-        of_wire[wire.members] |= _sags(wire) or wire.length_m < SHORT_M
+        of_wire[wire.members] |= _sags(wire) or wire.length_m < SHORT_WIRE_M
     kept = [(w, surroundings(band, w, of_wire)) for w in wires]
     kept = [(w, a) for w, a in kept if _is_gentle(w) and _hangs(w, a, _is_of_one_sweep(band, w, time_s))]
     return [w for w, _ in kept], [a for _, a in kept]
 
 
-def _is_of_one_sweep(band: Band, wire: Wire, time_s: FloatArray | None) -> bool:
+def _is_of_one_sweep(band: CableBand, wire: FittedWire, time_s: FloatArray | None) -> bool:
     """Whether one sweep drew all of it: by its points' times or, without them, because they lie in a plane."""
     if time_s is not None:
         return float(np.ptp(time_s[band.index[wire.members]])) < ONE_SWEEP_S
     return min(wire.sigma_o_m, wire.fit.sigma_m) < ONE_SWEEP_M
 
 
-def _is_gentle(wire: Wire) -> bool:
+def _is_gentle(wire: FittedWire) -> bool:
     """Whether it sags and slopes no more than wires do; leaves and rows of beams on walls make any curve."""
     ends = wire.fit.curve.slope_at(np.array([wire.low_m, wire.high_m]))
     turn = wire.fit.curve.curvature_per_m * wire.length_m
     return bool(turn <= MOST_TURN and np.abs(ends).max() <= STEEPEST)
 
 
-def _hangs(wire: Wire, around: Surroundings, one_sweep: bool) -> bool:
+def _hangs(wire: FittedWire, around: WireSurroundings, one_sweep: bool) -> bool:
     """Whether it sags, or is so thin and alone that it may be taut: the edges of buildings are straight."""
-    sags, is_short = _sags(wire), wire.length_m < SHORT_M
+    sags, is_short = _sags(wire), wire.length_m < SHORT_WIRE_M
     scatter = max(wire.sigma_o_m, wire.fit.sigma_m)
     is_clear = around.ringed <= MOST_RINGED_THICK or scatter <= wire.widths.round_m
-    in_company = (around.crowded <= MOST_CROWDED and is_clear) or wire.length_m >= LONG_M
+    in_company = (around.crowded <= MOST_CROWDED and is_clear) or wire.length_m >= LONG_WIRE_M
     is_alone = around.crowded + around.ringed <= MOST_CROWDED_TAUT
     if one_sweep:
         return sags and around.taken == 0

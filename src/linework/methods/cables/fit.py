@@ -12,8 +12,8 @@ from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels.cables import catenary as hanging
 from linework.kernels.cables import fit as kernels
 from linework.lines.catenary import Catenary, CatenaryFit, fit_catenary
-from linework.methods.cables.band import RING, Band, Widths
-from linework.methods.cables.follow import Plan
+from linework.methods.cables.band import RING, CableBand, Widths
+from linework.methods.cables.follow import PlanLine
 
 #: What lies beyond a gap of this length [m], or this many usual gaps, must be a stretch of this length [m]
 #: half as often hit as the wire itself.
@@ -30,7 +30,7 @@ _TWICE = np.outer((1.0, 1.0, 2.0), (1.0, 1.0, 2.0))
 
 
 @dataclass(frozen=True, slots=True)
-class Wire:
+class FittedWire:
     """A wire over (part of) one span.
 
     Parameters
@@ -49,7 +49,7 @@ class Wire:
         What it was looked for with.
     """
 
-    plan: Plan
+    plan: PlanLine
     fit: CatenaryFit
     low_m: float
     high_m: float
@@ -82,7 +82,7 @@ class Wire:
         return np.column_stack([self.plan.places(station_m), self.fit.curve.height_at(station_m)])
 
 
-def fit_wire(band: Band, members: IntArray, widths: Widths) -> Wire | None:
+def fit_wire(band: CableBand, members: IntArray, widths: Widths) -> FittedWire | None:
     """Fit a wire to points, collect the points on it anew from the whole band, and fit again.
 
     Parameters
@@ -113,7 +113,7 @@ def fit_wire(band: Band, members: IntArray, widths: Widths) -> Wire | None:
     return _fitted(band, members, widths) if len(members) >= 4 else None
 
 
-def settled(band: Band, wire: Wire) -> Wire:
+def settle_wire(band: CableBand, wire: FittedWire) -> FittedWire:
     """Return the wire with all points on it and on what follows its ends, however it was found."""
     before = wire
     for _ in range(MOST_ROUNDS):
@@ -127,7 +127,7 @@ def settled(band: Band, wire: Wire) -> Wire:
     return _fitted(band, wire.members, wire.widths)
 
 
-def near_end(band: Band, wire: Wire, side: int, reach_m: float) -> Wire:
+def near_end(band: CableBand, wire: FittedWire, side: int, reach_m: float) -> FittedWire:
     """Return the wire as its points within `reach_m` of its low (0) or high (1) end alone would make it."""
     if wire.length_m <= reach_m:
         return wire
@@ -144,10 +144,10 @@ def near_end(band: Band, wire: Wire, side: int, reach_m: float) -> Wire:
         if len(members) < 8 or np.array_equal(members, near.members):
             break
         near = _fitted(band, members, wire.widths)
-    return exact(band, near)
+    return fit_exact_catenary(band, near)
 
 
-def exact(band: Band, wire: Wire) -> Wire:
+def fit_exact_catenary(band: CableBand, wire: FittedWire) -> FittedWire:
     """Return the wire with the catenary itself fitted to its points."""
     xyz = band.xyz[wire.members]
     s, o, dz = wire.residuals(xyz)
@@ -159,27 +159,27 @@ def exact(band: Band, wire: Wire) -> Wire:
     return replace(wire, fit=fit_catenary(s, xyz[:, 2], weights, straight=straight))
 
 
-def _fitted(band: Band, members: IntArray, widths: Widths) -> Wire:
+def _fitted(band: CableBand, members: IntArray, widths: Widths) -> FittedWire:
     """Return the wire through points; sums do not depend on the order they are given in."""
     members = members[np.lexsort(band.xyz[members].T)]
     xyz = band.xyz[members]
     x, y, z = (np.ascontiguousarray(column) for column in xyz.T)
     x0, y0, ux, uy, sigma_o, weights = kernels.robust_line(x, y, widths.sigma_m)
-    plan = Plan(x0, y0, ux, uy)
+    plan = PlanLine(x0, y0, ux, uy)
     s, _ = plan.stations(xyz[:, :2])
     centre, curve, cofactor, sigma_z, _ = kernels.robust_parabola(s, z, weights, widths.sigma_m)
     hang = Catenary(centre, curve[0], curve[1], max(2.0 * curve[2] / math.hypot(1.0, curve[1]), 0.0))
     cofactor = cofactor * _TWICE
     order = np.lexsort((xyz[:, 2], xyz[:, 1], s))
     fit = CatenaryFit(hang, cofactor, sigma_z)
-    return Wire(plan, fit, float(s.min()), float(s.max()), members[order], sigma_o, widths)
+    return FittedWire(plan, fit, float(s.min()), float(s.max()), members[order], sigma_o, widths)
 
 
-def _line_of(plan: Plan, low_m: float, high_m: float) -> FloatArray:
+def _line_of(plan: PlanLine, low_m: float, high_m: float) -> FloatArray:
     return np.array([plan.x, plan.y, plan.ux, plan.uy, low_m, high_m])
 
 
-def _on_wire(band: Band, wire: Wire, low: float, high: float) -> IntArray:
+def _on_wire(band: CableBand, wire: FittedWire, low: float, high: float) -> IntArray:
     """Return the band's points on a wire, carried on, between two stations, by station.
 
     Beyond the first and the last metre that are clear of other points it goes on to the next other point: in a
@@ -208,7 +208,7 @@ def main_run(s: FloatArray) -> tuple[int, int]:
     """
     if len(s) < 4:
         return 0, len(s)
-    found, metres = kernels.runs(s, MOST_USUAL_M, TAIL_GAP_M, TAIL_GAPS)
+    found, metres = kernels.station_runs(s, MOST_USUAL_M, TAIL_GAP_M, TAIL_GAPS)
     edges, seen = found.tolist(), metres.tolist()
     if len(seen) == 1:
         return 0, len(s)
@@ -227,7 +227,7 @@ def main_run(s: FloatArray) -> tuple[int, int]:
 
 
 @dataclass(frozen=True, slots=True)
-class Surroundings:
+class WireSurroundings:
     """What lies on and around a wire, metre by metre.
 
     Parameters
@@ -258,7 +258,7 @@ class Surroundings:
     wavy_m: float
 
 
-def surroundings(band: Band, wire: Wire, of_wire: BoolArray) -> Surroundings:
+def surroundings(band: CableBand, wire: FittedWire, of_wire: BoolArray) -> WireSurroundings:
     """Return what lies on and around a wire.
 
     Parameters
@@ -280,7 +280,7 @@ def surroundings(band: Band, wire: Wire, of_wire: BoolArray) -> Surroundings:
     others = count((r > 1.25 * wire.gate_m) & (r <= wire.widths.crowd_m) & ~of_wire[near])
     has, is_ringed, is_crowded = on > 0, ring > on / 3.0, others > 0
     n_has = max(int(has.sum()), 1)
-    return Surroundings(
+    return WireSurroundings(
         n_points=int(on.sum()),
         occupied=float(has.mean()),
         ringed=float((has & is_ringed).sum() / n_has),
@@ -305,7 +305,7 @@ def _wavy(metre: IntArray, o: FloatArray, dz: FloatArray, on: BoolArray) -> floa
     return math.sqrt(square)
 
 
-def split_at_kink(band: Band, wire: Wire, least_m: float) -> tuple[IntArray, IntArray] | None:
+def split_at_kink(band: CableBand, wire: FittedWire, least_m: float) -> tuple[IntArray, IntArray] | None:
     """Return the two groups of points on either side of a support inside a wire, or None where there is none.
 
     Notes

@@ -13,7 +13,7 @@ from linework.methods.cables.band import Widths
 from linework.methods.cables.seeds import Seed
 
 #: A slice's cells [m]: one vote per half metre of wire, however many points hit it.
-ALONG_M, UP_M, ACROSS_M = 0.5, 0.1, 0.2
+SLICE_ALONG_M, UP_M, SLICE_ACROSS_M = 0.5, 0.1, 0.2
 #: Slopes and curvatures that the slice is searched for. Half a step
 #: moves the end of a 24 m window by 6 cm;
 #: 0.02 per m is a wire of 30 m that sags 2.2 m; a 15 m drop line to a house may rise by a third.
@@ -38,7 +38,7 @@ SEED_REACH_M = 150.0
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class PlanLine:
     """A line in plan: stations s along (ux, uy) from (x, y), offsets o to the left of it. [m]."""
 
     x: float
@@ -55,10 +55,10 @@ class Plan:
         """Return (n, 2) places [m] of (n,) stations."""
         return np.stack([self.x + station_m * self.ux, self.y + station_m * self.uy], axis=-1)
 
-    def turned(self, offset_m: float, slope: float) -> Plan:
+    def turned(self, offset_m: float, slope: float) -> PlanLine:
         """Return the line o = offset + slope * s of this one's stations, with its own unit direction."""
         stretch = math.hypot(1.0, slope)
-        return Plan(
+        return PlanLine(
             self.x - self.uy * offset_m,
             self.y + self.ux * offset_m,
             (self.ux - self.uy * slope) / stretch,
@@ -67,7 +67,7 @@ class Plan:
 
 
 @dataclass(frozen=True, slots=True)
-class Lonely:
+class IsolatedPoints:
     """Points that may be wires, in columns, so that those about a line are found without looking at all.
 
     Parameters
@@ -75,7 +75,7 @@ class Lonely:
     xyz
         (n, 3) float64 [m].
     keys, start, order, grid
-        As in `linework.methods.cables.band.Band`.
+        As in `linework.methods.cables.band.CableBand`.
     across_m
         No two of them are farther apart in plan. [m]
     """
@@ -88,7 +88,7 @@ class Lonely:
     across_m: float
 
     @classmethod
-    def of(cls, xyz: FloatArray) -> Lonely:
+    def of(cls, xyz: FloatArray) -> IsolatedPoints:
         """Sort points into columns."""
         cells = np.floor(xyz[:, :2] / LONELY_COLUMN_M).astype(np.int64)
         west, south = cells.min(axis=0) if len(cells) else (0, 0)
@@ -101,7 +101,7 @@ class Lonely:
         return cls(xyz, keys, np.append(first, len(xyz)), order, grid, across_m)
 
     def slice(
-        self, plan: Plan, half_width_m: float, half_length_m: float, free: BoolArray | None = None
+        self, plan: PlanLine, half_width_m: float, half_length_m: float, free: BoolArray | None = None
     ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
         """Return the points about a line in plan, by station: their numbers, stations, offsets and heights.
 
@@ -122,7 +122,7 @@ class Lonely:
 
 
 def follow_seed(
-    lonely: Lonely, free: BoolArray, seed: Seed, *, widths: Widths, max_gap_m: float
+    lonely: IsolatedPoints, free: BoolArray, seed: Seed, *, widths: Widths, max_gap_m: float
 ) -> list[IntArray]:
     """Return the points of each wire that passes through the slice of a seed line.
 
@@ -142,7 +142,7 @@ def follow_seed(
     list of index arrays
         Points of each wire, as followed beyond the window. What is no wire stays in it: the tests follow.
     """
-    plan = Plan(seed.x, seed.y, seed.ux, seed.uy)
+    plan = PlanLine(seed.x, seed.y, seed.ux, seed.uy)
     near, s, o, z = lonely.slice(plan, widths.slice_m, seed.half_m * math.sqrt(2.0), free)
     left = free[near]
     wires: list[IntArray] = []
@@ -172,7 +172,7 @@ def _best_curve(
 
     Every half metre has one vote, shared by its cells: a wall or a crown in the slice has no more than a wire.
     """
-    sides = (ALONG_M, UP_M, ACROSS_M, vote_m)
+    sides = (SLICE_ALONG_M, UP_M, SLICE_ACROSS_M, vote_m)
     seen, curve = kernels.best_curve((s, o, z), left, (SLOPES, CURVATURES), sides)
     return curve if seen >= LEAST_VOTES else None
 
@@ -183,9 +183,9 @@ def _thin(s: FloatArray, o: FloatArray, z: FloatArray, member: BoolArray, widths
 
 
 def _grown(
-    lonely: Lonely,
+    lonely: IsolatedPoints,
     free: BoolArray,
-    plan: Plan,
+    plan: PlanLine,
     known: tuple[FloatArray, FloatArray],
     members: IntArray,
     widths: Widths,

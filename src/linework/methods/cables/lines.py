@@ -8,14 +8,14 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from linework.arrays import BoolArray, FloatArray
-from linework.methods.cables.band import Band
-from linework.methods.cables.fit import Surroundings, Wire
+from linework.methods.cables.band import CableBand
+from linework.methods.cables.fit import FittedWire, WireSurroundings
 from linework.model.lines import LineSet
 
 #: A chord leaves the catenary by k d^2 / 8: at 1 m and 0.05 per m that is 6 mm, and 0.6 mm on a usual wire.
 CHORD_M = 0.005
 #: A wire is bridged where the nearest point is farther along than this [m], ...
-BRIDGED_M = 1.0
+WIRE_BRIDGED_M = 1.0
 #: ... or than this many times its usual distance between points, where it is hit more rarely.
 USUAL_GAPS = 3.0
 #: What no fit sees [m]: hits lie on the side of the wire that faces the scanner, a radius of 4 to 12 mm off
@@ -24,7 +24,11 @@ HIDDEN_SIGMA_M = 0.005
 
 
 def lines_of_wires(
-    band: Band, wires: list[Wire], around: list[Surroundings], time_s: FloatArray | None, spacing_m: float
+    band: CableBand,
+    wires: list[FittedWire],
+    around: list[WireSurroundings],
+    time_s: FloatArray | None,
+    spacing_m: float,
 ) -> LineSet:
     """Return one line per wire, in the order of their western ends.
 
@@ -59,7 +63,7 @@ def lines_of_wires(
     )
 
 
-def _vertices(wire: Wire, spacing_m: float) -> FloatArray:
+def _vertices(wire: FittedWire, spacing_m: float) -> FloatArray:
     """Return (n, 3) vertices, from west to east (south to north where the wire runs north)."""
     bend = abs(wire.fit.curve.curvature_per_m)
     step = min(spacing_m, math.sqrt(8.0 * CHORD_M / bend)) if bend > 0 else spacing_m
@@ -67,7 +71,7 @@ def _vertices(wire: Wire, spacing_m: float) -> FloatArray:
     return wire.at(np.linspace(wire.low_m, wire.high_m, n + 1))
 
 
-def _sigmas(band: Band, wire: Wire, line: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _sigmas(band: CableBand, wire: FittedWire, line: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return (n,) sigma across in plan and in height. [m].
 
     Residuals of neighbouring points hang together (one pass, one pose, one side of the wire): the variance
@@ -98,18 +102,18 @@ def _inflation(s: FloatArray, residual: FloatArray) -> float:
     return float(np.clip(math.sqrt((total[used] ** 2 / count[used]).sum() / freedom / variance), 1.0, 5.0))
 
 
-def _bridged(band: Band, wire: Wire, line: FloatArray) -> BoolArray:
+def _bridged(band: CableBand, wire: FittedWire, line: FloatArray) -> BoolArray:
     s = np.sort(wire.plan.stations(band.xyz[wire.members, :2])[0])
     at = wire.plan.stations(line[:, :2])[0]
     right = np.clip(np.searchsorted(s, at), 0, len(s) - 1)
     left = np.maximum(right - 1, 0)
     nearest = np.minimum(np.abs(s[right] - at), np.abs(s[left] - at))
     usual = float(np.median(np.diff(s))) if len(s) > 1 else 0.0
-    bridged: BoolArray = nearest > max(BRIDGED_M, USUAL_GAPS * usual)
+    bridged: BoolArray = nearest > max(WIRE_BRIDGED_M, USUAL_GAPS * usual)
     return bridged
 
 
-def _clearance(band: Band, wire: Wire, line: FloatArray) -> float:
+def _clearance(band: CableBand, wire: FittedWire, line: FloatArray) -> float:
     """Return the smallest height of the wire above the ground under its points [m].
 
     A median of seven points along the wire takes single cells of the ground model out that hold a vehicle or
@@ -123,14 +127,14 @@ def _clearance(band: Band, wire: Wire, line: FloatArray) -> float:
     return float((line[:, 2] - level).min())
 
 
-def _time_span(band: Band, wire: Wire, time_s: FloatArray | None) -> tuple[float, float]:
+def _time_span(band: CableBand, wire: FittedWire, time_s: FloatArray | None) -> tuple[float, float]:
     if time_s is None:
         return math.nan, math.nan
     t = time_s[band.index[wire.members]]
     return float(t.min()), float(t.max())
 
 
-def confidence(wire: Wire, around: Surroundings) -> float:
+def confidence(wire: FittedWire, around: WireSurroundings) -> float:
     """Return 0 to 1: how sure it is that this is a wire.
 
     Each factor is near 1 for a wire that is long, often hit, thin and alone, and falls with what the tests

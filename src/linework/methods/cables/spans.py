@@ -10,8 +10,8 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray
 from linework.lines.catenary import meeting_stations
-from linework.methods.cables.band import Band
-from linework.methods.cables.fit import Wire, fit_wire, main_run, near_end, split_at_kink
+from linework.methods.cables.band import CableBand
+from linework.methods.cables.fit import FittedWire, fit_wire, main_run, near_end, split_at_kink
 
 #: A hidden stretch may be as long as the visible pieces together, but no longer than this [m].
 MOST_HIDDEN_M = 40.0
@@ -26,7 +26,7 @@ CARRY_M = 10.0
 #: How far it is carried on where no support is in sight [m]: what is within 1 m of a hit counts as seen.
 OPEN_M = 0.8
 #: How far a wire may have been followed past its support [m]: into the next span when that is taut.
-PAST_M = 2.0
+SUPPORT_PAST_M = 2.0
 #: Where two spans meet follows from this much of both [m], whole spans along roads and a part of longer ones:
 #: the far end of the next span may be beyond what a tile sees.
 SUPPORT_REACH_M = 60.0
@@ -39,17 +39,17 @@ BESIDE_TURN, BESIDE_TILT = 0.02, 0.03
 POLE_M, POLE_SIDE_M, POLE_WIDE_M = 1.5, 0.6, 0.75
 
 
-class End(NamedTuple):
+class WireEnd(NamedTuple):
     """An end of a wire: which wire, low (0) or high (1), its place in plan, the direction outwards, the wire there."""
 
     wire: int
     side: int
     xy: FloatArray
     out: FloatArray
-    near: Wire
+    near: FittedWire
 
 
-def join_pieces(band: Band, wires: list[Wire]) -> list[Wire]:
+def join_pieces(band: CableBand, wires: list[FittedWire]) -> list[FittedWire]:
     """Return the wires with those pieces joined that are one catenary of one span.
 
     Notes
@@ -57,7 +57,7 @@ def join_pieces(band: Band, wires: list[Wire]) -> list[Wire]:
     A joint fit must explain both as well as each fit explains its own, without a kink. Longest first.
     """
     left = sorted(wires, key=lambda w: (-w.length_m, w.plan.x, w.plan.y, w.fit.curve.height_m))
-    done: list[Wire] = []
+    done: list[FittedWire] = []
     while left:
         wire = left.pop(0)
         for other in [w for w in _in_line(wire, left) if _one_line(wire, w)]:
@@ -69,7 +69,7 @@ def join_pieces(band: Band, wires: list[Wire]) -> list[Wire]:
     return done
 
 
-def _in_line(wire: Wire, others: list[Wire]) -> list[Wire]:
+def _in_line(wire: FittedWire, others: list[FittedWire]) -> list[FittedWire]:
     """Return those whose ends lie about the line of the wire in plan: of a thousand pieces a handful.
 
     The same test as in `_one_line`, for all at once; without it half of the time of the search goes there.
@@ -86,7 +86,7 @@ def _in_line(wire: Wire, others: list[Wire]) -> list[Wire]:
     return [others[i] for i in np.flatnonzero(near)]
 
 
-def _one_line(wire: Wire, other: Wire) -> bool:
+def _one_line(wire: FittedWire, other: FittedWire) -> bool:
     ends = other.at(np.array([other.low_m, other.high_m]))
     s, o, dz = wire.residuals(ends)
     near = int(np.argmin(np.abs(s - (wire.low_m + wire.high_m) / 2.0)))
@@ -99,7 +99,7 @@ def _one_line(wire: Wire, other: Wire) -> bool:
     )
 
 
-def _joined(band: Band, wire: Wire, other: Wire) -> Wire | None:
+def _joined(band: CableBand, wire: FittedWire, other: FittedWire) -> FittedWire | None:
     members = np.union1d(wire.members, other.members)
     joint = fit_wire(band, members, wire.widths)
     if joint is None:
@@ -112,7 +112,7 @@ def _joined(band: Band, wire: Wire, other: Wire) -> Wire | None:
     return joint
 
 
-def without_mixtures(band: Band, wires: list[Wire]) -> list[Wire]:
+def without_mixtures(band: CableBand, wires: list[FittedWire]) -> list[FittedWire]:
     """Return the wires without those that consist of pieces of others: a curve laid across a bundle.
 
     The wire with the smallest share of points of its own goes first, until all have most for themselves.
@@ -130,7 +130,7 @@ def without_mixtures(band: Band, wires: list[Wire]) -> list[Wire]:
     return kept
 
 
-def without_tails(band: Band, wires: list[Wire]) -> list[Wire]:
+def without_tails(band: CableBand, wires: list[FittedWire]) -> list[FittedWire]:
     """Return the wires without what they share with others at their ends.
 
     Carried on past its support a wire crosses those of the next span, which lie on it for a metre or so.
@@ -151,7 +151,7 @@ def without_tails(band: Band, wires: list[Wire]) -> list[Wire]:
     return kept
 
 
-def end_at_supports(band: Band, wires: list[Wire], min_length_m: float) -> list[Wire]:
+def end_at_supports(band: CableBand, wires: list[FittedWire], min_length_m: float) -> list[FittedWire]:
     """Return the wires with their ends moved to where neighbouring spans meet, or to the pole.
 
     Parameters
@@ -192,7 +192,7 @@ def end_at_supports(band: Band, wires: list[Wire], min_length_m: float) -> list[
     ]
 
 
-def _with_partners(band: Band, wires: list[Wire], min_length_m: float) -> list[Wire]:
+def _with_partners(band: CableBand, wires: list[FittedWire], min_length_m: float) -> list[FittedWire]:
     """Return the wires that are long enough, and those that meet such a wire at a support or hang beside it."""
     long = [w.length_m >= min_length_m for w in wires]
     if all(long):
@@ -207,7 +207,7 @@ def _with_partners(band: Band, wires: list[Wire], min_length_m: float) -> list[W
     ]
 
 
-def _hangs_beside(wire: Wire, other: Wire) -> bool:
+def _hangs_beside(wire: FittedWire, other: FittedWire) -> bool:
     """Whether a short piece runs along a wire of the same bundle, in plan and in height."""
     middle = (wire.low_m + wire.high_m) / 2.0
     s, o, dz = other.residuals(wire.at(np.array([middle])))
@@ -223,7 +223,7 @@ def _hangs_beside(wire: Wire, other: Wire) -> bool:
     )
 
 
-def _met(ends: list[End]) -> list[tuple[tuple[End, End], FloatArray]]:
+def _met(ends: list[WireEnd]) -> list[tuple[tuple[WireEnd, WireEnd], FloatArray]]:
     """Return the pairs of ends that hang on one support, and where; the nearest pairs first."""
     taken: set[int] = set()
     pairs = []
@@ -234,7 +234,7 @@ def _met(ends: list[End]) -> list[tuple[tuple[End, End], FloatArray]]:
     return pairs
 
 
-def _ends(band: Band, wires: list[Wire]) -> list[End]:
+def _ends(band: CableBand, wires: list[FittedWire]) -> list[WireEnd]:
     """Return both ends of all wires."""
     ends = []
     for i, wire in enumerate(wires):
@@ -244,11 +244,11 @@ def _ends(band: Band, wires: list[Wire]) -> list[End]:
             at = near.plan.stations(wire.plan.places(last))[0]
             ahead = sign if near.plan.ux * wire.plan.ux + near.plan.uy * wire.plan.uy > 0.0 else -sign
             out = ahead * np.array([near.plan.ux, near.plan.uy])
-            ends.append(End(i, side, near.plan.places(at)[0], out, near))
+            ends.append(WireEnd(i, side, near.plan.places(at)[0], out, near))
     return ends
 
 
-def _meetings(ends: list[End]) -> list[tuple[float, int, int, FloatArray]]:
+def _meetings(ends: list[WireEnd]) -> list[tuple[float, int, int, FloatArray]]:
     """Return (cost, end, end, place) of every two ends that may hang on one support."""
     xy = np.array([e.xy for e in ends]).reshape(-1, 2)
     out = np.array([e.out for e in ends]).reshape(-1, 2)
@@ -267,7 +267,9 @@ def _meetings(ends: list[End]) -> list[tuple[float, int, int, FloatArray]]:
     return sorted(found, key=lambda m: m[0])
 
 
-def _meeting(wire: Wire, other: Wire, end: End, end2: End) -> tuple[float, FloatArray] | None:
+def _meeting(
+    wire: FittedWire, other: FittedWire, end: WireEnd, end2: WireEnd
+) -> tuple[float, FloatArray] | None:
     cross = float(end.out[0] * end2.out[1] - end.out[1] * end2.out[0])
     d = end2.xy - end.xy
     if abs(cross) > math.sin(math.radians(2.0)):
@@ -280,7 +282,7 @@ def _meeting(wire: Wire, other: Wire, end: End, end2: End) -> tuple[float, Float
     best: tuple[float, FloatArray] | None = None
     for place in places:
         on1, on2 = float((place - end.xy) @ end.out), float((place - end2.xy) @ end2.out)
-        if max(on1, on2) > CARRY_M or on1 + on2 > CARRY_M + POLE_CARRY_M or min(on1, on2) < -PAST_M:
+        if max(on1, on2) > CARRY_M or on1 + on2 > CARRY_M + POLE_CARRY_M or min(on1, on2) < -SUPPORT_PAST_M:
             continue
         gap = abs(_height(wire, place) - _height(other, place))
         cost = abs(on1) + abs(on2) + 10.0 * gap
@@ -289,7 +291,7 @@ def _meeting(wire: Wire, other: Wire, end: End, end2: End) -> tuple[float, Float
     return best
 
 
-def _height_meetings(wire: Wire, other: Wire, end: End, apart_m: float) -> list[float]:
+def _height_meetings(wire: FittedWire, other: FittedWire, end: WireEnd, apart_m: float) -> list[float]:
     """Return how far beyond `end` two collinear wires have one height; half way where they do nowhere."""
     station = float(wire.plan.stations(end.xy[None])[0][0])
     sign = 1.0 if float(end.out @ np.array([wire.plan.ux, wire.plan.uy])) > 0.0 else -1.0
@@ -298,18 +300,18 @@ def _height_meetings(wire: Wire, other: Wire, end: End, apart_m: float) -> list[
     curve = replace(
         other.fit.curve, station_m=shift, slope=other.fit.curve.slope * (1.0 if same > 0 else -1.0)
     )
-    low, high = sorted((station - sign * PAST_M, station + sign * max(apart_m + PAST_M, 0.0)))
+    low, high = sorted((station - sign * SUPPORT_PAST_M, station + sign * max(apart_m + SUPPORT_PAST_M, 0.0)))
     meetings = [sign * (float(s) - station) for s in meeting_stations(wire.fit.curve, curve, low, high)]
     return [*meetings, apart_m / 2.0]
 
 
-def _height(wire: Wire, place: FloatArray) -> float:
+def _height(wire: FittedWire, place: FloatArray) -> float:
     x, y = place.tolist()
     return wire.fit.curve.height_of((x - wire.plan.x) * wire.plan.ux + (y - wire.plan.y) * wire.plan.uy)
 
 
 def _support_of_bundle(
-    wires: list[Wire], ends: list[End], support: dict[tuple[int, int], FloatArray], end: End
+    wires: list[FittedWire], ends: list[WireEnd], support: dict[tuple[int, int], FloatArray], end: WireEnd
 ) -> FloatArray | None:
     """Return the place on the wire beside the supports that its neighbours end at, or None."""
     own_height = _height(wires[end.wire], end.xy)
@@ -321,12 +323,12 @@ def _support_of_bundle(
         off = place - end.xy
         on, aside = float(off @ end.out), abs(float(end.out[0] * off[1] - end.out[1] * off[0]))
         up = abs(_height(wires[other.wire], place) - own_height)
-        if aside <= BUNDLE_PLAN_M and up <= BUNDLE_UP_M and -PAST_M <= on <= CARRY_M:
+        if aside <= BUNDLE_PLAN_M and up <= BUNDLE_UP_M and -SUPPORT_PAST_M <= on <= CARRY_M:
             stations.append(on)
     return end.xy + float(np.median(stations)) * end.out if stations else None
 
 
-def _pole_at(band: Band, of_wire: BoolArray, wire: Wire, end: End) -> FloatArray | None:
+def _pole_at(band: CableBand, of_wire: BoolArray, wire: FittedWire, end: WireEnd) -> FloatArray | None:
     """Return the place on the wire at a pole just beyond its end, or None."""
     line = np.array([*end.xy, *end.out, -POLE_WIDE_M, POLE_CARRY_M])
     near = band.near(line, POLE_SIDE_M)

@@ -25,7 +25,7 @@ from linework.model.settings import setting
 from linework.model.tile import RoadSurface, TileData, local_origin
 
 #: What a box is depends on points no farther from its cell than this: a search area of 2 m, and facets around it.
-REACH_M = 6.0
+BOUNDARY_REACH_M = 6.0
 #: Points of these heights over the ground matter: feet of walls stand up, grass hides what is lower.
 BAND_M = (-0.30, 0.60)
 #: Cells this many steps from road or ground matter: half a metre beyond holes.
@@ -101,7 +101,7 @@ def find_boundary_boxes(
     """Return the boundary boxes of the cells that touch a tile's core.
 
     Boxes are ordered by row (from the south) and column of their cell, and are the same to the last bit in
-    every tile that holds the points within `REACH_M` of them.
+    every tile that holds the points within `BOUNDARY_REACH_M` of them.
 
     Parameters
     ----------
@@ -111,20 +111,20 @@ def find_boundary_boxes(
     if len(tile.points) == 0:
         return BoxSet.empty()
     # Points near the ground; planes of their cells
-    origin = origin_of(tile)
+    origin = boundary_origin_of(tile)
     base = FloorPoints.of(tile.points, surface, origin)
     rows = []
     for core in cores or (tile.core,):
         local = core.west - origin[0], core.south - origin[1], core.east - origin[0], core.north - origin[1]
         # In every cell: where floor and face of a kerb meet, or where smooth ends and rough begins
-        found = kernels.boxes_in_cells(base.data, base.ground, base.times, limits_of(config), local)
+        found = kernels.boxes_in_cells(base.data, base.ground, base.times, kernel_settings(config), local)
         # A cell on the edge of two is looked at for both
-        kept = holds(core, found[:, [places.X, places.Y]] + origin[:2]) if cores else slice(None)
+        kept = holds(core, found[:, [places.BOX_X, places.BOX_Y]] + origin[:2]) if cores else slice(None)
         rows.append(found[kept])
-    return boxes_of(np.concatenate(rows))
+    return boundary_box_set(np.concatenate(rows))
 
 
-def origin_of(tile: TileData) -> tuple[float, float, float]:
+def boundary_origin_of(tile: TileData) -> tuple[float, float, float]:
     """Return the local origin of a tile's survey."""
     if tile.origin is not None:
         return tile.origin
@@ -132,13 +132,13 @@ def origin_of(tile: TileData) -> tuple[float, float, float]:
     return local_origin(bounds.west, bounds.south, float(tile.points.xyz[:, 2].min()))
 
 
-def limits_of(c: BoundaryConfig) -> FloatArray:
+def kernel_settings(c: BoundaryConfig) -> FloatArray:
     """Return the settings as kernels take them."""
     steepest = math.tan(math.radians(c.normal_deg))
     return np.array([c.min_step_m, steepest, c.max_step_m, c.max_noise_m, float(c.level_reference)])
 
 
-def boxes_of(rows: FloatArray) -> BoxSet:
+def boundary_box_set(rows: FloatArray) -> BoxSet:
     """Return rows of `linework.kernels.cells.places` as boxes."""
     k = places
     return BoxSet(

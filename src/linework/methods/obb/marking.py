@@ -23,9 +23,9 @@ from linework.model.settings import setting
 from linework.model.tile import RoadSurface, TileData, local_origin
 
 #: Boxes lie one to a cell and stripe.
-CELL_M = 0.5
+MARKING_CELL_M = 0.5
 #: What a box is depends on the points within this of its cell: the largest search area reaches 3.5 m.
-REACH_M = 4.0
+MARKING_REACH_M = 4.0
 #: Share of the points of a road without paint that lie 2.5 spreads above its level, texture included.
 _CHANCE = 0.02
 #: A stripe that stands out less in the profile across is not looked at any closer.
@@ -94,9 +94,9 @@ class PaintPoints:
         grid, size = surface.grid, surface.grid.cell_width_m
         north = round((grid.north_m - origin[1]) / size) - 1
         west = round((grid.east_m - origin[0]) / size)
-        n_rows, n_cols = (int(np.ceil(n * size / CELL_M)) + 2 for n in grid.shape)
-        south_row = int(np.floor((north + 1 - grid.n_rows) * size / CELL_M))
-        lattice = (CELL_M, south_row, int(np.floor(west * size / CELL_M)), n_rows, n_cols)
+        n_rows, n_cols = (int(np.ceil(n * size / MARKING_CELL_M)) + 2 for n in grid.shape)
+        south_row = int(np.floor((north + 1 - grid.n_rows) * size / MARKING_CELL_M))
+        lattice = (MARKING_CELL_M, south_row, int(np.floor(west * size / MARKING_CELL_M)), n_rows, n_cols)
         local = np.asarray(origin, dtype=np.float64)
         cells = paint_points.cells_near_road(
             points.xyz, local, (size, north, west, surface.z0_m - origin[2]), surface.road_m,
@@ -114,7 +114,7 @@ def find_marking_boxes(
 ) -> BoxSet:
     """Return oriented boxes on all paint near the road of a tile's core, by cell row, column and position.
 
-    A box depends on the points within `REACH_M` of its cell only, in the order in which the tile has them.
+    A box depends on the points within `MARKING_REACH_M` of its cell only, in the order in which the tile has them.
 
     Parameters
     ----------
@@ -124,17 +124,17 @@ def find_marking_boxes(
     if tile.points.intensity is None or len(tile.points) == 0:
         return BoxSet.empty()
     # Points near the road, in cells
-    paint = PaintPoints.of(tile.points, surface, origin_of(tile), config)
+    paint = PaintPoints.of(tile.points, surface, marking_origin_of(tile), config)
     n_cols = paint.lattice[4]
     # Search areas: about the bright points of every cell that has more of them than chance brings
     bright = paint_points.count_bright(paint.rows, paint.starts, n_cols, BRIGHT_SPREADS)
     cells, places = paint_points.bright_centres(bright, paint.starts, n_cols, _CHANCE)
-    origin = origin_of(tile)
+    origin = marking_origin_of(tile)
     inside = np.any([_touches(core, origin, cells, paint.lattice) for core in cores or (tile.core,)], axis=0)
     cells, places = cells[inside], places[inside]
     # Direction, edges and extent of the stripes in each
     found = all_stripes(paint.rows, paint.starts, paint.lattice, cells, places, LEAST_T)
-    return boxes_of(found, config, has_time=tile.points.time_s is not None)
+    return marking_box_set(found, config, has_time=tile.points.time_s is not None)
 
 
 def _touches(
@@ -150,7 +150,7 @@ def _touches(
     return inside & (y + size >= core.south) & (y <= core.north)
 
 
-def origin_of(tile: TileData) -> tuple[float, float, float]:
+def marking_origin_of(tile: TileData) -> tuple[float, float, float]:
     """Return the local origin of a tile's survey."""
     if tile.origin is not None:
         return tile.origin
@@ -158,7 +158,7 @@ def origin_of(tile: TileData) -> tuple[float, float, float]:
     return local_origin(bounds.west, bounds.south, float(tile.points.xyz[:, 2].min()))
 
 
-def boxes_of(found: FloatArray, config: MarkingConfig, *, has_time: bool) -> BoxSet:
+def marking_box_set(found: FloatArray, config: MarkingConfig, *, has_time: bool) -> BoxSet:
     """Return the stripes that can be paint as boxes: bright enough, and on smooth ground.
 
     Parameters
@@ -166,12 +166,12 @@ def boxes_of(found: FloatArray, config: MarkingConfig, *, has_time: bool) -> Box
     found
         (n, 21) float64: rows of `linework.kernels.paint.stripes`.
     """
-    dark, bright = found[:, stripes.DARK], found[:, stripes.BRIGHT]
+    dark, bright = found[:, stripes.DARK], found[:, stripes.STRIPE_BRIGHT]
     # A kerb of 2.5 cm and more, beyond the noise, is no paint
-    is_flat = found[:, stripes.STEP] < np.maximum(0.025, 3.0 * found[:, stripes.SIGMA_STEP])
+    is_flat = found[:, stripes.STRIPE_STEP] < np.maximum(0.025, 3.0 * found[:, stripes.SIGMA_STEP])
     found = found[is_flat & (bright >= config.least_contrast * dark)]
-    dark, bright = found[:, stripes.DARK], found[:, stripes.BRIGHT]
-    width, length = 2.0 * found[:, stripes.HALF_V], found[:, stripes.LENGTH]
+    dark, bright = found[:, stripes.DARK], found[:, stripes.STRIPE_BRIGHT]
+    width, length = 2.0 * found[:, stripes.STRIPE_HALF_V], found[:, stripes.LENGTH]
     # Points farther apart than lines are wide (0.1 m, airborne), and spots as large, make paint wider by that
     widest = config.widest_line_m + np.maximum(found[:, stripes.APART] - 0.1, 0.0)
     is_stripe = (width >= 0.05) & (width <= widest) & (length >= 1.5 * width)
@@ -180,12 +180,12 @@ def boxes_of(found: FloatArray, config: MarkingConfig, *, has_time: bool) -> Box
     times = np.where(has_time & (times != -1.0).any(axis=1, keepdims=True), times, np.nan)
     return BoxSet(
         centre=found[:, [stripes.CX, stripes.CY, stripes.CZ]],
-        u=found[:, [stripes.UX, stripes.UY]],
-        half_u_m=found[:, stripes.HALF_U],
-        half_v_m=found[:, stripes.HALF_V],
-        sigma_v_m=np.maximum(found[:, stripes.SIGMA_V], 0.001),
+        u=found[:, [stripes.STRIPE_UX, stripes.STRIPE_UY]],
+        half_u_m=found[:, stripes.STRIPE_HALF_U],
+        half_v_m=found[:, stripes.STRIPE_HALF_V],
+        sigma_v_m=np.maximum(found[:, stripes.STRIPE_SIGMA_V], 0.001),
         sigma_z_m=np.maximum(found[:, stripes.SIGMA_Z], 0.001),
-        sigma_u_rad=np.maximum(found[:, stripes.SIGMA_U], 0.001),
+        sigma_u_rad=np.maximum(found[:, stripes.STRIPE_SIGMA_U], 0.001),
         # Of boxes that stand out by 1.5, 3.5, 5.5, 9 deviations 65, 88, 95, 99 % were on paint (simulated roads)
         score=expit(0.5 * found[:, stripes.T_VALUE] - 0.5),
         form=np.where(is_stripe, BoxForm.STRIPE, BoxForm.OTHER_PAINT).astype(np.int8),

@@ -26,10 +26,10 @@ from linework.methods.tracking.arrangement import (
     paint_forms,
     roles,
 )
-from linework.methods.tracking.boundary_lines import Boundary
-from linework.methods.tracking.guides import join_along, surer
-from linework.methods.tracking.marking_lines import Marking
-from linework.methods.tracking.neighbours import Course, courses_of_path
+from linework.methods.tracking.boundary_lines import SmoothBoundary
+from linework.methods.tracking.guides import drop_unlikely_pieces, join_along
+from linework.methods.tracking.marking_lines import SmoothMarking
+from linework.methods.tracking.neighbours import LineAxis, axes_of_path
 from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.grid import Bounds, holds
@@ -38,9 +38,9 @@ from linework.model.settings import group
 from linework.model.tile import TileData, local_origin
 from linework.surface.road import RoadConfig, find_road
 
-KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top")
+OBB_KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top")
 #: Boxes this near a line, side by side with it, are the same feature. [m]
-SAME_PAINT_M, SAME_BOUNDARY_M = 0.06, 0.15
+SAME_PAINT_BOXES_M, SAME_BOUNDARY_M = 0.06, 0.15
 #: To either side of a kerb's foot: gutter, kerb stone and its bed look like edges of the pavement. [m]
 KERB_SIDE_M = 1.0
 #: Boundaries of this confidence are believed more than paint that they contradict: there is none on grass.
@@ -65,7 +65,7 @@ class ObbMethod:
     """Lane markings and road boundaries: oriented boxes in the points, tracked by collision."""
 
     config: ObbConfig = field(default_factory=ObbConfig)
-    kinds: tuple[str, ...] = KINDS
+    kinds: tuple[str, ...] = OBB_KINDS
     name: str = "obb"
     #: No box depends on points farther from its cell.
     buffer_m: float = 8.0
@@ -140,23 +140,25 @@ class ObbMethod:
         rims = list(kerbs)
         for form in (BoxForm.EDGE, BoxForm.BARRIER):
             yield
-            away = ~beside_kerb(parts[form], courses_of(kerbs), -KERB_SIDE_M, KERB_SIDE_M)
+            away = ~beside_kerb(parts[form], axes_of_lines(kerbs), -KERB_SIDE_M, KERB_SIDE_M)
             rims += self._boundaries(parts[form].take(away), seen_here)
         yield
         # Paint: solid and dashed lines, and what is no line
-        way = [] if path is None else courses_of_path(path - np.asarray(origin))
-        markings, other = self._paint(parts, courses_of(kerbs), [*courses_of(rims), *way], seen_here)
+        way = [] if path is None else axes_of_path(path - np.asarray(origin))
+        markings, other = self._paint(parts, axes_of_lines(kerbs), [*axes_of_lines(rims), *way], seen_here)
         yield
         is_kerb = np.array([b.form == "kerb" for b in rims], dtype=np.bool_)
         is_sure = is_kerb | np.array([b.confidence >= SURE for b in rims], dtype=np.bool_)
         sure = [b for b, yes in zip(rims, is_sure, strict=True) if yes]
-        behind = behind_boundaries(courses_of(markings), courses_of(sure), is_kerb[is_sure])
+        behind = behind_boundaries(axes_of_lines(markings), axes_of_lines(sure), is_kerb[is_sure])
         markings = [m for m, yes in zip(markings, behind, strict=True) if not yes]
         # What has no carriageway in front of it, or has one behind it, bounds none
-        kept = bounds_carriageway(courses_of(rims), is_kerb, is_sure, [*courses_of(markings), *way])
+        kept = bounds_carriageway(axes_of_lines(rims), is_kerb, is_sure, [*axes_of_lines(markings), *way])
         rims = [b for b, yes in zip(rims, kept, strict=True) if yes]
         # Bars and arrows stand free: what runs along a line is a piece of it
-        pieces = along_lines(courses_of(other), [*courses_of(markings), *courses_of(rims)], KERB_STONE_M)
+        pieces = along_lines(
+            axes_of_lines(other), [*axes_of_lines(markings), *axes_of_lines(rims)], KERB_STONE_M
+        )
         other = [m for m, yes in zip(other, pieces, strict=True) if not yes and m.confidence >= SURE]
         yield
         # What each is, from how the lines lie to one another
@@ -168,25 +170,29 @@ class ObbMethod:
         """Return the method with what it takes to find boxes of one kind only."""
         return replace(self, kinds=("kerb_top",) if kind == "road_boundary" else ("lane_marking_dash",))
 
-    def _boundaries(self, boxes: BoxSet, seen: Sight) -> list[Boundary]:
+    def _boundaries(self, boxes: BoxSet, seen: Sight) -> list[SmoothBoundary]:
         """Return the boundaries through boxes of one form."""
         tracks = track_lines(boxes, self.config.track, width_m=SAME_BOUNDARY_M)
-        return boundary_lines.boundaries(boxes, tracks, seen)
+        return boundary_lines.smooth_boundaries(boxes, tracks, seen)
 
     def _paint(
-        self, parts: Mapping[BoxForm, BoxSet], kerbs: Sequence[Course], guides: Sequence[Course], seen: Sight
-    ) -> tuple[list[Marking], list[Marking]]:
+        self,
+        parts: Mapping[BoxForm, BoxSet],
+        kerbs: Sequence[LineAxis],
+        guides: Sequence[LineAxis],
+        seen: Sight,
+    ) -> tuple[list[SmoothMarking], list[SmoothMarking]]:
         """Return the lane markings, and the paint that is none."""
         stripes, blobs = (
             parts[form].take(~beside_kerb(parts[form], kerbs, -KERB_STONE_M, ON_FOOT_M))
             for form in (BoxForm.STRIPE, BoxForm.OTHER_PAINT)
         )
-        pieces = track_lines(stripes, self.config.track, width_m=SAME_PAINT_M, least_boxes=1)
-        pieces = surer(pieces, stripes.score)
+        pieces = track_lines(stripes, self.config.track, width_m=SAME_PAINT_BOXES_M, least_boxes=1)
+        pieces = drop_unlikely_pieces(pieces, stripes.score)
         # Worn pieces go on along the lines that are whole
         whole, _ = marking_lines.marking_lines(stripes, pieces.with_boxes(3), seen)
         gap_m = self.config.track.longest_gap_m
-        lines = join_along(stripes, pieces, [*courses_of(whole), *guides], gap_m).with_boxes(3)
+        lines = join_along(stripes, pieces, [*axes_of_lines(whole), *guides], gap_m).with_boxes(3)
         blobs = blobs.take(blobs.half_v_m <= 0.5 * WIDEST_BAR_M)
         bars = track_lines(blobs, self.config.track, width_m=SAME_BOUNDARY_M)
         markings, other = marking_lines.marking_lines(stripes, lines, seen)
@@ -202,27 +208,30 @@ class ObbMethod:
         return any(kind in ("road_boundary", "kerb_top", "lane_marking") for kind in self.kinds)
 
 
-def courses_of(lines: Sequence[Marking] | Sequence[Boundary]) -> list[Course]:
+def axes_of_lines(lines: Sequence[SmoothMarking] | Sequence[SmoothBoundary]) -> list[LineAxis]:
     """Return where lines run."""
-    return [Course.of(line.line.t_m, line.line.xyz) for line in lines]
+    return [LineAxis.of(line.line.t_m, line.line.xyz) for line in lines]
 
 
 def as_line_set(
-    markings: Sequence[Marking], other: Sequence[Marking], rims: Sequence[Boundary], way: Sequence[Course]
+    markings: Sequence[SmoothMarking],
+    other: Sequence[SmoothMarking],
+    rims: Sequence[SmoothBoundary],
+    way: Sequence[LineAxis],
 ) -> LineSet:
     """Return all lines with their roles and forms, in local coordinates."""
-    lanes, bounds = courses_of(markings), courses_of(rims)
+    lanes, bounds = axes_of_lines(markings), axes_of_lines(rims)
     double = is_double(lanes)
     names = roles(lanes, bounds, way, double)
-    forms = np.array(paint_forms(courses_of(other), [*lanes, *bounds, *way]), dtype=np.str_)
+    forms = np.array(paint_forms(axes_of_lines(other), [*lanes, *bounds, *way]), dtype=np.str_)
     return LineSet.concatenate([
-        marking_lines.as_lines(markings, "lane_marking").with_columns(
+        marking_lines.marking_line_set(markings, "lane_marking").with_columns(
             double=double, role=np.array(names, dtype=np.str_)
         ),
         marking_lines.dash_lines(markings, names),
-        marking_lines.as_lines(other, "road_marking_other").with_columns(
+        marking_lines.marking_line_set(other, "road_marking_other").with_columns(
             form=forms, pattern=np.full(len(other), "", dtype=np.str_)
         ),
-        boundary_lines.as_lines(rims),
+        boundary_lines.boundary_line_set(rims),
         boundary_lines.top_lines(rims),
     ])  # fmt: skip

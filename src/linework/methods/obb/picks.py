@@ -7,32 +7,32 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
-from linework.methods.obb.search_area import RADIUS_M, Failure, SearchArea
+from linework.methods.obb.search_area import RADIUS_M, NoLineReason, SearchArea
 from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm, BoxSet
 
 #: A line this near is proposed instead. [m]
 PROPOSE_M = 5.0
 #: A row of boxes that is shorter may be anything: a drain cover, a patch. [m]
-LEAST_LINE_M = 2.0
+LEAST_PICKED_LINE_M = 2.0
 #: Nothing but paint on a road is bright in a row as long as this. [m]
-LONG_M = 10.0
+LONG_PAINT_M = 10.0
 #: Points that make a floor: three on each of its sides, and some strays.
-LEAST_FLOOR = 10
+LEAST_FLOOR_POINTS = 10
 #: The van's way is looked from where it is farther from a place than at its nearest by no more than this. [m]
 WAY_M, N_SIGHTS = 12.0, 9
 #: Beyond a boundary there is no road as far as this, if no marking says that there is. [m]
 BEHIND_M = 25.0
 #: A boundary has road to its left, this far from it: beyond any gutter. [m]
-BESIDE_M = 0.5
+ROAD_LEFT_M = 0.5
 #: A gutter or a patch before a kerb is no wider than this. [m]
-GUTTER_M = 1.5
+PICK_GUTTER_M = 1.5
 #: Boxes this near a line, side by side with it, are the same feature. [m]
-SAME_M = 0.10
+SAME_BOXES_M = 0.10
 
 
 @dataclass(frozen=True, slots=True)
-class Surroundings:
+class PickSurroundings:
     """The lines about a place, as far as boxes show them.
 
     Parameters
@@ -54,7 +54,7 @@ class Surroundings:
     @classmethod
     def of(
         cls, boxes: BoxSet, way: FloatArray | None = None, config: TrackConfig | None = None
-    ) -> Surroundings:
+    ) -> PickSurroundings:
         """Track the lines through the boxes."""
         config = config or TrackConfig()
         markings = _lines_through(boxes, np.flatnonzero(boxes.form == BoxForm.STRIPE), config)
@@ -112,9 +112,9 @@ class Surroundings:
         b = self.boxes
         others = [k for k in range(len(self.boundaries)) if k != i]
         lines = [b.centre[self.boundaries[k], :2] for k in others]
-        from_m = [GUTTER_M if self._is_kerb(i) and not self._is_kerb(k) else 0.0 for k in others]
+        from_m = [PICK_GUTTER_M if self._is_kerb(i) and not self._is_kerb(k) else 0.0 for k in others]
         some = self.boundaries[i][:: max(len(self.boundaries[i]) // 4, 1)]
-        beside = b.centre[some, :2] + BESIDE_M * np.column_stack([-b.u[some, 1], b.u[some, 0]])
+        beside = b.centre[some, :2] + ROAD_LEFT_M * np.column_stack([-b.u[some, 1], b.u[some, 0]])
         return sum(self._in_front(place, lines, from_m) for place in beside) < 0.5 * len(beside)
 
     def _is_kerb(self, i: int) -> bool:
@@ -130,7 +130,7 @@ class Surroundings:
         a = np.concatenate([line[:-1] for line in lines])
         b = np.concatenate([line[1:] for line in lines])
         # A long marking that is nearer than the boundary is that of another carriageway
-        long = [line for line in self.markings if self.boxes.along(line)[-1] >= LONG_M]
+        long = [line for line in self.markings if self.boxes.along(line)[-1] >= LONG_PAINT_M]
         within_m = min(BEHIND_M, self._nearest_of(long, place)[1])
         least_m = np.repeat(from_m, [len(line) - 1 for line in lines])
         if len(self.way) == 0:
@@ -145,9 +145,9 @@ class Surroundings:
         return self.way[near[np.linspace(0, len(near) - 1, min(N_SIGHTS, len(near))).astype(np.int64)]]
 
 
-def why_not(
-    xyz: FloatArray, place: FloatArray, found: Surroundings, *, wanted: str = "", is_road: bool = True
-) -> Failure | None:
+def refusal_reason(
+    xyz: FloatArray, place: FloatArray, found: PickSurroundings, *, wanted: str = "", is_road: bool = True
+) -> NoLineReason | None:
     """Return why no line can be tracked from a place, or None where one can.
 
     Parameters
@@ -164,17 +164,19 @@ def why_not(
     area = SearchArea.of(xyz, place)
     off_road = not (is_road and area.is_level() and found.on_carriageway(place))
     # What stands beside a road hides half of its own search area: that is no hole in the road
-    if off_road and len(area.xyz) >= LEAST_FLOOR:
-        return Failure.NO_ROAD
+    if off_road and len(area.xyz) >= LEAST_FLOOR_POINTS:
+        return NoLineReason.NO_ROAD
     lost = area.lost_data()
     if lost is not None:
         return lost
     if off_road:
-        return Failure.NO_ROAD
-    return Failure.NO_MARKING if wanted == "lane_marking" else Failure.ALL_ROAD
+        return NoLineReason.NO_ROAD
+    return NoLineReason.NO_MARKING if wanted == "lane_marking" else NoLineReason.ALL_ROAD
 
 
-def nearest_that_works(place: FloatArray, found: Surroundings, wanted: str = "") -> FloatArray | None:
+def nearest_trackable_place(
+    place: FloatArray, found: PickSurroundings, wanted: str = ""
+) -> FloatArray | None:
     """Return the nearest place (3,) from which a line can be tracked, within `PROPOSE_M`, or None."""
     box, _ = found.nearest(place, wanted)
     return None if box < 0 else np.asarray(found.boxes.centre[box])
@@ -183,11 +185,11 @@ def nearest_that_works(place: FloatArray, found: Surroundings, wanted: str = "")
 def _lines_through(boxes: BoxSet, index: IntArray, config: TrackConfig) -> list[IntArray]:
     """Return the boxes of each line that is long enough, in the direction of most of them."""
     part = boxes.take(index)
-    tracks = track_lines(part, config, width_m=SAME_M)
+    tracks = track_lines(part, config, width_m=SAME_BOXES_M)
     lines = []
     for i in range(len(tracks)):
         box, way = tracks.line(i)
-        if part.along(box)[-1] >= LEAST_LINE_M:
+        if part.along(box)[-1] >= LEAST_PICKED_LINE_M:
             lines.append(index[box if way.sum() >= 0 else box[::-1]])
     return lines
 

@@ -22,24 +22,24 @@ from linework.arrays import FloatArray
 #: The paper's radius: in a disc of 1 m a curve is flattened. [m]
 RADIUS_M = 0.50
 #: The paper's floor: mobile mapping points are good to 2 cm. [m]
-FLOOR_M = 0.02
+FLOOR_THICKNESS_M = 0.02
 #: Steeper than any road, crossfall and grade together: the surface's own bound. [m/m]
 MAX_GRADE = 0.25
 #: In a disc of 0.50 m no road and no kerb reaches higher above its lowest point: 0.25 m each. [m]
-HIGHEST_M = 0.50
+HIGHEST_IN_DISC_M = 0.50
 #: Data all around, as far as this, makes an empty place a hole: cars and the shadows behind them are shorter. [m]
-AROUND_M = 8.0
+HOLE_AROUND_M = 8.0
 #: An angle without any point that makes a place the edge of the data: less than that of a straight edge, and
 #: more than that of a shadow. [rad]
 EDGE_RAD = np.radians(140.0)
 #: The same in the search area itself: a line that is hidden so far cannot be seen to run through. [rad]
 HOLE_RAD = np.radians(120.0)
 #: Fewer points within 2 m show no line: of these 60, three lie on one 0.12 m wide. The detectors ask for more.
-LEAST_POINTS, SPARSE_M = 60, 2.0
+LEAST_AREA_POINTS, SPARSE_M = 60, 2.0
 _N_ROUNDS = 12
 
 
-class Failure(StrEnum):
+class NoLineReason(StrEnum):
     """Why no line begins in a search area."""
 
     OFF_THE_EDGE = "off the edge of the data"
@@ -66,7 +66,7 @@ class SearchArea:
     widest_hole_rad
         Widest angle of the disc without a point.
     widest_gap_rad
-        Widest angle without a point as far as `AROUND_M`.
+        Widest angle without a point as far as `HOLE_AROUND_M`.
     n_near
         Points within `SPARSE_M`.
     """
@@ -80,7 +80,7 @@ class SearchArea:
 
     @classmethod
     def of(cls, xyz: FloatArray, place: FloatArray) -> SearchArea:
-        """Look about a place among points (n, 3); those beyond `AROUND_M` do not matter."""
+        """Look about a place among points (n, 3); those beyond `HOLE_AROUND_M` do not matter."""
         place = np.asarray(place, dtype=np.float64)
         east, north = xyz[:, 0] - place[0], xyz[:, 1] - place[1]
         distance, angle = np.hypot(east, north), np.arctan2(north, east)
@@ -90,7 +90,7 @@ class SearchArea:
             xyz=xyz[inside],
             floor=lowest_plane(xyz[inside], place),
             widest_hole_rad=_widest(angle[inside]),
-            widest_gap_rad=_widest(angle[distance <= AROUND_M]),
+            widest_gap_rad=_widest(angle[distance <= HOLE_AROUND_M]),
             n_near=int((distance <= SPARSE_M).sum()),
         )
 
@@ -99,13 +99,13 @@ class SearchArea:
         east, north = (self.xyz[:, :2] - self.place).T
         return np.asarray(self.xyz[:, 2] - (self.floor[0] + self.floor[1] * east + self.floor[2] * north))
 
-    def lost_data(self) -> Failure | None:
+    def lost_data(self) -> NoLineReason | None:
         """Return what is wrong with the data here, or None."""
         if self.widest_hole_rad < HOLE_RAD:
             return None
         if self.widest_gap_rad >= EDGE_RAD:
-            return Failure.OFF_THE_EDGE
-        return Failure.TOO_FEW_POINTS if 0 < self.n_near < LEAST_POINTS else Failure.HOLES
+            return NoLineReason.OFF_THE_EDGE
+        return NoLineReason.TOO_FEW_POINTS if 0 < self.n_near < LEAST_AREA_POINTS else NoLineReason.HOLES
 
     def is_level(self) -> bool:
         """Return whether the floor can be a road: no wall, no bank, no car's side."""
@@ -122,7 +122,7 @@ def lowest_plane(xyz: FloatArray, place: FloatArray) -> FloatArray:
     if len(xyz) < 3:
         return np.full(3, np.nan)
     low = float(np.sort(xyz[:, 2])[len(xyz) // 50])
-    xyz = xyz[np.abs(xyz[:, 2] - low) <= HIGHEST_M]
+    xyz = xyz[np.abs(xyz[:, 2] - low) <= HIGHEST_IN_DISC_M]
     design = np.column_stack([np.ones(len(xyz)), xyz[:, :2] - place])
     z = xyz[:, 2] - low
     weight, plane = np.ones(len(xyz)), np.zeros(3)
@@ -130,7 +130,9 @@ def lowest_plane(xyz: FloatArray, place: FloatArray) -> FloatArray:
         plane = np.linalg.lstsq(design * np.sqrt(weight)[:, None], z * np.sqrt(weight), rcond=None)[0]
         above = z - design @ plane
         weight = np.where(
-            above > FLOOR_M, 0.01, np.minimum(1.0, (FLOOR_M / np.maximum(-above, FLOOR_M)) ** 2)
+            above > FLOOR_THICKNESS_M,
+            0.01,
+            np.minimum(1.0, (FLOOR_THICKNESS_M / np.maximum(-above, FLOOR_THICKNESS_M)) ** 2),
         )
     plane[0] += low
     return np.asarray(plane)

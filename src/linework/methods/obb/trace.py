@@ -7,11 +7,11 @@ from enum import StrEnum
 import numpy as np
 
 from linework.arrays import FloatArray, IntArray
-from linework.methods.obb.method import SAME_BOUNDARY_M, SAME_PAINT_M
+from linework.methods.obb.method import SAME_BOUNDARY_M, SAME_PAINT_BOXES_M
 from linework.methods.protocol import Sight
-from linework.methods.tracking.boundary_lines import as_lines as boundary_set
-from linework.methods.tracking.boundary_lines import boundaries
-from linework.methods.tracking.marking_lines import as_lines as marking_set
+from linework.methods.tracking.boundary_lines import boundary_line_set as boundary_set
+from linework.methods.tracking.boundary_lines import smooth_boundaries
+from linework.methods.tracking.marking_lines import marking_line_set as marking_set
 from linework.methods.tracking.marking_lines import marking_lines
 from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm, BoxSet
@@ -25,14 +25,14 @@ TRACKED_AS = {
     "road_boundary": ("road_boundary",),
 }
 #: Dashes lie on their line, a kerb's top no farther from its foot than a kerb stone is wide. [m]
-BESIDE_M = {"lane_marking_dash": 0.05, "kerb_top": 0.45}
+COMPANION_BESIDE_M = {"lane_marking_dash": 0.05, "kerb_top": 0.45}
 #: Whether there is anything to see beyond an end is asked this far on; nearer ends of a line meet. [m]
 _AHEAD_M, _RING_M = 3.0, 1.0
 #: An end this near to a line may be of the same line, found twice. [m]
 _ON_LINE_M = 0.5
 
 
-class Stop(StrEnum):
+class TraceStop(StrEnum):
     """Why a line goes no further."""
 
     END_OF_DATA = "the data ends there"
@@ -75,30 +75,30 @@ def nearest_vertex(line: FloatArray, xy: FloatArray) -> tuple[int, float]:
     return i, float(distance[i])
 
 
-def beside(lines: LineSet, line: FloatArray, kind: str) -> IntArray:
-    """Return which lines of a kind of `BESIDE_M` belong to a line (n, 3): its dashes, or the top of its kerb."""
+def companions_of(lines: LineSet, line: FloatArray, kind: str) -> IntArray:
+    """Return which lines of a kind of `COMPANION_BESIDE_M` belong to a line (n, 3): its dashes, or the top of its kerb."""
     own = []
     for i in np.flatnonzero(lines.kind == kind).tolist():
         xyz = lines.line(i)
         some = xyz[[0, len(xyz) // 2, -1], :2]
-        if max(nearest_vertex(line[:, :2], place)[1] for place in some) <= BESIDE_M[kind]:
+        if max(nearest_vertex(line[:, :2], place)[1] for place in some) <= COMPANION_BESIDE_M[kind]:
             own.append(i)
     return np.array(own, dtype=np.int64)
 
 
-def part_of(one: LineSet, vertices: slice) -> LineSet:
+def line_piece(one: LineSet, vertices: slice) -> LineSet:
     """Return a piece of a single line: two vertices at least."""
     columns = {name: getattr(one, name)[vertices] for name in VERTEX_COLUMNS}
     columns |= {name: getattr(one, name) for name in LINE_COLUMNS}
     return LineSet.from_lines([one.xyz[vertices]], crs=one.crs, **columns)
 
 
-def may_go_on(line: FloatArray, other: FloatArray, longest_m: float) -> bool:
+def may_continue(line: FloatArray, other: FloatArray, longest_m: float) -> bool:
     """Return whether another line (k, 3) could continue one (n, 3): an end of it lies ahead, or on the line.
 
     Quickly, so that few pairs of lines have to be looked at closely: all that continue it are among them.
     """
-    tips, ways = leads(line)
+    tips, ways = end_directions(line)
     for end in other[[0, -1], :2]:
         step = end - tips
         far = np.hypot(*step.T)
@@ -109,7 +109,7 @@ def may_go_on(line: FloatArray, other: FloatArray, longest_m: float) -> bool:
     return False
 
 
-def turned_like(one: LineSet, before: LineSet) -> LineSet:
+def oriented_like(one: LineSet, before: LineSet) -> LineSet:
     """Return a single line so that it runs as one before it did, most of which it goes over."""
     ends = before.xyz[[0, -1], :2]
     i, k = (nearest_vertex(one.xyz[:, :2], end)[0] for end in ends)
@@ -119,7 +119,7 @@ def turned_like(one: LineSet, before: LineSet) -> LineSet:
     return one.with_columns(xyz=one.xyz[::-1], **columns)
 
 
-def leads(line: FloatArray) -> tuple[FloatArray, FloatArray]:
+def end_directions(line: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the ends (2, 2) of a line (n, 3), start first, and the directions (2, 2) in which it leads on."""
     away = np.hypot(*(line[:, :2] - line[0, :2]).T), np.hypot(*(line[:, :2] - line[-1, :2]).T)
     first = line[int(np.argmax(away[0] >= min(_AHEAD_M, away[0].max()))), :2]
@@ -129,21 +129,21 @@ def leads(line: FloatArray) -> tuple[FloatArray, FloatArray]:
     return tips, ways / np.maximum(np.hypot(*ways.T), 1e-9)[:, None]
 
 
-def stops_of(line: FloatArray, seen: Sight) -> tuple[Stop, Stop]:
+def stop_reasons(line: FloatArray, seen: Sight) -> tuple[TraceStop, TraceStop]:
     """Return why a line (n, 3) goes no further at its start and at its end."""
-    tips, ways = leads(line)
+    tips, ways = end_directions(line)
     if len(line) > 4 and float(np.hypot(*(tips[0] - tips[1]))) <= _RING_M:
-        return Stop.RING, Stop.RING
+        return TraceStop.RING, TraceStop.RING
     start, end = (_stop(tip, way, seen) for tip, way in zip(tips, ways, strict=True))
     return start, end
 
 
-def _stop(tip: FloatArray, way: FloatArray, seen: Sight) -> Stop:
+def _stop(tip: FloatArray, way: FloatArray, seen: Sight) -> TraceStop:
     """Return why a line ends: there is no ground ahead, or nothing on it."""
     left = np.array([-way[1], way[0]])
     ahead = tip + np.linspace(0.5, _AHEAD_M, 6)[:, None] * way
     places = np.concatenate([ahead, ahead + 0.5 * left, ahead - 0.5 * left])
-    return Stop.FADED if np.mean(seen(places)) > 0.5 else Stop.END_OF_DATA
+    return TraceStop.FADED if np.mean(seen(places)) > 0.5 else TraceStop.END_OF_DATA
 
 
 # The line that passes a place, out of the boxes found so far: what is seen of it while it grows
@@ -190,7 +190,7 @@ def _lines_near(
 ) -> list[LineSet]:
     """Return the lines through those tracks that pass a place, each by itself."""
     paint = kind == "lane_marking"
-    tracks = track_lines(boxes, config, width_m=SAME_PAINT_M if paint else SAME_BOUNDARY_M)
+    tracks = track_lines(boxes, config, width_m=SAME_PAINT_BOXES_M if paint else SAME_BOUNDARY_M)
     near = [
         nearest_vertex(boxes.centre[tracks.line(i)[0], :2], place)[1] <= 2.0 * PICK_M
         for i in range(len(tracks))
@@ -200,5 +200,5 @@ def _lines_near(
         markings, other = marking_lines(boxes, tracks, seen)
         lines = marking_set([*markings, *other], kind)
     else:
-        lines = boundary_set(boundaries(boxes, tracks, seen))
+        lines = boundary_set(smooth_boundaries(boxes, tracks, seen))
     return [lines.take([i]) for i in range(len(lines))]

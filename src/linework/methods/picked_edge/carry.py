@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.methods.picked_edge.follow import Stretch, Vertex, follow_edge
-from linework.methods.picked_edge.view import View
+from linework.methods.picked_edge.follow import EdgeVertex, FollowedStretch, follow_edge
+from linework.methods.picked_edge.view import PairView
 
 #: A line is found again where it is well inside both images, a little beyond where it enters them. [pixels, m]
 _MARGIN_PX, _BEYOND_M = 12.0, 3.0
@@ -19,12 +19,14 @@ _TRIES, _APART_M = 6, 1.5
 #: Positions err by some centimetres from pair to pair, a pitch of 0.2 degrees lifts what is 10 m ahead by 3 cm.
 _START = (0.05, 0.02, 0.005, 0.05, 0.02)
 #: So many places in both images make it the line.
-LEAST_PLACES = 4
+LEAST_CARRIED_PLACES = 4
 #: Vertices nearer than this to a stretch's end are replaced by it. [m]
 _NEAR_M = 0.1
 
 
-def carry(course: tuple[Vertex, ...], view: View) -> tuple[Stretch, Stretch] | None:
+def carry_into_pair(
+    course: tuple[EdgeVertex, ...], view: PairView
+) -> tuple[FollowedStretch, FollowedStretch] | None:
     """Find a known line in another pair and follow it there both ways.
 
     Parameters
@@ -46,14 +48,14 @@ def carry(course: tuple[Vertex, ...], view: View) -> tuple[Stretch, Stretch] | N
         first = ahead.vertices[0]
         back = follow_edge(view, replace(first.state, covariance=covariance), first.template, -1)
         both = sum(v.in_both for v in (*ahead.vertices, *back.vertices))
-        if both >= LEAST_PLACES:
+        if both >= LEAST_CARRIED_PLACES:
             return back, ahead
     return None
 
 
-def _starts(course: tuple[Vertex, ...], view: View) -> list[Vertex]:
+def _starts(course: tuple[EdgeVertex, ...], view: PairView) -> list[EdgeVertex]:
     """Return places to begin at, the best first: near ones see best, those at the image's border see half."""
-    xyz = places_of(course)
+    xyz = followed_places(course)
     depth = view.depth_m(xyz)
     inside = view.is_inside(0, xyz, _MARGIN_PX) & view.is_inside(1, xyz, _MARGIN_PX) & (depth > 1.0)
     if not inside.any():
@@ -68,14 +70,14 @@ def _starts(course: tuple[Vertex, ...], view: View) -> list[Vertex]:
     return [course[i] for i in chosen]
 
 
-def places_of(course: tuple[Vertex, ...]) -> FloatArray:
+def followed_places(course: tuple[EdgeVertex, ...]) -> FloatArray:
     """Return (n, 3) places of a line as the filter had them. [m, local world]"""  # noqa: D400
     return np.array([v.state.place for v in course]).reshape(-1, 3)
 
 
-def joined(
-    course: tuple[Vertex, ...], stretch: tuple[Vertex, ...], *, is_nearer: bool, ends: bool
-) -> tuple[Vertex, ...]:
+def extend_by_pair(
+    course: tuple[EdgeVertex, ...], stretch: tuple[EdgeVertex, ...], *, is_nearer: bool, ends: bool
+) -> tuple[EdgeVertex, ...]:
     """Return a line with what another pair showed of it, in order along it.
 
     Parameters
@@ -93,13 +95,13 @@ def joined(
     return (*before, *inner) if is_nearer and ends else (*before, *inner, *behind)
 
 
-def _is_before(v: Vertex, w: Vertex, of: Vertex | None = None) -> bool:
+def _is_before(v: EdgeVertex, w: EdgeVertex, of: EdgeVertex | None = None) -> bool:
     """Return whether v is before w, along the direction of one of them."""
     state = (w if of is None else of).state
     way = np.array([np.cos(state.heading_rad), np.sin(state.heading_rad)])
     return bool((w.state.place - v.state.place)[:2] @ way > _NEAR_M)
 
 
-def length_m(course: tuple[Vertex, ...]) -> float:
+def length_m(course: tuple[EdgeVertex, ...]) -> float:
     """Return the length of a line in plan. [m]"""  # noqa: D400
     return sum(float(np.hypot(*(b.state.place - a.state.place)[:2])) for a, b in pairwise(course))

@@ -7,27 +7,34 @@ from enum import StrEnum
 
 import numpy as np
 
-from linework.methods.picked_edge.match import Match, Place, Scale, drawn_in, match_edge, scale_at
-from linework.methods.picked_edge.state import LineState, advanced, corrected, variance_seen
-from linework.methods.picked_edge.template import LEAST_EDGE_M, Template
-from linework.methods.picked_edge.view import View, is_hidden
+from linework.methods.picked_edge.match import (
+    EdgeMatch,
+    ExpectedPlace,
+    ImageScale,
+    adapt_template,
+    match_edge,
+    scale_at,
+)
+from linework.methods.picked_edge.state import LineState, advanced, corrected, measurement_variance
+from linework.methods.picked_edge.template import LEAST_TEMPLATE_SIDE_M, Template
+from linework.methods.picked_edge.view import PairView, is_hidden
 
 #: Steps near the cameras; farther away a step is at least one row or column of the image. [m]
-STEP_M = 0.25
+FOLLOW_STEP_M = 0.25
 #: One row or column that covers more than this along the line, or more than this across it, shows no line. [m]
 MOST_ALONG_M, MOST_ACROSS_M = 1.5, 0.15
 #: A line that was lost is believed again only where a row covers less than this: four rows are few. [m]
 AGAIN_ALONG_M = 1.0
 #: Beyond this standard deviation across the line is not followed. [m]
-MOST_SIGMA_M = 0.5
+MOST_STEP_SIGMA_M = 0.5
 #: Without being seen a line is followed this far: the longest gap between dashes (12 m) and a parked car.
 UNSEEN_M = 13.0
 #: Without being seen for longer than this, a stretch was bridged; and steps that must agree before it goes on.
-BRIDGED_M, AGREE = 1.0, (3, 4)
+EDGE_BRIDGED_M, AGREE = 1.0, (3, 4)
 #: Where one step's length does not show the line, so many are looked at together.
 LONGER = 3.0
 #: A bare edge is ragged and its texture has no sharp rise: it is looked at over this length at once. [m]
-BARE_M = 2.0
+BARE_EDGE_M = 2.0
 #: Nearer to an image's border than this it need not show the line. [pixels]
 _BORDER_PX = 6.0
 #: So many steps one image alone may go on where the line has left the other one.
@@ -36,7 +43,7 @@ _ALONE = 8
 MOST_GATE_M = 0.5
 
 
-class Stop(StrEnum):
+class EdgeStop(StrEnum):
     """Why a picked edge goes no further."""
 
     LEFT_IMAGE = "it leaves the image"
@@ -49,7 +56,7 @@ class Stop(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Vertex:
+class EdgeVertex:
     """A place where a line was measured in a pair.
 
     Parameters
@@ -65,7 +72,7 @@ class Vertex:
         As renewed there.
     """
 
-    expected: Place
+    expected: ExpectedPlace
     seen: tuple[tuple[float, float, float], ...]
     state: LineState
     template: Template
@@ -77,11 +84,11 @@ class Vertex:
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class FollowedStretch:
     """What one pair showed of a line in one direction, in the order it was followed, and why it ends."""
 
-    vertices: tuple[Vertex, ...]
-    stop: Stop
+    vertices: tuple[EdgeVertex, ...]
+    stop: EdgeStop
 
 
 @dataclass(slots=True)
@@ -93,9 +100,9 @@ class _Walk:
 
     state: LineState
     first: Template
-    vertices: list[Vertex] = field(default_factory=list)
+    vertices: list[EdgeVertex] = field(default_factory=list)
     unseen_m: float = 0.0
-    trials: list[Vertex | None] = field(default_factory=list)
+    trials: list[EdgeVertex | None] = field(default_factory=list)
     n_ambiguous: int = 0
     carried: LineState = field(init=False)
 
@@ -108,7 +115,7 @@ class _Walk:
         return self.vertices[-1].template if self.vertices else self.first
 
 
-def follow_edge(view: View, start: LineState, template: Template, way: int) -> Stretch:
+def follow_edge(view: PairView, start: LineState, template: Template, way: int) -> FollowedStretch:
     """Follow a line in one pair from a known place.
 
     Parameters
@@ -129,51 +136,53 @@ def follow_edge(view: View, start: LineState, template: Template, way: int) -> S
         scales = [scale_at(view, side, place) for side in (0, 1)]
         stop = _ended(view, walk, place, scales)
         if stop is not None:
-            return Stretch(tuple(walk.vertices), stop)
-        step = max(STEP_M, min(s.along_m for s in scales if s is not None))
+            return FollowedStretch(tuple(walk.vertices), stop)
+        step = max(FOLLOW_STEP_M, min(s.along_m for s in scales if s is not None))
         vertex, is_alone = _measured(view, walk, place, scales, step)
         _take(walk, vertex, is_alone, step)
         if walk.n_ambiguous >= AGREE[0]:
-            return Stretch(tuple(walk.vertices), Stop.BRANCHES)
+            return FollowedStretch(tuple(walk.vertices), EdgeStop.BRANCHES)
         walk.state, walk.carried = (advanced(s, way * step) for s in (walk.state, walk.carried))
 
 
-def _ended(view: View, walk: _Walk, place: Place, scales: list[Scale | None]) -> Stop | None:
+def _ended(
+    view: PairView, walk: _Walk, place: ExpectedPlace, scales: list[ImageScale | None]
+) -> EdgeStop | None:
     """Return why the line ends here, None if it goes on."""
     at = place.frame[:1]
     if not view.is_inside(0, at)[0] and not view.is_inside(1, at)[0]:
         if walk.unseen_m > 0.5 * UNSEEN_M:
             return _why_unseen(view, walk)
-        return Stop.LEFT_IMAGE
+        return EdgeStop.LEFT_IMAGE
     known = [s for s in scales if s is not None]
     if not known:
-        return Stop.RANGE
+        return EdgeStop.RANGE
     best = min(known, key=lambda s: s.along_m)
     if best.along_m > MOST_ALONG_M or best.pixel_m > MOST_ACROSS_M:
-        return Stop.RANGE if walk.unseen_m <= 0.5 * UNSEEN_M else _why_unseen(view, walk)
-    if walk.unseen_m > BRIDGED_M and best.along_m > AGAIN_ALONG_M:
+        return EdgeStop.RANGE if walk.unseen_m <= 0.5 * UNSEEN_M else _why_unseen(view, walk)
+    if walk.unseen_m > EDGE_BRIDGED_M and best.along_m > AGAIN_ALONG_M:
         return _why_unseen(view, walk)
-    if walk.unseen_m > UNSEEN_M or walk.state.covariance[0, 0] > MOST_SIGMA_M**2:
+    if walk.unseen_m > UNSEEN_M or walk.state.covariance[0, 0] > MOST_STEP_SIGMA_M**2:
         return _why_unseen(view, walk)
     return None
 
 
-def _why_unseen(view: View, walk: _Walk) -> Stop:
+def _why_unseen(view: PairView, walk: _Walk) -> EdgeStop:
     """Return whether something stands before the line where it was lost, or it has faded."""
     last = walk.vertices[-1].state if walk.vertices else walk.state
     turn = np.sign((walk.state.place - last.place) @ last.frame(view.up).frame[1]) or 1.0
     ahead = [advanced(last, float(turn) * d).place for d in (0.75, 1.5, 3.0)]
-    return Stop.HIDDEN if is_hidden(view, np.array(ahead)) else Stop.FADED
+    return EdgeStop.HIDDEN if is_hidden(view, np.array(ahead)) else EdgeStop.FADED
 
 
 def _measured(
-    view: View, walk: _Walk, place: Place, scales: list[Scale | None], step: float
-) -> tuple[Vertex | None, bool]:
+    view: PairView, walk: _Walk, place: ExpectedPlace, scales: list[ImageScale | None], step: float
+) -> tuple[EdgeVertex | None, bool]:
     """Return what both images show here, and whether there is only one place that it can be."""
     # Steps overlap where more than one is looked at: the variance stays that of all of them together
-    first = 1.0 if walk.template.is_stripe else max(BARE_M / step, 1.0)
+    first = 1.0 if walk.template.is_stripe else max(BARE_EDGE_M / step, 1.0)
     seen: list[tuple[float, float, float]] = []
-    matches: list[Match] = []
+    matches: list[EdgeMatch] = []
     is_alone, n_inside = True, 0
     for side, scale in enumerate(scales):
         if scale is None or not view.is_inside(side, place.frame[:1], _BORDER_PX)[0]:
@@ -183,7 +192,7 @@ def _measured(
         so_far = corrected(walk.state, place.frame[2], seen)
         offset = so_far.place - place.frame[0]
         expected = float(offset[:2] @ place.frame[2, :2]) + scale.lift * float(offset[2])
-        reach = 3.0 * np.sqrt(variance_seen(so_far, scale.lift)) + scale.pixel_m
+        reach = 3.0 * np.sqrt(measurement_variance(so_far, scale.lift)) + scale.pixel_m
         gate = (expected, float(min(reach, max(_most_gate(walk.template), 2.0 * scale.pixel_m))))
         match, longer = match_edge(view, side, place, walk.template, gate, first * step), first
         if match is None:
@@ -199,20 +208,22 @@ def _measured(
     if len(seen) < n_inside or not seen or (n_inside == 1 and n_alone == _ALONE):
         return None, True
     state = corrected(walk.state, place.frame[2], seen)
-    template = drawn_in(walk.template, max(matches, key=lambda m: m.correlation))
-    return Vertex(place, tuple(seen), state, template), is_alone
+    template = adapt_template(walk.template, max(matches, key=lambda m: m.correlation))
+    return EdgeVertex(place, tuple(seen), state, template), is_alone
 
 
 def _most_gate(template: Template) -> float:
     """Return how far from where it is expected a line is looked for: not as far as the next one. [m]"""  # noqa: D400
     return (
-        min(MOST_GATE_M, max(0.5 * template.free_m, LEAST_EDGE_M)) if not template.is_stripe else MOST_GATE_M
+        min(MOST_GATE_M, max(0.5 * template.free_m, LEAST_TEMPLATE_SIDE_M))
+        if not template.is_stripe
+        else MOST_GATE_M
     )
 
 
-def _take(walk: _Walk, vertex: Vertex | None, is_alone: bool, step: float) -> None:
+def _take(walk: _Walk, vertex: EdgeVertex | None, is_alone: bool, step: float) -> None:
     """Believe a measured place at once where the line is being seen, after some that agree where it was lost."""
-    if walk.unseen_m <= max(BRIDGED_M, 1.5 * step) and not walk.trials:
+    if walk.unseen_m <= max(EDGE_BRIDGED_M, 1.5 * step) and not walk.trials:
         if vertex is None:
             walk.unseen_m += step
         else:

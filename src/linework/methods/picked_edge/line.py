@@ -14,13 +14,13 @@ from linework.model.images import Poses
 from linework.model.lines import LineSet
 
 #: Distance between vertices, as the steps near the cameras. [m]
-SPACING_M = 0.25
+VERTEX_SPACING_M = 0.25
 #: Matches farther off than so many sigmas are not of the line; rounds of finding the line without them.
 _OFF, _ROUNDS = 3.5, 2
 #: Matches farther than this from the course are of something else: pairs err by some centimetres. [m]
 _NEAR_M = 0.4
 #: A line ends where it is not known better than this. [m]
-MOST_SIGMA_M = 0.25
+MOST_LINE_SIGMA_M = 0.25
 #: The course, as pairs handed it on, has kinks of this size. [m]
 _KINK_M = 0.03
 #: Poses of successive pairs err by this against each other, at first sight [m]; of fewer pairs nothing is known.
@@ -30,7 +30,7 @@ _GAP_M, _LEAST_GAPS = 1.5, 2
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class EdgeSightings:
     """What n matches showed, as columns.
 
     Parameters
@@ -54,9 +54,9 @@ class Seen:
     lift: FloatArray
     pair: IntArray
 
-    def take(self, kept: BoolArray) -> Seen:
+    def take(self, kept: BoolArray) -> EdgeSightings:
         """Return some of the matches."""
-        return Seen(*(getattr(self, f.name)[kept] for f in fields(self)))
+        return EdgeSightings(*(getattr(self, f.name)[kept] for f in fields(self)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class SmoothEdge:
     count: IntArray
 
 
-def edge_through(course: FloatArray, seen: Seen) -> SmoothEdge:
+def edge_through(course: FloatArray, seen: EdgeSightings) -> SmoothEdge:
     """Return the line near a course that agrees best with all matches, on a road that bends and climbs smoothly.
 
     Parameters
@@ -83,7 +83,7 @@ def edge_through(course: FloatArray, seen: Seen) -> SmoothEdge:
     know both. Matches of one pair err together by that pair's pose: the spread of the pairs about the line is found
     from them, and stays in the sigma by the number of pairs that saw a place.
     """
-    line = smooth_course(course)
+    line = smooth_axis(course)
     seen = seen.take(_is_near(line, seen))
     between = np.zeros(2)
     for _ in range(_ROUNDS):
@@ -102,17 +102,19 @@ def edge_through(course: FloatArray, seen: Seen) -> SmoothEdge:
     pairs = _pairs_at(at, seen.pair, len(line))
     sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2) + between**2 / pairs[:, None])
     count = np.bincount(at, minlength=len(line))
-    known = np.flatnonzero((sigma[:, 0] <= MOST_SIGMA_M) & (count > 0))
+    known = np.flatnonzero((sigma[:, 0] <= MOST_LINE_SIGMA_M) & (count > 0))
     whole = slice(int(known[0]), int(known[-1]) + 1) if len(known) > 1 else slice(None)
     return SmoothEdge(line[whole], sigma[whole, 0], sigma[whole, 1], count[whole])
 
 
-def smooth_course(course: FloatArray) -> FloatArray:
-    """Return places every `SPACING_M` along a course of (n, 3) places, its kinks smoothed away. [m]"""  # noqa: D400
+def smooth_axis(course: FloatArray) -> FloatArray:
+    """Return places every `VERTEX_SPACING_M` along a course of (n, 3) places, its kinks smoothed away. [m]"""  # noqa: D400
     step = np.hypot(*np.diff(course[:, :2], axis=0).T)
     course = course[np.concatenate([[True], step > 1e-3])]
     t = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(course[:, :2], axis=0).T))])
-    at: FloatArray = SPACING_M * np.arange(max(int(np.floor(t[-1] / SPACING_M)), 1) + 1, dtype=np.float64)
+    at: FloatArray = VERTEX_SPACING_M * np.arange(
+        max(int(np.floor(t[-1] / VERTEX_SPACING_M)), 1) + 1, dtype=np.float64
+    )
     xyz = np.column_stack([np.interp(at, t, c) for c in course.T])
     variance, change = np.full(len(at), _KINK_M**2), np.full(len(at), BENDING)
     state, *_ = smooth_plane(at, np.ascontiguousarray(xyz[:, :2]), variance, change)
@@ -120,7 +122,7 @@ def smooth_course(course: FloatArray) -> FloatArray:
     return np.column_stack([state[:, 0], z])
 
 
-def _is_near(line: FloatArray, seen: Seen) -> BoolArray:
+def _is_near(line: FloatArray, seen: EdgeSightings) -> BoolArray:
     """Return which matches are of a line: what one pair took for it and a nearer one did not is not."""
     at, offset, height = _beside(line, _left_of(line), seen)
     along = np.hypot(*(seen.expected - line[at])[:, :2].T) ** 2 - offset**2
@@ -134,7 +136,7 @@ def _smoothed(
     information, right = np.zeros((n, 2, 2)), np.zeros((n, 2))
     np.add.at(information, at, rows[:, :, None] * rows[:, None, :] / variance[:, None, None])
     np.add.at(right, at, rows * (value / variance)[:, None])
-    return smooth_beside(information, right, SPACING_M, BENDING, GRADING)
+    return smooth_beside(information, right, VERTEX_SPACING_M, BENDING, GRADING)
 
 
 def _left_of(line: FloatArray) -> FloatArray:
@@ -146,7 +148,9 @@ def _left_of(line: FloatArray) -> FloatArray:
     return np.column_stack([-way[:, 1], way[:, 0]])
 
 
-def _beside(line: FloatArray, left: FloatArray, seen: Seen) -> tuple[IntArray, FloatArray, FloatArray]:
+def _beside(
+    line: FloatArray, left: FloatArray, seen: EdgeSightings
+) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return the station next to each expected place, how far it is to the left of the line there, and above."""
     from scipy.spatial import cKDTree
 
@@ -155,7 +159,7 @@ def _beside(line: FloatArray, left: FloatArray, seen: Seen) -> tuple[IntArray, F
     along = np.column_stack([left[:, 1], -left[:, 0]])[at]
     forward = np.sum(apart[:, :2] * along, axis=1)
     # The line rises between stations
-    grade = np.gradient(line[:, 2]) / SPACING_M if len(line) > 1 else np.zeros(1)
+    grade = np.gradient(line[:, 2]) / VERTEX_SPACING_M if len(line) > 1 else np.zeros(1)
     return at, np.sum(apart[:, :2] * left[at], axis=1), apart[:, 2] - forward * grade[at]
 
 
@@ -204,13 +208,13 @@ def gaps_of(unseen: BoolArray, *, is_stripe: bool) -> tuple[BoolArray, str]:
     """Return where a line is bridged, and its pattern: regular gaps of paint are not bridged."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], unseen.astype(np.int64), [0]])))
     runs = edges.reshape(-1, 2)
-    gaps = runs[np.diff(runs, axis=1)[:, 0] * SPACING_M >= _GAP_M]
+    gaps = runs[np.diff(runs, axis=1)[:, 0] * VERTEX_SPACING_M >= _GAP_M]
     bridged = np.zeros(len(unseen), dtype=bool)
     for a, b in gaps:
         bridged[a:b] = True
     if not is_stripe:
         return bridged, ""
     paint = gaps[1:, 0] - gaps[:-1, 1]
-    if len(gaps) >= _LEAST_GAPS and np.median(paint) * SPACING_M <= UNSEEN_M:
+    if len(gaps) >= _LEAST_GAPS and np.median(paint) * VERTEX_SPACING_M <= UNSEEN_M:
         return np.zeros(len(unseen), dtype=bool), "dashed"
     return bridged, "solid"

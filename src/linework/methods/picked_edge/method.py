@@ -12,17 +12,29 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.errors import InputError
-from linework.methods.picked_edge.carry import LEAST_PLACES, carry, joined, places_of
-from linework.methods.picked_edge.follow import UNSEEN_M, Stop, Stretch, Vertex, follow_edge
-from linework.methods.picked_edge.line import Seen, edge_through, line_of, with_pose_sigmas
-from linework.methods.picked_edge.pick import PairRoad, Picked, Refused, nearest_pick, pick_edge, road_in
-from linework.methods.picked_edge.state import ACROSS, HEIGHT, bent_like_path, path_heading
-from linework.methods.picked_edge.view import View
+from linework.methods.picked_edge.carry import (
+    LEAST_CARRIED_PLACES,
+    carry_into_pair,
+    extend_by_pair,
+    followed_places,
+)
+from linework.methods.picked_edge.follow import UNSEEN_M, EdgeStop, EdgeVertex, FollowedStretch, follow_edge
+from linework.methods.picked_edge.line import EdgeSightings, edge_through, line_of, with_pose_sigmas
+from linework.methods.picked_edge.pick import (
+    EdgeRefusal,
+    PairRoad,
+    PickedStart,
+    nearest_pick,
+    pick_edge,
+    road_in,
+)
+from linework.methods.picked_edge.state import STATE_ACROSS, STATE_HEIGHT, bent_like_path, path_heading
+from linework.methods.picked_edge.view import PairView
 from linework.model.images import Poses, RectifiedPair
 from linework.model.lines import LineSet
 
 #: Kinds of line that a pixel can be picked on.
-KINDS = ("lane_marking", "road_boundary")
+EDGE_KINDS = ("lane_marking", "road_boundary")
 SIDES = ("left", "right")
 #: Pairs taken nearer together than this show the same again. [m]
 _MOVED_M = 0.3
@@ -57,7 +69,7 @@ class EdgeStep:
     in_both: FloatArray
     left_px: FloatArray
     right_px: FloatArray
-    stops: tuple[Stop, Stop]
+    stops: tuple[EdgeStop, EdgeStop]
     course: FloatArray
 
 
@@ -67,12 +79,12 @@ class PickedEdge:
 
     kind: str
     lines: LineSet
-    stops: tuple[Stop, Stop]
+    stops: tuple[EdgeStop, EdgeStop]
     pixels: dict[int, tuple[FloatArray, FloatArray]]
     failures: tuple[str, ...] = ()
 
 
-class PickRefusedError(InputError):
+class NoEdgeAtPixelError(InputError):
     """A pixel that no edge can be followed from.
 
     Parameters
@@ -92,7 +104,7 @@ class PickRefusedError(InputError):
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class PosedPairs:
     """Pairs in time order and where they were taken.
 
     Parameters
@@ -117,16 +129,16 @@ class Drive:
 class _Following:
     """What has been seen so far: the line in order, why it ends at either end, and what each pair showed."""
 
-    drive: Drive
-    course: tuple[Vertex, ...] = ()
-    stops: list[Stop] = field(default_factory=lambda: [Stop.FADED, Stop.FADED])
+    drive: PosedPairs
+    course: tuple[EdgeVertex, ...] = ()
+    stops: list[EdgeStop] = field(default_factory=lambda: [EdgeStop.FADED, EdgeStop.FADED])
     steps: list[EdgeStep] = field(default_factory=list)
-    vertices: list[tuple[Vertex, ...]] = field(default_factory=list)
+    vertices: list[tuple[EdgeVertex, ...]] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
 
 
 def follow_picked(
-    drive: Drive, pick: tuple[int, float, float], *, side: str = "left", kind: str = ""
+    drive: PosedPairs, pick: tuple[int, float, float], *, side: str = "left", kind: str = ""
 ) -> Generator[EdgeStep, bool | None, PickedEdge]:
     """Follow the edge next to a picked pixel; yield what each pair shows of it, and return it whole.
 
@@ -137,7 +149,7 @@ def follow_picked(
     side
         "left" or "right": the image it was picked in.
     kind
-        Of `KINDS`; "": stripes of paint are lane markings, other edges road boundaries.
+        Of `EDGE_KINDS`; "": stripes of paint are lane markings, other edges road boundaries.
 
     Raises
     ------
@@ -152,54 +164,60 @@ def follow_picked(
     pair = drive.source(pick[0])
     # The road in the picked pair: how high the cameras are above it
     road = road_in(pair)
-    view = View.of(pair, drive.poses, at, drive.origin, road.up_vehicle)
+    view = PairView.of(pair, drive.poses, at, drive.origin, road.up_vehicle)
     # The edge at the pixel, and its pattern
     picked = _picked(view, road, drive, at, pick[1:], SIDES.index(side), kind)
     # Along it in both images of this pair, away from the van and towards it
     back, ahead = _both_ways(view, picked)
     follow = _Following(drive)
     if (yield _taken(follow, view, back, ahead, is_nearer=True)):
-        return _whole(follow, kind, Stop.CALLER)
+        return _whole(follow, kind, EdgeStop.CALLER)
     # On into the next pairs, and from the picked one into those before
     for way in (1, -1):
         for view in _views(follow, at, way, road.up_vehicle):
-            found = carry(follow.course, view)
+            found = carry_into_pair(follow.course, view)
             if found is not None and (yield _taken(follow, view, *found, is_nearer=way > 0)):
-                return _whole(follow, kind, Stop.CALLER)
+                return _whole(follow, kind, EdgeStop.CALLER)
     return _whole(follow, kind, None)
 
 
 def _picked(
-    view: View, road: PairRoad, drive: Drive, at: int, pixel: tuple[float, float], side: int, kind: str
-) -> Picked:
+    view: PairView,
+    road: PairRoad,
+    drive: PosedPairs,
+    at: int,
+    pixel: tuple[float, float],
+    side: int,
+    kind: str,
+) -> PickedStart:
     """Return the edge at a pixel, or refuse it with the nearest pixel that works."""
 
-    def tried(col: float, row: float) -> Picked | Refused:
+    def tried(col: float, row: float) -> PickedStart | EdgeRefusal:
         place = road.under(side, col, row)
         if place is None:
-            return Refused("that is above the road's horizon, or too far away")
+            return EdgeRefusal("that is above the road's horizon, or too far away")
         place, path = drive.poses.to_world(at, place[None])[0] - drive.origin, drive.poses.xyz - drive.origin
         found = pick_edge(view, side, place, kind, path_heading(place, path))
-        if isinstance(found, Picked):
+        if isinstance(found, PickedStart):
             found = replace(found, state=bent_like_path(found.state, path))
             back, ahead = _both_ways(view, found)
-            if sum(v.in_both for v in (*back.vertices, *ahead.vertices)) < LEAST_PLACES:
-                return Refused(f"there is an edge, but on the road it does not go on: {ahead.stop}")
+            if sum(v.in_both for v in (*back.vertices, *ahead.vertices)) < LEAST_CARRIED_PLACES:
+                return EdgeRefusal(f"there is an edge, but on the road it does not go on: {ahead.stop}")
         return found
 
     found = tried(*pixel)
-    if isinstance(found, Picked):
+    if isinstance(found, PickedStart):
         return found
     works = nearest_pick(
         view.images[side],
         pixel,
         lambda col, row: road.under(side, col, row) is not None,
-        lambda col, row: isinstance(tried(col, row), Picked),
+        lambda col, row: isinstance(tried(col, row), PickedStart),
     )
-    raise PickRefusedError(found.reason, (view.number, *pixel), works)
+    raise NoEdgeAtPixelError(found.reason, (view.number, *pixel), works)
 
 
-def _both_ways(view: View, picked: Picked) -> tuple[Stretch, Stretch]:
+def _both_ways(view: PairView, picked: PickedStart) -> tuple[FollowedStretch, FollowedStretch]:
     """Return a picked line followed against its direction and along it, in one pair."""
     ahead = follow_edge(view, picked.state, picked.template, 1)
     back = follow_edge(view, picked.state, picked.template, -1)
@@ -207,7 +225,7 @@ def _both_ways(view: View, picked: Picked) -> tuple[Stretch, Stretch]:
     return replace(back, vertices=back.vertices[1:]), ahead
 
 
-def _views(follow: _Following, at: int, way: int, up_vehicle: FloatArray) -> Iterator[View]:
+def _views(follow: _Following, at: int, way: int, up_vehicle: FloatArray) -> Iterator[PairView]:
     """Yield the pairs before or behind one in time, as long as they can show the line."""
     drive = follow.drive
     last_seen = last_looked = drive.poses.xyz[at]
@@ -222,8 +240,8 @@ def _views(follow: _Following, at: int, way: int, up_vehicle: FloatArray) -> Ite
         except InputError as error:
             follow.failures.append(str(error))
             continue
-        view = View.of(pair, drive.poses, i, drive.origin, up_vehicle)
-        if way > 0 and (view.depth_m(places_of(follow.course)) < 0.0).all():
+        view = PairView.of(pair, drive.poses, i, drive.origin, up_vehicle)
+        if way > 0 and (view.depth_m(followed_places(follow.course)) < 0.0).all():
             return
         yield view
         if len(follow.steps) > n_seen:
@@ -232,42 +250,46 @@ def _views(follow: _Following, at: int, way: int, up_vehicle: FloatArray) -> Ite
             return
     # The line could go on, the images do not
     end = 1 if way > 0 else 0
-    if follow.stops[end] in (Stop.RANGE, Stop.LEFT_IMAGE):
-        follow.stops[end] = Stop.END_OF_IMAGES
+    if follow.stops[end] in (EdgeStop.RANGE, EdgeStop.LEFT_IMAGE):
+        follow.stops[end] = EdgeStop.END_OF_IMAGES
 
 
-def _taken(follow: _Following, view: View, back: Stretch, ahead: Stretch, *, is_nearer: bool) -> EdgeStep:
+def _taken(
+    follow: _Following, view: PairView, back: FollowedStretch, ahead: FollowedStretch, *, is_nearer: bool
+) -> EdgeStep:
     """Add what a pair showed to the line, and return it."""
     vertices = (*reversed(back.vertices), *ahead.vertices)
     before = follow.course
     follow.course = vertices
     if before:
-        ends = ahead.stop not in (Stop.LEFT_IMAGE, Stop.HIDDEN)
-        follow.course = joined(before, vertices, is_nearer=is_nearer, ends=ends)
+        ends = ahead.stop not in (EdgeStop.LEFT_IMAGE, EdgeStop.HIDDEN)
+        follow.course = extend_by_pair(before, vertices, is_nearer=is_nearer, ends=ends)
     # A pair that adds to an end, or sees it from nearer, knows why it ends there
     if follow.course[-1] is not (before[-1] if before else None):
         follow.stops[1] = ahead.stop
     if follow.course[0] is not (before[0] if before else None):
         follow.stops[0] = back.stop
-    xyz = places_of(vertices)
-    sigma = np.sqrt([np.diag(v.state.covariance)[[ACROSS, HEIGHT]] for v in vertices])
+    xyz = followed_places(vertices)
+    sigma = np.sqrt([np.diag(v.state.covariance)[[STATE_ACROSS, STATE_HEIGHT]] for v in vertices])
     step = EdgeStep(
         view.number, xyz + follow.drive.origin, sigma[:, 0], sigma[:, 1],
         np.array([v.in_both for v in vertices]), view.pixels(0, xyz), view.pixels(1, xyz), (back.stop, ahead.stop),
-        places_of(follow.course) + follow.drive.origin,
+        followed_places(follow.course) + follow.drive.origin,
     )  # fmt: skip
     follow.steps.append(step)
     follow.vertices.append(vertices)
     return step
 
 
-def _whole(follow: _Following, kind: str, stop: Stop | None) -> PickedEdge:
+def _whole(follow: _Following, kind: str, stop: EdgeStop | None) -> PickedEdge:
     """Return the line through everything that was seen."""
     drive, steps = follow.drive, follow.steps
     found = [(v, s.number) for vertices, s in zip(follow.vertices, steps, strict=True) for v in vertices]
     rows = [(v.expected.frame[0], v.expected.frame[2], *seen, n) for v, n in found for seen in v.seen]
     place, left, across, variance, lift, pair = (np.array(column) for column in zip(*rows, strict=True))
-    edge = edge_through(places_of(follow.course), Seen(place, left, across, variance, lift, pair))
+    edge = edge_through(
+        followed_places(follow.course), EdgeSightings(place, left, across, variance, lift, pair)
+    )
     width_m = _width(follow.course)
     kind = kind or ("road_boundary" if np.isnan(width_m) else "lane_marking")
     used = np.flatnonzero(np.isin(drive.numbers, pair))
@@ -279,7 +301,7 @@ def _whole(follow: _Following, kind: str, stop: Stop | None) -> PickedEdge:
     )  # fmt: skip
 
 
-def _width(course: tuple[Vertex, ...]) -> float:
+def _width(course: tuple[EdgeVertex, ...]) -> float:
     """Return the width of the paint where it was seen best; NaN for an edge. [m]"""  # noqa: D400
     best = sorted(course, key=lambda v: min(seen[1] for seen in v.seen))[: max(len(course) // 2, 1)]
     return float(np.median([v.template.width_m for v in best]))

@@ -9,13 +9,13 @@ import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
 from linework.errors import InputError
-from linework.kernels.images.line_matching import profile_across
+from linework.kernels.images.line_matching import grey_profile_across
 from linework.methods.picked_edge.match import match_edge, scale_at
-from linework.methods.picked_edge.profile import LEAST_RISE, Profile, pattern_at, rises
+from linework.methods.picked_edge.profile import LEAST_RISE, GreyProfile, pattern_at, rises
 from linework.methods.picked_edge.state import LineState
-from linework.methods.picked_edge.template import REACH_M, Template, template_of
-from linework.methods.picked_edge.view import View
-from linework.methods.stereo.road_plane import HEIGHT_M, RoadShape, find_road
+from linework.methods.picked_edge.template import TEMPLATE_REACH_M, Template, template_of
+from linework.methods.picked_edge.view import PairView
+from linework.methods.stereo.road_plane import CAMERA_HEIGHT_M, RoadShape, fit_pair_road
 from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
 
@@ -42,7 +42,7 @@ _BESIDE_M = (0.0, 0.6, -0.6, 1.4, -1.4)
 
 
 @dataclass(frozen=True, slots=True)
-class Picked:
+class PickedStart:
     """A line at a picked place: where it starts to be followed, and its pattern."""
 
     state: LineState
@@ -50,15 +50,15 @@ class Picked:
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class EdgeRefusal:
     """Why there is no edge at a picked place."""
 
     reason: str
 
 
 def pick_edge(
-    view: View, side: int, place: FloatArray, kind: str, road_rad: float | None = None
-) -> Picked | Refused:
+    view: PairView, side: int, place: FloatArray, kind: str, road_rad: float | None = None
+) -> PickedStart | EdgeRefusal:
     """Return the edge nearest to a place on the road, within a few pixels of one image.
 
     Parameters
@@ -74,11 +74,11 @@ def pick_edge(
     """
     heading, rise = _direction(view, side, place, road_rad)
     way = np.array([np.cos(heading), np.sin(heading), 0.0])
-    refused = Refused(f"no edge within {PICK_PX:.0f} pixels, grey values differ by {rise:.0f} at most")
+    refused = EdgeRefusal(f"no edge within {PICK_PX:.0f} pixels, grey values differ by {rise:.0f} at most")
     edge = None
     for along in _BESIDE_M:
         found = _picked_at(view, side, place + along * way, heading, kind)
-        if isinstance(found, Picked):
+        if isinstance(found, PickedStart):
             # The edge of a worn stripe is a side of it where the paint is whole
             if found.template.is_stripe and (edge is None or _is_side(edge, found)):
                 return found
@@ -88,7 +88,7 @@ def pick_edge(
     return edge or refused
 
 
-def _is_side(edge: Picked, stripe: Picked) -> bool:
+def _is_side(edge: PickedStart, stripe: PickedStart) -> bool:
     """Return whether an edge is a side of a stripe found a little farther on."""
     across = edge.state.frame(np.array([0.0, 0.0, 1.0])).frame[2]
     apart = abs(float((stripe.state.place - edge.state.place) @ across))
@@ -96,8 +96,8 @@ def _is_side(edge: Picked, stripe: Picked) -> bool:
 
 
 def _picked_at(
-    view: View, side: int, place: FloatArray, heading: float, kind: str
-) -> Picked | Refused | None:
+    view: PairView, side: int, place: FloatArray, heading: float, kind: str
+) -> PickedStart | EdgeRefusal | None:
     """Return the line at a place, None where nothing is."""
     profile = _profile(view, side, place, heading)
     if profile is None:
@@ -109,7 +109,7 @@ def _picked_at(
         if not kind or pattern_at(profile, reach, _HALF_STRIPE_M, "") is None:
             return None
         other = "no stripe of paint" if kind == "lane_marking" else "an edge of paint"
-        return Refused(f"the edge there is {other}")
+        return EdgeRefusal(f"the edge there is {other}")
     # Begin on the line itself
     state = _start(view, place, heading, chosen.at_m, pixel_m)
     template = template_of(profile.s, profile.grey, chosen)
@@ -117,16 +117,16 @@ def _picked_at(
     for image in (side, 1 - side):
         scale = scale_at(view, image, frame)
         if scale is None:
-            return Refused("the line is seen end on there")
+            return EdgeRefusal("the line is seen end on there")
         lift_m = 0.0 if image == side else 3.0 * _START[2] * abs(scale.lift)
         gate = 2.0 * scale.pixel_m + min(lift_m, 0.5)
         if match_edge(view, image, frame, template, (0.0, gate), _LENGTH_M) is None:
             name = ("left", "right")[image]
-            return Refused(f"there is an edge, but on the road the {name} image does not show it")
-    return Picked(state, template)
+            return EdgeRefusal(f"there is an edge, but on the road the {name} image does not show it")
+    return PickedStart(state, template)
 
 
-def _direction(view: View, side: int, place: FloatArray, road_rad: float | None) -> tuple[float, float]:
+def _direction(view: PairView, side: int, place: FloatArray, road_rad: float | None) -> tuple[float, float]:
     """Return the direction in plan [rad] whose profile has the highest edge near a place, and its rise.
 
     On paint wider than the pick's reach the edges are farther away.
@@ -147,7 +147,7 @@ def _direction(view: View, side: int, place: FloatArray, road_rad: float | None)
     return best, best_score
 
 
-def _score(view: View, side: int, place: FloatArray, heading: float, reach_m: float) -> float:
+def _score(view: PairView, side: int, place: FloatArray, heading: float, reach_m: float) -> float:
     """Return the largest rise between three samples and the three before that both halves of the length show."""
     profile = _profile(view, side, place, heading)
     if profile is None:
@@ -157,21 +157,21 @@ def _score(view: View, side: int, place: FloatArray, heading: float, reach_m: fl
     return float(np.where(one * two > 0.0, np.minimum(np.abs(one), np.abs(two)), 0.0).max(initial=0.0))
 
 
-def _profile(view: View, side: int, place: FloatArray, heading: float) -> Profile | None:
+def _profile(view: PairView, side: int, place: FloatArray, heading: float) -> GreyProfile | None:
     """Return the profile across a direction; None where it is not inside the image."""
     frame = _start(view, place, heading, 0.0, 0.0).frame(view.up)
     scale = scale_at(view, side, frame)
     if scale is None or scale.pixel_m > 0.2:
         return None
     length = max(_LENGTH_M, _ROWS * scale.along_m)
-    half = int(np.ceil(REACH_M / scale.pixel_m))
+    half = int(np.ceil(TEMPLATE_REACH_M / scale.pixel_m))
     count = int(np.clip(round(0.5 * length / scale.along_m), 1, _MOST_ROWS))
     parts = []
     for sign in (-0.25, 0.25):
         moved = frame.frame.copy()
         moved[0] += sign * length * moved[1]
         parts.append(
-            profile_across(
+            grey_profile_across(
                 view.images[side], view.to_pixel[side], moved, 0.0, (0.5 * length, count), scale.pixel_m, half
             )
         )
@@ -185,10 +185,10 @@ def _profile(view: View, side: int, place: FloatArray, heading: float) -> Profil
         return None
     first, last = np.flatnonzero(inside)[[0, -1]]
     part = slice(int(first), int(last) + 1)
-    return Profile(s[part], halves[:, part].mean(axis=0), halves[:, part], scale.pixel_m)
+    return GreyProfile(s[part], halves[:, part].mean(axis=0), halves[:, part], scale.pixel_m)
 
 
-def _start(view: View, place: FloatArray, heading: float, across_m: float, sigma_m: float) -> LineState:
+def _start(view: PairView, place: FloatArray, heading: float, across_m: float, sigma_m: float) -> LineState:
     """Return the state of a line through a place on the road."""
     grade = -float(np.cos(heading) * view.up[0] + np.sin(heading) * view.up[1]) / float(view.up[2])
     covariance = np.diag([max(sigma_m, 0.005) ** 2, *(v * v for v in _START)])
@@ -239,7 +239,7 @@ def nearest_pick(
 # Where the ray of a picked pixel meets the road; how high the cameras are above it is not known beforehand
 
 #: Nothing farther away can be picked: a pixel there covers metres of the road. [m]
-FARTHEST_M = 60.0
+FARTHEST_PICK_M = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,7 +266,7 @@ class PairRoad:
         # A pixel of the right image is a disparity to the left of the left one's: found in a few rounds
         for _ in range(1 + 8 * side):
             d = self._disparity(left, row)
-            if d < rig.focal_px * rig.base_m / FARTHEST_M:
+            if d < rig.focal_px * rig.base_m / FARTHEST_PICK_M:
                 return None
             left = col + d * side
         return np.asarray(rig.intersect(np.array([left]), np.array([row]), np.array([d]))[0])
@@ -289,10 +289,10 @@ def road_in(pair: RectifiedPair) -> PairRoad:
     InputError
         Its images show none, and the calibration does not say how high the cameras are.
     """
-    rig, shape = pair.rig, find_road(pair)
+    rig, shape = pair.rig, fit_pair_road(pair)
     if shape is not None:
         return PairRoad(rig, shape, rig.R_vehicle_camera @ shape.plane.up(rig))
-    if not HEIGHT_M[0] <= rig.position_m[2] <= HEIGHT_M[1]:
+    if not CAMERA_HEIGHT_M[0] <= rig.position_m[2] <= CAMERA_HEIGHT_M[1]:
         raise InputError(
             "the pair does not show a road", where=f"pair {pair.number}", advice="pick in another"
         )

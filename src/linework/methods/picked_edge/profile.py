@@ -21,7 +21,7 @@ _WIDTH_M = (0.04, 0.55)
 
 
 @dataclass(frozen=True, slots=True)
-class Profile:
+class GreyProfile:
     """Grey values across a line.
 
     Parameters
@@ -67,7 +67,7 @@ def rises(grey: FloatArray, n: int) -> FloatArray:
     return np.asarray(means[n:] - means[:-n])
 
 
-def edges_in(profile: Profile, sides: tuple[float, float]) -> list[Edge]:
+def edges_in(profile: GreyProfile, sides: tuple[float, float]) -> list[Edge]:
     """Return the edges of a profile, from right to left.
 
     Parameters
@@ -92,7 +92,7 @@ def edges_in(profile: Profile, sides: tuple[float, float]) -> list[Edge]:
     return found
 
 
-def _middle(profile: Profile, i: int, n: int) -> float:
+def _middle(profile: GreyProfile, i: int, n: int) -> float:
     """Return where, around the place between values i - 1 and i, half of the rise is reached. [m]"""  # noqa: D400
     part = profile.grey[i - n : i + n]
     low, high = part[: max(n // 2, 1)].mean(), part[-max(n // 2, 1) :].mean()
@@ -106,7 +106,7 @@ def _middle(profile: Profile, i: int, n: int) -> float:
     return float(profile.s[i - n + k] + share * profile.pixel_m)
 
 
-def pattern_at(profile: Profile, reach_m: float, on_paint_m: float, kind: str) -> Pattern | None:
+def pattern_at(profile: GreyProfile, reach_m: float, on_paint_m: float, kind: str) -> Pattern | None:
     """Return the pattern nearest to the middle of a profile: of its sharp edges, else of its soft ones.
 
     Parameters
@@ -143,7 +143,7 @@ def _free(edge: Edge, edges: list[Edge]) -> float:
     return min(others, default=float("inf")) - _SIDES[0][0]
 
 
-def _stripes(profile: Profile, edges: list[Edge]) -> list[tuple[Edge, Edge]]:
+def _stripes(profile: GreyProfile, edges: list[Edge]) -> list[tuple[Edge, Edge]]:
     """Return pairs of edges that are the right and left side of something bright between darker sides."""
     found = []
     for i, right in enumerate(edges):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.methods.picked_edge.match import Place
+from linework.methods.picked_edge.match import ExpectedPlace
 
 #: Roads bend to radii of 18 m, within a car's length or two where a kerb turns into a side street, slower on the
 #: open road: density of the curvature's random walk. [1/m^3]
@@ -18,7 +18,7 @@ GRADING = 3e-5
 #: No road bends more than this (18 m, and the inner kerb of it). [1/m]
 MOST_CURVATURE = 1.0 / 12.0
 #: Rows of the state and its covariance: across to the left [m], heading [rad], curvature [1/m], height [m], grade.
-ACROSS, HEADING, CURVATURE, HEIGHT, GRADE = range(5)
+STATE_ACROSS, STATE_HEADING, CURVATURE, STATE_HEIGHT, GRADE = range(5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +45,13 @@ class LineState:
     grade: float
     covariance: FloatArray
 
-    def frame(self, up: FloatArray) -> Place:
+    def frame(self, up: FloatArray) -> ExpectedPlace:
         """Return the place with its directions along and across, on a road with a normal."""
         c, s = np.cos(self.heading_rad), np.sin(self.heading_rad)
         along = np.array([c, s, self.grade])
         along /= np.sqrt(along @ along)
         across = _cross(up, along)
-        return Place(np.stack([self.place, along, across / np.sqrt(across @ across)]), self.curvature)
+        return ExpectedPlace(np.stack([self.place, along, across / np.sqrt(across @ across)]), self.curvature)
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -63,8 +63,12 @@ def advanced(state: LineState, d: float) -> LineState:
     middle = state.heading_rad + 0.5 * state.curvature * d
     place = state.place + d * np.array([np.cos(middle), np.sin(middle), state.grade])
     f = np.eye(5)
-    f[ACROSS, HEADING], f[ACROSS, CURVATURE], f[HEADING, CURVATURE] = d, 0.5 * d * d, d
-    f[HEIGHT, GRADE] = d
+    f[STATE_ACROSS, STATE_HEADING], f[STATE_ACROSS, CURVATURE], f[STATE_HEADING, CURVATURE] = (
+        d,
+        0.5 * d * d,
+        d,
+    )
+    f[STATE_HEIGHT, GRADE] = d
     n, a = np.zeros((5, 5)), abs(d)
     way = np.sign(d)
     # A walk of the curvature, seen in heading and place; signs follow the way
@@ -79,7 +83,7 @@ def advanced(state: LineState, d: float) -> LineState:
     )  # fmt: skip
 
 
-def variance_seen(state: LineState, lift: float) -> float:
+def measurement_variance(state: LineState, lift: float) -> float:
     """Return the variance of where an image should show the line. [m^2]"""  # noqa: D400
     p = state.covariance
     return float(p[0, 0] + 2.0 * lift * p[0, 3] + lift * lift * p[3, 3])
@@ -105,8 +109,8 @@ def corrected(state: LineState, across: FloatArray, seen: list[tuple[float, floa
         p = p - np.outer(gain, ph)
     curvature = float(np.clip(state.curvature + x[CURVATURE], -MOST_CURVATURE, MOST_CURVATURE))
     return LineState(
-        state.place + x[ACROSS] * across + np.array([0.0, 0.0, x[HEIGHT]]),
-        state.heading_rad + float(x[HEADING]), curvature, state.grade + float(x[GRADE]), 0.5 * (p + p.T),
+        state.place + x[STATE_ACROSS] * across + np.array([0.0, 0.0, x[STATE_HEIGHT]]),
+        state.heading_rad + float(x[STATE_HEADING]), curvature, state.grade + float(x[GRADE]), 0.5 * (p + p.T),
     )  # fmt: skip
 
 

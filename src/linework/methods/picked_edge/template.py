@@ -11,11 +11,11 @@ from linework.kernels.images.line_matching import integral_of
 from linework.methods.picked_edge.profile import Pattern
 
 #: Spacing and reach of a template: finer than any camera's pixel at the nearest place it sees. [m]
-STEP_M, REACH_M = 0.005, 0.8
+TEMPLATE_STEP_M, TEMPLATE_REACH_M = 0.005, 0.8
 #: Beside a stripe, and to either side of an edge, so much is compared: as wide as the narrowest verge. [m]
-BESIDE_M, EDGE_M = 0.12, 0.22
+TEMPLATE_BESIDE_M, EDGE_M = 0.12, 0.22
 #: An edge's own sides, at least. [m]
-LEAST_EDGE_M = 0.08
+LEAST_TEMPLATE_SIDE_M = 0.08
 #: So much of a template is taken from each match: it is renewed over some metres, grain of the road
 #: does not become part of it.
 RENEWED = 0.04
@@ -32,7 +32,7 @@ class Template:
     Parameters
     ----------
     grey
-        (n,) float64 every `STEP_M`, the first `REACH_M` to the right of the line.
+        (n,) float64 every `TEMPLATE_STEP_M`, the first `TEMPLATE_REACH_M` to the right of the line.
     anchor_m
         Where on it the line is: the middle of both edges of a stripe, the half height of an edge.
     width_m
@@ -61,8 +61,8 @@ class Template:
     def window_m(self) -> float:
         """Half of the width that is compared. [m]"""  # noqa: D400
         if self.is_stripe:
-            return 0.5 * self.width_m + BESIDE_M
-        return min(max(self.free_m, LEAST_EDGE_M), EDGE_M)
+            return 0.5 * self.width_m + TEMPLATE_BESIDE_M
+        return min(max(self.free_m, LEAST_TEMPLATE_SIDE_M), EDGE_M)
 
     @property
     def mean(self) -> float:
@@ -73,8 +73,8 @@ class Template:
 
 def grid() -> FloatArray:
     """Return (n,) places of a template's values. [m, left of the line positive]"""  # noqa: D400
-    n = round(REACH_M / STEP_M)
-    return np.asarray(STEP_M * np.arange(-n, n + 1), dtype=np.float64)
+    n = round(TEMPLATE_REACH_M / TEMPLATE_STEP_M)
+    return np.asarray(TEMPLATE_STEP_M * np.arange(-n, n + 1), dtype=np.float64)
 
 
 def template_of(s: FloatArray, grey: FloatArray, pattern: Pattern) -> Template:
@@ -110,10 +110,10 @@ def anchored(template: Template) -> Template:
         edge = _crossing(s, grey, at, template.rise, min(template.window_m, _EDGE_REACH_M))
         return template if edge is None else replace(template, anchor_m=edge[0], rise=edge[1])
     half = 0.5 * template.width_m
-    reach = min(max(half, 2.0 * STEP_M), BESIDE_M)
+    reach = min(max(half, 2.0 * TEMPLATE_STEP_M), TEMPLATE_BESIDE_M)
     right = _crossing(s, grey, at - half, template.rise, reach)
     left = _crossing(s, grey, at + half, -template.rise, reach)
-    if right is None or left is None or left[0] - right[0] < 2.0 * STEP_M:
+    if right is None or left is None or left[0] - right[0] < 2.0 * TEMPLATE_STEP_M:
         return template
     return replace(
         template, anchor_m=0.5 * (left[0] + right[0]), width_m=left[0] - right[0],
@@ -137,4 +137,4 @@ def _crossing(
         return None
     i = turns[np.argmin(np.abs(s[near[turns]] - at))]
     share = above[i] / (above[i] - above[i + 1])
-    return float(s[near[i]] + share * STEP_M), float(left - right)
+    return float(s[near[i]] + share * TEMPLATE_STEP_M), float(left - right)

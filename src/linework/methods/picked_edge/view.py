@@ -11,7 +11,7 @@ from linework.model.images import Poses, RectifiedPair
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class PairView:
     """A rectified pair and where its cameras were.
 
     Parameters
@@ -38,7 +38,7 @@ class View:
     @classmethod
     def of(
         cls, pair: RectifiedPair, poses: Poses, i: int, origin: FloatArray, up_vehicle: FloatArray
-    ) -> View:
+    ) -> PairView:
         """Return a pair as seen from the world, less an origin. [m]
 
         Parameters
@@ -99,7 +99,7 @@ _SAME, _BETTER = 0.8, 0.1
 _NEARER, _NEARER_PX, _NEAREST = 1.12, 2.0, 4.0
 
 
-def is_hidden(view: View, places: FloatArray) -> bool:
+def is_hidden(view: PairView, places: FloatArray) -> bool:
     """Return whether most of (n, 3) places [m, local world] are behind something.
 
     Notes

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import BoolArray, Float32Array, FloatArray
-from linework.imaging.overview import Window, close_ups
-from linework.imaging.picture import CLOSE_UP_M, OverlaidLines, Style, draw_map, draw_radon
-from linework.imaging.raster import RasterImages, cells_of, in_height_band, rasterise
+from linework.imaging.overview import ImageWindow, close_ups
+from linework.imaging.picture import MAP_CLOSE_UP_M, OverlaidLines, Style, draw_map, draw_radon
+from linework.imaging.raster import RasterImages, cell_indices, in_height_band, rasterise
 from linework.methods.radon.peaks import Peaks, dilate, find_peaks, ridges
 from linework.methods.radon.transform import RadonImage, evenly_spaced_angles, radon_transform
 from linework.model.grid import Grid, Image
@@ -19,7 +19,7 @@ from linework.model.points import Points
 from linework.model.settings import setting
 
 #: Classes of the classified image, the paper's colours.
-ROAD, OFF_ROAD = 1, 2
+ROAD_CLASS, OFF_ROAD = 1, 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,12 +127,12 @@ def classified(points: Points, is_road: BoolArray, grid: Grid) -> Image:
 
     The paper's figure 2, as an image.
     """
-    cells = cells_of(points, grid)
+    cells = cell_indices(points, grid)
     inside = cells >= 0
     n_cells = grid.n_rows * grid.n_cols
     balance = np.bincount(cells[inside], weights=np.where(is_road[inside], 1.0, -1.0), minlength=n_cells)
     seen = np.bincount(cells[inside], minlength=n_cells) > 0
-    classes = np.where(seen, np.where(balance > 0, ROAD, OFF_ROAD), 0).astype(np.uint8)
+    classes = np.where(seen, np.where(balance > 0, ROAD_CLASS, OFF_ROAD), 0).astype(np.uint8)
     return Image(classes.reshape(grid.shape), grid)
 
 
@@ -183,7 +183,7 @@ def raster_figures(
         (n,) float32: intensities with asphalt at 1, or None.
     """
     raw = rasterise(points, grid)
-    caption = _Caption(crs_name, close_ups(raw.density, *CLOSE_UP_M))
+    caption = _Caption(crs_name, close_ups(raw.density, *MAP_CLOSE_UP_M))
     # Figure 2: road and non-road
     classes = classified(points, is_road, grid)
     yield caption.figure("classes", "Road and non-road points", classes, _CLASSES)
@@ -204,7 +204,7 @@ class _Caption:
     """What all maps of a survey share."""
 
     crs_name: str
-    windows: tuple[Window, ...]
+    windows: tuple[ImageWindow, ...]
 
     def figure(
         self,
@@ -223,7 +223,9 @@ class _Caption:
         return RasterFigure(name, image, picture)
 
 
-_CLASSES = Style(classes=((ROAD, "#d6301f", "road"), (OFF_ROAD, "#2b5fc4", "non-road")), keep="smallest")
+_CLASSES = Style(
+    classes=((ROAD_CLASS, "#d6301f", "road"), (OFF_ROAD, "#2b5fc4", "non-road")), keep="smallest"
+)
 _OVER_ASPHALT = Style(
     unit="mean intensity, asphalt = 1, white from 3", colours="gray", empty="#bcd3e0", limits=(0.0, 3.0)
 )

@@ -14,7 +14,7 @@ import numpy as np
 from linework.imaging.raster import grid_for, in_height_band
 from linework.methods.cables.find import CableConfig, find_cables, least_height_m
 from linework.methods.radon.seeds import SeedConfig, find_seed_lines, split_into_segments
-from linework.methods.rails.chains import follow_all
+from linework.methods.rails.chains import chains_from_starts
 from linework.methods.rails.circles import CircleConfig, bin_near, find_starts
 from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.rail_lines import carry_into_ground, rail_lines
@@ -84,7 +84,7 @@ class RailMethod:
         bins = bin_near(points.xyz, above_ground, binary)
         starts = find_starts(segments, bins, c.circles)
         band_m = c.circles.min_height_m, c.max_height_m
-        chains = follow_all(starts, bins, band_m, c.profile.min_length_m, c.circles)
+        chains = chains_from_starts(starts, bins, band_m, c.profile.min_length_m, c.circles)
         # Local fits of the corrected centres; the height from the highest points
         rails = fit_rails(chains, bins, c.circles, c.profile)
         # The vertical profile tells guardrails and barriers from hedges, walls, cars and fences

@@ -101,7 +101,7 @@ def dilate(radon: RadonImage, *, theta_window_rad: float, rho_window_m: float) -
     """Return the dilated Radon image that `find_peaks` compares with, for the picture."""
     step = _rho_step(radon.values, radon.angles_rad, radon.rho_m)
     half_window, half_bins = _half_windows(theta_window_rad, rho_window_m, step)
-    return replace(radon, values=kernels.dilate(radon.values, radon.angles_rad, half_window, half_bins))
+    return replace(radon, values=kernels.dilate_radon(radon.values, radon.angles_rad, half_window, half_bins))
 
 
 def ridges(radon: RadonImage, *, width_m: float) -> RadonImage:

@@ -64,7 +64,7 @@ class SeedLines:
 
 
 @dataclass(frozen=True, slots=True)
-class Segments:
+class SeedSegments:
     """n straight pieces of lines: ends (n, 2) float64 [m, world] and strength (n,) [m]."""
 
     start_xy: FloatArray
@@ -138,7 +138,7 @@ def _windows(binary: Image, config: SeedConfig) -> tuple[FloatArray, IntArray, I
     return xy[order], np.append(starts, len(xy)), quarters, (corner + 1) * stride
 
 
-def split_into_segments(seeds: SeedLines, binary: Image, config: SeedConfig) -> Segments:
+def split_into_segments(seeds: SeedLines, binary: Image, config: SeedConfig) -> SeedSegments:
     """Return where along each seed line the image is occupied.
 
     A Radon peak says nothing about the extent: collinear pieces are parted where the image is empty for
@@ -163,7 +163,7 @@ def split_into_segments(seeds: SeedLines, binary: Image, config: SeedConfig) -> 
         math.floor(config.max_gap_m / step + 1e-6),
         math.ceil(config.peak_threshold_m / 2 / step - 1e-6),
     )
-    return Segments(table[:, :2], table[:, 2:4], table[:, 4])
+    return SeedSegments(table[:, :2], table[:, 2:4], table[:, 4])
 
 
 def _corner(grid: Grid) -> tuple[int, int]:

@@ -1,7 +1,7 @@
 """Chains: what was followed from many starts, each for itself, put together to whole lines.
 
 A line that is followed from one start to its end depends on where it was begun, and so on how much of it a
-tile sees. Here nothing is followed further than `FAR_M` from where it was begun, and many starts are near one
+tile sees. Here nothing is followed further than `FAR_REACH_M` from where it was begun, and many starts are near one
 another: what holds at a place is known from the points about it, whatever tile it is seen from.
 """
 
@@ -20,13 +20,13 @@ from linework.kernels.tracking.passing import passing
 from linework.methods.rails.circles import Bins, CircleConfig
 
 #: Lines are followed so far from where a beam was seen [m]: three times to the next start, or more.
-REACH_M = 24.0
+FOLLOW_REACH_M = 24.0
 #: And so far where no other start is met [m]: four times the longest bush.
-FAR_M = 48.0
+FAR_REACH_M = 48.0
 #: Starts so near to a clearer one, on its line, are passed over [m]: every place is followed from several.
-NEAR_M = 8.0
+NEAR_START_M = 8.0
 #: Columns of a chain: x, y [m from the bins' origin], top z [m], number of points, measured (1) or not (0).
-N_COLUMNS = 5
+CHAIN_COLUMNS = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class Strands:
             nodes = self.nodes[self.offsets[i] : self.middle[i]][::-1]
         return nodes[:, (0, 1, 3, 4, 6)]
 
-    def reaching(self, partner: dict[int, Link], n_nodes: int) -> IntArray:
+    def reaching(self, partner: dict[int, StrandLink], n_nodes: int) -> IntArray:
         """Return which strands have an end without partner that would go on after `n_nodes` from the middle."""
         ahead, behind = self.offsets[1:] - 1 - self.middle, self.middle - self.offsets[:-1]
         free = np.array([end not in partner for end in range(2 * len(self))], dtype=bool).reshape(-1, 2)
@@ -109,21 +109,21 @@ class Strands:
         return bool(np.any((np.abs(along) <= config.spacing_m) & (np.abs(across) <= 1.25 * config.radius_m)))
 
 
-def follow_all(
+def chains_from_starts(
     starts: FloatArray, bins: Bins, band_m: tuple[float, float], least_m: float, config: CircleConfig
 ) -> list[FloatArray]:
     """Return the chains (n, 5) that the circles make from all starts (see `find_starts`); each place once.
 
-    Columns: see `N_COLUMNS`. What is shorter than `least_m` is dropped.
+    Columns: see `CHAIN_COLUMNS`. What is shorter than `least_m` is dropped.
     """
     least = max(round(least_m / config.spacing_m), 4)
     order = np.lexsort((starts[:, 1], starts[:, 0], -starts[:, 4]))
-    reach, far, near = (round(m / config.spacing_m) for m in (REACH_M, FAR_M, NEAR_M))
+    reach, far, near = (round(m / config.spacing_m) for m in (FOLLOW_REACH_M, FAR_REACH_M, NEAR_START_M))
     strands = follow_strands(starts[order], bins, band_m, (least, reach, near), config)
     # Once more, and further, those that meet no other
-    lonely = strands.begin[strands.reaching(linked(strands, bins, config), reach)]
+    lonely = strands.begin[strands.reaching(link_strands(strands, bins, config), reach)]
     strands = strands.replaced(follow_strands(lonely, bins, band_m, (least, far, -1), config))
-    partner = linked(strands, bins, config)
+    partner = link_strands(strands, bins, config)
     chains = [_assembled(strands, chain, partner, config) for chain in _ordered(len(strands), partner)]
     return _each_place_once(chains, least, config)
 
@@ -135,9 +135,9 @@ def follow_strands(
     limits: tuple[int, int, int],
     config: CircleConfig,
 ) -> Strands:
-    """Follow the starts both ways, in their order; for `limits` see `linework.kernels.radon.follow.follow_all`."""
+    """Follow the starts both ways, in their order; for `limits` see `linework.kernels.radon.follow.chains_from_starts`."""
     how = (config.spacing_m, config.radius_m, config.max_gap_m, config.spacing_m, *band_m, config.sheet_m)
-    nodes, offsets, middle, number = follow.follow_all(
+    nodes, offsets, middle, number = follow.follow_sheets(
         bins.points,
         bins.layers,
         (bins.n_x, bins.n_y, bins.cell_m),
@@ -153,7 +153,7 @@ def follow_strands(
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class StrandLink:
     """Where an end of a strand goes on: in which other end, how far away the other strand's middle is.
 
     `seen`: the strand itself passes that middle; if not, only the other one passes this one's.
@@ -164,7 +164,7 @@ class Link:
     seen: bool = True
 
 
-def linked(strands: Strands, bins: Bins, config: CircleConfig) -> dict[int, Link]:
+def link_strands(strands: Strands, bins: Bins, config: CircleConfig) -> dict[int, StrandLink]:
     """Return which end of a strand goes on in which other, both ways.
 
     End 2 i is ahead of strand i, 2 i + 1 behind it. Two strands are linked when each passes the other's
@@ -186,7 +186,7 @@ def linked(strands: Strands, bins: Bins, config: CircleConfig) -> dict[int, Link
     away, n = np.abs(away[far]), 2 * len(strands)
     mutual = np.isin(own * n + other, other * n + own)
     found = _nearest_of_each_other(n, own[mutual], other[mutual], away[mutual])
-    links = {end: Link(to, m) for end, (to, m) in found.items()}
+    links = {end: StrandLink(to, m) for end, (to, m) in found.items()}
 
     left = ~mutual & ~np.isin(own, list(links)) & ~np.isin(other, list(links))
     left[left] = [strands.ends_on(b, a // 2, config) for a, b in zip(own[left], other[left], strict=True)]
@@ -194,7 +194,7 @@ def linked(strands: Strands, bins: Bins, config: CircleConfig) -> dict[int, Link
     both_ways = np.r_[one, two], np.r_[two, one], np.r_[m, m]
     seeing = set(zip(one.tolist(), two.tolist(), strict=True))
     for end, (to, m_away) in _nearest_of_each_other(n, *both_ways).items():
-        links[end] = Link(to, m_away, seen=(end, to) in seeing)
+        links[end] = StrandLink(to, m_away, seen=(end, to) in seeing)
     return links
 
 
@@ -211,7 +211,7 @@ def _nearest_of_each_other(
     return {end: (int(to[end]), float(away[nearest[end]])) for end in ends.tolist()}
 
 
-def _ordered(n: int, partner: dict[int, Link]) -> list[list[int]]:
+def _ordered(n: int, partner: dict[int, StrandLink]) -> list[list[int]]:
     """Return the strands in order along each chain, as the ends that they are left by; a ring starts anywhere."""
     chains, done = [], set()
     starts = [e for e in range(2 * n) if e not in partner] + list(range(2 * n))
@@ -247,9 +247,11 @@ class _Chain:
     number: IntArray
 
 
-def _assembled(strands: Strands, chain: list[int], partner: dict[int, Link], config: CircleConfig) -> _Chain:
+def _assembled(
+    strands: Strands, chain: list[int], partner: dict[int, StrandLink], config: CircleConfig
+) -> _Chain:
     """Return the nodes of a chain: those of its strands, evenly spaced and blended between two middles."""
-    near, score = round(NEAR_M / config.spacing_m), strands.begin[:, 4]
+    near, score = round(NEAR_START_M / config.spacing_m), strands.begin[:, 4]
     is_ring = chain[-1] in partner
     chain = [*chain, chain[0]] if is_ring else chain
 
@@ -286,7 +288,9 @@ def _assembled(strands: Strands, chain: list[int], partner: dict[int, Link], con
     )
 
 
-def _between(strands: Strands, end: int, link: Link, back: Link, config: CircleConfig) -> FloatArray:
+def _between(
+    strands: Strands, end: int, link: StrandLink, back: StrandLink, config: CircleConfig
+) -> FloatArray:
     """Return the rows from the middle of a strand to that of the next, left out.
 
     What both followed, blended; the same rows whichever way they are gone through.
@@ -328,7 +332,9 @@ def _each_place_once(chains: list[_Chain], least: int, config: CircleConfig) -> 
     free = np.ones(len(rows), dtype=bool)
     free[node[lies_on]] = False
     parts = np.split(free, np.cumsum(lengths)[:-1])
-    return [chain.rows[run] for chain, own in zip(chains, parts, strict=True) for run in runs(own, least)]
+    return [
+        chain.rows[run] for chain, own in zip(chains, parts, strict=True) for run in long_runs(own, least)
+    ]
 
 
 def _ahead(rows: FloatArray) -> FloatArray:
@@ -341,7 +347,7 @@ def _cross(a: AnyArray, b: AnyArray) -> FloatArray:
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
-def runs(chosen: BoolArray, least: int) -> list[slice]:
+def long_runs(chosen: BoolArray, least: int) -> list[slice]:
     """Return the runs of True of at least `least` in a row.
 
     >>> runs(np.array([True, True, False, True]), 2)

@@ -9,7 +9,7 @@ import numpy as np
 from linework.arrays import Float32Array, FloatArray, IntArray
 from linework.kernels.cells import bins as binning
 from linework.kernels.radon import corridor as kernels
-from linework.methods.radon.seeds import Segments
+from linework.methods.radon.seeds import SeedSegments
 from linework.model.grid import Image
 from linework.model.settings import setting
 
@@ -120,7 +120,7 @@ def bin_near(xyz: FloatArray, height_m: Float32Array, binary: Image, cell_m: flo
     return Bins(points, starts, layers, n_x, n_y, cell_m, origin, n_most)
 
 
-def find_starts(segments: Segments, bins: Bins, config: CircleConfig) -> FloatArray:
+def find_starts(segments: SeedSegments, bins: Bins, config: CircleConfig) -> FloatArray:
     """Return (n, 5) places to follow from: x, y [m from the origin], heading [rad], top z [m], score.
 
     A seed line is good to a cell of the image. Around it the Radon transform is taken once more, of the
@@ -133,4 +133,4 @@ def find_starts(segments: Segments, bins: Bins, config: CircleConfig) -> FloatAr
     )
     ends = np.concatenate([segments.start_xy - bins.origin[:2], segments.end_xy - bins.origin[:2]], axis=1)
     args = (bins.points, bins.starts, bins.n_x, bins.n_y, bins.cell_m)
-    return np.asarray(kernels.find_starts(*args, ends, turns, shape, bins.work))
+    return np.asarray(kernels.find_beam_starts(*args, ends, turns, shape, bins.work))

@@ -148,7 +148,7 @@ class ProfileConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class Profile:
+class VerticalProfile:
     """Measurements along lines, each (n,) float64 over a moving window.
 
     Parameters
@@ -195,7 +195,7 @@ class Profile:
     offsets: IntArray
     window: int
 
-    def split(self) -> list[Profile]:
+    def split(self) -> list[VerticalProfile]:
         """Return the profile of each line."""
         return [
             replace(
@@ -205,7 +205,7 @@ class Profile:
         ]
 
     @classmethod
-    def joined(cls, profiles: list[Profile]) -> Profile:
+    def joined(cls, profiles: list[VerticalProfile]) -> VerticalProfile:
         """Return the profiles of one or more lines, measured with one window, as one."""
         columns: dict[str, Any] = {
             name: np.concatenate([getattr(p, name) for p in profiles]) for name in _COLUMNS
@@ -213,7 +213,7 @@ class Profile:
         return replace(profiles[0], offsets=offsets_of([len(p.number) for p in profiles]), **columns)
 
 
-_COLUMNS = tuple(f.name for f in fields(Profile) if f.name not in ("offsets", "window"))
+_COLUMNS = tuple(f.name for f in fields(VerticalProfile) if f.name not in ("offsets", "window"))
 
 
 def offsets_of(lengths: list[int]) -> IntArray:
@@ -223,8 +223,8 @@ def offsets_of(lengths: list[int]) -> IntArray:
 
 def measure_profile(
     nodes: FloatArray, offsets: IntArray, bins: Bins, circles: CircleConfig, config: ProfileConfig
-) -> Profile:
-    """Measure the profile at nodes (n, 4) of lines: x, y, heading, top z; for `offsets` see `Profile`."""
+) -> VerticalProfile:
+    """Measure the profile at nodes (n, 4) of lines: x, y, heading, top z; for `offsets` see `VerticalProfile`."""
     sheet, depth, sides, edge = kernels.profile_along(
         bins.points,
         bins.starts,
@@ -264,7 +264,7 @@ def measure_profile(
     behind = np.max(beside, axis=1)
     both = np.sum(halves, axis=1) / np.maximum(np.sum(density, axis=1), 1e-9)[:, None]
     beam = _beam_height(both)
-    return Profile(
+    return VerticalProfile(
         offset_m=np.where(empty, np.nan, sheet[:, 1]),
         top_m=sheet[:, 3],
         number=number,

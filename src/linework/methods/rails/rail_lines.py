@@ -9,18 +9,18 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
-from linework.methods.rails.chains import runs
+from linework.methods.rails.chains import long_runs
 from linework.methods.rails.circles import Bins, CircleConfig
-from linework.methods.rails.profile import BIN_M, TOP_BIN, Profile, ProfileConfig, offsets_of
-from linework.methods.rails.rails import FittedRail, chainage_of, fit_rails
-from linework.methods.rails.stretches import barrier_stretches, guardrail_stretches, within
-from linework.methods.rails.verdict import Verdict, classify
+from linework.methods.rails.profile import BIN_M, TOP_BIN, ProfileConfig, VerticalProfile, offsets_of
+from linework.methods.rails.rails import FittedRail, fit_rails, node_chainage
+from linework.methods.rails.stretches import barrier_stretches, guardrail_stretches, near_chosen
+from linework.methods.rails.verdict import NodeScores, classify
 from linework.model.grid import Bounds
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.surface.road import RoadSurface, height_above_ground, height_above_road
 
 #: The foot of a New Jersey profile stands 0.22 m before its top edge, and nodes are half a metre apart. [m]
-FOOT_M = 0.35
+NEW_JERSEY_FOOT_M = 0.35
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,16 +46,16 @@ def _placed(rails: list[FittedRail], bins: Bins, surface: RoadSurface) -> list[_
     height = height_above_road(surface, xyz).astype(np.float64)
     ground = height_above_ground(surface, xyz).astype(np.float64)
     return [
-        _Placed(rail, xyz[a:b], edge[a:b], height[a:b], ground[a:b], chainage_of(rail.xy))
+        _Placed(rail, xyz[a:b], edge[a:b], height[a:b], ground[a:b], node_chainage(rail.xy))
         for rail, (a, b) in zip(rails, ends, strict=True)
     ]
 
 
-def _judged(placed: list[_Placed], paired: list[BoolArray], config: ProfileConfig) -> list[Verdict]:
+def _judged(placed: list[_Placed], paired: list[BoolArray], config: ProfileConfig) -> list[NodeScores]:
     """Return the verdict on each; chains are many and short, and are judged at once."""
     if not placed:
         return []
-    profile = Profile.joined([p.rail.profile for p in placed])
+    profile = VerticalProfile.joined([p.rail.profile for p in placed])
     columns = (
         np.concatenate([p.rail.wobble for p in placed]),
         np.concatenate([p.height_m for p in placed]),
@@ -66,8 +66,8 @@ def _judged(placed: list[_Placed], paired: list[BoolArray], config: ProfileConfi
 
 
 def _judged_again(
-    placed: list[_Placed], first: list[Verdict], paired: list[BoolArray], config: ProfileConfig
-) -> list[Verdict]:
+    placed: list[_Placed], first: list[NodeScores], paired: list[BoolArray], config: ProfileConfig
+) -> list[NodeScores]:
     """Return the verdicts, given what runs beside some of the lines; the others' stay as they are."""
     changed = [i for i, own in enumerate(paired) if own.any()]
     again = _judged([placed[i] for i in changed], [paired[i] for i in changed], config)
@@ -83,7 +83,7 @@ class _Stretch:
     placed: _Placed
     run: slice
     score: FloatArray
-    verdict: Verdict
+    verdict: NodeScores
     paired: BoolArray
 
     @property
@@ -118,7 +118,7 @@ def rail_lines(
     return _as_lines(found + barriers, core)
 
 
-def _guardrails(placed: list[_Placed], verdicts: list[Verdict], config: ProfileConfig) -> list[_Stretch]:
+def _guardrails(placed: list[_Placed], verdicts: list[NodeScores], config: ProfileConfig) -> list[_Stretch]:
     """Return the stretches that are guardrails, each as one that stands alone."""
     return [
         _Stretch("guardrail", p, *stretch, verdict, np.zeros(len(p.xyz), dtype=bool))
@@ -137,7 +137,7 @@ def _barriers(placed: list[_Placed], config: ProfileConfig) -> list[_Stretch]:
     ]
 
 
-def _without(placed: list[_Placed], verdicts: list[Verdict], barriers: list[_Stretch]) -> list[Verdict]:
+def _without(placed: list[_Placed], verdicts: list[NodeScores], barriers: list[_Stretch]) -> list[NodeScores]:
     """Return the verdicts with no guardrail where a barrier is that is surer of itself, as far as its foot."""
     if not barriers:
         return verdicts
@@ -145,7 +145,9 @@ def _without(placed: list[_Placed], verdicts: list[Verdict], barriers: list[_Str
     score = np.append(np.concatenate([stretch.score for stretch in barriers]), 0.0)
     out = []
     for p, verdict in zip(placed, verdicts, strict=True):
-        _, nearest = tree.query(p.xyz[:, :2], distance_upper_bound=FOOT_M)  # beyond: the last score
+        _, nearest = tree.query(
+            p.xyz[:, :2], distance_upper_bound=NEW_JERSEY_FOOT_M
+        )  # beyond: the last score
         is_barrier = score[nearest] > verdict.guardrail
         out.append(replace(verdict, guardrail=np.where(is_barrier, 0.0, verdict.guardrail)))
     return out
@@ -198,7 +200,7 @@ def _in_core(line: FloatArray, core: Bounds | None) -> BoolArray:
 #: A sheet goes on where it has this share of its density: the limit below which a beam ends.
 FILLED = 0.4
 #: What is a guardrail as surely as this is no barrier: the foot of one never is.
-CLEAR = 0.9
+CLEAR_GUARDRAIL = 0.9
 #: The circles look 3 cm above the edge: a sheet that goes on for two bins more has its edge elsewhere.
 LEAST_RAISE_M = 2 * BIN_M
 #: Rounds of fits from the new edge: the first moves it by a few centimetres, the second comes to rest.
@@ -213,7 +215,7 @@ def raise_of(rail: FittedRail) -> FloatArray:
 
 def raised_rails(
     rails: list[FittedRail],
-    verdicts: list[Verdict],
+    verdicts: list[NodeScores],
     bins: Bins,
     circles: CircleConfig,
     config: ProfileConfig,
@@ -227,9 +229,13 @@ def raised_rails(
     for rail, verdict in zip(rails, verdicts, strict=True):
         higher = raise_of(rail)
         may_be = (verdict.barrier >= 0.5) | ((higher >= LEAST_RAISE_M) & (verdict.goes_on >= 0.5))
-        near = within(may_be & (verdict.guardrail < CLEAR), chainage_of(rail.xy), config.min_closed_length_m)
+        near = near_chosen(
+            may_be & (verdict.guardrail < CLEAR_GUARDRAIL), node_chainage(rail.xy), config.min_closed_length_m
+        )
         chain = _chain_of(rail, rail.top_m + higher)
-        chains += [chain[run] for run in runs(near, round(config.min_closed_length_m / circles.spacing_m))]
+        chains += [
+            chain[run] for run in long_runs(near, round(config.min_closed_length_m / circles.spacing_m))
+        ]
     fitted = fit_rails(chains, bins, circles, config)
     for _ in range(ROUNDS - 1):
         fitted = fit_rails([_chain_of(rail, rail.top_m) for rail in fitted], bins, circles, config)
@@ -249,7 +255,7 @@ LEAST_FALL = 0.05
 #: Height of the top edge at which a beam counts as sunk: the ground's noise and grass.
 SUNK_M = 0.06
 #: No further than two stations beyond what was measured: the fall there is known from a smoothed edge.
-LONGEST_M = 1.0
+LONGEST_BURIED_M = 1.0
 
 
 def carry_into_ground(lines: LineSet, surface: RoadSurface) -> LineSet:
@@ -276,7 +282,7 @@ def _with_end(line: LineSet, height: FloatArray, *, first: bool) -> LineSet:
     fall = (height[3] - height[0]) / max(run, 1e-9)
     if height[0] > LOW_END_M or height[0] <= SUNK_M or fall < LEAST_FALL:
         return line
-    further = min((height[0] - SUNK_M) / fall, LONGEST_M)
+    further = min((height[0] - SUNK_M) / fall, LONGEST_BURIED_M)
     end = xyz[0] + back / run * further
     end[2] = xyz[0, 2] - further * fall
     at = 0 if first else len(line.xyz)

@@ -10,7 +10,7 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels.radon import corridor as kernels
 from linework.methods.rails.circles import Bins, CircleConfig
-from linework.methods.rails.profile import Profile, ProfileConfig, measure_profile, offsets_of
+from linework.methods.rails.profile import ProfileConfig, VerticalProfile, measure_profile, offsets_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class FittedRail:
     sigma_z_m: FloatArray
     measured: BoolArray
     wobble: FloatArray
-    profile: Profile
+    profile: VerticalProfile
 
 
 def fit_rail(chain: FloatArray, bins: Bins, circles: CircleConfig, config: ProfileConfig) -> FittedRail:
@@ -47,7 +47,7 @@ def fit_rails(
         return []
     # Chains are many and short: all are worked at once, each for itself
     chain, offsets = np.concatenate(chains), offsets_of([len(c) for c in chains])
-    lines = _Lines(np.concatenate([chainage_of(c[:, :2]) for c in chains]), offsets, circles.fit_window_m)
+    lines = _Lines(np.concatenate([node_chainage(c[:, :2]) for c in chains]), offsets, circles.fit_window_m)
     weight = np.minimum(chain[:, 3], 10.0) * chain[:, 4] + 1e-3
     xy, heading, *_ = lines.fit_plan(chain[:, :2], weight)
     top, *_ = lines.fit(chain[:, 2], weight)
@@ -108,6 +108,6 @@ class _Lines:
         return np.column_stack([x, y]), np.arctan2(dy, dx), np.hypot(rms_x, rms_y), effective
 
 
-def chainage_of(xy: FloatArray) -> FloatArray:
+def node_chainage(xy: FloatArray) -> FloatArray:
     """Return the arc length at each node, in plan [m]."""
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])

@@ -10,9 +10,9 @@ import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.kernels.tracking.times import times_near
-from linework.methods.rails.chains import runs
+from linework.methods.rails.chains import long_runs
 from linework.methods.rails.profile import ProfileConfig
-from linework.methods.rails.verdict import Verdict
+from linework.methods.rails.verdict import NodeScores
 from linework.model.lines import LineSet
 from linework.model.points import Points
 
@@ -21,7 +21,7 @@ SPARE_M = 1e-6
 
 
 def guardrail_stretches(
-    verdict: Verdict, chainage: FloatArray, config: ProfileConfig
+    verdict: NodeScores, chainage: FloatArray, config: ProfileConfig
 ) -> list[tuple[slice, FloatArray]]:
     """Return runs of nodes that are guardrail, with the score of each node.
 
@@ -34,21 +34,21 @@ def guardrail_stretches(
         return []
     goes_on = sure | (verdict.goes_on >= 0.5)
     firm = np.zeros(len(sure), dtype=bool)
-    for run in runs(goes_on & within(sure, chainage, config.max_run_on_m), 2):
+    for run in long_runs(goes_on & near_chosen(sure, chainage, config.max_run_on_m), 2):
         firm[run] = _is_firm(sure[run], verdict.open_[run], chainage[run], config)
-    found = runs(goes_on & within(firm, chainage, config.max_run_on_m), 2)
+    found = long_runs(goes_on & near_chosen(firm, chainage, config.max_run_on_m), 2)
     whole = _joined(found, chainage, config.max_run_on_m)
     return [(run, np.maximum(verdict.guardrail[run], 0.5)) for run in whole]
 
 
 def barrier_stretches(
-    verdict: Verdict, chainage: FloatArray, config: ProfileConfig
+    verdict: NodeScores, chainage: FloatArray, config: ProfileConfig
 ) -> list[tuple[slice, FloatArray]]:
     """Return runs of nodes that are barrier and not guardrail, with the score of each node."""
     sure = np.where(verdict.guardrail < 0.5, verdict.barrier, 0.0)
     return [
         (run, sure[run])
-        for run in runs(sure >= 0.5, 2)
+        for run in long_runs(sure >= 0.5, 2)
         if chainage[run][-1] - chainage[run][0] >= config.min_closed_length_m - SPARE_M
     ]
 
@@ -79,7 +79,7 @@ def _sums(values: AnyArray, first: AnyArray, stop: AnyArray) -> AnyArray:
     return np.asarray(total[stop] - total[first])
 
 
-def within(chosen: BoolArray, chainage: FloatArray, reach_m: float) -> BoolArray:
+def near_chosen(chosen: BoolArray, chainage: FloatArray, reach_m: float) -> BoolArray:
     """Return which nodes have a chosen one within reach along the chain."""
     places = chainage[chosen]
     if not len(places):
@@ -103,7 +103,7 @@ def _joined(found: list[slice], chainage: FloatArray, gap_m: float) -> list[slic
 # When lines were measured: the times of the points they run through
 
 #: Points this near to a vertex lie on the feature: the face of a beam reaches 0.31 m down from its top edge. [m]
-REACH_M = 0.3
+TIME_REACH_M = 0.3
 
 
 def with_times(lines: LineSet, points: Points) -> LineSet:
@@ -116,7 +116,7 @@ def with_times(lines: LineSet, points: Points) -> LineSet:
 
     Notes
     -----
-    Points count within `REACH_M` of a vertex, in space: the ground below and branches above do not.
+    Points count within `TIME_REACH_M` of a vertex, in space: the ground below and branches above do not.
 
     Examples
     --------
@@ -131,7 +131,9 @@ def with_times(lines: LineSet, points: Points) -> LineSet:
     chosen = open_[owner]
     if points.time_s is None or not chosen.any():
         return lines
-    start, end = times_near(points.xyz, points.time_s, lines.xyz[chosen], owner[chosen], len(lines), REACH_M)
+    start, end = times_near(
+        points.xyz, points.time_s, lines.xyz[chosen], owner[chosen], len(lines), TIME_REACH_M
+    )
     return lines.with_columns(
         time_start_s=np.where(open_, start, lines.time_start_s),
         time_end_s=np.where(open_, end, lines.time_end_s),

@@ -8,11 +8,18 @@ from itertools import pairwise
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray, IntArray
-from linework.methods.rails.profile import BIN_M, TOP_BIN, Profile, ProfileConfig, moving_mean, moving_sum
+from linework.methods.rails.profile import (
+    BIN_M,
+    TOP_BIN,
+    ProfileConfig,
+    VerticalProfile,
+    moving_mean,
+    moving_sum,
+)
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class NodeScores:
     """What a line is, node by node: each (n,) from 0 to 1.
 
     Parameters
@@ -31,20 +38,20 @@ class Verdict:
     goes_on: FloatArray
     open_: AnyArray
 
-    def split(self, offsets: IntArray) -> list[Verdict]:
+    def split(self, offsets: IntArray) -> list[NodeScores]:
         """Return the verdict on each line: on line i from offsets[i] to offsets[i + 1]."""
         columns = self.guardrail, self.barrier, self.goes_on, self.open_
-        return [Verdict(*(column[a:b] for column in columns)) for a, b in pairwise(offsets.tolist())]
+        return [NodeScores(*(column[a:b] for column in columns)) for a, b in pairwise(offsets.tolist())]
 
 
 def classify(
-    profile: Profile,
+    profile: VerticalProfile,
     wobble: FloatArray,
     height_m: FloatArray,
     above_ground_m: FloatArray,
     paired: AnyArray,
     config: ProfileConfig,
-) -> Verdict:
+) -> NodeScores:
     """Return how sure it is at every node that this is a guardrail or a barrier, and that it goes on.
 
     Parameters
@@ -122,7 +129,7 @@ def classify(
         _below(profile.open_, config.min_open, 0.1),
         _below(-height_m, -1.5 * config.min_top_m, 0.03),
     )
-    return Verdict(
+    return NodeScores(
         guardrail=np.maximum(alone, beside),
         barrier=barrier,
         goes_on=goes_on,

@@ -11,14 +11,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
-from linework.methods.stereo.pieces import fused_boxes, in_sight, pieces_of
-from linework.methods.stereo.road_plane import find_road
+from linework.methods.stereo.pieces import coverage_test, fused_boxes, pieces_of
+from linework.methods.stereo.road_plane import fit_pair_road
 from linework.methods.stereo.sighted import sightings_of
 from linework.methods.stereo.stripes import StripeConfig, find_stripe_lines
 from linework.methods.tracking import marking_lines
 from linework.methods.tracking.arrangement import is_double, roles
-from linework.methods.tracking.guides import join_along, surer
-from linework.methods.tracking.neighbours import Course, courses_of_path
+from linework.methods.tracking.guides import drop_unlikely_pieces, join_along
+from linework.methods.tracking.neighbours import LineAxis, axes_of_path
 from linework.methods.tracking.track import TrackConfig, Tracks, track_lines
 from linework.model.camera import RectifiedRig
 from linework.model.images import Poses, RectifiedPair
@@ -27,12 +27,12 @@ from linework.model.settings import group
 from linework.model.sightings import Sightings
 from linework.model.tile import local_origin
 
-KINDS = ("lane_marking", "lane_marking_dash")
+STEREO_KINDS = ("lane_marking", "lane_marking_dash")
 #: Places this near a line, side by side with it, are the same paint. [m]
-SAME_PAINT_M = 0.10
+SAME_PAINT_PLACES_M = 0.10
 #: Mean score of the places of a line: what mostly single pairs have seen is not there. Of a long line, whose scores
 #: add up to so much, less will do: chance makes short ones.
-LEAST_SCORE, LEAST_OF_LONG, LONG = 0.45, 0.38, 20.0
+LEAST_STEREO_SCORE, LEAST_OF_LONG, LONG = 0.45, 0.38, 20.0
 #: A place with less than this share of its line's median score is no paint: far pairs smear the ends of dashes.
 WEAK = 0.5
 #: A line of paint has one width: places that are wider or narrower by this share of it [1] and by what edges differ [m]
@@ -53,14 +53,14 @@ class StereoMethod:
     """Lane markings in stereo pairs."""
 
     config: StereoConfig = field(default_factory=StereoConfig)
-    kinds: tuple[str, ...] = KINDS
+    kinds: tuple[str, ...] = STEREO_KINDS
     name: str = "stereo"
 
     def see(self, pair: RectifiedPair) -> Sightings:
         """Return the places on lane markings that a pair shows, in the vehicle frame of its time."""
         c = self.config
         # The road's surface, from the pair itself
-        road = find_road(pair)
+        road = fit_pair_road(pair)
         if road is None:
             return Sightings.empty()
         # Bright lines in both images, row by row, followed from near to far, and matched along the rows
@@ -92,24 +92,24 @@ class StereoMethod:
         pieces = pieces_of(seen, poses, rig, np.asarray(pose), origin)
         boxes = fused_boxes(pieces, poses, rig, origin)
         boxes = boxes.take(np.lexsort((boxes.centre[:, 1], boxes.centre[:, 0])))
-        looked = in_sight(pieces, poses, rig, origin)
+        looked = coverage_test(pieces, poses, rig, origin)
         # Places that continue each other are joined into lines, over gaps; dashed ones by their rhythm
-        way = courses_of_path(poses.xyz - origin) if len(poses) > 1 else []
-        tracks = surer(
-            track_lines(boxes, self.config.track, width_m=SAME_PAINT_M, least_boxes=1), boxes.score
+        way = axes_of_path(poses.xyz - origin) if len(poses) > 1 else []
+        tracks = drop_unlikely_pieces(
+            track_lines(boxes, self.config.track, width_m=SAME_PAINT_PLACES_M, least_boxes=1), boxes.score
         )
         whole, _ = marking_lines.marking_lines(boxes, tracks.with_boxes(3), looked)
-        guides = [*(Course.of(m.line.t_m, m.line.xyz) for m in whole), *way]
+        guides = [*(LineAxis.of(m.line.t_m, m.line.xyz) for m in whole), *way]
         tracks = join_along(boxes, tracks, guides, self.config.track.longest_gap_m)
         tracks = _without_weak(_of_one_width(tracks, 2.0 * boxes.half_v_m), boxes.score).with_boxes(3)
         markings, _ = marking_lines.marking_lines(boxes, tracks, looked)
         markings = [m for m in markings if _is_sure(boxes.score[m.boxes])]
         # Edge, lane and centre lines by how they lie to one another
-        courses = [Course.of(m.line.t_m, m.line.xyz) for m in markings]
+        courses = [LineAxis.of(m.line.t_m, m.line.xyz) for m in markings]
         double = is_double(courses)
         names = roles(courses, [], way, double)
         lines = LineSet.concatenate([
-            marking_lines.as_lines(markings, "lane_marking").with_columns(
+            marking_lines.marking_line_set(markings, "lane_marking").with_columns(
                 double=double, role=np.array(names, dtype=np.str_)
             ),
             marking_lines.dash_lines(markings, names),
@@ -147,4 +147,4 @@ def _kept(tracks: Tracks, kept: BoolArray) -> Tracks:
 def _is_sure(score: FloatArray) -> bool:
     """Return whether enough pairs have seen the places of a line, by their scores."""
     mean = float(np.mean(score))
-    return mean >= LEAST_SCORE or (mean >= LEAST_OF_LONG and float(np.sum(score)) >= LONG)
+    return mean >= LEAST_STEREO_SCORE or (mean >= LEAST_OF_LONG and float(np.sum(score)) >= LONG)

@@ -15,7 +15,7 @@ from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels.images.fuse import fuse, looked_at
 from linework.kernels.tracking.track import SHARED
 from linework.methods.protocol import Sight
-from linework.methods.stereo.sighted import SMOOTH_M, SPACING_M
+from linework.methods.stereo.sighted import SIGHTING_SPACING_M, SMOOTH_DISTANCE_M
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.camera import RectifiedRig
 from linework.model.images import Poses
@@ -25,24 +25,24 @@ from linework.model.sightings import Sightings
 #: [m] and in direction [rad].
 POSE_SIGMA_M, POSE_SIGMA_RAD = 0.02, 0.0007
 #: Half the length of a fused place [m]: places of a line stand half a metre apart.
-ALONG_M = 0.3
+FUSED_HALF_LENGTH_M = 0.3
 #: Pieces of one line of paint lie within this across and 3 of their standard deviations, and no farther apart than
 #: the stripes of a double line. [m]
-ACROSS_M = (0.06, 0.20)
+FUSED_ACROSS_M = (0.06, 0.20)
 #: Paint is counted as looked at from no farther than this: single dashes have several rows there. [m]
 LOOKED_M = 20.0
 #: Places that a smaller share of the pairs that looked have seen are left out.
-LEAST_SHARE = 0.15
+LEAST_SEEN_SHARE = 0.15
 #: What one, two, three pairs have seen is so sure; one is enough where no other looked.
 SURE_BY_PAIRS = (0.7, 0.95, 1.0)
 #: So many places in a row have their heights from the same disparities, beyond those that smoothing takes for one.
-SHARED_HEIGHTS = max(SMOOTH_M / SPACING_M / SHARED, 1.0)
+SHARED_HEIGHTS = max(SMOOTH_DISTANCE_M / SIGHTING_SPACING_M / SHARED, 1.0)
 #: Cells that pieces are looked up in. [m]
 _CELL_M = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Pieces:
+class SightingPieces:
     """n pieces of lines [m, local]: middle, direction, half length, variances, and where they come from."""
 
     centre: FloatArray
@@ -56,7 +56,9 @@ class Pieces:
     distance_m: FloatArray
 
 
-def pieces_of(seen: Sightings, poses: Poses, rig: RectifiedRig, pose: IntArray, origin: FloatArray) -> Pieces:
+def pieces_of(
+    seen: Sightings, poses: Poses, rig: RectifiedRig, pose: IntArray, origin: FloatArray
+) -> SightingPieces:
     """Return the pieces between neighbouring sightings of one line, about a local origin.
 
     Parameters
@@ -79,7 +81,7 @@ def pieces_of(seen: Sightings, poses: Poses, rig: RectifiedRig, pose: IntArray, 
     )
     up = np.tile([0.0, 0.0, 1.0], (len(u), 1))
     var_z = 0.5 * (_variance(seen, poses, rig, pose, a, up) + _variance(seen, poses, rig, pose, b, up))
-    return Pieces(
+    return SightingPieces(
         0.5 * (xyz[a] + xyz[b]), u, 0.5 * length, var_v, var_z, seen.width_m[a], seen.score[a], pose[a],
         rig.focal_px * rig.base_m / np.minimum(seen.disparity[a], seen.disparity[b]),
     )  # fmt: skip
@@ -109,7 +111,7 @@ def _variance(
     )
 
 
-def fused_boxes(pieces: Pieces, poses: Poses, rig: RectifiedRig, origin: FloatArray) -> BoxSet:
+def fused_boxes(pieces: SightingPieces, poses: Poses, rig: RectifiedRig, origin: FloatArray) -> BoxSet:
     """Return one box per place on a line, from all pairs that saw it; what few of those that looked saw is left out."""
     if len(pieces.u) == 0:
         return BoxSet.empty()
@@ -122,13 +124,15 @@ def fused_boxes(pieces: Pieces, poses: Poses, rig: RectifiedRig, origin: FloatAr
     rank = np.lexsort((xy[:, 0], xy[:, 1], codes))
     table = np.column_stack([pieces.centre, pieces.u, pieces.var_v, pieces.var_z])[rank]
     best = np.lexsort((table[:, 0], table[:, 1], pieces.distance_m[rank])).astype(np.int64)
-    seeds, place, fused = fuse(table, best, codes[rank], (west, south, _CELL_M, n_cols), ALONG_M, ACROSS_M)
-    return _boxes(pieces, rank, seeds, place, fused, poses, Looks.of(pieces, poses, rig, origin))
+    seeds, place, fused = fuse(
+        table, best, codes[rank], (west, south, _CELL_M, n_cols), FUSED_HALF_LENGTH_M, FUSED_ACROSS_M
+    )
+    return _boxes(pieces, rank, seeds, place, fused, poses, PairCoverage.of(pieces, poses, rig, origin))
 
 
 def _boxes(
-    pieces: Pieces, rank: IntArray, seeds: IntArray, place: IntArray, fused: FloatArray,
-    poses: Poses, looks: Looks,
+    pieces: SightingPieces, rank: IntArray, seeds: IntArray, place: IntArray, fused: FloatArray,
+    poses: Poses, looks: PairCoverage,
 ) -> BoxSet:  # fmt: skip
     """Return the boxes of fused places that enough pairs have seen."""
     m = len(seeds)
@@ -141,7 +145,7 @@ def _boxes(
     n_near = _distinct(place[near], pose[near], m)
     n_looked = looks.count(centre[:, :2])
     share = np.minimum(n_near / np.maximum(n_looked, 1), 1.0)
-    kept = (n_near >= 1) & (share >= LEAST_SHARE)
+    kept = (n_near >= 1) & (share >= LEAST_SEEN_SHARE)
     n = np.bincount(place, minlength=m)
 
     def mean(values: FloatArray) -> FloatArray:
@@ -176,7 +180,7 @@ def _distinct(place: IntArray, pose: IntArray, m: int) -> IntArray:
     return np.bincount(pairs[:, 0], minlength=m)
 
 
-def _nearest_and_sides(pieces: Pieces, rig: RectifiedRig) -> tuple[float, float, float]:
+def _nearest_and_sides(pieces: SightingPieces, rig: RectifiedRig) -> tuple[float, float, float]:
     """Return from where on the road is in the image [m], and how far to the left and right rays go."""
     nearest = float(np.quantile(pieces.distance_m, 0.02))
     # The base's parallax is cut off where both images must see
@@ -185,7 +189,7 @@ def _nearest_and_sides(pieces: Pieces, rig: RectifiedRig) -> tuple[float, float,
 
 
 @dataclass(frozen=True, slots=True)
-class Looks:
+class PairCoverage:
     """Where the pairs were taken and how far each looks, in cells as large as what one pair sees.
 
     Parameters
@@ -202,7 +206,7 @@ class Looks:
     view: tuple[float, float, float, float]
 
     @classmethod
-    def of(cls, pieces: Pieces, poses: Poses, rig: RectifiedRig, origin: FloatArray) -> Looks:
+    def of(cls, pieces: SightingPieces, poses: Poses, rig: RectifiedRig, origin: FloatArray) -> PairCoverage:
         """Sort the stations into cells."""
         eye = poses.R_world_vehicle @ rig.position_m + poses.xyz - origin
         ahead = (poses.R_world_vehicle @ rig.R_vehicle_camera)[:, :2, 2]
@@ -223,9 +227,9 @@ class Looks:
         return np.asarray(looked_at(places, self.stations, self.codes, self.lattice, self.view))
 
 
-def in_sight(pieces: Pieces, poses: Poses, rig: RectifiedRig, origin: FloatArray) -> Sight:
+def coverage_test(pieces: SightingPieces, poses: Poses, rig: RectifiedRig, origin: FloatArray) -> Sight:
     """Return a function that says for (n, 2) local places whether a pair looked there."""
-    looks = Looks.of(pieces, poses, rig, origin)
+    looks = PairCoverage.of(pieces, poses, rig, origin)
 
     def seen(xy: FloatArray) -> BoolArray:
         return np.asarray(looks.count(xy) > 0)

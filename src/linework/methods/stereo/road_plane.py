@@ -16,13 +16,13 @@ from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
 
 #: Cameras on cars and vans stand so high above the road. [m]
-HEIGHT_M = (1.0, 4.0)
+CAMERA_HEIGHT_M = (1.0, 4.0)
 #: The road ahead is so far from level to the vehicle: crossfall, springs, changes of grade. [rad]
 TILT_RAD = math.radians(8.0)
 #: Cells that give one place each. [columns, rows]
 CELL = (12, 5)
 #: The road's plane is looked for so far ahead and to the sides of the cameras, its shape so far. [m]
-AHEAD_M, ASIDE_M = 20.0, 4.0
+PLANE_AHEAD_M, PLANE_ASIDE_M = 20.0, 4.0
 SHAPE_AHEAD_M, SHAPE_ASIDE_M = 25.0, 8.0
 #: A place this far to the side counts half as much for the plane: it may be beyond the crown, or on the verge. [m]
 HALF_WEIGHT_M = 2.0
@@ -41,7 +41,7 @@ TOLERANCE_PX = 1.0
 #: Trials of three places: a plane that a third of the places are on is met once in 27.
 N_TRIALS = 300
 #: Fewer places in agreement are no road.
-LEAST_PLACES, LEAST_SUPPORT = 25, 8.0
+LEAST_PLANE_PLACES, LEAST_SUPPORT = 25, 8.0
 #: Neighbouring places err together where the road is not what a polynomial says: so many as one.
 SHARED_PLACES = 5.0
 
@@ -116,7 +116,7 @@ def _terms(x: FloatArray, z: FloatArray) -> FloatArray:
     return np.column_stack([np.ones(len(x)), x, z, x * x, z * z, x * z])
 
 
-def find_road(pair: RectifiedPair) -> RoadShape | None:
+def fit_pair_road(pair: RectifiedPair) -> RoadShape | None:
     """Return the road in a pair, or None where no surface lies where a road must.
 
     Notes
@@ -133,7 +133,7 @@ def find_road(pair: RectifiedPair) -> RoadShape | None:
     x, z = u * rig.base_m / d, rig.focal_px * rig.base_m / d
     weight = 1.0 / (1.0 + (x / HALF_WEIGHT_M) ** 2)
     places = np.column_stack([u, v, d, weight])
-    ahead = (z < AHEAD_M) & (np.abs(x) < ASIDE_M)
+    ahead = (z < PLANE_AHEAD_M) & (np.abs(x) < PLANE_ASIDE_M)
     plane = _fitted_plane(places[ahead], _plane_limits(rig, up))
     if plane is None:
         return None
@@ -143,7 +143,7 @@ def find_road(pair: RectifiedPair) -> RoadShape | None:
 
 def _fitted_plane(places: FloatArray, limits: FloatArray) -> RoadPlane | None:
     """Return the plane of most of the places (n, 4): u, v, disparity, weight."""
-    if len(places) < LEAST_PLACES:
+    if len(places) < LEAST_PLANE_PLACES:
         return None
     trials = np.random.default_rng(7).integers(0, len(places), (N_TRIALS, 3))
     best = best_plane(places, trials, limits, TOLERANCE_PX)
@@ -188,8 +188,8 @@ def _disparity_limits(rig: RectifiedRig, up: FloatArray) -> FloatArray:
     # The angle of each row's rays below level
     below = np.arctan2(row, rig.focal_px) - math.atan2(up[2], -up[1])
     ray = np.hypot(row, rig.focal_px)
-    least = rig.base_m / HEIGHT_M[1] * ray * np.sin(np.clip(below - TILT_RAD, 0.0, None))
-    largest = rig.base_m / HEIGHT_M[0] * ray * np.sin(np.clip(below + TILT_RAD, 0.0, None))
+    least = rig.base_m / CAMERA_HEIGHT_M[1] * ray * np.sin(np.clip(below - TILT_RAD, 0.0, None))
+    largest = rig.base_m / CAMERA_HEIGHT_M[0] * ray * np.sin(np.clip(below + TILT_RAD, 0.0, None))
     return np.column_stack([least, largest])
 
 
@@ -198,7 +198,7 @@ def _plane_limits(rig: RectifiedRig, up: FloatArray) -> FloatArray:
     pitch = math.atan2(up[2], up[1])
     tilts = [sorted(math.tan(a + s * TILT_RAD) for s in (-1.0, 1.0)) for a in (_small(roll), _small(pitch))]
     scale = rig.focal_px
-    slope = [rig.base_m / HEIGHT_M[1] * math.cos(_small(pitch)), rig.base_m / HEIGHT_M[0]]
+    slope = [rig.base_m / CAMERA_HEIGHT_M[1] * math.cos(_small(pitch)), rig.base_m / CAMERA_HEIGHT_M[0]]
     slope[0] *= 0.95
     return np.array([tilts[0], [t * scale for t in tilts[1]], slope])
 

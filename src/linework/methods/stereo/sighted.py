@@ -9,32 +9,32 @@ import numpy as np
 
 from linework.arrays import FloatArray, IntArray
 from linework.kernels.images.link_stripes import fit_at
-from linework.kernels.images.row_stripes import COL, CONTRAST, LEVEL, ROW, SIGMA, WIDTH
-from linework.methods.stereo.road_plane import AHEAD_M, RoadShape
-from linework.methods.stereo.stripes import LEAST_SIGMA_PX, StripeConfig, StripeLines
+from linework.kernels.images.row_stripes import COL, LEVEL, ROW, STRIPE_CONTRAST, STRIPE_SIGMA, WIDTH
+from linework.methods.stereo.road_plane import PLANE_AHEAD_M, RoadShape
+from linework.methods.stereo.stripes import LEAST_STRIPE_SIGMA_PX, StripeConfig, StripeLines
 from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
 from linework.model.sightings import Sightings
 
 #: Places on a line stand about so far apart. [m]
-SPACING_M = 0.5
+SIGHTING_SPACING_M = 0.5
 #: Paint in fewer rows, or shorter, shows no line.
 LEAST_ROWS, LEAST_LENGTH_M = 3, 0.3
 #: Of a line so many of the stripes have a partner in the other image.
 LEAST_MATCHED = 0.4
 #: A line is straight over so much of it across the image, its distance changes as the road's over so much. [m]
-STRAIGHT_M, SMOOTH_M = 0.6, 3.0
+STRAIGHT_PIECE_M, SMOOTH_DISTANCE_M = 0.6, 3.0
 #: Both edges of paint are parallel: widths differ by no more than this share (median), blur apart. [1, pixels]
-RAGGED, BLUR_PX = 0.5, 0.35
+RAGGED, WIDTH_BLUR_PX = 0.5, 0.35
 #: Steps of this length turn little from one to the next [m, rad], as in a bend of 5 m radius, and where paint is worn
 #: to one side by this share of its width: blades of grass and the grain of asphalt, linked by chance, wind about.
-STEP_M, WINDING_RAD, WORN = 0.5, 0.12, 0.5
+WINDING_STEP_M, WINDING_RAD, WORN_SHARE = 0.5, 0.12, 0.5
 #: Paint is flat on the road: what stands up from it by this share of upright is a post or a wheel.
-STEEP = 0.5
+STEEP_PAINT = 0.5
 #: Paint is on the road's surface within the shape of gutters, ruts and crowns; kerbs stand higher. [m]
 UNDER_M, OVER_M = 0.15, 0.10
 #: So far to the sides roads fall away from their crown; what is higher there is a kerb. [m, m]
-ASIDE_M, OVER_ASIDE_M = 2.5, 0.05
+CROWN_ASIDE_M, OVER_ASIDE_M = 2.5, 0.05
 #: Of crests and sags within the reach of the cameras the shape of the road misses those of this radius. [m]
 BEND_M = 1500.0
 #: Paint is flat: of a kerb stone the one edge is at its foot. [m]
@@ -97,10 +97,10 @@ def _judged(
     # Across the line, not across the view
     width_m = t[:, WIDTH] * per_px / math.hypot(1.0, slope)
     width = float(np.median(width_m))
-    ragged = float(np.median(np.abs(width_m - width))) - BLUR_PX * float(np.median(per_px))
+    ragged = float(np.median(np.abs(width_m - width))) - WIDTH_BLUR_PX * float(np.median(per_px))
     if not config.least_width_m <= width <= config.largest_width_m or ragged > RAGGED * width:
         return None
-    if _turning(across, ahead, along) > WINDING_RAD + WORN * width / STEP_M:
+    if _turning(across, ahead, along) > WINDING_RAD + WORN_SHARE * width / WINDING_STEP_M:
         return None
     height = road.plane.camera_height_m(rig) * (1.0 - surface / lines.disparity[at])
     # What stands upright has one distance in all its rows: it would rise to the camera's height at no distance
@@ -108,9 +108,9 @@ def _judged(
     sigma = float(np.median(height_sigma(rig, lines, at[matched]))) / math.sqrt(matched.sum())
     middle = float(np.median(height[matched]))
     crest = float(np.median(ahead)) ** 2 / (2.0 * BEND_M)
-    aside = abs(float(np.median(across))) > ASIDE_M
+    aside = abs(float(np.median(across))) > CROWN_ASIDE_M
     over = (OVER_ASIDE_M if aside else OVER_M) + crest + 2.0 * sigma
-    if abs(lean) > STEEP or not -UNDER_M - crest - 2.0 * sigma < middle < over:
+    if abs(lean) > STEEP_PAINT or not -UNDER_M - crest - 2.0 * sigma < middle < over:
         return None
     # A footway may have passed for the road's shape; it is higher than the lane that the van drives on
     lane = road.level_disparity(rig, t[:, COL], t[:, ROW])
@@ -126,7 +126,7 @@ def _judged(
     score = float(matched.mean()) * (1.0 - max(ragged, 0.0) / (2.0 * RAGGED * width))
     score *= min(1.0, 0.5 + along[-1] / 4.0)
     # Where the road itself is as bright, in the sun, this may be a strip of light
-    paint = LIGHT * float(np.median(t[:, LEVEL] + t[:, CONTRAST]))
+    paint = LIGHT * float(np.median(t[:, LEVEL] + t[:, STRIPE_CONTRAST]))
     as_bright = 1.0 - np.searchsorted(greys, paint) / max(len(greys), 1)
     score *= 1.0 - 0.5 * min(max((as_bright - LIGHT_SHARE[0]) / (LIGHT_SHARE[1] - LIGHT_SHARE[0]), 0.0), 1.0)
     return _Line(at, along, slope, score)
@@ -137,13 +137,15 @@ def _road_greys(pair: RectifiedPair, road: RoadShape) -> FloatArray:
     rig = pair.rig
     row, col = (v.ravel() for v in np.mgrid[0 : rig.height : 4, 0 : rig.width : 8])
     d = road.plane.disparity(rig, col, row)
-    near = (d > rig.focal_px * rig.base_m / AHEAD_M) & (np.abs(col - rig.cx) * rig.base_m < OWN_LANE_M * d)
+    near = (d > rig.focal_px * rig.base_m / PLANE_AHEAD_M) & (
+        np.abs(col - rig.cx) * rig.base_m < OWN_LANE_M * d
+    )
     return np.sort(pair.left[row[near], col[near]]).astype(np.float64)
 
 
 def _turning(across: FloatArray, ahead: FloatArray, along: FloatArray) -> float:
-    """Return by how much a line typically turns from one step of `STEP_M` to the next. [rad]"""  # noqa: D400
-    n = int(along[-1] / STEP_M) + 1
+    """Return by how much a line typically turns from one step of `WINDING_STEP_M` to the next. [rad]"""  # noqa: D400
+    n = int(along[-1] / WINDING_STEP_M) + 1
     if n < 3:
         return 0.0
     where = np.linspace(0.0, along[-1], n)
@@ -171,18 +173,18 @@ def _places(line: _Line, lines: StripeLines, pair: RectifiedPair, number: int) -
     rig, at = pair.rig, line.at
     t = lines.table[at]
     s = line.along_m
-    n = max(math.ceil(s[-1] / SPACING_M), 1) + 1
+    n = max(math.ceil(s[-1] / SIGHTING_SPACING_M), 1) + 1
     where = np.linspace(0.0, s[-1], n)
     # Windows in rows: a straight line in space is one in the image
     v = -t[:, ROW]
     row = np.interp(where, s, t[:, ROW])
     step = np.abs(np.interp(where + 0.5, s, t[:, ROW]) - np.interp(where - 0.5, s, t[:, ROW]))
     rows_per_m = np.maximum(step, 0.5)
-    sigma = np.maximum(t[:, SIGMA], LEAST_SIGMA_PX)
-    col, sigma_col = fit_at(v, t[:, COL], sigma, -row, np.maximum(STRAIGHT_M * rows_per_m, 2.5))
+    sigma = np.maximum(t[:, STRIPE_SIGMA], LEAST_STRIPE_SIGMA_PX)
+    col, sigma_col = fit_at(v, t[:, COL], sigma, -row, np.maximum(STRAIGHT_PIECE_M * rows_per_m, 2.5))
     rest, sigma_d = fit_at(
         v, lines.disparity[at] - lines.road_disparity[at], np.nan_to_num(lines.sigma_disparity[at], nan=1.0),
-        -row, np.maximum(SMOOTH_M * rows_per_m, 4.5),
+        -row, np.maximum(SMOOTH_DISTANCE_M * rows_per_m, 4.5),
     )  # fmt: skip
     road = np.interp(where, s, lines.road_disparity[at])
     disparity = road + rest
@@ -190,8 +192,8 @@ def _places(line: _Line, lines: StripeLines, pair: RectifiedPair, number: int) -
         xyz=rig.intersect(col, row, disparity),
         pair=np.full(n, pair.number), line=np.full(n, number),
         col=col, row=row, disparity=disparity,
-        sigma_px=np.hypot(sigma_col, LEAST_SIGMA_PX), sigma_disparity_px=np.hypot(sigma_d, LEAST_SIGMA_PX),
+        sigma_px=np.hypot(sigma_col, LEAST_STRIPE_SIGMA_PX), sigma_disparity_px=np.hypot(sigma_d, LEAST_STRIPE_SIGMA_PX),
         width_m=np.full(n, np.median(t[:, WIDTH] * rig.base_m / lines.road_disparity[at]))
         / math.hypot(1.0, line.slope),
-        contrast=np.full(n, np.median(t[:, CONTRAST])), score=np.full(n, line.score),
+        contrast=np.full(n, np.median(t[:, STRIPE_CONTRAST])), score=np.full(n, line.score),
     )  # fmt: skip

@@ -15,7 +15,14 @@ import numpy as np
 
 from linework.arrays import AnyArray, FloatArray, IntArray
 from linework.kernels.images.link_stripes import link, partners
-from linework.kernels.images.row_stripes import COL, CONTRAST, ROW, SIGMA, WIDTH, stripes_of_rows
+from linework.kernels.images.row_stripes import (
+    COL,
+    ROW,
+    STRIPE_CONTRAST,
+    STRIPE_SIGMA,
+    WIDTH,
+    stripes_of_rows,
+)
 from linework.methods.stereo.road_plane import RoadPlane, RoadShape
 from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
@@ -26,7 +33,7 @@ STEEPEST_RAD = math.radians(65.0)
 #: Paint is worn and covered; a line with longer gaps is another one: dashes stand farther apart. [m, rows]
 GAP = (0.6, 2)
 #: Sub-pixel edges are off by some hundredths of a pixel, whatever the noise: blur, sampling, lens. [pixels]
-LEAST_SIGMA_PX = 0.05
+LEAST_STRIPE_SIGMA_PX = 0.05
 #: How far from the road's plane paint may be: noise of the plane [m], and crests and sags of 750 m radius.
 OFF_PLANE_M, CREST_M = 0.15, 750.0
 
@@ -106,7 +113,7 @@ def find_stripe_lines(pair: RectifiedPair, road: RoadShape, config: StripeConfig
     # Linked on the road, where lines are straight or bend gently, whatever the perspective
     per_px = rig.base_m / left.disparity
     depth = rig.focal_px * per_px
-    sigma = np.maximum(left.table[:, SIGMA], LEAST_SIGMA_PX)
+    sigma = np.maximum(left.table[:, STRIPE_SIGMA], LEAST_STRIPE_SIGMA_PX)
     across = (left.table[:, COL] - rig.cx) * per_px
     places = np.column_stack([across, depth, left.table[:, WIDTH] * per_px, sigma * per_px])
     line = link(places, left.first, n_rows, math.tan(STEEPEST_RAD), GAP)
@@ -114,14 +121,14 @@ def find_stripe_lines(pair: RectifiedPair, road: RoadShape, config: StripeConfig
     gate = _gates(left, rig, plane)
     expected = road.disparity(rig, left.table[:, COL], left.table[:, ROW])
     match = partners(
-        np.column_stack([left.table[:, (COL, WIDTH, CONTRAST)], expected]), left.first,
-        np.column_stack([right.table[:, (COL, WIDTH, CONTRAST)], right.disparity]), right.first,
+        np.column_stack([left.table[:, (COL, WIDTH, STRIPE_CONTRAST)], expected]), left.first,
+        np.column_stack([right.table[:, (COL, WIDTH, STRIPE_CONTRAST)], right.disparity]), right.first,
         n_rows, gate,
     )  # fmt: skip
     found = match >= 0
     disparity, sigma_d, widening = (np.full(len(line), np.nan) for _ in range(3))
     disparity[found] = left.table[found, COL] - right.table[match[found], COL]
-    own = np.maximum(right.table[match[found], SIGMA], LEAST_SIGMA_PX)
+    own = np.maximum(right.table[match[found], STRIPE_SIGMA], LEAST_STRIPE_SIGMA_PX)
     sigma_d[found] = np.hypot(sigma[found], own)
     widening[found] = left.table[found, WIDTH] * (1.0 - plane.du) - right.table[match[found], WIDTH]
     return StripeLines(left.table, line, disparity, sigma_d, widening, expected)

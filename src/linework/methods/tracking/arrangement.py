@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
-from linework.methods.tracking.neighbours import STATION_M, Course, Neighbours, find_neighbours
+from linework.methods.tracking.neighbours import AXIS_STATION_M, LineAxis, Neighbours, find_neighbours
 from linework.model.boxes import BoxSet
 
 #: A carriageway, or half of one with paint in its middle, is no wider than this. [m]
@@ -21,7 +21,7 @@ BEHIND_KERB_M = 15.0
 #: Paint this close behind an edge: it lies within the carriageway. [m]
 SEAM_M = 3.0
 #: Gutters and kerb beds are no wider than this. [m]
-GUTTER_M = 1.5
+WIDEST_GUTTER_M = 1.5
 #: The stripes of a double line are no farther apart, middle to middle (two of 0.15 m and 0.2 m of gap between). [m]
 DOUBLE_M = 0.50
 #: Bars of a zebra crossing lie this far apart, middle to middle. [m]
@@ -30,14 +30,14 @@ ZEBRA_M = (0.5, 1.3)
 LANE_M = 6.0
 
 
-def beside_kerb(boxes: BoxSet, kerbs: Sequence[Course], from_m: float, to_m: float) -> BoolArray:
+def beside_kerb(boxes: BoxSet, kerbs: Sequence[LineAxis], from_m: float, to_m: float) -> BoolArray:
     """Return which boxes lie beside a kerb, between two offsets from its foot, positive on the carriageway."""
     out = np.zeros(len(boxes), dtype=np.bool_)
     if not kerbs or len(boxes) == 0:
         return out
     xy = np.concatenate([c.xy for c in kerbs])
     normal = np.concatenate([c.normal for c in kerbs])
-    reach = float(np.hypot(max(abs(from_m), abs(to_m)), 0.75 * STATION_M))
+    reach = float(np.hypot(max(abs(from_m), abs(to_m)), 0.75 * AXIS_STATION_M))
     distance, nearest = cKDTree(xy).query(boxes.centre[:, :2], distance_upper_bound=reach)
     near = np.isfinite(distance)
     step = boxes.centre[near, :2] - xy[nearest[near]]
@@ -47,7 +47,7 @@ def beside_kerb(boxes: BoxSet, kerbs: Sequence[Course], from_m: float, to_m: flo
 
 
 def bounds_carriageway(
-    courses: Sequence[Course], is_kerb: BoolArray, is_sure: BoolArray, lanes: Sequence[Course]
+    courses: Sequence[LineAxis], is_kerb: BoolArray, is_sure: BoolArray, lanes: Sequence[LineAxis]
 ) -> BoolArray:
     """Return which boundaries have a carriageway in front of them, and none behind.
 
@@ -79,7 +79,7 @@ def bounds_carriageway(
     behind = own & (n.across_m < 0.0) & ~kerb[n.line]
     sure = np.concatenate([is_sure, np.zeros(len(lanes), dtype=np.bool_)])
     seam = behind & is_lane & (n.across_m > -SEAM_M) & ~sure[n.line]
-    gutter = behind & kerb[n.other] & (n.across_m > -GUTTER_M) & (n.facing > 0.0)
+    gutter = behind & kerb[n.other] & (n.across_m > -WIDEST_GUTTER_M) & (n.facing > 0.0)
     every = [*courses, *lanes]
     good = _share_of_stations(n, in_front, every)[:m] > 0.5
     # A kerb says itself on which side its carriageway is; so does all where there is neither paint nor a van's way
@@ -89,7 +89,7 @@ def bounds_carriageway(
     return _with_continued(courses, is_kerb, good & ~bad)
 
 
-def _with_continued(courses: Sequence[Course], is_kerb: BoolArray, kept: BoolArray) -> BoolArray:
+def _with_continued(courses: Sequence[LineAxis], is_kerb: BoolArray, kept: BoolArray) -> BoolArray:
     """Return the boundaries that are kept, and the kerbs that go on from their ends: round corners of side streets."""
     kept = kept.copy()
     ends = np.array([(c.xy[0], c.xy[-1]) for c in courses]).reshape(-1, 2, 2)
@@ -114,7 +114,7 @@ def _nearest_per_station(n: Neighbours, chosen: BoolArray) -> BoolArray:
     return out
 
 
-def behind_boundaries(lanes: Sequence[Course], bounds: Sequence[Course], is_kerb: BoolArray) -> BoolArray:
+def behind_boundaries(lanes: Sequence[LineAxis], bounds: Sequence[LineAxis], is_kerb: BoolArray) -> BoolArray:
     """Return which markings lie behind a boundary: bright strips on footways, in yards and on verges are none.
 
     Behind a kerb there is no carriageway for a while; behind an edge without one there may be the next carriageway
@@ -130,7 +130,7 @@ def behind_boundaries(lanes: Sequence[Course], bounds: Sequence[Course], is_kerb
     return np.asarray(_share_of_stations(n, behind, [*lanes, *bounds])[:m] > 0.5)
 
 
-def along_lines(bars: Sequence[Course], lines: Sequence[Course], reach_m: float) -> BoolArray:
+def along_lines(bars: Sequence[LineAxis], lines: Sequence[LineAxis], reach_m: float) -> BoolArray:
     """Return which paint runs along a line, within reach: a piece of a marking, the face of a kerb or an edge."""
     m = len(bars)
     n = find_neighbours([*bars, *lines], reach_m)
@@ -138,13 +138,13 @@ def along_lines(bars: Sequence[Course], lines: Sequence[Course], reach_m: float)
     return np.asarray(_share_of_stations(n, beside, [*bars, *lines])[:m] > 0.5)
 
 
-def is_double(courses: Sequence[Course]) -> BoolArray:
+def is_double(courses: Sequence[LineAxis]) -> BoolArray:
     """Return which markings run beside another one as one of a double line for most of their length."""
     n = find_neighbours(courses, DOUBLE_M)
     return np.asarray(_share_of_stations(n, np.ones(len(n.line), dtype=np.bool_), courses) > 0.5)
 
 
-def paint_forms(bars: Sequence[Course], road: Sequence[Course]) -> list[str]:
+def paint_forms(bars: Sequence[LineAxis], road: Sequence[LineAxis]) -> list[str]:
     """Return what paint that is no line is: a bar of a zebra crossing, a stop line, an arrow's shaft.
 
     Bars of a crossing lie side by side, 0.5 to 1.3 m from each other; a stop line lies across the road; what is
@@ -166,7 +166,7 @@ def paint_forms(bars: Sequence[Course], road: Sequence[Course]) -> list[str]:
     ]
 
 
-def _cosine_with(bars: Sequence[Course], road: Sequence[Course]) -> FloatArray:
+def _cosine_with(bars: Sequence[LineAxis], road: Sequence[LineAxis]) -> FloatArray:
     """Return the cosine between each bar and the nearest line of the road; NaN where there is none near."""
     if not road:
         return np.full(len(bars), np.nan)
@@ -181,7 +181,7 @@ def _cosine_with(bars: Sequence[Course], road: Sequence[Course]) -> FloatArray:
 
 
 def roles(
-    lanes: Sequence[Course], bounds: Sequence[Course], way: Sequence[Course], double: BoolArray
+    lanes: Sequence[LineAxis], bounds: Sequence[LineAxis], way: Sequence[LineAxis], double: BoolArray
 ) -> list[str]:
     """Return the role of each marking, "" where it cannot be told.
 
@@ -259,7 +259,7 @@ def _typical(across: FloatArray, station: AnyArray, n_stations: int) -> float:
     return float(np.median(nearest)) if len(nearest) > 0.4 * n_stations else np.inf
 
 
-def _share_of_stations(n: Neighbours, chosen: BoolArray, courses: Sequence[Course]) -> FloatArray:
+def _share_of_stations(n: Neighbours, chosen: BoolArray, courses: Sequence[LineAxis]) -> FloatArray:
     """Return for each line the share of its stations with a chosen neighbour."""
     stations = np.unique(n.station[chosen])
     owner = np.repeat(np.arange(len(courses)), [len(c.xy) for c in courses])

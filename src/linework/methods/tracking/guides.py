@@ -14,18 +14,18 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import FloatArray, IntArray
-from linework.methods.tracking.neighbours import STATION_M, Course
+from linework.methods.tracking.neighbours import AXIS_STATION_M, LineAxis
 from linework.methods.tracking.track import Tracks
 from linework.model.boxes import BoxSet
 
 #: A line guides where it is this long, as far as this to its sides. [m]
-LEAST_GUIDE_M, REACH_M = 25.0, 15.0
+LEAST_GUIDE_M, GUIDE_REACH_M = 25.0, 15.0
 #: Pieces run along their guide: cosine of 10 degrees, what the direction of one box is good for.
 LEAST_COSINE = 0.985
 #: One piece of a line has so many boxes at least: what is single everywhere is noise.
 LEAST_BOXES = 3
 #: Mean score of pieces of fewer boxes.
-LEAST_SCORE = 0.5
+LEAST_PIECE_SCORE = 0.5
 #: Offsets of one line's pieces differ by less than this [m] and this share of the gap: lines run side by side
 #: to a few centimetres, carriageways widen by 1 in 50 at the most, markings by less.
 OFFSET_M, OFFSET_PER_M = 0.06, 0.004
@@ -41,7 +41,7 @@ class _Ends:
     is_turned: bool
 
 
-def join_along(boxes: BoxSet, tracks: Tracks, guides: Sequence[Course], longest_gap_m: float) -> Tracks:
+def join_along(boxes: BoxSet, tracks: Tracks, guides: Sequence[LineAxis], longest_gap_m: float) -> Tracks:
     """Return the tracks with those that guides show to be pieces of one line put together.
 
     Parameters
@@ -51,7 +51,7 @@ def join_along(boxes: BoxSet, tracks: Tracks, guides: Sequence[Course], longest_
     guides
         Courses of lines; short ones are passed over.
     """
-    long = [g for g in guides if len(g.xy) * STATION_M >= LEAST_GUIDE_M]
+    long = [g for g in guides if len(g.xy) * AXIS_STATION_M >= LEAST_GUIDE_M]
     if not long or len(tracks) == 0:
         return tracks
     ends = _ends_on_guides(boxes, tracks, long)
@@ -59,14 +59,14 @@ def join_along(boxes: BoxSet, tracks: Tracks, guides: Sequence[Course], longest_
     return _chained(tracks, ends, partner)
 
 
-def surer(pieces: Tracks, score: FloatArray) -> Tracks:
+def drop_unlikely_pieces(pieces: Tracks, score: FloatArray) -> Tracks:
     """Return the pieces but for the small ones that are rather not of a line than of one, by their boxes' score."""
     n = np.diff(pieces.offsets)
     total = np.add.reduceat(score[pieces.box], pieces.offsets[:-1]) if len(n) else np.zeros(0)
-    return pieces.take((n >= LEAST_BOXES) | (total >= LEAST_SCORE * n))
+    return pieces.take((n >= LEAST_BOXES) | (total >= LEAST_PIECE_SCORE * n))
 
 
-def _ends_on_guides(boxes: BoxSet, tracks: Tracks, guides: Sequence[Course]) -> list[_Ends | None]:
+def _ends_on_guides(boxes: BoxSet, tracks: Tracks, guides: Sequence[LineAxis]) -> list[_Ends | None]:
     """Return where each piece is beside the longest guide within reach that it runs along."""
     found: list[_Ends | None] = [None] * len(tracks)
     middle = np.array([box[len(box) // 2] for box in (tracks.line(i)[0] for i in range(len(tracks)))])
@@ -74,10 +74,10 @@ def _ends_on_guides(boxes: BoxSet, tracks: Tracks, guides: Sequence[Course]) -> 
     # The longest last: it has the last word
     for number in sorted(range(len(guides)), key=lambda g: len(guides[g].xy)):
         guide = guides[number]
-        low, high = guide.xy.min(axis=0) - REACH_M, guide.xy.max(axis=0) + REACH_M
+        low, high = guide.xy.min(axis=0) - GUIDE_REACH_M, guide.xy.max(axis=0) + GUIDE_REACH_M
         near = np.flatnonzero(np.all((xy >= low) & (xy <= high), axis=1))
         tree = cKDTree(guide.xy)
-        distance, station = tree.query(xy[near], distance_upper_bound=REACH_M)
+        distance, station = tree.query(xy[near], distance_upper_bound=GUIDE_REACH_M)
         beside = np.isfinite(distance)
         near, normal = near[beside], guide.normal[station[beside]]
         cosine = np.abs(u[near, 0] * normal[:, 1] - u[near, 1] * normal[:, 0])
@@ -86,22 +86,22 @@ def _ends_on_guides(boxes: BoxSet, tracks: Tracks, guides: Sequence[Course]) -> 
     return found
 
 
-def _ends(boxes: BoxSet, box: IntArray, guide: Course, tree: cKDTree, number: int) -> _Ends | None:
+def _ends(boxes: BoxSet, box: IntArray, guide: LineAxis, tree: cKDTree, number: int) -> _Ends | None:
     places = boxes.centre[box[[0, -1]], :2]
     _, station = tree.query(places)
     step = places - guide.xy[station]
     along = np.column_stack([guide.normal[station, 1], -guide.normal[station, 0]])
     chainage = station * _spacing(guide) + np.sum(step * along, axis=1)
     offset = np.sum(step * guide.normal[station], axis=1)
-    if np.abs(np.sum(step * along, axis=1)).max() > 1.5 * STATION_M:
+    if np.abs(np.sum(step * along, axis=1)).max() > 1.5 * AXIS_STATION_M:
         return None  # beyond the guide's end
     a, b = sorted(zip(chainage.tolist(), offset.tolist(), strict=True))
     return _Ends(number, a, b, bool(chainage[1] < chainage[0]))
 
 
-def _spacing(guide: Course) -> float:
+def _spacing(guide: LineAxis) -> float:
     """Return the distance of a guide's stations."""
-    return float(np.hypot(*np.diff(guide.xy, axis=0).T).mean()) if len(guide.xy) > 1 else STATION_M
+    return float(np.hypot(*np.diff(guide.xy, axis=0).T).mean()) if len(guide.xy) > 1 else AXIS_STATION_M
 
 
 def _partners(ends: Sequence[_Ends | None], longest_gap_m: float) -> dict[int, int]:

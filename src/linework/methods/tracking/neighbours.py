@@ -11,24 +11,24 @@ from scipy.spatial import cKDTree
 from linework.arrays import FloatArray, IntArray
 
 #: Lines are looked at every so many metres.
-STATION_M = 2.0
+AXIS_STATION_M = 2.0
 #: Stations are beside each other where they are no farther apart along the line. [m]
-_ALONG_M = 0.75 * STATION_M
+_ALONG_M = 0.75 * AXIS_STATION_M
 #: Places of a van's way farther apart than this are not joined. [m]
 _JUMP_M = 50.0
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
-    """Where a line runs: (n, 2) places about every `STATION_M` [m] and (n, 2) unit vectors to its left."""
+class LineAxis:
+    """Where a line runs: (n, 2) places about every `AXIS_STATION_M` [m] and (n, 2) unit vectors to its left."""
 
     xy: FloatArray
     normal: FloatArray
 
     @classmethod
-    def of(cls, t_m: FloatArray, xyz: FloatArray) -> Course:
+    def of(cls, t_m: FloatArray, xyz: FloatArray) -> LineAxis:
         """Return the course of a line with vertices at distances `t_m`."""
-        n = max(int(np.ceil((t_m[-1] - t_m[0]) / STATION_M)), 1)
+        n = max(int(np.ceil((t_m[-1] - t_m[0]) / AXIS_STATION_M)), 1)
         edges = np.linspace(t_m[0], t_m[-1], n + 1)
         ends = np.stack([np.interp(edges, t_m, xyz[:, axis]) for axis in range(2)], axis=1)
         step = np.diff(ends, axis=0)
@@ -36,7 +36,7 @@ class Course:
         return cls(0.5 * (ends[1:] + ends[:-1]), np.stack([-step[:, 1], step[:, 0]], axis=1))
 
 
-def courses_of_path(path: FloatArray) -> list[Course]:
+def axes_of_path(path: FloatArray) -> list[LineAxis]:
     """Return the courses of a van's way (n, 2 or 3), cut where it was off the road for a while.
 
     Places nearer than a metre to the one before are passed over: a van that stands has no direction.
@@ -49,7 +49,7 @@ def courses_of_path(path: FloatArray) -> list[Course]:
     step = np.hypot(*np.diff(xy, axis=0).T)
     pieces = np.split(np.arange(len(xy)), np.flatnonzero(step > _JUMP_M) + 1)
     t = np.concatenate([[0.0], np.cumsum(step)])
-    return [Course.of(t[piece], xy[piece]) for piece in pieces if len(piece) >= 2]
+    return [LineAxis.of(t[piece], xy[piece]) for piece in pieces if len(piece) >= 2]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class Neighbours:
     facing: FloatArray
 
 
-def find_neighbours(courses: Sequence[Course], reach_m: float) -> Neighbours:
+def find_neighbours(courses: Sequence[LineAxis], reach_m: float) -> Neighbours:
     """Return every line beside every station, within `reach_m` across; the nearest place of each other line.
 
     Lines count as beside a station where they run within 30 degrees of its direction.

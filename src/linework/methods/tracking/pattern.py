@@ -12,11 +12,11 @@ from linework.arrays import FloatArray
 from linework.kernels.paint.rhythm import best_rhythm
 
 #: Paint is looked at in steps of this along the line. [m]
-STEP_M = 0.10
+PAINT_STEP_M = 0.10
 #: Periods in use, dash and gap together: from 1 m + 1 m at crossings to 6 m + 18 m. [m]
 PERIODS_M = (1.8, 26.0)
 #: Dashes and gaps in use are no shorter than this. [m]
-LEAST_DASH_M, LEAST_GAP_M = 0.5, 0.8
+LEAST_DASH_M, LEAST_PAINT_GAP_M = 0.5, 0.8
 #: And the gap is no less of the period than this (warning lines: 6 m of paint, 3 m of gap).
 LEAST_GAP_SHARE = 0.28
 #: In the gaps no more than this share is bright, as stains; in dashes no less, with 70 % worn off.
@@ -24,16 +24,16 @@ GAP_PAINT, DASH_PAINT = 0.08, 0.25
 #: A period is seen where it comes again: so often at least.
 LEAST_PERIODS = 2.0
 #: Wear takes paint away in patches of about this [m]; a rhythm with more than this chance among them is none.
-PATCH_M, CHANCE = 2.5, 0.005
+PATCH_M, RHYTHM_CHANCE = 2.5, 0.005
 #: A dash is whole if it is this near the length that most have [m]; so many of them show where others belong, the
 #: nearest so many are asked.
-WHOLE_M, LEAST_WHOLE, N_NEAR = 0.25, 3, 4
+WHOLE_PAINT_M, LEAST_WHOLE, N_NEAR = 0.25, 3, 4
 #: Lines are judged over this length: a pattern keeps its period and phase that far. [m]
-WINDOW_M = 60.0
+PATTERN_WINDOW_M = 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class Rhythm:
+class PaintRhythm:
     """A repeated pattern: dashes of `dash_m` every `period_m`; `contrast`: paint in dashes less that in gaps."""
 
     period_m: float
@@ -41,7 +41,7 @@ class Rhythm:
     contrast: float
 
 
-def united(start_m: FloatArray, end_m: FloatArray, close_m: float) -> FloatArray:
+def merged_intervals(start_m: FloatArray, end_m: FloatArray, close_m: float) -> FloatArray:
     """Return (k, 2) intervals: the union of those given, gaps of up to `close_m` closed.
 
     >>> united(np.array([0.0, 0.9, 5.0]), np.array([1.0, 2.0, 6.0]), 0.1).tolist()
@@ -56,7 +56,7 @@ def united(start_m: FloatArray, end_m: FloatArray, close_m: float) -> FloatArray
     return np.column_stack([start[new], reach[last]])
 
 
-def find_rhythm(paint: FloatArray) -> Rhythm | None:
+def find_rhythm(paint: FloatArray) -> PaintRhythm | None:
     """Return the rhythm of a dashed line, or None where the paint has none: a solid line, however worn.
 
     Parameters
@@ -70,10 +70,10 @@ def find_rhythm(paint: FloatArray) -> Rhythm | None:
     in every repetition, and the rest is not. Wear takes paint away, but not at the same place of each period.
     Long lines are judged window by window, and are what most of their length is.
     """
-    if len(paint) < 2 or np.max(paint[1:, 0] - paint[:-1, 1]) < LEAST_GAP_M:
+    if len(paint) < 2 or np.max(paint[1:, 0] - paint[:-1, 1]) < LEAST_PAINT_GAP_M:
         return None
     start, end = float(paint[0, 0]), float(paint[-1, 1])
-    n = max(int((end - start) / WINDOW_M), 1)
+    n = max(int((end - start) / PATTERN_WINDOW_M), 1)
     edges = np.linspace(start, end, n + 1)
     found = [
         _rhythm_within(paint[(paint[:, 1] > a) & (paint[:, 0] < b)])
@@ -85,30 +85,30 @@ def find_rhythm(paint: FloatArray) -> Rhythm | None:
     return seen[len(seen) // 2] if 2 * len(seen) > n else None
 
 
-def _rhythm_within(paint: FloatArray) -> Rhythm | None:
+def _rhythm_within(paint: FloatArray) -> PaintRhythm | None:
     """Return the rhythm of the paint within a window."""
     if len(paint) < 2:
         return None
     start, end = float(paint[0, 0]), float(paint[-1, 1])
-    n = max(round((end - start) / STEP_M), 1)
-    place: FloatArray = start + (np.arange(n, dtype=np.float64) + 0.5) * STEP_M
+    n = max(round((end - start) / PAINT_STEP_M), 1)
+    place: FloatArray = start + (np.arange(n, dtype=np.float64) + 0.5) * PAINT_STEP_M
     i = np.searchsorted(paint[:, 0], place, side="right") - 1
     is_paint = place < paint[np.maximum(i, 0), 1]
-    longest = min(PERIODS_M[1], (end - start + LEAST_GAP_M) / LEAST_PERIODS)
+    longest = min(PERIODS_M[1], (end - start + LEAST_PAINT_GAP_M) / LEAST_PERIODS)
     period, gap, contrast = best_rhythm(
-        is_paint, STEP_M, (PERIODS_M[0], longest), (LEAST_DASH_M, LEAST_GAP_M, LEAST_GAP_SHARE),
+        is_paint, PAINT_STEP_M, (PERIODS_M[0], longest), (LEAST_DASH_M, LEAST_PAINT_GAP_M, LEAST_GAP_SHARE),
         (GAP_PAINT, DASH_PAINT),
     )  # fmt: skip
     if period == 0.0:
         return None
     # How unlikely it is that wear left no paint in any of the gaps of a solid line
     n_patches = (end - start) / period * gap / PATCH_M
-    if -n_patches * math.log(max(1.0 - contrast, 0.01)) < math.log(1.0 / CHANCE):
+    if -n_patches * math.log(max(1.0 - contrast, 0.01)) < math.log(1.0 / RHYTHM_CHANCE):
         return None
-    return Rhythm(period, period - gap, contrast)
+    return PaintRhythm(period, period - gap, contrast)
 
 
-def dashes_of(paint: FloatArray, rhythm: Rhythm) -> FloatArray:
+def dashes_of(paint: FloatArray, rhythm: PaintRhythm) -> FloatArray:
     """Return (k, 2) intervals [m] of the single dashes, from the first to the last paint of each.
 
     What wear has left of a dash belongs together: all that ends within the dash's length, and some of the gap.
@@ -128,7 +128,7 @@ def dashes_of(paint: FloatArray, rhythm: Rhythm) -> FloatArray:
     return np.array(dashes).reshape(-1, 2)
 
 
-def completed(dashes: FloatArray, rhythm: Rhythm) -> FloatArray:
+def restore_worn_dashes(dashes: FloatArray, rhythm: PaintRhythm) -> FloatArray:
     """Return the dashes (k, 2) [m], those that wear has shortened drawn out to where their neighbours say they end.
 
     Dashes of one line have one length and one period. Where the dashes that are whole, before and after, lead
@@ -142,19 +142,19 @@ def completed(dashes: FloatArray, rhythm: Rhythm) -> FloatArray:
     if len(dashes) < LEAST_WHOLE + 1:
         return dashes
     nominal = float(np.quantile(length, 0.8))
-    whole = np.flatnonzero(np.abs(length - nominal) <= WHOLE_M)
+    whole = np.flatnonzero(np.abs(length - nominal) <= WHOLE_PAINT_M)
     if len(whole) < LEAST_WHOLE:
         return dashes
     middle = dashes.mean(axis=1)
     out = dashes.copy()
-    for i in np.flatnonzero(length < nominal - WHOLE_M).tolist():
+    for i in np.flatnonzero(length < nominal - WHOLE_PAINT_M).tolist():
         near = whole[np.argsort(np.abs(middle[whole] - middle[i]), kind="stable")[:N_NEAR]]
         number = np.rint((middle[near] - middle[i]) / rhythm.period_m)
         # Phase from the nearest whole dashes, each a whole number of periods away
         phase = middle[near] - number * rhythm.period_m
         place = float(np.median(phase))
         start, end = place - 0.5 * nominal, place + 0.5 * nominal
-        agree = float(np.ptp(phase)) <= 2.0 * WHOLE_M
-        if agree and start - WHOLE_M <= dashes[i, 0] and dashes[i, 1] <= end + WHOLE_M:
+        agree = float(np.ptp(phase)) <= 2.0 * WHOLE_PAINT_M
+        if agree and start - WHOLE_PAINT_M <= dashes[i, 0] and dashes[i, 1] <= end + WHOLE_PAINT_M:
             out[i] = min(start, dashes[i, 0]), max(end, dashes[i, 1])
     return out

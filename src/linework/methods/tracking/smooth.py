@@ -16,17 +16,17 @@ from scipy.ndimage import maximum_filter1d
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels.tracking.smooth import smooth_height, smooth_plane
-from linework.kernels.tracking.track import CLOTHOID_M, SHARED, STRAIGHT_M, TIGHTEST_M
+from linework.kernels.tracking.track import CLOTHOID_M, SHARED, STRAIGHT_RADIUS_M, TIGHTEST_M
 from linework.model.boxes import BoxSet
 
 #: Places are added over gaps this far apart. [m]
-STATION_M = 1.0
+SMOOTH_STATION_M = 1.0
 #: The grade changes by as much in a vertical curve of 500 m radius. [1/m]
 GRADE_CHANGE = 1.0 / 500.0**2
 #: A centre this many standard deviations off weighs less, the more the farther off it is (Huber 1964).
 HUBER = 2.0
 #: No number is known better at one place. [m]
-LEAST_NOISE_M = 0.002
+LEAST_VALUE_NOISE_M = 0.002
 #: Curvature is taken as the largest within this of a place: it changes on entering a bend. [m]
 _NEAR_M = 5.0
 
@@ -108,7 +108,7 @@ def smooth_value(t_m: FloatArray, value: FloatArray, change: float) -> tuple[Flo
     if not known.any():
         return np.full(len(t_m), np.nan), np.full(len(t_m), np.nan)
     steps = np.abs(np.diff(value[known]))
-    noise = max(1.4826 * float(np.median(steps)) / math.sqrt(2.0) if len(steps) else 0.0, LEAST_NOISE_M)
+    noise = max(1.4826 * float(np.median(steps)) / math.sqrt(2.0) if len(steps) else 0.0, LEAST_VALUE_NOISE_M)
     variance = np.where(known, SHARED * noise**2, np.inf)
     first = value[np.argmax(known)]
     smoothed, var = smooth_height(t_m, np.where(known, value, first), variance, change)
@@ -118,9 +118,9 @@ def smooth_value(t_m: FloatArray, value: FloatArray, change: float) -> tuple[Flo
 def _stations(t: FloatArray, ends_m: tuple[float, float]) -> tuple[FloatArray, IntArray]:
     """Return distances along the line and the number of the centre there (-1: none), gaps and ends filled."""
     added = [
-        np.linspace(a, b, int(np.ceil((b - a) / STATION_M)) + 1)[1:-1]
+        np.linspace(a, b, int(np.ceil((b - a) / SMOOTH_STATION_M)) + 1)[1:-1]
         for a, b in itertools.pairwise(t.tolist())
-        if b - a > 1.5 * STATION_M
+        if b - a > 1.5 * SMOOTH_STATION_M
     ]
     before = [np.array([-ends_m[0]])] if ends_m[0] > 0.0 else []
     behind = [np.array([t[-1] + ends_m[1]])] if ends_m[1] > 0.0 else []
@@ -132,7 +132,7 @@ def _stations(t: FloatArray, ends_m: tuple[float, float]) -> tuple[FloatArray, I
 
 def _change(curvature: FloatArray) -> FloatArray:
     """Return the density [1/m^3] of the curvature's random walk: so much of it is built up over a clothoid."""
-    return np.asarray((curvature + 1.0 / STRAIGHT_M) ** 2 / CLOTHOID_M)
+    return np.asarray((curvature + 1.0 / STRAIGHT_RADIUS_M) ** 2 / CLOTHOID_M)
 
 
 def _largest_near(values: FloatArray, t_m: FloatArray) -> FloatArray:

@@ -22,7 +22,7 @@ from linework.model.boxes import BoxForm, BoxSet
 from linework.model.settings import setting
 
 #: Cells that boxes are looked up in: a step of the search touches few. [m]
-CELL_M = 2.0
+LOOKUP_CELL_M = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,8 +82,10 @@ class BoxTable:
     @classmethod
     def of(cls, boxes: BoxSet) -> BoxTable:
         """Sort boxes into cells; the order of equal cells is that of the boxes' places."""
-        west, south = (boxes.centre[:, :2].min(axis=0) // CELL_M * CELL_M - 20 * CELL_M).tolist()
-        cell = np.floor((boxes.centre[:, :2] - (west, south)) / CELL_M).astype(np.int64)
+        west, south = (
+            boxes.centre[:, :2].min(axis=0) // LOOKUP_CELL_M * LOOKUP_CELL_M - 20 * LOOKUP_CELL_M
+        ).tolist()
+        cell = np.floor((boxes.centre[:, :2] - (west, south)) / LOOKUP_CELL_M).astype(np.int64)
         n_cols = int(cell[:, 0].max()) + 21
         codes = cell[:, 1] * n_cols + cell[:, 0]
         order = np.lexsort((boxes.centre[:, 0], boxes.centre[:, 1], codes))
@@ -96,7 +98,7 @@ class BoxTable:
             boxes.sigma_u_rad,
         )
         rows = np.column_stack(columns)[order]
-        lattice = (west, south, CELL_M, n_cols)
+        lattice = (west, south, LOOKUP_CELL_M, n_cols)
         codes = codes[order]
         return cls(
             order, rows, codes, lattice, kernels.support(rows, codes, lattice, 2.0), boxes.score[order]

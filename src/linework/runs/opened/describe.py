@@ -25,17 +25,17 @@ from linework.model.images import StereoSeries
 from linework.model.points import Points
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
-from linework.runs.opened.points import SurveyRead
+from linework.runs.opened.points import SurveyInMemory
 
 #: Density is counted in cells of this size: holds several scan lines, and shows where the van was near. [m]
-CELL_M = 1.0
+DENSITY_CELL_M = 1.0
 #: A van's scanner turns at least 10 times a second: without a point for this long it was off. [s]
 GAP_S = 1.0
 #: More gaps than this are counted, not listed.
 MAX_GAPS = 20
 
 
-def describe_survey(read: SurveyRead | None, survey: Survey) -> dict[str, Any]:
+def describe_survey(read: SurveyInMemory | None, survey: Survey) -> dict[str, Any]:
     """Return what a survey holds, as a document for people and JSON; None where it does not apply.
 
     Parameters
@@ -72,7 +72,7 @@ _NO_POINTS: dict[str, Any] = {
 }  # fmt: skip
 
 
-def _points(read: SurveyRead) -> dict[str, Any]:
+def _points(read: SurveyInMemory) -> dict[str, Any]:
     trajectory, points = read.trajectory, read.points.points
     spacing, why_not = _spacing(points, trajectory)
     return {
@@ -98,11 +98,11 @@ def densities_per_m2(points: Points) -> FloatArray:
     [2.0, 1.0]
     """
     bounds = points.bounds
-    cols = np.floor(points.xyz[:, 0] / CELL_M).astype(np.int64)
-    rows = np.floor(points.xyz[:, 1] / CELL_M).astype(np.int64)
-    n_rows = int(bounds.height_m / CELL_M) + 2
+    cols = np.floor(points.xyz[:, 0] / DENSITY_CELL_M).astype(np.int64)
+    rows = np.floor(points.xyz[:, 1] / DENSITY_CELL_M).astype(np.int64)
+    n_rows = int(bounds.height_m / DENSITY_CELL_M) + 2
     _, counts = np.unique((cols - cols.min()) * n_rows + rows - rows.min(), return_counts=True)
-    return counts / CELL_M**2
+    return counts / DENSITY_CELL_M**2
 
 
 def _file(facts: FileFacts) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from linework.navigation.poses import poses_at
 
 #: Between poses farther apart than this nobody knows where the van was: braking at 3 m/s2, half a metre from the
 #: straight way between them. [s]
-HOLE_S = 1.0
+POSE_HOLE_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +177,7 @@ def _problems(times: FloatArray, known: FloatArray) -> list[str]:
         if i == len(known) or (i == 0 and time < known[0]):
             span = f"{known[0]:.2f} to {known[-1]:.2f} s"
             found.append(f"taken at {time:.2f} s, outside of the trajectory ({span})")
-        elif i > 0 and known[i] != time and known[i] - known[i - 1] > HOLE_S:
+        elif i > 0 and known[i] != time and known[i] - known[i - 1] > POSE_HOLE_S:
             hole = f"{known[i - 1]:.2f} to {known[i]:.2f} s"
             found.append(f"taken at {time:.2f} s, in a hole of the trajectory ({hole})")
         else:

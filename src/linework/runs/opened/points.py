@@ -12,11 +12,11 @@ import numpy as np
 
 from linework.files.las.decoder import DecoderLimits
 from linework.files.logs.clock_offset import named_clock_offset
-from linework.files.output.locks import locked
+from linework.files.output.locks import hold_lock
 from linework.files.output.record import hash_file
 from linework.files.store.facts import StoreFacts
 from linework.files.store.in_memory import EPOCH_OF_KIND, SurveyPoints, check_trajectory_covers
-from linework.files.store.layout import BLOCK_M
+from linework.files.store.layout import STORE_BLOCK_M
 from linework.files.store.read import PointStore
 from linework.files.trajectories.of_survey import on_clock_of, read_survey_trajectory_content
 from linework.model.grid import Bounds
@@ -28,7 +28,7 @@ from linework.processes.executors import Executor
 from linework.runs.opened.store import held_store
 from linework.runs.opened.surface import SurveySurface, make_surface
 from linework.runs.resume import fingerprint_of, source_hash
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 from linework.surface.road import RoadConfig
 
 
@@ -69,7 +69,7 @@ def opened_survey(
     *,
     n_threads: int = 1,
     limits: DecoderLimits | None = None,
-    steps: Steps | None = None,
+    steps: RunSteps | None = None,
 ) -> Iterator[OpenedSurvey]:
     """Give a survey with its points in the tile store of `work`, and see that points and trajectory belong together.
 
@@ -113,7 +113,7 @@ def hash_path(trajectory: Trajectory) -> str:
     return hashlib.sha256(b"".join(part.tobytes() for part in parts if part is not None)).hexdigest()
 
 
-def surface_of(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps: Steps) -> SurveySurface:
+def surface_of(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps: RunSteps) -> SurveySurface:
     """Return the road and the ground of the survey, made once for a store, a trajectory and settings."""
     with steps.step("find the road", unit="tiles") as advance:
         made_of = {
@@ -125,7 +125,7 @@ def surface_of(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps
         key = fingerprint_of(made_of)
         folder = opened.points.folder / f"surface-{key[:16]}"
         # Two runs of one survey share its surface: the second waits for the first to make it
-        with locked(folder.with_suffix(".lock"), keep=True):
+        with hold_lock(folder.with_suffix(".lock"), keep=True):
             return make_surface(opened.points, opened.trajectory, road, folder, executor, advance, key=key)
 
 
@@ -133,7 +133,7 @@ def surface_of(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps
 
 
 @dataclass(frozen=True, slots=True)
-class SurveyRead:
+class SurveyInMemory:
     """A survey with its points and its trajectory in memory.
 
     Parameters
@@ -155,32 +155,34 @@ class SurveyRead:
     hashes: Mapping[Path, str]
 
 
-def in_memory(opened: OpenedSurvey) -> SurveyRead:
+def read_into_memory(opened: OpenedSurvey) -> SurveyInMemory:
     """Return a survey with all its points read from the tile store."""
     points = SurveyPoints(opened.points.points(), opened.facts)
-    return SurveyRead(opened.survey, points, opened.trajectory, opened.warnings, opened.hashes)
+    return SurveyInMemory(opened.survey, points, opened.trajectory, opened.warnings, opened.hashes)
 
 
 # A few of very many points: for pictures and statistics of surveys that do not fit into memory
 
 #: Pictures of some thousand pixels show no more, and 100 bytes of each are in memory at a time.
-MOST_POINTS = 4_000_000
+MOST_PICTURE_POINTS = 4_000_000
 
 
-def points_for_pictures(store: PointStore, most: int = MOST_POINTS) -> Points:
+def points_for_pictures(store: PointStore, most: int = MOST_PICTURE_POINTS) -> Points:
     """Return all points, or of more than `most` every k-th of each block: the same ones every time."""
     step = -(-store.n_points // most)
     if step <= 1:
         return store.points()
     parts = []
-    for east, north in (store.block_counts[0] * BLOCK_M).tolist():
+    for east, north in (store.block_counts[0] * STORE_BLOCK_M).tolist():
         parts.append(
-            store.points(Bounds(east, north, east + BLOCK_M, north + BLOCK_M)).take(slice(None, None, step))
+            store.points(Bounds(east, north, east + STORE_BLOCK_M, north + STORE_BLOCK_M)).take(
+                slice(None, None, step)
+            )
         )
-    return joined(parts)
+    return joined_points(parts)
 
 
-def joined(parts: list[Points]) -> Points:
+def joined_points(parts: list[Points]) -> Points:
     """Return the points of all parts, which have the same columns."""
     if not parts:
         return Points(np.zeros((0, 3)))

@@ -16,11 +16,11 @@ from linework.files.trajectories.of_survey import read_van_path, stereo_on_clock
 from linework.files.trajectories.read import write_trajectory
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
-from linework.navigation.locate import locate
+from linework.navigation.locate import locate_drive
 from linework.runs.opened.pairs import OpenedStereo, place_pairs
 from linework.runs.opened.points import OpenedSurvey, hash_path, opened_survey
 from linework.runs.opened.work_folder import STORES
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +80,7 @@ def opened_recordings(
     laser: bool = True,
     images: bool = True,
     n_threads: int = 1,
-    steps: Steps | None = None,
+    steps: RunSteps | None = None,
 ) -> Iterator[Recordings]:
     """Give the recordings of a survey that are asked for.
 
@@ -103,7 +103,7 @@ def opened_recordings(
         asked = " and no ".join([*["laser points"] * laser, *["stereo images ([cameras])"] * images])
         raise InputError(f"no {asked} in this survey", where=survey.name,
                          advice="see what there is with linework info")  # fmt: skip
-    steps = steps or Steps()
+    steps = steps or RunSteps()
     with contextlib.ExitStack() as held:
         points, told, problems = None, tuple[str, ...](), list[tuple[str, str]]()
         try:
@@ -139,7 +139,7 @@ def opened_recordings(
         )
 
 
-def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: Steps) -> OpenedStereo | None:
+def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: RunSteps) -> OpenedStereo | None:
     """Return the stereo pairs with their poses; the trajectory is the one that the points have, where there are any."""
     series = open_stereo(survey)
     if series is None:
@@ -160,7 +160,7 @@ def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: Steps) ->
 # A survey that has logs and no trajectory: the trajectory is made from them, as `linework locate` does
 
 
-def located_survey(survey: Survey, work: Path, steps: Steps) -> tuple[Survey, tuple[str, ...]]:
+def located_survey(survey: Survey, work: Path, steps: RunSteps) -> tuple[Survey, tuple[str, ...]]:
     """Return the survey with a trajectory, its own or one made from its logs, and what is to be told of that.
 
     Parameters
@@ -177,7 +177,7 @@ def located_survey(survey: Survey, work: Path, steps: Steps) -> tuple[Survey, tu
         return survey, ()
     with steps.step("locate", unit="stretches") as advance:
         content = read_navigation_logs(survey)
-        found = locate(content.logs, progress=advance)
+        found = locate_drive(content.logs, progress=advance)
         path = work / STORES / f"located-{hash_path(found.trajectory)[:16]}.csv"
         if not path.is_file():
             write_trajectory(found.trajectory, path, overwrite=True)

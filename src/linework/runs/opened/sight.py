@@ -10,7 +10,7 @@ from linework.model.grid import Bounds
 from linework.runs.opened.surface import SurveySurface
 
 #: The surface is looked at in pieces of this, and so many of them stay at hand. [m]
-PIECE_M, N_PIECES = 256.0, 32
+SIGHT_PIECE_M, N_PIECES = 256.0, 32
 
 
 class SurveySight:
@@ -23,7 +23,7 @@ class SurveySight:
     def __call__(self, xy: FloatArray) -> BoolArray:
         """Return (n,) bool for (n, 2) places [m, world]."""
         out = np.zeros(len(xy), dtype=np.bool_)
-        number = np.floor(xy / PIECE_M).astype(np.int64)
+        number = np.floor(xy / SIGHT_PIECE_M).astype(np.int64)
         for east, north in np.unique(number, axis=0).tolist():
             inside = (number[:, 0] == east) & (number[:, 1] == north)
             out[inside] = self._piece(east, north)(xy[inside])
@@ -33,7 +33,7 @@ class SurveySight:
         if (east, north) not in self._pieces:
             while len(self._pieces) >= N_PIECES:
                 del self._pieces[next(iter(self._pieces))]
-            west, south = east * PIECE_M, north * PIECE_M
-            surface = self._surface.over(Bounds(west, south, west + PIECE_M, south + PIECE_M))
+            west, south = east * SIGHT_PIECE_M, north * SIGHT_PIECE_M
+            surface = self._surface.over(Bounds(west, south, west + SIGHT_PIECE_M, south + SIGHT_PIECE_M))
             self._pieces[east, north] = sight_of(surface)
         return self._pieces[east, north]

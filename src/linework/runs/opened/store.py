@@ -16,16 +16,16 @@ from typing import TYPE_CHECKING
 from linework.errors import InputError
 from linework.files.las.decoder import DecoderLimits
 from linework.files.las.header import read_las_header
-from linework.files.output.locks import locked
+from linework.files.output.locks import hold_lock
 from linework.files.output.record import hash_file
 from linework.files.output.replace import replacing_folder
-from linework.files.store.build import spill_survey
-from linework.files.store.facts import StoreFacts, facts_of
+from linework.files.store.build import build_store
+from linework.files.store.facts import StoreFacts, facts_of_store
 from linework.files.store.read import PointStore
 from linework.model.survey import Survey
-from linework.runs.opened.work_folder import STORES, in_use
+from linework.runs.opened.work_folder import STORES, folder_in_use_error
 from linework.runs.resume import source_hash
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 
 if TYPE_CHECKING:
     from linework.model.survey import Survey
@@ -58,7 +58,7 @@ def held_store(
     *,
     n_threads: int = 1,
     limits: DecoderLimits | None = None,
-    steps: Steps | None = None,
+    steps: RunSteps | None = None,
 ) -> Iterator[HeldStore]:
     """Give the store of a survey, made if the work folder has none for what the files hold now.
 
@@ -78,21 +78,21 @@ def held_store(
     -----
     A store is known by its files' bytes, not by their times. Those of earlier states are removed.
     """
-    steps = steps or Steps()
+    steps = steps or RunSteps()
     before = _states(survey)
     hashes = _hashes(survey.point_files, n_threads)
     family, key = _names(survey, hashes)
     name = f"{family}-{key}"
     folder, lock = work / STORES / name, work / f"store-{name}.lock"
     if not folder.is_dir():
-        with locked(lock, keep=True):
+        with hold_lock(lock, keep=True):
             if not folder.is_dir():
                 _make(survey, folder, n_threads, limits, steps)
                 _refuse_changed(before, _states(survey))
                 _remove_earlier(work, family, name)
-    with locked(lock, shared=True, keep=True):
+    with hold_lock(lock, shared=True, keep=True):
         points = PointStore.open(folder)
-        yield HeldStore(points, facts_of(points), key, hashes)
+        yield HeldStore(points, facts_of_store(points), key, hashes)
 
 
 def promised_points(survey: Survey) -> int:
@@ -104,10 +104,12 @@ def promised_points(survey: Survey) -> int:
     return total
 
 
-def _make(survey: Survey, folder: Path, n_threads: int, limits: DecoderLimits | None, steps: Steps) -> None:
+def _make(
+    survey: Survey, folder: Path, n_threads: int, limits: DecoderLimits | None, steps: RunSteps
+) -> None:
     """Decode all files into a part folder, and give it its name when it is whole."""
     with replacing_folder(folder) as part, steps.step("read points", unit="points") as advance:
-        spill_survey(survey, part, n_threads=n_threads, progress=advance, limits=limits)
+        build_store(survey, part, n_threads=n_threads, progress=advance, limits=limits)
 
 
 def _names(survey: Survey, hashes: Mapping[Path, str]) -> tuple[str, str]:
@@ -158,7 +160,7 @@ def _remove_earlier(work: Path, family: str, name: str) -> None:
     for folder in sorted((work / STORES).glob(f"{family}-*")):
         if folder.name != name:
             lock = work / f"store-{folder.name}.lock"
-            with contextlib.suppress(OSError), locked(lock, in_use(work)):
+            with contextlib.suppress(OSError), hold_lock(lock, folder_in_use_error(work)):
                 shutil.rmtree(folder)
 
 

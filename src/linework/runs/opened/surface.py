@@ -32,8 +32,8 @@ from linework.runs.opened import surface_passes as passes
 from linework.runs.steps import Advance
 from linework.surface.apart import ground_of_pieces, touching
 from linework.surface.carry import CoarseGround, halo_cells
-from linework.surface.cells import BLOCK_M, Window, path_samples
-from linework.surface.choose import Choice, Link
+from linework.surface.cells import SURFACE_BLOCK_M, CellWindow, path_samples
+from linework.surface.choose import Choice, RegionLink
 from linework.surface.config import RoadConfig
 from linework.surface.heights import height_origin, rough_limit_m
 from linework.surface.regions import Islands, links_east, links_south
@@ -42,7 +42,7 @@ from linework.surface.regions import Islands, links_east, links_south
 _VERSION = 1
 
 
-class Layout(NamedTuple):
+class SurfaceTiling(NamedTuple):
     """How the cells are split into tiles: the surface does not depend on it.
 
     Parameters
@@ -57,7 +57,7 @@ class Layout(NamedTuple):
     origin: tuple[int, int] = (0, 0)
 
     @classmethod
-    def for_cells(cls, config: RoadConfig) -> Layout:
+    def for_cells(cls, config: RoadConfig) -> SurfaceTiling:
         """Return the layout that costs least.
 
         384 cells of 0.5 m are 3 x 3 blocks of the point store: smaller tiles have more edge to look beyond,
@@ -124,7 +124,7 @@ class SurveySurface:
 
         Heights are NaN in failed tiles, and in a survey without any point.
         """
-        window = Window.over(bounds, self.cell_m)
+        window = CellWindow.over(bounds, self.cell_m)
         road_m = np.full(window.shape, np.nan, dtype=np.float32)
         ground_m, kind = road_m.copy(), np.zeros(window.shape, dtype=np.uint8)
         out: tuple[AnyArray, ...] = road_m, ground_m, kind
@@ -138,7 +138,7 @@ class SurveySurface:
                 road_m[at] = ground_m[at] = self._far(shared) if shared else np.nan
         return RoadSurface(window.grid(self.cell_m), self.z0_m, road_m, ground_m, *passes.is_kind(kind))
 
-    def _far(self, window: Window) -> AnyArray:
+    def _far(self, window: CellWindow) -> AnyArray:
         """Return the ground far from any ground: as high as the nearest block that has some."""
         coarse = CoarseGround(*self.tiles.read_common(passes.COARSE))
         far, rows, cols = coarse.over(window, self.cell_m)
@@ -154,7 +154,7 @@ def make_surface(
     advance: Advance,
     *,
     key: str,
-    layout: Layout | None = None,
+    layout: SurfaceTiling | None = None,
 ) -> SurveySurface:
     """Find road and ground of a survey, and keep them in a folder; what is there already for `key` is used.
 
@@ -188,7 +188,7 @@ def make_surface(
     record = read_surface_record(folder)
     if record and (record.get("version"), record.get("key")) == (_VERSION, key) and not record["failed"]:
         return SurveySurface._from(folder, record)
-    layout = layout or Layout.for_cells(config)
+    layout = layout or SurfaceTiling.for_cells(config)
     clear_surface(folder)
     try:
         making = _Making(store, trajectory, config, SurfaceTiles(folder, *layout), executor, advance)
@@ -233,7 +233,7 @@ class _Making:
         self._occupied = _tiles_of(self._blocks, tiles, config, 0)
         self._reached = _tiles_of(self._blocks, tiles, config, halo_cells(config))
         source = store.folder if isinstance(store, PointStore) else store
-        self._task = passes.TileTask(source, tiles, (0, 0), config, self.z0_m)
+        self._task = passes.SurfaceTileTask(source, tiles, (0, 0), config, self.z0_m)
         path, islands = path_samples(trajectory, config.cell_m), Islands.of(self._blocks)
         tiles.write_common(passes.PATH, path, passes.path_boxes(path))
         tiles.write_common(passes.ISLANDS, islands.codes, islands.number)
@@ -249,18 +249,20 @@ class _Making:
         choice = Choice([facts.pop(name) for name in names], self._links(names), self._config.cell_m)
         # The road is under the van; the ground is what is connected to it, and level pieces apart from it
         self._write_chosen(names, choice)
-        receipts = self._run(2, passes.find_apart, names)
+        receipts = self._run(2, passes.find_isolated_pieces, names)
         self._add_ground(names, choice, receipts)
         coarse = CoarseGround.added(*(receipt.coarse for receipt in receipts.values()))
         self._tiles.write_common(passes.COARSE, coarse.blocks, coarse.total, coarse.cells)
         # Beyond its edge the road is carried on, and gives way to the ground
-        has = self._run(3, passes.carry_on, [tile for tile in self._reached if tile not in self.failed])
+        has = self._run(
+            3, passes.extend_tile_surface, [tile for tile in self._reached if tile not in self.failed]
+        )
         self._advance(self._n_steps, self._n_steps)
         self._tiles.keep_only(passes.SURFACE, passes.COARSE)
         return [tile for tile, is_there in has.items() if is_there]
 
     def _run(
-        self, number: int, work: Callable[[passes.TileTask], Any], tiles: Iterable[TileNumber]
+        self, number: int, work: Callable[[passes.SurfaceTileTask], Any], tiles: Iterable[TileNumber]
     ) -> dict[TileNumber, Any]:
         """Do one pass over tiles, and return their receipts; failures are kept by tile."""
         receipts, done = {}, number * len(self._occupied)
@@ -277,7 +279,7 @@ class _Making:
     def _n_steps(self) -> int:
         return 3 * len(self._occupied) + len(self._reached)
 
-    def _links(self, names: Sequence[TileNumber]) -> list[Link]:
+    def _links(self, names: Sequence[TileNumber]) -> list[RegionLink]:
         """Return what is connected across the edges between tiles."""
         number = {name: i for i, name in enumerate(names)}
         links = []
@@ -289,7 +291,7 @@ class _Making:
                 if other is not None:
                     one = passes.edge_cells(self._tiles, names[i], side[0])
                     two = passes.edge_cells(self._tiles, names[other], side[1])
-                    links.append(Link(i, other, *find(one, two, self._config)))
+                    links.append(RegionLink(i, other, *find(one, two, self._config)))
         return links
 
     def _write_chosen(self, names: Sequence[TileNumber], choice: Choice) -> None:
@@ -297,7 +299,10 @@ class _Making:
             self._tiles.write(passes.CHOSEN, name, choice.road_labels(i), choice.ground_labels(i))
 
     def _add_ground(
-        self, names: Sequence[TileNumber], choice: Choice, receipts: Mapping[TileNumber, passes.ApartReceipt]
+        self,
+        names: Sequence[TileNumber],
+        choice: Choice,
+        receipts: Mapping[TileNumber, passes.IsolatedReceipt],
     ) -> None:
         """Take for ground what lies level with it beyond holes in the data."""
         with_pieces = [name for name in names if name in receipts and receipts[name].pieces]
@@ -327,16 +332,18 @@ def _height_origin(
         return height_origin(trajectory.xyz[:, 2])
     if len(counts) == 0:
         return 0.0
-    east, north = (blocks[np.argsort(counts, kind="stable")[len(counts) // 2]] * BLOCK_M).tolist()
-    block = Bounds(east, north, east + BLOCK_M, north + BLOCK_M)
+    east, north = (blocks[np.argsort(counts, kind="stable")[len(counts) // 2]] * SURFACE_BLOCK_M).tolist()
+    block = Bounds(east, north, east + SURFACE_BLOCK_M, north + SURFACE_BLOCK_M)
     return height_origin(store.points(block, ordered=False, with_time=False, with_intensity=False).xyz[:, 2])
 
 
 def _tiles_of(blocks: IntArray, tiles: SurfaceTiles, config: RoadConfig, margin: int) -> list[TileNumber]:
     """Return the tiles that hold cells of blocks, or that lie within a margin of those, in cells."""
     found: set[TileNumber] = set()
-    for east, north in (np.asarray(blocks) * BLOCK_M).tolist():
-        window = Window.over(Bounds(east, north, east + BLOCK_M, north + BLOCK_M), config.cell_m)
+    for east, north in (np.asarray(blocks) * SURFACE_BLOCK_M).tolist():
+        window = CellWindow.over(
+            Bounds(east, north, east + SURFACE_BLOCK_M, north + SURFACE_BLOCK_M), config.cell_m
+        )
         found.update(tiles.touching(window.grown(margin)))
     return sorted(found)
 

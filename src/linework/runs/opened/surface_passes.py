@@ -20,17 +20,17 @@ from linework.files.store.read import PointStore
 from linework.model.grid import Bounds
 from linework.model.points import Points
 from linework.surface import apart
-from linework.surface.carry import CoarseGround, carried, halo_cells, reach_cells
-from linework.surface.cells import BLOCK_M, NEAR_M, Window
+from linework.surface.carry import CoarseGround, extended_surface, halo_cells, reach_cells
+from linework.surface.cells import NEAR_PATH_M, SURFACE_BLOCK_M, CellWindow
 from linework.surface.config import RoadConfig
-from linework.surface.heights import HALO, cell_heights, count_spreads
+from linework.surface.heights import SLOPE_HALO, cell_heights, count_spreads
 from linework.surface.regions import CellRegions, Islands, RegionFacts, cell_regions, cells_with
 
 #: The path is looked up by boxes around so many samples: 256 m of it.
 PATH_BOX = 1024
 #: Names of the arrays that are needed only while the surface is made: height, spread and number of points of
 #: the cells; road and ground labels; edges; road and ground labels that were chosen.
-CELLS, LABELS, EDGES, CHOSEN = "cells", "labels", "edges", "chosen"
+CELLS, LABEL_ARRAY, EDGES, CHOSEN = "cells", "labels", "edges", "chosen"
 #: For all tiles: samples and boxes of the path; codes and numbers of islands.
 PATH, ISLANDS = "path", "islands"
 #: What stays: road, ground and kind of the cells; coarse ground.
@@ -56,7 +56,7 @@ class PointSource(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class TileTask:
+class SurfaceTileTask:
     """One tile in one pass.
 
     Parameters
@@ -77,7 +77,7 @@ class TileTask:
     rough_limit_m: float = np.nan
 
 
-def find_heights(task: TileTask) -> IntArray:
+def find_heights(task: SurfaceTileTask) -> IntArray:
     """Write the heights of a tile's cells; return how many cells spread how much (none: there is no point)."""
     cell_m = task.config.cell_m
     # Edges that binary fractions do not hit: points on them may lie either way, so a little more is read
@@ -98,11 +98,11 @@ def find_heights(task: TileTask) -> IntArray:
     return count_spreads(spread)
 
 
-def _bands(window: Window, cell_m: float) -> Iterator[Window]:
+def _bands(window: CellWindow, cell_m: float) -> Iterator[CellWindow]:
     """Yield the rows of a window from the north, as many at a time as a block has: fewer points in memory."""
-    n = max(math.floor(BLOCK_M / cell_m), 1)
+    n = max(math.floor(SURFACE_BLOCK_M / cell_m), 1)
     for first in range((window.north - 1) // n, window.south // n - 1, -1):
-        band = window.common(Window(window.west, first * n, n, window.n_cols))
+        band = window.common(CellWindow(window.west, first * n, n, window.n_cols))
         if band:
             yield band
 
@@ -112,13 +112,13 @@ def _opened(folder: Path) -> PointStore:
     return PointStore.open(folder)
 
 
-def find_regions(task: TileTask) -> RegionFacts:
+def find_regions(task: SurfaceTileTask) -> RegionFacts:
     """Write the labels of a tile's cells and what neighbours need of its edges; return what it tells of them."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
     _, spread, count = tiles.read(CELLS, task.tile)
     regions, facts = cell_regions(
         window,
-        tiles.over(CELLS, 0, window.grown(HALO), np.float32(np.nan)),
+        tiles.over(CELLS, 0, window.grown(SLOPE_HALO), np.float32(np.nan)),
         spread,
         count,
         _path_near(tiles, window.bounds(config.cell_m)),
@@ -127,7 +127,7 @@ def find_regions(task: TileTask) -> RegionFacts:
         task.z0_m,
         config,
     )
-    tiles.write(LABELS, task.tile, regions.road, regions.ground)
+    tiles.write(LABEL_ARRAY, task.tile, regions.road, regions.ground)
     tiles.write(EDGES, task.tile, *(_edge(regions, part) for part in _SIDES.values()))
     return facts
 
@@ -158,7 +158,7 @@ def path_boxes(path: FloatArray) -> FloatArray:
 
 def _path_near(tiles: SurfaceTiles, bounds: Bounds) -> FloatArray:
     """Return all samples of the path that can be near cells of the bounds, and some more."""
-    near = bounds.grown(2.0 * NEAR_M + 5.0)  # cells are 5 m at most
+    near = bounds.grown(2.0 * NEAR_PATH_M + 5.0)  # cells are 5 m at most
     path, boxes = tiles.read_common(PATH)
     hit = (boxes[:, 0] <= near.east) & (boxes[:, 2] >= near.west)
     hit &= (boxes[:, 1] <= near.north) & (boxes[:, 3] >= near.south)
@@ -167,26 +167,26 @@ def _path_near(tiles: SurfaceTiles, bounds: Bounds) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True)
-class ApartReceipt:
+class IsolatedReceipt:
     """What a tile tells of its smooth pieces (None: it has none), and of the ground in blocks of 64 m."""
 
-    pieces: apart.Pieces | None
+    pieces: apart.IsolatedPieces | None
     coarse: CoarseGround
 
 
-def find_apart(task: TileTask) -> ApartReceipt:
+def find_isolated_pieces(task: SurfaceTileTask) -> IsolatedReceipt:
     """Return what is to be known of a tile's pieces that data holes may part from the ground."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
     height, *_ = tiles.read(CELLS, task.tile)
-    _, ground = tiles.read(LABELS, task.tile)
-    around = window.grown(apart.HALO)
+    _, ground = tiles.read(LABEL_ARRAY, task.tile)
+    around = window.grown(apart.OPENING_HALO)
     is_ground = _cells_of(tiles, _GROUND, around)
     inner = np.ascontiguousarray(is_ground[around.part(window)])
     coarse = CoarseGround.of(window, height, inner, config.cell_m)
-    smooth = tiles.over(LABELS, _ROAD, around, np.int32(0)) > 0
+    smooth = tiles.over(LABEL_ARRAY, _ROAD, around, np.int32(0)) > 0
     found, n_border, n = apart.smooth_pieces(smooth & ~is_ground)
     if n == 0:
-        return ApartReceipt(None, coarse)
+        return IsolatedReceipt(None, coarse)
     around = window.grown(reach_cells(config))
     pieces = apart.describe_pieces(
         found,
@@ -196,10 +196,10 @@ def find_apart(task: TileTask) -> ApartReceipt:
         _cells_of(tiles, _GROUND, around),
         config,
     )
-    return ApartReceipt(pieces, coarse)
+    return IsolatedReceipt(pieces, coarse)
 
 
-def carry_on(task: TileTask) -> bool:
+def extend_tile_surface(task: SurfaceTileTask) -> bool:
     """Write road and ground of a tile; False where there is neither near."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
     around = window.grown(halo_cells(config))
@@ -209,7 +209,7 @@ def carry_on(task: TileTask) -> bool:
     is_road = _cells_of(tiles, _ROAD, around)
     height = tiles.over(CELLS, 0, around, np.float32(np.nan))
     coarse = CoarseGround(*tiles.read_common(COARSE))
-    road_m, ground_m = carried(window, height, is_road, is_ground, coarse, config)
+    road_m, ground_m = extended_surface(window, height, is_road, is_ground, coarse, config)
     inner = around.part(window)
     kind = is_road[inner].view(np.uint8) << _ROAD | is_ground[inner].view(np.uint8) << _GROUND
     tiles.write(SURFACE, task.tile, road_m, ground_m, kind)
@@ -221,11 +221,11 @@ def is_kind(kind: AnyArray) -> tuple[BoolArray, BoolArray]:
     return (kind >> _ROAD) & 1 > 0, (kind >> _GROUND) & 1 > 0
 
 
-def _cells_of(tiles: SurfaceTiles, what: int, window: Window) -> BoolArray:
+def _cells_of(tiles: SurfaceTiles, what: int, window: CellWindow) -> BoolArray:
     """Return which cells of a window have labels that were chosen for road, or for ground."""
     out = np.zeros(window.shape, dtype=bool)
     for tile in tiles.touching(window):
-        labels = tiles.part(LABELS, what, tile, window)
+        labels = tiles.part(LABEL_ARRAY, what, tile, window)
         # Where labels lie and nothing was chosen, the tile has failed on the way
         if labels is not None and tiles.has(CHOSEN, tile):
             out[tiles.place(tile, window)] = cells_with(labels, tiles.read(CHOSEN, tile)[what])

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from linework.errors import InputError, MachineError, OutputExistsError
-from linework.files.output.locks import locked
+from linework.files.output.locks import hold_lock
 from linework.files.output.publish import machine_errors
 
 NAME = ".linework"
@@ -47,7 +47,7 @@ def work_folder(root: Path, given: Path | None = None) -> Path:
     return beside
 
 
-def root_of(inputs: Sequence[Path]) -> Path:
+def survey_root(inputs: Sequence[Path]) -> Path:
     """Return the folder a survey lies in: what was named, or what holds it."""
     return inputs[0] if inputs[0].is_dir() else inputs[0].parent
 
@@ -58,7 +58,7 @@ def existing_work_folders(root: Path, given: Path | None = None) -> list[Path]:
     return [folder for folder in candidates if folder.is_dir()]
 
 
-def clean(folder: Path) -> int:
+def clean_work_folder(folder: Path) -> int:
     """Remove what linework has put into a work folder, and the folder if nothing else is in it.
 
     Returns
@@ -83,7 +83,7 @@ def clean(folder: Path) -> int:
     held = contextlib.ExitStack()
     with held, machine_errors(folder):
         for lock in [path for path in ours if path.suffix == ".lock"]:
-            held.enter_context(locked(lock, in_use(folder)))
+            held.enter_context(hold_lock(lock, folder_in_use_error(folder)))
         n_bytes = sum(f.stat().st_size for path in ours for f in path.rglob("*") if f.is_file())
         for path in ours:
             shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
@@ -92,7 +92,7 @@ def clean(folder: Path) -> int:
     return n_bytes
 
 
-def in_use(folder: Path) -> OutputExistsError:
+def folder_in_use_error(folder: Path) -> OutputExistsError:
     """Return what is raised where another run uses a work folder."""
     return OutputExistsError("another run is using it", where=folder, advice="wait for it")
 

@@ -11,9 +11,9 @@ from linework.errors import UsageError
 from linework.simulation.roads.draw_motorway import draw_motorway
 from linework.simulation.roads.draw_rural import draw_bends, draw_straight
 from linework.simulation.roads.draw_urban import draw_urban
-from linework.simulation.roads.scenario import Layout, Pass, Scanner, Scenario, Sensor
+from linework.simulation.roads.scenario import Pass, RoadLayout, Scanner, Scenario, Sensor
 
-LAYOUTS: dict[str, Callable[[np.random.Generator, float], Layout]] = {
+LAYOUTS: dict[str, Callable[[np.random.Generator, float], RoadLayout]] = {
     "straight": draw_straight,
     "bends": draw_bends,
     "urban": draw_urban,
@@ -67,7 +67,7 @@ def draw_scenario(kind: str, seed: int, length_m: float, *, points_per_m: float 
     )  # fmt: skip
 
 
-def _passes(rng: np.random.Generator, layout: Layout) -> tuple[Pass, ...]:
+def _passes(rng: np.random.Generator, layout: RoadLayout) -> tuple[Pass, ...]:
     n = 2 if rng.random() < 0.35 else 1
     start = 4.0e8 + float(np.floor(rng.uniform(0, 3.0e6)))
     passes = []

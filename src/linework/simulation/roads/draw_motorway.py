@@ -9,16 +9,16 @@ from linework.simulation.roads.draw_pieces import (
     MARGIN_M,
     bushes_at,
     crossing_wires,
-    dashed,
+    dashed_marking,
     double_rail,
     grade_profile,
     rail,
-    solid,
+    solid_marking,
     stretches,
     uniform,
 )
-from linework.simulation.roads.draw_rural import gentle
-from linework.simulation.roads.road import Road, Side, make_stations
+from linework.simulation.roads.draw_rural import gentle_bend
+from linework.simulation.roads.road import Road, SideSection, make_stations
 from linework.simulation.roads.scenario import (
     Barrier,
     Bridge,
@@ -26,16 +26,16 @@ from linework.simulation.roads.scenario import (
     Car,
     Gantry,
     Hedge,
-    Layout,
     Marking,
     Pole,
     Rail,
+    RoadLayout,
     Wall,
 )
 from linework.simulation.scene.materials import Material
 
 
-def draw_motorway(rng: np.random.Generator, length_m: float) -> Layout:
+def draw_motorway(rng: np.random.Generator, length_m: float) -> RoadLayout:
     """Return a motorway; the van drives the right carriageway."""
     lane, n_lanes = uniform(rng, 3.5, 3.75), int(rng.integers(2, 4))
     strip, shoulder, median = uniform(rng, 0.6, 1.0), uniform(rng, 2.3, 3.0), uniform(rng, 2.6, 4.0)
@@ -51,7 +51,7 @@ def draw_motorway(rng: np.random.Generator, length_m: float) -> Layout:
     rails += [rail(rng, outer, piece, 1) for piece in run]
     walls, hedges = _noise_walls(rng, half, span)
     poles, cables = _wires(rng, half, median + width, length_m)
-    return Layout(
+    return RoadLayout(
         road=road,
         lanes=((centres[-1], 1), (centres[-2], 1)),
         speed_mps=uniform(rng, 18.0, 25.0),
@@ -72,7 +72,7 @@ def draw_motorway(rng: np.random.Generator, length_m: float) -> Layout:
 
 def _road(rng: np.random.Generator, length_m: float, half: float, median: float, width: float) -> Road:
     start, end = -MARGIN_M, length_m + MARGIN_M
-    s, k = gentle(rng, length_m, (500.0, 2500.0))
+    s, k = gentle_bend(rng, length_m, (500.0, 2500.0))
     alignment = make_alignment(
         start,
         end,
@@ -98,11 +98,11 @@ def _road(rng: np.random.Generator, length_m: float, half: float, median: float,
         [0.0, 0.0, -step, -step - fall * width, -fall * width, -fall * width - 0.1, -fall * width - 1.2]
     )
     grass, soil, asphalt = Material.GRASS, Material.SOIL, Material.ASPHALT
-    left = Side(
+    left = SideSection(
         half, "edge", PiecewiseLinear.constant(step), d, z, (grass, soil, asphalt, grass, grass, grass)
     )
     bank = uniform(rng, -2.0, 1.5)
-    right = Side(
+    right = SideSection(
         half,
         "edge",
         PiecewiseLinear.constant(step),
@@ -131,9 +131,9 @@ def _markings(
     for q_all in (offsets, [mirror - q for q in offsets]):
         for i, q in enumerate(q_all):
             if i in (0, n):
-                found.append(solid(rng, q, span, edge, "edge"))
+                found.append(solid_marking(rng, q, span, edge, "edge"))
             else:
-                found.append(dashed(rng, q, span, thin, "lane", (6.0, 12.0)))
+                found.append(dashed_marking(rng, q, span, thin, "lane", (6.0, 12.0)))
     assert width > 0.0
     return found
 

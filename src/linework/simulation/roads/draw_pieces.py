@@ -34,7 +34,7 @@ def wear(rng: np.random.Generator) -> float:
     return uniform(rng, 0.0, 0.08) if rng.random() < 0.33 else uniform(rng, 0.0, 0.7)
 
 
-def dashed(
+def dashed_marking(
     rng: np.random.Generator,
     q_m: float,
     span: tuple[float, float],
@@ -58,7 +58,7 @@ def dashed(
     )
 
 
-def solid(
+def solid_marking(
     rng: np.random.Generator,
     q_m: float,
     span: tuple[float, float],

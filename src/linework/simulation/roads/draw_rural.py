@@ -6,21 +6,27 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.simulation.roads.alignment import Alignment, PiecewiseLinear, make_alignment
-from linework.simulation.roads.draw_pieces import MARGIN_M, dashed, grade_profile, solid, uniform
+from linework.simulation.roads.draw_pieces import (
+    MARGIN_M,
+    dashed_marking,
+    grade_profile,
+    solid_marking,
+    uniform,
+)
 from linework.simulation.roads.draw_roadside import Bend, draw_roadside
-from linework.simulation.roads.road import Road, Side, make_stations
-from linework.simulation.roads.scenario import Bridge, Car, Layout, Marking
+from linework.simulation.roads.road import Road, SideSection, make_stations
+from linework.simulation.roads.scenario import Bridge, Car, Marking, RoadLayout
 from linework.simulation.scene.materials import Material
 
 _LAND_M = 14.0
 
 
-def draw_straight(rng: np.random.Generator, length_m: float) -> Layout:
+def draw_straight(rng: np.random.Generator, length_m: float) -> RoadLayout:
     """Return a straight two-lane road, with rails on stretches of it."""
     return _rural(rng, length_m, [], steepest=0.06, speed_mps=uniform(rng, 11.0, 18.0))
 
 
-def draw_bends(rng: np.random.Generator, length_m: float) -> Layout:
+def draw_bends(rng: np.random.Generator, length_m: float) -> RoadLayout:
     """Return a winding two-lane road: at least one bend of 18 to 30 m radius, grades to 12 %, crossfall to 6 %."""
     for _ in range(200):
         bends = _bends(rng, length_m)
@@ -75,13 +81,13 @@ def _keeps_apart(alignment: Alignment) -> bool:
 
 def _rural(
     rng: np.random.Generator, length_m: float, bends: list[Bend], *, steepest: float, speed_mps: float
-) -> Layout:
+) -> RoadLayout:
     alignment = _alignment(rng, length_m, bends, steepest)
     half = uniform(rng, 2.9, 3.9)
     road = _road(rng, alignment, bends, half)
     span = (alignment.start_m, alignment.end_m)
     side = draw_roadside(rng, road, bends, span)
-    return Layout(
+    return RoadLayout(
         road=road,
         lanes=((-0.5 * half, 1), (0.5 * half, -1)),
         speed_mps=speed_mps,
@@ -118,7 +124,7 @@ def _road(rng: np.random.Generator, alignment: Alignment, bends: list[Bend], hal
     )
 
 
-def _verge(rng: np.random.Generator, half: float) -> Side:
+def _verge(rng: np.random.Generator, half: float) -> SideSection:
     """Return a verge: a shoulder, then an embankment, a cutting or level land."""
     shoulder, kind = uniform(rng, 1.3, 2.0), rng.integers(0, 3)
     if kind == 0:
@@ -129,7 +135,7 @@ def _verge(rng: np.random.Generator, half: float) -> Side:
     else:
         d, z = [0.0, shoulder, _LAND_M], [0.0, -0.06, uniform(rng, -0.5, 0.5)]
     step = PiecewiseLinear.constant(uniform(rng, -0.06, 0.04))
-    return Side(half, "edge", step, np.array(d), np.array(z), (Material.GRASS,) * (len(d) - 1))
+    return SideSection(half, "edge", step, np.array(d), np.array(z), (Material.GRASS,) * (len(d) - 1))
 
 
 def _markings(
@@ -137,16 +143,16 @@ def _markings(
 ) -> list[Marking]:
     width = uniform(rng, 0.10, 0.15)
     edge = half - uniform(rng, 0.15, 0.40) - 0.5 * width
-    found = [solid(rng, sign * edge, span, width, "edge") for sign in (1, -1) if rng.random() < 0.9]
+    found = [solid_marking(rng, sign * edge, span, width, "edge") for sign in (1, -1) if rng.random() < 0.9]
     dash = ((3.0, 6.0), (4.0, 8.0), (3.0, 3.0))[int(rng.integers(0, 3))]
     choice = rng.random() + (0.2 if winding else 0.0)
     if choice < 0.6:
-        found.append(dashed(rng, 0.0, span, width, "centre", dash))
+        found.append(dashed_marking(rng, 0.0, span, width, "centre", dash))
     elif choice < 0.8:
-        found.append(solid(rng, 0.0, span, width, "centre"))
+        found.append(solid_marking(rng, 0.0, span, width, "centre"))
     else:
         apart = 0.5 * (width + uniform(rng, 0.10, 0.18))
-        found += [solid(rng, sign * apart, span, width, "centre", double=True) for sign in (1, -1)]
+        found += [solid_marking(rng, sign * apart, span, width, "centre", double=True) for sign in (1, -1)]
     return found
 
 
@@ -174,7 +180,7 @@ def _bridges(rng: np.random.Generator, length_m: float, bends: list[Bend]) -> tu
     return (Bridge(s_m=at, width_m=uniform(rng, 4.0, 9.0), clearance_m=uniform(rng, 4.7, 5.6)),)
 
 
-def gentle(rng: np.random.Generator, length_m: float, radius: tuple[float, float]) -> FloatArray:
+def gentle_bend(rng: np.random.Generator, length_m: float, radius: tuple[float, float]) -> FloatArray:
     """Return one bend's nodes (chainage, curvature) somewhere on the road, with clothoids."""
     r, turn = uniform(rng, *radius), 1.0 if rng.random() < 0.5 else -1.0
     start = uniform(rng, 0.0, 0.3 * length_m)

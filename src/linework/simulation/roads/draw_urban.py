@@ -12,26 +12,26 @@ from linework.simulation.roads.draw_pieces import (
     MARGIN_M,
     arrow,
     crossing_wires,
-    dashed,
+    dashed_marking,
     grade_profile,
     pole_line,
     rail,
-    solid,
+    solid_marking,
     uniform,
     zebra,
 )
-from linework.simulation.roads.draw_rural import gentle
-from linework.simulation.roads.road import Road, Side, make_stations
+from linework.simulation.roads.draw_rural import gentle_bend
+from linework.simulation.roads.road import Road, SideSection, make_stations
 from linework.simulation.roads.scenario import (
     Cable,
     Car,
     Fence,
     Hedge,
-    Layout,
     Marking,
     Plant,
     Pole,
     Rail,
+    RoadLayout,
     Symbol,
     Wall,
 )
@@ -52,7 +52,7 @@ class _Street:
     cables: list[Cable] = field(default_factory=list)
 
 
-def draw_urban(rng: np.random.Generator, length_m: float) -> Layout:
+def draw_urban(rng: np.random.Generator, length_m: float) -> RoadLayout:
     """Return a street with 20 to 60 % of its kerbs parked up."""
     lane, parking = uniform(rng, 2.9, 3.5), uniform(rng, 2.0, 2.3)
     half, footway = lane + parking, uniform(rng, 1.7, 3.0)
@@ -82,7 +82,7 @@ def draw_urban(rng: np.random.Generator, length_m: float) -> Layout:
     # Poles on the side without side streets
     clear = _clear(mouths[-railed], start, end)
     _wires(rng, street, railed * (half + footway - 0.25), (start, end), clear)
-    return Layout(
+    return RoadLayout(
         road=road,
         lanes=((-0.5 * lane, 1), (0.5 * lane, -1)),
         speed_mps=uniform(rng, 6.0, 10.0),
@@ -131,7 +131,7 @@ def _road(
     kerbs: tuple[dict[int, list[tuple[float, float]]], dict[int, tuple[Mouth, ...]]],
 ) -> Road:
     start, end = -MARGIN_M, length_m + MARGIN_M
-    s, k = gentle(rng, length_m, (60.0, 400.0))
+    s, k = gentle_bend(rng, length_m, (60.0, 400.0))
     alignment = make_alignment(
         start,
         end,
@@ -154,7 +154,7 @@ def _road(
 
 def _kerb_side(
     rng: np.random.Generator, half: float, footway: float, drops: list[tuple[float, float]], start: float
-) -> Side:
+) -> SideSection:
     height, low, ramp = uniform(rng, 0.08, 0.16), uniform(rng, 0.02, 0.03), uniform(rng, 0.5, 1.0)
     s, step = [start], [height]
     for a, b in drops:
@@ -163,7 +163,7 @@ def _kerb_side(
     d = np.array([0.0, footway, footway + 0.3, footway + 12.0])
     z = np.array([0.0, 0.02 * footway, 0.02 * footway + 0.03, 0.02 * footway + uniform(rng, -0.2, 0.5)])
     material = (Material.FOOTWAY, Material.SOIL, Material.GRASS)
-    return Side(half, "kerb", PiecewiseLinear(np.array(s), np.array(step)), d, z, material)
+    return SideSection(half, "kerb", PiecewiseLinear(np.array(s), np.array(step)), d, z, material)
 
 
 def _markings(rng: np.random.Generator, lane: float, span: tuple[float, float]) -> list[Marking]:
@@ -171,17 +171,17 @@ def _markings(rng: np.random.Generator, lane: float, span: tuple[float, float]) 
     found = []
     if rng.random() < 0.75:
         found.append(
-            dashed(rng, 0.0, span, width, "centre", (3.0, 6.0) if rng.random() < 0.5 else (3.0, 3.0))
+            dashed_marking(rng, 0.0, span, width, "centre", (3.0, 6.0) if rng.random() < 0.5 else (3.0, 3.0))
         )
     else:
         apart = 0.5 * (width + uniform(rng, 0.10, 0.18))
-        found += [solid(rng, sign * apart, span, width, "centre", double=True) for sign in (1, -1)]
+        found += [solid_marking(rng, sign * apart, span, width, "centre", double=True) for sign in (1, -1)]
     for sign in (1, -1):
         choice = rng.random()
         if choice < 0.5:
-            found.append(solid(rng, sign * lane, span, width, "edge"))
+            found.append(solid_marking(rng, sign * lane, span, width, "edge"))
         elif choice < 0.7:
-            found.append(dashed(rng, sign * lane, span, width, "edge", (1.5, 1.5)))
+            found.append(dashed_marking(rng, sign * lane, span, width, "edge", (1.5, 1.5)))
     return found
 
 

@@ -15,7 +15,7 @@ KERB_BATTER_M = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Side:
+class SideSection:
     """One side of the road, seen from the axis outward.
 
     Parameters
@@ -75,13 +75,13 @@ class Road:
     """
 
     alignment: Alignment
-    left: Side
-    right: Side
+    left: SideSection
+    right: SideSection
     slope_left: PiecewiseLinear
     slope_right: PiecewiseLinear
     stations_m: FloatArray
 
-    def side(self, sign: int) -> Side:
+    def side(self, sign: int) -> SideSection:
         """Return the left (+1) or right (-1) side."""
         return self.left if sign > 0 else self.right
 
@@ -140,7 +140,7 @@ class Road:
         return np.asarray(np.minimum(reach_m, 0.85 / turn))
 
 
-def _beyond(side: Side, s: FloatArray, q: FloatArray) -> FloatArray:
+def _beyond(side: SideSection, s: FloatArray, q: FloatArray) -> FloatArray:
     """Return the height over the carriageway's end at unsigned offsets `q`; 0 on the carriageway."""
     return side.rise(s, q - side.width_m - widening(side.mouths, s, side.reach_m))
 

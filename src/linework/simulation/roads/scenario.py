@@ -233,7 +233,7 @@ class Pass:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Layout:
+class RoadLayout:
     """The road and all that stands on and beside it.
 
     `lanes` are the (offset, direction) the van may drive; `far_edges_m` are offsets of further pavement
@@ -267,7 +267,7 @@ class Scenario:
     seed: int
     length_m: float
     origin_m: tuple[float, float, float]
-    layout: Layout
+    layout: RoadLayout
     scanners: tuple[Scanner, ...]
     sensor: Sensor
     passes: tuple[Pass, ...]

@@ -10,7 +10,7 @@ from linework.arrays import FloatArray
 from linework.simulation.roads.road import Road
 from linework.simulation.roads.scenario import Bridge, Car, Gantry, Hedge, Plant, Wall
 from linework.simulation.scene.materials import Material
-from linework.simulation.scene.meshes import Mesh, boxes, columns, flakes, joined, prism, sheet
+from linework.simulation.scene.meshes import Mesh, boxes, columns, flakes, joined_meshes, prism, sheet
 from linework.simulation.scene.part import Part
 
 _WALL_THICK_M = 0.25
@@ -178,7 +178,7 @@ def car(road: Road, spec: Car) -> Part:
         wheels = [-0.31 * spec.length_m, 0.31 * spec.length_m]
         radius = 0.32
     bodies += [_wheel(x, side * (0.5 * width - 0.12), radius) for x in wheels for side in (-1, 1)]
-    mesh = joined(bodies)
+    mesh = joined_meshes(bodies)
     heading = float(road.alignment.heading(spec.s_m)) + (np.pi if spec.heading < 0 else 0.0)
     x, y = mesh.vertices[:, 0] * spec.stretch, mesh.vertices[:, 1]
     foot = road.on_ground(spec.s_m, spec.q_m)
@@ -217,7 +217,7 @@ def _cabin(back: float, front: float, width: float, heights: tuple[float, float]
     shrunk = _outline(back + 0.25, front - 0.55, 0.5 * width - 0.16, 0.1)
     glass = prism(foot, _at(shrunk, high), Material.GLASS, open_ends=True)
     roof = prism(_at(shrunk, high - 0.04), _at(shrunk, high), Material.CAR)
-    return joined([glass, roof])
+    return joined_meshes([glass, roof])
 
 
 def _outline(back: float, front: float, half: float, cut: float) -> FloatArray:

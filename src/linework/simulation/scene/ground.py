@@ -10,7 +10,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
 from linework.simulation.roads.alignment import kerb_paths, mouth_path
-from linework.simulation.roads.road import KERB_BATTER_M, Road, Side
+from linework.simulation.roads.road import KERB_BATTER_M, Road, SideSection
 from linework.simulation.roads.scenario import Marking, Symbol
 from linework.simulation.scene.materials import Material
 from linework.simulation.scene.meshes import Mesh, sheet
@@ -58,7 +58,7 @@ def _land(road: Road, sign: int) -> Iterator[Mesh]:
         yield _strip(road, s, q, road.carriageway_height(along, q) + side.rise(along, beyond), material)
 
 
-def _bands(side: Side) -> tuple[FloatArray, AnyArray]:
+def _bands(side: SideSection) -> tuple[FloatArray, AnyArray]:
     """Return the distances beyond the kerb that get nodes, and the material between them."""
     breaks = [0.0, KERB_BATTER_M]
     if side.form == "kerb":
@@ -86,7 +86,7 @@ def _filled(a: float, b: float, step: float) -> FloatArray:
     return np.linspace(a, b, int(np.ceil((b - a) / step)) + 1)
 
 
-def boundaries(road: Road, far_edges_m: tuple[float, ...]) -> Part:
+def boundary_truth(road: Road, far_edges_m: tuple[float, ...]) -> Part:
     """Return the truth of the carriageway's ends: foot of the kerb's face or edge of the pavement, and kerb tops.
 
     At a side street the kerb turns, and its lines with it, to the edge of what is modelled.

@@ -54,7 +54,7 @@ _TABLE: dict[Material, tuple[float, float, float]] = {
     Material.SOIL: (0.30, 0.98, 0.010),
 }
 
-REFLECTANCE: FloatArray = np.array([_TABLE[m][0] for m in Material])
+LASER_REFLECTANCE: FloatArray = np.array([_TABLE[m][0] for m in Material])
 RETURN_SHARE: FloatArray = np.array([_TABLE[m][1] for m in Material])
 ROUGHNESS_M: FloatArray = np.array([_TABLE[m][2] for m in Material])
 #: Beams that do not come back from these go on to what is behind; from all others they are lost.

@@ -70,7 +70,7 @@ class Mesh:
         return replace(self, only_pass=np.full(len(self.triangles), i_pass, dtype=np.int8))
 
 
-def joined(meshes: Iterable[Mesh]) -> Mesh:
+def joined_meshes(meshes: Iterable[Mesh]) -> Mesh:
     """Return one mesh of all."""
     kept = list(meshes)
     starts = np.cumsum([0] + [len(m.vertices) for m in kept])
@@ -160,7 +160,7 @@ def columns(feet: FloatArray, height_m: AnyArray | float, radius_m: float, mater
     ring = radius_m * np.stack([np.cos(turn), np.sin(turn), np.zeros(8)], axis=1)
     heights = np.broadcast_to(np.asarray(height_m, dtype=np.float64), (len(feet),))
     up = np.array([0.0, 0.0, 1.0])
-    return joined(
+    return joined_meshes(
         prism(foot + ring, foot + ring + h * up, material) for foot, h in zip(feet, heights, strict=True)
     )
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.simulation.scene.meshes import Mesh, joined
+from linework.simulation.scene.meshes import Mesh, joined_meshes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +58,7 @@ class Scene:
     wire_m: FloatArray
 
 
-def assembled(parts: Iterable[Part]) -> Scene:
+def assemble_scene(parts: Iterable[Part]) -> Scene:
     """Return the scene of all parts, targets and wires counted through."""
     meshes: list[Mesh] = []
     lines: list[TruthLine] = []
@@ -75,4 +75,4 @@ def assembled(parts: Iterable[Part]) -> Scene:
             wires.append(part.wire_segments)
             n_wires += len(part.wire_segments)
             thickness += [part.wire_m] * len(part.wire_segments)
-    return Scene(joined(meshes), tuple(lines), np.concatenate(wires), np.array(thickness))
+    return Scene(joined_meshes(meshes), tuple(lines), np.concatenate(wires), np.array(thickness))

@@ -8,7 +8,7 @@ from linework.arrays import FloatArray
 from linework.simulation.roads.road import Road
 from linework.simulation.roads.scenario import Cable, Pole
 from linework.simulation.scene.materials import Material
-from linework.simulation.scene.meshes import Mesh, boxes, columns, joined
+from linework.simulation.scene.meshes import Mesh, boxes, columns, joined_meshes
 from linework.simulation.scene.part import Part, TruthLine
 
 
@@ -70,4 +70,4 @@ def pole(road: Road, spec: Pole) -> Part:
             + (spec.radius_m + 0.02) * np.array([np.cos(heading), np.sin(heading), 0.0])
         )
         meshes.append(boxes(plate[None], np.array([heading]), (0.02, 0.6, 0.6), Material.SIGN))
-    return Part((joined(meshes),))
+    return Part((joined_meshes(meshes),))

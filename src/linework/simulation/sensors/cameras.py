@@ -26,7 +26,7 @@ from linework.simulation.roads.scenario import Scenario
 from linework.simulation.scene.scene import truth_lines
 from linework.simulation.sensors.drive import Drive
 from linework.simulation.sensors.picture import Shutter, Stage
-from linework.simulation.sensors.view import View, draw_rig, pixel_offsets
+from linework.simulation.sensors.view import PassScene, draw_rig, pixel_offsets
 from linework.simulation.sensors.visible import Light, draw_light, draw_wear, reflectances
 from linework.simulation.simulate import SIMULATED_CRS, drives_of
 
@@ -128,7 +128,7 @@ def images_of(drive: StereoDrive, numbers: Sequence[int] | None = None) -> Itera
     """
     scenario = drive.scenario
     rng = np.random.default_rng([scenario.seed, 42])
-    view = View(scenario)
+    view = PassScene(scenario)
     wear = draw_wear(scenario.layout, scenario.length_m, rng)
     reflectance = reflectances(view.scene, view.scenario.layout, drive.light.asphalt, rng)
     stage = Stage(view, drive.light, wear, reflectance, scenario.seed + 500)
@@ -187,11 +187,11 @@ def observed_in_images(
     tree is seen. Neither does wear: where paint is worn through the vertex is still one of its line, as it is for
     the scanners.
     """
-    return _observed(truth, drive, View(drive.scenario), max_range_m, least_pairs)
+    return _observed(truth, drive, PassScene(drive.scenario), max_range_m, least_pairs)
 
 
 def _observed(
-    truth: LineSet, drive: StereoDrive, view: View, max_range_m: float, least_pairs: int
+    truth: LineSet, drive: StereoDrive, view: PassScene, max_range_m: float, least_pairs: int
 ) -> BoolArray:
     count = np.zeros(len(truth.xyz), dtype=np.int64)
     origin = np.asarray(drive.scenario.origin_m)
@@ -231,7 +231,7 @@ def stereo_truth(
         np.zeros(0, dtype=np.int64),
         np.zeros(0),
     )
-    view = View(drive.scenario)
+    view = PassScene(drive.scenario)
     lines = truth_lines(drive.scenario, view.scene, nothing, parse_crs(SIMULATED_CRS))
     lines = lines.take(np.isin(lines.kind, kinds))
     return lines.with_columns(observed=_observed(lines, drive, view, max_range_m, least_pairs))

@@ -13,7 +13,7 @@ from linework.navigation.lever import rotated
 from linework.simulation.sensors.drive import Drive
 
 
-def made_logs(
+def simulate_logs(
     drive: Drive,
     grades: SensorGrades,
     rng: np.random.Generator,

@@ -12,7 +12,7 @@ from linework.model.camera import Camera
 from linework.model.images import Poses
 from linework.simulation.scene.materials import GROUND, Material
 from linework.simulation.scene.paint import paint_cover
-from linework.simulation.sensors.view import View, horizontal, pixel_offsets, pixel_rays
+from linework.simulation.sensors.view import PassScene, horizontal, pixel_offsets, pixel_rays
 from linework.simulation.sensors.visible import (
     FINEST_M,
     GROWTH,
@@ -42,7 +42,7 @@ class Stage:
         Of the grain.
     """
 
-    view: View
+    view: PassScene
     light: Light
     wear: Wear
     reflectance: FloatArray
@@ -155,7 +155,7 @@ def _reflected(
 
 
 def _surface_places(
-    view: View, triangle: AnyArray, material: AnyArray, xyz: FloatArray, steps: list[FloatArray]
+    view: PassScene, triangle: AnyArray, material: AnyArray, xyz: FloatArray, steps: list[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n, 2) places on surfaces [m] and the extent of a ray's share of a pixel there [m].
 

@@ -14,7 +14,7 @@ from linework.model.points import Points
 from linework.simulation.roads.scenario import Scanner, Scenario, Sensor
 from linework.simulation.scene.materials import (
     GROUND,
-    REFLECTANCE,
+    LASER_REFLECTANCE,
     RETURN_SHARE,
     ROUGHNESS_M,
     SEE_THROUGH,
@@ -198,10 +198,10 @@ def _cast_off(
     roll, nose, head = (np.interp(time, drive.time_s, c) for c in columns)
     where = np.stack([np.interp(time, drive.time_s, c) for c in drive.xyz.T], axis=1)
     mount = np.broadcast_to(np.asarray(scanner.position_m), beam.shape)
-    return where + turned(mount, roll, nose, head), turned(beam, roll, nose, head)
+    return where + to_local_frame(mount, roll, nose, head), to_local_frame(beam, roll, nose, head)
 
 
-def turned(xyz: FloatArray, roll: FloatArray, pitch: FloatArray, yaw: FloatArray) -> FloatArray:
+def to_local_frame(xyz: FloatArray, roll: FloatArray, pitch: FloatArray, yaw: FloatArray) -> FloatArray:
     """Return vehicle-frame vectors in the local frame: Rz(yaw) Ry(-pitch) Rx(roll).
 
     >>> nose_up = turned(np.array([[1.0, 0, 0]]), np.zeros(1), np.array([0.1]), np.zeros(1))
@@ -251,7 +251,7 @@ def on_wire_axis(scene: Scene, hits: Hits) -> Hits:
     )  # fmt: skip
 
 
-def recorded(scenario: Scenario, scene: Scene, hits: Hits, rng: np.random.Generator) -> Points:
+def record_points(scenario: Scenario, scene: Scene, hits: Hits, rng: np.random.Generator) -> Points:
     """Return the survey's points, one per hit, world frame, in the order of `hits`."""
     sensor = scenario.sensor
     material = scene.mesh.material[hits.triangle]
@@ -278,7 +278,7 @@ def _intensity(scenario: Scenario, hits: Hits, material: AnyArray, rng: np.rando
 
 
 def _reflectance(scenario: Scenario, hits: Hits, material: AnyArray) -> FloatArray:
-    reflectance = REFLECTANCE[material].copy()
+    reflectance = LASER_REFLECTANCE[material].copy()
     on_ground = GROUND[material]
     place = hits.chainage_offset[on_ground]
     # Texture: stones and stains; patches of other asphalt along the road
@@ -289,7 +289,7 @@ def _reflectance(scenario: Scenario, hits: Hits, material: AnyArray) -> FloatArr
     on_asphalt = np.flatnonzero(material == Material.ASPHALT)
     layout = scenario.layout
     cover = paint_cover(hits.chainage_offset[on_asphalt], layout.markings, scenario.seed, layout.symbols)
-    paint = REFLECTANCE[Material.ASPHALT] * scenario.sensor.contrast
+    paint = LASER_REFLECTANCE[Material.ASPHALT] * scenario.sensor.contrast
     reflectance[on_asphalt] += cover * (paint - reflectance[on_asphalt])
     return reflectance
 

@@ -20,7 +20,7 @@ from linework.simulation.scene.part import Scene
 from linework.simulation.scene.scene import build_scene
 
 #: Nothing is looked at beyond this. [m]
-REACH_M = 400.0
+SIGHT_REACH_M = 400.0
 #: Shadow rays start this far from where they were cast off, so that a surface does not shade itself. [m]
 _CLEAR_M = 0.01
 #: Windows are set back by a little less.
@@ -28,7 +28,7 @@ _REVEAL_M = 0.13
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class RayHits:
     """What n rays met.
 
     Parameters
@@ -43,7 +43,7 @@ class Seen:
     depth: FloatArray
 
 
-class View:
+class PassScene:
     """The scene of one pass for cameras; vehicles have their own length again."""
 
     def __init__(self, scenario: Scenario, i_pass: int = 0) -> None:
@@ -70,7 +70,7 @@ class View:
         ] * along_c[:, None]
         self._place_level = pa - np.einsum("kij,kj->ki", self.place_slope, a)
 
-    def look(self, origin: FloatArray, direction: FloatArray, through_mesh: BoolArray) -> Seen:
+    def look(self, origin: FloatArray, direction: FloatArray, through_mesh: BoolArray) -> RayHits:
         """Return what (n, 3) rays from one place meet; those of `through_mesh` pass wire mesh."""
         triangle = self._all.first(origin, direction)
         mesh = self.scene.mesh
@@ -81,7 +81,7 @@ class View:
         normal = self.normal[triangle]
         slope = np.sum(normal * direction, axis=1)
         slope = np.where(np.abs(slope) < 1e-9, 1e-9, slope)
-        return Seen(triangle, (self._level[triangle] - normal @ origin) / slope)
+        return RayHits(triangle, (self._level[triangle] - normal @ origin) / slope)
 
     def place(self, triangle: AnyArray, xyz: FloatArray) -> FloatArray:
         """Return (n, 2) chainage and offset of places on ground triangles."""
@@ -115,7 +115,7 @@ class _Rays:
         self._embree = EmbreeScene()
         self._mesh = TriangleMesh(self._embree, vertices.astype(np.float32), triangles)
 
-    def first(self, origin: FloatArray, direction: FloatArray, reach: float = REACH_M) -> AnyArray:
+    def first(self, origin: FloatArray, direction: FloatArray, reach: float = SIGHT_REACH_M) -> AnyArray:
         """Return the index of the first triangle of each ray within `reach` of its lengths, or -1."""
         if len(direction) == 0:
             return np.zeros(0, dtype=np.int64)

@@ -8,7 +8,7 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.kernels.images.grain import grain
-from linework.simulation.roads.scenario import Layout
+from linework.simulation.roads.scenario import RoadLayout
 from linework.simulation.scene.materials import Material
 from linework.simulation.scene.part import Scene
 
@@ -34,7 +34,7 @@ _TABLE: dict[Material, tuple[float, float, float, float]] = {
     Material.SIGN: (0.50, 0.200, 0.20, 1.00),
     Material.SOIL: (0.15, 0.015, 0.40, 0.75),
 }
-REFLECTANCE: FloatArray = np.array([_TABLE[m][0] for m in Material])
+CAMERA_REFLECTANCE: FloatArray = np.array([_TABLE[m][0] for m in Material])
 FINEST_M: FloatArray = np.array([_TABLE[m][1] for m in Material])
 STRENGTH: FloatArray = np.array([_TABLE[m][2] for m in Material])
 GROWTH: FloatArray = np.array([_TABLE[m][3] for m in Material])
@@ -58,7 +58,7 @@ class Seam:
 
 
 @dataclass(frozen=True, slots=True)
-class Patch:
+class AsphaltPatch:
     """A rectangle of other asphalt; `shade` times as bright."""
 
     start_m: float
@@ -73,11 +73,11 @@ class Wear:
     """What time did to a carriageway, and how coarse its asphalt is: `grain` times the usual contrast of stones."""
 
     seams: tuple[Seam, ...]
-    patches: tuple[Patch, ...]
+    patches: tuple[AsphaltPatch, ...]
     grain: float = 1.0
 
 
-def draw_wear(layout: Layout, length_m: float, rng: np.random.Generator) -> Wear:
+def draw_wear(layout: RoadLayout, length_m: float, rng: np.random.Generator) -> Wear:
     """Return patches every 15 to 100 m, seams and cracks every 5 to 50 m, over the whole carriageway."""
     right, left = -layout.road.right.width_m, layout.road.left.width_m
     ends = -6.0, length_m + 6.0
@@ -85,7 +85,7 @@ def draw_wear(layout: Layout, length_m: float, rng: np.random.Generator) -> Wear
     for _ in range(int(length_m / rng.uniform(15.0, 100.0))):
         s, q = rng.uniform(*ends), rng.uniform(right, left)
         long, wide = np.exp(rng.uniform(np.log(0.5), np.log(15.0))), rng.uniform(0.4, 2.5)
-        patches.append(Patch(s, s + long, q, min(q + wide, left), float(rng.uniform(0.75, 1.2))))
+        patches.append(AsphaltPatch(s, s + long, q, min(q + wide, left), float(rng.uniform(0.75, 1.2))))
     for _ in range(int(length_m / rng.uniform(5.0, 50.0))):
         is_along = bool(rng.random() < 0.4)
         waves = tuple(
@@ -142,10 +142,10 @@ def pavement_shade(place: FloatArray, wide: FloatArray, wear: Wear) -> FloatArra
     return shade
 
 
-def reflectances(scene: Scene, layout: Layout, asphalt: float, rng: np.random.Generator) -> FloatArray:
+def reflectances(scene: Scene, layout: RoadLayout, asphalt: float, rng: np.random.Generator) -> FloatArray:
     """Return the reflectance of each triangle: every leaf, wall and car its own."""
     mesh = scene.mesh
-    value: FloatArray = REFLECTANCE[mesh.material].copy()
+    value: FloatArray = CAMERA_REFLECTANCE[mesh.material].copy()
     value[mesh.material == Material.ASPHALT] = asphalt
     leaf = mesh.material == Material.LEAF
     value[leaf] *= np.exp(rng.normal(0.0, 0.5, int(leaf.sum())))

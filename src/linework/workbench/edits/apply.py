@@ -13,22 +13,22 @@ from linework.editing.edits import attributes as edited_words
 from linework.editing.edits import split_join as edited_parts
 from linework.editing.edits import vertices as edited
 from linework.editing.edits import vertices as edited_smooth
-from linework.editing.edits.attributes import reviewed
+from linework.editing.edits.attributes import with_review
 from linework.editing.edits.dashes import dashes_by_paint, with_missing_dashes
-from linework.editing.edits.new_lines import beside, wire, with_heights
-from linework.editing.edits.split_join import joined
+from linework.editing.edits.new_lines import line_beside, wire_through, with_heights
+from linework.editing.edits.split_join import join_two_lines
 from linework.errors import AbsentError, UsageError
-from linework.methods.obb.trace import BESIDE_M
-from linework.methods.obb.trace import beside as lies_beside
+from linework.methods.obb.trace import COMPANION_BESIDE_M
+from linework.methods.obb.trace import companions_of as lies_beside
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 from linework.workbench.edits import orders as edits
 from linework.workbench.edits.keep_trace import kept_change
-from linework.workbench.edits.orders import EditOrder, places_of
+from linework.workbench.edits.orders import EditOrder, positions_of
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
+class EditInputs:
     """What an edit needs beside the lines.
 
     Parameters
@@ -47,7 +47,7 @@ class Given:
     spans: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
-def change_of(edit: EditOrder, lines: LineSet, given: Given) -> Change:
+def change_of(edit: EditOrder, lines: LineSet, given: EditInputs) -> Change:
     """Return the change that an edit makes to lines.
 
     Raises
@@ -82,100 +82,100 @@ def lines_of(lines: LineSet, ids: Iterable[str]) -> LineSet:
     return lines.take(np.array([number[name] for name in wanted], dtype=np.int64))
 
 
-def _reviewed(edit: edits.Review, lines: LineSet, _: Given) -> Change:
+def _reviewed(edit: edits.ReviewLines, lines: LineSet, _: EditInputs) -> Change:
     review = {"accept": "accepted", "reject": "rejected", "restore": ""}[edit.action]
     chosen = with_companions(lines_of(lines, edit.ids), lines)
     if edit.action == "reject":
         # What a person made of a dash or a top on its own stays
         own = np.isin(chosen.id, np.array(edit.ids))
         chosen = chosen.take(own | (chosen.review == ""))
-    return Change(edit.action, chosen, edited_words.reviewed(chosen, review))
+    return Change(edit.action, chosen, edited_words.with_review(chosen, review))
 
 
-def _deleted(edit: edits.Delete, lines: LineSet, _: Given) -> Change:
+def _deleted(edit: edits.DeleteLines, lines: LineSet, _: EditInputs) -> Change:
     chosen = with_companions(lines_of(lines, edit.ids), lines)
     return Change(edit.action, chosen, LineSet.empty(lines.crs))
 
 
-def _split(edit: edits.Split, lines: LineSet, _: Given) -> Change:
+def _split(edit: edits.SplitLine, lines: LineSet, _: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
-    return _edited(edit.action, line, edited_parts.split(line, np.array(edit.at)))
+    return _edited(edit.action, line, edited_parts.split_line(line, np.array(edit.at)))
 
 
-def _joined(edit: edits.Join, lines: LineSet, _: Given) -> Change:
+def _joined(edit: edits.JoinLines, lines: LineSet, _: EditInputs) -> Change:
     both = lines_of(lines, edit.ids)
     if len(both) != 2:
         raise UsageError("a line cannot be joined to itself", where="join", advice="choose two lines")
     others = lines.take((lines.review != "rejected") & ~np.isin(lines.id, both.id))
-    change = _edited(edit.action, both, edited_parts.joined(both.take([0]), both.take([1]), others))
+    change = _edited(edit.action, both, edited_parts.join_two_lines(both.take([0]), both.take([1]), others))
     tops = [with_companions(both.take([k]), others).of_kind("kerb_top") for k in (0, 1)]
     return with_tops(change, tops[0], tops[1])
 
 
-def _shaped(edit: edits.Shape, lines: LineSet, _: Given) -> Change:
+def _shaped(edit: edits.ReshapeLine, lines: LineSet, _: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
-    make = edited_smooth.smoothed if edit.action == "smooth" else edited.reversed_line
+    make = edited_smooth.smooth_by_sigmas if edit.action == "smooth" else edited.reversed_line
     return _edited(edit.action, line, make(line))
 
 
-def _dashed(edit: edits.Dashes, lines: LineSet, given: Given) -> Change:
-    return dashed(lines_of(lines, edit.ids), lines, given.spans)
+def _dashed(edit: edits.AddDashes, lines: LineSet, given: EditInputs) -> Change:
+    return dashes_change(lines_of(lines, edit.ids), lines, given.spans)
 
 
-def _as_kind(edit: edits.AsKind, lines: LineSet, _: Given) -> Change:
+def _as_kind(edit: edits.ChangeKind, lines: LineSet, _: EditInputs) -> Change:
     chosen = lines_of(lines, edit.ids)
     whole = with_companions(chosen, lines)
     # Dashes of what is no marking, and tops of what is no kerb, are nothing
     left = whole.take(~np.isin(whole.id, chosen.id) & (whole.kind != edit.kind))
     after = LineSet.concatenate(
         [
-            edited_words.reviewed(edited_words.as_kind(chosen, edit.kind), "edited"),
-            edited_words.reviewed(left, "rejected"),
+            edited_words.with_review(edited_words.with_kind(chosen, edit.kind), "edited"),
+            edited_words.with_review(left, "rejected"),
         ]
     )
     return Change(edit.action, LineSet.concatenate([chosen, left]), after)
 
 
-def _set(edit: edits.Set, lines: LineSet, _: Given) -> Change:
+def _set(edit: edits.SetAttribute, lines: LineSet, _: EditInputs) -> Change:
     chosen = lines_of(lines, edit.ids)
-    return _edited(edit.action, chosen, edited_words.with_word(chosen, edit.column, edit.value))
+    return _edited(edit.action, chosen, edited_words.with_attribute(chosen, edit.column, edit.value))
 
 
-def _vertex(edit: edits.Move | edits.Insert, lines: LineSet, given: Given) -> Change:
+def _vertex(edit: edits.MoveVertex | edits.InsertVertex, lines: LineSet, given: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
     (to,), (sigma_z_m,) = _placed(edit, given, line.xyz)
-    if isinstance(edit, edits.Move):
-        after = edited.moved(line, edit.vertex, to, sigma_z_m=sigma_z_m)
+    if isinstance(edit, edits.MoveVertex):
+        after = edited.move_vertex(line, edit.vertex, to, sigma_z_m=sigma_z_m)
     else:
-        after = edited.inserted(line, edit.after, to, sigma_z_m=sigma_z_m)
+        after = edited.insert_vertex(line, edit.after, to, sigma_z_m=sigma_z_m)
     return _edited(edit.action, line, after)
 
 
-def _removed(edit: edits.Remove, lines: LineSet, _: Given) -> Change:
+def _removed(edit: edits.RemoveVertex, lines: LineSet, _: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
-    return _edited(edit.action, line, edited.removed(line, edit.vertex))
+    return _edited(edit.action, line, edited.remove_vertex(line, edit.vertex))
 
 
-def _trimmed(edit: edits.Trim, lines: LineSet, _: Given) -> Change:
+def _trimmed(edit: edits.TrimLine, lines: LineSet, _: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
-    return _edited(edit.action, line, edited.trimmed(line, edit.first, edit.last))
+    return _edited(edit.action, line, edited.trim_to_vertices(line, edit.first, edit.last))
 
 
-def _drawn(edit: edits.Draw, lines: LineSet, given: Given) -> Change:
-    edited_words.check_kind(edit.kind)
+def _drawn(edit: edits.DrawLine, lines: LineSet, given: EditInputs) -> Change:
+    edited_words.check_line_kind(edit.kind)
     xyz, sigma_z = _placed(edit, given, None)
     if np.any(np.linalg.norm(np.diff(xyz, axis=0), axis=1) < edited.ONE_PLACE_M):
         raise UsageError("two vertices in a row are one place", where="draw", advice="leave one out")
     line = LineSet.from_lines([xyz], crs=lines.crs, kind=[edit.kind], method=["drawn"], sigma_z_m=sigma_z)
-    return Change(edit.action, LineSet.empty(lines.crs), edited_words.reviewed(line, "drawn"))
+    return Change(edit.action, LineSet.empty(lines.crs), edited_words.with_review(line, "drawn"))
 
 
-def _beside(edit: edits.Beside, lines: LineSet, given: Given) -> Change:
-    new = with_heights(beside(lines_of(lines, [edit.id]), edit.kind, np.array(edit.at)), given.heights)
+def _beside(edit: edits.DrawBeside, lines: LineSet, given: EditInputs) -> Change:
+    new = with_heights(line_beside(lines_of(lines, [edit.id]), edit.kind, np.array(edit.at)), given.heights)
     return replace(kept_change(lines, new, (0, len(new.xyz) - 1)), action=edit.action)
 
 
-def _hung(edit: edits.Wire, lines: LineSet, given: Given) -> Change:
+def _hung(edit: edits.DrawWire, lines: LineSet, given: EditInputs) -> Change:
     asked = np.array([len(place) == 2 for place in edit.xyz])
     if asked.any() and (len(given.heights) == 0 or np.isnan(given.heights[asked, 0]).any()):
         raise UsageError(
@@ -183,18 +183,18 @@ def _hung(edit: edits.Wire, lines: LineSet, given: Given) -> Change:
             where="wire",
             advice="click where points are, or in 3-D",
         )
-    new = wire(_placed(edit, given, None)[0], lines.crs)
-    return Change(edit.action, LineSet.empty(lines.crs), edited_words.reviewed(new, "drawn"))
+    new = wire_through(_placed(edit, given, None)[0], lines.crs)
+    return Change(edit.action, LineSet.empty(lines.crs), edited_words.with_review(new, "drawn"))
 
 
-def _kept(edit: edits.Keep, lines: LineSet, given: Given) -> Change:
+def _kept(edit: edits.KeepTrace, lines: LineSet, given: EditInputs) -> Change:
     if given.kept is None or len(given.kept) == 0:
         raise AbsentError("the followed line is gone", where="keep", advice="follow it again")
     continues = None if edit.continues is None else lines_of(lines, [edit.continues])
     return kept_change(lines, given.kept, (edit.first, edit.last), continues)
 
 
-def _dismissed(edit: edits.Dismiss, lines: LineSet, _: Given) -> Change:
+def _dismissed(edit: edits.DismissSuspect, lines: LineSet, _: EditInputs) -> Change:
     empty = LineSet.empty(lines.crs)
     return Change(f"{edit.action} {edit.key}", empty, empty)
 
@@ -205,7 +205,7 @@ def _edited(action: str, before: LineSet, after: LineSet) -> Change:
     return Change(action, before, replace(after, review=np.full(len(after), review)))
 
 
-def _placed(edit: EditOrder, given: Given, line: FloatArray | None) -> tuple[FloatArray, list[float]]:
+def _placed(edit: EditOrder, given: EditInputs, line: FloatArray | None) -> tuple[FloatArray, list[float]]:
     """Return the places of an edit (k, 3) with heights: as named, else as measured, else as the line has it there.
 
     Raises
@@ -213,7 +213,7 @@ def _placed(edit: EditOrder, given: Given, line: FloatArray | None) -> tuple[Flo
     UsageError
         There is no height.
     """
-    placed, sigmas, places = [], [], places_of(edit)
+    placed, sigmas, places = [], [], positions_of(edit)
     heights = given.heights if len(given.heights) else np.full((len(places), 2), np.nan)
     for place, (measured_m, sigma_m) in zip(places, heights.tolist(), strict=True):
         is_named = len(place) == 3
@@ -237,23 +237,23 @@ def _placed(edit: EditOrder, given: Given, line: FloatArray | None) -> tuple[Flo
 
 
 _MAKERS: dict[type, Callable[..., Change]] = {
-    edits.Review: _reviewed,
-    edits.Delete: _deleted,
-    edits.Split: _split,
-    edits.Join: _joined,
-    edits.Shape: _shaped,
-    edits.Dashes: _dashed,
-    edits.AsKind: _as_kind,
-    edits.Set: _set,
-    edits.Move: _vertex,
-    edits.Insert: _vertex,
-    edits.Remove: _removed,
-    edits.Trim: _trimmed,
-    edits.Draw: _drawn,
-    edits.Beside: _beside,
-    edits.Wire: _hung,
-    edits.Keep: _kept,
-    edits.Dismiss: _dismissed,
+    edits.ReviewLines: _reviewed,
+    edits.DeleteLines: _deleted,
+    edits.SplitLine: _split,
+    edits.JoinLines: _joined,
+    edits.ReshapeLine: _shaped,
+    edits.AddDashes: _dashed,
+    edits.ChangeKind: _as_kind,
+    edits.SetAttribute: _set,
+    edits.MoveVertex: _vertex,
+    edits.InsertVertex: _vertex,
+    edits.RemoveVertex: _removed,
+    edits.TrimLine: _trimmed,
+    edits.DrawLine: _drawn,
+    edits.DrawBeside: _beside,
+    edits.DrawWire: _hung,
+    edits.KeepTrace: _kept,
+    edits.DismissSuspect: _dismissed,
 }
 
 
@@ -269,7 +269,7 @@ def with_companions(chosen: LineSet, lines: LineSet) -> LineSet:
     for i in range(len(chosen)):
         kind = COMPANIONS.get(str(chosen.kind[i]), "")
         if kind:
-            box = _near(lines, chosen.line(i), BESIDE_M[kind])
+            box = _near(lines, chosen.line(i), COMPANION_BESIDE_M[kind])
             is_in[box[lies_beside(lines.take(box), chosen.line(i), kind)]] = True
     return lines.take(is_in)
 
@@ -293,20 +293,20 @@ def with_tops(change: Change, tops: LineSet, other_tops: LineSet) -> Change:
     _, i, k = min(pairs)
     before = [tops.take([i]), other_tops.take([k])]
     try:
-        top = joined(before[0], before[1], change.after)
+        top = join_two_lines(before[0], before[1], change.after)
     except UsageError:
         return change  # what does not fit stays as it is
     return Change(
         change.action,
         LineSet.concatenate([change.before, *before]),
-        LineSet.concatenate([change.after, reviewed(top, str(change.after.review[0]))]),
+        LineSet.concatenate([change.after, with_review(top, str(change.after.review[0]))]),
     )
 
 
 # The change that gives lines the dashes that they lack
 
 
-def dashed(chosen: LineSet, lines: LineSet, spans: Mapping[str, FloatArray]) -> Change:
+def dashes_change(chosen: LineSet, lines: LineSet, spans: Mapping[str, FloatArray]) -> Change:
     """Return the change that gives lines their dashes: by the paint along them, else by the rhythm of those there.
 
     Parameters
@@ -333,7 +333,7 @@ def dashed(chosen: LineSet, lines: LineSet, spans: Mapping[str, FloatArray]) -> 
             refused = refused or refusal
             continue
         before.append(gone)
-        after.append(reviewed(new, "drawn"))
+        after.append(with_review(new, "drawn"))
         if not line.pattern[0]:
             before.append(line)
             after.append(line.with_columns(pattern=np.array(["dashed"])))

@@ -6,17 +6,17 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linework.arrays import BoolArray, FloatArray, IntArray
-from linework.editing.edits.attributes import reviewed
-from linework.editing.edits.continued import SAME_M, Gap, continued
-from linework.editing.edits.split_join import joined
-from linework.editing.edits.vertices import trimmed
+from linework.editing.edits.attributes import with_review
+from linework.editing.edits.continued import SAME_LINE_M, Gap, continue_lines
+from linework.editing.edits.split_join import join_two_lines
+from linework.editing.edits.vertices import trim_to_vertices
 from linework.errors import UsageError
-from linework.methods.obb.trace import BESIDE_M, beside
+from linework.methods.obb.trace import COMPANION_BESIDE_M, companions_of
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 
 #: Lines are one with a followed line where they overlap it: no gap is closed unasked. [m]
-_OVERLAPPING = Gap(longest_m=SAME_M, off_deg=5.0, turn_deg=20.0)
+_OVERLAPPING = Gap(longest_m=SAME_LINE_M, off_deg=5.0, turn_deg=20.0)
 #: Wires of a line hang further apart than this. [m]
 SAME_WIRE_M = 0.2
 #: A line of which so much lies on another is that line, seen less well here and there: points and images differ.
@@ -48,7 +48,7 @@ def kept_change(
         bridged. Dashes and kerb tops beside what is kept come along where there are none yet.
     """
     first, last = span
-    one = trimmed(trace.take([0]), first, min(last, int(trace.offsets[1]) - 1)).with_columns(
+    one = trim_to_vertices(trace.take([0]), first, min(last, int(trace.offsets[1]) - 1)).with_columns(
         id=np.array([""])
     )
     gone: list[int] = []
@@ -59,7 +59,7 @@ def kept_change(
                 advice="follow the kind of the line",
             )  # fmt: skip
         others = lines.take((lines.review != "rejected") & (lines.id != continues.id[0]))
-        one = joined(continues, one, others)
+        one = join_two_lines(continues, one, others)
         gone += np.flatnonzero(lines.id == continues.id[0]).tolist()
     if str(one.kind[0]) == "cable":
         absorbed = _same_wire(one, lines)
@@ -67,9 +67,9 @@ def kept_change(
         one, absorbed = _grown(one, lines, gone)
     new = [one]
     gone += absorbed + _mistaken(one, lines)
-    for kind in BESIDE_M:
+    for kind in COMPANION_BESIDE_M:
         others = trace.of_kind(kind)
-        for k in beside(others, trace.line(0)[first : last + 1], kind).tolist() if len(others) else []:
+        for k in companions_of(others, trace.line(0)[first : last + 1], kind).tolist() if len(others) else []:
             companion = others.take([k]).with_columns(id=np.array([""]))
             if kind in _WHOLE_KINDS:
                 new += [] if _touching(companion, lines, gone).size else [companion]
@@ -77,7 +77,7 @@ def kept_change(
             companion, absorbed = _grown(companion, lines, gone)
             new, gone = [*new, companion], gone + absorbed
     before = lines.take(np.array(gone, dtype=np.int64))
-    return Change("keep", before, reviewed(LineSet.concatenate(new), "drawn"))
+    return Change("keep", before, with_review(LineSet.concatenate(new), "drawn"))
 
 
 def _same_wire(one: LineSet, lines: LineSet) -> list[int]:
@@ -110,7 +110,7 @@ def _grown(one: LineSet, lines: LineSet, gone: list[int]) -> tuple[LineSet, list
     absorbed: list[int] = []
     for k in _touching(one, lines, gone).tolist():
         other = lines.take([k])
-        whole = continued(one, other, _OVERLAPPING)
+        whole = continue_lines(one, other, _OVERLAPPING)
         if len(whole) > 1:
             whole = _longer(one, other)
         if len(whole) == 1:
@@ -132,7 +132,7 @@ def _longer(one: LineSet, other: LineSet) -> LineSet:
 def _touching(one: LineSet, lines: LineSet, gone: list[int]) -> IntArray:
     """Return which lines of a kind, not rejected and not `gone`, have a vertex on a line."""
     xy = one.xyz[:, :2]
-    low, high = xy.min(axis=0) - SAME_M, xy.max(axis=0) + SAME_M
+    low, high = xy.min(axis=0) - SAME_LINE_M, xy.max(axis=0) + SAME_LINE_M
     candidates = (lines.kind == one.kind[0]) & (lines.review != "rejected")
     candidates[gone] = False
     inside = np.all((lines.xyz[:, :2] >= low) & (lines.xyz[:, :2] <= high), axis=1)
@@ -148,5 +148,5 @@ def _is_on(places: FloatArray, line: FloatArray) -> BoolArray:
     size2 = np.maximum(np.sum(way * way, axis=1), 1e-12)
     for i, place in enumerate(places):
         share = np.clip(np.sum((place - a) * way, axis=1) / size2, 0.0, 1.0)
-        out[i] = float(np.hypot(*(place - a - share[:, None] * way).T).min()) <= SAME_M
+        out[i] = float(np.hypot(*(place - a - share[:, None] * way).T).min()) <= SAME_LINE_M
     return out

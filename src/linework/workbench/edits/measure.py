@@ -5,31 +5,31 @@ from __future__ import annotations
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.editing.edits.new_lines import beside
+from linework.editing.edits.new_lines import line_beside
 from linework.errors import UsageError
-from linework.workbench.edits.apply import Given, lines_of
+from linework.workbench.edits.apply import EditInputs, lines_of
 from linework.workbench.edits.orders import (
-    Beside,
-    Dashes,
-    Draw,
+    AddDashes,
+    DrawBeside,
+    DrawLine,
+    DrawWire,
     EditOrder,
-    Insert,
-    Keep,
-    Move,
-    Place,
-    Vertex,
-    Wire,
-    places_of,
+    InsertVertex,
+    KeepTrace,
+    MoveVertex,
+    PlanPosition,
+    SpacePosition,
+    positions_of,
 )
 from linework.workbench.following.traces import kept_trace
 from linework.workbench.review.queue import dash_spans
-from linework.workbench.server.bench import Bench
+from linework.workbench.server.bench import AppState
 from linework.workbench.views.heights import heights_at
 
 #: Lines may lead out of a survey, as wires do, by no more than scanners reach. [m]
-REACH_M = 300.0
+SURVEY_REACH_M = 300.0
 #: Heights of the earth's surface, and of what stands on it. [m]
-LOWEST_M, HIGHEST_M = -1_000.0, 10_000.0
+LOWEST_ON_EARTH_M, HIGHEST_ON_EARTH_M = -1_000.0, 10_000.0
 
 
 def check_reach(edit: EditOrder, bounds: tuple[float, float, float, float]) -> None:
@@ -41,23 +41,23 @@ def check_reach(edit: EditOrder, bounds: tuple[float, float, float, float]) -> N
         With how far away the first of them is.
     """
     west, south, east, north = bounds
-    for place in places_of(edit):
+    for place in positions_of(edit):
         away_m = max(west - place[0], place[0] - east, south - place[1], place[1] - north)
-        if away_m > REACH_M:
+        if away_m > SURVEY_REACH_M:
             raise UsageError(
-                f"the place is {away_m:.0f} m outside the survey, {REACH_M:.0f} m at most",
+                f"the place is {away_m:.0f} m outside the survey, {SURVEY_REACH_M:.0f} m at most",
                 where=edit.action,
                 advice="choose a place on the plan",
             )
-        if len(place) == 3 and not LOWEST_M <= place[-1] <= HIGHEST_M:
+        if len(place) == 3 and not LOWEST_ON_EARTH_M <= place[-1] <= HIGHEST_ON_EARTH_M:
             raise UsageError(
                 f"a height of {place[-1]:.0f} m is not on this planet",
                 where=edit.action,
-                advice=f"{LOWEST_M:.0f} to {HIGHEST_M:.0f} m",
+                advice=f"{LOWEST_ON_EARTH_M:.0f} to {HIGHEST_ON_EARTH_M:.0f} m",
             )
 
 
-async def given_for(edit: EditOrder, bench: Bench) -> Given:
+async def inputs_for(edit: EditOrder, bench: AppState) -> EditInputs:
     """Return what an edit needs; heights are measured where it names none.
 
     Raises
@@ -65,20 +65,20 @@ async def given_for(edit: EditOrder, bench: Bench) -> Given:
     AbsentError
         The line, or the followed line, is not there.
     """
-    if isinstance(edit, Keep):
-        return Given(kept=kept_trace(bench, edit.trace))
-    if isinstance(edit, Dashes):
-        return Given(spans=await _dash_spans(edit, bench))
-    if isinstance(edit, Beside):
-        places = beside(lines_of(bench.drawing.lines, [edit.id]), edit.kind, np.array(edit.at)).xyz
+    if isinstance(edit, KeepTrace):
+        return EditInputs(kept=kept_trace(bench, edit.trace))
+    if isinstance(edit, AddDashes):
+        return EditInputs(spans=await _dash_spans(edit, bench))
+    if isinstance(edit, DrawBeside):
+        places = line_beside(lines_of(bench.drawing.lines, [edit.id]), edit.kind, np.array(edit.at)).xyz
         heights = await bench.pictures.ask(heights_at, edit.kind, places.tolist())
-        return Given(heights=np.column_stack(heights))
-    if not isinstance(edit, Draw | Wire | Move | Insert):
-        return Given()
-    return Given(heights=await _heights(edit, bench))
+        return EditInputs(heights=np.column_stack(heights))
+    if not isinstance(edit, DrawLine | DrawWire | MoveVertex | InsertVertex):
+        return EditInputs()
+    return EditInputs(heights=await _heights(edit, bench))
 
 
-async def _dash_spans(edit: Dashes, bench: Bench) -> dict[str, FloatArray]:
+async def _dash_spans(edit: AddDashes, bench: AppState) -> dict[str, FloatArray]:
     """Return where the paint along lines shows dashes, by id."""
     chosen = lines_of(bench.drawing.lines, edit.ids)
     return {
@@ -87,12 +87,12 @@ async def _dash_spans(edit: Dashes, bench: Bench) -> dict[str, FloatArray]:
     }
 
 
-async def _heights(edit: Draw | Wire | Move | Insert, bench: Bench) -> FloatArray:
+async def _heights(edit: DrawLine | DrawWire | MoveVertex | InsertVertex, bench: AppState) -> FloatArray:
     """Return heights (k, 2) at the places of an edit that have none."""
-    places, kind, line = places_of(edit), "cable", np.zeros((0, 3))
-    if isinstance(edit, Draw):
+    places, kind, line = positions_of(edit), "cable", np.zeros((0, 3))
+    if isinstance(edit, DrawLine):
         kind = edit.kind
-    elif isinstance(edit, Move | Insert):
+    elif isinstance(edit, MoveVertex | InsertVertex):
         one = lines_of(bench.drawing.lines, [edit.id])
         kind, line = str(one.kind[0]), one.xyz
     heights = np.full((len(places), 2), np.nan)
@@ -103,7 +103,7 @@ async def _heights(edit: Draw | Wire | Move | Insert, bench: Bench) -> FloatArra
     return heights
 
 
-def _height_near(line: FloatArray, place: Place | Vertex) -> float:
+def _height_near(line: FloatArray, place: PlanPosition | SpacePosition) -> float:
     """Return how high a line is near a place: of several cables there, that one is meant."""
     if len(line) == 0:
         return float("nan")

@@ -8,24 +8,24 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Header
 
 from linework.errors import UsageError
-from linework.files.line_file.history import Entry
+from linework.files.line_file.history import HistoryEntry
 from linework.model.changes import Edit
 from linework.workbench.edits.apply import change_of
-from linework.workbench.edits.measure import check_reach, given_for
+from linework.workbench.edits.measure import check_reach, inputs_for
 from linework.workbench.edits.orders import ChangeOrder
-from linework.workbench.server.bench import Bench, bench_of
+from linework.workbench.server.bench import AppState, state_of_request
 from linework.workbench.server.documents import line_documents
 
-router = APIRouter(prefix="/api")
-Served = Annotated[Bench, Depends(bench_of)]
+edits_router = APIRouter(prefix="/api")
+EditState = Annotated[AppState, Depends(state_of_request)]
 #: Made by the page for each edit.
 Key = Annotated[str, Header(max_length=64, pattern="^[!-~]*$")]
 #: So many edits are shown of the history.
 MOST_SHOWN = 500
 
 
-@router.post("/changes")
-async def change(order: ChangeOrder, bench: Served, idempotency_key: Key = "") -> dict[str, Any]:
+@edits_router.post("/changes")
+async def save_edit(order: ChangeOrder, bench: EditState, idempotency_key: Key = "") -> dict[str, Any]:
     """Save an edit; when this answers it is on the disk, and all pages have been told.
 
     Whoever got no answer sends it again under the same key, and is told what was saved, once.
@@ -34,7 +34,7 @@ async def change(order: ChangeOrder, bench: Served, idempotency_key: Key = "") -
     if done is not None:
         return _document(bench, done)
     check_reach(order.edit, bench.facts.bounds)
-    given = await given_for(order.edit, bench)
+    given = await inputs_for(order.edit, bench)
 
     def save() -> Edit:
         made = change_of(order.edit, bench.drawing.lines, given)
@@ -43,8 +43,8 @@ async def change(order: ChangeOrder, bench: Served, idempotency_key: Key = "") -
     return _told(bench, await asyncio.to_thread(save))
 
 
-@router.post("/undo")
-async def undo(bench: Served) -> dict[str, Any]:
+@edits_router.post("/undo")
+async def undo_edit(bench: EditState) -> dict[str, Any]:
     """Take back the last edit."""
     edit = await asyncio.to_thread(lambda: bench.drawing.undo(who=bench.who))
     if edit is None:
@@ -52,8 +52,8 @@ async def undo(bench: Served) -> dict[str, Any]:
     return _told(bench, edit)
 
 
-@router.post("/redo")
-async def redo(bench: Served) -> dict[str, Any]:
+@edits_router.post("/redo")
+async def redo_edit(bench: EditState) -> dict[str, Any]:
     """Do again what was undone last."""
     edit = await asyncio.to_thread(lambda: bench.drawing.redo(who=bench.who))
     if edit is None:
@@ -61,8 +61,8 @@ async def redo(bench: Served) -> dict[str, Any]:
     return _told(bench, edit)
 
 
-@router.get("/history")
-async def history(bench: Served) -> list[dict[str, Any]]:
+@edits_router.get("/history")
+async def get_history(bench: EditState) -> list[dict[str, Any]]:
     """Return the last edits, the newest first."""
 
     def documents() -> list[dict[str, Any]]:
@@ -88,18 +88,18 @@ def changed_document(edit: Edit, *, can_undo: bool, can_redo: bool) -> dict[str,
     }
 
 
-def _told(bench: Bench, edit: Edit) -> dict[str, Any]:
+def _told(bench: AppState, edit: Edit) -> dict[str, Any]:
     """Tell all pages of an edit; return what they are told."""
     document = _document(bench, edit)
     bench.hub.tell({"type": "changed", **document})
     return document
 
 
-def _document(bench: Bench, edit: Edit) -> dict[str, Any]:
+def _document(bench: AppState, edit: Edit) -> dict[str, Any]:
     return changed_document(edit, can_undo=bench.drawing.can_undo, can_redo=bench.drawing.can_redo)
 
 
-def _record(entry: Entry, *, is_undone: bool) -> dict[str, Any]:
+def _record(entry: HistoryEntry, *, is_undone: bool) -> dict[str, Any]:
     return {
         "number": entry.number,
         "time_utc": entry.time_utc,

@@ -17,18 +17,18 @@ from linework.methods.obb.trace import PICK_M, TRACKED_AS
 from linework.methods.picked_edge.method import SIDES, EdgeStep
 from linework.model.lines import LineSet
 from linework.tracing.in_images import ImageTracer, TracedEdge
-from linework.tracing.trace import RefusedPickError, Trace, TracedLine, Tracer, check_kind
+from linework.tracing.trace import RefusedPickError, Trace, TracedLine, Tracer, check_pick_kind
 from linework.workbench.following.messages import (
-    Pick,
-    PickImage,
-    area_text,
-    grown_text,
-    refused_text,
-    seen_text,
-    stopped_text,
+    FollowPixel,
+    FollowPlace,
+    area_message,
+    growth_message,
+    refusal_message,
+    sighting_message,
+    stopped_message,
 )
 from linework.workbench.following.traces import KeptTrace
-from linework.workbench.worker.session import Table
+from linework.workbench.worker.session import SurveySession
 
 #: Said to a work: stop at the next step, and give what there is.
 INTERRUPT = "interrupt"
@@ -37,7 +37,7 @@ LEAST_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class FollowMessage:
     """What a work tells: the words for the page ("": none), and the line that the page knows then (None: as before)."""
 
     text: str
@@ -45,64 +45,64 @@ class Told:
 
 
 #: Told at steps that come too fast to be shown: somebody may stop it there.
-_NOTHING = Told("")
-Telling = Generator[Told, Any, None]
+_NOTHING = FollowMessage("")
+Telling = Generator[FollowMessage, Any, None]
 Step = TypeVar("Step")
 Found = TypeVar("Found")
 
 
-def follow_at_desk(table: Table, order: Pick, trace_id: str) -> Telling:
+def follow_in_worker(table: SurveySession, order: FollowPlace, trace_id: str) -> Telling:
     """Follow the line at a place, telling how it grows."""
-    yield Told(area_text(_area(order.at)))
+    yield FollowMessage(area_message(_area(order.at)))
     try:
-        check_kind(order.kind)
+        check_pick_kind(order.kind)
         toward = None if order.toward == order.at else order.toward
         steps = tracer_of(table).trace(order.at, kind=order.kind, toward=toward)
         found, is_interrupted = yield from _streamed(steps, lambda lines: _grown(trace_id, lines))
     except LineworkError as error:
-        yield Told(refused_text(error))
+        yield FollowMessage(refusal_message(error))
         return
     yield _stopped(trace_id, found, is_interrupted=is_interrupted)
 
 
-def bridge_at_desk(table: Table, trace: KeptTrace, end: int, trace_id: str) -> Telling:
+def bridge_in_worker(table: SurveySession, trace: KeptTrace, end: int, trace_id: str) -> Telling:
     """Follow a line on beyond the gap at its start (0) or its end (1), telling how it grows."""
     try:
         steps = tracer_of(table).bridge(trace.lines, end, trace.stops)
         found, is_interrupted = yield from _streamed(steps, lambda lines: _grown(trace_id, lines))
     except LineworkError as error:
-        yield Told(refused_text(error))
+        yield FollowMessage(refusal_message(error))
         # The line is what it was, and nobody need try again
         why = error.reason if isinstance(error, RefusedPickError) else error.problem
         stops = (why, trace.stops[1]) if end == 0 else (trace.stops[0], why)
         kept = KeptTrace(trace.lines, stops=stops)
-        yield Told(stopped_text(trace_id, kept, distance_m=0.0, is_interrupted=False), kept)
+        yield FollowMessage(stopped_message(trace_id, kept, distance_m=0.0, is_interrupted=False), kept)
         return
     yield _stopped(trace_id, found, is_interrupted=is_interrupted)
 
 
-def follow_image_at_desk(table: Table, order: PickImage, trace_id: str) -> Telling:
+def follow_image_in_worker(table: SurveySession, order: FollowPixel, trace_id: str) -> Telling:
     """Follow the edge at a pixel through the pairs, telling what each pair shows."""
     try:
         tracer = image_tracer_of(table)
 
-        def shown(step: EdgeStep) -> Generator[Told, Any, Any]:
+        def shown(step: EdgeStep) -> Generator[FollowMessage, Any, Any]:
             left, right = tracer.original(step)
-            yield Told(seen_text(trace_id, step.number, left, right))
+            yield FollowMessage(sighting_message(trace_id, step.number, left, right))
             return (yield _grown(trace_id, _course(step, order.kind), in_images=True))
 
         side = SIDES.index(order.side)
         steps = tracer.trace_pair(tracer.pair(order.pair), side, order.at_px, kind=order.kind)
         found, is_interrupted = yield from _streamed(steps, shown, least_s=0.0)
     except LineworkError as error:
-        yield Told(refused_text(error, in_image=True))
+        yield FollowMessage(refusal_message(error, in_image=True))
         return
     yield _stopped(trace_id, found, is_interrupted=is_interrupted)
 
 
 def _streamed(
     steps: Generator[Step, bool | None, Found], shown: Any, *, least_s: float = LEAST_S
-) -> Generator[Told, Any, tuple[Found, bool]]:
+) -> Generator[FollowMessage, Any, tuple[Found, bool]]:
     """Tell the steps of a trace as `shown`; return it whole, and whether somebody stopped it."""
     said: bool | None = None
     is_interrupted, told_s = False, -np.inf
@@ -114,7 +114,7 @@ def _streamed(
         said = None
         if time.monotonic() - told_s >= least_s:
             told = shown(step)
-            heard = (yield told) if isinstance(told, Told) else (yield from told)
+            heard = (yield told) if isinstance(told, FollowMessage) else (yield from told)
             told_s = time.monotonic()
         else:
             heard = yield _NOTHING
@@ -122,7 +122,7 @@ def _streamed(
             said = is_interrupted = True
 
 
-def tracer_of(table: Table) -> Tracer:
+def tracer_of(table: SurveySession) -> Tracer:
     """Return the survey's points as lines are picked in them.
 
     Raises
@@ -137,7 +137,7 @@ def tracer_of(table: Table) -> Tracer:
     return table.keep("tracer", lambda: Tracer(points, surface, table.settings))
 
 
-def image_tracer_of(table: Table) -> ImageTracer:
+def image_tracer_of(table: SurveySession) -> ImageTracer:
     """Return the survey's images as lines are picked in them.
 
     Raises
@@ -157,15 +157,15 @@ def _area(at: tuple[float, float]) -> FloatArray:
     return np.asarray(at) + PICK_M * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 
-def _grown(trace_id: str, lines: LineSet, *, in_images: bool = False) -> Told:
-    return Told(grown_text(trace_id, lines), KeptTrace(lines, in_images))
+def _grown(trace_id: str, lines: LineSet, *, in_images: bool = False) -> FollowMessage:
+    return FollowMessage(growth_message(trace_id, lines), KeptTrace(lines, in_images))
 
 
-def _stopped(trace_id: str, found: TracedLine | TracedEdge, *, is_interrupted: bool) -> Told:
+def _stopped(trace_id: str, found: TracedLine | TracedEdge, *, is_interrupted: bool) -> FollowMessage:
     trace = KeptTrace(found.lines, isinstance(found, TracedEdge), found.stops)
     distance_m = found.distance_m if isinstance(found, TracedLine) else 0.0
-    text = stopped_text(trace_id, trace, distance_m=distance_m, is_interrupted=is_interrupted)
-    return Told(text, trace)
+    text = stopped_message(trace_id, trace, distance_m=distance_m, is_interrupted=is_interrupted)
+    return FollowMessage(text, trace)
 
 
 def _course(step: EdgeStep, kind: str) -> LineSet:
@@ -183,7 +183,7 @@ _BESIDE_M = (-5.0, -1.75, 1.75, 5.0)
 _STEPS = 4
 
 
-def warm_at_desk(table: Table) -> Generator[None, Any, None]:
+def warm_up_in_worker(table: SurveySession) -> Generator[None, Any, None]:
     """Follow a line of each kind beside the van's way for a few steps; what is said to it ends it."""
     path = None if table.recordings.trajectory is None else table.recordings.trajectory.xyz
     if table.recordings.points is None or path is None or len(path) < 2:

@@ -10,42 +10,42 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from linework.arrays import FloatArray
 from linework.errors import LineworkError, UsageError
-from linework.methods.obb.trace import Stop
+from linework.methods.obb.trace import TraceStop
 from linework.model.lines import LineSet
 from linework.tracing.trace import RefusedPickError
 from linework.workbench.following.traces import KeptTrace
 from linework.workbench.server.documents import line_documents
-from linework.workbench.server.problems import problem_of
+from linework.workbench.server.problems import status_and_message
 
 #: Metres, in any CRS that has metres.
 _Metres = Annotated[float, Field(ge=-1e8, le=1e8, allow_inf_nan=False)]
 _Pixels = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
-Place = tuple[_Metres, _Metres]
-End = Literal["start", "end"]
+PickedPosition = tuple[_Metres, _Metres]
+LineEnd = Literal["start", "end"]
 
 
 class _Order(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Continued(_Order):
+class ContinuedLine(_Order):
     """A line of the drawing that goes on at one of its ends: it is joined when the followed one is kept."""
 
     id: str = Field(max_length=200)
-    end: End
+    end: LineEnd
 
 
-class Pick(_Order):
+class FollowPlace(_Order):
     """A place [m, world] on a line of a kind ("": any)."""
 
     type: Literal["pick"]
-    at: Place
+    at: PickedPosition
     kind: str = Field(default="", max_length=50)
-    toward: Place | None = None
-    continues: Continued | None = None
+    toward: PickedPosition | None = None
+    continues: ContinuedLine | None = None
 
 
-class PickImage(_Order):
+class FollowPixel(_Order):
     """A pixel (col, row) of an image as it was taken."""
 
     type: Literal["pick_image"]
@@ -55,25 +55,25 @@ class PickImage(_Order):
     kind: str = Field(default="", max_length=50)
 
 
-class Bridge(_Order):
+class FollowBridge(_Order):
     """On beyond the gap at an end of a followed line."""
 
     type: Literal["bridge"]
     trace: str = Field(max_length=50)
-    end: End
+    end: LineEnd
 
 
-class Interrupt(_Order):
+class StopFollowing(_Order):
     """Stop at the next step, and give what there is."""
 
     type: Literal["interrupt"]
 
 
-Order = Pick | PickImage | Bridge | Interrupt
-_ORDERS: TypeAdapter[Order] = TypeAdapter(Annotated[Order, Field(discriminator="type")])
+FollowOrder = FollowPlace | FollowPixel | FollowBridge | StopFollowing
+_ORDERS: TypeAdapter[FollowOrder] = TypeAdapter(Annotated[FollowOrder, Field(discriminator="type")])
 
 
-def order_of(text: str) -> Order:
+def order_of(text: str) -> FollowOrder:
     """Return an order.
 
     Raises
@@ -94,30 +94,30 @@ def order_of(text: str) -> Order:
 
 #: What can be done where a line ends: look for it beyond, or pick a place further on, which continues it.
 _CHOICES = {
-    Stop.FADED: ["bridge", "continue"],
-    Stop.END_OF_DATA: ["bridge", "continue"],
-    Stop.INTERRUPTED: ["bridge", "continue"],
-    Stop.RING: [],
+    TraceStop.FADED: ["bridge", "continue"],
+    TraceStop.END_OF_DATA: ["bridge", "continue"],
+    TraceStop.INTERRUPTED: ["bridge", "continue"],
+    TraceStop.RING: [],
 }
 
 
-def area_text(corners: FloatArray) -> str:
+def area_message(corners: FloatArray) -> str:
     """Say where a line has to pass: corners (4, 2) [m, world]."""
     return _text({"type": "area", "corners": np.round(corners, 3).tolist()})
 
 
-def grown_text(trace_id: str, lines: LineSet) -> str:
+def growth_message(trace_id: str, lines: LineSet) -> str:
     """Say how far a line has grown."""
     return _text({"type": "grown", "trace": trace_id, "lines": line_documents(lines)})
 
 
-def seen_text(trace_id: str, pair: int, left: FloatArray, right: FloatArray) -> str:
+def sighting_message(trace_id: str, pair: int, left: FloatArray, right: FloatArray) -> str:
     """Say where a pair shows a line: pixels (n, 2) in its images as they were taken."""
     document = {"type": "seen", "trace": trace_id, "pair": pair}
     return _text(document | {"left": np.round(left, 1).tolist(), "right": np.round(right, 1).tolist()})
 
 
-def stopped_text(trace_id: str, trace: KeptTrace, *, distance_m: float, is_interrupted: bool) -> str:
+def stopped_message(trace_id: str, trace: KeptTrace, *, distance_m: float, is_interrupted: bool) -> str:
     """Say that a line is whole, why it ends where it does, and what can be done there."""
     # Beyond a gap a line is looked for in points
     choices = [["continue"] if trace.in_images else choices_at(stop) for stop in trace.stops]
@@ -143,14 +143,14 @@ def choices_at(stop: str) -> list[str]:
     return next((choices for known, choices in _CHOICES.items() if str(known) == stop), ["continue"])
 
 
-def refused_text(error: LineworkError, *, in_image: bool = False) -> str:
+def refusal_message(error: LineworkError, *, in_image: bool = False) -> str:
     """Say why nothing is followed, what to do, and where it works instead."""
     document: dict[str, Any] = {"type": "refused", "works": None, "works_px": None}
     if isinstance(error, RefusedPickError):
         document |= {"reason": error.reason, "advice": error.advice}
         document["works_px" if in_image else "works"] = None if error.works is None else list(error.works)
     else:
-        document |= {"reason": problem_of(error)[1], "advice": ""}
+        document |= {"reason": status_and_message(error)[1], "advice": ""}
     return _text(document)
 
 

@@ -12,35 +12,35 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from linework.errors import LineworkError, UsageError
 from linework.workbench.following.follow import (
     INTERRUPT,
-    bridge_at_desk,
-    follow_at_desk,
-    follow_image_at_desk,
-    warm_at_desk,
+    bridge_in_worker,
+    follow_image_in_worker,
+    follow_in_worker,
+    warm_up_in_worker,
 )
 from linework.workbench.following.messages import (
-    Bridge,
-    Interrupt,
-    Order,
-    Pick,
+    FollowBridge,
+    FollowOrder,
+    FollowPlace,
+    StopFollowing,
     order_of,
-    refused_text,
-    stopped_text,
+    refusal_message,
+    stopped_message,
 )
-from linework.workbench.server.bench import Bench, bench_of_socket
+from linework.workbench.server.bench import AppState, state_of_socket
 
-router = APIRouter(prefix="/api")
+follow_router = APIRouter(prefix="/api")
 
 
-@router.websocket("/follow")
+@follow_router.websocket("/follow")
 async def follow_lines(socket: WebSocket) -> None:
     """Follow lines as the page orders (documents FollowOrder), and tell how they grow (FollowNews).
 
     A new order of a page leaves what it had ordered before; whatever another page had ordered is interrupted.
     """
-    bench = bench_of_socket(socket)
+    bench = state_of_socket(socket)
     await socket.accept()
     turn: asyncio.Task[None] | None = None
-    ordered: Order | None = None
+    ordered: FollowOrder | None = None
     begun = asyncio.Event()
     try:
         while True:
@@ -48,9 +48,9 @@ async def follow_lines(socket: WebSocket) -> None:
             try:
                 order = order_of(text)
             except UsageError as error:
-                await socket.send_text(refused_text(error))
+                await socket.send_text(refusal_message(error))
                 continue
-            if isinstance(order, Interrupt):
+            if isinstance(order, StopFollowing):
                 if turn is not None and not turn.done():
                     await _interrupted(bench, socket, turn, None if begun.is_set() else ordered)
                 continue
@@ -65,7 +65,7 @@ async def follow_lines(socket: WebSocket) -> None:
 
 
 async def _interrupted(
-    bench: Bench, socket: WebSocket, turn: asyncio.Task[None], waits: Order | None
+    bench: AppState, socket: WebSocket, turn: asyncio.Task[None], waits: FollowOrder | None
 ) -> None:
     """Interrupt a page's line at its next step; an order that still `waits` for the desk is dropped."""
     if waits is None:
@@ -73,17 +73,17 @@ async def _interrupted(
         return
     await _left(turn)
     with suppress(LineworkError):
-        await socket.send_text(not_begun(bench, waits))
+        await socket.send_text(dropped_order_message(bench, waits))
 
 
-async def _followed(bench: Bench, order: Order, socket: WebSocket, begun: asyncio.Event) -> None:
+async def _followed(bench: AppState, order: FollowOrder, socket: WebSocket, begun: asyncio.Event) -> None:
     """Do what is ordered and tell it; what cannot be done is told too."""
     try:
-        if isinstance(order, Bridge):
+        if isinstance(order, FollowBridge):
             bench.traces.get(order.trace)
-        await follow(bench, order, socket.send_text, begun)
+        await run_follow_order(bench, order, socket.send_text, begun)
     except LineworkError as error:
-        await socket.send_text(refused_text(error))
+        await socket.send_text(refusal_message(error))
 
 
 async def _left(turn: asyncio.Task[None] | None) -> None:
@@ -98,8 +98,8 @@ async def _left(turn: asyncio.Task[None] | None) -> None:
 # One turn at the tracing desk: a line is followed, its traces are kept, its growth is told
 
 
-async def follow(
-    bench: Bench, order: Order, tell: Callable[[str], Awaitable[None]], begun: asyncio.Event
+async def run_follow_order(
+    bench: AppState, order: FollowOrder, tell: Callable[[str], Awaitable[None]], begun: asyncio.Event
 ) -> None:
     """Do an order at the tracing desk as soon as that is free; what is done there now is interrupted.
 
@@ -127,17 +127,17 @@ async def follow(
                     await tell(told.text)
 
 
-def not_begun(bench: Bench, order: Order) -> str:
+def dropped_order_message(bench: AppState, order: FollowOrder) -> str:
     """Return what a page is told whose order is dropped before the desk is free: a line to bridge is as it was."""
-    if isinstance(order, Bridge):
+    if isinstance(order, FollowBridge):
         kept = bench.traces.get(order.trace)
-        return stopped_text(order.trace, kept, distance_m=0.0, is_interrupted=True)
-    return refused_text(
+        return stopped_message(order.trace, kept, distance_m=0.0, is_interrupted=True)
+    return refusal_message(
         UsageError("interrupted before it had begun", where="workbench", advice="click again")
     )
 
 
-async def warm(bench: Bench) -> None:
+async def warm_up_tracing(bench: AppState) -> None:
     """Follow some line at the tracing desk, so that the first click finds everything at hand; a click ends it.
 
     Raises
@@ -145,17 +145,17 @@ async def warm(bench: Bench) -> None:
     LineworkError
         The survey cannot be used.
     """
-    async with bench.tracing.doing(warm_at_desk) as steps:
+    async with bench.tracing.doing(warm_up_in_worker) as steps:
         with bench.traces.interruptible(lambda: steps.say(INTERRUPT)):
             async for _ in steps:
                 pass
 
 
-def _work_of(bench: Bench, order: Order) -> tuple[Callable[..., Any], tuple[Any, ...], str]:
+def _work_of(bench: AppState, order: FollowOrder) -> tuple[Callable[..., Any], tuple[Any, ...], str]:
     """Return the work of an order, what it is given, and the id of its trace."""
-    assert not isinstance(order, Interrupt)
-    if isinstance(order, Bridge):
+    assert not isinstance(order, StopFollowing)
+    if isinstance(order, FollowBridge):
         end = ("start", "end").index(order.end)
-        return bridge_at_desk, (bench.traces.get(order.trace), end), order.trace
-    work = follow_at_desk if isinstance(order, Pick) else follow_image_at_desk
+        return bridge_in_worker, (bench.traces.get(order.trace), end), order.trace
+    work = follow_in_worker if isinstance(order, FollowPlace) else follow_image_in_worker
     return work, (order,), bench.traces.new_id()

@@ -12,7 +12,7 @@ from linework.errors import UsageError
 from linework.model.lines import LineSet
 
 if TYPE_CHECKING:
-    from linework.workbench.server.bench import Bench
+    from linework.workbench.server.bench import AppState
 
 #: So many traces can still be saved: those of all pages that are open, and some before them.
 MOST_KEPT = 32
@@ -83,7 +83,7 @@ class KeptTraces:
             self._stop()
 
 
-def kept_trace(bench: Bench, trace_id: str) -> LineSet:
+def kept_trace(bench: AppState, trace_id: str) -> LineSet:
     """Return a followed line as a page has last been told of it: the line first, then what runs beside it.
 
     Raises

@@ -18,8 +18,8 @@ from linework.model.lines import LineSet
 from linework.runs.opened.recordings import opened_recordings
 from linework.runs.opened.store import executor_for, usable_cores
 from linework.runs.opened.work_folder import RUNS
-from linework.runs.steps import Steps
-from linework.workbench.worker.session import Table
+from linework.runs.steps import RunSteps
+from linework.workbench.worker.session import SurveySession
 
 #: Told so often: five times a second moves smoothly. [s]
 _TELL_S = 0.2
@@ -30,7 +30,7 @@ _NICE = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class JobRequest:
     """What a job is to find.
 
     Parameters
@@ -47,7 +47,7 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class JobResult:
     """What a job found.
 
     Parameters
@@ -65,21 +65,21 @@ class Found:
     message: str
 
 
-def extract_at_desk(table: Table, asked: Asked) -> str:
+def extract_in_worker(table: SurveySession, asked: JobRequest) -> str:
     """Extract the lines of the survey and return their report, HTML.
 
-    Told are (step, done, total, unit), up to five times a second, and `Found` before the report is written.
+    Told are (step, done, total, unit), up to five times a second, and `JobResult` before the report is written.
 
     Notes
     -----
     The lines are published in the work folder, so that a run that was killed goes on where it was when the same is
-    asked for again. `forget` removes them.
+    asked for again. `discard_job_lines` removes them.
     """
     # Here and not above: the server names this work, and has no use for what it needs
     from linework.evaluation.report.page import extraction_report
     from linework.files.vectors.read_write import read_lines
-    from linework.runs.extract import asked_order, extract_to
-    from linework.runs.record import what_is_missing
+    from linework.runs.extract import extract_to, extraction_request
+    from linework.runs.record import missing_summary
 
     os.nice(_NICE)
     survey, settings = table.survey, table.settings
@@ -87,7 +87,7 @@ def extract_at_desk(table: Table, asked: Asked) -> str:
     n_workers = max(usable_cores() - 1, 1)
     with contextlib.ExitStack() as held:
         teller = held.enter_context(_teller(table.tell))
-        steps = Steps(teller)
+        steps = RunSteps(teller)
         executor = held.enter_context(executor_for(survey, n_workers, settings))
         recordings = held.enter_context(
             opened_recordings(
@@ -101,7 +101,7 @@ def extract_at_desk(table: Table, asked: Asked) -> str:
         output = _folder(table.work, asked) / "lines.gpkg"
 
         def extracted(*, resume: bool) -> dict[str, Any]:
-            order = asked_order(
+            order = extraction_request(
                 output, recordings.survey, asked.kinds, asked.method, settings,
                 crs=table.order.crs, overwrite=True, resume=resume,
             )  # fmt: skip
@@ -112,17 +112,17 @@ def extract_at_desk(table: Table, asked: Asked) -> str:
         except UsageError:  # begun with other files, other settings or another version
             record = extracted(resume=False)
         lines = read_lines(output)
-        teller.tell(Found(lines=lines, counts=record["counts"]["lines"], message=what_is_missing(record)))
+        teller.tell(JobResult(lines=lines, counts=record["counts"]["lines"], message=missing_summary(record)))
         with steps.step("write report"):
             return extraction_report(lines, recordings, record)
 
 
-def forget(work: Path, asked: Asked) -> None:
+def discard_job_lines(work: Path, asked: JobRequest) -> None:
     """Remove the lines of a job from the work folder."""
     shutil.rmtree(_folder(work, asked), ignore_errors=True)
 
 
-def _folder(work: Path, asked: Asked) -> Path:
+def _folder(work: Path, asked: JobRequest) -> Path:
     said = "\n".join((asked.name, asked.method, *asked.kinds))
     return work / RUNS / f"workbench-{hashlib.sha256(said.encode()).hexdigest()[:16]}"
 

@@ -15,10 +15,10 @@ from linework.editing.queue.carried_over import extraction_change
 from linework.errors import AbsentError, LineworkError, OutputExistsError, StaleError
 from linework.model.changes import Change, Edit
 from linework.workbench.edits.routes import changed_document
-from linework.workbench.jobs.extract import Asked, Found, extract_at_desk, forget
-from linework.workbench.server.bench import Bench
-from linework.workbench.server.problems import problem_of
-from linework.workbench.worker.conversation import Desk
+from linework.workbench.jobs.extract import JobRequest, JobResult, discard_job_lines, extract_in_worker
+from linework.workbench.server.bench import AppState
+from linework.workbench.server.problems import status_and_message
+from linework.workbench.worker.conversation import SurveyWorker
 
 #: Jobs that are remembered, and reports: some megabytes each, in memory, so that there is no file to clear away.
 _MOST_JOBS, _MOST_REPORTS = 20, 3
@@ -65,11 +65,11 @@ class Job:
 class Jobs:
     """The jobs of a bench. Every change of a job is told to all pages."""
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: AppState) -> None:
         self._bench = bench
         self._jobs: dict[str, Job] = {}
         self._reports: dict[str, str] = {}
-        self._desk: Desk | None = None
+        self._desk: SurveyWorker | None = None
         self._task: asyncio.Task[None] | None = None
 
     @property
@@ -101,7 +101,7 @@ class Jobs:
             raise AbsentError("there is no such report, or it is no longer kept")
         return self._reports[name]
 
-    def start(self, asked: Asked) -> Job:
+    def start(self, asked: JobRequest) -> Job:
         """Begin a job.
 
         Raises
@@ -115,7 +115,7 @@ class Jobs:
         self._jobs[job.id] = job
         for old in list(self._jobs)[:-_MOST_JOBS]:
             del self._jobs[old]
-        self._desk = Desk(self._bench.order)
+        self._desk = SurveyWorker(self._bench.order)
         asked = replace(asked, name=str(self._bench.drawing.path))
         self._task = asyncio.create_task(self._run(job.id, asked, self._desk))
         return job
@@ -132,7 +132,7 @@ class Jobs:
                 self._tell(name, state="cancelled")
         return self._jobs[name]
 
-    async def _run(self, name: str, asked: Asked, desk: Desk) -> None:
+    async def _run(self, name: str, asked: JobRequest, desk: SurveyWorker) -> None:
         began = time.monotonic()
 
         def end(state: str, message: str, **more: Any) -> None:
@@ -145,7 +145,7 @@ class Jobs:
             is_saved = self._jobs[name].counts is not None
             end("done" if is_saved else "cancelled", "ended before its report was written" * is_saved)
         except LineworkError as error:
-            end("failed", problem_of(error)[1])
+            end("failed", status_and_message(error)[1])
         except Exception:
             end("failed", _FAULT)
         else:
@@ -154,12 +154,12 @@ class Jobs:
         finally:
             desk.kill()
 
-    async def _worked(self, name: str, asked: Asked, desk: Desk) -> str:
+    async def _worked(self, name: str, asked: JobRequest, desk: SurveyWorker) -> str:
         """Save what the job's process finds, telling how far it is; return its report."""
         step, began = "", time.monotonic()
-        async with desk.doing(extract_at_desk, asked) as steps:
+        async with desk.doing(extract_in_worker, asked) as steps:
             async for told in steps:
-                if isinstance(told, Found):
+                if isinstance(told, JobResult):
                     await self._take(name, asked, told)
                     continue
                 now, done, total, unit = told
@@ -176,7 +176,7 @@ class Jobs:
             del self._reports[old]
             self._tell(old, report=False)
 
-    async def _take(self, name: str, asked: Asked, found: Found) -> None:
+    async def _take(self, name: str, asked: JobRequest, found: JobResult) -> None:
         """Save what was found; a job that is cancelled meanwhile ends when that is done."""
         saving = asyncio.ensure_future(self._saved(found, asked))
         try:
@@ -188,14 +188,14 @@ class Jobs:
             if saving.done() and saving.exception() is None:
                 self._tell(name, counts=found.counts, message=found.message)
 
-    async def _saved(self, found: Found, asked: Asked) -> None:
+    async def _saved(self, found: JobResult, asked: JobRequest) -> None:
         """Save what was found as one change; if a person was quicker, once more with what they left."""
         is_saved = False
         while not is_saved:
             with contextlib.suppress(StaleError):
-                await save_found(self._bench, found)
+                await save_job_result(self._bench, found)
                 is_saved = True
-        await asyncio.to_thread(forget, Path(self._bench.facts.work), asked)
+        await asyncio.to_thread(discard_job_lines, Path(self._bench.facts.work), asked)
 
     def _tell(self, name: str, **changes: Any) -> None:
         """Note how a job has changed, and tell all pages."""
@@ -211,7 +211,7 @@ class Jobs:
 _MOST_TOLD = 20_000
 
 
-async def save_found(bench: Bench, found: Found) -> None:
+async def save_job_result(bench: AppState, found: JobResult) -> None:
     """Save what was found, and tell all pages; where it is what is there already, nothing is saved.
 
     Raises
@@ -226,12 +226,12 @@ async def save_found(bench: Bench, found: Found) -> None:
         bench.hub.tell(await asyncio.to_thread(_told, bench, edit))
 
 
-def _change(bench: Bench, found: Found) -> Change:
+def _change(bench: AppState, found: JobResult) -> Change:
     """Return the change to the drawing as it is now: what people accepted, rejected, edited or drew stays."""
     return extraction_change(bench.drawing.lines, found.lines, list(found.counts), bench.drawing.judged)
 
 
-def _told(bench: Bench, edit: Edit) -> dict[str, Any]:
+def _told(bench: AppState, edit: Edit) -> dict[str, Any]:
     if len(edit.change.after.xyz) > _MOST_TOLD:
         return {"type": "behind"}
     can = {"can_undo": bench.drawing.can_undo, "can_redo": bench.drawing.can_redo}

@@ -12,19 +12,19 @@ from scipy.spatial import cKDTree
 
 from linework.arrays import FloatArray
 from linework.editing.edits.dashes import dashes_in_paint
-from linework.editing.queue.gaps import gaps
-from linework.editing.queue.suspects import Suspect, loose_wires, missing_dashes, ranked, unsure_lines
-from linework.files.line_file.file import DrawingFile
-from linework.files.line_file.history import Entry
-from linework.lines.along import Way
+from linework.editing.queue.gaps import gap_suspects
+from linework.editing.queue.suspects import Suspect, loose_wires, missing_dashes, rank_suspects, unsure_lines
+from linework.files.line_file.file import LineFile
+from linework.files.line_file.history import HistoryEntry
+from linework.lines.along import DrivenPath
 from linework.methods.protocol import Sight
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.runs.opened.sight import SurveySight
-from linework.workbench.server.bench import Bench, bench_of
+from linework.workbench.server.bench import AppState, state_of_request
 from linework.workbench.views.patches import PatchReader
 from linework.workbench.views.tiles import patch_reader
-from linework.workbench.worker.session import Table
+from linework.workbench.worker.session import SurveySession
 
 #: What the action of an edit begins with that says that there is nothing to do.
 DISMISS = "dismiss "
@@ -41,7 +41,7 @@ class ReviewQueue:
         Finds it, away from the server's loop.
     """
 
-    def __init__(self, drawing: DrawingFile, find: Callable[[LineSet], Awaitable[Sequence[Suspect]]]) -> None:
+    def __init__(self, drawing: LineFile, find: Callable[[LineSet], Awaitable[Sequence[Suspect]]]) -> None:
         self._drawing, self._find = drawing, find
         self._turn = asyncio.Lock()
         self._revision = -1
@@ -68,7 +68,7 @@ class Dismissed:
         self._read = 0
         self._keys: dict[int, str] = {}
 
-    def keys(self, drawing: DrawingFile) -> frozenset[str]:
+    def keys(self, drawing: LineFile) -> frozenset[str]:
         """Return the keys that are dismissed now."""
         revision = drawing.revision
         self._keys |= _dismissals(drawing.entries(revision - self._read) if revision > self._read else ())
@@ -77,7 +77,7 @@ class Dismissed:
         return frozenset(key for number, key in self._keys.items() if number not in undone)
 
 
-def _dismissals(entries: Iterable[Entry]) -> dict[int, str]:
+def _dismissals(entries: Iterable[HistoryEntry]) -> dict[int, str]:
     return {
         entry.number: entry.action.removeprefix(DISMISS)
         for entry in entries
@@ -117,7 +117,7 @@ def _proposal(suspect: Suspect) -> dict[str, Any] | None:
 # What is worth a look, found at the desk that has the survey: the van's way, and what was measured
 
 
-def suspects_at_desk(table: Table, lines: LineSet) -> list[Suspect]:
+def suspects_in_worker(table: SurveySession, lines: LineSet) -> list[Suspect]:
     """Return what is worth a look in the lines of the survey, in order."""
     way = table.keep("way", lambda: _way(table))
     sight = table.keep("sight", lambda: _sight(table))
@@ -126,25 +126,25 @@ def suspects_at_desk(table: Table, lines: LineSet) -> list[Suspect]:
 
 
 def suspects(
-    lines: LineSet, way: Way, seen: Sight, paint: Mapping[str, FloatArray] | None = None
+    lines: LineSet, way: DrivenPath, seen: Sight, paint: Mapping[str, FloatArray] | None = None
 ) -> list[Suspect]:
     """Return what is worth a look, in order; rejected lines are no lines here."""
     there = lines.take(lines.review != "rejected")
     found = [
         *unsure_lines(there, way),
-        *gaps(there, way, seen),
+        *gap_suspects(there, way, seen),
         *loose_wires(there),
         *missing_dashes(there, paint),
     ]
-    return ranked(found)
+    return rank_suspects(found)
 
 
-def _way(table: Table) -> Way:
+def _way(table: SurveySession) -> DrivenPath:
     trajectory = table.recordings.trajectory
-    return Way.of(np.zeros((0, 3)) if trajectory is None else trajectory.xyz)
+    return DrivenPath.of(np.zeros((0, 3)) if trajectory is None else trajectory.xyz)
 
 
-def _sight(table: Table) -> Sight:
+def _sight(table: SurveySession) -> Sight:
     """Return where ground was measured; in a survey of images alone, everywhere along the way."""
     surface = table.surface
     return SurveySight(surface) if surface is not None else _everywhere
@@ -156,16 +156,18 @@ def _everywhere(xy: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_
 
 # Routes of the workbench: the review queue
 
-router = APIRouter(prefix="/api")
+review_router = APIRouter(prefix="/api")
 
 
-@router.get("/queue")
-async def queue(request: Request, bench: Annotated[Bench, Depends(bench_of)]) -> list[dict[str, Any]]:
+@review_router.get("/queue")
+async def get_queue(
+    request: Request, bench: Annotated[AppState, Depends(state_of_request)]
+) -> list[dict[str, Any]]:
     """Return what is worth a look, the most promising first."""
     kept: ReviewQueue | None = getattr(request.app.state, "queue", None)
     if kept is None:
         kept = request.app.state.queue = ReviewQueue(
-            bench.drawing, lambda lines: bench.pictures.ask(suspects_at_desk, lines)
+            bench.drawing, lambda lines: bench.pictures.ask(suspects_in_worker, lines)
         )
     return await kept.documents()
 
@@ -173,7 +175,7 @@ async def queue(request: Request, bench: Annotated[Bench, Depends(bench_of)]) ->
 # A work of the desk of pictures: how bright the points along a line are
 
 #: Stations along a line. [m]
-STEP_M = 0.1
+BRIGHTNESS_STATION_M = 0.1
 #: Points this near to a line are on it: a stripe's half width, or the least where it is not known. [m]
 LEAST_HALF_M = 0.06
 #: Points this near to the road lie on it. [m]
@@ -185,7 +187,7 @@ _PIECE = 320
 MOST_NEW_M = 2000.0
 
 
-def paint_along(table: Table, xyz: FloatArray, width_m: float) -> tuple[FloatArray, FloatArray]:
+def brightness_along(table: SurveySession, xyz: FloatArray, width_m: float) -> tuple[FloatArray, FloatArray]:
     """Return the mean brightness (asphalt: 1) of the points at stations along a line, and how many they are.
 
     Parameters
@@ -198,11 +200,11 @@ def paint_along(table: Table, xyz: FloatArray, width_m: float) -> tuple[FloatArr
     Returns
     -------
     brightness, weight
-        (k,) every `STEP_M`; brightness 0 where weight is.
+        (k,) every `BRIGHTNESS_STATION_M`; brightness 0 where weight is.
     """
     half_m = float(np.fmax(0.5 * width_m, LEAST_HALF_M))
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
-    at = (np.arange(max(int(along[-1] / STEP_M), 1)) + 0.5) * STEP_M
+    at = (np.arange(max(int(along[-1] / BRIGHTNESS_STATION_M), 1)) + 0.5) * BRIGHTNESS_STATION_M
     places = np.stack([np.interp(at, along, column) for column in xyz[:, :2].T], axis=1)
     total, count = np.zeros(len(at)), np.zeros(len(at))
     reader = patch_reader(table)
@@ -225,7 +227,7 @@ def _along_piece(reader: PatchReader, places: FloatArray, half_m: float) -> tupl
         chosen = np.flatnonzero(near)
         distance, k = tree.query(
             np.stack([east[chosen], north[chosen]], axis=1),
-            distance_upper_bound=float(np.hypot(half_m, 0.5 * STEP_M)),
+            distance_upper_bound=float(np.hypot(half_m, 0.5 * BRIGHTNESS_STATION_M)),
         )
         on = np.isfinite(distance)
         bright = np.minimum(patch.intensity[chosen[on]] / 1000.0, _BRIGHTEST)
@@ -234,9 +236,9 @@ def _along_piece(reader: PatchReader, places: FloatArray, half_m: float) -> tupl
     return total, count
 
 
-def dash_spans(table: Table, xyz: FloatArray, width_m: float) -> FloatArray:
+def dash_spans(table: SurveySession, xyz: FloatArray, width_m: float) -> FloatArray:
     """Return where along a line (n, 3) the paint shows dashes, as `dashes_in_paint` does."""
-    return dashes_in_paint(STEP_M, *paint_along(table, xyz, width_m))
+    return dashes_in_paint(BRIGHTNESS_STATION_M, *brightness_along(table, xyz, width_m))
 
 
 class PaintOfLines:
@@ -245,7 +247,7 @@ class PaintOfLines:
     def __init__(self) -> None:
         self._spans: dict[int, FloatArray] = {}
 
-    def of(self, table: Table, lines: LineSet) -> dict[str, FloatArray]:
+    def of(self, table: SurveySession, lines: LineSet) -> dict[str, FloatArray]:
         """Return it by id, of markings that nobody rejected, as far as is known now.
 
         Each time some more is measured, `MOST_NEW_M` at most: pictures wait meanwhile.

@@ -13,21 +13,21 @@ from linework.workbench.following import routes as routes_follow
 from linework.workbench.jobs import routes as routes_jobs
 from linework.workbench.review import queue as routes_review
 from linework.workbench.server import routes as routes_survey
-from linework.workbench.server.bench import Bench
-from linework.workbench.server.problems import PROBLEMS, problem_document, problem_of
+from linework.workbench.server.bench import AppState
+from linework.workbench.server.problems import PROBLEMS, problem_document, status_and_message
 from linework.workbench.views import routes as routes_pairs
 from linework.workbench.views import routes as routes_pictures
 
 ROUTERS = (
-    routes_survey.router, routes_pictures.router, routes_edits.router, routes_review.router,
-    routes_follow.router, routes_pairs.router, routes_jobs.router,
+    routes_survey.survey_router, routes_pictures.views_router, routes_edits.edits_router, routes_review.review_router,
+    routes_follow.follow_router, routes_pairs.views_router, routes_jobs.jobs_router,
 )  # fmt: skip
 
 #: Said of a fault of ours: what it is is in the log, which does not go to the page.
 FAULT = "a fault of linework, not of your data; the log is saved, linework serve says where"
 
 
-def create_app(bench: Bench) -> FastAPI:
+def create_app(bench: AppState) -> FastAPI:
     """Return the application that serves a bench; who may ask it is for `guard.Guard` to say."""
     app = FastAPI(
         title="linework workbench", docs_url=None, redoc_url=None, openapi_url="/api/openapi.json",
@@ -46,7 +46,7 @@ def create_app(bench: Bench) -> FastAPI:
 async def _own(_request: Request, error: Exception) -> JSONResponse:
     """Answer what was raised on purpose."""
     assert isinstance(error, LineworkError)
-    status, line = problem_of(error)
+    status, line = status_and_message(error)
     return JSONResponse(problem_document(line, status), status)
 
 

@@ -10,9 +10,9 @@ from typing import Any
 
 from fastapi import Request, WebSocket
 
-from linework.files.line_file.file import DrawingFile
+from linework.files.line_file.file import LineFile
 from linework.workbench.following.traces import KeptTraces
-from linework.workbench.worker.conversation import Desk
+from linework.workbench.worker.conversation import SurveyWorker
 from linework.workbench.worker.open import SurveyFacts
 from linework.workbench.worker.session import SurveyOrder
 
@@ -22,7 +22,7 @@ from linework.workbench.worker.session import SurveyOrder
 MOST_WAITING = 1000
 
 
-class Hub:
+class Broadcaster:
     """Tells messages (plain values that become JSON) to all listeners."""
 
     def __init__(self) -> None:
@@ -48,7 +48,7 @@ class Hub:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bench:
+class AppState:
     """One survey on the workbench.
 
     Parameters
@@ -71,21 +71,21 @@ class Bench:
 
     order: SurveyOrder
     facts: SurveyFacts
-    drawing: DrawingFile
-    pictures: Desk
-    tracing: Desk
-    hub: Hub = field(default_factory=Hub)
+    drawing: LineFile
+    pictures: SurveyWorker
+    tracing: SurveyWorker
+    hub: Broadcaster = field(default_factory=Broadcaster)
     traces: KeptTraces = field(default_factory=KeptTraces)
     who: str = ""
 
 
-def bench_of(request: Request) -> Bench:
+def state_of_request(request: Request) -> AppState:
     """Return the bench of a request (for ``Depends``)."""
-    bench: Bench = request.app.state.bench
+    bench: AppState = request.app.state.bench
     return bench
 
 
-def bench_of_socket(socket: WebSocket) -> Bench:
+def state_of_socket(socket: WebSocket) -> AppState:
     """Return the bench of a WebSocket."""
-    bench: Bench = socket.app.state.bench
+    bench: AppState = socket.app.state.bench
     return bench

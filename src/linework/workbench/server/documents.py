@@ -28,18 +28,18 @@ def line_documents(lines: LineSet) -> list[dict[str, Any]]:
     documents = []
     for i in range(len(lines)):
         part = slice(int(lines.offsets[i]), int(lines.offsets[i + 1]))
-        document: dict[str, Any] = {name: plain(getattr(lines, name)[i]) for name in LINE_COLUMNS}
+        document: dict[str, Any] = {name: to_plain_value(getattr(lines, name)[i]) for name in LINE_COLUMNS}
         document["xyz"] = np.round(lines.xyz[part], _DECIMALS).tolist()
         document["sigma_xy_m"] = _numbers(lines.sigma_xy_m[part])
         document["sigma_z_m"] = _numbers(lines.sigma_z_m[part])
-        document["bridged"] = runs(lines.bridged[part])
+        document["bridged"] = run_bounds(lines.bridged[part])
         document["length_m"] = round(float(length_m[i]), _DECIMALS)
         document["bridged_m"] = round(float(bridged_m[i]), _DECIMALS)
         documents.append(document)
     return documents
 
 
-def plain(value: Any) -> Any:
+def to_plain_value(value: Any) -> Any:
     """Return a numpy scalar as a plain value, NaN as None."""
     if isinstance(value, np.bool_ | bool):
         return bool(value)
@@ -48,7 +48,7 @@ def plain(value: Any) -> Any:
     return str(value)
 
 
-def runs(flags: BoolArray) -> list[list[int]]:
+def run_bounds(flags: BoolArray) -> list[list[int]]:
     """Return [first, last] of every run of True.
 
     >>> runs(np.array([True, False, True, True]))

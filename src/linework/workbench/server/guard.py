@@ -73,15 +73,15 @@ class Guard:
         if answer is None:
             try:
                 check_body_headers(headers)
-                body = await whole_body(receive)
+                body = await read_body(receive)
                 if body:
                     check_json(body)
-                receive = replayed(body, receive)
+                receive = replay_body(body, receive)
             except BodyError as error:
                 answer = _refused(error.status, error.problem)
         if answer is not None:
             if body is None:
-                await drained(headers, receive)
+                await drain_body(headers, receive)
             await answer(scope, receive, send)
             return
         kept = [(name, value) for name, value in scope["headers"] if name not in _DROPPED]
@@ -159,7 +159,7 @@ def _refused(status: int, problem: str) -> Response:
 # What is sent to the server: JSON, so much of it, in so much time
 
 #: A line of ten thousand vertices is half of it.
-MOST_BYTES = 1 << 20
+MOST_BODY_BYTES = 1 << 20
 #: From the head of a request to the end of its body, on the same machine. [s]
 MOST_S = 10.0
 #: Of a body that is refused so much is read, in so much time, before the answer: closed with something unread, the
@@ -187,8 +187,8 @@ def check_body_headers(headers: Mapping[str, str]) -> None:
     has_body = "transfer-encoding" in headers or length != "0"
     if not length.isascii() or not length.isdigit():
         raise BodyError(400, "the length of the body is not a number")
-    if int(length[:20]) > MOST_BYTES:
-        raise BodyError(413, f"the body is longer than {MOST_BYTES:,} bytes")
+    if int(length[:20]) > MOST_BODY_BYTES:
+        raise BodyError(413, f"the body is longer than {MOST_BODY_BYTES:,} bytes")
     if headers.get("content-encoding", "identity").lower() != "identity":
         raise BodyError(415, "packed bodies are not taken: send plain JSON")
     content_type = headers.get("content-type", "").partition(";")[0].strip().lower()
@@ -196,7 +196,7 @@ def check_body_headers(headers: Mapping[str, str]) -> None:
         raise BodyError(415, "only bodies of the type application/json are taken")
 
 
-async def whole_body(receive: Receive) -> bytes:
+async def read_body(receive: Receive) -> bytes:
     """Return the body of a request, read to its end.
 
     Raises
@@ -215,15 +215,15 @@ async def whole_body(receive: Receive) -> bytes:
                 part = message.get("body", b"")
                 parts.append(part)
                 n_bytes += len(part)
-                if n_bytes > MOST_BYTES:
-                    raise BodyError(413, f"the body is longer than {MOST_BYTES:,} bytes")
+                if n_bytes > MOST_BODY_BYTES:
+                    raise BodyError(413, f"the body is longer than {MOST_BODY_BYTES:,} bytes")
                 if not message.get("more_body", False):
                     return b"".join(parts)
     except TimeoutError:
         raise BodyError(408, f"the body took longer than {MOST_S:.0f} s") from None
 
 
-async def drained(headers: Mapping[str, str], receive: Receive) -> None:
+async def drain_body(headers: Mapping[str, str], receive: Receive) -> None:
     """Read what is there of a body that was refused, if it may have an end."""
     length = headers.get("content-length", "0")
     if "transfer-encoding" not in headers and (not length.isdigit() or int(length[:20]) > _DRAINED_BYTES):
@@ -266,7 +266,7 @@ def _refuse_number(text: str) -> NoReturn:
     raise ValueError(f"{text[:20]} is no number that can be used")
 
 
-def replayed(body: bytes, receive: Receive) -> Receive:
+def replay_body(body: bytes, receive: Receive) -> Receive:
     """Return a `receive` that gives a body that was read already, and then what comes."""
     waiting: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
 

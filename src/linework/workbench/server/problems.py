@@ -67,18 +67,18 @@ def problem_document(line: str, status: int) -> dict[str, Any]:
     >>> problem_document("/data/a/b.laz: empty file. Copy it again.", 422)
     {'problem': 'b.laz: empty file. Copy it again.', 'status': 422}
     """
-    return {"problem": without_paths(line), "status": status}
+    return {"problem": hide_paths(line), "status": status}
 
 
-def problem_of(error: LineworkError) -> tuple[int, str]:
+def status_and_message(error: LineworkError) -> tuple[int, str]:
     """Return the status and the line of an error."""
     status = next((STATUS_OF[kind] for kind in type(error).__mro__ if kind in STATUS_OF), _ELSE)
     where = error.where.name if isinstance(error.where, Path) else error.where
     named = type(error)(error.problem, where=where, advice=error.advice)
-    return status, without_paths(str(named))
+    return status, hide_paths(str(named))
 
 
-def without_paths(text: str) -> str:
+def hide_paths(text: str) -> str:
     r"""Return a text on one line in which a path of this machine is its last name.
 
     >>> without_paths("tile 3: /home/me/my data/a.laz\nis cut off")

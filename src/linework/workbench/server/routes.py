@@ -11,33 +11,35 @@ from fastapi import APIRouter, Depends, Query, Request, Response, WebSocket, Web
 from fastapi.responses import JSONResponse
 
 from linework.editing.edits.attributes import CHOICES
-from linework.files.line_file.file import DrawingFile
+from linework.files.line_file.file import LineFile
 from linework.files.vectors.fields import colour_of
 from linework.model.lines import KINDS
-from linework.workbench.server.bench import Bench, bench_of, bench_of_socket
+from linework.workbench.server.bench import AppState, state_of_request, state_of_socket
 from linework.workbench.server.documents import line_documents
-from linework.workbench.server.problems import without_paths
+from linework.workbench.server.problems import hide_paths
 from linework.workbench.views.pyramid import IMAGES, Lattice
 from linework.workbench.worker.open import SurveyFacts
 
-router = APIRouter(prefix="/api")
+survey_router = APIRouter(prefix="/api")
 
 
-@router.get("/health")
-async def health() -> dict[str, bool]:
+@survey_router.get("/health")
+async def get_health() -> dict[str, bool]:
     """Say that the server answers."""
     return {"well": True}
 
 
-@router.get("/survey")
-async def survey(request: Request, bench: Annotated[Bench, Depends(bench_of)]) -> dict[str, Any]:
+@survey_router.get("/survey")
+async def get_survey(
+    request: Request, bench: Annotated[AppState, Depends(state_of_request)]
+) -> dict[str, Any]:
     """Return what is served, and all that the page needs to know before the first line."""
     return survey_document(bench, busy=request.app.state.busy)
 
 
-@router.get("/lines", response_class=JSONResponse)
-async def lines(
-    bench: Annotated[Bench, Depends(bench_of)], since: Annotated[int, Query(ge=0, le=2**53)] = 0
+@survey_router.get("/lines", response_class=JSONResponse)
+async def get_lines(
+    bench: Annotated[AppState, Depends(state_of_request)], since: Annotated[int, Query(ge=0, le=2**53)] = 0
 ) -> Response:
     """Return all lines; after a revision, those that came or changed since, and the ids of those that went."""
     # A drawing of a million vertices takes seconds to write down: not on the server's loop
@@ -45,7 +47,7 @@ async def lines(
     return Response(content, media_type="application/json")
 
 
-def _lines_content(drawing: DrawingFile, since: int) -> bytes:
+def _lines_content(drawing: LineFile, since: int) -> bytes:
     # Asked for first: what is saved meanwhile comes twice rather than never
     revision = drawing.revision
     found, removed = drawing.since(since if since <= revision else 0)
@@ -55,10 +57,10 @@ def _lines_content(drawing: DrawingFile, since: int) -> bytes:
     return text.encode()
 
 
-@router.websocket("/live")
-async def live(socket: WebSocket) -> None:
+@survey_router.websocket("/live")
+async def stream_changes(socket: WebSocket) -> None:
     """Tell a page what happens, until it leaves."""
-    bench = bench_of_socket(socket)
+    bench = state_of_socket(socket)
     await socket.accept()
     with bench.hub.listening() as news:
 
@@ -99,7 +101,7 @@ _PICKED = ("lane_marking", "road_boundary", "guardrail", "barrier", "cable")
 _PICKED_IN_IMAGES = ("lane_marking", "road_boundary")
 
 
-def survey_document(bench: Bench, *, busy: str) -> dict[str, Any]:
+def survey_document(bench: AppState, *, busy: str) -> dict[str, Any]:
     """Return the survey as `Survey` of the page's types says it."""
     facts, drawing = bench.facts, bench.drawing
     return {
@@ -111,7 +113,7 @@ def survey_document(bench: Bench, *, busy: str) -> dict[str, Any]:
         "n_points": facts.n_points,
         "n_pairs": facts.n_pairs,
         "path": [list(place) for place in facts.path],
-        "warnings": [without_paths(warning) for warning in facts.warnings],
+        "warnings": [hide_paths(warning) for warning in facts.warnings],
         "lines_file": drawing.path.name,
         "who": bench.who,
         "kinds": [_kind(kind) for kind in KINDS],

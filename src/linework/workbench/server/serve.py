@@ -20,23 +20,23 @@ from fastapi import FastAPI
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from linework.errors import MachineError
-from linework.files.line_file.file import DrawingFile
+from linework.files.line_file.file import LineFile
 from linework.runs.steps import Watcher
 from linework.workbench.server.app import create_app
-from linework.workbench.server.bench import Bench
+from linework.workbench.server.bench import AppState
 from linework.workbench.server.guard import Guard, page_files
 from linework.workbench.server.sessions import Sessions
-from linework.workbench.worker.conversation import Desk
-from linework.workbench.worker.open import SurveyFacts, open_at_desk, place_at_desk
+from linework.workbench.worker.conversation import SurveyWorker
+from linework.workbench.worker.open import SurveyFacts, open_in_worker, read_folder_and_crs
 from linework.workbench.worker.session import SurveyOrder
-from linework.workbench.worker.warm_up import Busy, warm_up
+from linework.workbench.worker.warm_up import StartupProgress, warm_up
 
 #: Lines of a survey that names no other file, in its folder.
 LINES_NAME = "lines.gpkg"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Serving:
+class RunningServer:
     """What is served, and whom to tell of it.
 
     Parameters
@@ -62,12 +62,12 @@ class Serving:
     port: int
     who: str
     watcher: Watcher
-    ready: Callable[[Bench, str], None]
+    ready: Callable[[AppState, str], None]
     renewed: Callable[[str], None]
     save_log: Callable[[BaseException], Any]
 
 
-async def serve(serving: Serving) -> int:
+async def run_server(serving: RunningServer) -> int:
     """Serve until a signal comes, and return its number.
 
     Raises
@@ -105,41 +105,41 @@ async def serve(serving: Serving) -> int:
         return stopped.result()
 
 
-async def _opened(serving: Serving, held: contextlib.AsyncExitStack) -> tuple[Bench, socket.socket]:
+async def _opened(serving: RunningServer, held: contextlib.AsyncExitStack) -> tuple[AppState, socket.socket]:
     """Open the survey and its lines; what could be refused at once is tried first."""
     listener = held.enter_context(listener_at(serving.port, usual_port(serving.order.inputs[0])))
     pictures = held.enter_context(_desk(serving.order))
     tracing = held.enter_context(_desk(serving.order))
-    root, crs = await pictures.ask(place_at_desk)
+    root, crs = await pictures.ask(read_folder_and_crs)
     lines = serving.lines or Path(root) / LINES_NAME
-    drawing = held.enter_context(DrawingFile.opened(lines, crs=crs))
+    drawing = held.enter_context(LineFile.opened(lines, crs=crs))
     facts = await _watched(pictures, serving.watcher)
-    bench = Bench(
+    bench = AppState(
         order=serving.order, facts=facts, drawing=drawing, pictures=pictures, tracing=tracing, who=serving.who
     )
     return bench, listener
 
 
-async def _watched(desk: Desk, watcher: Watcher) -> SurveyFacts:
+async def _watched(desk: SurveyWorker, watcher: Watcher) -> SurveyFacts:
     """Open the survey at a desk and show how far that is."""
-    async with desk.doing(open_at_desk) as steps:
+    async with desk.doing(open_in_worker) as steps:
         async for step, *amounts in steps:
             getattr(watcher, step)(*amounts)
     facts: SurveyFacts = steps.value
     return facts
 
 
-def _busy(bench: Bench, app: FastAPI) -> Busy:
+def _busy(bench: AppState, app: FastAPI) -> StartupProgress:
     """Return what tells all pages what the server is still doing."""
 
     def tell(words: str) -> None:
         app.state.busy = words
         bench.hub.tell({"type": "busy", "busy": words})
 
-    return Busy(tell)
+    return StartupProgress(tell)
 
 
-def _server(serving: Serving, bench: Bench, app: FastAPI, listener: socket.socket) -> uvicorn.Server:
+def _server(serving: RunningServer, bench: AppState, app: FastAPI, listener: socket.socket) -> uvicorn.Server:
     port = listener.getsockname()[1]
 
     def url(token: str) -> str:
@@ -147,7 +147,9 @@ def _server(serving: Serving, bench: Bench, app: FastAPI, listener: socket.socke
 
     sessions = Sessions(port, lambda token: serving.renewed(url(token)))
     guard = Guard(app, sessions, port, page_files(), serving.save_log)
-    return _Server(uvicorn.Config(guard, **settings()), lambda: serving.ready(bench, url(sessions.token)))
+    return _Server(
+        uvicorn.Config(guard, **uvicorn_settings()), lambda: serving.ready(bench, url(sessions.token))
+    )
 
 
 class _Server(uvicorn.Server):
@@ -202,8 +204,8 @@ def _signals() -> Iterator[asyncio.Future[int]]:
 
 
 @contextlib.contextmanager
-def _desk(order: SurveyOrder) -> Iterator[Desk]:
-    desk = Desk(order)
+def _desk(order: SurveyOrder) -> Iterator[SurveyWorker]:
+    desk = SurveyWorker(order)
     try:
         yield desk
     finally:
@@ -303,7 +305,7 @@ class BoundedConnection(H11Protocol):
             patience.cancel()
 
 
-def settings() -> dict[str, Any]:
+def uvicorn_settings() -> dict[str, Any]:
     """Return what uvicorn is told of connections."""
     return {
         "http": BoundedConnection,

@@ -16,15 +16,15 @@ from linework.errors import MachineError
 from linework.files.output.publish import machine_errors
 from linework.files.store.cell_tiles import SurfaceTiles
 from linework.kernels.cells.tile_cells import GROUND_M
-from linework.workbench.views.colours import Scale
-from linework.workbench.views.layers import Layers, layers_from_children, layers_from_points
+from linework.workbench.views.colours import ColourScale
+from linework.workbench.views.layers import TileLayers, layers_from_children, layers_from_points
 from linework.workbench.views.patches import PatchReader
-from linework.workbench.views.pyramid import TILE_PX, Tile
+from linework.workbench.views.pyramid import TILE_PX, MapTile
 
 #: Raised whenever cells kept by older versions are not to be used any more.
 _VERSION = 1
 #: Cells are kept in memory up to this. [bytes]
-ROOM = 64 << 20
+CELLS_CACHE_BYTES = 64 << 20
 #: Who asks for a coarse tile waits so long for what is not yet made of it; then it is shown without. [s]
 PATIENCE_S = 0.15
 
@@ -48,14 +48,14 @@ class TileCells:
     def __init__(self, reader: PatchReader, folder: Path | None, coarsest: int) -> None:
         self.reader, self.coarsest = reader, coarsest
         self._disk = SurfaceTiles(folder, TILE_PX) if folder is not None else None
-        self._kept: OrderedDict[Tile, Layers] = OrderedDict()
+        self._kept: OrderedDict[MapTile, TileLayers] = OrderedDict()
         self._n_bytes = 0
         self._occupied = _occupied(reader, coarsest)
         self._order = self._from_below()
         self.n_done, self.n_all = 0, sum(len(tiles) for level, tiles in self._occupied.items() if level > 0)
         self.scale = self._scale()
 
-    def layers(self, tile: Tile, patience_s: float = PATIENCE_S) -> tuple[Layers | None, bool]:
+    def layers(self, tile: MapTile, patience_s: float = PATIENCE_S) -> tuple[TileLayers | None, bool]:
         """Return the cells of a tile (None: it has no points), and whether they are whole."""
         if tile.level <= 0:
             return self._fine(tile), True
@@ -70,7 +70,7 @@ class TileCells:
                 return True
         return False
 
-    def _fine(self, tile: Tile) -> Layers | None:
+    def _fine(self, tile: MapTile) -> TileLayers | None:
         if not self._has_points(tile):
             return None
         if tile.level < 0:
@@ -78,7 +78,7 @@ class TileCells:
         found = self._recalled(tile)
         return found or self._remember(tile, layers_from_points(self.reader, tile, keep=False))
 
-    def _coarse(self, tile: Tile, until_s: float) -> tuple[Layers | None, bool]:
+    def _coarse(self, tile: MapTile, until_s: float) -> tuple[TileLayers | None, bool]:
         if tile not in self._occupied.get(tile.level, ()):
             return None, True
         found = self._recalled(tile) or self._from_disk(tile)
@@ -100,64 +100,64 @@ class TileCells:
             self._to_disk(tile, made)
         return made, is_whole
 
-    def _has_points(self, tile: Tile) -> bool:
+    def _has_points(self, tile: MapTile) -> bool:
         """Return whether a tile of level 0 or below may show points; a fine one shows the edge of what is beside it."""
         shift, reach = -tile.level, 1 if tile.level < 0 else 0
         east, north = tile.east >> shift, tile.north >> shift
         around = range(-reach, reach + 1)
-        return any(Tile(0, east + i, north + j) in self._occupied[0] for i in around for j in around)
+        return any(MapTile(0, east + i, north + j) in self._occupied[0] for i in around for j in around)
 
-    def _recalled(self, tile: Tile) -> Layers | None:
+    def _recalled(self, tile: MapTile) -> TileLayers | None:
         found = self._kept.get(tile)
         if found is None:
             return None
         self._kept.move_to_end(tile)
         return found.unpacked()
 
-    def _remember(self, tile: Tile, layers: Layers) -> Layers:
+    def _remember(self, tile: MapTile, layers: TileLayers) -> TileLayers:
         """Keep the cells of a tile, and return them as they are kept: never again are they any other."""
         packed = layers.packed()
         self._kept[tile] = packed
         self._n_bytes += packed.n_bytes
-        while self._n_bytes > ROOM:
+        while self._n_bytes > CELLS_CACHE_BYTES:
             self._n_bytes -= self._kept.popitem(last=False)[1].n_bytes
         return packed.unpacked()
 
-    def _is_on_disk(self, tile: Tile) -> bool:
+    def _is_on_disk(self, tile: MapTile) -> bool:
         return self._disk is not None and self._disk.has(_name(tile), (tile.east, tile.north))
 
-    def _from_disk(self, tile: Tile) -> Layers | None:
+    def _from_disk(self, tile: MapTile) -> TileLayers | None:
         if self._disk is None:
             return None
         # What is damaged is made anew
         with suppress(FileNotFoundError, MachineError):
             arrays = self._disk.read(_name(tile), (tile.east, tile.north))
-            if [array.shape for array in arrays] == [(TILE_PX, TILE_PX)] * len(Layers._fields):
-                return self._remember(tile, Layers(*arrays).unpacked())
+            if [array.shape for array in arrays] == [(TILE_PX, TILE_PX)] * len(TileLayers._fields):
+                return self._remember(tile, TileLayers(*arrays).unpacked())
         return None
 
-    def _to_disk(self, tile: Tile, layers: Layers) -> None:
+    def _to_disk(self, tile: MapTile, layers: TileLayers) -> None:
         # On a full disk there are pictures all the same
         if self._disk is not None:
             with suppress(MachineError):
                 self._disk.write(_name(tile), (tile.east, tile.north), *layers.packed())
 
-    def _scale(self) -> Scale:
+    def _scale(self) -> ColourScale:
         if self._disk is not None:
             with suppress(FileNotFoundError, MachineError):
                 arrays = self._disk.read_common("scale")
-                if [array.shape for array in arrays] == [(len(fields(Scale)),)]:
-                    return Scale(*arrays[0].tolist())
+                if [array.shape for array in arrays] == [(len(fields(ColourScale)),)]:
+                    return ColourScale(*arrays[0].tolist())
         scale = measured_scale(self.reader)
         if self._disk is not None:
             with suppress(MachineError):
                 self._disk.write_common("scale", np.array(astuple(scale)))
         return scale
 
-    def _from_below(self) -> Iterator[Tile]:
+    def _from_below(self) -> Iterator[MapTile]:
         """Yield the tiles above level 0, each after those below it, neighbours soon after one another."""
 
-        def below(tile: Tile) -> Iterator[Tile]:
+        def below(tile: MapTile) -> Iterator[MapTile]:
             if tile in self._occupied[tile.level] and tile.level > 0:
                 for child in tile.children:
                     yield from below(child)
@@ -184,9 +184,9 @@ def cells_folder(store: Path, key: str) -> Path:
     return folder
 
 
-def _occupied(reader: PatchReader, coarsest: int) -> dict[int, set[Tile]]:
+def _occupied(reader: PatchReader, coarsest: int) -> dict[int, set[MapTile]]:
     """Return the tiles with points, level by level."""
-    tiles = {Tile(0, east, north) for east, north in reader.counts}
+    tiles = {MapTile(0, east, north) for east, north in reader.counts}
     found = {0: tiles}
     for level in range(1, coarsest + 1):
         tiles = {tile.parent for tile in tiles}
@@ -194,7 +194,7 @@ def _occupied(reader: PatchReader, coarsest: int) -> dict[int, set[Tile]]:
     return found
 
 
-def _name(tile: Tile) -> str:
+def _name(tile: MapTile) -> str:
     return f"level{tile.level}"
 
 
@@ -210,13 +210,13 @@ _LEAST_PAINT = 2.0
 _LOW, _HIGH, _LEAST_M = 0.01, 0.99, 8.0
 
 
-def measured_scale(reader: PatchReader) -> Scale:
+def measured_scale(reader: PatchReader) -> ColourScale:
     """Return the scale of a survey: how bright its road is, how high its ground."""
     blocks = sorted(reader.counts, key=lambda block: block[::-1])
     chosen = blocks[:: max(1, len(blocks) // _N_BLOCKS)]
     heights, brights = [], []
     for east, north in chosen:
-        for patch in reader.patches(Tile(0, east, north).bounds, keep=False):
+        for patch in reader.patches(MapTile(0, east, north).bounds, keep=False):
             ground = np.flatnonzero(np.abs(patch.above) <= GROUND_M)
             if reader.surface is None or len(ground) == 0:
                 ground = np.arange(len(patch))
@@ -231,7 +231,7 @@ def measured_scale(reader: PatchReader) -> Scale:
     dark, asphalt, paint = np.quantile(bright, (_DARK, 0.5, _PAINT)) if len(bright) else (1.0, 1.0, 1.0)
     asphalt = max(asphalt, 1.0)
     paint = max(paint, _LEAST_PAINT * asphalt)
-    return Scale(float(max(dark, 0.1 * asphalt)), float(asphalt), float(paint), float(low), float(high))
+    return ColourScale(float(max(dark, 0.1 * asphalt)), float(asphalt), float(paint), float(low), float(high))
 
 
 def _step(n: int) -> int:

@@ -12,7 +12,7 @@ import PIL.Image
 from scipy.ndimage import uniform_filter
 
 from linework.arrays import AnyArray, Float32Array
-from linework.workbench.views.layers import SMOOTH_M, Layers
+from linework.workbench.views.layers import SLOPE_SPAN_M, TileLayers
 
 #: Pictures are looked at, and gone a moment later: zlib's fastest level.
 _COMPRESS = 1
@@ -40,7 +40,7 @@ _DENSITY = ((0.0, "#1b1f4b"), (0.3, "#5a2f86"), (0.55, "#b6376f"), (0.8, "#f0803
 
 
 @dataclass(frozen=True, slots=True)
-class Scale:
+class ColourScale:
     """What the whole survey holds, so that all tiles have one scale.
 
     Parameters
@@ -69,7 +69,7 @@ class Scale:
         return np.asarray(value, dtype=np.float32)
 
 
-def tile_picture(image: str, layers: Layers, scale: Scale, cell_m: float, margin: int) -> bytes:
+def tile_picture(image: str, layers: TileLayers, scale: ColourScale, cell_m: float, margin: int) -> bytes:
     """Return the PNG of an image of a tile; transparent where no point is.
 
     Parameters
@@ -92,20 +92,20 @@ def tile_picture(image: str, layers: Layers, scale: Scale, cell_m: float, margin
     return _indexed(_index(scale.shine(inside.bright)), _GREY_PALETTE)
 
 
-def _surface(layers: Layers, cell_m: float) -> AnyArray:
+def _surface(layers: TileLayers, cell_m: float) -> AnyArray:
     """Return the height of what one sees from above: the ground, smooth, but where something stands on it."""
     if cell_m >= _NO_THINGS_M:
         return layers.ground
     return layers.ground + np.where(layers.stands > _STANDS_M, layers.stands, np.float32(0.0))
 
 
-def _shade(layers: Layers, cell_m: float) -> Float32Array:
+def _shade(layers: TileLayers, cell_m: float) -> Float32Array:
     """Return how much light falls on each cell, 1 on level ground."""
     z = _surface(layers, cell_m)
     known = np.isfinite(z)
     # What is not known is as high as all else together: no step at its edge
     z = np.where(known, z, np.float32(z[known].mean() if known.any() else 0.0))
-    size = max(1, round(SMOOTH_M / cell_m))
+    size = max(1, round(SLOPE_SPAN_M / cell_m))
     if size > 1:
         weight = uniform_filter(known.astype(np.float32), size)
         z = uniform_filter(np.where(known, z, 0.0), size) / np.maximum(weight, 1e-6)
@@ -122,7 +122,7 @@ def _shade(layers: Layers, cell_m: float) -> Float32Array:
     return np.asarray(np.clip(light / _LIGHT[2], _DARKEST, 1.5), dtype=np.float32)
 
 
-def _coloured(z: AnyArray, shade: Float32Array, scale: Scale) -> bytes:
+def _coloured(z: AnyArray, shade: Float32Array, scale: ColourScale) -> bytes:
     """Return heights in colours, lit."""
     climb = scale.high_m - scale.low_m
     part = (z - scale.low_m) / min(climb, _CLIMB_M)

@@ -11,19 +11,19 @@ Height = tuple[float, float]
 #: From fewer points nothing is said.
 LEAST = 5
 #: A surface is as thick as this: noise of the scanner and texture of asphalt, three sigma each way. [m]
-LAYER_M = 0.05
+SURFACE_LAYER_M = 0.05
 #: What all points share (calibration, path) is not in their spread; lines have it too: this is left between scans. [m]
 COMMON_M = 0.003
 #: A kerb's top is so far above its foot, at least and at most. [m]
 KERB_M = (0.03, 0.40)
 #: What stands is so far above the ground at least, and at most, by kind. [m]
-LEAST_STANDS_M, STANDS_M = 0.25, {"guardrail": 1.3, "barrier": 1.8, "fence": 3.5}
+LEAST_STANDS_M, MOST_STANDS_M = 0.25, {"guardrail": 1.3, "barrier": 1.8, "fence": 3.5}
 #: At its edge a carriageway is as thick as this, and where it ends is known in height no better than this. [m]
 ROAD_M, EDGE_SIGMA_M = 0.02, 0.01
 #: Nobody drags a line onto another thing: what is farther than this from where it was is not it. [m]
-SAME_M, SAME_CABLE_M = KERB_M[1], 1.0
+SAME_HEIGHT_M, SAME_CABLE_M = KERB_M[1], 1.0
 #: A cable: higher than lorries; points so far apart in height belong to two. [m]
-HANGS_M, APART_M = 3.5, 0.3
+HANGS_ABOVE_M, CABLES_APART_M = 3.5, 0.3
 #: The top edge is where so many points are, within so much. [m]
 _EDGE_POINTS, _EDGE_M = 3, 0.04
 
@@ -39,7 +39,7 @@ def edge_height(points: FloatArray) -> Height | None:
         return None
     level = _level(points)
     low = _lowest(level)
-    heights = np.sort(level[(level >= low) & (level <= low + LAYER_M + ROAD_M)])
+    heights = np.sort(level[(level >= low) & (level <= low + SURFACE_LAYER_M + ROAD_M)])
     counts = np.searchsorted(heights, heights + ROAD_M) - np.arange(len(heights))
     road = float(heights[int(np.argmax(counts))])
     found = _plane(points, (level >= road - 0.002) & (level <= road + ROAD_M))
@@ -59,7 +59,7 @@ def ground_height(points: FloatArray) -> Height | None:
     if len(points) < LEAST:
         return None
     level = _level(points)
-    kept = np.abs(level - _lowest(level) - 0.5 * LAYER_M) <= 0.5 * LAYER_M + 0.01
+    kept = np.abs(level - _lowest(level) - 0.5 * SURFACE_LAYER_M) <= 0.5 * SURFACE_LAYER_M + 0.01
     return _plane(points, kept)
 
 
@@ -96,8 +96,8 @@ def standing_height(points: FloatArray, highest_m: float, near_m: float) -> Heig
     """
     level = _level(points)
     heights = np.sort(points[(level > LEAST_STANDS_M) & (level < highest_m), 2])
-    if not np.isnan(near_m) and np.any(np.abs(heights - near_m) < APART_M):
-        heights = heights[heights < near_m + APART_M]
+    if not np.isnan(near_m) and np.any(np.abs(heights - near_m) < CABLES_APART_M):
+        heights = heights[heights < near_m + CABLES_APART_M]
     for i in range(len(heights) - 1, _EDGE_POINTS - 2, -1):
         # Stray points stand alone
         if heights[i] - heights[i - _EDGE_POINTS + 1] <= _EDGE_M:
@@ -108,10 +108,10 @@ def standing_height(points: FloatArray, highest_m: float, near_m: float) -> Heig
 def hanging_height(points: FloatArray, near_m: float) -> Height | None:
     """Return the height of a cable over the place, the nearest to where it was, else the lowest; None without one."""
     level = _level(points)
-    heights = np.sort(points[level > HANGS_M, 2])
+    heights = np.sort(points[level > HANGS_ABOVE_M, 2])
     if len(heights) == 0:
         return None
-    groups = np.split(heights, np.flatnonzero(np.diff(heights) > APART_M) + 1)
+    groups = np.split(heights, np.flatnonzero(np.diff(heights) > CABLES_APART_M) + 1)
     if np.isnan(near_m):
         cable = next((group for group in groups if len(group) > 1), groups[0])
     else:
@@ -120,23 +120,23 @@ def hanging_height(points: FloatArray, near_m: float) -> Height | None:
     return float(np.median(cable)), float(np.hypot(spread / np.sqrt(len(cable)), 0.01))
 
 
-def is_as_before(found: Height, near_m: float, kind: str) -> bool:
+def agrees_with_line(found: Height, near_m: float, kind: str) -> bool:
     """Say whether a height agrees with where the line was.
 
     A carriageway's edge may turn out to be lower by a kerb: it was drawn on the kerb's top. It is never higher.
     """
     if kind == "cable":
-        return abs(found[0] - near_m) <= APART_M
-    least_m = near_m - (KERB_M[1] if kind == "road_boundary" else LAYER_M)
-    return least_m <= found[0] <= near_m + LAYER_M
+        return abs(found[0] - near_m) <= CABLES_APART_M
+    least_m = near_m - (KERB_M[1] if kind == "road_boundary" else SURFACE_LAYER_M)
+    return least_m <= found[0] <= near_m + SURFACE_LAYER_M
 
 
-def is_another(found: Height, near_m: float, kind: str) -> bool:
+def differs_from_line(found: Height, near_m: float, kind: str) -> bool:
     """Say whether a height differs so much from where the line was that another thing was measured."""
-    return abs(found[0] - near_m) > (SAME_CABLE_M if kind == "cable" else SAME_M)
+    return abs(found[0] - near_m) > (SAME_CABLE_M if kind == "cable" else SAME_HEIGHT_M)
 
 
-def with_doubt(found: Height, other_m: float) -> Height:
+def with_ambiguity(found: Height, other_m: float) -> Height:
     """Return a height whose sigma tells of another value for it: both differ by half of that from their middle."""
     return found[0], float(np.hypot(found[1], 0.5 * (found[0] - other_m)))
 
@@ -154,7 +154,7 @@ def _lowest(level: FloatArray) -> float:
     heights = np.sort(level[level < max(0.5, float(level.min()) + 0.5)])
     least = max(3, len(heights) // 10)
     for i in range(len(heights) - least + 1):
-        if heights[i + least - 1] - heights[i] <= LAYER_M:
+        if heights[i + least - 1] - heights[i] <= SURFACE_LAYER_M:
             return float(heights[i])
     return float(heights[0])
 

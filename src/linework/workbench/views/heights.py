@@ -12,21 +12,21 @@ from linework.model.grid import Bounds
 from linework.model.lines import KINDS
 from linework.model.trajectory import Trajectory
 from linework.workbench.views.height_at import (
-    LAYER_M,
-    STANDS_M,
+    MOST_STANDS_M,
+    SURFACE_LAYER_M,
     Height,
+    agrees_with_line,
+    differs_from_line,
     edge_height,
     ground_height,
     hanging_height,
-    is_another,
-    is_as_before,
     kerb_top_height,
     standing_height,
-    with_doubt,
+    with_ambiguity,
 )
-from linework.workbench.views.patches import Patch, PatchReader
+from linework.workbench.views.patches import PatchReader, PointPatch
 from linework.workbench.views.tiles import patch_reader
-from linework.workbench.worker.session import Table
+from linework.workbench.worker.session import SurveySession
 
 #: Points so near to a place say how high it is; where there are too few, those twice as near again, and so on. [m]
 REACHES_M = (0.3, 0.6, 1.2)
@@ -37,12 +37,14 @@ PATH_SIGMA_M, CROSSFALL = 0.05, 0.03
 #: Farther from the path nobody knows. [m]
 FAR_FROM_PATH_M = 15.0
 #: Kinds that do not lie on the ground.
-_ABOVE_GROUND = ("kerb_top", "cable", *STANDS_M)
+_ABOVE_GROUND = ("kerb_top", "cable", *MOST_STANDS_M)
 #: Kinds that lie on one side of a step, and on which is known from where they were.
 _STEPS = ("road_boundary", "kerb_top")
 
 
-def heights_at(table: Table, kind: str, places: Sequence[Sequence[float]]) -> tuple[FloatArray, FloatArray]:
+def heights_at(
+    table: SurveySession, kind: str, places: Sequence[Sequence[float]]
+) -> tuple[FloatArray, FloatArray]:
     """Return (n,) heights of a kind of line at places [m, world], and (n,) standard deviations; NaN where unknown.
 
     Parameters
@@ -116,7 +118,7 @@ def _near(reader: PatchReader, bounds: Bounds, at: FloatArray) -> FloatArray:
     return np.asarray(points[np.argsort(points[:, 0], kind="stable")])
 
 
-def _beside(patch: Patch, at: FloatArray) -> BoolArray:
+def _beside(patch: PointPatch, at: FloatArray) -> BoolArray:
     """Return which points of a patch lie in cells that the largest reach of some place touches."""
     reach, n = REACHES_M[-1], 66
     cells = np.zeros((n, n), np.bool_)
@@ -144,12 +146,12 @@ def _one(points: FloatArray, place: FloatArray, kind: str, z0_m: float) -> Heigh
             return found
         if np.isnan(near_m):
             widest = _height(_within(points, place, REACHES_M[-1]), kind, near_m)
-            return with_doubt(found, found[0] if widest is None else widest[0])
-        again = None if is_as_before(found, near_m, kind) else _level_before(local, kind, near_m)
-        if again is not None or is_as_before(found, near_m, kind):
-            return with_doubt(again or found, near_m)
+            return with_ambiguity(found, found[0] if widest is None else widest[0])
+        again = None if agrees_with_line(found, near_m, kind) else _level_before(local, kind, near_m)
+        if again is not None or agrees_with_line(found, near_m, kind):
+            return with_ambiguity(again or found, near_m)
         first = first or found
-    return None if first is None or is_another(first, near_m, kind) else with_doubt(first, near_m)
+    return None if first is None or differs_from_line(first, near_m, kind) else with_ambiguity(first, near_m)
 
 
 def _within(points: FloatArray, place: FloatArray, reach_m: float) -> FloatArray:
@@ -161,7 +163,7 @@ def _within(points: FloatArray, place: FloatArray, reach_m: float) -> FloatArray
 
 def _level_before(local: FloatArray, kind: str, near_m: float) -> Height | None:
     """Return the height of what lies as high as the line did, beside a step."""
-    return ground_height(local[np.abs(local[:, 2] - near_m) <= LAYER_M]) if kind in _STEPS else None
+    return ground_height(local[np.abs(local[:, 2] - near_m) <= SURFACE_LAYER_M]) if kind in _STEPS else None
 
 
 def _height(local: FloatArray, kind: str, near_m: float) -> Height | None:
@@ -169,8 +171,8 @@ def _height(local: FloatArray, kind: str, near_m: float) -> Height | None:
         return None
     if kind == "cable":
         return hanging_height(local, near_m)
-    if kind in STANDS_M:
-        return standing_height(local, STANDS_M[kind], near_m)
+    if kind in MOST_STANDS_M:
+        return standing_height(local, MOST_STANDS_M[kind], near_m)
     if kind == "kerb_top":
         return kerb_top_height(local)
     return edge_height(local) if kind == "road_boundary" else ground_height(local)

@@ -11,23 +11,23 @@ import numpy as np
 from linework.errors import AbsentError
 from linework.files.images.screen import screen_image, screen_thumbnail
 from linework.files.logs.photolog import van_log
-from linework.imaging.projected import DEPTH_M, Pieces, projected
+from linework.imaging.projected import PROJECTED_DEPTH_M, ProjectedLines, projected
 from linework.model.camera import Camera
 from linework.model.images import ImagePair
 from linework.model.lines import LineSet
 from linework.model.logs import LoggedPlaces
 from linework.model.survey import Survey
 from linework.runs.opened.pairs import OpenedStereo
-from linework.workbench.worker.session import Table
+from linework.workbench.worker.session import SurveySession
 
-Side = Literal["left", "right"]
+CameraSide = Literal["left", "right"]
 #: Small pictures that are kept at hand: 4 kB each.
 _MOST_KEPT = 4096
 #: Half the width of what the widest lenses show, as a multiple of the depth: 60 degrees from the axis.
 _WIDEST = 2.0
 
 
-def pairs_at_desk(table: Table) -> list[dict[str, Any]]:
+def list_pairs(table: SurveySession) -> list[dict[str, Any]]:
     """Return a document per pair that can be used, in time order; why others cannot is in the survey's warnings."""
     stereo = table.recordings.stereo
     if stereo is None:
@@ -44,7 +44,7 @@ def pairs_at_desk(table: Table) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def keys_at_desk(table: Table) -> list[dict[str, Any]]:
+def list_keys(table: SurveySession) -> list[dict[str, Any]]:
     """Return a document per key that the operator pressed, in time order.
 
     Raises
@@ -62,7 +62,7 @@ def keys_at_desk(table: Table) -> list[dict[str, Any]]:
     ]
 
 
-def image_at_desk(table: Table, number: int, side: Side) -> bytes:
+def image_jpeg(table: SurveySession, number: int, side: CameraSide) -> bytes:
     """Return an image as it was taken, as JPEG.
 
     Raises
@@ -75,8 +75,8 @@ def image_at_desk(table: Table, number: int, side: Side) -> bytes:
     return screen_image(getattr(_pair(table, number), side), _camera(table, side), table.survey.root)
 
 
-def thumbnail_at_desk(table: Table, number: int) -> bytes:
-    """Return the left image of a pair made small, as JPEG (see `image_at_desk`)."""
+def thumbnail_jpeg(table: SurveySession, number: int) -> bytes:
+    """Return the left image of a pair made small, as JPEG (see `image_jpeg`)."""
     kept = table.keep("thumbnails", dict[int, bytes])
     pair = _pair(table, number)
     if number not in kept:
@@ -86,7 +86,7 @@ def thumbnail_at_desk(table: Table, number: int) -> bytes:
     return kept[number]
 
 
-def pair_lines_at_desk(table: Table, number: int, lines: LineSet) -> bytes:
+def lines_in_pair(table: SurveySession, number: int, lines: LineSet) -> bytes:
     """Return where both images of a pair show lines, as JSON (`PairLines` of the page).
 
     Made here and not in the server, which has other things to do than to write some ten thousand numbers.
@@ -106,19 +106,19 @@ def pair_lines_at_desk(table: Table, number: int, lines: LineSet) -> bytes:
     ).encode()
 
 
-def near(lines: LineSet, at: tuple[float, ...]) -> LineSet:
+def lines_near_camera(lines: LineSet, at: tuple[float, ...]) -> LineSet:
     """Return the lines that a camera at a place [m, world] may see, whichever way it looks."""
     if not len(lines.xyz):
         return lines
     # Lines without a vertex would take the bounds of the next one
     starts = lines.offsets[:-1][np.diff(lines.offsets) > 0]
-    reach = _WIDEST * DEPTH_M[1]
+    reach = _WIDEST * PROJECTED_DEPTH_M[1]
     low = np.minimum.reduceat(lines.xyz[:, :2], starts, axis=0) <= np.array(at[:2]) + reach
     high = np.maximum.reduceat(lines.xyz[:, :2], starts, axis=0) >= np.array(at[:2]) - reach
     return lines.take(np.flatnonzero(np.diff(lines.offsets) > 0)[(low & high).all(axis=1)])
 
 
-def _documents(lines: LineSet, pieces: Pieces) -> list[dict[str, Any]]:
+def _documents(lines: LineSet, pieces: ProjectedLines) -> list[dict[str, Any]]:
     """Return a document per line that is seen."""
     pixels = pieces.pixels.round(1).tolist()
     documents: list[dict[str, Any]] = []
@@ -149,24 +149,24 @@ def _places(places: LoggedPlaces) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _stereo(table: Table, number: int) -> OpenedStereo:
+def _stereo(table: SurveySession, number: int) -> OpenedStereo:
     """Return the opened pairs, one of which has that number."""
     stereo = table.recordings.stereo
     if stereo is None or number not in stereo.numbers:
-        raise no_pair(number)
+        raise no_such_pair_error(number)
     return stereo
 
 
-def _pair(table: Table, number: int) -> ImagePair:
+def _pair(table: SurveySession, number: int) -> ImagePair:
     return next(pair for pair in _stereo(table, number).pairs if pair.number == number)
 
 
-def no_pair(number: int) -> AbsentError:
+def no_such_pair_error(number: int) -> AbsentError:
     """Return what is raised where there is no pair of that number."""
     return AbsentError(f"there is no pair {number}")
 
 
-def _camera(table: Table, side: Side) -> Camera:
+def _camera(table: SurveySession, side: CameraSide) -> Camera:
     stereo = table.recordings.stereo
     assert stereo is not None
     camera: Camera = getattr(stereo.series.rig, side)

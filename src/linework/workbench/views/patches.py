@@ -17,16 +17,16 @@ from linework.kernels.cells.tile_cells import divided_by
 from linework.model.grid import Bounds
 from linework.runs.opened.surface import SurveySurface
 from linework.surface.road import height_above_road, is_road_point
-from linework.workbench.views.pyramid import BLOCK_M, Tile
+from linework.workbench.views.pyramid import TILE_BLOCK_M, MapTile
 
 #: A patch has so many points at most: 20 MB while they are kept, 70 MB while they are read.
-MOST_POINTS = 1_000_000
+MOST_PATCH_POINTS = 1_000_000
 #: Patches are kept up to this. [bytes]
-ROOM = 128 << 20
+PATCH_CACHE_BYTES = 128 << 20
 
 
 @dataclass(frozen=True, slots=True)
-class Patch:
+class PointPatch:
     """The points of a square, as they come.
 
     Parameters
@@ -82,10 +82,10 @@ class PatchReader:
         blocks, counts = store.block_counts
         #: Points by number of block.
         self.counts = {(e, n): k for (e, n), k in zip(blocks.tolist(), counts.tolist(), strict=True)}
-        self._kept: OrderedDict[Tile, Patch] = OrderedDict()
+        self._kept: OrderedDict[MapTile, PointPatch] = OrderedDict()
         self._n_bytes = 0
 
-    def patches(self, bounds: Bounds, *, keep: bool = True) -> Iterator[Patch]:
+    def patches(self, bounds: Bounds, *, keep: bool = True) -> Iterator[PointPatch]:
         """Yield the patches that hold the points of a rectangle, row-major from the south-west.
 
         Parameters
@@ -100,17 +100,17 @@ class PatchReader:
         """Return how many points lie in the blocks that share places with a rectangle."""
         return sum(self.counts.get((tile.east, tile.north), 0) for tile in tiles_over(bounds, 0))
 
-    def _patches_over(self, bounds: Bounds) -> Iterator[Tile]:
+    def _patches_over(self, bounds: Bounds) -> Iterator[MapTile]:
         for block in tiles_over(bounds, 0):
             n = self.counts.get((block.east, block.north), 0)
             if n == 0:
                 continue
-            level = -max(0, math.ceil(math.log(n / MOST_POINTS, 4.0)))
+            level = -max(0, math.ceil(math.log(n / MOST_PATCH_POINTS, 4.0)))
             for tile in tiles_over(bounds, level):
                 if tile.east >> -level == block.east and tile.north >> -level == block.north:
                     yield tile
 
-    def _patch(self, tile: Tile, keep: bool) -> Patch:
+    def _patch(self, tile: MapTile, keep: bool) -> PointPatch:
         found = self._kept.get(tile)
         if found is not None:
             self._kept.move_to_end(tile)
@@ -119,11 +119,11 @@ class PatchReader:
         if keep:
             self._kept[tile] = patch
             self._n_bytes += patch.n_bytes
-            while self._n_bytes > ROOM and len(self._kept) > 1:
+            while self._n_bytes > PATCH_CACHE_BYTES and len(self._kept) > 1:
                 self._n_bytes -= self._kept.popitem(last=False)[1].n_bytes
         return patch
 
-    def _read(self, bounds: Bounds) -> Patch:
+    def _read(self, bounds: Bounds) -> PointPatch:
         points = self.store.points(bounds, ordered=False, with_time=False)
         n = len(points)
         xyz, intensity = points.xyz, points.intensity
@@ -138,20 +138,20 @@ class PatchReader:
         bright = np.zeros(n, np.uint16) if intensity is None else intensity.astype(np.uint16)
         if self._asphalt is not None:
             bright = self._asphalt.normalised(x, y, bright, bounds)
-        return Patch((bounds.west, bounds.south, self.z0_m), x, y, z, above, bright)
+        return PointPatch((bounds.west, bounds.south, self.z0_m), x, y, z, above, bright)
 
 
-def tiles_over(bounds: Bounds, level: int) -> Iterator[Tile]:
+def tiles_over(bounds: Bounds, level: int) -> Iterator[MapTile]:
     """Yield the tiles of a level that share places with a rectangle, row-major from the south-west.
 
     >>> [(t.east, t.north) for t in tiles_over(Bounds(0.0, 10.0, 64.0, 70.0), 0)]
     [(0, 0), (0, 1)]
     """
-    size = math.ldexp(BLOCK_M, level)
+    size = math.ldexp(TILE_BLOCK_M, level)
     last = math.ceil(bounds.east / size), math.ceil(bounds.north / size)
     for north in range(math.floor(bounds.south / size), last[1]):
         for east in range(math.floor(bounds.west / size), last[0]):
-            yield Tile(level, east, north)
+            yield MapTile(level, east, north)
 
 
 # How bright asphalt is at a distance from the van's way: what is divided by it is paint wherever it lies
@@ -212,8 +212,8 @@ def asphalt_level(store: PointStore, surface: SurveySurface, path: FloatArray) -
     blocks, _ = store.block_counts
     values: list[list[AnyArray]] = [[] for _ in range(int(_FARTHEST_M / _BIN_M))]
     for east, north in blocks[:: max(1, len(blocks) // _N_BLOCKS)].tolist():
-        corner = east * BLOCK_M, north * BLOCK_M
-        bounds = Bounds(*corner, corner[0] + BLOCK_M, corner[1] + BLOCK_M)
+        corner = east * TILE_BLOCK_M, north * TILE_BLOCK_M
+        bounds = Bounds(*corner, corner[0] + TILE_BLOCK_M, corner[1] + TILE_BLOCK_M)
         points = store.points(bounds, ordered=False, with_time=False)
         if points.intensity is None:
             return None
@@ -232,7 +232,7 @@ def asphalt_level(store: PointStore, surface: SurveySurface, path: FloatArray) -
 
 def _distances(way: cKDTree, corner: tuple[float, float]) -> FloatArray:
     """Return the distance from the way of the middles of a block's cells of `_BIN_M`, row 0 south. [m]"""  # noqa: D400
-    middles = _BIN_M * (np.arange(round(BLOCK_M / _BIN_M)) + 0.5)
+    middles = _BIN_M * (np.arange(round(TILE_BLOCK_M / _BIN_M)) + 0.5)
     east, north = np.meshgrid(corner[0] + middles, corner[1] + middles)
     apart, _ = way.query(np.stack([east, north], axis=-1), distance_upper_bound=_FARTHEST_M)
     return np.asarray(apart)

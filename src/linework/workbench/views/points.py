@@ -12,14 +12,14 @@ from linework.arrays import AnyArray, Float32Array
 from linework.errors import UsageError
 from linework.kernels.cells import even_thinning as kernels
 from linework.model.grid import Bounds
-from linework.workbench.views.patches import Patch
+from linework.workbench.views.patches import PointPatch
 from linework.workbench.views.tiles import patch_reader, picture_scale
-from linework.workbench.worker.session import Table
+from linework.workbench.worker.session import SurveySession
 
 #: More are not shown at once: a page holds them in 15 bytes each, and a graphics card draws them smoothly.
-MOST_POINTS = 1_000_000
+MOST_SHOWN_POINTS = 1_000_000
 #: A place is no longer than this: larger ones are looked at in plan. [m]
-LONGEST_M = 1000.0
+LONGEST_PLACE_M = 1000.0
 #: Of points by lot so many times as many as are wanted are thinned evenly.
 _BY_LOT = 4
 _UNKNOWN_CM = 32767
@@ -28,7 +28,7 @@ _PRIME = 1_000_003
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class SampledPoints:
     """Points of one patch, and the lots by which they are chosen."""
 
     xyz: Float32Array
@@ -36,16 +36,16 @@ class Found:
     intensity: AnyArray
     lots: AnyArray
 
-    def by_lot(self, share: float) -> Found:
+    def by_lot(self, share: float) -> SampledPoints:
         """Return a share of the points."""
         if share >= 1.0:
             return self
         kept = self.lots < np.uint64(share * 2.0**64)
-        return Found(self.xyz[kept], self.above[kept], self.intensity[kept], self.lots[kept])
+        return SampledPoints(self.xyz[kept], self.above[kept], self.intensity[kept], self.lots[kept])
 
 
 def points_of_place(
-    table: Table, bounds: Bounds, most: int, heights: tuple[float, float] = (-math.inf, math.inf)
+    table: SurveySession, bounds: Bounds, most: int, heights: tuple[float, float] = (-math.inf, math.inf)
 ) -> bytes:
     """Return points of a rectangle, evenly thinned to `most`.
 
@@ -57,26 +57,26 @@ def points_of_place(
     Raises
     ------
     UsageError
-        The rectangle is empty, or longer than `LONGEST_M`.
+        The rectangle is empty, or longer than `LONGEST_PLACE_M`.
     """
     check_place(bounds)
     reader = patch_reader(table)
     origin = math.floor(bounds.west), math.floor(bounds.south), reader.z0_m if reader else 0.0
     if reader is None:
-        return packed(origin, [], table, most)
+        return packed_points(origin, [], table, most)
     low, high = (height - reader.z0_m for height in heights)
-    found: list[Found] = []
+    found: list[SampledPoints] = []
     share = 1.0
     for patch in reader.patches(bounds):
         west, south = bounds.west - patch.corner[0], bounds.south - patch.corner[1]
         inside = (patch.x >= west) & (patch.x < west + bounds.width_m) & (patch.y >= south)
         inside &= (patch.y < south + bounds.height_m) & (patch.z >= low) & (patch.z < high)
-        found.append(by_lot(patch, inside, share, origin))
+        found.append(sample_points(patch, inside, share, origin))
         # Halved as often as all points together ask for, whatever the order they come in
         while sum(len(part.lots) for part in found) > _BY_LOT * most:
             share *= 0.5
             found = [part.by_lot(share) for part in found]
-    return packed(origin, found, table, most)
+    return packed_points(origin, found, table, most)
 
 
 def check_place(bounds: Bounds) -> None:
@@ -85,26 +85,30 @@ def check_place(bounds: Bounds) -> None:
         raise UsageError(
             "the place is empty", advice="its west must be less than its east, its south than its north"
         )
-    if max(bounds.width_m, bounds.height_m) > LONGEST_M:
+    if max(bounds.width_m, bounds.height_m) > LONGEST_PLACE_M:
         raise UsageError(
-            f"a place of {bounds.width_m:,.0f} x {bounds.height_m:,.0f} m, the limit is {LONGEST_M:,.0f} m",
+            f"a place of {bounds.width_m:,.0f} x {bounds.height_m:,.0f} m, the limit is {LONGEST_PLACE_M:,.0f} m",
             advice="look at a part of it",
         )
 
 
-def by_lot(patch: Patch, inside: AnyArray, share: float, origin: tuple[float, float, float]) -> Found:
+def sample_points(
+    patch: PointPatch, inside: AnyArray, share: float, origin: tuple[float, float, float]
+) -> SampledPoints:
     """Return the points of a patch that are inside, or a share of them chosen by lot."""
     index = np.flatnonzero(inside)
     x, y, z, above, intensity = (column[index] for column in patch.columns)
     salt = (int(patch.corner[0]) * _PRIME + int(patch.corner[1])) & 0x7FFFFFFF
-    lots = kernels.lots(x, y, z, intensity, salt)
+    lots = kernels.sampling_keys(x, y, z, intensity, salt)
     xyz = np.stack(
         [x + np.float32(patch.corner[0] - origin[0]), y + np.float32(patch.corner[1] - origin[1]), z]
     )
-    return Found(np.ascontiguousarray(xyz.T, dtype=np.float32), above, intensity, lots).by_lot(share)
+    return SampledPoints(np.ascontiguousarray(xyz.T, dtype=np.float32), above, intensity, lots).by_lot(share)
 
 
-def packed(origin: tuple[float, float, float], found: list[Found], table: Table, most: int) -> bytes:
+def packed_points(
+    origin: tuple[float, float, float], found: list[SampledPoints], table: SurveySession, most: int
+) -> bytes:
     """Return found points, evenly thinned to `most`, as the page reads them (`points` of its api)."""
     xyz = np.concatenate([np.zeros((0, 3), np.float32), *(part.xyz for part in found)])
     above = np.concatenate([np.zeros(0, np.float32), *(part.above for part in found)])
@@ -137,7 +141,11 @@ MOST_SECTION_POINTS = 200_000
 
 
 def section_at(
-    table: Table, place: tuple[float, float], heading_deg: float, half_width_m: float, thickness_m: float
+    table: SurveySession,
+    place: tuple[float, float],
+    heading_deg: float,
+    half_width_m: float,
+    thickness_m: float,
 ) -> bytes:
     """Return the points of a slice across a heading, as `points_of_place` does: x to the right of it, y along it.
 
@@ -161,7 +169,7 @@ def section_at(
     reader = patch_reader(table)
     origin = (*place, reader.z0_m if reader else 0.0)
     if reader is None:
-        return packed(origin, [], table, MOST_SECTION_POINTS)
+        return packed_points(origin, [], table, MOST_SECTION_POINTS)
     sin, cos = math.sin(math.radians(heading_deg)), math.cos(math.radians(heading_deg))
     half_m = 0.5 * thickness_m
     reach = abs(cos) * half_width_m + abs(sin) * half_m, abs(sin) * half_width_m + abs(cos) * half_m
@@ -172,7 +180,7 @@ def section_at(
         north = patch.y + np.float32(patch.corner[1] - place[1])
         right, ahead = east * cos - north * sin, east * sin + north * cos
         inside = (np.abs(right) <= half_width_m) & (np.abs(ahead) <= half_m)
-        part = by_lot(patch, inside, 1.0, origin)
+        part = sample_points(patch, inside, 1.0, origin)
         xyz = np.stack([right[inside], ahead[inside], part.xyz[:, 2]], axis=1).astype(np.float32)
         found.append(replace(part, xyz=xyz))
-    return packed(origin, found, table, MOST_SECTION_POINTS)
+    return packed_points(origin, found, table, MOST_SECTION_POINTS)

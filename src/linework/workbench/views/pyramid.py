@@ -11,8 +11,8 @@ from linework.model.grid import Bounds
 #: Sides of a tile. [pixels]
 TILE_PX = 256
 #: A tile of level 0 is a block of the point store; its cells are as large as the smallest thing that matters.
-BLOCK_M = 64.0
-CELL_M = BLOCK_M / TILE_PX
+TILE_BLOCK_M = 64.0
+TILE_CELL_M = TILE_BLOCK_M / TILE_PX
 #: The finest level: cells of 1/64 m, twice as fine as points lie beside the van.
 FINEST = -4
 #: Name, title and unit of the images.
@@ -24,7 +24,7 @@ IMAGES = (
 )
 
 
-class Tile(NamedTuple):
+class MapTile(NamedTuple):
     """A square of the world: of level 0 a block of 64 m, of each level above twice as large.
 
     Parameters
@@ -42,12 +42,12 @@ class Tile(NamedTuple):
     @property
     def size_m(self) -> float:
         """Length of a side."""
-        return math.ldexp(BLOCK_M, self.level)
+        return math.ldexp(TILE_BLOCK_M, self.level)
 
     @property
     def cell_m(self) -> float:
         """Length of a pixel's side."""
-        return math.ldexp(CELL_M, self.level)
+        return math.ldexp(TILE_CELL_M, self.level)
 
     @property
     def bounds(self) -> Bounds:
@@ -56,19 +56,19 @@ class Tile(NamedTuple):
         return Bounds(self.east * size, self.north * size, (self.east + 1) * size, (self.north + 1) * size)
 
     @property
-    def children(self) -> tuple[Tile, ...]:
+    def children(self) -> tuple[MapTile, ...]:
         """The four tiles one level below: north-west, north-east, south-west, south-east."""
         e, n = 2 * self.east, 2 * self.north
-        return tuple(Tile(self.level - 1, e + i, n + 1 - j) for j in (0, 1) for i in (0, 1))
+        return tuple(MapTile(self.level - 1, e + i, n + 1 - j) for j in (0, 1) for i in (0, 1))
 
     @property
-    def parent(self) -> Tile:
+    def parent(self) -> MapTile:
         """The tile one level above that holds this one.
 
         >>> Tile(0, -1, 5).parent
         Tile(level=1, east=-1, north=2)
         """
-        return Tile(self.level + 1, self.east // 2, self.north // 2)
+        return MapTile(self.level + 1, self.east // 2, self.north // 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,22 +95,22 @@ class Lattice:
         [499712.0, 5800960.0]
         """
         west, south, east, north = bounds
-        extent = max(east - west, north - south, 4.0 * BLOCK_M)
-        coarsest = math.ceil(math.log2(extent / BLOCK_M))
-        size = math.ldexp(BLOCK_M, coarsest)
+        extent = max(east - west, north - south, 4.0 * TILE_BLOCK_M)
+        coarsest = math.ceil(math.log2(extent / TILE_BLOCK_M))
+        size = math.ldexp(TILE_BLOCK_M, coarsest)
         return cls(coarsest, math.floor(west / size), math.floor(north / size) + 1)
 
     def document(self) -> dict[str, Any]:
         """Return what a page needs to know: pixels of a tile, corner north-west [m, world], resolutions [m]."""
-        size = math.ldexp(BLOCK_M, self.coarsest)
-        resolutions = [math.ldexp(CELL_M, level) for level in range(self.coarsest, FINEST - 1, -1)]
+        size = math.ldexp(TILE_BLOCK_M, self.coarsest)
+        resolutions = [math.ldexp(TILE_CELL_M, level) for level in range(self.coarsest, FINEST - 1, -1)]
         return {
             "tile_px": TILE_PX,
             "origin": [self.west * size, self.north * size],
             "resolutions": resolutions,
         }
 
-    def tile(self, z: int, col: int, row: int) -> Tile | None:
+    def tile(self, z: int, col: int, row: int) -> MapTile | None:
         """Return the tile at a zoom, column and row; None where the lattice has none.
 
         >>> Lattice(4, 488, 5665).tile(4, 3, 1)
@@ -122,4 +122,4 @@ class Lattice:
         # A survey reaches over the edge of a tile of zoom 0 once at most, each way
         if not (0 <= col < 2 << z and 0 <= row < 2 << z):
             return None
-        return Tile(level, (self.west << z) + col, (self.north << z) - 1 - row)
+        return MapTile(level, (self.west << z) + col, (self.north << z) - 1 - row)

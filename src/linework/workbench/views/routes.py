@@ -16,37 +16,43 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from linework.errors import LineworkError
 from linework.model.grid import Bounds
-from linework.workbench.server.bench import Bench, bench_of
+from linework.workbench.server.bench import AppState, state_of_request
 from linework.workbench.views.heights import heights_at
 from linework.workbench.views.pairs import (
-    Side,
-    image_at_desk,
-    keys_at_desk,
-    near,
-    no_pair,
-    pair_lines_at_desk,
-    pairs_at_desk,
-    thumbnail_at_desk,
+    CameraSide,
+    image_jpeg,
+    lines_in_pair,
+    lines_near_camera,
+    list_keys,
+    list_pairs,
+    no_such_pair_error,
+    thumbnail_jpeg,
 )
-from linework.workbench.views.points import MOST_POINTS, THICKEST_M, WIDEST_M, points_of_place, section_at
+from linework.workbench.views.points import (
+    MOST_SHOWN_POINTS,
+    THICKEST_M,
+    WIDEST_M,
+    points_of_place,
+    section_at,
+)
 from linework.workbench.views.pyramid import Lattice
 from linework.workbench.views.tiles import prepare_tiles, tile_png
 
-router = APIRouter(prefix="/api")
+views_router = APIRouter(prefix="/api")
 
-TheBench = Annotated[Bench, Depends(bench_of)]
+CurrentState = Annotated[AppState, Depends(state_of_request)]
 #: Also where the page's numbers are no tile of the survey: they are numbers all the same.
-Number = Annotated[int, PathPart(ge=-(2**31), le=2**31)]
+MapTileNumber = Annotated[int, PathPart(ge=-(2**31), le=2**31)]
 #: Coordinates lie within this, as in the point store. [m]
-FARTHEST_M = 1e8
-Metres = Annotated[float, Query(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=False)]
-Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=False)]
+FARTHEST_QUERY_M = 1e8
+QueryMetres = Annotated[float, Query(ge=-FARTHEST_QUERY_M, le=FARTHEST_QUERY_M, allow_inf_nan=False)]
+Coordinate = Annotated[float, Field(ge=-FARTHEST_QUERY_M, le=FARTHEST_QUERY_M, allow_inf_nan=False)]
 #: A line has a vertex a metre; nobody drags more than a kilometre at once.
 MOST_PLACES = 2000
 _BINARY = "application/octet-stream"
 
 
-class Places(BaseModel):
+class HeightsQuery(BaseModel):
     """Places whose heights are asked for, for a kind of line."""
 
     model_config = ConfigDict(extra="forbid")
@@ -57,15 +63,20 @@ class Places(BaseModel):
 
 
 #: For OpenAPI.
-NOTHING: dict[int | str, dict[str, Any]] = {204: {"description": "Nothing there"}}
+NO_CONTENT: dict[int | str, dict[str, Any]] = {204: {"description": "Nothing there"}}
 
 
-@router.get("/tiles/{image}/{z}/{col}/{row}", response_class=Response, responses=NOTHING)
-async def tile(
-    request: Request, bench: TheBench, image: str, z: Number, col: Number, row: Number
+@views_router.get("/tiles/{image}/{z}/{col}/{row}", response_class=Response, responses=NO_CONTENT)
+async def get_tile(
+    request: Request,
+    bench: CurrentState,
+    image: str,
+    z: MapTileNumber,
+    col: MapTileNumber,
+    row: MapTileNumber,
 ) -> Response:
     """Return an image of a tile as PNG, or 204 where there is nothing."""
-    ahead = ahead_of(request, bench)
+    ahead = prefetcher_of(request, bench)
     ahead.asked()
     wanted = Lattice.of(bench.facts.bounds).tile(z, col, row)
     if wanted is None or not bench.facts.n_points:
@@ -80,10 +91,10 @@ async def tile(
     return Response(png, media_type="image/png", headers={"Cache-Control": "no-store"})
 
 
-@router.get("/points", response_class=Response)
-async def points(
-    bench: TheBench, west: Metres, south: Metres, east: Metres, north: Metres,
-    most: Annotated[int, Query(ge=1, le=MOST_POINTS)], low: Metres | None = None, high: Metres | None = None,
+@views_router.get("/points", response_class=Response)
+async def get_points(
+    bench: CurrentState, west: QueryMetres, south: QueryMetres, east: QueryMetres, north: QueryMetres,
+    most: Annotated[int, Query(ge=1, le=MOST_SHOWN_POINTS)], low: QueryMetres | None = None, high: QueryMetres | None = None,
 ) -> Response:  # fmt: skip
     """Return points of a rectangle, evenly thinned to `most`, between two heights if they are given."""
     heights = -math.inf if low is None else low, math.inf if high is None else high
@@ -91,9 +102,9 @@ async def points(
     return Response(await bench.pictures.ask(points_of_place, bounds, most, heights), media_type=_BINARY)
 
 
-@router.get("/section", response_class=Response)
-async def section(
-    bench: TheBench, east: Metres, north: Metres,
+@views_router.get("/section", response_class=Response)
+async def get_section(
+    bench: CurrentState, east: QueryMetres, north: QueryMetres,
     heading_deg: Annotated[float, Query(ge=-720.0, le=720.0, allow_inf_nan=False)],
     half_width_m: Annotated[float, Query(gt=0.0, le=WIDEST_M, allow_inf_nan=False)],
     thickness_m: Annotated[float, Query(gt=0.0, le=THICKEST_M, allow_inf_nan=False)],
@@ -103,20 +114,20 @@ async def section(
     return Response(await bench.pictures.ask(section_at, *slice_), media_type=_BINARY)
 
 
-@router.post("/heights")
-async def heights(bench: TheBench, wanted: Places) -> dict[str, list[float | None]]:
+@views_router.post("/heights")
+async def get_heights(bench: CurrentState, wanted: HeightsQuery) -> dict[str, list[float | None]]:
     """Return how high a line of a kind is at places, and how sure that is; null where no point tells."""
     found = await bench.pictures.ask(heights_at, wanted.kind, wanted.places)
     height, sigma = ([None if np.isnan(v) else round(float(v), 4) for v in values] for values in found)
     return {"heights": height, "sigmas": sigma}
 
 
-def ahead_of(request: Request, bench: Bench) -> Ahead:
+def prefetcher_of(request: Request, bench: AppState) -> TilePrefetcher:
     """Return what makes the tiles that nobody has asked for yet, one for a server."""
     state = request.app.state
     if not hasattr(state, "ahead"):
-        state.ahead = Ahead(bench)
-    ahead: Ahead = state.ahead
+        state.ahead = TilePrefetcher(bench)
+    ahead: TilePrefetcher = state.ahead
     return ahead
 
 
@@ -128,14 +139,14 @@ IDLE_S = 0.3
 TOLD_S = 1.0
 
 
-class Ahead:
+class TilePrefetcher:
     """Makes all tiles of a survey, one by one, whenever nobody asks for a picture.
 
     Pages are told ``{"type": "pictures", "done": n, "total": m}``: when all are there, also those of the coarse tiles
     that were shown in part are whole.
     """
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: AppState) -> None:
         self._bench = bench
         self._task: asyncio.Task[None] | None = None
         self._asked_s = 0.0
@@ -172,43 +183,43 @@ class Ahead:
 
 #: No path from the page: pairs have numbers.
 PairNumber = Annotated[int, Path(ge=0, lt=2**31)]
-Served = Annotated[Bench, Depends(bench_of)]
+PairState = Annotated[AppState, Depends(state_of_request)]
 
 
-@router.get("/pairs")
-async def pairs(request: Request, bench: Served) -> list[dict[str, Any]]:
+@views_router.get("/pairs")
+async def get_pairs(request: Request, bench: PairState) -> list[dict[str, Any]]:
     """Return the stereo pairs that can be used, in time order."""
     found: list[dict[str, Any]] | None = getattr(request.app.state, "pairs", None)
     if found is None:
-        found = request.app.state.pairs = await bench.pictures.ask(pairs_at_desk)
+        found = request.app.state.pairs = await bench.pictures.ask(list_pairs)
     return found
 
 
-@router.get("/keys")
-async def keys(bench: Served) -> list[dict[str, Any]]:
+@views_router.get("/keys")
+async def get_keys(bench: PairState) -> list[dict[str, Any]]:
     """Return the operator's keys, in time order."""
-    found: list[dict[str, Any]] = await bench.pictures.ask(keys_at_desk)
+    found: list[dict[str, Any]] = await bench.pictures.ask(list_keys)
     return found
 
 
-@router.get("/pairs/{number}/thumbnail", response_class=Response)
-async def thumbnail(number: PairNumber, bench: Served) -> Response:
+@views_router.get("/pairs/{number}/thumbnail", response_class=Response)
+async def get_thumbnail(number: PairNumber, bench: PairState) -> Response:
     """Return the left image of a pair, small."""
-    return Response(await bench.pictures.ask(thumbnail_at_desk, number), media_type="image/jpeg")
+    return Response(await bench.pictures.ask(thumbnail_jpeg, number), media_type="image/jpeg")
 
 
-@router.get("/pairs/{number}/lines", response_class=JSONResponse)
-async def pair_lines(number: PairNumber, request: Request, bench: Served) -> Response:
+@views_router.get("/pairs/{number}/lines", response_class=JSONResponse)
+async def get_pair_lines(number: PairNumber, request: Request, bench: PairState) -> Response:
     """Return where both images of a pair show the lines."""
-    pair = next((pair for pair in await pairs(request, bench) if pair["number"] == number), None)
+    pair = next((pair for pair in await get_pairs(request, bench) if pair["number"] == number), None)
     if pair is None:
-        raise no_pair(number)
-    lines = near(bench.drawing.lines, tuple(pair["at"]))
-    shown = await bench.pictures.ask(pair_lines_at_desk, number, lines)
+        raise no_such_pair_error(number)
+    lines = lines_near_camera(bench.drawing.lines, tuple(pair["at"]))
+    shown = await bench.pictures.ask(lines_in_pair, number, lines)
     return Response(shown, media_type="application/json")
 
 
-@router.get("/pairs/{number}/{side}", response_class=Response)
-async def image(number: PairNumber, side: Side, bench: Served) -> Response:
+@views_router.get("/pairs/{number}/{side}", response_class=Response)
+async def get_image(number: PairNumber, side: CameraSide, bench: PairState) -> Response:
     """Return an image as it was taken."""
-    return Response(await bench.pictures.ask(image_at_desk, number, side), media_type="image/jpeg")
+    return Response(await bench.pictures.ask(image_jpeg, number, side), media_type="image/jpeg")

@@ -9,18 +9,18 @@ from pathlib import Path
 from linework.errors import MachineError, UsageError
 from linework.runs.resume import source_hash
 from linework.workbench.views.cells import TileCells, cells_folder
-from linework.workbench.views.colours import Scale, tile_picture
-from linework.workbench.views.layers import Layers, filled, margin_cells
+from linework.workbench.views.colours import ColourScale, tile_picture
+from linework.workbench.views.layers import TileLayers, fill_between_points, margin_cells
 from linework.workbench.views.patches import PatchReader
-from linework.workbench.views.pyramid import IMAGES, TILE_PX, Lattice, Tile
-from linework.workbench.worker.session import Table
+from linework.workbench.views.pyramid import IMAGES, TILE_PX, Lattice, MapTile
+from linework.workbench.worker.session import SurveySession
 
 _NAMES = tuple(name for name, _, _ in IMAGES)
 #: Densities are counted in cells of an eighth of a metre at least: finer ones hold a point or none.
 DENSITY_LEVEL = -1
 
 
-def tile_png(table: Table, image: str, tile: Tile) -> bytes:
+def tile_png(table: SurveySession, image: str, tile: MapTile) -> bytes:
     """Return the PNG of an image of a tile, b"" where no point is.
 
     Raises
@@ -38,13 +38,15 @@ def tile_png(table: Table, image: str, tile: Tile) -> bytes:
         return b""
     if image == "density":
         return tile_picture(image, layers, cells.scale, tile.cell_m, 0)
-    return tile_picture(image, filled(layers, tile.cell_m), cells.scale, tile.cell_m, margin_cells(tile))
+    return tile_picture(
+        image, fill_between_points(layers, tile.cell_m), cells.scale, tile.cell_m, margin_cells(tile)
+    )
 
 
-def density_layers(cells: TileCells, tile: Tile) -> Layers | None:
+def density_layers(cells: TileCells, tile: MapTile) -> TileLayers | None:
     """Return the cells of a tile for its density: those of `DENSITY_LEVEL`, larger, where it is finer."""
     up = max(0, DENSITY_LEVEL - tile.level)
-    coarser = Tile(tile.level + up, tile.east >> up, tile.north >> up)
+    coarser = MapTile(tile.level + up, tile.east >> up, tile.north >> up)
     layers, _ = cells.layers(coarser)
     if layers is None:
         return None
@@ -52,10 +54,10 @@ def density_layers(cells: TileCells, tile: Tile) -> Layers | None:
     col = margin + (tile.east - (coarser.east << up)) * n
     row = margin + TILE_PX - n - (tile.north - (coarser.north << up)) * n
     part = layers.part(slice(row, row + n), slice(col, col + n))
-    return Layers(*(layer.repeat(1 << up, axis=0).repeat(1 << up, axis=1) for layer in part))
+    return TileLayers(*(layer.repeat(1 << up, axis=0).repeat(1 << up, axis=1) for layer in part))
 
 
-def prepare_tiles(table: Table) -> tuple[int, int]:
+def prepare_tiles(table: SurveySession) -> tuple[int, int]:
     """Make one more of the tiles that are kept on disk; return how many are there, and how many there will be."""
     cells = tile_cells(table)
     if cells is None or not cells.go_on():
@@ -63,7 +65,7 @@ def prepare_tiles(table: Table) -> tuple[int, int]:
     return cells.n_done, cells.n_all
 
 
-def patch_reader(table: Table) -> PatchReader | None:
+def patch_reader(table: SurveySession) -> PatchReader | None:
     """Return the reader of the survey's points, one for all works; None without points."""
     points = table.recordings.points
     if points is None:
@@ -76,7 +78,7 @@ def patch_reader(table: Table) -> PatchReader | None:
     return table.keep("patch reader", read)
 
 
-def tile_cells(table: Table) -> TileCells | None:
+def tile_cells(table: SurveySession) -> TileCells | None:
     """Return the cells of all tiles, one for all works; None without points."""
     reader = patch_reader(table)
     if reader is None:
@@ -85,7 +87,7 @@ def tile_cells(table: Table) -> TileCells | None:
     return table.keep("tile cells", lambda: TileCells(reader, _folder(reader), coarsest))
 
 
-def picture_scale(table: Table) -> Scale | None:
+def picture_scale(table: SurveySession) -> ColourScale | None:
     """Return the scale of all pictures of the survey; None without points."""
     cells = tile_cells(table)
     return None if cells is None else cells.scale

@@ -21,7 +21,7 @@ from linework.workbench.worker.session import SurveyOrder
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
-class Desk:
+class SurveyWorker:
     """A process that does one work after the other.
 
     Parameters
@@ -65,7 +65,7 @@ class Desk:
         return steps.value
 
     @asynccontextmanager
-    async def doing(self, work: Callable[..., Any], *arguments: Any) -> AsyncIterator[Work]:
+    async def doing(self, work: Callable[..., Any], *arguments: Any) -> AsyncIterator[WorkerRequest]:
         """Begin a work when those before it are done, and give it; what it tells can be read while it is done.
 
         A work that is left before its end is told so, and ends at its next ``yield``; if it does not, its process is
@@ -75,7 +75,7 @@ class Desk:
             self._start()
             self._number += 1
             self._told = asyncio.Queue()
-            steps = Work(self._told, self._sayer(self._number), self.kill)
+            steps = WorkerRequest(self._told, self._sayer(self._number), self.kill)
             try:
                 # In a thread: a process that is just starting does not read yet, and lines may be many
                 await asyncio.to_thread(self._send, ("do", self._number, work, arguments))
@@ -84,7 +84,7 @@ class Desk:
                 if not steps.is_over:
                     await self._leave(steps)
 
-    async def _leave(self, steps: Work) -> None:
+    async def _leave(self, steps: WorkerRequest) -> None:
         """Tell a work that nobody waits for it, and wait until it has taken that in."""
         try:
             async with steps.leaving():
@@ -180,7 +180,7 @@ COMPILE_S = 900.0
 LEAVE_S = 3.0
 
 
-class Work:
+class WorkerRequest:
     """A work that is being done: what it tells comes by ``async for``, what it ends with is `value`.
 
     Parameters

@@ -9,11 +9,11 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.files.geodesy.crs import LOCAL, describe_crs
-from linework.files.store.layout import BLOCK_M
+from linework.files.store.layout import STORE_BLOCK_M
 from linework.model.grid import Bounds
 from linework.runs.opened.recordings import Recordings
-from linework.runs.steps import Steps
-from linework.workbench.worker.session import Table
+from linework.runs.steps import RunSteps
+from linework.workbench.worker.session import SurveySession
 
 #: The path is drawn, not measured on: a vertex for so many metres.
 _PATH_STEP_M = 2.0
@@ -59,14 +59,14 @@ class SurveyFacts:
     warnings: tuple[str, ...]
 
 
-def place_at_desk(table: Table) -> tuple[str, str]:
+def read_folder_and_crs(table: SurveySession) -> tuple[str, str]:
     """Return folder and CRS of the survey, as its files say them: what opening the lines needs."""
     return str(table.survey.root), table.survey.crs
 
 
-def open_at_desk(table: Table) -> SurveyFacts:
+def open_in_worker(table: SurveySession) -> SurveyFacts:
     """Open the survey, telling ("begin", step, unit), ("advance", done, total), ("end", step, seconds)."""
-    steps = Steps(_Teller(table))
+    steps = RunSteps(_Teller(table))
     recordings = table.opened(steps)
     surface = table.surface_with(steps)
     points, stereo, path = recordings.points, recordings.stereo, _path(recordings)
@@ -110,8 +110,8 @@ def _middle(recordings: Recordings, path: FloatArray) -> tuple[float, float, flo
     place = path[len(path) // 2] if len(path) else np.zeros(3)
     if not len(path) and recordings.points is not None:
         blocks, counts = recordings.points.points.block_counts
-        west, south = (blocks[int(np.argmax(counts))] * BLOCK_M).tolist()
-        block = Bounds(west, south, west + BLOCK_M, south + BLOCK_M)
+        west, south = (blocks[int(np.argmax(counts))] * STORE_BLOCK_M).tolist()
+        block = Bounds(west, south, west + STORE_BLOCK_M, south + STORE_BLOCK_M)
         xyz = recordings.points.points.points(block, ordered=False, with_time=False, with_intensity=False).xyz
         # A point, not the mean of all: in a bend that lies beside the road
         place = xyz[int(np.argmin(np.hypot(*(xyz - np.median(xyz, axis=0))[:, :2].T)))]
@@ -121,7 +121,7 @@ def _middle(recordings: Recordings, path: FloatArray) -> tuple[float, float, flo
 class _Teller:
     """Hands the steps of a run on to whoever asked for it."""
 
-    def __init__(self, table: Table) -> None:
+    def __init__(self, table: SurveySession) -> None:
         self._tell: Any = table.tell
 
     def begin(self, step: str, unit: str) -> None:

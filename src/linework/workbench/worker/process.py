@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 LEAVE = "leave"
 
 
-def main(arguments: list[str]) -> None:
+def survey_worker_main(arguments: list[str]) -> None:
     """Do works. `arguments`: socket, parent's process number, modules to import before the first comes."""
     socket, parent, *modules = arguments
     die_with_parent(int(parent))
@@ -45,14 +45,16 @@ class _Process:
 
     def __init__(self, connection: Connection, order: SurveyOrder) -> None:
         # Here and not above: seconds, in which the process would not notice that its parent has died
-        from linework.processes.compiling import Compiling
-        from linework.workbench.worker.session import Table
+        from linework.processes.compiling import CompilationMonitor
+        from linework.workbench.worker.session import SurveySession
 
         self._connection = connection
         self._waiting: deque[tuple[Any, ...]] = deque()
         self._number = 0
-        self._table = Table(order, self._tell)
-        self._compiling = Compiling(lambda is_so: self._connection.send(("compiling", self._number, is_so)))
+        self._table = SurveySession(order, self._tell)
+        self._compiling = CompilationMonitor(
+            lambda is_so: self._connection.send(("compiling", self._number, is_so))
+        )
 
     def run(self) -> None:
         """Do what comes until the socket closes."""
@@ -108,4 +110,4 @@ class _Process:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    survey_worker_main(sys.argv[1:])

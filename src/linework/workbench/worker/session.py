@@ -16,9 +16,9 @@ from linework.runs.opened.recordings import Recordings, opened_recordings
 from linework.runs.opened.surface import SurveySurface
 from linework.runs.opened.work_folder import work_folder
 from linework.runs.settings import RunSettings
-from linework.runs.steps import Steps
+from linework.runs.steps import RunSteps
 
-Kept = TypeVar("Kept")
+KeptT = TypeVar("KeptT")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class SurveyOrder:
     n_threads: int = 1
 
 
-class Table:
+class SurveySession:
     """The survey that a process has open, and what its works keep for one another.
 
     Parameters
@@ -82,9 +82,9 @@ class Table:
         InputError
             There is nothing that can be used.
         """
-        return self.opened(Steps())
+        return self.opened(RunSteps())
 
-    def opened(self, steps: Steps) -> Recordings:
+    def opened(self, steps: RunSteps) -> Recordings:
         """Return `recordings`; if they have to be opened first, say how far that is."""
         return self.keep(
             "recordings",
@@ -96,17 +96,17 @@ class Table:
     @property
     def surface(self) -> SurveySurface | None:
         """Road and ground; None without points."""
-        return self.surface_with(Steps())
+        return self.surface_with(RunSteps())
 
-    def surface_with(self, steps: Steps) -> SurveySurface | None:
+    def surface_with(self, steps: RunSteps) -> SurveySurface | None:
         """Return `surface`; if it has to be made first, say how far that is."""
         points = self.opened(steps).points
         if points is None:
             return None
         return self.keep("surface", lambda: surface_of(points, self.settings.road, Serial(), steps))
 
-    def keep(self, name: str, make: Callable[[], Kept]) -> Kept:
+    def keep(self, name: str, make: Callable[[], KeptT]) -> KeptT:
         """Return what is kept under a name; made when it is first asked for."""
         if name not in self._kept:
             self._kept[name] = make()
-        return cast(Kept, self._kept[name])
+        return cast(KeptT, self._kept[name])

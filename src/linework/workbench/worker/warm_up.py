@@ -12,14 +12,14 @@ from typing import Any
 from linework.errors import LineworkError
 from linework.model.grid import Bounds
 from linework.model.lines import KINDS
-from linework.workbench.following.routes import warm
-from linework.workbench.server.bench import Bench
+from linework.workbench.following.routes import warm_up_tracing
+from linework.workbench.server.bench import AppState
 from linework.workbench.views.heights import heights_at
 from linework.workbench.views.points import points_of_place, section_at
-from linework.workbench.views.pyramid import BLOCK_M, FINEST, IMAGES, Tile
+from linework.workbench.views.pyramid import FINEST, IMAGES, TILE_BLOCK_M, MapTile
 from linework.workbench.views.tiles import tile_png
-from linework.workbench.worker.open import open_at_desk
-from linework.workbench.worker.session import Table
+from linework.workbench.worker.open import open_in_worker
+from linework.workbench.worker.session import SurveySession
 
 #: What a page waits for, as "Still ..." says it.
 OPENING = "opening the survey for following lines"
@@ -27,7 +27,7 @@ PICTURES = "getting the pictures ready"
 COMPILING = "compiling the programs for this machine: once after an installation, a minute or two"
 
 
-class Busy:
+class StartupProgress:
     """What the server is still doing.
 
     Parameters
@@ -56,24 +56,24 @@ class Busy:
         return "; ".join(sorted(set(self._doing.values())))
 
 
-async def warm_up(bench: Bench, busy: Busy) -> None:
+async def warm_up(bench: AppState, busy: StartupProgress) -> None:
     """Open the survey at the tracing desk too, and let both desks run through what they are asked for most."""
     for name, desk in (("pictures", bench.pictures), ("tracing", bench.tracing)):
         desk.on_compiling = partial(busy.change, f"{name} compile", COMPILING)
     await asyncio.gather(_tracing(bench, busy), _pictures(bench, busy))
 
 
-async def _tracing(bench: Bench, busy: Busy) -> None:
+async def _tracing(bench: AppState, busy: StartupProgress) -> None:
     busy.change("tracing", OPENING, True)
     # What is wrong with the survey was told before; a click would tell it again
     with contextlib.suppress(LineworkError):
-        await bench.tracing.ask(open_at_desk)
+        await bench.tracing.ask(open_in_worker)
     with contextlib.suppress(LineworkError):
-        await warm(bench)
+        await warm_up_tracing(bench)
     busy.change("tracing", OPENING, False)
 
 
-async def _pictures(bench: Bench, busy: Busy) -> None:
+async def _pictures(bench: AppState, busy: StartupProgress) -> None:
     path: Any = bench.facts.path
     if not bench.facts.n_points or len(path) == 0:
         return
@@ -81,7 +81,7 @@ async def _pictures(bench: Bench, busy: Busy) -> None:
     busy.change("pictures", PICTURES, True)
     with contextlib.suppress(LineworkError):
         for step in range(STEPS):
-            await bench.pictures.ask(warm_pictures, step, (east, north))
+            await bench.pictures.ask(warm_up_pictures, step, (east, north))
     busy.change("pictures", PICTURES, False)
 
 
@@ -89,11 +89,11 @@ async def _pictures(bench: Bench, busy: Busy) -> None:
 
 #: So many points, and so much of the survey around its middle, are enough to run all code once.
 _MOST, _AROUND_M = 1000, 4.0
-#: Steps of `warm_pictures`: tiles, points, sections, heights.
+#: Steps of `warm_up_pictures`: tiles, points, sections, heights.
 STEPS = 4
 
 
-def warm_pictures(table: Table, step: int, place: tuple[float, float]) -> None:
+def warm_up_pictures(table: SurveySession, step: int, place: tuple[float, float]) -> None:
     """Make some pictures about a place [m, world]; one step at a time, so that who asks for some need not wait long."""
     east, north = place
     around = Bounds(east, north, east, north).grown(_AROUND_M)
@@ -103,8 +103,8 @@ def warm_pictures(table: Table, step: int, place: tuple[float, float]) -> None:
     # What is wrong with the survey is told to whoever asks for a picture
     with contextlib.suppress(LineworkError):
         if step == 0:
-            size_m = math.ldexp(BLOCK_M, FINEST)
-            tile = Tile(FINEST, math.floor(east / size_m), math.floor(north / size_m))
+            size_m = math.ldexp(TILE_BLOCK_M, FINEST)
+            tile = MapTile(FINEST, math.floor(east / size_m), math.floor(north / size_m))
             for image, _, _ in IMAGES:
                 tile_png(table, image, tile)
         elif step == 1:
