@@ -3,11 +3,15 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: demo test check bench page clean
+.PHONY: demo test check docs bench page clean
 
 $(VENV)/.installed: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	touch $@
+
+$(VENV)/.docs: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'
 	touch $@
 
 demo: $(VENV)/.installed  ## simulate a small survey, extract its lines, score them
@@ -20,6 +24,9 @@ check: $(VENV)/.installed  ## style, types, import direction
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -n 0 tests/test_architecture.py
+
+docs: $(VENV)/.docs  ## guides and API reference as a website in build/docs; a warning is an error
+	$(BIN)/python -m sphinx -b html -W --keep-going -q -j 2 docs build/docs
 
 bench: $(VENV)/.installed  ## what is timed (nothing timed is asserted in a test)
 	$(BIN)/python -m benchmarks

@@ -1,4 +1,4 @@
-// One script, one style sheet, no hash in a name: two builds of the same sources are the same bytes.
+// One script, one style sheet, no hashes in file names: building the same sources twice gives the same bytes.
 
 import { defineConfig } from "vite";
 import { licences } from "./bundle/licences.ts";
@@ -9,7 +9,7 @@ export default defineConfig({
   build: {
     outDir: "../src/linework/workbench/page",
     emptyOutDir: true,
-    assetsInlineLimit: 0, // the page's security policy has no data: addresses
+    assetsInlineLimit: 0, // files instead of data: URLs, which the security policy allows for images only
     modulePreload: false,
     target: "es2022",
     reportCompressedSize: false,

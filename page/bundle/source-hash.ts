@@ -1,4 +1,4 @@
-// SOURCES.sha256: of which sources a built page is made. tests/workbench/page/test_bundle.py does the same sum.
+// Writes SOURCES.sha256, the hash of the page's sources, so that tests/workbench/page/test_bundle.py can tell a stale build.
 
 import { createHash } from "node:crypto";
 import { readdirSync, readFileSync } from "node:fs";
@@ -18,7 +18,7 @@ function filesOf(root: string): string[] {
   return found.sort((a, b) => (a < b ? -1 : 1));
 }
 
-// Of every file, in the order of their names: the name, a line feed, the length in bytes, a line feed, the bytes
+// For every file, in order of name: name, line feed, length in bytes, line feed, content
 export function hashOfSources(root: string): string {
   const sum = createHash("sha256");
   for (const file of filesOf(root)) {

@@ -1,52 +1,52 @@
-// Opens the survey and puts the parts of the page where they belong.
+// Opens the survey, builds the page and keeps it up to date with the server.
 
-import * as api from "./api";
-import { App } from "./app";
-import { element } from "./element";
-import { shellOf } from "./shell";
+import * as api from "./app/api";
+import { App } from "./app/app";
+import { element } from "./controls/element";
+import { buildShell } from "./shell/shell";
 
 async function start(): Promise<void> {
   const app = new App(await api.survey());
   document.title = `${app.survey.name} · linework`;
-  shellOf(app);
+  buildShell(app);
   await app.reload();
-  const waiting = new Waiting(app);
+  const preparation = new Preparation(app);
   api.live(
-    (news) => {
-      if (news.type === "changed") app.take(news);
-      else if (news.type === "job") app.emit("job", news);
-      else if (news.type === "pictures") app.emit("pictures", news);
-      else if (news.type === "busy") waiting.tell(news.busy);
-      else void app.reload().catch((error: unknown) => app.problem(error));
+    (message) => {
+      if (message.type === "changed") app.apply(message);
+      else if (message.type === "job") app.emit("job", message);
+      else if (message.type === "pictures") app.emit("tiles", message);
+      else if (message.type === "busy") preparation.update(message.busy);
+      else void app.reload().catch((error: unknown) => app.reportProblem(error));
     },
-    (is) => {
-      app.emit("connected", is);
-      if (!is) void whyAway(app);
-      if (is) void api.survey().then(({ busy }) => waiting.tell(busy), () => undefined); // who is away is told of elsewhere
-      if (is) void app.reconnected().catch((error: unknown) => app.problem(error));
+    (connected) => {
+      app.emit("connected", connected);
+      if (!connected) return void explainLoss(app);
+      void api.survey().then(({ busy }) => preparation.update(busy), () => undefined); // a loss is reported elsewhere
+      void app.reconnected().catch((error: unknown) => app.reportProblem(error));
     },
   );
   document.body.dataset.state = "ready";
 }
 
-// The server may still be opening the survey for following, or compiling: everything else works meanwhile
-class Waiting {
+// Reports what the server is still preparing for following (opening the survey, compiling); all else works meanwhile
+class Preparation {
   private busy = "";
 
   constructor(private readonly app: App) {}
 
-  tell(busy: string): void {
+  update(busy: string): void {
     if (busy === this.busy) return;
     this.busy = busy;
-    const text = busy === "" ? "Everything is ready: lines can be followed now." : `Still ${busy} …`;
+    const text = busy === "" ? "Ready: lines can be followed now." : `Still ${busy} …`;
     this.app.emit("message", { text, kind: "info" });
   }
 }
 
-// Gone, or started anew: then it knows nothing of this session, and says which link to open
-async function whyAway(app: App): Promise<void> {
+// A restarted server does not know this session, and its answer says which link to open
+async function explainLoss(app: App): Promise<void> {
   await api.survey().catch((error: unknown) => {
-    if (error instanceof api.ProblemError && error.status !== 0) app.problem(error);
+    if (error instanceof api.ProblemError && error.status !== 0) app.reportProblem(error);
   });
 }
 

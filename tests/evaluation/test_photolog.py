@@ -63,7 +63,7 @@ def test_a_van_at_rest_is_shown_once(tmp_path: Path) -> None:
 
 
 def test_a_long_drive_is_bounded_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("linework.evaluation.report.photolog.thumbnail", lambda _: b"x")
+    monkeypatch.setattr("linework.evaluation.report.photolog.image_thumbnail", lambda _: b"x")
     log = _log(tmp_path, np.linspace(0.0, 50_000.0, 20_000))
     page = photolog_html(log, tmp_path / "log.html", title="long", every_m=10.0)
     assert page.n_pictures <= MAX_PICTURES

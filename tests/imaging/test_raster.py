@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.scenes.effort import examples
 
 from linework.errors import InputError
 from linework.imaging.raster import (
@@ -78,7 +79,7 @@ def test_compiled_and_plain_python_agree(monkeypatch):
     )
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(st.integers(0, 10_000))
 def test_order_of_points_does_not_matter_to_the_last_bit(seed):
     points = cloud(300, seed=1, size=2.0)
@@ -89,7 +90,7 @@ def test_order_of_points_does_not_matter_to_the_last_bit(seed):
         assert getattr(a, name).values.tobytes() == getattr(b, name).values.tobytes(), name
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(st.integers(-40, 40), st.integers(-40, 40), st.integers(0, 1000), st.sampled_from([0.2, 0.25, 0.1]))
 def test_a_point_on_an_edge_is_in_the_same_cell_of_every_grid(col0, row0, seed, cell_m):
     # coordinates to the centimetre lie on cell edges all the time

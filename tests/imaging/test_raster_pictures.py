@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.image import imread
+from tests.scenes.effort import examples
 
 from linework.imaging.overview import close_ups, reduced
 from linework.imaging.picture import OverlaidLines, Style, draw_map, draw_radon, nice_length_m
@@ -30,7 +31,7 @@ def pixels(png):
     return imread(io.BytesIO(png), format="png")
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(st.integers(1, 40), st.integers(1, 40), st.integers(1, 12), st.integers(0, 99), st.booleans())
 def test_reduced_equals_its_slow_twin(n_rows, n_cols, n_max, seed, largest):
     rng = np.random.default_rng(seed)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.scenes.effort import examples
 
 from linework.evaluation.measures import evaluate_lines
 from linework.model.lines import LineSet
@@ -78,7 +79,7 @@ def resampled(lines, rng):
 
 
 @given(line_sets())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 def test_truth_scores_perfectly_against_itself(sets):
     _, truth = sets
     at = evaluate_lines(truth, truth).overall.at
@@ -88,7 +89,7 @@ def test_truth_scores_perfectly_against_itself(sets):
 
 
 @given(line_sets())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 def test_drawing_direction_does_not_matter(sets):
     found, truth = sets
     before = evaluate_lines(found, truth)
@@ -101,7 +102,7 @@ def test_drawing_direction_does_not_matter(sets):
 
 
 @given(line_sets(), st.integers(0, 2**32 - 1))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 def test_more_vertices_on_the_same_line_change_nothing(sets, seed):
     found, truth = sets
     rng = np.random.default_rng(seed)
@@ -111,7 +112,7 @@ def test_more_vertices_on_the_same_line_change_nothing(sets, seed):
 
 
 @given(line_sets())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 def test_swapping_the_sides_swaps_completeness_and_correctness(sets):
     found, truth = sets
     there, back = evaluate_lines(found, truth).overall, evaluate_lines(truth, found).overall
@@ -122,7 +123,7 @@ def test_swapping_the_sides_swaps_completeness_and_correctness(sets):
 
 
 @given(line_sets(), st.integers(100_000, 900_000), st.integers(0, 9_000_000), st.integers(0, 999_999))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 def test_a_shift_of_both_changes_nothing(sets, east, north, micrometres):
     shift = np.array([east, north, 100.0]) + micrometres * 1e-6
     found, truth = sets
@@ -134,7 +135,7 @@ def test_a_shift_of_both_changes_nothing(sets, east, north, micrometres):
 
 
 @given(line_sets())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 def test_a_wider_tolerance_never_finds_less(sets):
     at = evaluate_lines(*sets).overall.curve
     for name in ("completeness", "correctness"):
@@ -147,7 +148,7 @@ def test_a_wider_tolerance_never_finds_less(sets):
 
 
 @given(line_sets(), st.integers(0, 2**32 - 1))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 def test_the_order_of_lines_does_not_matter(sets, seed):
     found, truth = sets
     rng = np.random.default_rng(seed)

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.scenes.effort import examples
 
 from linework.methods.obb.boundary import BOUNDARY_REACH_M, BoundaryConfig, find_boundary_boxes
 from linework.model.boxes import BOX_COLUMNS, BoxForm, BoxSet
@@ -79,7 +80,7 @@ def test_the_scene_has_both_forms():
     assert np.count_nonzero(BOXES.form == BoxForm.EDGE) > 30
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 @given(st.floats(0.0, 18.0), st.floats(0.0, 18.0), st.floats(1.0, 8.0), st.floats(1.0, 8.0))
 def test_boxes_are_the_same_to_the_last_bit_in_every_tile(west, south, width, height):
     core = Bounds(WEST + west, SOUTH + south, WEST + west + width, SOUTH + south + height)

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.scenes.effort import examples
 from tests.scenes.paint_scenes import EAST_M, NORTH_M, Stripe, level_surface, road_points, tile_of
 
 from linework.methods.obb.marking import MARKING_REACH_M, MarkingConfig, find_marking_boxes
@@ -80,7 +81,7 @@ def test_there_is_something_to_compare() -> None:
     assert len(BOXES) > 120 and len(set(BOXES.form.tolist())) == 2
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=examples(12), deadline=None)
 @given(st.integers(0, 30), st.integers(0, 30), st.integers(4, 30), st.integers(4, 30))
 def test_boxes_are_the_same_in_every_tile(west: int, south: int, width: int, height: int) -> None:
     core = Bounds(
@@ -93,7 +94,7 @@ def test_boxes_are_the_same_in_every_tile(west: int, south: int, width: int, hei
     assert same_bytes(inside(boxes, core), inside(BOXES, core))
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=examples(5), deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_the_order_of_the_file_does_not_matter(seed: int) -> None:
     # The store gives points in canonical order: sorted again, they are the same points
@@ -104,7 +105,7 @@ def test_the_order_of_the_file_does_not_matter(seed: int) -> None:
     assert same_bytes(boxes, BOXES)
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=examples(5), deadline=None)
 @given(st.floats(1e-3, 1e3))
 def test_the_unit_of_intensity_does_not_matter(factor: float) -> None:
     points = WHOLE.points

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.scenes.edge_scenes import bend, circular_poses, drive_over, followed, pixel_of
+from tests.scenes.effort import examples
 
 from linework.imaging.rectify import directions, distorted, original_pixels, rectified_pixels, rectifier_of
 from linework.methods.picked_edge.method import PosedPairs
@@ -48,7 +49,7 @@ def test_the_same_pick_gives_the_same_bytes(drive: PosedPairs) -> None:
     assert one.xyz.tobytes() == two.xyz.tobytes() and one.sigma_xy_m.tobytes() == two.sigma_xy_m.tobytes()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(st.floats(0.0, 639.0), st.floats(0.0, 479.0), st.floats(-0.3, 0.1), st.floats(-1e-3, 1e-3))
 def test_pixels_go_to_the_rectified_image_and_back(col: float, row: float, k1: float, p1: float) -> None:
     lens = {"width": 640, "height": 480, "fx": 700.0, "fy": 705.0, "cx": 322.0, "cy": 236.0}

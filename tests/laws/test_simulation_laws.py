@@ -3,6 +3,7 @@
 import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from tests.scenes.effort import examples
 
 from linework.simulation.roads.draw import ROADS, draw_scenario
 from linework.simulation.scene.ground import boundary_truth, marking_truth
@@ -12,11 +13,11 @@ from linework.simulation.simulate import simulate_survey
 
 roads = st.sampled_from(ROADS)
 seeds = st.integers(0, 10_000)
-few = settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-many = settings(max_examples=60, deadline=None)
+few = settings(max_examples=examples(12), deadline=None, suppress_health_check=[HealthCheck.too_slow])
+many = settings(max_examples=examples(60), deadline=None)
 
 
-@settings(few, max_examples=5)
+@settings(few, max_examples=examples(5))
 @given(roads, seeds)
 def test_the_truth_does_not_depend_on_the_density_of_points(kind, seed):
     thin = simulate_survey(kind, seed, 40.0, points_per_m=1200)

@@ -8,6 +8,7 @@ import pytest
 import shapely
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from tests.scenes.effort import examples
 
 from linework.files.las.decoder import DecoderLimits
 from linework.files.las.write import write_las
@@ -92,7 +93,7 @@ def reference(simulated, places):
     return folder, extracted(folder, places())
 
 
-@settings(max_examples=4, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(4), deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(
     seed=st.integers(0, 2**32), n_files=st.integers(1, 4), batch_points=st.sampled_from([997, 20_011, 10**6])
 )
@@ -106,7 +107,7 @@ def test_workers_change_not_a_byte(places, reference, workers):
     assert_same(reference[1], extracted(reference[0], places(), executor=workers))
 
 
-@settings(max_examples=5, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(5), deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(
     core_m=st.sampled_from([64.0, 100.0, 150.0, 4096.0]),
     east=st.floats(-200.0, 200.0),

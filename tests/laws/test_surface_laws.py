@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.scenes.effort import examples
 from tests.scenes.surface_scenes import CONFIG, along, on_lattice, store_of, surface_of, winding_road
 
 from linework.model.points import Points
@@ -17,7 +18,7 @@ from linework.simulation.roads.draw import ROADS
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import find_road
 
-few = settings(max_examples=5, deadline=None, derandomize=True)
+few = settings(max_examples=examples(5), deadline=None, derandomize=True)
 PLANES = ("road_m", "ground_m", "is_road", "is_ground")
 
 

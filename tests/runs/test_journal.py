@@ -8,7 +8,7 @@ import pytest
 from linework.errors import InputError, MachineError, OutputExistsError, UsageError
 from linework.files.output.locks import hold_lock
 from linework.files.output.parts import read_line_part, write_line_part
-from linework.files.output.replace import set_aside
+from linework.files.output.replace import set_record_aside
 from linework.model.lines import LineSet
 from linework.runs.opened import work_folder
 from linework.runs.resume import (
@@ -182,12 +182,12 @@ def test_a_record_taken_away_by_a_killed_run_comes_back(tmp_path):
     record = tmp_path / "run.json"
     aside = tmp_path / ".run.json.4194304.old"  # above the highest process number
     aside.write_text("old")
-    with set_aside(record):
+    with set_record_aside(record):
         assert not record.exists()
         record.write_text("new")
     assert record.read_text() == "new"
     assert [p.name for p in tmp_path.iterdir()] == ["run.json"]
     aside.write_text("older")
-    with set_aside(tmp_path / "other.json"):
+    with set_record_aside(tmp_path / "other.json"):
         pass
     assert aside.exists()

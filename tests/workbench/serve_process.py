@@ -23,7 +23,9 @@ BROWSER_ARGUMENTS = (
     "--disable-component-update", "--disable-sync",
 )  # fmt: skip
 #: How long a loaded machine may take to open the small survey. [s]
-START_S = 90.0
+START_S = 240.0
+#: How long a loaded machine may take for anything that a page shows. [s]
+LONGEST_WAIT_S = 180.0
 
 
 @dataclass(frozen=True)
@@ -166,6 +168,7 @@ def opened_page(browser: Any, served: Served, **context: Any) -> Iterator[Any]:
     name, value = served.cookie
     inside.add_cookies([{"name": name, "value": value, "url": served.url, "sameSite": "Strict"}])
     page = inside.new_page()
+    page.set_default_timeout(1000.0 * LONGEST_WAIT_S)
     page.faults = []
     page.on("pageerror", lambda error: page.faults.append(str(error)))
     try:
@@ -176,8 +179,8 @@ def opened_page(browser: Any, served: Served, **context: Any) -> Iterator[Any]:
         inside.close()
 
 
-def wait_until(is_so: Any, seconds: float = 20.0, step: float = 0.05) -> None:
-    """Wait until a condition holds."""
+def wait_until(is_so: Any, seconds: float = LONGEST_WAIT_S, step: float = 0.05) -> None:
+    """Wait until a condition holds; the limit ends a hang, it is no measure of speed."""
     end = time.monotonic() + seconds
     while not is_so():
         assert time.monotonic() < end, f"not within {seconds} s"

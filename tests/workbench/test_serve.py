@@ -76,7 +76,7 @@ def test_what_came_and_went_since_a_revision(served):
 
 
 def test_ready_in_the_end(served):
-    wait_until(lambda: served.get("/api/survey")["busy"] == "", seconds=120)
+    wait_until(lambda: served.get("/api/survey")["busy"] == "")
 
 
 def test_a_second_one_on_the_same_lines(served):
@@ -126,7 +126,7 @@ def test_lines_of_another_crs(tmp_path, made_lines):
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_ends_when_it_is_told_to(served_alone, number, code):
     served: Served = served_alone
-    wait_until(lambda: served.get("/api/survey")["busy"] == "", seconds=120)
+    wait_until(lambda: served.get("/api/survey")["busy"] == "")
     line = served.get("/api/lines")["lines"][0]["id"]
     served.post("/api/changes", {"revision": 0, "edit": {"action": "accept", "ids": [line]}})
     at_work = children(served.process.pid)
@@ -147,7 +147,7 @@ def test_ends_while_it_opens(made_drive, tmp_path):
          "--no-browser"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    wait_until(lambda: len(children(process.pid)) >= 1, seconds=60)
+    wait_until(lambda: len(children(process.pid)) >= 1)
     at_work = children(process.pid)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
@@ -159,7 +159,7 @@ def test_ends_while_it_opens(made_drive, tmp_path):
 
 def test_killed_it_leaves_no_process(served_alone):
     served: Served = served_alone
-    wait_until(lambda: len(children(served.process.pid)) >= 2, seconds=60)
+    wait_until(lambda: len(children(served.process.pid)) >= 2)
     at_work = children(served.process.pid)
     served.process.kill()
     wait_until(lambda: not any(is_running(pid) for pid in at_work), seconds=10)

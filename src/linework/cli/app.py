@@ -54,7 +54,7 @@ for command in (
     config,
     clean,
 ):
-    app.command()(command)
+    app.command(command.__name__.removesuffix("_command"))(command)
 
 
 def _print_version(asked: bool) -> None:

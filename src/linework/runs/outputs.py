@@ -14,7 +14,7 @@ from linework.files.geodesy.crs import describe_crs
 from linework.files.line_file.carried import has_reviews, with_history
 from linework.files.line_file.file import LineFile
 from linework.files.output.record import hash_file, write_json
-from linework.files.output.replace import set_aside
+from linework.files.output.replace import set_record_aside
 from linework.files.store.facts import StoreFacts
 from linework.files.vectors.read_write import points_left_out, write_lines
 from linework.model.lines import REVIEWS, LineSet
@@ -56,7 +56,7 @@ def publish_extraction(
     """
     steps = steps or RunSteps()
     path = record_path(output)
-    with steps.step("write lines"), set_aside(path):
+    with steps.step("write lines"), set_record_aside(path):
         write_lines(
             reviews.lines if reviews else extraction.lines, output,
             kinds=extraction.kinds, points=extraction.logged, overwrite=overwrite, note=note,

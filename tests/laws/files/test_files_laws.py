@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from tests.scenes.effort import examples
 
 from linework.errors import LineworkError
 from linework.files.geodesy.crs import parse_crs
@@ -20,7 +21,7 @@ from linework.model.points import Points
 from linework.model.trajectory import Trajectory
 
 IN_FOLDER = settings(
-    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(25), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 NUMBERS = st.floats(-1e7, 1e7, allow_nan=False, width=64)
 #: Any text a database and JSON can hold: no surrogates, no NUL.
@@ -109,7 +110,9 @@ def sound(request, tmp_path_factory):
 WORDS = st.sampled_from([0, 1, 2**31 - 1, 2**31, 2**32 - 1, 4_000_000_000]) | st.integers(0, 2**32 - 1)
 
 
-@settings(max_examples=300, deadline=5000, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=examples(300), deadline=5000, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(data=st.data())
 def test_no_change_to_a_laser_file_does_more_than_raise_one_line(tmp_path, sound, data):
     content = bytearray(sound.read_bytes())

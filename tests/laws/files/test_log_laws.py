@@ -5,6 +5,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from tests.scenes import gnss_files as made
+from tests.scenes.effort import examples
 
 from linework.errors import InputError, LineworkError
 from linework.files.geodesy.geodetic import EarthFrame
@@ -14,7 +15,9 @@ from linework.files.trajectories.read import read_trajectory_content
 
 NAMES = ("time_s", "easting_m", "northing_m", "height_m")
 LOCAL = EarthFrame(crs="local")
-FEW = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+FEW = settings(
+    max_examples=examples(60), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 
 
 def one_line(error):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.scenes.effort import examples
 
 from linework.files.las.decode_process import decode_file
 from linework.files.las.messages import Decoded, DecodeTask
@@ -47,7 +48,7 @@ def stored(path, folder, **settings_):
 
 
 @pytest.mark.parametrize("suffix", [".las", ".laz"])
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(rows=st.lists(POINTS, min_size=1, max_size=60), data=st.data())
 def test_a_store_does_not_depend_on_batches_order_or_decoder(suffix, rows, data):
     usable = [row for row in rows if row[4] != 7 and not np.isnan(row[5])]

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.oracles.store_twin import assert_same, made, selected, steps_of
+from tests.scenes.effort import examples
 
 from linework.files.store.layout import Limits
 from linework.model.grid import Bounds
@@ -23,7 +24,7 @@ def nothing_is_made_durable():
         yield
 
 
-STORES = settings(max_examples=100, deadline=None)
+STORES = settings(max_examples=examples(100), deadline=None)
 #: Steps of 0.1 mm where something happens: about edges of cells and blocks, low and high, far and near.
 EDGES = [0, 1, 4999, 5000, 5001, 639_999, 640_000, 2**24 - 1, 2**24, -1, -5000, -640_000, -(2**24)]
 PLAN = st.sampled_from(EDGES) | st.integers(-1_000_000, 1_000_000) | st.integers(-(10**12) + 1, 10**12 - 1)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 from shapely import MultiPoint
+from tests.scenes.effort import examples
 
 from linework.methods.obb.boxes import (
     AABB,
@@ -56,7 +57,7 @@ UNIT = OBB(np.zeros(3), np.eye(3), np.ones(3))
 
 
 @given(upright_boxes(), upright_boxes())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @example(UNIT, UNIT)
 @example(UNIT, UNIT.moved(2.0))
 @example(UNIT, OBB(np.zeros(3), np.eye(3), np.zeros(3)))
@@ -73,7 +74,7 @@ def test_four_axes_agree_with_polygons(a: OBB, b: OBB) -> None:
 
 
 @given(turned_boxes(), turned_boxes())
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @example(UNIT, UNIT)
 @example(UNIT, OBB(np.array([0.0, 0.0, 2.5]), np.eye(3), np.zeros(3)))
 def test_fifteen_axes_agree_with_a_linear_programme(a: OBB, b: OBB) -> None:
@@ -133,7 +134,7 @@ def test_more_directions_hug_the_points_more() -> None:
 
 
 @given(st.integers(0, 1000), st.floats(0.0, 8.0))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 def test_disjoint_slabs_prove_disjoint_points(seed: int, apart_m: float) -> None:
     a = cloud(seed) - (500_000.0, 5_400_000.0, 100.0)
     b = a + np.array([apart_m, 0.0, 0.0])
@@ -169,7 +170,7 @@ def test_boxes_hold_their_points_tightly(n: int) -> None:
 
 
 @given(st.integers(0, 1000), st.integers(3, 30))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 def test_the_smallest_rectangle_is_the_polygons_own(seed: int, n: int) -> None:
     xyz = cloud(seed, n)
     box = OBB.smallest_in_plan(xyz)

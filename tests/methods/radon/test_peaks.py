@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.scenes.effort import examples
 
 from linework.kernels.radon import peaks as kernels
 from linework.methods.radon.peaks import dilate, find_peaks, find_peaks_in
@@ -36,7 +37,7 @@ def radon_of_line(theta, rho, low=-4.0, high=4.0):
     )  # fmt: skip
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(st.floats(0.0, 3.1415), st.floats(-3.5, 3.5), st.floats(-3.0, 0.0))
 def test_finds_a_line_within_half_a_cell_at_its_ends(theta, rho, low):
     values = radon_of_line(theta, rho, low, low + 6.0)
@@ -66,7 +67,7 @@ def slow_dilation(values, angles, half_window, half_bins):
     return out
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(st.integers(0, 1000), st.integers(1, 9), st.integers(0, 4), st.integers(0, 3), st.floats(0, 1.5))
 def test_dilation_equals_its_slow_twin_across_the_half_turn(seed, n, n_half, half_bins, half_window):
     rng = np.random.default_rng(seed)
@@ -76,7 +77,7 @@ def test_dilation_equals_its_slow_twin_across_the_half_turn(seed, n, n_half, hal
     np.testing.assert_array_equal(kernels.dilate_radon(values, angles, half_window, half_bins), expected)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 @given(st.integers(0, 1000))
 def test_every_peak_equals_its_dilation_and_none_is_in_anothers_window(seed):
     rng = np.random.default_rng(seed)

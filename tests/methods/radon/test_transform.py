@@ -8,6 +8,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from skimage.transform import radon as skimage_radon
+from tests.scenes.effort import examples
 
 from linework.errors import InputError
 from linework.kernels.radon import transform as kernels
@@ -66,7 +67,7 @@ ANGLES = st.lists(
 )  # fmt: skip
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(images(), ANGLES, st.floats(0.08, 1.0))
 def test_equals_clipped_polygons(image, angles, step):
     radon = radon_transform(image, angles, step)
@@ -74,7 +75,7 @@ def test_equals_clipped_polygons(image, angles, step):
     np.testing.assert_allclose(radon.values, expected, atol=1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(images(), ANGLES, st.floats(0.08, 1.0))
 def test_sum_over_rho_is_the_same_at_every_angle(image, angles, step):
     radon = radon_transform(image, angles, step)
@@ -82,7 +83,7 @@ def test_sum_over_rho_is_the_same_at_every_angle(image, angles, step):
     np.testing.assert_allclose(radon.values.sum(axis=1) * step, total, atol=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(images(), st.floats(0.0, 3.1), st.floats(0.1, 1.0))
 def test_half_a_turn_reverses_rho(image, angle, step):
     rows, cols = np.nonzero(image.values)

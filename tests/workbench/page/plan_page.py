@@ -42,7 +42,7 @@ class PlanPage:
         return (self.page.get_attribute(".attributes", "data-selected") or "").split()
 
     def wait_for(self, name: str, value: str) -> None:
-        self.page.wait_for_selector(f".plan-view[data-{name}={value}]", state="attached", timeout=60_000)
+        self.page.wait_for_selector(f".plan-view[data-{name}={value}]", state="attached")
 
     def saved_since(self, revision: int) -> LineSet:
         """Wait for an edit after a revision; return the lines in the file."""

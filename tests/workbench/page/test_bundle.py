@@ -1,4 +1,4 @@
-"""The page that is shipped is the page of these sources."""
+"""The page that is shipped is built from these sources, and the sources import one another without circles."""
 
 from __future__ import annotations
 
@@ -7,13 +7,16 @@ import os
 import re
 import shutil
 import subprocess
-from pathlib import Path
+from graphlib import TopologicalSorter
+from pathlib import Path, PurePosixPath
 
 import pytest
 
 ROOT = Path(__file__).parents[3]
 SOURCES = ROOT / "page"
 BUILT = ROOT / "src" / "linework" / "workbench" / "page"
+#: An import of another source of the page: ``from "./map"``, ``import "./bar.css"``, ``import("./api")``.
+IMPORT = re.compile(r"""(?:\bfrom|\bimport\(?)\s*"(\.[^"]+)\"""")
 PARTS = (
     "bundle",
     "index.html",
@@ -39,6 +42,34 @@ def hash_of_sources(root: Path) -> str:
         total.update(f"{name}\n{len(content)}\n".encode())
         total.update(content)
     return total.hexdigest()
+
+
+def imports() -> dict[PurePosixPath, set[PurePosixPath]]:
+    """Return the scripts of the page, relative to src, and the scripts that each imports."""
+    src = SOURCES / "src"
+    scripts = {PurePosixPath(path.relative_to(src).as_posix()) for path in src.rglob("*.ts")}
+    found: dict[PurePosixPath, set[PurePosixPath]] = {}
+    for script in scripts:
+        named = (
+            os.path.normpath(script.parent / name) for name in IMPORT.findall((src / script).read_text())
+        )
+        targets = {PurePosixPath(name if name.endswith(".css") else f"{name}.ts") for name in named}
+        assert all((src / target).is_file() for target in targets), (script, targets)
+        found[script] = targets & scripts
+    return found
+
+
+def test_scripts_and_rooms_import_without_circles():
+    """No script imports itself by way of others, and no folder another one that imports it."""
+    scripts = imports()
+    assert sum(map(len, scripts.values())) > 100
+    rooms: dict[str, set[str]] = {}
+    for script, targets in scripts.items():
+        room = str(script.parent)
+        rooms.setdefault(room, set()).update(str(target.parent) for target in targets)
+        rooms[room].discard(room)
+    TopologicalSorter(scripts).prepare()  # raises CycleError, which names the circle
+    TopologicalSorter(rooms).prepare()
 
 
 def test_page_is_built_of_these_sources():

@@ -73,6 +73,19 @@ def test_a_vertex_is_inserted_and_removed(plan, boundary):
     assert len(of(plan, boundary)["xyz"]) == n
 
 
+def test_an_active_vertex_is_of_its_line_only(plan, boundary):
+    plan.click(middle_of(boundary["xyz"]))
+    marking = next(line for line in plan.documents().values() if line["kind"] == "lane_marking")
+    plan.look_at(middle_of(marking["xyz"]))
+    plan.click(middle_of(marking["xyz"]))
+    wait_until(lambda: plan.selected == [marking["id"]])
+    before = plan.revision
+    plan.press("Delete")
+    lines = plan.saved_since(before)
+    assert marking["id"] not in lines.id.tolist()
+    assert of(plan, boundary)["xyz"] == boundary["xyz"]
+
+
 def test_split_and_join(plan, boundary):
     before = plan.revision
     plan.click(middle_of(boundary["xyz"]))
@@ -173,13 +186,28 @@ def test_a_line_is_drawn(plan):
     assert np.isfinite(xyz[:, 2]).all()
 
 
+def test_a_double_click_finishes_a_line(plan):
+    line = next(line for line in plan.documents().values() if line["kind"] == "lane_marking")
+    places = [tuple(vertex[:2]) for vertex in line["xyz"][:9:4]]
+    plan.look_at(places[1])
+    plan.press("d")
+    plan.page.select_option("select[name=kind]", "lane_marking")
+    before = plan.revision
+    for place in places[:-1]:
+        plan.click(place)
+    plan.click(places[-1], click_count=2)
+    drawn = plan.saved_since(before).of_kind("lane_marking")
+    newest = drawn.take(drawn.review == "drawn")
+    assert np.diff(newest.offsets).tolist() == [3], "the second click of the two adds no vertex"
+
+
 def test_measuring_tells_distance_and_height(plan, boundary):
     before = plan.revision
     a, b = boundary["xyz"][2], boundary["xyz"][-3]
     plan.press("Escape", "0", "m")
     plan.click(tuple(a[:2]))
     plan.click(tuple(b[:2]))
-    wait_until(lambda: "height difference" in plan.message and "not known" not in plan.message)
+    wait_until(lambda: "height difference" in plan.message and "unknown" not in plan.message)
     distance_m = float(plan.message.split()[1])
     assert distance_m == pytest.approx(np.hypot(b[0] - a[0], b[1] - a[1]), abs=0.5)
     assert plan.revision == before
@@ -201,4 +229,4 @@ def test_a_place_that_is_no_place(plan):
     plan.press("/")
     plan.page.fill("input[name=go-to]", "north of here")
     plan.press("Enter")
-    wait_until(lambda: "not two numbers" in plan.message)
+    wait_until(lambda: "not a pair of coordinates" in plan.message)

@@ -190,7 +190,7 @@ def test_a_line_that_the_server_follows_is_interrupted_bridged_and_kept(plan, ke
     plan.follow(middle_of(kerb), "road_boundary")
     plan.press("Space")
     plan.page.wait_for_selector(
-        ".plan-view[data-state=stopped], .plan-view[data-state=refused]", state="attached", timeout=60_000
+        ".plan-view[data-state=stopped], .plan-view[data-state=refused]", state="attached"
     )
     if plan.said("state") == "refused":  # it had not yet begun
         assert "before it had begun" in plan.card
@@ -231,7 +231,7 @@ def test_a_refusal_offers_another_place(page, served, kerb):
     talk.tell(type="refused", reason="no kerb here", advice="click nearer to it", works=works, works_px=None)
     plan.wait_for("state", "refused")
     assert "no kerb here" in plan.card
-    page.get_by_text("Go there instead").click()
+    page.get_by_text("Follow there instead").click()
     assert talk.wait_for(2, page)["at"] == works
     plan.press("Escape")
 

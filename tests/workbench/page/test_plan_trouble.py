@@ -56,11 +56,11 @@ def test_edits_wait_for_a_server_that_is_gone(browser, made_drive, made_lines, t
             plan.press("a", "z")
             wait_until(lambda: "2 edits kept here" in saved.inner_text())
             with served_survey(made_drive, "--port", served.port, *work, lines=lines) as again:
-                wait_until(lambda: "link" in plan.message, seconds=40)
+                wait_until(lambda: "link" in plan.message)
                 name, value = again.cookie
                 page.context.add_cookies([{"name": name, "value": value, "url": again.url}])
                 page.reload()
-                wait_until(lambda: again.get("/api/survey")["revision"] == 2, seconds=40)
+                wait_until(lambda: again.get("/api/survey")["revision"] == 2)
                 document = next(d for d in again.get("/api/lines")["lines"] if d["id"] == line["id"])
                 assert document["condition"] == "worn"
                 assert document["review"] in ("accepted", "edited")

@@ -37,7 +37,7 @@ def hostile(made_drive, made_lines, tmp_path_factory):
 
 
 def ready(page):
-    page.wait_for_selector("body[data-state=ready]", state="attached", timeout=60_000)
+    page.wait_for_selector("body[data-state=ready]", state="attached")
 
 
 def test_names_are_text(browser, hostile: Served):

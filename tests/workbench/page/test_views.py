@@ -16,7 +16,7 @@ from linework.files.vectors.read_write import read_lines
 @pytest.fixture
 def views(page: Any, served: Served) -> tuple[Any, Served]:
     """Return the page, ready, and its server, which all tests here share: each looks at lines of its own."""
-    page.wait_for_selector("body[data-state=ready]", timeout=60_000)
+    page.wait_for_selector("body[data-state=ready]")
     return page, served
 
 
@@ -180,7 +180,7 @@ def test_extraction_from_the_page_keeps_what_a_person_said(views: tuple[Any, Ser
 
     card = page.locator(".job").first
     card.wait_for()
-    wait_until(lambda: card.get_attribute("data-state") == "done", seconds=120)
+    wait_until(lambda: card.get_attribute("data-state") == "done")
     assert "Road boundary" in card.locator(".job-counts").text_content()
     link = card.locator("a.report")
     assert link.get_attribute("rel") == "noopener" and link.get_attribute("target") == "_blank"
@@ -194,7 +194,7 @@ def test_an_extraction_can_be_cancelled(views: tuple[Any, Served]) -> None:
     before = served.get("/api/lines")["lines"]
     _show(page, "Extract")
     page.locator(".job-pane .start").click()
-    page.get_by_role("button", name="Stop this extraction; the lines stay as they are").click()
+    page.get_by_role("button", name="Cancel this extraction; the lines stay unchanged").click()
     wait_until(lambda: page.locator(".job").first.get_attribute("data-state") == "cancelled")
     assert served.get("/api/lines")["lines"] == before
     assert page.locator(".job-pane .start").is_enabled()
@@ -219,8 +219,8 @@ def test_an_edge_picked_in_an_image_is_followed_and_kept(views: tuple[Any, Serve
         box["y"] + box["height"] / 2 + (at[1] + 0.5 - size[1] / 2) * scale,
     )
 
-    wait_until(lambda: int(stereo.get_attribute("data-seen") or 0) > 4, seconds=60)
-    page.wait_for_selector(".growth-card[data-state=stopped]", timeout=60_000)
+    wait_until(lambda: int(stereo.get_attribute("data-seen") or 0) > 4)
+    page.wait_for_selector(".growth-card[data-state=stopped]")
     page.keyboard.press("Enter")
     wait_until(lambda: any(edit["action"] == "keep" for edit in served.get("/api/history")))
     ((kept, *_),) = [edit["ids"] for edit in served.get("/api/history") if edit["action"] == "keep"]

@@ -97,7 +97,7 @@ def desks(served: Served) -> list[int]:
 
 def test_answers_while_all_desks_are_busy(served):
     """J24: the processes at work stand still with works waiting for them, and the server does not notice."""
-    wait_until(lambda: served.get("/api/survey")["busy"] == "", seconds=120)
+    wait_until(lambda: served.get("/api/survey")["busy"] == "")
     line = served.get("/api/lines")["lines"][0]
     places = [vertex[:2] for vertex in line["xyz"][:1]]
     stopped = desks(served)

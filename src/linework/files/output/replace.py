@@ -91,7 +91,7 @@ def make_durable(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def set_aside(path: Path) -> Iterator[None]:
+def set_record_aside(path: Path) -> Iterator[None]:
     """Take an old record away while its output is replaced; it comes back if that fails.
 
     The order is: old record away, new output in place, new record in place. Whenever the run is killed,

@@ -140,20 +140,19 @@ def kernel_settings(c: BoundaryConfig) -> FloatArray:
 
 def boundary_box_set(rows: FloatArray) -> BoxSet:
     """Return rows of `linework.kernels.cells.places` as boxes."""
-    k = places
     return BoxSet(
-        centre=rows[:, [k.X, k.Y, k.Z]],
-        u=rows[:, [k.UX, k.UY]],
-        half_u_m=rows[:, k.HALF_U],
+        centre=rows[:, [places.BOX_X, places.BOX_Y, places.BOX_Z]],
+        u=rows[:, [places.BOX_UX, places.BOX_UY]],
+        half_u_m=rows[:, places.BOX_HALF_U],
         half_v_m=np.full(len(rows), 0.25),
-        sigma_v_m=rows[:, k.S_V],
-        sigma_z_m=rows[:, k.S_Z],
-        sigma_u_rad=rows[:, k.S_U],
-        score=rows[:, k.SCORE],
-        form=rows[:, k.FORM],
-        height_m=rows[:, k.STEP],
-        top_v_m=rows[:, k.TOP_V],
-        n_points=rows[:, k.COUNT],
-        time_start_s=rows[:, k.START],
-        time_end_s=rows[:, k.END],
+        sigma_v_m=rows[:, places.S_V],
+        sigma_z_m=rows[:, places.S_Z],
+        sigma_u_rad=rows[:, places.S_U],
+        score=rows[:, places.SCORE],
+        form=rows[:, places.FORM],
+        height_m=rows[:, places.BOX_STEP],
+        top_v_m=rows[:, places.TOP_V],
+        n_points=rows[:, places.COUNT],
+        time_start_s=rows[:, places.START],
+        time_end_s=rows[:, places.BOX_END],
     )

@@ -135,7 +135,7 @@ def follow_strands(
     limits: tuple[int, int, int],
     config: CircleConfig,
 ) -> Strands:
-    """Follow the starts both ways, in their order; for `limits` see `linework.kernels.radon.follow.chains_from_starts`."""
+    """Follow the starts both ways, in their order; for `limits` see `linework.kernels.radon.follow.follow_sheets`."""
     how = (config.spacing_m, config.radius_m, config.max_gap_m, config.spacing_m, *band_m, config.sheet_m)
     nodes, offsets, middle, number = follow.follow_sheets(
         bins.points,

@@ -1,9 +1,11 @@
-"""The work folder of a survey: tile stores and unfinished runs, which everything can be made anew without.
+"""The work folder of a survey: tile stores and unfinished runs, all of which can be made anew.
 
-.linework/
-    stores/<key>/           points of one state of the input files, and the surfaces found in them
-    runs/<key>/             journal and lines of the tiles of a run that is not finished
-    *.lock                  held by whoever makes or uses what they are named for
+Its content::
+
+    .linework/
+        stores/<key>/       points of one state of the input files, and the surfaces found in them
+        runs/<key>/         journal and lines of the tiles of a run that is not finished
+        *.lock              held by the process that makes or uses what they are named for
 """
 
 from __future__ import annotations

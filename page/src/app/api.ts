@@ -1,0 +1,133 @@
+// The server's routes, one function each, and its two WebSockets. Same origin only; the session is a cookie.
+
+import type {
+  Changed, Edit, EditRecord, FollowMessage, FollowRequest, Job, Lines, LiveMessage, OperatorKey, Pair, PairLines, Place,
+  Problem, QueueItem, Survey,
+} from "./documents";
+
+export class ProblemError extends Error {
+  constructor(readonly status: number, problem: string) {
+    super(problem);
+  }
+}
+
+async function request(path: string, init: RequestInit = {}): Promise<Response> {
+  let response: Response;
+  try {
+    response = await fetch(path, { credentials: "same-origin", ...init });
+  } catch {
+    throw new ProblemError(0, "The workbench does not answer. Is `linework serve` still running?");
+  }
+  if (response.ok) return response;
+  const problem = (await response.json().catch(() => null)) as Problem | null;
+  throw new ProblemError(response.status, problem?.problem ?? `The server answered with status ${response.status}.`);
+}
+
+async function getJson<T>(path: string): Promise<T> {
+  return (await (await request(path)).json()) as T;
+}
+
+async function sendJson<T>(method: string, path: string, body?: unknown, more: HeadersInit = {}): Promise<T> {
+  const response = await request(path, {
+    method,
+    headers: { "Content-Type": "application/json", ...more },
+    body: JSON.stringify(body ?? {}),
+  });
+  return (await response.json()) as T;
+}
+
+export const survey = () => getJson<Survey>("/api/survey");
+export const lines = (since = 0) => getJson<Lines>(`/api/lines?since=${since}`);
+// `revision`: what the page had when the user acted; 412 if one of the lines has changed since. `key`: unique to the edit;
+// an edit resent under the same key is saved once and answered alike
+export const change = (edit: Edit, revision: number, key: string) =>
+  sendJson<Changed>("POST", "/api/changes", { revision, edit }, { "Idempotency-Key": key });
+export const undo = () => sendJson<Changed>("POST", "/api/undo");
+export const redo = () => sendJson<Changed>("POST", "/api/redo");
+export const history = () => getJson<EditRecord[]>("/api/history");
+export const queue = () => getJson<QueueItem[]>("/api/queue");
+export const heights = (kind: string, places: Place[]) =>
+  sendJson<{ heights: (number | null)[] }>("POST", "/api/heights", { kind, places });
+
+export const tileUrl = (image: string, z: number, col: number, row: number) =>
+  `/api/tiles/${image}/${z}/${col}/${row}`;
+
+// Points as sendJson: n (uint32), padding, origin (3 float64), xyz relative to it (n * 3 float32), height above the road
+// (n int16, centimetres; 32767: unknown), intensity (n uint8, scaled by the range of the whole survey). Little endian.
+export interface Points {
+  n: number;
+  origin: [number, number, number];
+  xyz: Float32Array;
+  intensity: Uint8Array;
+  above_cm: Int16Array;
+}
+
+function unpackPoints(buffer: ArrayBuffer): Points {
+  const view = new DataView(buffer);
+  const n = view.getUint32(0, true);
+  const origin: [number, number, number] = [8, 16, 24].map((at) => view.getFloat64(at, true)) as [number, number, number];
+  const xyz = new Float32Array(buffer.slice(32, 32 + 12 * n));
+  const above_cm = new Int16Array(buffer.slice(32 + 12 * n, 32 + 14 * n));
+  const intensity = new Uint8Array(buffer.slice(32 + 14 * n, 32 + 15 * n));
+  return { n, origin, xyz, intensity, above_cm };
+}
+
+export async function points(bounds: [number, number, number, number], most: number): Promise<Points> {
+  const [west, south, east, north] = bounds;
+  const response = await request(`/api/points?west=${west}&south=${south}&east=${east}&north=${north}&most=${most}`);
+  return unpackPoints(await response.arrayBuffer());
+}
+
+// Points of a cross-section: x to the right of `heading_deg`, y along it, z up, relative to `at`
+export async function section(
+  at: Place, heading_deg: number, half_width_m: number, thickness_m: number,
+): Promise<Points> {
+  const query = `east=${at[0]}&north=${at[1]}&heading_deg=${heading_deg}&half_width_m=${half_width_m}&thickness_m=${thickness_m}`;
+  return unpackPoints(await (await request(`/api/section?${query}`)).arrayBuffer());
+}
+
+export const pairs = () => getJson<Pair[]>("/api/pairs");
+export const keys = () => getJson<OperatorKey[]>("/api/keys");
+export const pairLines = (number: number) => getJson<PairLines>(`/api/pairs/${number}/lines`);
+export const imageUrl = (number: number, side: "left" | "right") => `/api/pairs/${number}/${side}`;
+export const thumbnailUrl = (number: number) => `/api/pairs/${number}/thumbnail`;
+
+export const jobs = () => getJson<Job[]>("/api/jobs");
+export const startJob = (features: string[], method: string) => sendJson<Job>("POST", "/api/jobs", { features, method });
+export const cancelJob = (id: string) => sendJson<Job>("DELETE", `/api/jobs/${id}`);
+export const reportUrl = (id: string) => `/api/jobs/${id}/report`;
+
+function socket(path: string): WebSocket {
+  return new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${path}`);
+}
+
+// Live messages, with reconnection; `connected` reports each loss and return, after which missed messages must be fetched
+export function live(received: (message: LiveMessage) => void, connected: (is: boolean) => void): void {
+  const open = socket("/api/live");
+  open.onopen = () => connected(true);
+  open.onmessage = (event) => received(JSON.parse(event.data as string) as LiveMessage);
+  open.onclose = () => {
+    connected(false);
+    setTimeout(() => live(received, connected), 1000);
+  };
+}
+
+// The WebSocket for following lines, opened on first use
+export class Follower {
+  private open: WebSocket | null = null;
+  constructor(
+    private readonly received: (message: FollowMessage) => void, private readonly disconnected: () => void,
+  ) {}
+
+  send(request: FollowRequest): void {
+    if (this.open === null || this.open.readyState > WebSocket.OPEN) {
+      this.open = socket("/api/follow");
+      this.open.onmessage = (event) => this.received(JSON.parse(event.data as string) as FollowMessage);
+      this.open.onclose = () => this.disconnected();
+    }
+    const open = this.open;
+    const text = JSON.stringify(request);
+    if (open.readyState === WebSocket.OPEN) open.send(text);
+    else open.addEventListener("open", () => open.send(text), { once: true });
+  }
+}

@@ -1,0 +1,67 @@
+// The legend: shows and hides kinds, rejected lines and the vehicle's path, and sets the accuracy bands.
+
+import type { App } from "../app/app";
+import { element } from "../controls/element";
+import type { LineLayer } from "./line-layer";
+
+const BANDS: [string, number][] = [["none", 0], ["± 2 σ, true to scale", 2], ["± 2 σ, enlarged 10 times", 20]];
+
+const WIDE_PX = 1600; // in a narrower window the open legend would hide half of the plan
+
+export function legend(app: App, lines: LineLayer, showPath: (is: boolean) => void): HTMLElement {
+  const counts = new Map<string, HTMLElement>();
+  const kinds = app.survey.kinds.map(({ kind }) => kind);
+  // Surveys with images also have lines extracted from images alone
+  const inImages = app.survey.n_pairs > 0 ? ["lane_marking_stereo", "lane_marking_dash_stereo"] : [];
+  const rows = [...kinds, ...inImages].map((kind) => kindRow(app, lines, kind, app.title(kind), counts));
+  const bands = element("select", {
+    "aria-label": "Accuracy bands",
+    change: (event) => {
+      lines.sigmas = Number((event.target as HTMLSelectElement).value);
+      lines.restyle();
+    },
+  }, ...BANDS.map(([title, sigmas]) => element("option", { value: sigmas }, title)));
+  app.on("lines", () => count(app, counts));
+  return element("details", { class: "legend", open: window.innerWidth >= WIDE_PX },
+    element("summary", {}, "Legend"),
+    ...rows,
+    element("hr"),
+    switchRow("Rejected lines", "swatch rejected", (is) => hide(lines, "rejected", !is), "rejected"),
+    switchRow("Vehicle path", "swatch path", showPath, "path"),
+    element("div", { class: "row" }, element("span", { class: "swatch bridged" }), "bridged (not measured)"),
+    element("div", { class: "row" }, element("span", { class: "swatch accepted" }), "accepted"),
+    element("div", { class: "row" }, element("span", { class: "swatch edited" }), "edited or drawn"),
+    element("label", { class: "row" }, "Accuracy", bands),
+  );
+}
+
+function kindRow(app: App, lines: LineLayer, kind: string, title: string, counts: Map<string, HTMLElement>): HTMLElement {
+  const row = switchRow(title, "swatch", (is) => hide(lines, kind, !is), kind);
+  const swatch = row.querySelector<HTMLElement>(".swatch");
+  if (swatch) swatch.style.backgroundColor = app.colour(kind);
+  const number = element("span", { class: "count" });
+  counts.set(kind, number);
+  row.append(number);
+  return row;
+}
+
+function switchRow(title: string, swatch: string, set: (is: boolean) => void, name: string): HTMLElement {
+  const box = element("input", {
+    type: "checkbox", checked: true, name: `show-${name}`,
+    change: (event) => set((event.target as HTMLInputElement).checked),
+  });
+  return element("label", { class: "row" }, box, element("span", { class: swatch }), title);
+}
+
+function hide(lines: LineLayer, name: string, is: boolean): void {
+  if (is) lines.hidden.add(name);
+  else lines.hidden.delete(name);
+  lines.restyle();
+}
+
+function count(app: App, counts: Map<string, HTMLElement>): void {
+  const found = new Map<string, number>();
+  for (const line of app.lines.values())
+    if (line.review !== "rejected") found.set(line.kind, (found.get(line.kind) ?? 0) + 1);
+  for (const [kind, place] of counts) place.textContent = String(found.get(kind) ?? "");
+}

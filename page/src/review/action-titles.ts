@@ -1,0 +1,19 @@
+// What the queue and the history call the server's actions. It stands apart because both show them.
+
+const TITLES: Record<string, string> = {
+  keep: "follow",
+  beside: "draw parallel",
+  wire: "draw wire",
+  dashes: "add dashes",
+  kind: "change kind",
+  set: "set attribute",
+  move: "move vertex",
+  insert: "insert vertex",
+  remove: "remove vertex",
+};
+
+// Actions not listed read well as they are (accept, split, undo). A dismissal is recorded with its key, which says nothing.
+export function actionTitle(action: string): string {
+  const [name = ""] = action.split(" ");
+  return TITLES[name] ?? name;
+}

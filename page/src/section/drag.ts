@@ -1,0 +1,95 @@
+// Dragging in a section: moves a node of a line, or pans.
+
+import type { Points } from "../app/api";
+import type { Frame } from "./rendering";
+import { inWorld, type Plane, pointAt, type SectionNode } from "./nodes";
+import { roadAt } from "./readings";
+import type { Edit } from "../app/documents";
+
+const GRAB_PX = 12;
+const MOVED_M = 0.001; // a shorter drag is a click
+
+type Drag =
+  | { what: "node"; node: SectionNode; x: number; z: number; grip: [number, number] }
+  | { what: "pan"; px: number; py: number; centre: [number, number] };
+
+export class SectionDrag {
+  private drag: Drag | null = null;
+
+  // The dragged node at its present position; `from` is where it was
+  get node(): (SectionNode & { from: SectionNode }) | null {
+    if (this.drag?.what !== "node") return null;
+    const { node, x, z } = this.drag;
+    return { ...node, x, z, from: node };
+  }
+
+  press(frame: Frame, nodes: readonly SectionNode[], [px, py]: [number, number], preferred: string): void {
+    const node = nodeAt(frame, nodes, [px, py], preferred);
+    if (node) {
+      const [x, z] = frame.fromPx(px, py);
+      this.drag = { what: "node", node, x: node.x, z: node.z, grip: [node.x - x, node.z - z] };
+    } else this.drag = { what: "pan", px, py, centre: [frame.x0, frame.z0] };
+  }
+
+  // Returns the new centre when panning. With `snaps`, a node snaps to the nearest point.
+  move(frame: Frame, [px, py]: [number, number], points: Points | null, snaps: boolean): [number, number] | null {
+    const { drag } = this;
+    if (drag?.what === "pan") {
+      return [drag.centre[0] - (px - drag.px) / frame.scale, drag.centre[1] + (py - drag.py) / (frame.scale * frame.exaggeration)];
+    }
+    if (!drag) return null;
+    const distance = (x: number, z: number): number => {
+      const [x1, y1] = frame.toPx(x, z);
+      return Math.hypot(x1 - px, y1 - py);
+    };
+    const point = snaps && points ? pointAt(points, distance, 2 * GRAB_PX) : null;
+    const [x, z] = frame.fromPx(px, py);
+    Object.assign(drag, point ?? { x: x + drag.grip[0], z: z + drag.grip[1] });
+    return null;
+  }
+
+  get isActive(): boolean {
+    return this.drag !== null;
+  }
+
+  end(): void {
+    this.drag = null;
+  }
+
+  // The edit that the drag of a node amounts to; null: it was a click
+  edit(plane: Plane): Edit | null {
+    const { node } = this;
+    if (!node || Math.hypot(node.x - node.from.x, node.z - node.from.z) < MOVED_M) return null;
+    const to: [number, number, number] = [...inWorld(plane, node.x, node.y), node.z];
+    const { id } = node.line;
+    return node.vertex === null
+      ? { action: "insert", id, after: node.after, to }
+      : { action: "move", id, vertex: node.vertex, to };
+  }
+
+  readout(points: Points | null, title: (kind: string) => string): string {
+    const { node } = this;
+    if (!node) return "";
+    const road = points && roadAt(points, node.x);
+    const above = road === null ? "" : `, ${(node.z - road).toFixed(3)} m above the road`;
+    const moved = `moved ${signed(node.x - node.from.x)} m across, ${signed(node.z - node.from.z)} m up`;
+    return `${title(node.line.kind)}: offset ${signed(node.x)} m${above}; ${moved}`;
+  }
+}
+
+// The node within reach of a pixel; of nodes in one place, the one of line `preferred`
+export function nodeAt(
+  frame: Frame, nodes: readonly SectionNode[], [px, py]: [number, number], preferred: string,
+): SectionNode | null {
+  const distance = (node: SectionNode): number => {
+    const [x, y] = frame.toPx(node.x, node.z);
+    return Math.hypot(x - px, y - py) - (node.line.id === preferred ? 2 : 0);
+  };
+  const nearest = [...nodes].sort((a, b) => distance(a) - distance(b))[0];
+  return nearest && distance(nearest) <= GRAB_PX ? nearest : null;
+}
+
+export const sameNode = (a: SectionNode, b: SectionNode): boolean =>
+  a.line.id === b.line.id && a.after === b.after && a.vertex === b.vertex;
+
+const signed = (value: number): string => `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(3)}`;
