@@ -209,7 +209,7 @@ def test_images_stamped_in_nanoseconds_or_not_at_all(tmp_path):
     (tmp_path / "left.csv").write_text("file,time_s\n" + "".join(f"{t}.png,{t}\n" for t in stamps))
     images = read_image_list({"images": "left.csv"}, tmp_path, "cameras.left")
     np.testing.assert_allclose(images.time_s, 1_403_636_579.763_555_6 + np.arange(5) / 20, atol=1e-6)
-    assert images.warnings == ("cameras.left: times are in nanoseconds: taken as such",)
+    assert images.warnings == ("cameras.left: times are in nanoseconds: converted to seconds",)
     (tmp_path / "left.csv").write_text("file,time_s\n1.png,0\n2.png,0\n")
     with pytest.raises(InputError, match="all 2 times are 0"):
         read_image_list({"images": "left.csv"}, tmp_path, "cameras.left")

@@ -70,7 +70,7 @@ def test_a_clock_set_back_leaves_its_doubled_times_out(tmp_path: Path) -> None:
 def test_a_stuck_clock_counts_once(tmp_path: Path) -> None:
     series = _open(stereo_folder(tmp_path, [0.0, 0.1, 0.1, 0.1, 0.4, 0.5]))
     assert [pair.left.name for pair in series.pairs] == [f"{i:06d}.png" for i in (0, 1, 4, 5)]
-    assert "2 images with the time of the one before left out, first 000002.png" in series.warnings[0]
+    assert "2 images with a repeated time left out, first 000002.png" in series.warnings[0]
 
 
 def test_a_shuffled_list_is_sorted_without_a_word(tmp_path: Path) -> None:

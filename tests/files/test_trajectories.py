@@ -59,7 +59,7 @@ def test_unsorted_and_duplicate_times_are_sorted_and_counted(tmp_path):
     np.testing.assert_array_equal(content.trajectory.xyz[:, 0], [10, 20, 30, 40])
     assert content.warnings == (
         "time runs backwards 1 times, first at line 4: sorted",
-        "1 rows with the time of another left out",
+        "1 rows with a repeated time left out",
     )
 
 

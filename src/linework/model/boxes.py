@@ -12,7 +12,7 @@ from linework.model.columns import Columns, column, column_types, filled_column
 
 
 class BoxForm(IntEnum):
-    """What a box holds a piece of."""
+    """Feature that a box is a piece of."""
 
     #: A stripe of paint, narrow enough for a line.
     STRIPE = 0
@@ -38,26 +38,26 @@ class BoxSet(Columns):
         (n, 2) float64: unit vector along the feature. Boundaries: the carriageway is on its LEFT (+v side).
         Stripes: either way round.
     half_u_m
-        (n,) float64 [m]: half the length along u over which there is evidence; the centre is its middle.
+        (n,) float64 [m]: half the length along u that has evidence; the centre is its middle.
     half_v_m
-        (n,) float64 [m]: half the width; of a stripe half the paint's width.
+        (n,) float64 [m]: half the width; for a stripe, half the width of the paint.
     sigma_v_m, sigma_z_m, sigma_u_rad
         (n,) float64: standard deviation of the centre across, of its height, and of the direction.
     score
-        (n,) float64, 0 to 1: how sure it is that this is a piece of such a feature.
+        (n,) float64, 0 to 1: how certain it is that this is a piece of such a feature.
     form
         (n,) int8: see `BoxForm`.
     height_m
         (n,) float64 [m]: step from the foot up to the top (boundaries); NaN for paint.
     top_v_m
-        (n,) float64 [m]: where the kerb's top edge is, along v from the centre (negative: away from the
+        (n,) float64 [m]: position of the kerb's top edge along v from the centre (negative: away from the
         carriageway); NaN where there is none.
     contrast
         (n,) float64: mean intensity of the paint over that of the surface beside it; NaN for boundaries.
     n_points
-        (n,) int64: points that the reference line was measured from.
+        (n,) int64: number of points that the reference line was measured from.
     time_start_s, time_end_s
-        (n,) float64 [s]: of these points; NaN where they have no time.
+        (n,) float64 [s]: first and last time of these points; NaN where they have no time.
     """
 
     centre: FloatArray = column(np.float64, 3)

@@ -1,4 +1,4 @@
-"""Stereo images of a survey: which pairs there are and when they were taken; nothing opened yet."""
+"""Stereo pairs of a survey with their times (files not opened yet), rectified pairs, and vehicle poses."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class ImagePair:
     Parameters
     ----------
     number
-        Its place in the series, from 0, also counting pairs that cannot be used.
+        Number in the series, from 0, counting also pairs that cannot be used.
     time_s
-        When it was taken, by the survey's clock. [s]
+        Time of exposure on the survey's clock. [s]
     left, right
         The files.
     """
@@ -39,7 +39,7 @@ class StereoSeries:
     Parameters
     ----------
     warnings
-        One line each about images that are in no pair.
+        One line each about images without a partner.
     unpaired
         Those images.
     left_out

@@ -1,4 +1,4 @@
-"""What the van's navigation sensors logged: GNSS fixes, gyros, wheel counters."""
+"""Logs of a drive: GNSS fixes, gyros, wheel counters; photos and events with their places."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sightings: places on lines as stereo pairs saw them, as columns."""
+"""Sightings: points on lines measured in stereo pairs, as columns."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from linework.model.columns import Columns, column, filled_column
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sightings(Columns):
-    """n places on lines, each seen in both images of one pair; in order of pair, line, and nearest first.
+    """n points on lines, each measured in both images of one pair; ordered by pair, line, and distance, nearest first.
 
     Parameters
     ----------
@@ -21,19 +21,19 @@ class Sightings(Columns):
     pair
         (n,) int64: number of the pair (`ImagePair.number`).
     line
-        (n,) int64: which line of that pair, from 0.
+        (n,) int64: number of the line in that pair, from 0.
     col, row, disparity
-        (n,) float64 [pixels, rectified left image]: where it was seen.
+        (n,) float64 [pixels, rectified left image]: where it was measured.
     sigma_px
         (n,) float64 [pixels]: standard deviation of `col`, across the line, from the image noise.
     sigma_disparity_px
         (n,) float64 [pixels].
     width_m
-        (n,) float64 [m]: width of the paint; NaN where it is no stripe.
+        (n,) float64 [m]: width of the paint; NaN where it is not a stripe.
     contrast
         (n,) float64 [grey values]: paint over the road beside it, or the step across an edge.
     score
-        (n,) float64, 0 to 1: how sure it is that this is such a line.
+        (n,) float64, 0 to 1: how certain it is that this is such a line.
     """
 
     xyz: FloatArray = column(np.float64, 3)

@@ -225,7 +225,7 @@ def test_damaged_body_is_refused_or_accounted_for(tmp_path, seed):
 def test_no_crs(tmp_path):
     path = tmp_path / "x.laz"
     write_las(sample(), path, crs="local")
-    assert refusal(path, CrsError) == "the file does not say its CRS. Give --crs EPSG:... or --crs local."
+    assert refusal(path, CrsError) == "the file does not state its CRS. Give --crs EPSG:... or --crs local."
     assert read_las(path, crs="local").crs == "local"
 
 

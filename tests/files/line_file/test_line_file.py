@@ -163,7 +163,7 @@ def test_who_was_second_is_told_so_and_nothing_is_saved(path):
         with pytest.raises(StaleError, match="2 edits are missing"):
             drawing.commit(Change("move", moved, shifted(moved)), who="Bea", based_on=3)
         drawing.commit(Change("delete", moved, none()), who="Ann", based_on=1)
-        with pytest.raises(StaleError, match="is there no more"):
+        with pytest.raises(StaleError, match="no longer exists"):
             drawing.commit(Change("move", moved, shifted(moved)), who="Bea")
         assert drawing.revision == 2
 

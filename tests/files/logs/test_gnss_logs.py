@@ -176,12 +176,12 @@ def test_latitude_and_longitude_exchanged_and_another_continent(tmp_path):
     head = "time_s,latitude_deg,longitude_deg,ellipsoid_height_m,sigma_e_m,sigma_n_m,sigma_z_m\n"
     (tmp_path / "g.csv").write_text(head + "0,9.1,47.0,1,1,1,1\n")
     with pytest.raises(
-        InputError, match=r"latitude 9\.1000, longitude 47\.0000 is far .* exchanged they are not"
+        InputError, match=r"latitude 9\.1000, longitude 47\.0000 is far .* exchanged, they are within it"
     ):
         read_gnss(tmp_path / "g.csv", PLAN)
     (tmp_path / "g.csv").write_text(head + "0,40.0,-75.0,1,1,1,1\n")
     (warning,) = read_gnss(tmp_path / "g.csv", EarthFrame(crs=parse_crs("EPSG:32632"))).warnings
-    assert "is far from where WGS 84 / UTM zone 32N (EPSG:32632) is used" in warning
+    assert "is far from the area of use of WGS 84 / UTM zone 32N (EPSG:32632)" in warning
     (tmp_path / "g.csv").write_text(
         head + "0,-45.0,179.9,1,1,1,1\n1,-45.0,-179.9,1,1,1,1\n2,-45,-179.8,1,1,1,1\n"
     )

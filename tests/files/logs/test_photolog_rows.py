@@ -69,7 +69,7 @@ def test_without_a_trajectory_nothing_has_a_place(log: VanLog) -> None:
     survey = open_survey([log.root])
     found = van_log(survey, open_stereo(survey), None)
     assert found.photos is not None and len(found.photos) == 0
-    assert "6 images without a place: there is no trajectory" in found.warnings
+    assert "6 images cannot be placed: there is no trajectory" in found.warnings
 
 
 def test_without_attitude_the_way_gives_the_heading() -> None:

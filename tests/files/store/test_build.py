@@ -106,7 +106,7 @@ def test_points_left_out_are_counted_by_reason(drive, folder):
     ("times", "said"),
     [
         (3e17 + np.arange(40.0) * 1e9, "GPS times from 3e+17 to 3e+17 are not in seconds: left out"),
-        (np.full(40, np.nan), "GPS times are no numbers: left out"),
+        (np.full(40, np.nan), "GPS times are not numbers: left out"),
     ],
 )
 def test_times_in_another_unit_cost_no_points(drive, folder, times, said):

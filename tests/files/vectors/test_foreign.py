@@ -63,7 +63,7 @@ def test_foreign_geometries_become_lines(tmp_path):
         ("<html>", InputError, "is not JSON"),
         ("[" * 100_000, InputError, "nested too deeply"),
         ('{"a": 1}', InputError, "not GeoJSON"),
-        ('{"type": "FeatureCollection", "features": 3}', InputError, "features is no list"),
+        ('{"type": "FeatureCollection", "features": 3}', InputError, "features is not a list"),
         (collection(feature("LineString", [["x", 0], [1, 1]])), InputError, "feature 1 has a geometry that is none"),
         (collection(feature("LineString", 5)), InputError, "feature 1 has a geometry that is none"),
         (collection(feature("Blob", LINE)), InputError, "feature 1 has a geometry that is none"),

@@ -17,17 +17,17 @@ from linework.model.logs import GnssLog
 _GRID = ("easting_m", "northing_m", "height_m")
 _DEGREES = ("latitude_deg", "longitude_deg", "ellipsoid_height_m")
 _SIGMA = ("sigma_e_m", "sigma_n_m", "sigma_z_m")
-#: A receiver may write other messages first.
+#: Lines searched for the format: a receiver may write other messages first.
 _FIRST_LINES = 1000
 
 
 def read_gnss(path: Path, frame: EarthFrame) -> GnssContent:
-    """Read GNSS fixes of any kind, told by the first lines.
+    """Read GNSS fixes of any format, recognised by the first lines.
 
     Parameters
     ----------
     frame
-        What latitudes, longitudes and ellipsoidal heights become.
+        CRS and heights that latitudes, longitudes and ellipsoidal heights are converted to.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Read what the van's navigation sensors logged: GNSS, gyro and wheel files named in a survey.toml."""
+"""Read the navigation logs that a survey.toml names: GNSS, gyro and wheels."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ _Log = TypeVar("_Log", GyroLog, WheelLog)
 
 @dataclass(frozen=True, slots=True)
 class NavigationContent:
-    """The logs of a drive as read, with what was odd about the files."""
+    """The logs of a drive as read, and warnings about the files."""
 
     logs: NavigationLogs
     warnings: tuple[str, ...] = ()
 
 
 def read_navigation_logs(survey: Survey) -> NavigationContent:
-    """Read the files that [navigation] names; what is known of the vehicle comes from [vehicle].
+    """Read the logs named in [navigation]; the vehicle's measures come from [vehicle].
 
-    Columns of the CSV files: see the manual. Rows are put in time order, each time once; lines that are no
-    numbers are left out and counted. The values stay as logged: counters that wrap, clocks that jump and
-    fixes that lie far off are the filter's.
+    Columns of the CSV files: see the manual. Rows are put in time order, each time once; lines without numbers are
+    left out and counted. Values stay as logged: the filter handles counters that wrap, clocks that jump and outlying
+    fixes.
 
     Raises
     ------
     ConfigError
         The survey names no GNSS log.
     InputError
-        A file cannot be used: with its name and the line.
+        A file cannot be used; with its name and the line.
     """
     named = survey.settings.get("navigation", {})
     if "gnss" not in named:
@@ -73,9 +73,9 @@ def read_navigation_logs(survey: Survey) -> NavigationContent:
 def _on_the_surveys_clock(
     gnss: GnssContent, time: Mapping[str, Any], other: GyroLog | WheelLog | None
 ) -> tuple[GnssLog, str]:
-    """Return the fixes in the epoch of [time], or of the other logs, or else in adjusted GPS seconds; and that epoch.
+    """Return the fixes in the epoch of [time], else of the other logs, else in adjusted GPS seconds; and that epoch.
 
-    Fixes of a file that does not say its epoch stay as they are.
+    Fixes of a file that does not state its epoch stay unchanged.
     """
     stated = str(time.get("epoch", ""))
     if not gnss.epoch:
@@ -91,12 +91,12 @@ def _on_the_surveys_clock(
 def _on_the_clock_of(
     gnss: GnssLog, epoch: str, log: _Log | None, name: str, survey: Survey
 ) -> tuple[_Log | None, list[str]]:
-    """Return a log in the epoch of the fixes, and what was done to it.
+    """Return a log in the epoch of the fixes, and warnings.
 
     Raises
     ------
     InputError
-        No common time: with both intervals.
+        No common time; with both intervals.
     """
     if log is None:
         return None, []

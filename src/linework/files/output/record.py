@@ -1,4 +1,4 @@
-"""The record of a run beside its output: JSON, and fingerprints of input files."""
+"""JSON documents beside an output (run.json), and hashes of files."""
 
 from __future__ import annotations
 

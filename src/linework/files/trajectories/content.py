@@ -1,4 +1,4 @@
-"""What the readers of trajectories hand over."""
+"""Result of the readers of trajectories: in time order, each time once."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from linework.model.trajectory import Trajectory
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryContent:
-    """A trajectory as read, with what was odd about the file.
+    """A trajectory as read, and warnings about the file.
 
     Parameters
     ----------
     warnings
         One line each.
     epoch
-        What the file itself says its times are: "gps", "gps_week", "unix", "utc_day"; "" where it does not.
+        Epoch of the times as the file states it: "gps", "gps_week", "unix", "utc_day"; "" where it does not.
     """
 
     trajectory: Trajectory

@@ -1,4 +1,4 @@
-"""The ready-made trajectory of a survey: read, and put on the clock of what else was recorded."""
+"""Read the ready-made trajectory of a survey and convert it to the clock of its other recordings."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from linework.navigation.lever import at_vehicle_origin
 
 
 def read_survey_trajectory_content(survey: Survey) -> TrajectoryContent | None:
-    """Read the trajectory a survey names, of the point it describes; None where it names none.
+    """Read the trajectory that a survey names, of the point it describes; None where it names none.
 
-    Times of a file that says its own epoch become those of [time] epoch, where the survey states one.
+    Where the file and the survey both state an epoch, times are converted to that of [time] epoch.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def read_survey_trajectory_content(survey: Survey) -> TrajectoryContent | None:
 def on_clock_of(
     content: TrajectoryContent, span_s: tuple[float, float], span_epoch: str, survey: Survey
 ) -> TrajectoryContent:
-    """Return a trajectory on the clock of another recording, with what was done to its times.
+    """Return a trajectory on the clock of another recording, with warnings about its times.
 
     Parameters
     ----------
@@ -64,10 +64,10 @@ def on_clock_of(
 
 
 def stereo_on_clock_of(series: StereoSeries, trajectory: Trajectory, survey: Survey) -> StereoSeries:
-    """Return the stereo pairs of a survey on the clock of its trajectory, with what was done to their times.
+    """Return the stereo pairs of a survey on the clock of its trajectory, with warnings about their times.
 
-    Pairs that the trajectory covers as they stand keep their times; others are converted from [time] epoch, or from
-    the epoch that their times show.
+    Times within the trajectory's stay unchanged; others are converted from [time] epoch, or from the epoch that their
+    range shows.
     """
     if not series.pairs or not len(trajectory):
         return series
@@ -81,12 +81,9 @@ def stereo_on_clock_of(series: StereoSeries, trajectory: Trajectory, survey: Sur
     return replace(series, pairs=pairs, warnings=(*series.warnings, *(f"cameras: {text}" for text in said)))
 
 
-# Where the van was: its trajectory, of the vehicle's origin, and its images on the same clock
-
-
 @dataclass(frozen=True, slots=True)
 class VanPath:
-    """Path of the vehicle's origin, or None; the stereo pairs on its clock; what was odd about the file."""
+    """Trajectory of the vehicle's origin, or None; the stereo pairs on its clock; warnings about the file."""
 
     trajectory: Trajectory | None
     series: StereoSeries | None
@@ -94,7 +91,7 @@ class VanPath:
 
 
 def read_van_path(survey: Survey, series: StereoSeries | None) -> VanPath:
-    """Read the trajectory of a survey whose points are not wanted.
+    """Read the trajectory of a survey whose points are not used.
 
     Parameters
     ----------

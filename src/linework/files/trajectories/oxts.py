@@ -1,4 +1,4 @@
-"""Trajectories of KITTI's OXTS folders: a text file for every pose, and a file of times."""
+"""Read trajectories from KITTI's OXTS folders: one text file per pose, and a file of times."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from linework.model.trajectory import Trajectory
 _N_POSE = 6
 _ACCURACY = 23
 _MAX_BYTES = 10_000
-#: Heights by satellites are about one and a half times as uncertain as positions in plan (all satellites above).
+#: Ratio of the sigma of height to that in plan for satellite positions: all satellites are above.
 UP_PER_PLAN = 1.5
 
 
@@ -34,8 +34,8 @@ def read_oxts_content(folder: Path, frame: EarthFrame) -> TrajectoryContent:
     Parameters
     ----------
     frame
-        What latitudes, longitudes and heights become; in a local one the first pose is the origin, and it is
-        said where on earth that is.
+        CRS and heights to convert to; in a local one the first pose is the origin, and a warning states where on
+        earth that is.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def read_oxts_content(folder: Path, frame: EarthFrame) -> TrajectoryContent:
 
 
 def read_timestamps(path: Path) -> FloatArray:
-    """Read dates such as ``2011-09-26 13:02:25.964389445`` as (n,) seconds since 1970; NaN where a line is none."""
+    """Read dates such as ``2011-09-26 13:02:25.964389445`` as (n,) seconds since 1970; NaN where a line is not a date."""
     found = []
     for block in text_blocks(path):
         for _, line in block.lines():

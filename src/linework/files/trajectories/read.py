@@ -1,4 +1,4 @@
-"""Read trajectories of all kinds, told apart by suffix and content; write them as CSV."""
+"""Read trajectories of all formats, recognised by suffix and content; write them as CSV."""
 
 from __future__ import annotations
 
@@ -33,15 +33,14 @@ _SIGMA_ATTITUDE = ("sigma_roll_deg", "sigma_pitch_deg", "sigma_heading_deg")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrajectorySettings:
-    """What the user says of a trajectory beside its file.
+    """Settings for reading a trajectory.
 
     Parameters
     ----------
     frame
-        What latitudes, longitudes and ellipsoidal heights become.
+        CRS and heights that latitudes, longitudes and ellipsoidal heights are converted to.
     times_file, rate_hz
-        When the poses of a KITTI poses.txt were: a file of times, or so many a second from 0; without both, the
-        times.txt beside it.
+        Times of the poses of a KITTI poses.txt: a file, or a rate from 0 s; without both, the times.txt beside it.
     """
 
     frame: EarthFrame = EarthFrame(crs=LOCAL)
@@ -55,14 +54,14 @@ def read_trajectory(path: Path, settings: TrajectorySettings | None = None) -> T
 
 
 def read_trajectory_content(path: Path, settings: TrajectorySettings | None = None) -> TrajectoryContent:
-    """Read a trajectory of any kind: CSV, SBET, KITTI's OXTS folder and poses, TUM, GNSS fixes.
+    """Read a trajectory of any format: CSV, SBET, KITTI's OXTS folder and poses, TUM, GNSS fixes.
 
     Rows are put in time order (stable); of rows with equal time the first is kept, the others counted.
 
     Raises
     ------
     InputError
-        No known kind, columns missing, lines that are not numbers (with the line number), fewer than two positions.
+        Unknown format, columns missing, lines that are not numbers (with the line), fewer than two positions.
     CrsError, ConfigError
         Latitudes and longitudes that cannot be transformed into the CRS.
     """
@@ -88,7 +87,7 @@ def read_trajectory_content(path: Path, settings: TrajectorySettings | None = No
 
 
 def _kind_of_text(path: Path) -> str:
-    """Return which kind of text a file is by its first line of content: "gnss", "tum", "kitti", or "csv"."""
+    """Return the format of a text file by its first line of content: "gnss", "tum", "kitti" or "csv"."""
     if path.suffix.lower() == ".csv":
         return "csv"
     if is_gnss_file(path):

@@ -1,7 +1,7 @@
-"""What GDAL may not do here: import this wherever pyogrio or rasterio is imported.
+"""Restrictions of GDAL: import this wherever pyogrio or rasterio is imported.
 
 Opening a file with GDAL can reach other files and the network. Two copies of GDAL live in this process
-(pyogrio's and rasterio's); both read this variable. What the user has set already stays.
+(pyogrio's and rasterio's); both read this variable. A value set by the user stays.
 """
 
 from __future__ import annotations
