@@ -70,7 +70,7 @@ def read_named_arrays(path: Path, sha256: str | None = None) -> dict[str, AnyArr
     Raises
     ------
     FileNotFoundError
-        There is no such file.
+        The file does not exist.
     MachineError
         The file cannot be read, or is not what was written.
     """
@@ -138,7 +138,7 @@ def opened_arrays(path: Path | str) -> Iterator[ArrayFile]:
     Raises
     ------
     FileNotFoundError
-        There is no such file.
+        The file does not exist.
     MachineError
         The file cannot be read, or is damaged.
     """

@@ -1,4 +1,8 @@
-"""Input files: checked before they are opened, so that a pipe cannot block and an empty file is named as such."""
+"""Input files: checked before they are opened, so that a pipe cannot block and an empty file is named as such.
+
+GDAL is restricted here, too: opening a file with it can reach other files and the network. Two copies of GDAL live in
+this process (pyogrio's and rasterio's); both read the variable, so import this before either of them.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,9 @@ from pathlib import Path
 from typing import BinaryIO
 
 from linework.errors import InputError
+
+# A value set by the user stays
+os.environ.setdefault("CPL_VSIL_CURL_ALLOWED_EXTENSIONS", ".invalid")
 
 
 def regular_file_bytes(path: Path) -> int:

@@ -161,7 +161,7 @@ REFUSED = [
     Refused("A22 layer of 4 GB", put(laz, points_start, 8 + 30 + 4, "I", 2**32 - 1), rf"chunk 1 after 0 points is damaged \([\d,]+ bytes, there are [\d,]+\)\. {COPY}"),
     Refused("A22 chunks of 1 point", put(laz, laszip_record, 12, "I", 1), rf"chunk 1 of 1 holds 400 points, the laszip record says 1\. {COPY}"),
     Refused("A22 chunks of 4e9 points", put(laz, laszip_record, 12, "I", 4_000_000_000), rf"laszip record says chunks of 4,000,000,000 points, expected some 50,000\. {COPY}"),
-    Refused("A25 chunk table of a COPC file", put(copc, chunk_table, 0, "I", 1524), rf"damaged chunk table, and chunks of different sizes cannot be told apart without it\. {COPY}"),
+    Refused("A25 chunk table of a COPC file", put(copc, chunk_table, 0, "I", 1524), rf"damaged chunk table, and chunks of different sizes cannot be found without it\. {COPY}"),
     Refused("A26 compressor 99", put(laz, laszip_record, 0, "H", 99), r"LAZ compressor 99, expected 1 to 3: made by a newer tool\. Convert it to LAS 1\.4 with the tool that made it\."),
     Refused("A26 items of version 4", put(laz, laszip_record, 38, "H", 4), r"LAZ items of version 4, expected at most 3: made by a newer tool\. Convert it to LAS 1\.4 with the tool that made it\."),
     Refused("A26 LAS 1.5", put(las, HEAD, VERSION_MINOR, "B", 5), r"LAS version 1\.5, expected 1\.0 to 1\.4: made by a newer tool\. Convert it to LAS 1\.4\."),

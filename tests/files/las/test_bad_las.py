@@ -8,10 +8,10 @@ import laspy
 import lazrs
 import numpy as np
 import pytest
+from tests.oracles.las_in_memory import read_las
 from tests.scenes.laser_files import copc_file, copc_info, drive_file, hierarchy, point_by_point
 
 from linework.errors import CrsError, InputError, LineworkError
-from linework.files.las.read import read_las
 from linework.files.las.write import write_las
 from linework.model.points import Points
 

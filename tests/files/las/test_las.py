@@ -7,12 +7,12 @@ import laspy
 import numpy as np
 import pyproj
 import pytest
+from tests.oracles.las_in_memory import read_las
 
 from linework.errors import CrsError, UsageError
 from linework.files.geodesy.crs import parse_crs
 from linework.files.las.batches import _rounded_batch
 from linework.files.las.header import read_las_header
-from linework.files.las.read import read_las
 from linework.files.las.write import write_las
 from linework.model.points import Points
 

@@ -184,7 +184,7 @@ def test_lines_that_cannot_be_saved_are_refused(path, columns, words):
         one = drawing.lines.take([0])
         with pytest.raises(UsageError, match=words):
             drawing.commit(Change("set", one, one.with_columns(**columns)), who="")
-        with pytest.raises(UsageError, match="two lines of the id"):
+        with pytest.raises(UsageError, match="two lines have the id"):
             drawing.commit(Change("draw", none(), one), who="")
         assert (drawing.revision, len(drawing.lines)) == (0, 6)
 

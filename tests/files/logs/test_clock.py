@@ -50,7 +50,7 @@ def test_the_week_comes_from_a_time_of_the_survey():
     adjusted = 2301 * WEEK + 100.0 - 1e9
     got = to_survey_time(np.array([604_790.0, 604_810.0]), "gps_week", "gps_adjusted", near_s=adjusted)
     np.testing.assert_allclose(got, [adjusted - 110.0, adjusted - 90.0])
-    with pytest.raises(InputError, match="seconds of the week, and nothing says of which"):
+    with pytest.raises(InputError, match="seconds of the week, but the week is unknown"):
         to_survey_time(np.array([5.0]), "gps_week", "unix")
 
 

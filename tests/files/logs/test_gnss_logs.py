@@ -85,7 +85,7 @@ def test_heights_become_those_of_the_vertical_datum(tmp_path):
     assert read_gnss(path, EarthFrame(crs=crs, geoid="receiver")).log.xyz[0, 2] == 250.0
     assert read_gnss(path, EarthFrame(crs=crs, geoid=40)).log.xyz[0, 2] == pytest.approx(257.5)
     with pytest.raises(
-        CrsError, match=r"heights cannot become those of .*no grid de_bkg_gcg2016\.tif.*geoid"
+        CrsError, match=r"heights cannot be converted to those of .*no grid de_bkg_gcg2016\.tif.*geoid"
     ):
         read_gnss(path, EarthFrame(crs=crs))
 
@@ -105,7 +105,7 @@ def test_a_grid_of_undulations(tmp_path):
     with pytest.raises(ConfigError, match=r"geoid\.gtx: 1 of 1 places"):
         read_gnss(nmea(tmp_path, [made.gga("120000.00", 56.0, 9.0, 250.0)]), frame)
     (tmp_path / "other.gtx").write_text("no grid")
-    with pytest.raises(ConfigError, match=r"other\.gtx: is no grid of undulations"):
+    with pytest.raises(ConfigError, match=r"other\.gtx: is not a geoid grid"):
         read_gnss(path, replace(frame, geoid="other.gtx"))
 
 

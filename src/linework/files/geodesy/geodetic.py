@@ -103,12 +103,12 @@ def project_places(
     if frame.crs == LOCAL:
         return _local_places(latitude_deg, longitude_deg, height_m)
     if frame.geoid is None and has_height(frame.crs):
-        xyz, said = _transformed(longitude_deg, latitude_deg, height_m, frame.crs, where)
+        xyz, remarks = _transformed(longitude_deg, latitude_deg, height_m, frame.crs, where)
     else:
-        xyz, said = _transformed(longitude_deg, latitude_deg, None, _plan_of(frame.crs), where)
+        xyz, remarks = _transformed(longitude_deg, latitude_deg, None, _plan_of(frame.crs), where)
         xyz[:, 2] = height_m - _zero_m(longitude_deg, latitude_deg, frame, undulation_m, where)
     _check_finite(xyz, frame.crs, where)
-    return ProjectedPlaces(xyz, (*said, *_outside_of_use(latitude_deg, longitude_deg, frame.crs, where)))
+    return ProjectedPlaces(xyz, (*remarks, *_outside_of_use(latitude_deg, longitude_deg, frame.crs, where)))
 
 
 def _plan_of(crs: str) -> str:
@@ -133,11 +133,11 @@ def _transformed(
                 where=where, advice=_GEOID_ADVICE if height_m is not None else "give another CRS",
             )  # fmt: skip
         transformer = pyproj.Transformer.from_crs(source, crs, always_xy=True, allow_ballpark=False)
-    said: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
     if not ways.best_available and missing:
         best = ways.transformers[0].accuracy
         good_to = f", good to {best:g} m" if best >= 0 else ""
-        said = (
+        remarks = (
             f"PROJ has no grid {missing[0]} for {describe_crs(crs)}: another transformation is used{good_to}",
         )
     try:
@@ -146,7 +146,7 @@ def _transformed(
     except ProjError as error:
         raise CrsError(f"places cannot be transformed to {describe_crs(crs)}: {error}", where=where,
                        advice="check the CRS") from error  # fmt: skip
-    return np.stack(columns, axis=1).astype(np.float64), said
+    return np.stack(columns, axis=1).astype(np.float64), remarks
 
 
 def _zero_m(
@@ -239,8 +239,8 @@ def _local_places(
         f" +step +proj=topocentric +ellps=WGS84 +lon_0={lon_0!r} +lat_0={lat_0!r} +h_0={h_0!r}"
     )
     xyz = np.stack(tangent.transform(longitude_deg, latitude_deg, height_m), axis=1)
-    said = f"coordinates are metres east, north and up of latitude {lat_0:.7f}, longitude {lon_0:.7f}"
-    return ProjectedPlaces(xyz, (f"{said}, height {h_0:.2f} m",))
+    remarks = f"coordinates are metres east, north and up of latitude {lat_0:.7f}, longitude {lon_0:.7f}"
+    return ProjectedPlaces(xyz, (f"{remarks}, height {h_0:.2f} m",))
 
 
 def undulations(

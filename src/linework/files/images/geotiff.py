@@ -9,7 +9,7 @@ import numpy as np
 import rasterio
 from rasterio.errors import RasterioError
 
-import linework.files.vectors.gdal_limits  # noqa: F401 (restricts GDAL)
+import linework.files.input  # noqa: F401 (restricts GDAL)
 from linework.errors import MachineError, UsageError
 from linework.files.geodesy.crs import LOCAL, parse_crs
 from linework.files.output.publish import publish

@@ -70,7 +70,7 @@ def check_pairs(series: StereoSeries, rectifier: Rectifier, *, where: object = N
     _check_not_swapped(list(known.values()), where)
     if shift := _better_neighbour(list(known.values())):
         raise InputError(
-            f"left and right images were not taken at the same time: in {len(known)} pairs looked at, the right image one "
+            f"left and right images were not taken at the same time: in {len(known)} checked pairs the right image one "
             f"{'later' if shift > 0 else 'earlier'} fits better", where=where,
             advice="check the times of the images",
         )  # fmt: skip

@@ -169,7 +169,7 @@ def _judged(
     if not table.is_sound:
         if table.chunk_size == _VARIABLE_CHUNKS:
             raise _error(
-                path, "damaged chunk table, and chunks of different sizes cannot be told apart without it"
+                path, "damaged chunk table, and chunks of different sizes cannot be found without it"
             )
         warnings.append("damaged chunk table: decoded one chunk after the other")
     if n_held - n_points >= (1 if is_exact else table.chunk_size):

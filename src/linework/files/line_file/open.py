@@ -120,7 +120,7 @@ def _check(db: sqlite3.Connection, crs: str, path: Path) -> None:
             advice="choose another line file",
         )  # fmt: skip
     with contextlib.suppress(sqlite3.OperationalError):
-        # Another program (QGIS) may hold the file in a mode of its own, in which a commit is as safe. Removing the
+        # Another program (QGIS) may hold the file in another journal mode, in which a commit is as safe. Removing the
         # journal after each commit instead of emptying it takes 10 ms more
         db.execute("PRAGMA journal_mode = TRUNCATE")
     # A file that cannot be written to is refused now, not at the first change

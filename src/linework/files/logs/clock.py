@@ -163,9 +163,9 @@ def fitted_times(
     for n_rounds in (0, 1, 2):
         moved = converted + n_rounds * 1024 * WEEK_S
         if _overlap(moved, span_s):
-            said = [f"converted to {_NAMES[span_epoch]}"] * (epoch != span_epoch)
-            said += [f"{1024 * n_rounds} weeks added (week rollover of the receiver)"] * (n_rounds > 0)
-            return moved, (f"times are {_NAMES[epoch]}: {', and '.join(said)}",)
+            remarks = [f"converted to {_NAMES[span_epoch]}"] * (epoch != span_epoch)
+            remarks += [f"{1024 * n_rounds} weeks added (week rollover of the receiver)"] * (n_rounds > 0)
+            return moved, (f"times are {_NAMES[epoch]}: {', and '.join(remarks)}",)
     return time_s, ()
 
 
@@ -323,8 +323,8 @@ def _set_back(time_s: FloatArray, backward: IntArray, first: str) -> tuple[IntAr
     n = int(np.count_nonzero(in_doubt))
     if n <= _ROWS_OF_A_SWAP * len(backward) or n > _MOST_IN_DOUBT * len(time_s):
         return np.arange(len(time_s)), [f"time runs backwards {len(backward)} times, first {first}: sorted"]
-    said = (
+    remarks = (
         f"the clock was set back {len(backward)} times, first after {time_s[backward[0]]:.3f} s by"
         f" {time_s[backward[0]] - time_s[backward[0] + 1]:.3f} s {first}: {n} rows whose time occurs twice left out"
     )
-    return np.flatnonzero(~in_doubt), [said]
+    return np.flatnonzero(~in_doubt), [remarks]

@@ -61,7 +61,7 @@ def usable_fixes(path: Path, fixes: RawFixes) -> tuple[RawFixes, tuple[str, ...]
         None is left.
     """
     warnings: list[str] = []
-    time_s, said = in_seconds(fixes.time_s, path)
+    time_s, remarks = in_seconds(fixes.time_s, path)
     good = np.flatnonzero((fixes.sigma_m > 0.0).all(axis=1))
     if len(good) < len(time_s):
         warnings.append(
@@ -72,4 +72,4 @@ def usable_fixes(path: Path, fixes: RawFixes) -> tuple[RawFixes, tuple[str, ...]
     if len(kept) == 0:
         raise InputError("no fix with sigmas above 0", where=path, advice="sigmas are in metres")
     usable = RawFixes(time_s[kept], fixes.places[kept], fixes.sigma_m[kept], fixes.line_numbers[kept])
-    return usable, (*said, *warnings, *more)
+    return usable, (*remarks, *warnings, *more)

@@ -66,8 +66,8 @@ def _read_csv(path: Path, frame: EarthFrame) -> GnssContent:
     columns = table.columns
     names = _GRID if _GRID[0] in columns else _DEGREES
     places, sigma = (np.stack([columns[name] for name in group], axis=1) for group in (names, _SIGMA))
-    fixes, said = usable_fixes(path, RawFixes(columns["time_s"], places, sigma, table.line_numbers))
-    warnings, xyz = (*table.warnings, *said), fixes.places
+    fixes, remarks = usable_fixes(path, RawFixes(columns["time_s"], places, sigma, table.line_numbers))
+    warnings, xyz = (*table.warnings, *remarks), fixes.places
     if names == _DEGREES:
         placed = project_places(fixes.places, frame, where=path)
         warnings, xyz = (*warnings, *placed.warnings), placed.xyz

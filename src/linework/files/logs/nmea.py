@@ -81,7 +81,7 @@ def read_nmea(path: Path, frame: EarthFrame) -> GnssContent:
                     n_good += 1
                 else:
                     bad.append(number)
-    said = bad_lines_warning(path, bad, n_good, "sound NMEA sentences", advice="expected $..GGA sentences")
+    remarks = bad_lines_warning(path, bad, n_good, "sound NMEA sentences", advice="expected $..GGA sentences")
     if not log.fixes:
         raise InputError(f"no fix among {n_good} sentences", where=path, advice="expected $..GGA with a fix")
     values = np.array(log.fixes, dtype=np.float64)
@@ -94,7 +94,7 @@ def read_nmea(path: Path, frame: EarthFrame) -> GnssContent:
     placed = project_places(fixes.places[:, :3], frame, undulation_m=fixes.places[:, 3], where=path)
     if n_others:
         odd = (*odd, f"{n_others} lines hold no NMEA sentence")
-    warnings = (*said, *more, *odd, *left_out, *placed.warnings)
+    warnings = (*remarks, *more, *odd, *left_out, *placed.warnings)
     return GnssContent(GnssLog(fixes.time_s, placed.xyz, fixes.sigma_m), warnings, epoch)
 
 
@@ -167,25 +167,25 @@ def _times(log: _Log, values: FloatArray) -> tuple[FloatArray, str, tuple[str, .
     if not log.first_days:
         return seconds, "utc_day", ("no date (RMC, ZDA): times are seconds of the first day, UTC",)
     first, count = Counter(log.first_days).most_common(1)[0]
-    said: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
     if count < len(log.first_days):
-        said = (
+        remarks = (
             f"{len(log.first_days) - count} of {len(log.first_days)} dates contradict the others: not used",
         )
-    return gps_of_unix(first * _DAY_S + seconds), "gps", said
+    return gps_of_unix(first * _DAY_S + seconds), "gps", remarks
 
 
 def _heights(values: FloatArray) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
     """Return latitude, longitude [deg] and ellipsoidal height [m] (n, 3), geoid separation (n,) [m], and warnings."""
-    separation, said = values[:, 5], tuple[str, ...]()
+    separation, remarks = values[:, 5], tuple[str, ...]()
     known = np.isfinite(separation)
     if not known.any():
         separation = np.zeros(len(values))
-        said = ("no geoid separation: altitudes used as heights above the ellipsoid",)
+        remarks = ("no geoid separation: altitudes used as heights above the ellipsoid",)
     elif not known.all():
         at = np.arange(len(values))
         separation = np.interp(at, at[known], separation[known])
-    return np.column_stack([values[:, 2:4], values[:, 4] + separation]), separation, said
+    return np.column_stack([values[:, 2:4], values[:, 4] + separation]), separation, remarks
 
 
 def _sigmas(log: _Log, values: FloatArray) -> FloatArray:
@@ -193,6 +193,6 @@ def _sigmas(log: _Log, values: FloatArray) -> FloatArray:
     plan = np.array([_RANGE_SIGMA_M[int(quality)] for quality in values[:, 6]]) * values[:, 7] / np.sqrt(2.0)
     sigma = plan[:, None] * [1.0, 1.0, UP_PER_PLAN * np.sqrt(2.0)]
     for i, (day, second) in enumerate(values[:, :2].tolist()):
-        if (said := log.sigmas.get((int(day), second))) is not None:
-            sigma[i] = said
+        if (remarks := log.sigmas.get((int(day), second))) is not None:
+            sigma[i] = remarks
     return np.asarray(sigma, dtype=np.float64)

@@ -37,8 +37,8 @@ def van_log(survey: Survey, series: StereoSeries | None, trajectory: Trajectory 
     photos, events, warnings = None, None, []
     if series is not None:
         time_s = np.array([pair.time_s for pair in series.pairs], dtype=np.float64)
-        chosen, said = _placed(trajectory, time_s, "images")
-        warnings += said
+        chosen, remarks = _placed(trajectory, time_s, "images")
+        warnings += remarks
         pairs = [series.pairs[i] for i in np.flatnonzero(chosen)]
         photos = Photos()
         if trajectory is not None and pairs:
@@ -50,8 +50,8 @@ def van_log(survey: Survey, series: StereoSeries | None, trajectory: Trajectory 
             )
     if "file" in named:
         rows = read_events(survey.root / named["file"])
-        chosen, said = _placed(trajectory, rows.time_s, "events")
-        warnings += [*rows.warnings, *said]
+        chosen, remarks = _placed(trajectory, rows.time_s, "events")
+        warnings += [*rows.warnings, *remarks]
         events = Events()
         if trajectory is not None and chosen.any():
             kept = np.flatnonzero(chosen).tolist()
@@ -66,8 +66,8 @@ def van_log(survey: Survey, series: StereoSeries | None, trajectory: Trajectory 
 def _placed(trajectory: Trajectory | None, time_s: FloatArray, what: str) -> tuple[BoolArray, list[str]]:
     """Return (n,) bool: which moments can be placed, and warnings about the others."""
     if trajectory is None or len(trajectory) == 0:
-        told = [f"{len(time_s)} {what} cannot be placed: there is no trajectory"] if len(time_s) else []
-        return np.zeros(len(time_s), dtype=bool), told
+        remarks = [f"{len(time_s)} {what} cannot be placed: there is no trajectory"] if len(time_s) else []
+        return np.zeros(len(time_s), dtype=bool), remarks
     chosen = is_placed(trajectory, time_s)
     if chosen.all():
         return chosen, []

@@ -56,7 +56,7 @@ def read_rtklib_pos(path: Path, frame: EarthFrame) -> GnssContent:
                     rows.append(row)
                     numbers.append(number)
     header = _header(comments, path)
-    said = bad_lines_warning(
+    remarks = bad_lines_warning(
         path, bad, len(rows), "solutions", advice="expected time, position, Q, ns and six standard deviations"
     )
     values = np.array(rows, dtype=np.float64)
@@ -72,7 +72,7 @@ def read_rtklib_pos(path: Path, frame: EarthFrame) -> GnssContent:
         more = (*more, "heights are above the geoid: used unchanged")
     placed = project_places(fixes.places, frame, where=path)
     log = GnssLog(fixes.time_s, placed.xyz, fixes.sigma_m)
-    return GnssContent(log, (*said, *more, *placed.warnings), "gps")
+    return GnssContent(log, (*remarks, *more, *placed.warnings), "gps")
 
 
 def _header(comments: list[str], path: Path) -> _Header:

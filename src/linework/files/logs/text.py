@@ -164,7 +164,7 @@ def bad_lines_warning(
         raise InputError(problem, where=path, advice=advice)
     if not bad:
         return ()
-    # One more than the share: a log that ends in the middle of a line is no reason to refuse it.
+    # One line more than the share: a log may end in the middle of a line
     if len(bad) > 1 + _MAX_BAD_SHARE * n_all:
         raise InputError(
             f"{unit} {bad[0]} and {len(bad) - 1} other of {n_all} {unit}s are not {expected}", where=path,

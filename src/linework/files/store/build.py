@@ -209,9 +209,9 @@ def _file_facts(file: PlannedFile, result: Decoded) -> FileFacts:
 def _common_kind(files: Sequence[FileFacts]) -> TimeKind:
     kinds = {facts.gps_time_kind: facts.path for facts in files if facts.gps_time_kind != "none"}
     if len(kinds) > 1:
-        said = ", ".join(f"{path.name} {kind}" for kind, path in sorted(kinds.items()))
+        remarks = ", ".join(f"{path.name} {kind}" for kind, path in sorted(kinds.items()))
         raise InputError(
-            f"GPS times of {len(kinds)} kinds: {said}", where=next(iter(kinds.values())),
+            f"GPS times of {len(kinds)} kinds: {remarks}", where=next(iter(kinds.values())),
             advice="convert them to adjusted standard GPS time, or extract the files one by one",
         )  # fmt: skip
     return next(iter(kinds), "none")
@@ -280,9 +280,7 @@ def state_of(path: Path) -> tuple[int, int, int]:
     try:
         status = path.stat()
     except OSError as error:
-        raise InputError(
-            f"can no longer be opened: {error.strerror}", where=path, advice=CHANGED_ADVICE
-        ) from error
+        raise InputError(f"cannot be opened: {error.strerror}", where=path, advice=CHANGED_ADVICE) from error
     return status.st_size, status.st_mtime_ns, status.st_ino
 
 

@@ -54,10 +54,10 @@ def ordered_content(
     InputError
         Fewer than two positions.
     """
-    kept, said = in_time_order(time_s, line_numbers, unit=unit)
+    kept, remarks = in_time_order(time_s, line_numbers, unit=unit)
     if len(kept) < 2:
         raise InputError(
             f"{len(kept)} position, a trajectory needs at least 2", where=path, advice="check the file"
         )
     ordered = {name: np.asarray(values)[kept] for name, values in columns.items() if values is not None}
-    return TrajectoryContent(Trajectory(time_s[kept], **ordered), (*warnings, *said), epoch)
+    return TrajectoryContent(Trajectory(time_s[kept], **ordered), (*warnings, *remarks), epoch)

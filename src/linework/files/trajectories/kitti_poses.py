@@ -10,18 +10,12 @@ from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.logs.text import read_number_rows
 from linework.files.trajectories.content import TrajectoryContent, ordered_content
-from linework.model.trajectory import Trajectory
 from linework.navigation.poses import attitude_deg_of
 
 #: Camera axes in a vehicle whose origin is the camera: forward = z, left = -x, up = -y.
 R_VEHICLE_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 #: Largest deviation of R R^T from the identity: the files print six digits.
 _MAX_NO_ROTATION = 1e-3
-
-
-def read_kitti_poses(path: Path, times_s: FloatArray) -> Trajectory:
-    """Read poses (see `read_kitti_poses_content`)."""
-    return read_kitti_poses_content(path, times_s).trajectory
 
 
 def read_kitti_poses_content(path: Path, times_s: FloatArray) -> TrajectoryContent:

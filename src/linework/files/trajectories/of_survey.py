@@ -53,14 +53,14 @@ def on_clock_of(
     span_s, span_epoch
         First and last time of the recording, and its epoch ("": by its range).
     """
-    time_s, said = fitted_times(
+    time_s, remarks = fitted_times(
         content.trajectory.time_s, content.epoch, span_s, span_epoch,
         week=survey.settings.get("time", {}).get("week"),
     )  # fmt: skip
-    if not said:
+    if not remarks:
         return content
     moved = replace(content.trajectory, time_s=time_s)
-    return replace(content, trajectory=moved, warnings=(*content.warnings, *said), epoch=span_epoch)
+    return replace(content, trajectory=moved, warnings=(*content.warnings, *remarks), epoch=span_epoch)
 
 
 def stereo_on_clock_of(series: StereoSeries, trajectory: Trajectory, survey: Survey) -> StereoSeries:
@@ -74,11 +74,13 @@ def stereo_on_clock_of(series: StereoSeries, trajectory: Trajectory, survey: Sur
     time = survey.settings.get("time", {})
     span = float(trajectory.time_s[0]), float(trajectory.time_s[-1])
     times = np.array([pair.time_s for pair in series.pairs])
-    moved, said = fitted_times(times, str(time.get("epoch", "")), span, "", week=time.get("week"))
-    if not said:
+    moved, remarks = fitted_times(times, str(time.get("epoch", "")), span, "", week=time.get("week"))
+    if not remarks:
         return series
     pairs = tuple(replace(pair, time_s=t) for pair, t in zip(series.pairs, moved.tolist(), strict=True))
-    return replace(series, pairs=pairs, warnings=(*series.warnings, *(f"cameras: {text}" for text in said)))
+    return replace(
+        series, pairs=pairs, warnings=(*series.warnings, *(f"cameras: {text}" for text in remarks))
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,11 +48,6 @@ class TrajectorySettings:
     rate_hz: float | None = None
 
 
-def read_trajectory(path: Path, settings: TrajectorySettings | None = None) -> Trajectory:
-    """Read a trajectory (see `read_trajectory_content`)."""
-    return read_trajectory_content(path, settings).trajectory
-
-
 def read_trajectory_content(path: Path, settings: TrajectorySettings | None = None) -> TrajectoryContent:
     """Read a trajectory of any format: CSV, SBET, KITTI's OXTS folder and poses, TUM, GNSS fixes.
 
@@ -116,7 +111,7 @@ def _read_csv(path: Path) -> TrajectoryContent:
     """Read a CSV with ``time_s,easting_m,northing_m,height_m`` and, if there, attitudes and sigmas."""
     table = read_table(path, _POSITION, (_ATTITUDE, _SIGMA, _SIGMA_ATTITUDE))
     columns = table.columns
-    time_s, said = in_seconds(columns["time_s"], path)
+    time_s, remarks = in_seconds(columns["time_s"], path)
 
     def group(names: tuple[str, ...]) -> FloatArray | None:
         return np.stack([columns[name] for name in names], axis=1) if names[0] in columns else None
@@ -131,7 +126,7 @@ def _read_csv(path: Path) -> TrajectoryContent:
             "sigma_xyz_m": group(_SIGMA),
             "sigma_attitude_deg": group(_SIGMA_ATTITUDE),
         },
-        warnings=(*table.warnings, *said),
+        warnings=(*table.warnings, *remarks),
     )
 
 

@@ -48,12 +48,12 @@ def read_sbet_content(path: Path, frame: EarthFrame) -> TrajectoryContent:
         )  # fmt: skip
     records = np.fromfile(path, dtype="<f8", count=n * _N_CELLS).reshape(n, _N_CELLS)
     good = _possible(records)
-    said = bad_lines_warning(
+    remarks = bad_lines_warning(
         path, (np.flatnonzero(~good) + 1).tolist(), int(good.sum()), "time, latitude, longitude, height and angles",
         advice="check that this is an SBET", unit="record",
     )  # fmt: skip
     if rest:
-        said = (*said, f"the last record is cut off ({rest} of {_RECORD_BYTES} bytes)")
+        remarks = (*remarks, f"the last record is cut off ({rest} of {_RECORD_BYTES} bytes)")
     numbers, records = np.flatnonzero(good).astype(np.float64) + 1.0, records[good]
     time_s, more = in_seconds(records[:, 0], path)
     latitude, longitude = np.degrees(records[:, 1:3]).T
@@ -62,7 +62,7 @@ def read_sbet_content(path: Path, frame: EarthFrame) -> TrajectoryContent:
     heading = (platform - wander - convergence_deg(latitude, longitude, frame)) % 360.0
     return ordered_content(
         path, time_s, numbers, {"xyz": places.xyz, "attitude_deg": np.stack([roll, pitch, heading], axis=1)},
-        warnings=(*said, *more, *places.warnings), epoch="gps_week", unit="record",
+        warnings=(*remarks, *more, *places.warnings), epoch="gps_week", unit="record",
     )  # fmt: skip
 
 

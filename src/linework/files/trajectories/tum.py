@@ -49,14 +49,16 @@ def read_tum_content(path: Path) -> TrajectoryContent:
         )  # fmt: skip
     R, xyz = Rotation.from_quat(quaternions).as_matrix(), rows.values[:, 1:4]
     is_camera = _moves_along_z(R, xyz)
-    said = "poses of a camera (moves along its z)" if is_camera else "poses of a vehicle (moves along its x)"
+    remarks = (
+        "poses of a camera (moves along its z)" if is_camera else "poses of a vehicle (moves along its x)"
+    )
     if is_camera:
         R = R @ R_VEHICLE_CAMERA.T
     world = _turned_world(R, path)
     attitude = attitude_deg_of(world @ R)
     return ordered_content(
         path, rows.values[:, 0], rows.line_numbers, {"xyz": xyz @ world.T, "attitude_deg": attitude},
-        warnings=(*rows.warnings, said),
+        warnings=(*rows.warnings, remarks),
     )  # fmt: skip
 
 

@@ -12,7 +12,6 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-import linework.files.vectors.gdal_limits  # noqa: F401 (restricts GDAL)
 from linework.errors import InputError, LineworkError
 from linework.files.input import open_input
 

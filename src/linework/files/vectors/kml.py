@@ -28,7 +28,7 @@ def write_kml(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
     Raises
     ------
     CrsError
-        The lines have no place on earth, or no exact way to degrees.
+        The lines are local, or PROJ knows no exact transformation to degrees.
     """
     degrees, layers = _in_degrees(lines, part), layer_names(lines)
     names = ordered_layers([*layers.tolist(), *kinds])
