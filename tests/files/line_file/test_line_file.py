@@ -211,7 +211,7 @@ def test_names_of_any_kind(path):
 def test_a_second_workbench_is_refused(path):
     with (
         LineFile.opened(path, crs="local"),
-        pytest.raises(OutputExistsError, match="another workbench or run holds it"),
+        pytest.raises(OutputExistsError, match="another workbench or run has it open"),
         LineFile.opened(path, crs="local"),
     ):
         pass

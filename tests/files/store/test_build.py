@@ -157,7 +157,7 @@ def test_a_file_that_grows_while_it_is_read_is_a_failure(drive, folder):
     facts = spilled(drive, folder, progress=append)
     ((path, message),) = facts.failures
     assert path == drive / "b.las"
-    assert message == f"{path}: changed while it was read. Run again when nothing writes to it."
+    assert message == f"{path}: changed while it was read. Run again when no program writes to it."
     assert facts.n_points == 600
     assert not (folder / "1.points").exists()
 
@@ -180,7 +180,7 @@ def test_a_file_that_is_not_what_its_header_was_is_a_failure(drive, folder):
 
     facts = spilled(drive, folder, progress=replace)
     assert [message.split(": ")[1] for _, message in facts.failures] == [
-        "changed while it was read. Run again when nothing writes to it."
+        "changed while it was read. Run again when no program writes to it."
     ]
 
 
@@ -211,11 +211,11 @@ def test_too_little_space_is_said_before_anything_is_decoded(drive, folder, monk
 FULL = """
 import resource, signal, sys
 from pathlib import Path
-from linework.files.store.build import spill_survey
+from linework.files.store.build import build_store
 from linework.files.survey.open import open_survey
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), int(sys.argv[3])))
 try:
-    spill_survey(open_survey([Path(sys.argv[1])]), Path(sys.argv[2]), n_threads=1)
+    build_store(open_survey([Path(sys.argv[1])]), Path(sys.argv[2]), n_threads=1)
 except Exception as error:
     print(error.exit_code, error)
 """

@@ -318,7 +318,7 @@ def test_tables_of_runs_come_back(tmp_path):
 
 def test_an_index_is_never_written_over(tmp_path):
     made(tmp_path / "s", [cloud(5)])
-    with pytest.raises(MachineError, match="File exists"):
+    with pytest.raises(MachineError, match="index exists already"):
         write_index(tmp_path / "s", RunTable.empty(), {})
     assert json.loads((tmp_path / "s" / "store.json").read_text())["limits"] is None
 

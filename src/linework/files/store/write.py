@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray, checked
+from linework.errors import MachineError
 from linework.files.output.publish import machine_errors
 from linework.files.output.replace import make_durable, replace_file
 from linework.files.store.folder import Columns, StoreFiles
@@ -202,8 +203,12 @@ def write_index(
     Raises
     ------
     MachineError
-        The disk is full, or failed; or the store's files do not match the table.
+        The folder holds an index already, the disk is full, or failed; or the store's files do not match the table.
     """
+    if (folder / INDEX_FILE).exists():
+        raise MachineError(
+            "index exists already", where=folder / INDEX_FILE, advice="write to an empty folder"
+        )
     if limits is not None:
         table = kept_within(folder, table, limits)
     runs = table.sorted().to_bytes()
