@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: demo test check docs bench page clean
+.PHONY: demo test truth check docs bench page clean
 
 $(VENV)/.installed: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -17,8 +17,15 @@ $(VENV)/.docs: $(VENV)/.installed
 demo: $(VENV)/.installed  ## simulate a small survey, extract its lines, score them
 	$(BIN)/linework demo demo --overwrite
 
-test: $(VENV)/.installed check  ## every test
-	$(BIN)/python -m pytest -n 2
+$(VENV)/.compiled: $(VENV)/.installed $(shell find src/linework/kernels -name '*.py')
+	$(BIN)/python -m tests.compile_kernels
+	touch $@
+
+test: check $(VENV)/.compiled  ## every test, in minutes
+	$(BIN)/python -m pytest -n 2 --dist loadscope
+
+truth: check $(VENV)/.compiled  ## the long campaigns too: all seeds, all examples
+	LINEWORK_TESTS=truth $(BIN)/python -m pytest -n 2 --dist loadscope
 
 check: $(VENV)/.installed  ## style, types, import direction
 	$(BIN)/ruff check .
@@ -35,4 +42,4 @@ page:  ## the workbench's page, after a change of its sources (needs Node; users
 	cd page && npm ci --no-audit --no-fund && npm run build
 
 clean:
-	rm -rf $(VENV) demo build dist .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) demo build dist docs/reference/generated .pytest_cache .mypy_cache .ruff_cache

@@ -14,7 +14,7 @@ from linework.model.lines import LineSet
 from linework.tracing.rails import distance_m
 from linework.workbench.edits.apply import EditInputs, change_of, lines_of
 from linework.workbench.edits.orders import ChangeOrder
-from linework.workbench.review.queue import document_of
+from linework.workbench.review.queue import queue_item
 
 #: A person takes a line for right that is right over this share.
 RIGHT = 0.8
@@ -46,7 +46,7 @@ class User:
     paint along a line shows dashes, as the workbench does.
     """
 
-    drawing: object
+    line_file: object
     truth: LineSet
     tracer: object
     heights: object
@@ -68,14 +68,14 @@ class User:
 
     def do(self, edit, given=None, cost=1):
         """Save an edit; it costs actions."""
-        order = ChangeOrder.model_validate({"revision": self.drawing.revision, "edit": edit})
-        self.save(change_of(order.edit, self.drawing.lines, given or self._given(order.edit)), cost)
+        order = ChangeOrder.model_validate({"revision": self.line_file.revision, "edit": edit})
+        self.save(change_of(order.edit, self.line_file.lines, given or self._given(order.edit)), cost)
 
     def _given(self, edit):
-        """Return what the desk measures for an edit."""
+        """Return what a worker measures for an edit."""
         if edit.action != "dashes":
             return EditInputs()
-        chosen = lines_of(self.drawing.lines, edit.ids)
+        chosen = lines_of(self.line_file.lines, edit.ids)
         spans = {
             str(chosen.id[k]): self.spans(chosen.line(k), float(chosen.width_m[k]))
             for k in range(len(chosen))
@@ -83,14 +83,14 @@ class User:
         return EditInputs(spans=spans)
 
     def save(self, change: Change, cost=1):
-        self.drawing.commit(change, who="scripted", based_on=self.drawing.revision)
+        self.line_file.commit(change, who="scripted", based_on=self.line_file.revision)
         self.n_actions += cost
 
     def _judge(self, item):
         """Accept or reject a line, or take what it is proposed to be."""
-        line = lines_of(self.drawing.lines, item.ids)
+        line = lines_of(self.line_file.lines, item.ids)
         if item.as_kind and right_share(with_kind(line, item.as_kind), self.truth) >= RIGHT:
-            self.do(document_of(item)["proposal"])
+            self.do(queue_item(item).proposal)
             return "taken"
         is_right = right_share(line, self.truth) >= 0.5
         self.do({"action": "accept" if is_right else "reject", "ids": list(item.ids)})
@@ -99,7 +99,7 @@ class User:
     def _take_or_leave(self, item):
         """Take what is proposed if what comes of it is right."""
         if self._proposed(item):
-            self.do(document_of(item)["proposal"])
+            self.do(queue_item(item).proposal)
             return "taken"
         right = self._right_of(item) if len(item.ids) > 1 else []
         if right and len(right) < self.left:
@@ -115,7 +115,7 @@ class User:
         for name in item.ids:
             order = ChangeOrder.model_validate({"revision": 0, "edit": {"action": "dashes", "ids": [name]}})
             try:
-                new = added(change_of(order.edit, self.drawing.lines, self._given(order.edit)))
+                new = added(change_of(order.edit, self.line_file.lines, self._given(order.edit)))
             except UsageError:
                 continue
             if right_share(new, self.truth) >= RIGHT:
@@ -124,12 +124,12 @@ class User:
 
     def _proposed(self, item):
         """Whether a proposal would be right: what it adds."""
-        proposal = document_of(item)["proposal"]
+        proposal = queue_item(item).proposal
         if proposal is None:
             return False
         order = ChangeOrder.model_validate({"revision": 0, "edit": proposal})
         try:
-            change = change_of(order.edit, self.drawing.lines, self._given(order.edit))
+            change = change_of(order.edit, self.line_file.lines, self._given(order.edit))
         except UsageError:
             return False
         new = added(change)
@@ -137,12 +137,12 @@ class User:
 
     def _fill(self, item):
         """Join, follow, or draw what is missing."""
-        runs = missing_runs(self.drawing.lines, self.truth, item.kind, item.box)
+        runs = missing_runs(self.line_file.lines, self.truth, item.kind, item.box)
         if not runs:
             self.do({"action": "dismiss", "key": item.key})
             return "dismissed: nothing is missing"
         if self._proposed(item):
-            self.do(document_of(item)["proposal"])
+            self.do(queue_item(item).proposal)
             return "joined"
         length_m, xyz, lacks_m = runs[0]
         attempt = (item.key, *np.round(xyz[len(xyz) // 2], 1).tolist())
@@ -187,7 +187,7 @@ class User:
         is_whole = span == (0, int(traced.lines.offsets[1]) - 1)
         edit = {"action": "keep", "trace": "1", "first": span[0], "last": span[1]}
         order = ChangeOrder.model_validate({"revision": 0, "edit": edit})
-        change = change_of(order.edit, self.drawing.lines, EditInputs(kept=traced.lines))
+        change = change_of(order.edit, self.line_file.lines, EditInputs(kept=traced.lines))
         self.save(change, cost=0 if is_whole else 1)
         return True
 
@@ -224,7 +224,7 @@ class User:
         """Put the line that lacks most beside another, and a kerb's top beside it."""
         done = False
         for kind in (item.kind, *(("kerb_top",) if item.kind == "road_boundary" else ())):
-            runs = missing_runs(self.drawing.lines, self.truth, kind, item.box, whole=True)
+            runs = missing_runs(self.line_file.lines, self.truth, kind, item.box, whole=True)
             if runs:
                 done |= self._saved(self._beside(kind, *runs[0][1:]), kind)
         return done
@@ -242,7 +242,7 @@ class User:
 
     def _beside(self, kind, xyz, lacks_m):
         """Return the change that puts a line beside one that runs evenly along most of what is missing."""
-        lines = self.drawing.lines
+        lines = self.line_file.lines
         lines = lines.take((lines.review != "rejected") & np.isin(lines.kind, ALONG))
         covers = [covered(lines.line(i), xyz, lacks_m) for i in range(len(lines))]
         best = max(range(len(lines)), key=lambda i: covers[i][0], default=None)
@@ -255,7 +255,7 @@ class User:
         try:
             places = line_beside(lines.take([best]), kind, np.array(order.at)).xyz
             heights = np.column_stack(self.heights(kind, places.tolist()))
-            return change_of(order, self.drawing.lines, EditInputs(heights=heights))
+            return change_of(order, self.line_file.lines, EditInputs(heights=heights))
         except UsageError:
             return None
 
@@ -269,7 +269,7 @@ class User:
         places = [(float(xyz[k, 0]), float(xyz[k, 1]), float(heights[k])) for k in clicked]
         order = ChangeOrder.model_validate({"revision": 0, "edit": {"action": "wire", "xyz": places}}).edit
         try:
-            return change_of(order, self.drawing.lines, EditInputs())
+            return change_of(order, self.line_file.lines, EditInputs())
         except UsageError:
             return None
 

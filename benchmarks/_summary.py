@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from linework.evaluation.honesty import calibrate
+from linework.evaluation.calibration import calibrate
 from linework.evaluation.report.tables import ReportTable, centimetres, number, percent, ratio_texts
 from linework.evaluation.tolerance import KindMatch, ratio
 from linework.evaluation.values import GroupScores, KindScores, Scores

@@ -11,13 +11,14 @@ import time
 
 from benchmarks._degrade import AS_DRAWN, VARIANTS, degraded
 from benchmarks._summary import confidence_table, summary_table
-from linework.cli.evaluate import print_tables
+from linework.cli.commands.evaluate import print_tables
 from linework.evaluation.measures import match_lines, score
 from linework.evaluation.report.tables import score_tables
 from linework.evaluation.tolerance import DASH_END_M
 from linework.evaluation.values import Scores
 from linework.methods.choose import choose_methods
 from linework.methods.kinds import ALL_KINDS, parse_kinds
+from linework.methods.protocol import extract_tile
 from linework.methods.radon.method import RadonConfig
 from linework.model.lines import LineSet
 from linework.model.tile import TileData, local_origin
@@ -115,7 +116,8 @@ def extracted(survey, trajectory, kinds):
         origin=local_origin(bounds.west, bounds.south, float(points.xyz[:, 2].min())),
     )  # fmt: skip
     methods = choose_methods("auto", kinds, radon=RadonConfig())
-    return LineSet.concatenate([method.extract(tile) for method in methods])
+    of_points = [method for method in methods if method.recording == "points"]
+    return LineSet.concatenate([extract_tile(method, tile) for method in of_points])
 
 
 def scores_of(parts, tolerance_m=TOLERANCE_M):

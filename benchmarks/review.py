@@ -27,7 +27,9 @@ from benchmarks.accuracy import seeds_of
 from linework.files.line_file.file import LineFile
 from linework.runs.settings import RunSettings
 from linework.tracing.trace import Tracer
-from linework.workbench.review.queue import Dismissed, dash_spans, suspects_in_worker
+from linework.workbench.review.paint import dash_spans
+from linework.workbench.review.queue import Dismissed
+from linework.workbench.review.suspects import suspects_in_worker
 from linework.workbench.views.heights import heights_at
 from linework.workbench.worker.session import SurveyOrder, SurveySession
 
@@ -66,15 +68,15 @@ def reviewed(seed, folder, options):
     truth = truth_of(scene)
     table = SurveySession(SurveyOrder((scene.survey,), work=scene.work), lambda _: None)
     tracer = Tracer(table.recordings.points, table.surface, RunSettings())
-    with LineFile.opened(copied(scene), crs=truth.crs) as drawing:
-        before = errors_of(drawing.lines, truth)
+    with LineFile.opened(copied(scene), crs=truth.crs) as line_file:
+        before = errors_of(line_file.lines, truth)
         user = User(
-            drawing, truth, tracer, partial(heights_at, table), partial(dash_spans, table), options.actions
+            line_file, truth, tracer, partial(heights_at, table), partial(dash_spans, table), options.actions
         )
         dismissed = Dismissed()
         while user.left > 0:
-            settled = dismissed.keys(drawing)
-            items = [s for s in suspects_in_worker(table, drawing.lines) if s.key not in settled]
+            settled = dismissed.keys(line_file)
+            items = [s for s in suspects_in_worker(table, line_file.lines) if s.key not in settled]
             if not items:
                 break
             user.settle(items[0])
@@ -84,7 +86,7 @@ def reviewed(seed, folder, options):
                     f"  {cost:2} {item.type:8} {item.kind:18} {item.length_m:6.1f} m  {item.reason}: {done}",
                     flush=True,
                 )
-        after = errors_of(drawing.lines, truth)
+        after = errors_of(line_file.lines, truth)
     report(seed, before, after, user.n_actions)
     return tuple(sum(e.total_m for e in errors.values()) for errors in (before, after))
 

@@ -14,10 +14,11 @@ import numpy as np
 
 from benchmarks._stereo_sets import FOLDER, stereo_set
 from benchmarks.accuracy import scores_of, seeds_of, tell
-from linework.cli.evaluate import print_tables
+from linework.cli.commands.evaluate import print_tables
 from linework.evaluation.measures import match_lines
 from linework.evaluation.report.tables import score_tables
 from linework.imaging.rectify import rectifier_of
+from linework.methods.protocol import SurveyContext
 from linework.methods.stereo.method import StereoMethod
 from linework.model.images import RectifiedPair
 from linework.model.sightings import Sightings
@@ -108,8 +109,8 @@ def found_lines(drawn, poses):
     for i, (left, right) in enumerate(zip(drawn.left, drawn.right, strict=True)):
         time_s = float(drawn.drive.time_s[i])
         pair = RectifiedPair(*rectifier.rectified(left, right), rectifier.rig, number=i, time_s=time_s)
-        seen.append(method.see(pair))
-    return method.join(Sightings.concatenate(seen), poses, rectifier.rig)
+        seen.append(method.look(pair))
+    return method.join(Sightings.concatenate(seen), SurveyContext(poses=poses, rig=rectifier.rig))
 
 
 if __name__ == "__main__":

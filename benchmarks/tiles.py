@@ -82,7 +82,7 @@ async def measure(link: str, pid: int, work: Path) -> None:
                     f" {median / reference_s:5.2f} times a block's decoding; {np.median(sizes) / 1e3:5.1f} kB",
                     flush=True,
                 )
-        print(f"memory of the server and its desks at most {most / 1e9:.2f} GB")
+        print(f"memory of the server and its workers at most {most / 1e9:.2f} GB")
 
 
 async def overview(client: httpx.AsyncClient, start: float) -> None:

@@ -74,7 +74,7 @@ def main(arguments: tuple[str, ...] = ()) -> None:
             report(results)
             tiles = panned(plan, 30)
             print(f"tiles while panning: {len(tiles)}, {_spread([t / 1000 for t in tiles])} (goal 0.15 s)")
-            print(f"memory of server and desks: {memory_of(served.process.pid) / 1e9:.2f} GB (goal 1.5 GB)")
+            print(f"memory of server and workers: {memory_of(served.process.pid) / 1e9:.2f} GB (goal 1.5 GB)")
 
 
 def parsed(arguments: tuple[str, ...]) -> argparse.Namespace:

@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-PAGES = sorted([*ROOT.glob("*.md"), *DOCS.rglob("*.md")])
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("page/*.md"), *DOCS.rglob("*.md")])
 #: Pages that Sphinx writes: their sources are there only after `make docs`.
 GENERATED = DOCS / "reference" / "generated"
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")

@@ -6,9 +6,10 @@ import ast
 import dataclasses
 import functools
 import re
+import sys
 from pathlib import Path
 from types import GenericAlias
-from typing import Any
+from typing import Any, TypeVar
 
 from jinja2 import FileSystemLoader
 from jinja2.sandbox import SandboxedEnvironment
@@ -167,6 +168,15 @@ def is_skipped(app: Sphinx, what: str, name: str, value: object, skip: bool, opt
     return None
 
 
+def plain_if_it_has_no_entry(app: Sphinx, env: BuildEnvironment, node: Any, text: Any) -> Any:
+    """Return the text of a reference to a type variable or a private class as it is: neither has an entry."""
+    module, _, name = str(node.get("reftarget", "")).rpartition(".")
+    if not module.startswith("linework"):
+        return None
+    value = getattr(sys.modules.get(module), name, None)
+    return text if name.startswith("_") or isinstance(value, TypeVar) else None
+
+
 def write_pages(app: Sphinx) -> None:
     """Write docs/reference/generated; a page that has not changed keeps its time, so that it is not read anew."""
     folder = Path(app.srcdir) / "reference" / "generated"
@@ -188,5 +198,6 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_domain(ExactNames, override=True)
     app.connect("autodoc-skip-member", is_skipped)
     app.connect("autodoc-process-docstring", escape_bars)
+    app.connect("missing-reference", plain_if_it_has_no_entry)
     app.connect("builder-inited", write_pages)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

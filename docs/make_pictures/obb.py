@@ -13,7 +13,7 @@ from PIL import Image
 from linework.evaluation.report.scores_figure import plot_png
 from linework.imaging.brightness import brightness_picture, near_ground
 from linework.methods.obb.method import ObbMethod
-from linework.methods.protocol import sight_of
+from linework.methods.protocol import SurveyContext, sight_of
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LineSet
 from linework.model.tile import TileData, local_origin
@@ -50,8 +50,9 @@ def run() -> int:
     origin = local_origin(bounds.west, bounds.south, surface.z0_m)
     method = ObbMethod()
     tile = TileData("picture", bounds.grown(1.0), points, survey.trajectory, "", surface, origin)
-    boxes = method.detect(tile)
-    lines = method.track(boxes, origin, sight_of(surface), survey.trajectory.xyz)
+    boxes = method.look(tile)
+    context = SurveyContext(origin=origin, is_visible=sight_of(surface), path=survey.trajectory.xyz)
+    lines = method.join(boxes, context)
     centre = survey.trajectory.xyz[len(survey.trajectory.xyz) // 2, :2]
     way = np.diff(survey.trajectory.xyz[len(survey.trajectory.xyz) // 2 :: 200, :2], axis=0)[0]
     way /= np.linalg.norm(way)

@@ -34,12 +34,12 @@ def imports_between_rooms() -> dict[str, set[str]]:
 
 
 def height_of(room: str, imports: dict[str, set[str]]) -> int:
-    """Return the number of rooms on the longest way down from this one."""
+    """Return the length of the longest chain of imports below a room."""
     return max((1 + height_of(lower, imports) for lower in imports[room]), default=0)
 
 
 def all_below(room: str, imports: dict[str, set[str]]) -> set[str]:
-    """Return every room that this one depends on, by whatever way."""
+    """Return every room that this one depends on, directly or not."""
     return imports[room].union(*(all_below(lower, imports) for lower in imports[room]))
 
 

@@ -12,6 +12,7 @@ from PIL import Image, ImageDraw
 from linework.evaluation.report.scores_figure import plot_png
 from linework.imaging.rectify import rectifier_of
 from linework.kernels.images.row_stripes import COL, ROW, WIDTH
+from linework.methods.protocol import SurveyContext
 from linework.methods.stereo.method import StereoMethod
 from linework.methods.stereo.road_plane import fit_pair_road
 from linework.methods.stereo.stripes import StripeConfig, find_stripe_lines
@@ -36,8 +37,8 @@ def run() -> int:
         RectifiedPair(*rectifier.rectified(p.left, p.right), rectifier.rig, p.number, p.time_s)
         for p in images_of(drive)
     ]
-    seen = Sightings.concatenate(map(method.see, pairs))
-    lines = method.join(seen, drive.poses, rectifier.rig)
+    seen = Sightings.concatenate(map(method.look, pairs))
+    lines = method.join(seen, SurveyContext(poses=drive.poses, rig=rectifier.rig))
     pair = pairs[SHOWN]
     drawn = [stripes_drawn(pair), places_drawn(pair, seen.take(seen.pair == pair.number))]
     stacked(drawn).quantize(128, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(

@@ -1,4 +1,4 @@
-"""Array types, and the one check at the door: after it, kernels trust their input."""
+"""Array types, the check of arrays that enter the package, ragged offsets, and distances along a line."""
 
 from __future__ import annotations
 
@@ -44,3 +44,19 @@ def checked(name: str, values: Any, dtype: Any, shape: Sequence[int | None]) -> 
 def offsets_of(counts: npt.ArrayLike) -> IntArray:
     """Return the offsets (m + 1,) of ragged columns whose m rows have these counts."""
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+
+def distance_along(xyz: FloatArray, *, in_space: bool = False) -> FloatArray:
+    """Return the distance of each vertex from the line's start, (n,) [m].
+
+    Parameters
+    ----------
+    xyz
+        (n, 2) or (n, 3) vertices of one line, n >= 1. [m]
+    in_space
+        Measure over all columns of `xyz` instead of in plan. It sums squares where the plan takes `np.hypot`;
+        the two differ in the last bit.
+    """
+    step = np.diff(xyz, axis=0)
+    length = np.linalg.norm(step, axis=1) if in_space else np.hypot(step[:, 0], step[:, 1])
+    return np.concatenate([[0.0], np.cumsum(length)])

@@ -1,6 +1,6 @@
-"""Every error linework raises: one root, a leaf per exit code or cause, each also a builtin.
+"""The errors that linework raises: one root, one class per exit code or cause, each also a builtin exception.
 
-An error names the file, says what is wrong with numbers, and says what to do:
+A message names the file, the problem with its numbers, and the remedy:
 ``error: FILE: what is wrong. What to do.`` The command line prints exactly that line.
 """
 
@@ -10,14 +10,14 @@ from typing import ClassVar
 
 
 class LineworkError(Exception):
-    """Root of all errors raised on purpose.
+    """Base class of all errors that linework raises on purpose.
 
     Parameters
     ----------
     problem
         What is wrong, with numbers; no full stop.
     where
-        File (or option) it is about.
+        The file or option concerned.
     advice
         What to do about it; no full stop.
     """
@@ -31,71 +31,71 @@ class LineworkError(Exception):
         self.advice = advice
 
     def __str__(self) -> str:
-        """Return the one line a user sees: control characters escaped, no library dump.
+        """Return the line that a user sees, with control characters escaped.
 
         >>> str(InputError("empty file", where="a.laz", advice="copy it again"))
         'a.laz: empty file. Copy it again.'
-        >>> str(UsageError("no such thing. Did you mean 'x'?", advice="linework config prints all"))
-        "no such thing. Did you mean 'x'? linework config prints all."
+        >>> str(UsageError("unknown setting y. Did you mean 'x'?", advice="linework config prints all"))
+        "unknown setting y. Did you mean 'x'? linework config prints all."
         """
         text = f"{self.where}: " if self.where is not None else ""
         text += self.problem if self.problem.endswith("?") else f"{self.problem}."
         if self.advice:
-            # The command is typed as it is written, also where a sentence begins
+            # Commands are case-sensitive: no capital at the start of a sentence
             is_command = self.advice.startswith("linework ")
             text += f" {self.advice if is_command else self.advice[0].upper() + self.advice[1:]}."
         return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 class UsageError(LineworkError, ValueError):
-    """The command or call does not make sense as given."""
+    """The arguments of a command or call are wrong or contradict one another."""
 
     exit_code = 2
 
 
 class ConfigError(LineworkError, ValueError):
-    """A setting is unknown, of the wrong type, or out of its range."""
+    """A setting is unknown, of the wrong type, or out of range."""
 
     exit_code = 2
 
 
 class InputError(LineworkError, ValueError):
-    """An input file cannot be used: cut off, damaged, empty, not what it claims to be."""
+    """An input file cannot be used: truncated, damaged, empty, or of another format than it claims."""
 
     exit_code = 3
 
 
 class CrsError(LineworkError, ValueError):
-    """A coordinate reference system is missing, in degrees, in conflict, or unknown."""
+    """A coordinate reference system is missing, unknown, in degrees, or in conflict with another."""
 
     exit_code = 3
 
 
 class PartialError(LineworkError, RuntimeError):
-    """The work finished, but some files or tiles failed; run.json lists them."""
+    """The run finished, but some files or tiles failed; run.json lists them."""
 
     exit_code = 4
 
 
 class MachineError(LineworkError, OSError):
-    """The machine said no: disk full, read-only folder, no permission, out of memory."""
+    """The machine cannot do it: disk full, read-only folder, no permission, out of memory."""
 
     exit_code = 5
 
 
 class OutputExistsError(LineworkError, FileExistsError):
-    """The output is there already and ``--overwrite`` was not given, or another run holds it."""
+    """The output exists and ``--overwrite`` was not given, or another run holds its lock."""
 
     exit_code = 6
 
 
 class AbsentError(LineworkError, LookupError):
-    """There is no such line, image, job ..., or it may not be seen: both are told by the same words."""
+    """No such line, image or job, or no access to it: the message is the same, so that it reveals nothing."""
 
     exit_code = 2
 
 
 class StaleError(LineworkError, RuntimeError):
-    """What a change starts from has changed since: somebody else was first."""
+    """The state that a change is based on has changed since: another change came first."""
 
     exit_code = 6

@@ -85,7 +85,7 @@ def test_what_people_said_stays_and_is_not_found_again(again, out):
     assert again().code != 0
     found = again("--overwrite")
     assert found.code == 0, found.stderr
-    assert "kept what people said of its lines (1 accepted, 1 edited, 1 drawn, 1 rejected)" in found.stderr
+    assert "kept the reviews of its lines (1 accepted, 1 edited, 1 drawn, 1 rejected)" in found.stderr
     there = read_own_gpkg(path, rejected=True)
     assert same(there.take(np.isin(there.id, said.id)), said)
     others = there.take(~np.isin(there.id, said.id))
@@ -132,7 +132,7 @@ def test_reviews_are_forgotten_where_that_is_asked_for(again, out):
     assert path.read_bytes() != before
     found = again("--overwrite", "--forget-reviews")
     assert found.code == 0
-    assert "people said" not in found.stderr
+    assert "kept the reviews" not in found.stderr
     assert path.read_bytes() == before
 
 

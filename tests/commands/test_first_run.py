@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 import linework.kernels
-from linework.cli.progress import _KERNEL_OF, announce_compilation, is_compiled
+from linework.cli.startup import _KERNEL_OF, announce_compilation, is_compiled
 from linework.methods.kinds import ALL_KINDS
 
 
@@ -34,7 +34,7 @@ def test_one_line_where_kernels_are_missing(tmp_path, monkeypatch, capsys):
     announce_compilation(ALL_KINDS, quiet=True)
     assert capsys.readouterr().err == ""
     announce_compilation(ALL_KINDS, quiet=False)
-    assert capsys.readouterr().err == "first run: compiling, once, about half a minute\n"
+    assert capsys.readouterr().err == "first run: compiling once, about half a minute\n"
     (tmp_path / "cables/__pycache__").mkdir()
     (tmp_path / "cables/__pycache__/fit.robust_line-20.py311.nbi").touch()
     announce_compilation(["cable"], quiet=False)

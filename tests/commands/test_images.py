@@ -61,7 +61,7 @@ def test_info_has_a_line_for_every_fact(linework: Any, folder: Path) -> None:
     assert found.code == 0, found.stderr
     heads = [line.split("  ")[0] for line in found.stdout.splitlines()]
     assert heads == ["survey", "CRS", "points", "trajectory", "camera", "camera", "pairs", "events"]
-    assert "7, base 0.500 m, 0.050 to 0.750 s, 10 a second, 1 images in no pair" in found.stdout
+    assert "7, baseline 0.500 m, 0.050 to 0.750 s, 10 Hz, 1 unpaired images" in found.stdout
     assert "warning: cameras.left: 1 of 8 images are in no pair" in found.stderr
 
 
@@ -79,7 +79,7 @@ def test_info_tells_a_bad_calibration_and_the_rest(linework: Any, folder: Path) 
     found = linework("info", folder)
     assert found.code == 4
     assert "events" in found.stdout and "trajectory" in found.stdout
-    assert "1 parts of it cannot be used" in found.line and "cameras.left.fx is -50.0" in found.line
+    assert "1 part of the survey cannot be used" in found.line and "cameras.left.fx is -50.0" in found.line
 
 
 def test_info_of_nothing_but_a_bad_camera_is_bad_input(linework: Any, tmp_path: Path) -> None:
@@ -93,7 +93,7 @@ def test_a_page_of_the_drive(linework: Any, folder: Path, tmp_path: Path) -> Non
     page = tmp_path / "out/log.html"
     found = linework("photolog", folder, "-o", page, "--every-m", 2, "--quiet")
     assert found.code == 0 and found.stderr == "", found.stderr
-    assert found.stdout == f"{page}: 4 pictures, 2 keys\n"
+    assert found.stdout == f"{page}: 4 images, 2 keys\n"
     text = page.read_text()
     assert text.count("data:image/jpeg") == 4 and "manhole" in text and "./../drive/left/000000.png" in text
     assert linework("photolog", folder, "-o", page).code == 6
@@ -104,14 +104,14 @@ def test_an_image_cut_off_leaves_a_gap_in_the_page(linework: Any, folder: Path, 
     image = folder / "left/000002.png"
     image.write_bytes(image.read_bytes()[:300])
     found = linework("photolog", folder, "-o", tmp_path / "log.html", "--every-m", 1)
-    assert found.code == 4 and "1 of 8 images cannot be shown" in found.line and str(image) in found.line
+    assert found.code == 4 and "1 of 8 images cannot be read" in found.line and str(image) in found.line
     assert (tmp_path / "log.html").read_text().count("data:image/jpeg") == 7
 
 
 @pytest.mark.parametrize(
     ("more", "code", "told"),
     [
-        ('crs = "local"\n', 3, "neither images nor keys"),
+        ('crs = "local"\n', 3, "neither images nor operator keys"),
         ('crs = "local"\n[events]\nfile = "events.csv"\n', 3, "no trajectory"),
         ('crs = "local"\n' + MORE + "[cameras]\nmiddle = 1\n", 2, "cameras.middle"),
         ('crs = "local"\n' + MORE.replace("events.csv", "none.csv"), 3, "none.csv: cannot be opened"),
@@ -139,7 +139,7 @@ def test_the_real_ramp(linework: Any, tmp_path: Path) -> None:
     assert 0.1 < document["cameras"]["row_error_px"] < 0.6
     assert "no times.txt" in document["warnings"][0]
     found = linework("photolog", RAMP, "-o", tmp_path / "log.html", "--every-m", 10)
-    assert found.code == 0 and "6 pictures" in found.stdout
+    assert found.code == 0 and "6 images" in found.stdout
     assert (tmp_path / "log.html").stat().st_size < 100_000
 
 
@@ -154,5 +154,5 @@ def test_a_page_of_a_drive_with_logs_alone_is_located_on_the_way(linework: Any, 
     (drive / "events.csv").write_text(f"time_s,key\n{start + 1.0},m\n")
     (drive / "survey.toml").write_text(text + '[events]\nfile = "events.csv"\n')
     found = linework("photolog", drive, "-o", tmp_path / "log.html", "--quiet")
-    assert found.code == 0 and "0 pictures, 1 keys" in found.stdout, found.stderr
+    assert found.code == 0 and "0 images, 1 keys" in found.stdout, found.stderr
     assert "made from the logs" in found.stderr

@@ -8,7 +8,7 @@ import rasterio
 import typer
 from typer.testing import CliRunner
 
-from linework.cli.raster import raster
+from linework.cli.commands.raster import raster
 from linework.errors import InputError, OutputExistsError, UsageError
 from linework.files.las.write import write_las
 from linework.files.trajectories.read import write_trajectory

@@ -155,7 +155,7 @@ def test_clean_frees_what_can_be_made_anew(survey, undisturbed, tmp_path, linewo
     assert cleaned.code == 0
     assert "MB freed" in cleaned.stdout
     assert not (tmp_path / "survey" / ".linework").exists()
-    assert linework("clean", tmp_path / "survey").stdout == "nothing to remove\n"
+    assert linework("clean", tmp_path / "survey").stdout == "nothing to delete\n"
     assert len(read_lines(undisturbed[0])) > 0
     np.testing.assert_array_equal(
         sorted(p.name for p in tmp_path.iterdir()), ["l.geojson", "run.json", "survey"]

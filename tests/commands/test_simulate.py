@@ -63,7 +63,7 @@ def test_stereo_images_are_taken_along_the_way(linework, tmp_path):
     )  # fmt: skip
     assert made.code == 0, made.stderr
     assert json.loads(made.stdout)["n_pairs"] == 1
-    assert "take images" in made.stderr
+    assert "render images" in made.stderr
     files = sorted(str(p.relative_to(tmp_path / "a")) for p in (tmp_path / "a").rglob("*.png"))
     assert files == ["left/000000.png", "right/000000.png"]
     assert "[cameras.right]" in (tmp_path / "a" / "survey.toml").read_text()

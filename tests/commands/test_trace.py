@@ -152,10 +152,10 @@ def test_a_place_outside_of_the_data_is_refused(linework, simulated, survey, tmp
 @pytest.mark.parametrize(
     ("options", "code", "says"),
     [
-        (("--at", "nonsense"), 2, "'nonsense' is no place"),
-        (("--at", "1,2,3"), 2, "is no place"),
-        (("--at", "nan,1"), 2, "is no place"),
-        (("--at", "1,2", "--toward", "north"), 2, "--toward: 'north' is no place"),
+        (("--at", "nonsense"), 2, "'nonsense' is not a position"),
+        (("--at", "1,2,3"), 2, "is not a position"),
+        (("--at", "nan,1"), 2, "is not a position"),
+        (("--at", "1,2", "--toward", "north"), 2, "--toward: 'north' is not a position"),
         (("--at", "1,2", "--feature", "hedge"), 2, "hedge cannot be picked"),
     ],
 )

@@ -42,7 +42,7 @@ def test_beside_a_bend_it_bends_about_the_same_centre():
 
 
 def test_no_line_beside_one_of_another_road_or_of_no_length():
-    with pytest.raises(UsageError, match="90 m beside"):
+    with pytest.raises(UsageError, match="90 m from"):
         line_beside(straight(), "lane_marking", np.array([[10.0, 90.0]]))
     with pytest.raises(UsageError, match="would be 1"):
         line_beside(straight(), "lane_marking", np.array([[10.0, 1.0], [11.0, 1.0]]))

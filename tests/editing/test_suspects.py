@@ -81,7 +81,7 @@ def test_a_line_that_ends_in_view_has_no_proposal():
     )
     assert (end.proposal, end.ids) == ("", ("a",))
     assert end.length_m == pytest.approx(40.0, abs=2.0)
-    assert "ends in view" in end.reason
+    assert "ends although" in end.reason
 
 
 def test_lines_of_another_lane_are_not_the_same_line():

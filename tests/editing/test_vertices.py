@@ -160,7 +160,7 @@ def test_numbers_of_joined_lines_are_means_by_length_and_words_those_there_are()
 
 
 def test_lines_that_would_turn_back_are_not_joined():
-    with pytest.raises(UsageError, match="turn back"):
+    with pytest.raises(UsageError, match="double back"):
         join_two_lines(line(0, 20), line(18, 5, y=1.0))
 
 

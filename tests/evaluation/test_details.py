@@ -201,12 +201,12 @@ def test_the_tables_say_it():
     dash = dashes((0, 3), (9, 12))
     scores = evaluate_lines(LineSet.concatenate([found, dash]), LineSet.concatenate([truth, dash]))
     tables = {table.title: table for table in score_tables(scores)}
-    assert [row[:2] for row in tables["Apart"].rows] == [
+    assert [row[:2] for row in tables["By form and pattern"].rows] == [
         ("lane_marking", "pattern dashed"),
         ("lane_marking", "pattern solid"),
     ]
     assert ("lane_marking", "pattern", "200.0", "50.0 %", "dashed > solid 50.0 %") in tables[
-        "Words of the lines"
+        "Attributes of the lines"
     ].rows
     assert tables["Dashes"].rows[0][:4] == ("lane_marking_dash", "2", "2", "100.0 %")
     assert "Bridged" not in tables

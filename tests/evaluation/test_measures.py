@@ -371,7 +371,7 @@ def test_blocks_of_queries_do_not_show(monkeypatch):
     truth = lines(straight(), straight(5), straight(-5))
     found = lines(straight(0.04), straight(4.9, 0, 70), straight(-5.3))
     whole = evaluate_lines(found, truth).to_dict()
-    monkeypatch.setattr("linework.evaluation.match.QUERY_BLOCK_M", 1.0)
+    monkeypatch.setattr("linework.evaluation.match._QUERY_BLOCK_M", 1.0)
     assert evaluate_lines(found, truth).to_dict() == whole
 
 

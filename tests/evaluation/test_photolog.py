@@ -53,7 +53,7 @@ def test_a_picture_every_so_many_metres(tmp_path: Path) -> None:
     log = _log(tmp_path, np.arange(0.0, 100.0, 1.0))
     page = photolog_html(log, tmp_path / "log.html", title="drive", every_m=10.0)
     assert page.n_pictures == 10 and page.html.count("<li id=") == 10
-    assert '<li id="p10">' in page.html and "100 pairs, 10 shown, one every 10 m" in page.html
+    assert '<li id="p10">' in page.html and "100 pairs, 10 shown, every 10 m" in page.html
     assert page.warnings == () and page.failures == ()
 
 
@@ -67,7 +67,7 @@ def test_a_long_drive_is_bounded_and_says_so(tmp_path: Path, monkeypatch: pytest
     log = _log(tmp_path, np.linspace(0.0, 50_000.0, 20_000))
     page = photolog_html(log, tmp_path / "log.html", title="long", every_m=10.0)
     assert page.n_pictures <= MAX_PICTURES
-    assert page.warnings == (f"a picture every 101 m instead of 10 m: {MAX_PICTURES} are a page",)
+    assert page.warnings == (f"one image every 101 m instead of 10 m: a page holds {MAX_PICTURES}",)
 
 
 def test_links_start_where_the_page_lies(tmp_path: Path) -> None:

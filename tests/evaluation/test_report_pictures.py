@@ -94,8 +94,8 @@ def test_a_view_reads_what_it_shows():
     turn = np.radians(30.0)
     places = ORIGIN[:2] + np.outer(np.linspace(0, 100, 50), [np.cos(turn), np.sin(turn)])
     view = PlanView.of(places)
-    assert np.ptp(view.seen(places)[:, 1]) == pytest.approx(0, abs=1e-6)
-    middle = view.seen(places[25:26])[0]
+    assert np.ptp(view.in_plan(places)[:, 1]) == pytest.approx(0, abs=1e-6)
+    middle = view.in_plan(places[25:26])[0]
     bounds = view.bounds(((middle[0] - 1, middle[0] + 1), (middle[1] - 1, middle[1] + 1)))
     half = np.cos(turn) + np.sin(turn)
     assert bounds.width_m == pytest.approx(2 * half)
@@ -187,9 +187,9 @@ def test_what_was_missed_is_drawn_too(street, lines):
 
 def test_the_page_has_all_of_them(street, lines):
     page = report_html(ReportContent(title="street", lines=lines, points=street))
-    for title in ("Lines over the points", "Close up", "Across the road&#39;s boundary", "Across markings"):
+    for title in ("Lines over the point cloud", "Close-ups", "Across the road boundary", "Across markings"):
         assert f"<h2>{title}</h2>" in page
-    assert "brightness of the ground" in page
+    assert "intensity of the ground" in page
     dark = report_html(ReportContent(title="street", lines=lines, points=Points(street.xyz)))
     assert "Across markings" not in dark
     asked = []

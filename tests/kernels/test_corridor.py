@@ -6,6 +6,7 @@ import pytest
 from linework.kernels.cells import bins as binning
 from linework.kernels.radon import corridor as kernels
 from linework.kernels.radon import follow as following
+from linework.kernels.radon import sections
 
 CELL_M, N_X, N_Y = 0.5, 12, 8
 BOTH = pytest.mark.parametrize("jit", [True, False], ids=["compiled", "python"])
@@ -84,7 +85,7 @@ def test_the_nearest_cells_are_counted_in_steps(jit):
 @pytest.mark.parametrize("middle", [(3.0, 2.0), (0.1, 0.2), (5.9, 3.9), (7.5, 2.0)])
 def test_a_box_gathers_the_points_inside_it(jit, heading, middle):
     points, starts = binned(cloud(2))
-    box = np.array([*middle, np.cos(heading), np.sin(heading), 1.4, 0.45, 0.2, 1.1])
+    box = kernels.TurnedBox(*middle, np.cos(heading), np.sin(heading), 1.4, 0.45, 0.2, 1.1)
     out = np.empty((len(points), 4))
     n = form_of(kernels.gather_in_box, jit)(points, starts, N_X, N_Y, CELL_M, box, out)
     local = turned_into(points, *middle, heading)
@@ -104,7 +105,7 @@ def by_place(rows):
 def test_a_box_gathers_the_points_between_two_heights(jit, heading, level):
     points, starts = binned(cloud(2))
     layers = binning.sort_into_layers(points, starts)
-    box = np.array([2.6, 1.9, np.cos(heading), np.sin(heading), 1.4, 0.45, 0.2, 1.1])
+    box = kernels.TurnedBox(2.6, 1.9, np.cos(heading), np.sin(heading), 1.4, 0.45, 0.2, 1.1)
     out = np.empty((len(points), 4))
     n = form_of(following.gather_level, jit)(points, layers, (N_X, N_Y, CELL_M), box, level, out)
     local = turned_into(points, 2.6, 1.9, heading)
@@ -118,7 +119,7 @@ def test_a_box_gathers_the_points_between_two_heights(jit, heading, level):
 def test_a_full_buffer_is_not_overrun():
     points, starts = binned(cloud(3))
     out = np.full((60, 4), np.nan)
-    box = np.array([3.0, 2.0, 1.0, 0.0, 3.0, 2.0, -1.0, 2.0])
+    box = kernels.TurnedBox(3.0, 2.0, 1.0, 0.0, 3.0, 2.0, -1.0, 2.0)
     assert 49 <= kernels.gather_in_box(points, starts, N_X, N_Y, CELL_M, box, out[:50]) <= 50
     assert np.isnan(out[50:]).all()
 
@@ -185,7 +186,7 @@ def test_the_top_edge_is_the_best_of_all(jit, seed):
         [np.zeros(40), rng.uniform(-0.1, 0.5, 40), rng.uniform(0.0, 1.2, 40), np.zeros(40)]
     )
     local = np.concatenate([beam, bush])
-    got = form_of(kernels.top_edge, jit)(local, len(local), 0.0, 0.06, 0.73, 0.08)
+    got = form_of(sections.top_edge, jit)(local, len(local), 0.0, 0.06, 0.73, 0.08)
     assert got == slow_top_edge(local, 0.0, 0.06, 0.73, 0.08)
     assert got == pytest.approx(0.71, abs=0.03)
 
@@ -194,8 +195,8 @@ def test_the_top_edge_is_the_best_of_all(jit, seed):
 def test_a_wall_has_no_top_edge_in_its_middle(jit):
     rng = np.random.default_rng(1)
     local = np.column_stack([np.zeros(4000), np.zeros(4000), rng.uniform(0, 2, 4000), np.zeros(4000)])
-    assert np.isnan(form_of(kernels.top_edge, jit)(local, 4000, 0.0, 0.06, 1.0, 0.08))
-    assert np.isnan(form_of(kernels.top_edge, jit)(local, 0, 0.0, 0.06, 1.0, 0.08))
+    assert np.isnan(form_of(sections.top_edge, jit)(local, 4000, 0.0, 0.06, 1.0, 0.08))
+    assert np.isnan(form_of(sections.top_edge, jit)(local, 0, 0.0, 0.06, 1.0, 0.08))
 
 
 def slow_fit(s, v, weight, half):
@@ -222,7 +223,7 @@ def test_local_fits_are_weighted_least_squares(jit):
     v = np.sin(0.2 * s) + rng.normal(0, 0.02, 60)
     weight = np.where(rng.uniform(size=60) < 0.2, 0.0, rng.uniform(0.5, 3, 60))
     for got, expected in zip(
-        form_of(kernels.fit_locally, jit)(s, v, weight, 3.0), slow_fit(s, v, weight, 3.0), strict=True
+        form_of(sections.fit_locally, jit)(s, v, weight, 3.0), slow_fit(s, v, weight, 3.0), strict=True
     ):
         np.testing.assert_allclose(got, expected, atol=1e-9)
 
@@ -231,12 +232,12 @@ def test_local_fits_are_weighted_least_squares(jit):
 def test_local_fits_keep_parabolas_and_nodes_without_weight(jit):
     s = np.arange(0.0, 20.0, 0.5)
     v = 0.3 + 0.1 * s - 0.02 * s**2
-    value, slope, rms, effective = form_of(kernels.fit_locally, jit)(s, v, np.ones(len(s)), 3.0)
+    value, slope, rms, effective = form_of(sections.fit_locally, jit)(s, v, np.ones(len(s)), 3.0)
     np.testing.assert_allclose(value, v, atol=2e-4)  # a ridge of 1e-6 keeps it from exactness
     np.testing.assert_allclose(slope, 0.1 - 0.04 * s, atol=1e-3)
     assert rms.max() < 1e-3
     assert np.all(effective > 3)
-    value, slope, *_ = form_of(kernels.fit_locally, jit)(s, v, np.zeros(len(s)), 3.0)
+    value, slope, *_ = form_of(sections.fit_locally, jit)(s, v, np.zeros(len(s)), 3.0)
     np.testing.assert_array_equal(value, v)
     np.testing.assert_array_equal(slope, 0.0)
 
@@ -248,17 +249,17 @@ def slow_profile(points, node, half_s, radius, reach):
     u, below, height = local[:, 1], node[3] - local[:, 2], local[:, 3]
     is_near, is_sheet = (
         np.abs(u) <= radius,
-        (below > -0.03) & (below < 0.33) & (height >= kernels.BEAM_FLOOR_M),
+        (below > -0.03) & (below < 0.33) & (height >= sections.BEAM_FLOOR_M),
     )
     held = is_near & is_sheet
     sheet = np.array(
         [held.sum(), u[held].mean(), u[held].std(), slow_top_edge(local, 0.0, 0.75 * radius, node[3], 0.06)]
     )
-    bins = np.floor((below + kernels.DEPTH_ABOVE_M) / kernels.DEPTH_BIN_M).astype(int)
-    depth, sides = np.zeros((2, kernels.DEPTH_BINS)), np.zeros((4, 2))
+    bins = np.floor((below + sections.DEPTH_ABOVE_M) / sections.DEPTH_BIN_M).astype(int)
+    depth, sides = np.zeros((2, sections.DEPTH_BINS)), np.zeros((4, 2))
     for side, on_side in enumerate((u > 0, u <= 0)):
-        for b in range(kernels.DEPTH_BINS):
-            depth[side, b] = np.sum(on_side & is_near & (height >= kernels.BEAM_FLOOR_M) & (bins == b))
+        for b in range(sections.DEPTH_BINS):
+            depth[side, b] = np.sum(on_side & is_near & (height >= sections.BEAM_FLOOR_M) & (bins == b))
         apart = on_side & ~is_near
         sides[0, side] = np.sum(apart & is_sheet)
         sides[1, side] = np.sum(apart & (below >= 0.36))
@@ -274,7 +275,7 @@ def slow_profile(points, node, half_s, radius, reach):
 def test_the_profile_counts_what_stands_where(jit):
     points, starts = binned(cloud(7, 20_000))
     nodes = np.array([[2.0, 2.0, 0.0, 0.75], [3.0, 2.02, 0.05, 0.90], [4.0, 1.99, np.pi, 0.60]])
-    got = form_of(kernels.profile_along, jit)(
+    got = form_of(sections.profile_along, jit)(
         points, starts, N_X, N_Y, CELL_M, nodes, 0.25, 0.10, 1.0, np.empty((len(points), 4))
     )
     for i, node in enumerate(nodes):
@@ -289,7 +290,7 @@ def test_the_profile_counts_what_stands_where(jit):
 def test_the_profile_of_nothing_is_empty(jit):
     points, starts = binned(cloud(8))
     nodes = np.array([[100.0, 100.0, 0.0, 0.75]])
-    sheet, depth, sides, edge = form_of(kernels.profile_along, jit)(
+    sheet, depth, sides, edge = form_of(sections.profile_along, jit)(
         points, starts, N_X, N_Y, CELL_M, nodes, 0.25, 0.10, 1.0, np.empty((50, 4))
     )
     assert sheet[0, 0] == 0

@@ -9,7 +9,7 @@ from linework.kernels.paint.paint_points import MOST_VISITS, dark_level, smalles
 from linework.kernels.paint.stripe_fit import extent
 from linework.kernels.paint.stripe_search import direction
 from linework.kernels.paint.stripes import clipped
-from linework.kernels.tracking.cholesky import factor, solve
+from linework.kernels.tracking.small_systems import factor, inverse_of_three, solve, solve_two
 
 
 @pytest.fixture
@@ -55,6 +55,18 @@ def test_systems_are_solved_as_numpy_does(rng: np.random.Generator) -> None:
     factor(lower)
     solve(lower, right, out)
     np.testing.assert_allclose(out, np.linalg.solve(matrix, right), rtol=1e-9)
+
+
+def test_two_and_three_unknowns_are_solved_as_numpy_does(rng: np.random.Generator) -> None:
+    for n in (2, 3):
+        rows = rng.normal(size=(8, n))
+        matrix, right = rows.T @ rows, rng.normal(size=n)
+        upper = matrix[np.triu_indices(n)]
+        if n == 2:
+            np.testing.assert_allclose(solve_two(*upper, *right), np.linalg.solve(matrix, right), rtol=1e-9)
+        else:
+            inverse = np.linalg.inv(matrix)[np.triu_indices(n)]
+            np.testing.assert_allclose(inverse_of_three(*upper), inverse, rtol=1e-9)
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 17.0, 83.0, 171.0])

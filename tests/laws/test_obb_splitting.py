@@ -5,19 +5,19 @@ import itertools
 
 import numpy as np
 import pytest
+from tests.scenes.opened import of_points
 
 from linework.files.las.write import write_las
 from linework.files.survey.open import open_survey
 from linework.files.trajectories.read import write_trajectory
 from linework.methods.obb.method import OBB_KINDS, ObbMethod
 from linework.model.lines import LineSet
-from linework.processes.executors import Serial
 from linework.processes.pool import Processes
-from linework.runs.laser import extract_lines
+from linework.runs.find import find_lines
 from linework.runs.opened.points import opened_survey
 from linework.runs.opened.work_folder import work_folder
 from linework.runs.resume import run_folder
-from linework.runs.tiles import TilingConfig
+from linework.runs.settings import RunSettings, TilingConfig
 from linework.simulation.simulate import simulate_survey
 
 SMALL = TilingConfig(core_m=64.0, max_points=10_000)
@@ -49,7 +49,8 @@ def write_survey(simulated, folder, order=None):
 def extracted(folder, work, tiling=SMALL, executor=None):
     survey, work = open_survey([folder]), work_folder(folder, work)
     with opened_survey(survey, work) as opened, run_folder(work, work / "lines", {}) as run:
-        found = extract_lines(opened, (ObbMethod(),), run, tiling=tiling, executor=executor or Serial())
+        settings = RunSettings(tiling=tiling)
+        found = find_lines(of_points(opened), (ObbMethod(),), run, settings=settings, executor=executor)
     assert not found.failures
     return found
 

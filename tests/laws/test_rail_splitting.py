@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from linework.methods.radon.method import RailMethod
+from linework.methods.radon.seams import inside_core, join_seams
 from linework.model.grid import Bounds
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.tile import TileData, local_origin
-from linework.runs.seams import inside_core, join_seams
 from linework.simulation.simulate import simulate_survey
 from linework.surface.road import RoadConfig, find_road
 

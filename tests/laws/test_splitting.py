@@ -9,6 +9,7 @@ import shapely
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from tests.scenes.effort import examples
+from tests.scenes.opened import of_points
 
 from linework.files.las.decoder import DecoderLimits
 from linework.files.las.write import write_las
@@ -17,13 +18,12 @@ from linework.files.trajectories.read import write_trajectory
 from linework.methods.choose import choose_methods
 from linework.methods.kinds import ALL_KINDS
 from linework.model.lines import LineSet
-from linework.processes.executors import Serial
 from linework.processes.pool import Processes
-from linework.runs.laser import extract_lines
+from linework.runs.find import find_lines
 from linework.runs.opened.points import opened_survey
 from linework.runs.opened.work_folder import work_folder
 from linework.runs.resume import run_folder
-from linework.runs.tiles import TilingConfig
+from linework.runs.settings import RunSettings, TilingConfig
 from linework.simulation.simulate import simulate_survey
 
 #: Several tiles, whatever the survey.
@@ -70,7 +70,9 @@ def extracted(folder, work, executor=None, batch_points=500_000, **tiling):
     ):
         methods = choose_methods("auto", ALL_KINDS)
         config = TilingConfig(**(SMALL | tiling))
-        found = extract_lines(opened, methods, run, tiling=config, executor=executor or Serial())
+        found = find_lines(
+            of_points(opened), methods, run, settings=RunSettings(tiling=config), executor=executor
+        )
     assert len(found.tiles) > 1 or not SMALL.keys() <= tiling.keys()
     assert not found.failures
     return found.lines

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tests.scenes.road_images import RIG, road_pair, straight_poses
 
+from linework.methods.protocol import SurveyContext
 from linework.methods.stereo.method import StereoMethod
 from linework.model.images import Poses, RectifiedPair
 from linework.model.lines import LineSet
@@ -25,11 +26,11 @@ def pairs() -> tuple[RectifiedPair, ...]:
 
 @cache
 def seen() -> tuple[Sightings, ...]:
-    return tuple(METHOD.see(pair) for pair in pairs())
+    return tuple(METHOD.look(pair) for pair in pairs())
 
 
 def joined(poses: Poses = POSES, order: tuple[int, ...] = (0, 1, 2, 3)) -> LineSet:
-    return METHOD.join(Sightings.concatenate([seen()[i] for i in order]), poses, RIG)
+    return METHOD.join(Sightings.concatenate([seen()[i] for i in order]), SurveyContext(poses=poses, rig=RIG))
 
 
 def test_the_order_of_pairs_does_not_matter() -> None:
@@ -40,7 +41,7 @@ def test_the_order_of_pairs_does_not_matter() -> None:
 
 
 def test_a_pair_always_shows_the_same() -> None:
-    again = METHOD.see(pairs()[1])
+    again = METHOD.look(pairs()[1])
     assert again.xyz.tobytes() == seen()[1].xyz.tobytes()
 
 
@@ -56,7 +57,7 @@ def test_a_brighter_light_shows_the_same_lines() -> None:
     # Grey values of the road are about 70, so that twice as bright is not yet white
     for pair, own in zip(pairs()[:2], seen(), strict=False):
         dim = replace(pair, left=pair.left // 2, right=pair.right // 2)
-        other = METHOD.see(dim)
+        other = METHOD.look(dim)
         assert len(np.unique(other.line)) == len(np.unique(own.line))
         for offset in (3.1, -0.4, -3.9):
             a, b = (s.xyz[np.abs(s.xyz[:, 1] - offset) < 0.1, 1] for s in (own, other))
@@ -71,7 +72,7 @@ def test_a_mirrored_road_has_mirrored_lines() -> None:
             pair, left=pair.right[:, ::-1], right=pair.left[:, ::-1],
             rig=replace(RIG, cx=RIG.width - 1.0 - RIG.cx, position_m=RIG.position_m * (1.0, -1.0, 1.0) + (0, 0.6, 0)),
         )  # fmt: skip
-        other = METHOD.see(mirrored)
+        other = METHOD.look(mirrored)
         for offset in (3.1, -0.4, -3.9):
             a = own.xyz[np.abs(own.xyz[:, 1] - offset) < 0.1, 1]
             b = other.xyz[np.abs(other.xyz[:, 1] + offset) < 0.1, 1]
@@ -82,7 +83,9 @@ def test_a_mirrored_road_has_mirrored_lines() -> None:
 def test_numbers_of_pairs_need_not_be_those_of_poses() -> None:
     numbers = np.array([10, 12, 13, 20])
     renamed = [replace(s, pair=numbers[s.pair]) for s in seen()]
-    lines = METHOD.join(Sightings.concatenate(renamed), POSES, RIG, numbers)
+    lines = METHOD.join(
+        Sightings.concatenate(renamed), SurveyContext(poses=POSES, rig=RIG, pair_numbers=numbers)
+    )
     assert lines.xyz.tobytes() == joined().xyz.tobytes()
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from linework.errors import InputError, MachineError, OutputExistsError, UsageError
 from linework.files.output.locks import hold_lock
-from linework.files.output.parts import read_line_part, write_line_part
+from linework.files.output.parts import read_part, write_part
 from linework.files.output.replace import set_record_aside
 from linework.model.lines import LineSet
 from linework.runs.opened import work_folder
@@ -29,28 +29,28 @@ def some_lines():
 
 
 def test_a_part_comes_back_exactly_and_gives_the_same_bytes(tmp_path):
-    one, two = (write_line_part(some_lines(), tmp_path / name) for name in ("a.arrays", "b.arrays"))
+    one, two = (write_part(some_lines(), tmp_path / name) for name in ("a.arrays", "b.arrays"))
     assert one == two
     assert (tmp_path / "a.arrays").read_bytes() == (tmp_path / "b.arrays").read_bytes()
-    back = read_line_part(tmp_path / "a.arrays", one)
+    back = read_part(LineSet, tmp_path / "a.arrays", one)
     for name in LineSet.__dataclass_fields__:
         np.testing.assert_array_equal(getattr(back, name), getattr(some_lines(), name))
 
 
 def test_a_part_that_was_altered_or_is_gone_is_none(tmp_path):
     path = tmp_path / "a.arrays"
-    sha256 = write_line_part(some_lines(), path)
+    sha256 = write_part(some_lines(), path)
     data = bytearray(path.read_bytes())
     data[200] ^= 1
     path.write_bytes(data)
-    assert read_line_part(path, sha256) is None
+    assert read_part(LineSet, path, sha256) is None
     path.unlink()
-    assert read_line_part(path, sha256) is None
+    assert read_part(LineSet, path, sha256) is None
 
 
 def test_a_part_that_cannot_be_written_is_the_machines_fault(tmp_path):
     with pytest.raises(MachineError, match="cannot be written"):
-        write_line_part(some_lines(), tmp_path / "missing" / "a.arrays")
+        write_part(some_lines(), tmp_path / "missing" / "a.arrays")
 
 
 def test_what_is_entered_stays(tmp_path):

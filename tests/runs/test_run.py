@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 from tests.conftest import CRS, road_points
+from tests.scenes.opened import of_points
 
 from linework.errors import InputError, MachineError, PartialError
 from linework.files.las.write import write_las
@@ -14,17 +15,17 @@ from linework.files.trajectories.read import write_trajectory
 from linework.files.vectors.read_write import read_lines
 from linework.model.lines import LineSet
 from linework.model.trajectory import Trajectory
-from linework.runs import laser as run
 from linework.runs import outputs
 from linework.runs.extraction import with_sources
+from linework.runs.find import find_lines
 from linework.runs.opened.points import opened_survey
 from linework.runs.opened.work_folder import work_folder
 from linework.runs.resume import run_folder
+from linework.runs.settings import RunSettings, TilingConfig
 from linework.runs.steps import RunSteps
-from linework.runs.tiles import TilingConfig
 
 #: So many tiles that the 40 m of road lie in at least two.
-SMALL = TilingConfig(core_m=64.0, shift_east_m=20.0, max_points=10_000)
+SMALL = RunSettings(tiling=TilingConfig(core_m=64.0, shift_east_m=20.0, max_points=10_000))
 
 
 class Diagonal:
@@ -34,24 +35,30 @@ class Diagonal:
     kinds = ("cable", "guardrail")
     buffer_m = 5.0
     least_height_m = -np.inf
+    recording = "points"
+    evidence = LineSet
 
     def __init__(self):
         self.tiles = []
 
-    def extract(self, tile):
+    def look(self, tile):
         self.tiles.append(tile)
         xyz = tile.points.xyz
         line = np.array([xyz.min(axis=0), xyz.max(axis=0)])
         return LineSet.from_lines([line], kind=["guardrail"], method=[self.name], source=[tile.source])
 
+    def join(self, found, survey):
+        assert survey.cores
+        return found
+
 
 class Fails(Diagonal):
     """Fails in every tile whose core begins west of the road's middle."""
 
-    def extract(self, tile):
+    def look(self, tile):
         if tile.core.west < 500_020.0:
             raise ArithmeticError("no line here")
-        return super().extract(tile)
+        return super().look(tile)
 
 
 @pytest.fixture
@@ -69,7 +76,7 @@ def extracted(tmp_path):
             opened_survey(survey, work, steps=settings.get("steps")) as opened,
             run_folder(work, tmp_path / "lines.gpkg", {}) as folder,
         ):
-            return run.extract_lines(opened, [method], folder, **settings)
+            return find_lines(of_points(opened), [method], folder, **settings)
 
     return run_it
 
@@ -102,7 +109,7 @@ def test_a_method_gets_all_points_and_its_lines_come_back_in_the_survey_crs(las_
 
 
 def test_several_tiles_see_core_and_buffer_only(long_file, method, extracted):
-    found = extracted(long_file, method, tiling=SMALL)
+    found = extracted(long_file, method, settings=SMALL)
     assert len(method.tiles) == len(found.tiles) > 1
     for tile, report in zip(method.tiles, found.tiles, strict=True):
         inside = tile.core.grown(5.0)
@@ -126,26 +133,26 @@ def test_only_points_that_matter_are_loaded(las_file, method, extracted):
 
 
 def test_a_tile_that_fails_is_named_and_the_others_go_on(long_file, extracted):
-    found = extracted(long_file, Fails(), tiling=SMALL)
+    found = extracted(long_file, Fails(), settings=SMALL)
     failed = [report for report in found.tiles if report.problem]
     assert 0 < len(failed) < len(found.tiles)
     assert {report.problem for report in failed} == {"ArithmeticError: no line here"}
-    assert [name for name, _ in found.failures] == [report.name for report in failed]
-    assert {"in extract" in trace for trace in found.traces.values()} == {True}
+    assert [failure.name for failure in found.failures] == [report.name for report in failed]
+    assert {"in look" in failure.trace for failure in found.failures} == {True}
     assert len(found.lines) >= 1
 
 
 def test_a_survey_of_failed_tiles_only_is_no_result(las_file, extracted):
     with pytest.raises(RuntimeError, match=r"^ArithmeticError: no line here") as caught:
         extracted(las_file, Fails())
-    assert "in extract" in caught.value.__notes__[0]
+    assert "in look" in caught.value.__notes__[0]
 
     class Refuses(Diagonal):
-        def extract(self, tile):
+        def look(self, tile):
             raise InputError("too many cells", where="grid", advice="take larger ones")
 
     with pytest.raises(
-        PartialError, match=r"a: none of 1 tiles could be worked: grid: too many cells. Take larger"
+        PartialError, match=r"a: none of 1 tiles could be processed: grid: too many cells. Take larger"
     ):
         extracted(las_file, Refuses())
 
@@ -154,17 +161,17 @@ def test_tiles_that_are_done_are_not_done_again(long_file, method, tmp_path):
     survey, work = open_survey([long_file]), work_folder(tmp_path, tmp_path / "work")
 
     class Stops(Diagonal):
-        def extract(self, tile):
+        def look(self, tile):
             if self.tiles:
                 raise MachineError("the disk is full")
-            return super().extract(tile)
+            return super().look(tile)
 
     def go(method):
         with (
             opened_survey(survey, work) as opened,
             run_folder(work, tmp_path / "lines.gpkg", {}, resume=True) as folder,
         ):
-            return run.extract_lines(opened, [method], folder, tiling=SMALL)
+            return find_lines(of_points(opened), [method], folder, settings=SMALL)
 
     undisturbed = go(Diagonal())
     with pytest.raises(MachineError):
@@ -297,8 +304,8 @@ def test_lines_without_a_source_name_the_files_about_them(las_file, method, extr
 
 def test_every_extracted_line_has_a_source(las_file, method, extracted):
     class Silent(Diagonal):
-        def extract(self, tile):
-            return super().extract(tile).with_columns(source=[""])
+        def look(self, tile):
+            return super().look(tile).with_columns(source=[""])
 
     assert extracted(las_file, Silent()).lines.source.tolist() == ["a.laz"]
     assert extracted(las_file, method).lines.source.tolist() == ["a"]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from linework.methods.radon.seams import inside_core, join_seams
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
-from linework.runs.seams import inside_core, join_seams
 
 CORES = [Bounds(x, y, x + 50.0, y + 50.0) for y in (0.0, 50.0) for x in (0.0, 50.0)]
 

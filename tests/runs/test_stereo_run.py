@@ -13,7 +13,7 @@ from linework.methods.stereo.method import StereoMethod
 from linework.model.lines import LineSet
 from linework.model.sightings import Sightings
 from linework.processes.executors import Serial
-from linework.runs import tasks as window_task
+from linework.runs import pieces as window_task
 from linework.runs.find import find_lines
 from linework.runs.opened.recordings import opened_recordings
 from linework.runs.resume import run_folder
@@ -23,12 +23,13 @@ from linework.runs.resume import run_folder
 class Brightness(StereoMethod):
     """Sees one place per pair, as far ahead as its left image is bright."""
 
-    def see(self, pair):
+    def look(self, pair):
         assert pair.left.shape == (48, 64)
         ahead = np.array([[float(pair.left.mean()) / 10.0, 0.0, 0.0]])
         return Sightings(xyz=ahead, pair=[pair.number])
 
-    def join(self, seen, poses, rig, numbers=None):
+    def join(self, seen, survey):
+        poses, numbers = survey.poses, survey.pair_numbers
         at = {int(number): i for i, number in enumerate(numbers)}
         xyz = [poses.to_world(at[int(k)], seen.xyz[[row]])[0] for row, k in enumerate(seen.pair)]
         if len(xyz) < 2:
@@ -46,7 +47,7 @@ def found_in(folder, work, executor=None, **options):
         opened_recordings(survey, work) as recordings,
         run_folder(work, work / "lines", {}, **options) as run,
     ):
-        return find_lines(recordings, (), Brightness(), run, executor=executor or Serial())
+        return find_lines(recordings, (Brightness(),), run, executor=executor or Serial())
 
 
 @pytest.fixture
@@ -60,7 +61,7 @@ def test_pairs_are_placed_by_their_poses(tmp_path, work):
     found = found_in(make_stereo_folder(tmp_path / "survey"), work)
     assert found.kinds == ("lane_marking", "lane_marking_dash")
     assert found.read is None
-    assert (found.pairs.n_pairs, found.pairs.n_used, found.pairs.failures) == (6, 6, ())
+    assert (found.pairs.n_pairs, found.pairs.n_used, found.failures) == (6, 6, ())
     # Pair k is at 10 k metres east, and grey 60 to 120 is some 9 m ahead
     np.testing.assert_allclose(found.lines.xyz[:, 0], 500_009.0 + 10.0 * np.arange(6), atol=0.3)
     np.testing.assert_allclose(found.lines.xyz[:, 1:], [[5_400_000.0, 100.0]] * 6, atol=1e-6)
@@ -83,15 +84,16 @@ def test_a_pair_that_cannot_be_read_is_named_and_the_rest_is_done(tmp_path, work
     found = found_in(folder, work)
     assert len(found.lines.xyz) == 5
     assert found.pairs.n_used == 5
-    ((name, problem),) = found.pairs.failures
-    assert name.endswith("left/000002.png")
-    assert "right/000002.png" in problem
+    (failure,) = found.failures
+    assert failure.what == "image"
+    assert failure.name.endswith("left/000002.png")
+    assert "right/000002.png" in failure.problem
 
 
 def test_pairs_outside_the_trajectory_or_in_its_hole_are_left_out(tmp_path, work):
     times = [-0.9, -0.4, 0.1, 3.1, 3.6, 4.1]
     found = found_in(make_stereo_folder(tmp_path / "survey", pose_times=times), work)
-    problems = dict(found.pairs.failures)
+    problems = {failure.name: failure.problem for failure in found.failures}
     assert len(problems) == 4  # 1 to 3 in the hole, 5 after the end
     assert sum("hole of the trajectory (0.10 to 3.10 s)" in text for text in problems.values()) == 3
     assert sum("outside of the trajectory (-0.90 to 4.10 s)" in text for text in problems.values()) == 1

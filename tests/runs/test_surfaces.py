@@ -210,7 +210,7 @@ def test_a_tile_that_fails_is_named_has_no_surface_and_is_tried_again(tmp_path):
     assert np.isfinite(again.over(store.bounds).road_m).all()
 
 
-@pytest.mark.parametrize("step", ["find_regions", "find_apart", "carry_on"])
+@pytest.mark.parametrize("step", ["find_regions", "find_isolated_pieces", "extend_tile_surface"])
 def test_a_tile_may_fail_at_any_step(tmp_path, monkeypatch, step):
     """It has done half of its work when it dies: its neighbours do not rely on that half."""
     store = store_of(tmp_path / "store", winding_road(1))
@@ -230,7 +230,7 @@ def test_a_tile_may_fail_at_any_step(tmp_path, monkeypatch, step):
 
     monkeypatch.setattr(passes, step, lives)
     surface = surface_of(store, along(), tmp_path / "surface")
-    assert {problem for _, problem in surface.failures} == {"needs more memory than there is"}
+    assert {problem for _, problem in surface.failures} == {"out of memory"}
     over = surface.over(store.bounds)
     row, col = (int(v[0]) for v in over.grid.to_cell(ORIGIN[None, :2] + [[50.0, 12.0 * np.sin(2.0)]]))
     assert np.isnan(over.ground_m[row, col])

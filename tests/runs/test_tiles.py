@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from linework.model.grid import Bounds
-from linework.runs.tiles import TilingConfig, plan_tiles
+from linework.runs.settings import TilingConfig
+from linework.runs.tiles import plan_tiles
 
 BLOCK_M = 64.0
 

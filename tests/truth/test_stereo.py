@@ -6,6 +6,7 @@ import numpy as np
 
 from linework.evaluation.measures import match_lines, score
 from linework.imaging.rectify import rectifier_of
+from linework.methods.protocol import SurveyContext
 from linework.methods.stereo.method import StereoMethod
 from linework.model.images import RectifiedPair
 from linework.model.sightings import Sightings
@@ -20,7 +21,9 @@ def test_markings_of_a_straight_road_within_centimetres() -> None:
         RectifiedPair(*rectifier.rectified(p.left, p.right), rectifier.rig, p.number, p.time_s)
         for p in images_of(drive)
     ]
-    lines = method.join(Sightings.concatenate(map(method.see, pairs)), drive.poses, rectifier.rig)
+    lines = method.join(
+        Sightings.concatenate(map(method.look, pairs)), SurveyContext(poses=drive.poses, rig=rectifier.rig)
+    )
     truth = stereo_truth(drive, kinds=("lane_marking",))
     assert truth.observed.any()
     part = match_lines(lines.with_columns(crs=truth.crs), truth, kinds=("lane_marking",))[0]

@@ -20,119 +20,119 @@ ORDER = TypeAdapter(EditOrder)
 
 
 @pytest.fixture
-def drawing(drive_lines):
+def line_file(drive_lines):
     crs = read_lines(drive_lines).crs
-    with LineFile.opened(drive_lines, crs=crs) as drawing:
-        yield drawing
+    with LineFile.opened(drive_lines, crs=crs) as line_file:
+        yield line_file
 
 
-def done(drawing, given=None, **edit):
+def done(line_file, given=None, **edit):
     """Save an edit and return it."""
-    change = change_of(ORDER.validate_python(edit), drawing.lines, given or EditInputs())
-    return drawing.commit(change, who="tester", based_on=drawing.revision)
+    change = change_of(ORDER.validate_python(edit), line_file.lines, given or EditInputs())
+    return line_file.commit(change, who="tester", based_on=line_file.revision)
 
 
-def longest(drawing, kind):
-    lines = drawing.lines.of_kind(kind)
+def longest(line_file, kind):
+    lines = line_file.lines.of_kind(kind)
     return str(lines.id[int(np.argmax(lines.length_m))])
 
 
-def with_dashes(drawing):
+def with_dashes(line_file):
     """Put some dashes on a marking, as extraction finds them; return its id."""
-    name = longest(drawing, "lane_marking")
-    xyz = one_of(drawing, name).xyz
+    name = longest(line_file, "lane_marking")
+    xyz = one_of(line_file, name).xyz
     pieces = [xyz[k : k + 3] for k in (1, 7, 13)]
-    dashes = LineSet.from_lines(pieces, crs=drawing.lines.crs, kind=["lane_marking_dash"] * 3)
-    drawing.commit(Change("extract", LineSet.empty(drawing.lines.crs), dashes), who="")
+    dashes = LineSet.from_lines(pieces, crs=line_file.lines.crs, kind=["lane_marking_dash"] * 3)
+    line_file.commit(Change("extract", LineSet.empty(line_file.lines.crs), dashes), who="")
     return name
 
 
-def one_of(drawing, name):
-    return drawing.lines.take(drawing.lines.id == name)
+def one_of(line_file, name):
+    return line_file.lines.take(line_file.lines.id == name)
 
 
-def test_accepting_a_dashed_line_accepts_its_dashes(drawing):
-    name = with_dashes(drawing)
-    done(drawing, action="accept", ids=[name])
-    dashes = drawing.lines.of_kind("lane_marking_dash")
-    assert one_of(drawing, name).review.tolist() == ["accepted"]
-    assert one_of(drawing, name).confidence.tolist() == [1.0]
+def test_accepting_a_dashed_line_accepts_its_dashes(line_file):
+    name = with_dashes(line_file)
+    done(line_file, action="accept", ids=[name])
+    dashes = line_file.lines.of_kind("lane_marking_dash")
+    assert one_of(line_file, name).review.tolist() == ["accepted"]
+    assert one_of(line_file, name).confidence.tolist() == [1.0]
     assert np.count_nonzero(dashes.review == "accepted") == 3
 
 
-def test_a_rejected_kerb_takes_its_top_along_and_comes_back(drawing):
-    name = longest(drawing, "road_boundary")
-    n_tops = np.count_nonzero(drawing.lines.review == "rejected")
-    done(drawing, action="reject", ids=[name])
-    gone = drawing.lines.take(drawing.lines.review == "rejected")
+def test_a_rejected_kerb_takes_its_top_along_and_comes_back(line_file):
+    name = longest(line_file, "road_boundary")
+    n_tops = np.count_nonzero(line_file.lines.review == "rejected")
+    done(line_file, action="reject", ids=[name])
+    gone = line_file.lines.take(line_file.lines.review == "rejected")
     assert set(gone.kind.tolist()) == {"road_boundary", "kerb_top"}
     # Others do not read what is rejected
-    assert name not in read_lines(drawing.path).id.tolist()
-    done(drawing, action="restore", ids=gone.id.tolist())
-    assert np.count_nonzero(drawing.lines.review == "rejected") == n_tops == 0
+    assert name not in read_lines(line_file.path).id.tolist()
+    done(line_file, action="restore", ids=gone.id.tolist())
+    assert np.count_nonzero(line_file.lines.review == "rejected") == n_tops == 0
 
 
-def test_split_and_joined_again(drawing):
-    name = longest(drawing, "road_boundary")
-    before = one_of(drawing, name)
+def test_split_and_joined_again(line_file):
+    name = longest(line_file, "road_boundary")
+    before = one_of(line_file, name)
     place = before.xyz[len(before.xyz) // 3, :2].tolist()
-    edit = done(drawing, action="split", id=name, at=place)
+    edit = done(line_file, action="split", id=name, at=place)
     parts = edit.change.after
     assert name in parts.id.tolist()
     assert len(set(parts.id.tolist())) == 2
     assert parts.review.tolist() == ["edited", "edited"]
-    done(drawing, action="join", ids=parts.id.tolist())
-    whole = one_of(drawing, name)
+    done(line_file, action="join", ids=parts.id.tolist())
+    whole = one_of(line_file, name)
     assert whole.length_m[0] == pytest.approx(before.length_m[0])
     assert np.array_equal(whole.bridged, before.bridged)
 
 
-def test_a_moved_vertex_takes_the_height_that_was_measured(drawing):
-    name = longest(drawing, "lane_marking")
-    east, north, up = one_of(drawing, name).xyz[2].tolist()
+def test_a_moved_vertex_takes_the_height_that_was_measured(line_file):
+    name = longest(line_file, "lane_marking")
+    east, north, up = one_of(line_file, name).xyz[2].tolist()
     given = EditInputs(heights=np.array([[up + 0.05, 0.01]]))
-    done(drawing, given, action="move", id=name, vertex=2, to=[east + 0.1, north])
-    line = one_of(drawing, name)
+    done(line_file, given, action="move", id=name, vertex=2, to=[east + 0.1, north])
+    line = one_of(line_file, name)
     assert line.xyz[2].tolist() == pytest.approx([east + 0.1, north, up + 0.05])
     assert line.sigma_z_m[2] == pytest.approx(0.01)
     assert np.isnan(line.sigma_xy_m[2])
     assert line.review.tolist() == ["edited"]
 
 
-def test_where_nothing_was_measured_a_vertex_is_as_high_as_its_line(drawing):
-    name = longest(drawing, "lane_marking")
-    east, north, up = one_of(drawing, name).xyz[2].tolist()
+def test_where_nothing_was_measured_a_vertex_is_as_high_as_its_line(line_file):
+    name = longest(line_file, "lane_marking")
+    east, north, up = one_of(line_file, name).xyz[2].tolist()
     given = EditInputs(heights=np.array([[np.nan, np.nan]]))
-    done(drawing, given, action="insert", id=name, after=2, to=[east + 0.01, north])
-    assert one_of(drawing, name).xyz[3, 2] == pytest.approx(up)
+    done(line_file, given, action="insert", id=name, after=2, to=[east + 0.01, north])
+    assert one_of(line_file, name).xyz[3, 2] == pytest.approx(up)
 
 
-def test_a_drawn_line_is_sure_and_says_so(drawing):
-    east, north, _ = drawing.lines.xyz[0].tolist()
+def test_a_drawn_line_is_sure_and_says_so(line_file):
+    east, north, _ = line_file.lines.xyz[0].tolist()
     given = EditInputs(heights=np.array([[30.0, 0.02], [np.nan, np.nan], [32.0, 0.02]]))
     xyz = [[east, north], [east + 5.0, north], [east + 10.0, north]]
-    (line,) = [done(drawing, given, action="draw", kind="fence", xyz=xyz).change.after]
+    (line,) = [done(line_file, given, action="draw", kind="fence", xyz=xyz).change.after]
     assert (line.review[0], line.method[0], line.confidence[0]) == ("drawn", "drawn", 1.0)
     assert line.xyz[:, 2].tolist() == pytest.approx([30.0, 31.0, 32.0])
     # What is drawn stays drawn when it is moved
-    done(drawing, action="move", id=str(line.id[0]), vertex=0, to=[east - 1.0, north, 30.0])
-    assert one_of(drawing, str(line.id[0])).review.tolist() == ["drawn"]
+    done(line_file, action="move", id=str(line.id[0]), vertex=0, to=[east - 1.0, north, 30.0])
+    assert one_of(line_file, str(line.id[0])).review.tolist() == ["drawn"]
 
 
-def test_another_kind_leaves_no_dashes_behind(drawing):
-    name = with_dashes(drawing)
-    done(drawing, action="kind", ids=[name], kind="road_boundary")
-    assert one_of(drawing, name).kind.tolist() == ["road_boundary"]
-    dashes = drawing.lines.of_kind("lane_marking_dash")
+def test_another_kind_leaves_no_dashes_behind(line_file):
+    name = with_dashes(line_file)
+    done(line_file, action="kind", ids=[name], kind="road_boundary")
+    assert one_of(line_file, name).kind.tolist() == ["road_boundary"]
+    dashes = line_file.lines.of_kind("lane_marking_dash")
     assert np.count_nonzero(dashes.review == "rejected") == 3
 
 
-def test_a_dismissal_changes_no_line_and_can_be_undone(drawing):
-    before = drawing.lines
-    edit = done(drawing, action="dismiss", key="gap lane_marking 1 2")
+def test_a_dismissal_changes_no_line_and_can_be_undone(line_file):
+    before = line_file.lines
+    edit = done(line_file, action="dismiss", key="gap lane_marking 1 2")
     assert edit.change.action == "dismiss gap lane_marking 1 2"
-    assert drawing.lines.id.tolist() == before.id.tolist()
-    assert drawing.undo(who="tester") is not None
+    assert line_file.lines.id.tolist() == before.id.tolist()
+    assert line_file.undo(who="tester") is not None
 
 
 @pytest.mark.parametrize(
@@ -151,14 +151,14 @@ def test_a_dismissal_changes_no_line_and_can_be_undone(drawing):
         (UsageError, {"action": "dashes", "ids": ["LINE"]}),
     ],
 )
-def test_what_cannot_be_done_changes_nothing(drawing, error, edit):
-    name = longest(drawing, "road_boundary")
+def test_what_cannot_be_done_changes_nothing(line_file, error, edit):
+    name = longest(line_file, "road_boundary")
     filled = {k: name if v == "LINE" else [name if x == "LINE" else x for x in v] if isinstance(v, list) else v
               for k, v in edit.items()}  # fmt: skip
     given = EditInputs(heights=np.full((2, 2), np.nan)) if edit["action"] == "draw" else EditInputs()
     with pytest.raises(error):
-        done(drawing, given, **filled)
-    assert drawing.revision == 0
+        done(line_file, given, **filled)
+    assert line_file.revision == 0
 
 
 @pytest.mark.parametrize(

@@ -103,7 +103,7 @@ def test_an_interrupt_gives_what_there_is(talk, truth):
 
 
 def test_an_order_that_waits_is_dropped_by_an_interrupt(served_alone, truth):
-    # The server is still warming up, or another's line is followed: the desk is not free at once
+    # The server is still warming up, or another's line is followed: the worker is not free at once
     with talk_with(served_alone) as first, talk_with(served_alone) as second:
         first.say(type="pick", at=place_on(truth, "road_boundary"), kind="road_boundary")
         second.say(type="pick", at=place_on(truth, "lane_marking"), kind="lane_marking")
@@ -137,7 +137,7 @@ def test_a_new_pick_leaves_the_one_before(talk, truth):
     assert told[-1]["lines"][0]["kind"] == "lane_marking"
 
 
-def test_a_page_that_goes_leaves_the_desk_free(served, truth):
+def test_a_page_that_goes_leaves_the_worker_free(served, truth):
     with talk_with(served) as gone:
         gone.say(type="pick", at=place_on(truth, "road_boundary"), kind="road_boundary")
         gone.hear()

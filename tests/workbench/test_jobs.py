@@ -145,7 +145,7 @@ def test_nothing_is_left_in_the_work_folder(served, done):
 
 @pytest.mark.parametrize(("order", "says"), [
     ({"features": ["road_boundary"], "method": "magic"}, "method"),
-    ({"features": ["unicorn"], "method": "auto"}, "unicorn cannot be looked for"),
+    ({"features": ["unicorn"], "method": "auto"}, "unknown kinds of line: unicorn"),
     ({"features": ["cable"], "method": "obb"}, "does not find cable"),
     ({"features": ["cable"] * 50}, "features"),
     ({"features": "cable"}, "features"),

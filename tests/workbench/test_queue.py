@@ -14,7 +14,8 @@ from linework.model.changes import Change
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.workbench.edits.orders import ChangeOrder
-from linework.workbench.review.queue import Dismissed, ReviewQueue, document_of, suspects
+from linework.workbench.review.queue import Dismissed, ReviewQueue, queue_item
+from linework.workbench.review.suspects import suspects
 
 PATH = np.column_stack([np.arange(0.0, 200.0), np.zeros(200), np.zeros(200)])
 
@@ -30,15 +31,15 @@ def marking(start, end, **columns):
 
 
 @pytest.fixture
-def drawing(tmp_path):
-    with LineFile.opened(tmp_path / "lines.gpkg", crs="local") as drawing:
+def line_file(tmp_path):
+    with LineFile.opened(tmp_path / "lines.gpkg", crs="local") as line_file:
         lines = LineSet.concatenate([marking(0, 80), marking(110, 200), marking(50, 60, confidence=[0.2])])
-        drawing.commit(Change("extract", LineSet.empty(), lines), who="")
-        yield drawing
+        line_file.commit(Change("extract", LineSet.empty(), lines), who="")
+        yield line_file
 
 
-def say(drawing, action, before, after):
-    return drawing.commit(Change(action, before, after), who="tester", based_on=drawing.revision)
+def say(line_file, action, before, after):
+    return line_file.commit(Change(action, before, after), who="tester", based_on=line_file.revision)
 
 
 class Counting:
@@ -53,57 +54,57 @@ class Counting:
 
 
 def keys(queue):
-    return [item["key"] for item in asyncio.run(queue.documents())]
+    return [item.key for item in asyncio.run(queue.items())]
 
 
-def test_the_queue_is_found_once_for_a_revision(drawing):
+def test_the_queue_is_found_once_for_a_revision(line_file):
     find = Counting()
-    queue = ReviewQueue(drawing, find)
+    queue = ReviewQueue(line_file, find)
     before = keys(queue)
     assert keys(queue) == before
     assert find.n == 1
     assert any(key.startswith("gap lane_marking") for key in before)
     unsure = next(key for key in before if key.startswith("line "))
-    line = drawing.lines.take(drawing.lines.confidence == 0.2)
-    say(drawing, "reject", line, line.with_columns(review=np.array(["rejected"])))
+    line = line_file.lines.take(line_file.lines.confidence == 0.2)
+    say(line_file, "reject", line, line.with_columns(review=np.array(["rejected"])))
     assert unsure not in keys(queue)
     assert find.n == 2
 
 
-def test_what_is_dismissed_stays_away_until_that_is_undone(drawing):
-    queue = ReviewQueue(drawing, Counting())
+def test_what_is_dismissed_stays_away_until_that_is_undone(line_file):
+    queue = ReviewQueue(line_file, Counting())
     first, *rest = keys(queue)
-    none = LineSet.empty(drawing.lines.crs)
-    say(drawing, f"dismiss {first}", none, none)
+    none = LineSet.empty(line_file.lines.crs)
+    say(line_file, f"dismiss {first}", none, none)
     assert keys(queue) == rest
     # Also for a workbench that is started anew
-    assert keys(ReviewQueue(drawing, Counting())) == rest
-    drawing.undo(who="tester")
+    assert keys(ReviewQueue(line_file, Counting())) == rest
+    line_file.undo(who="tester")
     assert keys(queue) == [first, *rest]
-    drawing.redo(who="tester")
+    line_file.redo(who="tester")
     assert keys(queue) == rest
 
 
-def test_only_new_edits_are_read_for_dismissals(drawing, monkeypatch):
-    dismissed, none = Dismissed(), LineSet.empty(drawing.lines.crs)
-    say(drawing, "dismiss a b", none, none)
-    assert dismissed.keys(drawing) == {"a b"}
+def test_only_new_edits_are_read_for_dismissals(line_file, monkeypatch):
+    dismissed, none = Dismissed(), LineSet.empty(line_file.lines.crs)
+    say(line_file, "dismiss a b", none, none)
+    assert dismissed.keys(line_file) == {"a b"}
     asked = []
     monkeypatch.setattr(LineFile, "entries", lambda _, most: asked.append(most) or [])
-    say(drawing, "dismiss c", none, none)
-    dismissed.keys(drawing)
-    dismissed.keys(drawing)
+    say(line_file, "dismiss c", none, none)
+    dismissed.keys(line_file)
+    dismissed.keys(line_file)
     assert asked == [1]
 
 
-def test_a_joined_gap_is_no_gap(drawing):
-    queue = ReviewQueue(drawing, Counting())
-    gap = next(item for item in asyncio.run(queue.documents()) if item["type"] == "gap")
-    assert gap["proposal"]["action"] == "join"
-    ids = gap["proposal"]["ids"]
-    before = drawing.lines.take(np.isin(drawing.lines.id, ids))
-    say(drawing, "join", before, marking(0, 200, id=[ids[0]], review=["edited"]))
-    assert gap["key"] not in keys(queue)
+def test_a_joined_gap_is_no_gap(line_file):
+    queue = ReviewQueue(line_file, Counting())
+    gap = next(item for item in asyncio.run(queue.items()) if item.type == "gap")
+    assert gap.proposal["action"] == "join"
+    ids = gap.proposal["ids"]
+    before = line_file.lines.take(np.isin(line_file.lines.id, ids))
+    say(line_file, "join", before, marking(0, 200, id=[ids[0]], review=["edited"]))
+    assert gap.key not in keys(queue)
 
 
 @pytest.mark.parametrize(
@@ -112,7 +113,7 @@ def test_a_joined_gap_is_no_gap(drawing):
 )
 def test_a_proposal_is_an_edit_that_the_door_lets_in(proposal, more):
     ids = ("a", "b") if proposal == "join" else ("a",)
-    item = document_of(
+    item = queue_item(
         Suspect(
             type="gap",
             ids=ids,
@@ -126,4 +127,4 @@ def test_a_proposal_is_an_edit_that_the_door_lets_in(proposal, more):
             **more,
         )
     )
-    ChangeOrder.model_validate({"revision": 0, "edit": item["proposal"]})
+    ChangeOrder.model_validate({"revision": 0, "edit": item.proposal})

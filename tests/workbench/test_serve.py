@@ -133,7 +133,7 @@ def test_ends_when_it_is_told_to(served_alone, number, code):
     assert len(at_work) >= 2
     assert served.stop(number) == code
     wait_until(lambda: not any(is_running(pid) for pid in at_work))
-    wait_until(lambda: served.stderr[-1] == "ended: every change is saved\n")
+    wait_until(lambda: served.stderr[-1] == "stopped: all changes are saved\n")
     left = {path.name for path in served.survey.iterdir() if path.name.startswith(("lines", ".lines"))}
     assert left == {"lines.gpkg"}
     lines = read_lines(served.lines)

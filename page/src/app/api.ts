@@ -102,7 +102,7 @@ function socket(path: string): WebSocket {
 }
 
 // Live messages, with reconnection; `connected` reports each loss and return, after which missed messages must be fetched
-export function live(received: (message: LiveMessage) => void, connected: (is: boolean) => void): void {
+export function live(received: (message: LiveMessage) => void, connected: (isConnected: boolean) => void): void {
   const open = socket("/api/live");
   open.onopen = () => connected(true);
   open.onmessage = (event) => received(JSON.parse(event.data as string) as LiveMessage);

@@ -45,9 +45,9 @@ export class VertexEditing {
     map.addInteraction(this.modify);
     this.modify.on("modifystart", () => (this.before = this.coordinates));
     this.modify.on("modifyend", () => void this.save());
-    const onVertex = (is: boolean) => map.getTargetElement()?.classList.toggle("on-vertex", is);
-    this.modify.getOverlay().getSource()?.on("addfeature", () => onVertex(true));
-    this.modify.getOverlay().getSource()?.on("removefeature", () => onVertex(false));
+    const setCursor = (onVertex: boolean) => map.getTargetElement()?.classList.toggle("on-vertex", onVertex);
+    this.modify.getOverlay().getSource()?.on("addfeature", () => setCursor(true));
+    this.modify.getOverlay().getSource()?.on("removefeature", () => setCursor(false));
     map.on("click", () => this.activate(this.vertexAt(this.modify.getPoint())));
     for (const event of ["selection", "lines", "tool"] as const) app.on(event, () => this.update());
   }

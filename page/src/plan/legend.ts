@@ -8,7 +8,7 @@ const BANDS: [string, number][] = [["none", 0], ["± 2 σ, true to scale", 2], [
 
 const WIDE_PX = 1600; // in a narrower window the open legend would hide half of the plan
 
-export function legend(app: App, lines: LineLayer, showPath: (is: boolean) => void): HTMLElement {
+export function legend(app: App, lines: LineLayer, showPath: (visible: boolean) => void): HTMLElement {
   const counts = new Map<string, HTMLElement>();
   const kinds = app.survey.kinds.map(({ kind }) => kind);
   // Surveys with images also have lines extracted from images alone
@@ -26,7 +26,7 @@ export function legend(app: App, lines: LineLayer, showPath: (is: boolean) => vo
     element("summary", {}, "Legend"),
     ...rows,
     element("hr"),
-    switchRow("Rejected lines", "swatch rejected", (is) => hide(lines, "rejected", !is), "rejected"),
+    switchRow("Rejected lines", "swatch rejected", (visible) => setHidden(lines, "rejected", !visible), "rejected"),
     switchRow("Vehicle path", "swatch path", showPath, "path"),
     element("div", { class: "row" }, element("span", { class: "swatch bridged" }), "bridged (not measured)"),
     element("div", { class: "row" }, element("span", { class: "swatch accepted" }), "accepted"),
@@ -36,7 +36,7 @@ export function legend(app: App, lines: LineLayer, showPath: (is: boolean) => vo
 }
 
 function kindRow(app: App, lines: LineLayer, kind: string, title: string, counts: Map<string, HTMLElement>): HTMLElement {
-  const row = switchRow(title, "swatch", (is) => hide(lines, kind, !is), kind);
+  const row = switchRow(title, "swatch", (visible) => setHidden(lines, kind, !visible), kind);
   const swatch = row.querySelector<HTMLElement>(".swatch");
   if (swatch) swatch.style.backgroundColor = app.colour(kind);
   const number = element("span", { class: "count" });
@@ -45,7 +45,7 @@ function kindRow(app: App, lines: LineLayer, kind: string, title: string, counts
   return row;
 }
 
-function switchRow(title: string, swatch: string, set: (is: boolean) => void, name: string): HTMLElement {
+function switchRow(title: string, swatch: string, set: (visible: boolean) => void, name: string): HTMLElement {
   const box = element("input", {
     type: "checkbox", checked: true, name: `show-${name}`,
     change: (event) => set((event.target as HTMLInputElement).checked),
@@ -53,8 +53,8 @@ function switchRow(title: string, swatch: string, set: (is: boolean) => void, na
   return element("label", { class: "row" }, box, element("span", { class: swatch }), title);
 }
 
-function hide(lines: LineLayer, name: string, is: boolean): void {
-  if (is) lines.hidden.add(name);
+function setHidden(lines: LineLayer, name: string, hidden: boolean): void {
+  if (hidden) lines.hidden.add(name);
   else lines.hidden.delete(name);
   lines.restyle();
 }

@@ -54,7 +54,7 @@ export class PlanView implements Pane {
     this.element.append(
       imageSwitch(app.survey, (name) => image.show(name)),
       element("div", { class: "north", role: "img", "aria-label": "North is up" }, "N"),
-      legend(app, this.lines, (is) => path.setVisible(is)),
+      legend(app, this.lines, (visible) => path.setVisible(visible)),
       new GrowthCard(app).element,
     );
     bindCommands(app, this.commands);

@@ -35,9 +35,9 @@ export class Selecting {
     this.lines.source.forEachFeatureInExtent(around, (feature) => {
       const line = this.app.lines.get(String(feature.getId()));
       if (line === undefined || !this.lines.isShown(line)) return;
-      const away = nearestOn(line.xyz, place)?.distance_m ?? Infinity;
-      const rank = away + (line.review === "rejected" ? reach_m : 0);
-      if (away < reach_m && rank < least) [best, least] = [line.id, rank];
+      const distance = nearestOn(line.xyz, place)?.distance_m ?? Infinity;
+      const rank = distance + (line.review === "rejected" ? reach_m : 0);
+      if (distance < reach_m && rank < least) [best, least] = [line.id, rank];
     });
     return best;
   }

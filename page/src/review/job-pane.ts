@@ -48,7 +48,7 @@ export class JobPane implements Pane {
     );
     this.showKinds();
     app.on("job", (job) => this.update(job));
-    app.on("connected", (is) => is && void this.load());
+    app.on("connected", (connected) => connected && void this.load());
     void this.load();
   }
 

@@ -158,6 +158,6 @@ export class QueuePane implements Pane {
 }
 
 function nearerEnd(line: Line, at: Place): "start" | "end" {
-  const away = (vertex: readonly number[] | undefined) => Math.hypot((vertex?.[0] ?? 0) - at[0], (vertex?.[1] ?? 0) - at[1]);
-  return away(line.xyz[0]) < away(line.xyz.at(-1)) ? "start" : "end";
+  const distanceTo = (vertex: readonly number[] | undefined) => Math.hypot((vertex?.[0] ?? 0) - at[0], (vertex?.[1] ?? 0) - at[1]);
+  return distanceTo(line.xyz[0]) < distanceTo(line.xyz.at(-1)) ? "start" : "end";
 }

@@ -64,16 +64,16 @@ function between(line: Line, i: number, a: [number, number], b: [number, number]
   return { line, after: i - 1, vertex: null, x: a[0] + share * (b[0] - a[0]), y: 0, z: low + share * (high - low) };
 }
 
-// The point of the slice nearest by `distance` (on the screen), at most `limit` away
+// The point of the slice nearest by `distanceTo` (on the screen), at most `limit` away
 export function pointAt(
-  points: Points, distance: (x: number, z: number) => number, limit: number,
+  points: Points, distanceTo: (x: number, z: number) => number, limit: number,
 ): { x: number; z: number } | null {
   let best: { x: number; z: number } | null = null;
   let least = limit;
   for (let i = 0; i < points.n; i++) {
     const [x, z] = [points.xyz[3 * i]!, points.origin[2] + points.xyz[3 * i + 2]!];
-    const away = distance(x, z);
-    if (away <= least) [best, least] = [{ x, z }, away];
+    const distance = distanceTo(x, z);
+    if (distance <= least) [best, least] = [{ x, z }, distance];
   }
   return best;
 }

@@ -8,12 +8,12 @@ import type { SectionNode } from "./nodes";
 
 // Height of the road at an offset, from the median of the nearest points; null: no point knows its height above the road
 export function roadAt(points: Points, x: number): number | null {
-  const near: [away: number, z: number][] = [];
+  const near: [distance: number, z: number][] = [];
   for (let i = 0; i < points.n; i++) {
     const above_cm = points.above_cm[i]!;
     if (!isAboveKnown(above_cm)) continue;
-    const away = Math.abs(points.xyz[3 * i]! - x);
-    if (away < 1) near.push([away, points.xyz[3 * i + 2]! - above_cm / 100]);
+    const distance = Math.abs(points.xyz[3 * i]! - x);
+    if (distance < 1) near.push([distance, points.xyz[3 * i + 2]! - above_cm / 100]);
   }
   if (near.length === 0) return null;
   const nearest = near.sort((a, b) => a[0] - b[0]).slice(0, 31).map(([, z]) => z);

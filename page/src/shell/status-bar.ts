@@ -20,8 +20,8 @@ export class StatusBar {
     }, "×");
     this.element.append(this.coordinates(), this.scale(), this.message, dismiss, this.saved);
     app.on("message", ({ text, kind }) => this.showMessage(text, kind));
-    app.on("connected", (is) => {
-      this.isConnected = is;
+    app.on("connected", (connected) => {
+      this.isConnected = connected;
       this.showSaved();
     });
     app.on("saved", ({ waiting, since }) => {

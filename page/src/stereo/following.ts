@@ -59,7 +59,7 @@ export class ImageFollowing {
     if (message.type !== "refused" || !this.picked) return;
     this.refusal = { ...this.picked, suggestion: message.works_px };
     this.picked = null;
-    this.refusalText = `${message.reason} ${message.advice}`.trim();
+    this.refusalText = [message.reason, message.advice].filter(Boolean).join("; ");
     this.changed();
   }
 

@@ -1,4 +1,4 @@
-"""The command `linework`: its sub-commands, and the one place where everything that fails becomes a line.
+"""The program `linework`: its commands, and the one place that turns every failure into one line and a code.
 
 Nothing heavy is imported here or at the top of a command's module, so that ``linework --help`` is instant.
 """
@@ -19,23 +19,27 @@ from typing import Annotated, TextIO
 import typer
 
 import linework
-from linework.cli.demo import demo
-from linework.cli.evaluate import evaluate
-from linework.cli.extract import extract_command
+from linework.cli.commands.clean import clean
+from linework.cli.commands.config import config
+from linework.cli.commands.convert import convert
+from linework.cli.commands.demo import demo
+from linework.cli.commands.evaluate import evaluate
+from linework.cli.commands.extract import extract_command
+from linework.cli.commands.info import info
+from linework.cli.commands.locate import locate
+from linework.cli.commands.photolog import photolog
+from linework.cli.commands.raster import raster
+from linework.cli.commands.serve import serve
+from linework.cli.commands.simulate import simulate
+from linework.cli.commands.trace import trace
 from linework.cli.failures import Interrupted, failure_of, save_log
-from linework.cli.info import info
-from linework.cli.locate import locate
-from linework.cli.photolog import photolog
-from linework.cli.raster import raster
-from linework.cli.serve import serve
-from linework.cli.simulate import simulate
-from linework.cli.small_commands import clean, config, convert
-from linework.cli.trace import trace
 from linework.errors import LineworkError
+
+_SUMMARY = "Extract georeferenced 3-D road lines from mobile-mapping surveys."
 
 app = typer.Typer(
     name="linework",
-    help="From what a mapping van records to finished, georeferenced 3-D road lines.",
+    help=_SUMMARY,
     add_completion=False,
     rich_markup_mode=None,  # plain help: rich alone would double its time
 )
@@ -57,24 +61,25 @@ for command in (
     app.command(command.__name__.removesuffix("_command"))(command)
 
 
-def _print_version(asked: bool) -> None:
-    if asked:
+def _print_version(is_requested: bool) -> None:
+    if is_requested:
         typer.echo(f"linework {linework.__version__}")
         raise typer.Exit
 
 
-@app.callback()
+@app.callback(help=_SUMMARY)
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", help="Print the version.", callback=_print_version, is_eager=True)
+        bool,
+        typer.Option("--version", help="Print the version and exit.", callback=_print_version, is_eager=True),
     ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks.")] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Print the traceback of an error.")] = False,
 ) -> None:
-    """From what a mapping van records to finished, georeferenced 3-D road lines."""
+    """Declare the options that stand before a command; `main` reads --debug itself."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return the exit code; every failure is one line on stderr.
+    """Run the command line and return its exit code; a failure is printed as one line on stderr.
 
     Parameters
     ----------
@@ -82,7 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Without the program's name; None: those of this process.
     """
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    # Wherever it stands: who looks for a fault adds it at the end of the line
+    # Accepted anywhere: whoever investigates an error appends it to the command
     debug = "--debug" in arguments
     arguments = [a for a in arguments if a != "--debug"]
     _open_missing_streams()
@@ -90,7 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             code = _run(arguments)
             _flush(sys.stdout)
-        except BaseException as error:  # a decoder's panic is not an Exception
+        except BaseException as error:  # a panic in a Rust decoder is not an Exception
             return _report(error, debug=debug)
     return code
 
@@ -100,7 +105,7 @@ def _run(arguments: list[str]) -> int:
     try:
         result = command.main(args=arguments, prog_name="linework", standalone_mode=False)
     except SystemExit as leaving:
-        # typer leaves with 1 where the reader of our output has gone
+        # typer exits with 1 where the reader of our output has closed the pipe
         if isinstance(leaving.__context__, BrokenPipeError):
             raise leaving.__context__ from None
         return leaving.code if isinstance(leaving.code, int) else 1
@@ -108,24 +113,24 @@ def _run(arguments: list[str]) -> int:
 
 
 def _report(error: BaseException, *, debug: bool) -> int:
-    """Print the one line of a failure, and where the log of a bug is; return the exit code."""
+    """Print the line of a failure, with the path of the log of a bug, and return the exit code."""
     failure = failure_of(error)
     line = failure.line
     if failure.is_bug:
         log = save_log(error)
-        line += f" The log is in {log}: send it with the command." if log else ""
+        line += f" Please report it with the command and the log {log}." if log else ""
     with contextlib.suppress(OSError, ValueError):
         if debug:
             traceback.print_exception(error)
         if line:
             print(line, file=sys.stderr, flush=True)
     for stream in (sys.stdout, sys.stderr):
-        _give_up(stream)
+        _discard(stream)
     return failure.exit_code
 
 
 def _open_missing_streams() -> None:
-    """Point closed standard streams at nothing: the next file opened would take their place."""
+    """Open closed standard streams on the null device: the next file opened would take their number."""
     for number in (0, 1, 2):
         try:
             os.fstat(number)
@@ -137,25 +142,25 @@ def _open_missing_streams() -> None:
 
 
 def _flush(stream: TextIO | None) -> None:
-    """Flush now, where a full disk is still an error with an exit code."""
+    """Flush while a full disk can still become an error with an exit code."""
     if stream is not None:
         stream.flush()
 
 
-def _give_up(stream: TextIO | None) -> None:
-    """Let what a broken stream still holds go to nothing, or Python complains about it at its end."""
+def _discard(stream: TextIO | None) -> None:
+    """Send what a broken stream still holds to the null device; Python would complain about it at exit."""
     try:
         _flush(stream)
     except (OSError, ValueError):
         with contextlib.suppress(OSError, ValueError, AttributeError):
-            nothing = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nothing, stream.fileno())  # type: ignore[union-attr]
-            os.close(nothing)
+            null = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(null, stream.fileno())  # type: ignore[union-attr]
+            os.close(null)
 
 
 @contextlib.contextmanager
 def _signals_raise() -> Iterator[None]:
-    """Make SIGINT and SIGTERM an exception, so that part files are taken away; a second one ends at once."""
+    """Raise an exception on SIGINT and SIGTERM, so that partial files are removed; a second one kills."""
 
     def stop(number: int, _frame: FrameType | None) -> None:
         signal.signal(number, signal.SIG_DFL)
@@ -171,8 +176,8 @@ def _signals_raise() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _warnings_on_one_line() -> Iterator[None]:
-    """Print each different warning once, as one line; what libraries warn about is not for the user."""
-    told: set[str] = set()
+    """Print each distinct UserWarning once, as one line; other categories are meant for developers."""
+    shown: set[str] = set()
 
     def show(
         message: Warning | str,
@@ -184,8 +189,8 @@ def _warnings_on_one_line() -> Iterator[None]:
     ) -> None:
         del filename, lineno, file, line
         text = str(LineworkError(str(message).rstrip("."))).strip()
-        if issubclass(category, UserWarning) and text not in told:
-            told.add(text)
+        if issubclass(category, UserWarning) and text not in shown:
+            shown.add(text)
             print(f"warning: {text}", file=sys.stderr)
 
     before = warnings.showwarning

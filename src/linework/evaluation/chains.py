@@ -1,4 +1,4 @@
-"""Lines by their chainage: places, directions and short pieces, the same however the vertices lie."""
+"""Lines by chainage: positions, directions and short pieces, whatever the spacing of the vertices."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from linework.model.lines import LineSet
 
 #: Lines are compared in pieces no longer than this (methods.md section 5). [m]
 COMPARED_PIECE_M = 0.1
-#: The direction at a place is that of the chord from this far before it to this far after it [m]: long
-#: against the noise of close vertices, short against the sharpest kerb (radius 0.5 m turns 29 degrees in it).
-HALF_CHORD_M = 0.25
+#: Half the chord whose direction is taken as that of the line [m]: long against the noise of close vertices,
+#: short against the sharpest kerb (at a radius of 0.5 m it turns 29 degrees over the half chord).
+_HALF_CHORD_M = 0.25
 
 
 @dataclass(frozen=True, slots=True)
 class Chains:
-    """Lines of one kind, measured along themselves, in metres from a local origin.
+    """Lines of one kind by chainage, in metres from a local origin.
 
     Parameters
     ----------
     lines
-        The lines as they came.
+        The lines, unchanged.
     xyz
-        (n, 3) float64 [m]: vertices less the origin. Heights may be NaN where only the plan is compared.
+        (n, 3) [m, local]: vertices minus the origin. Heights may be NaN where only the plan is compared.
     axis_m
-        (n,) float64 [m]: chainage of each vertex on one axis that holds all lines behind one another.
+        (n,) [m]: position of each vertex on one axis that holds all lines one after another.
     start_m, length_m
-        (m,) float64 [m]: where each line begins on that axis, and how long it is.
+        (m,) [m]: start of each line on that axis, and its length.
     n_dims
         3: lengths, distances and directions are taken in space (cables); 2: in plan.
     """
@@ -45,7 +45,14 @@ class Chains:
 
     @classmethod
     def of(cls, lines: LineSet, origin: FloatArray, n_dims: int) -> Chains:
-        """Measure `lines` along themselves.
+        """Return the chains of `lines`.
+
+        Parameters
+        ----------
+        origin
+            (3,) [m, world].
+        n_dims
+            2: in plan; 3: in space.
 
         Raises
         ------
@@ -54,16 +61,14 @@ class Chains:
         """
         xyz = lines.xyz - origin
         if not np.isfinite(xyz[:, :n_dims]).all():
-            what = "cables need heights" if np.isfinite(xyz[:, :2]).all() else "places are not finite"
-            raise InputError(
-                f"lines cannot be compared: {what}", advice="mend the file, or leave the kind out"
-            )
+            what = "cables need heights" if np.isfinite(xyz[:, :2]).all() else "coordinates are not finite"
+            raise InputError(f"lines cannot be compared: {what}", advice="correct the file, or omit the kind")
         if len(xyz) == 0:
             none = np.zeros(0)
             return cls(lines, xyz, none, none, none, n_dims)
         step = np.concatenate([[0.0], np.linalg.norm(np.diff(xyz[:, :n_dims], axis=0), axis=1)])
         first = lines.offsets[:-1][np.diff(lines.offsets) > 0]
-        step[first] = 1.0  # lines stand one metre apart on the axis
+        step[first] = 1.0  # on the axis, lines are one metre apart
         axis_m = np.cumsum(step)
         last = np.maximum(lines.offsets[1:] - 1, 0)
         start_m = axis_m[np.minimum(lines.offsets[:-1], len(xyz) - 1)]
@@ -74,34 +79,34 @@ class Chains:
         return len(self.lines)
 
     def at(self, line: IntArray, chainage_m: FloatArray) -> FloatArray:
-        """Return (k, 3) places at chainages of lines; beyond an end: that end."""
+        """Return (k, 3) positions [m, local] at chainages (k,) [m] of lines (k,); beyond an end: that end."""
         return np.stack([self.column_at(self.xyz[:, i], line, chainage_m) for i in range(3)], axis=1)
 
     def column_at(self, column: FloatArray, line: IntArray, chainage_m: FloatArray) -> FloatArray:
-        """Return (k,) a per-vertex column between its vertices."""
+        """Return (k,) the values of a per-vertex column (n,), interpolated at chainages (k,) of lines (k,)."""
         if len(line) == 0:
             return np.zeros(0)
         inside = np.clip(chainage_m, 0.0, self.length_m[line])
         return np.interp(self.start_m[line] + inside, self.axis_m, column)
 
     def direction_at(self, line: IntArray, chainage_m: FloatArray) -> FloatArray:
-        """Return (k, n_dims) unit directions; zeros where a line has none (a chord of no length)."""
-        ahead = self.at(line, chainage_m + HALF_CHORD_M)[:, : self.n_dims]
-        behind = self.at(line, chainage_m - HALF_CHORD_M)[:, : self.n_dims]
+        """Return (k, n_dims) unit directions; zeros where the chord has no length."""
+        ahead = self.at(line, chainage_m + _HALF_CHORD_M)[:, : self.n_dims]
+        behind = self.at(line, chainage_m - _HALF_CHORD_M)[:, : self.n_dims]
         return unit(ahead - behind)
 
     def observed_at(self, line: IntArray, chainage_m: FloatArray) -> BoolArray:
-        """Return (k,) bool: on a segment whose two ends were observed."""
+        """Return (k,) bool: the position is on a segment whose two ends were observed."""
         start, end = self._segment_at(line, chainage_m)
         return self.lines.observed[start] & self.lines.observed[end]
 
     def bridged_at(self, line: IntArray, chainage_m: FloatArray) -> BoolArray:
-        """Return (k,) bool: on a segment of which one end was not measured."""
+        """Return (k,) bool: the position is on a segment with an end that was not measured."""
         start, end = self._segment_at(line, chainage_m)
         return self.lines.bridged[start] | self.lines.bridged[end]
 
     def _segment_at(self, line: IntArray, chainage_m: FloatArray) -> tuple[IntArray, IntArray]:
-        """Return (k,) int64 first and last vertex of the segments that hold the places."""
+        """Return (k,) int64 the first and last vertex of the segments at these positions."""
         place = np.clip(chainage_m, 0.0, self.length_m[line]) + self.start_m[line]
         segment = np.searchsorted(self.axis_m, place, side="right") - 1
         segment = np.clip(segment, self.lines.offsets[line], np.maximum(self.lines.offsets[line + 1] - 2, 0))
@@ -112,13 +117,13 @@ class Chains:
 
         Returns
         -------
-        (k,) int64 line, (k,) float64 chainage of the part's middle [m], (k,) float64 its length [m].
+        (k,) int64 line, (k,) chainage of the middle of the part [m], (k,) length of the part [m].
 
         Notes
         -----
-        The parts depend on the line's length only: neither its vertices nor its direction move them.
+        The parts depend only on the length of the line, not on its vertices or drawing direction.
         """
-        # A length a hair over a whole number of parts, by rounding, is that number of parts
+        # A length slightly above a whole number of parts, by rounding, is that number of parts
         n_parts = np.ceil(self.length_m / spacing_m - 1e-6).astype(np.int64)
         n_parts = np.where(self.length_m > 0, np.maximum(n_parts, 1), 0)
         line = np.repeat(np.arange(len(self), dtype=np.int64), n_parts)
@@ -136,11 +141,11 @@ class LinePieces:
     line
         (k,) int64: the line of each piece.
     chainage_m, length_m
-        (k,) float64 [m]: of its middle; its length.
+        (k,) [m]: chainage of its middle; its length.
     xyz
-        (k, 3) float64 [m, local]: its middle.
+        (k, 3) [m, local]: its middle.
     direction
-        (k, n_dims) float64: unit direction.
+        (k, n_dims): unit direction.
     """
 
     line: IntArray
@@ -172,16 +177,16 @@ def cut_into_pieces(chains: Chains, piece_m: float = COMPARED_PIECE_M) -> LinePi
 
 @dataclass(frozen=True, slots=True)
 class ChainSegments:
-    """The straight stretches between vertices, long ones divided, so that a search by middles finds them.
+    """The segments of lines, with long ones divided so that a search by their middles finds them.
 
     Parameters
     ----------
     start, end
-        (k, 3) float64 [m, local]. Ends of neighbours are the same numbers, so that nothing slips between.
+        (k, 3) [m, local]. The end of one segment equals the start of the next bit for bit: no gap between them.
     line
-        (k,) int64.
+        (k,) int64: the line of each segment.
     start_m, end_m
-        (k,) float64 [m]: chainages of both ends.
+        (k,) [m]: chainages of both ends.
     """
 
     start: FloatArray
@@ -217,7 +222,7 @@ def cut_into_segments(chains: Chains, longest_m: float) -> ChainSegments:
 
 
 def unit(vectors: FloatArray) -> FloatArray:
-    """Return (k, d) vectors scaled to length 1; zero stays zero.
+    """Return vectors (k, d) scaled to length 1; zero stays zero.
 
     >>> unit(np.array([[3.0, 4.0], [0.0, 0.0]])).tolist()
     [[0.6, 0.8], [0.0, 0.0]]
@@ -227,12 +232,12 @@ def unit(vectors: FloatArray) -> FloatArray:
 
 
 def same_direction(a: FloatArray, b: FloatArray, max_angle_deg: float) -> BoolArray:
-    """Return (k,) bool: undirected angle between unit vectors at most `max_angle_deg`.
+    """Return (k,) bool: the undirected angle between unit vectors (k, d) is at most `max_angle_deg`.
 
     >>> east, north = np.array([[1.0, 0.0]]), np.array([[0.0, 1.0]])
     >>> bool(same_direction(east, -east, 20.0)[0]), bool(same_direction(east, north, 20.0)[0])
     (True, False)
     """
-    # A micro-radian of slack: an angle of exactly the limit passes, whatever the rounding
+    # A microradian of slack: an angle equal to the limit passes, whatever the rounding
     cosine = np.abs(np.einsum("ij,ij->i", a, b))
     return np.asarray(cosine >= math.cos(math.radians(max_angle_deg) + 1e-6))

@@ -1,4 +1,7 @@
-"""Whole lines as found or not: average precision on the Chamfer distance, as HD-map benchmarks have it."""
+"""Average precision of whole lines by Chamfer distance, as in benchmarks of HD maps.
+
+Apart from the length-based measures, as it judges whole lines: it measures the joining.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +13,10 @@ from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.evaluation.chains import Chains
 from linework.evaluation.match import distance_to
 
-#: Thresholds on the Chamfer distance. [m]
+#: Thresholds on the Chamfer distance [m], finer than the 0.5, 1.0 and 1.5 m of HDMapNet: a survey is denser.
 CHAMFER_M = (0.2, 0.5, 1.0)
-#: Spacing of the samples whose distances are averaged [m]; distances are to the line itself.
-SAMPLE_M = 0.5
+#: Spacing of the samples whose distances are averaged [m]; each distance is to the line itself, not to samples.
+_SAMPLE_M = 0.5
 
 
 def average_precision(
@@ -26,15 +29,15 @@ def average_precision(
     extracted, reference
         Lines of one kind, about one origin.
     limits_m
-        An extracted line is right if its Chamfer distance to a reference line that no surer line has taken
-        is below this.
+        An extracted line is right if its Chamfer distance to a reference line that no more confident line has
+        taken is below this.
 
     Notes
     -----
-    Lines are taken by confidence, surest first (then the longest, then the first), each takes the nearest
-    reference line that is left; AP is the area under precision over recall, precision made falling from the
-    right. Whole lines are compared, so a line found in two halves counts as not found: this judges the
-    joining, the length-based measures judge the geometry.
+    Lines are taken by falling confidence (then by falling length, then in order), and each takes the nearest
+    reference line left. AP is the area under precision over recall, with precision made monotonic from the
+    right. Whole lines are compared, so a line found in two halves counts as not found: this measures the
+    joining, the length-based measures the geometry.
 
     References
     ----------
@@ -50,19 +53,19 @@ def average_precision(
 
 
 def _chamfer_distances(extracted: Chains, reference: Chains, far_m: float) -> FloatArray:
-    """Return (m_e, m_r) [m]: mean of the two mean distances; inf where a bound of it exceeds `far_m`."""
+    """Return (m_e, m_r) Chamfer distances [m], the mean of both mean distances; inf where certainly above `far_m`."""
     distances_m = np.full((len(extracted), len(reference)), np.inf)
     parts_e, parts_r = ([_one(c, i) for i in range(len(c))] for c in (extracted, reference))
     samples_e, samples_r = ([_samples(p) for p in parts] for parts in (parts_e, parts_r))
     boxes_e, boxes_r = (_boxes(samples, extracted.n_dims) for samples in (samples_e, samples_r))
     for i in range(len(extracted)):
         apart = np.maximum(boxes_e[i, 0] - boxes_r[:, 1], boxes_r[:, 0] - boxes_e[i, 1])
-        # No mean is smaller than the gap between the boxes; a line runs half a sample past its outermost ones
-        for j in np.flatnonzero(apart.max(axis=1) < far_m + SAMPLE_M):
+        # No mean is below the gap between the boxes; a line extends half a sample beyond its outermost samples
+        for j in np.flatnonzero(apart.max(axis=1) < far_m + _SAMPLE_M):
             bound_m = _mean_to_box(samples_r[j], boxes_e[i]) + _mean_to_box(samples_e[i], boxes_r[j])
-            if bound_m / 2 < far_m + SAMPLE_M:
-                there = distance_to(samples_e[i], parts_r[j], SAMPLE_M).mean()
-                back = distance_to(samples_r[j], parts_e[i], SAMPLE_M).mean()
+            if bound_m / 2 < far_m + _SAMPLE_M:
+                there = distance_to(samples_e[i], parts_r[j], _SAMPLE_M).mean()
+                back = distance_to(samples_r[j], parts_e[i], _SAMPLE_M).mean()
                 distances_m[i, j] = (there + back) / 2
     return distances_m
 
@@ -70,7 +73,7 @@ def _chamfer_distances(extracted: Chains, reference: Chains, far_m: float) -> Fl
 def _one(chains: Chains, i: int) -> Chains:
     lines = chains.lines.take([i])
     first, last = chains.lines.offsets[i], chains.lines.offsets[i + 1]
-    # The chain's own vertices, already about the common origin
+    # The vertices of the chain are already relative to the common origin
     return Chains(
         lines,
         chains.xyz[first:last],
@@ -82,12 +85,12 @@ def _one(chains: Chains, i: int) -> Chains:
 
 
 def _samples(chains: Chains) -> FloatArray:
-    line, chainage_m, _ = chains.divided(SAMPLE_M)
+    line, chainage_m, _ = chains.divided(_SAMPLE_M)
     return chains.at(line, chainage_m) if len(line) else np.zeros((0, 3))
 
 
 def _boxes(samples: Sequence[FloatArray], n_dims: int) -> FloatArray:
-    """Return (m, 2, n_dims): least and greatest coordinates; a line without length is nowhere (NaN)."""
+    """Return (m, 2, n_dims) the lowest and highest coordinates [m, local]; NaN for a line without length."""
     boxes = np.full((len(samples), 2, n_dims), np.nan)
     for i, places in enumerate(samples):
         if len(places):
@@ -96,14 +99,14 @@ def _boxes(samples: Sequence[FloatArray], n_dims: int) -> FloatArray:
 
 
 def _mean_to_box(places: FloatArray, box: FloatArray) -> float:
-    """Return the mean distance of places to a box [m]: no more than that to the line inside it."""
+    """Return the mean distance of positions (k, 3) to a box [m], a lower bound of that to the line inside it."""
     inside = places[:, : box.shape[1]]
     out = np.maximum(np.maximum(box[0] - inside, inside - box[1]), 0.0)
     return float(np.sqrt(np.einsum("ij,ij->i", out, out)).mean())
 
 
 def _take_in_order(distances_m: FloatArray, order: IntArray, limit_m: float) -> BoolArray:
-    """Return (m_e,) bool in `order`: did the line take a reference line of its own."""
+    """Return (m_e,) bool in the order of `order`: the line took a reference line."""
     is_free = np.ones(distances_m.shape[1], dtype=bool)
     is_hit = np.zeros(len(order), dtype=bool)
     for rank, i in enumerate(order):
@@ -120,5 +123,5 @@ def _area(is_hit: BoolArray, n_reference: int) -> float | None:
     n_hits = np.cumsum(is_hit)
     precision = n_hits / np.arange(1, len(is_hit) + 1)
     falling = np.maximum.accumulate(precision[::-1])[::-1]
-    # Recall rises by 1 / n at every hit: the area is the mean precision there, misses counting 0
+    # Recall rises by 1 / n at every hit: the area is the mean precision at the hits, with 0 for lines missed
     return float(falling[is_hit].sum() / n_reference)

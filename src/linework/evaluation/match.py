@@ -1,4 +1,4 @@
-"""Match extracted lines to reference lines: which part of the one lies beside the other."""
+"""Matching of extracted and reference lines, piece by piece."""
 
 from __future__ import annotations
 
@@ -18,40 +18,40 @@ from linework.evaluation.chains import (
     same_direction,
 )
 
-#: A match needs the same direction within this angle, whichever way the lines were drawn. [deg]
+#: Largest angle between matched lines, whatever their drawing directions [deg] (methods.md section 5).
 MAX_ANGLE_DEG = 20.0
-#: A tie counts as a match whatever the rounding at coordinates of millions of metres (1e-9 m). [m]
+#: Slack of comparisons with a tolerance [m]: above the rounding of coordinates of millions of metres (1e-9 m).
 TIE_M = 1e-6
-#: Segments are searched by their middles; divided to this length, a search finds few in vain. [m]
+#: Longest segment in a search [m]: segments are found by their middles, and short ones give few false candidates.
 SEARCH_SEGMENT_M = 0.5
-#: Queries per block, times the reach in metres: bounds the memory of the pairs (some 10 per query at a reach
-#: of 0.5 m, 100 bytes each).
-QUERY_BLOCK_M = 50_000.0
+#: Queries per block times the reach [m]: bounds the memory of candidate pairs (about 10 per query at a reach of
+#: 0.5 m, 100 bytes each).
+_QUERY_BLOCK_M = 50_000.0
 
 
 @dataclass(frozen=True, slots=True)
 class Nearest:
-    """For each query the nearest place of the same direction on the other lines.
+    """For each query, the nearest point of the same direction on the other lines.
 
     Parameters
     ----------
     distance_m
-        (k,) float64 [m]; inf where there is none within reach.
+        (k,) [m]; inf where there is none within reach.
     line
-        (k,) int64: its line; -1 where there is none.
+        (k,) int64: the line of that point; -1 where there is none.
     """
 
     distance_m: FloatArray
     line: IntArray
 
     def take(self, chosen: BoolArray) -> Nearest:
-        """Return what was found for the chosen queries."""
+        """Return the entries of the chosen queries (k,) bool."""
         return Nearest(self.distance_m[chosen], self.line[chosen])
 
 
 @dataclass(frozen=True, slots=True)
 class PieceMatch:
-    """Extracted and reference lines of one kind, piece by piece.
+    """Extracted and reference lines of one kind, matched piece by piece.
 
     Parameters
     ----------
@@ -60,13 +60,13 @@ class PieceMatch:
     e_pieces, r_pieces
         Their pieces of at most 0.1 m.
     e_nearest
-        For each piece of E the nearest place on R, within reach and of the same direction.
+        For each piece of E, the nearest point on R within reach and of the same direction.
     r_nearest
-        The same for each piece of R on E.
+        The same for each piece of R, on E.
     r_observed
-        (k,) bool: the piece of R was within reach and not hidden.
+        (k_r,) bool: the piece of R was observed (visible to the sensors).
     reach_m
-        Beyond this nothing was searched.
+        Largest distance searched. [m]
     """
 
     extracted: Chains
@@ -80,19 +80,19 @@ class PieceMatch:
 
 
 def match_chains(extracted: Chains, reference: Chains, reach_m: float) -> PieceMatch:
-    """Find for every piece of either side how far the other side is.
+    """Return for every piece of either side its distance to the other side.
 
     Parameters
     ----------
     extracted, reference
-        Lines of one kind, about one origin.
+        Lines of one kind, relative to one origin.
     reach_m
-        Largest distance searched; every tolerance up to it can be read off the result.
+        Largest distance searched [m]; the result serves every tolerance up to it.
 
     Notes
     -----
-    A piece is judged by its middle. Ends of lines are round (a buffer's end caps), so a line that covers
-    half of another matches up to one tolerance more than its half of it.
+    A piece is judged by its middle. Line ends are round, like the caps of a buffer: a line that covers half
+    of another matches that half and up to one tolerance more.
     """
     e_pieces, r_pieces = cut_into_pieces(extracted), cut_into_pieces(reference)
     return PieceMatch(
@@ -108,9 +108,9 @@ def match_chains(extracted: Chains, reference: Chains, reach_m: float) -> PieceM
 
 
 def nearest_along(pieces: LinePieces, chains: Chains, reach_m: float) -> Nearest:
-    """Return the nearest place on `chains` for each piece, among those of the same direction.
+    """Return for each piece the nearest point on `chains` of the same direction.
 
-    Distances are to the lines themselves, not to samples. Of two lines equally near the first is taken.
+    Distances are to the lines themselves, not to samples. Of two lines at equal distance the first is taken.
     """
     distance_m = np.full(len(pieces), np.inf)
     line = np.full(len(pieces), -1, dtype=np.int64)
@@ -122,7 +122,7 @@ def nearest_along(pieces: LinePieces, chains: Chains, reach_m: float) -> Nearest
         along = np.einsum("ij,ij->i", pieces.xyz[query, :n] - start, step)
         part = np.clip(along / np.einsum("ij,ij->i", step, step), 0.0, 1.0)
         gap_m = np.linalg.norm(start + part[:, None] * step - pieces.xyz[query, :n], axis=1)
-        # Directions cost most: only of what is near
+        # Directions cost most: only for candidates within reach
         near = np.flatnonzero(gap_m <= reach_m + TIE_M)
         there = k[near]
         chainage_m = segments.start_m[there] + part[near] * (segments.end_m - segments.start_m)[there]
@@ -137,21 +137,21 @@ def nearest_along(pieces: LinePieces, chains: Chains, reach_m: float) -> Nearest
 def pairs_within(
     places: FloatArray, segments: ChainSegments, reach_m: float, n_dims: int
 ) -> Iterator[tuple[IntArray, IntArray]]:
-    """Yield (query, segment) index pairs that may lie within `reach_m`, in blocks of queries.
+    """Yield index pairs (query, segment), each (k,) int64, that may lie within `reach_m`, by blocks of queries.
 
     Parameters
     ----------
     places
-        (q, 3) float64 [m, local].
+        (q, 3) positions. [m, local]
     n_dims
-        Distances in plan (2) or in space (3).
+        2: distances in plan; 3: in space.
     """
     if len(places) == 0 or len(segments) == 0:
         return
     middle = (segments.start + segments.end)[:, :n_dims] / 2
     half_m = float(np.linalg.norm((segments.end - segments.start)[:, :n_dims], axis=1).max()) / 2
     tree = cKDTree(middle)
-    block = max(int(QUERY_BLOCK_M / reach_m), 1000)
+    block = max(int(_QUERY_BLOCK_M / reach_m), 1000)
     for first in range(0, len(places), block):
         queries = cKDTree(places[first : first + block, :n_dims])
         found = queries.sparse_distance_matrix(tree, reach_m + half_m + TIE_M, output_type="ndarray")
@@ -159,7 +159,7 @@ def pairs_within(
 
 
 def first_per_query(query: IntArray, cost: AnyArray, tie: AnyArray) -> IntArray:
-    """Return the index of the cheapest entry of each query; ties go to the smallest `tie`.
+    """Return the index of the entry with the lowest cost of each query; ties go to the smallest `tie`.
 
     >>> first_per_query(np.array([1, 0, 1]), np.array([0.3, 0.2, 0.1]), np.array([0, 0, 0])).tolist()
     [1, 2]
@@ -171,10 +171,10 @@ def first_per_query(query: IntArray, cost: AnyArray, tie: AnyArray) -> IntArray:
 
 
 def distance_to(places: FloatArray, chains: Chains, spacing_m: float) -> FloatArray:
-    """Return (k,) float64 [m]: distance of places to the nearest line of any direction, however far.
+    """Return (k,) distances [m] of positions (k, 3) to the nearest line of any direction, at any distance.
 
-    Exact for straight lines; in a bend of radius r short of it by at most ``spacing_m**2 / (8 r)``.
-    inf where there are no lines.
+    Exact for straight lines; in a bend of radius r wrong by at most ``spacing_m**2 / (8 r)``. inf where there are
+    no lines.
     """
     line, chainage_m, length_m = chains.divided(spacing_m)
     if len(line) == 0 or len(places) == 0:

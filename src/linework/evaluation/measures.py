@@ -1,4 +1,4 @@
-"""Score extracted lines against reference lines: the measures of road extraction, per kind and overall."""
+"""Evaluation of extracted lines against reference lines: the measures of road extraction, per kind and overall."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ from dataclasses import replace
 import numpy as np
 
 from linework.errors import CrsError, UsageError
-from linework.evaluation.chains import COMPARED_PIECE_M, Chains
-from linework.evaluation.dashes import (
+from linework.evaluation.attributes import (
     ATTRIBUTES,
     COMPARED_LABELS,
-    DASH_KIND,
     attribute_errors,
-    dash_scores,
     group_scores,
     label_scores,
 )
-from linework.evaluation.honesty import bridged_scores, calibrate, sigma_terciles
+from linework.evaluation.calibration import bridged_scores, calibrate, sigma_terciles
+from linework.evaluation.chains import COMPARED_PIECE_M, Chains
+from linework.evaluation.dashes import DASH_KIND, dash_scores
 from linework.evaluation.instances import CHAMFER_M, average_precision
 from linework.evaluation.match import TIE_M, PieceMatch, distance_to, match_chains
 from linework.evaluation.stations import Stations, measure_stations
@@ -29,9 +28,9 @@ from linework.files.geodesy.crs import LOCAL, describe_crs, has_height, same_crs
 from linework.model.lines import KINDS, LineSet
 
 #: Tolerances of the curve (methods.md section 5). [m]
-CURVE_M = (0.05, 0.10, 0.20, 0.50)
-#: Wider than the distance between neighbouring lines nothing can be told from a match. [m]
-MAX_TOLERANCE_M = 10.0
+_CURVE_M = (0.05, 0.10, 0.20, 0.50)
+#: Largest tolerance [m]: far above the distance of neighbouring lines, where a match means nothing any more.
+_MAX_TOLERANCE_M = 10.0
 
 
 def evaluate_lines(
@@ -40,42 +39,42 @@ def evaluate_lines(
     *,
     tolerance_m: float = 0.10,
     kinds: Sequence[str] | None = None,
-    curve_m: Sequence[float] = CURVE_M,
+    curve_m: Sequence[float] = _CURVE_M,
 ) -> Scores:
-    """Score `extracted` against `reference`, kind by kind and overall.
+    """Return the scores of `extracted` against `reference`, per kind and overall.
 
     Parameters
     ----------
     extracted, reference
-        Lines in the same CRS. The reference's `observed` says where it was within reach and not hidden.
+        Lines in the same CRS. `observed` of the reference marks where it was visible to the sensors.
     tolerance_m
-        Distance within which a line counts as found, in space for cables, in plan for all else. [m]
+        Distance within which a line counts as found: in space for cables, in plan for all other kinds. [m]
     kinds
-        What to score; None: every kind that either of them holds.
+        Kinds to score; None: every kind that either of them holds.
     curve_m
-        More tolerances to score at. [m]
+        Further tolerances to score at. [m]
 
     Raises
     ------
     CrsError
         The two are in different CRSs.
     UsageError
-        A tolerance is not positive, or wider than `MAX_TOLERANCE_M`.
+        A tolerance is not positive or is above 10 m, or there is no line at all.
     InputError
         A coordinate is not finite.
 
     Notes
     -----
     Completeness is over the observed reference, with the figure over all of it beside; correctness and
-    redundancy are against all of the reference, since what runs on rightly where nothing was seen is right.
-    Neither side's vertices or drawing direction matter, but for the sign of the lateral error: positive is to
-    the left of the reference's drawing direction.
+    redundancy are against all of the reference, since a line that continues correctly where nothing was visible
+    is correct. Vertices and drawing directions do not matter, except for the sign of the lateral error: positive
+    is to the left of the reference's drawing direction.
 
     References
     ----------
     C. Heipke, H. Mayer, C. Wiedemann, O. Jamet, Evaluation of automatic road extraction, International
-    Archives of Photogrammetry and Remote Sensing 32 (3-4W2), 1997. Redundancy and gaps follow it; the
-    direction test and the observed reference are ours.
+    Archives of Photogrammetry and Remote Sensing 32 (3-4W2), 1997. Redundancy and gaps follow the paper; the
+    direction test and the observed reference are additions.
 
     Examples
     --------
@@ -101,18 +100,30 @@ def match_lines(
     *,
     tolerance_m: float = 0.10,
     kinds: Sequence[str] | None = None,
-    curve_m: Sequence[float] = CURVE_M,
+    curve_m: Sequence[float] = _CURVE_M,
     dash_end_m: float = DASH_END_M,
 ) -> tuple[KindMatch, ...]:
-    """Match kind by kind, once for every tolerance: the first half of `evaluate_lines`, which see.
+    """Return the match of each kind, which serves every tolerance: the first half of `evaluate_lines`, which see.
 
-    `dash_end_m` is how far the end of a dash may be off: the distance of the scan lines where that is wider.
+    Parameters
+    ----------
+    dash_end_m
+        Tolerance for the ends of dashes; the scan-line spacing where that is larger. [m]
+
+    Raises
+    ------
+    CrsError
+        The two are in different CRSs.
+    UsageError
+        A tolerance is not positive or is above 10 m.
+    InputError
+        A coordinate is not finite.
     """
     check_crs(extracted.crs, reference.crs)
     for b in (tolerance_m, *curve_m, dash_end_m):
-        if not 0 < b <= MAX_TOLERANCE_M:
+        if not 0 < b <= _MAX_TOLERANCE_M:
             raise UsageError(
-                f"tolerance of {b:g} m, expected more than 0 and at most {MAX_TOLERANCE_M:g} m",
+                f"tolerance of {b:g} m, expected more than 0 and at most {_MAX_TOLERANCE_M:g} m",
                 where="evaluate",
             )
     reach_m = max(tolerance_m, *curve_m)
@@ -122,9 +133,9 @@ def match_lines(
 
 
 def scores_of(
-    parts: Sequence[KindMatch], *, tolerance_m: float = 0.10, curve_m: Sequence[float] = CURVE_M
+    parts: Sequence[KindMatch], *, tolerance_m: float = 0.10, curve_m: Sequence[float] = _CURVE_M
 ) -> Scores:
-    """Score matched lines: the second half of `evaluate_lines`, which see; at least one kind is needed."""
+    """Return the scores of at least one matched kind: the second half of `evaluate_lines`, which see."""
     return Scores(
         tolerance_m=tolerance_m,
         kinds=tuple(score([part], part.kind, tolerance_m, curve_m) for part in parts),
@@ -133,15 +144,15 @@ def scores_of(
 
 
 def kinds_in(*sets: LineSet) -> tuple[str, ...]:
-    """Return the kinds of all lines in `sets`: known ones in the order of the layers, then others by name."""
+    """Return the kinds of all lines in `sets`: known kinds in the order of the layers, then others by name."""
     present = {str(kind) for lines in sets for kind in lines.kind}
     return tuple(k for k in KINDS if k in present) + tuple(sorted(present - set(KINDS)))
 
 
 def match_kind(extracted: LineSet, reference: LineSet, kind: str, reach_m: float) -> KindMatch:
-    """Match the lines of one kind: pieces both ways, and stations."""
+    """Return the match of the lines of one kind: pieces of both sides, stations and average precision."""
     both = np.concatenate([extracted.xyz, reference.xyz])
-    # Near the lines: float64 is kept, but differences of squares stay exact to micrometres
+    # Close to the lines, so that differences of squares stay exact to micrometres in float64
     origin = np.floor(both.min(axis=0)) if len(both) and np.isfinite(both).all() else np.zeros(3)
     n_dims = 3 if kind == "cable" else 2
     e, r = (Chains.of(lines.of_kind(kind), origin, n_dims) for lines in (extracted, reference))
@@ -151,9 +162,9 @@ def match_kind(extracted: LineSet, reference: LineSet, kind: str, reach_m: float
 
 
 def score(
-    parts: Sequence[KindMatch], name: str, tolerance_m: float, curve_m: Sequence[float] = CURVE_M
+    parts: Sequence[KindMatch], name: str, tolerance_m: float, curve_m: Sequence[float] = _CURVE_M
 ) -> KindScores:
-    """Return the measures of some kinds together."""
+    """Return the measures of one kind, or of several together."""
     matches = [part.match for part in parts]
     stations = Stations.concatenate([part.stations for part in parts])
     measured = stations.take((stations.offset_m <= tolerance_m + TIE_M) & ~stations.is_bridged)
@@ -189,9 +200,9 @@ def score(
 
 
 def hausdorff(matches: Sequence[PieceMatch]) -> tuple[float | None, float | None]:
-    """Return the Hausdorff distance and the larger of the two sides' 95th percentiles [m].
+    """Return the Hausdorff distance and the larger of both sides' 95th percentiles [m].
 
-    From E to all of R, and from the observed R to E. None where a side has no lines.
+    Distances are from E to all of R, and from the observed R to E. None where a side has no lines.
     """
     to_r = [distance_to(m.e_pieces.xyz, m.reference, COMPARED_PIECE_M) for m in matches]
     to_e = [distance_to(m.r_pieces.xyz[m.r_observed], m.extracted, COMPARED_PIECE_M) for m in matches]
@@ -209,16 +220,13 @@ def _mean_precision(parts: Sequence[KindMatch]) -> dict[float, float | None]:
     return mean
 
 
-# Two line sets can be compared only where they stand in the same coordinate reference system
-
-
 def check_crs(extracted: str, reference: str) -> None:
-    """Raise unless both are in one CRS.
+    """Raise unless both sets of lines are in the same CRS.
 
     Parameters
     ----------
     extracted, reference
-        WKT2, or "local". A CRS without a height datum agrees with one that has it (some formats drop it):
+        WKT2, or "local". A CRS without a vertical datum matches one that has it (some formats drop it):
         heights are then compared as they are, with a warning.
 
     Raises
@@ -233,7 +241,7 @@ def check_crs(extracted: str, reference: str) -> None:
         raise CrsError(
             f"lines are in {a}, reference in {b} (local: metres, no place on earth)",
             where="evaluate",
-            advice="give --crs to say what the file in no CRS is in",
+            advice="give the CRS of the local file with --crs",
         )
     if not same_plan(extracted, reference) or (has_height(extracted) and has_height(reference)):
         raise CrsError(
@@ -243,6 +251,6 @@ def check_crs(extracted: str, reference: str) -> None:
         )
     stated = a if has_height(extracted) else b
     warnings.warn(
-        f"only one side says what its heights refer to ({stated}): they are compared as they are",
+        f"only one side states a vertical datum ({stated}): heights are compared as they are",
         stacklevel=3,
     )

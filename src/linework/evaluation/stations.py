@@ -1,4 +1,4 @@
-"""Signed errors at stations along the reference: across it, in height, and how sure the line was."""
+"""Signed errors at stations along the reference: lateral and in height, with the sigmas of the line."""
 
 from __future__ import annotations
 
@@ -18,30 +18,30 @@ from linework.evaluation.match import (
 )
 
 #: Distance between stations on the reference (methods.md section 5). [m]
-REFERENCE_STATION_M = 0.5
+_REFERENCE_STATION_M = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class Stations:
-    """What was measured at each station of the reference; NaN (inf for `offset_m`) where nothing was met.
+    """The measurements at stations of the reference; NaN (inf for `offset_m`) where no line was met.
 
     Parameters
     ----------
     lateral_m
-        (k,) float64 [m]: horizontal error, positive to the left of the reference's drawing direction.
+        (k,) [m]: horizontal error, positive to the left of the reference's drawing direction.
     height_m
-        (k,) float64 [m]: extracted less reference height.
+        (k,) [m]: extracted minus reference height.
     offset_m
-        (k,) float64 [m]: what a tolerance is compared with: |lateral| in plan, for cables the distance in
-        the vertical plane across the reference.
+        (k,) [m]: the distance that is compared with a tolerance: |lateral_m|, or for cables the distance in the
+        vertical plane across the reference.
     sigma_xy_m, sigma_z_m
-        (k,) float64 [m]: what the extracted line itself says about that place.
+        (k,) [m]: the sigmas of the extracted line there.
     is_observed
         (k,) bool: the reference was observed there.
     is_bridged
         (k,) bool: the extracted line was not measured where it was met.
     line
-        (k,) int64: the reference line, counted within its own set.
+        (k,) int64: the reference line, by its index in its own set.
     """
 
     lateral_m: FloatArray
@@ -57,18 +57,18 @@ class Stations:
         return len(self.lateral_m)
 
     def take(self, chosen: BoolArray) -> Stations:
-        """Return the chosen stations."""
+        """Return the chosen stations, (k,) bool."""
         return Stations(*(getattr(self, f.name)[chosen] for f in fields(self)))
 
     @classmethod
     def concatenate(cls, parts: Sequence[Stations]) -> Stations:
-        """Return the stations of all `parts`, which are at least one."""
+        """Return the stations of all `parts`, of which there is at least one."""
         return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
 
 
 @dataclass(frozen=True, slots=True)
 class _Perpendiculars:
-    """Places q on the reference with their directions: unit vectors along (in plan and as matched) and left."""
+    """Points q on the reference with unit vectors along it in plan, to its left, and along it as matched."""
 
     q: FloatArray
     along: FloatArray
@@ -78,7 +78,7 @@ class _Perpendiculars:
 
 @dataclass(frozen=True, slots=True)
 class _Crossings:
-    """Where perpendiculars meet segments: which, how far to the left and up, at which chainage."""
+    """Intersections of perpendiculars and segments: both indices, distances to the left and up, and chainage."""
 
     query: IntArray
     segment: IntArray
@@ -88,23 +88,23 @@ class _Crossings:
 
 
 def measure_stations(extracted: Chains, reference: Chains, reach_m: float) -> Stations:
-    """Measure ``e = (p - q) . n`` where the perpendicular at q on the reference meets the extracted lines.
+    """Return ``e = (p - q) . n`` where the perpendicular at q on the reference meets an extracted line at p.
 
     Parameters
     ----------
     extracted, reference
-        Lines of one kind, about one origin.
+        Lines of one kind, relative to one origin.
     reach_m
-        A perpendicular ends this far from the reference on either side; beyond: a miss.
+        Length of the perpendicular to either side; beyond it the station is missed. [m]
 
     Notes
     -----
-    n points to the left of the reference's drawing direction, so reversing the reference turns the sign and
-    nothing else; reversing an extracted line changes nothing. Of several lines met the nearest one is taken
-    (for cables the nearest in the vertical plane), of those equally near the first. A line met at more than
-    20 degrees is not counted as met.
+    n points to the left of the reference's drawing direction: reversing the reference changes the sign and
+    nothing else; reversing an extracted line changes nothing. Of several lines met, the nearest is taken (for
+    cables the nearest in the vertical plane), and of those at equal distance the first. A line that is met at
+    more than 20 degrees does not count.
     """
-    line, chainage_m, _ = reference.divided(REFERENCE_STATION_M)
+    line, chainage_m, _ = reference.divided(_REFERENCE_STATION_M)
     n = len(line)
     lateral_m, height_m, offset_m = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.inf)
     met_line, met_m = np.full(n, -1, dtype=np.int64), np.zeros(n)
@@ -138,11 +138,11 @@ def measure_stations(extracted: Chains, reference: Chains, reach_m: float) -> St
 def _crossings(
     stations: _Perpendiculars, segments: ChainSegments, query: IntArray, k: IntArray
 ) -> _Crossings:
-    """Return where the perpendiculars `query` meet the segments `k`; pairs that do not meet fall away."""
+    """Return the intersections of the perpendiculars `query` (k,) and the segments `k` (k,); others are dropped."""
     start, end = segments.start[k] - stations.q[query], segments.end[k] - stations.q[query]
     before = np.einsum("ij,ij->i", start[:, :2], stations.along[query])
     after = np.einsum("ij,ij->i", end[:, :2], stations.along[query])
-    # A micrometre of slack, so that rounding does not decide about a line that ends at the station
+    # A micrometre of slack, so that rounding does not decide for a line that ends at the station
     meets = (np.minimum(before, after) <= TIE_M) & (np.maximum(before, after) >= -TIE_M) & (before != after)
     query, k, start, end = query[meets], k[meets], start[meets], end[meets]
     part = np.clip(before[meets] / (before - after)[meets], 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""The measures that depend on the tolerance: lengths matched, gaps, pieces, errors at stations."""
+"""The measures that depend on the tolerance: matched lengths, gaps, pieces, errors at stations."""
 
 from __future__ import annotations
 
@@ -12,18 +12,23 @@ from linework.evaluation.match import TIE_M, PieceMatch
 from linework.evaluation.stations import Stations
 from linework.evaluation.values import ErrorStats, ToleranceScores
 
-#: An extracted line is a piece of a reference line if it lies on it over this length, or over half of
-#: itself where it is shorter: one station, so that running past a joint does not count. [m]
-LEAST_OVERLAP_M = 0.5
-#: How far the end of a dash may be off, where the scan lines are no further apart. [m]
+#: Least overlap of an extracted line that counts as a piece of a reference line, or half of its own length where
+#: that is less [m]: one station, so that running past a joint does not count.
+_LEAST_OVERLAP_M = 0.5
+#: Tolerance for the ends of dashes [m], where the scan lines are no farther apart.
 DASH_END_M = 0.10
 
 
 @dataclass(frozen=True, slots=True)
 class KindMatch:
-    """All that is measured of one kind, before a tolerance is set.
+    """The match of one kind, before a tolerance is applied.
 
-    `dash_end_m` is how far the end of a dash may be off: no less than the scan lines are apart.
+    Parameters
+    ----------
+    chamfer_ap
+        Average precision of whole lines, by threshold [m].
+    dash_end_m
+        Tolerance for the ends of dashes, no less than the scan-line spacing. [m]
     """
 
     kind: str
@@ -69,7 +74,7 @@ def at_tolerance(parts: Sequence[KindMatch], stations: Stations, b: float) -> To
 
 
 def error_stats(errors_m: FloatArray, *, signed: bool = True, n: int | None = None) -> ErrorStats:
-    """Return bias, RMSE, median and 95th percentile of the finite errors (k,) [m].
+    """Return bias, RMSE, median and 95th percentile of those errors (k,) [m] that are finite.
 
     >>> error_stats(np.array([0.5, -0.25, np.nan])).bias_m
     0.125
@@ -87,12 +92,12 @@ def error_stats(errors_m: FloatArray, *, signed: bool = True, n: int | None = No
 
 
 def _n_gaps(m: PieceMatch, b: float) -> int:
-    """Count the stretches of observed reference without a match; a hidden stretch does not divide one."""
+    """Return the number of stretches of observed reference without a match; hidden parts do not divide one."""
     line = m.r_pieces.line[m.r_observed]
     is_missed = m.r_nearest.distance_m[m.r_observed] > b + TIE_M
-    goes_on = np.zeros(len(line), dtype=bool)
-    goes_on[1:] = is_missed[:-1] & (line[1:] == line[:-1])
-    return int((is_missed & ~goes_on).sum())
+    continues = np.zeros(len(line), dtype=bool)
+    continues[1:] = is_missed[:-1] & (line[1:] == line[:-1])
+    return int((is_missed & ~continues).sum())
 
 
 def _pieces_per_line(matches: Sequence[PieceMatch], b: float) -> float | None:
@@ -102,7 +107,7 @@ def _pieces_per_line(matches: Sequence[PieceMatch], b: float) -> float | None:
         n_r = max(len(m.reference), 1)
         pair, k = np.unique(m.e_pieces.line[found] * n_r + m.e_nearest.line[found], return_inverse=True)
         overlap_m = np.bincount(k, weights=m.e_pieces.length_m[found], minlength=len(pair))
-        least_m = np.minimum(LEAST_OVERLAP_M, m.extracted.length_m[pair // n_r] / 2)
+        least_m = np.minimum(_LEAST_OVERLAP_M, m.extracted.length_m[pair // n_r] / 2)
         on_line = pair[overlap_m >= least_m - TIE_M] % n_r
         n_pieces += len(on_line)
         n_found += len(np.unique(on_line))
@@ -110,5 +115,5 @@ def _pieces_per_line(matches: Sequence[PieceMatch], b: float) -> float | None:
 
 
 def ratio(part: float, whole: float) -> float | None:
-    """Return a share; None of nothing."""
+    """Return part / whole; None where the whole is 0."""
     return part / whole if whole > 0 else None

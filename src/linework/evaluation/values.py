@@ -1,4 +1,4 @@
-"""The values that scores are made of: each a named figure with its unit, undefined ones None."""
+"""The scores of an evaluation as values: each with a name and a unit, None where undefined."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorStats:
-    """Errors in figures; all None where there were none.
+    """Statistics of errors; all None where there are no errors.
 
     Parameters
     ----------
     n
-        How many.
+        Number of errors.
     bias_m
         Mean of the signed errors; None for distances, which have no sign.
     rmse_m
-        Root of the mean square.
+        Root mean square.
     median_m, p95_m
-        Half, and 95 % of the errors are no larger than this, signs left out.
+        Median and 95th percentile of the absolute errors.
     """
 
     n: int = 0
@@ -34,30 +34,30 @@ class ErrorStats:
 class ToleranceScores:
     """The measures that depend on the tolerance b.
 
-    E is what was extracted, R the reference, |.| a length.
+    E are the extracted lines, R the reference, |.| a length.
 
     Parameters
     ----------
     tolerance_m
-        b. ME is the part of E within b of R and of the same direction, MR the part of R within b of E.
+        The tolerance b. ME is the part of E within b of R and of the same direction, MR the part of R within b of E.
     matched_extracted_m, matched_reference_m, matched_observed_m
-        |ME|, |MR| and |MR| where the reference was observed.
+        |ME|, |MR|, and |MR| over the observed reference.
     completeness, completeness_all
         |MR| / |R| over the observed reference, and over all of it.
     correctness
         |ME| / |E|, against all of the reference.
     quality, quality_all
-        |ME| / (|E| + length of R without MR), R over the observed reference, and over all of it.
+        |ME| / (|E| + length of R outside MR), over the observed reference, and over all of it.
     redundancy
-        (|ME| - |MR|) / |ME|, against all of the reference; a hair below 0 is possible at line ends.
+        (|ME| - |MR|) / |ME|, against all of the reference; slightly below 0 is possible at line ends.
     gaps_per_km
         Stretches of the observed reference without a match, per km of it.
     pieces_per_line
-        Extracted lines on a reference line, mean over the reference lines that were found.
+        Extracted lines per reference line, averaged over the reference lines found.
     n_missed, n_missed_observed
-        Stations whose perpendicular met nothing within b; those of them on the observed reference.
+        Stations whose perpendicular meets no line within b; those of them on the observed reference.
     lateral, height
-        Errors at the stations that met something; the RMSE cannot exceed b (in height: only for cables).
+        Errors at the stations that meet a line; the RMSE cannot exceed b (in height only for cables).
     space
         Cables: distances in the vertical plane across the reference.
     """
@@ -83,14 +83,14 @@ class ToleranceScores:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SigmaTercile:
-    """A third of the stations by sigma: were their errors as large as it says.
+    """A third of the stations ordered by sigma, with the ratio of their errors to sigma.
 
     Parameters
     ----------
     n, sigma_low_m, sigma_high_m
-        How many stations, and their range of sigma.
+        Number of stations, and their range of sigma.
     rms_ratio
-        rms(error / sigma): 1 is honest, above 1 is too sure.
+        rms(error / sigma): 1 is honest, above 1 is overconfident.
     """
 
     n: int
@@ -101,14 +101,14 @@ class SigmaTercile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConfidenceClass:
-    """Pieces of about the same confidence: how sure they were said to be, and how often that was right.
+    """Pieces of similar confidence: their stated confidence and the share that is correct.
 
     Parameters
     ----------
     n
-        Pieces.
+        Number of pieces.
     said, was
-        Their mean confidence; the share of them that is correct.
+        Mean confidence, and share of correct pieces. The names are those of the JSON output.
     """
 
     n: int
@@ -118,18 +118,18 @@ class ConfidenceClass:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """Does the confidence say how often a line is right: judged per piece of about 10 m.
+    """How well confidence predicts correctness, judged per piece of about 10 m.
 
     Parameters
     ----------
     n_pieces, n_correct
-        Pieces; those of them with more than half their length within tolerance.
+        Number of pieces; those of them with more than half their length within the tolerance.
     calibration_error
-        Mean difference between confidence and the share that is correct, over ten classes of confidence.
+        Mean difference of confidence and share of correct pieces, over ten classes of confidence.
     auc
-        Chance that a correct piece has a higher confidence than a wrong one; None without both.
+        Probability that a correct piece has a higher confidence than a wrong one; None unless there are both.
     classes
-        The classes of confidence that hold pieces, least sure first.
+        The classes that hold pieces, lowest confidence first.
     """
 
     n_pieces: int = 0
@@ -141,16 +141,16 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelScores:
-    """Is a word that lines carry (role, pattern, form) the right one.
+    """Correctness of a text attribute of lines: role, pattern, form, double.
 
     Parameters
     ----------
     compared_m
-        Length of the found reference that has such a word.
+        Length of the found reference that has the attribute. [m]
     share_right
-        Part of it where the extracted line has the same word; having none is wrong.
+        Share of it where the extracted line has the same value; having none is wrong.
     mistaken_m
-        The rest by "reference > extracted", longest first. [m]
+        Lengths of the rest by "reference > extracted", longest first. [m]
     """
 
     compared_m: float = 0.0
@@ -160,23 +160,23 @@ class LabelScores:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DashScores:
-    """The dashes of markings, one by one.
+    """Scores of single dashes.
 
     Parameters
     ----------
     n_reference, n_found
-        Dashes seen over at least half their length; those of them that an extracted dash of their own covers
-        by half or more.
+        Dashes observed over at least half their length; those of them with an extracted partner, which covers
+        half of them or more.
     n_extracted, n_right
-        Extracted dashes; those of them that lie on a dash of their own, seen or not.
+        Extracted dashes; those of them with a partner in the reference, observed or not.
     share_found, share_right
         n_found / n_reference, n_right / n_extracted.
     end_limit_m
-        How far off an end may be (the mean, where surveys differ).
+        Tolerance for the ends (the mean, where surveys differ). [m]
     share_ends_within
-        Part of the seen ends of found dashes that is no further off than that.
+        Share of the observed ends of found dashes within that tolerance.
     ends
-        Errors of these ends along the line, positive where the extracted dash is too long.
+        Errors of these ends along the dash, positive where the extracted dash is too long.
     """
 
     n_reference: int
@@ -192,21 +192,21 @@ class DashScores:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BridgedScores:
-    """What was carried over gaps, and what lies hidden.
+    """Scores of bridged stretches, and of the hidden reference.
 
     Parameters
     ----------
     hidden_m, hidden_found_m
-        Length of the reference that could not be observed; the part of it that was found all the same.
+        Length of the reference that could not be observed; the part of it that was found nevertheless. [m]
     bridged_m
-        Length of extracted lines without measurement.
+        Length of extracted lines without measurement. [m]
     share_right
-        The part of that within the tolerance of the reference.
+        Share of that within the tolerance of the reference.
     lateral, lateral_measured
-        Errors at stations that met a bridged stretch, at any distance searched (a bridge may be wider off
-        than the tolerance and still say so); and those within the tolerance that met a measured one.
+        Errors at stations that meet a bridged stretch, at any distance searched (an honest bridge may be off by
+        more than the tolerance); and at those that meet a measured one within the tolerance.
     sigma_xy, sigma_z
-        Terciles of sigma at the stations of `lateral`.
+        Thirds of sigma at the stations of `lateral`.
     """
 
     hidden_m: float
@@ -221,21 +221,21 @@ class BridgedScores:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupScores:
-    """The measures of the lines of one kind that share a word: boundaries with a kerb, dashed markings.
+    """The measures of a group of lines of one kind: boundaries with a kerb, dashed markings.
 
     Parameters
     ----------
     value
-        The word; "" where neither the reference nor the line has one.
+        The attribute of the group; "" where neither the reference nor the line has one.
     n_reference, reference_m, observed_m, extracted_m
-        Lines and lengths. Extracted length belongs to the word of the reference that it lies on; where it
-        lies on none, to its own.
+        Number of lines, and lengths [m]. Extracted length belongs to the group of the reference that it lies
+        on; where it lies on none, to its own.
     at
-        At the tolerance asked for.
+        The measures at the requested tolerance.
     height
-        Errors of height_m: of the step at the foot of a kerb.
+        Errors of height_m, which for kerbs is the step.
     bridged
-        What was bridged of it, and the errors of what was measured.
+        Its bridged stretches, and the errors of the measured ones.
     """
 
     value: str
@@ -248,9 +248,6 @@ class GroupScores:
     bridged: BridgedScores
 
 
-# What an evaluation says, kind by kind and overall
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KindScores:
     """All measures of one kind, or of all kinds together.
@@ -258,39 +255,39 @@ class KindScores:
     Parameters
     ----------
     kind
-        "overall" for all kinds together; a line matches lines of its own kind only, there too.
+        "overall" for all kinds together; there too, a line matches lines of its own kind only.
     n_extracted, n_reference
-        Lines.
+        Number of lines.
     extracted_m, reference_m, observed_m
-        |E|, |R|, and |R| where it was observed.
+        |E|, |R|, and |R| over the observed reference.
     bridged_m
         Length of E without measurement.
     n_stations, n_stations_observed
         Stations on the reference, every 0.5 m; those of them where it was observed.
     at
-        At the tolerance asked for.
+        The measures at the requested tolerance.
     curve
-        At the tolerances of the curve.
+        The measures at the tolerances of the curve.
     hausdorff_m, hausdorff_p95_m
-        Largest distance from E to R or from the observed R to E, and its 95th percentile (the larger of the
-        two sides'); directions left out.
+        Largest distance from E to R or from the observed R to E, and its 95th percentile (the larger of both
+        sides); directions are ignored.
     chamfer_ap
         Average precision of whole lines by confidence, per threshold on the Chamfer distance [m], as in
         the benchmarks of HD maps; overall: the mean of the kinds.
     attributes
         Errors of height_m, width_m, clearance_m where both lines have them, weighted by length.
     sigma_xy, sigma_z
-        Terciles of sigma where the extracted line was measured, smallest first; empty without sigmas.
+        Thirds of sigma where the extracted line was measured, smallest first; empty without sigmas.
     confidence
         See `Calibration`.
     bridged
-        Stretches that were carried over gaps, and those that were hidden.
+        Bridged stretches, and the hidden reference.
     labels
-        By name (role, pattern, form, double): was the right word said. Of one kind only.
+        Correctness of the text attributes, by name (role, pattern, form, double); of one kind only.
     groups
-        Boundaries by form and markings by pattern, each scored apart.
+        Boundaries by form and markings by pattern, each scored separately.
     dashes
-        Of the kind lane_marking_dash; None for others.
+        For the kind lane_marking_dash; None for others.
     """
 
     kind: str
@@ -319,16 +316,16 @@ class KindScores:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scores:
-    """An evaluation: each kind, and all of them together.
+    """The scores of an evaluation: per kind, and of all kinds together.
 
     Parameters
     ----------
     tolerance_m
-        b of the main figures.
+        Tolerance b of the main figures.
     kinds
-        One entry per kind that was scored, in the order of the layers.
+        One entry per kind scored, in the order of the layers.
     overall
-        Lengths and stations of all kinds together.
+        All kinds together.
     """
 
     tolerance_m: float
@@ -336,14 +333,20 @@ class Scores:
     overall: KindScores
 
     def of_kind(self, kind: str) -> KindScores:
-        """Return the scores of one kind; KeyError where it was not scored."""
+        """Return the scores of one kind.
+
+        Raises
+        ------
+        KeyError
+            It was not scored.
+        """
         for scores in self.kinds:
             if scores.kind == kind:
                 return scores
         raise KeyError(kind)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the scores as plain values for JSON; thresholds become text, what is undefined is None."""
+        """Return the scores as plain values for JSON; thresholds become texts, undefined figures None."""
         values = dataclasses.asdict(self)
         for scores in [*values["kinds"], values["overall"]]:
             scores["chamfer_ap"] = {f"{limit:g}": ap for limit, ap in scores["chamfer_ap"].items()}

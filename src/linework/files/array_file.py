@@ -109,7 +109,10 @@ class ArrayFile:
 
     def all(self) -> tuple[AnyArray, ...]:
         """Return all arrays."""
-        return tuple(self.rows(i, 0, shape[0]) for i, (_, shape, _) in enumerate(self._layout))
+        return tuple(
+            self.rows(i, 0, shape[0]) if shape else self.rows(i, 0, 1).reshape(())
+            for i, (_, shape, _) in enumerate(self._layout)
+        )
 
     def rows(self, which: int, first: int, last: int) -> AnyArray:
         """Return rows `first` up to but not `last` of one of the arrays.

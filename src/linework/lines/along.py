@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.arrays import BoolArray, FloatArray, IntArray, distance_along
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: Places compared are so far apart along a line. [m]
@@ -31,7 +31,7 @@ def places_along(lines: LineSet) -> LinePlaces:
     found = []
     for i in range(len(lines)):
         xyz, sigma = lines.line(i), lines.sigma_xy_m[lines.offsets[i] : lines.offsets[i + 1]]
-        along = chainage_of(xyz)
+        along = distance_along(xyz[:, :2], in_space=True)
         n = max(int(np.ceil(along[-1] / PLACE_STEP_M)), 1) + 1
         at = np.linspace(0.0, along[-1], n)
         place = np.stack([np.interp(at, along, column) for column in xyz.T], axis=1)
@@ -40,11 +40,6 @@ def places_along(lines: LineSet) -> LinePlaces:
         found.append((place, way, np.full(n, i), at, np.interp(at, along, sigma)))
     xyz, way, line, at, sigma = (np.concatenate(column) for column in zip(*found, strict=True))
     return LinePlaces(xyz, way, line.astype(np.int64), at, sigma)
-
-
-def chainage_of(xyz: FloatArray) -> FloatArray:
-    """Return (n,) the way to each vertex [m], in plan."""
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xyz[:, :2], axis=0), axis=1))])
 
 
 def runs_of(mask: BoolArray) -> list[tuple[int, int]]:
@@ -59,7 +54,7 @@ def runs_of(mask: BoolArray) -> list[tuple[int, int]]:
 
 def line_stretch(line: LineSet, start_m: float, end_m: float) -> LineSet:
     """Return a line from one chainage to another, its vertices and new ones at both ends."""
-    along = chainage_of(line.xyz)
+    along = distance_along(line.xyz[:, :2], in_space=True)
     inside = np.flatnonzero((along > start_m + 1e-6) & (along < end_m - 1e-6))
     at = np.concatenate([[start_m], along[inside], [end_m]])
     xyz = np.stack([np.interp(at, along, column) for column in line.xyz.T], axis=1)
@@ -109,8 +104,7 @@ class DrivenPath:
     def of(cls, path: FloatArray) -> DrivenPath:
         """Return the way along a path (n, 2 or 3), without what leads over a road again."""
         xy = path[:, :2]
-        step = np.hypot(*np.diff(xy, axis=0).T) if len(xy) else np.zeros(0)
-        along = np.concatenate([[0.0], np.cumsum(step)])
+        along = distance_along(xy)
         if len(xy) < 2 or along[-1] < PATH_STEP_M:
             return cls(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, dtype=np.bool_))
         at = np.arange(0.0, along[-1], PATH_STEP_M)

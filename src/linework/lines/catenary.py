@@ -68,9 +68,9 @@ class Catenary:
         return height
 
     @property
-    def numbers(self) -> tuple[float, float, float, float]:
-        """For the kernels: station, height, slope, curvature."""
-        return self.station_m, self.height_m, self.slope, self.curvature_per_m
+    def numbers(self) -> kernels.WireCurve:
+        """The curve as the kernels take it."""
+        return kernels.WireCurve(self.station_m, self.height_m, self.slope, self.curvature_per_m)
 
     def slope_at(self, station_m: FloatArray) -> FloatArray:
         """Return the wire's slope dz/ds at (n,) stations [m]."""

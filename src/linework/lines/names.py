@@ -7,7 +7,7 @@ from collections.abc import Container
 
 import numpy as np
 
-from linework.arrays import FloatArray, IntArray
+from linework.arrays import FloatArray, IntArray, distance_along
 from linework.model.lines import LineSet
 
 #: A line's place is known to this step: wider than what another pass or a changed setting moves a line's
@@ -18,8 +18,8 @@ ID_STEP_M = 1.0
 def with_ids(lines: LineSet, taken: Container[str]) -> LineSet:
     """Return the lines, those without an `id` with one that no other line has and that is not taken.
 
-    >>> lines = named(LineSet.from_lines([np.zeros((2, 3))] * 2, kind=["cable"] * 2), ())
-    >>> len(set(lines.id.tolist())), lines.id[0] == named(lines.take([0]).with_columns(id=[""]), ()).id[0]
+    >>> lines = with_ids(LineSet.from_lines([np.zeros((2, 3))] * 2, kind=["cable"] * 2), ())
+    >>> len(set(lines.id.tolist())), lines.id[0] == with_ids(lines.take([0]).with_columns(id=[""]), ()).id[0]
     (2, True)
     """
     ids = lines.id.tolist()
@@ -51,6 +51,6 @@ def midpoints(lines: LineSet) -> FloatArray:
     middles = np.zeros((len(lines), 3))
     for i in range(len(lines)):
         xyz = lines.line(i)
-        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xyz, axis=0), axis=1))])
+        along = distance_along(xyz, in_space=True)
         middles[i] = [np.interp(along[-1] / 2, along, xyz[:, axis]) for axis in range(3)]
     return middles

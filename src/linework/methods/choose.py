@@ -1,30 +1,49 @@
-"""The methods for the kinds that are asked for."""
+"""Choosing the methods that find the kinds of line that are asked for."""
 
 from __future__ import annotations
 
 from linework.methods.kinds import KINDS_OF, check_method
 from linework.methods.obb.method import ObbConfig, ObbMethod
-from linework.methods.protocol import Method
-from linework.methods.radon.method import RadonConfig, RadonMethod, parts_of
+from linework.methods.protocol import AnyMethod
+from linework.methods.radon.method import RadonConfig, RadonMethod
 from linework.methods.stereo.method import StereoConfig, StereoMethod
 
 
 def choose_methods(
-    method: str, kinds: tuple[str, ...], *, radon: RadonConfig | None = None, obb: ObbConfig | None = None
-) -> tuple[Method, ...]:
-    """Return the methods that look for `kinds` in points, ready to be run (see `check_method`)."""
-    check_method(method, kinds)
-    if method == "stereo":
-        return ()
-    by_boxes = tuple(kind for kind in kinds if kind in KINDS_OF["obb"])
-    methods: tuple[Method, ...] = parts_of(RadonMethod(radon or RadonConfig(), kinds))
-    return (ObbMethod(obb or ObbConfig(), by_boxes), *methods) if by_boxes else methods
+    method: str,
+    kinds: tuple[str, ...],
+    *,
+    radon: RadonConfig | None = None,
+    obb: ObbConfig | None = None,
+    stereo: StereoConfig | None = None,
+) -> tuple[AnyMethod, ...]:
+    """Return the methods that look for `kinds`, whatever recordings a survey has.
 
+    Parameters
+    ----------
+    method
+        A method's name, or "auto": all that find one of the kinds.
+    radon, obb, stereo
+        Settings of the methods; None: defaults.
 
-def stereo_method(
-    method: str, kinds: tuple[str, ...], config: StereoConfig | None = None
-) -> StereoMethod | None:
-    """Return the method that looks for `kinds` in stereo pairs, or None where it is not asked for."""
+    Raises
+    ------
+    UsageError
+        As for `check_method`.
+
+    Examples
+    --------
+    >>> [method.name for method in choose_methods("auto", ("lane_marking", "cable"))]
+    ['obb', 'radon', 'stereo']
+    """
     check_method(method, kinds)
-    own = tuple(kind for kind in kinds if kind in KINDS_OF["stereo"])
-    return StereoMethod(config or StereoConfig(), own) if own and method in ("auto", "stereo") else None
+    own = {name: tuple(kind for kind in kinds if kind in found) for name, found in KINDS_OF.items()}
+    asked = {name for name, found in own.items() if found and method in ("auto", name)}
+    methods: list[AnyMethod] = []
+    if "obb" in asked:
+        methods.append(ObbMethod(obb or ObbConfig(), own["obb"]))
+    if "radon" in asked:
+        methods += RadonMethod(radon or RadonConfig(), own["radon"]).parts
+    if "stereo" in asked:
+        methods.append(StereoMethod(stereo or StereoConfig(), own["stereo"]))
+    return tuple(methods)

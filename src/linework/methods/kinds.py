@@ -1,15 +1,18 @@
-"""Which kinds of line each method finds; light, so that a wrong name is refused at once."""
+"""Kinds of line that each method finds; imports no method, so that a wrong name is refused at once."""
 
 from __future__ import annotations
 
 from linework.errors import UsageError
 
-#: The kinds each method finds: obb and radon in laser points, stereo in images. `auto` takes all of them.
+#: Kinds that each method finds; "auto" stands for all methods.
 KINDS_OF = {
     "obb": ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top"),
     "radon": ("guardrail", "barrier", "cable"),
     "stereo": ("lane_marking", "lane_marking_dash"),
 }
+#: Recordings that each method looks at, as its `Method.recording`.
+RECORDING_OF = {"obb": "points", "radon": "points", "stereo": "pairs"}
+#: All kinds that can be asked for, in their fixed order.
 ALL_KINDS = tuple(dict.fromkeys(kind for kinds in KINDS_OF.values() for kind in kinds))
 
 
@@ -19,7 +22,7 @@ def parse_kinds(text: str) -> tuple[str, ...]:
     Raises
     ------
     UsageError
-        A name that no method finds; the message lists those that can be asked for.
+        No method finds one of the kinds; the message lists those that can be asked for.
 
     Examples
     --------
@@ -29,13 +32,13 @@ def parse_kinds(text: str) -> tuple[str, ...]:
     asked = {name.strip() for name in text.split(",") if name.strip()}
     unknown = sorted(asked - set(ALL_KINDS))
     if unknown or not asked:
-        problem = f"{', '.join(unknown) or 'nothing'} cannot be looked for"
+        problem = f"unknown kinds of line: {', '.join(unknown)}" if unknown else "no kind of line is named"
         raise UsageError(problem, where="--features", advice=f"choose from {','.join(ALL_KINDS)}")
     return tuple(kind for kind in ALL_KINDS if kind in asked)
 
 
 def kinds_of_method(method: str) -> tuple[str, ...]:
-    """Return the kinds that a method finds, in their fixed order; all for "auto" and for a method that is not there.
+    """Return the kinds that a method finds, in their fixed order; all for "auto" and for an unknown method.
 
     >>> kinds_of("radon")
     ('guardrail', 'barrier', 'cable')
@@ -44,21 +47,21 @@ def kinds_of_method(method: str) -> tuple[str, ...]:
 
 
 def check_method(method: str, kinds: tuple[str, ...]) -> None:
-    """Refuse a method that is not there, or does not find one of the kinds.
+    """Refuse an unknown method, or one that does not find one of the kinds.
 
     Parameters
     ----------
     method
-        A method's name, or "auto": for each kind the method that suits it.
+        A method's name, or "auto": all that find one of the kinds.
 
     Raises
     ------
     UsageError
-        With what can be chosen.
+        The message lists the methods that can be chosen.
     """
     if method not in ("auto", *KINDS_OF):
         raise UsageError(
-            f"method {method} is not there", where="--method", advice=f"choose auto or {', '.join(KINDS_OF)}"
+            f"unknown method {method}", where="--method", advice=f"choose auto or {', '.join(KINDS_OF)}"
         )
     candidates = KINDS_OF if method == "auto" else {method: KINDS_OF[method]}
     missing = [kind for kind in kinds if not any(kind in found for found in candidates.values())]
@@ -69,25 +72,38 @@ def check_method(method: str, kinds: tuple[str, ...]) -> None:
 
 
 def findable_kinds(kinds: tuple[str, ...], *, has_points: bool, asked: bool) -> tuple[str, ...]:
-    """Return those kinds that can be found in what a survey has.
+    """Return those kinds that can be found in the recordings of a survey.
 
     Parameters
     ----------
+    has_points
+        Whether the survey has laser points; otherwise it has stereo pairs only.
     asked
-        They were asked for by name.
+        Whether the user named the kinds.
 
     Raises
     ------
     UsageError
-        One that was asked for cannot be found.
+        A kind that the user named can only be found in points.
     """
     if has_points:
         return kinds
-    missing = [kind for kind in kinds if kind not in KINDS_OF["stereo"]]
+    found = kinds_from("pairs", kinds)
+    missing = [kind for kind in kinds if kind not in found]
     if missing and asked:
         raise UsageError(f"{', '.join(missing)}: only laser points show them, and the survey has none",
-                         where="--features", advice=f"ask for {','.join(KINDS_OF['stereo'])}")  # fmt: skip
-    return tuple(kind for kind in kinds if kind in KINDS_OF["stereo"])
+                         where="--features", advice=f"ask for {','.join(kinds_from('pairs', ALL_KINDS))}")  # fmt: skip
+    return found
+
+
+def kinds_from(recording: str, kinds: tuple[str, ...]) -> tuple[str, ...]:
+    """Return those kinds that some method finds in a recording, "points" or "pairs".
+
+    >>> kinds_from("pairs", ("cable", "lane_marking"))
+    ('lane_marking',)
+    """
+    found = {kind for method, own in KINDS_OF.items() if RECORDING_OF[method] == recording for kind in own}
+    return tuple(kind for kind in kinds if kind in found)
 
 
 def recordings_for(method: str, kinds: tuple[str, ...]) -> dict[str, bool]:
@@ -96,5 +112,8 @@ def recordings_for(method: str, kinds: tuple[str, ...]) -> dict[str, bool]:
     >>> recordings_for("auto", ("cable",))
     {'laser': True, 'images': False}
     """
-    by_images = set(kinds) & set(KINDS_OF["stereo"])
-    return {"laser": method != "stereo", "images": method in ("auto", "stereo") and bool(by_images)}
+    recordings = {RECORDING_OF[name] for name in ([method] if method in RECORDING_OF else RECORDING_OF)}
+    return {
+        "laser": "points" in recordings,
+        "images": "pairs" in recordings and bool(kinds_from("pairs", kinds)),
+    }

@@ -35,6 +35,8 @@ class TileData:
     origin
         Local origin shared by all tiles of a survey [m, world], so that the same points give the same
         numbers in each of them; None: derived from the points (see `local_origin`).
+    is_whole
+        Whether the tile is the whole survey: its lines are then not cut at the edges of the core.
     """
 
     tile_id: str
@@ -44,6 +46,7 @@ class TileData:
     source: str = ""
     surface: RoadSurface | None = None
     origin: tuple[float, float, float] | None = None
+    is_whole: bool = True
 
 
 def local_origin(west: float, south: float, low: float) -> tuple[float, float, float]:

@@ -1,1 +1,1 @@
-"""Child processes: a pool, a conversation, their limits."""
+"""Child processes: the only room that starts one. How they start, their messages, how they end; a pool of workers."""

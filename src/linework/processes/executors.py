@@ -1,16 +1,18 @@
-"""Where tasks are done: here one after the other, or in processes that may die without taking the run along.
+"""Where tasks are done: here one after the other, or elsewhere by the same protocol.
 
-A task carries names, paths and settings, never points; what comes back is a receipt. The same protocol
-serves a cluster: `linework.processes.pool` is one way to do tasks elsewhere, Dask will be another.
+A task carries names, paths and settings, never points; its result is a small receipt. The same protocol serves a
+cluster: `linework.processes.pool.Processes` runs tasks on this machine, Dask could run them on others.
 """
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 from linework.errors import LineworkError, MachineError
+from linework.processes.child import OUT_OF_MEMORY
 
 Task = TypeVar("Task")
 Receipt = TypeVar("Receipt")
@@ -18,7 +20,7 @@ Receipt = TypeVar("Receipt")
 
 @dataclass(frozen=True, slots=True)
 class Outcome(Generic[Task, Receipt]):
-    """What came of a task: a receipt, or the problem in one line and the traceback for the log."""
+    """Result of a task: its receipt, or its problem in one line and the traceback for the log."""
 
     task: Task
     receipt: Receipt | None
@@ -27,31 +29,31 @@ class Outcome(Generic[Task, Receipt]):
 
 
 class Executor(Protocol):
-    """Does tasks."""
+    """Runs tasks."""
 
     @property
     def n_workers(self) -> int:
-        """How many tasks are done at a time."""
+        """Number of tasks that run at a time."""
         ...
 
     def run(self, work: Callable[[Task], Receipt], tasks: Sequence[Task]) -> Iterator[Outcome[Task, Receipt]]:
-        """Yield the outcome of each task as it comes, in any order; a task that fails stops no other.
+        """Yield the outcome of each task as it ends, in any order; a task that fails stops no other.
 
         Parameters
         ----------
         work
-            A function of a module, so that another process finds it by its name.
+            A module-level function, so that another process finds it by its name.
 
         Raises
         ------
         MachineError
-            The machine refused (disk full): no fault of a task, so it ends the run.
+            The machine refused (disk full): not the fault of a task, so it ends the run.
         """
         ...
 
 
 class Serial:
-    """Does tasks one after the other, in this process."""
+    """Runs tasks one after the other, in this process."""
 
     n_workers = 1
 
@@ -66,16 +68,20 @@ class Serial:
 
 
 def outcome_of(work: Callable[[Task], Receipt], task: Task) -> Outcome[Task, Receipt]:
-    """Do a task here; whatever it raises is its problem, but for what the machine refuses."""
+    """Run a task in this process and return its outcome; an exception becomes its problem.
+
+    Raises
+    ------
+    MachineError
+        The machine refused.
+    """
     try:
         return Outcome(task, work(task))
     except MachineError:
         raise
     except MemoryError:
-        return Outcome(task, None, "needs more memory than there is")
+        return Outcome(task, None, OUT_OF_MEMORY)
     except LineworkError as error:
         return Outcome(task, None, str(error))
     except Exception as error:
-        import traceback
-
         return Outcome(task, None, f"{type(error).__name__}: {error}", traceback.format_exc())

@@ -1,4 +1,4 @@
-"""From an opened survey to published lines: begun, resumed, or found to be finished already."""
+"""From an opened survey to published lines: a new run, a resumed run, or one that is finished already."""
 
 from __future__ import annotations
 
@@ -10,18 +10,16 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from linework.errors import InputError, OutputExistsError, PartialError
-from linework.files.logs.photolog import van_log
+from linework.errors import OutputExistsError, PartialError
 from linework.files.output.record import hash_file
 from linework.files.survey.open import open_survey
-from linework.methods.choose import choose_methods, stereo_method
-from linework.methods.kinds import ALL_KINDS
-from linework.methods.protocol import Method
-from linework.methods.stereo.method import StereoMethod
+from linework.methods.choose import choose_methods
+from linework.methods.kinds import ALL_KINDS, recordings_for
+from linework.methods.protocol import AnyMethod
 from linework.model.lines import LineSet
 from linework.model.survey import Survey
 from linework.processes.executors import Executor
-from linework.runs.extraction import Extraction
+from linework.runs.extraction import Extraction, Failure
 from linework.runs.find import find_lines
 from linework.runs.opened.recordings import Recordings, opened_recordings
 from linework.runs.opened.work_folder import work_folder
@@ -34,29 +32,28 @@ from linework.runs.steps import RunSteps
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExtractionRequest:
-    """What is to be made, and of what may be there already.
+    """A request to extract lines.
 
     Parameters
     ----------
     output
         File of the lines.
-    methods, stereo
-        What looks at the points, and what looks at the stereo pairs.
+    methods
+        Look at the points, or at the stereo pairs.
     parameters
-        All that was asked for, as it goes into the record.
+        All that was asked for, as it is written to run.json.
     overwrite
         Replace an output of another run.
     resume
-        Go on with a run of the same order that was killed.
+        Continue a run of the same request that was killed.
     forget_reviews
-        Lose what people said of the lines that are there.
+        Discard the review decisions of the lines that are replaced.
     """
 
     output: Path
-    methods: Sequence[Method]
+    methods: Sequence[AnyMethod]
     settings: RunSettings
     parameters: Mapping[str, Any]
-    stereo: StereoMethod | None = None
     overwrite: bool = False
     resume: bool = False
     forget_reviews: bool = False
@@ -87,9 +84,8 @@ def extract_to(
             )  # fmt: skip
     with run_folder(work, order.output, described, resume=order.resume) as run:
         found = find_lines(
-            recordings, order.methods, order.stereo, run,
-            settings=order.settings, executor=executor, steps=steps,
-        )  # fmt: skip
+            recordings, order.methods, run, settings=order.settings, executor=executor, steps=steps
+        )
         found, reviews = with_log(found, recordings), None
         if not order.forget_reviews:
             found, reviews = with_kept_reviews(found, order.output)
@@ -104,14 +100,11 @@ def extract_to(
 
 
 def with_log(found: Extraction, recordings: Recordings) -> Extraction:
-    """Return what was found with the van's log beside it; a log that cannot be used stops nothing else."""
-    series = recordings.stereo.series if recordings.stereo else None
-    try:
-        logged = van_log(recordings.survey, series, recordings.trajectory)
-    except InputError as error:
-        named = recordings.survey.settings.get("events", {}).get("file", "")
-        return replace(found, unusable=(*found.unusable, (named, str(error))))
-    return replace(found, logged=logged, warnings=(*found.warnings, *logged.warnings))
+    """Return an extraction with the van's log; a log that cannot be used is one of its failures."""
+    log = recordings.van_log()
+    if log.value is None:
+        return replace(found, failures=(*found.failures, Failure("recording", log.name, str(log.error))))
+    return replace(found, logged=log.value, warnings=(*found.warnings, *log.value.warnings))
 
 
 def _finished(output: Path, fingerprint: str) -> dict[str, Any] | None:
@@ -162,20 +155,18 @@ def extract(
     listed = [inputs] if isinstance(inputs, str | Path) else list(inputs)
     survey = open_survey([Path(item) for item in listed], crs=crs)
     settings = settings or RunSettings()
-    methods = choose_methods("auto", kinds, radon=settings.radon, obb=settings.obb)
-    stereo = stereo_method("auto", kinds, settings.stereo)
+    methods = choose_methods("auto", kinds, radon=settings.radon, obb=settings.obb, stereo=settings.stereo)
     with tempfile.TemporaryDirectory(prefix="linework-") as temporary:
         folder = work_folder(survey.root, work or Path(temporary))
         with (
-            opened_recordings(survey, folder, images=stereo is not None) as recordings,
+            opened_recordings(survey, folder, images=recordings_for("auto", kinds)["images"]) as recordings,
             run_folder(folder, Path(temporary) / "lines", {}) as run,
         ):
-            found = find_lines(recordings, methods, stereo, run, settings=settings)
-    failures = [*found.failures, *(found.pairs.failures if found.pairs else ()), *found.unusable]
-    if failures:
-        what, problem = failures[0]
+            found = find_lines(recordings, methods, run, settings=settings)
+    if found.failures:
+        first, n = found.failures[0], len(found.failures)
         raise PartialError(
-            f"{len(failures)} tiles, images or logs failed, the first {what}: {problem}", where=survey.name
+            f"{n} tiles, images or logs failed, the first {first.name}: {first.problem}", where=survey.name
         )
     return found.lines
 
@@ -205,8 +196,7 @@ def extraction_request(
     """
     return ExtractionRequest(
         output=output,
-        methods=choose_methods(method, kinds, radon=settings.radon, obb=settings.obb),
-        stereo=stereo_method(method, kinds, settings.stereo),
+        methods=choose_methods(method, kinds, radon=settings.radon, obb=settings.obb, stereo=settings.stereo),
         settings=settings,
         parameters={
             "features": list(kinds),

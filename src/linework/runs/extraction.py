@@ -1,4 +1,4 @@
-"""What a run found, and the account of how it came about."""
+"""The result of a run: lines, and the account of what was looked at and what was left out."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from linework.runs.tiles import Tile
 
 @dataclass(frozen=True, slots=True)
 class TileReport:
-    """What came of a tile: points it saw (core and buffer), lines found, or the problem."""
+    """A tile of a method: points loaded (core and buffer), lines or boxes found, or why it failed."""
 
     name: str
     tile: Tile
@@ -29,29 +30,38 @@ class TileReport:
     problem: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PairAccount:
-    """The account of a survey's stereo pairs.
+class Failure(NamedTuple):
+    """Something that was left out of a run.
 
     Parameters
     ----------
-    n_pairs, n_used
-        All pairs, images without their other one counted as such, and those that were looked at.
-    failures
-        (left image, problem) of the others, and of images in no pair.
-    traces
-        Tracebacks of windows that failed by a fault of linework's own.
+    what
+        "tile", "image" or "recording": its key in run.json.
+    name
+        Of the tile; path of the (left) image; name of the recording.
+    problem
+        One line.
+    trace
+        Traceback, if the cause is a fault of linework's own.
     """
+
+    what: str
+    name: str
+    problem: str
+    trace: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PairAccount:
+    """Number of stereo pairs, images without a partner counted as pairs, and of those that were looked at."""
 
     n_pairs: int
     n_used: int
-    failures: tuple[tuple[str, str], ...]
-    traces: Mapping[str, str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extraction:
-    """Lines of a survey and the account of how they came about.
+    """Lines of a survey and the account of how they were found.
 
     Parameters
     ----------
@@ -60,21 +70,19 @@ class Extraction:
     lines
         In their fixed order, with their names.
     kinds
-        What was looked for.
+        Kinds that were looked for.
     read
         Points used and left out, file by file; None where no points were looked at.
+    tiles
+        All tiles of all methods.
     failures
-        (tile, problem) of what could not be worked.
-    traces
-        Tracebacks of tiles that failed by a fault of linework's own.
+        Tiles, images and recordings that were left out.
     hashes
         SHA-256 of every input file.
     pairs
         Stereo pairs used and left out; None where none were looked at.
     logged
         Images and operator's keys by place, or None.
-    unusable
-        (what, problem) of recordings that cannot be used at all: images, logs.
     """
 
     source: str
@@ -82,16 +90,14 @@ class Extraction:
     kinds: tuple[str, ...]
     read: StoreFacts | None
     tiles: tuple[TileReport, ...]
-    failures: tuple[tuple[str, str], ...]
-    traces: Mapping[str, str]
+    failures: tuple[Failure, ...]
     hashes: Mapping[Path, str]
     warnings: tuple[str, ...]
     pairs: PairAccount | None = None
     logged: VanLog | None = None
-    unusable: tuple[tuple[str, str], ...] = ()
 
 
-# Names and order of lines: from kind and place alone, so that a re-run gives the same
+# Names and order of lines: from kind and place alone, so that another run gives the same
 
 
 def identify(lines: LineSet) -> LineSet:
@@ -100,8 +106,8 @@ def identify(lines: LineSet) -> LineSet:
     Notes
     -----
     The order is: kind (as in `KINDS`), then place from west to east, south to north, low to high, then the
-    exact vertices, so that it does not depend on the order in which tiles or methods were done. Two lines
-    of one kind at one place (the two wires of a pair, both beams of a rail) are told apart by a number.
+    exact vertices, so that it does not depend on the order in which tiles or methods ended. Two lines
+    of one kind at one place (the two wires of a pair, both beams of a rail) are numbered.
 
     Examples
     --------
@@ -124,27 +130,27 @@ def identify(lines: LineSet) -> LineSet:
 
 
 def _key(lines: LineSet, places: np.ndarray, i: int) -> tuple[int, list[int], bytes]:
-    # Big-endian bytes of the vertices: any fixed order does where kind and place are the same
+    # Big-endian bytes of the vertices: any fixed order will do where kind and place are equal
     exact = lines.line(i).astype(">f8").tobytes()
     kind = str(lines.kind[i])
     return (KINDS.index(kind) if kind in KINDS else len(KINDS)), places[i].tolist(), exact
 
 
-# Where lines come from: the point files that lie about each
+# Sources of lines: the point files around each line
 
-#: A field of a table is to be read at a glance: of more files the first are named, the others counted.
+#: Files named in the `source` field of a line; further ones are counted: a reader takes it in at a glance. [files]
 MAX_NAMES = 3
 
 
 def with_sources(lines: LineSet, files: Sequence[FileFacts], survey: str) -> LineSet:
-    """Return the lines, those without a `source` with the names of the files whose extents they reach into.
+    """Return the lines; those without a `source` get the names of the files whose extents they overlap.
 
     Parameters
     ----------
     files
-        What was read, in the survey's order.
+        Files that were read, in the order of the survey.
     survey
-        Name of the survey: the source of a line that lies in the extent of no file.
+        Name of the survey: the source of a line outside the extents of all files.
     """
     open_ = np.flatnonzero(lines.source == "")
     sources = lines.source.astype(object)
@@ -164,12 +170,12 @@ def with_sources(lines: LineSet, files: Sequence[FileFacts], survey: str) -> Lin
 
 
 def path_text(path: Path) -> str:
-    """Return a path as text that any reader takes, bytes that are no UTF-8 escaped."""
+    """Return a path as UTF-8 text; other bytes are escaped."""
     return os.fsencode(path).decode("utf-8", errors="backslashreplace")
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Return the names, or the first of them and how many more there are.
+    """Return the names, or the first of them and the number of further ones.
 
     >>> _listed(["a.laz", "b.laz"]), _listed(["a", "b", "c", "d", "e"])
     ('a.laz, b.laz', 'a, b, c and 2 more')

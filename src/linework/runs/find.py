@@ -1,108 +1,121 @@
-"""The main job: lines in laser points, lines in stereo pairs, and where both saw a feature, that feature once."""
+"""The main job: every method looks at the pieces of its source, and the lines of all sources are merged."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
 
-from linework.errors import InputError
 from linework.lines.merged import merge_line_sets
-from linework.methods.protocol import Method
-from linework.methods.stereo.method import StereoMethod
+from linework.methods.protocol import AnyMethod
 from linework.model.lines import KINDS, LineSet
 from linework.processes.executors import Executor, Serial
-from linework.runs.extraction import Extraction, PairAccount, identify
-from linework.runs.laser import extract_lines
+from linework.runs.extraction import Extraction, Failure, identify
 from linework.runs.opened.recordings import Recordings
 from linework.runs.resume import RunFolder
 from linework.runs.settings import RunSettings
+from linework.runs.sources import Source, SourceAccount, open_sources
 from linework.runs.steps import RunSteps
-from linework.runs.stereo import stereo_lines
+from linework.runs.tasks import RunTask, TasksDone, run_tasks
 
 
 def find_lines(
     recordings: Recordings,
-    methods: Sequence[Method],
-    stereo: StereoMethod | None,
+    methods: Sequence[AnyMethod],
     run: RunFolder,
     *,
     settings: RunSettings | None = None,
     executor: Executor | None = None,
     steps: RunSteps | None = None,
 ) -> Extraction:
-    """Return all lines that the methods find in what the van recorded.
+    """Return all lines that the methods find in the recordings of a survey.
 
     Parameters
     ----------
     methods
-        Look at the points, where there are any.
-    stereo
-        Looks at the stereo pairs, where there are any; or None.
+        Each looks at one kind of recording; those whose recording the survey does not have are passed over.
+    run
+        Keeps the results of tasks; those that an earlier process has left there are used.
+    executor
+        Does the tasks; the lines do not depend on it, nor on `settings.tiling`.
+    steps
+        Times and shows the steps.
 
     Raises
     ------
-    PartialError
-        Not one tile could be worked.
+    PartialError, InputError
+        Not one piece could be looked at. If some could not, `Extraction.failures` names them.
 
     Notes
     -----
-    Where points and pairs show the same feature, the line with the smaller sigma stays in the layer of its kind,
-    and the stereo lines as they were measured are in the layer ``<kind>_stereo``.
+    Where two recordings show the same feature, the line with the smaller sigma stays in the layer of its kind. The
+    lines of the second recording as they were measured are in the layer ``<kind>_<method>``, such as
+    ``lane_marking_stereo``.
     """
     settings, steps, executor = settings or RunSettings(), steps or RunSteps(), executor or Serial()
-    found = None
-    unusable = recordings.problems
-    if recordings.points is not None and methods:
-        found = extract_lines(
-            recordings.points, methods, run,
-            road=settings.road, tiling=settings.tiling, executor=executor, steps=steps,
-        )  # fmt: skip
-        found = replace(found, warnings=recordings.warnings, unusable=unusable)
-    if recordings.stereo is None or stereo is None:
-        assert found is not None
-        return found
-    lines, pairs = stereo_lines(recordings.stereo, stereo, run, executor, steps)
-    if found is None:
-        _refuse_unusable(pairs, recordings.survey.name)
-        return Extraction(
-            source=recordings.survey.name, lines=identify(lines), kinds=_in_order(stereo.kinds), read=None,
-            tiles=(), failures=(), traces=pairs.traces, hashes=recordings.hashes,
-            warnings=recordings.warnings, pairs=pairs, unusable=unusable,
-        )  # fmt: skip
-    with steps.step("merge lines"):
-        as_measured = lines.with_columns(
-            kind=np.array([f"{kind}_stereo" for kind in lines.kind.tolist()], dtype=np.str_)
-        )
-        both = identify(LineSet.concatenate([merge_line_sets(found.lines, lines), as_measured]))
-    kinds = (
-        *_in_order({*found.kinds, *stereo.kinds}),
-        *(f"{kind}_stereo" for kind in _in_order(stereo.kinds)),
-    )
-    return replace(
-        found,
-        lines=both,
+    sources = open_sources(recordings, methods, run, settings, executor, steps)
+    found, accounts = list[LineSet](), list[SourceAccount]()
+    for source in sources:
+        tasks = source.tasks(run.results)
+        name, unit = source.looking
+        with steps.step(name, unit=unit) as advance:
+            done = run_tasks(tasks, run, executor, advance)
+        accounts.append(source.account(done))
+        with steps.step(source.joining):
+            found.append(_joined(source, tasks, done).with_columns(crs=recordings.survey.crs))
+    if all(account.is_empty for account in accounts):
+        _refuse(sources[0], accounts[0])
+    lines, kinds = _merged(sources, found, steps)
+    unusable = (Failure("recording", what, problem) for what, problem in recordings.problems)
+    return Extraction(
+        source=recordings.survey.name,
+        lines=lines,
         kinds=kinds,
-        traces={**found.traces, **pairs.traces},
+        read=next((account.read for account in accounts if account.read), None),
+        tiles=tuple(tile for account in accounts for tile in account.tiles),
+        pairs=next((account.pairs for account in accounts if account.pairs), None),
+        failures=(*(failure for account in accounts for failure in account.failures), *unusable),
         hashes=recordings.hashes,
-        pairs=pairs,
+        warnings=recordings.warnings,
     )
 
 
-def _refuse_unusable(pairs: PairAccount, name: str) -> None:
-    """End a run on images alone of which not one pair could be used; our own faults with their traceback."""
-    if pairs.n_used:
-        return
-    if pairs.traces:
-        fault = RuntimeError(pairs.failures[0][1])
-        fault.add_note(next(iter(pairs.traces.values())))  # what the log shows
-        raise fault
-    raise InputError(
-        f"none of {pairs.n_pairs} stereo pairs can be used, the first: {pairs.failures[0][1].rstrip('.')}",
-        where=name, advice="mend that, and run again",
-    )  # fmt: skip
+def _joined(source: Source, tasks: Sequence[RunTask], done: TasksDone) -> LineSet:
+    """Return the lines of a source, method by method, each with the names of the files that show it."""
+    lines = [
+        method.join(done.evidence_of(method, tasks), source.context(method)) for method in source.methods
+    ]
+    return source.with_sources(LineSet.concatenate(lines))
 
 
-def _in_order(kinds: set[str] | tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(kind for kind in KINDS if kind in kinds)
+def _merged(
+    sources: Sequence[Source], found: Sequence[LineSet], steps: RunSteps
+) -> tuple[LineSet, tuple[str, ...]]:
+    """Return the lines of all sources in their order and with their names, and the kinds that were looked for."""
+    lines, kinds = identify(found[0]), _kinds_of(sources[:1])
+    for number, (source, other) in enumerate(zip(sources[1:], found[1:], strict=True), start=1):
+        with steps.step("merge lines"):
+            names = zip(other.kind.tolist(), other.method.tolist(), strict=True)
+            layers = [f"{kind}_{method}" for kind, method in names]
+            as_measured = other.with_columns(kind=np.array(layers, dtype=np.str_))
+            lines = identify(LineSet.concatenate([merge_line_sets(lines, other), as_measured]))
+        own = (f"{kind}_{method.name}" for method in source.methods for kind in KINDS if kind in method.kinds)
+        kinds = (*_kinds_of(sources[: number + 1]), *own)
+    return lines, kinds
+
+
+def _kinds_of(sources: Sequence[Source]) -> tuple[str, ...]:
+    """Return the kinds that the methods of some sources look for, in their fixed order."""
+    asked = {kind for source in sources for method in source.methods for kind in method.kinds}
+    return tuple(kind for kind in KINDS if kind in asked)
+
+
+def _refuse(source: Source, account: SourceAccount) -> NoReturn:
+    """End a run that could look at nothing: by a fault of linework's own, with its traceback, or by the input's."""
+    fault = next((failure for failure in account.failures if failure.trace), None)
+    if fault is None:
+        raise source.refusal(account)
+    error = RuntimeError(fault.problem)
+    error.add_note(fault.trace)  # for the log
+    raise error

@@ -1,4 +1,4 @@
-"""Publish what a run found: the lines, then their record beside them."""
+"""Publishing the result of a run: the lines, then their record beside them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from linework.files.store.facts import StoreFacts
 from linework.files.vectors.read_write import points_left_out, write_lines
 from linework.model.lines import REVIEWS, LineSet
 from linework.model.logs import VanLog
-from linework.runs.extraction import Extraction, path_text
+from linework.runs.extraction import Extraction, Failure, path_text
 from linework.runs.record import record_path, versions
 from linework.runs.steps import RunSteps
 
@@ -39,11 +39,11 @@ def publish_extraction(
     Parameters
     ----------
     parameters
-        All that was asked for and all settings, as they go into the record.
+        Of the request, with all settings, as they are written to the record.
     note
-        Told the SHA-256 of the lines' file before it gets its name.
+        Called with the SHA-256 of the lines' file before it gets its name.
     reviews
-        What people said of the lines that were there (see `with_kept_reviews`).
+        Review decisions of the lines that are replaced (see `with_kept_reviews`).
 
     Raises
     ------
@@ -52,7 +52,7 @@ def publish_extraction(
 
     Notes
     -----
-    Every kind that was looked for has its layer, with or without lines.
+    Every kind that was looked for has a layer, also without lines.
     """
     steps = steps or RunSteps()
     path = record_path(output)
@@ -77,7 +77,8 @@ def record_of(
     Raises
     ------
     RuntimeError
-        Points in the files are not points used and points left out, or lines are of kinds not looked for.
+        The points in the files are not the sum of those used and those left out, or there are lines of kinds that
+        were not looked for.
     """
     read, lines, pairs = extraction.read, extraction.lines, extraction.pairs
     n_lines = {kind: int((lines.kind == kind).sum()) for kind in extraction.kinds}
@@ -122,27 +123,28 @@ def record_of(
                 {"file": path_text(file), "problem": problem}
                 for file, problem in (read.failures if read else ())
             ),
-            *(
-                {"tile": tile, "problem": problem, "trace": extraction.traces.get(tile)}
-                for tile, problem in extraction.failures
-            ),
-            *(
-                {"image": path_text(Path(image)), "problem": problem}
-                for image, problem in (pairs.failures if pairs else ())
-            ),
-            *({"recording": what, "problem": problem} for what, problem in extraction.unusable),
+            *map(_failure_document, extraction.failures),
         ],
     }
 
 
+def _failure_document(failure: Failure) -> dict[str, str | None]:
+    """Return a failure for run.json: a tile's with its traceback or None, others with the traceback they have."""
+    name = path_text(Path(failure.name)) if failure.what == "image" else failure.name
+    found = {failure.what: name, "problem": failure.problem}
+    if failure.trace or failure.what == "tile":
+        return {**found, "trace": failure.trace or None}
+    return dict(found)
+
+
 def _logged_counts(logged: VanLog | None) -> dict[str, int]:
-    """Return how many images and keys have a place."""
+    """Return the number of images and of keys that have a position."""
     photos, events = (logged.photos, logged.events) if logged else (None, None)
     return {"photolog": len(photos) if photos else 0, "events": len(events) if events else 0}
 
 
 def _point_counts(read: StoreFacts | None) -> dict[str, Any]:
-    """Return the account of the points: those in the files are those used and those left out."""
+    """Return the numbers of points: those in the files are the sum of those used and those left out."""
     if read is None:
         return {"files": 0, "points_in_files": 0, "points_used": 0, "points_rejected": {}}
     n_promised = sum(facts.n_promised for facts in read.files)
@@ -157,19 +159,19 @@ def _point_counts(read: StoreFacts | None) -> dict[str, Any]:
     }
 
 
-# What people said of lines, carried over into the lines of a new extraction
+# Review decisions, carried over to the lines of a new extraction
 
 
 @dataclass(frozen=True, slots=True)
 class KeptReviews:
-    """What is written besides what was found.
+    """Reviewed lines of an earlier extraction that are written with the new ones.
 
     Parameters
     ----------
     lines
         All lines, rejected ones too.
     counts
-        Lines that stay, by what people said of them, and `found_again`: found lines left out or cut for them.
+        Lines that stay, by review decision, and `found_again`: new lines left out or cut because they are the same.
     finish
         Adds the history to the bytes of the file.
     """
@@ -180,14 +182,14 @@ class KeptReviews:
 
 
 def with_kept_reviews(found: Extraction, output: Path) -> tuple[Extraction, KeptReviews | None]:
-    """Return what was found beside what people said of the lines in `output`, which will be replaced.
+    """Return an extraction with the reviewed lines of `output`, which will be replaced.
 
-    The lines of the extraction are then those that readers will see. None where nobody said anything.
+    The lines of the extraction are then those that readers of the file will see. None: nothing was reviewed.
 
     Raises
     ------
     LineworkError
-        There are reviews that cannot be used: in another CRS, damaged.
+        The reviews cannot be used: they are in another CRS, or the file is damaged.
     """
     if output.suffix.lower() != ".gpkg" or not output.is_file() or not has_reviews(output):
         return found, None
@@ -195,15 +197,15 @@ def with_kept_reviews(found: Extraction, output: Path) -> tuple[Extraction, Kept
         with LineFile.opened(output, crs=found.lines.crs, is_held=True) as drawing:
             there, judged = drawing.lines, drawing.judged
     except LineworkError as error:
-        error.advice = "give --forget-reviews to lose what people said of its lines, or choose another name"
+        error.advice = "give --forget-reviews to discard the reviews of its lines, or choose another name"
         raise
     kept = carry_over_reviews(found.lines, there, judged)
     lines = LineSet.concatenate([there.take(kept.stays), kept.new])
-    said = Counter(there.review[kept.stays].tolist())
-    counts = {name: said[name] for name in REVIEWS} | {"found_again": kept.n_again}
-    seen = lines.take(lines.review != REJECTED_REVIEW)
-    kinds = tuple(dict.fromkeys([*found.kinds, *sorted(set(seen.kind.tolist()))]))
-    told = ", ".join(f"{n} {name}" for name, n in counts.items() if n and name in REVIEWS) or "none"
-    warning = f"{output}: kept what people said of its lines ({told}); {kept.n_again} found again were left out or cut"
-    found = replace(found, lines=seen, kinds=kinds, warnings=(*found.warnings, warning))
+    n_reviewed = Counter(there.review[kept.stays].tolist())
+    counts = {name: n_reviewed[name] for name in REVIEWS} | {"found_again": kept.n_again}
+    visible = lines.take(lines.review != REJECTED_REVIEW)
+    kinds = tuple(dict.fromkeys([*found.kinds, *sorted(set(visible.kind.tolist()))]))
+    listed = ", ".join(f"{n} {name}" for name, n in counts.items() if n and name in REVIEWS) or "none"
+    warning = f"{output}: kept the reviews of its lines ({listed}); {kept.n_again} lines found again were left out or cut"
+    found = replace(found, lines=visible, kinds=kinds, warnings=(*found.warnings, warning))
     return found, KeptReviews(lines, counts, with_history(output, lines))

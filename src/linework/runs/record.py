@@ -1,4 +1,4 @@
-"""run.json: what a run was given, what it did and how long it took, beside its output."""
+"""run.json, beside the output: inputs and parameters of a run, its results, and the time it took."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from typing import Any
 
 import linework
 
-#: What can change the result: named in every record.
+#: Packages whose version can change the result: listed in every record.
 PACKAGES = ("numpy", "scipy", "numba", "laspy", "lazrs", "pyproj", "pyogrio", "shapely")
-#: More failures than this are counted, not listed: run.json has all.
+#: Failures that a summary lists; further ones are counted. run.json has all. [failures]
 MAX_LISTED = 3
 
 
@@ -30,8 +30,8 @@ def versions() -> dict[str, str]:
 def record_path(output: Path) -> Path:
     """Return where the record of `output` belongs: run.json beside it.
 
-    Where run.json there belongs to another output that still exists, or is no record at all, it is
-    the output's full name and ``.run.json``: lines.gpkg.run.json, so that lines.dxf has another. There it stays.
+    If that run.json belongs to another output that still exists, or is not a record, the record is named by
+    the output: lines.gpkg.run.json. A record of that name stays in use.
     """
     plain, own = output.with_name("run.json"), output.with_name(f"{output.name}.run.json")
     if _output_of(own) == output.name:
@@ -45,7 +45,7 @@ def record_path(output: Path) -> Path:
 
 
 def facts_of_run(record: Mapping[str, Any]) -> dict[str, str]:
-    """Return what a person first wants to know of a run, by name.
+    """Return the main facts of a run for a reader, by name.
 
     >>> facts_of({
     ...     "counts": {"points_used": 5, "lines": {"cable": 1}}, "crs": {"name": "local"},
@@ -64,7 +64,7 @@ def facts_of_run(record: Mapping[str, Any]) -> dict[str, str]:
 
 
 def missing_summary(record: Mapping[str, Any]) -> str:
-    """Return on one line what a run has left out and why, "" where it has left out nothing.
+    """Return a line on what a run has left out and why, "" if nothing.
 
     >>> failures = [{"file": "a.laz", "problem": "a.laz: empty file."}]
     >>> what_is_missing({"failures": failures, "counts": {"files": 2, "tiles": 1, "stereo_pairs": 0}})
@@ -91,7 +91,7 @@ def missing_summary(record: Mapping[str, Any]) -> str:
 
 
 def _output_of(record: Path) -> str:
-    """Return the name of the output a record belongs to, "" where there is none that can be read."""
+    """Return the name of the output that a record belongs to, "" if the record cannot be read."""
     try:
         return Path(json.loads(record.read_text(encoding="utf-8"))["output"]["file"]).name
     except (OSError, ValueError, KeyError, TypeError):

@@ -1,4 +1,4 @@
-"""Runs that are not finished: their journal and the lines of their tiles, in the work folder."""
+"""Unfinished runs: their journal and the results of their tasks, in the work folder."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ _DESCRIPTION, _JOURNAL, _RESULTS = "run.json", "journal.sqlite", "tiles"
 
 @dataclass(frozen=True, slots=True)
 class RunFolder:
-    """Where a run keeps what it has done.
+    """Folder of an unfinished run.
 
     Parameters
     ----------
     results
-        Folder for the lines of each tile.
+        Folder for the results of tasks.
     is_resumed
-        Whether an earlier process has begun it.
+        Whether an earlier process began the run.
     """
 
     path: Path
@@ -53,12 +53,12 @@ def describe_run(parameters: Mapping[str, Any], hashes: Mapping[Path, str]) -> d
 
 
 def fingerprint_of(described: Mapping[str, Any]) -> str:
-    """Return what stands for a description, for the record of the finished run."""
+    """Return the SHA-256 of a description, for the record of the finished run."""
     return hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()
 
 
 def is_result_of_run(work: Path, output: Path) -> bool:
-    """Return whether the output that is there is what an unfinished run was about to call finished."""
+    """Return whether an existing output was put in place by a run that was killed just after."""
     journal = _folder(work, output) / _JOURNAL
     if not journal.is_file():
         return False
@@ -79,23 +79,23 @@ def _folder(work: Path, output: Path) -> Path:
 def run_folder(
     work: Path, output: Path, described: Mapping[str, Any], *, resume: bool = False
 ) -> Iterator[RunFolder]:
-    """Give the folder of a run; it is removed when the run ends well, and stays for `resume` when it does not.
+    """Open the folder of a run: it is removed when the run succeeds, and stays for `resume` when it fails.
 
     Parameters
     ----------
     output
-        What the run makes: two runs are one if they make the same output.
+        File that the run writes: runs with the same output have the same folder.
     described
         All that the result depends on, see `describe_run`.
     resume
-        Go on with what an earlier process has done. Otherwise that is thrown away.
+        Use the results that an earlier process has left; otherwise they are discarded.
 
     Raises
     ------
     UsageError
-        What is there was begun with other parameters; the message names the first that differs.
+        The run to resume was begun with other parameters; the message names the first that differs.
     OutputExistsError
-        Another process is at it.
+        Another process holds the folder.
     """
     folder = _folder(work, output)
     with hold_lock(work / f"run-{folder.name}.lock", folder_in_use_error(work)), machine_errors(folder):
@@ -117,7 +117,7 @@ def run_folder(
 
 
 def _journal(folder: Path) -> Journal:
-    """Open the journal; of a damaged one nothing is believed, and the tiles are done anew."""
+    """Open the journal; a damaged one is replaced, and all tasks are done again."""
     path = folder / _JOURNAL
     try:
         journal = Journal(path)
@@ -172,12 +172,12 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-# The journal of a run: which tiles are done, which failed; kept so that a killed run goes on where it was
+# The journal of a run: tasks that are done, so that a killed run can be resumed
 
 
 @dataclass(frozen=True, slots=True)
 class JournalEntry:
-    """A tile that is done: the SHA-256 of its result file, and its receipt."""
+    """A task that is done: its name, the SHA-256 of its result file, and its receipt."""
 
     tile_id: str
     sha256: str
@@ -185,12 +185,12 @@ class JournalEntry:
 
 
 class Journal:
-    """A journal on disk; what has been entered stays, also when the power goes.
+    """Journal in an SQLite file; entries survive a loss of power.
 
     Parameters
     ----------
     path
-        Made when it is not there.
+        Created if it does not exist.
 
     Raises
     ------
@@ -214,22 +214,22 @@ class Journal:
             )
 
     def enter(self, entry: JournalEntry) -> None:
-        """Enter a tile as done; the last entry of a tile counts."""
+        """Enter a task as done; the last entry of a task counts."""
         text = json.dumps(dict(entry.receipt), allow_nan=False)
         self._write("INSERT OR REPLACE INTO done VALUES (?, ?, ?)", (entry.tile_id, entry.sha256, text))
 
     def done(self) -> dict[str, JournalEntry]:
-        """Return the tiles that are done, by name."""
+        """Return the entries of tasks that are done, by the name of the task."""
         with _machine_errors(self._path):
             rows = self._connection.execute("SELECT tile_id, sha256, receipt FROM done").fetchall()
         return {row[0]: JournalEntry(row[0], row[1], json.loads(row[2])) for row in rows}
 
     def note_output(self, name: str, sha256: str) -> None:
-        """Note the bytes that are about to be put in an output's place."""
+        """Note the SHA-256 of an output just before it replaces the file of that name."""
         self._write("INSERT OR REPLACE INTO published VALUES (?, ?)", (name, sha256))
 
     def noted_output(self, name: str) -> str:
-        """Return the SHA-256 of what was about to be put in an output's place, "" where none was."""
+        """Return the SHA-256 that was noted for an output, "" if none was."""
         with _machine_errors(self._path):
             row = self._connection.execute("SELECT sha256 FROM published WHERE name = ?", (name,)).fetchone()
         return str(row[0]) if row else ""
@@ -245,7 +245,7 @@ class Journal:
 
 @contextlib.contextmanager
 def _machine_errors(path: Path) -> Iterator[None]:
-    """Turn what SQLite says of a full or broken disk into ours; a damaged file is another matter."""
+    """Turn SQLite's errors of a full or broken disk into `MachineError`; those of a damaged file pass."""
     try:
         yield
     except sqlite3.OperationalError as error:
@@ -256,12 +256,12 @@ def _machine_errors(path: Path) -> Iterator[None]:
         ) from error
 
 
-# What stands for linework's own source: what two versions of it made must not come together
+# A hash of linework's own source: results of two versions must not be mixed
 
 
 @lru_cache(maxsize=8)
 def source_hash(*rooms: str) -> str:
-    """Return a hash of the source of some rooms, or of all without any.
+    """Return a hash of the source files of some packages, or of all if none is named.
 
     >>> len(source_hash("files")), source_hash("files") == source_hash("kernels")
     (16, False)

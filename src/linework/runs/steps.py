@@ -1,4 +1,4 @@
-"""The steps of a run: named, timed, and shown to whoever watches."""
+"""Steps of a run: named, timed, and shown to a watcher."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Protocol
 
-#: Called with how much of a step has been done so far, and how much there is in all.
+#: Called with the amount of a step that has been done, and the total amount, in the unit of the step.
 Advance = Callable[[int, int], None]
 
 
@@ -15,25 +15,25 @@ class Watcher(Protocol):
     """Shows a run to a person."""
 
     def begin(self, step: str, unit: str) -> None:
-        """Say that a step begins; its amounts are counted in `unit` ("" where it has no amounts)."""
+        """Show that a step begins; its amounts are counted in `unit` ("": it has none)."""
         ...
 
     def advance(self, done: int, total: int) -> None:
-        """Say how far the step has come."""
+        """Show the progress of the step."""
         ...
 
     def end(self, step: str, seconds: float) -> None:
-        """Say that the step is done."""
+        """Show that the step is done."""
         ...
 
 
 class RunSteps:
-    """The steps of one run and the wall time each took.
+    """Steps of one run and the wall time that each took.
 
     Parameters
     ----------
     watcher
-        Told of every step; None: nobody watches.
+        Is shown every step; None: there is no watcher.
 
     Examples
     --------
@@ -50,17 +50,17 @@ class RunSteps:
 
     @contextlib.contextmanager
     def step(self, name: str, unit: str = "") -> Iterator[Advance]:
-        """Time what is done inside; a name that comes again adds to its time."""
+        """Time the block inside; the times of steps of one name are added."""
         watcher = self._watcher
         if watcher:
             watcher.begin(name, unit)
         start = time.perf_counter()
-        yield watcher.advance if watcher else _unseen
+        yield watcher.advance if watcher else _not_shown
         seconds = time.perf_counter() - start
         self.timings_s[name] = self.timings_s.get(name, 0.0) + seconds
         if watcher:
             watcher.end(name, seconds)
 
 
-def _unseen(done: int, total: int) -> None:
-    """Advance where nobody watches."""
+def _not_shown(done: int, total: int) -> None:
+    """Advance without a watcher."""

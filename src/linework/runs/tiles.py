@@ -1,4 +1,4 @@
-"""Which tiles a survey is worked in: cores that share no place, each with a buffer around it."""
+"""The tiles of a survey: disjoint cores, each with a buffer around it."""
 
 from __future__ import annotations
 
@@ -9,53 +9,21 @@ from dataclasses import dataclass
 
 from linework.arrays import IntArray
 from linework.model.grid import Bounds
-from linework.model.settings import setting
+from linework.runs.settings import TilingConfig
 
-#: A survey no larger than this, east-west and north-south, may be one tile: its raster image at the default
-#: cell of 0.2 m has 36 million cells, of the 50 million that `linework.imaging` allows. [m]
+#: Greatest extent of a survey that may be one tile: its raster image at the default cell of 0.2 m has 36 million
+#: cells, of the 50 million that `linework.imaging` allows. [m]
 MAX_SINGLE_M = 1200.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TilingConfig:
-    """Settings of the plan; the lines do not depend on them."""
-
-    core_m: float = setting(
-        512.0,
-        unit="m",
-        reason="eight blocks of the tile store; its buffer is a sixth of it",
-        low=64,
-        high=4096,
-    )
-    high_core_m: float = setting(
-        2048.0,
-        unit="m",
-        reason="of methods that look at high points only: few, and a wide buffer that is a fifth of it",
-        low=64,
-        high=8192,
-    )
-    max_points: int = setting(
-        3_000_000,
-        unit="points",
-        reason="a tile with more, buffer included, is divided: a worker needs some 150 bytes a point",
-        low=10_000,
-        high=1_000_000_000,
-    )
-    least_core_m: float = setting(
-        64.0, unit="m", reason="tiles are not divided below a block of the tile store", low=16, high=4096
-    )
-    shift_east_m: float = setting(0.0, unit="m", reason="moves the lattice of the cores", low=-1e7, high=1e7)
-    shift_north_m: float = setting(0.0, unit="m", reason="moves the lattice of the cores", low=-1e7, high=1e7)
 
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """A tile to be worked: what it answers for, and how much more it gets to see.
+    """A tile of a plan: the core whose lines belong to it, and the buffer of points around it.
 
     Parameters
     ----------
     tile_id
-        Its south-west corner and its size: the same place has the same name in every run.
+        South-west corner and size of the core: the same in every run.
     core
         Half open; cores of a plan do not overlap.
     buffer_m
@@ -91,14 +59,14 @@ def plan_tiles(
     blocks
         (n, 2) int64: east and north number of every block of `block_m` that holds points.
     count_in
-        Tells how many points lie in a rectangle, or a few more.
+        Returns the number of points in a rectangle, or a little more.
     only_high
-        Of a method that looks at high points only: its tiles are wider, and never too full.
+        Whether the method looks at high points only: its tiles are wider, and not divided by their points.
 
     Notes
     -----
-    What a tile sees has at most `max_points`, unless its core is `least_core_m` already. A survey that fits
-    into one tile is one.
+    A tile, buffer included, has at most `max_points`, unless its core is as small as `least_core_m`. A survey that
+    fits into one tile is one tile.
     """
     if not all(map(math.isfinite, extent)) or extent.west > extent.east or extent.south > extent.north:
         raise ValueError(f"extent {tuple(extent)}: expected finite numbers, west <= east, south <= north")
@@ -142,7 +110,7 @@ def _cores(blocks: IntArray, block_m: float, core_m: float, config: TilingConfig
 def _divided(
     core: Bounds, count_in: Callable[[Bounds], int], buffer_m: float, most: int, config: TilingConfig
 ) -> list[Bounds]:
-    """Return the core, or its quarters where it sees too many points; nothing where it holds none."""
+    """Return the core, its quarters if the tile has too many points, or nothing if the core has none."""
     if count_in(core) == 0:
         return []
     if count_in(core.grown(buffer_m)) <= most or core.width_m / 2 < config.least_core_m:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.arrays import AnyArray, BoolArray, Float32Array
+from linework.arrays import AnyArray, BoolArray, Float32Array, offsets_of
 from linework.kernels.cells import nearest as nearest_kernels
 from linework.kernels.cells import regions as kernels
 from linework.surface.carry import reach_cells
@@ -130,7 +130,7 @@ def ground_of_pieces(
     links
         Windows a and b, and the labels (n, 2) of pieces that touch across their edge.
     """
-    offsets = np.concatenate([[0], np.cumsum([len(p.cells) for p in pieces])]).astype(np.int64)
+    offsets = offsets_of([len(p.cells) for p in pieces])
     pairs = [np.stack([offsets[a], offsets[b]]) + labels.astype(np.int64) - 1 for a, b, labels in links]
     group = connected_groups(int(offsets[-1]), np.concatenate([np.zeros((0, 2), np.int64), *pairs]))
     cells = np.bincount(group, np.concatenate([p.cells for p in pieces]), minlength=1)

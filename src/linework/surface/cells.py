@@ -34,8 +34,8 @@ class CellWindow(NamedTuple):
     def over(cls, bounds: Bounds, cell_m: float) -> CellWindow:
         """Return the cells that hold points of the bounds, their edges counted in.
 
-        >>> Window.over(Bounds(0.1, -0.1, 1.0, 0.4), 0.5)
-        Window(west=0, south=-1, n_rows=2, n_cols=3)
+        >>> CellWindow.over(Bounds(0.1, -0.1, 1.0, 0.4), 0.5)
+        CellWindow(west=0, south=-1, n_rows=2, n_cols=3)
         """
         west, south = math.floor(bounds.west / cell_m), math.floor(bounds.south / cell_m)
         east, north = math.floor(bounds.east / cell_m), math.floor(bounds.north / cell_m)
@@ -63,8 +63,8 @@ class CellWindow(NamedTuple):
     def common(self, other: CellWindow) -> CellWindow | None:
         """Return the cells that both hold, or None.
 
-        >>> Window(0, 0, 4, 4).common(Window(2, 3, 4, 4))
-        Window(west=2, south=3, n_rows=1, n_cols=2)
+        >>> CellWindow(0, 0, 4, 4).common(CellWindow(2, 3, 4, 4))
+        CellWindow(west=2, south=3, n_rows=1, n_cols=2)
         """
         west, south = max(self.west, other.west), max(self.south, other.south)
         east, north = min(self.east, other.east), min(self.north, other.north)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.arrays import AnyArray, BoolArray, IntArray
+from linework.arrays import AnyArray, BoolArray, IntArray, offsets_of
 from linework.surface.cells import under_the_wheels
 from linework.surface.regions import LabelTable, RegionFacts, connected_groups
 
@@ -85,7 +85,7 @@ class _Nodes:
 
     def __init__(self, tables: Sequence[LabelTable]) -> None:
         self.tables = tables
-        self.offsets = np.cumsum([0, *(len(t.labels) for t in tables)]).astype(np.int64)
+        self.offsets = offsets_of([len(t.labels) for t in tables])
         self.island = np.concatenate([_NO_NODES, *(t.island for t in tables)])
         self.chosen: BoolArray = np.zeros(len(self.island), dtype=bool)
         self.group: AnyArray = np.arange(len(self.island))

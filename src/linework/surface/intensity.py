@@ -202,7 +202,7 @@ def local_level(
 def share_of_counts(counts: AnyArray, share: float) -> FloatArray:
     """Return the value that a share of the counted ones is below, for counts (..., n) by the kernel's bins.
 
-    >>> counts = np.zeros(kernels.N_BINS, dtype=np.int64)
+    >>> counts = np.zeros(kernels.N_INTENSITY_BINS, dtype=np.int64)
     >>> counts[kernels.bin_of(100.0)] = 5
     >>> bool(abs(share_of_counts(counts, 0.5) - 100.0) < 3.0)
     True

@@ -254,7 +254,7 @@ class Islands:
 def connected_groups(n: int, links: AnyArray) -> AnyArray:
     """Return the group (n,) int32 of each of n things of which the pairs (m, 2) belong together.
 
-    >>> united(4, np.array([[0, 2], [2, 3]])).tolist()
+    >>> connected_groups(4, np.array([[0, 2], [2, 3]])).tolist()
     [0, 1, 0, 0]
     """
     if n == 0:

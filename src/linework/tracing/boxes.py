@@ -1,4 +1,4 @@
-"""Boxes of an opened survey, found where they are asked for."""
+"""Boxes of an opened survey, found on demand."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from linework.model.grid import Bounds
 from linework.model.tile import TileData
 from linework.runs.opened.surface import SurveySurface
 
-#: Boxes are found block by block: half as wide as what is read around each, so that little is read twice, and
-#: little is looked at that is not near the line. [m]
+#: Side of the blocks in which boxes are found: the width of the buffer of points around each, so that few points are
+#: read twice, and few that are not near the line. [m]
 BOX_BLOCK_M = 8.0
-#: Blocks that stay at hand, some kilobytes each: 25 km of a line and what is about it.
+#: Blocks that are kept, some kilobytes each: 25 km of a line and its surroundings. [blocks]
 MOST_BLOCKS = 20_000
 Block = tuple[int, int]
 #: First and last block.
@@ -25,12 +25,12 @@ Rectangle = tuple[Block, Block]
 
 
 class SurveyBoxes:
-    """The boxes of a survey, as far as they have been asked for.
+    """The boxes of a survey, as far as they were needed so far.
 
     Parameters
     ----------
     detectors
-        What finds boxes, by the kind of line that they are of.
+        Methods that find boxes, by the kind of line.
     origin
         Local origin of the survey [m, world].
     """
@@ -47,7 +47,7 @@ class SurveyBoxes:
         self._found: dict[tuple[str, Block], BoxSet] = {}
 
     def of(self, kind: str, blocks: Iterable[Block]) -> list[BoxSet]:
-        """Return the boxes of blocks, those of each that has any [m, from the local origin]."""
+        """Return the boxes of each block that has any [m, from the local origin]."""
         wanted = list(blocks)
         missing = rectangles({block for block in wanted if (kind, block) not in self._found})
         is_near = _is_near(missing, self.detectors[kind].buffer_m)
@@ -59,7 +59,7 @@ class SurveyBoxes:
         return [boxes for boxes in found if len(boxes)]
 
     def _find(self, kind: str, parts: Sequence[Rectangle]) -> None:
-        """Find the boxes of some blocks, all out of the same points."""
+        """Find the boxes of some blocks, all in the same points."""
         cores = [_bounds(part) for part in parts]
         boxes = BoxSet.empty()
         if any(self._store.count_in(core) for core in cores):
@@ -77,13 +77,13 @@ class SurveyBoxes:
         if len(points) == 0:
             return BoxSet.empty()
         tile = TileData("trace", whole, points, None, "", self._surface.over(extent), self._origin)
-        return detector.detect(tile, cores)
+        return detector.find_boxes(tile, cores)
 
 
 class Corridor:
-    """The boxes along one line, as far as they have been looked for.
+    """The boxes along one line, as far as they were looked for.
 
-    What others have asked for before is not in it: so a line is the same whatever was followed earlier.
+    Boxes that were found for other lines are not in it: so a line is the same whatever was followed before.
     """
 
     def __init__(self, survey: SurveyBoxes) -> None:
@@ -98,7 +98,7 @@ class Corridor:
 
     @property
     def bounds(self) -> Bounds:
-        """Extent of what has been looked at [m, world]."""
+        """Extent of the blocks that were looked at [m, world]."""
         blocks = np.array([block for asked in self._asked.values() for block in asked], dtype=np.float64)
         (west, south), (east, north) = blocks.min(axis=0), blocks.max(axis=0) + 1.0
         return Bounds(west * BOX_BLOCK_M, south * BOX_BLOCK_M, east * BOX_BLOCK_M, north * BOX_BLOCK_M)
@@ -122,7 +122,7 @@ class Corridor:
         }
         found: list[BoxSet] = []
         for one in (kind,) if kind else self._asked:
-            # In an order that hangs on nothing but the places
+            # In an order that depends on the places only
             found += self._survey.of(one, sorted(asked - self._asked[one]))
             self._asked[one] |= asked
         self._boxes = BoxSet.concatenate([self._boxes, *found])
@@ -130,7 +130,7 @@ class Corridor:
 
 
 def rectangles(blocks: set[Block]) -> list[Rectangle]:
-    """Return rectangles (first and last block) that hold all blocks, each once, and no others.
+    """Return disjoint rectangles (first and last block) that hold all blocks and no others.
 
     >>> rectangles({(0, 0), (1, 0), (0, 1), (1, 1), (5, 1)})
     [((0, 0), (1, 1)), ((5, 1), (5, 1))]
@@ -151,7 +151,7 @@ def rectangles(blocks: set[Block]) -> list[Rectangle]:
 
 
 def _is_near(parts: Sequence[Rectangle], buffer_m: float) -> bool:
-    """Return whether rectangles lie so near one another that their points are better read once for all."""
+    """Return whether rectangles are so near one another that reading their points at once is cheaper."""
     if not parts:
         return False
     cores = [_bounds(part) for part in parts]

@@ -26,13 +26,13 @@ from linework.model.lines import LineSet
 from linework.runs.opened.pairs import OpenedStereo
 from linework.tracing.trace import RefusedPickError
 
-#: Pairs that are kept in memory: going back from the picked pair starts with those just seen.
+#: Pairs that are kept in memory: following back from the picked pair starts with those just read. [pairs]
 _KEPT_PAIRS = 4
 
 
 @dataclass(frozen=True, slots=True)
 class TracedEdge:
-    """A followed edge in the survey's CRS, why it ends where it does, and how many pairs showed it."""
+    """A followed edge in the survey's CRS, the reasons why it ends, and the number of pairs that show it."""
 
     kind: str
     lines: LineSet
@@ -42,7 +42,7 @@ class TracedEdge:
 
 
 class ImageTracer:
-    """The stereo pairs of a survey, in whose images edges are picked."""
+    """Follows edges that are picked in the images of a survey."""
 
     def __init__(self, opened: OpenedStereo) -> None:
         self._opened = opened
@@ -51,12 +51,12 @@ class ImageTracer:
     def trace(
         self, image: Path, at_px: tuple[float, float], *, kind: str = ""
     ) -> Generator[EdgeStep, bool | None, TracedEdge]:
-        """Follow the edge at a pixel (col, row) of an image as it was taken; yield what each pair shows.
+        """Follow the edge at a pixel (col, row) of an original image; yield the step of each pair.
 
         Parameters
         ----------
         image
-            A file of the survey, or the end of its path.
+            File of the survey, or the end of its path.
         kind
             Of `EDGE_KINDS`; "": stripes of paint are lane markings, other edges road boundaries.
 
@@ -97,12 +97,12 @@ class ImageTracer:
         return self._traced(edge)
 
     def pair(self, number: int) -> ImagePair:
-        """Return a pair that can be used.
+        """Return the usable pair of a number.
 
         Raises
         ------
         AbsentError
-            There is none of this number.
+            No usable pair has this number.
         """
         for pair in self._opened.pairs:
             if pair.number == number:
@@ -110,13 +110,13 @@ class ImageTracer:
         raise AbsentError(f"there is no pair {number}", where=self._opened.survey.name)
 
     def original(self, step: EdgeStep) -> tuple[FloatArray, FloatArray]:
-        """Return the pixels (n, 2) of a step in the left and the right image as they were taken."""
+        """Return the pixels (n, 2) [col, row] of a step in the left and the right original image."""
         rig, to = self._opened.series.rig, self._opened.rectifier.rig
         left, right = step.left_px, step.right_px
         return original_pixels(rig.left, to, left), original_pixels(rig.right, to, right)
 
     def _found(self, image: Path) -> tuple[ImagePair, int]:
-        """Return the pair an image is in, and whether it is the left (0) or right (1) one."""
+        """Return the pair that an image belongs to, and its side: left (0) or right (1)."""
         parts = image.parts[1:] if image.is_absolute() else image.parts
         matches = [
             (pair, side)
@@ -136,13 +136,13 @@ class ImageTracer:
             raise InputError(f"{image} could be {len(matches)} images", where=where,
                              advice=f"name its folder too, for example {example}")  # fmt: skip
         first = "/".join(self._opened.pairs[0].left.parts[-2:])
-        raise InputError(f"{image} is in none of the {n} stereo pairs that can be used", where=where,
+        raise InputError(f"{image} is in none of the {n} usable stereo pairs", where=where,
                          advice=f"see linework info; the first one is {first}")  # fmt: skip
 
     def _in_original(
         self, refused: NoEdgeAtPixelError, side: int, at_px: tuple[float, float], name: str
     ) -> RefusedPickError:
-        """Return a refusal with the pixels of the image as it was taken."""
+        """Return a refusal in pixels of the original image."""
         advice, there = "pick a pixel on a line", None
         if refused.works is not None:
             rig = self._opened.series.rig
@@ -172,7 +172,7 @@ def pixel_of(text: str) -> FloatArray:
     Raises
     ------
     UsageError
-        It is no pixel.
+        The text is not a pixel.
 
     >>> pixel_of("612,240.5").tolist()
     [612.0, 240.5]
@@ -183,6 +183,6 @@ def pixel_of(text: str) -> FloatArray:
         col = row = float("nan")
     if not (np.isfinite(col) and np.isfinite(row)):
         raise UsageError(
-            f"{text!r} is no pixel", where="--at-px", advice="give column and row, for example 612,240"
+            f"{text!r} is not a pixel", where="--at-px", advice="give column and row, for example 612,240"
         )
     return np.array([col, row])

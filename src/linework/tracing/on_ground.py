@@ -1,4 +1,4 @@
-"""Following a lane marking or a road boundary from a picked place, step by step, on an opened survey."""
+"""Following a lane marking or a road boundary from a picked place on an opened survey, step by step."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from linework.editing.edits.continued import Gap, continue_lines
 from linework.methods.obb import trace
 from linework.methods.obb.method import ObbMethod
 from linework.methods.obb.trace import TraceStop, near_line
-from linework.methods.protocol import Sight
+from linework.methods.protocol import Sight, SurveyContext
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.tracing.boxes import Corridor, SurveyBoxes
 
-#: The first look around a place: a line shows in so much of it. [m]
+#: Radius of the first search around a place: enough of a line to recognise it. [m]
 NEAR_PICK_M = 4.0
-#: Lines around a picked place are looked at this far: through the gaps of dashed lines. [m]
+#: Radius in which the lines around a picked place are found: across the gaps of dashed lines. [m]
 PICK_AROUND_M = 16.0
-#: Along a line that goes on, and beyond its ends, boxes are looked for this far to either side. [m]
+#: Half width of the strip along a line, and beyond its ends, in which boxes are found. [m]
 STRIP_M = 4.0
-#: While a line grows, only where it leads: so far to either side, and so far ahead at a time. [m]
+#: While a line grows: half width and length of the strip ahead of its end in which boxes are found. [m]
 TIP_M, GROWTH_STEP_M = 1.5, 12.0
-#: Beside a line that has grown so many places are looked at between two steps: 40 m, whose points are read once.
+#: Places along a grown line that are searched between two steps: 40 m, whose points are read at once. [places]
 _AT_ONCE = 10
-#: What is less is no growth. [m]
+#: Least advance of an end that counts as growth. [m]
 _LEAST_GROWTH_M = 0.5
-#: A picked line goes on where another is in line with it, over a gap as long as the tracker's longest.
+#: A picked line continues in another that is in line with it, over gaps up to the longest of the tracker.
 SAME_LINE = Gap(longest_m=32.0, off_deg=1.0, turn_deg=20.0)
-#: Of the van's way only so much of what is beside a line matters to it. [m]
+#: Distance from a line within which the path of the vehicle matters to it. [m]
 _PATH_M = 100.0
 
 Growth = Generator[LineSet, bool | None, bool]
@@ -39,42 +39,50 @@ Growth = Generator[LineSet, bool | None, bool]
 
 @dataclass(frozen=True, slots=True)
 class GroundSurvey:
-    """What a survey is asked for lines on the ground.
+    """What following a line on the ground needs of a survey.
 
     Parameters
     ----------
     origin
-        Its local origin. [m, world]
-    seen
-        Says where road or ground was measured. [m, world]
+        Local origin. [m, world]
+    is_visible
+        Returns for (n, 2) places [m, world] whether road or ground was measured there.
     path
-        (n, 3) the van's way [m, world], or None.
+        (n, 3) positions of the vehicle [m, world], or None.
     """
 
     boxes: SurveyBoxes
     method: ObbMethod
     origin: tuple[float, float, float]
-    seen: Sight
+    is_visible: Sight
     path: FloatArray | None
 
     def lines(self, corridor: Corridor) -> LineSet:
         """Return all lines in a corridor. [m, world]"""  # noqa: D400
-        return self.method.track(corridor.boxes, self.origin, self.seen, self._path_near(corridor.bounds))
+        return self.method.join(corridor.boxes, self._context(corridor))
 
-    def tracking(self, corridor: Corridor) -> Generator[None, None, LineSet]:
-        """Return what `lines` returns, in steps."""
+    def joining(self, corridor: Corridor) -> Generator[None, None, LineSet]:
+        """Return what `lines` returns; yield after each step of the method."""
+        survey = self._context(corridor)
+        now = self.method.begin_join(corridor.boxes, survey)
+        for step in self.method.join_steps:
+            now = step(now)
+            yield
+        return self.method.end_join(now, survey)
+
+    def _context(self, corridor: Corridor) -> SurveyContext:
         path = self._path_near(corridor.bounds)
-        return self.method.tracking(corridor.boxes, self.origin, self.seen, path)
+        return SurveyContext(origin=self.origin, is_visible=self.is_visible, path=path)
 
     def near(self, corridor: Corridor, place: FloatArray, kind: str) -> LineSet | None:
-        """Return the line that passes a place [m, world], as far as the boxes found so far show it."""
+        """Return the line that passes a place (2,) [m, world], as far as it is in the boxes found so far."""
         corner = np.asarray(self.origin[:2])
 
-        def seen_here(xy: FloatArray) -> BoolArray:
-            return self.seen(xy + corner)
+        def is_visible(xy: FloatArray) -> BoolArray:
+            return self.is_visible(xy + corner)
 
         local = place - corner
-        one = near_line(corridor.boxes, local, kind, self.method.config.track, seen_here)
+        one = near_line(corridor.boxes, local, kind, self.method.config.track, is_visible)
         return None if one is None else one.with_columns(xyz=one.xyz + np.asarray(self.origin))
 
     def _path_near(self, bounds: Bounds) -> FloatArray | None:
@@ -87,21 +95,21 @@ class GroundSurvey:
 
 @dataclass(frozen=True, slots=True)
 class GroundPick:
-    """A place (2,) [m, world], the kind that is meant ("": any), and the way (2,) to follow it (None: both)."""
+    """A place (2,) [m, world], the kind of line ("": any), and the direction (2,) to follow (None: both)."""
 
     place: FloatArray
     kind: str = ""
-    way: FloatArray | None = None
+    direction: FloatArray | None = None
 
     def ends(self, one: LineSet) -> list[int]:
-        """Return at which ends a line is followed on: 0 its start, 1 its end."""
-        ways = trace.end_directions(one.xyz)[1]
-        return [k for k in (0, 1) if self.way is None or float(ways[k] @ self.way) > 0.0]
+        """Return the ends at which a line is followed: 0 its start, 1 its end."""
+        outward = trace.end_directions(one.xyz)[1]
+        return [k for k in (0, 1) if self.direction is None or float(outward[k] @ self.direction) > 0.0]
 
 
 @dataclass(frozen=True, slots=True)
 class FollowedLine:
-    """A followed line with what runs beside it, its kind, how far the place is from it, and why it ends."""
+    """A followed line with its companions, its kind, its distance from the place [m], and why it ends."""
 
     kind: str
     lines: LineSet
@@ -112,20 +120,20 @@ class FollowedLine:
 def follow_ground(
     ground: GroundSurvey, pick: GroundPick
 ) -> Generator[LineSet, bool | None, FollowedLine | None]:
-    """Follow the line at a place; yield it as it grows, and return it whole; None: there is none.
+    """Follow the line at a place; yield it while it grows, and return it whole; None: there is no line.
 
-    ``send(True)`` stops it: what has been followed so far is returned.
+    ``send(True)`` stops it: what was followed so far is returned.
     """
     corridor = Corridor(ground.boxes)
-    # As fast as it can be seen: only what shows the line itself
+    # First as fast as possible: only boxes of the line itself
     grown, is_stopped = yield from _grown(ground, corridor, pick)
-    # Then with all that lies beside it, which says what it is, and where it really ends
+    # Then with everything beside it, which decides what the line is and where it ends
     corridor.load(pick.place[None], PICK_AROUND_M)
     if grown is not None:
         along = _every(grown.xyz[:, :2], STRIP_M)
         for first in range(0, len(along), _AT_ONCE):
             corridor.load(along[first : first + _AT_ONCE], STRIP_M)
-            # Long lines take a while: nothing new is to be seen, but somebody may stop it
+            # Long lines take a while: the line has not changed, but the user may stop it
             is_stopped = bool((yield grown)) or is_stopped
             if is_stopped:
                 break
@@ -149,7 +157,7 @@ def follow_ground(
 def _grown(
     ground: GroundSurvey, corridor: Corridor, pick: GroundPick
 ) -> Generator[LineSet, bool | None, tuple[LineSet | None, bool]]:
-    """Follow a line by its own boxes alone; return it, and whether somebody stopped it."""
+    """Follow a line by its own boxes alone; return it, and whether it was stopped."""
     corridor.load(pick.place[None], NEAR_PICK_M, pick.kind)
     one = ground.near(corridor, pick.place, pick.kind)
     if one is None:
@@ -171,7 +179,7 @@ def _grown(
 def _longer(
     ground: GroundSurvey, corridor: Corridor, pick: GroundPick, one: LineSet, end: int
 ) -> LineSet | None:
-    """Return a line with what follows at an end; None where nothing does: first nearby, then beyond a gap."""
+    """Return a line that is longer at an end: first nearby, then beyond a gap; None: it ends there."""
     kind = str(one.kind[0])
     tips, ways = trace.end_directions(one.xyz)
     for reach_m in (GROWTH_STEP_M, ground.method.config.track.longest_gap_m + STRIP_M):
@@ -190,11 +198,11 @@ def _longer(
 def _whole(
     ground: GroundSurvey, corridor: Corridor, pick: GroundPick, shown: LineSet | None
 ) -> Generator[LineSet, bool | None, tuple[LineSet | None, LineSet, bool]]:
-    """Return the line at a place with what goes on where it ends (None: there is none), all lines, whether to stop.
+    """Return the line at a place with its continuations (None: there is no line), all lines, and whether to stop.
 
-    What is `shown` is yielded between the steps of that: of a long line each may take a while.
+    The line that is `shown` is yielded between the steps, each of which may take a while for a long line.
     """
-    steps, is_stopped = ground.tracking(corridor), False
+    steps, is_stopped = ground.joining(corridor), False
     while True:
         try:
             next(steps)
@@ -209,7 +217,7 @@ def _whole(
 
 
 def _gone_on(lines: LineSet, i: int) -> LineSet:
-    """Return a line with those that go on where it ends."""
+    """Return a line with those that continue it."""
     one, rest = lines.take([i]), np.flatnonzero(lines.kind == lines.kind[i])
     left = [k for k in rest.tolist() if k != i]
     while left:
@@ -228,17 +236,17 @@ def _gone_on(lines: LineSet, i: int) -> LineSet:
 def _followed(
     ground: GroundSurvey, pick: GroundPick, one: LineSet, lines: LineSet, *, is_stopped: bool
 ) -> FollowedLine:
-    """Return a line as it is told: cut at the place if it goes one way, with what belongs to it, and why it ends."""
+    """Return a finished line: cut at the place if it is followed one way, with its companions, and why it ends."""
     distance_m = trace.nearest_vertex(one.xyz[:, :2], pick.place)[1]
-    starts, ends = trace.stop_reasons(one.xyz, ground.seen)
+    starts, ends = trace.stop_reasons(one.xyz, ground.is_visible)
     if is_stopped and starts is not TraceStop.RING:
         open_ends = pick.ends(one)
         starts, ends = (
             TraceStop.INTERRUPTED if k in open_ends else stop for k, stop in enumerate((starts, ends))
         )
     stops = (str(starts), str(ends))
-    if pick.way is not None:
-        one, stops = piece_toward(one, pick.place, pick.way, stops)
+    if pick.direction is not None:
+        one, stops = piece_toward(one, pick.place, pick.direction, stops)
     parts = [
         one,
         *(lines.take(trace.companions_of(lines, one.xyz, name)) for name in trace.COMPANION_BESIDE_M),
@@ -247,18 +255,18 @@ def _followed(
 
 
 def piece_toward(
-    one: LineSet, place: FloatArray, way: FloatArray, stops: tuple[str, str]
+    one: LineSet, place: FloatArray, direction: FloatArray, stops: tuple[str, str]
 ) -> tuple[LineSet, tuple[str, str]]:
-    """Return the piece of a line that leads from a place in a direction, and why it ends."""
+    """Return the piece of a line from a place (2,) on in a direction (2,), and why it ends."""
     i = min(max(trace.nearest_vertex(one.xyz[:, :2], place)[0], 1), len(one.xyz) - 2)
     ahead = one.xyz[min(i + 4, len(one.xyz) - 1), :2] - one.xyz[max(i - 4, 0), :2]
-    if float(ahead @ way) >= 0.0:
+    if float(ahead @ direction) >= 0.0:
         return trace.line_piece(one, slice(i, None)), (str(TraceStop.PICKED), stops[1])
     return trace.line_piece(one, slice(0, i + 2)), (stops[0], str(TraceStop.PICKED))
 
 
 def _every(xy: FloatArray, step_m: float) -> FloatArray:
-    """Return places along a line (n, 2), no farther apart than a step."""
+    """Return places (k, 2) along a line (n, 2), at most `step_m` apart [m]."""
     t = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
     at = np.linspace(0.0, t[-1], int(np.ceil(t[-1] / step_m)) + 1)
     return np.column_stack([np.interp(at, t, column) for column in xy.T])

@@ -1,4 +1,4 @@
-"""A guardrail or a cable from a picked place: tiles are worked where the line leads, and joined."""
+"""A guardrail or a cable from a picked place: tiles along the line are searched, and their lines joined."""
 
 from __future__ import annotations
 
@@ -9,31 +9,35 @@ import numpy as np
 from linework.arrays import FloatArray
 from linework.files.store.layout import STORE_CELL_M
 from linework.files.store.read import PointStore
-from linework.methods.protocol import Method
+from linework.methods.radon.method import CableMethod, RailMethod
+from linework.methods.radon.seams import UNCUT_AT_SEAMS, inside_core, join_seams
 from linework.model.grid import Bounds, Image
 from linework.model.lines import LineSet
 from linework.model.tile import TileData
 from linework.runs.opened.surface import SurveySurface
-from linework.runs.seams import UNCUT_AT_SEAMS, inside_core, join_seams
 
-#: Tiles of this size are worked. [m]
+#: Side of the tiles that are searched. [m]
 CORE_M = 128.0
-#: A line is followed over no more tiles than this: 12 km.
+#: Tiles over which a line is followed at most: 12 km. [tiles]
 MOST_TILES = 100
 
 
 class RailPieces:
-    """The lines of a method in the tiles that have been asked for, joined."""
+    """The lines of a method in the tiles that were searched so far, joined."""
 
     def __init__(
-        self, store: PointStore, surface: SurveySurface, method: Method, origin: tuple[float, float, float]
+        self,
+        store: PointStore,
+        surface: SurveySurface,
+        method: RailMethod | CableMethod,
+        origin: tuple[float, float, float],
     ) -> None:
         self._store, self._surface, self._method, self._origin = store, surface, method, origin
         self._tiles: dict[tuple[int, int], LineSet] = {}
 
     def line_at(self, place: FloatArray, reach_m: float) -> tuple[LineSet, float] | None:
-        """Return the line nearest to a place [m, world] within reach, whole, and its distance; None if none."""
-        self._work(place[0] - reach_m, place[1] - reach_m, place[0] + reach_m, place[1] + reach_m)
+        """Return the whole line nearest to a place (2,) [m, world] within reach, and its distance [m]; None: no line."""
+        self._search(place[0] - reach_m, place[1] - reach_m, place[0] + reach_m, place[1] + reach_m)
         while True:
             lines = self._joined()
             distances = [distance_m(lines.line(i)[:, :2], place) for i in range(len(lines))]
@@ -45,22 +49,22 @@ class RailPieces:
             ends = lines.line(i)[[0, -1], :2]
             n = len(self._tiles)
             for x, y in ends.tolist():
-                # An end on the edge of a core goes on in the tile beyond
-                self._work(x - 1e-6, y - 1e-6, x + 1e-6, y + 1e-6)
+                # A line that ends on the edge of a core may continue in the next tile
+                self._search(x - 1e-6, y - 1e-6, x + 1e-6, y + 1e-6)
             if len(self._tiles) == n or n >= MOST_TILES:
                 return lines.take([i]), float(distances[i])
 
     def lines_about(self, places: FloatArray) -> LineSet:
-        """Return the lines in the tiles that hold places (n, 2) [m, world], and in those worked before."""
+        """Return the lines in the tiles that hold places (n, 2) [m, world], and in those searched before."""
         for x, y in places.tolist():
-            self._work(x, y, x, y)
+            self._search(x, y, x, y)
         return self._joined()
 
     def _joined(self) -> LineSet:
         cores = [_core(*tile) for tile in self._tiles]
         return join_seams(LineSet.concatenate(self._tiles.values()), cores)
 
-    def _work(self, west: float, south: float, east: float, north: float) -> None:
+    def _search(self, west: float, south: float, east: float, north: float) -> None:
         for row in range(math.floor(south / CORE_M), math.floor(north / CORE_M) + 1):
             for col in range(math.floor(west / CORE_M), math.floor(east / CORE_M) + 1):
                 if (col, row) not in self._tiles:
@@ -71,7 +75,7 @@ class RailPieces:
         if self._store.count_in(core) == 0:
             return LineSet.empty()
         surface, lowest, above_m = self._surface.over(extent), None, 0.0
-        # A surface of cells that do not fit into those of the store cannot say which points to pass over
+        # Points are left out by the ground below their cell of the store: cells of the surface must hold whole ones
         if math.isfinite(self._method.least_height_m) and surface.grid.cell_width_m % STORE_CELL_M == 0.0:
             lowest = Image(surface.ground_m, surface.grid)
             above_m = surface.z0_m + self._method.least_height_m
@@ -79,22 +83,22 @@ class RailPieces:
         if len(points) == 0:
             return LineSet.empty()
         tile = TileData("trace", core, points, None, "", surface, self._origin)
-        lines = self._method.extract(tile)
-        # What is never cut belongs to the tile of its middle, where the place need not be: all of it is kept
+        lines = self._method.look(tile)
+        # A line that is never cut belongs to the tile of its middle, where the place need not be: all are kept
         is_whole = np.isin(lines.kind, UNCUT_AT_SEAMS)
         return LineSet.concatenate([lines.take(is_whole), inside_core(lines.take(~is_whole), core)])
 
 
 def distance_m(line: FloatArray, place: FloatArray) -> float:
-    """Return the distance of a place from a line (n, 2), in plan.
+    """Return the distance [m] of a place (2,) from a line (n, 2), in plan.
 
     >>> distance_m(np.array([[0.0, 0.0], [10.0, 0.0]]), np.array([5.0, 2.0]))
     2.0
     """
-    a, way = line[:-1], np.diff(line, axis=0)
-    length2 = np.maximum(np.sum(way * way, axis=1), 1e-12)
-    share = np.clip(np.sum((place - a) * way, axis=1) / length2, 0.0, 1.0)
-    return float(np.linalg.norm(a + share[:, None] * way - place, axis=1).min())
+    a, step = line[:-1], np.diff(line, axis=0)
+    length2 = np.maximum(np.sum(step * step, axis=1), 1e-12)
+    share = np.clip(np.sum((place - a) * step, axis=1) / length2, 0.0, 1.0)
+    return float(np.linalg.norm(a + share[:, None] * step - place, axis=1).min())
 
 
 def _core(col: int, row: int) -> Bounds:

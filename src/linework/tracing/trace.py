@@ -21,8 +21,7 @@ from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.tile import local_origin
 from linework.runs.opened.points import OpenedSurvey
-from linework.runs.opened.sight import SurveySight
-from linework.runs.opened.surface import SurveySurface
+from linework.runs.opened.surface import SurveySight, SurveySurface
 from linework.runs.settings import RunSettings
 from linework.tracing.boxes import Corridor, SurveyBoxes
 from linework.tracing.on_ground import PICK_AROUND_M, GroundPick, GroundSurvey, follow_ground, piece_toward
@@ -30,17 +29,18 @@ from linework.tracing.rails import RailPieces
 
 #: Kinds that a place can be picked on.
 PICKED_KINDS = ("lane_marking", "road_boundary", *RAIL_KINDS, *CABLE_KINDS)
-#: Something stands at a place, or hangs over it, where points within so much of it are so high over ground. [m]
+#: Something stands at a place, or hangs over it, if points within this distance of it are this high above the ground,
+#: lowest and highest. [m]
 STANDS_WITHIN_M, STANDS_HIGH_M, HANGS_WITHIN_M, HANGS_HIGH_M = 1.0, (0.2, 2.0), 3.0, (3.5, 100.0)
-#: Of a van's way places so near one another say the same. [m]
+#: Interval to which the path of the vehicle is thinned. [m]
 _PATH_STEP_M = 0.25
 
 
 @dataclass(frozen=True, slots=True)
 class TracedLine:
-    """A followed line in the survey's CRS, how far the picked place is from it, and why it ends where it does.
+    """A followed line in the survey's CRS, its distance from the picked place [m], and why it ends.
 
-    The line is the first of `lines`; its dashes or its kerb's top come after.
+    The line is the first of `lines`; its dashes or the top of its kerb follow.
     """
 
     kind: str
@@ -53,7 +53,7 @@ Trace = Generator[LineSet, bool | None, TracedLine]
 
 
 class Tracer:
-    """A survey that lines are picked on; what has been found around one pick serves the next.
+    """Follows lines that are picked on a survey; boxes and tiles that were searched are kept for the next pick.
 
     Parameters
     ----------
@@ -77,27 +77,27 @@ class Tracer:
     def trace(
         self, at: tuple[float, float], *, kind: str = "", toward: tuple[float, float] | None = None
     ) -> Trace:
-        """Follow the line at a place [m, world]; yield it as it grows, and return it whole.
+        """Follow the line at a place (east, north) [m, world]; yield it while it grows, and return it whole.
 
         Parameters
         ----------
         kind
             Of `PICKED_KINDS`; "": the nearest of them.
         toward
-            Follow it only from the place towards this one, not both ways.
+            Place towards which the line is followed; None: both ways.
 
         Raises
         ------
         RefusedPickError
-            There is no line at the place: why, and where the nearest one is.
+            There is no line at the place; the message says why, and where the nearest one is.
 
         Notes
         -----
-        ``send(True)`` stops it: what has been followed so far is returned.
+        ``send(True)`` stops it: what was followed so far is returned.
         """
         place = np.asarray(at, dtype=np.float64)
-        way = None if toward is None else np.asarray(toward) - place
-        pick = GroundPick(place, kind, way)
+        direction = None if toward is None else np.asarray(toward) - place
+        pick = GroundPick(place, kind, direction)
         standing = self._standing(pick) if kind not in trace.TRACKED_AS else None
         if kind in ("", *trace.TRACKED_AS):
             found = yield from follow_ground(self._ground, pick)
@@ -108,29 +108,29 @@ class Tracer:
         return standing
 
     def bridge(self, lines: LineSet, end: int, stops: tuple[str, str]) -> Trace:
-        """Follow a line (the first of `lines`) on beyond the gap at its start (0) or its end (1), as `trace`.
+        """Continue a line (the first of `lines`) beyond the gap at its start (0) or its end (1), as `trace` does.
 
-        The gap is bridged. `stops`: why the line ends where it does.
+        The gap is bridged. `stops`: why the line ends.
 
         Raises
         ------
         RefusedPickError
-            No line goes on there within reach of `PICKED_TWICE`.
+            No line continues it within reach of `PICKED_TWICE`.
         """
         one, kind = lines.take([0]), str(lines.kind[0])
         way = continuation_beyond(one, end, self._ahead(one, end))
         if way is None:
             tip = trace.end_directions(one.xyz)[0][end]
             raise RefusedPickError(
-                f"no {kind} goes on", f"within {PICKED_TWICE.longest_m:.0f} m beyond {tip[0]:.2f},{tip[1]:.2f}",
+                f"no {kind} continues", f"within {PICKED_TWICE.longest_m:.0f} m beyond {tip[0]:.2f},{tip[1]:.2f}",
                 where=self._opened.survey.name, advice="pick a place on the line further on",
             )  # fmt: skip
         place, onward = way
         steps = self.trace((place[0], place[1]), kind=kind, toward=(onward[0], onward[1]))
-        said: bool | None = None
+        command: bool | None = None
         while True:
             try:
-                said = yield trace.oriented_like(join_over_gap(one, steps.send(said).take([0])), one)
+                command = yield trace.oriented_like(join_over_gap(one, steps.send(command).take([0])), one)
             except StopIteration as stop:
                 new: TracedLine = stop.value
                 break
@@ -145,7 +145,7 @@ class Tracer:
         return lines.with_columns(crs=self._opened.survey.crs)
 
     def _ahead(self, one: LineSet, end: int) -> LineSet:
-        """Return the lines of a line's kind about where it leads beyond its end."""
+        """Return the lines of the same kind ahead of the end of a line."""
         kind = str(one.kind[0])
         places, reach_m = places_ahead(one, end)
         if kind not in trace.TRACKED_AS:
@@ -158,7 +158,7 @@ class Tracer:
         return lines.with_columns(kind=np.full(len(lines), kind))
 
     def _standing(self, pick: GroundPick) -> TracedLine | None:
-        """Return the nearest guardrail, barrier or cable at a place, whole."""
+        """Return the whole guardrail, barrier or cable nearest to a place; None: there is none."""
         place, kind = pick.place, pick.kind
         near = Bounds(*place, *place).grown(HANGS_WITHIN_M)
         points = self._opened.points.points(near, ordered=False, with_time=False, with_intensity=False)
@@ -180,12 +180,12 @@ class Tracer:
             return None
         line, distance_m = min(found, key=lambda one: one[1])
         stops = (str(TraceStop.FADED), str(TraceStop.FADED))
-        if pick.way is not None:
-            line, stops = piece_toward(line, place, pick.way, stops)
+        if pick.direction is not None:
+            line, stops = piece_toward(line, place, pick.direction, stops)
         return TracedLine(str(line.kind[0]), self._in_crs(line), distance_m, stops)
 
     def _refusal(self, place: FloatArray, kind: str) -> RefusedPickError:
-        """Return why there is no line at a place, and where the nearest one is."""
+        """Return the error for a place without a line: why, and where the nearest line is."""
         near, local = Bounds(*place, *place).grown(PICK_AROUND_M), place - self._origin[:2]
         points = self._opened.points.points(near, ordered=False, with_time=False, with_intensity=False)
         corridor = Corridor(self._ground.boxes)
@@ -204,7 +204,7 @@ class Tracer:
         )  # fmt: skip
         works, advice = nearest_trackable_place(local, found, wanted), "pick a place on a line"
         if reason is None:
-            # There is one, but it bounds no carriageway: it stands behind another
+            # There is a line, but it does not bound a carriageway: it stands behind another
             reason, works = NoLineReason.NO_ROAD, None
         there = None
         if works is not None:
@@ -218,18 +218,18 @@ class Tracer:
 
 
 def _thinned(path: FloatArray) -> FloatArray:
-    """Return the places of a van's way (n, 3) that are `_PATH_STEP_M` apart or so."""
+    """Return the positions of a path (n, 3) at intervals of about `_PATH_STEP_M`."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))])
     return np.asarray(path[np.unique(np.floor(along / _PATH_STEP_M), return_index=True)[1]])
 
 
 def check_pick_kind(kind: str) -> None:
-    """Refuse a kind that no place can be picked on; "" stands for the nearest.
+    """Refuse a kind of line that cannot be picked; "" stands for the nearest.
 
     Raises
     ------
     UsageError
-        With what can be chosen.
+        The message lists the kinds that can be picked.
     """
     if kind not in ("", *PICKED_KINDS):
         raise UsageError(
@@ -237,32 +237,32 @@ def check_pick_kind(kind: str) -> None:
         )
 
 
-# Where a line goes on beyond a gap that is too long for the tracker: somebody says that it is one line
+# Continuing a line beyond a gap that is too long for the tracker, because the user says that it is one line
 
-#: Ahead of an end it is looked every so many metres, as far to either side.
+#: Interval of the places ahead of an end that are searched, and the radius around the first of them. [m]
 _STRIP_M = 4.0
-#: What lies beyond a gap is known for a line by so much of it. [m]
+#: Length of a line beyond a gap by which it is recognised. [m]
 _BEYOND_M = 12.0
-#: The way on over a gap may bend: it is looked for to either side by this share of how far ahead it is.
+#: Growth of the search radius with the distance ahead, as a line may bend over a gap. [m/m]
 _FAN = 0.1
-#: Where a line that was interrupted goes on, both have so much in common: that joins them. [m]
+#: Length that a line that was interrupted and its continuation have in common, by which they are joined. [m]
 _OVERLAP_M = 3.0
 
 
 def places_ahead(one: LineSet, end: int) -> tuple[FloatArray, FloatArray]:
-    """Return places (n, 2) beyond a line's start (0) or end (1) [m], and how far about each it may go on."""
+    """Return places (n, 2) beyond a line's start (0) or end (1) [m], and the radius (n,) to search around each [m]."""
     tip, way = (part[end] for part in end_directions(one.xyz))
     along = np.arange(0.0, PICKED_TWICE.longest_m + _BEYOND_M, _STRIP_M)
     return tip + along[:, None] * way, _STRIP_M + _FAN * along
 
 
 def continuation_beyond(one: LineSet, end: int, lines: LineSet) -> tuple[FloatArray, FloatArray] | None:
-    """Return a place (2,) on the nearest line that goes on beyond an end, and one further along it; None: none does.
+    """Return a place (2,) on the nearest line that continues beyond an end, and one further along it; None: no line.
 
     Parameters
     ----------
     lines
-        Of the same kind, about what is ahead.
+        Lines of the same kind ahead of the end.
     """
     tip, way = (part[end] for part in end_directions(one.xyz))
     best: tuple[float, FloatArray] | None = None
@@ -280,17 +280,17 @@ def continuation_beyond(one: LineSet, end: int, lines: LineSet) -> tuple[FloatAr
             best = gap_m, beyond
     if best is None:
         return None
-    # The first vertex may be one of an end that is not known well
+    # The first vertex may be at an end, which is less certain
     return best[1][min(1, len(best[1]) - 2)], best[1][-1]
 
 
 def join_over_gap(one: LineSet, new: LineSet) -> LineSet:
-    """Return a line with one that goes on where it ends, the gap bridged; the same where that one does not."""
+    """Return a line with its continuation, the gap bridged; the line alone if the other does not continue it."""
     found = continue_lines(one, new.with_columns(crs=one.crs))
     return found if len(found) == 1 else one
 
 
-# A pick that no line can be followed from: why, and where the nearest one is that works
+# The refusal of a pick: why no line can be followed from it, and the nearest place that works
 
 
 class RefusedPickError(InputError):
@@ -299,13 +299,13 @@ class RefusedPickError(InputError):
     Parameters
     ----------
     reason
-        Why, without the place.
+        Reason, without the place.
     at
-        The place as it is said.
+        The place, as text.
     where
         Survey or image.
     works
-        The nearest place (east, north) [m, world] or pixel (col, row) that works; None: there is none near.
+        Nearest place (east, north) [m, world] or pixel (col, row) that works; None: there is none near.
     """
 
     def __init__(

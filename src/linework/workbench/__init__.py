@@ -1,6 +1,6 @@
 """The workbench: a server on this machine and the page it serves, for tracing, reviewing and editing lines.
 
-The server (`server`, `routes_*`) answers; it never opens a survey. What takes time is done by processes beside it
-(`desk`, `desk_process`), which have the survey open (`table`). The page is built from the folder `page` of the
-repository and lies in `page/` here.
+The server (`server`, and `routes` of the other rooms) answers requests and never opens a survey. What takes time runs
+in worker processes (`worker`), which have the survey open. The page is built from the folder `page` of the repository
+into `page/` here.
 """

@@ -336,7 +336,7 @@ def test_b15_little_to_find_lines_in(lines_of, tmp_path, xyz):
     assert record["counts"]["points_used"] == len(xyz)
     assert (
         said.splitlines()[-1]
-        == f"warning: {tmp_path / 'out' / 'lines.gpkg'}: nothing found: its layers are there and empty."
+        == f"warning: {tmp_path / 'out' / 'lines.gpkg'}: nothing found; its layers are empty."
     )
 
 

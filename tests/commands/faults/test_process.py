@@ -131,7 +131,7 @@ def slow(tmp_path, las_file):
     """Return a running extraction whose method waits for ever, and its output's folder."""
     code = (
         "import sys, time; from linework.cli.app import main; from linework.methods.radon.method import RailMethod;"
-        "RailMethod.extract = lambda self, tile: (print('waiting', flush=True), time.sleep(60));"
+        "RailMethod.look = lambda self, piece: (print('waiting', flush=True), time.sleep(60));"
         f"sys.exit(main(['extract', {str(las_file)!r}, '-o', {str(tmp_path / 'out' / 'a.gpkg')!r}, '--quiet', '--workers', '1']))"
     )
     process = subprocess.Popen(
@@ -176,7 +176,7 @@ def test_a_killed_run_does_not_block_the_next(slow, las_file):
 def test_our_own_fault_is_said_and_logged(las_file, tmp_path):
     code = (
         "import sys; from linework.cli.app import main; from linework.methods.radon.method import RailMethod;"
-        "RailMethod.extract = lambda self, tile: 1 / 0;"
+        "RailMethod.look = lambda self, piece: 1 / 0;"
         f"sys.exit(main(['extract', {str(las_file)!r}, '-o', {str(tmp_path / 'a.gpkg')!r}, '--quiet', '--features', 'guardrail']))"
     )
     said = subprocess.run(
@@ -189,7 +189,7 @@ def test_our_own_fault_is_said_and_logged(las_file, tmp_path):
     assert said.returncode == 1
     (line,) = said.stderr.splitlines()
     assert line.startswith(
-        "error: linework: RuntimeError: ZeroDivisionError: division by zero (a fault of linework"
+        "error: linework: RuntimeError: ZeroDivisionError: division by zero (a bug in linework"
     )
     (log,) = tmp_path.glob("linework-*.log")
     assert str(log) in line
@@ -200,7 +200,7 @@ def test_our_own_fault_is_said_and_logged(las_file, tmp_path):
 def test_our_own_fault_in_a_tile_is_named_and_the_rest_is_written(las_file, tmp_path):
     code = (
         "import sys; from linework.cli.app import main; from linework.methods.radon.method import RailMethod;"
-        "RailMethod.extract = lambda self, tile: 1 / 0;"
+        "RailMethod.look = lambda self, piece: 1 / 0;"
         f"sys.exit(main(['extract', {str(las_file)!r}, '-o', {str(tmp_path / 'a.gpkg')!r}, '--quiet']))"
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

@@ -12,15 +12,21 @@ import pytest
 from tests.scenes.places import ROOT
 
 from linework.errors import InputError, MachineError
-from linework.files.las import decoder as decoder_process
 from linework.files.las.decoder import DecoderLimits
 from linework.files.las.write import write_las
 from linework.files.store.build import build_store
 from linework.files.store.read import PointStore
 from linework.files.survey.open import open_survey
 from linework.model.points import Points
+from linework.processes import child
 
-DYING = ROOT / "tests/scenes/dying_decoder.py"
+DYING = "tests.scenes.dying_decoder:dying_decoder_main"
+
+
+@pytest.fixture(autouse=True)
+def _decoder_is_found(monkeypatch):
+    """Let child processes import the decoder of these tests."""
+    monkeypatch.setenv("PYTHONPATH", str(ROOT), prepend=os.pathsep)
 
 
 def points(seed, n=300):
@@ -44,7 +50,7 @@ def folder(tmp_path):
 
 def dying(how, name="bad", **limits):
     """Limits with a decoder that dies of files of this name, after 100 of their points."""
-    return DecoderLimits(batch_points=100, program=(str(DYING), how, name), **limits)
+    return DecoderLimits(batch_points=100, target=(DYING, how, name), **limits)
 
 
 def spill(survey, folder, limits, **others):
@@ -61,9 +67,10 @@ def spill(survey, folder, limits, **others):
         ("memory", "the decoder failed (out of memory) after 100 points"),
         ("panic", "the decoder failed (Panic: index out of bounds) after 100 points"),
         ("{garbage", "the decoder failed (its answer makes no sense) after 100 points"),
+        ("unframed garbage", "the decoder failed (its answer makes no sense) after 100 points"),
         ('{"what": 1}', "the decoder failed (its answer makes no sense) after 100 points"),
         ('{"done": {"n_points": 5}}', "the decoder failed (its answer makes no sense) after 100 points"),
-        ("SIGSTOP", "the decoder hung (no point in 4 s) after 100 points"),
+        ("SIGSTOP", "the decoder hung (no answer for 4 s) after 100 points"),
     ],
 )
 def test_the_file_is_named_and_the_others_are_used(survey, folder, how, words):
@@ -84,9 +91,9 @@ def test_what_kills_the_parallel_decoder_is_decoded_alone(survey, folder):
 
 
 def test_a_process_that_closes_its_pipe_is_not_waited_for(survey, folder, monkeypatch):
-    monkeypatch.setattr(decoder_process, "_ENDING_S", 0.1)
+    monkeypatch.setattr(child, "ENDING_S", 0.1)
     facts = spill(survey, folder, dying("silence"))
-    assert "the decoder died (it fell silent) after 100 points" in facts.failures[0][1]
+    assert "the decoder hung (it closed its connection) after 100 points" in facts.failures[0][1]
 
 
 def test_nothing_is_left_of_a_survey_of_which_every_file_kills(survey, folder):
@@ -108,9 +115,10 @@ def test_a_fault_of_ours_is_no_damaged_file(survey, folder):
 
 
 def test_a_process_that_does_not_start_is_no_damaged_file(survey, folder):
-    program = ("-c", "raise SystemExit('no module of that name')")
-    with pytest.raises(MachineError, match=r"does not start: .*exit code 1.*no module of that name"):
-        spill(survey, folder, DecoderLimits(program=program))
+    with pytest.raises(
+        MachineError, match=r"does not start: it died \(exit code 1\); .*No module named 'nowhere'"
+    ):
+        spill(survey, folder, DecoderLimits(target=("nowhere:main",)))
     assert list(folder.iterdir()) == []
 
 
@@ -143,11 +151,10 @@ def children_of(pid):
 PARENT = """
 import sys
 from pathlib import Path
-from linework.files.las import decode_process
 from linework.files.las.decoder import DecoderLimits
 from linework.files.store.build import build_store
 from linework.files.survey.open import open_survey
-limits = DecoderLimits(batch_points=100, program=(sys.argv[1], "hang", ""))
+limits = DecoderLimits(batch_points=100, target=(sys.argv[1], "hang", ""))
 say = lambda done, total: print(done, flush=True)
 build_store(open_survey([Path(sys.argv[2])]), Path(sys.argv[3]), n_threads=1, limits=limits, progress=say)
 """
@@ -155,7 +162,7 @@ build_store(open_survey([Path(sys.argv[2])]), Path(sys.argv[3]), n_threads=1, li
 
 @pytest.mark.skipif(sys.platform != "linux", reason="asks the system by /proc")
 def test_killed_the_run_takes_the_process_along(survey, folder):
-    command = [sys.executable, "-c", PARENT, str(DYING), str(survey.root), str(folder)]
+    command = [sys.executable, "-c", PARENT, DYING, str(survey.root), str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as run:
         assert run.stdout.readline() == b"100\n"
         (child,) = children_of(run.pid)

@@ -99,7 +99,7 @@ def test_compiled_and_plain_python_agree(monkeypatch):
     values = radon_of_line(0.7, 1.3) + radon_of_line(3.12, -2.0)
     half_window, half_bins = math.radians(10), 2
     compiled = kernels.peaks(values, ANGLES, RHO, 2.0, half_window, half_bins)
-    for name in ("turned", "reach", "dilate", "flood", "middle", "refine"):
+    for name in ("wrapped_angle", "reach", "dilate_radon", "flood", "middle", "refine"):
         monkeypatch.setattr(kernels, name, getattr(kernels, name).py_func)
     plain = kernels.peaks.py_func(values, ANGLES, RHO, 2.0, half_window, half_bins)
     assert len(compiled) >= 2

@@ -38,7 +38,7 @@ def test_a_wall_is_no_road() -> None:
     grain = np.random.default_rng(0).integers(0, 255, (RIG.height, RIG.width + 30)).astype(np.uint8)
     wall = RectifiedPair(grain[:, :-30], grain[:, 30:], RIG)
     assert fit_pair_road(wall) is None
-    assert len(StereoMethod().see(wall)) == 0
+    assert len(StereoMethod().look(wall)) == 0
 
 
 def test_no_texture_shows_no_road() -> None:
@@ -169,4 +169,4 @@ def test_places_are_looked_at_from_where_they_are_in_view() -> None:
 def test_paint_brighter_in_one_image_is_matched(pair: RectifiedPair) -> None:
     darker = replace(pair, right=(0.8 * pair.right).astype(np.uint8))
     method = StereoMethod()
-    assert len(method.see(darker)) > 0.8 * len(method.see(pair))
+    assert len(method.look(darker)) > 0.8 * len(method.look(pair))

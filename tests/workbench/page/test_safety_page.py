@@ -7,7 +7,7 @@ import shutil
 import pytest
 from tests.workbench.serve_process import Served, opened_page, served_survey, wait_until
 
-from linework.cli.serve import opened_browser as opened_by_linework
+from linework.cli.commands.serve import opened_browser as opened_by_linework
 
 HOSTILE = '<img src=x onerror="window.hit=1"><script>window.hit=1</script>'
 #: What the browser refused, kept by a script that runs before those of the page.
@@ -92,7 +92,7 @@ def test_the_way_in(browser, hostile: Served, monkeypatch):
     link = next(line for line in hostile.stderr if "for another browser" in line).split(": ", 1)[1].strip()
     opened: list[str] = []
     monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr("linework.cli.serve._open", opened.append)
+    monkeypatch.setattr("linework.cli.commands.serve._open", opened.append)
     with opened_by_linework(link):
         wait_until(lambda: len(opened) == 1)
         inside = browser.new_context()

@@ -60,6 +60,6 @@ def test_what_was_answered_is_on_the_disk(las_file, seed):
         assert set(answered) <= set(heights)
         assert len(heights) == len(set(heights)) <= len(answered) + ROUNDS
         crs = read_lines(lines).crs
-        with LineFile.opened(lines, crs=crs) as drawing:
-            assert drawing.revision == len(drawing.lines) == len(heights)
+        with LineFile.opened(lines, crs=crs) as line_file:
+            assert line_file.revision == len(line_file.lines) == len(heights)
     assert len(answered) > 10

@@ -338,7 +338,7 @@ def test_other_users_do_not_see_the_token(las_file, tmp_path):
 
 
 def test_without_a_screen_nothing_is_opened(monkeypatch):
-    from linework.cli import serve as browser
+    from linework.cli.commands import serve as browser
 
     opened = []
     monkeypatch.setattr(browser, "_open", opened.append)

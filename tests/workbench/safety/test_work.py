@@ -1,4 +1,4 @@
-"""Several pages, many jobs, and desks that are busy: nothing is lost and the server answers (J19, J20, J24)."""
+"""Several pages, many jobs, and workers that are busy: nothing is lost and the server answers (J19, J20, J24)."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_a_thousand_jobs_are_one(served):
     assert served.client.delete("/api/jobs/none").status_code == 404
 
 
-def desks(served: Served) -> list[int]:
+def workers(served: Served) -> list[int]:
     found = []
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -95,12 +95,12 @@ def desks(served: Served) -> list[int]:
     return found
 
 
-def test_answers_while_all_desks_are_busy(served):
+def test_answers_while_all_workers_are_busy(served):
     """J24: the processes at work stand still with works waiting for them, and the server does not notice."""
     wait_until(lambda: served.get("/api/survey")["busy"] == "")
     line = served.get("/api/lines")["lines"][0]
     places = [vertex[:2] for vertex in line["xyz"][:1]]
-    stopped = desks(served)
+    stopped = workers(served)
     assert len(stopped) >= 2
     waiting: list[int] = []
 

@@ -16,8 +16,8 @@ from linework.workbench.worker.session import SurveyOrder, SurveySession
 
 
 @pytest.fixture
-def table(drive):
-    return SurveySession(SurveyOrder((drive,)), lambda _told: None)
+def session(drive):
+    return SurveySession(SurveyOrder((drive,)), lambda _value: None)
 
 
 def decoded(content):
@@ -89,14 +89,14 @@ def test_the_lines_of_a_pair(served):
                 assert max(col for col, _ in run) < 732 + 40
 
 
-def test_true_lines_lie_on_the_paint(drive, table):
+def test_true_lines_lie_on_the_paint(drive, session):
     """Against the simulated images: the middle of the paint across each projected marking."""
     truth = read_lines(drive / "truth.gpkg").of_kind("lane_marking")
-    camera = table.recordings.stereo.series.rig.left
+    camera = session.recordings.stereo.series.rig.left
     found = []
-    for number in table.recordings.stereo.numbers.tolist():
+    for number in session.recordings.stereo.numbers.tolist():
         grey = image_of(drive, "left", f"{number:06d}.png").astype(float)
-        seen = pairs.projected(truth, camera, table.recordings.stereo.poses, number)
+        seen = pairs.projected(truth, camera, session.recordings.stereo.poses, number)
         for col, row in seen.pixels[seen.pixels[:, 1] > 0.7 * grey.shape[0]]:
             found += paint_beside(grey, col, row)
     found = np.array(found)
@@ -140,36 +140,36 @@ def test_lines_far_away_are_not_looked_at():
     assert len(pairs.lines_near_camera(LineSet.empty(), at)) == 0
 
 
-def test_images_in_colour_keep_it(drive, table):
+def test_images_in_colour_keep_it(drive, session):
     grey = image_of(drive, "left", "000000.png")
     tinted = np.stack([grey, grey // 2, grey // 3], axis=2)
     PIL.Image.fromarray(tinted).save(drive / "left" / "000000.png")
-    shown = decoded(pairs.image_jpeg(table, 0, "left")).astype(float)
+    shown = decoded(pairs.image_jpeg(session, 0, "left")).astype(float)
     assert shown.shape == (*grey.shape, 3)
     assert shown[..., 0].mean() > 1.5 * shown[..., 1].mean()
 
 
-def test_a_damaged_image_is_one_line(drive, table):
-    assert table.recordings.stereo
+def test_a_damaged_image_is_one_line(drive, session):
+    assert session.recordings.stereo
     path = drive / "left" / "000001.png"
     path.write_bytes(path.read_bytes()[:5000])
-    for ask in (lambda: pairs.image_jpeg(table, 1, "left"), lambda: pairs.thumbnail_jpeg(table, 1)):
+    for ask in (lambda: pairs.image_jpeg(session, 1, "left"), lambda: pairs.thumbnail_jpeg(session, 1)):
         with pytest.raises(InputError, match=r"000001\.png") as raised:
             ask()
         assert "\n" not in str(raised.value)
-    assert decoded(pairs.image_jpeg(table, 1, "right")).size
+    assert decoded(pairs.image_jpeg(session, 1, "right")).size
 
 
-def test_what_is_no_image_is_not_handed_out(drive, table):
-    assert table.recordings.stereo
+def test_what_is_no_image_is_not_handed_out(drive, session):
+    assert session.recordings.stereo
     (drive / "left" / "000001.png").write_text("<svg onload='alert(1)'/>")
     with pytest.raises(InputError, match="not an image"):
-        pairs.image_jpeg(table, 1, "left")
+        pairs.image_jpeg(session, 1, "left")
 
 
-def test_links_out_of_the_survey_are_refused(drive, table, tmp_path):
+def test_links_out_of_the_survey_are_refused(drive, session, tmp_path):
     """J08: a link in the image folder that leads elsewhere, or to a pipe; one within the survey is fine."""
-    assert table.recordings.stereo
+    assert session.recordings.stereo
     elsewhere = tmp_path / "elsewhere.png"
     left = drive / "left"
     (left / "000002.png").rename(elsewhere)
@@ -181,25 +181,25 @@ def test_links_out_of_the_survey_are_refused(drive, table, tmp_path):
     (left / "000005.png").unlink()
     problems = set()
     for number in (2, 4, 5):
-        for ask in (pairs.image_jpeg, lambda table, number, _: pairs.thumbnail_jpeg(table, number)):
+        for ask in (pairs.image_jpeg, lambda session, number, _: pairs.thumbnail_jpeg(session, number)):
             with pytest.raises(InputError) as raised:
-                ask(table, number, "left")
+                ask(session, number, "left")
             problems.add(raised.value.problem)
     assert problems == {"missing, or not a file in the survey's folder"}
-    assert decoded(pairs.image_jpeg(table, 3, "left")).size
+    assert decoded(pairs.image_jpeg(session, 3, "left")).size
 
 
 def test_an_image_folder_that_the_survey_names_elsewhere(drive, tmp_path):
     (drive / "left").rename(tmp_path / "disk")
     listed = (drive / "left.csv").read_text().replace("left/", "../disk/")
     (drive / "left.csv").write_text(listed)
-    table = SurveySession(SurveyOrder((drive,)), lambda _told: None)
-    assert decoded(pairs.image_jpeg(table, 0, "left")).size
+    session = SurveySession(SurveyOrder((drive,)), lambda _value: None)
+    assert decoded(pairs.image_jpeg(session, 0, "left")).size
     # but what lies there may not lead on
     (tmp_path / "disk" / "000000.png").rename(tmp_path / "other.png")
     (tmp_path / "disk" / "000000.png").symlink_to(tmp_path / "other.png")
     with pytest.raises(InputError, match="not a file in the survey's folder"):
-        pairs.image_jpeg(table, 0, "left")
+        pairs.image_jpeg(session, 0, "left")
 
 
 def test_pairs_without_a_pose_are_left_out(drive):
@@ -209,10 +209,10 @@ def test_pairs_without_a_pose_are_left_out(drive):
         path = drive / f"{side}.csv"
         text = path.read_text().splitlines()
         path.write_text("\n".join([*text[:-2], *(line.replace("left/", f"{side}/") for line in late)]) + "\n")
-    table = SurveySession(SurveyOrder((drive,)), lambda _told: None)
-    assert [pair["number"] for pair in pairs.list_pairs(table)] == list(range(5))
+    session = SurveySession(SurveyOrder((drive,)), lambda _value: None)
+    assert [pair["number"] for pair in pairs.list_pairs(session)] == list(range(5))
     with pytest.raises(AbsentError):
-        pairs.image_jpeg(table, 6, "left")
+        pairs.image_jpeg(session, 6, "left")
 
 
 def test_keys(drive):
@@ -222,21 +222,21 @@ def test_keys(drive):
         f"time_s,key,note\n{time_s},k,<b>kerb</b> damaged, twice\n1.0,x,long ago\n"
     )
     toml.write_text(toml.read_text() + '\n[events]\nfile = "keys.csv"\n')
-    table = SurveySession(SurveyOrder((drive,)), lambda _told: None)
-    (key,) = pairs.list_keys(table)
+    session = SurveySession(SurveyOrder((drive,)), lambda _value: None)
+    (key,) = pairs.list_keys(session)
     assert (key["key"], key["note"]) == ("k", "<b>kerb</b> damaged, twice")
-    pair = pairs.list_pairs(table)[2]
+    pair = pairs.list_pairs(session)[2]
     assert key["chainage_m"] == pytest.approx(pair["chainage_m"], abs=0.01)
     # A file of keys that is damaged is told where they are asked for, and costs no image
     (drive / "keys.csv").write_text("nothing\n")
     with pytest.raises(InputError, match=r"keys\.csv"):
-        pairs.list_keys(table)
-    assert len(pairs.list_pairs(table)) == 7
+        pairs.list_keys(session)
+    assert len(pairs.list_pairs(session)) == 7
 
 
 def test_a_survey_without_images(drive):
-    table = SurveySession(SurveyOrder((drive / "points",)), lambda _told: None)
-    assert pairs.list_pairs(table) == []
-    assert pairs.list_keys(table) == []
+    session = SurveySession(SurveyOrder((drive / "points",)), lambda _value: None)
+    assert pairs.list_pairs(session) == []
+    assert pairs.list_keys(session) == []
     with pytest.raises(AbsentError):
-        pairs.image_jpeg(table, 0, "left")
+        pairs.image_jpeg(session, 0, "left")

@@ -23,11 +23,11 @@ IMAGES = ("density", "height", "above_road", "intensity")
 
 
 @pytest.fixture
-def table(drive):
-    """Return the table of a desk, here: the drive opened in this process."""
-    table = SurveySession(SurveyOrder(inputs=(drive,)), lambda _value: None)
-    yield table
-    table._held.close()
+def session(drive):
+    """Return the session of a worker, here in this process: the drive opened."""
+    session = SurveySession(SurveyOrder(inputs=(drive,)), lambda _value: None)
+    yield session
+    session._held.close()
 
 
 @pytest.fixture(scope="module")
@@ -142,9 +142,9 @@ def picture_once(served, path):
     return _SEEN[path]
 
 
-def test_a_tile_is_where_its_points_are(table):
-    points = table.recordings.points.points.points()
-    cells = pictures.tile_cells(table)
+def test_a_tile_is_where_its_points_are(session):
+    points = session.recordings.points.points.points()
+    cells = pictures.tile_cells(session)
     for level in (2, 0, -2):
         tile = next(t for t in _tiles(cells, level))
         layers, is_whole = cells.layers(tile, np.inf)
@@ -163,7 +163,7 @@ def test_a_tile_is_where_its_points_are(table):
 def _tiles(cells, level):
     counts = cells.reader.counts
     east, north = max(counts, key=counts.get)
-    tile = pictures.Tile(0, east, north)
+    tile = pictures.MapTile(0, east, north)
     while tile.level < level:
         tile = tile.parent
     while tile.level > level:
@@ -171,8 +171,8 @@ def _tiles(cells, level):
     yield tile
 
 
-def test_coarse_tiles_are_kept_and_made_anew_when_damaged(table):
-    cells = pictures.tile_cells(table)
+def test_coarse_tiles_are_kept_and_made_anew_when_damaged(session):
+    cells = pictures.tile_cells(session)
     while cells.go_on():
         pass
     assert cells.n_done >= cells.n_all >= 2
@@ -191,11 +191,11 @@ def test_coarse_tiles_are_kept_and_made_anew_when_damaged(table):
     assert {file.name: file.read_bytes() for file in sorted(folder.glob("level*.arrays"))} == before
 
 
-def test_neighbouring_tiles_show_one_picture(table):
+def test_neighbouring_tiles_show_one_picture(session):
     """A fine tile knows the points beyond its edge: no seam shows in what is filled and lit."""
-    cells = pictures.tile_cells(table)
+    cells = pictures.tile_cells(session)
     tile = next(_tiles(cells, -2))
-    beside = pictures.Tile(tile.level, tile.east + 1, tile.north)
+    beside = pictures.MapTile(tile.level, tile.east + 1, tile.north)
     one, other = (cells.layers(t)[0] for t in (tile, beside))
     margin = (one.density.shape[0] - 256) // 2
     for a, b in zip(one, other, strict=True):
@@ -278,7 +278,7 @@ def test_a_cable_keeps_its_own_height_among_others(served, truth):
 
 
 @pytest.mark.parametrize("kind", ["road_boundary", "kerb_top", "guardrail", "fence", "cable"])
-def test_a_line_dragged_aside_keeps_its_level_and_says_how_sure_it_is(table, truth, kind):
+def test_a_line_dragged_aside_keeps_its_level_and_says_how_sure_it_is(session, truth, kind):
     rng = np.random.default_rng(1)
     lines = truth.of_kind(kind)
     xyz = lines.xyz[lines.observed]
@@ -287,7 +287,7 @@ def test_a_line_dragged_aside_keeps_its_level_and_says_how_sure_it_is(table, tru
     at = np.repeat(xyz, 200 // len(xyz) + 1, axis=0)
     aside_m, way = rng.uniform(0.0, 0.4, len(at)), rng.uniform(0.0, 2.0 * np.pi, len(at))
     beside = at + np.column_stack([aside_m * np.cos(way), aside_m * np.sin(way), np.zeros(len(at))])
-    height, sigma = heights_at(table, kind, beside.tolist())
+    height, sigma = heights_at(session, kind, beside.tolist())
     error = height - at[:, 2]
     assert np.isfinite(error).mean() > 0.7
     if kind in ("road_boundary", "kerb_top"):
@@ -301,8 +301,8 @@ def test_far_from_all_points_no_height_is_known(served):
     assert served.post("/api/heights", {"kind": "cable", "places": []}) == {"heights": [], "sigmas": []}
 
 
-def test_without_points_the_path_tells_the_ground(table, monkeypatch):
-    path = table.recordings.trajectory
+def test_without_points_the_path_tells_the_ground(session, monkeypatch):
+    path = session.recordings.trajectory
     middle = path.xyz[len(path) // 2]
     places = middle[:2] + np.array([[0.0, 0.0], [2.0, 0.0], [400.0, 400.0]])
     height, sigma = heights_from_path(path, places)
@@ -311,8 +311,8 @@ def test_without_points_the_path_tells_the_ground(table, monkeypatch):
     assert np.isnan(height[2])
     assert np.isnan(sigma[2])
     monkeypatch.setattr("linework.workbench.views.heights.patch_reader", lambda _table: None)
-    assert heights_at(table, "road_boundary", [middle[:2]])[0][0] == pytest.approx(middle[2], abs=0.01)
-    assert np.isnan(heights_at(table, "cable", [middle[:2]])[0][0])
+    assert heights_at(session, "road_boundary", [middle[:2]])[0][0] == pytest.approx(middle[2], abs=0.01)
+    assert np.isnan(heights_at(session, "cable", [middle[:2]])[0][0])
 
 
 POINTS = {"west": 0, "south": 0, "east": 10, "north": 10, "most": 100}

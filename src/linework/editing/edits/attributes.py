@@ -1,4 +1,4 @@
-"""What people say of lines: right or wrong, what they are, and what they look like."""
+"""Manual edits of attributes: review, kind, role, pattern, form, condition, note."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 from linework.errors import UsageError
 from linework.model.lines import CONDITIONS, KINDS, REVIEWS, LineSet
 
-#: Words that can be chosen for a column; "" takes the word away.
+#: Values that can be chosen for a column; "" clears it.
 CHOICES: Mapping[str, tuple[str, ...]] = {
     "role": ("edge", "lane", "centre"),
     "pattern": ("solid", "dashed"),
     "form": ("kerb", "edge", "barrier", "zebra", "stop", "arrow"),
     "condition": CONDITIONS,
 }
-#: A note is a sentence, not a report: as many characters.
+#: Longest note, in characters: a sentence or two.
 LONGEST_REVIEW_NOTE = 500
 _PAINT = ("lane_marking", "lane_marking_dash", "road_marking_other")
-#: Columns that say something about some kinds only: of others they are empty.
+#: Columns that apply to some kinds only; lines of other kinds leave them empty.
 _MEANT_FOR: Mapping[str, tuple[str, ...]] = {
     "role": ("lane_marking", "lane_marking_dash"),
     "pattern": ("lane_marking", "lane_marking_dash"),
@@ -32,9 +32,11 @@ _MEANT_FOR: Mapping[str, tuple[str, ...]] = {
 
 
 def with_review(lines: LineSet, review: str) -> LineSet:
-    """Return lines with what a person said of them; what was accepted or drawn is sure."""
+    """Return lines with a review decision; accepted and drawn lines get confidence 1."""
     if review not in ("", *REVIEWS):
-        raise UsageError(f"{review} is no review", where="review", advice=f"choose from {', '.join(REVIEWS)}")
+        raise UsageError(
+            f"{review} is not a review decision", where="review", advice=f"choose from {', '.join(REVIEWS)}"
+        )
     marked = lines.with_columns(review=np.full(len(lines), review))
     if review in ("accepted", "drawn"):
         marked = marked.with_columns(confidence=np.ones(len(lines)))
@@ -42,12 +44,12 @@ def with_review(lines: LineSet, review: str) -> LineSet:
 
 
 def with_kind(lines: LineSet, kind: str) -> LineSet:
-    """Return lines as lines of another kind, without what that kind cannot have: paint has no height ...
+    """Return lines changed to another kind, with the columns cleared that do not apply to it.
 
     Raises
     ------
     UsageError
-        There is no such kind.
+        The kind does not exist.
     """
     check_line_kind(kind)
     empty = {"double": False, "width_m": np.nan, "height_m": np.nan, "clearance_m": np.nan}
@@ -59,16 +61,16 @@ def with_kind(lines: LineSet, kind: str) -> LineSet:
 
 
 def with_attribute(lines: LineSet, column: str, value: str | bool) -> LineSet:
-    """Return lines with a role, pattern, form, condition, note, or whether they are one of a double line.
+    """Return lines with one attribute set: role, pattern, form, condition, note or double.
 
     Raises
     ------
     UsageError
-        The column is none of these, the value none of its words, or the kind has no such thing.
+        The column cannot be set, the value is not one of its choices, or the column does not apply to the kind.
     """
     if column == "double":
         if not isinstance(value, bool):
-            raise UsageError("double is true or false", where="set", advice="send true or false")
+            raise UsageError("double must be true or false", where="set", advice="send true or false")
     elif column == "note":
         if (
             not isinstance(value, str)
@@ -76,7 +78,7 @@ def with_attribute(lines: LineSet, column: str, value: str | bool) -> LineSet:
             or not value.replace("\n", " ").isprintable()
         ):
             raise UsageError(
-                f"a note is text of {LONGEST_REVIEW_NOTE} characters at most",
+                f"a note has at most {LONGEST_REVIEW_NOTE} printable characters",
                 where="set",
                 advice="shorten it",
             )
@@ -85,7 +87,7 @@ def with_attribute(lines: LineSet, column: str, value: str | bool) -> LineSet:
         raise UsageError(f"{column} cannot be set", where="set", advice=f"choose from {known}")
     elif value not in ("", *CHOICES[column]):
         raise UsageError(
-            f"{value} is no {column}", where="set", advice=f"choose from {', '.join(CHOICES[column])}"
+            f"{value} is not a {column}", where="set", advice=f"choose from {', '.join(CHOICES[column])}"
         )
     others = [kind for kind in lines.kind.tolist() if kind not in _MEANT_FOR.get(column, (kind,))]
     if others and value:
@@ -94,12 +96,14 @@ def with_attribute(lines: LineSet, column: str, value: str | bool) -> LineSet:
 
 
 def check_line_kind(kind: str) -> None:
-    """Refuse a kind that is none of `KINDS`.
+    """Raise an error for a kind that is not one of `KINDS`.
 
     Raises
     ------
     UsageError
-        With what can be chosen.
+        With the kinds that exist.
     """
     if kind not in KINDS:
-        raise UsageError(f"there is no kind {kind}", where="kind", advice=f"choose from {', '.join(KINDS)}")
+        raise UsageError(
+            f"kind {kind} does not exist", where="kind", advice=f"choose from {', '.join(KINDS)}"
+        )

@@ -1,4 +1,4 @@
-"""A line picked further on continues the one that is there."""
+"""Joining a newly followed line to the existing line that it continues."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
-#: Lines of one kind that run this near each other are the same line, seen from two picks. [m]
+#: Lines of one kind this close to each other are the same line, followed from two picks. [m]
 SAME_LINE_M = 0.15
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Over what gap a line is continued.
+    """Limits of the gap over which a line is continued.
 
     Parameters
     ----------
@@ -32,14 +32,14 @@ class Gap:
     turn_deg: float
 
 
-#: Somebody picked both lines, and says that they are one.
+#: Limits where a person picked both lines as one.
 PICKED_TWICE = Gap(longest_m=60.0, off_deg=5.0, turn_deg=60.0)
-#: The last metres of a line that say where it leads. [m]
+#: Length of a line's end that gives its direction. [m]
 _END_M = 5.0
 
 
 def continue_lines(there: LineSet, new: LineSet, gap: Gap = PICKED_TWICE) -> LineSet:
-    """Return the lines that are there with new ones: those that go on from a line's end, or overlap it, joined.
+    """Return lines with new ones added; a new line that continues or overlaps an existing one is joined to it.
 
     The gap between two joined lines is bridged. Lines of other kinds are never joined.
     """
@@ -52,7 +52,7 @@ def continue_lines(there: LineSet, new: LineSet, gap: Gap = PICKED_TWICE) -> Lin
 
 
 def _added(lines: LineSet, one: LineSet, gap: Gap) -> LineSet:
-    """Return the lines with one more, joined to the first that it continues."""
+    """Return the lines with one more, joined to the first line that it continues."""
     for i in np.flatnonzero(lines.kind == one.kind[0]).tolist():
         joined = _joined(lines.take([i]), one, gap)
         if joined is not None:
@@ -64,7 +64,7 @@ def _added(lines: LineSet, one: LineSet, gap: Gap) -> LineSet:
 def _joined(a: LineSet, b: LineSet, over: Gap) -> LineSet | None:
     """Return two lines as one, or None where neither continues the other."""
     if _near(a.xyz, b.xyz).all():
-        # The one is a part of the other
+        # One is part of the other
         return b.with_columns(**{name: getattr(a, name) for name in LINE_COLUMNS})
     for turned_a in (False, True):
         for turned_b in (False, True):
@@ -94,10 +94,10 @@ def _turned(line: LineSet, *, turned: bool) -> LineSet:
 
 
 def _beyond(first: FloatArray, second: FloatArray, over: Gap) -> int | None:
-    """Return the first vertex of `second` that lies beyond the end of `first`, or None if it does not go on."""
+    """Return the first vertex of `second` beyond the end of `first`, or None if it does not continue it."""
     near = _near(second, first)
     if near[0]:
-        # They overlap: what comes behind the last shared vertex is new, if they run the same way
+        # They overlap: vertices after the last shared one are new, if both run in the same direction
         last = len(near) if near.all() else int(np.argmin(near))
         to_end = np.linalg.norm(second[[0, last - 1], :2] - first[-1, :2], axis=1)
         return last if to_end[1] < to_end[0] and not near[last:].any() else None

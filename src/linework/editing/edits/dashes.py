@@ -1,4 +1,4 @@
-"""The dashes that a dashed line lacks, where those that are there say that they belong."""
+"""Missing dashes of a dashed line, from the rhythm of its other dashes or of its worn paint."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from linework.editing.edits.new_lines import foot_along
 from linework.errors import UsageError
 from linework.model.lines import LineSet
 
-#: A dash is whole if it is this near the length that most have, and belongs where the rhythm says to within this. [m]
+#: Tolerance of a whole dash's length, and of its place in the rhythm. [m]
 WHOLE_DASH_M = 0.25
-#: So many dashes show a rhythm.
+#: Fewest dashes that show a rhythm.
 RHYTHM_DASHES = 4
-#: A painter keeps the phase over so many metres without a dash, not further.
+#: Longest gap over which painters keep the phase. [m]
 LONGEST_RHYTHM_GAP_M = 60.0
 
 
 @dataclass(frozen=True, slots=True)
 class DashRhythm:
-    """Where dashes are along a line.
+    """Rhythm of the dashes along a line.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class DashRhythm:
 
 
 def with_missing_dashes(line: LineSet, dashes: LineSet) -> LineSet:
-    """Return the dashes that a line lacks.
+    """Return the missing dashes of a line.
 
     Parameters
     ----------
@@ -59,7 +59,9 @@ def with_missing_dashes(line: LineSet, dashes: LineSet) -> LineSet:
     rhythm = rhythm_of(line, dashes)
     if rhythm is None:
         raise UsageError(
-            f"{len(dashes)} dashes show no rhythm", where="dashes", advice="draw some of them first"
+            f"{len(dashes)} dashes are too few or too irregular for a rhythm",
+            where="dashes",
+            advice="draw some of them first",
         )
     middles = missing_middles(rhythm, _along(line.xyz)[-1])
     if len(middles) == 0:
@@ -68,7 +70,7 @@ def with_missing_dashes(line: LineSet, dashes: LineSet) -> LineSet:
 
 
 def dashes_by_paint(line: LineSet, dashes: LineSet, spans: FloatArray) -> tuple[LineSet, LineSet]:
-    """Return the dashes of a line that go, and those that come, where the paint along it shows where they are.
+    """Return the dashes of a line to delete and those to add, by the rhythm of the paint along it.
 
     Parameters
     ----------
@@ -96,7 +98,7 @@ def dashes_by_paint(line: LineSet, dashes: LineSet, spans: FloatArray) -> tuple[
 
 
 def missing_spans(line: LineSet, dashes: LineSet, spans: FloatArray) -> tuple[BoolArray, BoolArray]:
-    """Return which spans along a line (k,) have no dash that stays, and which dashes (n,) give way to theirs."""
+    """Return which spans along a line (k,) need a new dash, and which dashes (n,) these replace."""
     there = _ends_along(line, dashes)
     lap = np.minimum(there[None, :, 1], spans[:, None, 1]) - np.maximum(there[None, :, 0], spans[:, None, 0])
     size = np.diff(spans, axis=1)
@@ -106,7 +108,7 @@ def missing_spans(line: LineSet, dashes: LineSet, spans: FloatArray) -> tuple[Bo
 
 
 def rhythm_of(line: LineSet, dashes: LineSet) -> DashRhythm | None:
-    """Return the rhythm of the dashes along a line, None where they show none."""
+    """Return the rhythm of the dashes along a line, or None if they have none."""
     if len(dashes) < RHYTHM_DASHES:
         return None
     ends = _ends_along(line, dashes)
@@ -117,7 +119,7 @@ def rhythm_of(line: LineSet, dashes: LineSet) -> DashRhythm | None:
     apart = apart[apart > dash_m]
     if len(apart) < RHYTHM_DASHES - 1:
         return None
-    # The least distance that is common, then the mean over all that are whole numbers of it
+    # The smallest common distance, then the mean over all distances that are multiples of it
     period_m = float(np.quantile(apart, 0.2))
     number = np.rint(apart / period_m)
     fits = (number <= 3) & (np.abs(apart - number * period_m) <= WHOLE_DASH_M * np.maximum(number, 1.0))
@@ -128,7 +130,7 @@ def rhythm_of(line: LineSet, dashes: LineSet) -> DashRhythm | None:
 
 
 def missing_middles(rhythm: DashRhythm, length_m: float) -> FloatArray:
-    """Return where along a line of a length dashes are missing: their middles [m].
+    """Return the middles of the missing dashes along a line [m].
 
     Between two that are there, a whole number of periods apart, and beyond the first and the last, as far as the
     line goes. Where the phase does not fit (a crossing, another pattern) nothing is missing.
@@ -169,7 +171,7 @@ def _dashes_at(line: LineSet, dashes: LineSet, spans: FloatArray) -> LineSet:
 
 
 def _ends_along(line: LineSet, dashes: LineSet) -> FloatArray:
-    """Return where along a line dashes begin and end (k, 2) [m]."""
+    """Return the start and end of each dash along the line (k, 2) [m]."""
     along = _along(line.xyz)
     ends = [[foot_along(line.xyz, along, dashes.line(i)[k]) for k in (0, -1)] for i in range(len(dashes))]
     return np.sort(np.array(ends, dtype=np.float64).reshape(-1, 2), axis=1)
@@ -179,23 +181,23 @@ def _along(xyz: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
 
 
-# The rhythm of worn paint: dashes that are too faint to be found one by one, seen together along their line
+# The rhythm of worn paint: dashes too faint to be detected one by one, estimated together along their line
 
-#: Dashed lines repeat within this: short dashes 1 m apart, to 6 m of paint on 12 m. [m]
+#: Range of periods of dashed lines: from short dashes 1 m apart to 6 m of paint in 18 m. [m]
 SHORTEST_PERIOD_M, LONGEST_PERIOD_M = 2.0, 18.0
-#: The phase is told from so much of the line at once, every so far. A line beside a bend's axis stretches by its
-#: distance over the radius: that is followed from window to window. [m]
+#: Length of the window in which the phase is estimated, and its step. A line beside the axis of a bend is longer
+#: or shorter by its offset over the radius: the windows follow that. [m]
 RHYTHM_WINDOW_M, HOP_M = 40.0, 8.0
 _STRETCH = 0.08
-#: So much stronger than noise of the same spread is no chance among the hundreds of periods that are tried (exp(-12)).
+#: Least power over that of noise of the same spread: chance reaches it with exp(-12) among hundreds of periods.
 LEAST_POWER = 12.0
-#: Of a line's windows so many have to show it.
+#: Least share of the windows that must show the rhythm.
 LEAST_WINDOW_SHARE = 0.25
 _N_PERIODS, _N_NEAR, _N_PHASES = 600, 33, 48
 
 
 def dashes_in_paint(step_m: float, brightness: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return where along a line its dashes begin and end, by the rhythm of the paint.
+    """Return the start and end of each dash along a line, by the rhythm of the paint.
 
     Parameters
     ----------
@@ -232,11 +234,11 @@ def dashes_in_paint(step_m: float, brightness: FloatArray, weight: FloatArray) -
     best = np.argmax(np.abs(spectrum), axis=1)
     rows = np.arange(len(starts))
     shows = np.abs(spectrum[rows, best]) ** 2 / noise >= LEAST_POWER
-    # Two windows know the rate between them
+    # Two windows determine the rate between them
     if np.count_nonzero(shows) < max(LEAST_WINDOW_SHARE * len(starts), 2.0):
         return np.zeros((0, 2))
     middle = (first + 0.5 * (n - 1)) * step_m
-    # Cycles since a crest, at the middle of each window that shows it
+    # Cycles since a crest, at the middle of each window that shows the rhythm
     cycles = _unwrapped(
         middle[shows], near[best[shows]], -np.angle(spectrum[rows, best])[shows] / (2 * np.pi)
     )
@@ -244,7 +246,7 @@ def dashes_in_paint(step_m: float, brightness: FloatArray, weight: FloatArray) -
 
 
 def _unwrapped(middle: FloatArray, rate: FloatArray, cycles: FloatArray) -> FloatArray:
-    """Return cycles that count up along the line: between windows as many as their rates say, nearly."""
+    """Return cycles counted on along the line (unwrapped), guided by the rates of the windows."""
     out = -cycles
     for i in range(1, len(out)):
         expected = out[i - 1] + 0.5 * (rate[i] + rate[i - 1]) * (middle[i] - middle[i - 1])
@@ -253,7 +255,7 @@ def _unwrapped(middle: FloatArray, rate: FloatArray, cycles: FloatArray) -> Floa
 
 
 def _smoothed(middle: FloatArray, cycles: FloatArray) -> FloatArray:
-    """Return cycles by straight lines through those of the windows about each: what is worn off shifts a crest."""
+    """Return cycles smoothed by local straight-line fits: worn-off paint shifts single crests."""
     out = cycles.copy()
     for i, place in enumerate(middle):
         away = middle - place
@@ -268,7 +270,7 @@ def _smoothed(middle: FloatArray, cycles: FloatArray) -> FloatArray:
 def _spans(
     step_m: float, brightness: FloatArray, weight: FloatArray, known: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    """Return the dashes of a rhythm whose cycles are known at some places along the line."""
+    """Return the dashes of a rhythm whose cycles are given at some places along the line."""
     middle, cycles = known
     station: FloatArray = (np.arange(len(brightness), dtype=np.float64) + 0.5) * step_m
     cycle = _cycles_at(station, middle, cycles)
@@ -287,13 +289,13 @@ def _spans(
 
 
 def _nearest(ascending: FloatArray, values: FloatArray) -> IntArray:
-    """Return which of some values is nearest to each of others."""
+    """Return the index of the value nearest to each of others."""
     halfway = 0.5 * (ascending[1:] + ascending[:-1])
     return np.searchsorted(halfway, values)
 
 
 def _cycles_at(station: FloatArray, middle: FloatArray, cycles: FloatArray) -> FloatArray:
-    """Return the cycles along the line; beyond the first and the last window at the rate of those nearest."""
+    """Return the cycles along the line, extrapolated beyond the outer windows at their rates."""
     k = min(4, len(middle) - 1)
     rate = (
         (cycles[k] - cycles[0]) / (middle[k] - middle[0]),
@@ -314,7 +316,7 @@ def _folded(cycle: FloatArray, brightness: FloatArray, weight: FloatArray) -> Fl
 
 
 def _crest(bright: BoolArray) -> tuple[float, float]:
-    """Return where the bright part of a period begins and ends, in cycles: it lies about 0."""
+    """Return the start and end of the bright part of a period, in cycles around 0."""
     n = len(bright)
     around = np.roll(bright, n // 2)
     runs = np.flatnonzero(np.diff(np.concatenate([[0], around.astype(np.int8), [0]]))).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""A new line beside one that is there: the lines of a road run side by side."""
+"""New lines: parallel to another line, a wire through three places, or a bridge across a gap."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from linework.errors import UsageError
 from linework.lines.catenary import fit_catenary
 from linework.model.lines import LineSet
 
-#: Lines farther apart are not of one road. [m]
+#: Largest offset between lines of one road. [m]
 FARTHEST_BESIDE_M = 30.0
 
 
 def line_beside(line: LineSet, kind: str, at: FloatArray) -> LineSet:
-    """Return a new line of a kind beside a line.
+    """Return a new line of a kind, parallel to a line.
 
     Parameters
     ----------
@@ -44,15 +44,15 @@ def line_beside(line: LineSet, kind: str, at: FloatArray) -> LineSet:
     first, last = (0.0, float(along[-1])) if len(at) == 1 else (float(feet[0]), float(feet[1]))
     if last - first < NEW_LINE_STATION_M:
         raise UsageError(
-            f"the line beside it would be {last - first:.1f} m long", where="beside",
+            f"the parallel line would be {last - first:.1f} m long", where="beside",
             advice="choose two places farther apart",
         )  # fmt: skip
     foot, left = places_on(xyz, along, np.append(feet, last))
     off = np.sum((places - foot[:-1, :2]) * left[:-1], axis=1)
     if float(np.abs(off).max()) > FARTHEST_BESIDE_M:
         raise UsageError(
-            f"the place is {np.abs(off).max():.0f} m beside the line, {FARTHEST_BESIDE_M:.0f} m at most", where="beside",
-            advice="choose a line of the same road",
+            f"the place is {np.abs(off).max():.0f} m from the line; at most {FARTHEST_BESIDE_M:.0f} m", where="beside",
+            advice="choose a line on the same road",
         )  # fmt: skip
     stations = np.linspace(first, last, int(np.ceil((last - first) / NEW_LINE_STATION_M)) + 1)
     copy, left = places_on(xyz, along, stations)
@@ -61,7 +61,7 @@ def line_beside(line: LineSet, kind: str, at: FloatArray) -> LineSet:
 
 
 def with_heights(line: LineSet, heights: FloatArray) -> LineSet:
-    """Return a line at measured heights.
+    """Return a line with measured heights.
 
     Parameters
     ----------
@@ -85,18 +85,18 @@ def with_heights(line: LineSet, heights: FloatArray) -> LineSet:
     return line_of_vertices(placed, inside)
 
 
-# A wire through three places, as it hangs
+# A wire through three places
 
-#: Vertices so far apart: chords of the slackest wire (a = 50 m) are within 1 cm of it. [m]
+#: Distance between vertices: chords of the slackest wire (a = 50 m) stay within 1 cm of it. [m]
 NEW_LINE_STATION_M = 2.0
-#: Longer spans are of other lines than a street's. [m]
+#: Longest span along a street. [m]
 LONGEST_SPAN_M = 300.0
-#: The place between is in the plane of the wire within this, wind and clicks included. [m]
+#: Tolerance of the middle place from the plane of the wire, wind and clicks included. [m]
 WIRE_ASIDE_M = 1.0
 
 
 def wire_through(xyz: FloatArray, crs: str) -> LineSet:
-    """Return the cable that hangs through three places.
+    """Return the cable through three places, a catenary.
 
     Parameters
     ----------
@@ -147,20 +147,20 @@ def _widest(xyz: FloatArray) -> FloatArray:
     return np.asarray(xyz[k, :2] - xyz[i, :2])
 
 
-# The way of a line over a gap: beside a line that goes on there, or else as the ends lead
+# Bridging a gap: parallel to a neighbouring line that continues there, else by the directions of both ends
 
-#: Lines of one road run beside one another within this. [m]
+#: Largest offset of a neighbouring line of the same road. [m]
 LINES_BESIDE_M = 15.0
-#: A line is beside another where the distance changes by no more than this, and by so much of the gap.
+#: A neighbour is parallel if the offset changes by at most this [m] plus this share of the gap [1].
 BRIDGE_DRIFT_M, BRIDGE_DRIFT_SHARE = 0.20, 0.01
-#: A line's direction is taken over this. [m]
+#: Length over which a line's direction is taken. [m]
 _OVER_M = 5.0
 #: Kinds that run along the road.
 _ALONG = ("lane_marking", "road_boundary", "guardrail", "barrier")
 
 
 def bridge_gap(head: FloatArray, tail: FloatArray, others: LineSet) -> FloatArray:
-    """Return places (k, 3) between the last vertex of a line and the first of the one that goes on there.
+    """Return the places (k, 3) that bridge the gap from the last vertex of a line to the first of the next.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def bridge_gap(head: FloatArray, tail: FloatArray, others: LineSet) -> FloatArra
 def _beside(
     line: FloatArray, start: FloatArray, end: FloatArray, gap_m: float
 ) -> tuple[float, FloatArray] | None:
-    """Return how much the distance to a line changes over a gap, and the places beside it; None where it is not there."""
+    """Return the change of offset to a neighbour over the gap, and the places parallel to it; None if it is absent."""
     low, high = line[:, :2].min(axis=0) - LINES_BESIDE_M, line[:, :2].max(axis=0) + LINES_BESIDE_M
     if any(np.any(place[:2] < low) or np.any(place[:2] > high) for place in (start, end)):
         return None
@@ -201,7 +201,7 @@ def _beside(
     if max(abs(v) for v in off) > LINES_BESIDE_M or drift > BRIDGE_DRIFT_M + BRIDGE_DRIFT_SHARE * gap_m:
         return None
     share = np.linspace(0.0, 1.0, len(at))
-    # What is left between line and place at both ends, across, along and up, goes over evenly from one to the other
+    # The remaining offsets at both ends (across, along, up) are interpolated linearly
     places = foot.copy()
     places[:, :2] += (off[0] + share * (off[1] - off[0]))[:, None] * left
     rest = np.stack([start - places[0], end - places[-1]])
@@ -210,7 +210,7 @@ def _beside(
 
 
 def foot_along(line: FloatArray, along: FloatArray, place: FloatArray) -> float:
-    """Return how far along a line its point nearest to a place is."""
+    """Return the distance along a line of its point nearest to a place. [m]"""  # noqa: D400
     a, way = line[:-1, :2], np.diff(line[:, :2], axis=0)
     size2 = np.maximum(np.sum(way * way, axis=1), 1e-12)
     share = np.clip(np.sum((place[:2] - a) * way, axis=1) / size2, 0.0, 1.0)
@@ -219,7 +219,7 @@ def foot_along(line: FloatArray, along: FloatArray, place: FloatArray) -> float:
 
 
 def places_on(line: FloatArray, along: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return places (k, 3) on a line, and unit vectors (k, 2) to the left of where `at` leads."""
+    """Return places (k, 3) on a line, and unit vectors (k, 2) to the left of the direction of `at`."""
     place = np.stack([np.interp(at, along, column) for column in line.T], axis=1)
     sign = 1.0 if at[-1] >= at[0] else -1.0
     half = 0.5 * _OVER_M
@@ -230,7 +230,7 @@ def places_on(line: FloatArray, along: FloatArray, at: FloatArray) -> tuple[Floa
 
 
 def _curve(head: FloatArray, tail: FloatArray, gap_m: float) -> FloatArray:
-    """Return places on the cubic curve (Hermite) that leaves one line and enters the other in their directions."""
+    """Return places on the cubic Hermite curve from one line to the other, tangent to both."""
     n = int(np.ceil(gap_m / NEW_LINE_STATION_M))
     t = (np.arange(1, n) / n)[:, None]
     start, end = head[-1], tail[0]

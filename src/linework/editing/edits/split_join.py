@@ -1,4 +1,4 @@
-"""One line made two, and two made one."""
+"""Splitting a line in two, and joining two lines."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from linework.editing.edits.vertices import ONE_PLACE_M, line_of_vertices, rebui
 from linework.errors import UsageError
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
-#: A person sees further than a tracker, but no gap wider than this is one line by looking at it. [m]
+#: Widest gap that can be joined by hand: beyond it nobody sees that two ends are one line. [m]
 LONGEST_JOINED_GAP_M = 200.0
 #: Lines that overlap, or nearly meet in line, are joined as the tracker joins them.
 _MEETING = Gap(longest_m=2.0, off_deg=30.0, turn_deg=60.0)
 
 
 def split_line(line: LineSet, at: FloatArray) -> LineSet:
-    """Return the two parts of a line, cut at the point of it nearest to a place.
+    """Return the two parts of a line, cut at its point nearest to a place.
 
     Parameters
     ----------
@@ -32,13 +32,13 @@ def split_line(line: LineSet, at: FloatArray) -> LineSet:
     Returns
     -------
     LineSet
-        Two lines, in the order of the line. The longer keeps its `id`, the other has none. Both end at the cut,
-        where sigma lies between those of its neighbours.
+        Two lines, in the order of the line. The longer keeps the `id`, the other has none. Both end at the cut,
+        where sigma is interpolated.
 
     Raises
     ------
     UsageError
-        The place is at an end.
+        The nearest point is an end of the line.
     """
     before, share = _nearest(line.xyz[:, :2], np.asarray(at, dtype=np.float64)[:2])
     cut = {name: _between(getattr(line, name), before, share) for name in VERTEX_COLUMNS}
@@ -58,7 +58,7 @@ def split_line(line: LineSet, at: FloatArray) -> LineSet:
     ]
     if min(len(part.xyz) for part in parts) < 2:
         raise UsageError(
-            "the line ends there, nothing can be cut off", where="split", advice="choose a place inside it"
+            "the line ends there: nothing to split off", where="split", advice="choose a place inside it"
         )
     longer = int(parts[1].length_m[0] > parts[0].length_m[0])
     parts[1 - longer] = parts[1 - longer].with_columns(id=np.array([""]))
@@ -66,19 +66,19 @@ def split_line(line: LineSet, at: FloatArray) -> LineSet:
 
 
 def join_two_lines(one: LineSet, other: LineSet, others: LineSet | None = None) -> LineSet:
-    """Return two lines as one, joined at the ends that are nearest to each other; the gap is bridged.
+    """Return two lines joined at their nearest ends; the gap is bridged.
 
-    Over the gap it runs beside one of `others` (see `bridge_gap`). It runs the way of `one`, and has the `id` of the
-    longer. Numbers are means by length, words those of `one` where it has some.
+    Across the gap the line follows a neighbour among `others` (see `bridge_gap`). It has the direction of `one` and
+    the `id` of the longer line. Numbers are means weighted by length; text is that of `one` unless empty.
 
     Raises
     ------
     UsageError
-        They are of different kinds, lead nowhere near each other, or would turn back at the joint.
+        They differ in kind, are too far apart, or would double back at the joint.
     """
     if str(one.kind[0]) != str(other.kind[0]):
         raise UsageError(
-            f"a {one.kind[0]} and a {other.kind[0]} are not one line", where="join",
+            f"a {one.kind[0]} and a {other.kind[0]} cannot be joined", where="join",
             advice="change the kind of one first",
         )  # fmt: skip
     columns = _merged_columns(one, other)
@@ -96,7 +96,7 @@ def _bridged(one: LineSet, other: LineSet, others: LineSet) -> LineSet:
     gap_m = float(apart[a, b])
     if gap_m > LONGEST_JOINED_GAP_M:
         raise UsageError(
-            f"the lines are {gap_m:.0f} m apart, {LONGEST_JOINED_GAP_M:.0f} m at most are bridged", where="join",
+            f"the lines are {gap_m:.0f} m apart; at most {LONGEST_JOINED_GAP_M:.0f} m can be bridged", where="join",
             advice="follow or draw what is between them",
         )  # fmt: skip
     head = one if a == 1 else reversed_line(one)
@@ -105,8 +105,8 @@ def _bridged(one: LineSet, other: LineSet, others: LineSet) -> LineSet:
     step = tail.xyz[0, :2] - head.xyz[-1, :2]
     if float(ahead @ onward) < 0.0 or (gap_m > SAME_LINE_M and float(ahead @ step) < 0.0):
         raise UsageError(
-            "the lines would turn back where they are joined", where="join",
-            advice="trim the one that runs past the other",
+            "the joined line would double back", where="join",
+            advice="trim the line that runs past the other",
         )  # fmt: skip
     meets = float(np.linalg.norm(head.xyz[-1] - tail.xyz[0])) < ONE_PLACE_M
     kept = line_of_vertices(tail, np.arange(int(meets), len(tail.xyz)))
@@ -152,7 +152,7 @@ def _merged(name: str, values: FloatArray, weights: FloatArray) -> float:
     if name == "time_end_s":
         return float(values[known].max())
     if name.startswith("disagreement"):
-        # Of which stretch, and on which side, nobody can say for the whole
+        # The disagreement of one part, on one side of it, does not hold for the whole
         return float("nan")
     return float(np.average(values[known], weights=weights[known]))
 

@@ -1,4 +1,4 @@
-"""A line with some of its vertices changed: what a person does to it by hand, one line in and one out."""
+"""Manual edits of the vertices of a single line, and smoothing: one line in, one line out."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SIDED = ("disagreement_mean_m",)
 
 
 def move_vertex(line: LineSet, vertex: int, to: FloatArray, *, sigma_z_m: float = np.nan) -> LineSet:
-    """Return a line with a vertex at another place.
+    """Return a line with one vertex moved.
 
     Parameters
     ----------
@@ -28,12 +28,12 @@ def move_vertex(line: LineSet, vertex: int, to: FloatArray, *, sigma_z_m: float 
     to
         (3,) [m, world].
     sigma_z_m
-        How well the height of the place is known; NaN: unknown. Across the line nobody knows.
+        Standard deviation of the height of the place [m]; NaN: unknown. That across the line is always unknown.
 
     Raises
     ------
     UsageError
-        There is no such vertex, or it would lie on its neighbour.
+        The vertex does not exist, or would coincide with its neighbour.
     """
     _check_vertex(line, vertex)
     _check_apart(line, to, [k for k in (vertex - 1, vertex + 1) if 0 <= k < len(line.xyz)])
@@ -43,14 +43,14 @@ def move_vertex(line: LineSet, vertex: int, to: FloatArray, *, sigma_z_m: float 
 
 
 def insert_vertex(line: LineSet, after: int, to: FloatArray, *, sigma_z_m: float = np.nan) -> LineSet:
-    """Return a line with one more vertex behind vertex `after`; -1: before the first, the last: behind it.
+    """Return a line with a vertex inserted after vertex `after`; -1 inserts it before the first.
 
-    A vertex on a bridged segment is bridged, too: somebody said where the line is, nobody measured it.
+    A vertex inserted in a bridged segment is bridged, too: it was placed by a person, not measured.
 
     Raises
     ------
     UsageError
-        There is no such vertex, or the new one would lie on its neighbour.
+        The vertex does not exist, or the new one would coincide with its neighbour.
     """
     if after != -1:
         _check_vertex(line, after)
@@ -72,47 +72,47 @@ def remove_vertex(line: LineSet, vertex: int) -> LineSet:
     Raises
     ------
     UsageError
-        There is no such vertex, or the line has no more than two.
+        The vertex does not exist, or the line has only two.
     """
     _check_vertex(line, vertex)
     if len(line.xyz) <= 2:
-        raise UsageError("a line has two vertices at least", where="remove", advice="delete the whole line")
+        raise UsageError("a line needs at least two vertices", where="remove", advice="delete the whole line")
     return line_of_vertices(line, np.delete(np.arange(len(line.xyz)), vertex))
 
 
 def trim_to_vertices(line: LineSet, first: int, last: int) -> LineSet:
-    """Return what lies between two vertices, both kept.
+    """Return the part of a line from one vertex to another, both included.
 
     Raises
     ------
     UsageError
-        There are no such vertices, or nothing between them.
+        A vertex does not exist, or `last` does not follow `first`.
     """
     _check_vertex(line, first)
     _check_vertex(line, last)
     if last <= first:
         raise UsageError(
             f"nothing is left from vertex {first} to vertex {last}", where="trim",
-            advice="keep two vertices at least",
+            advice="keep at least two vertices",
         )  # fmt: skip
     return line_of_vertices(line, np.arange(first, last + 1))
 
 
 def reversed_line(line: LineSet) -> LineSet:
-    """Return a line that runs the other way; what is on its left is on its right then."""
+    """Return a line in reverse direction; columns signed by side change sign."""
     turned = line_of_vertices(line, np.arange(len(line.xyz))[::-1])
     return turned.with_columns(**{name: -getattr(line, name) for name in _SIDED})
 
 
 def line_of_vertices(line: LineSet, vertices: AnyArray) -> LineSet:
-    """Return a line of some of a line's vertices, in the order named."""
+    """Return a line made of some of a line's vertices, in the given order."""
     return rebuild_line(
         line, line.xyz[vertices], {name: getattr(line, name)[vertices] for name in VERTEX_COLUMNS}
     )
 
 
 def rebuild_line(line: LineSet, xyz: FloatArray, vertex_columns: dict[str, AnyArray]) -> LineSet:
-    """Return a single line with the columns of another, and vertices of its own."""
+    """Return a single line with the attributes of another line and new vertices."""
     columns = {name: getattr(line, name) for name in LINE_COLUMNS}
     return LineSet.from_lines([xyz], crs=line.crs, **columns, **vertex_columns)
 
@@ -120,7 +120,7 @@ def rebuild_line(line: LineSet, xyz: FloatArray, vertex_columns: dict[str, AnyAr
 def _check_vertex(line: LineSet, vertex: int) -> None:
     if not 0 <= vertex < len(line.xyz):
         raise UsageError(
-            f"there is no vertex {vertex}, the line has {len(line.xyz)} from 0", where="edit",
+            f"vertex {vertex} does not exist: the line has {len(line.xyz)}, counted from 0", where="edit",
             advice="reload the page and try again",
         )  # fmt: skip
 
@@ -128,52 +128,56 @@ def _check_vertex(line: LineSet, vertex: int) -> None:
 def _check_apart(line: LineSet, to: FloatArray, neighbours: list[int]) -> None:
     if any(float(np.linalg.norm(line.xyz[k] - to)) < ONE_PLACE_M for k in neighbours):
         raise UsageError(
-            "the place is that of the vertex beside it", where="edit", advice="remove the vertex instead"
+            "the place coincides with the neighbouring vertex",
+            where="edit",
+            advice="remove the vertex instead",
         )
 
 
-# A line made smoother, no further from where it was measured than its sigmas allow
+# Smoothing within the standard deviations
 
-#: A place that somebody clicked on is known to a cell of the pictures. [m]
+#: Standard deviation of a clicked place: one cell of the plan view. [m]
 CLICKED_M = 0.05
-#: No vertex moves further than this many of its standard deviations.
+#: Largest shift of a vertex, in standard deviations.
 FURTHEST = 3.0
-#: The grade changes by as much in a vertical curve of 500 m radius. [1/m]
+#: Power of the random walk of curvature in height: a vertical curve of 500 m radius. [1/m^2]
 _GRADE_CHANGE = 1.0 / 500.0**2
-#: The ends stay: they are known to so much. [m]
+#: Standard deviation that holds the ends in place. [m]
 _HELD_M = 1e-4
-#: A vertex is no nearer to the one before it than this, so that a line runs on. [m]
+#: Smallest step between vertices, so that distances along the line increase. [m]
 _STEP_M = 1e-4
 
 
 def smooth_by_sigmas(line: LineSet) -> LineSet:
-    """Return a line whose curvature and grade change no faster than a road's.
+    """Return a line smoothed so that curvature and grade change no faster than a road's.
 
     Parameters
     ----------
     line
-        A single line, no cable: those hang by their weight.
+        A single line, not a cable: a cable hangs as a catenary.
 
     Returns
     -------
     LineSet
-        The same vertices, moved; ends stay where they are. A vertex moves by no more than `FURTHEST` of its sigmas
-        (where none is known: of `CLICKED_M`), in plan and in height; bridged ones go where the others lead. Sigmas
-        stay: nothing was measured anew.
+        The same vertices, shifted; the ends stay. A vertex moves by at most `FURTHEST` of its sigmas
+        (`CLICKED_M` where unknown), in plan and in height; bridged vertices follow the others. Sigmas
+        stay: nothing was measured again.
 
     Raises
     ------
     UsageError
-        It has no vertex between its ends, or is a cable.
+        The line has no vertex between its ends, or is a cable.
 
     Notes
     -----
-    The filter along the line, and back, of tracked lines (`linework.kernels.tracking.smooth`), through the vertices
-    instead of boxes, twice: the first pass shows how tight the bends are.
+    The forward filter and backward smoother of tracked lines (`linework.kernels.tracking.smooth`), run over the
+    vertices instead of boxes, twice: the first pass estimates the curvature.
     """
     if str(line.kind[0]) == "cable":
         raise UsageError(
-            "a cable hangs by its own weight", where="smooth", advice="move its vertices, or follow it again"
+            "cables cannot be smoothed: they hang as catenaries",
+            where="smooth",
+            advice="move its vertices, or follow it again",
         )
     if len(line.xyz) < 3:
         raise UsageError(
@@ -210,13 +214,13 @@ def _known(sigma_m: FloatArray) -> FloatArray:
 
 
 def _variance(sigma_m: FloatArray, line: LineSet) -> FloatArray:
-    """Return how well each vertex is known: the ends as they are, bridged ones not at all. [m^2]"""  # noqa: D400
+    """Return the variance of each vertex (n,) [m^2]: ends are held, bridged vertices unknown (inf)."""
     variance = np.where(line.bridged, np.inf, np.maximum(sigma_m, _HELD_M) ** 2)
     variance[[0, -1]] = _HELD_M**2
     return variance
 
 
 def _share(way_m: FloatArray, sigma_m: FloatArray, line: LineSet) -> FloatArray:
-    """Return the share of its way that each vertex may move."""
+    """Return the share (n,) of its shift that each vertex may make."""
     most = np.where(line.bridged, np.inf, FURTHEST * sigma_m)
     return np.asarray(np.minimum(1.0, most / np.maximum(way_m, 1e-12)))

@@ -1,1 +1,1 @@
-"""Lines to be reviewed, and what a new extraction carries over."""
+"""The review queue, and what a new extraction carries over from earlier reviews."""

@@ -1,4 +1,4 @@
-"""Lines found anew beside those that people have judged: what they said stays, and is not asked again."""
+"""Carrying review decisions over to a new extraction: reviewed lines stay and are not asked about again."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from linework.model.changes import Change
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 REJECTED_REVIEW = "rejected"
-#: What is found along rejected lines for at least this share of its length is the same thing again.
+#: A new line that runs along rejected lines for at least this share of its length is the same object again.
 MOST = 0.5
-#: Lines that belong to a line of another kind, and are nothing without it.
+#: Kinds whose lines are parts of a line of another kind.
 PARTS_OF = {"lane_marking_dash": "lane_marking", "kerb_top": "road_boundary"}
 
 
 @dataclass(frozen=True, slots=True)
 class CarriedReviews:
-    """What becomes of lines that were there, and of those found anew.
+    """What a new extraction does to the existing lines and to the newly found ones.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class CarriedReviews:
 
 
 def with_reviews(found: LineSet, there: LineSet, judged: LineSet | None = None) -> LineSet:
-    """Return the lines of `there` that people judged, and those of `found` that they have not; see `carry_over_reviews`."""
+    """Return the reviewed lines of `there` and the lines of `found` that are new; see `carry_over_reviews`."""
     kept = carry_over_reviews(found, there, judged)
     return LineSet.concatenate([there.take(kept.stays), kept.new])
 
@@ -92,7 +92,7 @@ def carry_over_reviews(found: LineSet, there: LineSet, judged: LineSet | None = 
 def _left_out(
     own: LineSet, said: LineSet, judged: LineSet, free: LineSet
 ) -> tuple[BoolArray, BoolArray, BoolArray]:
-    """Return for each place along found lines of a kind: judged already; rejected; along a line nobody judged."""
+    """Return for each place along found lines of a kind whether it lies along a reviewed, a rejected, an unreviewed line."""
     to_said, index = distances_beside(own, said)
     to_free, _ = distances_beside(own, free)
     to_judged, _ = distances_beside(own, judged)
@@ -105,7 +105,7 @@ def _left_out(
 def _without_whole(
     own: LineSet, said: LineSet, judged: LineSet, stands: list[LineSet], whole: str
 ) -> BoolArray:
-    """Return which places along parts belong to a line that is not there any more."""
+    """Return which places along parts belong to a line that no longer exists."""
     is_in = (said.kind == whole) & (said.review != REJECTED_REVIEW)
     is_out = (said.kind == whole) & (said.review == REJECTED_REVIEW)
     standing = LineSet.concatenate([said.take(is_in), *(lines.of_kind(whole) for lines in stands)])
@@ -116,7 +116,7 @@ def _without_whole(
 
 
 def _pieces(own: LineSet, left_out: BoolArray, again: BoolArray, by_free: BoolArray) -> tuple[LineSet, int]:
-    """Return what stays of found lines of a kind, and of how many something does not."""
+    """Return the pieces of found lines of a kind to keep, and the number of lines that were cut or dropped."""
     places = places_along(own)
     kept, n = [LineSet.empty(own.crs)], 0
     first = np.searchsorted(places.line, np.arange(len(own) + 1))
@@ -141,7 +141,7 @@ def _pieces(own: LineSet, left_out: BoolArray, again: BoolArray, by_free: BoolAr
 
 
 def _parts_that_stay(free: LineSet, said: LineSet, new: LineSet) -> BoolArray:
-    """Return which parts nobody judged belong to lines that stay, and were not found again."""
+    """Return which unreviewed parts belong to lines that stay and were not found again."""
     stays = np.zeros(len(free), dtype=np.bool_)
     for kind, whole in PARTS_OF.items():
         chosen = np.flatnonzero(free.kind == kind)
@@ -166,7 +166,7 @@ def _share(lines: LineSet, flags: BoolArray) -> FloatArray:
 
 
 def _in_order(new: LineSet, found: LineSet, taken: Collection[str]) -> LineSet:
-    """Return lines and pieces in the order in which they were found by kinds, each with an id of its own."""
+    """Return lines and pieces in the order of the extraction, each with an id of its own."""
     rank = {kind: k for k, kind in enumerate(dict.fromkeys(found.kind.tolist()))}
     order = np.argsort([rank[kind] for kind in new.kind.tolist()], kind="stable")
     lines = new.take(order) if len(new) else new
@@ -177,7 +177,7 @@ def _in_order(new: LineSet, found: LineSet, taken: Collection[str]) -> LineSet:
 def extraction_change(
     there: LineSet, found: LineSet, kinds: Collection[str], judged: LineSet | None = None
 ) -> Change:
-    """Return the change that an extraction makes to a drawing: found lines in the place of those that nobody judged.
+    """Return the change that an extraction makes to a line file: found lines replace unreviewed ones.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def extraction_change(
 
 
 def _keys(lines: LineSet) -> list[tuple[str, ...]]:
-    """Return what makes each line what it is, to the bit."""
+    """Return a key per line that is equal only for bitwise equal lines."""
     parts = [getattr(lines, name) for name in ("xyz", *VERTEX_COLUMNS)]
     texts = [getattr(lines, name).tolist() for name in LINE_COLUMNS]
     ends = zip(lines.offsets[:-1].tolist(), lines.offsets[1:].tolist(), strict=True)

@@ -1,4 +1,4 @@
-"""Where lines that end may go on: told along the van's way, by how far beside it they run."""
+"""Gaps in lines, found by chainage along the van's trajectory and offset from it."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from linework.editing.queue.suspects import VIEW_M, Suspect, WasMeasured, view_b
 from linework.lines.along import PATH_STEP_M, DrivenPath
 from linework.model.lines import LineSet
 
-#: Lines farther from the way belong to another road. [m]
+#: Largest offset from the trajectory; lines beyond belong to another road. [m]
 WITHIN_M = 25.0
-#: A line drifts towards or away from the way by so much, and by so much of the gap: lanes change their width over
+#: Largest change of offset across a gap: a constant [m] plus a share of the gap [1]; lanes change their width over
 #: tens of metres.
 GAP_DRIFT_M, GAP_DRIFT_SHARE = 0.20, 0.02
-#: Shorter gaps show nothing. [m]
+#: Shortest gap that is reported. [m]
 LEAST_SUSPECT_GAP_M = 3.0
-#: How likely it is that a line goes on: between two pieces in line, where a road must have an edge, and where a line
+#: Probability that a line continues: between two aligned pieces, where a road must have an edge, and where a line
 #: just ends.
 IN_LINE, ALONG_ROAD, JUST_ENDS = 0.9, 0.8, 0.5
-#: Kinds that are looked at; only where pieces are in line: rails do end.
+#: Kinds that are checked; of the second, only gaps between aligned pieces: rails do end.
 _TRACKED = ("lane_marking", "guardrail", "barrier", "fence")
 _ENDS_ANYWHERE = ("guardrail", "barrier", "fence")
 
 
 @dataclass(frozen=True, slots=True)
 class _Pieces:
-    """Lines of one kind along the way: number, where each begins and ends (in steps), and its offset there [m]."""
+    """Lines of one kind along the trajectory: number, first and last step, and the offsets there [m]."""
 
     lines: LineSet
     number: tuple[int, ...]
@@ -40,14 +40,14 @@ class _Pieces:
         return len(self.number)
 
     def end(self, k: int, side: int) -> tuple[str, FloatArray, str]:
-        """Return id, place and review of a piece's end (0: where it begins along the way)."""
+        """Return id, place and review of a piece's end (0: its start along the trajectory)."""
         line = self.lines.line(self.number[k])
         tips = line[[0, -1], :2]
         return str(self.lines.id[self.number[k]]), tips[side], str(self.lines.review[self.number[k]])
 
 
 def gap_suspects(lines: LineSet, way: DrivenPath, seen: WasMeasured) -> list[Suspect]:
-    """Return gaps in markings and rails, and stretches of the way without a boundary on a side.
+    """Return gaps in markings and rails, and stretches of the trajectory without a boundary on one side.
 
     Parameters
     ----------
@@ -85,11 +85,11 @@ def _gaps_of_kind(lines: LineSet, kind: str, way: DrivenPath, seen: WasMeasured)
 
 
 def _bare(lines: LineSet, side: float, way: DrivenPath, seen: WasMeasured) -> list[Suspect]:
-    """Return stretches without a boundary on a side of the way (1: left)."""
+    """Return stretches without a boundary on one side of the trajectory (1: left)."""
     pieces = _pieces(lines, "road_boundary", way, side)
     found = []
     for first, last in way.pieces:
-        # From boundary to boundary, with the way's ends as the first and the last
+        # From boundary to boundary; the ends of the trajectory count as the first and the last
         here = [k for k in range(len(pieces)) if first <= pieces.along[k].mean() <= last]
         before: int | None = None
         reach = float(first)
@@ -112,7 +112,7 @@ def _gap(
     way: DrivenPath,
     seen: WasMeasured,
 ) -> list[Suspect]:
-    """Return the gap between two ends, or from one of them on, as a list of one; none where nothing is to be seen."""
+    """Return the gap between two ends, or beyond one end, as a list of one; empty where no data could show the line."""
     (start, left_start), (stop, left_stop) = span
     length_m = (stop - start) * PATH_STEP_M
     if length_m < LEAST_SUSPECT_GAP_M:
@@ -131,8 +131,8 @@ def _gap(
     side = "left" if left_start > 0 else "right"
     reason = (
         f"no road boundary on the {side} for {length_m:.0f} m" if kind == "road_boundary"
-        else f"ends, and one in line with it begins {length_m:.0f} m on" if len(ids) == 2
-        else f"ends in view of {to_see:.0f} m of road"
+        else f"ends; an aligned line starts {length_m:.0f} m further on" if len(ids) == 2
+        else f"ends although {to_see:.0f} m of road beyond were measured"
     )  # fmt: skip
     return [
         Suspect(
@@ -151,7 +151,7 @@ def _gap(
 
 
 def _pieces(lines: LineSet, kind: str, way: DrivenPath, side: float = 0.0) -> _Pieces:
-    """Return the lines of a kind that run along the way; those on one side of it only."""
+    """Return the lines of a kind that run along the trajectory, on one side of it."""
     number, along, left = [], [], []
     length_m = lines.length_m
     for i in np.flatnonzero(lines.kind == kind).tolist():
@@ -175,7 +175,7 @@ def _pieces(lines: LineSet, kind: str, way: DrivenPath, side: float = 0.0) -> _P
 
 
 def _turned(lines: LineSet, which: list[int]) -> LineSet:
-    """Return lines with some of them running the other way: only their vertices matter here."""
+    """Return lines with some of them reversed; only their vertices matter here."""
     index = np.arange(len(lines.xyz))
     for i in which:
         part = slice(int(lines.offsets[i]), int(lines.offsets[i + 1]))
@@ -184,14 +184,14 @@ def _turned(lines: LineSet, which: list[int]) -> LineSet:
 
 
 def _next_of(pieces: _Pieces) -> dict[int, int]:
-    """Return which piece goes on where which ends: pairs that fit best first, each end once."""
+    """Return pairs of pieces, one continuing the other: best fit first, each end used once."""
     pairs = []
     for k in range(len(pieces)):
         gap = pieces.along[:, 0] - pieces.along[k, 1]
         drift = np.abs(pieces.left_m[:, 0] - pieces.left_m[k, 1])
         fits = (gap > -1.0) & (drift <= GAP_DRIFT_M + GAP_DRIFT_SHARE * np.maximum(gap, 0.0) * PATH_STEP_M)
         fits[k] = False
-        # A metre aside weighs as much as fifty ahead: of a double line each goes on as itself
+        # One metre across weighs as much as fifty along, so that the lines of a double line are not swapped
         pairs += [(float(gap[m] + 50.0 * drift[m]), k, int(m)) for m in np.flatnonzero(fits)]
     next_of: dict[int, int] = {}
     taken: set[int] = set()
@@ -203,7 +203,7 @@ def _next_of(pieces: _Pieces) -> dict[int, int]:
 
 
 def _is_covered(pieces: _Pieces, k: int, side: int) -> bool:
-    """Return whether another piece runs where one ends: nothing is missing beyond."""
+    """Return whether another piece runs past the end of one: then nothing is missing beyond."""
     at, left_m = pieces.along[k, side], pieces.left_m[k, side]
     runs = (pieces.along[:, 0] <= at) & (pieces.along[:, 1] >= at)
     length = np.maximum(pieces.along[:, 1] - pieces.along[:, 0], 1e-9)
@@ -214,6 +214,6 @@ def _is_covered(pieces: _Pieces, k: int, side: int) -> bool:
 
 
 def _extent(way: DrivenPath, along: FloatArray) -> tuple[int, int]:
-    """Return the first and last number of the stretch of the way that a piece runs along."""
+    """Return the first and last step of the trajectory that a piece runs along."""
     middle = float(along.mean())
     return next((p for p in way.pieces if p[0] - 1 <= middle <= p[1] + 1), (int(middle), int(middle)))

@@ -1,4 +1,4 @@
-"""What in a set of lines is worth a look, the most promising first."""
+"""The review queue: what may be wrong or missing in a set of lines, largest expected gain first."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from linework.lines.along import DrivenPath
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 
-#: Says for (n, 2) places [m] whether ground was measured there: (n,).
+#: Returns for (n, 2) places [m] whether ground was measured there: (n,).
 WasMeasured = Callable[[FloatArray], BoolArray]
-#: What fits on a screen so that a hand's breadth can be seen: a longer line takes more than one look. [m]
+#: Length that fits on a screen with 10 cm visible; longer lines take several views. [m]
 VIEW_M = 60.0
-#: Less than this is not worth a look. [m]
+#: Smallest expected error that is queued. [m]
 LEAST_SUSPECT_M = 2.0
-#: No arrow, bar or stop line is longer: paint along the road that is, is a line. [m]
+#: Longest arrow, bar or stop line; longer paint along the road is a line. [m]
 LONGEST_BAR_M = 12.0
-#: Of what is bridged, no less is wrong: 61 of 2,850 m on simulated streets of few points.
+#: Least share of bridged length that is wrong: 61 of 2,850 m on simulated streets of few points.
 BRIDGED_WRONG = 0.02
-#: Companions are judged with their lines.
+#: Companion lines, reviewed together with their line.
 _COMPANIONS = ("lane_marking_dash", "kerb_top")
-#: Paint at one distance from the van's way, to so much, is in line. [m]
+#: Tolerance of the offset from the trajectory for paint to be aligned. [m]
 IN_LINE_M = 0.5
-#: How much of what extraction is not sure of is wrong, by kind: 39 of 2,506 m of cables, 34 of 560 m of boundaries and
+#: Share of uncertain length that is wrong, by kind: 39 of 2,506 m of cables, 34 of 560 m of boundaries and
 #: 323 of 675 m of markings on eleven simulated streets of 500 to 2,000 points per metre.
 WRONG_SHARE = {"cable": 0.02, "road_boundary": 0.06, "lane_marking": 0.5}
-#: Around what is to be seen. [m]
+#: Margin around the object in the view. [m]
 _AROUND_M = 5.0
 
 
@@ -58,7 +58,7 @@ class Suspect:
     reason
         In words.
     proposal
-        What would settle it: "accept", "reject", "join", "dashes", "kind" with `as_kind`; "" if no one thing would.
+        Proposed action: "accept", "reject", "join", "dashes", "kind" with `as_kind`; "" if there is none.
     n_looks
         How many screens one has to look at.
     """
@@ -77,13 +77,13 @@ class Suspect:
 
     @property
     def gain_m(self) -> float:
-        """What a look at it is expected to set right. [m]"""  # noqa: D400
+        """Expected length that a review corrects. [m]"""  # noqa: D400
         share = WRONG_SHARE.get(self.kind, 1.0) if self.type == "line" and self.proposal != "kind" else 1.0
         return share * self.length_m / self.n_looks
 
     @property
     def key(self) -> str:
-        """What it is about, a line or what is missing from a place on: the same as long as that is there."""
+        """Key of its subject, a line or a gap from a place on; stable as long as the subject exists."""
         if self.type in ("line", "dashes"):
             return f"{self.type} {self.ids[0]}"
         east, north = (int(np.floor(v)) for v in self.at)
@@ -91,14 +91,14 @@ class Suspect:
 
 
 def rank_suspects(suspects: list[Suspect]) -> list[Suspect]:
-    """Return suspects in the order of what a look is expected to find; each key once."""
+    """Return suspects by expected gain, largest first; each key once."""
     worth = [s for s in suspects if s.length_m >= LEAST_SUSPECT_M]
     worth.sort(key=lambda s: (-s.gain_m, s.key))
     return list({s.key: s for s in reversed(worth)}.values())[::-1]
 
 
 def unsure_lines(lines: LineSet, way: DrivenPath) -> list[Suspect]:
-    """Return lines that nobody has looked at, with how much of each is expected to be wrong.
+    """Return unreviewed lines, with the length of each that is expected to be wrong.
 
     Dashes and kerb tops are not among them: they go with their lines.
     """
@@ -127,14 +127,14 @@ def unsure_lines(lines: LineSet, way: DrivenPath) -> list[Suspect]:
 
 
 def _verdict(sure: float, bridged_m: float, length_m: float) -> str:
-    """Return what to do with a line by one key; "" where more of it is carried over than was seen: look first."""
+    """Return the action proposed for a line; "" if more of it is bridged than measured."""
     if sure < 0.5:
         return "reject"
     return "accept" if bridged_m <= length_m / 2 else ""
 
 
 def _no_bars(bars: LineSet) -> Suspect:
-    """Return what is said of paint that was taken for bars, and is a line along the road."""
+    """Return suspects of paint classified as bars that is a line along the road."""
     whole_m, longest_m = float(bars.length_m.sum()), float(bars.length_m.max())
     return Suspect(
         type="line",
@@ -142,7 +142,7 @@ def _no_bars(bars: LineSet) -> Suspect:
         kind="road_marking_other",
         at=line_middle(bars.line(0)),
         box=view_box(bars.xyz),
-        # Wrong as what it is, and missing as what it would be
+        # Wrong under its present kind, and missing under its true kind
         length_m=2.0 * whole_m,
         confidence=0.0,
         reason=f"{whole_m:.0f} m of paint, up to {longest_m:.0f} m in one, are no bars or arrows",
@@ -152,7 +152,7 @@ def _no_bars(bars: LineSet) -> Suspect:
 
 
 def _long_bars(lines: LineSet, way: DrivenPath) -> list[list[int]]:
-    """Return bars that are too long, those in line with each other together."""
+    """Return bars that are too long, aligned ones together."""
     length_m = lines.length_m
     is_bar = (lines.kind == "road_marking_other") & (lines.review == "") & (length_m > LONGEST_BAR_M)
     rows: list[tuple[float, list[int]]] = []
@@ -170,7 +170,7 @@ def _long_bars(lines: LineSet, way: DrivenPath) -> list[list[int]]:
 
 
 def view_box(xyz: FloatArray) -> Bounds:
-    """Return the rectangle to look at for some places."""
+    """Return the rectangle to view for some places."""
     low, high = xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)
     return Bounds(float(low[0]), float(low[1]), float(high[0]), float(high[1])).grown(_AROUND_M)
 
@@ -183,7 +183,7 @@ def line_stations(xyz: FloatArray, step_m: float) -> FloatArray:
 
 
 def line_middle(xyz: FloatArray) -> tuple[float, float]:
-    """Return the place half way along a line (n, 3)."""
+    """Return the point halfway along a line (n, 3)."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))])
     return (
         float(np.interp(0.5 * along[-1], along, xyz[:, 0])),
@@ -191,20 +191,20 @@ def line_middle(xyz: FloatArray) -> tuple[float, float]:
     )
 
 
-# Dashes that are missing: lines with a rhythm that has gaps, and dashed lines with few dashes or none
+# Missing dashes: lines whose rhythm has gaps, and dashed lines with few or no dashes
 
 #: A dash lies within a stripe's width of its line. [m]
 ON_LINE_M = 0.10
-#: Of a dashed line so much is paint, where no rhythm says it: lane lines have a quarter to a half.
+#: Painted share of a dashed line whose rhythm is unknown: lane lines have a quarter to a half.
 DASH_SHARE = 1.0 / 3.0
-#: How likely a line is dashed that nobody says is solid: of a street's lines half are.
+#: Probability that a line of unknown pattern is dashed: half of a street's lines are.
 MAY_BE_DASHED = 0.5
-#: A shorter line shows no rhythm. [m]
+#: Shortest line that can show a rhythm. [m]
 LEAST_DASHED_LINE_M = 40.0
 
 
 def missing_dashes(lines: LineSet, paint: Mapping[str, FloatArray] | None = None) -> list[Suspect]:
-    """Return the dashes that lines lack, all as one thing to look at: one edit adds them.
+    """Return the missing dashes of all lines as one item, which one edit adds.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def missing_dashes(lines: LineSet, paint: Mapping[str, FloatArray] | None = None
 
 
 def _lacking_m(line: LineSet, dashes: LineSet, spans: FloatArray | None) -> float:
-    """Return how much of its dashes a line is expected to lack. [m]"""  # noqa: D400
+    """Return the expected length of a line's missing dashes. [m]"""  # noqa: D400
     if spans is not None and len(spans):
         return float(np.diff(spans[missing_spans(line, dashes, spans)[0]], axis=1).sum())
     rhythm, length_m = rhythm_of(line, dashes), float(line.length_m[0])
@@ -258,7 +258,7 @@ def _lacking_m(line: LineSet, dashes: LineSet, spans: FloatArray | None) -> floa
 
 
 def _line_of_dashes(lines: LineSet, markings: IntArray) -> IntArray:
-    """Return for every line which marking it is a dash of, -1 for what is none."""
+    """Return for every line the marking of which it is a dash, or -1."""
     owner = np.full(len(lines), -1, dtype=np.int64)
     is_dash = lines.kind == "lane_marking_dash"
     if not is_dash.any() or len(markings) == 0:
@@ -273,21 +273,21 @@ def _line_of_dashes(lines: LineSet, markings: IntArray) -> IntArray:
     return owner
 
 
-# Wires that end where none goes on: the next span may be missing
+# Wires that end without a continuation: the next span may be missing
 
-#: Wires of two spans hang from one insulator, or from two on the same arm. [m]
+#: Largest distance between wires of two spans at one support: one insulator, or two on the same arm. [m]
 SAME_POLE_M = 1.0
-#: A line of poles that goes on has its next pole about as far away: how likely it does.
+#: Probability that a line of poles continues, with its next pole about one span away.
 GOES_ON = 0.4
-#: Ends that face each other over no more than this many spans are one wire's.
+#: Largest gap between facing ends of one wire, in spans.
 MOST_SPANS = 3.0
-#: A wire that goes on after a missing span is in line with the one before. [deg]
+#: Largest change of direction across a missing span. [deg]
 _IN_LINE_DEG = 10.0
 _BOTH_SIDES = 0.9
 
 
 def loose_wires(lines: LineSet) -> list[Suspect]:
-    """Return the ends of cables where no other cable begins, with the span that may be missing beyond."""
+    """Return the ends of cables without a continuation, with the span that may be missing beyond."""
     number = np.flatnonzero((lines.kind == "cable") & (lines.review != "accepted"))
     every = np.flatnonzero(lines.kind == "cable")
     if len(number) == 0:
@@ -323,7 +323,7 @@ def loose_wires(lines: LineSet) -> list[Suspect]:
                 box=view_box(np.stack([tips[i, :2], target])),
                 length_m=likely * length_m,
                 confidence=1.0 - likely,
-                reason=f"no wire goes on here for {length_m:.0f} m",
+                reason=f"no wire continues here for {length_m:.0f} m",
             )
         )
     return found

@@ -1,4 +1,4 @@
-"""Cuts across the road's lines: the shape of the ground at a kerb, the brightness at a marking."""
+"""Cuts across lines and their figures: the shape of the ground at a kerb, the intensity at a marking."""
 
 from __future__ import annotations
 
@@ -10,38 +10,46 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from linework.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray, FloatArray, distance_along
 from linework.evaluation.report.plan import COLOURS
 from linework.evaluation.report.scores_figure import FOUND_COLOUR, WIDTH_IN
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.points import Points
 
-#: How far a cut reaches to either side [m], and how thick it is: a few scan lines [m].
-KERB_REACH_M, KERB_THICK_M = 0.5, 0.5
-PAINT_REACH_M, PAINT_THICK_M = 1.2, 1.5
-#: What is higher than this over the paint, or lower, is not the road: cars, leaves. [m]
-OFF_ROAD_M = 0.2
+#: Reach of a cut to either side, and its thickness [m]: a few scan lines.
+_KERB_REACH_M, _KERB_THICK_M = 0.5, 0.5
+_PAINT_REACH_M, _PAINT_THICK_M = 1.2, 1.5
+#: Points farther than this above or below the paint are not road but cars or leaves [m].
+_OFF_ROAD_M = 0.2
+#: Half the chord that gives the direction of a line at a station [m].
+_HALF_CHORD_M = 0.5
+#: Points nearer the line than this do not decide which side is higher [m]: they are on the face of the kerb.
+_FACE_M = 0.1
+#: Lines that cross a cut farther above or below than this belong to another road [m].
+_OTHER_LEVEL_M = 1.0
+#: Width of the steps over which the mean intensity is drawn [m]: a quarter of the narrowest marking.
+_INTENSITY_STEP_M = 0.03
 
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """A vertical cut across a line: distances from it, heights above it.
+    """A vertical cut across a line: distances to the side and heights above the line.
 
     Parameters
     ----------
     title
-        Which line, and where along it.
+        The line and the chainage.
     points
-        (n, 2) float64 [m]: across, height; the line's own slope along the road is taken out.
+        (n, 2) [m]: distance across, height; the longitudinal slope of the line is removed.
     intensity
         (n,) as recorded, or None.
     found, truth
-        Where lines pass through the cut: (k, 2) float64 [m], across and height.
+        (k, 2) [m]: distance across and height of the lines where they cross the cut.
     found_top, truth_top
         The same for the top edges of kerbs.
     found_width_m
-        (k,) float64 [m]: width of each found line; NaN where it has none.
+        (k,) [m]: width of each line found; NaN where it has none.
     """
 
     title: str
@@ -56,16 +64,16 @@ class Cut:
 
 @dataclass(frozen=True, slots=True)
 class CutStation:
-    """A place on a line with its axes.
+    """A station on a line with its axes.
 
     Parameters
     ----------
     xyz
-        (3,) float64 [m, world].
+        (3,) [m, world].
     along, right
-        (2,) float64: unit vectors in plan.
+        (2,) unit vectors in plan.
     slope
-        Rise per metre along.
+        Rise per metre along the line.
     """
 
     xyz: FloatArray
@@ -77,9 +85,9 @@ class CutStation:
 def kerb_cuts(
     lines: LineSet, points_in: Callable[[Bounds], Points], reference: LineSet | None, n: int = 3
 ) -> tuple[Cut, ...]:
-    """Return cuts across the longest boundary where it was measured, at even shares of its length.
+    """Return `n` cuts across the longest road boundary, evenly spaced over its measured vertices.
 
-    A boundary with a kerb goes before longer ones without; () where there is no boundary.
+    Boundaries with a kerb take precedence over longer ones without; () where there is no boundary.
     """
     bounds = lines.of_kind("road_boundary")
     if len(bounds) == 0:
@@ -99,10 +107,7 @@ def kerb_cuts(
 def marking_cuts(
     lines: LineSet, points_in: Callable[[Bounds], Points], reference: LineSet | None, n: int = 3
 ) -> tuple[Cut, ...]:
-    """Return cuts across the longest solid markings and dashes where they were measured.
-
-    () where there are no markings.
-    """
+    """Return one cut each across the `n` longest solid markings and dashes; () where there are none."""
     painted = lines.take(
         ((lines.kind == "lane_marking") & (lines.pattern != "dashed")) | (lines.kind == "lane_marking_dash")
     )
@@ -122,15 +127,14 @@ def marking_cuts(
 
 
 def measured_places(lines: LineSet, i: int, n: int) -> list[float]:
-    """Return n chainages [m] on line i, at even shares of its measured vertices; [] where all is bridged.
+    """Return `n` chainages [m] on line `i`, evenly spread over its measured vertices; [] where all is bridged.
 
     >>> line = LineSet.from_lines([[[x, 0, 0] for x in range(5)]], bridged=[False, False, False, True, True])
     >>> measured_places(line, 0, 1)
     [1.0]
     """
     own = slice(lines.offsets[i], lines.offsets[i + 1])
-    step = np.linalg.norm(np.diff(lines.xyz[own, :2], axis=0), axis=1)
-    measured_m = np.concatenate([[0.0], np.cumsum(step)])[~lines.bridged[own]]
+    measured_m = distance_along(lines.xyz[own, :2], in_space=True)[~lines.bridged[own]]
     if len(measured_m) == 0:
         return []
     shares = (np.arange(n) + 0.5) / n
@@ -138,12 +142,11 @@ def measured_places(lines: LineSet, i: int, n: int) -> list[float]:
 
 
 def place_on(line: FloatArray, chainage_m: float) -> CutStation:
-    """Return the place at a chainage of a line (k, 3), its direction that of half a metre either way."""
-    step = np.linalg.norm(np.diff(line[:, :2], axis=0), axis=1)
-    axis_m = np.concatenate([[0.0], np.cumsum(step)])
+    """Return the station at a chainage of a line (k, 3) [m, world]; its direction is that of a chord of 1 m."""
+    axis_m = distance_along(line[:, :2], in_space=True)
     here, ahead, behind = (
         np.array([np.interp(chainage_m + off_m, axis_m, line[:, k]) for k in range(3)])
-        for off_m in (0.0, 0.5, -0.5)
+        for off_m in (0.0, _HALF_CHORD_M, -_HALF_CHORD_M)
     )
     chord = ahead - behind
     size = max(float(np.linalg.norm(chord[:2])), 1e-9)
@@ -160,7 +163,7 @@ def _cut(
     reference: LineSet | None,
 ) -> Cut:
     is_paint = "lane_marking" in kinds
-    reach_m, thick_m = (PAINT_REACH_M, PAINT_THICK_M) if is_paint else (KERB_REACH_M, KERB_THICK_M)
+    reach_m, thick_m = (_PAINT_REACH_M, _PAINT_THICK_M) if is_paint else (_KERB_REACH_M, _KERB_THICK_M)
     east, north = place.xyz[:2].tolist()
     wide = reach_m + thick_m
     points = points_in(Bounds(east - wide, north - wide, east + wide, north + wide))
@@ -169,7 +172,7 @@ def _cut(
     up = local[:, 2] - place.slope * a
     inside = (np.abs(a) <= thick_m / 2) & (np.abs(b) <= reach_m)
     if is_paint:
-        inside &= np.abs(up) <= OFF_ROAD_M
+        inside &= np.abs(up) <= _OFF_ROAD_M
     sets = [s if s is not None else LineSet.empty() for s in (lines, reference)]
     (found, width_m), (truth, _) = (_crossings(_of_kinds(s, kinds), place, reach_m) for s in sets)
     (found_top, _), (truth_top, _) = (_crossings(s.of_kind("kerb_top"), place, reach_m) for s in sets)
@@ -180,9 +183,9 @@ def _cut(
 
 
 def _higher_to_the_right(cut: Cut) -> Cut:
-    """Return the cut seen so that the footway or verge is to the right."""
+    """Return the cut, mirrored where necessary so that the footway or verge is to the right."""
     across, up = cut.points.T
-    sides = [up[across > 0.1], up[across < -0.1]]
+    sides = [up[across > _FACE_M], up[across < -_FACE_M]]
     if any(len(side) == 0 for side in sides) or np.median(sides[0]) >= np.median(sides[1]):
         return cut
     names = ("points", "found", "truth", "found_top", "truth_top")
@@ -190,13 +193,13 @@ def _higher_to_the_right(cut: Cut) -> Cut:
 
 
 def _of_kinds(lines: LineSet, kinds: Sequence[str]) -> LineSet:
-    """Return the lines of some kinds; a dashed line is in its dashes."""
+    """Return the lines of these kinds; a dashed marking is represented by its dashes."""
     in_dashes = (lines.kind == "lane_marking") & (lines.pattern == "dashed")
     return lines.take(np.isin(lines.kind, kinds) & ~in_dashes)
 
 
 def _crossings(lines: LineSet, place: CutStation, reach_m: float) -> tuple[FloatArray, FloatArray]:
-    """Return (k, 2) across and height where lines pass through the plane across a place, and (k,) widths [m]."""
+    """Return where lines cross the plane of a cut: (k, 2) distance across and height [m], and (k,) widths [m]."""
     found, width_m = [np.zeros((0, 2))], []
     for i in range(len(lines)):
         local = lines.line(i) - place.xyz
@@ -204,20 +207,14 @@ def _crossings(lines: LineSet, place: CutStation, reach_m: float) -> tuple[Float
         for k in np.flatnonzero((a[:-1] <= 0) != (a[1:] <= 0)):
             part = a[k] / (a[k] - a[k + 1])
             across, up = (v[k] + part * (v[k + 1] - v[k]) for v in (b, local[:, 2]))
-            if abs(across) <= reach_m and abs(up) <= 1.0:
+            if abs(across) <= reach_m and abs(up) <= _OTHER_LEVEL_M:
                 found.append(np.array([[across, up]]))
                 width_m.append(float(lines.width_m[i]))
     return np.concatenate(found), np.array(width_m)
 
 
-# Pictures of cuts across kerbs and markings
-
-#: The mean brightness is drawn over steps of this width. [m]
-BRIGHTNESS_STEP_M = 0.03
-
-
 def kerb_figure(cuts: Sequence[Cut]) -> Figure:
-    """Draw cuts across a boundary: points, foot (cross) and top (triangle), the truth as rings."""
+    """Return a figure of cuts across a boundary: points, foot (cross), top (triangle), reference (rings)."""
     figure = Figure(figsize=(WIDTH_IN, 2.9), layout="constrained", dpi=110)
     panels = figure.subplots(1, len(cuts), squeeze=False, sharey=True)[0]
     for ax, cut in zip(panels, cuts, strict=True):
@@ -226,7 +223,7 @@ def kerb_figure(cuts: Sequence[Cut]) -> Figure:
             ax.plot(*places.T, "o", ms=13, mfc="none", mec=FOUND_COLOUR, mew=1.6)
         ax.plot(*cut.found.T, "x", ms=9, color=COLOURS["road_boundary"], mew=1.8)
         ax.plot(*cut.found_top.T, "^", ms=8, mfc="none", mec=COLOURS["road_boundary"], mew=1.8)
-        ax.set(aspect="equal", xlim=(-KERB_REACH_M, KERB_REACH_M), ylim=(-0.2, 0.3))
+        ax.set(aspect="equal", xlim=(-_KERB_REACH_M, _KERB_REACH_M), ylim=(-0.2, 0.3))
         _label(ax, cut)
     panels[0].set_ylabel("height above the line [m]")
     handles = [
@@ -235,13 +232,13 @@ def kerb_figure(cuts: Sequence[Cut]) -> Figure:
         _handle("^", COLOURS["road_boundary"], "kerb top, extracted"),
     ]
     if any(len(cut.truth) for cut in cuts):
-        handles.append(_handle("o", FOUND_COLOUR, "truth"))
+        handles.append(_handle("o", FOUND_COLOUR, "reference"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     return figure
 
 
 def marking_figure(cuts: Sequence[Cut]) -> Figure:
-    """Draw the brightness across markings: points, their mean, the extracted lines as wide as their paint."""
+    """Return a figure of the intensity across markings: points, their mean, and lines with their widths."""
     figure = Figure(figsize=(WIDTH_IN, 3.4), layout="constrained", dpi=110)
     panels = figure.subplots(1, len(cuts), squeeze=False)[0]
     colour = COLOURS["lane_marking"]
@@ -255,26 +252,26 @@ def marking_figure(cuts: Sequence[Cut]) -> Figure:
                 ax.axvspan(place - width_m / 2, place + width_m / 2, color=colour, alpha=0.3, lw=0)
         for place in cut.truth[:, 0].tolist():
             ax.axvline(place, color=FOUND_COLOUR, lw=1.6, ls=(0, (4, 3)))
-        ax.set(xlim=(-PAINT_REACH_M, PAINT_REACH_M), ylim=(0, None))
+        ax.set(xlim=(-_PAINT_REACH_M, _PAINT_REACH_M), ylim=(0, None))
         _label(ax, cut)
-    panels[0].set_ylabel("intensity as recorded")
+    panels[0].set_ylabel("recorded intensity")
     handles = [
         _handle(".", "#8a8a8a", "laser points"),
-        Line2D([], [], color="black", lw=1.3, label=f"mean over {100 * BRIGHTNESS_STEP_M:.0f} cm"),
-        Line2D([], [], color=colour, lw=3, label="extracted, as wide as its paint"),
+        Line2D([], [], color="black", lw=1.3, label=f"mean over {100 * _INTENSITY_STEP_M:.0f} cm"),
+        Line2D([], [], color=colour, lw=3, label="extracted, with its width"),
     ]
     if any(len(cut.truth) for cut in cuts):
-        handles.append(Line2D([], [], color=FOUND_COLOUR, lw=1.6, ls=(0, (4, 3)), label="truth"))
+        handles.append(Line2D([], [], color=FOUND_COLOUR, lw=1.6, ls=(0, (4, 3)), label="reference"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     return figure
 
 
 def _mean_steps(across_m: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return middles of steps and the mean value in each that holds points."""
-    step = np.floor(across_m / BRIGHTNESS_STEP_M).astype(np.int64)
+    """Return the middles of the steps that hold points [m], and the mean value in each."""
+    step = np.floor(across_m / _INTENSITY_STEP_M).astype(np.int64)
     steps, which = np.unique(step, return_inverse=True)
     mean = np.bincount(which, weights=values) / np.maximum(np.bincount(which), 1)
-    return (steps + 0.5) * BRIGHTNESS_STEP_M, mean
+    return (steps + 0.5) * _INTENSITY_STEP_M, mean
 
 
 def _label(ax: Axes, cut: Cut) -> None:

@@ -1,4 +1,4 @@
-"""The report: one page with its pictures inside, of what was found and, given a reference, how well."""
+"""The report: one self-contained page of the extracted lines and, given a reference, their scores."""
 
 from __future__ import annotations
 
@@ -29,30 +29,30 @@ from linework.runs.opened.points import points_for_pictures
 from linework.runs.opened.recordings import Recordings
 from linework.runs.record import facts_of_run
 
-#: Tables with more rows are folded.
-LONG_TABLE = 25
+#: Tables with more rows than fit a screen are collapsed.
+_LONG_TABLE = 25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportContent:
-    """What a report is made of.
+    """The content of a report.
 
     Parameters
     ----------
     title
         Heading of the page.
     lines
-        What was extracted.
+        The extracted lines.
     points
-        What it was extracted from, or an even share of it, or None: nothing under the plan, no sections.
+        The laser points, or an even sample of them; None: no points in the plan, and no sections.
     points_in
-        Reads all points of a place, for what is drawn large; None: `points` are all.
+        Reads all points within bounds, for close-ups; None: `points` are all there are.
     facts
-        Names and values for the head of the page: the survey, the CRS, times, versions.
+        Names and values for the head of the page: survey, CRS, timings, versions.
     reference
-        Lines that are right, or None.
+        Reference lines, or None.
     parts, scores
-        Their comparison (`match_lines`, `scores_of`); empty and None without a reference.
+        The comparison with the reference (`match_lines`, `scores_of`); empty and None without one.
     views
         Stereo pairs to draw the lines into, or None.
     """
@@ -69,17 +69,17 @@ class ReportContent:
 
 
 def report_html(report: ReportContent) -> str:
-    """Return the page as HTML, complete in itself: pictures are inside, nothing is fetched.
+    """Return the page as self-contained HTML: figures are embedded, nothing is fetched.
 
     Notes
     -----
-    The same report gives the same text. Names from files are escaped.
+    The same content gives the same text. Names from files are escaped.
     """
     environment = Environment(
         loader=PackageLoader("linework", "evaluation"), autoescape=True, undefined=StrictUndefined
     )
     template = environment.get_template("report.html.j2")
-    # Lines as stereo images showed them are drawn into these: in plan they lie on those that were kept
+    # Lines as measured in stereo images are drawn into the images only: in plan they coincide with those kept
     kept = replace(report, lines=report.lines.take(~_is_as_measured(report.lines)))
     views = _view_figures(report.lines, report.views) if report.views is not None else ()
     figures = [
@@ -89,7 +89,7 @@ def report_html(report: ReportContent) -> str:
     tables = [
         {
             "title": table.title, "columns": table.columns, "rows": table.rows, "note": table.note,
-            "is_long": len(table.rows) > LONG_TABLE,
+            "is_long": len(table.rows) > _LONG_TABLE,
         }
         for table in _tables(report)
     ]  # fmt: skip
@@ -100,12 +100,12 @@ def report_html(report: ReportContent) -> str:
 
 
 def _figures(report: ReportContent) -> Iterator[tuple[str, str, Figure]]:
-    """Yield title, caption and figure of what there is to draw."""
-    over = "brightness of the ground, made even" if _has_intensity(report) else "how many points per cell"
+    """Yield title, caption and figure of whatever the report has to show."""
+    over = "normalised intensity of the ground" if _has_intensity(report) else "point density"
     has_points = report.points is not None and len(report.points) > 0
     yield (
-        "Lines over the points" if has_points else "Lines",
-        f"Plan{f'; grey: {over}' if has_points else ''}. Turned so that the road lies along the picture.",
+        "Lines over the point cloud" if has_points else "Lines",
+        f"Plan{f'; grey: {over}' if has_points else ''}. Rotated so that the road runs from left to right.",
         plan_figure(report.lines, report.points),
     )
     if report.points is not None and len(report.points):
@@ -113,24 +113,24 @@ def _figures(report: ReportContent) -> Iterator[tuple[str, str, Figure]]:
         yield from _section_figures(report, report.points)
     if report.parts and report.scores is not None:
         yield (
-            "Found, missed, wrong",
-            f"In plan, kind by kind, within {report.scores.tolerance_m:g} m (cables in space).",
+            "Found, missed and wrong",
+            f"Plan by kind, within {report.scores.tolerance_m:g} m (cables in space).",
             hits_figure(report.parts, report.scores.tolerance_m),
         )
-        yield "Over the tolerance", "", tolerance_figure(report.scores)
+        yield "Scores by tolerance", "", tolerance_figure(report.scores)
 
 
 def _close_figures(
     report: ReportContent, points: Points, points_in: PointsIn
 ) -> Iterator[tuple[str, str, Figure]]:
-    """Yield what is drawn large, at some places along the lines: plan, kerbs, markings."""
+    """Yield the figures at single stations along the lines: plan, kerbs, markings."""
     near = close_up_figure(report.lines, points, points_in)
     if near is not None:
-        yield "Close up", "The same, at three places along the road.", near
+        yield "Close-ups", "The same plan at three stations along the road.", near
     kerbs = kerb_cuts(report.lines, points_in, report.reference)
     if kerbs:
         yield (
-            "Across the road's boundary",
+            "Across the road boundary",
             "Slices 0.5 m thick. The line is the foot of the kerb, or the edge of the pavement.",
             kerb_figure(kerbs),
         )
@@ -138,13 +138,13 @@ def _close_figures(
     if markings:
         yield (
             "Across markings",
-            "Intensity in slices 1.5 m thick. The line is the middle of the paint.",
+            "Intensity in slices 1.5 m thick. The line is the centreline of the paint.",
             marking_figure(markings),
         )
 
 
 def _section_figures(report: ReportContent, points: Points) -> Iterator[tuple[str, str, Figure]]:
-    """Yield sections across a rail and along a span."""
+    """Yield the sections across a guardrail and along a cable span."""
     sections = rail_sections(points, report.lines, report.reference)
     if sections:
         yield (
@@ -154,17 +154,17 @@ def _section_figures(report: ReportContent, points: Points) -> Iterator[tuple[st
         )
     section = cable_section(points, report.lines, report.reference)
     if section is not None:
-        yield "Along a span of cables", "Vertical slice 6 m thick.", cable_figure(section)
+        yield "Along a cable span", "Vertical slice 6 m thick.", cable_figure(section)
 
 
 def _view_figures(lines: LineSet, views: StereoViews) -> Iterator[tuple[str, str, Figure]]:
-    """Yield the lines in some stereo pairs; pairs that cannot be read are passed over, the run has told of them."""
+    """Yield the lines in some stereo pairs; the run has already reported pairs that cannot be read."""
     as_measured = lines.take(_is_as_measured(lines))
     shown = as_measured if len(as_measured) else lines
     with contextlib.suppress(InputError):
         yield (
             "Lines in the images",
-            "Left and right image, rectified; the lines as the images show them, projected back into both.",
+            "Left and right rectified images, with the lines as measured in images projected into both.",
             views_figure(views, shown, chosen_numbers(shown, views)),
         )
 
@@ -178,7 +178,7 @@ def _has_intensity(report: ReportContent) -> bool:
 
 
 def _reader(points: Points) -> PointsIn:
-    """Return what reads the points of a place out of points in memory."""
+    """Return a reader of the points within bounds, out of points in memory."""
 
     def points_in(bounds: Bounds) -> Points:
         return points.take(holds(bounds, points.xyz))
@@ -193,16 +193,13 @@ def _tables(report: ReportContent) -> Iterator[ReportTable]:
     yield lines_table(report.lines)
 
 
-# The report of an extraction: its lines over the points and in the images they were found in
-
-
 def extraction_report(lines: LineSet, recordings: Recordings, record: Mapping[str, Any]) -> str:
-    """Return the page as HTML (see `report_html`): the lines drawn over the points, and listed.
+    """Return the report of an extraction as HTML: its lines over points and images, and in tables.
 
     Parameters
     ----------
     record
-        Of the run that found the lines.
+        The record of the run that found the lines.
     """
     store, stereo = recordings.points.points if recordings.points else None, recordings.stereo
     return report_html(

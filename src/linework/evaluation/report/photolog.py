@@ -1,6 +1,6 @@
-"""The photolog: a page of the drive with a small picture every so many metres, and the operator's keys.
+"""The photolog: a page of the drive with thumbnails at a fixed spacing, and the operator's keys.
 
-The page is complete in itself; each picture is a link to its image, named from where the page lies.
+The page is self-contained; each thumbnail links to its image by a path relative to the page.
 """
 
 from __future__ import annotations
@@ -22,30 +22,30 @@ from linework.files.images.screen import image_thumbnail
 from linework.files.vectors.point_layers import relative_path
 from linework.model.logs import Events, LoggedPlaces, Photos, VanLog
 
-#: Pictures on a page: 3 MB at 6 kB each. Where the drive has more, they stand farther apart.
+#: Most thumbnails on a page: 3 MB at 6 kB each. On longer drives their spacing grows.
 MAX_PICTURES = 500
-#: Keys on a page.
-MAX_KEYS = 2000
-#: Distance between pictures where nothing else is asked for. [m]
-EVERY_M = 10.0
-#: Corners of the plan's line.
-_MAX_CORNERS = 1000
+#: Most operator keys on a page: about 1 MB of text.
+_MAX_KEYS = 2000
+#: Default distance between thumbnails. [m]
+_EVERY_M = 10.0
+#: Most vertices of the path in the plan, which is about as many pixels wide.
+_MAX_VERTICES = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class PhotologPage:
-    """The page, and what to tell of it.
+    """The page, with what was shown and what failed.
 
     Parameters
     ----------
     n_pictures
-        Pictures on it.
+        Number of thumbnails.
     every_m
-        How far they stand apart. [m]
+        Their spacing. [m]
     warnings
         One line each.
     failures
-        One line for each image that could not be read.
+        One line per image that could not be read.
     """
 
     html: str
@@ -57,7 +57,7 @@ class PhotologPage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Entry:
-    """A picture or a key on the page."""
+    """A thumbnail or a key on the page."""
 
     chainage_m: float
     title: str
@@ -69,30 +69,32 @@ class _Entry:
 
 
 def photolog_html(
-    log: VanLog, page: Path, *, title: str, every_m: float = EVERY_M, facts: Mapping[str, str] | None = None
+    log: VanLog, page: Path, *, title: str, every_m: float = _EVERY_M, facts: Mapping[str, str] | None = None
 ) -> PhotologPage:
-    """Return the page of a log.
+    """Return the photolog of a drive.
 
     Parameters
     ----------
     page
-        Where the page will lie: links to images start there.
+        Path where the page will be written: links to images are relative to it.
     every_m
-        A picture every so many metres of the drive.
+        Distance between thumbnails along the drive. [m]
     facts
         Names and values for the head of the page.
 
     Notes
     -----
-    At most 500 pictures of at most 160 pixels and 2000 keys are on a page. Names and notes are escaped.
+    A page holds at most 500 thumbnails of at most 160 pixels, and 2000 keys. Names and notes are escaped.
     """
     photos, events = log.photos or Photos(), log.events or Events()
     chosen, step_m = _chosen(photos.places.chainage_m, every_m)
     warnings, failures = [], []
     if step_m > every_m:
-        warnings.append(f"a picture every {step_m:.0f} m instead of {every_m:g} m: {MAX_PICTURES} are a page")
-    if len(events) > MAX_KEYS:
-        warnings.append(f"{MAX_KEYS} of {len(events)} keys are on the page: the layer `event` has all")
+        warnings.append(
+            f"one image every {step_m:.0f} m instead of {every_m:g} m: a page holds {MAX_PICTURES}"
+        )
+    if len(events) > _MAX_KEYS:
+        warnings.append(f"{_MAX_KEYS} of {len(events)} keys are on the page; the layer `event` holds all")
     entries = []
     for i in chosen.tolist():
         try:
@@ -101,7 +103,7 @@ def photolog_html(
             picture = ""
             failures.append(str(error))
         entries.append(_photo_entry(photos, i, picture, page.parent))
-    entries += [_key_entry(events, i) for i in range(min(len(events), MAX_KEYS))]
+    entries += [_key_entry(events, i) for i in range(min(len(events), _MAX_KEYS))]
     entries.sort(key=lambda entry: (entry.chainage_m, entry.is_key))
     environment = Environment(
         loader=PackageLoader("linework", "evaluation"), autoescape=True, undefined=StrictUndefined
@@ -116,14 +118,14 @@ def photolog_html(
 
 
 def _chosen(chainage_m: FloatArray, every_m: float) -> tuple[IntArray, float]:
-    """Return which images are shown, the first of every step, and the step [m]; a van at rest is shown once."""
+    """Return the images shown, (k,) int64, the first of every step, and the step [m]; a stop is shown once."""
     if not len(chainage_m):
         return np.zeros(0, dtype=np.int64), every_m
     driven = chainage_m - chainage_m[0]
     step = every_m
     if np.floor(driven[-1] / step) + 1 > MAX_PICTURES:
         step = float(np.ceil(driven[-1] / (MAX_PICTURES - 1)))
-    # Images exactly a step apart are not moved by rounding
+    # The slack keeps images exactly one step apart in their own steps
     cell = np.floor(driven / step + 1e-6)
     return np.flatnonzero(np.diff(cell, prepend=-1.0) > 0.0).astype(np.int64), step
 
@@ -160,7 +162,7 @@ def _where(places: LoggedPlaces, i: int) -> tuple[str, ...]:
 
 
 def _link(file: Path, folder: Path) -> str:
-    """Return the way from the page to an image as a link; "./" so that a name with a colon is no scheme.
+    """Return the link from a page in `folder` to an image; "./" keeps a colon in a name from being a scheme.
 
     >>> _link(Path("/drive/left/a b#1.png"), Path("/drive"))
     './left/a%20b%231.png'
@@ -171,33 +173,33 @@ def _link(file: Path, folder: Path) -> str:
 def _facts(log: VanLog, n_pictures: int, step_m: float) -> dict[str, str]:
     facts = {}
     if log.photos is not None:
-        facts["images"] = f"{len(log.photos):,} pairs, {n_pictures} shown, one every {step_m:g} m"
+        facts["images"] = f"{len(log.photos):,} pairs, {n_pictures} shown, every {step_m:g} m"
     if log.events is not None:
-        facts["keys"] = f"{len(log.events):,}"
+        facts["operator keys"] = f"{len(log.events):,}"
     return facts
 
 
 def _plan(photos: LoggedPlaces, events: LoggedPlaces, chosen: IntArray) -> dict[str, Any] | None:
-    """Return the drive seen from above, in metres from its middle, north up; None where nothing was placed."""
+    """Return the plan of the drive in metres from its middle, north up; None where nothing has a position."""
     both = np.concatenate([photos.xyz[:, :2], events.xyz[:, :2]])
     if not len(both):
         return None
     low, high = both.min(axis=0), both.max(axis=0)
-    # At least 20 m, and a tenth around
+    # At least 20 m wide, with a tenth as margin
     size = np.maximum(high - low, 20.0) * 1.2
     middle = 0.5 * (low + high)
 
     def drawn(xyz: FloatArray) -> list[list[float]]:
         return ((xyz[:, :2] - middle) * [1.0, -1.0]).round(2).tolist()  # type: ignore[no-any-return]
 
-    corners = np.unique(np.linspace(0, max(len(photos) - 1, 0), _MAX_CORNERS).astype(int))
-    # The longest of 1, 2, 5, 10 ... metres that is at most a third of the width
+    vertices = np.unique(np.linspace(0, max(len(photos) - 1, 0), _MAX_VERTICES).astype(int))
+    # Scale bar: the longest of 1, 2, 5, 10 ... metres that is at most a third of the width
     power = 10.0 ** np.floor(np.log10(size[0] / 3.0))
     length = max(n * power for n in (1.0, 2.0, 5.0) if n * power <= size[0] / 3.0)
     dot = float(size.max()) / 160.0
     return {
         "box": [float(v) for v in (-size / 2).round(2)] + [float(v) for v in size.round(2)],
-        "way": drawn(photos.xyz[corners]) if len(photos) else [],
+        "path": drawn(photos.xyz[vertices]) if len(photos) else [],
         "photos": drawn(photos.xyz[chosen]),
         "keys": drawn(events.xyz),
         "dot": round(dot, 2),

@@ -1,4 +1,4 @@
-"""Lines in plan, over what the laser saw: how bright the ground is, or how many points there are."""
+"""Figures of lines in plan, over the intensity of the ground or the point density."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from linework.model.grid import Bounds
 from linework.model.lines import KINDS, LineSet
 from linework.model.points import Points
 
-#: Colours that differ for most eyes and on both white and grey, one per kind.
+#: A colour per kind; they differ for most eyes, on white as on grey.
 COLOURS = dict(
     zip(
         KINDS,
@@ -28,41 +28,51 @@ COLOURS = dict(
         strict=True,
     )
 )
-OTHER_COLOUR = "#444444"
+#: The colour of kinds that are not ours.
+_OTHER_COLOUR = "#444444"
 #: Cells along the longer side of a plan: a screen shows no more.
-PLAN_CELLS = 1400
-#: Points drawn at most; a plan does not gain from more.
-PLAN_POINTS = 4_000_000
-#: A close-up: paint 12 cm wide is 4 pixels of it. [m]
-PLAN_CLOSE_UP_M = (36.0, 15.0)
-N_CLOSE_UPS = 3
+_PLAN_CELLS = 1400
+#: Most points drawn in a plan; it does not gain from more.
+_PLAN_POINTS = 4_000_000
+#: Width and height of a close-up [m]: paint 12 cm wide is 4 pixels there.
+_CLOSE_UP_M = (36.0, 15.0)
+#: Close-ups in a figure: beginning, middle and end of the road.
+_N_CLOSE_UPS = 3
 
 Box = tuple[tuple[float, float], tuple[float, float]]
-#: Reads the points of a place, all there are.
+#: Reads all points within bounds.
 PointsIn = Callable[[Bounds], Points]
 
 
 @dataclass(frozen=True, slots=True)
 class PlanView:
-    """The axes of a plan: turned so that the road lies along it, about an origin near the lines."""
+    """The axes of a plan, rotated so that the road runs along it, about an origin near the lines.
+
+    Parameters
+    ----------
+    origin
+        (2,) [m, world].
+    turn
+        Angle of the first axis, anticlockwise from east. [rad]
+    """
 
     origin: FloatArray
     turn: float
 
     @classmethod
     def of(cls, places: FloatArray) -> PlanView:
-        """Return the view of places (k, 2) [m, world]."""
+        """Return the view along the main direction of positions (k, 2) [m, world]."""
         if len(places) == 0:
             return cls(np.zeros(2), 0.0)
         origin = np.floor(places.mean(axis=0))
         return cls(origin, main_direction([places[:: max(1, len(places) // 10_000)] - origin]))
 
-    def seen(self, places: FloatArray) -> FloatArray:
-        """Return (k, 2) places [m, world] in the plan's axes."""
+    def in_plan(self, places: FloatArray) -> FloatArray:
+        """Return positions (k, 2) [m, world] in the axes of the plan, (k, 2) [m]."""
         return turned_in_plan(places - self.origin, self.turn)
 
     def bounds(self, box: Box) -> Bounds:
-        """Return what is to be read for a box of the plan."""
+        """Return the bounds [m, world] that hold a box of the plan."""
         corners = np.array([(x, y) for x in box[0] for y in box[1]])
         world = turned_in_plan(corners, -self.turn) + self.origin
         (west, south), (east, north) = world.min(axis=0), world.max(axis=0)
@@ -70,13 +80,13 @@ class PlanView:
 
 
 def plan_figure(lines: LineSet, points: Points | None) -> Figure:
-    """Draw all lines over the points, turned so that the road lies along the picture."""
+    """Return a plan of all lines over the points, rotated so that the road runs from left to right."""
     view, box = _view_of(lines, points)
     figure = Figure(figsize=(WIDTH_IN, panel_height(box) + 0.5), layout="constrained", dpi=110)
     ax = figure.subplots()
     if points is not None and len(points):
-        # An even share of a large cloud has the same pattern
-        _draw_ground(ax, points.take(slice(None, None, max(1, len(points) // PLAN_POINTS))), view, box)
+        # An even sample of a large cloud shows the same pattern
+        _draw_ground(ax, points.take(slice(None, None, max(1, len(points) // _PLAN_POINTS))), view, box)
     _draw_lines(ax, lines, view, box, 1.4)
     draw_scale_bar(ax)
     draw_north_arrow(ax, math.degrees(view.turn))
@@ -85,20 +95,20 @@ def plan_figure(lines: LineSet, points: Points | None) -> Figure:
 
 
 def close_up_figure(lines: LineSet, points: Points, points_in: PointsIn) -> Figure | None:
-    """Draw some places so large that paint has a width; None where the plan itself does.
+    """Return close-ups large enough to show the width of paint; None where the plan itself is.
 
     Parameters
     ----------
     points
-        An even share of all points: places are chosen where points are, found lines or not.
+        An even sample of all points: close-ups are where points are, whether lines were found or not.
     points_in
-        Gives all points within bounds.
+        Returns all points within bounds.
     """
     view, whole = _view_of(lines, points)
-    if len(points) == 0 or whole[0][1] - whole[0][0] < 1.5 * PLAN_CLOSE_UP_M[0]:
+    if len(points) == 0 or whole[0][1] - whole[0][0] < 1.5 * _CLOSE_UP_M[0]:
         return None
-    boxes = _close_up_boxes(view.seen(lines.xyz[:, :2]), view.seen(_few(points)))
-    height = WIDTH_IN * PLAN_CLOSE_UP_M[1] / PLAN_CLOSE_UP_M[0]
+    boxes = _close_up_boxes(view.in_plan(lines.xyz[:, :2]), view.in_plan(_few(points)))
+    height = WIDTH_IN * _CLOSE_UP_M[1] / _CLOSE_UP_M[0]
     figure = Figure(figsize=(WIDTH_IN, height * len(boxes) + 0.5), layout="constrained", dpi=110)
     for ax, box in zip(figure.subplots(len(boxes), 1, squeeze=False)[:, 0], boxes, strict=True):
         near = points_in(view.bounds(box))
@@ -112,20 +122,20 @@ def close_up_figure(lines: LineSet, points: Points, points_in: PointsIn) -> Figu
 
 
 def _few(points: Points) -> FloatArray:
-    """Return (k, 2) places of an even share of the points: enough to say where they are."""
+    """Return (k, 2) positions [m, world] of an even sample of the points, enough for their extent."""
     return points.xyz[:: max(1, len(points) // 100_000), :2]
 
 
 def _view_of(lines: LineSet, points: Points | None) -> tuple[PlanView, Box]:
-    """Return the view along the lines, or without lines along the points, and the extent of both.
+    """Return the view along the lines, or along the points where there are none, and the extent of both.
 
-    Of the points a tenth at each side is left out: a scanner sees far beyond the road.
+    A tenth of the points is omitted at each side: a scanner reaches far beyond the road.
     """
     places, cloud = lines.xyz[:, :2], np.zeros((0, 2)) if points is None else _few(points)
     view = PlanView.of(places if len(places) else cloud)
-    corners = [view.seen(places)]
+    corners = [view.in_plan(places)]
     if len(cloud):
-        corners.append(np.quantile(view.seen(cloud), [0.1, 0.9], axis=0))
+        corners.append(np.quantile(view.in_plan(cloud), [0.1, 0.9], axis=0))
     inside = np.concatenate(corners)
     if len(inside) == 0:
         return view, ((-10.0, 10.0), (-5.0, 5.0))
@@ -135,9 +145,9 @@ def _view_of(lines: LineSet, points: Points | None) -> tuple[PlanView, Box]:
 
 
 def _close_up_boxes(lines: FloatArray, cloud: FloatArray) -> tuple[Box, ...]:
-    """Return boxes at even shares of the points along the plan, each centred across on the lines, if any."""
-    half_m, boxes = np.array(PLAN_CLOSE_UP_M) / 2, []
-    for along in np.quantile(cloud[:, 0], (np.arange(N_CLOSE_UPS) + 0.5) / N_CLOSE_UPS, method="nearest"):
+    """Return boxes spread evenly over the points along the plan, each centred on the lines there, if any."""
+    half_m, boxes = np.array(_CLOSE_UP_M) / 2, []
+    for along in np.quantile(cloud[:, 0], (np.arange(_N_CLOSE_UPS) + 0.5) / _N_CLOSE_UPS, method="nearest"):
         beside = lines[np.abs(lines[:, 0] - along) < half_m[0], 1]
         if len(beside) == 0:
             beside = cloud[np.abs(cloud[:, 0] - along) < half_m[0], 1]
@@ -148,15 +158,15 @@ def _close_up_boxes(lines: FloatArray, cloud: FloatArray) -> tuple[Box, ...]:
 
 
 def _draw_ground(ax: Axes, points: Points, view: PlanView, box: Box) -> None:
-    cell_m = max(box[0][1] - box[0][0], box[1][1] - box[1][0]) / PLAN_CELLS
+    cell_m = max(box[0][1] - box[0][0], box[1][1] - box[1][0]) / _PLAN_CELLS
     extent = (*box[0], *box[1])
     if points.intensity is None:
-        _draw_density(ax, view.seen(points.xyz[:, :2]), box, cell_m)
+        _draw_density(ax, view.in_plan(points.xyz[:, :2]), box, cell_m)
         return
     low = points.take(near_ground(points.xyz))
     assert low.intensity is not None
-    # A pixel of a close-up is no smaller than what the points resolve
-    picture = brightness_picture(view.seen(low.xyz[:, :2]), low.intensity, box, max(cell_m, 0.04))
+    # No pixel smaller than the spacing of points
+    picture = brightness_picture(view.in_plan(low.xyz[:, :2]), low.intensity, box, max(cell_m, 0.04))
     ax.set_facecolor("#e9e9e4")
     ax.imshow(
         picture, origin="lower", extent=extent, cmap="gray", vmin=0.0, vmax=1.0, interpolation="antialiased"
@@ -167,7 +177,7 @@ def _draw_density(ax: Axes, cloud: FloatArray, box: Box, cell_m: float) -> None:
     (x0, x1), (y0, y1) = box
     n_cols, n_rows = max(1, round((x1 - x0) / cell_m)), max(1, round((y1 - y0) / cell_m))
     counts, _, _ = np.histogram2d(cloud[:, 1], cloud[:, 0], bins=(n_rows, n_cols), range=((y0, y1), (x0, x1)))
-    # Logarithmic, as densities fall with the square of the distance
+    # Logarithmic, since densities fall with the square of the distance
     ax.imshow(
         np.log1p(counts), origin="lower", extent=(x0, x1, y0, y1), cmap="Greys", interpolation="antialiased",
         vmax=float(np.log1p(np.percentile(counts[counts > 0], 99))) * 1.6 if (counts > 0).any() else 1.0,
@@ -175,22 +185,22 @@ def _draw_density(ax: Axes, cloud: FloatArray, box: Box, cell_m: float) -> None:
 
 
 def _draw_lines(ax: Axes, lines: LineSet, view: PlanView, box: Box, width: float) -> None:
-    """Draw lines in the colours of their kinds, bridged stretches dotted; kerb tops below the feet beside them."""
+    """Draw lines in the colours of their kinds, bridged stretches dotted, kerb tops beneath kerb feet."""
     order = np.argsort(lines.kind != "kerb_top", kind="stable").tolist()
     for is_bridged, style in ((False, "solid"), (True, (0, (1.0, 1.6)))):
         runs, colours = [], []
         for i in order:
-            places = view.seen(lines.line(i)[:, :2])
+            places = view.in_plan(lines.line(i)[:, :2])
             bridged = lines.bridged[lines.offsets[i] : lines.offsets[i + 1]]
             own = _runs(places, (bridged[:-1] | bridged[1:]) == is_bridged)
             runs += own
-            colours += [COLOURS.get(str(lines.kind[i]), OTHER_COLOUR)] * len(own)
+            colours += [COLOURS.get(str(lines.kind[i]), _OTHER_COLOUR)] * len(own)
         ax.add_collection(LineCollection(runs, colors=colours, linewidths=width, linestyles=[style]))
     ax.set(xlim=box[0], ylim=box[1], aspect="equal", xticks=[], yticks=[])
 
 
 def _runs(places: FloatArray, chosen: Sequence[bool] | np.ndarray) -> list[FloatArray]:
-    """Return the stretches of a line that the chosen segments make together."""
+    """Return the stretches of a line (n, 2) formed by the chosen segments (n - 1,) bool."""
     index = np.flatnonzero(chosen)
     groups = np.split(index, np.flatnonzero(np.diff(index) > 1) + 1) if len(index) else []
     return [places[run[0] : run[-1] + 2] for run in groups]
@@ -199,12 +209,12 @@ def _runs(places: FloatArray, chosen: Sequence[bool] | np.ndarray) -> list[Float
 def _draw_legend(figure: Figure, lines: LineSet) -> None:
     there = set(lines.kind.tolist())
     handles = [
-        Line2D([], [], color=COLOURS.get(kind, OTHER_COLOUR), lw=3, label=kind.replace("_", " "))
+        Line2D([], [], color=COLOURS.get(kind, _OTHER_COLOUR), lw=3, label=kind.replace("_", " "))
         for kind in (*KINDS, *sorted(there - set(KINDS)))
         if kind in there
     ]
     if lines.bridged.any():
-        handles.append(Line2D([], [], color=OTHER_COLOUR, lw=1.5, ls=(0, (1.0, 1.6)), label="bridged"))
+        handles.append(Line2D([], [], color=_OTHER_COLOUR, lw=1.5, ls=(0, (1.0, 1.6)), label="bridged"))
     if handles:
         figure.legend(
             handles=handles, loc="outside lower center", ncols=min(len(handles), 6), frameon=False, fontsize=9

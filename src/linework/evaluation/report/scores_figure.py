@@ -1,4 +1,4 @@
-"""Pictures of an evaluation: found, missed and wrong in plan, and the figures over the tolerance."""
+"""Figures of an evaluation: found, missed and wrong in plan, and scores by tolerance."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ from linework.evaluation.tolerance import KindMatch
 from linework.evaluation.values import KindScores, Scores
 from linework.imaging.picture import draw_north_arrow, draw_scale_bar
 
-FOUND_COLOUR, MISSED_COLOUR, WRONG_COLOUR, HIDDEN_COLOUR = "#2a9d3f", "#d1242f", "#f58b1f", "#b8b8b8"
+FOUND_COLOUR, _MISSED_COLOUR, _WRONG_COLOUR, _HIDDEN_COLOUR = "#2a9d3f", "#d1242f", "#f58b1f", "#b8b8b8"
+#: Width of all figures of a report [inch]: 1210 pixels at 110 dpi, the width of the page.
 WIDTH_IN = 11.0
 
 
 def hits_figure(parts: Sequence[KindMatch], tolerance_m: float) -> Figure:
-    """Draw the reference found (green) and missed (red), and what was extracted wrongly (orange).
+    """Return a plan of the reference found (green) and missed (red), and of wrong lines (orange).
 
-    One panel per kind, in plan, turned so that the lines lie along the panel; grey is reference that could
-    not be observed and was not found.
+    One panel per kind, rotated so that the lines run from left to right; grey is hidden reference that was not
+    found.
     """
     shown = [part.match for part in parts if len(part.match.e_pieces) + len(part.match.r_pieces)]
     titles = [part.kind for part in parts if len(part.match.e_pieces) + len(part.match.r_pieces)]
     turn = main_direction([m.r_pieces.xyz[:, :2] for m in shown] + [m.e_pieces.xyz[:, :2] for m in shown])
-    # One extent for all panels: what is beside what can be seen
+    # One extent for all panels, so that they can be compared
     box = _box(shown, turn) if shown else ((0.0, 1.0), (0.0, 1.0))
     height = min(panel_height(box), 18.0 / max(len(shown), 1))
     figure = Figure(figsize=(WIDTH_IN, height * len(shown) + 0.6), layout="constrained", dpi=110)
@@ -52,8 +53,8 @@ def hits_figure(parts: Sequence[KindMatch], tolerance_m: float) -> Figure:
     legend = [
         Line2D([], [], color=colour, lw=3, label=label)
         for colour, label in (
-            (FOUND_COLOUR, f"found within {tolerance_m:g} m"), (MISSED_COLOUR, "missed"),
-            (WRONG_COLOUR, "extracted, not in the reference"), (HIDDEN_COLOUR, "could not be seen, not found"),
+            (FOUND_COLOUR, f"found within {tolerance_m:g} m"), (_MISSED_COLOUR, "missed"),
+            (_WRONG_COLOUR, "extracted, not in the reference"), (_HIDDEN_COLOUR, "hidden, not found"),
         )
     ]  # fmt: skip
     figure.legend(handles=legend, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
@@ -61,13 +62,13 @@ def hits_figure(parts: Sequence[KindMatch], tolerance_m: float) -> Figure:
 
 
 def tolerance_figure(scores: Scores) -> Figure:
-    """Draw completeness and correctness over the tolerance, one pair of curves per kind."""
+    """Return a figure of completeness and correctness by tolerance, a pair of curves per kind."""
     figure = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained", dpi=110)
     left, right = figure.subplots(1, 2, sharey=True)
     for kind in scores.kinds:
         _draw_curve(left, kind, "completeness")
         _draw_curve(right, kind, "correctness")
-    for ax, name in ((left, "completeness (observed truth)"), (right, "correctness")):
+    for ax, name in ((left, "completeness (observed reference)"), (right, "correctness")):
         ax.set(xlabel="tolerance [m]", ylim=(-0.03, 1.03), title=name)
         ax.grid(alpha=0.3)
     left.legend(frameon=False)
@@ -93,19 +94,19 @@ def _draw_match(ax: Axes, match: PieceMatch, tolerance_m: float, turn: float) ->
     is_found = match.r_nearest.distance_m <= tolerance_m + TIE_M
     e, r = match.extracted, match.reference
     for chains, pieces, chosen, colour, order in (
-        (r, match.r_pieces, ~is_found & ~match.r_observed, HIDDEN_COLOUR, 1),
+        (r, match.r_pieces, ~is_found & ~match.r_observed, _HIDDEN_COLOUR, 1),
         (r, match.r_pieces, is_found, FOUND_COLOUR, 2),
-        (e, match.e_pieces, ~is_right, WRONG_COLOUR, 3),
-        (r, match.r_pieces, ~is_found & match.r_observed, MISSED_COLOUR, 4),
+        (e, match.e_pieces, ~is_right, _WRONG_COLOUR, 3),
+        (r, match.r_pieces, ~is_found & match.r_observed, _MISSED_COLOUR, 4),
     ):
         runs = [turned_in_plan(run, turn) for run in chosen_stretches(chains, pieces, chosen)]
         ax.add_collection(LineCollection(runs, colors=colour, linewidths=2.0, zorder=order))
 
 
 def chosen_stretches(chains: Chains, pieces: LinePieces, chosen: BoolArray) -> list[FloatArray]:
-    """Return the stretches of lines that `chosen` pieces make together, each as (k, 2) places in plan [m].
+    """Return the stretches of lines formed by the chosen pieces, each (k, 2) in plan [m, local].
 
-    A stretch runs from the beginning of its first piece to the end of its last one.
+    A stretch runs from the start of its first piece to the end of its last.
     """
     index = np.flatnonzero(chosen)
     if len(index) == 0:
@@ -120,7 +121,7 @@ def chosen_stretches(chains: Chains, pieces: LinePieces, chosen: BoolArray) -> l
 
 
 def main_direction(places: Sequence[FloatArray]) -> float:
-    """Return the angle of the longest extent of all places, -pi/2 to pi/2 from east [rad]."""
+    """Return the angle of the longest extent of all positions (k, 2), -pi/2 to pi/2 from east [rad]."""
     together = np.concatenate([np.zeros((0, 2)), *places])
     if len(together) < 2:
         return 0.0
@@ -130,7 +131,7 @@ def main_direction(places: Sequence[FloatArray]) -> float:
 
 
 def turned_in_plan(places: FloatArray, turn: float) -> FloatArray:
-    """Return (k, 2) places in axes turned anticlockwise by `turn`."""
+    """Return positions (k, 2) in axes rotated anticlockwise by `turn` [rad]."""
     cos, sin = math.cos(turn), math.sin(turn)
     return np.stack(
         [places[:, 0] * cos + places[:, 1] * sin, places[:, 1] * cos - places[:, 0] * sin], axis=1
@@ -146,7 +147,7 @@ def _box(matches: Sequence[PieceMatch], turn: float) -> tuple[tuple[float, float
 
 
 def panel_height(box: tuple[tuple[float, float], tuple[float, float]]) -> float:
-    """Return how many inches high a panel of the full width is that shows `box` (x0, x1), (y0, y1)."""
+    """Return the height [inch] of a panel of full width that shows `box` ((x0, x1), (y0, y1)) [m]."""
     (x0, x1), (y0, y1) = box
-    # Room for the title, the bar and the arrow on a narrow road; no panel taller than a screen
+    # Room for title, scale bar and arrow on a narrow road; no panel taller than a screen
     return float(np.clip(WIDTH_IN * (y1 - y0) / (x1 - x0), 1.4, 7.0)) + 0.35

@@ -1,4 +1,4 @@
-"""Sections through the points: across a rail, along a cable; what the lines should run through."""
+"""Sections through the points, across a guardrail and along a cable span, and their figures."""
 
 from __future__ import annotations
 
@@ -9,29 +9,38 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from linework.arrays import FloatArray
+from linework.arrays import FloatArray, distance_along
 from linework.evaluation.report.plan import COLOURS
 from linework.evaluation.report.scores_figure import WIDTH_IN
 from linework.model.lines import LineSet
 from linework.model.points import Points
 
+#: Half the thickness of a slice across a guardrail [m]: a few scan lines fall into it.
+_RAIL_HALF_THICK_M = 0.3
+#: Half the chord that gives the direction of a rail [m].
+_HALF_CHORD_M = 0.5
+#: Heights shown above the road: from just below it to well above a rail; and the same above the rail [m].
+_ABOVE_ROAD_M, _ABOVE_RAIL_M = (-0.3, 1.5), (-1.1, 0.7)
+#: How far a slice along a span reaches beyond its ends [m].
+_BEYOND_SPAN_M = 2.0
+
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A vertical slice: points and lines in it, flat.
+    """A vertical slice with its points and lines, projected onto it.
 
     Parameters
     ----------
     title
-        Where it is.
+        The line and the chainage, or the span.
     points
-        (n, 2) float64 [m]: along the section, height above its datum.
+        (n, 2) [m]: distance along the section, height above the datum.
     found, truth
-        Lines in the slice, each (k, 2) float64 [m]; of a slice across lines, single places.
+        Lines in the slice, each (k, 2) [m]; in a slice across lines, single points (1, 2).
     datum
-        What heights are counted from.
+        The zero of the heights, as text.
     bottom_m, top_m
-        Heights of the slice's edges. [m above its datum]
+        Range of heights shown. [m above the datum]
     """
 
     title: str
@@ -46,54 +55,56 @@ class Section:
 def rail_sections(
     points: Points, lines: LineSet, reference: LineSet | None, *, n: int = 3, half_width_m: float = 1.6
 ) -> tuple[Section, ...]:
-    """Return slices across the longest guardrail, at even distances along it; () where there is none.
+    """Return evenly spaced slices across the longest guardrail; () where there is none.
 
     Parameters
     ----------
     n
-        How many.
+        Number of slices.
     half_width_m
-        How far a slice reaches on either side of the rail.
+        Reach of a slice to either side of the rail. [m]
 
     Notes
     -----
-    Slices are 0.6 m thick, so that a few scan lines fall into each. To the right is to the right of the
-    line's drawing direction.
+    Slices are 0.6 m thick, so that a few scan lines fall into each. Right is to the right of the drawing
+    direction of the line.
     """
     rails = lines.of_kind("guardrail")
     if len(rails) == 0 or len(points) == 0:
         return ()
     longest = int(np.argmax(rails.length_m))
     rail = rails.line(longest)
-    chainage_m = _chainage(rail)
+    chainage_m = distance_along(rail[:, :2], in_space=True)
     height_m = float(rails.height_m[longest])
     sections = []
     for place_m in chainage_m[-1] * (np.arange(n) + 0.5) / n:
         centre = _at(rail, chainage_m, place_m)
-        ahead, behind = (_at(rail, chainage_m, place_m + step)[:2] for step in (0.5, -0.5))
+        ahead, behind = (
+            _at(rail, chainage_m, place_m + step)[:2] for step in (_HALF_CHORD_M, -_HALF_CHORD_M)
+        )
         along = (ahead - behind) / np.linalg.norm(ahead - behind)
         right = np.array([along[1], -along[0]])
         road = centre[2] - height_m if np.isfinite(height_m) else centre[2]
-        flat = _flattened(points.xyz, centre[:2], along, right, 0.3, half_width_m)
+        flat = _flattened(points.xyz, centre[:2], along, right, _RAIL_HALF_THICK_M, half_width_m)
         flat[:, 1] -= road
         title = f"{rails.id[longest] or 'guardrail'}, {place_m:.0f} m from its start"
         own = np.array([[0.0, centre[2] - road]])
         truth = [] if reference is None else _crossings(reference, centre[:2], along, right, half_width_m)
-        # From just below the road to well above the rail
-        datum, low, high = ("the road", -0.3, 1.5) if np.isfinite(height_m) else ("the rail", -1.1, 0.7)
-        sections.append(Section(title, flat, [own], [t - [0.0, road] for t in truth], datum, low, high))
+        on_road = bool(np.isfinite(height_m))
+        datum, limits_m = ("the road", _ABOVE_ROAD_M) if on_road else ("the rail", _ABOVE_RAIL_M)
+        sections.append(Section(title, flat, [own], [t - [0.0, road] for t in truth], datum, *limits_m))
     return tuple(sections)
 
 
 def cable_section(
     points: Points, lines: LineSet, reference: LineSet | None, *, half_width_m: float = 3.0
 ) -> Section | None:
-    """Return the vertical slice along the longest cable with all cables in it; None where there is none.
+    """Return the vertical slice along the longest cable, with all cables in it; None where there is none.
 
     Parameters
     ----------
     half_width_m
-        Points and cables up to this far to either side are in the slice.
+        Half the thickness of the slice. [m]
     """
     cables = lines.of_kind("cable")
     if len(cables) == 0 or len(points) == 0:
@@ -106,8 +117,8 @@ def cable_section(
     along = (end - start) / span_m
     right = np.array([along[1], -along[0]])
     middle = (start + end) / 2
-    # A section along the cable is a slice across "right": the two axes change places
-    flat = _flattened(points.xyz, middle, right, along, half_width_m, span_m / 2 + 2.0)
+    # Along the cable, the slice is thin across it: the two axes swap roles
+    flat = _flattened(points.xyz, middle, right, along, half_width_m, span_m / 2 + _BEYOND_SPAN_M)
     found = _within(cables, middle, along, right, half_width_m, span_m)
     truth = (
         []
@@ -127,7 +138,7 @@ def cable_section(
 def _flattened(
     xyz: FloatArray, centre: FloatArray, thin: FloatArray, wide: FloatArray, half_thin_m: float, half_wide_m: float
 ) -> FloatArray:  # fmt: skip
-    """Return (n, 2) distance along `wide` and height of the points in the box about `centre`."""
+    """Return (n, 2) distance along `wide` and height [m] of the points (m, 3) in the box about `centre` (2,)."""
     reach = half_thin_m + half_wide_m
     near = np.flatnonzero((np.abs(xyz[:, 0] - centre[0]) <= reach) & (np.abs(xyz[:, 1] - centre[1]) <= reach))
     local = xyz[near, :2] - centre
@@ -139,7 +150,7 @@ def _flattened(
 def _crossings(
     lines: LineSet, centre: FloatArray, along: FloatArray, right: FloatArray, half_width_m: float
 ) -> list[FloatArray]:
-    """Return the places, each (1, 2), where guardrails pass through the plane across `along`."""
+    """Return the points, each (1, 2) [m], where guardrails cross the plane perpendicular to `along`."""
     rails = lines.of_kind("guardrail")
     places = []
     for i in range(len(rails)):
@@ -157,31 +168,24 @@ def _crossings(
 def _within(
     lines: LineSet, middle: FloatArray, along: FloatArray, right: FloatArray, half_width_m: float, span_m: float
 ) -> list[FloatArray]:  # fmt: skip
-    """Return the lines that lie in the slice for most of their length, flat."""
+    """Return the lines with most vertices in the slice, each (k, 2) [m], projected onto it."""
     flat = []
     for i in range(len(lines)):
         line = lines.line(i)
         local = line[:, :2] - middle
         a, b = local @ along, local @ right
-        inside = (np.abs(b) <= half_width_m) & (np.abs(a) <= span_m / 2 + 2.0)
+        inside = (np.abs(b) <= half_width_m) & (np.abs(a) <= span_m / 2 + _BEYOND_SPAN_M)
         if inside.mean() > 0.5:
             flat.append(np.stack([a, line[:, 2]], axis=1))
     return flat
-
-
-def _chainage(line: FloatArray) -> FloatArray:
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line[:, :2], axis=0), axis=1))])
 
 
 def _at(line: FloatArray, chainage_m: FloatArray, place_m: float) -> FloatArray:
     return np.array([np.interp(place_m, chainage_m, line[:, k]) for k in range(3)])
 
 
-# Pictures of sections across rails and along cables
-
-
 def rail_figure(sections: Sequence[Section]) -> Figure:
-    """Draw slices across a rail side by side: points, the found line (cross) and the truth (ring)."""
+    """Return a figure of slices across a rail: points, the line found (cross) and the reference (ring)."""
     figure = Figure(figsize=(WIDTH_IN, 3.9), layout="constrained", dpi=110)
     panels = figure.subplots(1, len(sections), squeeze=False, sharey=True)[0]
     for ax, section in zip(panels, sections, strict=True):
@@ -200,7 +204,7 @@ def rail_figure(sections: Sequence[Section]) -> Figure:
 
 
 def cable_figure(section: Section) -> Figure:
-    """Draw the slice along a span: points, found cables and the truth under them."""
+    """Return a figure of the slice along a span: points, cables found, and the reference under them."""
     figure = Figure(figsize=(WIDTH_IN, 4.6), layout="constrained", dpi=110)
     ax = figure.subplots()
     ax.plot(*section.points.T, ".", ms=1.2, color="#777777", rasterized=True)
@@ -223,7 +227,15 @@ def _legend(figure: Figure, marker: str, colour: str, *, has_truth: bool, truth_
     if has_truth:
         handles.append(
             Line2D(
-                [], [], ls="", marker=truth_marker, ms=11, mfc="none", mec="#2a9d3f", mew=2.5, label="truth"
+                [],
+                [],
+                ls="",
+                marker=truth_marker,
+                ms=11,
+                mfc="none",
+                mec="#2a9d3f",
+                mew=2.5,
+                label="reference",
             )
         )
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=9)

@@ -1,4 +1,4 @@
-"""Lines drawn into the stereo pairs that show them."""
+"""Figures of lines drawn into the stereo pairs that show them."""
 
 from __future__ import annotations
 
@@ -10,31 +10,32 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from linework.arrays import FloatArray, IntArray
+from linework.arrays import FloatArray, IntArray, distance_along
 from linework.evaluation.report.plan import COLOURS
 from linework.evaluation.report.scores_figure import WIDTH_IN
 from linework.model.camera import RectifiedRig
 from linework.model.images import Poses, RectifiedPair
 from linework.model.lines import LineSet
 
-#: Lines are drawn from here to here ahead of the cameras: nearer they are below the image, farther thinner than
-#: a pixel. [m]
-VIEW_DEPTH_M = (1.0, 60.0)
-#: Pairs that a report shows.
-N_VIEWS = 3
+#: Least and greatest distance ahead of the cameras at which lines are drawn [m]: nearer they are below the image,
+#: farther they are thinner than a pixel.
+_VIEW_DEPTH_M = (1.0, 60.0)
+#: Pairs shown in a report: beginning, middle and end of the drive.
+_N_VIEWS = 3
+#: Spacing of the points of a line that are projected [m]: a bend stays smooth in the image.
 _STEP_M = 0.25
 
 
 @dataclass(frozen=True, slots=True)
 class StereoViews:
-    """Pairs to draw lines into.
+    """Stereo pairs to draw lines into.
 
     Parameters
     ----------
     poses
         Pose i belongs to pair ``numbers[i]``.
     read
-        Reads a pair by its number; may raise InputError.
+        Returns a pair by its number; may raise InputError.
     """
 
     poses: Poses
@@ -45,30 +46,32 @@ class StereoViews:
 def in_image(
     xyz_world: FloatArray, poses: Poses, i: int, rig: RectifiedRig
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return left column, right column and row [pixels] of places along a line; NaN where it is out of sight.
+    """Return left columns, right columns and rows, each (k,) [pixels], of points along a line; NaN out of view.
 
     Parameters
     ----------
     xyz_world
         (n, 3) vertices of the line. [m, world]
+    i
+        Index of the pose of the pair.
     """
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xyz_world, axis=0), axis=1))])
+    along = distance_along(xyz_world, in_space=True)
     at = np.linspace(0.0, along[-1], max(int(along[-1] / _STEP_M), 1) + 1)
     dense = np.stack([np.interp(at, along, column) for column in xyz_world.T], axis=1)
-    near = np.linalg.norm(dense - poses.xyz[i], axis=1) < 2.0 * VIEW_DEPTH_M[1]
+    near = np.linalg.norm(dense - poses.xyz[i], axis=1) < 2.0 * _VIEW_DEPTH_M[1]
     col, row, disparity = rig.project(np.where(near[:, None], poses.to_vehicle(i, dense), np.nan))
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = rig.focal_px * rig.base_m / disparity
-        seen = (depth > VIEW_DEPTH_M[0]) & (depth < VIEW_DEPTH_M[1]) & (row > -1.0) & (row < rig.height)
+        visible = (depth > _VIEW_DEPTH_M[0]) & (depth < _VIEW_DEPTH_M[1]) & (row > -1.0) & (row < rig.height)
     return (
-        np.where(seen & (col > -1.0) & (col < rig.width), col, np.nan),
-        np.where(seen & (col - disparity > -1.0) & (col - disparity < rig.width), col - disparity, np.nan),
-        np.where(seen, row, np.nan),
+        np.where(visible & (col > -1.0) & (col < rig.width), col, np.nan),
+        np.where(visible & (col - disparity > -1.0) & (col - disparity < rig.width), col - disparity, np.nan),
+        np.where(visible, row, np.nan),
     )
 
 
 def views_figure(views: StereoViews, lines: LineSet, numbers: Sequence[int]) -> Figure:
-    """Draw the lines into both images of some pairs, one row of pictures a pair."""
+    """Return a figure of the lines in both images of the pairs `numbers`, a row per pair."""
     pairs = [views.read(number) for number in numbers]
     height = sum(0.5 * WIDTH_IN * pair.rig.height / pair.rig.width + 0.25 for pair in pairs) + 0.3
     figure = Figure(figsize=(WIDTH_IN, height), layout="constrained", dpi=140)
@@ -96,16 +99,16 @@ def views_figure(views: StereoViews, lines: LineSet, numbers: Sequence[int]) -> 
 
 
 def chosen_numbers(lines: LineSet, views: StereoViews) -> list[int]:
-    """Return the pairs to show: spread evenly over those that have a line ahead of them, or over all."""
+    """Return the numbers of the pairs to show, spread evenly over those with a line ahead, or over all."""
     good = [i for i in range(len(views.numbers)) if _has_line_ahead(lines, views.poses, i)]
     candidates = good or list(range(len(views.numbers)))
-    picked = np.linspace(0, len(candidates) - 1, min(N_VIEWS, len(candidates))).round().astype(int)
+    picked = np.linspace(0, len(candidates) - 1, min(_N_VIEWS, len(candidates))).round().astype(int)
     return [int(views.numbers[candidates[k]]) for k in picked]
 
 
 def _has_line_ahead(lines: LineSet, poses: Poses, i: int) -> bool:
-    """Return whether a vertex lies within what is drawn, in front of the vehicle."""
-    near = np.linalg.norm(lines.xyz - poses.xyz[i], axis=1) < VIEW_DEPTH_M[1]
+    """Return whether a vertex lies ahead of the vehicle, within the distance drawn."""
+    near = np.linalg.norm(lines.xyz - poses.xyz[i], axis=1) < _VIEW_DEPTH_M[1]
     ahead = poses.to_vehicle(i, lines.xyz[near])
     return bool(np.any((ahead[:, 0] > 5.0) & (np.abs(ahead[:, 1]) < 10.0)))
 

@@ -1,4 +1,4 @@
-"""Scores as tables of text, for the terminal and for the report alike."""
+"""Scores and lines as tables of text, for the terminal and the report alike."""
 
 from __future__ import annotations
 
@@ -8,28 +8,50 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.evaluation.dashes import GROUPED_BY
+from linework.evaluation.attributes import GROUPED_BY
 from linework.evaluation.values import ErrorStats, KindScores, Scores, SigmaTercile
 from linework.model.lines import LineSet
 
 
+@dataclass(frozen=True, slots=True)
+class ReportTable:
+    """A table of texts, ready to be shown.
+
+    Parameters
+    ----------
+    title
+        Heading, with the unit where all values share one.
+    columns
+        Column heads; the first column holds names.
+    rows
+        Texts, one per column.
+    note
+        How to read the table.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+
+
 def score_tables(scores: Scores) -> Iterator[ReportTable]:
-    """Yield the tables of an evaluation: found, exact, over the tolerance, then those that have a row."""
+    """Yield the tables of an evaluation: completeness, errors, by tolerance, then the others that have rows."""
     rows = [*scores.kinds, scores.overall] if len(scores.kinds) != 1 else list(scores.kinds)
-    yield _found(rows, scores.tolerance_m)
-    yield _exact(rows, scores.tolerance_m)
-    yield _over_tolerance(rows)
+    yield _completeness(rows, scores.tolerance_m)
+    yield _errors(rows, scores.tolerance_m)
+    yield _by_tolerance(rows)
     for table in (
         groups_table(rows), labels_table(rows), dashes_table(rows), _attributes(rows), bridged_table(rows),
-        _whole_lines(rows), _honest(rows),
+        _whole_lines(rows), _calibration(rows),
     ):  # fmt: skip
         if table.rows:
             yield table
 
 
-def _found(rows: Sequence[KindScores], tolerance_m: float) -> ReportTable:
+def _completeness(rows: Sequence[KindScores], tolerance_m: float) -> ReportTable:
     columns = (
-        "kind", "lines", "truth m", "seen m", "complete", "of all", "correct", "quality", "double", "gaps/km",
+        "kind", "lines", "reference\nm", "observed\nm", "complete", "of all", "correct", "quality", "redundant", "gaps/km",
         "pieces", "bridged m",
     )  # fmt: skip
     texts = [
@@ -42,15 +64,15 @@ def _found(rows: Sequence[KindScores], tolerance_m: float) -> ReportTable:
         for row in rows
     ]  # fmt: skip
     note = (
-        "lines: extracted / truth; complete: share of the truth that was seen; of all: share of all truth; "
-        "double: redundancy; pieces: extracted lines per line found"
+        "lines: extracted / reference; complete: found share of the observed reference; of all: found share of all "
+        "of it; redundant: duplicated share of the matched length; pieces: extracted lines per line found"
     )
-    return ReportTable(f"Found, within {tolerance_m:g} m", columns, tuple(texts), note)
+    return ReportTable(f"Completeness and correctness within {tolerance_m:g} m", columns, tuple(texts), note)
 
 
-def _exact(rows: Sequence[KindScores], tolerance_m: float) -> ReportTable:
+def _errors(rows: Sequence[KindScores], tolerance_m: float) -> ReportTable:
     columns = (
-        "kind", "met", "missed", "lateral\nbias", "\nRMSE", "\nmedian", "\n95 %", "height\nbias", "\nRMSE",
+        "kind", "stations", "missed", "lateral\nbias", "\nRMSE", "\nmedian", "\n95 %", "height\nbias", "\nRMSE",
         "\nmedian", "\n95 %", "3-D\nRMSE", "Hausdorff\n95 % m", "\nmax m",
     )  # fmt: skip
     texts = [
@@ -62,16 +84,16 @@ def _exact(rows: Sequence[KindScores], tolerance_m: float) -> ReportTable:
         for row in rows
     ]  # fmt: skip
     note = (
-        "lateral: positive to the left of the truth's drawing direction; missed: of the stations that were "
-        "seen; within the tolerance no lateral error can be larger than it"
+        "lateral: positive to the left of the reference's drawing direction; missed: observed stations without a "
+        "line within the tolerance, which is also the largest lateral error possible"
     )
     title = f"Errors in cm at stations every 0.5 m, within {tolerance_m:g} m"
     return ReportTable(title, columns, tuple(texts), note)
 
 
-def _over_tolerance(rows: Sequence[KindScores]) -> ReportTable:
+def _by_tolerance(rows: Sequence[KindScores]) -> ReportTable:
     columns = (
-        "kind", "within m", "complete", "of all", "correct", "quality", "double", "missed", "lateral\nRMSE cm",
+        "kind", "within m", "complete", "of all", "correct", "quality", "redundant", "missed", "lateral\nRMSE cm",
         "height\nRMSE cm",
     )  # fmt: skip
     texts = [
@@ -83,16 +105,14 @@ def _over_tolerance(rows: Sequence[KindScores]) -> ReportTable:
         for row in rows
         for i, at in enumerate(row.curve)
     ]  # fmt: skip
-    return ReportTable("Over the tolerance", columns, tuple(texts))
+    return ReportTable("Scores by tolerance", columns, tuple(texts))
 
 
 def _whole_lines(rows: Sequence[KindScores]) -> ReportTable:
     limits_m = sorted({limit_m for row in rows for limit_m in row.chamfer_ap})
     texts = [(row.kind, *(percent(row.chamfer_ap[b]) for b in limits_m)) for row in rows if row.n_reference]
     columns = ("kind", *(f"{b:g} m" for b in limits_m))
-    note = (
-        "of lines taken by confidence; right: nearer than this to a line of the truth, on average both ways"
-    )
+    note = "over lines by falling confidence; a line is right if its Chamfer distance to a reference line is below this"
     return ReportTable("Whole lines: average precision", columns, tuple(texts), note)
 
 
@@ -103,11 +123,11 @@ def _attributes(rows: Sequence[KindScores]) -> ReportTable:
         for name, errors in row.attributes.items()
         if errors.n
     ]
-    columns = ("kind", "of", "lines", "bias", "RMSE", "median", "95 %")
-    return ReportTable("Values of the lines, errors in cm", columns, tuple(texts))
+    columns = ("kind", "value", "lines", "bias", "RMSE", "median", "95 %")
+    return ReportTable("Errors of height, width and clearance in cm", columns, tuple(texts))
 
 
-def _honest(rows: Sequence[KindScores]) -> ReportTable:
+def _calibration(rows: Sequence[KindScores]) -> ReportTable:
     columns = ("kind", "sigma xy", "sigma z", "calibration\nerror", "AUC", "pieces", "right")
     texts = []
     for row in rows:
@@ -126,85 +146,15 @@ def _honest(rows: Sequence[KindScores]) -> ReportTable:
             )
     note = (
         "sigma: rms(error / sigma) where lines were measured, per third of the stations, smallest sigmas first; "
-        "1 is honest"
+        "1 is honest, above 1 is overconfident; confidence: over pieces of about 10 m"
     )
-    return ReportTable("Sigma, and confidence per piece of 10 m", columns, tuple(texts), note)
-
-
-# Values as texts in tables
-
-
-@dataclass(frozen=True, slots=True)
-class ReportTable:
-    """A table ready to be shown.
-
-    Parameters
-    ----------
-    title
-        What it is about, with the unit where all values share one.
-    columns
-        Their heads; the first column holds names.
-    rows
-        As many texts each as there are columns.
-    note
-        How to read it.
-    """
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
-
-
-def error_texts(errors: ErrorStats) -> list[str]:
-    """Return bias, RMSE, median and 95th percentile in centimetres."""
-    values = (errors.bias_m, errors.rmse_m, errors.median_m, errors.p95_m)
-    return [centimetres(value) for value in values]
-
-
-def ratio_texts(thirds: tuple[SigmaTercile, ...]) -> str:
-    """Return rms(error / sigma) of each third.
-
-    >>> ratio_texts(())
-    '-'
-    """
-    return " / ".join(f"{third.rms_ratio:.2f}" for third in thirds) or "-"
-
-
-def percent(share: float | None) -> str:
-    """Return a share as text.
-
-    >>> percent(0.98765), percent(-0.0001), percent(None)
-    ('98.8 %', '0.0 %', '-')
-    """
-    return "-" if share is None else f"{number(100 * share, 1)} %"
-
-
-def centimetres(length_m: float | None) -> str:
-    """Return a length as text in centimetres.
-
-    >>> centimetres(0.0123)
-    '1.2'
-    """
-    return "-" if length_m is None else number(100 * length_m, 1)
-
-
-def number(value: float | None, decimals: int) -> str:
-    """Return a number as text; no minus before a zero.
-
-    >>> number(1.0, 2), number(-0.01, 1)
-    ('1.00', '0.0')
-    """
-    return "-" if value is None else f"{round(value, decimals) + 0.0:.{decimals}f}"
-
-
-# Tables of what only some kinds have: groups, words, dashes, bridged stretches
+    return ReportTable("Sigma and confidence", columns, tuple(texts), note)
 
 
 def groups_table(rows: Sequence[KindScores]) -> ReportTable:
-    """Return the measures of boundaries by form and of markings by pattern."""
+    """Return the scores of boundaries by form and of markings by pattern."""
     columns = (
-        "kind", "of", "truth m", "seen m", "complete", "correct", "double", "pieces", "lateral\nbias", "\nRMSE",
+        "kind", "group", "reference\nm", "observed\nm", "complete", "correct", "redundant", "pieces", "lateral\nbias", "\nRMSE",
         "\nmedian", "\n95 %", "measured\nRMSE", "height\nRMSE", "step\nRMSE",
     )  # fmt: skip
     texts = [
@@ -218,14 +168,14 @@ def groups_table(rows: Sequence[KindScores]) -> ReportTable:
         for group in row.groups
     ]  # fmt: skip
     note = (
-        "errors in cm; what was extracted counts to the group of the truth beside it, or else to its own; "
-        "measured: lateral, bridged stretches left out; step: height_m of the line"
+        "errors in cm; an extracted line counts towards the group of the reference beside it, or else its own; "
+        "measured: lateral, without bridged stretches; step: height_m of the line"
     )
-    return ReportTable("Apart", columns, tuple(texts), note)
+    return ReportTable("By form and pattern", columns, tuple(texts), note)
 
 
 def labels_table(rows: Sequence[KindScores]) -> ReportTable:
-    """Return for what length the words of the lines are right."""
+    """Return over which length the attributes of the lines are right."""
     texts = []
     for row in rows:
         for name, label in row.labels.items():
@@ -243,16 +193,19 @@ def labels_table(rows: Sequence[KindScores]) -> ReportTable:
                         ", ".join(mistaken[:3]),
                     )
                 )
-    columns = ("kind", "of", "compared m", "right", "mistaken most (truth > said)")
+    columns = ("kind", "attribute", "compared m", "right", "most frequent errors (reference > extracted)")
     return ReportTable(
-        "Words of the lines", columns, tuple(texts), "over the truth that was found and has such a word"
+        "Attributes of the lines",
+        columns,
+        tuple(texts),
+        "over the reference that was found and has the attribute",
     )
 
 
 def dashes_table(rows: Sequence[KindScores]) -> ReportTable:
-    """Return how many dashes were found and how exact their ends are."""
+    """Return how many dashes were found, and the errors of their ends."""
     columns = (
-        "kind", "truth seen", "found", "", "extracted", "right", "ends", "within", "end cm\nbias", "\nRMSE",
+        "kind", "observed", "found", "", "extracted", "right", "ends", "within", "end cm\nbias", "\nRMSE",
         "\nmedian", "\n95 %",
     )  # fmt: skip
     texts = [
@@ -264,14 +217,14 @@ def dashes_table(rows: Sequence[KindScores]) -> ReportTable:
         if (d := row.dashes) is not None and (d.n_reference or d.n_extracted)
     ]  # fmt: skip
     limits = {100 * row.dashes.end_limit_m for row in rows if row.dashes is not None}
-    note = f"within {' '.join(f'{cm:.0f}' for cm in sorted(limits))} cm; end errors: positive where it is too long"
+    note = f"within {' '.join(f'{cm:.0f}' for cm in sorted(limits))} cm; errors of ends: positive where the dash is too long"
     return ReportTable("Dashes", columns, tuple(texts), note)
 
 
 def bridged_table(rows: Sequence[KindScores]) -> ReportTable:
-    """Return how much was carried over gaps and how well, beside what was measured."""
+    """Return how much was bridged, with its errors beside those of measured stretches."""
     columns = (
-        "kind", "hidden m", "found of it", "bridged m", "right", "lateral cm\nRMSE", "\n95 %",
+        "kind", "hidden m", "of it found", "bridged m", "right", "lateral cm\nRMSE", "\n95 %",
         "measured\nRMSE cm", "sigma xy", "sigma z",
     )  # fmt: skip
     texts = [
@@ -285,38 +238,35 @@ def bridged_table(rows: Sequence[KindScores]) -> ReportTable:
         if (b := row.bridged).bridged_m or b.hidden_m
     ]  # fmt: skip
     note = (
-        "hidden: truth that could not be seen; right: part of the bridged length within the tolerance; lateral: "
-        "of bridged stretches, however far off within the search; sigma as below, on bridged stretches"
+        "hidden: reference that was not observed; right: share of the bridged length within the tolerance; lateral: "
+        "errors of bridged stretches at any distance searched; sigma: rms(error / sigma) of bridged stretches"
     )
     return ReportTable("Bridged", columns, tuple(texts), note)
 
 
-# What was found, as tables: kind by kind, and line by line
-
-
 def kinds_table(lines: LineSet) -> ReportTable:
-    """Return the figures of each kind, of boundaries by form and markings by pattern: how many, how long, how sure."""
+    """Return number, length, confidence, sigmas and sizes of the lines by kind, form and pattern."""
     rows = []
     for kind in dict.fromkeys(str(kind) for kind in lines.kind):
         own = lines.of_kind(kind)
         rows.append((kind, *_figures(own)))
-        words = getattr(own, GROUPED_BY[kind]) if kind in GROUPED_BY else own.kind
-        values = sorted(set(words.tolist()))
+        group = getattr(own, GROUPED_BY[kind]) if kind in GROUPED_BY else own.kind
+        values = sorted(set(group.tolist()))
         if len(values) > 1:
-            rows += [(f"- {value or 'unknown'}", *_figures(own.take(words == value))) for value in values]
+            rows += [(f"- {value or 'unknown'}", *_figures(own.take(group == value))) for value in values]
     columns = (
         "kind", "lines", "length m", "bridged m", "confidence", "sigma\nacross cm", "sigma\nheight cm",
         "width cm", "height m",
     )  # fmt: skip
     note = (
-        "confidence: mean over the length; sigma: root mean square over the measured vertices; width, height: "
-        "median over the length, with what nine tenths of it lie between"
+        "confidence: mean over the length; sigma: root mean square over measured vertices; width, height: median "
+        "over the length (5th to 95th percentile)"
     )
     return ReportTable("Lines", columns, tuple(rows), note)
 
 
 def lines_table(lines: LineSet) -> ReportTable:
-    """Return every line with its own values."""
+    """Return all lines with their values."""
     columns = (
         "id", "kind", "role", "pattern, form", "length m", "bridged m", "width cm", "height m", "clearance m",
         "confidence", "sigma\nacross cm", "sigma\nheight cm",
@@ -335,7 +285,7 @@ def lines_table(lines: LineSet) -> ReportTable:
                 centimetres(_rms(lines.sigma_z_m[of_line])),
             )
         )  # fmt: skip
-    return ReportTable("Every line", columns, tuple(rows))
+    return ReportTable("All lines", columns, tuple(rows))
 
 
 def _figures(lines: LineSet) -> tuple[str, ...]:
@@ -350,7 +300,7 @@ def _figures(lines: LineSet) -> tuple[str, ...]:
 
 
 def _spread(values: FloatArray, weights: FloatArray, decimals: int) -> str:
-    """Return the weighted median, and the range without a twentieth at either end.
+    """Return the weighted median, with the 5th and 95th percentiles, as text.
 
     >>> _spread(np.array([10.0, 12.0, 30.0, np.nan]), np.array([1.0, 8.0, 1.0, 5.0]), 0)
     '12 (10 to 30)'
@@ -372,3 +322,45 @@ def _finite(value: float) -> float | None:
 def _rms(values: FloatArray) -> float | None:
     values = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(values**2))) if len(values) else None
+
+
+def error_texts(errors: ErrorStats) -> list[str]:
+    """Return bias, RMSE, median and 95th percentile in centimetres."""
+    values = (errors.bias_m, errors.rmse_m, errors.median_m, errors.p95_m)
+    return [centimetres(value) for value in values]
+
+
+def ratio_texts(thirds: tuple[SigmaTercile, ...]) -> str:
+    """Return rms(error / sigma) of the thirds as text.
+
+    >>> ratio_texts(())
+    '-'
+    """
+    return " / ".join(f"{third.rms_ratio:.2f}" for third in thirds) or "-"
+
+
+def percent(share: float | None) -> str:
+    """Return a share as text in percent.
+
+    >>> percent(0.98765), percent(-0.0001), percent(None)
+    ('98.8 %', '0.0 %', '-')
+    """
+    return "-" if share is None else f"{number(100 * share, 1)} %"
+
+
+def centimetres(length_m: float | None) -> str:
+    """Return a length as text in centimetres.
+
+    >>> centimetres(0.0123)
+    '1.2'
+    """
+    return "-" if length_m is None else number(100 * length_m, 1)
+
+
+def number(value: float | None, decimals: int) -> str:
+    """Return a number as text, without a minus before zero.
+
+    >>> number(1.0, 2), number(-0.01, 1)
+    ('1.00', '0.0')
+    """
+    return "-" if value is None else f"{round(value, decimals) + 0.0:.{decimals}f}"

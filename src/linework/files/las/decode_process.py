@@ -1,18 +1,13 @@
-"""The process that decodes laser files: what a damaged file can break is this process and nothing else.
+"""The decoding side of `linework.files.las.decoder`: a damaged file can break this process and nothing else.
 
-Run as ``python -m linework.files.las.decode_process PARENT ADDRESS_BYTES``: tasks come on stdin, messages go to stdout
-(see `linework.files.las.messages`).
+Apart from `decoder`, because it runs in the child process and imports what decodes and writes points.
 """
 
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import gc
 import importlib
-import os
-import resource
-import signal
 import sys
 import threading
 import traceback
@@ -26,66 +21,54 @@ from linework.arrays import FloatArray
 from linework.errors import InputError, MachineError
 from linework.files.las.batches import read_las_batches
 from linework.files.las.header import LasHeader, read_las_header
-from linework.files.las.messages import Decoded, DecodeTask, error_message, message_line
+from linework.files.las.messages import Decoded, DecodeTask, error_message, json_message
 from linework.files.las.repeats import PointSample, repeated_inside
 from linework.files.las.tally import HeaderBox, LasTally, TimeCounts, TimeVerdict
+from linework.processes.channel import Channel
+from linework.processes.child import OUT_OF_MEMORY
 
 if TYPE_CHECKING:
     from linework.files.store.layout import RunTable
     from linework.files.store.write import StoreWriter
 
-_PR_SET_PDEATHSIG = 1
+#: Sends a message (see `linework.files.las.messages`) to the run.
 SendReport = Callable[[Mapping[str, Any]], None]
+#: Coordinates that may be degrees: longitudes and latitudes. [deg]
+_LONGEST_DEG, _NORTHMOST_DEG = 180.0, 90.0
 
 
-def decoder_main(arguments: list[str]) -> None:
-    """Do tasks until there are no more."""
-    parent, address_bytes = (int(argument) for argument in arguments)
-    limit_process(parent, address_bytes)
-    # What libraries print must not come between the messages
-    with os.fdopen(os.dup(1), "wb") as pipe:
-        os.dup2(2, 1)
+def decoder_main(channel: Channel, _arguments: list[str]) -> None:
+    """Decode the files of the tasks that come, until the channel closes."""
 
-        def report(message: Mapping[str, Any]) -> None:
-            pipe.write(message_line(message))
-            pipe.flush()
+    def report(message: Mapping[str, Any]) -> None:
+        channel.send(json_message(message))
 
-        report({"ready": True})
-        _import_ahead("linework.files.store.write")
-        for line in sys.stdin.buffer:
-            report(run_decode_task(DecodeTask.from_line(line), report))
-
-
-def limit_process(parent: int, address_bytes: int) -> None:
-    """Bound what this process may take, and have it end with its parent, however that ends (Linux)."""
-    # Interrupting is the parent's: it ends this process
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    _, hard = resource.getrlimit(resource.RLIMIT_AS)
-    limit = address_bytes if hard == resource.RLIM_INFINITY else min(address_bytes, hard)
-    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:
-        sys.exit(1)
+    report({"ready": True})
+    _import_ahead("linework.files.store.write")
+    while True:
+        try:
+            task = DecodeTask.from_message(channel.receive())
+        except EOFError:
+            return
+        report(run_decode_task(task, report))
 
 
 def run_decode_task(task: DecodeTask, report: SendReport) -> dict[str, Any]:
-    """Do a task; whatever happens becomes a message."""
+    """Run a task and return its last message, whatever happens."""
     try:
         return {"done": decode_file(task, report).to_document()}
     except (InputError, MachineError) as error:
         return {"refused": error_message(error)}
     except MemoryError:
-        return {"died": "out of memory"}
+        return {"died": OUT_OF_MEMORY}
     except Exception:
         return {"fault": traceback.format_exc()}
-    except BaseException as error:  # panics of decoders are no Exceptions
+    except BaseException as error:  # a panic of the LAZ library is not an Exception
         return {"died": f"{type(error).__name__}: {error}"}
 
 
 def decode_file(task: DecodeTask, report: SendReport) -> Decoded:
-    """Write the points of a laser file to a file of the tile store.
+    """Write the points of a laser file to a file of the tile store, and return what was written.
 
     Raises
     ------
@@ -104,7 +87,7 @@ def decode_file(task: DecodeTask, report: SendReport) -> Decoded:
 
 
 class _Written:
-    """What came of writing a file."""
+    """What is gathered while a file is written."""
 
     __slots__ = ("box", "height_counts", "repeats", "runs", "samples", "tally")
 
@@ -118,7 +101,7 @@ class _Written:
 
 
 def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: SendReport) -> _Written:
-    """Write all batches; nothing is left of the target where that fails."""
+    """Write all batches and return their counts; on failure the target is removed."""
     written = _Written(tally, task, header)
     writer = None
     batches = read_las_batches(
@@ -146,7 +129,7 @@ def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: SendRep
 
 
 def _writer(target: Path, report: SendReport) -> StoreWriter:
-    """Return the writer of a file; its imports went on beside the decoding of the first batch."""
+    """Return the writer of a file; its module was imported beside the decoding of the first batch."""
     report({"loading": True})
     try:
         from linework.files.store.write import StoreWriter
@@ -182,17 +165,17 @@ def _decoded(written: _Written, verdict: TimeVerdict) -> Decoded:
 
 
 def _sample(samples: list[FloatArray]) -> FloatArray | None:
-    """Return the sample where it may be longitudes and latitudes."""
+    """Return the sample (k, 3) where it may be longitudes and latitudes, else None."""
     sample = np.concatenate(samples)
     east, north = np.median(sample[:, :2], axis=0) if len(sample) else (np.inf, np.inf)
-    return sample if abs(east) <= 180.0 and abs(north) <= 90.0 else None
+    return sample if abs(east) <= _LONGEST_DEG and abs(north) <= _NORTHMOST_DEG else None
 
 
 def _import_ahead(module: str) -> None:
-    """Begin to import a module beside the first decoding, which leaves the interpreter's lock to it.
+    """Start importing a module beside the first decoding, which releases the interpreter's lock.
 
-    The garbage collector, which finds nothing in freshly imported modules but takes 0.1 s, rests meanwhile.
-    numba loads scipy for linear algebra, where there is one; nothing here uses any, and that saves 0.1 s.
+    The garbage collector is off meanwhile: it takes 0.1 s and finds nothing in freshly imported modules. numba loads
+    scipy for linear algebra if it is installed; nothing here uses any, and hiding it saves 0.1 s.
     """
     sys.modules["scipy"] = None  # type: ignore[assignment]
 
@@ -205,7 +188,3 @@ def _import_ahead(module: str) -> None:
 
     gc.disable()
     threading.Thread(target=work, name="import ahead", daemon=True).start()
-
-
-if __name__ == "__main__":
-    decoder_main(sys.argv[1:])

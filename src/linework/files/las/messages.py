@@ -1,8 +1,10 @@
-"""What the run and its decoding process tell each other: a line of JSON per message.
+"""Messages between a run and its decoding process, as JSON.
 
-To the process: a task. From it, once, ``{"ready": true}``, and before its first points are written
+JSON and not pickles: what a damaged file may have broken is not to be trusted, and JSON can be wrong but never code.
+
+To the process goes a `DecodeTask`. From it comes once ``{"ready": true}``, and before its first points are written
 ``{"loading": true}``: the kernels may have to be compiled. While a file is decoded, ``{"read": points so far}``;
-at its end one of ``{"done": ...}``, ``{"refused": an error of the file or the machine}``, ``{"died": why it
+at its end one of ``{"done": Decoded}``, ``{"refused": an error of the file or the machine}``, ``{"died": why it
 cannot go on}`` and ``{"fault": traceback of a fault of ours}``.
 """
 
@@ -24,23 +26,26 @@ from linework.files.las.batches import BATCH_POINTS
 from linework.files.las.tally import TimeCounts, TimeKind
 from linework.files.store.layout import RunTable
 
+#: Errors that a decoding process may report, by name.
 _ERRORS: dict[str, type[LineworkError]] = {e.__name__: e for e in (InputError, MachineError)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DecodeTask:
-    """One file to be decoded.
+    """Task to decode one file.
 
     Parameters
     ----------
     path, target
-        Laser file, and the file of the tile store to make of it.
+        Laser file, and the file of the tile store to write.
     factors
         Metres per unit of the file, in plan and in height.
     sample_step
-        Of the points used, every so many-th is a sample.
+        Every `sample_step`-th of the points used is part of the sample.
     repeat_bits
-        How thinly points are sampled to find those that are there twice, see `linework.files.las.repeats`.
+        How sparsely points are sampled to find duplicates, see `linework.files.las.repeats`.
+    batch_points
+        Points decoded at a time.
     is_sequential
         Decode on one thread, chunk after chunk.
     """
@@ -53,14 +58,14 @@ class DecodeTask:
     batch_points: int = BATCH_POINTS
     is_sequential: bool = False
 
-    def to_line(self) -> bytes:
-        """Return it as a line of JSON."""
-        return message_line(asdict(self) | {"path": os.fspath(self.path), "target": os.fspath(self.target)})
+    def to_message(self) -> bytes:
+        """Return it as a message."""
+        return json_message(asdict(self) | {"path": os.fspath(self.path), "target": os.fspath(self.target)})
 
     @classmethod
-    def from_line(cls, line: bytes) -> Self:
-        """Read what `to_line` returned."""
-        document = json.loads(line)
+    def from_message(cls, message: bytes) -> Self:
+        """Return the task of a message made by `to_message`."""
+        document = json.loads(message)
         horizontal, vertical = document.pop("factors")
         path, target = Path(document.pop("path")), Path(document.pop("target"))
         return cls(path=path, target=target, factors=(horizontal, vertical), **document)
@@ -68,28 +73,30 @@ class DecodeTask:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decoded:
-    """What came of a file that was decoded.
+    """Result of decoding a file.
 
     Parameters
     ----------
     n_points, n_rejected
-        Points written, and points left out by reason.
+        Number of points written, and of points left out, by reason.
     low, high
-        (3,) float64 [m]: extent of the points written.
+        East, north, up: extent of the points written. [m]
     height_counts
-        Points by bucket of height.
+        Number of points by height bucket.
+    gps_time_kind, has_intensity
+        What the file records beside coordinates.
     times
-        Points written by time; empty where the file has no time.
+        Number of points written by time; empty where the file has no time.
     in_time_order
         Whether the times never run backwards.
     sample
-        (k, 3) float64 [m]: some of the points; None where they cannot be degrees.
+        (k, 3) float64: some of the points [m]; None where they cannot be degrees.
     repeats
-        (k,) uint64: the sample that tells points that are there twice.
+        (k,) uint64: sample of hashes by which duplicates in other files are found.
     runs
         Where the points lie in the file written.
     warnings
-        What is odd about the points.
+        One line each about the points.
     """
 
     n_points: int
@@ -107,7 +114,7 @@ class Decoded:
     warnings: tuple[str, ...]
 
     def to_document(self) -> dict[str, Any]:
-        """Return it as JSON."""
+        """Return it as a JSON object."""
         fields = {name: getattr(self, name) for name in self.__dataclass_fields__}
         sample = None if self.sample is None else _text(self.sample.tobytes())
         repeats = _text(self.repeats.tobytes())
@@ -116,7 +123,13 @@ class Decoded:
 
     @classmethod
     def from_document(cls, document: Mapping[str, Any]) -> Self:
-        """Read what `to_document` returned."""
+        """Return the result of an object made by `to_document`.
+
+        Raises
+        ------
+        AttributeError, KeyError, TypeError, ValueError
+            It was not made by `to_document`.
+        """
         sample = document["sample"]
         own = {
             "low": tuple(document["low"]),
@@ -131,20 +144,20 @@ class Decoded:
         return cls(**(dict(document) | own))
 
 
-def message_line(message: Mapping[str, Any]) -> bytes:
-    """Return a message as it goes over the pipe; file names that are no text survive it."""
-    return json.dumps(message).encode("ascii") + b"\n"
+def json_message(message: Mapping[str, Any]) -> bytes:
+    """Return an object as JSON; file names that are not valid text survive it (surrogates, escaped)."""
+    return json.dumps(message).encode("ascii")
 
 
 def error_message(error: LineworkError) -> dict[str, Any]:
-    """Return an error as a message."""
+    """Return an error as a JSON object, for `error_from_message` to read."""
     kind = next(name for name, leaf in _ERRORS.items() if isinstance(error, leaf))
     where = None if error.where is None else str(error.where)
     return {"kind": kind, "problem": error.problem, "where": where, "advice": error.advice}
 
 
 def error_from_message(document: Mapping[str, Any]) -> LineworkError:
-    """Return the error a message tells of."""
+    """Return the error that `error_message` made an object of."""
     fields = dict(document)
     return _ERRORS[fields.pop("kind")](fields.pop("problem"), **fields)
 

@@ -1,1 +1,1 @@
-"""Loops over cross profiles: kerbs, pavement edges, barriers."""
+"""Kernels that find the edges of the carriageway in cross profiles: kerbs, pavement edges, barriers."""

@@ -1,6 +1,6 @@
-"""The box of a barrier's or wall's foot in one cell: a thin upright sheet that stands on the floor.
+"""The box of a barrier's or a wall's foot in one cell: a thin upright sheet that stands on the floor.
 
-Positions are local: from the survey's origin. [m]
+Positions are in metres from the survey's local origin.
 """
 
 from __future__ import annotations
@@ -8,110 +8,177 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from linework.arrays import FloatArray, IntArray
+from linework.arrays import FloatArray
 from linework.kernels.boundaries.kerb_steps import fit_face
-from linework.kernels.boundaries.profiles import CLIP_M, MOST_PLACE_POINTS, fit_side, gather_at
-from linework.kernels.cells import places as at_place
+from linework.kernels.boundaries.profiles import (
+    AGAIN_M,
+    CHORD_SLACK_M,
+    CLIP_M,
+    FLOOR_SOFT,
+    FLOOR_WIDTH_M,
+    HALF_LENGTH_M,
+    LEAST_BOX_M,
+    LEAST_CHORD_M,
+    MOST_PLACE_POINTS,
+    PLACE_R,
+    PLACE_X,
+    PLACE_Y,
+    PLANE_EAST,
+    PLANE_NORTH,
+    PLANE_Z,
+    SLOPE_EAST,
+    SLOPE_NORTH,
+    UNIFORM_SIGMA,
+    FloorCells,
+    FloorLimits,
+    LocalFloor,
+    PlaceScratch,
+    fit_side,
+    gather_at,
+)
 from linework.kernels.cells.places import (
+    BARRIER,
     BOX_CELL_M,
     BOX_ELSEWHERE,
     BOX_FOUND,
+    BOX_HALF_U,
     BOX_NO_ROAD,
+    BOX_STEP,
+    BOX_UX,
+    BOX_UY,
+    BOX_X,
+    BOX_Y,
+    BOX_Z,
+    COUNT,
+    FORM,
+    S_U,
+    S_V,
+    S_Z,
+    SCORE,
+    TOP_V,
     chord_in_cell,
     roughness_limit,
 )
 from linework.kernels.cells.surroundings import RISE
 
-#: A barrier stands from the floor (its lowest part is hidden in noise) up to this at least; kerbs are lower. [m]
+#: A barrier reaches from the floor (its lowest part is hidden in noise) up to this at least; kerbs are lower. [m]
 LOW_M, HIGH_M = 0.05, 0.55
-#: A face is flat to this; hedges are not. [m]
+#: Largest spread of a flat face; hedges are rougher. [m]
 THICK_M = 0.03
 #: Fewest points of a face.
 FACE_POINTS = 20
-#: The foot of the face is judged up to here: cars are open below their sills, barriers not. [m]
+#: The foot of the face must have points up to here: cars are open below their sills, barriers are not. [m]
 BARRIER_FOOT_M = 0.18
+#: How far before and behind the sheet the face has its points. [m]
+FACE_REACH_M = 0.12
+#: Distance that the floor keeps from the sheet: half of a usual scan spot on both. [m]
+FOOT_GAP_M = 0.04
+#: Rounds of fitting a sheet, and spreads beyond which points are left out of the next.
+SHEET_ROUNDS, SHEET_SPREADS = 4, 2.5
+#: Thickest sheet of points over that of a face: points of its back and of its posts are among them.
+THICK_RATIO = 1.5
+#: Smallest standard deviation along a sheet: 0.5 m of an even one spread by 0.14 m. [m]
+LEAST_LONG_M = 0.14
+#: Numbers that stand for "no limit yet". [m]
+FAR_M = 1e9
 
 
 @njit(cache=True, nogil=True)
 def barrier_in_cell(
-    data: tuple[FloatArray, IntArray, IntArray, FloatArray, FloatArray],
+    data: FloorCells,
     place: tuple[float, float],
-    floor: tuple[FloatArray, float, float, float, float],
+    floor: LocalFloor,
     slopes: FloatArray,
     area: tuple[int, float],
-    limits: FloatArray,
-    rooms: tuple[FloatArray, FloatArray, FloatArray],
+    limits: FloorLimits,
+    scratch: PlaceScratch,
     box: FloatArray,
 ) -> int:
-    """Find the foot of a barrier in the cell about `place`; write the box, return FOUND or why there is none.
+    """Find the foot of a barrier in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
-    Arguments as for a kerb.
+    Arguments as for `linework.kernels.boundaries.kerb_boxes.kerb_in_cell`, with slopes (4, 4) and box (16,).
     """
-    points, starts, span, _, _ = data
-    work = rooms[0]
+    work = scratch.work
     x, y = place
-    plane, sheet = floor[0].copy(), np.zeros(3)
-    size = np.hypot(slopes[RISE, 0], slopes[RISE, 1])
-    if size == 0.0 or not sheet_in(work, area[0], (-slopes[RISE, 0] / size, -slopes[RISE, 1] / size), sheet):
+    n, scale = area
+    plane = floor.plane.copy()
+    east, north = slopes[RISE, SLOPE_EAST], slopes[RISE, SLOPE_NORTH]
+    size = np.hypot(east, north)
+    if size == 0.0:
         return BOX_NO_ROAD
-    vx, vy, v = sheet
-    low, high = chord_in_cell(v * vx, v * vy, vy, -vx, 0.5 * BOX_CELL_M + 0.05)
-    if high - low < 0.1:
+    is_sheet, vx, vy, v = sheet_in(work, n, (-east / size, -north / size))
+    if not is_sheet:
+        return BOX_NO_ROAD
+    low, high = chord_in_cell(v * vx, v * vy, vy, -vx, 0.5 * BOX_CELL_M + CHORD_SLACK_M)
+    if high - low < LEAST_CHORD_M:
         return BOX_ELSEWHERE
-    # Once more about the middle of the piece in this cell
+    # Measured again about the middle of the piece in this cell
     mx, my = v * vx + 0.5 * (low + high) * vy, v * vy - 0.5 * (low + high) * vx
-    plane[0] += plane[1] * mx + plane[2] * my
-    scale = area[1]
-    n = gather_at(points, starts, span, (x + mx, y + my), 0.80 * scale, plane, MOST_PLACE_POINTS, work)
-    most = roughness_limit(floor[4], limits)
+    plane[PLANE_Z] += plane[PLANE_EAST] * mx + plane[PLANE_NORTH] * my
+    n = gather_at(
+        data.points, data.starts, data.span, (x + mx, y + my), AGAIN_M * scale, plane, MOST_PLACE_POINTS, work
+    )
+    most = roughness_limit(floor.usual, limits.most_noise)
+    half_u = HALF_LENGTH_M * scale
     a, b, c, noise, n_floor = fit_side(
-        work, n, (vx, vy), (0.04, 0.6 * scale, 0.5 * scale), (0.0, floor[1] + 0.01), (0.04, 0.04)
+        work, n, (vx, vy), (FOOT_GAP_M, FLOOR_WIDTH_M * scale, half_u), (0.0, floor.noise + 0.01), FLOOR_SOFT
     )
     if n_floor < FACE_POINTS or noise > most:
         return BOX_NO_ROAD
-    about, reach = np.array([a, b, c, 0.0]), np.array([0.12, 0.12, 0.5 * scale])
-    band = (max(LOW_M, 3.0 * noise), CLIP_M)
-    at, beta, lean, spread, count = fit_face(work, n, (vx, vy), about, band, reach)
+    lowest = max(LOW_M, 3.0 * noise)
+    at, beta, lean, spread, count = fit_face(
+        work, n, (vx, vy), (a, b, c), 0.0, (lowest, CLIP_M), (FACE_REACH_M, FACE_REACH_M, half_u)
+    )
     if count < FACE_POINTS or spread > THICK_M:
         return BOX_NO_ROAD
     turned = np.sqrt(1.0 + beta * beta)
     vx, vy = (vx - beta * vy) / turned, (vy + beta * vx) / turned
-    foot = (at + lean * 0.5 * (band[0] + band[1])) / turned
-    u_low, u_high = np.zeros(1), np.zeros(1)
-    if not _stands_on_floor(work, n, (vx, vy, foot, 0.5 * scale), (a, b, c), noise, u_low, u_high):
+    foot = (at + lean * 0.5 * (lowest + CLIP_M)) / turned
+    stands, u_low, u_high = _stands_on_floor(work, n, (vx, vy, foot, half_u), (a, b, c), noise)
+    if not stands:
         return BOX_NO_ROAD
     low, high = chord_in_cell(mx + foot * vx, my + foot * vy, vy, -vx, 0.5 * BOX_CELL_M)
-    if high - low < 0.05:
+    if high - low < LEAST_BOX_M:
         return BOX_ELSEWHERE
     u = 0.5 * (low + high)
     dx, dy = foot * vx + u * vy, foot * vy - u * vx
-    box[at_place.BOX_X], box[at_place.BOX_Y] = x + mx + dx, y + my + dy
-    box[at_place.BOX_Z] = plane[0] + plane[1] * dx + plane[2] * dy + a + b * u + c * foot
-    box[at_place.BOX_UX], box[at_place.BOX_UY] = vy, -vx
-    box[at_place.BOX_HALF_U] = max(min(u_high[0] - u, u - u_low[0], 0.5 * scale), 0.05)
-    box[at_place.S_V] = np.sqrt(2.0 * spread**2 / count + (0.1 * band[1]) ** 2 / count + 0.003**2)
-    box[at_place.S_U] = max(spread, 0.003) / np.sqrt(count) / (0.29 * scale)
-    box[at_place.S_Z] = 2.0 * noise / np.sqrt(n_floor)
-    box[at_place.SCORE] = 1.0 - np.exp(-count / (4.0 * FACE_POINTS))
-    box[at_place.FORM], box[at_place.BOX_STEP], box[at_place.TOP_V] = at_place.BARRIER, HIGH_M, np.nan
-    box[at_place.COUNT] = count + n_floor
+    box[BOX_X], box[BOX_Y] = x + mx + dx, y + my + dy
+    box[BOX_Z] = plane[PLANE_Z] + plane[PLANE_EAST] * dx + plane[PLANE_NORTH] * dy + a + b * u + c * foot
+    box[BOX_UX], box[BOX_UY] = vy, -vx
+    box[BOX_HALF_U] = max(min(u_high - u, u - u_low, half_u), 0.05)
+    box[S_V] = np.sqrt(2.0 * spread**2 / count + (0.1 * CLIP_M) ** 2 / count + 0.003**2)
+    box[S_U] = max(spread, 0.003) / np.sqrt(count) / (UNIFORM_SIGMA * scale)
+    box[S_Z] = 2.0 * noise / np.sqrt(n_floor)
+    box[SCORE] = 1.0 - np.exp(-count / (4.0 * FACE_POINTS))
+    box[FORM], box[BOX_STEP], box[TOP_V] = BARRIER, HIGH_M, np.nan
+    box[COUNT] = count + n_floor
     return BOX_FOUND
 
 
 @njit(cache=True, nogil=True)
-def sheet_in(work: FloatArray, n: int, frame: tuple[float, float], out: FloatArray) -> bool:
-    """Fit an upright sheet to the points above kerbs' height: v-axis and v; False when they make none.
+def sheet_in(work: FloatArray, n: int, frame: tuple[float, float]) -> tuple[bool, float, float, float]:
+    """Fit an upright sheet to the points above a kerb's height.
 
-    frame: v-axis to begin with, away from the sheet; it keeps its sense.
+    Parameters
+    ----------
+    work
+        (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
+    frame
+        Unit vector v to begin with, away from the sheet; it keeps its sense.
+
+    Returns
+    -------
+    Whether there is a sheet, its unit vector v, and its v [m].
     """
-    cut = 1e9
-    for _ in range(4):
+    frame_x, frame_y = frame
+    cut, vx, vy, v, thick = FAR_M, 0.0, 0.0, 0.0, 0.0
+    for _ in range(SHEET_ROUNDS):
         m, sx, sy, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(n):
-            if work[i, 2] < CLIP_M or work[i, 2] > HIGH_M:
+            if work[i, PLACE_R] < CLIP_M or work[i, PLACE_R] > HIGH_M:
                 continue
-            x, y = work[i, 0], work[i, 1]
-            if cut < 1e8 and abs(x * out[0] + y * out[1] - out[2]) > cut:
+            x, y = work[i, PLACE_X], work[i, PLACE_Y]
+            if cut < FAR_M and abs(x * vx + y * vy - v) > cut:
                 continue
             m += 1.0
             sx += x
@@ -120,22 +187,21 @@ def sheet_in(work: FloatArray, n: int, frame: tuple[float, float], out: FloatArr
             xy += x * y
             yy += y * y
         if m < FACE_POINTS:
-            return False
+            return False, 0.0, 0.0, 0.0
         mx, my = sx / m, sy / m
         xx, xy, yy = xx / m - mx * mx, xy / m - mx * my, yy / m - my * my
-        # The smaller principal axis is the sheet's normal
+        # The principal axis of the smaller variance is the normal of the sheet
         half, apart = 0.5 * (xx + yy), np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
         angle = 0.5 * np.arctan2(2.0 * xy, xx - yy) + 0.5 * np.pi
         vx, vy = np.cos(angle), np.sin(angle)
-        if vx * frame[0] + vy * frame[1] < 0.0:
+        if vx * frame_x + vy * frame_y < 0.0:
             vx, vy = -vx, -vy
         thick, long = np.sqrt(max(half - apart, 0.0)), np.sqrt(half + apart)
-        out[0], out[1], out[2] = vx, vy, vx * mx + vy * my
-        cut = max(2.5 * thick, 2.0 * THICK_M)
-        # 0.5 m of an even sheet spread by 0.14 m
-        if long < 0.14:
-            return False
-    return bool(thick <= 1.5 * THICK_M)
+        v = vx * mx + vy * my
+        cut = max(SHEET_SPREADS * thick, 2.0 * THICK_M)
+        if long < LEAST_LONG_M:
+            return False, 0.0, 0.0, 0.0
+    return thick <= THICK_RATIO * THICK_M, vx, vy, v
 
 
 @njit(cache=True, nogil=True)
@@ -145,30 +211,29 @@ def _stands_on_floor(
     frame: tuple[float, float, float, float],
     floor: tuple[float, float, float],
     noise: float,
-    u_low: FloatArray,
-    u_high: FloatArray,
-) -> bool:
-    """Return whether the face goes down to the floor and up past kerbs, all along, with the floor before it.
+) -> tuple[bool, float, float]:
+    """Return whether a face reaches from the floor to above a kerb's height along most of it, and its ends along u.
 
-    frame: v-axis, foot, half of the length. u_low, u_high: where face and floor both end.
+    frame: unit vector v, v of the foot, half of the length. floor: height, slopes along u and v.
     """
+    floor_a, floor_b, floor_c = floor
     vx, vy, foot, half_u = frame
     below, above, before = np.zeros(4), np.zeros(4), np.zeros(4)
-    u_low[0], u_high[0] = 1e9, -1e9
+    u_low, u_high = FAR_M, -FAR_M
     for i in range(n):
-        x, y = work[i, 0], work[i, 1]
+        x, y = work[i, PLACE_X], work[i, PLACE_Y]
         v, u = x * vx + y * vy, x * vy - y * vx
         if abs(u) > half_u:
             continue
-        r = work[i, 2] - floor[0] - floor[1] * u - floor[2] * v
+        r = work[i, PLACE_R] - floor_a - floor_b * u - floor_c * v
         k = min(int((u / half_u + 1.0) * 2.0), 3)
         if v > foot + 0.05:
             before[k] += 1.0 if abs(r) <= 3.0 * noise else 0.0
         elif v > foot - 0.35:
             if r >= max(3.0 * noise, 0.03) and r <= BARRIER_FOOT_M:
                 below[k] += 1.0
-                u_low[0], u_high[0] = min(u_low[0], u), max(u_high[0], u)
+                u_low, u_high = min(u_low, u), max(u_high, u)
             elif r > CLIP_M:
                 above[k] += 1.0
     both = np.sum((below > 0.0) & (above > 0.0) & (before > 0.0))
-    return bool(both >= 3 and np.sum(below) >= 6.0)
+    return bool(both >= 3 and np.sum(below) >= 6.0), u_low, u_high

@@ -1,6 +1,6 @@
-"""A kerb's box in one cell: found, measured, and judged.
+"""The box of a kerb in one cell: its step found, measured, and checked.
 
-Positions are local: from the survey's origin. [m]
+Positions are in metres from the survey's local origin.
 """
 
 from __future__ import annotations
@@ -8,160 +8,259 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from linework.arrays import FloatArray, IntArray
-from linework.kernels.boundaries import kerb_steps as ks
-from linework.kernels.boundaries.kerb_steps import CLEAR_STEP, best_step
-from linework.kernels.boundaries.profiles import CLIP_M, MOST_PLACE_POINTS, gather_at
-from linework.kernels.cells import places as at_place
+from linework.arrays import FloatArray
+from linework.kernels.boundaries.kerb_steps import (
+    CLEAR_STEP,
+    CLEAREST_ABOVE,
+    CLEAREST_BELOW,
+    CLEAREST_CLEAR,
+    CLEAREST_COLUMNS,
+    CLEAREST_V,
+    CLEAREST_VX,
+    CLEAREST_VY,
+    COVER_BOTH,
+    COVER_COLUMNS,
+    COVER_FLOOR,
+    COVER_TOP,
+    COVER_U_HIGH,
+    COVER_U_LOW,
+    STEP_FLOOR_A,
+    STEP_FLOOR_B,
+    STEP_FLOOR_C,
+    STEP_FOOT,
+    STEP_HEIGHT,
+    STEP_N_FACE,
+    STEP_N_FLOOR,
+    STEP_N_TOP,
+    STEP_NOISE,
+    STEP_NOISE_TOP,
+    STEP_SIGMA_H,
+    STEP_SIGMA_U,
+    STEP_SIGMA_V,
+    STEP_TOP,
+    STEP_TOP_C,
+    STEP_VX,
+    STEP_VY,
+    best_step,
+    filled_shares,
+    measure_step,
+)
+from linework.kernels.boundaries.profiles import (
+    AGAIN_M,
+    CHORD_SLACK_M,
+    CLIP_M,
+    HALF_LENGTH_M,
+    LEAST_BOX_M,
+    LEAST_CHORD_M,
+    MOST_PLACE_POINTS,
+    PLANE_EAST,
+    PLANE_NORTH,
+    PLANE_Z,
+    SLOPE_EAST,
+    SLOPE_NORTH,
+    SLOPE_SHARE,
+    FloorCells,
+    FloorLimits,
+    LocalFloor,
+    PlaceScratch,
+    gather_at,
+)
 from linework.kernels.cells.places import (
     AREA_M,
     BOX_ALL_ROAD,
     BOX_CELL_M,
     BOX_ELSEWHERE,
     BOX_FOUND,
+    BOX_HALF_U,
     BOX_NO_ROAD,
+    BOX_STEP,
+    BOX_UX,
+    BOX_UY,
+    BOX_X,
+    BOX_Y,
+    BOX_Z,
+    COUNT,
+    FORM,
+    KERB,
+    S_U,
+    S_V,
+    S_Z,
+    SCORE,
+    TOP_V,
     chord_in_cell,
     roughness_limit,
 )
 from linework.kernels.cells.surroundings import CHANNEL_HEIGHT, RISE
 
-#: A kerb is higher than this many times the noise of its floor: grass is not.
+#: Smallest height of a kerb over the noise of its floor: grass stays below it.
 LEAST_CLEAR_KERB = 1.5
-#: Grass and soil are rougher than stone by this. [m]
+#: Grass and soil are rougher than stone by this, in quadrature. [m]
 GRASS_M = 0.008
-#: Share of the cells' heights that a slope explains: three quarters across a step in the middle, a third of that
-#: off the middle and in noise, a tenth by chance.
+#: Smallest share of the variance of the cells' heights that a slope explains: three quarters across a step in the
+#: middle, a third of that off the middle and in noise, a tenth by chance.
 KERB_EXPLAINED = 0.25
+#: Slope across a disc of radius R that a step h cuts in half, times R / h; rounded down from 0.85.
+STEP_SLOPE_SHARE = 0.8
+#: Directions that are tried where something high stands near and the slopes do not show the kerb.
+N_DIRECTIONS = 8
+#: Smallest step of the profile over the least height of a kerb: a profile smears it.
+PROFILE_SHARE = 0.7
+#: Smallest height of a kerb over the noise of its top, where that is stone and where it is grass, and over the sigma
+#: of its height.
+STONE_CLEAR, GRASS_CLEAR, HEIGHT_SIGMAS = 2.0, 4.0, 4.0
+#: The road's slope is known from cells on both sides, 3 m apart, and holds this share of the step (1 / 3).
+STEP_IN_SLOPE = 3.0
+#: Roughest top, as a share of the step, and steepest top against its floor.
+ROUGHEST_TOP, STEEPEST_TOP = 0.35, 0.25
+#: Smallest shares of floor, top and quarters along that have points, and shortest length with both [m].
+LEAST_FLOOR_COVER, LEAST_TOP_COVER, LEAST_BOTH_COVER, LEAST_COVER_M = 0.6, 0.5, 0.25, 0.15
 
 
 @njit(cache=True, nogil=True)
-def may_be_kerb(
-    floor: tuple[FloatArray, float, float, float, float], around: tuple[FloatArray, float], limits: FloatArray
-) -> bool:
-    """Return whether the fine cells around a place rise as next to a kerb."""
+def may_be_kerb(floor: LocalFloor, around: tuple[FloatArray, float], limits: FloorLimits) -> bool:
+    """Return whether the fine cells around a place rise as they do next to a kerb.
+
+    around: (4, 4) slopes of the channels and the rise, see `linework.kernels.cells.surroundings`.
+    """
     slopes, rise = around
-    size = np.hypot(slopes[CHANNEL_HEIGHT, 0], slopes[CHANNEL_HEIGHT, 1])
-    # Across a disc of radius R that a step h cuts in half the slope is 0.85 h / R; half of it off its middle
-    least = 0.5 * max(limits[0], LEAST_CLEAR_KERB * floor[1])
-    steady = size * AREA_M >= 0.8 * least and slopes[CHANNEL_HEIGHT, 2] >= KERB_EXPLAINED
+    size = np.hypot(slopes[CHANNEL_HEIGHT, SLOPE_EAST], slopes[CHANNEL_HEIGHT, SLOPE_NORTH])
+    # Half of the step's slope, where it is off the middle of the disc
+    least = 0.5 * max(limits.least_step, LEAST_CLEAR_KERB * floor.noise)
+    steady = (
+        size * AREA_M >= STEP_SLOPE_SHARE * least and slopes[CHANNEL_HEIGHT, SLOPE_SHARE] >= KERB_EXPLAINED
+    )
     return bool(rise >= least and (rise >= CLIP_M or steady))
 
 
 @njit(cache=True, nogil=True)
 def kerb_in_cell(
-    data: tuple[FloatArray, IntArray, IntArray, FloatArray, FloatArray],
+    data: FloorCells,
     place: tuple[float, float],
-    floor: tuple[FloatArray, float, float, float, float],
+    floor: LocalFloor,
     around: tuple[FloatArray, float],
     area: tuple[int, float],
-    limits: FloatArray,
-    rooms: tuple[FloatArray, FloatArray, FloatArray],
+    limits: FloorLimits,
+    scratch: PlaceScratch,
     box: FloatArray,
 ) -> int:
-    """Find the foot of a kerb in the cell about `place`; write the box, return FOUND or why there is none.
+    """Find the foot of a kerb in the cell about `place`; write the box, return `BOX_FOUND` or why there is none.
 
-    data: points, starts, span, sums, facets. floor: plane, its noise, the road's slopes, noise of the smoothest
-    floor around. around: slopes about the place, and rise. area: number of points in `work`, and scale.
-    limits: see `_is_kerb`. rooms: work, sums of a profile, step: overwritten.
+    Parameters
+    ----------
+    data
+        The points near the ground.
+    place
+        Middle of the cell. [m, from the local origin]
+    floor
+        At the place.
+    around
+        (4, 4) slopes of the channels about the place, and the rise.
+    area
+        Number of points of the search area, in `scratch.work`, and its radius over the usual one.
+    limits, scratch
+        Settings; arrays to overwrite.
+    box
+        (16,) output: columns of `linework.kernels.cells.places`.
     """
-    points, starts, span, _, _ = data
-    work, sums, step = rooms
+    work, sums, step = scratch
+    slopes, rise = around
     x, y = place
     n, scale = area
-    share, first, plane = np.zeros(5), np.zeros(7), floor[0].copy()
+    share, first, plane = np.zeros(COVER_COLUMNS), np.zeros(CLEAREST_COLUMNS), floor.plane.copy()
     found = False
     for k in (CHANNEL_HEIGHT, RISE):
-        # Next to a car, a hedge or a wall the heights' slope is not the kerb's
-        size = np.hypot(around[0][k, 0], around[0][k, 1])
+        # Next to a car, a hedge or a wall the slope of the heights is not the kerb's
+        east, north = slopes[k, SLOPE_EAST], slopes[k, SLOPE_NORTH]
+        size = np.hypot(east, north)
         if not found and size > 0.0:
-            found = best_step(work, n, (-around[0][k, 0] / size, -around[0][k, 1] / size), scale, sums, first)
-    if around[1] >= 0.5 * CLIP_M:
-        for k in range(8):
+            found = best_step(work, n, (-east / size, -north / size), scale, sums, first)
+    if rise >= 0.5 * CLIP_M:
+        for k in range(N_DIRECTIONS):
             if not found:
                 turn = 0.25 * np.pi * k
                 found = best_step(work, n, (np.cos(turn), np.sin(turn)), scale, sums, first)
     if not found:
-        return BOX_ALL_ROAD if first[2] < CLEAR_STEP else BOX_ELSEWHERE
-    if first[5] - first[4] < 0.7 * limits[0]:
+        return BOX_ALL_ROAD if first[CLEAREST_CLEAR] < CLEAR_STEP else BOX_ELSEWHERE
+    if first[CLEAREST_ABOVE] - first[CLEAREST_BELOW] < PROFILE_SHARE * limits.least_step:
         return BOX_ALL_ROAD
-    vx, vy, v = first[0], first[1], first[3]
-    low, high = chord_in_cell(v * vx, v * vy, vy, -vx, 0.5 * BOX_CELL_M + 0.05)
-    if high - low < 0.1:
+    vx, vy, v = first[CLEAREST_VX], first[CLEAREST_VY], first[CLEAREST_V]
+    low, high = chord_in_cell(v * vx, v * vy, vy, -vx, 0.5 * BOX_CELL_M + CHORD_SLACK_M)
+    if high - low < LEAST_CHORD_M:
         return BOX_ELSEWHERE
-    # Once more about the middle of the piece in this cell
+    # Measured again about the middle of the piece in this cell
     mx, my = v * vx + 0.5 * (low + high) * vy, v * vy - 0.5 * (low + high) * vx
-    plane[0] += plane[1] * mx + plane[2] * my
-    n = gather_at(points, starts, span, (x + mx, y + my), 0.80 * scale, plane, MOST_PLACE_POINTS, work)
-    if not ks.measure_step(work, n, first, scale, step):
+    plane[PLANE_Z] += plane[PLANE_EAST] * mx + plane[PLANE_NORTH] * my
+    n = gather_at(
+        data.points, data.starts, data.span, (x + mx, y + my), AGAIN_M * scale, plane, MOST_PLACE_POINTS, work
+    )
+    if not measure_step(work, n, first, scale, step):
         return BOX_ALL_ROAD
-    ks.filled_shares(work, n, step, scale, share)
-    vx, vy, foot = step[ks.VX], step[ks.VY], step[ks.FOOT]
+    filled_shares(work, n, step, scale, share)
+    vx, vy, foot = step[STEP_VX], step[STEP_VY], step[STEP_FOOT]
     low, high = chord_in_cell(mx + foot * vx, my + foot * vy, vy, -vx, 0.5 * BOX_CELL_M)
-    if high - low < 0.05:
+    if high - low < LEAST_BOX_M:
         return BOX_ELSEWHERE
     if not _is_kerb(step, share, floor, limits):
         return BOX_NO_ROAD
     u = 0.5 * (low + high)
     dx, dy = foot * vx + u * vy, foot * vy - u * vx
-    box[at_place.BOX_X], box[at_place.BOX_Y] = x + mx + dx, y + my + dy
-    box[at_place.BOX_Z] = plane[0] + plane[1] * dx + plane[2] * dy + step[ks.FLOOR_A]
-    box[at_place.BOX_Z] += step[ks.FLOOR_B] * u + step[ks.FLOOR_C] * foot
-    box[at_place.BOX_UX], box[at_place.BOX_UY] = vy, -vx
-    box[at_place.BOX_HALF_U] = max(min(share[3] - u, u - share[2], 0.5 * scale), 0.05)
+    box[BOX_X], box[BOX_Y] = x + mx + dx, y + my + dy
+    box[BOX_Z] = plane[PLANE_Z] + plane[PLANE_EAST] * dx + plane[PLANE_NORTH] * dy + step[STEP_FLOOR_A]
+    box[BOX_Z] += step[STEP_FLOOR_B] * u + step[STEP_FLOOR_C] * foot
+    box[BOX_UX], box[BOX_UY] = vy, -vx
+    box[BOX_HALF_U] = max(min(share[COVER_U_HIGH] - u, u - share[COVER_U_LOW], HALF_LENGTH_M * scale), 0.05)
     _write_step(step, share, box)
     return BOX_FOUND
 
 
 @njit(cache=True, nogil=True)
 def _write_step(step: FloatArray, share: FloatArray, box: FloatArray) -> None:
-    box[at_place.S_V], box[at_place.S_U] = step[ks.STEP_SIGMA_V], step[ks.STEP_SIGMA_U]
-    box[at_place.S_Z] = 2.0 * step[ks.NOISE] / np.sqrt(step[ks.N_FLOOR])
-    box[at_place.SCORE] = _score(step, share)
-    box[at_place.FORM], box[at_place.BOX_STEP] = at_place.KERB, step[ks.STEP_HEIGHT]
-    box[at_place.TOP_V] = step[ks.TOP] - step[ks.FOOT]
-    box[at_place.COUNT] = step[ks.N_FLOOR] + step[ks.N_TOP] + step[ks.N_FACE]
+    """Write the columns of a box (16,) that follow from its measured step (18,) and cover (5,)."""
+    box[S_V], box[S_U] = step[STEP_SIGMA_V], step[STEP_SIGMA_U]
+    box[S_Z] = 2.0 * step[STEP_NOISE] / np.sqrt(step[STEP_N_FLOOR])
+    box[SCORE] = _score(step, share)
+    box[FORM], box[BOX_STEP] = KERB, step[STEP_HEIGHT]
+    box[TOP_V] = step[STEP_TOP] - step[STEP_FOOT]
+    box[COUNT] = step[STEP_N_FLOOR] + step[STEP_N_TOP] + step[STEP_N_FACE]
 
 
 @njit(cache=True, nogil=True)
 def _is_kerb(
     step: FloatArray,
     share: FloatArray,
-    floor: tuple[FloatArray, float, float, float, float],
-    limits: FloatArray,
+    floor: LocalFloor,
+    limits: FloorLimits,
 ) -> bool:
-    """Return whether floor and top are what a kerb lies between.
-
-    limits: least step, steepest floor against the road, highest step, noise of the roughest floor, and whether
-    it is the vertical, not the road, that floors are measured against.
-    """
-    plane = floor[0]
-    h, vx, vy = step[ks.STEP_HEIGHT], step[ks.VX], step[ks.VY]
-    tilt_x = plane[1] + step[ks.FLOOR_C] * vx + step[ks.FLOOR_B] * vy - floor[2]
-    tilt_y = plane[2] + step[ks.FLOOR_C] * vy - step[ks.FLOOR_B] * vx - floor[3]
-    # The road's slope is known from cells on both sides, 3 m apart, and holds part of the step
-    level = np.hypot(tilt_x, tilt_y) <= limits[1] + h / 3.0
-    # A verge's grass is as high as it is rough; behind a kerb it may be, if the kerb stands out of it
-    grass = step[ks.NOISE_TOP] ** 2 - step[ks.NOISE] ** 2 > GRASS_M**2
+    """Return whether a measured step (18,) with this cover (5,) is a kerb's: by its height, its floor and its top."""
+    plane = floor.plane
+    h, vx, vy = step[STEP_HEIGHT], step[STEP_VX], step[STEP_VY]
+    tilt_x = plane[PLANE_EAST] + step[STEP_FLOOR_C] * vx + step[STEP_FLOOR_B] * vy - floor.east
+    tilt_y = plane[PLANE_NORTH] + step[STEP_FLOOR_C] * vy - step[STEP_FLOOR_B] * vx - floor.north
+    level = np.hypot(tilt_x, tilt_y) <= limits.steepest + h / STEP_IN_SLOPE
+    # The grass of a verge is as high as it is rough; behind a kerb it is allowed, if the kerb stands out of it
+    grass = step[STEP_NOISE_TOP] ** 2 - step[STEP_NOISE] ** 2 > GRASS_M**2
     least = max(
-        LEAST_CLEAR_KERB * step[ks.NOISE],
-        (4.0 if grass else 2.0) * step[ks.NOISE_TOP],
-        4.0 * step[ks.SIGMA_H],
+        LEAST_CLEAR_KERB * step[STEP_NOISE],
+        (GRASS_CLEAR if grass else STONE_CLEAR) * step[STEP_NOISE_TOP],
+        HEIGHT_SIGMAS * step[STEP_SIGMA_H],
     )
-    high = limits[0] <= h <= limits[2] and h >= least
-    # The pavement may lie over its verge: that is no kerb of the verge
-    verge = step[ks.NOISE] ** 2 - step[ks.NOISE_TOP] ** 2 > GRASS_M**2
+    high = limits.least_step <= h <= limits.highest_step and h >= least
+    # A pavement that lies above its verge is not a kerb of the verge
+    verge = step[STEP_NOISE] ** 2 - step[STEP_NOISE_TOP] ** 2 > GRASS_M**2
     smooth = (
         not verge
-        and step[ks.NOISE] <= roughness_limit(floor[4], limits)
-        and step[ks.NOISE_TOP] <= max(limits[3], 0.35 * h)
+        and step[STEP_NOISE] <= roughness_limit(floor.usual, limits.most_noise)
+        and step[STEP_NOISE_TOP] <= max(limits.most_noise, ROUGHEST_TOP * h)
     )
-    top = abs(step[ks.TOP_C] - step[ks.FLOOR_C]) <= 0.25
-    seen = share[0] >= 0.6 and share[1] >= 0.5 and share[3] - share[2] > 0.15 and share[4] >= 0.25
-    return bool(level and high and smooth and top and seen)
+    top = abs(step[STEP_TOP_C] - step[STEP_FLOOR_C]) <= STEEPEST_TOP
+    across = share[COVER_FLOOR] >= LEAST_FLOOR_COVER and share[COVER_TOP] >= LEAST_TOP_COVER
+    along = share[COVER_U_HIGH] - share[COVER_U_LOW] > LEAST_COVER_M and share[COVER_BOTH] >= LEAST_BOTH_COVER
+    return bool(level and high and smooth and top and across and along)
 
 
 @njit(cache=True, nogil=True)
 def _score(step: FloatArray, share: FloatArray) -> float:
-    """Return how sure a kerb is: how far its step stands out of the noise, and how much of it is seen."""
-    clear = step[ks.STEP_HEIGHT] / (3.0 * step[ks.NOISE] + 0.01)
-    return float((1.0 - np.exp(-clear)) * share[4] ** 0.5 * (0.5 + 0.5 * share[0]) * (0.5 + 0.5 * share[1]))
+    """Return the score of a kerb, 0 to 1: how far its step stands out of the noise, and how much of it is visible."""
+    clear = step[STEP_HEIGHT] / (3.0 * step[STEP_NOISE] + 0.01)
+    floor, top = 0.5 + 0.5 * share[COVER_FLOOR], 0.5 + 0.5 * share[COVER_TOP]
+    return float((1.0 - np.exp(-clear)) * share[COVER_BOTH] ** 0.5 * floor * top)

@@ -1,4 +1,7 @@
-"""The step at one place in numbers: floor, top and face fitted in turn, and what speaks for a kerb or a wall."""
+"""The step at one place, measured: floor, face and top fitted in turn, and the evidence for a kerb.
+
+Frame and points as in `linework.kernels.boundaries.profiles`; the carriageway is at positive v.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,30 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray
-from linework.kernels.boundaries.profiles import beside_cell, bin_sums_across, fit_side, step_in
+from linework.kernels.boundaries.profiles import (
+    CLEAR_M,
+    FLOOR_SOFT,
+    FLOOR_WIDTH_M,
+    HALF_LENGTH_M,
+    PLACE_R,
+    PLACE_X,
+    PLACE_Y,
+    PROFILE_BIN_M,
+    TUKEY_SPREADS,
+    UNIFORM_SIGMA,
+    beside_cell,
+    bin_sums_across,
+    fit_side,
+    step_in,
+)
+from linework.kernels.tracking.small_systems import solve_two
 
-# The foot of a kerb (or of a wall) in the points about one place: floor, step, top and face
+#: Columns of the clearest step of a profile: unit vector v, clearness, v of the step [m], heights below and above it
+#: [m], noise [m].
+CLEAREST_VX, CLEAREST_VY, CLEAREST_CLEAR, CLEAREST_V, CLEAREST_BELOW, CLEAREST_ABOVE, CLEAREST_NOISE = range(
+    7
+)
+CLEAREST_COLUMNS = 7
 
 #: Turns that are tried about the first direction, from coarse to fine. [rad]
 KERB_TURNS = (
@@ -18,38 +42,63 @@ KERB_TURNS = (
     np.deg2rad(np.array([-3.0, 3.0])),
     np.deg2rad(np.array([-1.5, 1.5])),
 )
-#: Half of a cell's diagonal and 5 cm: a line farther than this from its middle is another cell's. [m]
+#: Half of a cell's diagonal and 5 cm: a line farther than this from the cell's middle belongs to another cell. [m]
 KERB_REACH_V = 0.40
-#: Three more unknowns explain so many noise variances by chance once in 10 000 places (chi-squared).
+#: Smallest clearness of a step: three more unknowns explain this many noise variances by chance once in 10 000
+#: places (chi-squared).
 CLEAR_STEP = 21.0
-#: How far an upright kerb's face leans back per metre of height, and how sure that is (DIN 483: 1:10 to 1:5;
+#: How far an upright kerb's face leans back per metre of height, and its standard deviation (DIN 483: 1:10 to 1:5;
 #: flat kerbs lean by 1).
 LEAN, LEAN_SIGMA = 0.15, 0.25
+#: Standard deviation of the face's direction against that of the step (2 degrees). [rad]
+BETA_SIGMA = 0.035
+#: Variance that the face is held with in the first round, and least spread in later ones. [m^2, m]
+FIRST_HOLD, LEAST_HOLD_M = 4e-4, 0.005
+#: Rounds of reweighting a face, and its smallest spread: no scanner measures better. [m]
+FACE_ROUNDS, LEAST_SPREAD_M = 4, 2e-3
+#: Fewest points of a floor, of a top and of a face, and the smallest step that is measured [m].
+FLOOR_POINTS, TOP_POINTS, FACE_POINTS_LEAST, SMALLEST_STEP_M = 5, 4, 4, 0.005
+#: The face is what is above the floor and below the top by this many noises, and by this share of the step.
+FACE_NOISES, FACE_SHARE = 2.5, 0.15
+#: Extent of the top across, from its edge [m]; weights that hold its slopes along u and v to 0 [m^2].
+TOP_WIDTH_M, TOP_SOFT = 0.30, (0.10, 0.02)
 
 
 @njit(cache=True, nogil=True)
 def best_step(
     work: FloatArray, n: int, frame: tuple[float, float], scale: float, sums: FloatArray, out: FloatArray
 ) -> bool:
-    """Turn the v-axis until the profile steps up most clearly; False when the step is not near the place.
+    """Turn the v-axis until the profile steps up most clearly; return False if no step passes the cell.
 
-    out: v-axis, clearness, v, heights below and above, noise.
+    Parameters
+    ----------
+    work
+        (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
+    frame
+        Unit vector v to begin with.
+    scale
+        Radius of the search area over the usual one.
+    sums
+        (73, 9) scratch, see `linework.kernels.boundaries.profiles.bin_sums_across`.
+    out
+        (7,) output, columns `CLEAREST_VX` to `CLEAREST_NOISE`.
     """
-    step, half_u = 0.02 * scale, 0.5 * scale
+    step, half_u = PROFILE_BIN_M * scale, HALF_LENGTH_M * scale
     half = int(KERB_REACH_V / step) + 1
-    out[0], out[1] = frame
-    out[2] = 0.0
+    out[CLEAREST_VX], out[CLEAREST_VY] = frame
+    out[CLEAREST_CLEAR] = 0.0
     for stage in range(len(KERB_TURNS)):
-        x0, y0 = out[0], out[1]
+        x0, y0 = out[CLEAREST_VX], out[CLEAREST_VY]
         for turn in KERB_TURNS[stage]:
             x, y = x0 * np.cos(turn) - y0 * np.sin(turn), x0 * np.sin(turn) + y0 * np.cos(turn)
             bin_sums_across(work, n, x, y, half_u, step, sums)
-            found = step_in(sums, step, half, 2 if stage == 0 else 1)
-            if found[0] > out[2]:
-                out[0], out[1], out[2], out[3], out[4], out[5], out[6] = x, y, *found
-        if out[2] < (0.5 * CLEAR_STEP if stage == 0 else CLEAR_STEP):
+            clear, v, below, above, noise = step_in(sums, step, half, 2 if stage == 0 else 1)
+            if clear > out[CLEAREST_CLEAR]:
+                out[CLEAREST_VX], out[CLEAREST_VY], out[CLEAREST_CLEAR], out[CLEAREST_V] = x, y, clear, v
+                out[CLEAREST_BELOW], out[CLEAREST_ABOVE], out[CLEAREST_NOISE] = below, above, noise
+        if out[CLEAREST_CLEAR] < (0.5 * CLEAR_STEP if stage == 0 else CLEAR_STEP):
             return False
-        if stage > 0 and beside_cell(out[0], out[1], out[3]):
+        if stage > 0 and beside_cell(out[CLEAREST_VX], out[CLEAREST_VY], out[CLEAREST_V]):
             return False
     return True
 
@@ -59,14 +108,27 @@ def fit_face(
     work: FloatArray,
     n: int,
     frame: tuple[float, float],
-    about: FloatArray,
+    floor: tuple[float, float, float],
+    about: float,
     band: tuple[float, float],
-    reach: FloatArray,
+    reach: tuple[float, float, float],
 ) -> tuple[float, float, float, float, float]:
-    """Fit v = a + b u - lean (height - middle of the band) to the points of a face.
+    """Fit v = a + b u - lean (height - middle of the band) to the points of a face, by reweighted least squares.
 
-    about: floor's a, b, c, and the face's v. band: heights over the floor. reach: how far before and behind
-    the face, and along it.
+    Parameters
+    ----------
+    work
+        (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
+    frame
+        Unit vector v.
+    floor
+        Plane of the floor: height, slopes along u and v.
+    about
+        v of the face to begin with. [m]
+    band
+        Lowest and highest height over the floor. [m]
+    reach
+        Distances before and behind `about`, and along u. [m]
 
     Returns
     -------
@@ -75,145 +137,165 @@ def fit_face(
     spread
         Robust rms distance of the points from it along v. [m]
     count
-        Of points.
+        Number of points.
     """
     vx, vy = frame
-    middle = 0.5 * (band[0] + band[1])
-    a, b, lean, spread = about[3], 0.0, LEAN, 1.0
+    floor_a, floor_b, floor_c = floor
+    low, high = band
+    before, behind, along = reach
+    middle = 0.5 * (low + high)
+    a, b, lean, spread = about, 0.0, LEAN, 1.0
     count = 0.0
-    for turn in range(4):
-        s = np.zeros(10)
+    for turn in range(FACE_ROUNDS):
+        # Weighted sums
+        m = su = sh = sv = suu = suh = shh = suv = shv = 0.0
         count = 0.0
         for i in range(n):
-            x, y = work[i, 0], work[i, 1]
+            x, y = work[i, PLACE_X], work[i, PLACE_Y]
             v, u = x * vx + y * vy, x * vy - y * vx
-            if v < about[3] - reach[1] or v > about[3] + reach[0] or abs(u) > reach[2]:
+            if v < about - behind or v > about + before or abs(u) > along:
                 continue
-            r = work[i, 2] - about[0] - about[1] * u - about[2] * v
-            if r < band[0] or r > band[1]:
+            r = work[i, PLACE_R] - floor_a - floor_b * u - floor_c * v
+            if r < low or r > high:
                 continue
             h = r - middle
             off = v - a - b * u + lean * h
-            w = 1.0 if turn == 0 else max(1.0 - (off / (4.0 * spread)) ** 2, 0.0) ** 2
+            w = 1.0 if turn == 0 else max(1.0 - (off / (TUKEY_SPREADS * spread)) ** 2, 0.0) ** 2
             count += 1.0
-            s[0] += w
-            s[1] += w * u
-            s[2] += w * h
-            s[3] += w * v
-            s[4] += w * u * u
-            s[5] += w * u * h
-            s[6] += w * h * h
-            s[7] += w * u * v
-            s[8] += w * h * v
-            s[9] += w * v * v
-        if s[0] < 2.0:
+            m += w
+            su += w * u
+            sh += w * h
+            sv += w * v
+            suu += w * u * u
+            suh += w * u * h
+            shh += w * h * h
+            suv += w * u * v
+            shv += w * h * v
+        if m < 2.0:
             return 0.0, 0.0, LEAN, 0.0, 0.0
-        m = s[0]
-        mu, mh, mv = s[1] / m, s[2] / m, s[3] / m
-        # The lean is held to that of an upright kerb, the direction to what the step said (2 degrees)
-        hold = max(spread, 0.005) ** 2 if turn > 0 else 4e-4
-        uu = s[4] - m * mu * mu + hold / 0.035**2
-        hh = s[6] - m * mh * mh + hold / LEAN_SIGMA**2
-        uh = s[5] - m * mu * mh
-        uv = s[7] - m * mu * mv
-        hv = s[8] - m * mh * mv - LEAN * hold / LEAN_SIGMA**2
-        det = uu * hh - uh * uh
-        b, slope = (uv * hh - hv * uh) / det, (hv * uu - uv * uh) / det
+        mu, mh, mv = su / m, sh / m, sv / m
+        # The lean is held to that of an upright kerb, the direction to that of the step
+        hold = max(spread, LEAST_HOLD_M) ** 2 if turn > 0 else FIRST_HOLD
+        uu = suu - m * mu * mu + hold / BETA_SIGMA**2
+        hh = shh - m * mh * mh + hold / LEAN_SIGMA**2
+        uh = suh - m * mu * mh
+        uv = suv - m * mu * mv
+        hv = shv - m * mh * mv - LEAN * hold / LEAN_SIGMA**2
+        b, slope = solve_two(uu, uh, hh, uv, hv)
         lean = min(max(-slope, 0.0), 1.0)
         a = mv - b * mu + lean * mh
         left = 0.0
         weights = 0.0
         for i in range(n):
-            x, y = work[i, 0], work[i, 1]
+            x, y = work[i, PLACE_X], work[i, PLACE_Y]
             v, u = x * vx + y * vy, x * vy - y * vx
-            if v < about[3] - reach[1] or v > about[3] + reach[0] or abs(u) > reach[2]:
+            if v < about - behind or v > about + before or abs(u) > along:
                 continue
-            r = work[i, 2] - about[0] - about[1] * u - about[2] * v
-            if r < band[0] or r > band[1]:
+            r = work[i, PLACE_R] - floor_a - floor_b * u - floor_c * v
+            if r < low or r > high:
                 continue
             off = v - a - b * u + lean * (r - middle)
-            w = 1.0 if turn == 0 else max(1.0 - (off / (4.0 * spread)) ** 2, 0.0) ** 2
+            w = 1.0 if turn == 0 else max(1.0 - (off / (TUKEY_SPREADS * spread)) ** 2, 0.0) ** 2
             left += w * off * off
             weights += w
-        spread = max(np.sqrt(left / max(weights - 2.0, 1.0)), 2e-3)
+        spread = max(np.sqrt(left / max(weights - 2.0, 1.0)), LEAST_SPREAD_M)
     return a, b, lean, spread, count
 
 
-#: Columns of a step, as `measure_step` writes them.
-VX, VY, FOOT, TOP, STEP_HEIGHT, FLOOR_A, FLOOR_B, FLOOR_C = 0, 1, 2, 3, 4, 5, 6, 7
-TOP_A, TOP_C, NOISE, NOISE_TOP, N_FLOOR, N_TOP, N_FACE, STEP_SIGMA_V, STEP_SIGMA_U, SIGMA_H = (
-    8,
-    9,
-    10,
-    11,
-    12,
-    13,
-    14,
-    15,
-    16,
-    17,
-)
+#: Columns of a measured step: unit vector v; v of foot and top edge; height [m]; plane of the floor: height, slopes
+#: along u and v; height and slope along v of the top; noise of floor and top [m]; points of floor, top and face;
+#: standard deviations of the foot [m], of the direction [rad] and of the height [m].
+(
+    STEP_VX, STEP_VY, STEP_FOOT, STEP_TOP, STEP_HEIGHT, STEP_FLOOR_A, STEP_FLOOR_B, STEP_FLOOR_C, STEP_TOP_A,
+    STEP_TOP_C, STEP_NOISE, STEP_NOISE_TOP, STEP_N_FLOOR, STEP_N_TOP, STEP_N_FACE, STEP_SIGMA_V, STEP_SIGMA_U,
+    STEP_SIGMA_H,
+) = range(18)  # fmt: skip
 STEP_COLUMNS = 18
-#: What floor and top keep clear of foot and top edge, half of a usual scan spot; and before these are known. [m]
-CLEAR_M, FIRST_CLEAR_M = 0.02, 0.05
-#: Kerb stones are set this straight. [m]
+#: Columns of how far the evidence of a step reaches: shares of the floor's and the top's width with points; lowest and
+#: highest u that both have points up to [m]; share of the quarters along u with points of both.
+COVER_FLOOR, COVER_TOP, COVER_U_LOW, COVER_U_HIGH, COVER_BOTH = range(5)
+COVER_COLUMNS = 5
+#: Distance that floor and top keep from foot and top edge before these are known. [m]
+FIRST_CLEAR_M = 0.05
+#: Standard deviation of a kerb stone from a straight line. [m]
 STRAIGHT_KERB_M = 0.001
-#: Places, over 16 cm, at which floor and top may change over where no face is seen.
-N_CHANGE = 32
+#: Where no face is visible, the change from floor to top is sought this far to either side [m], at this many places.
+CHANGE_REACH_M, N_CHANGE = 0.08, 32
+#: Tolerances, in noises of the floor, of a point on it. [-]
+FLOOR_NOISES = 3.0
 
 
 @njit(cache=True, nogil=True)
 def measure_step(work: FloatArray, n: int, first: FloatArray, scale: float, out: FloatArray) -> bool:
-    """Measure the step that runs through the place along u; False where floor or top are missing.
+    """Measure the step that runs through the place along u; return False where floor or top are missing.
 
-    first: what `best_step` found. out: see the columns' names.
+    Parameters
+    ----------
+    work
+        (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
+    first
+        (7,): see `best_step`.
+    scale
+        Radius of the search area over the usual one.
+    out
+        (18,) output, columns `STEP_VX` to `STEP_SIGMA_H`.
     """
-    vx, vy = first[0], first[1]
-    a, a2, noise, noise2 = first[4], first[5], first[6], first[6]
+    vx, vy = first[CLEAREST_VX], first[CLEAREST_VY]
+    a, a2 = first[CLEAREST_BELOW], first[CLEAREST_ABOVE]
+    noise = noise2 = first[CLEAREST_NOISE]
     foot = top = 0.0
-    about, reach = np.zeros(4), np.zeros(3)
+    half_u = HALF_LENGTH_M * scale
     clear = FIRST_CLEAR_M * scale
     for _ in range(3):
-        low = (foot + clear, foot + 0.60 * scale, 0.5 * scale)
-        high = (top - clear - 0.30 * scale, top - clear, 0.5 * scale)
-        a, b, c, noise, n_floor = fit_side(work, n, (vx, vy), low, (a, noise + 0.01), (0.04, 0.04))
-        a2, _, c2, noise2, n_top = fit_side(work, n, (vx, vy), high, (a2, noise2 + 0.01), (0.10, 0.02))
-        if n_floor < 5 or n_top < 4:
+        low = (foot + clear, foot + FLOOR_WIDTH_M * scale, half_u)
+        high = (top - clear - TOP_WIDTH_M * scale, top - clear, half_u)
+        a, b, c, noise, n_floor = fit_side(work, n, (vx, vy), low, (a, noise + 0.01), FLOOR_SOFT)
+        a2, _, c2, noise2, n_top = fit_side(work, n, (vx, vy), high, (a2, noise2 + 0.01), TOP_SOFT)
+        if n_floor < FLOOR_POINTS or n_top < TOP_POINTS:
             return False
         h = a2 + c2 * top - a - c * foot
-        if h < 0.005:
+        if h < SMALLEST_STEP_M:
             return False
         # The face: clearly above the floor and clearly below the top
-        band = (max(2.5 * noise, 0.15 * h), h - max(2.5 * noise2, 0.15 * h))
+        lowest, highest = (
+            max(FACE_NOISES * noise, FACE_SHARE * h),
+            h - max(FACE_NOISES * noise2, FACE_SHARE * h),
+        )
         middle = 0.5 * (foot + top)
         n_face, spread = 0.0, 0.0
-        if band[1] - band[0] > 0.1 * h:
-            about[0], about[1], about[2], about[3] = a, b, c, middle
-            reach[0], reach[1], reach[2] = 0.05 + 0.5 * h, 0.05 + h, 0.5 * scale
-            at, beta, lean, spread, n_face = fit_face(work, n, (vx, vy), about, band, reach)
-        if n_face >= 4:
-            half = 0.5 * (band[0] + band[1])
+        if highest - lowest > 0.1 * h:
+            reach = (0.05 + 0.5 * h, 0.05 + h, half_u)
+            at, beta, lean, spread, n_face = fit_face(
+                work, n, (vx, vy), (a, b, c), middle, (lowest, highest), reach
+            )
+        if n_face >= FACE_POINTS_LEAST:
+            half = 0.5 * (lowest + highest)
             foot, top = at + lean * half, at - lean * (h - half)
             size = np.sqrt(1.0 + beta * beta)
             # v = at + beta u: the face's own direction becomes the u-axis
             vx, vy = (vx - beta * vy) / size, (vy + beta * vx) / size
             clear = CLEAR_M
             foot, top = foot / size, top / size
-            beta_sigma = max(spread, 0.003) / np.sqrt(n_face) / (0.29 * scale)
+            beta_sigma = max(spread, 0.003) / np.sqrt(n_face) / (UNIFORM_SIGMA * scale)
             lean_sigma = 1.0 / np.sqrt(
-                1.0 / LEAN_SIGMA**2 + n_face * (0.29 * (band[1] - band[0])) ** 2 / spread**2
+                1.0 / LEAN_SIGMA**2 + n_face * (UNIFORM_SIGMA * (highest - lowest)) ** 2 / spread**2
             )
             sigma_v = np.sqrt(2.0 * spread**2 / n_face + (lean_sigma * half) ** 2 + STRAIGHT_KERB_M**2)
         else:
-            # No face: where the points change over from the floor to the top, to their spacing
+            # No face: the place where the points change from floor to top, to their spacing
             at, spacing = _change_over(work, n, (vx, vy), (a, b, c), (a2, c2), middle, scale)
             foot, top = at + 0.5 * LEAN * h, at - 0.5 * LEAN * h
             blur = spacing * (1.0 + 4.0 * (noise**2 + noise2**2) / h**2)
             sigma_v = np.sqrt(blur**2 + (0.5 * h * LEAN_SIGMA) ** 2)
-            beta_sigma = max(blur / (0.29 * scale), 0.02)
+            beta_sigma = max(blur / (UNIFORM_SIGMA * scale), 0.02)
         _write(out, (vx, vy, foot, top), (a, b, c, noise, n_floor), (a2, c2, noise2, n_top))
-        out[STEP_HEIGHT], out[N_FACE], out[STEP_SIGMA_V], out[STEP_SIGMA_U] = h, n_face, sigma_v, beta_sigma
-        out[SIGMA_H] = 2.0 * np.sqrt(noise**2 / n_floor + noise2**2 / n_top)
+        out[STEP_HEIGHT], out[STEP_N_FACE], out[STEP_SIGMA_V], out[STEP_SIGMA_U] = (
+            h,
+            n_face,
+            sigma_v,
+            beta_sigma,
+        )
+        out[STEP_SIGMA_H] = 2.0 * np.sqrt(noise**2 / n_floor + noise2**2 / n_top)
     return True
 
 
@@ -227,28 +309,30 @@ def _change_over(
     about: float,
     scale: float,
 ) -> tuple[float, float]:
-    """Return the v that best parts points of the floor from points of the top, and how dense they are there.
+    """Return the v that best separates points of the floor from points of the top, and their spacing there [m].
 
-    frame: v-axis. floor: a, b, c. top: a, c. about: where it is looked for.
+    frame: unit vector v. floor: height, slopes along u and v. top: height, slope along v. about: v to begin with.
     """
     vx, vy = frame
-    half = 0.08 * scale
+    floor_a, floor_b, floor_c = floor
+    top_a, top_c = top
+    half = CHANGE_REACH_M * scale
     cost = np.zeros(N_CHANGE + 1)
     count = 0.0
     for i in range(n):
-        x, y = work[i, 0], work[i, 1]
+        x, y = work[i, PLACE_X], work[i, PLACE_Y]
         v, u = x * vx + y * vy, x * vy - y * vx
         k = int(np.floor((v - about + half) / (2.0 * half) * N_CHANGE))
-        if k < 0 or k >= N_CHANGE or abs(u) > 0.5 * scale:
+        if k < 0 or k >= N_CHANGE or abs(u) > HALF_LENGTH_M * scale:
             continue
-        r = work[i, 2] - floor[1] * u
-        low, high = r - floor[0] - floor[2] * v, r - top[0] - top[1] * v
+        r = work[i, PLACE_R] - floor_b * u
+        low, high = r - floor_a - floor_c * v, r - top_a - top_c * v
         rise = low - high
-        # Of a point beyond both it is only known on which side it is
+        # A point beyond both only shows on which side it is
         low, high = min(max(low, -rise), 2.0 * rise), min(max(high, -2.0 * rise), rise)
         cost[k + 1] += high * high - low * low
         count += 1.0
-    # Below the change v belongs to the top: running cost of that; the middle of all best places
+    # v below the change belongs to the top: the running cost of that; the middle of all best places
     best, first, last = 0.0, 0, 0
     for k in range(1, N_CHANGE + 1):
         cost[k] += cost[k - 1]
@@ -267,38 +351,47 @@ def _write(
     floor: tuple[float, float, float, float, float],
     top: tuple[float, float, float, float],
 ) -> None:
-    out[VX], out[VY], out[FOOT], out[TOP] = edges
-    out[FLOOR_A], out[FLOOR_B], out[FLOOR_C], out[NOISE], out[N_FLOOR] = floor
-    out[TOP_A], out[TOP_C], out[NOISE_TOP], out[N_TOP] = top
+    out[STEP_VX], out[STEP_VY], out[STEP_FOOT], out[STEP_TOP] = edges
+    out[STEP_FLOOR_A], out[STEP_FLOOR_B], out[STEP_FLOOR_C], out[STEP_NOISE], out[STEP_N_FLOOR] = floor
+    out[STEP_TOP_A], out[STEP_TOP_C], out[STEP_NOISE_TOP], out[STEP_N_TOP] = top
 
 
 @njit(cache=True, nogil=True)
 def filled_shares(work: FloatArray, n: int, step: FloatArray, scale: float, share: FloatArray) -> None:
-    """Write how far floor, top and ends of the evidence reach.
+    """Write how far the evidence of a step reaches, across and along.
 
-    share: shares of tenths of the floor's 0.5 m and of the top's 0.2 m that hold points, lowest and highest u
-    that both floor and top have points up to, and the share of quarters along u that hold points of both.
+    Parameters
+    ----------
+    work
+        (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
+    step
+        (18,): see `measure_step`.
+    scale
+        Radius of the search area over the usual one.
+    share
+        (5,) output, columns `COVER_FLOOR` to `COVER_BOTH`: of the floor's 0.5 m in fifths and of the top's 0.2 m in
+        quarters.
     """
     floor_bins, top_bins = np.zeros(5), np.zeros(4)
     along_floor, along_top = np.zeros(4), np.zeros(4)
-    u_low, u_high = np.array([1e9, 1e9]), np.array([-1e9, -1e9])
+    floor_low, floor_high, top_low, top_high = 1e9, -1e9, 1e9, -1e9
     for i in range(n):
-        x, y = work[i, 0], work[i, 1]
-        v, u = x * step[VX] + y * step[VY], x * step[VY] - y * step[VX]
-        if abs(u) > 0.5 * scale:
+        x, y = work[i, PLACE_X], work[i, PLACE_Y]
+        v, u = x * step[STEP_VX] + y * step[STEP_VY], x * step[STEP_VY] - y * step[STEP_VX]
+        if abs(u) > HALF_LENGTH_M * scale:
             continue
-        r = work[i, 2] - step[FLOOR_A] - step[FLOOR_B] * u - step[FLOOR_C] * v
+        r = work[i, PLACE_R] - step[STEP_FLOOR_A] - step[STEP_FLOOR_B] * u - step[STEP_FLOOR_C] * v
         quarter = min(int((u / scale + 0.5) * 4.0), 3)
-        if v > step[FOOT] - 0.01:
-            if abs(r) <= 3.0 * step[NOISE] and v - step[FOOT] < 0.5 * scale:
-                floor_bins[min(max(int((v - step[FOOT]) / (0.1 * scale)), 0), 4)] = 1.0
-                if v - step[FOOT] < 0.3 * scale:
+        if v > step[STEP_FOOT] - 0.01:
+            if abs(r) <= FLOOR_NOISES * step[STEP_NOISE] and v - step[STEP_FOOT] < 0.5 * scale:
+                floor_bins[min(max(int((v - step[STEP_FOOT]) / (0.1 * scale)), 0), 4)] = 1.0
+                if v - step[STEP_FOOT] < 0.3 * scale:
                     along_floor[quarter] = 1.0
-                    u_low[0], u_high[0] = min(u_low[0], u), max(u_high[0], u)
-        elif step[TOP] - v < 0.2 * scale and r > 0.5 * step[STEP_HEIGHT]:
-            top_bins[min(max(int((step[TOP] - v) / (0.05 * scale)), 0), 3)] = 1.0
+                    floor_low, floor_high = min(floor_low, u), max(floor_high, u)
+        elif step[STEP_TOP] - v < 0.2 * scale and r > 0.5 * step[STEP_HEIGHT]:
+            top_bins[min(max(int((step[STEP_TOP] - v) / (0.05 * scale)), 0), 3)] = 1.0
             along_top[quarter] = 1.0
-            u_low[1], u_high[1] = min(u_low[1], u), max(u_high[1], u)
-    share[0], share[1] = np.mean(floor_bins), np.mean(top_bins)
-    share[2], share[3] = np.max(u_low), np.min(u_high)
-    share[4] = np.mean(along_floor * along_top)
+            top_low, top_high = min(top_low, u), max(top_high, u)
+    share[COVER_FLOOR], share[COVER_TOP] = np.mean(floor_bins), np.mean(top_bins)
+    share[COVER_U_LOW], share[COVER_U_HIGH] = max(floor_low, top_low), min(floor_high, top_high)
+    share[COVER_BOTH] = np.mean(along_floor * along_top)

@@ -1,6 +1,6 @@
-"""Where the pavement ends without a kerb: smooth here, rough or of another brightness there.
+"""Edges of the pavement without a kerb: smooth on one side, rough or of another brightness on the other.
 
-Positions are local [m]; v points to the smooth, carriageway side; heights r are over the place's plane.
+Frame and points as in `linework.kernels.boundaries.profiles`; v points to the smooth side, the carriageway.
 """
 
 from __future__ import annotations
@@ -8,32 +8,40 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from linework.arrays import FloatArray, IntArray
+from linework.arrays import FloatArray
 from linework.kernels.boundaries.profiles import (
+    BIN_I,
+    BIN_II,
+    BIN_N,
+    BIN_V,
+    BIN_VI,
+    BIN_VV,
+    HALF_LENGTH_M,
     LEAST_FLOOR_NOISE_M,
-    MOST_PLACE_POINTS,
+    LEAST_VV,
     N_PROFILE_BINS,
+    PLACE_R,
+    PLACE_X,
+    PLACE_Y,
+    PROFILE_BIN_M,
     beside_cell,
     bin_sums_across,
-    fit_side,
-    gather_at,
     line_through,
 )
-from linework.kernels.cells import places as at_place
-from linework.kernels.cells.places import (
-    AREA_M,
-    BOX_ALL_ROAD,
-    BOX_CELL_M,
-    BOX_ELSEWHERE,
-    BOX_FOUND,
-    BOX_HOLE,
-    BOX_NO_ROAD,
-    chord_in_cell,
-    roughness_limit,
-)
-from linework.kernels.cells.surroundings import ROUGH, ROUGHEST_M
+from linework.kernels.cells.surroundings import ROUGHEST_M
 
-#: The verge is rougher than the pavement by this factor, or brighter by that one: asphalt differs less from
+#: Columns of an edge: unit vector v; clearness; v of the edge [m]; spreads on the smooth and on the rough side [m];
+#: height of the rough side over the smooth one [m]; their brightness ratio (1 if it varies on one side); points on both
+#: sides; standard deviation of v [m].
+(
+    EDGE_VX, EDGE_VY, EDGE_CLEAR, EDGE_V, EDGE_SMOOTH, EDGE_ROUGH, EDGE_STEP, EDGE_CONTRAST, EDGE_N_SMOOTH,
+    EDGE_N_ROUGH, EDGE_SIGMA,
+) = range(11)  # fmt: skip
+EDGE_COLUMNS = 11
+#: What an edge is found by: roughness, brightness, or both, where roughness decides.
+BY_ROUGHNESS, BY_BRIGHTNESS, BY_BOTH = range(3)
+
+#: Smallest ratio of the verge's roughness to the pavement's, and of their brightness: asphalt differs less from
 #: asphalt.
 ROUGHER, BRIGHTER = 1.3, 1.3
 #: Turns that are tried about the first direction, from coarse to fine. [rad]
@@ -48,43 +56,48 @@ FINE_TURNS = (
     np.deg2rad(np.array([-3.0, 3.0])),
     np.deg2rad(np.array([-1.5, 1.5])),
 )
-#: Half of a cell's diagonal and 5 cm. [m]
-EDGE_REACH_V = 0.40
-#: Brightness differs by this share at least from one stone to the next; one level is known to it.
-LEAST_CONTRAST = 0.03
-#: The verge is looked at from 0.5 m beyond the place on: farther off it may fall away.
+#: Half of a cell's diagonal and 5 cm; and how far edges are sought, over that: what is clearest beyond the cell is not
+#: the clearest at the cell's border. [m, -]
+EDGE_REACH_V, BEYOND = 0.40, 1.4
+#: Smallest spread of brightness as a share of its level: it differs by that from stone to stone. And the smallest
+#: variance, against division by zero.
+LEAST_CONTRAST, LEAST_BRIGHT_VARIANCE = 0.03, 1e-12
+#: First bin of a profile that is used, 0.5 m beyond the place: farther off a verge may fall away.
 FAR_BIN = N_PROFILE_BINS // 2 - 25
-#: Bins to either side in which an edge is found again.
+#: Bins to either side of the place in which an edge is found again.
 NEAR_BINS = 10
-#: Points next to each other lie on the same tuft and the same stain: this share of them tells something new.
+#: Share of the points that are independent: neighbours lie on the same tuft and the same stain.
 NEW_SHARE = 0.15
-#: In a scanner's shadow lies less than this share of the usual points, where there should be this many. The pavement's rim is this straight. [m]
+#: A scanner's shadow holds less than this share of the usual points, where at least this many are expected; and the
+#: standard deviation of the pavement's edge from a straight line [m].
 SHADOW_SHARE, SHADOW_POINTS, SHADOW_SIGMA_M = 0.3, 2.0, 0.01
-#: Halves of one brightness each differ by this many spreads; a stripe of up to 0.4 m in one of them does not.
+#: Two sides of one brightness each differ by this many spreads; with a stripe of up to 0.4 m on one they do not.
 STRIPE = 1.5
-#: Paint has this many bins, 30 cm, at most: brightness alone tells over more.
+#: Widest paint, in bins (30 cm): brightness alone decides only over more.
 WIDE_BINS = 15
-#: Fewest points on either side: two spreads are to be compared.
+#: Fewest points on either side, so that their spreads can be compared.
 SIDE_POINTS = 10
-#: Two more spreads and two more levels explain twice this log likelihood by chance once in 10 000 places.
+#: Smallest clearness: twice the log likelihood ratio that two more spreads and two more levels reach by chance once in
+#: 10 000 places.
 CLEAR_SPLIT = 24.0
-#: Columns of an edge: v-axis, clearness, v, spreads on the smooth and on the other side, step up beyond it,
-#: brightness beyond over that before it (1 if it changes beyond), points on both sides, standard deviation of v.
-EDGE_COLUMNS = 11
+#: Bins that are checked together for one brightness, and the fewest points of them.
+STEADY_BINS, STEADY_POINTS = 5, 3.0
+#: Number of last points before a shadow; it begins at the fourth last, so that strays do no harm.
+N_LAST = 4
 
 
 @njit(cache=True, nogil=True)
 def _spread_of(a: FloatArray, b: FloatArray, v: float) -> tuple[float, float, float, float, float]:
-    """Return points, variances of height and brightness, and levels of both of the bins from `a` to `b`."""
+    """Return points, variances of height and brightness, height at `v` and mean brightness of the bins from a to b."""
     n, left, z, _ = line_through(a, b, v)
     if n < SIDE_POINTS:
         return 0.0, 1.0, 1.0, 0.0, 0.0
-    bright = (b[6] - a[6]) / n
-    square = max((b[8] - a[8]) / n - bright * bright, 0.0)
+    bright = (b[BIN_I] - a[BIN_I]) / n
+    square = max((b[BIN_II] - a[BIN_II]) / n - bright * bright, 0.0)
     return (
         n,
         left / max(n - 2.0, 1.0) + LEAST_FLOOR_NOISE_M**2,
-        square + (LEAST_CONTRAST * bright) ** 2 + 1e-12,
+        square + (LEAST_CONTRAST * bright) ** 2 + LEAST_BRIGHT_VARIANCE,
         z,
         bright,
     )
@@ -92,11 +105,14 @@ def _spread_of(a: FloatArray, b: FloatArray, v: float) -> tuple[float, float, fl
 
 @njit(cache=True, nogil=True)
 def is_steady(sums: FloatArray, k: int, level: float, above: bool) -> bool:
-    """Return whether all beyond bin k is on one side of a level of brightness: a stripe of paint is not."""
-    for a in range(k, FAR_BIN, -5):
-        b = max(a - 5, FAR_BIN)
-        n = sums[a, 0] - sums[b, 0]
-        if n >= 3.0 and (sums[a, 6] - sums[b, 6] > level * n) != above:
+    """Return whether all bins beyond bin k are above, or all below, a level of brightness: a stripe of paint is not.
+
+    sums: (73, 9), see `linework.kernels.boundaries.profiles.bin_sums_across`.
+    """
+    for a in range(k, FAR_BIN, -STEADY_BINS):
+        b = max(a - STEADY_BINS, FAR_BIN)
+        n = sums[a, BIN_N] - sums[b, BIN_N]
+        if n >= STEADY_POINTS and (sums[a, BIN_I] - sums[b, BIN_I] > level * n) != above:
             return False
     return True
 
@@ -105,10 +121,22 @@ def is_steady(sums: FloatArray, k: int, level: float, above: bool) -> bool:
 def split_in(
     sums: FloatArray, step: float, half: int, stride: int, by: int, gains: FloatArray, out: FloatArray
 ) -> None:
-    """Write where a profile changes most clearly: twice the log likelihood of two halves over that of one.
+    """Write where a profile changes most clearly: twice the log likelihood of two sides over that of one.
 
-    by: 0 roughness, 1 brightness, 2 both, of which the first decides. The other side is the rougher, brighter one.
-    gains: of each break. out: clearness, v, spreads before and beyond, step, contrast, points before and beyond.
+    The verge is the rougher, brighter side, at negative v.
+
+    Parameters
+    ----------
+    sums, step
+        (73, 9), [m]: see `linework.kernels.boundaries.profiles.bin_sums_across`.
+    half, stride
+        Breaks are tried up to `half` bins from the middle, every `stride` bins.
+    by
+        `BY_ROUGHNESS`, `BY_BRIGHTNESS` or `BY_BOTH`.
+    gains
+        (72,) output: the clearness of each break.
+    out
+        (11,) output, columns `EDGE_CLEAR` to `EDGE_N_ROUGH`; the others become 0.
     """
     out[:] = 0.0
     gains[:] = 0.0
@@ -117,19 +145,19 @@ def split_in(
     if n == 0.0:
         return
     # Brightness that falls off with distance is a slope in one piece, not two levels
-    mv = (sums[N_PROFILE_BINS, 1] - far[1]) / n
-    vi = (sums[N_PROFILE_BINS, 7] - far[7]) / n - mv * mean
-    vv = (sums[N_PROFILE_BINS, 2] - far[2]) / n - mv * mv + 1e-9
-    i = max(i - vi * vi / vv, (LEAST_CONTRAST * mean) ** 2 + 1e-12)
+    mv = (sums[N_PROFILE_BINS, BIN_V] - far[BIN_V]) / n
+    vi = (sums[N_PROFILE_BINS, BIN_VI] - far[BIN_VI]) / n - mv * mean
+    vv = (sums[N_PROFILE_BINS, BIN_VV] - far[BIN_VV]) / n - mv * mv + LEAST_VV
+    i = max(i - vi * vi / vv, (LEAST_CONTRAST * mean) ** 2 + LEAST_BRIGHT_VARIANCE)
     for k in range(max(N_PROFILE_BINS // 2 - half, FAR_BIN + 4), N_PROFILE_BINS // 2 + half + 1, stride):
         v = (k - 0.5 * N_PROFILE_BINS) * step
         n_a, r_a, i_a, z_a, b_a = _spread_of(sums[k], sums[N_PROFILE_BINS], v)
         n_b, r_b, i_b, z_b, b_b = _spread_of(far, sums[k], v)
         if n_a == 0.0 or n_b == 0.0:
             continue
-        # One brightness there and another here, not a stripe of paint in one of them
-        steady = by != 0 and is_steady(sums, k, 0.5 * (b_a + b_b), b_b > b_a)
-        if by == 1 and (
+        # One brightness there and another here, not a stripe of paint on one side
+        steady = by != BY_ROUGHNESS and is_steady(sums, k, 0.5 * (b_a + b_b), b_b > b_a)
+        if by == BY_BRIGHTNESS and (
             not steady
             or k < FAR_BIN + WIDE_BINS
             or b_b <= b_a
@@ -137,8 +165,8 @@ def split_in(
         ):
             continue
         gain = 0.0
-        if by != 1:
-            # A spread of few points is not well known; once an edge is there, that is no matter
+        if by != BY_BRIGHTNESS:
+            # A spread of few points is not well known; once an edge is found, that does not matter
             least = ROUGHER**2 * (1.0 + 2.0 / np.sqrt(n_b)) if stride > 1 else 1.0
             if r_b <= least * r_a or r_b > ROUGHEST_M**2:
                 continue
@@ -148,9 +176,11 @@ def split_in(
         if steady:
             gain += n * np.log(i) - n_a * np.log(i_a) - n_b * np.log(i_b)
         gains[k] = gain
-        if gain > out[0]:
-            out[0], out[1], out[2], out[3] = gain, v, np.sqrt(r_a), np.sqrt(r_b)
-            out[4], out[5], out[6], out[7] = z_b - z_a, b_b / max(b_a, 1e-6) if steady else 1.0, n_a, n_b
+        if gain > out[EDGE_CLEAR]:
+            out[EDGE_CLEAR], out[EDGE_V] = gain, v
+            out[EDGE_SMOOTH], out[EDGE_ROUGH], out[EDGE_STEP] = np.sqrt(r_a), np.sqrt(r_b), z_b - z_a
+            out[EDGE_CONTRAST] = b_b / max(b_a, 1e-6) if steady else 1.0
+            out[EDGE_N_SMOOTH], out[EDGE_N_ROUGH] = n_a, n_b
 
 
 @njit(cache=True, nogil=True)
@@ -163,28 +193,40 @@ def best_split(
     sums: FloatArray,
     out: FloatArray,
 ) -> bool:
-    """Turn the v-axis until the profile changes most clearly; False when it does not, or not near the place.
+    """Turn the v-axis until the profile changes most clearly; return False if no change passes the cell.
 
-    out: see `EDGE_COLUMNS`.
+    Parameters
+    ----------
+    work
+        (n or more, 5): points, see `linework.kernels.boundaries.profiles.gather_at`.
+    frame
+        Unit vector v to begin with.
+    scale
+        Radius of the search area over the usual one.
+    by
+        `BY_ROUGHNESS`, `BY_BRIGHTNESS` or `BY_BOTH`.
+    sums
+        (73, 9) scratch, see `linework.kernels.boundaries.profiles.bin_sums_across`.
+    out
+        (11,) output, columns `EDGE_VX` to `EDGE_N_ROUGH`.
     """
-    step, half_u = 0.02 * scale, 0.5 * scale
-    # Looked for beyond the cell as well: what is clearest there is not clearest at the cell's rim
-    half = int(1.4 * EDGE_REACH_V / step)
-    found, gains = np.zeros(8), np.zeros(N_PROFILE_BINS)
-    out[0], out[1] = frame
-    out[2] = 0.0
+    step, half_u = PROFILE_BIN_M * scale, HALF_LENGTH_M * scale
+    half = int(BEYOND * EDGE_REACH_V / step)
+    found, gains = np.zeros(EDGE_COLUMNS), np.zeros(N_PROFILE_BINS)
+    out[EDGE_VX], out[EDGE_VY] = frame
+    out[EDGE_CLEAR] = 0.0
     for stage in range(len(EDGE_TURNS)):
-        x0, y0 = out[0], out[1]
+        x0, y0 = out[EDGE_VX], out[EDGE_VY]
         for turn in EDGE_TURNS[stage]:
             x, y = x0 * np.cos(turn) - y0 * np.sin(turn), x0 * np.sin(turn) + y0 * np.cos(turn)
             bin_sums_across(work, n, x, y, half_u, step, sums)
             split_in(sums, step, half, 4 if stage == 0 else 2, by, gains, found)
-            if found[0] > out[2]:
-                out[0], out[1] = x, y
-                out[2:10] = found
-        if out[2] < (0.5 * CLEAR_SPLIT if stage == 0 else CLEAR_SPLIT):
+            if found[EDGE_CLEAR] > out[EDGE_CLEAR]:
+                out[EDGE_VX], out[EDGE_VY] = x, y
+                out[EDGE_CLEAR:EDGE_SIGMA] = found[EDGE_CLEAR:EDGE_SIGMA]
+        if out[EDGE_CLEAR] < (0.5 * CLEAR_SPLIT if stage == 0 else CLEAR_SPLIT):
             return False
-        if stage > 0 and beside_cell(out[0], out[1], out[3]):
+        if stage > 0 and beside_cell(out[EDGE_VX], out[EDGE_VY], out[EDGE_V]):
             return False
     return True
 
@@ -193,36 +235,41 @@ def best_split(
 def sharpen_split(
     work: FloatArray, n: int, first: FloatArray, scale: float, by: int, sums: FloatArray, out: FloatArray
 ) -> bool:
-    """Find the change again within 20 cm of the place, in fine steps; v is the mean of where it may be.
+    """Find a change again within 20 cm of the place, in fine steps; return False if it is not there.
 
-    out: see `EDGE_COLUMNS`. Paint beside the edge is brighter than both sides: it has no say farther off.
+    Its v is the mean over the breaks, weighted by their likelihood. No break farther off is tried: paint beside the
+    edge is brighter than both sides. Parameters as for `best_split`, whose result is `first` (11,); `out` gets all
+    columns.
     """
-    step = 0.02 * scale
-    found, gains = np.zeros(8), np.zeros(N_PROFILE_BINS)
-    out[0], out[1], out[2] = first[0], first[1], 0.0
+    step, half_u = PROFILE_BIN_M * scale, HALF_LENGTH_M * scale
+    found, gains = np.zeros(EDGE_COLUMNS), np.zeros(N_PROFILE_BINS)
+    out[EDGE_VX], out[EDGE_VY], out[EDGE_CLEAR] = first[EDGE_VX], first[EDGE_VY], 0.0
     for stage in range(len(FINE_TURNS)):
-        x0, y0 = out[0], out[1]
+        x0, y0 = out[EDGE_VX], out[EDGE_VY]
         for turn in FINE_TURNS[stage]:
             x, y = x0 * np.cos(turn) - y0 * np.sin(turn), x0 * np.sin(turn) + y0 * np.cos(turn)
-            bin_sums_across(work, n, x, y, 0.5 * scale, step, sums)
+            bin_sums_across(work, n, x, y, half_u, step, sums)
             split_in(sums, step, NEAR_BINS, 1, by, gains, found)
-            if found[0] > out[2]:
-                out[0], out[1] = x, y
-                out[2:10] = found
-    if out[2] < CLEAR_SPLIT or abs(out[3]) > (NEAR_BINS - 0.5) * step:
+            if found[EDGE_CLEAR] > out[EDGE_CLEAR]:
+                out[EDGE_VX], out[EDGE_VY] = x, y
+                out[EDGE_CLEAR:EDGE_SIGMA] = found[EDGE_CLEAR:EDGE_SIGMA]
+    if out[EDGE_CLEAR] < CLEAR_SPLIT or abs(out[EDGE_V]) > (NEAR_BINS - 0.5) * step:
         return False
-    bin_sums_across(work, n, out[0], out[1], 0.5 * scale, step, sums)
+    bin_sums_across(work, n, out[EDGE_VX], out[EDGE_VY], half_u, step, sums)
     split_in(sums, step, NEAR_BINS, 1, by, gains, found)
     total, mean, square = 0.0, 0.0, 0.0
     for k in range(N_PROFILE_BINS):
         if gains[k] > 0.0:
-            likely, v = np.exp(0.5 * NEW_SHARE * (gains[k] - found[0])), (k - 0.5 * N_PROFILE_BINS) * step
+            likely, v = (
+                np.exp(0.5 * NEW_SHARE * (gains[k] - found[EDGE_CLEAR])),
+                (k - 0.5 * N_PROFILE_BINS) * step,
+            )
             total += likely
             mean += likely * v
             square += likely * v * v
     mean /= total
-    out[3], out[10] = mean, np.sqrt(max(square / total - mean * mean, 0.0) + step * step / 12.0)
-    _out_of_shadow(work, n, step, 0.5 * scale, sums, out)
+    out[EDGE_V], out[EDGE_SIGMA] = mean, np.sqrt(max(square / total - mean * mean, 0.0) + step * step / 12.0)
+    _out_of_shadow(work, n, step, half_u, sums, out)
     return True
 
 
@@ -230,136 +277,43 @@ def sharpen_split(
 def _out_of_shadow(
     work: FloatArray, n: int, step: float, half_u: float, sums: FloatArray, out: FloatArray
 ) -> None:
-    """Move an edge that lies among few points to the pavement's last ones.
+    """Move an edge (11,) that lies in the scanner's shadow to the last points of the pavement.
 
-    Behind an edge over a lower verge lies the scanner's shadow: the change may be anywhere in it, the edge is
+    Behind an edge above a lower verge lies the scanner's shadow: the change may be anywhere in it, but the edge is
     where it begins.
     """
-    usual = (sums[N_PROFILE_BINS, 0] - sums[N_PROFILE_BINS // 2, 0]) / (N_PROFILE_BINS // 2)
-    k = int(np.floor(out[3] / step)) + N_PROFILE_BINS // 2
+    points = sums[:, BIN_N]
+    usual = (points[N_PROFILE_BINS] - points[N_PROFILE_BINS // 2]) / (N_PROFILE_BINS // 2)
+    k = int(np.floor(out[EDGE_V] / step)) + N_PROFILE_BINS // 2
     for j in (k - 1, k + 1):
-        if sums[j + 1, 0] - sums[j, 0] < sums[k + 1, 0] - sums[k, 0]:
+        if points[j + 1] - points[j] < points[k + 1] - points[k]:
             k = j
-    if sums[k + 1, 0] - sums[k, 0] >= SHADOW_SHARE * usual:
+    if points[k + 1] - points[k] >= SHADOW_SHARE * usual:
         return
     first = k
-    while first > FAR_BIN and sums[first, 0] - sums[first - 1, 0] < SHADOW_SHARE * usual:
+    while first > FAR_BIN and points[first] - points[first - 1] < SHADOW_SHARE * usual:
         first -= 1
-    while k < N_PROFILE_BINS - 1 and sums[k + 1, 0] - sums[k, 0] < SHADOW_SHARE * usual:
+    while k < N_PROFILE_BINS - 1 and points[k + 1] - points[k] < SHADOW_SHARE * usual:
         k += 1
-    # So few points by chance are no shadow
+    # Where few points are expected, their absence may be chance
     if (k - first) * usual < SHADOW_POINTS:
         return
-    # The fourth last point, so that strays do no harm, and what lies on average beyond it
+    # From the fourth last point on, by the average distance to the edge beyond it
     begin = (k - 0.5 * N_PROFILE_BINS) * step
-    last = np.full(4, begin + 4.0 * step)
+    last = np.full(N_LAST, begin + 4.0 * step)
     for i in range(n):
-        x, y = work[i, 0], work[i, 1]
-        v = x * out[0] + y * out[1]
-        if v < begin or abs(x * out[1] - y * out[0]) > half_u or abs(work[i, 2]) > ROUGHEST_M:
+        x, y = work[i, PLACE_X], work[i, PLACE_Y]
+        v = x * out[EDGE_VX] + y * out[EDGE_VY]
+        if (
+            v < begin
+            or abs(x * out[EDGE_VY] - y * out[EDGE_VX]) > half_u
+            or abs(work[i, PLACE_R]) > ROUGHEST_M
+        ):
             continue
-        for j in range(4):
+        for j in range(N_LAST):
             nearer = min(last[j], v)
             v = max(last[j], v)
             last[j] = nearer
     spacing = step / max(usual, 0.5)
-    out[3], out[10] = last[3] - 3.5 * spacing, 2.0 * spacing + SHADOW_SIGMA_M
-
-
-# The box of an unkerbed pavement edge in one cell: found, measured, and judged
-
-#: Share of the fine cells' differences that a slope must explain before their points are looked at.
-EDGE_EXPLAINED = 0.25
-#: A verge lies this far below or above the pavement at most. [m]
-VERGE_STEP_M = 0.15
-#: Gravel, soil and cut grass are rough by this at least. [m]
-VERGE_M = 0.005
-
-
-@njit(cache=True, nogil=True)
-def differs(slopes: FloatArray, noise: float, by: int) -> bool:
-    """Return whether the fine cells get rougher (by = 0) or brighter (by = 1) as next to a pavement's edge."""
-    row = slopes[ROUGH + by]
-    # By how much both sides of the area differ, if it is cut in half: 0.85 / R is the slope of a step of 1
-    least = (ROUGHER - 1.0) * noise if by == 0 else 0.5 * (BRIGHTER - 1.0) * row[3]
-    return bool(row[2] >= EDGE_EXPLAINED and np.hypot(row[0], row[1]) * AREA_M >= least)
-
-
-@njit(cache=True, nogil=True)
-def edge_in_cell(
-    data: tuple[FloatArray, IntArray, IntArray, FloatArray, FloatArray],
-    place: tuple[float, float],
-    floor: tuple[FloatArray, float, float, float, float],
-    around: tuple[FloatArray, float],
-    area: tuple[int, float],
-    limits: FloatArray,
-    rooms: tuple[FloatArray, FloatArray, FloatArray],
-    box: FloatArray,
-) -> int:
-    """Find where the pavement ends in the cell about `place`; write the box, return FOUND or why there is none.
-
-    Arguments as for a kerb. First by roughness; where that tells nothing, by brightness alone.
-    """
-    points, starts, span, _, _ = data
-    work, sums, edge = rooms
-    x, y = place
-    n, scale = area
-    plane, first = floor[0].copy(), np.zeros(EDGE_COLUMNS)
-    if n < 2 * SIDE_POINTS:
-        return BOX_HOLE
-    by, found = 0, False
-    for k in range(2):
-        gx, gy = around[0][ROUGH + k, 0], around[0][ROUGH + k, 1]
-        size = np.hypot(gx, gy)
-        if not found and differs(around[0], floor[1], k) and size > 0.0:
-            by = k
-            found = best_split(work, n, (-gx / size, -gy / size), scale, 2 - k, sums, first)
-    if not found:
-        return BOX_ALL_ROAD if first[2] < CLEAR_SPLIT else BOX_ELSEWHERE
-    vx, vy, v = first[0], first[1], first[3]
-    low, high = chord_in_cell(v * vx, v * vy, vy, -vx, 0.5 * BOX_CELL_M + 0.10)
-    if high - low < 0.1:
-        return BOX_ELSEWHERE
-    # Once more about the middle of the piece in this cell
-    mx, my = v * vx + 0.5 * (low + high) * vy, v * vy - 0.5 * (low + high) * vx
-    plane[0] += plane[1] * mx + plane[2] * my
-    n = gather_at(points, starts, span, (x + mx, y + my), 0.80 * scale, plane, MOST_PLACE_POINTS, work)
-    if not sharpen_split(work, n, first, scale, 2 if by == 0 else 1, sums, edge):
-        return BOX_ALL_ROAD
-    vx, vy, v = edge[0], edge[1], edge[3]
-    low, high = chord_in_cell(mx + v * vx, my + v * vy, vy, -vx, 0.5 * BOX_CELL_M)
-    if high - low < 0.05:
-        return BOX_ELSEWHERE
-    if not _is_edge(edge, by, roughness_limit(floor[4], limits)):
-        return BOX_NO_ROAD
-    a, b, c, noise, count = fit_side(
-        work, n, (vx, vy), (v + 0.02, v + 0.60 * scale, 0.5 * scale), (0.0, edge[4] + 0.01), (0.04, 0.04)
-    )
-    if count < SIDE_POINTS:
-        return BOX_HOLE
-    u = 0.5 * (low + high)
-    dx, dy = v * vx + u * vy, v * vy - u * vx
-    box[at_place.BOX_X], box[at_place.BOX_Y] = x + mx + dx, y + my + dy
-    box[at_place.BOX_Z] = plane[0] + plane[1] * dx + plane[2] * dy + a + b * u + c * v
-    box[at_place.BOX_UX], box[at_place.BOX_UY] = vy, -vx
-    box[at_place.BOX_HALF_U] = 0.5 * BOX_CELL_M * scale
-    box[at_place.S_V], box[at_place.S_U] = edge[10], edge[10] / (0.29 * scale)
-    box[at_place.S_Z] = 2.0 * noise / np.sqrt(count)
-    box[at_place.SCORE] = (
-        1.0 - np.exp(-edge[2] / (4.0 * CLEAR_SPLIT))
-        if by == 0
-        else 0.5 * (1.0 - np.exp(-edge[2] / (4.0 * CLEAR_SPLIT)))
-    )
-    box[at_place.FORM], box[at_place.BOX_STEP], box[at_place.TOP_V] = at_place.EDGE, edge[6], np.nan
-    box[at_place.COUNT] = edge[8] + edge[9]
-    return BOX_FOUND
-
-
-@njit(cache=True, nogil=True)
-def _is_edge(edge: FloatArray, by: int, most: float) -> bool:
-    """Return whether pavement lies on one side and a verge on the other."""
-    smooth, rough, contrast = edge[4], edge[5], edge[7]
-    rougher = by == 0 and rough >= ROUGHER * smooth and rough**2 - smooth**2 >= VERGE_M**2
-    # What is only just no wall was made so by the road before it
-    verge = (rougher or contrast >= BRIGHTER) and rough <= 0.8 * ROUGHEST_M
-    return bool(verge and smooth <= most and abs(edge[6]) <= VERGE_STEP_M)
+    out[EDGE_V] = last[N_LAST - 1] - (N_LAST - 0.5) * spacing
+    out[EDGE_SIGMA] = 2.0 * spacing + SHADOW_SIGMA_M

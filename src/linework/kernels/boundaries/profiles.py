@@ -1,41 +1,155 @@
-"""Points of one place, seen along a direction: gathered, sorted into a profile across, split where it breaks.
+"""The points of one place, and their cross profile: gathered, summed in bins, searched for a step, fitted.
 
 A place has its own frame: u along the feature, v to its left, r the height over a plane through the place.
+Positions are in metres from the survey's local origin.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray, IntArray
 from linework.kernels.cells.floor import FINE_M
+from linework.kernels.tracking.small_systems import solve_two
 
-#: Bins of a profile, and how many of them a piece on either side of a break has at most: the lower side is
-#: looked at over 0.6 m, the upper over 0.4 m (kerb tops are narrow), where a bin is 2 cm.
-#: The break between them has twice `FACE_BINS`.
+#: Columns of the points of a place: x and y from it, height r over its plane [m], intensity, number of the point.
+PLACE_X, PLACE_Y, PLACE_R, PLACE_INTENSITY, PLACE_INDEX = range(5)
+PLACE_COLUMNS = 5
+#: Columns of the sums over the bins of a profile: points, v, v^2, height r, v r, r^2, intensity i, v i, i^2.
+BIN_N, BIN_V, BIN_VV, BIN_R, BIN_VR, BIN_RR, BIN_I, BIN_VI, BIN_II = range(9)
+BIN_COLUMNS = 9
+#: Parts of a span of cells: its west column and south row from the local origin, numbers of columns and rows.
+SPAN_WEST, SPAN_SOUTH, SPAN_COLS, SPAN_ROWS = range(4)
+#: Parts of a plane through a place: height there [m], slopes to the east and to the north.
+PLANE_Z, PLANE_EAST, PLANE_NORTH = range(3)
+#: Columns of the slope of a channel (see `linework.kernels.cells.surroundings`): gradient to the east and to the
+#: north, share of the variance that it explains, mean.
+SLOPE_EAST, SLOPE_NORTH, SLOPE_SHARE, SLOPE_MEAN = range(4)
+
+#: Bins of a profile, and the most that a piece on either side of a break has: with bins of 2 cm the lower side is
+#: fitted over 0.6 m, the upper over 0.4 m (kerb tops are narrow). The break between them is twice `FACE_BINS` wide.
 N_PROFILE_BINS, LOW_BINS, HIGH_BINS, FACE_BINS = 72, 30, 20, 1
-#: Ramps behind dropped kerbs rise by 1 in 8, kerbs' flat tops by less: more is no top. [m/m]
+#: Largest slope of a kerb's top against its floor: ramps behind dropped kerbs rise by 1 in 8, flat tops by less,
+#: and noise adds to both. [m/m]
 STEEP_TOP = 0.3
-#: No scanner measures smoother floors. [m]
+#: Smallest noise of a floor: no scanner measures better. [m]
 LEAST_FLOOR_NOISE_M = 0.0025
-EMPTY_BIN = np.zeros(9)
-#: Fewest points in the pieces beside a break: three unknowns there, and one to judge them.
+#: The sums of no bins.
+EMPTY_BIN = np.zeros(BIN_COLUMNS)
+#: Fewest points on either side of a break: three unknowns, and one more for the noise.
 PIECE_POINTS = 4
-#: A place needs no more points than this to be measured (what is left is not noise), and to be found.
+#: Most points used to measure a place (with more, noise is not what limits it), and to find it.
 MOST_PLACE_POINTS, ENOUGH_POINTS = 1000, 300
-#: What stands higher over the plane (or lies deeper) is neither floor nor kerb: cars, hedges, walls. [m]
+#: Points farther than this above or below the plane are neither floor nor kerb: cars, hedges, walls. [m]
 CLIP_M = 0.30
+#: A line beside a cell may still pass through it after a turn of the profile, if it misses it by less. [m]
+BESIDE_CELL_M = 0.08
+#: Smallest variance of v in a piece of a profile, against division by zero. [m^2]
+LEAST_VV = 1e-9
+#: Standard deviation of a uniform distribution over its width: 1 / sqrt(12).
+UNIFORM_SIGMA = 0.29
+#: Width of a bin of the profile across a usual search area, and half of the length along u that it takes in. [m]
+PROFILE_BIN_M, HALF_LENGTH_M = 0.02, 0.5
+#: Extent of a floor across [m]; weights that hold its slopes along u and v to 0 [m^2]; distance that it keeps from the
+#: foot of a step: half of a usual scan spot [m].
+FLOOR_WIDTH_M, FLOOR_SOFT, CLEAR_M = 0.60, (0.04, 0.04), 0.02
+#: A line is sought as far as this beyond its cell, where it is measured again; the shortest piece of it in a cell that
+#: is measured again, and the shortest that makes a box. [m]
+CHORD_SLACK_M, LEAST_CHORD_M, LEAST_BOX_M = 0.05, 0.1, 0.05
+#: Radius within which a line is measured again, about the middle of its piece in the cell. [m]
+AGAIN_M = 0.80
+#: Tukey's weight is 0 beyond this many standard deviations; rounds of reweighting, after which the fit stands still.
+TUKEY_SPREADS, N_ROUNDS = 4.0, 4
+#: Smallest sum of weights that determines a plane.
+LEAST_WEIGHT = 3.0
+
+
+class FloorCells(NamedTuple):
+    """Points near the ground by fine cell, and what is computed of each cell.
+
+    Parameters
+    ----------
+    points
+        (n, 4): x, y, z [m, from the local origin], intensity.
+    starts
+        (n_cells + 1,) int64: first point of each fine cell.
+    span
+        (4,) int64: `SPAN_WEST` to `SPAN_ROWS`.
+    sums, facets
+        See `linework.kernels.cells.floor.cell_sums` and `facets_of`.
+    """
+
+    points: FloatArray
+    starts: IntArray
+    span: IntArray
+    sums: FloatArray
+    facets: FloatArray
+
+
+class FloorLimits(NamedTuple):
+    """Settings of the boundary boxes: bounds of a kerb and of its floor.
+
+    Parameters
+    ----------
+    least_step, highest_step
+        Height of a kerb. [m]
+    steepest
+        Slope of a floor against the road. [m/m]
+    most_noise
+        Of the roughest floor. [m]
+    is_vertical
+        1 where slopes are measured against the vertical, 0 against the road.
+    """
+
+    least_step: float
+    steepest: float
+    highest_step: float
+    most_noise: float
+    is_vertical: float
+
+
+class LocalFloor(NamedTuple):
+    """The floor at a place.
+
+    Parameters
+    ----------
+    plane
+        (3,): `PLANE_Z`, `PLANE_EAST`, `PLANE_NORTH`.
+    noise
+        Its rms distance from its points. [m]
+    east, north
+        The road's slopes, over 3 m.
+    usual
+        Noise of the smoothest floors around. [m]
+    """
+
+    plane: FloatArray
+    noise: float
+    east: float
+    north: float
+    usual: float
+
+
+class PlaceScratch(NamedTuple):
+    """Arrays that the kernels of one place overwrite: its points, the sums of a profile, a measured step."""
+
+    work: FloatArray
+    sums: FloatArray
+    step: FloatArray
 
 
 @njit(cache=True, nogil=True)
 def count_near(starts: IntArray, span: IntArray, place: tuple[float, float], radius: float) -> int:
-    """Return how many points the fine cells within `radius` of a place (east, north) hold."""
-    n_cols, n_rows = span[2], span[3]
-    c0 = max(int(np.floor((place[0] - radius) / FINE_M)) - span[0], 0)
-    c1 = min(int(np.floor((place[0] + radius) / FINE_M)) - span[0], n_cols - 1)
-    r0 = max(int(np.floor((place[1] - radius) / FINE_M)) - span[1], 0)
-    r1 = min(int(np.floor((place[1] + radius) / FINE_M)) - span[1], n_rows - 1)
+    """Return the number of points in the fine cells within `radius` [m] of a place (east, north)."""
+    n_cols, n_rows = span[SPAN_COLS], span[SPAN_ROWS]
+    px, py = place
+    c0 = max(int(np.floor((px - radius) / FINE_M)) - span[SPAN_WEST], 0)
+    c1 = min(int(np.floor((px + radius) / FINE_M)) - span[SPAN_WEST], n_cols - 1)
+    r0 = max(int(np.floor((py - radius) / FINE_M)) - span[SPAN_SOUTH], 0)
+    r1 = min(int(np.floor((py + radius) / FINE_M)) - span[SPAN_SOUTH], n_rows - 1)
     total = 0
     if c0 <= c1:
         for r in range(r0, r1 + 1):
@@ -54,17 +168,27 @@ def gather_at(
     most: int,
     work: FloatArray,
 ) -> int:
-    """Collect the points around a place into `work`: x, y from it, r over the plane, strength, index.
+    """Write the points around a place to `work`, and return their number.
 
-    plane: height at the place and slopes. Of more than `most` points every second, third ... is taken.
-    Returns how many there are.
+    Parameters
+    ----------
+    points, starts, span
+        (n, 4), (n_cells + 1,), (4,): see `FloorCells`.
+    place, radius
+        [m, from the local origin]
+    plane
+        (3,): heights are taken over this plane through the place.
+    most
+        Of more points every second, third ... is taken.
+    work
+        (most + 2, 5) output: columns `PLACE_X` to `PLACE_INDEX`.
     """
     px, py = place
-    n_cols, n_rows = span[2], span[3]
-    c0 = max(int(np.floor((px - radius) / FINE_M)) - span[0], 0)
-    c1 = min(int(np.floor((px + radius) / FINE_M)) - span[0], n_cols - 1)
-    r0 = max(int(np.floor((py - radius) / FINE_M)) - span[1], 0)
-    r1 = min(int(np.floor((py + radius) / FINE_M)) - span[1], n_rows - 1)
+    n_cols, n_rows = span[SPAN_COLS], span[SPAN_ROWS]
+    c0 = max(int(np.floor((px - radius) / FINE_M)) - span[SPAN_WEST], 0)
+    c1 = min(int(np.floor((px + radius) / FINE_M)) - span[SPAN_WEST], n_cols - 1)
+    r0 = max(int(np.floor((py - radius) / FINE_M)) - span[SPAN_SOUTH], 0)
+    r1 = min(int(np.floor((py + radius) / FINE_M)) - span[SPAN_SOUTH], n_rows - 1)
     if c0 > c1:
         return 0
     step = 1 + count_near(starts, span, place, radius) // most
@@ -74,10 +198,11 @@ def gather_at(
             turn += 1
             if turn % step != 0:
                 continue
-            x, y = points[i, 0] - px, points[i, 1] - py
+            x, y = points[i, PLACE_X] - px, points[i, PLACE_Y] - py
             w = work[n]
-            w[0], w[1], w[2] = x, y, points[i, 2] - plane[0] - plane[1] * x - plane[2] * y
-            w[3], w[4] = points[i, 3], i
+            w[PLACE_X], w[PLACE_Y] = x, y
+            w[PLACE_R] = points[i, PLACE_R] - plane[PLANE_Z] - plane[PLANE_EAST] * x - plane[PLANE_NORTH] * y
+            w[PLACE_INTENSITY], w[PLACE_INDEX] = points[i, PLACE_INTENSITY], i
             n += int(x * x + y * y <= radius * radius)
     return n
 
@@ -86,49 +211,63 @@ def gather_at(
 def bin_sums_across(
     work: FloatArray, n: int, vx: float, vy: float, half_u: float, step: float, sums: FloatArray
 ) -> None:
-    """Write running sums over the bins of a profile along v: 1, v, vv, r, vr, rr, strength i, vi, ii.
+    """Write the running sums over the bins of a cross profile.
 
-    sums: (N_BINS + 1, 9); of bins a to b - 1 the sums are ``sums[b] - sums[a]``.
+    Parameters
+    ----------
+    work
+        (n or more, 5): points, see `gather_at`.
+    vx, vy
+        Unit vector across.
+    half_u
+        Points farther than this along u are left out. [m]
+    step
+        Width of a bin. [m]
+    sums
+        (73, 9) output, columns `BIN_N` to `BIN_II`; of the bins a to b - 1 the sums are ``sums[b] - sums[a]``.
     """
     sums[:] = 0.0
     for i in range(n):
-        x, y = work[i, 0], work[i, 1]
+        x, y = work[i, PLACE_X], work[i, PLACE_Y]
         v = x * vx + y * vy
         k = int(v / step + 0.5 * N_PROFILE_BINS + 1.0)
-        r, strength = work[i, 2], work[i, 3]
+        r, intensity = work[i, PLACE_R], work[i, PLACE_INTENSITY]
         if k < 1 or k > N_PROFILE_BINS or abs(x * vy - y * vx) > half_u or abs(r) > CLIP_M:
             continue
         s = sums[k]
-        s[0] += 1.0
-        s[1] += v
-        s[2] += v * v
-        s[3] += r
-        s[4] += v * r
-        s[5] += r * r
-        s[6] += strength
-        s[7] += v * strength
-        s[8] += strength * strength
+        s[BIN_N] += 1.0
+        s[BIN_V] += v
+        s[BIN_VV] += v * v
+        s[BIN_R] += r
+        s[BIN_VR] += v * r
+        s[BIN_RR] += r * r
+        s[BIN_I] += intensity
+        s[BIN_VI] += v * intensity
+        s[BIN_II] += intensity * intensity
     for k in range(1, N_PROFILE_BINS + 1):
-        for j in range(9):
+        for j in range(BIN_COLUMNS):
             sums[k, j] += sums[k - 1, j]
 
 
 @njit(cache=True, nogil=True)
 def beside_cell(vx: float, vy: float, v: float) -> bool:
-    """Return whether the line at `v` passes the cell about the place by more than 8 cm (a turn may bring it in)."""
-    return bool(abs(v) > FINE_M * (abs(vx) + abs(vy)) + 0.08)
+    """Return whether the line at `v` [m] misses the cell about the place by more than `BESIDE_CELL_M`."""
+    return bool(abs(v) > FINE_M * (abs(vx) + abs(vy)) + BESIDE_CELL_M)
 
 
 @njit(cache=True, nogil=True)
 def line_through(a: FloatArray, b: FloatArray, v: float) -> tuple[float, float, float, float]:
-    """Return points, sum of squares left, height at `v` and slope of the line through the bins from `a` to `b`."""
-    n = b[0] - a[0]
+    """Return points, residual sum of squares, height at `v` and slope of the line through the bins from `a` to `b`.
+
+    a, b: (9,) running sums of the bins, see `bin_sums_across`.
+    """
+    n = b[BIN_N] - a[BIN_N]
     if n < PIECE_POINTS:
         return n, 0.0, 0.0, 0.0
-    mv, mr = (b[1] - a[1]) / n, (b[3] - a[3]) / n
-    vv = (b[2] - a[2]) / n - mv * mv + 1e-9
-    vr = (b[4] - a[4]) / n - mv * mr
-    rr = (b[5] - a[5]) / n - mr * mr
+    mv, mr = (b[BIN_V] - a[BIN_V]) / n, (b[BIN_R] - a[BIN_R]) / n
+    vv = (b[BIN_VV] - a[BIN_VV]) / n - mv * mv + LEAST_VV
+    vr = (b[BIN_VR] - a[BIN_VR]) / n - mv * mr
+    rr = (b[BIN_RR] - a[BIN_RR]) / n - mr * mr
     slope = vr / vv
     return n, max(rr - slope * vr, 0.0) * n, mr + slope * (v - mv), slope
 
@@ -137,13 +276,20 @@ def line_through(a: FloatArray, b: FloatArray, v: float) -> tuple[float, float, 
 def step_in(
     sums: FloatArray, step: float, half: int, stride: int
 ) -> tuple[float, float, float, float, float]:
-    """Return where a profile steps up towards -v: clearness, v, heights below and above, and noise beside it.
+    """Return the clearest step up of a profile towards -v: clearness, v, heights below and above, noise [m].
 
-    Clearness: how much two lines, broken there, leave less of the squares than one, over their noise. Bins in
-    the break itself, where a kerb has its face, are left out. Breaks are tried up to `half` bins from the middle.
+    The clearness is the sum of squares that two lines with a break explain beyond one line, over their noise
+    variance. Bins in the break itself, where a kerb has its face, are left out.
+
+    Parameters
+    ----------
+    sums, step
+        (73, 9), [m]: see `bin_sums_across`.
+    half, stride
+        Breaks are tried up to `half` bins from the middle, every `stride` bins.
     """
     best, at, below, above, noise = 0.0, 0.0, 0.0, 0.0, 0.0
-    both = np.empty(9)
+    both = np.empty(BIN_COLUMNS)
     for k in range(N_PROFILE_BINS // 2 - half, N_PROFILE_BINS // 2 + half + 1, stride):
         v = (k - 0.5 * N_PROFILE_BINS) * step
         k_low, k_high = k + FACE_BINS, k - FACE_BINS
@@ -157,10 +303,11 @@ def step_in(
             or abs(slope_high - slope_low) > STEEP_TOP
         ):
             continue
-        for j in range(9):
+        for j in range(BIN_COLUMNS):
             both[j] = low[j] - sums[k_low, j] + sums[k_high, j] - high[j]
         square = (left_low + left_high) / max(n_low + n_high - 4.0, 1.0) + LEAST_FLOOR_NOISE_M**2
-        clear = (line_through(EMPTY_BIN, both, v)[1] - left_low - left_high) / square
+        _, left, _, _ = line_through(EMPTY_BIN, both, v)
+        clear = (left - left_low - left_high) / square
         if clear > best:
             best, at, below, above, noise = clear, v, z_low, z_high, np.sqrt(square)
     return best, at, below, above, noise
@@ -175,10 +322,20 @@ def fit_side(
     first: tuple[float, float],
     soft: tuple[float, float],
 ) -> tuple[float, float, float, float, float]:
-    """Fit r = a + b u + c v to the points with v inside a window; points far from it count less.
+    """Fit a plane r = a + b u + c v to the points with v in a window, by reweighted least squares (Tukey).
 
-    frame: v-axis. window: lowest v, highest v, largest distance along u. first: a and spread to begin with.
-    soft: weights that hold b and c to 0.
+    Parameters
+    ----------
+    work
+        (n or more, 5): points, see `gather_at`.
+    frame
+        Unit vector v.
+    window
+        Lowest v, highest v, largest distance along u. [m]
+    first
+        a and spread to begin with. [m]
+    soft
+        Weights that hold b and c to 0. [m^2]
 
     Returns
     -------
@@ -187,45 +344,43 @@ def fit_side(
     spread
         Robust rms distance of the points from it. [m]
     count
-        Of points that count; 0 when there are too few.
+        Points with a weight; 0 when there are too few.
     """
     vx, vy = frame
-    a, b, c, spread = first[0], 0.0, 0.0, first[1]
-    count = 0.0
-    for _ in range(4):
-        s = np.zeros(10)
-        mean_square, weights = 0.0, 0.0
+    v_low, v_high, u_most = window
+    a, spread = first
+    soft_u, soft_v = soft
+    b = c = count = 0.0
+    for _ in range(N_ROUNDS):
+        # Weighted sums
+        m = su = sv = sr = suu = suv = svv = sur = svr = srr = 0.0
         count = 0.0
         for i in range(n):
-            x, y = work[i, 0], work[i, 1]
+            x, y = work[i, PLACE_X], work[i, PLACE_Y]
             v, u = x * vx + y * vy, x * vy - y * vx
-            if v < window[0] or v > window[1] or abs(u) > window[2]:
+            if v < v_low or v > v_high or abs(u) > u_most:
                 continue
-            r = work[i, 2]
+            r = work[i, PLACE_R]
             off = r - a - b * u - c * v
-            # Tukey's weight
-            w = max(1.0 - (off / (4.0 * spread)) ** 2, 0.0) ** 2
+            w = max(1.0 - (off / (TUKEY_SPREADS * spread)) ** 2, 0.0) ** 2
             count += 1.0 if w > 0.0 else 0.0
-            s[0] += w
-            s[1] += w * u
-            s[2] += w * v
-            s[3] += w * r
-            s[4] += w * u * u
-            s[5] += w * u * v
-            s[6] += w * v * v
-            s[7] += w * u * r
-            s[8] += w * v * r
-            mean_square += w * r * r
-            weights += w
-        if count < PIECE_POINTS or s[0] < 3.0:
+            m += w
+            su += w * u
+            sv += w * v
+            sr += w * r
+            suu += w * u * u
+            suv += w * u * v
+            svv += w * v * v
+            sur += w * u * r
+            svr += w * v * r
+            srr += w * r * r
+        if count < PIECE_POINTS or m < LEAST_WEIGHT:
             return 0.0, 0.0, 0.0, 0.0, 0.0
-        m = s[0]
-        mu, mv, mr = s[1] / m, s[2] / m, s[3] / m
-        uu, uv, vv = s[4] - m * mu * mu + soft[0], s[5] - m * mu * mv, s[6] - m * mv * mv + soft[1]
-        ur, vr = s[7] - m * mu * mr, s[8] - m * mv * mr
-        det = uu * vv - uv * uv
-        b, c = (ur * vv - vr * uv) / det, (vr * uu - ur * uv) / det
+        mu, mv, mr = su / m, sv / m, sr / m
+        uu, uv, vv = suu - m * mu * mu + soft_u, suv - m * mu * mv, svv - m * mv * mv + soft_v
+        ur, vr = sur - m * mu * mr, svr - m * mv * mr
+        b, c = solve_two(uu, uv, vv, ur, vr)
         a = mr - b * mu - c * mv
-        left = mean_square - m * mr * mr - b * ur - c * vr
-        spread = max(np.sqrt(max(left, 0.0) / max(weights - 3.0, 1.0)), LEAST_FLOOR_NOISE_M)
+        left = srr - m * mr * mr - b * ur - c * vr
+        spread = max(np.sqrt(max(left, 0.0) / max(m - 3.0, 1.0)), LEAST_FLOOR_NOISE_M)
     return a, b, c, spread, count

@@ -1,24 +1,37 @@
-"""Heights of a hanging wire, what points lie off it, and its least-squares fit; see `linework.lines.catenary`."""
+"""Kernels for a hanging wire: heights, residuals of points, least-squares fit; see `linework.lines.catenary`."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from linework.arrays import AnyArray
 
-#: Reference station and height there [m], slope, curvature [1/m].
-Curve = tuple[float, float, float, float]
-
-#: Below this |k u| the closed forms lose digits and their series (next term 1e-9 relative) take over.
+#: |k u| below which the closed forms lose digits and their series are used, whose next term is 1e-9 relative.
 SERIES_BELOW = 1e-3
+#: Ridge of the normal equations, as a share of the weight: keeps wires of few stations solvable.
+_RIDGE = 1e-9
+#: Gauss-Newton stops when no scaled unknown moves farther than this. [m]
+_AT_REST = 1e-10
+#: Least extent that the unknowns are scaled by. [m]
+_LEAST_EXTENT_M = 1e-3
+
+
+class WireCurve(NamedTuple):
+    """A catenary: reference station [m], height there [m], slope there, curvature [1/m]."""
+
+    station: float
+    height: float
+    slope: float
+    curvature: float
 
 
 @njit(cache=True, nogil=True)
 def terms(u: float, k: float) -> tuple[float, float]:
-    """Return sinh(k u) / k and (cosh(k u) - 1) / k, right for k = 0 too."""
+    """Return sinh(k u) / k and (cosh(k u) - 1) / k, also for k = 0."""
     x = k * u
     if abs(x) < SERIES_BELOW:
         return u * (1.0 + x * x / 6.0), u * (x / 2.0 * (1.0 + x * x / 12.0))
@@ -27,15 +40,15 @@ def terms(u: float, k: float) -> tuple[float, float]:
 
 
 @njit(cache=True, nogil=True)
-def wire_height(station: float, curve: Curve) -> float:
+def wire_height(station: float, curve: WireCurve) -> float:
     """Return the height of a wire at one station [m]."""
-    odd, even = terms(station - curve[0], curve[3])
-    return curve[1] + curve[2] * odd + math.hypot(1.0, curve[2]) * even
+    odd, even = terms(station - curve.station, curve.curvature)
+    return curve.height + curve.slope * odd + math.hypot(1.0, curve.slope) * even
 
 
 @njit(cache=True, nogil=True)
-def wire_heights(station: AnyArray, curve: Curve) -> AnyArray:
-    """Return the heights of a wire at (n,) stations [m]."""
+def wire_heights(station: AnyArray, curve: WireCurve) -> AnyArray:
+    """Return the heights (n,) of a wire at (n,) stations [m]."""
     out = np.empty(len(station))
     for i in range(len(station)):
         out[i] = wire_height(station[i], curve)
@@ -43,10 +56,12 @@ def wire_heights(station: AnyArray, curve: Curve) -> AnyArray:
 
 
 @njit(cache=True, nogil=True)
-def residuals(xyz: AnyArray, line: Curve, curve: Curve) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """Return (n,) stations, offsets and heights above a wire [m] of (n, 3) points.
+def residuals(
+    xyz: AnyArray, line: tuple[float, float, float, float], curve: WireCurve
+) -> tuple[AnyArray, AnyArray, AnyArray]:
+    """Return stations, offsets and heights above a wire of points (n, 3), (n,) each [m].
 
-    `line` is the wire's line in plan: a point and a unit direction.
+    `line` is the wire's line in plan: x and y of a point, and of a unit direction.
     """
     n = len(xyz)
     s, o, dz = np.empty(n), np.empty(n), np.empty(n)
@@ -60,7 +75,7 @@ def residuals(xyz: AnyArray, line: Curve, curve: Curve) -> tuple[AnyArray, AnyAr
 
 @njit(cache=True, nogil=True)
 def derivatives(u: float, m: float, k: float) -> tuple[float, float, float]:
-    """Return the derivatives of the height by z_c, m and k, `u` [m] from the reference station."""
+    """Return the derivatives of the height by z_c, m and k, at a distance `u` [m] from the reference station."""
     odd, even = terms(u, k)
     stretch = math.hypot(1.0, m)
     x = k * u
@@ -74,20 +89,39 @@ def derivatives(u: float, m: float, k: float) -> tuple[float, float, float]:
 @njit(cache=True, nogil=True)
 def fit(
     s: AnyArray, z: AnyArray, w: AnyArray, n_unknowns: int, most_steps: int
-) -> tuple[Curve, AnyArray, float]:
-    """Return curve, (3, 3) cofactors and the weighted squares about it over the sum of weights."""
+) -> tuple[WireCurve, AnyArray, float]:
+    """Fit a catenary by weighted least squares (Gauss-Newton).
+
+    Parameters
+    ----------
+    s, z, w
+        (n,) stations [m], heights [m] and weights.
+    n_unknowns
+        3; or 2 with the curvature held at 0.
+    most_steps
+        Largest number of Gauss-Newton steps.
+
+    Returns
+    -------
+    curve
+        The wire.
+    cofactor
+        (3, 3) inverse normal matrix of (z_c, m, k).
+    square
+        Weighted mean of the squared residuals. [m2]
+    """
     total = w.sum()
     middle, mean = (w * s).sum() / total, (w * z).sum() / total
-    reach = max(np.abs(s - middle).max(), 1e-3)
+    reach = max(np.abs(s - middle).max(), _LEAST_EXTENT_M)
     scale = (1.0, 1.0 / reach, 2.0 / (reach * reach))
-    curve = (middle, mean, 0.0, 0.0)
+    curve = WireCurve(middle, mean, 0.0, 0.0)
     cofactor = np.zeros((3, 3))
     for _ in range(most_steps):
         normal, right = np.zeros((n_unknowns, n_unknowns)), np.zeros(n_unknowns)
         for i in range(len(s)):
             if w[i] == 0.0:
                 continue
-            v = derivatives(s[i] - middle, curve[2], curve[3])
+            v = derivatives(s[i] - middle, curve.slope, curve.curvature)
             off = z[i] - wire_height(s[i], curve)
             for a in range(n_unknowns):
                 wv = w[i] * v[a] * scale[a]
@@ -95,20 +129,20 @@ def fit(
                 for b in range(n_unknowns):
                     normal[a, b] += wv * v[b] * scale[b]
         for a in range(n_unknowns):
-            normal[a, a] += 1e-9 * total
+            normal[a, a] += _RIDGE * total
         inverse = np.linalg.inv(normal)
         step = np.zeros(3)
         for a in range(n_unknowns):
             for b in range(n_unknowns):
                 step[a] += inverse[a, b] * right[b]
                 cofactor[a, b] = inverse[a, b] * scale[a] * scale[b]
-        curve = (
+        curve = WireCurve(
             middle,
-            curve[1] + step[0] * scale[0],
-            curve[2] + step[1] * scale[1],
-            curve[3] + step[2] * scale[2],
+            curve.height + step[0] * scale[0],
+            curve.slope + step[1] * scale[1],
+            curve.curvature + step[2] * scale[2],
         )
-        if np.abs(step).max() < 1e-10:
+        if np.abs(step).max() < _AT_REST:
             break
     squares = 0.0
     for i in range(len(s)):

@@ -1,4 +1,4 @@
-"""Points near an image's set cells, sorted into bins of a plane and, in each bin, into layers of height."""
+"""Binning of the points near an image's set cells: by cell in plan and, within a cell, by layers of height."""
 
 from __future__ import annotations
 
@@ -8,13 +8,29 @@ from numba import njit
 
 from linework.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
-N_LAYERS = 16  # of 0.2 m above a bin's lowest point; the last one is open above
+#: Layers above a bin's lowest point; the last one is open above. 16 layers of 0.2 m reach over a beam on a bank.
+N_LAYERS = 16
+#: Thickness of a layer: a followed sheet needs 0.8 m of height, four or five layers of a bin. [m]
 BIN_LAYER_M = 0.20
+#: Columns of binned points: x, y and z from the bins' origin, height above the road. [m]
+BIN_X, BIN_Y, BIN_Z, BIN_HEIGHT = 0, 1, 2, 3
+#: Number of these columns.
+BIN_COLUMNS = 4
+#: Index of the layers: slot of each bin, lowest z of each slot, where its layers begin; see `sort_into_layers`.
+LayeredBins = tuple[IntArray, FloatArray, IntArray]
 
 
 @njit(cache=True, nogil=True)
 def steps_to_set(image: BoolArray, most: int) -> npt.NDArray[np.uint8]:
-    """Return the steps to the nearest set cell over cells' sides (`most` + 1 where it is farther)."""
+    """Return the distance of each cell to the nearest set cell, (rows, cols) uint8 [cells, city block].
+
+    Parameters
+    ----------
+    image
+        (rows, cols) bool.
+    most
+        Distances beyond this are `most` + 1; at most 254.
+    """
     n_rows, n_cols = image.shape
     steps = np.full((n_rows, n_cols), most + 1, dtype=np.uint8)
     for r in range(n_rows):
@@ -47,9 +63,29 @@ def choose_near(
     most: int,
     band: tuple[float, float],
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return the points in the height band within `most` steps of a set cell: index, lowest, highest x, y, z.
+    """Choose the points within a height band and within `most` cells of a set cell of an image.
 
-    frame: west edge, north edge and cell size of the north-up image.
+    Parameters
+    ----------
+    xyz
+        (n, 3) points. [m, world]
+    height
+        (n,) float32 heights above the road. [m]
+    frame
+        West edge, north edge and cell size of the north-up image. [m, world]
+    image
+        (rows, cols) bool.
+    most
+        Largest distance to a set cell. [cells, city block]
+    band
+        Lowest and highest height above the road. [m]
+
+    Returns
+    -------
+    index
+        (k,) int64: the chosen points.
+    low, high
+        (3,) lowest and highest coordinates among them, infinite without any. [m, world]
     """
     west, north, cell = frame
     n_rows, n_cols = image.shape
@@ -80,9 +116,29 @@ def sort_into_bins(
     n_x: int,
     n_y: int,
 ) -> tuple[FloatArray, IntArray]:
-    """Return chosen points (x, y, z from the origin, height) by bin, and the bins' starts; stable.
+    """Sort chosen points into square bins, row-major from the south-west; stable.
 
-    Bins are row-major from the south-west.
+    Parameters
+    ----------
+    xyz
+        (n, 3) points. [m, world]
+    height
+        (n,) float32 heights above the road. [m]
+    index
+        (k,) int64: the points to sort.
+    origin
+        (3,) south-west corner of the first bin, and the zero of heights. [m, world]
+    cell
+        Side of a bin. [m]
+    n_x, n_y
+        Number of bins to the east and to the north.
+
+    Returns
+    -------
+    points
+        (k, 4) by bin; columns `BIN_X` to `BIN_HEIGHT`. [m]
+    starts
+        (n_x * n_y + 1,) int64: where each bin's points begin.
     """
     starts = np.zeros(n_x * n_y + 1, dtype=np.int64)
     bins = np.empty(len(index), dtype=np.int64)
@@ -94,35 +150,42 @@ def sort_into_bins(
     for b in range(n_x * n_y):
         starts[b + 1] += starts[b]
     fill = starts[:-1].copy()
-    points = np.empty((len(index), 4))
+    points = np.empty((len(index), BIN_COLUMNS))
     for k in range(len(index)):
         i, at = index[k], fill[bins[k]]
         fill[bins[k]] += 1
-        points[at, 0] = xyz[i, 0] - origin[0]
-        points[at, 1] = xyz[i, 1] - origin[1]
-        points[at, 2] = xyz[i, 2] - origin[2]
-        points[at, 3] = height[i]
+        points[at, BIN_X] = xyz[i, 0] - origin[0]
+        points[at, BIN_Y] = xyz[i, 1] - origin[1]
+        points[at, BIN_Z] = xyz[i, 2] - origin[2]
+        points[at, BIN_HEIGHT] = height[i]
     return points, starts
 
 
 @njit(cache=True, nogil=True)
 def layer_of(z: float, floor: float) -> int:
-    """Return the layer of height z in a bin whose lowest point is `floor`."""
+    """Return the layer of height `z` [m] in a bin whose lowest point is at `floor` [m]."""
     return int(min(max((z - floor) / BIN_LAYER_M, 0.0), N_LAYERS - 1.0))
 
 
 @njit(cache=True, nogil=True)
-def sort_into_layers(points: FloatArray, starts: IntArray) -> tuple[IntArray, FloatArray, IntArray]:
-    """Sort each bin's points by layer, in place and stable; return what finds them.
+def sort_into_layers(points: FloatArray, starts: IntArray) -> LayeredBins:
+    """Sort each bin's points by layer, in place and stable, and return the index of the layers.
+
+    Parameters
+    ----------
+    points
+        (n, 4) as `sort_into_bins` returns them; reordered. [m]
+    starts
+        (n_bins + 1,) int64: where each bin's points begin.
 
     Returns
     -------
     slot
-        (n_bins,): number of the bin among those that hold points, else -1.
+        (n_bins,) int64: number of the bin among those that hold points, else -1.
     floor
-        (n_slots,): lowest z of the bin.
+        (n_slots,) lowest z of the bin. [m]
     layers
-        (n_slots, N_LAYERS + 1): where each layer's points begin.
+        (n_slots, N_LAYERS + 1) int64: where each layer's points begin.
     """
     n_bins = len(starts) - 1
     slot = np.full(n_bins, -1, dtype=np.int64)
@@ -134,7 +197,7 @@ def sort_into_layers(points: FloatArray, starts: IntArray) -> tuple[IntArray, Fl
             n_most = max(n_most, starts[b + 1] - starts[b])
     floor = np.empty(n_slots)
     layers = np.zeros((n_slots, N_LAYERS + 1), dtype=np.int64)
-    copy = np.empty((n_most, 4))
+    copy = np.empty((n_most, BIN_COLUMNS))
     fill = np.empty(N_LAYERS, dtype=np.int64)
     for b in range(n_bins):
         k, first, last = slot[b], starts[b], starts[b + 1]
@@ -142,18 +205,18 @@ def sort_into_layers(points: FloatArray, starts: IntArray) -> tuple[IntArray, Fl
             continue
         lowest = np.inf
         for i in range(first, last):
-            lowest = min(lowest, points[i, 2])
-            for j in range(4):
+            lowest = min(lowest, points[i, BIN_Z])
+            for j in range(BIN_COLUMNS):
                 copy[i - first, j] = points[i, j]
         for i in range(first, last):
-            layers[k, layer_of(points[i, 2], lowest) + 1] += 1
+            layers[k, layer_of(points[i, BIN_Z], lowest) + 1] += 1
         layers[k, 0] = first
         for j in range(N_LAYERS):
             fill[j] = layers[k, j]
             layers[k, j + 1] += layers[k, j]
         for i in range(last - first):
-            j = layer_of(copy[i, 2], lowest)
-            for m in range(4):
+            j = layer_of(copy[i, BIN_Z], lowest)
+            for m in range(BIN_COLUMNS):
                 points[fill[j], m] = copy[i, m]
             fill[j] += 1
         floor[k] = lowest

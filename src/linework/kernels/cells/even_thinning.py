@@ -1,4 +1,4 @@
-"""Points evenly thinned in space: the same ones whatever the order they come in."""
+"""Kernels that thin points evenly in space, independent of the order of the points."""
 
 from __future__ import annotations
 
@@ -10,22 +10,26 @@ from numba import njit
 from linework.arrays import AnyArray
 
 Hash64 = np.uint64
-#: The finalizer of splitmix64 (Steele 2014, doi:10.1145/2660193.2660195).
+#: Constants of the finalizer of splitmix64 (Steele 2014, doi:10.1145/2660193.2660195).
 _ADD, _MIX1, _MIX2 = Hash64(0x9E3779B97F4A7C15), Hash64(0xBF58476D1CE4E5B9), Hash64(0x94D049BB133111EB)
-#: Sides of cubes that are tried: from 5 mm, four to the doubling, up to 80 m.
+#: Sides of the tried cubes: from 5 mm, four per doubling, up to 80 m. [m, 1, 1]
 LEAST_CUBE_M, CUBES_PER_DOUBLING, N_CUBES = 0.005, 4, 56
-#: Steps that coordinates are known by. [1/m]
+#: Resolution of coordinates in a key: 1 mm. [1/m]
 _STEPS_PER_M = 1000.0
 
 
 @njit(cache=True, nogil=True)
 def sampling_keys(x: AnyArray, y: AnyArray, z: AnyArray, intensity: AnyArray, salt: int) -> AnyArray:
-    """Return (n,) uint64 numbers as good as drawn by lot, the same for the same point.
+    """Return pseudo-random keys of points, (n,) uint64, the same for the same point.
 
     Parameters
     ----------
+    x, y, z
+        (n,) coordinates from a local origin. [m]
+    intensity
+        (n,) uint16.
     salt
-        Number of the place that x, y and z are counted from.
+        Number of the local origin.
     """
     out = np.empty(len(x), np.uint64)
     start = _mixed(Hash64(salt))
@@ -46,12 +50,16 @@ def _mixed(value: Any) -> Any:
 
 @njit(cache=True, nogil=True)
 def evenly_thinned(xyz: AnyArray, most: int) -> AnyArray:
-    """Return the numbers of the points to keep: the first in every cube, of the smallest cubes that leave `most`.
+    """Return the indices of the points to keep, (k,) int64 with k <= `most`: the first point of every cube.
+
+    The cubes are the smallest that leave at most that many.
 
     Parameters
     ----------
     xyz
-        (n, 3) float32, local, in the order by which the first of a cube is taken. [m]
+        (n, 3) float32, local; the first point of a cube is taken in this order. [m]
+    most
+        Largest number of points to keep.
     """
     n = len(xyz)
     if n <= most:
@@ -77,7 +85,7 @@ def _cube_m(number: int) -> float:
 
 @njit(cache=True, nogil=True)
 def _firsts(xyz: AnyArray, cube_m: float, table: AnyArray, most: int) -> AnyArray:
-    """Return the first point in every cube; of more than `most` cubes, one too many."""
+    """Return the first point of every cube; stops at `most` + 1 points. `table` is scratch."""
     table[:] = 0
     mask = Hash64(len(table) - 1)
     firsts = np.empty(most + 1, np.int64)

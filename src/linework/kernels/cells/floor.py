@@ -1,6 +1,6 @@
-"""Points near the ground, sorted into the cells of a survey's lattice, and the facets that they make there.
+"""Kernels that sort points near the ground into fine cells and fit a facet, a local plane, to each cell.
 
-A facet is the plane through the points of a few cells: height, slopes, and how far the points lie from it.
+A facet is the plane through the points of a few cells: height, slopes, and rms distance of the points.
 Positions are local: from the survey's origin. [m]
 """
 
@@ -13,15 +13,41 @@ from linework.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 #: Side of a fine cell: half of a cell that may hold a box. [m]
 FINE_M = 0.25
-#: A facet of fewer points takes one more ring of cells, up to this many. A plane has three unknowns.
+#: Fewest points of a facet, whose plane has three unknowns; with fewer it takes one more ring of cells, up to so
+#: many rings.
 FACET_POINTS, FACET_RINGS = 9, 3
-#: Cells of two fine ones, 3 m.
+#: Reach of the search for the smoothest facet around: 3 m. [cells of two fine ones]
 FACETS_AROUND = 6
+#: Column number of a point that belongs to no cell.
+NO_CELL = -(2**62)
+#: A scan line alone spans no plane: its points spread less than 2 cm to its sides. [m2]
+_LEAST_SPREAD_M2 = 4e-4
+
+#: Columns of the sums over the points of a fine cell: number, x, y, z, their products, and strength.
+SUM_N, SUM_X, SUM_Y, SUM_Z, SUM_XX, SUM_XY, SUM_YY, SUM_XZ, SUM_YZ, SUM_ZZ, SUM_STRENGTH = range(11)
+#: Number of these columns; the plane of a facet needs all but the last.
+SUM_COLUMNS, _PLANE_SUMS = 11, 10
+#: Columns of a facet: points, height [m], slopes east and north, rms distance [m], that of the smoothest around [m].
+FACET_N, FACET_HEIGHT, FACET_EAST, FACET_NORTH, FACET_RMS, FACET_SMOOTHEST = range(6)
+#: Number of these columns.
+FACET_COLUMNS = 6
+#: Elements of a range of fine cells: first column, first row, number of columns, number of rows.
+SPAN_WEST, SPAN_SOUTH, SPAN_COLS, SPAN_ROWS = range(4)
 
 
 @njit(cache=True, nogil=True)
 def ground_at(x: float, y: float, cell: float, west: int, north: int, ground: Float32Array) -> float:
-    """Return the ground's height, bilinear between cell centres; cells are counted from the origin."""
+    """Return the height of the ground at (x, y), bilinear between cell centres. [m, from the origin].
+
+    Parameters
+    ----------
+    x, y
+        Position. [m, from the origin]
+    cell, west, north
+        Side of a cell [m]; column of the first cell, row number of the northern edge, from the origin [cells].
+    ground
+        (rows, cols) float32 heights, north up. [m]
+    """
     n_rows, n_cols = ground.shape
     gx, gy = x / cell - 0.5, y / cell - 0.5
     c, r = int(np.floor(gx)), int(np.floor(gy))
@@ -45,27 +71,33 @@ def cells_near_ground(
     near: BoolArray,
     band: tuple[float, float],
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Return each point's fine cell (col, row from the origin; col -2**62: not wanted), and their ranges.
-
-    Wanted are points in cells that are `near`, with a height over the ground inside the band.
+    """Return the fine cell of each point near the ground, and the range of these cells.
 
     Parameters
     ----------
-    ground
-        (rows, cols): height over the origin, cells of `cell` from column `west`, rows down from `north`.
+    xyz
+        (n, 3) points. [m, world]
+    origin
+        (3,) origin of the survey. [m, world]
+    cell, west, north, ground
+        See `ground_at`.
+    near
+        (rows, cols) bool: cells whose points are wanted.
+    band
+        Lowest and highest height over the ground of wanted points. [m]
 
     Returns
     -------
     col, row
-        (n,).
+        (n,) int64 fine cell, counted from the origin; column `NO_CELL` where the point is not wanted.
     span
-        (4,): first column, first row, number of columns and rows; numbers are 0 without points.
+        (4,) int64, elements `SPAN_WEST` to `SPAN_ROWS`; whole cells of two fine ones; 0 without points.
     """
     col, row = np.empty(len(xyz), dtype=np.int64), np.empty(len(xyz), dtype=np.int64)
     n_rows, n_cols = near.shape
     low_c, low_r, high_c, high_r = 2**62, 2**62, -(2**62), -(2**62)
     for i in range(len(xyz)):
-        col[i] = -(2**62)
+        col[i] = NO_CELL
         x, y, z = xyz[i, 0] - origin[0], xyz[i, 1] - origin[1], xyz[i, 2] - origin[2]
         c, r = int(np.floor(x / cell)) - west, north - 1 - int(np.floor(y / cell))
         if r < 0 or r >= n_rows or c < 0 or c >= n_cols or not near[r, c]:
@@ -91,24 +123,40 @@ def cells_near_ground(
 def sort_by_cell(
     xyz: FloatArray, strength: Float32Array, origin: FloatArray, col: IntArray, row: IntArray, span: IntArray
 ) -> tuple[FloatArray, IntArray, IntArray]:
-    """Return the wanted points (x, y, z, strength) by fine cell, where they were, and the cells' starts; stable.
+    """Sort the wanted points by fine cell, row-major from the south-west of `span`; stable.
 
-    Cells are row-major from the south-west of `span`.
+    Parameters
+    ----------
+    xyz, strength
+        (n, 3) points [m, world] and (n,) float32 normalised intensity.
+    origin
+        (3,) origin of the survey. [m, world]
+    col, row, span
+        As `cells_near_ground` returns them.
+
+    Returns
+    -------
+    points
+        (k, 4) x, y, z from the origin [m] and strength.
+    source
+        (k,) int64: which of the n points each is.
+    starts
+        (cells + 1,) int64: where each cell's points begin.
     """
-    n_cols = span[2]
-    starts = np.zeros(n_cols * span[3] + 1, dtype=np.int64)
+    n_cols = span[SPAN_COLS]
+    starts = np.zeros(n_cols * span[SPAN_ROWS] + 1, dtype=np.int64)
     for i in range(len(col)):
-        if col[i] != -(2**62):
-            starts[(row[i] - span[1]) * n_cols + col[i] - span[0] + 1] += 1
+        if col[i] != NO_CELL:
+            starts[(row[i] - span[SPAN_SOUTH]) * n_cols + col[i] - span[SPAN_WEST] + 1] += 1
     for b in range(len(starts) - 1):
         starts[b + 1] += starts[b]
     fill = starts[:-1].copy()
     points = np.empty((starts[-1], 4))
     source = np.empty(starts[-1], dtype=np.int64)
     for i in range(len(col)):
-        if col[i] == -(2**62):
+        if col[i] == NO_CELL:
             continue
-        b = (row[i] - span[1]) * n_cols + col[i] - span[0]
+        b = (row[i] - span[SPAN_SOUTH]) * n_cols + col[i] - span[SPAN_WEST]
         at = fill[b]
         fill[b] += 1
         for k in range(3):
@@ -120,44 +168,51 @@ def sort_by_cell(
 
 @njit(cache=True, nogil=True)
 def cell_sums(points: FloatArray, starts: IntArray, span: IntArray) -> FloatArray:
-    """Return (cells, 11) sums over the points of each fine cell, x and y from its centre.
+    """Return the sums over the points of each fine cell, (cells, 11), x and y from its centre.
 
-    Columns: 1, x, y, z, xx, xy, yy, xz, yz, zz, strength.
+    Columns `SUM_N` to `SUM_STRENGTH`; the arguments are what `sort_by_cell` returns, and its `span`.
     """
-    sums = np.zeros((len(starts) - 1, 11))
-    n_cols = span[2]
+    sums = np.zeros((len(starts) - 1, SUM_COLUMNS))
+    n_cols = span[SPAN_COLS]
     for b in range(len(starts) - 1):
-        x0, y0 = (span[0] + b % n_cols + 0.5) * FINE_M, (span[1] + b // n_cols + 0.5) * FINE_M
+        x0 = (span[SPAN_WEST] + b % n_cols + 0.5) * FINE_M
+        y0 = (span[SPAN_SOUTH] + b // n_cols + 0.5) * FINE_M
         s = sums[b]
         for i in range(starts[b], starts[b + 1]):
             x, y, z = points[i, 0] - x0, points[i, 1] - y0, points[i, 2]
-            s[0] += 1.0
-            s[1] += x
-            s[2] += y
-            s[3] += z
-            s[4] += x * x
-            s[5] += x * y
-            s[6] += y * y
-            s[7] += x * z
-            s[8] += y * z
-            s[9] += z * z
-            s[10] += points[i, 3]
+            s[SUM_N] += 1.0
+            s[SUM_X] += x
+            s[SUM_Y] += y
+            s[SUM_Z] += z
+            s[SUM_XX] += x * x
+            s[SUM_XY] += x * y
+            s[SUM_YY] += y * y
+            s[SUM_XZ] += x * z
+            s[SUM_YZ] += y * z
+            s[SUM_ZZ] += z * z
+            s[SUM_STRENGTH] += points[i, 3]
     return sums
 
 
 @njit(cache=True, nogil=True)
 def plane_of(s: FloatArray) -> tuple[float, float, float, float]:
-    """Return height at x = y = 0, slopes, and rms distance of the plane through the points of sums `s`.
+    """Return height at x = y = 0 [m], slopes, and rms distance [m] of the plane through the points of sums `s`.
 
-    Distance NaN: the points lie on a line.
+    Parameters
+    ----------
+    s
+        (10 or more,) sums over at least one point, elements `SUM_N` to `SUM_ZZ`.
+
+    Notes
+    -----
+    The distance is NaN where the points lie on a line.
     """
-    n = s[0]
-    mx, my, mz = s[1] / n, s[2] / n, s[3] / n
-    xx, xy, yy = s[4] / n - mx * mx, s[5] / n - mx * my, s[6] / n - my * my
-    xz, yz, zz = s[7] / n - mx * mz, s[8] / n - my * mz, s[9] / n - mz * mz
+    n = s[SUM_N]
+    mx, my, mz = s[SUM_X] / n, s[SUM_Y] / n, s[SUM_Z] / n
+    xx, xy, yy = s[SUM_XX] / n - mx * mx, s[SUM_XY] / n - mx * my, s[SUM_YY] / n - my * my
+    xz, yz, zz = s[SUM_XZ] / n - mx * mz, s[SUM_YZ] / n - my * mz, s[SUM_ZZ] / n - mz * mz
     det = xx * yy - xy * xy
-    # A scan line alone: its points spread less than 2 cm to its sides
-    if not det > 4e-4 * max(xx, yy):
+    if not det > _LEAST_SPREAD_M2 * max(xx, yy):
         return mz, 0.0, 0.0, np.nan
     a, b = (xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det
     left = max(zz - a * xz - b * yz, 0.0)
@@ -166,67 +221,77 @@ def plane_of(s: FloatArray) -> tuple[float, float, float, float]:
 
 @njit(cache=True, nogil=True)
 def facets_of(sums: FloatArray, span: IntArray) -> FloatArray:
-    """Return (cells of two fine ones, 6) the facet at each cell's middle: points, height, slopes, rms distance.
+    """Return the facet at the centre of each cell of two fine ones, (cells, 6).
 
-    The last column is the rms distance of the smoothest facet within 3 m. Facets are 1 m wide, more where the
-    points are few. Without enough, or without any in the cell: 0 points.
+    Columns `FACET_N` to `FACET_SMOOTHEST`. Facets are 1 m wide, more where the points are few; 0 points where
+    there are not enough or none in the cell.
+
+    Parameters
+    ----------
+    sums
+        (fine cells, 11), as `cell_sums` returns them.
+    span
+        (4,) int64 range of the fine cells.
     """
-    n_cols, n_rows = span[2], span[3]
-    out = np.zeros((len(sums) // 4, 6))
-    s = np.empty(10)
+    n_cols, n_rows = span[SPAN_COLS], span[SPAN_ROWS]
+    out = np.zeros((len(sums) // 4, FACET_COLUMNS))
+    s = np.empty(_PLANE_SUMS)
     for k in range(len(out)):
         r, c = 2 * (k // (n_cols // 2)), 2 * (k % (n_cols // 2))
         at = r * n_cols + c
-        if sums[at, 0] + sums[at + 1, 0] + sums[at + n_cols, 0] + sums[at + n_cols + 1, 0] == 0.0:
+        south = sums[at, SUM_N] + sums[at + 1, SUM_N]
+        if south + sums[at + n_cols, SUM_N] + sums[at + n_cols + 1, SUM_N] == 0.0:
             continue
         for ring in range(1, FACET_RINGS + 1):
             s[:] = 0.0
             for i in range(max(r - ring, 0), min(r + ring + 2, n_rows)):
                 for j in range(max(c - ring, 0), min(c + ring + 2, n_cols)):
                     _add_shifted(s, sums[i * n_cols + j], (j - c - 0.5) * FINE_M, (i - r - 0.5) * FINE_M)
-            if s[0] >= FACET_POINTS:
+            if s[SUM_N] >= FACET_POINTS:
                 break
-        if s[0] >= FACET_POINTS:
+        if s[SUM_N] >= FACET_POINTS:
             z, a, b, rms = plane_of(s)
             if rms == rms:
-                out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4] = s[0], z, a, b, rms
+                out[k, FACET_N], out[k, FACET_HEIGHT], out[k, FACET_RMS] = s[SUM_N], z, rms
+                out[k, FACET_EAST], out[k, FACET_NORTH] = a, b
     _smoothest_near(out, n_rows // 2, n_cols // 2)
     return out
 
 
 @njit(cache=True, nogil=True)
 def _smoothest_near(facets: FloatArray, n_rows: int, n_cols: int) -> None:
-    """Write each facet's last column: the least rms distance within `FACETS_AROUND` cells, rows before columns."""
+    """Write the last column of the facets: the least rms distance within `FACETS_AROUND` cells."""
     least = np.full((n_rows, n_cols), np.inf)
     for r in range(n_rows):
         for c in range(n_cols):
-            if facets[r * n_cols + c, 0] == 0.0:
+            if facets[r * n_cols + c, FACET_N] == 0.0:
                 continue
-            rms = facets[r * n_cols + c, 4]
+            rms = facets[r * n_cols + c, FACET_RMS]
             for j in range(max(c - FACETS_AROUND, 0), min(c + FACETS_AROUND + 1, n_cols)):
                 least[r, j] = min(least[r, j], rms)
     for r in range(n_rows):
         for i in range(max(r - FACETS_AROUND, 0), min(r + FACETS_AROUND + 1, n_rows)):
             for c in range(n_cols):
                 at = r * n_cols + c
-                facets[at, 5] = (
-                    least[i, c] if i == max(r - FACETS_AROUND, 0) else min(facets[at, 5], least[i, c])
+                is_first = i == max(r - FACETS_AROUND, 0)
+                facets[at, FACET_SMOOTHEST] = (
+                    least[i, c] if is_first else min(facets[at, FACET_SMOOTHEST], least[i, c])
                 )
 
 
 @njit(cache=True, nogil=True)
 def _add_shifted(s: FloatArray, t: FloatArray, dx: float, dy: float) -> None:
-    """Add sums `t`, taken about a centre that lies at (dx, dy), to `s`."""
-    n = t[0]
+    """Add to sums `s` those of a cell, `t`, taken about a centre at (dx, dy) [m]."""
+    n = t[SUM_N]
     if n == 0.0:
         return
-    s[0] += n
-    s[1] += t[1] + n * dx
-    s[2] += t[2] + n * dy
-    s[3] += t[3]
-    s[4] += t[4] + 2.0 * dx * t[1] + n * dx * dx
-    s[5] += t[5] + dx * t[2] + dy * t[1] + n * dx * dy
-    s[6] += t[6] + 2.0 * dy * t[2] + n * dy * dy
-    s[7] += t[7] + dx * t[3]
-    s[8] += t[8] + dy * t[3]
-    s[9] += t[9]
+    s[SUM_N] += n
+    s[SUM_X] += t[SUM_X] + n * dx
+    s[SUM_Y] += t[SUM_Y] + n * dy
+    s[SUM_Z] += t[SUM_Z]
+    s[SUM_XX] += t[SUM_XX] + 2.0 * dx * t[SUM_X] + n * dx * dx
+    s[SUM_XY] += t[SUM_XY] + dx * t[SUM_Y] + dy * t[SUM_X] + n * dx * dy
+    s[SUM_YY] += t[SUM_YY] + 2.0 * dy * t[SUM_Y] + n * dy * dy
+    s[SUM_XZ] += t[SUM_XZ] + dx * t[SUM_Z]
+    s[SUM_YZ] += t[SUM_YZ] + dy * t[SUM_Z]
+    s[SUM_ZZ] += t[SUM_ZZ]

@@ -1,4 +1,4 @@
-"""How the scanner saw each point, and counts of intensities: whole numbers, so that counts of parts add up."""
+"""Kernels for intensity: viewing geometry of each point, and histograms in whole numbers, which add up over tiles."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from numba import njit
 
 from linework.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
-#: Bins of the logarithm of a value, 16 to the doubling (4 %): from 2^-8 (ratios) to 2^16 (16 bit).
+#: Bins of the logarithm of a value: 16 per doubling (4 %), from 2^-8 (ratios) to 2^16 (16 bit).
 N_INTENSITY_BINS, PER_DOUBLING, LOWEST = 384, 16, -8
-#: Bins of range, 4 to the doubling from 1 m to 64 m, and of the cosine of incidence, 2 to the halving.
+#: Bins of range, 4 per doubling from 1 m to 64 m, and of the cosine of incidence, 2 per halving.
 N_RANGES, RANGES_PER_DOUBLING = 24, 4
 N_COSINES, COSINES_PER_HALVING = 10, 2
 
 
 @njit(cache=True, nogil=True)
 def bin_of(value: float) -> int:
-    """Return the bin of a value; those out of range fall into the first and the last."""
+    """Return the bin of a value; values out of range fall into the first and the last bin."""
     if not value > 0.0:
         return 0
     b = math.floor((math.log2(value) - LOWEST) * PER_DOUBLING)
@@ -36,15 +36,19 @@ def viewing_geometry(
     frame: tuple[float, float, float],
     slopes: Float32Array,
 ) -> tuple[Float32Array, Float32Array]:
-    """Return range [m] and cosine of incidence at which each point was seen; NaN beyond the path's times.
+    """Return range [m] and cosine of incidence of each point, (n,) float32 each; NaN beyond the path's times.
 
     Parameters
     ----------
+    xyz, time_s
+        (n, 3) points [m, world] and (n,) their times [s].
+    path_time_s, path_xyz
+        (m,) rising times [s] and (m, 3) positions [m, world] of the path, m >= 2.
     mount_m
-        Height of the scanner over the path.
+        Height of the scanner over the path. [m]
     frame, slopes
-        West edge, north edge and cell of a north-up grid; (rows, cols, 2) slopes of the ground to the east
-        and to the north.
+        West edge, north edge and cell of a north-up grid [m, world]; (rows, cols, 2) float32 slopes of the ground
+        to the east and to the north.
     """
     west, north, cell = frame
     n_rows, n_cols = slopes.shape[0], slopes.shape[1]
@@ -55,7 +59,7 @@ def viewing_geometry(
         t = time_s[i]
         if not (t >= path_time_s[0] and t <= path_time_s[last]):
             continue
-        # Points lie nearly in the order of time
+        # Points are nearly in the order of time
         if not (path_time_s[k] <= t and t <= path_time_s[min(k + 1, last)]):
             k = min(max(np.searchsorted(path_time_s, t) - 1, 0), last - 1)
         share = (t - path_time_s[k]) / (path_time_s[k + 1] - path_time_s[k])
@@ -76,7 +80,15 @@ def viewing_geometry(
 def count_views(
     value: Float32Array, reach: Float32Array, cosine: Float32Array, chosen: BoolArray
 ) -> IntArray:
-    """Return (N_RANGES, N_COSINES, N_BINS) how many of the chosen points were seen how, and how bright."""
+    """Return the histogram of the chosen points, (N_RANGES, N_COSINES, N_INTENSITY_BINS) int64.
+
+    Parameters
+    ----------
+    value, reach, cosine
+        (n,) float32 intensities, ranges [m] and cosines of incidence.
+    chosen
+        (n,) bool.
+    """
     counts = np.zeros((N_RANGES, N_COSINES, N_INTENSITY_BINS), np.int64)
     for i in range(len(value)):
         if not (chosen[i] and reach[i] >= 1.0 and cosine[i] > 0.0):
@@ -98,9 +110,16 @@ def count_in_blocks(
     n_rows: int,
     n_cols: int,
 ) -> npt.NDArray[np.int32]:
-    """Return (n_rows, n_cols, N_BINS) how many of the chosen points of each block are how bright.
+    """Return the histogram of the chosen points in each block, (n_rows, n_cols, N_INTENSITY_BINS) int32.
 
-    Blocks are those of the lattice of multiples of `size`; first: numbers of the west column and of the south row.
+    Parameters
+    ----------
+    xyz, value, chosen
+        (n, 3) points [m, world], (n,) float32 intensities and (n,) bool.
+    size
+        Side of a block; blocks are on the lattice of its multiples. [m]
+    first
+        Numbers of the west column and of the south row.
     """
     counts = np.zeros((n_rows, n_cols, N_INTENSITY_BINS), np.int32)
     for i in range(len(xyz)):

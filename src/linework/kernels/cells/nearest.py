@@ -1,4 +1,4 @@
-"""Loops that carry a surface on: nearest known cell within a reach, filling, softening."""
+"""Kernels that extend a surface: nearest known cell within a reach, filling, smoothing."""
 
 from __future__ import annotations
 
@@ -10,29 +10,33 @@ from linework.arrays import BoolArray, Float32Array, Int32Array, IntArray
 
 @njit(cache=True, nogil=True)
 def nearest_known_squared(known: BoolArray, reach: int, margin: int) -> tuple[Int32Array, Int32Array]:
-    """Return for each cell the nearest known one (flat index, -1: none within reach) and the square distance.
+    """Return the nearest known cell of each cell and its squared distance, int32 (n_rows - 2 margin, ...) each.
+
+    The first is a flat index into `known`, -1 where none is within reach; the second is in cells squared.
 
     Parameters
     ----------
+    known
+        (n_rows, n_cols) bool.
     reach
-        In cells. Of several nearest cells the westernmost counts, then the northernmost.
+        Largest distance. Of several nearest cells the westernmost counts, then the northernmost. [cells]
     margin
-        Only the cells at least this far inside are asked for; the answer is of that smaller shape.
+        Only cells at least this far inside are computed. [cells]
 
     Notes
     -----
     Exact: first along columns, then the lower envelope of the columns' parabolas along rows (Meijster,
     Roerdink, Hesselink 2000, doi:10.1007/0-306-47025-X_36), here with columns beyond the reach left out, so
-    that empty places cost little, and with ties decided by place, so that a part of a survey gives what the
-    whole gives.
+    that empty areas cost little, and with ties decided by position, so that a part of a survey gives the same
+    result as the whole.
     """
     n_rows, n_cols = known.shape
     row_of = _nearest_in_columns(known, reach, margin)
     index = np.full((n_rows - 2 * margin, n_cols - 2 * margin), -1, dtype=np.int32)
     square = np.full((n_rows - 2 * margin, n_cols - 2 * margin), reach * reach + 1, dtype=np.int32)
     site = np.empty(n_cols, dtype=np.int32)  # columns of the envelope
-    below = np.empty(n_cols, dtype=np.int32)  # and the squares of their distances along the column
-    begin = np.empty(n_cols, dtype=np.int32)  # and where each begins to be the nearest
+    below = np.empty(n_cols, dtype=np.int32)  # their squared distances along the column
+    begin = np.empty(n_cols, dtype=np.int32)  # first column at which each is the nearest
     inverse = 0.5 / np.maximum(np.arange(n_cols), 1)
     for r in range(n_rows - 2 * margin):
         n = 0
@@ -43,11 +47,11 @@ def nearest_known_squared(known: BoolArray, reach: int, margin: int) -> tuple[In
             g = g * g
             start = 0
             while n > 0:
-                # The first column at which this one is nearer than the last of the envelope: ties stay west
+                # First column at which this one is nearer than the last of the envelope; ties go to the west
                 step = c - site[n - 1]
                 num = step * (c + site[n - 1]) + (g - below[n - 1])
                 start = int(num * inverse[step])
-                rest = num - start * 2 * step  # the quotient's last bit, whichever way it was rounded
+                rest = num - start * 2 * step  # correct the rounding of the quotient
                 if rest < 0:
                     start -= 1
                 elif rest >= 2 * step:
@@ -77,7 +81,7 @@ def nearest_known_squared(known: BoolArray, reach: int, margin: int) -> tuple[In
 
 @njit(cache=True, nogil=True)
 def _nearest_in_columns(known: BoolArray, reach: int, margin: int) -> Int32Array:
-    """Return for the inner rows the row of the nearest known cell of each column, -1 beyond the reach."""
+    """Return the row of the nearest known cell in the same column, for the inner rows; -1 beyond the reach."""
     n_rows, n_cols = known.shape
     far = -4 * (n_rows + reach)
     out = np.empty((n_rows - 2 * margin, n_cols), dtype=np.int32)
@@ -102,7 +106,7 @@ def _nearest_in_columns(known: BoolArray, reach: int, margin: int) -> Int32Array
 
 @njit(cache=True, nogil=True)
 def heights_by_index(height: Float32Array, index: Int32Array) -> Float32Array:
-    """Return the heights of the cells that `index` names, NaN where it names none."""
+    """Return the heights (float32) at flat indices `index` (rows, cols) int32; NaN where it is negative."""
     flat = height.reshape(-1)
     out = np.full(index.shape, np.float32(np.nan), dtype=np.float32)
     for r in range(index.shape[0]):
@@ -114,18 +118,23 @@ def heights_by_index(height: Float32Array, index: Int32Array) -> Float32Array:
 
 @njit(cache=True, nogil=True)
 def softened(values: Float32Array, square: Int32Array, half: int, cell: float, over: float) -> Float32Array:
-    """Return the inner cells, averaged over (2 half + 1)**2 cells more and more the farther they are carried.
+    """Return the inner cells (n_rows, n_cols) float32, the smoother the farther their values are extrapolated.
+
+    A value is blended with the mean of (2 half + 1)**2 cells about it, by its distance from where it was measured.
 
     Parameters
     ----------
     values, square
-        (n_rows + 2 half, n_cols + 2 half): heights, and square distances to where they come from [cells**2].
+        (n_rows + 2 half, n_cols + 2 half) float32 heights [m], and int32 squared distances to the cells they were
+        measured in [cells**2].
+    cell
+        Side of a cell. [m]
     over
-        At this distance the mean has taken the place of the value. [m]
+        Distance at which the mean has replaced the value. [m]
 
     Notes
     -----
-    Sums are added in one fixed order for every cell. A mean that would need a missing cell is not taken.
+    Sums are added in the same order for every cell. A mean that would need a missing cell is not used.
     """
     n_rows, n_cols = values.shape[0] - 2 * half, values.shape[1] - 2 * half
     width = 2 * half + 1
@@ -164,16 +173,21 @@ def blend_into_ground(
     cell: float,
     carry: float,
 ) -> None:
-    """Fill what is missing of the ground from `far`, and let the road give way to the ground, in place.
+    """Fill gaps of the ground from `far`, and blend the road into the ground away from its edge, in place.
 
     Parameters
     ----------
+    road, ground
+        (n_rows, n_cols) float32 heights, written. [m]
     square
-        Square distances to the road. [cells**2]
+        (n_rows, n_cols) int32 squared distances to the road. [cells**2]
     far
-        Heights block by block; `row_block` and `col_block` give each row's and column's block.
+        (blocks, blocks) float32 heights by block; `row_block` (n_rows,) and `col_block` (n_cols,) int64 are the
+        block of each row and column. [m]
+    cell
+        Side of a cell. [m]
     carry
-        So far the road is the reference, and over as much again it gives way. [m]
+        Distance up to which the road is kept; it is blended over the same distance again. [m]
     """
     one, size, begin = np.float32(1.0), np.float32(cell), np.float32(carry)
     scale = np.float32(1.0 / max(carry, cell))
@@ -200,7 +214,24 @@ def block_sums(
     n_cols: int,
     fixed: float,
 ) -> tuple[IntArray, IntArray]:
-    """Return per block the sum of the chosen cells' heights in steps of 1 / `fixed` and their number."""
+    """Return the sum of the chosen cells' heights, in steps of 1 / `fixed`, and their number, per block.
+
+    Parameters
+    ----------
+    height, chosen
+        (rows, cols) float32 heights [m] and bool.
+    row_block, col_block
+        (rows,) and (cols,) int64: the block of each row and column.
+    n_rows, n_cols
+        Numbers of blocks.
+    fixed
+        Steps per metre. [1/m]
+
+    Returns
+    -------
+    total, number
+        (n_rows, n_cols) int64 each.
+    """
     total = np.zeros((n_rows, n_cols), dtype=np.int64)
     number = np.zeros((n_rows, n_cols), dtype=np.int64)
     for r in range(height.shape[0]):

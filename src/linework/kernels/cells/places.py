@@ -1,4 +1,4 @@
-"""Places where a box is looked for: cells of the survey's lattice, their floor, and the areas around them.
+"""Kernels for the places where a box is searched: cells of the survey's lattice, their floor and search area.
 
 Positions are local: from the survey's origin. [m]
 """
@@ -10,25 +10,44 @@ from numba import njit
 
 from linework.arrays import Float32Array, FloatArray, IntArray
 from linework.kernels.boundaries.profiles import ENOUGH_POINTS, count_near, gather_at
-from linework.kernels.cells.floor import ground_at
+from linework.kernels.cells.floor import (
+    FACET_EAST,
+    FACET_HEIGHT,
+    FACET_N,
+    FACET_NORTH,
+    FACET_RMS,
+    FACET_SMOOTHEST,
+    SPAN_COLS,
+    SPAN_ROWS,
+    SPAN_SOUTH,
+    SPAN_WEST,
+    ground_at,
+)
 
-#: Side of a cell that may hold a box.
+#: Side of a cell that may hold a box. [m]
 BOX_CELL_M = 0.5
-#: Radius of a search area: the floor's 0.5 m on one side, 0.2 m of the top on the other, from anywhere in a cell.
+#: Radius of a search area: 0.5 m of floor on one side and 0.2 m of the top on the other, from anywhere in a cell. [m]
 AREA_M = 0.75
-#: Search areas of fewer points grow; they have these radii.
+#: Radii of search areas, in `AREA_M`: those of fewer than `AREA_POINTS` points grow.
 SCALES = np.array([1.0, 1.5, 2.5])
+#: Points that a search area is to hold.
 AREA_POINTS = 60
 
-#: A kerb is higher than this many times the noise of its floor: grass is not.
+#: Least height of a kerb, in noise of its floor: grass is lower.
 LEAST_CLEAR_STEP = 1.5
 
-#: The carriageway is the smoothest floor around, but for what a rough spot or a far scanner adds; and any
-#: floor is as smooth as that of fresh asphalt under a fair scanner. [times, m]
+#: Noise of a floor against the smoothest around it, at most [ratio]: a rough spot or a far scanner adds to it. Noise
+#: that any floor may have: fresh asphalt under a fair scanner [m].
 ROUGHER_FLOOR, SMOOTH_FLOOR_M = 3.0, 0.006
 
-#: Why there is no box.
+#: Result of the search at a place: a box, or why there is none.
 BOX_FOUND, BOX_HOLE, BOX_NO_ROAD, BOX_ALL_ROAD, BOX_ELSEWHERE = 0, 1, 2, 3, 4
+#: Elements of a plane: height [m], slopes east and north.
+PLANE_HEIGHT, PLANE_EAST, PLANE_NORTH = 0, 1, 2
+#: Half width of a facet, over which a tilt against the road counts like its rms distance. [m]
+_TILT_LEVER_M = 0.15
+#: Half of the length over which the slope of the ground is taken. [m]
+_HALF_SLOPE_M = 1.5
 #: Columns of a box.
 BOX_X, BOX_Y, BOX_Z, BOX_UX, BOX_UY, BOX_HALF_U, S_V, S_Z, S_U, SCORE, FORM, BOX_STEP, TOP_V, COUNT, START, BOX_END = (
     0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15,
@@ -41,33 +60,49 @@ KERB, EDGE, BARRIER = 2.0, 3.0, 4.0
 def floor_near(
     facets: FloatArray, span: IntArray, x: float, y: float, slope: tuple[float, float], plane: FloatArray
 ) -> tuple[float, float]:
-    """Choose the smoothest facet of the road's slope within the search area; write its plane at (x, y).
+    """Choose the smoothest facet with the road's slope within the search area, and write its plane.
 
-    Returns its rms distance, negative without any, and that of the smoothest facets around.
+    Parameters
+    ----------
+    facets, span
+        (cells, 6) and (4,) int64; see `linework.kernels.cells.floor.facets_of`.
+    x, y
+        The place. [m]
+    slope
+        Slope of the road to the east and to the north.
+    plane
+        (3,), written: elements `PLANE_HEIGHT` to `PLANE_NORTH`, at (x, y).
+
+    Returns
+    -------
+    noise, usual
+        Rms distance of the facet, negative without any, and that of the smoothest facets around. [m]
     """
     best, noise, usual = 1e9, -1.0, 0.0
-    n_cols, n_rows = span[2] // 2, span[3] // 2
-    c0, r0 = int(np.floor(x / BOX_CELL_M)) - span[0] // 2, int(np.floor(y / BOX_CELL_M)) - span[1] // 2
+    n_cols, n_rows = span[SPAN_COLS] // 2, span[SPAN_ROWS] // 2
+    c0 = int(np.floor(x / BOX_CELL_M)) - span[SPAN_WEST] // 2
+    r0 = int(np.floor(y / BOX_CELL_M)) - span[SPAN_SOUTH] // 2
     for r in range(max(r0 - 2, 0), min(r0 + 3, n_rows)):
         for c in range(max(c0 - 2, 0), min(c0 + 3, n_cols)):
             f = facets[r * n_cols + c]
-            if f[0] == 0.0:
+            if f[FACET_N] == 0.0:
                 continue
-            # A facet across a step is tilted as well as rough: over half of its width the tilt is worth
-            tilt = (f[2] - slope[0]) ** 2 + (f[3] - slope[1]) ** 2
-            cost = f[4] ** 2 + 0.15**2 * tilt
+            # A facet across a step is tilted as well as rough: the tilt counts over half of its width
+            tilt = (f[FACET_EAST] - slope[0]) ** 2 + (f[FACET_NORTH] - slope[1]) ** 2
+            cost = f[FACET_RMS] ** 2 + _TILT_LEVER_M**2 * tilt
             if cost < best:
-                best, noise, usual = cost, f[4], f[5]
-                dx = x - (span[0] // 2 + c + 0.5) * BOX_CELL_M
-                dy = y - (span[1] // 2 + r + 0.5) * BOX_CELL_M
-                plane[0], plane[1], plane[2] = f[1] + f[2] * dx + f[3] * dy, f[2], f[3]
+                best, noise, usual = cost, f[FACET_RMS], f[FACET_SMOOTHEST]
+                dx = x - (span[SPAN_WEST] // 2 + c + 0.5) * BOX_CELL_M
+                dy = y - (span[SPAN_SOUTH] // 2 + r + 0.5) * BOX_CELL_M
+                plane[PLANE_HEIGHT] = f[FACET_HEIGHT] + f[FACET_EAST] * dx + f[FACET_NORTH] * dy
+                plane[PLANE_EAST], plane[PLANE_NORTH] = f[FACET_EAST], f[FACET_NORTH]
     return noise, usual
 
 
 @njit(cache=True, nogil=True)
-def roughness_limit(usual: float, limits: FloatArray) -> float:
-    """Return how rough the floor of a place may be, where the smoothest floor around is known."""
-    return float(min(limits[3], max(ROUGHER_FLOOR * usual, SMOOTH_FLOOR_M)))
+def roughness_limit(usual: float, most_noise: float) -> float:
+    """Return the largest noise of the floor at a place [m], `usual` being that of the smoothest floors around."""
+    return float(min(most_noise, max(ROUGHER_FLOOR * usual, SMOOTH_FLOOR_M)))
 
 
 @njit(cache=True, nogil=True)
@@ -79,7 +114,23 @@ def gather_area(
     plane: FloatArray,
     work: FloatArray,
 ) -> tuple[int, float]:
-    """Collect the points of the search area about a place, wider where they are few; return how many, and scale."""
+    """Collect the points of the search area about a place, wider where they are few.
+
+    Parameters
+    ----------
+    points, starts, span
+        (n, 4), (cells + 1,) int64 and (4,) int64; see `linework.kernels.cells.floor.sort_by_cell`.
+    place
+        x and y. [m]
+    plane
+        (3,) floor of the place.
+    work
+        (m, 4), written: the points; see `linework.kernels.boundaries.profiles.gather_at`.
+
+    Returns
+    -------
+    Number of points, and the radius of the area in `AREA_M`.
+    """
     scale = SCALES[0]
     for k in range(len(SCALES)):
         scale = SCALES[k]
@@ -90,7 +141,7 @@ def gather_area(
 
 @njit(cache=True, nogil=True)
 def chord_in_cell(x: float, y: float, ux: float, uy: float, half: float) -> tuple[float, float]:
-    """Return from where to where (along u) a line is inside the square ``|x|, |y| <= half``; empty: 0, -1."""
+    """Return the range along a line (x, y) + t (ux, uy) inside the square ``|x|, |y| <= half`` [m]; empty: 0, -1."""
     low, high = -1e9, 1e9
     for p, d in ((x, ux), (y, uy)):
         if abs(d) < 1e-12:
@@ -106,9 +157,15 @@ def chord_in_cell(x: float, y: float, ux: float, uy: float, half: float) -> tupl
 
 @njit(cache=True, nogil=True)
 def slope_at(place: tuple[float, float], ground: tuple[Float32Array, float, int, int]) -> tuple[float, float]:
-    """Return the ground's slope east and north over 3 m."""
+    """Return the slope of the ground to the east and to the north at a place, over 3 m.
+
+    `ground` is heights (rows, cols) float32, side of a cell, first column and northern edge; see `ground_at`.
+    """
     x, y = place
     height, cell, west, north = ground
-    east = ground_at(x + 1.5, y, cell, west, north, height) - ground_at(x - 1.5, y, cell, west, north, height)
-    up = ground_at(x, y + 1.5, cell, west, north, height) - ground_at(x, y - 1.5, cell, west, north, height)
-    return east / 3.0, up / 3.0
+    half = _HALF_SLOPE_M
+    east = ground_at(x + half, y, cell, west, north, height) - ground_at(
+        x - half, y, cell, west, north, height
+    )
+    up = ground_at(x, y + half, cell, west, north, height) - ground_at(x, y - half, cell, west, north, height)
+    return east / (2.0 * half), up / (2.0 * half)

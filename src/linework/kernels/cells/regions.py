@@ -1,4 +1,4 @@
-"""Loops over cells that belong together: labels of regions, links across edges, opening, cells on a path."""
+"""Kernels for regions of cells: labels, links across window edges, opening, heights below a path."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numba import njit
 
 from linework.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 
-#: So deep from an edge can a region go on beyond it: it steps over one missing cell.
+#: Distance from an edge within which a region may continue beyond it: it steps over one missing cell. [cells]
 DEEP = 2
 
 
@@ -21,16 +21,31 @@ def label_regions(
     max_step: float,
     level: bool,
 ) -> tuple[Int32Array, int, Int32Array]:
-    """Return the connected regions of the allowed cells: labels 1, 2 ... (0: not allowed).
+    """Label the connected regions of the allowed cells: 1, 2 ... (0: not allowed).
 
     Two cells are connected when they are neighbours in a row or a column, or have one missing cell between
     them, and their heights differ by at most `max_step` from what the mean of their slopes predicts
     (`level`: slopes count as 0). The relation is symmetric, so a region does not depend on where it starts.
 
+    Parameters
+    ----------
+    height, slope_east, slope_north
+        (n_rows, n_cols) float32, north up: heights [m], NaN where missing, and slopes.
+    allowed
+        (n_rows, n_cols) bool.
+    cell, max_step
+        Side of a cell, and largest deviation of a step. [m]
+    level
+        Take slopes as 0.
+
     Returns
     -------
-    labels, how many of them come within `DEEP` cells of the edge (they come first), and each label's first
-    cell, row by row (flat index; entry 0 is label 1).
+    labels
+        (n_rows, n_cols) int32.
+    n_border
+        Number of labels within `DEEP` cells of the edge; they come first.
+    first
+        (n,) int32: flat index of each label's first cell, row by row; entry 0 is label 1.
     """
     n_rows, n_cols = height.shape
     parent = np.full(n_rows * n_cols, -1, dtype=np.int32)
@@ -47,7 +62,7 @@ def label_regions(
                     if rr < 0 or cc < 0:
                         break
                     if np.isnan(height[rr, cc]):
-                        continue  # look one cell further: a hole between two scan lines
+                        continue  # look one cell further: a gap between two scan lines
                     if allowed[rr, cc]:
                         slope = np.float32(0.0)
                         if not level and axis == 0:
@@ -63,7 +78,7 @@ def label_regions(
 
 @njit(cache=True, nogil=True)
 def _spans_of(mask: BoolArray) -> Int32Array:
-    """Return where the set cells of each row begin and end: of a tile with a road most cells are empty."""
+    """Return the range of set cells of each row, (n_rows, 2): most cells of a tile with a road are empty."""
     n_rows, n_cols = mask.shape
     spans = np.zeros((n_rows, 2), dtype=np.int32)
     for r in range(n_rows):
@@ -136,7 +151,15 @@ def _numbered(
 
 @njit(cache=True, nogil=True)
 def sizes_of_labels(labels: Int32Array, count: Int32Array, n: int) -> tuple[IntArray, IntArray]:
-    """Return the cells of each label (entry 0 is label 1), and the points in them."""
+    """Return the number of cells of each label and of the points in them, (n,) int64 each; entry 0 is label 1.
+
+    Parameters
+    ----------
+    labels, count
+        (n_rows, n_cols) int32 labels, and int32 points per cell.
+    n
+        Number of labels.
+    """
     cells, points = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
     for r in range(labels.shape[0]):
         for c in range(labels.shape[1]):
@@ -157,14 +180,17 @@ def links_across(
     cell: float,
     max_step: float,
 ) -> Int32Array:
-    """Return the (m, 2) labels that are connected across an edge, by the relation of `label_regions`.
+    """Return the pairs of labels that are connected across an edge, (m, 2) int32, as `label_regions` connects.
 
     Parameters
     ----------
     height, slope, labels
-        (n, 2): the cells along the edge on this side, the nearest to it last; slopes towards the other side.
+        (n, 2) float32 and int32: the cells along the edge on this side, the nearest to it last; slopes towards the
+        other side.
     height_b, slope_b, labels_b
-        (n, 2): those on the other side, the nearest to the edge first.
+        (n, 2) float32 and int32: those on the other side, the nearest to the edge first.
+    cell, max_step
+        Side of a cell, and largest deviation of a step. [m]
     """
     found = np.empty((len(height), 2), dtype=np.int32)
     n = 0
@@ -177,7 +203,7 @@ def links_across(
         elif np.isnan(height_b[i, 0]):
             b = 1
         if labels[i, a] == 0 or labels_b[i, b] == 0:
-            continue  # not allowed, or missing too: heights of labelled cells are known
+            continue  # not allowed, or missing: labelled cells have a height
         reach = 2 - a + b
         expected = np.float32(0.5) * (slope[i, a] + slope_b[i, b]) * np.float32(reach * cell)
         if abs(height_b[i, b] - height[i, a] - expected) <= max_step:
@@ -192,14 +218,18 @@ def links_across(
 def drops_below(
     path: FloatArray, west: int, south: int, height: Float32Array, cell: float, z0: float, reach: int
 ) -> tuple[Float32Array, Float32Array]:
-    """Return per cell the least and the largest height of the path over it, for cells near the path, else NaN.
+    """Return the least and largest height of a path above each cell near it, (n_rows, n_cols) float32 [m]; else NaN.
 
     Parameters
     ----------
     path
-        (n, 3) [m, world].
+        (n, 3) samples. [m, world]
+    west, south
+        Numbers of the first column and of the last row. [cells]
+    height, cell, z0
+        (n_rows, n_cols) float32 heights above z0 [m], side of a cell [m], and z0 [m, world].
     reach
-        How far from the path, in cells along rows and columns.
+        Distance from the path along rows and columns. [cells]
     """
     n_rows, n_cols = height.shape
     least = np.full((n_rows, n_cols), np.float32(np.nan), dtype=np.float32)
@@ -221,7 +251,7 @@ def drops_below(
 
 @njit(cache=True, nogil=True)
 def opened(mask: BoolArray) -> BoolArray:
-    """Return the mask opened by 3 x 3 cells; beyond the edge nothing is set."""
+    """Return the morphological opening of a mask (rows, cols) bool by 3 x 3 cells; cells beyond the edge are unset."""
     n_rows, n_cols = mask.shape
     out = np.zeros((n_rows, n_cols), dtype=np.bool_)
     for r in range(1, n_rows - 1):
@@ -236,7 +266,7 @@ def opened(mask: BoolArray) -> BoolArray:
 
 @njit(cache=True, nogil=True)
 def with_labels(labels: Int32Array, chosen: BoolArray) -> BoolArray:
-    """Return where the labels are chosen ones; labels beyond the end of `chosen` are not."""
+    """Return which cells have a chosen label, bool of the shape of `labels`; `chosen` (n,) bool is indexed by label."""
     out = np.zeros(labels.shape, dtype=np.bool_)
     for r in range(labels.shape[0]):
         for c in range(labels.shape[1]):

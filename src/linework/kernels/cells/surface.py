@@ -1,4 +1,4 @@
-"""Loops of the surface room over points and cells: heights per cell, slopes, heights above a surface."""
+"""Kernels of the road surface: heights per cell, median slopes, heights of points above a surface."""
 
 from __future__ import annotations
 
@@ -7,26 +7,49 @@ from numba import njit
 
 from linework.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 
-#: Heights are added in steps of this: sums of whole numbers do not depend on the order of the points. [1/m]
+#: Steps of the fixed-point sums of heights: integer sums do not depend on the order of the points. [1/m]
 FIXED = 2.0**20
+#: Lowest points kept per cell: up to three stray points are passed over.
+_N_LOW = 4
+#: Bits dropped from the squares of heights in steps: 2**31 points of a layer 1 m thick have room in a cell.
+_SQUARE_BITS = 8
+#: Runs of wanted columns less than this apart are processed as one: short ones cost more. [columns]
+_LEAST_APART = 8
 
 
 @njit(cache=True, nogil=True)
 def lowest_supported(
     xyz: FloatArray, west: int, south: int, n_rows: int, n_cols: int, cell: float, z0: float, support: float
 ) -> tuple[Int32Array, Float32Array, Float32Array, Int32Array]:
-    """Return each point's cell and height, and per cell the lowest supported height and the number of points.
+    """Return cell and height of each point, and the lowest supported height and the number of points of each cell.
 
-    Cells are counted from the coordinates' zero: `west` and `south` are the numbers of the first column and
-    of the last row. A point on an edge belongs to the cell east or north of it. Points elsewhere: cell -1.
+    A stray point below the ground is isolated: it is passed over when the next point above it is more than
+    `support` higher. The four lowest points of each cell are kept, so up to three strays are passed over.
 
-    A stray point below the ground stands alone: it is passed over when the next point above it is
-    more than `support` higher. Of each cell the four lowest points are kept, so up to three strays
-    are passed over. Heights are relative to z0; NaN where a cell holds no point.
+    Parameters
+    ----------
+    xyz
+        (n, 3) points. [m, world]
+    west, south, n_rows, n_cols
+        Numbers of the first column and of the last row, counted from the zero of the coordinates, and the
+        shape. A point on an edge belongs to the cell east or north of it. [cells]
+    cell, z0, support
+        Side of a cell, zero of heights, and greatest distance of a supporting point. [m]
+
+    Returns
+    -------
+    cells
+        (n,) int32 flat index; -1 outside.
+    heights
+        (n,) float32 above z0. [m]
+    low
+        (n_rows, n_cols) float32 above z0, NaN in empty cells. [m]
+    count
+        (n_rows, n_cols) int32.
     """
     cells = np.empty(len(xyz), dtype=np.int32)
     heights = np.empty(len(xyz), dtype=np.float32)
-    low = np.full((n_rows * n_cols, 4), np.float32(np.inf), dtype=np.float32)
+    low = np.full((n_rows * n_cols, _N_LOW), np.float32(np.inf), dtype=np.float32)
     count = np.zeros(n_rows * n_cols, dtype=np.int32)
     for i in range(len(xyz)):
         c = int(np.floor(xyz[i, 0] / cell)) - west
@@ -39,14 +62,14 @@ def lowest_supported(
         count[at] += 1
         z = np.float32(xyz[i, 2] - z0)
         heights[i] = z
-        # Pushed down the four places without a branch: whether a point is among the lowest cannot be foreseen
-        for k in range(4):
+        # Inserted without a branch, which could not be predicted
+        for k in range(_N_LOW):
             kept = low[at, k]
             low[at, k] = z if z < kept else kept
             z = kept if z < kept else z
     out = np.full(n_rows * n_cols, np.float32(np.nan), dtype=np.float32)
     for at in range(n_rows * n_cols):
-        n = min(count[at], 4)
+        n = min(count[at], _N_LOW)
         for k in range(n):
             if k == n - 1 or low[at, k + 1] - low[at, k] <= support:
                 out[at] = low[at, k]
@@ -58,10 +81,21 @@ def lowest_supported(
 def lowest_layer(
     cells: Int32Array, heights: Float32Array, low: Float32Array, thickness: float
 ) -> tuple[Float32Array, Float32Array]:
-    """Return mean height and spread of the points within `thickness` above each cell's low.
+    """Return mean height and standard deviation of the points within `thickness` above each cell's low.
 
-    They are added in whole numbers: neither the order of the points nor their batches matter. Squares lose
-    their last 8 bits, so that 2**31 points of a layer 1 m thick have room in a cell.
+    Sums are of whole numbers: neither the order of the points nor their batches matter.
+
+    Parameters
+    ----------
+    cells, heights, low
+        As `lowest_supported` returns them.
+    thickness
+        Of the layer. [m]
+
+    Returns
+    -------
+    mean, spread
+        (n_rows, n_cols) float32 each, NaN in empty cells; the spread also with one point. [m]
     """
     n_rows, n_cols = low.shape
     floor = low.reshape(-1)
@@ -72,12 +106,12 @@ def lowest_layer(
         at = cells[i]
         if at < 0:
             continue
-        # Both as float32: the lowest point is 0 above itself
+        # Both are float32, so that the lowest point is exactly 0 above itself
         above = float(heights[i]) - float(floor[at])
         if above >= 0.0 and above <= thickness:
             q = int(np.rint(above * FIXED))
             total[at] += q
-            square[at] += (q * q) >> 8
+            square[at] += (q * q) >> _SQUARE_BITS
             number[at] += 1
     mean = np.full(n_rows * n_cols, np.float32(np.nan), dtype=np.float32)
     spread = np.full(n_rows * n_cols, np.float32(np.nan), dtype=np.float32)
@@ -87,13 +121,18 @@ def lowest_layer(
             m = total[at] / n / FIXED
             mean[at] = np.float32(floor[at] + m)
             if n > 1:
-                spread[at] = np.float32(np.sqrt(max(square[at] / n * (256.0 / FIXED / FIXED) - m * m, 0.0)))
+                spread[at] = np.float32(
+                    np.sqrt(max(square[at] / n * (2.0**_SQUARE_BITS / FIXED / FIXED) - m * m, 0.0))
+                )
     return mean.reshape((n_rows, n_cols)), spread.reshape((n_rows, n_cols))
 
 
 @njit(cache=True, nogil=True)
 def count_in_steps(values: Float32Array, step: float, n: int) -> IntArray:
-    """Return how many values lie in each of the first n steps from 0; larger ones count in the last."""
+    """Return the histogram of values (rows, cols) in `n` bins of width `step` from 0, (n,) int64; NaN is left out.
+
+    Larger values count in the last bin.
+    """
     counts = np.zeros(n, dtype=np.int64)
     for r in range(values.shape[0]):
         for c in range(values.shape[1]):
@@ -106,22 +145,25 @@ def count_in_steps(values: Float32Array, step: float, n: int) -> IntArray:
 def median_slopes(
     height: Float32Array, wanted: BoolArray, cell: float, reach: int, network: Int32Array
 ) -> tuple[Float32Array, Float32Array]:
-    """Return slope east and north: medians of neighbour differences within `reach` cells around.
+    """Return slopes east and north, (n_rows, n_cols) float32: medians of neighbour differences within `reach` cells.
 
-    A median is not tilted by a kerb. NaN where not wanted; 0 where no difference is known.
+    A kerb does not tilt a median. NaN where not wanted; 0 where no difference is known.
 
     Parameters
     ----------
     height
-        (n_rows + 2 h, n_cols + 2 h): with a halo of h = reach + 1 cells around the wanted ones.
+        (n_rows + 2 h, n_cols + 2 h) float32, with a halo of h = reach + 1 cells. [m]
     wanted
-        (n_rows, n_cols).
+        (n_rows, n_cols) bool.
+    cell, reach
+        Side of a cell [m], and reach of the median [cells].
     network
-        (k, 2): comparisons that bring the middle of (2 reach + 1)**2 values, and the one below, to their places.
+        (k, 2) int32 comparisons that bring the median of (2 reach + 1)**2 values, and the one below, to their
+        places; see `linework.surface.heights.middle_network`.
 
     Notes
     -----
-    The cells of a row are sorted side by side, each in its own lane: 50 ns a cell instead of 500.
+    The cells of a row are sorted side by side, each in its own lane: 50 ns per cell instead of 500.
     """
     n_rows, n_cols = wanted.shape
     width = 2 * reach + 1
@@ -130,9 +172,9 @@ def median_slopes(
     step = np.empty((width, n_cols + 2 * reach), dtype=np.float32)
     values = np.empty((width * width, n_cols), dtype=np.float32)
     side = np.empty(n_cols, dtype=np.float32)
-    stretches = np.empty((n_cols // 8 + 1, 2), dtype=np.int64)
+    runs = np.empty((n_cols // _LEAST_APART + 1, 2), dtype=np.int64)
     for r in range(n_rows):
-        n = _stretches_of(wanted[r], stretches)
+        n = _runs_of(wanted[r], runs)
         if n == 0:
             continue
         for axis in range(2):
@@ -146,46 +188,43 @@ def median_slopes(
                     for c in range(n_cols + 2 * reach):
                         step[k, c] = row[c + 1] - other[c + 1]
             out = east[r] if axis == 0 else north[r]
-            _medians(step, stretches[:n], reach, network, values, side, out)
+            _medians(step, runs[:n], reach, network, values, side, out)
             for c in range(n_cols):
                 out[c] = out[c] / np.float32(cell) if wanted[r, c] else np.float32(np.nan)
     return east, north
 
 
 @njit(cache=True, nogil=True)
-def _stretches_of(wanted: BoolArray, stretches: IntArray) -> int:
-    """Write where each stretch of wanted columns begins and ends; return how many there are.
-
-    Stretches less than 8 columns apart are one: short ones cost more than the columns between them.
-    """
+def _runs_of(wanted: BoolArray, runs: IntArray) -> int:
+    """Write the range of each run of wanted columns, and return their number."""
     n = 0
     for c in range(len(wanted)):
         if wanted[c]:
-            if n == 0 or c - stretches[n - 1, 1] >= 8:
-                stretches[n, 0] = c
+            if n == 0 or c - runs[n - 1, 1] >= _LEAST_APART:
+                runs[n, 0] = c
                 n += 1
-            stretches[n - 1, 1] = c + 1
+            runs[n - 1, 1] = c + 1
     return n
 
 
 @njit(cache=True, nogil=True)
 def _medians(
     step: Float32Array,
-    stretches: IntArray,
+    runs: IntArray,
     reach: int,
     network: Int32Array,
     values: Float32Array,
     side: Float32Array,
     out: Float32Array,
 ) -> None:
-    """Write the median of the known steps around each column of the stretches.
+    """Write the median of the known steps around each column of the runs.
 
-    Missing values become infinite, in turn above and below all others: the middle stays the middle.
+    Missing values become infinite, alternately above and below all others, which keeps the median.
     """
     width = 2 * reach + 1
     m = 0
-    for s in range(len(stretches)):
-        begin, n = stretches[s, 0], stretches[s, 1] - stretches[s, 0]
+    for s in range(len(runs)):
+        begin, n = runs[s, 0], runs[s, 1] - runs[s, 0]
         for k in range(width):
             for j in range(width):
                 lane, source = values[k * width + j], step[k]
@@ -207,9 +246,9 @@ def _medians(
             b[i] = y if x < y else x
     middle, below = values[width * width // 2], values[width * width // 2 - 1]
     m = 0
-    for s in range(len(stretches)):
-        for c in range(stretches[s, 0], stretches[s, 1]):
-            # An odd number is missing: one more above than below, so the two middle values lie one lower
+    for s in range(len(runs)):
+        for c in range(runs[s, 0], runs[s, 1]):
+            # With an odd number missing there is one more above than below: the two middle values lie one lower
             median = np.float32(0.5) * (below[m] + middle[m]) if side[m] < 0.0 else middle[m]
             out[c] = median if np.isfinite(median) else np.float32(0.0)
             m += 1
@@ -219,7 +258,17 @@ def _medians(
 def height_above(
     xyz: FloatArray, west: float, north: float, z0: float, cell: float, reference: Float32Array
 ) -> Float32Array:
-    """Return each point's height above the reference surface, bilinear between cell centres."""
+    """Return the height of each point above a surface, bilinear between cell centres, (n,) float32 [m].
+
+    Parameters
+    ----------
+    xyz
+        (n, 3) points. [m, world]
+    west, north, cell
+        Edges of the north-up grid and side of a cell. [m, world]
+    z0, reference
+        Zero of heights [m, world], and (n_rows, n_cols) float32 heights above it [m].
+    """
     n_rows, n_cols = reference.shape
     out = np.empty(len(xyz), dtype=np.float32)
     for i in range(len(xyz)):

@@ -1,4 +1,4 @@
-"""What the fine cells around a place tell before their points are looked at: which way it rises, gets rough, bright.
+"""Kernel that fits the slopes of height, roughness and brightness to the fine cells around a place.
 
 Positions are local: from the survey's origin. [m]
 """
@@ -10,16 +10,45 @@ from numba import njit
 
 from linework.arrays import FloatArray, IntArray
 from linework.kernels.boundaries.profiles import CLIP_M
-from linework.kernels.cells.floor import FINE_M
-from linework.kernels.cells.places import AREA_M
+from linework.kernels.cells.floor import (
+    FINE_M,
+    SPAN_COLS,
+    SPAN_ROWS,
+    SPAN_SOUTH,
+    SPAN_WEST,
+    SUM_N,
+    SUM_STRENGTH,
+    SUM_X,
+    SUM_XX,
+    SUM_XY,
+    SUM_XZ,
+    SUM_Y,
+    SUM_YY,
+    SUM_YZ,
+    SUM_Z,
+    SUM_ZZ,
+)
+from linework.kernels.cells.places import AREA_M, PLANE_EAST, PLANE_HEIGHT, PLANE_NORTH
 
-#: Channels: height over the plane; whether there is a rise at all, of a low kerb or a high wall; roughness;
-#: brightness.
+#: Channels: height over the plane; the same clipped to a low kerb, so that a kerb and a wall count alike;
+#: roughness; brightness.
 CHANNEL_HEIGHT, RISE, ROUGH, CHANNEL_BRIGHT = 0, 1, 2, 3
-#: What counts as a rise; and the roughest verge. [m]
+#: Height at which a rise is clipped: a low kerb; and roughness at which it is clipped: the roughest verge. [m]
 LOW_KERB_M, ROUGHEST_M = 0.05, 0.06
-#: Cells of one point know little, of many not ever more: weights of channels by number of points.
+#: Largest weight of a cell, which is its number of points: neighbouring points are not independent.
 MOST_WEIGHT = 5.0
+#: Reach of the fine cells about a place: `AREA_M`. [cells]
+_REACH_CELLS = 3
+#: Noise of a cell's mean that a rise must exceed, and roughness that counts as floor, in noise of the floor.
+_NOISE_SIGMAS = 2.0
+#: Slack of the roughness that counts as floor, for floors without noise. [m]
+_SLACK_M = 0.001
+#: Least total weight, and least determinant [m4], that a slope is fitted with.
+_LEAST_WEIGHT, _LEAST_DETERMINANT = 6.0, 1e-6
+#: Elements of a slope: east, north, share of the variance that it explains, mean of the channel.
+SLOPE_EAST, SLOPE_NORTH, SLOPE_SHARE, SLOPE_MEAN = 0, 1, 2, 3
+#: Number of channels, of elements of a slope, and of sums per channel: weighted f, x f, y f, f f.
+_FOUR = 4
 
 
 @njit(cache=True, nogil=True)
@@ -33,70 +62,84 @@ def fit_surroundings(
 ) -> tuple[float, float]:
     """Fit a slope to each channel over the fine cells of the search area.
 
-    out: (4, 4) per channel slopes east and north, the share they explain, and the mean.
+    Parameters
+    ----------
+    sums, span
+        (fine cells, 11) and (4,) int64; see `linework.kernels.cells.floor.cell_sums`.
+    place
+        x and y. [m]
+    plane
+        (3,) floor of the place, elements `PLANE_HEIGHT` to `PLANE_NORTH`.
+    noise
+        Rms distance of the floor's points. [m]
+    out
+        (4, 4), written: channels by elements `SLOPE_EAST` to `SLOPE_MEAN`.
 
     Returns
     -------
     rise
-        Between the lowest and the highest cell, beyond their noise [m]; -1 with too few cells.
+        Difference of the highest and the lowest cell, beyond their noise [m]; -1 with too few cells.
     floor
-        Share of the cells that are floor: as high and as smooth as the plane.
+        Share of the cells that are floor: as smooth as the plane.
     """
     x, y = place
-    c0, r0 = int(np.floor(x / FINE_M)) - span[0], int(np.floor(y / FINE_M)) - span[1]
+    c0, r0 = int(np.floor(x / FINE_M)) - span[SPAN_WEST], int(np.floor(y / FINE_M)) - span[SPAN_SOUTH]
     n, sx, sy, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    t = np.zeros((4, 4))
-    f = np.empty(4)
+    t = np.zeros((_FOUR, _FOUR))
+    f = np.empty(_FOUR)
     low, high, cells, flat = 1e9, -1e9, 0.0, 0.0
-    a, b = plane[1], plane[2]
+    a, b = plane[PLANE_EAST], plane[PLANE_NORTH]
     out[:] = 0.0
-    for r in range(max(r0 - 3, 0), min(r0 + 3, span[3])):
-        for c in range(max(c0 - 3, 0), min(c0 + 3, span[2])):
-            s = sums[r * span[2] + c]
-            if s[0] == 0.0:
+    for r in range(max(r0 - _REACH_CELLS, 0), min(r0 + _REACH_CELLS, span[SPAN_ROWS])):
+        for c in range(max(c0 - _REACH_CELLS, 0), min(c0 + _REACH_CELLS, span[SPAN_COLS])):
+            s = sums[r * span[SPAN_COLS] + c]
+            if s[SUM_N] == 0.0:
                 continue
-            m = 1.0 / s[0]
-            ox, oy = (span[0] + c + 0.5) * FINE_M - x, (span[1] + r + 0.5) * FINE_M - y
-            dx, dy = s[1] * m + ox, s[2] * m + oy
+            m = 1.0 / s[SUM_N]
+            ox, oy = (span[SPAN_WEST] + c + 0.5) * FINE_M - x, (span[SPAN_SOUTH] + r + 0.5) * FINE_M - y
+            dx, dy = s[SUM_X] * m + ox, s[SUM_Y] * m + oy
             if dx * dx + dy * dy > AREA_M**2:
                 continue
             # Mean and mean square of the heights over the plane, from the sums
-            p = plane[0] + a * ox + b * oy
-            d = s[3] * m - p - (a * s[1] + b * s[2]) * m
-            square = s[9] + s[0] * p * p + a * a * s[4] + b * b * s[6] + 2.0 * a * b * s[5]
-            square += 2.0 * (p * (a * s[1] + b * s[2]) - p * s[3] - a * s[7] - b * s[8])
+            p = plane[PLANE_HEIGHT] + a * ox + b * oy
+            tilted = a * s[SUM_X] + b * s[SUM_Y]
+            d = s[SUM_Z] * m - p - tilted * m
+            square = s[SUM_ZZ] + s[SUM_N] * p * p + a * a * s[SUM_XX] + b * b * s[SUM_YY]
+            square = square + 2.0 * a * b * s[SUM_XY]
+            square += 2.0 * (p * tilted - p * s[SUM_Z] - a * s[SUM_XZ] - b * s[SUM_YZ])
             rough = np.sqrt(max(square * m, 0.0))
-            doubt = 2.0 * noise * np.sqrt(m)
+            doubt = _NOISE_SIGMAS * noise * np.sqrt(m)
             low, high = min(low, d + doubt), max(high, d - doubt)
             cells += 1.0
-            flat += 1.0 if rough <= 2.0 * noise + 0.001 else 0.0
+            flat += 1.0 if rough <= _NOISE_SIGMAS * noise + _SLACK_M else 0.0
             if abs(d) > CLIP_M:
                 continue
-            w = min(s[0], MOST_WEIGHT)
+            w = min(s[SUM_N], MOST_WEIGHT)
             n += w
             sx += w * dx
             sy += w * dy
             xx += w * dx * dx
             xy += w * dx * dy
             yy += w * dy * dy
-            f[0], f[1] = d, min(max(d, -LOW_KERB_M), LOW_KERB_M)
-            f[2], f[3] = min(rough, ROUGHEST_M), s[10] * m
-            for k in range(4):
+            f[CHANNEL_HEIGHT], f[RISE] = d, min(max(d, -LOW_KERB_M), LOW_KERB_M)
+            f[ROUGH], f[CHANNEL_BRIGHT] = min(rough, ROUGHEST_M), s[SUM_STRENGTH] * m
+            for k in range(_FOUR):
                 t[k, 0] += w * f[k]
                 t[k, 1] += w * dx * f[k]
                 t[k, 2] += w * dy * f[k]
                 t[k, 3] += w * f[k] * f[k]
-    if n < 6.0:
+    if n < _LEAST_WEIGHT:
         return -1.0, 0.0
     mx, my = sx / n, sy / n
     xx, xy, yy = xx / n - mx * mx, xy / n - mx * my, yy / n - my * my
     det = xx * yy - xy * xy
-    if det <= 1e-6:
+    if det <= _LEAST_DETERMINANT:
         return -1.0, 0.0
-    for k in range(4):
+    for k in range(_FOUR):
         mean = t[k, 0] / n
         fx, fy, ff = t[k, 1] / n - mx * mean, t[k, 2] / n - my * mean, t[k, 3] / n - mean * mean
         gx, gy = (fx * yy - fy * xy) / det, (fy * xx - fx * xy) / det
         if ff > 0.0:
-            out[k, 0], out[k, 1], out[k, 2], out[k, 3] = gx, gy, (gx * fx + gy * fy) / ff, mean
+            out[k, SLOPE_EAST], out[k, SLOPE_NORTH] = gx, gy
+            out[k, SLOPE_SHARE], out[k, SLOPE_MEAN] = (gx * fx + gy * fy) / ff, mean
     return high - low, flat / cells

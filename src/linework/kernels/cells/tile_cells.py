@@ -1,4 +1,4 @@
-"""Cells of the plan view's tiles: sums over points, four cells to one, the nearest cell that is known."""
+"""Kernels for the tiles of the plan view: sums over points per cell, four cells to one, the nearest known cell."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from numba import njit
 
 from linework.arrays import AnyArray
 
-#: Steps of the fixed-point sums of heights [1/m]: whole numbers add up to the same in any order of the points.
+#: Steps of the fixed-point sums of heights: integer sums do not depend on the order of the points. [1/m]
 SUM_STEPS_PER_M = 1048576.0
-#: A point so near to the road's height belongs to the ground: lower than the sill of a car. [m]
+#: Points within this height of the road belong to the ground: lower than the sill of a car. [m]
 GROUND_M = 0.4
-#: What a lorry passes under does not hide the road. [m]
+#: Points above this height do not hide the road: a lorry passes under them. [m]
 OVERHEAD_ROAD_M = 4.5
 
 
@@ -22,18 +22,19 @@ def add_points(
     cell_m: float,
     sums: tuple[AnyArray, ...],
 ) -> None:
-    """Add points to the cells they lie in; those outside are passed over.
+    """Add points to the sums of their cells; points outside are left out.
 
     Parameters
     ----------
     columns
-        (n,) each: x, y, z float32 [m]; above the road float32 [m], NaN where it is not known; intensity uint16.
+        (n,) each: x, y, z float32 [m]; height above the road float32 [m], NaN where unknown; intensity uint16.
     corner
         South-west corner of the cells, in the points' coordinates. [m]
     sums
-        (n_rows, n_cols) each, row 0 north: points, points on the ground (int32), their height in steps (int64), sum
-        of their intensity or of all where none is on the ground (int64), highest z and highest above the road
-        that is not overhead, where all is, the highest (float32). See `no_sums`.
+        (n_rows, n_cols) each, row 0 north, written: number of points and of those on the ground (int32); sum of
+        the heights of the latter in steps (int64); sum of their intensities, or of all where none is on the ground
+        (int64); highest z [m]; highest height above the road that is not overhead, or the highest where all are
+        (float32) [m]. See `no_sums`.
     """
     xs, ys, zs, aboves, intensities = columns
     count, on_ground, steps, bright, top, above = sums
@@ -62,7 +63,7 @@ def add_points(
 
 
 def no_sums(n_rows: int, n_cols: int) -> tuple[AnyArray, ...]:
-    """Return sums over no points, as `add_points` takes them."""
+    """Return the sums over no points, six arrays (n_rows, n_cols) as `add_points` takes them."""
     shape = (n_rows, n_cols)
     whole = [np.zeros(shape, dtype) for dtype in (np.int32, np.int32, np.int64, np.int64)]
     return (*whole, *(np.full(shape, -np.inf, np.float32) for _ in range(2)))
@@ -70,10 +71,23 @@ def no_sums(n_rows: int, n_cols: int) -> tuple[AnyArray, ...]:
 
 @njit(cache=True, nogil=True)
 def layers_of(sums: tuple[AnyArray, ...], cell_m: float) -> tuple[AnyArray, ...]:
-    """Return density [1/m2], ground height, height of what stands on it, height above the road [m], mean intensity.
+    """Return the layers of the cells: density, ground, objects, height above the road, mean intensity.
 
-    (n_rows, n_cols) float32 each; density 0 and NaN where no point is. Where no point is on the ground, its height
-    is that of the highest, and nothing stands on it.
+    Parameters
+    ----------
+    sums
+        Six arrays (n_rows, n_cols); see `add_points`.
+    cell_m
+        Side of a cell. [m]
+
+    Returns
+    -------
+    density
+        (n_rows, n_cols) float32; 0 in empty cells. [1/m2]
+    ground, stands, over, shine
+        (n_rows, n_cols) float32: height of the ground [m], height of what stands on it [m], height above the road
+        [m], mean intensity; NaN in empty cells. Without points on the ground, its height is that of the highest
+        point, and nothing stands on it.
     """
     count, on_ground, steps, bright, top, above = sums
     shape = count.shape
@@ -101,10 +115,12 @@ def join_cells(
     first_row: int,
     first_col: int,
 ) -> None:
-    """Join four cells each of a child's layers into one of `out`, from a row and a column on.
+    """Merge each 2 x 2 cells of a child's layers into one cell of `out`, starting at a row and a column.
 
-    Densities are averaged; heights of the ground and intensities by density; of what stands, the highest is kept.
+    Densities are averaged, ground heights and intensities weighted by density; of heights of objects the highest
+    is kept. `child` and `out` are layers as `layers_of` returns them; `out` is written.
     """
+    to_density, to_ground, to_stands, to_above, to_shine = out
     density, ground, stands, above, shine = child
     for r in range(density.shape[0] // 2):
         for c in range(density.shape[1] // 2):
@@ -123,19 +139,26 @@ def join_cells(
             if total == 0.0:
                 continue
             i, j = first_row + r, first_col + c
-            out[0][i, j] = total / 4.0
-            out[1][i, j] = height / total
-            out[2][i, j] = top - out[1][i, j]
-            out[3][i, j] = over if over > -np.inf else np.nan
-            out[4][i, j] = bright / total
+            to_density[i, j] = total / 4.0
+            to_ground[i, j] = height / total
+            to_stands[i, j] = top - to_ground[i, j]
+            to_above[i, j] = over if over > -np.inf else np.nan
+            to_shine[i, j] = bright / total
 
 
 @njit(cache=True, nogil=True)
 def nearest_known_index(is_known: AnyArray, reach: float) -> AnyArray:
-    """Return the flat index of the nearest known cell of each cell within a reach in cells, -1 where none is.
+    """Return the flat index of the nearest known cell of each cell, (n_rows, n_cols) int32, -1 beyond `reach`.
 
-    Two passes that hand on the nearest from neighbour to neighbour (Danielsson 1980,
+    Two passes that propagate the nearest cell from neighbour to neighbour (Danielsson 1980,
     doi:10.1016/0146-664X(80)90054-4): nearly always the nearest, else one hardly farther.
+
+    Parameters
+    ----------
+    is_known
+        (n_rows, n_cols) bool.
+    reach
+        Largest distance. [cells]
     """
     n_rows, n_cols = is_known.shape
     nearest = np.full((n_rows, n_cols), -1, np.int32)
@@ -150,18 +173,19 @@ def nearest_known_index(is_known: AnyArray, reach: float) -> AnyArray:
             r = k if turn == 0 else n_rows - 1 - k
             for m in range(n_cols):
                 c = m if turn == 0 else n_cols - 1 - m
-                _hand_on(nearest, far, r, c, r - step, c - step)
-                _hand_on(nearest, far, r, c, r - step, c)
-                _hand_on(nearest, far, r, c, r - step, c + step)
-                _hand_on(nearest, far, r, c, r, c - step)
+                _propagate(nearest, far, r, c, r - step, c - step)
+                _propagate(nearest, far, r, c, r - step, c)
+                _propagate(nearest, far, r, c, r - step, c + step)
+                _propagate(nearest, far, r, c, r, c - step)
             for m in range(n_cols - 1, -1, -1):
                 c = m if turn == 0 else n_cols - 1 - m
-                _hand_on(nearest, far, r, c, r, c + step)
+                _propagate(nearest, far, r, c, r, c + step)
     return nearest
 
 
 @njit(cache=True, nogil=True)
-def _hand_on(nearest: AnyArray, far: AnyArray, r: int, c: int, from_r: int, from_c: int) -> None:
+def _propagate(nearest: AnyArray, far: AnyArray, r: int, c: int, from_r: int, from_c: int) -> None:
+    """Take the nearest cell of a neighbour where it is nearer than the cell's own; `far` is squared."""
     n_rows, n_cols = nearest.shape
     if far[r, c] == 0.0 or from_r < 0 or from_r >= n_rows or from_c < 0 or from_c >= n_cols:
         return
@@ -176,7 +200,17 @@ def _hand_on(nearest: AnyArray, far: AnyArray, r: int, c: int, from_r: int, from
 
 @njit(cache=True, nogil=True)
 def divided_by(x: AnyArray, y: AnyArray, values: AnyArray, level: AnyArray, node_m: float) -> AnyArray:
-    """Return (n,) uint16 values over the level where they lie, between nodes on a square lattice from 0, 0."""
+    """Return values divided by a level that is bilinear between the nodes of a square lattice, (n,) uint16.
+
+    Parameters
+    ----------
+    x, y, values
+        (n,) positions from the first node [m], and values.
+    level
+        (n_rows, n_cols) level at the nodes, row 0 at y = 0.
+    node_m
+        Distance of the nodes. [m]
+    """
     n_rows, n_cols = level.shape
     out = np.empty(len(values), np.uint16)
     for i in range(len(values)):

@@ -1,1 +1,1 @@
-"""Loops over the points of painted stripes."""
+"""Kernels that find stripes of paint in points near the road, measure them, and find their pattern."""

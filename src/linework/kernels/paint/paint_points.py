@@ -1,4 +1,8 @@
-"""Points near the road in the cells of a global lattice, and how bright the road is around each cell."""
+"""Points near the road, sorted into the cells of a global lattice, and the bright ones among them.
+
+The same paint is differently bright for each pass and each head of a scanner, so brightness is compared within
+a visit: the points of one place that follow each other in time.
+"""
 
 from __future__ import annotations
 
@@ -7,39 +11,81 @@ from numba import njit
 
 from linework.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 
-# Points of one place by the visits of the scanner: its passes and its heads see the same paint differently bright
+#: Columns of sorted points: x, y, z from the survey's local origin [m], intensity as recorded, time [s].
+POINT_X, POINT_Y, POINT_Z, POINT_INTENSITY, POINT_TIME = range(5)
+POINT_COLUMNS = 5
+#: Columns of the bright points of a cell: their number, and the sums of their x and y [m].
+N_BRIGHT, BRIGHT_X, BRIGHT_Y = range(3)
+#: Columns of a visit's time span: first and last time. [s]
+VISIT_BEGIN, VISIT_END = range(2)
 
-#: Points of a place that lie further apart in time are of two visits [s]: the turns of a scanner follow each other
-#: by 0.1 s and less, the second head looks at a place 3 m beside the van about that much later.
+#: Points of a place that are further apart in time belong to different visits [s]: the turns of a scanner follow
+#: each other within 0.1 s, and the second head passes a place 3 m beside the van about 0.3 s after the first.
 APART_S = 0.3
+#: Most visits told apart at one place; a survey has two heads and a few passes.
 MOST_VISITS = 8
+#: Quantiles that the dark surface is estimated from: at most half of the points are bright (paint, grass beside the
+#: road), a tenth very dark (seams, wet places).
+LOW_QUANTILE, MIDDLE_QUANTILE, HIGH_QUANTILE = 0.10, 0.25, 0.40
+#: Distances between these quantiles of a normal distribution, in standard deviations: 25 % to 10 %, 40 % to 25 %,
+#: and 50 % to 25 %.
+LOW_TO_MIDDLE, MIDDLE_TO_HIGH, MIDDLE_TO_MEDIAN = 0.6071, 0.4212, 0.6745
+#: Points of a cell that the background is estimated from, evenly chosen: 9 cells give 108, which give the spread to
+#: a fifth.
+N_SAMPLE = 12
+#: Fewest points of a visit that give a background.
+LEAST_SAMPLE = 10
+#: A cell with fewer points than this is judged together with the cells around it.
+FEW = 40
+#: Standard deviations above the number of bright points expected by chance: in one cell, and in 3 x 3 cells of few
+#: points, where less is lost by a false alarm than by a missed line.
+CELL_SIGMAS, SPARSE_SIGMAS = 3.0, 2.0
 
 
 @njit(cache=True, nogil=True)
 def split_into_visits(times: FloatArray, n: int, visit: IntArray, spans: FloatArray) -> int:
-    """Write the visit of each of n times, return how many there are.
+    """Assign each of n times to a visit, and return the number of visits.
 
-    spans: (8, 2), takes the first and the last time of each. Visits beyond the eighth join the nearest.
+    Parameters
+    ----------
+    times
+        (n or more,) [s].
+    visit
+        (n or more,) output: the visit of each time.
+    spans
+        (8, 2) output: first and last time of each visit [s]. Times beyond the eighth visit join the nearest.
     """
     m = 0
     for i in range(n):
         nearest, at = np.inf, -1
         for k in range(m):
-            apart = max(spans[k, 0] - times[i], times[i] - spans[k, 1])
+            apart = max(spans[k, VISIT_BEGIN] - times[i], times[i] - spans[k, VISIT_END])
             if apart < nearest:
                 nearest, at = apart, k
         if nearest > APART_S and m < MOST_VISITS:
-            spans[m, 0], spans[m, 1] = times[i], times[i]
+            spans[m, VISIT_BEGIN], spans[m, VISIT_END] = times[i], times[i]
             m += 1
         elif at >= 0:
-            spans[at, 0], spans[at, 1] = min(spans[at, 0], times[i]), max(spans[at, 1], times[i])
-    # What was apart may have met
+            spans[at, VISIT_BEGIN], spans[at, VISIT_END] = (
+                min(spans[at, VISIT_BEGIN], times[i]),
+                max(spans[at, VISIT_END], times[i]),
+            )
+    # Spans that have grown may have met
     k = 0
     while k < m:
         for j in range(k + 1, m):
-            if spans[j, 0] - spans[k, 1] <= APART_S and spans[k, 0] - spans[j, 1] <= APART_S:
-                spans[k, 0], spans[k, 1] = min(spans[j, 0], spans[k, 0]), max(spans[j, 1], spans[k, 1])
-                spans[j, 0], spans[j, 1] = spans[m - 1, 0], spans[m - 1, 1]
+            if (
+                spans[j, VISIT_BEGIN] - spans[k, VISIT_END] <= APART_S
+                and spans[k, VISIT_BEGIN] - spans[j, VISIT_END] <= APART_S
+            ):
+                spans[k, VISIT_BEGIN], spans[k, VISIT_END] = (
+                    min(spans[j, VISIT_BEGIN], spans[k, VISIT_BEGIN]),
+                    max(spans[j, VISIT_END], spans[k, VISIT_END]),
+                )
+                spans[j, VISIT_BEGIN], spans[j, VISIT_END] = (
+                    spans[m - 1, VISIT_BEGIN],
+                    spans[m - 1, VISIT_END],
+                )
                 m -= 1
                 k = -1
                 break
@@ -51,10 +97,10 @@ def split_into_visits(times: FloatArray, n: int, visit: IntArray, spans: FloatAr
 
 @njit(cache=True, nogil=True)
 def visit_of(time: float, spans: FloatArray, m: int) -> int:
-    """Return the visit whose span is nearest to a time."""
+    """Return the visit whose span is nearest to a time [s], of the first `m` spans (8, 2)."""
     nearest, at = np.inf, 0
     for k in range(m):
-        apart = max(spans[k, 0] - time, time - spans[k, 1])
+        apart = max(spans[k, VISIT_BEGIN] - time, time - spans[k, VISIT_END])
         if apart < nearest:
             nearest, at = apart, k
     return at
@@ -62,24 +108,23 @@ def visit_of(time: float, spans: FloatArray, m: int) -> int:
 
 @njit(cache=True, nogil=True)
 def dark_level(values: FloatArray) -> tuple[float, float]:
-    """Return level and spread of the dark surface among n values, which are put into another order.
+    """Return the mean and the standard deviation of the dark surface among values (n,), which are reordered.
 
-    They are those of the normal distribution with the same quantiles: 25 %, and 10 or 40 %, whichever is nearer.
-    What is bright (paint, grass beside the road) may be half of the values and moves the level by one spread; what
-    is very dark (seams, wet places) a fifth.
+    They are those of the normal distribution with the same quantiles: 25 %, and 10 or 40 %, whichever gives the
+    smaller spread. Up to half of the values may be bright (paint, grass beside the road), which moves the level by
+    one spread; up to a fifth may be very dark (seams, wet places).
     """
     n = len(values)
-    middle = smallest(values, int(0.40 * (n - 1) + 0.5))
-    quartile = smallest(values, int(0.25 * (n - 1) + 0.5))
-    low = smallest(values, int(0.10 * (n - 1) + 0.5))
-    # They lie 0.2533, 0.6745 and 1.2816 spreads below the middle of the distribution
-    spread = min((quartile - low) / 0.6071, (middle - quartile) / 0.4212)
-    return quartile + 0.6745 * spread, spread
+    high = smallest(values, int(HIGH_QUANTILE * (n - 1) + 0.5))
+    middle = smallest(values, int(MIDDLE_QUANTILE * (n - 1) + 0.5))
+    low = smallest(values, int(LOW_QUANTILE * (n - 1) + 0.5))
+    spread = min((middle - low) / LOW_TO_MIDDLE, (high - middle) / MIDDLE_TO_HIGH)
+    return middle + MIDDLE_TO_MEDIAN * spread, spread
 
 
 @njit(cache=True, nogil=True)
 def smallest(values: FloatArray, k: int) -> float:
-    """Return the k-th smallest value (from 0) by Hoare's selection; those before it come to stand before it."""
+    """Return the k-th smallest (from 0) of values (n,) by Hoare's selection, which moves smaller ones before it."""
     low, high = 0, len(values) - 1
     while low < high:
         pivot = values[(low + high) >> 1]
@@ -102,14 +147,6 @@ def smallest(values: FloatArray, k: int) -> float:
     return float(values[k])
 
 
-#: Points of a cell that the background is taken from, evenly chosen: 9 cells give 108, the spread to a fifth.
-N_SAMPLE = 12
-#: From fewer there is no background.
-LEAST_SAMPLE = 10
-#: Cells with fewer points than this are looked at together with those around them.
-FEW = 40
-
-
 @njit(cache=True, nogil=True)
 def cells_near_road(
     xyz: FloatArray,
@@ -120,21 +157,21 @@ def cells_near_road(
     tolerance: float,
     lattice: tuple[float, int, int, int, int],
 ) -> Int32Array:
-    """Return the lattice cell of each point that is near the road, -1 for all others.
+    """Return the lattice cell of each point that is near the road, (n,) int32; -1 for all other points.
 
     Parameters
     ----------
     xyz, origin
-        (n, 3), (3,): points and local origin, world.
+        (n, 3), (3,): points and the survey's local origin. [m, world]
     surface
-        Cell size, numbers of its north row and west column from the local origin (rows are counted northwards),
-        and height of its zero above the origin.
+        The road's raster: cell size [m], numbers of its north row and west column from the local origin (rows are
+        counted northwards), and height of its zero above the origin [m].
     road, wanted
-        (rows, cols): height of the road, north-up; where points are looked at.
+        (rows, cols) north-up: height of the road, float32 [m]; whether points there are used.
     tolerance
-        Largest distance from the road in height.
+        Largest distance from the road in height. [m]
     lattice
-        Cell size, numbers of the south row and the west column, number of rows and of columns.
+        Cell size [m], numbers of the south row and the west column, number of rows and of columns.
     """
     size, north, west, z0 = surface
     cell, south_row, west_col, n_rows, n_cols = lattice
@@ -171,9 +208,25 @@ def sort_into_cells(
     cells: Int32Array,
     n_cells: int,
 ) -> tuple[FloatArray, IntArray]:
-    """Return chosen points (x, y, z from the origin, intensity, time) by cell, and the cells' starts; stable.
+    """Return the points that have a cell, sorted by cell (stable), and where each cell starts.
 
-    time: (n,), or of no length, then times are 0.
+    Parameters
+    ----------
+    xyz, intensity
+        (n, 3) [m, world], (n,) float32.
+    time
+        (n,) [s]; empty: times are 0.
+    origin
+        (3,) [m, world].
+    cells
+        (n,) int32: the cell of each point, -1 for points to leave out.
+
+    Returns
+    -------
+    points
+        (k, 5) with the columns `POINT_X` to `POINT_TIME`.
+    starts
+        (n_cells + 1,) int64.
     """
     starts = np.zeros(n_cells + 1, dtype=np.int64)
     for i in range(len(cells)):
@@ -182,24 +235,31 @@ def sort_into_cells(
     for c in range(n_cells):
         starts[c + 1] += starts[c]
     fill = starts[:-1].copy()
-    points = np.empty((starts[n_cells], 5))
+    points = np.empty((starts[n_cells], POINT_COLUMNS))
     for i in range(len(cells)):
         if cells[i] >= 0:
             at = fill[cells[i]]
             fill[cells[i]] += 1
             for k in range(3):
                 points[at, k] = xyz[i, k] - origin[k]
-            points[at, 3] = intensity[i]
-            points[at, 4] = time[i] if len(time) else 0.0
+            points[at, POINT_INTENSITY] = intensity[i]
+            points[at, POINT_TIME] = time[i] if len(time) else 0.0
     return points, starts
 
 
 @njit(cache=True, nogil=True)
 def count_bright(points: FloatArray, starts: IntArray, n_cols: int, spreads: float) -> FloatArray:
-    """Return (n_cells, 3): number of bright points in each cell and the sums of their x and y.
+    """Return the bright points of each cell, (n_cells, 3): their number and the sums of their x and y [m].
 
-    Bright: `spreads` spreads above the level of the dark surface in 3 x 3 cells, for each visit of the scanner by
-    itself; or as bright as the brightest, where that is less (saturated).
+    A point is bright if it is `spreads` standard deviations above the level of the dark surface in 3 x 3 cells,
+    within its own visit of the scanner; or as bright as the brightest, where that is less (saturated).
+
+    Parameters
+    ----------
+    points, starts
+        (n, 5), (n_cells + 1,): see `sort_into_cells`.
+    n_cols
+        Columns of the lattice.
     """
     n_cells = len(starts) - 1
     n_rows = n_cells // n_cols
@@ -222,7 +282,7 @@ def count_bright(points: FloatArray, starts: IntArray, n_cols: int, spreads: flo
                     taken = min(number, N_SAMPLE)
                     for k in range(taken):
                         i = first + k * number // taken
-                        value[n], time[n] = points[i, 3], points[i, 4]
+                        value[n], time[n] = points[i, POINT_INTENSITY], points[i, POINT_TIME]
                         n += 1
             m = split_into_visits(time, n, visit, spans)
             for v in range(m):
@@ -238,11 +298,11 @@ def count_bright(points: FloatArray, starts: IntArray, n_cols: int, spreads: flo
                     if highest > level:
                         limits[v] = min(level + spreads * spread, highest)
             for i in range(starts[at], starts[at + 1]):
-                limit = limits[visit_of(points[i, 4], spans, m) if m > 1 else 0]
-                if points[i, 3] >= limit and limit < np.inf:
-                    out[at, 0] += 1.0
-                    out[at, 1] += points[i, 0]
-                    out[at, 2] += points[i, 1]
+                limit = limits[visit_of(points[i, POINT_TIME], spans, m) if m > 1 else 0]
+                if points[i, POINT_INTENSITY] >= limit and limit < np.inf:
+                    out[at, N_BRIGHT] += 1.0
+                    out[at, BRIGHT_X] += points[i, POINT_X]
+                    out[at, BRIGHT_Y] += points[i, POINT_Y]
     return out
 
 
@@ -250,26 +310,38 @@ def count_bright(points: FloatArray, starts: IntArray, n_cols: int, spreads: flo
 def bright_centres(
     bright: FloatArray, starts: IntArray, n_cols: int, share: float
 ) -> tuple[IntArray, FloatArray]:
-    """Return the cells with more bright points than chance brings, and the mean place of these points.
+    """Return the cells with more bright points than expected by chance, and the mean place of those points.
 
-    Chance: a share `share` of the points, and three standard deviations of that number; where points are few,
-    two standard deviations in the 3 x 3 cells around one with a bright point.
+    The limit is a share `share` of the points plus three standard deviations of that number; where a cell has
+    few points, two standard deviations in the 3 x 3 cells around it.
+
+    Parameters
+    ----------
+    bright
+        (n_cells, 3): see `count_bright`.
+    starts, n_cols
+        As for `count_bright`.
+
+    Returns
+    -------
+    (m,) int64 cells, ascending, and (m, 2) places [m, from the local origin].
     """
     n_cells = len(starts) - 1
     found, where = np.empty(n_cells, dtype=np.int64), np.empty((n_cells, 2))
     m = 0
     for at in range(n_cells):
-        if bright[at, 0] == 0.0:
+        if bright[at, N_BRIGHT] == 0.0:
             continue
-        n, k, sigmas = starts[at + 1] - starts[at], bright[at, 0], 3.0
+        n, k, sigmas = starts[at + 1] - starts[at], bright[at, N_BRIGHT], CELL_SIGMAS
         if n < FEW:
-            n, k, sigmas = 0, 0.0, 2.0
+            n, k, sigmas = 0, 0.0, SPARSE_SIGMAS
             for r in range(max(at // n_cols - 1, 0), min(at // n_cols + 2, n_cells // n_cols)):
                 for c in range(max(at % n_cols - 1, 0), min(at % n_cols + 2, n_cols)):
                     n += starts[r * n_cols + c + 1] - starts[r * n_cols + c]
-                    k += bright[r * n_cols + c, 0]
+                    k += bright[r * n_cols + c, N_BRIGHT]
         if k > share * n + sigmas * np.sqrt(share * n):
             found[m] = at
-            where[m, 0], where[m, 1] = bright[at, 1] / bright[at, 0], bright[at, 2] / bright[at, 0]
+            where[m, 0] = bright[at, BRIGHT_X] / bright[at, N_BRIGHT]
+            where[m, 1] = bright[at, BRIGHT_Y] / bright[at, N_BRIGHT]
             m += 1
     return found[:m], where[:m]

@@ -1,4 +1,8 @@
-"""Paint along a line folded over every period: a gap that comes again in every repetition."""
+"""The period of a dashed line: paint along the line, folded over every period in use.
+
+Of a dashed line one stretch of the period is free of paint in every repetition, however worn the dashes are; of a
+worn solid line no stretch is.
+"""
 
 from __future__ import annotations
 
@@ -7,33 +11,45 @@ from numba import njit
 
 from linework.arrays import BoolArray
 
+#: Fewest bins of a period: a dash and a gap of two bins each.
+LEAST_BINS = 4
+#: Periods are tried so densely that the last repetition is off by at most this share of the period.
+PHASE_DRIFT = 0.1
+
 
 @njit(cache=True, nogil=True)
 def best_rhythm(
     is_paint: BoolArray, step_m: float, periods_m: tuple[float, float], least: tuple[float, float, float],
     paint: tuple[float, float],
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Return period [m], length of its free part [m] and contrast of the most contrasty rhythm; zeros if none.
+    """Return period [m], length of the gap [m] and contrast of the rhythm with the highest contrast; zeros if none.
 
     Parameters
     ----------
     is_paint
-        (n,) whether there is paint, every `step_m` along the line.
+        (n,) bool: whether there is paint, every `step_m` along the line.
     periods_m
-        Shortest and longest period.
+        Shortest and longest period. [m]
     least
-        Shortest dash, shortest gap [m], least share of the gap in the period.
+        Shortest dash, shortest gap [m], smallest share of the gap in the period.
     paint
-        Most paint in the gaps, least contrast.
+        Largest share of paint in the gaps, smallest contrast.
+
+    Notes
+    -----
+    The contrast is the share of paint in the dashes less that in the gaps.
     """
+    shortest_m, longest_m = periods_m
+    least_dash, least_gap, least_gap_share = least
+    most_gap_paint, least_contrast = paint
     n = len(is_paint)
     length = n * step_m
     best_period = best_gap = best_contrast = 0.0
-    period = periods_m[0]
-    while period <= periods_m[1]:
-        n_bins = max(round(period / (2.0 * step_m)), 4)
+    period = shortest_m
+    while period <= longest_m:
+        n_bins = max(round(period / (2.0 * step_m)), LEAST_BINS)
         count, total = np.zeros(n_bins), np.zeros(n_bins)
-        # The phase is carried on: a remainder for every place takes ten times as long
+        # The phase is carried along: a remainder at every place takes ten times as long
         phase, per_step = 0.0, step_m / period * n_bins
         for i in range(n):
             k = int(phase)
@@ -42,12 +58,12 @@ def best_rhythm(
             phase += per_step
             if phase >= n_bins:
                 phase -= n_bins
-        # The longest run of free bins, round the end
+        # The longest run of bins free of paint, across the end of the period
         run = longest = 0
         last = 0
         for k in range(2 * n_bins):
             b = k % n_bins
-            if total[b] <= paint[0] * count[b]:
+            if total[b] <= most_gap_paint * count[b]:
                 run += 1
                 if run > longest:
                     longest, last = run, k
@@ -55,7 +71,7 @@ def best_rhythm(
                 run = 0
         longest = min(longest, n_bins)
         gap = longest * period / n_bins
-        if gap >= max(least[1], least[2] * period) and period - gap >= least[0]:
+        if gap >= max(least_gap, least_gap_share * period) and period - gap >= least_dash:
             inside = outside = n_inside = n_outside = 0.0
             for k in range(n_bins):
                 b = (last + 1 + k) % n_bins
@@ -64,8 +80,7 @@ def best_rhythm(
                 else:
                     outside, n_outside = outside + total[b], n_outside + count[b]
             contrast = inside / max(n_inside, 1.0) - outside / max(n_outside, 1.0)
-            if contrast >= paint[1] and contrast > best_contrast:
+            if contrast >= least_contrast and contrast > best_contrast:
                 best_period, best_gap, best_contrast = period, gap, contrast
-        # So fine that the last repetition is off by a tenth of the period at most
-        period += 0.1 * period * period / length
+        period += PHASE_DRIFT * period * period / length
     return best_period, best_gap, best_contrast

@@ -1,21 +1,48 @@
-"""One stripe of paint, precisely: its two edges, where it begins and ends."""
+"""One stripe of paint fitted to the points around it: its two edges, its begin and end, and evidence against it.
+
+The points around a stripe form a strip: u along the search area's direction, v across it, to the left.
+"""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray
-from linework.kernels.paint.stripe_search import POINT_X, POINT_Y, POINT_Z, Q
-from linework.kernels.tracking.cholesky import factor, solve
+from linework.kernels.paint.paint_points import POINT_INTENSITY, POINT_X, POINT_Y, POINT_Z
+from linework.kernels.tracking.small_systems import factor, solve
 
-#: Bins along a stripe, and parts of it that are taken for independent.
-N_ALONG = 80
-N_SLICES = 8
-#: Columns of a strip of points: along, across, brightness, height. Of a fit: offset, slope and width of the
-#: stripe, brightness of the road on the left, on the right and of the paint.
+#: Columns of a strip of points: along and across [m], brightness (0 road, 1 paint), height [m].
+STRIP_U, STRIP_V, STRIP_BRIGHTNESS, STRIP_HEIGHT = range(4)
+STRIP_COLUMNS = 4
+#: Unknowns of a fitted stripe: offset v at u = 0 [m], slope dv/du, width [m], brightness of the road on the left, of
+#: the road on the right, and of the paint.
+FIT_OFFSET, FIT_SLOPE, FIT_WIDTH, FIT_ROAD_LEFT, FIT_ROAD_RIGHT, FIT_PAINT = range(6)
+FIT_UNKNOWNS = 6
+
+#: Bins along a stripe, and parts along it whose errors are taken for independent.
+N_ALONG, N_SLICES = 80, 8
+#: Fewest points of a fitted stripe or plane.
+FEWEST_FITTED = 8
+#: Standard deviations of what is known before the fit: the offset to 0.1 m, the slope to 0.2, the width to 0.05 m
+#: (lines are 0.10 m wide and wider), the brightness of paint, about 1, to 0.3.
+PRIOR_OFFSET_M, PRIOR_SLOPE, PRIOR_WIDTH_M, PRIOR_PAINT = 0.1, 0.2, 0.05, 0.3
+#: Narrowest line in use: the width expected before the fit is no less. [m]
+NARROWEST_LINE_M = 0.10
+#: Weight, in points, that keeps every unknown of the fit where it is, so that the matrix stays regular.
+DAMPING = 1e-3
+#: Most that a step of the fit changes offset and width, as a share of the width and at least in metres, and the slope.
+STEP_SHARE, STEP_LEAST_M, STEP_SLOPE = 0.25, 0.01, 0.1
+#: Thinnest stripe the fit may arrive at. [m]
+THINNEST_M = 0.02
+#: Smallest variance of brightness, against division by zero. [(paint - road)^2]
+LEAST_BRIGHTNESS_VARIANCE = 1e-6
+#: Share of the width about a stripe's middle whose points are on the paint for certain, to either side.
+MIDDLE_SHARE, WEAR_SHARE = 0.4, 0.45
+#: Paint is followed to the border of the search area if that is no farther than this many of its largest gaps.
+BORDER_GAPS = 1.5
+#: Most of a stripe's paint that counts as worn off: beyond it an edge cannot be located. [share]
+MOST_WORN = 0.6
 
 
 @njit(cache=True, nogil=True)
@@ -27,35 +54,63 @@ def strip_of(
     limits: tuple[float, float],
     strip: FloatArray,
 ) -> int:
-    """Write the points between two offsets as (along, across, brightness, height) to `strip`; return their number."""
+    """Write the points between two offsets across to `strip`, and return their number.
+
+    Parameters
+    ----------
+    work
+        (n or more, 5): points of the search area, brightness scaled to 0 for road and 1 for paint.
+    axes
+        Unit vector along the stripe.
+    radius
+        Of the search area. [m]
+    limits
+        Lowest and highest offset across. [m]
+    strip
+        (n or more, 4) output with the columns `STRIP_U` to `STRIP_HEIGHT`.
+    """
     ux, uy = axes
+    low, high = limits
     m = 0
     for i in range(n):
         v = work[i, POINT_Y] * ux - work[i, POINT_X] * uy
-        if v > limits[0] and v < limits[1]:
+        if v > low and v < high:
             u = work[i, POINT_X] * ux + work[i, POINT_Y] * uy
             if abs(u) < radius:
-                strip[m, 0], strip[m, 1], strip[m, 2], strip[m, 3] = u, v, work[i, Q], work[i, POINT_Z]
+                strip[m, STRIP_U], strip[m, STRIP_V] = u, v
+                strip[m, STRIP_BRIGHTNESS], strip[m, STRIP_HEIGHT] = (
+                    work[i, POINT_INTENSITY],
+                    work[i, POINT_Z],
+                )
                 m += 1
     return m
 
 
 @njit(cache=True, nogil=True)
 def extent(strip: FloatArray, radius: float, fit: FloatArray) -> tuple[float, float, int]:
-    """Return where along its direction a stripe begins and ends, and in how many of 8 parts between are points.
+    """Return where along its direction a stripe begins and ends [m], and how many of 8 parts between have points.
 
-    The stretch with the largest sum of brightness above the middle of road and paint is the most likely one
-    for paint that begins once and ends once; an end is half way to the next point beyond.
+    The stretch with the largest sum of brightness above the mean of road and paint is the most likely one for paint
+    that begins once and ends once; an end is half-way to the next point beyond.
+
+    Parameters
+    ----------
+    strip
+        (n, 4): see `strip_of`.
+    radius
+        Of the search area. [m]
+    fit
+        (6,): unknowns `FIT_OFFSET` to `FIT_PAINT`.
     """
     size = 2.0 * radius / N_ALONG
     value, low, high = np.zeros(N_ALONG), np.full(N_ALONG, np.inf), np.full(N_ALONG, -np.inf)
-    half = max(0.4 * fit[2], 0.02)
-    middle = 0.5 * fit[5] + 0.25 * (fit[3] + fit[4])
+    half = max(MIDDLE_SHARE * fit[FIT_WIDTH], THINNEST_M)
+    middle = 0.5 * fit[FIT_PAINT] + 0.25 * (fit[FIT_ROAD_LEFT] + fit[FIT_ROAD_RIGHT])
     for i in range(len(strip)):
-        u = strip[i, 0]
-        if abs(strip[i, 1] - fit[0] - fit[1] * u) <= half:
+        u = strip[i, STRIP_U]
+        if abs(strip[i, STRIP_V] - fit[FIT_OFFSET] - fit[FIT_SLOPE] * u) <= half:
             b = min(int((u + radius) / size), N_ALONG - 1)
-            value[b] += strip[i, 2] - middle
+            value[b] += strip[i, STRIP_BRIGHTNESS] - middle
             low[b], high[b] = min(low[b], u), max(high[b], u)
     best, first, last, total, begin = 0.0, 0, -1, 0.0, 0
     for b in range(N_ALONG):
@@ -87,14 +142,14 @@ def extent(strip: FloatArray, radius: float, fit: FloatArray) -> tuple[float, fl
         if low[b] <= high[b]:
             before = b
             break
-    # Without a point beyond, the paint is followed to the border if the next one would have lain there
+    # Without a point beyond, the paint is followed to the border if the next point would have lain there
     if after >= 0:
         end_m = 0.5 * (end_m + low[after])
-    elif radius - end_m <= 1.5 * gap:
+    elif radius - end_m <= BORDER_GAPS * gap:
         end_m = radius
     if before >= 0:
         begin_m = 0.5 * (begin_m + high[before])
-    elif radius + begin_m <= 1.5 * gap:
+    elif radius + begin_m <= BORDER_GAPS * gap:
         begin_m = -radius
     return begin_m, end_m, parts
 
@@ -108,232 +163,161 @@ def fit_stripe(
     fit: FloatArray,
     covariance: FloatArray,
 ) -> int:
-    """Fit a stripe to the brightness of all points around it by least squares; return the number of points.
+    """Fit a stripe to the brightness of all points around it by least squares, and return the number of points.
 
-    Brightness is that of the paint between two edges, that of the road on the left and on the right beyond
-    them, and passes from one to the other over `blur` on both sides of an edge. `fit`: offset, slope, width,
-    road left, road right, paint (changed in place). `covariance` (6, 6) takes the scatter between eight parts
-    along the stripe for independent, not that of the points: worn places and stains are larger than those.
+    The model has the brightness of the paint between two edges and those of the road on the left and on the right
+    beyond them; it passes from one to the other over `blur` on both sides of an edge.
+
+    Parameters
+    ----------
+    strip
+        (n, 4): see `strip_of`.
+    stretch
+        Begin and end along the stripe of the points that are used. [m]
+    blur
+        [m].
+    rounds
+        Gauss-Newton steps.
+    fit
+        (6,) input and output: unknowns `FIT_OFFSET` to `FIT_PAINT`.
+    covariance
+        (6, 6) output, of the unknowns. The scatter between eight parts along the stripe is taken for independent,
+        not that of the points: worn places and stains are larger than the spacing of the points.
+
+    Returns
+    -------
+    The number of points used; 0 if there are fewer than 8.
     """
-    width0 = max(fit[2], 0.10)
-    normal, right, step = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
-    row = np.zeros(6)
-    scores = np.zeros((N_SLICES, 6))
+    n = FIT_UNKNOWNS
+    begin, end = stretch
+    width0 = max(fit[FIT_WIDTH], NARROWEST_LINE_M)
+    normal, right, step = np.zeros((n, n)), np.zeros(n), np.zeros(n)
+    row = np.zeros(n)
+    scores = np.zeros((N_SLICES, n))
     number, variance = 0, 1.0
-    begin, parts = stretch[0], N_SLICES / (stretch[1] - stretch[0])
+    parts = N_SLICES / (end - begin)
     for k in range(rounds + 1):
         normal[:], right[:], scores[:] = 0.0, 0.0, 0.0
         number, squares = 0, 0.0
         slant = 0.25 / blur
         for i in range(len(strip)):
-            u = strip[i, 0]
-            if u <= stretch[0] or u >= stretch[1]:
+            u = strip[i, STRIP_U]
+            if u <= begin or u >= end:
                 continue
             number += 1
             part = min(int((u - begin) * parts), N_SLICES - 1)
-            d = strip[i, 1] - fit[0] - fit[1] * u
-            share = (0.5 * fit[2] - abs(d)) * 2.0 * slant + 0.5
-            side = 3 if d > 0.0 else 4
-            # On the road or on the paint one level is all that counts
+            d = strip[i, STRIP_V] - fit[FIT_OFFSET] - fit[FIT_SLOPE] * u
+            share = (0.5 * fit[FIT_WIDTH] - abs(d)) * 2.0 * slant + 0.5
+            side = FIT_ROAD_LEFT if d > 0.0 else FIT_ROAD_RIGHT
+            # Well on the road or on the paint only its level matters
             if share <= 0.0 or share >= 1.0:
-                at = side if share <= 0.0 else 5
-                residual = strip[i, 2] - fit[at]
+                at = side if share <= 0.0 else FIT_PAINT
+                residual = strip[i, STRIP_BRIGHTNESS] - fit[at]
                 squares += residual * residual
                 scores[part, at] += residual
                 normal[at, at] += 1.0
                 continue
-            rise = (fit[5] - fit[side]) * 2.0 * slant
-            row[0] = rise if d > 0.0 else -rise
-            row[1], row[2] = row[0] * u, 0.5 * rise
-            row[3], row[4], row[5] = 0.0, 0.0, share
+            rise = (fit[FIT_PAINT] - fit[side]) * 2.0 * slant
+            row[FIT_OFFSET] = rise if d > 0.0 else -rise
+            row[FIT_SLOPE], row[FIT_WIDTH] = row[FIT_OFFSET] * u, 0.5 * rise
+            row[FIT_ROAD_LEFT], row[FIT_ROAD_RIGHT], row[FIT_PAINT] = 0.0, 0.0, share
             row[side] = 1.0 - share
-            residual = strip[i, 2] - fit[side] - (fit[5] - fit[side]) * share
+            residual = strip[i, STRIP_BRIGHTNESS] - fit[side] - (fit[FIT_PAINT] - fit[side]) * share
             squares += residual * residual
-            for a in range(6):
+            for a in range(n):
                 scores[part, a] += row[a] * residual
                 for b in range(a + 1):
                     normal[a, b] += row[a] * row[b]
-        if number < 8:
+        if number < FEWEST_FITTED:
             return 0
-        variance = squares / number + 1e-6
-        # Known before: the width to about 5 cm (lines are 0.10 m and wider), the slope to 0.2, the paint to 0.3
-        normal[0, 0] += variance / 0.1**2
-        normal[1, 1] += variance / 0.2**2
-        normal[2, 2] += variance / 0.05**2
-        right[2] = (width0 - fit[2]) * variance / 0.05**2
-        right[1] = -fit[1] * variance / 0.2**2
-        normal[5, 5] += variance / 0.3**2
-        right[5] = (1.0 - fit[5]) * variance / 0.3**2
-        for a in range(6):
-            normal[a, a] += 1e-3 * variance
+        variance = squares / number + LEAST_BRIGHTNESS_VARIANCE
+        normal[FIT_OFFSET, FIT_OFFSET] += variance / PRIOR_OFFSET_M**2
+        normal[FIT_SLOPE, FIT_SLOPE] += variance / PRIOR_SLOPE**2
+        normal[FIT_WIDTH, FIT_WIDTH] += variance / PRIOR_WIDTH_M**2
+        right[FIT_WIDTH] = (width0 - fit[FIT_WIDTH]) * variance / PRIOR_WIDTH_M**2
+        right[FIT_SLOPE] = -fit[FIT_SLOPE] * variance / PRIOR_SLOPE**2
+        normal[FIT_PAINT, FIT_PAINT] += variance / PRIOR_PAINT**2
+        right[FIT_PAINT] = (1.0 - fit[FIT_PAINT]) * variance / PRIOR_PAINT**2
+        for a in range(n):
+            normal[a, a] += DAMPING * variance
             for b in range(N_SLICES):
                 right[a] += scores[b, a]
         factor(normal)
         if k < rounds:
             solve(normal, right, step)
-            quarter = max(0.25 * fit[2], 0.01)
-            fit[0] += min(max(step[0], -quarter), quarter)
-            fit[1] += min(max(step[1], -0.1), 0.1)
-            fit[2] = max(fit[2] + min(max(step[2], -quarter), quarter), 0.02)
-            for a in range(3, 6):
+            most = max(STEP_SHARE * fit[FIT_WIDTH], STEP_LEAST_M)
+            fit[FIT_OFFSET] += min(max(step[FIT_OFFSET], -most), most)
+            fit[FIT_SLOPE] += min(max(step[FIT_SLOPE], -STEP_SLOPE), STEP_SLOPE)
+            fit[FIT_WIDTH] = max(fit[FIT_WIDTH] + min(max(step[FIT_WIDTH], -most), most), THINNEST_M)
+            for a in range(FIT_ROAD_LEFT, n):
                 fit[a] += step[a]
-    # The scatter of the parts, of which two unknowns are spent for an edge, and that of the points
+    # The scatter of the parts (an edge takes two unknowns), and that of the points
     covariance[:] = 0.0
     for b in range(N_SLICES):
         solve(normal, scores[b], step)
-        for a in range(6):
-            for c in range(6):
+        for a in range(n):
+            for c in range(n):
                 covariance[a, c] += N_SLICES / (N_SLICES - 2.0) * step[a] * step[c]
-    for a in range(6):
+    for a in range(n):
         right[:] = 0.0
         right[a] = variance
         solve(normal, right, step)
-        for c in range(6):
+        for c in range(n):
             covariance[a, c] += step[c]
     return number
 
 
-# What is beside a stripe of paint: worn edges, other bright ground, steps; and the stripe's height
-
-
 @njit(cache=True, nogil=True)
 def edge_variance(strip: FloatArray, stretch: tuple[float, float], across: float, fit: FloatArray) -> float:
-    """Return the variance of a stripe's centre that the fit does not see: gaps between points, and worn edges.
+    """Return the variance of a stripe's centre that the fit does not know of: spacing of points, worn edges [m^2].
 
-    Across the road points follow each other at a distance a, at random: an edge half way between the last one on
+    Points follow each other across the road at a distance a, at random: an edge half-way between the last point on
     the paint and the next one beside it is off by a / sqrt(2), the centre between two edges by a / 2. And where a
     share f of the paint between the edges is gone, as much may be gone beyond one of them: f / (1 - f) of the
     width, evenly distributed.
+
+    Parameters
+    ----------
+    strip, fit
+        (n, 4), (6,): see `strip_of` and `fit_stripe`.
+    stretch
+        Begin and end of the stripe. [m]
+    across
+        Width of the strip. [m]
     """
+    begin, end = stretch
     inside, paint, gone = 0, 1, 0
-    middle = 0.5 * fit[5] + 0.25 * (fit[3] + fit[4])
+    middle = 0.5 * fit[FIT_PAINT] + 0.25 * (fit[FIT_ROAD_LEFT] + fit[FIT_ROAD_RIGHT])
     for i in range(len(strip)):
-        u = strip[i, 0]
-        if u > stretch[0] and u < stretch[1]:
+        u = strip[i, STRIP_U]
+        if u > begin and u < end:
             inside += 1
-            if abs(strip[i, 1] - fit[0] - fit[1] * u) < 0.45 * fit[2]:
+            if abs(strip[i, STRIP_V] - fit[FIT_OFFSET] - fit[FIT_SLOPE] * u) < WEAR_SHARE * fit[FIT_WIDTH]:
                 paint += 1
-                gone += strip[i, 2] < middle
+                gone += strip[i, STRIP_BRIGHTNESS] < middle
     apart = across / max(inside, 1)
-    worn = min(gone / paint, 0.6)
-    return float((0.5 * apart) ** 2 + (worn / (1.0 - worn) * fit[2]) ** 2 / 12.0)
+    worn = min(gone / paint, MOST_WORN)
+    return float((0.5 * apart) ** 2 + (worn / (1.0 - worn) * fit[FIT_WIDTH]) ** 2 / 12.0)
 
 
 @njit(cache=True, nogil=True)
 def bright_beside(strip: FloatArray, stretch: tuple[float, float], fit: FloatArray, side: float) -> float:
-    """Return the share of points within `side` of a stripe's edges that look like its paint, on the worse side.
+    """Return the share of points within `side` [m] of a stripe's edges that are as bright as it, on the worse side.
 
-    The road beside paint has next to none, whatever its level; a strip of grass beside other grass has many.
+    The road beside paint has hardly any, whatever its level; a strip of grass beside other grass has many.
+    `strip` (n, 4), `stretch`, `fit` (6,) as for `edge_variance`.
     """
-    counts = np.zeros((2, 2))
+    begin, end = stretch
+    # Left and right of the stripe: points, and bright ones among them
+    points, bright = np.zeros(2), np.zeros(2)
     for i in range(len(strip)):
-        d = strip[i, 1] - fit[0] - fit[1] * strip[i, 0]
-        beyond = abs(d) - 0.5 * fit[2]
-        if beyond > 0.0 and beyond < side and strip[i, 0] > stretch[0] and strip[i, 0] < stretch[1]:
+        u = strip[i, STRIP_U]
+        d = strip[i, STRIP_V] - fit[FIT_OFFSET] - fit[FIT_SLOPE] * u
+        beyond = abs(d) - 0.5 * fit[FIT_WIDTH]
+        if beyond > 0.0 and beyond < side and u > begin and u < end:
             k = 0 if d > 0.0 else 1
-            counts[k, 0] += 1.0
-            counts[k, 1] += 1.0 if strip[i, 2] > 0.5 * (fit[5] + fit[3 + k]) else 0.0
-    left, right = counts[0, 1] / max(counts[0, 0], 1.0), counts[1, 1] / max(counts[1, 0], 1.0)
+            points[k] += 1.0
+            middle = 0.5 * (fit[FIT_PAINT] + fit[FIT_ROAD_LEFT if d > 0.0 else FIT_ROAD_RIGHT])
+            bright[k] += 1.0 if strip[i, STRIP_BRIGHTNESS] > middle else 0.0
+    left, right = bright[0] / max(points[0], 1.0), bright[1] / max(points[1], 1.0)
     return float(max(left, right))
-
-
-@njit(cache=True, nogil=True)
-def height_of(
-    strip: FloatArray, stretch: tuple[float, float], fit: FloatArray, at: float, side: float
-) -> tuple[float, float, float, float]:
-    """Return the height of the stripe's centre at `at` and its sigma; the height of a kerb here and its sigma.
-
-    What lies within `side` of the stripe counts. Paint lies in one plane with the road on both its sides.
-    """
-    normal, right, solution, row = np.zeros((4, 4)), np.zeros(4), np.zeros(4), np.ones(4)
-    half = 0.5 * fit[2]
-    points, number = np.empty((len(strip), 3)), 0
-    for i in range(len(strip)):
-        u = strip[i, 0]
-        d = strip[i, 1] - fit[0] - fit[1] * u
-        if u >= stretch[0] and u <= stretch[1] and abs(d) <= half + side:
-            points[number, 0], points[number, 1] = u - at, d
-            points[number, 2] = strip[i, 3] - strip[0, 3]
-            number += 1
-    if number < 8:
-        return strip[0, 3], 0.05, 0.0, 1.0
-    points = points[:number]
-    # The plane through all points
-    for i in range(number):
-        row[1], row[2], row[3] = points[i, 0], points[i, 1], 0.0
-        _add(row, points[i, 2], normal, right)
-    _solve(normal, right, solution)
-    zones = np.zeros((4, 3))
-    total = 0.0
-    for i in range(number):
-        off = points[i, 2] - solution[0] - solution[1] * points[i, 0] - solution[2] * points[i, 1]
-        d = points[i, 1]
-        zone = (0 if d < -half else 1) if d < 0.0 else (2 if d < half else 3)
-        zones[zone, 0] += 1.0
-        zones[zone, 1] += off
-        zones[zone, 2] += off * off
-        total += off * off
-    z, variance = strip[0, 3] + solution[0], total / max(number - 3, 1) + 1e-8
-    right[:] = 0.0
-    right[0] = variance
-    solve(normal, right, solution)
-    sigma = math.sqrt(solution[0])
-    # A step between the planes of the two sides
-    normal[:], right[:] = 0.0, 0.0
-    for i in range(number):
-        if abs(points[i, 1]) >= half:
-            row[1], row[2], row[3] = points[i, 0], points[i, 1], 0.5 if points[i, 1] > 0.0 else -0.5
-            _add(row, points[i, 2], normal, right)
-    _solve(normal, right, solution)
-    height, noise = kerb_from_bend(zones)
-    step = abs(solution[3])
-    right[:] = 0.0
-    right[3] = noise * noise
-    solve(normal, right, solution)
-    sigma_step, sigma_height = math.sqrt(solution[3]), noise / 0.3 / math.sqrt(0.25 * number)
-    if step - 3.0 * sigma_step > height - 3.0 * sigma_height:
-        return z, sigma, step, sigma_step
-    return z, sigma, height, sigma_height
-
-
-@njit(cache=True, nogil=True)
-def _add(row: FloatArray, value: float, normal: FloatArray, right: FloatArray) -> None:
-    """Add an observation to normal equations of four unknowns."""
-    for a in range(4):
-        right[a] += row[a] * value
-        for b in range(a + 1):
-            normal[a, b] += row[a] * row[b]
-
-
-@njit(cache=True, nogil=True)
-def _solve(normal: FloatArray, right: FloatArray, out: FloatArray) -> None:
-    """Solve normal equations in place, unknowns without observations become 0."""
-    for a in range(4):
-        normal[a, a] += 1e-4
-    factor(normal)
-    solve(normal, right, out)
-
-
-@njit(cache=True, nogil=True)
-def kerb_from_bend(zones: FloatArray) -> tuple[float, float]:
-    """Return the height of a kerb that would bend four zones off their plane as far, and the noise.
-
-    zones: number, sum and sum of squares of the distances from the plane: right of the stripe, its right and left
-    half, left of it. A kerb leaves 0.3 of its height in one of them. The noise is that on both sides; where the
-    stripe is twice as rough (the face of a kerb, grass), it is as if half of that were a bend.
-    """
-    # Degrees of freedom and squares of what scatters: beside the stripe, and on it
-    free, square, largest = np.zeros(2), np.zeros(2), 0.0
-    for k in range(4):
-        if zones[k, 0] >= 3.0:
-            on = 1 if k == 1 or k == 2 else 0
-            mean = zones[k, 1] / zones[k, 0]
-            free[on] += zones[k, 0] - 1.0
-            square[on] += max(zones[k, 2] - mean * zones[k, 1], 0.0)
-            largest = max(largest, abs(mean))
-    if free[0] < 3.0:
-        return 0.0, 1.0
-    noise = math.sqrt(square[0] / free[0] + 1e-8)
-    if free[1] > 0.0 and square[1] / free[1] > 3.0 * noise * noise:
-        largest = max(largest, 0.5 * math.sqrt(square[1] / free[1] - noise * noise))
-    return largest / 0.3, noise

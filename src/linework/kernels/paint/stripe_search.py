@@ -1,4 +1,8 @@
-"""Where stripes are in a search area: their direction, and the profile of brightness across it."""
+"""Finding stripes in a search area: their direction, and the bright bands of the profile across it.
+
+A search area is a disc about a place near bright points; its points are rows of `linework.kernels.paint.paint_points`
+with x and y from that place.
+"""
 
 from __future__ import annotations
 
@@ -8,23 +12,40 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray, IntArray
+from linework.kernels.paint.paint_points import POINT_INTENSITY, POINT_TIME, POINT_X, POINT_Y, POINT_Z
 
-#: Columns of the points of a search area: place from its middle, height, brightness, time.
-POINT_X, POINT_Y, POINT_Z, Q, TIME = range(5)
+#: Columns of a band of brightness across a search area: its right and left edge [m, across], and its t-value.
+BAND_RIGHT, BAND_LEFT, BAND_T = range(3)
+BAND_COLUMNS = 3
 
-#: Points that show all there is in a search area: 500 per square metre and more.
+#: Points that are enough for a search area: 500 per square metre and more.
 ENOUGH = 1500
+#: Share of the lattice's cells around a search area that its disc covers, about.
+DISC_SHARE = 0.4
+#: Directions that are tried, 11.25 degrees apart; a parabola finds the direction between them.
 N_ANGLES = 16
-N_TURN_BINS = 24
-#: Bins across a search area of radius R, which reaches 1.4 R: a bar 0.5 m wide and the road on both sides of it
-#: fit in.
-N_ACROSS, PROFILE_ACROSS_M = 56, 1.4
-#: Road beside a stripe that it is held against: 4 bins, 0.10 m of a search area of 0.5 m (double lines stand
-#: 0.1 m and more apart).
+#: Bins across a search area while its direction is sought, and how far they reach, in radii.
+N_TURN_BINS, TURN_REACH = 24, 1.2
+#: Points that are enough to find the direction.
+ENOUGH_TURN = 400
+#: Bins with few points count less, as if this share of a bin's usual points had the mean brightness.
+SHRINKING = 0.1
+#: Bins across a search area of radius R, and how far they reach in radii: a bar 0.5 m wide and the road on both
+#: sides of it fit in.
+N_ACROSS, PROFILE_REACH = 56, 1.4
+#: Bins of road beside a stripe that it is compared with: 0.10 m in a search area of 0.5 m (the lines of a double
+#: line are 0.1 m and more apart).
 N_SIDE = 4
-#: Widest paint, in bins: 1 m.
+#: Widest paint, in bins: 1 m in a search area of 0.5 m.
 WIDEST = 40
+#: Bins on either side of a border whose means give the slope of the brightness there.
+N_EDGE = 2
+#: Most stripes of one search area: a double line and two neighbours.
 MOST_STRIPES = 4
+#: Fewest points inside and on each side of a stripe, and fewest degrees of freedom of the profile's noise.
+BAND_POINTS, LEAST_FREE = 3.0, 8.0
+#: Smallest variance of brightness, so that noiseless points do not divide by zero. [(paint - road)^2]
+LEAST_VARIANCE = 1e-6
 
 
 @njit(cache=True, nogil=True)
@@ -37,7 +58,21 @@ def gather_within_reach(
     reach: float,
     work: FloatArray,
 ) -> int:
-    """Write the points within `reach` of a place to `work`, places from there; return their number (or -needed)."""
+    """Write the points within `reach` of a place to `work`, with x and y from there; return their number.
+
+    Parameters
+    ----------
+    points, starts, lattice
+        (n, 5), (n_cells + 1,): see `linework.kernels.paint.paint_points.sort_into_cells`.
+    x, y, reach
+        The place and the radius. [m, from the local origin]
+    work
+        (k, 5) output.
+
+    Returns
+    -------
+    The number of points; if `work` is too small, minus the number of rows that are needed.
+    """
     cell, south, west, n_rows, n_cols = lattice
     row0 = max(int(np.floor((y - reach) / cell)) - south, 0)
     row1 = min(int(np.floor((y + reach) / cell)) - south, n_rows - 1)
@@ -48,47 +83,53 @@ def gather_within_reach(
     most = 0
     for row in range(row0, row1 + 1):
         most += starts[row * n_cols + col1 + 1] - starts[row * n_cols + col0]
-    # The disc is about 0.4 of these cells; of a denser one every second, third ... point shows as much
-    stride = 1 + int(0.4 * most) // ENOUGH
+    # Of a dense disc every second, third ... point is enough
+    stride = 1 + int(DISC_SHARE * most) // ENOUGH
     if most // stride + row1 - row0 + 1 > len(work):
         return -(most // stride + row1 - row0 + 1)
     n = 0
     for row in range(row0, row1 + 1):
         for i in range(starts[row * n_cols + col0], starts[row * n_cols + col1 + 1], stride):
-            dx, dy = points[i, 0] - x, points[i, 1] - y
+            dx, dy = points[i, POINT_X] - x, points[i, POINT_Y] - y
             if dx * dx + dy * dy <= reach * reach:
-                work[n, POINT_X], work[n, POINT_Y], work[n, POINT_Z] = dx, dy, points[i, 2]
-                work[n, Q], work[n, TIME] = points[i, 3], points[i, 4]
+                work[n, POINT_X], work[n, POINT_Y], work[n, POINT_Z] = dx, dy, points[i, POINT_Z]
+                work[n, POINT_INTENSITY], work[n, POINT_TIME] = (
+                    points[i, POINT_INTENSITY],
+                    points[i, POINT_TIME],
+                )
                 n += 1
     return n
 
 
 @njit(cache=True, nogil=True)
 def direction(work: FloatArray, n: int, radius: float) -> float:
-    """Return the direction [rad] across which the brightness of the points within 1.2 radii differs most.
+    """Return the direction [rad] of the stripes or edges in a search area.
 
-    For each of 16 directions the points fall into bins across it; the sum of squares between the bins is
-    largest along stripes and edges. All points count, not only the bright ones: how densely the scan lines
-    lie does not matter. A parabola through the best three gives the direction between.
+    For each of 16 directions the points within 1.2 radii fall into bins across it; the sum of squares between the
+    bins is largest along stripes and edges. All points count, not only the bright ones, so the density of the scan
+    lines does not matter. A parabola through the best three gives the direction between.
+
+    Parameters
+    ----------
+    work
+        (n or more, 5): points, see `gather`.
+    radius
+        Of the search area. [m]
     """
-    reach = 1.2 * radius
+    reach = TURN_REACH * radius
     scale = N_TURN_BINS / (2.0 * reach)
-    # Some points settle a direction as well as all do
-    stride = max(n // 400, 1)
-    near = np.empty((n // stride + 1, 3))
+    stride = max(n // ENOUGH_TURN, 1)
+    most = n // stride + 1
+    near_x, near_y, brightness = np.empty(most), np.empty(most), np.empty(most)
     total, number = 0.0, 0
     for i in range(0, n, stride):
         if work[i, POINT_X] ** 2 + work[i, POINT_Y] ** 2 <= reach * reach:
-            near[number, 0], near[number, 1], near[number, 2] = (
-                work[i, POINT_X] * scale,
-                work[i, POINT_Y] * scale,
-                work[i, Q],
-            )
-            total += work[i, Q]
+            near_x[number], near_y[number] = work[i, POINT_X] * scale, work[i, POINT_Y] * scale
+            brightness[number] = work[i, POINT_INTENSITY]
+            total += work[i, POINT_INTENSITY]
             number += 1
     mean = total / max(number, 1)
-    # Bins of few points say little: as if this many more of the mean had been there
-    few = 0.1 * number / N_TURN_BINS + 1.0
+    few = SHRINKING * number / N_TURN_BINS + 1.0
     between = np.zeros(N_ANGLES)
     bins, counts = np.zeros(N_TURN_BINS), np.zeros(N_TURN_BINS)
     for k in range(N_ANGLES):
@@ -96,8 +137,8 @@ def direction(work: FloatArray, n: int, radius: float) -> float:
         nx, ny = -math.sin(angle), math.cos(angle)
         bins[:], counts[:] = 0.0, 0.0
         for i in range(number):
-            b = min(int(near[i, 0] * nx + near[i, 1] * ny + 0.5 * N_TURN_BINS), N_TURN_BINS - 1)
-            bins[b] += near[i, 2] - mean
+            b = min(int(near_x[i] * nx + near_y[i] * ny + 0.5 * N_TURN_BINS), N_TURN_BINS - 1)
+            bins[b] += brightness[i] - mean
             counts[b] += 1.0
         for b in range(N_TURN_BINS):
             between[k] += bins[b] * bins[b] / (counts[b] + few)
@@ -112,25 +153,37 @@ def direction(work: FloatArray, n: int, radius: float) -> float:
 def stripes_across(
     work: FloatArray, n: int, angle: float, radius: float, least_t: float, out: FloatArray
 ) -> int:
-    """Find the stripes along a direction: bands that are brighter than the road on both their sides.
+    """Find the stripes along a direction, and return their number: bands brighter than the road on both sides.
 
-    The profile across has 56 bins; of all bands the one whose mean stands out most from the darker mean of
-    the two sides (the smaller of two t-values counts) is taken, then the next one beside it.
+    The profile across has 56 bins. The band that stands out most from both its sides is taken (the smaller of its
+    two t-values counts), then the next one beside it.
 
-    Writes right edge, left edge [m, across] and t-value of each to `out`; returns their number.
+    Parameters
+    ----------
+    work
+        (n or more, 5): points, see `gather`.
+    angle
+        Direction of the stripes. [rad]
+    radius
+        Of the search area. [m]
+    least_t
+        Smallest t-value of a band.
+    out
+        (4, 3) output with the columns `BAND_RIGHT`, `BAND_LEFT`, `BAND_T`.
     """
-    reach = PROFILE_ACROSS_M * radius
+    reach = PROFILE_REACH * radius
     size = 2.0 * reach / N_ACROSS
     ux, uy = math.cos(angle), math.sin(angle)
     number, total = np.zeros(N_ACROSS + 1), np.zeros(N_ACROSS + 1)
     square = 0.0
     for i in range(n):
-        u, v = work[i, POINT_X] * ux + work[i, POINT_Y] * uy, work[i, POINT_Y] * ux - work[i, POINT_X] * uy
+        u = work[i, POINT_X] * ux + work[i, POINT_Y] * uy
+        v = work[i, POINT_Y] * ux - work[i, POINT_X] * uy
         if abs(u) < radius and abs(v) < reach:
             b = int((v + reach) / size)
             number[b + 1] += 1.0
-            total[b + 1] += work[i, Q]
-            square += work[i, Q] ** 2
+            total[b + 1] += work[i, POINT_INTENSITY]
+            square += work[i, POINT_INTENSITY] ** 2
     used, within = 0, square
     for b in range(1, N_ACROSS + 1):
         if number[b] > 0.0:
@@ -139,9 +192,9 @@ def stripes_across(
         number[b] += number[b - 1]
         total[b] += total[b - 1]
     free = number[N_ACROSS] - used
-    if free < 8.0:
+    if free < LEAST_FREE:
         return 0
-    variance = within / free + 1e-6
+    variance = within / free + LEAST_VARIANCE
     rises, falls = edges_of(number, total)
     taken = np.zeros(N_ACROSS, dtype=np.uint8)
     m = 0
@@ -152,7 +205,7 @@ def stripes_across(
                 continue
             a0 = max(a - N_SIDE, 0)
             n_right = number[a] - number[a0]
-            if n_right < 3.0:
+            if n_right < BAND_POINTS:
                 continue
             right = (total[a] - total[a0]) / n_right
             for b in falls:
@@ -162,7 +215,7 @@ def stripes_across(
                     break
                 n_in, b1 = number[b] - number[a], min(b + N_SIDE, N_ACROSS)
                 n_left = number[b1] - number[b]
-                if n_in < 3.0 or n_left < 3.0:
+                if n_in < BAND_POINTS or n_left < BAND_POINTS:
                     continue
                 mean, left = (total[b] - total[a]) / n_in, (total[b1] - total[b]) / n_left
                 if mean <= right or mean <= left:
@@ -175,7 +228,11 @@ def stripes_across(
                     best, first, last = t, a, b
         if first < 0:
             break
-        out[m, 0], out[m, 1], out[m, 2] = first * size - reach, last * size - reach, best
+        out[m, BAND_RIGHT], out[m, BAND_LEFT], out[m, BAND_T] = (
+            first * size - reach,
+            last * size - reach,
+            best,
+        )
         m += 1
         taken[max(first - 1, 0) : min(last + 1, N_ACROSS)] = 1
     return m
@@ -183,14 +240,19 @@ def stripes_across(
 
 @njit(cache=True, nogil=True)
 def edges_of(number: FloatArray, total: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return the borders between bins where the profile rises, and where it falls, more than beside them.
+    """Return the borders between bins where a profile rises most, and where it falls most, (k,) and (l,) int64.
 
-    number, total: sums of the bins so far. What counts is the difference of the means of two bins on each side.
+    The slope at a border is the difference of the means of two bins on each side of it.
+
+    Parameters
+    ----------
+    number, total
+        (m + 1,): running sums over the bins of the points, and of their brightness.
     """
     n = len(number) - 1
     rise = np.zeros(n + 1)
     for a in range(1, n):
-        low, high = max(a - 2, 0), min(a + 2, n)
+        low, high = max(a - N_EDGE, 0), min(a + N_EDGE, n)
         before, after = number[a] - number[low], number[high] - number[a]
         if before > 0.0 and after > 0.0:
             rise[a] = (total[high] - total[a]) / after - (total[a] - total[low]) / before

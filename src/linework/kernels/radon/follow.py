@@ -1,82 +1,131 @@
-"""Following thin sheets of points by circles, from many starts.
+"""Kernels that follow thin sheets of points by circles, from many starts.
 
 Positions are local: x east and y north of the bins' south-west corner, z above a local origin. [m]
-`layers` are the three arrays of `linework.kernels.cells.bins.sort_into_layers`, `frame` is the bins' n_x, n_y and size.
+`layers` are the three arrays of `linework.kernels.cells.bins.sort_into_layers`, `frame` is the number of bins to
+the east and to the north and their side [m].
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray, IntArray
-from linework.kernels.cells.bins import layer_of
-from linework.kernels.radon.corridor import crossed, top_edge
+from linework.kernels.cells.bins import LayeredBins
+from linework.kernels.radon.corridor import (
+    LOCAL_LEFT,
+    LOCAL_Z,
+    NODE_HEADING,
+    NODE_TOP,
+    NODE_X,
+    NODE_Y,
+    TurnedBox,
+    gather_level,
+)
+from linework.kernels.radon.sections import TOP_HALF_WIDTH, top_edge
 
-LayeredBins = tuple[IntArray, FloatArray, IntArray]
+#: Further columns of a node: points in the circle, their spread [m], measured (1) or predicted (0).
+NODE_POINTS, NODE_SPREAD, NODE_MEASURED = 4, 5, 6
+#: Number of columns of a node.
+NODE_COLUMNS = 7
 
-SETTLED = 6  # nodes after which the filter no longer knows what it was begun with
+#: Nodes after which the filter has forgotten its initial state.
+SETTLED = 6
+
+#: Initial standard deviations of the filter: a start is good to a strip's half width across [m], to a step of the
+#: turns that are tried [rad]; an 18 m bend is 0.056 / m [1/m].
+_START_OFFSET_M, _START_HEADING_RAD, _START_CURVATURE_PER_M = 0.02, 0.03, 0.03
+#: Initial standard deviations of the top's height, one step of the tried tops [m], and of its slope.
+_START_TOP_M, _START_SLOPE = 0.05, 0.05
+#: Noise of a circle's centre: half the depth of the corrugation, and range noise averaged. [m]
+_CENTRE_NOISE_M = 0.025
+#: Random walk of the curvature per root metre: an 18 m bend sets in within about 10 m. [1/m]
+_CURVATURE_DRIFT = 0.012
+#: Random walk of the top's slope per root metre.
+_SLOPE_DRIFT = 0.01
+#: Noise of one top edge. [m]
+_EDGE_NOISE_M = 0.03
+#: The variance of the centre of n points is (1 + this / n) times the square of `_CENTRE_NOISE_M`.
+_FEW_POINTS = 6.0
+#: Fewest points of a measured circle.
+_LEAST_POINTS = 3
+#: A circle is rejected this many standard deviations from the prediction, within these limits. [m]
+_GATE_SIGMAS, _LEAST_GATE_M, _MOST_GATE_M = 3.0, 0.08, 0.25
+#: Half width of the box about a node: the widest gate and a circle. [m]
+_HALF_WIDTH_M = 0.35
+#: Range below and above the top in which points are gathered: circle, top edge, and what is above. [m]
+_LEVEL_BELOW_M, _LEVEL_ABOVE_M = 0.60, 0.20
+#: Noise of the top: the circle holds points up to this height above it. [m]
+_CIRCLE_ABOVE_M = 0.03
+#: Range above and below the prediction in which top edges are tried. [m]
+_TOP_SEARCH_M = 0.08
+#: Most steps of a circle, and the shift below which it is at rest. [m]
+_MOST_SHIFTS, _AT_REST_M = 6, 0.001
+#: Two nodes lie on each other only when their headings differ by less than 20 degrees: sine of that.
+_PARALLEL_SINE = 0.34
+#: Number of nodes that room is made for at first; more is made as needed.
+_ROOM = 4096
 
 
-@njit(cache=True, nogil=True)
-def gather_level(
-    points: FloatArray,
-    layers: LayeredBins,
-    frame: tuple[int, int, float],
-    box: FloatArray,
-    level: tuple[float, float],
-    out: FloatArray,
-) -> int:
-    """Collect like `gather` the points whose z lies within `level`: of each bin only the layers it meets."""
-    slot, floor, begin = layers
-    n_x, n_y, cell = frame
-    last = len(out) - 1
-    x0, y0, dx, dy = box[0], box[1], box[2], box[3]
-    half_s, half_u, low, high = box[4], box[5], box[6], box[7]
-    reach_y = abs(dy) * half_s + abs(dx) * half_u
-    r0, r1 = int(np.floor((y0 - reach_y) / cell)), int(np.floor((y0 + reach_y) / cell))
-    n = 0
-    for r in range(max(r0, 0), min(r1, n_y - 1) + 1):
-        west_s, east_s = crossed(half_s, dx, dy, r * cell - y0, (r + 1) * cell - y0)
-        west_u, east_u = crossed(half_u, -dy, dx, r * cell - y0, (r + 1) * cell - y0)
-        c0 = int(max(np.floor((x0 + max(west_s, west_u)) / cell), 0.0))
-        c1 = int(min(np.floor((x0 + min(east_s, east_u)) / cell), n_x - 1.0))
-        for c in range(c0, c1 + 1):
-            k = slot[r * n_x + c]
-            if k < 0 or floor[k] > level[1]:
-                continue
-            first = begin[k, layer_of(level[0], floor[k])]
-            for i in range(first, begin[k, layer_of(level[1], floor[k]) + 1]):
-                z, h = points[i, 2], points[i, 3]
-                ex, ey = points[i, 0] - x0, points[i, 1] - y0
-                s = ex * dx + ey * dy
-                u = ey * dx - ex * dy
-                inside = (abs(s) <= half_s) & (abs(u) <= half_u) & (h >= low) & (h <= high)
-                inside = inside & (z >= level[0]) & (z <= level[1]) & (n < last)
-                # Written in any case, kept or not: which points are inside is as good as random
-                out[n, 0], out[n, 1], out[n, 2], out[n, 3] = s, u, z, h
-                n += int(inside)
-    return n
+class FollowSettings(NamedTuple):
+    """How circles follow a sheet.
+
+    Parameters
+    ----------
+    spacing, radius, max_gap, half_along
+        Spacing of the circles, their radius, longest stretch without a point, half length of a station. [m]
+    low, high
+        Range of heights above the road. [m]
+    sheet
+        Height of the sheet below its top. [m]
+    """
+
+    spacing: float
+    radius: float
+    max_gap: float
+    half_along: float
+    low: float
+    high: float
+    sheet: float
+
+
+class FollowLimits(NamedTuple):
+    """Numbers of nodes: fewest of a strand, most one way, and how many of those keep other starts away."""
+
+    least: int
+    most: int
+    near: int
 
 
 @njit(cache=True, nogil=True)
 def circle_centre(
     work: FloatArray, n: int, u_start: float, radius: float, z_low: float, z_high: float
 ) -> tuple[float, int, float]:
-    """Return offset, number and spread of the points that a circle grown about `u_start` settles on.
+    """Return offset [m], number and spread [m] of the points that a circle about `u_start` settles on.
 
     The circle moves to the mean of the points it holds until it rests (mean shift).
+
+    Parameters
+    ----------
+    work, n
+        (., 4) points of a box, of which the first n count.
+    u_start, radius
+        Offset at which the circle begins, and its radius. [m]
+    z_low, z_high
+        Range of heights. [m]
     """
     offsets = np.empty(n)
     m = 0
     for i in range(n):
-        if work[i, 2] >= z_low and work[i, 2] <= z_high:
-            offsets[m] = work[i, 1]
+        if work[i, LOCAL_Z] >= z_low and work[i, LOCAL_Z] <= z_high:
+            offsets[m] = work[i, LOCAL_LEFT]
             m += 1
     u = u_start
     number = 0
     spread = 0.0
-    for _ in range(6):
+    for _ in range(_MOST_SHIFTS):
         total, square, number = 0.0, 0.0, 0
         for i in range(m):
             d = offsets[i] - u
@@ -90,7 +139,7 @@ def circle_centre(
         shift = total / number
         spread = np.sqrt(max(square / number - shift * shift, 0.0))
         u += shift
-        if abs(shift) < 0.001:
+        if abs(shift) < _AT_REST_M:
             break
     return u, number, spread
 
@@ -101,27 +150,35 @@ def follow_sheet(
     layers: LayeredBins,
     frame: tuple[int, int, float],
     start: tuple[float, float, float, float],
-    setting: FloatArray,
+    setting: FollowSettings,
     work: FloatArray,
     out: FloatArray,
 ) -> int:
-    """Follow a thin sheet of points from `start` by circles at a fixed spacing; return the number of nodes.
+    """Follow a thin sheet of points one way by circles at a fixed spacing, and return the number of nodes.
 
-    start: x, y, heading, top z.
-    setting: spacing, circle radius, largest gap, half length, lowest and highest height, sheet height.
-    out, per node: x, y, heading, top z, number of points, spread, measured (1) or predicted (0).
-    A Kalman filter carries lateral offset, heading and curvature; another the top's height and slope.
+    A Kalman filter carries lateral offset, heading and curvature; another one the top's height and slope.
+
+    Parameters
+    ----------
+    points, layers, frame
+        Binned points (n, 4), their layers and bins.
+    start
+        x, y [m], heading [rad], top z [m].
+    setting
+        How to follow.
+    work
+        (m, 4) scratch: the points of a station.
+    out
+        (most, 7), written; columns `NODE_X` to `NODE_MEASURED`.
     """
-    spacing, radius, max_gap, half_s = setting[0], setting[1], setting[2], setting[3]
-    low, high, sheet = setting[4], setting[5], setting[6]
+    spacing, radius, max_gap, half_s, low, high, sheet = setting
     x, y, heading, top = start
     curvature, slope = 0.0, 0.0
-    p00, p01, p02, p11, p12, p22 = 0.02**2, 0.0, 0.0, 0.03**2, 0.0, 0.03**2
-    q00, q01, q11 = 0.05**2, 0.0, 0.05**2
-    noise = 0.025  # half the depth of the corrugation, and range noise averaged
-    drift = 0.012**2 * spacing  # of the curvature: an 18 m bend sets in within about 10 m
-    box = np.empty(8)
-    box[4], box[5], box[6], box[7] = half_s, 0.35, low, high
+    p00, p01, p02 = _START_OFFSET_M**2, 0.0, 0.0
+    p11, p12, p22 = _START_HEADING_RAD**2, 0.0, _START_CURVATURE_PER_M**2
+    q00, q01, q11 = _START_TOP_M**2, 0.0, _START_SLOPE**2
+    noise = _CENTRE_NOISE_M
+    drift = _CURVATURE_DRIFT**2 * spacing
     n_out, gap, blurred = 0, 0.0, 0.0
     while n_out < len(out):
         if n_out > 0:
@@ -134,17 +191,17 @@ def follow_sheet(
             p00, p01, p02 = a0 + d * a1 + e * a2, a1 + d * a2, a2
             p11, p12, p22 = b1 + d * b2, b2, p22 + drift
             top += slope * spacing
-            q00, q01, q11 = q00 + 2 * d * q01 + d * d * q11, q01 + d * q11, q11 + 0.01**2 * spacing
-        box[0], box[1], box[2], box[3] = x, y, np.cos(heading), np.sin(heading)
-        level = top - max(sheet, 0.60), top + 0.20  # what circle and edge look at
+            q00, q01, q11 = q00 + 2 * d * q01 + d * d * q11, q01 + d * q11, q11 + _SLOPE_DRIFT**2 * spacing
+        box = TurnedBox(x, y, np.cos(heading), np.sin(heading), half_s, _HALF_WIDTH_M, low, high)
+        level = top - max(sheet, _LEVEL_BELOW_M), top + _LEVEL_ABOVE_M
         n = gather_level(points, layers, frame, box, level, work)
-        z_low, z_high = top - sheet, top + 0.03
+        z_low, z_high = top - sheet, top + _CIRCLE_ABOVE_M
         u, number, spread = circle_centre(work, n, 0.0, radius, z_low, z_high)
-        gate = min(max(3.0 * np.sqrt(p00 + noise * noise), 0.08), 0.25)
-        measured = number >= 3 and abs(u) <= gate
+        gate = min(max(_GATE_SIGMAS * np.sqrt(p00 + noise * noise), _LEAST_GATE_M), _MOST_GATE_M)
+        measured = number >= _LEAST_POINTS and abs(u) <= gate
         if measured:
             gap = 0.0
-            weight = noise * noise * (1.0 + 6.0 / number)
+            weight = noise * noise * (1.0 + _FEW_POINTS / number)
             s = p00 + weight
             k0, k1, k2 = p00 / s, p01 / s, p02 / s
             x -= np.sin(heading) * k0 * u
@@ -153,12 +210,12 @@ def follow_sheet(
             curvature += k2 * u
             p11, p12, p22 = p11 - k1 * p01, p12 - k1 * p02, p22 - k2 * p02
             p00, p01, p02 = p00 * (1 - k0), p01 * (1 - k0), p02 * (1 - k0)
-            edge = top_edge(work, n, u, 0.75 * radius, top, 0.08)
+            edge = top_edge(work, n, u, TOP_HALF_WIDTH * radius, top, _TOP_SEARCH_M)
             blurred = 0.0 if not np.isnan(edge) else blurred + spacing
             if blurred > 2.0 * max_gap:
-                break  # for long no edge at all: this is not a beam in a bush, but the bush
+                break  # no edge for too long: it is the bush over a beam that is followed
             if not np.isnan(edge):
-                s = q00 + 0.03**2
+                s = q00 + _EDGE_NOISE_M**2
                 g0, g1 = q00 / s, q01 / s
                 r = edge - top
                 top += g0 * r
@@ -169,10 +226,12 @@ def follow_sheet(
             gap += spacing
             if gap > max_gap or n_out == 0:
                 break
-        out[n_out, 0], out[n_out, 1], out[n_out, 2], out[n_out, 3] = x, y, heading, top
-        out[n_out, 4], out[n_out, 5], out[n_out, 6] = number, spread, 1.0 if measured else 0.0
+        out[n_out, NODE_X], out[n_out, NODE_Y] = x, y
+        out[n_out, NODE_HEADING], out[n_out, NODE_TOP] = heading, top
+        out[n_out, NODE_POINTS], out[n_out, NODE_SPREAD] = number, spread
+        out[n_out, NODE_MEASURED] = 1.0 if measured else 0.0
         n_out += 1
-    while n_out > 0 and out[n_out - 1, 6] == 0.0:
+    while n_out > 0 and out[n_out - 1, NODE_MEASURED] == 0.0:
         n_out -= 1
     return n_out
 
@@ -183,24 +242,30 @@ def follow_both_ways(
     layers: LayeredBins,
     frame: tuple[int, int, float],
     start: FloatArray,
-    setting: FloatArray,
+    setting: FollowSettings,
     work: FloatArray,
     ahead: FloatArray,
     back: FloatArray,
 ) -> tuple[int, int, int]:
-    """Follow from a start (x, y, heading, top z) into `ahead`, and the other way into `back`.
+    """Follow a start ahead and back, and return n_back, first, n_ahead.
 
-    The line is back[:n_back] turned round, its first node left out, and ahead[first:n_ahead]; returns
-    n_back, first, n_ahead. The way back begins where the filter had settled, so that the first nodes are
-    followed, not assumed.
+    The line is back[:n_back] reversed, without its first node, and ahead[first:n_ahead]. Following back begins
+    where the filter had settled, so that the first nodes are followed, not assumed.
+
+    Parameters
+    ----------
+    start
+        (4 or more,) columns `NODE_X` to `NODE_TOP`.
+    ahead, back
+        (., 7), written; see `follow_sheet`, as for the others.
     """
-    begin = start[0], start[1], start[2], start[3]
+    begin = start[NODE_X], start[NODE_Y], start[NODE_HEADING], start[NODE_TOP]
     n_ahead = follow_sheet(points, layers, frame, begin, setting, work, ahead)
     if n_ahead == 0:
         return 0, 0, 0
     first = min(n_ahead - 1, SETTLED)
-    turned = np.arctan2(-np.sin(ahead[first, 2]), -np.cos(ahead[first, 2]))
-    begin = ahead[first, 0], ahead[first, 1], turned, ahead[first, 3]
+    turned = np.arctan2(-np.sin(ahead[first, NODE_HEADING]), -np.cos(ahead[first, NODE_HEADING]))
+    begin = ahead[first, NODE_X], ahead[first, NODE_Y], turned, ahead[first, NODE_TOP]
     n_back = follow_sheet(points, layers, frame, begin, setting, work, back)
     return n_back, first, n_ahead
 
@@ -214,25 +279,35 @@ def is_taken(
     frame: tuple[int, int, float],
     reach: tuple[float, float],
 ) -> bool:
-    """Return whether a node (x, y, heading) lies on an entered one: near it, across even nearer, parallel.
+    """Return whether a node lies on an entered one: within reach along and across it, and parallel.
 
-    reach: along and across [m], both below `cell`. Entered nodes are chained per cell: `heads`, `following`.
+    Parameters
+    ----------
+    node
+        (3 or more,) columns `NODE_X` to `NODE_HEADING`.
+    nodes, heads, following
+        Entered nodes (n, 7), chained per bin: `heads` (bins,) int64 is the last one entered, `following` (n,)
+        int64 the one entered before it; -1 ends a chain.
+    frame
+        The bins.
+    reach
+        Along and across [m], both below the side of a bin.
     """
     along, across = reach
     n_x, n_y, cell = frame
-    x, y = node[0], node[1]
+    x, y = node[NODE_X], node[NODE_Y]
     c, r = int(np.floor(x / cell)), int(np.floor(y / cell))
     for rr in range(max(r - 1, 0), min(r + 2, n_y)):
         for cc in range(max(c - 1, 0), min(c + 2, n_x)):
             k = heads[rr * n_x + cc]
             while k >= 0:
-                dx, dy, angle = x - nodes[k, 0], y - nodes[k, 1], nodes[k, 2]
+                dx, dy, angle = x - nodes[k, NODE_X], y - nodes[k, NODE_Y], nodes[k, NODE_HEADING]
                 if dx * dx + dy * dy <= 1.01 * (along * along + across * across):
                     cos, sin = np.cos(angle), np.sin(angle)
                     if (
                         abs(dx * cos + dy * sin) <= along
                         and abs(dy * cos - dx * sin) <= across
-                        and abs(np.sin(node[2] - angle)) < 0.34  # 20 degrees
+                        and abs(np.sin(node[NODE_HEADING] - angle)) < _PARALLEL_SINE
                     ):
                         return True
                 k = following[k]
@@ -245,35 +320,44 @@ def follow_sheets(
     layers: LayeredBins,
     frame: tuple[int, int, float],
     begin: FloatArray,
-    setting: FloatArray,
+    setting: FollowSettings,
     reach: tuple[float, float],
-    limits: tuple[int, int, int],
+    limits: FollowLimits,
     work: FloatArray,
 ) -> tuple[FloatArray, IntArray, IntArray, IntArray]:
-    """Follow the starts (x, y, heading, top z), in their order, each for itself and not far.
+    """Follow the starts in their order, each independently and over a limited length.
 
-    A start near another one that was followed, and on its line, is passed over. What is followed from a
-    start depends on nothing but the start and the points within reach.
+    A start near another one that was followed, and on its line, is skipped. What is followed from a start
+    depends on nothing but the start and the points within reach.
 
-    limits: fewest nodes of a line, most nodes one way, and how many of those keep other starts away.
+    Parameters
+    ----------
+    points, layers, frame, setting, work
+        See `follow_sheet`.
+    begin
+        (k, 5) starts, columns `NODE_X` to `START_SCORE`.
+    reach
+        Within which a start lies on a line; see `is_taken`. [m]
+    limits
+        Numbers of nodes.
 
     Returns
     -------
     nodes
-        (n, 7): see `follow_sheet`, line after line.
+        (n, 7), columns `NODE_X` to `NODE_MEASURED`, line after line.
     offsets
-        (n_lines + 1,): line i has the nodes from offsets[i] to offsets[i + 1].
+        (n_lines + 1,) int64: line i has the nodes from offsets[i] to offsets[i + 1].
     middle
-        (n_lines,): number of the node that lies where the line was begun.
+        (n_lines,) int64: number of the node where the line was begun.
     number
-        (n_lines,): which start it was.
+        (n_lines,) int64: its start.
     """
     n_x, n_y, cell = frame
     least, most, near = limits
-    ahead, back = np.empty((most, 7)), np.empty((most + SETTLED, 7))
-    nodes, following = np.empty((4096, 7)), np.empty(4096, np.int64)
+    ahead, back = np.empty((most, NODE_COLUMNS)), np.empty((most + SETTLED, NODE_COLUMNS))
+    nodes, following = np.empty((_ROOM, NODE_COLUMNS)), np.empty(_ROOM, np.int64)
     heads = np.full(n_x * n_y, -1, dtype=np.int64)
-    # Of every line, also of those that are left out, which keep other starts from being followed again
+    # For every line, those left out included: they keep other starts from being followed again
     ends, middle, number = np.zeros((3, len(begin)), dtype=np.int64)
     kept = np.zeros(len(begin), dtype=np.bool_)
     n, m = 0, 0
@@ -285,23 +369,23 @@ def follow_sheets(
             continue
         if n + n_back + n_ahead > len(nodes):
             room = len(nodes) + n_back + n_ahead
-            nodes = np.concatenate((nodes, np.empty((room, 7))))
+            nodes = np.concatenate((nodes, np.empty((room, NODE_COLUMNS))))
             following = np.concatenate((following, np.empty(room, np.int64)))
         begins = n
         for k in range(n_back - 1, 0, -1):
             nodes[n] = back[k]
-            nodes[n, 2] += np.pi
+            nodes[n, NODE_HEADING] += np.pi
             n += 1
         for k in range(first, n_ahead):
             nodes[n] = ahead[k]
             n += 1
         at = begins + max(n_back - 1 - first, 0)
-        # Too short; or the circles have moved over to a line that was followed before
+        # Not those that are too short or have moved over to a line that was followed before
         kept[m] = n - begins >= least and not is_taken(nodes[at], nodes, heads, following, frame, reach)
         ends[m], middle[m], number[m] = n, at, i
         m += 1
         for k in range(max(at - near, begins), min(at + near + 1, n)):
-            c, r = int(np.floor(nodes[k, 0] / cell)), int(np.floor(nodes[k, 1] / cell))
+            c, r = int(np.floor(nodes[k, NODE_X] / cell)), int(np.floor(nodes[k, NODE_Y] / cell))
             if c >= 0 and c < n_x and r >= 0 and r < n_y:
                 following[k] = heads[r * n_x + c]
                 heads[r * n_x + c] = k

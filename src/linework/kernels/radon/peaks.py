@@ -1,4 +1,4 @@
-"""Grey dilation and peaks of a Radon image, which closes on itself: R(theta + pi, rho) = R(theta, -rho)."""
+"""Kernels for grey dilation and peaks of a Radon image, periodic in theta: R(theta + pi, rho) = R(theta, -rho)."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from numba import njit
 
 from linework.arrays import AnyArray
 
-#: Values this close, relative, are one plateau: sums of the same cells in another order differ by 1e-15.
+#: Relative difference within which values are equal: sums of the same cells in another order differ by 1e-15.
 SAME = 1e-9
+#: Columns of a peak: theta [rad], rho [m], strength.
+PEAK_THETA, PEAK_RHO, PEAK_STRENGTH = 0, 1, 2
 
 
 @njit(cache=True, nogil=True)
 def wrapped_angle(i: int, n: int) -> tuple[int, int]:
-    """Return the index of angle `i` of a row of `n` that goes on for ever, and the half turns taken."""
+    """Wrap the index of an angle into 0 .. n - 1, and return it with the number of half turns taken off."""
     turns = math.floor(i / n)
     return i - turns * n, turns
 
@@ -35,9 +37,20 @@ def reach(angles: AnyArray, i: int, window: float, sign: int) -> int:
 
 @njit(cache=True, nogil=True)
 def dilate_radon(values: AnyArray, angles: AnyArray, half_window: float, half_bins: int) -> AnyArray:
-    """Return the grey dilation by a line element along rho, then by one along theta.
+    """Return the grey dilation of a Radon image by a line element along rho, then by one along theta.
 
-    The elements reach `half_bins` bins and `half_window` [rad] to either side.
+    Parameters
+    ----------
+    values
+        (n_angles, n_bins) Radon image.
+    angles
+        (n_angles,) rising, within half a turn. [rad]
+    half_window, half_bins
+        Reach of the elements to either side: along theta [rad], along rho [bins].
+
+    Returns
+    -------
+    (n_angles, n_bins) dilated image.
     """
     n, m = values.shape
     along_rho = np.empty_like(values)
@@ -62,9 +75,9 @@ def dilate_radon(values: AnyArray, angles: AnyArray, half_window: float, half_bi
 
 @njit(cache=True, nogil=True)
 def is_top(values: AnyArray, angles: AnyArray, i: int, j: int, half_window: float, half_bins: int) -> bool:
-    """Whether bin (i, j) equals its dilation: no bin of its window is higher.
+    """Return whether bin (i, j) equals its dilation: no bin of its window is higher.
 
-    Nearly every bin has a higher one beside it, which ends the search: the image need not be dilated as a whole.
+    Nearly every bin has a higher neighbour, which ends the search: cheaper than dilating the whole image.
     """
     n, m = values.shape
     value = values[i, j]
@@ -85,10 +98,19 @@ def is_top(values: AnyArray, angles: AnyArray, i: int, j: int, half_window: floa
 def peaks(
     values: AnyArray, angles: AnyArray, rho: AnyArray, threshold: float, half_window: float, half_bins: int
 ) -> AnyArray:
-    """Return (n, 3) theta, rho and strength of the bins that equal their dilation and exceed the threshold.
+    """Return the peaks: bins that equal their dilation and exceed a threshold, (n, 3).
 
-    Such bins that lie in one another's window are one plateau, and give the one of them that is nearest
-    to its middle. Places are refined below the bin, theta is in [0, pi).
+    Columns `PEAK_THETA` in [0, pi) [rad], `PEAK_RHO` [m], `PEAK_STRENGTH`. Peaks that lie in one another's
+    window form a plateau and count once, at the bin nearest to its middle; positions are refined below the bin.
+
+    Parameters
+    ----------
+    values, angles, half_window, half_bins
+        See `dilate_radon`.
+    rho
+        (n_bins,) centres of the bins. [m]
+    threshold
+        Least strength, exclusive.
     """
     n, m = values.shape
     step = rho[1] - rho[0] if m > 1 else 1.0
@@ -101,7 +123,9 @@ def peaks(
                 n_top += 1
     found = np.empty((n_top, 3), np.float64)
     n_found = 0
-    plateau = np.empty((n_top, 2), np.int64)  # angle index going on past pi, rho index of the first's side
+    plateau = np.empty(
+        (n_top, 2), np.int64
+    )  # index of the angle, unwrapped; index of rho on the first bin's side
     for i in range(n):
         for j in range(m):
             if not top[i, j]:
@@ -116,7 +140,8 @@ def peaks(
                 theta, offset = theta + math.pi, -offset
             if theta >= math.pi:
                 theta, offset = theta - math.pi, -offset
-            found[n_found, 0], found[n_found, 1], found[n_found, 2] = theta, offset, values[k, c]
+            found[n_found, PEAK_THETA], found[n_found, PEAK_RHO] = theta, offset
+            found[n_found, PEAK_STRENGTH] = values[k, c]
             n_found += 1
     return found[:n_found].copy()
 
@@ -125,7 +150,10 @@ def peaks(
 def flood(
     top: AnyArray, angles: AnyArray, i: int, j: int, half_window: float, half_bins: int, plateau: AnyArray
 ) -> int:
-    """Collect the plateau that (i, j) belongs to, erase it from `top`, and return its size."""
+    """Collect the plateau that contains bin (i, j), erase it from `top`, and return its size.
+
+    `plateau` (n, 2) int64 is written: index of the angle, unwrapped, and of rho.
+    """
     n, m = top.shape
     top[i, j] = False
     plateau[0, 0], plateau[0, 1] = i, j
@@ -147,7 +175,7 @@ def flood(
 
 @njit(cache=True, nogil=True)
 def middle(plateau: AnyArray) -> int:
-    """Return which bin of a plateau is nearest to its mean; the first of equals."""
+    """Return the row of a plateau (n, 2) that is nearest to its mean, the first of equals."""
     mean_i, mean_j = plateau[:, 0].mean(), plateau[:, 1].mean()
     best, least = 0, np.inf
     for k in range(plateau.shape[0]):
@@ -159,11 +187,10 @@ def middle(plateau: AnyArray) -> int:
 
 @njit(cache=True, nogil=True)
 def refine(values: AnyArray, angles: AnyArray, step: float, i: int, j: int) -> tuple[float, float]:
-    """Return where the paraboloid through a peak and its 8 neighbours is highest, from the peak [rad, m].
+    """Return the offset [rad, m] from a peak to the top of the paraboloid through it and its 8 neighbours.
 
-    A line whose middle is off the centre makes a ridge that runs aslant, so theta and rho are solved
-    together. (0, 0) where a neighbour is missing, (one at a time, half a bin at most) where the nine
-    values are no hill.
+    A line whose middle is off the centre makes an oblique ridge, so theta and rho are solved together. Where
+    the nine values are not a hill each is solved alone, within half a bin; (0, 0) where a neighbour is missing.
     """
     n, m = values.shape
     below_i, below_turns = wrapped_angle(i - 1, n)

@@ -1,6 +1,6 @@
-"""Points of one block: which of them are wanted, their canonical order, their coordinates.
+"""Kernels over the points of one block: selection, canonical order, coordinates.
 
-What the bits of a key mean is told in `linework.files.store.layout`.
+The bits of a key are described in `linework.files.store.layout`.
 """
 
 from __future__ import annotations
@@ -11,18 +11,31 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import AnyArray
-from linework.kernels.store.pack import checksum
+from linework.kernels.store.pack import (
+    COL_BIT,
+    COL_MASK,
+    EAST_BIT,
+    HEIGHT_MASK,
+    KEY_CELL_STEPS,
+    KEY_STEPS_PER_M,
+    NORTH_BIT,
+    PLAN_MASK,
+    ROW_BIT,
+    checksum,
+)
 
 Key64 = np.uint64
-#: Two columns of keys (uint64) and numbers of points (int32), and as much again.
+#: Keys (uint64) and indices of points (int32), and the same again as scratch.
 Room = tuple[AnyArray, AnyArray, AnyArray, AnyArray]
 
-#: Ranges so short are sorted by insertion: measured best between 8 and 32.
+#: Longest range that is sorted by insertion: measured best between 8 and 32.
 _FEW = 16
-#: A block has 2**14 cells; finer buckets at once would no longer stay in the cache.
+#: Bits of the first buckets, the 2**14 cells of a block: more would no longer stay in the cache.
 _CELL_BITS = 14
-#: Buckets of a cell's points at most: two for every one of the 5,000 steps of its height in plan.
+#: Most bits of the buckets of a cell's points: two for each of its 5,000 steps from south to north.
 _MOST_BITS = 13
+#: Cells in a row of a block.
+_BLOCK_CELLS = 128
 
 
 @njit(cache=True, nogil=True)
@@ -34,14 +47,16 @@ def first_damaged(
     has_time: AnyArray,
     sums: AnyArray,
 ) -> int:
-    """Return the first run whose checksum is not that of its columns, -1 where all are sound.
+    """Return the first run whose checksum does not match its columns, -1 without any.
 
     Parameters
     ----------
     keys, times, intensities
-        (n,) uint64, uint64 (float64's bits), uint16: the columns of all runs, one after the other.
+        (n,) uint64, uint64 (bits of float64) and uint16: the columns of all runs, one after the other.
     starts
         (m + 1,) int64: where each run begins.
+    has_time, sums
+        (m,) bool and uint64: whether a run has times, and its recorded checksum.
     """
     for r in range(len(sums)):
         a, b = starts[r], starts[r + 1]
@@ -55,30 +70,32 @@ def first_damaged(
 def keep_inside(
     keys: AnyArray, times: AnyArray, intensities: AnyArray, box: AnyArray, floors: AnyArray
 ) -> int:
-    """Move the points that are wanted to the front, and return how many there are.
+    """Move the wanted points to the front, and return their number.
 
     Parameters
     ----------
+    keys, times, intensities
+        (n,) uint64, uint64 and uint16, reordered.
     box
-        (6,) int64: west, east, south, north, low, high in steps from the block's corner, half open.
+        (6,) int64 west, east, south, north, low, high from the block's corner, half open. [steps]
     floors
-        (129 * 128,) int32: the lowest z per cell that is wanted, in steps from the block's corner; or of length
-        0: no matter how low. Row 0 is the southern edge of the block, row k the cells whose northern edge is
-        k cells farther north: cells of images are open to the south, those of keys to the north.
+        (129 * 128,) int32 lowest wanted z per cell from the block's corner [steps]; or of length 0: no limit. Row 0
+        is the southern edge of the block, row k the cells whose northern edge is k cells farther north: cells of
+        images are open to the south, those of keys to the north.
     """
     with_floors = len(floors) > 0
     m = 0
     for i in range(len(keys)):
         key = keys[i]
-        y_in_cell = np.int64((key >> Key64(37)) & Key64(8191))
-        x = np.int64((key >> Key64(50)) & Key64(127)) * 5000 + np.int64((key >> Key64(24)) & Key64(8191))
-        y = np.int64(key >> Key64(57)) * 5000 + y_in_cell
-        z = np.int64(key & Key64(0xFFFFFF))
+        y_in_cell = np.int64((key >> NORTH_BIT) & PLAN_MASK)
+        x = np.int64((key >> COL_BIT) & COL_MASK) * KEY_CELL_STEPS + np.int64((key >> EAST_BIT) & PLAN_MASK)
+        y = np.int64(key >> ROW_BIT) * KEY_CELL_STEPS + y_in_cell
+        z = np.int64(key & HEIGHT_MASK)
         inside = (x >= box[0]) & (x < box[1]) & (y >= box[2]) & (y < box[3]) & (z >= box[4]) & (z < box[5])
         if with_floors:
-            cell = np.int64(key >> Key64(50)) + (128 if y_in_cell > 0 else 0)
+            cell = np.int64(key >> COL_BIT) + (_BLOCK_CELLS if y_in_cell > 0 else 0)
             inside &= z >= floors[cell]
-        # Written always, counted where wanted: no branch to guess wrong
+        # Always written, counted where wanted: no branch to predict
         keys[m], times[m], intensities[m] = key, times[i], intensities[i]
         m += inside
     return m
@@ -86,19 +103,21 @@ def keep_inside(
 
 @njit(cache=True, nogil=True)
 def sort_points(keys: AnyArray, times: AnyArray, intensities: AnyArray, room: Room) -> None:
-    """Find the canonical order: by key, then by time, then by intensity.
+    """Sort points into the canonical order: by key, then by time, then by intensity.
 
     Parameters
     ----------
+    keys, times, intensities
+        (n,) uint64, uint64 and uint16.
     room
-        Keys (n,) uint64 and numbers (n,) int32, and the same again. The first two are written: the keys in
-        order, and the number of the point at each place; the others are scratch.
+        Keys (n,) uint64 and indices (n,) int32, and the same again. The first two are written: the sorted keys and
+        the index of the point at each place; the others are scratch.
 
     Notes
     -----
-    Points are counted into cells, a cell's points into as many buckets as there are points; within a bucket
-    few are left, which are sorted by insertion, or by merging where they are many after all. 15 to 20 ns a
-    point where numpy's argsort takes 60 to 75.
+    A counting sort into cells, then of each cell's points into as many buckets as it has points; the few points
+    of a bucket are sorted by insertion, or by merging where they are many. 15 to 20 ns per point where numpy's
+    argsort takes 60 to 75.
     """
     n = len(keys)
     bits = min(_CELL_BITS, _bits_for(n))
@@ -117,7 +136,7 @@ def sort_points(keys: AnyArray, times: AnyArray, intensities: AnyArray, room: Ro
     buckets = np.empty((1 << _MOST_BITS) + 1, np.int32)
     first = np.int64(0)
     for k in range(1 << bits):
-        last = np.int64(fill[k])  # moved on to where the next bucket begins
+        last = np.int64(fill[k])  # by now the begin of the next bucket
         if last - first > 1:
             _sort_bucket(room, first, last, 64 - bits, buckets)
         first = last
@@ -126,7 +145,7 @@ def sort_points(keys: AnyArray, times: AnyArray, intensities: AnyArray, room: Ro
 
 @njit(cache=True, nogil=True)
 def _bits_for(n: int) -> int:
-    """Return the number of bits that count to n."""
+    """Return the number of bits of n - 1, at least 1."""
     bits = 1
     while (1 << bits) < n:
         bits += 1
@@ -135,7 +154,7 @@ def _bits_for(n: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _sort_bucket(room: Room, first: Any, last: Any, shift: int, fill: AnyArray) -> None:
-    """Sort a range of keys that differ below bit `shift` only."""
+    """Sort a range of keys that differ only below bit `shift`."""
     n = last - first
     keys, order, spare_keys, spare_order = room
     if n > _FEW:
@@ -179,7 +198,7 @@ def _insertion_sort(keys: AnyArray, order: AnyArray, first: Any, last: Any) -> N
 
 @njit(cache=True, nogil=True)
 def _merge_sort(room: Room, first: Any, last: Any) -> None:
-    """Sort a range from the bottom up: never more than n log n steps, whatever the points."""
+    """Sort a range bottom up, in at most n log n steps whatever the points."""
     keys, order, to_keys, to_order = room
     for i in range(first, last, _FEW):
         _insertion_sort(keys, order, i, min(i + _FEW, last))
@@ -207,7 +226,7 @@ def _merge_sort(room: Room, first: Any, last: Any) -> None:
 def _settle_ties(times: AnyArray, intensities: AnyArray, room: Room) -> None:
     """Order points of equal keys by time, and those of equal times by intensity.
 
-    The keys of such a range are replaced by what it is sorted by, and put back.
+    The keys of such a range are replaced by what it is sorted by, and restored.
     """
     keys, order = room[0], room[1]
     n = np.int64(len(keys))
@@ -237,7 +256,7 @@ def _settle_ties(times: AnyArray, intensities: AnyArray, room: Room) -> None:
 
 @njit(cache=True, nogil=True)
 def _sortable(bits: Any) -> Any:
-    """Return a number that orders as the float64 of these bits does; -0.0 comes before 0.0."""
+    """Return an integer that sorts as the float64 of these bits; -0.0 comes before 0.0."""
     sign = Key64(1) << Key64(63)
     return ~bits if bits & sign else bits | sign
 
@@ -252,29 +271,31 @@ def unpack_points(
     out: tuple[AnyArray, AnyArray, AnyArray],
     at: int,
 ) -> None:
-    """Write coordinates, times and intensities of a block's points.
+    """Write coordinates, times and intensities of the points of a block.
 
     Parameters
     ----------
     keys
         (n,) uint64 in the order in which to write.
+    times, intensities
+        (n,) uint64 (bits of float64) and uint16.
     order
-        (n,) int32: the number of each key's time and intensity; or of length 0: as they come.
+        (n,) int32 index of each key's time and intensity; or of length 0: in the order of the keys.
     corner
-        (3,) int64: the block's corner in steps.
+        (3,) int64 corner of the block. [steps]
     out
-        xyz (., 3) float64, times (.,) uint64 (float64's bits) and intensities (.,) float32, written from `at`; of
-        length 0: not wanted.
+        xyz (., 3) float64 [m, world], times (.,) uint64 (bits of float64) and intensities (.,) float32, written from
+        `at`; of length 0 where not wanted.
     """
     xyz, to_time, to_intensity = out
     n = len(keys)
     for i in range(n):
         key = keys[i]
-        x = np.int64((key >> Key64(50)) & Key64(127)) * 5000 + np.int64((key >> Key64(24)) & Key64(8191))
-        y = np.int64(key >> Key64(57)) * 5000 + np.int64((key >> Key64(37)) & Key64(8191))
-        xyz[at + i, 0] = (corner[0] + x) / 10000.0
-        xyz[at + i, 1] = (corner[1] + y) / 10000.0
-        xyz[at + i, 2] = (corner[2] + np.int64(key & Key64(0xFFFFFF))) / 10000.0
+        x = np.int64((key >> COL_BIT) & COL_MASK) * KEY_CELL_STEPS + np.int64((key >> EAST_BIT) & PLAN_MASK)
+        y = np.int64(key >> ROW_BIT) * KEY_CELL_STEPS + np.int64((key >> NORTH_BIT) & PLAN_MASK)
+        xyz[at + i, 0] = (corner[0] + x) / KEY_STEPS_PER_M
+        xyz[at + i, 1] = (corner[1] + y) / KEY_STEPS_PER_M
+        xyz[at + i, 2] = (corner[2] + np.int64(key & HEIGHT_MASK)) / KEY_STEPS_PER_M
     if len(order) == n:
         if len(to_time) and len(to_intensity):
             for i in range(n):

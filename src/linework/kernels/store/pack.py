@@ -1,4 +1,4 @@
-"""Points to runs of packed keys, and back. What the bits mean is told in `linework.files.store.layout`."""
+"""Kernels that pack points into runs of keys, with checksums and extents; `linework.files.store.layout` has the format."""
 
 from __future__ import annotations
 
@@ -11,18 +11,31 @@ from linework.arrays import AnyArray
 
 Code64 = np.uint64
 
-#: Added to a coordinate in steps: whole blocks, so that what is counted is never negative. Beyond 1e8 m.
+#: Steps of coordinates: 0.1 mm. [1/m]
+KEY_STEPS_PER_M = 10000.0
+#: Side of a cell (0.5 m) and of a block (64 m, 128 cells) in plan. [steps]
+KEY_CELL_STEPS, KEY_BLOCK_STEPS = 5_000, 640_000
+#: First bits of the parts of a key: row and column of the cell in its block, north and east in the cell; up from the
+#: block's lower edge is in the lowest bits.
+ROW_BIT, COL_BIT, NORTH_BIT, EAST_BIT = Code64(57), Code64(50), Code64(37), Code64(24)
+#: Bits of a cell's column, of a position in a cell, and of a height, after shifting.
+COL_MASK, PLAN_MASK, HEIGHT_MASK = Code64(127), Code64(8191), Code64(0xFFFFFF)
+
+#: Added to a coordinate in steps: whole blocks, so that it is never negative; far beyond 1e8 m.
 _PLAN_BLOCKS, _UP_BLOCKS = 2**21, 2**16
-_PLAN_SHIFT, _UP_SHIFT = _PLAN_BLOCKS * 640_000, _UP_BLOCKS * 2**24
+_PLAN_SHIFT, _UP_SHIFT = _PLAN_BLOCKS * KEY_BLOCK_STEPS, _UP_BLOCKS * 2**24
 _PLAN_END, _UP_END = Code64(2 * _PLAN_SHIFT), Code64(2 * _UP_SHIFT)
-_BLOCK, _CELL = Code64(640_000), Code64(5_000)
-#: A block's code: north, east, up, so that codes in order are blocks row-major from the south-west.
+_BLOCK, _CELL = Code64(KEY_BLOCK_STEPS), Code64(KEY_CELL_STEPS)
+#: First bits and masks of a block's code: north, east, up, so that sorted codes are row-major from the south-west.
 _NORTH_BITS, _EAST_BITS = Code64(39), Code64(17)
 _EAST_MASK, _UP_MASK = Code64(2**22 - 1), Code64(2**17 - 1)
+#: Bits of a height within a block.
+_UP_BITS = Code64(24)
+#: Code that no block has.
 _NO_CODE = Code64(2**64 - 1)
-#: Odd, and even: their sum with any multiple of the second is odd, so that a change of one word always shows.
+#: Factors of the two sums of the checksum, odd and even: a change of one word always changes it.
 _MIX_SUM, _MIX_SUMS = Code64(0x9E3779B97F4A7C15), Code64(0xD1B54A32D192ED02)
-#: Fibonacci hashing.
+#: Factor of Fibonacci hashing: 2**64 over the golden ratio.
 _GOLDEN = Code64(0x9E3779B97F4A7C15)
 
 
@@ -30,38 +43,42 @@ _GOLDEN = Code64(0x9E3779B97F4A7C15)
 def pack_points(
     xyz: AnyArray, keys: AnyArray, owners: AnyArray, heights: AnyArray, middle: int
 ) -> tuple[bool, AnyArray, AnyArray, Any, Any]:
-    """Write the key of each point, and find which block it lies in.
+    """Write the key of each point, and find its block.
 
     Parameters
     ----------
     xyz
-        (n, 3) float64 [m].
+        (n, 3) float64. [m, world]
     keys
         (n,) uint64, written.
     owners
         (n,) int32, written: the number of the point's block.
     heights
-        int64, added to: points by bucket of 64 m; bucket 0 is at `middle`.
+        (b,) int64, added to: points by 64 m of height; height 0 is in bucket `middle`.
 
     Returns
     -------
-    whether all coordinates are numbers and not too far, codes and counts of the blocks (in the order in which
-    they came up), lowest and highest bucket.
+    is_valid
+        Whether all coordinates are numbers within the range of keys; the rest is incomplete where not.
+    codes, counts
+        (m,) uint64 and int64: blocks in the order of their first points, and their numbers of points.
+    low, high
+        Lowest and highest bucket.
     """
     table = np.full(1024, -1, np.int32)
     codes = np.empty(512, np.uint64)
     counts = np.zeros(512, np.int64)
     n_blocks = np.int64(0)
-    # Counted by stretches, and `continue` where the block stays: 9 ns a point where plain sums took 14
+    # Counted by runs of points in one block: 9 ns per point where plain sums took 14
     last_code, owner, since_code = _NO_CODE, np.int64(0), 0
     last_bucket: Any = -1
     n_bucket = 0
     low: Any = len(heights)
     high: Any = -1
     for i in range(len(xyz)):
-        x = Code64(np.int64(np.rint(xyz[i, 0] * 10000.0)) + _PLAN_SHIFT)
-        y = Code64(np.int64(np.rint(xyz[i, 1] * 10000.0)) + _PLAN_SHIFT)
-        up = np.int64(np.rint(xyz[i, 2] * 10000.0))
+        x = Code64(np.int64(np.rint(xyz[i, 0] * KEY_STEPS_PER_M)) + _PLAN_SHIFT)
+        y = Code64(np.int64(np.rint(xyz[i, 1] * KEY_STEPS_PER_M)) + _PLAN_SHIFT)
+        up = np.int64(np.rint(xyz[i, 2] * KEY_STEPS_PER_M))
         z = Code64(up + _UP_SHIFT)
         if x >= _PLAN_END or y >= _PLAN_END or z >= _UP_END:
             return False, codes, counts, low, high
@@ -70,11 +87,11 @@ def pack_points(
         y -= north * _BLOCK
         col, row = x // _CELL, y // _CELL
         keys[i] = (
-            (row << Code64(57))
-            | (col << Code64(50))
-            | ((y - row * _CELL) << Code64(37))
-            | ((x - col * _CELL) << Code64(24))
-            | (z & Code64(0xFFFFFF))
+            (row << ROW_BIT)
+            | (col << COL_BIT)
+            | ((y - row * _CELL) << NORTH_BIT)
+            | ((x - col * _CELL) << EAST_BIT)
+            | (z & HEIGHT_MASK)
         )
         bucket = np.int64(Code64(up + _PLAN_SHIFT) // _BLOCK) - _PLAN_BLOCKS + middle
         if bucket != last_bucket:
@@ -83,7 +100,7 @@ def pack_points(
             last_bucket, n_bucket = bucket, 0
             low, high = min(low, bucket), max(high, bucket)
         n_bucket += 1
-        code = (north << _NORTH_BITS) | (east << _EAST_BITS) | (z >> Code64(24))
+        code = (north << _NORTH_BITS) | (east << _EAST_BITS) | (z >> _UP_BITS)
         if code == last_code:
             owners[i] = owner
             continue
@@ -122,7 +139,7 @@ def _slot_of(code: Any, table: AnyArray, codes: AnyArray) -> Any:
 
 @njit(cache=True, nogil=True)
 def _doubled(codes: AnyArray, counts: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """Return table, codes and counts with room for twice as many blocks; the table is half full at most."""
+    """Return table, codes and counts with room for twice as many blocks; the table is at most half full."""
     n = len(codes)
     table = np.full(4 * n, -1, np.int32)
     more_codes = np.empty(2 * n, np.uint64)
@@ -135,7 +152,7 @@ def _doubled(codes: AnyArray, counts: AnyArray) -> tuple[AnyArray, AnyArray, Any
 
 @njit(cache=True, nogil=True)
 def blocks_of(codes: AnyArray) -> AnyArray:
-    """Return the (n, 3) int64 block numbers (east, north, up) of codes."""
+    """Return the block numbers east, north and up of codes (n,) uint64, (n, 3) int64."""
     blocks = np.empty((len(codes), 3), np.int64)
     for i in range(len(codes)):
         blocks[i, 0] = np.int64((codes[i] >> _EAST_BITS) & _EAST_MASK) - _PLAN_BLOCKS
@@ -148,17 +165,19 @@ def blocks_of(codes: AnyArray) -> AnyArray:
 def scatter_runs(
     keys: AnyArray, intensity: AnyArray, time: AnyArray, owners: AnyArray, firsts: AnyArray, words: AnyArray
 ) -> None:
-    """Write the points' columns to their runs.
+    """Write the columns of points to the runs of their blocks.
 
     Parameters
     ----------
+    keys, intensity
+        (n,) uint64 and uint16.
     time
-        (n,) float64, or of length 0: none.
+        (n,) float64, or of length 0: none. [s]
     owners
         (n,) int32: each point's block.
     firsts
-        (n_blocks, 3) int64: where in `words` (keys, times) and in its quarters (intensities) the columns of each
-        block begin.
+        (n_blocks, 3) int64: where the columns of each block begin, keys and times in `words`, intensities in its
+        quarters.
     words
         (w,) uint64, written.
     """
@@ -178,10 +197,15 @@ def scatter_runs(
 
 @njit(cache=True, nogil=True)
 def checksum(keys: AnyArray, times: AnyArray, intensities: AnyArray) -> Any:
-    """Return a 64-bit checksum of a run's columns (times as uint64, or of length 0).
+    """Return a 64-bit checksum of the columns of a run.
 
-    Two running sums as in Fletcher [1], modulo 2**64: any change within one word shows for certain, as their
-    mix is odd; it costs 1.0 ns a point, CRC-32 4.3 (zlib), more than the rest of decoding.
+    Two running sums as in Fletcher [1], modulo 2**64: any change within one word is detected for certain, as the
+    first factor is odd. It costs 1.0 ns per point; CRC-32 (zlib) costs 4.3, more than the rest of decoding.
+
+    Parameters
+    ----------
+    keys, times, intensities
+        (n,) uint64; (n,) uint64, the bits of float64, or of length 0; (n,) uint16.
 
     References
     ----------
@@ -213,14 +237,17 @@ def checksum(keys: AnyArray, times: AnyArray, intensities: AnyArray) -> Any:
 
 @njit(cache=True, nogil=True)
 def extent_of(keys: AnyArray) -> AnyArray:
-    """Return the closed extent west, south, low, east, north, high of keys, (6,) int64 steps from the corner."""
+    """Return the closed extent of keys (n,) uint64: west, south, low, east, north, high, (6,) int64 [steps].
+
+    Counted from the corner of the block.
+    """
     west, south, low = np.int64(2**24), np.int64(2**24), np.int64(2**24)
     east, north, high = np.int64(-1), np.int64(-1), np.int64(-1)
     for i in range(len(keys)):
         key = keys[i]
-        x = np.int64((key >> Code64(50)) & Code64(127)) * 5000 + np.int64((key >> Code64(24)) & Code64(8191))
-        y = np.int64(key >> Code64(57)) * 5000 + np.int64((key >> Code64(37)) & Code64(8191))
-        z = np.int64(key & Code64(0xFFFFFF))
+        x = np.int64((key >> COL_BIT) & COL_MASK) * KEY_CELL_STEPS + np.int64((key >> EAST_BIT) & PLAN_MASK)
+        y = np.int64(key >> ROW_BIT) * KEY_CELL_STEPS + np.int64((key >> NORTH_BIT) & PLAN_MASK)
+        z = np.int64(key & HEIGHT_MASK)
         west, east = min(west, x), max(east, x)
         south, north = min(south, y), max(north, y)
         low, high = min(low, z), max(high, z)
@@ -231,12 +258,16 @@ def extent_of(keys: AnyArray) -> AnyArray:
 def describe_runs(
     words: AnyArray, firsts: AnyArray, counts: AnyArray, with_time: bool
 ) -> tuple[AnyArray, AnyArray]:
-    """Return the checksum and the extent of each run that `scatter_runs` has made.
+    """Return the checksum (m,) uint64 and the extent (m, 6) int64 of each run that `scatter_runs` has written.
 
     Parameters
     ----------
     firsts
-        (m, 3) int64: where each run's columns begin, as for `scatter_runs`.
+        (m, 3) int64: where the columns of each run begin; see `scatter_runs`.
+    counts
+        (m,) int64 points of each run.
+    with_time
+        Whether the runs have times.
     """
     quarters = words.view(np.uint16)
     sums = np.empty(len(counts), np.uint64)

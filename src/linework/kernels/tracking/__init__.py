@@ -1,1 +1,1 @@
-"""Loops that track boxes and smooth lines."""
+"""Kernels for lines: tracked through boxes, smoothed, compared and timed; and small linear systems."""

@@ -1,4 +1,4 @@
-"""Which followed lines pass where others were begun."""
+"""Pairs of followed lines of which one passes the place where the other was begun."""
 
 from __future__ import annotations
 
@@ -6,6 +6,13 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray, IntArray
+
+#: Columns of a node: place [m] and direction [rad].
+NODE_X, NODE_Y, NODE_ANGLE = range(3)
+#: Columns of how one line passes another.
+PASS_ALONG, PASS_SENSE, PASS_ACROSS = range(3)
+#: Lines are parallel within 20 degrees: sine.
+PARALLEL_SINE = 0.34
 
 
 @njit(cache=True, nogil=True)
@@ -16,15 +23,28 @@ def passing(
     frame: tuple[int, int, float],
     reach: tuple[float, float],
 ) -> tuple[IntArray, FloatArray]:
-    """Return which lines of `follow_all` pass where which others were begun, near and parallel.
+    """Return the pairs of lines of which one passes the begin of the other, near and parallel.
+
+    Parameters
+    ----------
+    nodes
+        (k, 3) nodes of all lines, line after line: `NODE_X`, `NODE_Y` [m], `NODE_ANGLE` [rad].
+    offsets
+        (m + 1,): first node of each line.
+    middle
+        (m,): the node at which each line was begun, in both directions.
+    frame
+        Columns and rows of the cells that nodes are looked up in, from (0, 0), and their size [m].
+    reach
+        Largest distance along and across. [m]
 
     Returns
     -------
     pairs
-        (n, 2): the line that passes, and the line whose middle it passes.
+        (n, 2) int64: the line that passes, and the line whose middle it passes.
     how
-        (n, 3): arc length from the one's middle to the other's (negative: before it); 1 where both have one
-        direction, else -1; distance across.
+        (n, 3): `PASS_ALONG`, arc length from the middle of the one to that of the other [m] (negative: before it);
+        `PASS_SENSE`, 1 where both run the same way, else -1; `PASS_ACROSS`, distance across [m].
     """
     along, across = reach
     n_x, n_y, cell = frame
@@ -33,7 +53,7 @@ def passing(
     following, entry = np.full(n_lines, -1, dtype=np.int64), np.full(n_lines, -1, dtype=np.int64)
     nearest = np.empty(n_lines)
     for j in range(n_lines):
-        c, r = int(np.floor(nodes[middle[j], 0] / cell)), int(np.floor(nodes[middle[j], 1] / cell))
+        c, r = int(np.floor(nodes[middle[j], NODE_X] / cell)), int(np.floor(nodes[middle[j], NODE_Y] / cell))
         if c >= 0 and c < n_x and r >= 0 and r < n_y:
             following[j] = heads[r * n_x + c]
             heads[r * n_x + c] = j
@@ -41,12 +61,12 @@ def passing(
     n = 0
     for i in range(n_lines):
         first = n
-        begin = 0.0  # arc length of the line's own middle
+        begin = 0.0  # arc length of the middle of this line
         s = 0.0
         for k in range(offsets[i], offsets[i + 1]):
-            x, y, angle = nodes[k, 0], nodes[k, 1], nodes[k, 2]
+            x, y, angle = nodes[k, NODE_X], nodes[k, NODE_Y], nodes[k, NODE_ANGLE]
             if k > offsets[i]:
-                s += np.hypot(x - nodes[k - 1, 0], y - nodes[k - 1, 1])
+                s += np.hypot(x - nodes[k - 1, NODE_X], y - nodes[k - 1, NODE_Y])
             if k == middle[i]:
                 begin = s
             cos, sin = np.cos(angle), np.sin(angle)
@@ -56,14 +76,14 @@ def passing(
                     j = heads[rr * n_x + cc]
                     while j >= 0:
                         other = nodes[middle[j]]
-                        ds = (other[0] - x) * cos + (other[1] - y) * sin
-                        du = (other[1] - y) * cos - (other[0] - x) * sin
-                        turn = other[2] - angle
+                        ds = (other[NODE_X] - x) * cos + (other[NODE_Y] - y) * sin
+                        du = (other[NODE_Y] - y) * cos - (other[NODE_X] - x) * sin
+                        turn = other[NODE_ANGLE] - angle
                         if (
                             j != i
                             and abs(ds) <= along
                             and abs(du) <= across
-                            and abs(np.sin(turn)) < 0.34  # 20 degrees
+                            and abs(np.sin(turn)) < PARALLEL_SINE
                         ):
                             if entry[j] < first:
                                 if n == len(pairs):
@@ -76,10 +96,10 @@ def passing(
                             if abs(ds) < nearest[j]:
                                 e = entry[j]
                                 nearest[j] = abs(ds)
-                                how[e, 0] = s + ds
-                                how[e, 1] = 1.0 if np.cos(turn) > 0 else -1.0
-                                how[e, 2] = du
+                                how[e, PASS_ALONG] = s + ds
+                                how[e, PASS_SENSE] = 1.0 if np.cos(turn) > 0 else -1.0
+                                how[e, PASS_ACROSS] = du
                         j = following[j]
         for e in range(first, n):
-            how[e, 0] -= begin
+            how[e, PASS_ALONG] -= begin
     return pairs[:n].copy(), how[:n].copy()

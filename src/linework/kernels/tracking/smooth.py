@@ -1,4 +1,7 @@
-"""A line smoothed through measured places: Kalman filter along it and Rauch-Tung-Striebel smoother back."""
+"""Lines smoothed through measured places: a Kalman filter along the line, a Rauch-Tung-Striebel smoother back.
+
+H. E. Rauch, F. Tung, C. T. Striebel (1965), doi:10.2514/3.3166.
+"""
 
 from __future__ import annotations
 
@@ -7,30 +10,44 @@ from numba import njit
 
 from linework.arrays import FloatArray
 
+#: Variances that a line in plan begins with: a place known to a metre, any direction, any curvature down to a bend of
+#: 2 m. [m^2, -, 1/m^2]
+FIRST_PLANE = (1.0, 1.0, 0.25)
+#: Variances that heights begin with: 10 m, and any grade. [m^2, -]
+FIRST_HEIGHT = (100.0, 1.0)
+#: State of a line beside an axis: offset across [m], direction, curvature [1/m], offset up [m], grade.
+BESIDE_ACROSS, BESIDE_HEADING, BESIDE_CURVATURE, BESIDE_UP, BESIDE_GRADE = range(5)
+#: Variances that it begins with: a place known to a metre, a direction to 0.3, a curvature to 0.1 / m, a grade to 0.3.
+FIRST_BESIDE = (1.0, 0.1, 0.01, 1.0, 0.1)
+
 
 @njit(cache=True, nogil=True)
 def smooth_plane(
     t: FloatArray, xy: FloatArray, variance: FloatArray, change: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Smooth places in plan along a line whose curvature wanders.
+    """Smooth places in plan along a line whose curvature is a random walk.
 
-    State: place, direction, curvature vector, each in x and y; both axes share one covariance.
+    The state is the place, the direction and the curvature vector, each in x and y; both axes share one covariance.
 
     Parameters
     ----------
-    t : (n,) ascending [m]
-    xy : (n, 2) measured [m]
-    variance : (n,) of a measurement across [m^2]; inf: nothing measured there
-    change : (n,) density of the curvature's random walk up to each place [1/m^3]
+    t
+        (n,) ascending: distance along the line. [m]
+    xy
+        (n, 2) measured places. [m]
+    variance
+        (n,) variance of a measurement [m^2]; inf where nothing was measured.
+    change
+        (n,) density of the curvature's random walk up to each place. [1/m^3]
 
     Returns
     -------
-    (n, 3, 2) smoothed states, (n, 3, 3) their covariance.
-    (n,) squared innovation over its variance, per axis pair (expected: 2); 0 where nothing was measured.
-
-    References
-    ----------
-    H. E. Rauch, F. Tung, C. T. Striebel (1965), doi:10.2514/3.3166.
+    states
+        (n, 3, 2): place [m], direction, curvature [1/m].
+    covariance
+        (n, 3, 3) of the states, the same for both axes.
+    innovation
+        (n,) squared innovation over its variance, of both axes (expected: 2); 0 where nothing was measured.
     """
     n = len(t)
     state, cov = np.zeros((n, 3, 2)), np.zeros((n, 3, 3))
@@ -39,8 +56,7 @@ def smooth_plane(
     step, noise = np.eye(3), np.zeros((3, 3))
     x, p = np.zeros((3, 2)), np.zeros((3, 3))
     x[0] = xy[0]
-    # A place known to a metre, any direction, any curvature down to a bend of 2 m
-    p[0, 0], p[1, 1], p[2, 2] = 1.0, 1.0, 0.25
+    p[0, 0], p[1, 1], p[2, 2] = FIRST_PLANE
     for k in range(n):
         if k > 0:
             d = t[k] - t[k - 1]
@@ -77,15 +93,30 @@ def smooth_plane(
 def smooth_height(
     t: FloatArray, z: FloatArray, variance: FloatArray, change: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Smooth heights along a line whose grade wanders: (n,) heights and variances.
+    """Smooth heights along a line whose grade is a random walk.
 
-    change: density of the grade's random walk [1/m]; the rest as for `smooth_plane`.
+    Parameters
+    ----------
+    t
+        (n,) ascending: distance along the line. [m]
+    z
+        (n,) measured heights. [m]
+    variance
+        (n,) variance of a measurement [m^2]; inf where nothing was measured.
+    change
+        Density of the grade's random walk. [1/m]
+
+    Returns
+    -------
+    (n,) heights [m] and (n,) their variances [m^2].
     """
     n = len(t)
     h, g = np.zeros(n), np.zeros(n)
     p00, p01, p11 = np.zeros(n), np.zeros(n), np.zeros(n)
+    # State and covariance before each measurement: height, grade, and their three covariances
     b = np.zeros((n, 5))
-    a0, a1, c00, c01, c11 = z[0], 0.0, 100.0, 0.0, 1.0
+    a0, a1, c01 = z[0], 0.0, 0.0
+    c00, c11 = FIRST_HEIGHT
     for k in range(n):
         if k > 0:
             d = t[k] - t[k - 1]
@@ -106,7 +137,7 @@ def smooth_height(
         d = t[k + 1] - t[k]
         q0, q1, q00, q01, q11 = b[k + 1]
         det = q00 * q11 - q01 * q01
-        # Covariance of now and then, times the inverse of then's
+        # The covariance of this state with the next, times the inverse of the covariance of the next
         m00, m01 = p00[k] + d * p01[k], p01[k]
         m10, m11 = p01[k] + d * p11[k], p11[k]
         g00, g01 = (m00 * q11 - m01 * q01) / det, (m01 * q00 - m00 * q01) / det
@@ -121,57 +152,72 @@ def smooth_height(
     return h, np.maximum(p00, 0.0)
 
 
-# A line on a smooth road, smoothed through what images show of it: across and height together
-
-
 @njit(cache=True, nogil=True)
 def smooth_beside(
     information: FloatArray, right: FloatArray, spacing: float, bending: float, grading: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Smooth offsets across and up from a course, whose curvature and grade wander.
+    """Smooth the offsets of a line from an axis, across and up together, from sightings in images.
+
+    A sighting measures a sum of both offsets, h x with h = (1, lift). Curvature and grade are random walks.
 
     Parameters
     ----------
-    information : (n, 2, 2) sum of h h' / variance over what was seen at each station, h = (1, lift) [1/m^2]
-    right : (n, 2) sum of h seen / variance [1/m]
-    spacing : between stations [m]
-    bending, grading : densities of the random walks of curvature and grade [1/m^3, 1/m]
+    information
+        (n, 2, 2) sum of h h' / variance over the sightings at each station. [1/m^2]
+    right
+        (n, 2) sum of h times the measured sum / variance. [1/m]
+    spacing
+        Of the stations. [m]
+    bending, grading
+        Densities of the random walks of curvature and grade. [1/m^3, 1/m]
 
     Returns
     -------
-    (n, 2) offset across and up. [m]
-    (n, 2, 2) their covariance. [m^2]
-
-    References
-    ----------
-    H. E. Rauch, F. Tung, C. T. Striebel (1965), doi:10.2514/3.3166.
+    offsets
+        (n, 2) across and up. [m]
+    spread
+        (n, 2, 2) their covariance. [m^2]
     """
     n, d = len(right), spacing
     f = np.eye(5)
-    f[0, 1], f[0, 2], f[1, 2], f[3, 4] = d, 0.5 * d * d, d, d
+    (
+        f[BESIDE_ACROSS, BESIDE_HEADING],
+        f[BESIDE_ACROSS, BESIDE_CURVATURE],
+        f[BESIDE_HEADING, BESIDE_CURVATURE],
+        f[BESIDE_UP, BESIDE_GRADE],
+    ) = d, 0.5 * d * d, d, d
     q = np.zeros((5, 5))
-    q[0, 0], q[1, 1], q[2, 2] = bending * d**5 / 20.0, bending * d**3 / 3.0, bending * d
-    q[0, 1] = q[1, 0] = bending * d**4 / 8.0
-    q[0, 2] = q[2, 0] = bending * d**3 / 6.0
-    q[1, 2] = q[2, 1] = bending * d**2 / 2.0
-    q[3, 3], q[4, 4] = grading * d**3 / 3.0, grading * d
-    q[3, 4] = q[4, 3] = grading * d**2 / 2.0
+    q[BESIDE_ACROSS, BESIDE_ACROSS], q[BESIDE_HEADING, BESIDE_HEADING] = (
+        bending * d**5 / 20.0,
+        bending * d**3 / 3.0,
+    )
+    q[BESIDE_CURVATURE, BESIDE_CURVATURE] = bending * d
+    q[BESIDE_ACROSS, BESIDE_HEADING] = q[BESIDE_HEADING, BESIDE_ACROSS] = bending * d**4 / 8.0
+    q[BESIDE_ACROSS, BESIDE_CURVATURE] = q[BESIDE_CURVATURE, BESIDE_ACROSS] = bending * d**3 / 6.0
+    q[BESIDE_HEADING, BESIDE_CURVATURE] = q[BESIDE_CURVATURE, BESIDE_HEADING] = bending * d**2 / 2.0
+    q[BESIDE_UP, BESIDE_UP], q[BESIDE_GRADE, BESIDE_GRADE] = grading * d**3 / 3.0, grading * d
+    q[BESIDE_UP, BESIDE_GRADE] = q[BESIDE_GRADE, BESIDE_UP] = grading * d**2 / 2.0
     before, p_before = np.zeros((n, 5)), np.zeros((n, 5, 5))
     state, cov = np.zeros((n, 5)), np.zeros((n, 5, 5))
     x, p = np.zeros(5), np.zeros((5, 5))
-    # A place known to a metre, a direction to 0.3, a curvature to 0.1 / m, a grade to 0.3
-    p[0, 0], p[1, 1], p[2, 2], p[3, 3], p[4, 4] = 1.0, 0.1, 0.01, 1.0, 0.1
-    seen = np.zeros((2, 5))
-    seen[0, 0], seen[1, 3] = 1.0, 1.0
+    (
+        p[BESIDE_ACROSS, BESIDE_ACROSS],
+        p[BESIDE_HEADING, BESIDE_HEADING],
+        p[BESIDE_CURVATURE, BESIDE_CURVATURE],
+        p[BESIDE_UP, BESIDE_UP],
+        p[BESIDE_GRADE, BESIDE_GRADE],
+    ) = FIRST_BESIDE
+    observed = np.zeros((2, 5))
+    observed[0, BESIDE_ACROSS], observed[1, BESIDE_UP] = 1.0, 1.0
     for k in range(n):
         if k > 0:
             x = f @ x
             p = f @ p @ f.T + q
         before[k], p_before[k] = x, p
         if information[k, 0, 0] > 0.0:
-            hp = seen @ p
-            gain = hp.T @ np.linalg.inv(np.eye(2) + information[k] @ hp @ seen.T)
-            x = x + gain @ (right[k] - information[k] @ (seen @ x))
+            hp = observed @ p
+            gain = hp.T @ np.linalg.inv(np.eye(2) + information[k] @ hp @ observed.T)
+            x = x + gain @ (right[k] - information[k] @ (observed @ x))
             p = p - gain @ information[k] @ hp
             p = 0.5 * (p + p.T)
         state[k], cov[k] = x, p
@@ -181,7 +227,7 @@ def smooth_beside(
         cov[k] += back @ (cov[k + 1] - p_before[k + 1]) @ back.T
     offsets, spread = np.zeros((n, 2)), np.zeros((n, 2, 2))
     for k in range(n):
-        offsets[k, 0], offsets[k, 1] = state[k, 0], state[k, 3]
-        spread[k, 0, 0], spread[k, 1, 1] = cov[k, 0, 0], cov[k, 3, 3]
-        spread[k, 0, 1] = spread[k, 1, 0] = cov[k, 0, 3]
+        offsets[k, 0], offsets[k, 1] = state[k, BESIDE_ACROSS], state[k, BESIDE_UP]
+        spread[k, 0, 0], spread[k, 1, 1] = cov[k, BESIDE_ACROSS, BESIDE_ACROSS], cov[k, BESIDE_UP, BESIDE_UP]
+        spread[k, 0, 1] = spread[k, 1, 0] = cov[k, BESIDE_ACROSS, BESIDE_UP]
     return offsets, spread

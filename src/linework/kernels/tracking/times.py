@@ -1,4 +1,4 @@
-"""When the points near lines were measured: one pass over all points."""
+"""Times of the points near lines, and moving sums along lines; each in one pass."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from numba import njit
 
 from linework.arrays import FloatArray, IntArray
 
+#: Side of a lookup cell over the radius of the circles in it: wider than a circle, so that one touches 4 at most.
+CELL_OVER_REACH, MOST_CELLS = 2.5, 4
+
 
 @njit(cache=True, nogil=True)
 def times_near(
@@ -14,17 +17,30 @@ def times_near(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the first and the last time of the points within `reach` of each line's vertices, in space.
 
-    vertices (k, 3), at least one; owner (k,): the line each belongs to. A line without points near: NaN.
+    Parameters
+    ----------
+    xyz, time_s
+        (n, 3) [m], (n,) [s]: the points.
+    vertices, owner
+        (k, 3) [m], k >= 1; (k,) int64: the line that each belongs to.
+    reach
+        [m].
 
-    Vertices are chained in every cell that their circle touches: 4 at most, as cells are wider than circles.
+    Returns
+    -------
+    (n_lines,) first and (n_lines,) last times [s]; NaN for a line without points near it.
+
+    Notes
+    -----
+    Vertices are chained in every cell that their circle touches: at most 4, as cells are wider than circles.
     """
-    cell = 2.5 * reach
+    cell = CELL_OVER_REACH * reach
     west, south = vertices[:, 0].min() - reach, vertices[:, 1].min() - reach
     n_x = int((vertices[:, 0].max() + reach - west) / cell) + 1
     n_y = int((vertices[:, 1].max() + reach - south) / cell) + 1
     first = np.full((n_y, n_x), -1, dtype=np.int32)
-    following = np.empty(4 * len(vertices), dtype=np.int32)
-    entry = np.empty(4 * len(vertices), dtype=np.int32)
+    following = np.empty(MOST_CELLS * len(vertices), dtype=np.int32)
+    entry = np.empty(MOST_CELLS * len(vertices), dtype=np.int32)
     n = 0
     for v in range(len(vertices)):
         x, y = vertices[v, 0] - west, vertices[v, 1] - south
@@ -58,15 +74,20 @@ def times_near(
     return start, end
 
 
-# Sums over a few stations about each, of many lines that lie one after the other
-
-
 @njit(cache=True, nogil=True)
 def moving_sums(values: FloatArray, offsets: IntArray, half: int) -> FloatArray:
-    """Return (n, m) the sums over the station itself and `half` on either side, line by line.
+    """Return the sums over each station and `half` stations on either side, line by line, (n, m).
 
-    Line i has the stations from offsets[i] to offsets[i + 1]; beyond its ends there is nothing. From
-    cumulative sums along each line: counts add up exactly, whatever lies before them.
+    Parameters
+    ----------
+    values
+        (n, m), not negative: columns over the stations of all lines.
+    offsets
+        (k + 1,): line i has the stations from offsets[i] to offsets[i + 1]; beyond its ends nothing is added.
+
+    Notes
+    -----
+    From cumulative sums along each line, so that counts add up exactly, whatever lies before them.
     """
     n, m = values.shape
     out, total = np.empty((n, m)), np.zeros((n + 1, m))

@@ -1,6 +1,7 @@
-"""Boxes followed along a line: the next box that collides with where the last ones lead.
+"""Tracking from box to box: the next box that collides with the prediction from the last ones.
 
-Boxes lie sorted by the cells of a north-up lattice: `codes` is row * n_cols + col, ascending.
+The tracker of W.-S. Kang, K.-H. Lee and J.-H. Lee (2023), doi:10.3390/rs15194656, with a prediction of its own. Boxes
+are sorted by the cells of a north-up lattice: `codes` is row * n_cols + col, ascending.
 """
 
 from __future__ import annotations
@@ -11,8 +12,66 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray, IntArray
+from linework.kernels.tracking.small_systems import inverse_of_three
 
-# Separating axis test of two rectangles in plan
+#: Columns of a table of boxes: centre [m], unit vector u, half extents [m], standard deviations of the centre across
+#: [m] and of the direction [rad].
+TRACK_X, TRACK_Y, TRACK_UX, TRACK_UY, TRACK_HALF_U, TRACK_HALF_V, TRACK_SIGMA_V, TRACK_SIGMA_U = range(8)
+
+#: Why a line stops.
+NOTHING_AHEAD, MEETS_LINE, JOINS_END = range(3)
+
+#: Owner of a box: a line's number; none; none, and absorbed by the line beside it; or, from `LINE_END` downwards, an
+#: end of a line: LINE_END - 2 line - side.
+FREE, BESIDE, LINE_END = -1, -2, -10
+#: Number of the last boxes of a line at which another one can join it.
+N_END = 2
+
+#: Number of neighbouring boxes that err as one: search areas overlap, so neighbours share about half of their points.
+SHARED = 2.0
+#: Longest piece behind the last box that the prediction uses. [m]
+TRACK_PAST_M = 20.0
+#: Largest turn that a parabola approximates, 45 degrees: cosine.
+LEAST_ALONG = 0.7
+#: Length of the last boxes that count in full: fewer do not show a curvature. [m]
+RECENT_M = 2.0
+#: Length over which a road changes its curvature (a clothoid), and the radius of the smallest bend that it changes
+#: by. [m]
+CLOTHOID_M, STRAIGHT_RADIUS_M = 20.0, 200.0
+#: First search length: boxes are half a metre apart, so the next one is near. A nearer one than the least step is at
+#: the same place. [m]
+NEAR_BOX_M, LEAST_STEP_M = 1.2, 0.02
+#: Longest gap over the length that has been tracked: 3 m of paint in a period of 12 m is the least in use.
+GAP_PER_LENGTH = 4.0
+#: Change of curvature over the usual one, by attempt: usual, a bend that begins without a clothoid, a corner.
+TRACK_TURNS = (1.0, 4.0, 4.0)
+#: Standard deviation of the jump of the curvature at a corner, where kerbs turn into arcs without a clothoid. [1/m]
+CORNER = 1.0 / 6.0
+#: Smallest radius of a line that is tracked: a kerb's corner. [m]
+TIGHTEST_M = 3.0
+#: Places along a box at which others may continue it; and their largest turn [rad].
+SUPPORT_BINS, SUPPORT_TURN = 16, 0.35
+#: Half of the narrowest gate, and what a gate is wider by than its sigmas: rounding, and errors that no sigma knows.
+#: [m]
+LEAST_GATE_M, GATE_SLACK_M, SUPPORT_SLACK_M = 0.03, 0.01, 0.02
+#: Gates are this many standard deviations wide.
+GATE_SIGMAS = 3.0
+#: A candidate's turn: what its gate is wider by than its sigmas, and its largest value. [rad]
+TURN_SLACK, MOST_BOX_TURN = 0.05, 0.6
+#: Smallest variance of an observation, against division by zero. [m^2]
+LEAST_VARIANCE_M2 = 1e-6
+#: Number of boxes from which on the curvature is known better than by the tightest bend.
+FEW_BOXES = 4
+#: An end of a line is joined if the track runs into it, not against it: least cosine.
+LEAST_INTO = 0.5
+#: Boxes absorbed by a line run along it: least cosine (32 degrees); and lie this far beyond the two boxes at most [m].
+LEAST_PARALLEL, ABSORB_BEYOND_M = 0.85, 0.1
+#: Columns of a prediction in the frame of the last box: parabola v = a + b s + c s^2 / 2 [m, -, 1/m], covariance of its
+#: coefficients, change of curvature per metre [1/m^2], standard deviation of a jump of the curvature [1/m].
+(
+    LEAD_A, LEAD_B, LEAD_C, LEAD_AA, LEAD_AB, LEAD_AC, LEAD_BB, LEAD_BC, LEAD_CC, LEAD_CHANGE, LEAD_JUMP,
+) = range(11)  # fmt: skip
+LEAD_COLUMNS = 11
 
 
 @njit(cache=True, nogil=True)
@@ -20,7 +79,7 @@ def collides_in_plan(
     ax: float, ay: float, aux: float, auy: float, ahu: float, ahv: float,
     bx: float, by: float, bux: float, buy: float, bhu: float, bhv: float,
 ) -> bool:  # fmt: skip
-    """Return whether two rectangles (centre, u-axis, half extents) share a place: no axis parts them."""
+    """Return whether two rectangles (centre, u-axis, half extents) overlap: no axis separates them."""
     dx, dy = bx - ax, by - ay
     cos, sin = abs(aux * bux + auy * buy), abs(aux * buy - auy * bux)
     if abs(dx * aux + dy * auy) > ahu + bhu * cos + bhv * sin:
@@ -32,45 +91,9 @@ def collides_in_plan(
     return abs(dy * bux - dx * buy) <= bhv + ahu * sin + ahv * cos
 
 
-#: Columns of a table of boxes.
-TRACK_X, TRACK_Y, TRACK_UX, TRACK_UY, TRACK_HALF_U, TRACK_HALF_V, TRACK_SIGMA_V, TRACK_SIGMA_U = range(8)
-
-#: Why a line stops.
-NOTHING_AHEAD, MEETS_LINE, JOINS_END = range(3)
-
-#: Who a box belongs to: a line's number, or nobody, or nobody any more (beside a line), or from END downwards an
-#: end of a line: END - 2 line - side.
-FREE, BESIDE, LINE_END = -1, -2, -10
-#: A line can be joined at its last boxes, this many.
-N_END = 2
-
-#: Search areas overlap: neighbouring boxes share about half of their points, and so their errors.
-SHARED = 2.0
-#: Longest piece of the past that says where a line leads. [m]
-TRACK_PAST_M = 20.0
-#: A parabola is a bend as far as 45 degrees: cosine.
-LEAST_ALONG = 0.7
-#: The last boxes always count in full: fewer do not show a curvature. [m]
-RECENT_M = 2.0
-#: Roads change their curvature over lengths of about this (clothoids), [m] and never less than by that of a
-#: bend of this radius. [m]
-CLOTHOID_M, STRAIGHT_RADIUS_M = 20.0, 200.0
-#: Boxes stand half a metre apart: the next one is near by. Nearer than the least step it is the same place. [m]
-NEAR_BOX_M, LEAST_STEP_M = 1.2, 0.02
-#: A direction carries over gaps of no more than this many times the length it was taken from: dashes of 3 m
-#: with 9 m between them are the least of paint in use.
-GAP_PER_LENGTH = 4.0
-#: How much faster than mostly the curvature changes: where a bend begins without a clothoid, and at corners.
-TRACK_TURNS = (1.0, 4.0, 4.0)
-#: At corners kerbs turn into arcs without a clothoid: standard deviation of the jump of the curvature. [1/m]
-CORNER = 1.0 / 6.0
-#: The tightest line that is looked for: a kerb's corner. [m]
-TIGHTEST_M = 3.0
-
-
 @njit(cache=True, nogil=True)
 def first_at(codes: IntArray, code: int) -> int:
-    """Return the first place in ascending `codes` that is not below `code`."""
+    """Return the index of the first of ascending codes (n,) that is not below `code`."""
     low, high = 0, len(codes)
     while low < high:
         middle = (low + high) >> 1
@@ -85,16 +108,23 @@ def first_at(codes: IntArray, code: int) -> int:
 def support(
     boxes: FloatArray, codes: IntArray, lattice: tuple[float, float, float, int], reach_m: float
 ) -> FloatArray:
-    """Return for each box the share of the next `reach_m` along it, both ways, where others continue it.
+    """Return for each box the share of the next `reach_m` along it, in both directions, where others continue it, (n,).
 
-    lattice: west, south edge and size of the cells, number of columns.
+    Parameters
+    ----------
+    boxes
+        (n, 8): columns `TRACK_X` to `TRACK_SIGMA_U`.
+    codes
+        (n,) int64, ascending: the cell of each box.
+    lattice
+        West edge, south edge and size of the cells [m], number of columns.
     """
     west, south, cell, n_cols = lattice
-    n_bins = 16
+    n_bins = SUPPORT_BINS
     out = np.zeros(len(boxes))
-    seen = np.zeros(n_bins, dtype=np.uint8)
+    continued = np.zeros(n_bins, dtype=np.uint8)
     for i in range(len(boxes)):
-        seen[:] = 0
+        continued[:] = 0
         x, y, ux, uy = boxes[i, TRACK_X], boxes[i, TRACK_Y], boxes[i, TRACK_UX], boxes[i, TRACK_UY]
         row0, row1 = int((y - reach_m - south) // cell), int((y + reach_m - south) // cell)
         col0, col1 = int((x - reach_m - west) // cell), int((x + reach_m - west) // cell)
@@ -112,70 +142,86 @@ def support(
                     + boxes[j, TRACK_SIGMA_V] ** 2
                     + (boxes[i, TRACK_SIGMA_U] * s) ** 2
                 )
-                if abs(v) < 3.0 * sigma + 0.5 * s * s / (3.0 * TIGHTEST_M) + 0.02 and turn < 0.35:
-                    seen[int((s + reach_m) / (2.0 * reach_m) * n_bins)] = 1
-        out[i] = seen.sum() / n_bins
+                if (
+                    abs(v) < GATE_SIGMAS * sigma + 0.5 * s * s / (3.0 * TIGHTEST_M) + SUPPORT_SLACK_M
+                    and turn < SUPPORT_TURN
+                ):
+                    continued[int((s + reach_m) / (2.0 * reach_m) * n_bins)] = 1
+        out[i] = continued.sum() / n_bins
     return out
 
 
 @njit(cache=True, nogil=True)
 def fit_lead(
-    boxes: FloatArray, path: IntArray, way: FloatArray, n: int, faster: float, out: FloatArray
+    boxes: FloatArray, path: IntArray, sense: FloatArray, n: int, faster: float, out: FloatArray
 ) -> None:
-    """Fit where the last of the `n` boxes of `path` lead.
+    """Fit a parabola to the last of the `n` boxes of a path, to predict where the line leads.
 
-    A parabola v = a + b s + c s^2 / 2 in the frame of the last box (s along it, v to its left), by weighted
-    least squares over centres and directions; boxes farther back weigh less, as the curvature may have
-    changed since, `faster` times as fast as it mostly does. `out`: a, b, c, their covariance (6, upper triangle),
-    the change of curvature [1/m^2], and the standard deviation of a jump of it [1/m].
+    v = a + b s + c s^2 / 2 in the frame of the last box (s along it, v to its left), by weighted least squares over
+    centres and directions. Boxes farther back weigh less, as the curvature may have changed since.
+
+    Parameters
+    ----------
+    boxes
+        (k, 8): columns `TRACK_X` to `TRACK_SIGMA_U`.
+    path, sense
+        (n or more,) int64 boxes in the order of the line; +1 where it runs along the box's u-axis, else -1.
+    faster
+        Change of curvature over the usual one.
+    out
+        (11,) input and output: columns `LEAD_A` to `LEAD_CHANGE`; its curvature is that of the prediction before.
     """
     i = path[n - 1]
-    hx, hy = way[n - 1] * boxes[i, TRACK_UX], way[n - 1] * boxes[i, TRACK_UY]
-    curvature = abs(out[2])
+    hx, hy = sense[n - 1] * boxes[i, TRACK_UX], sense[n - 1] * boxes[i, TRACK_UY]
+    curvature = abs(out[LEAD_C])
     change = faster * (min(curvature, 1.0 / TIGHTEST_M) + 1.0 / STRAIGHT_RADIUS_M) / CLOTHOID_M
     aa = ab = ac = bb = bc = 0.0
-    cc = (2.0 * TIGHTEST_M) ** 2 if n < 4 else TIGHTEST_M**2
+    cc = (2.0 * TIGHTEST_M) ** 2 if n < FEW_BOXES else TIGHTEST_M**2
     ra = rb = rc = 0.0
     for k in range(n - 1, -1, -1):
         j = path[k]
         dx, dy = boxes[j, TRACK_X] - boxes[i, TRACK_X], boxes[j, TRACK_Y] - boxes[i, TRACK_Y]
         s, v = dx * hx + dy * hy, dy * hx - dx * hy
-        along = way[k] * (boxes[j, TRACK_UX] * hx + boxes[j, TRACK_UY] * hy)
-        across = way[k] * (boxes[j, TRACK_UY] * hx - boxes[j, TRACK_UX] * hy)
+        along = sense[k] * (boxes[j, TRACK_UX] * hx + boxes[j, TRACK_UY] * hy)
+        across = sense[k] * (boxes[j, TRACK_UY] * hx - boxes[j, TRACK_UX] * hy)
         # Farther back, or before a turn that no parabola follows
         if s < -TRACK_PAST_M or along < LEAST_ALONG:
             break
         far = max(-s - RECENT_M, 0.0)
-        w = 1.0 / (SHARED * boxes[j, TRACK_SIGMA_V] ** 2 + (change * far * far * far / 6.0) ** 2 + 1e-6)
+        w = 1.0 / (
+            SHARED * boxes[j, TRACK_SIGMA_V] ** 2 + (change * far * far * far / 6.0) ** 2 + LEAST_VARIANCE_M2
+        )
         half = 0.5 * s * s
         aa, ab, ac = aa + w, ab + w * s, ac + w * half
         bb, bc, cc = bb + w * s * s, bc + w * s * half, cc + w * half * half
         ra, rb, rc = ra + w * v, rb + w * s * v, rc + w * half * v
         slope = across / along
-        w = 1.0 / (SHARED * boxes[j, TRACK_SIGMA_U] ** 2 + (change * far * far / 2.0) ** 2 + 1e-6)
+        w = 1.0 / (
+            SHARED * boxes[j, TRACK_SIGMA_U] ** 2 + (change * far * far / 2.0) ** 2 + LEAST_VARIANCE_M2
+        )
         bb, bc, cc = bb + w, bc + w * s, cc + w * s * s
         rb, rc = rb + w * slope, rc + w * s * slope
-    # Inverse of the symmetric 3 x 3 normal matrix by cofactors
-    c00, c01, c02 = bb * cc - bc * bc, ac * bc - ab * cc, ab * bc - ac * bb
-    c11, c12, c22 = aa * cc - ac * ac, ab * ac - aa * bc, aa * bb - ab * ab
-    det = aa * c00 + ab * c01 + ac * c02
-    c00, c01, c02, c11, c12, c22 = c00 / det, c01 / det, c02 / det, c11 / det, c12 / det, c22 / det
-    out[0] = c00 * ra + c01 * rb + c02 * rc
-    out[1] = c01 * ra + c11 * rb + c12 * rc
-    out[2] = c02 * ra + c12 * rb + c22 * rc
-    out[3], out[4], out[5], out[6], out[7], out[8] = c00, c01, c02, c11, c12, c22
-    out[9] = faster * (min(abs(out[2]), 1.0 / TIGHTEST_M) + 1.0 / STRAIGHT_RADIUS_M) / CLOTHOID_M
+    c00, c01, c02, c11, c12, c22 = inverse_of_three(aa, ab, ac, bb, bc, cc)
+    out[LEAD_A] = c00 * ra + c01 * rb + c02 * rc
+    out[LEAD_B] = c01 * ra + c11 * rb + c12 * rc
+    out[LEAD_C] = c02 * ra + c12 * rb + c22 * rc
+    out[LEAD_AA], out[LEAD_AB], out[LEAD_AC] = c00, c01, c02
+    out[LEAD_BB], out[LEAD_BC], out[LEAD_CC] = c11, c12, c22
+    out[LEAD_CHANGE] = (
+        faster * (min(abs(out[LEAD_C]), 1.0 / TIGHTEST_M) + 1.0 / STRAIGHT_RADIUS_M) / CLOTHOID_M
+    )
 
 
 @njit(cache=True, nogil=True)
 def predicted(fit: FloatArray, s: float) -> tuple[float, float, float, float]:
-    """Return offset, slope, and their standard deviations, `s` metres ahead of the last box."""
+    """Return offset [m], slope, and their standard deviations, `s` metres ahead of the last box; `fit` (11,)."""
     half = 0.5 * s * s
-    v, slope = fit[0] + fit[1] * s + fit[2] * half, fit[1] + fit[2] * s
-    var = fit[3] + 2.0 * s * fit[4] + 2.0 * half * fit[5] + s * s * fit[6] + 2.0 * s * half * fit[7]
-    var += half * half * fit[8] + (fit[9] * s * s * s / 6.0) ** 2
-    var_slope = fit[6] + 2.0 * s * fit[7] + s * s * fit[8] + (fit[9] * half) ** 2
-    var, var_slope = var + (fit[10] * half) ** 2, var_slope + (fit[10] * s) ** 2
+    v, slope = fit[LEAD_A] + fit[LEAD_B] * s + fit[LEAD_C] * half, fit[LEAD_B] + fit[LEAD_C] * s
+    var = fit[LEAD_AA] + 2.0 * s * fit[LEAD_AB] + 2.0 * half * fit[LEAD_AC]
+    var = var + s * s * fit[LEAD_BB] + 2.0 * s * half * fit[LEAD_BC]
+    var += half * half * fit[LEAD_CC] + (fit[LEAD_CHANGE] * s * s * s / 6.0) ** 2
+    var_slope = fit[LEAD_BB] + 2.0 * s * fit[LEAD_BC] + s * s * fit[LEAD_CC] + (fit[LEAD_CHANGE] * half) ** 2
+    var, var_slope = var + (fit[LEAD_JUMP] * half) ** 2, var_slope + (fit[LEAD_JUMP] * s) ** 2
     return v, slope, math.sqrt(max(var, 0.0)), math.sqrt(max(var_slope, 0.0))
 
 
@@ -190,40 +236,51 @@ def next_box(
     strength: FloatArray,
     fit: FloatArray,
 ) -> tuple[int, int]:
-    """Return the box that goes on from the last of the `n` boxes of a path, and the stop reason if there is none.
+    """Return the box that continues the last of the `n` boxes of a path, -1 if there is none, and the stop reason.
 
-    The last box is moved by the search length along the line (A'); boxes that collide with it and that the
-    prediction explains are candidates. The search grows longer, and with the prediction's uncertainty wider,
-    until one is found; the nearest wins unless it fits worse.
+    The last box is moved by the search length along the line (A'); boxes that collide with it and agree with the
+    prediction are candidates. The search area grows longer, and with the prediction's uncertainty wider, until there
+    is one; the nearest wins unless it agrees worse.
 
-    state: path (boxes so far), way (+1, -1: box along or against the line), owner of every box, and for ends of
-    lines which way into the line is (+1, -1: along or against the box).
-    limits: longest gap [m], widest gate [m], least strength beyond a gap, sides matter (boundaries).
+    Parameters
+    ----------
+    boxes, codes, lattice
+        (k, 8), (k,), tuple: as for `support`.
+    state
+        (n or more,) path, the boxes so far; (n or more,) sense, +1 or -1 where the line runs along a box or against
+        it; (k,) owner of every box; (k,) for ends of lines, +1 or -1 where the line begins along the box or against
+        it.
+    limits
+        Longest gap [m], widest gate [m], least strength beyond a gap, whether the side matters (boundaries).
+    strength
+        (k,) support of each box, see `support`.
+    fit
+        (11,) input and output: see `fit_lead`.
     """
     west, south, cell, n_cols = lattice
-    path, way, owner, inward = state
+    path, sense, owner, inward = state
     longest, widest, least_strength, is_sided = limits
     i = path[n - 1]
-    hx, hy = way[n - 1] * boxes[i, TRACK_UX], way[n - 1] * boxes[i, TRACK_UY]
+    hx, hy = sense[n - 1] * boxes[i, TRACK_UX], sense[n - 1] * boxes[i, TRACK_UY]
     tracked = math.hypot(
         boxes[i, TRACK_X] - boxes[path[0], TRACK_X], boxes[i, TRACK_Y] - boxes[path[0], TRACK_Y]
     )
     longest = min(longest, NEAR_BOX_M + GAP_PER_LENGTH * tracked)
     length, done, turns = NEAR_BOX_M, LEAST_STEP_M, 0
     while True:
-        # Near by a second time as for a line that turns off; a kerb a third time as at a corner
-        fit_lead(boxes, path, way, n, TRACK_TURNS[turns], fit)
-        fit[10] = CORNER if turns == 2 else 0.0
+        # Nearby, a second time as for a line that turns off, and for a kerb a third time as at a corner
+        fit_lead(boxes, path, sense, n, TRACK_TURNS[turns], fit)
+        fit[LEAD_JUMP] = CORNER if turns == 2 else 0.0
         length = min(length, longest)
         v1, slope, sigma, _ = predicted(fit, length)
-        gate = min(max(3.0 * sigma, 0.03), widest)
-        # Box A': from where was searched already to the search length, about the prediction
+        gate = min(max(GATE_SIGMAS * sigma, LEAST_GATE_M), widest)
+        # Box A': from the end of the last search to the search length, about the prediction
         v0, _, _, _ = predicted(fit, done)
         mx, my = 0.5 * (done + length), 0.5 * (v0 + v1)
         ax, ay = boxes[i, TRACK_X] + mx * hx - my * hy, boxes[i, TRACK_Y] + mx * hy + my * hx
         bend = math.atan2(v1 - v0, length - done)
         aux, auy = hx * math.cos(bend) - hy * math.sin(bend), hy * math.cos(bend) + hx * math.sin(bend)
-        sag = abs(fit[2]) * (length - done) ** 2 / 8.0
+        sag = abs(fit[LEAD_C]) * (length - done) ** 2 / 8.0
         half_u, half_v = 0.5 * math.hypot(length - done, v1 - v0), gate + sag
         reach = half_u + half_v
         best, best_cost = -1, math.inf
@@ -241,7 +298,8 @@ def next_box(
                     continue
                 if not collides_in_plan(
                     ax, ay, aux, auy, half_u, half_v,
-                    boxes[j, TRACK_X], boxes[j, TRACK_Y], boxes[j, TRACK_UX], boxes[j, TRACK_UY], boxes[j, TRACK_HALF_U], boxes[j, TRACK_HALF_V],
+                    boxes[j, TRACK_X], boxes[j, TRACK_Y], boxes[j, TRACK_UX], boxes[j, TRACK_UY],
+                    boxes[j, TRACK_HALF_U], boxes[j, TRACK_HALF_V],
                 ):  # fmt: skip
                     continue
                 expected, slope, sigma, sigma_slope = predicted(fit, s)
@@ -249,7 +307,7 @@ def next_box(
                     boxes[j, TRACK_UX] * hx + boxes[j, TRACK_UY] * hy,
                     boxes[j, TRACK_UY] * hx - boxes[j, TRACK_UX] * hy,
                 )
-                if is_sided and along * way[n - 1] < 0.0:
+                if is_sided and along * sense[n - 1] < 0.0:
                     continue
                 if along < 0.0:
                     along, across = -along, -across
@@ -257,14 +315,18 @@ def next_box(
                 sigma2 = sigma * sigma + SHARED * boxes[j, TRACK_SIGMA_V] ** 2
                 off = abs(v - expected)
                 if s > NEAR_BOX_M:
-                    # Over a gap: an arc that leaves as this line does and arrives as that box lies
-                    off = abs(v - fit[0] - 0.5 * s * (fit[1] + across / max(along, 0.1)))
-                    sigma2 = fit[3] + 0.25 * s * s * (fit[6] + SHARED * boxes[j, TRACK_SIGMA_U] ** 2)
-                    sigma2 += (0.5 * fit[9] * s * s * s / 6.0) ** 2 + SHARED * boxes[j, TRACK_SIGMA_V] ** 2
-                if off > min(3.0 * math.sqrt(sigma2) + 0.01, widest):
+                    # Over a gap: an arc that leaves along this line and arrives along that box
+                    off = abs(v - fit[LEAD_A] - 0.5 * s * (fit[LEAD_B] + across / max(along, 0.1)))
+                    sigma2 = fit[LEAD_AA] + 0.25 * s * s * (
+                        fit[LEAD_BB] + SHARED * boxes[j, TRACK_SIGMA_U] ** 2
+                    )
+                    sigma2 += (0.5 * fit[LEAD_CHANGE] * s * s * s / 6.0) ** 2 + SHARED * boxes[
+                        j, TRACK_SIGMA_V
+                    ] ** 2
+                if off > min(GATE_SIGMAS * math.sqrt(sigma2) + GATE_SLACK_M, widest):
                     continue
                 turn2 = sigma_slope * sigma_slope + SHARED * boxes[j, TRACK_SIGMA_U] ** 2
-                if abs(turn) > min(3.0 * math.sqrt(turn2) + 0.05, 0.6):
+                if abs(turn) > min(GATE_SIGMAS * math.sqrt(turn2) + TURN_SLACK, MOST_BOX_TURN):
                     continue
                 if s > NEAR_BOX_M and strength[j] < least_strength:
                     continue
@@ -275,7 +337,7 @@ def next_box(
             if owner[best] == FREE:
                 return best, NOTHING_AHEAD
             into = inward[best] * (boxes[best, TRACK_UX] * hx + boxes[best, TRACK_UY] * hy)
-            if owner[best] <= LINE_END and into > 0.5:
+            if owner[best] <= LINE_END and into > LEAST_INTO:
                 return best, NOTHING_AHEAD
             return -1, MEETS_LINE
         if turns < (2 if is_sided else 1) and length <= NEAR_BOX_M:
@@ -289,10 +351,24 @@ def next_box(
 
 @njit(cache=True, nogil=True)
 def absorb(
-    boxes: FloatArray, codes: IntArray, lattice: tuple[float, float, float, int], owner: IntArray, pair: tuple[int, int],
+    boxes: FloatArray,
+    codes: IntArray,
+    lattice: tuple[float, float, float, int],
+    owner: IntArray,
+    pair: tuple[int, int],
     width_m: float,
-) -> None:  # fmt: skip
-    """Take out the boxes beside the stretch between two boxes of a line: the same thing, seen from other cells."""
+) -> None:
+    """Mark the free boxes beside two boxes of a line as absorbed: they are the same feature in other cells.
+
+    Parameters
+    ----------
+    boxes, codes, lattice
+        (k, 8), (k,), tuple: as for `support`.
+    owner
+        (k,) int64, changed in place: owner of every box.
+    pair, width_m
+        The two boxes; largest distance from the line between them [m].
+    """
     west, south, cell, n_cols = lattice
     i, j = pair
     dx, dy = boxes[j, TRACK_X] - boxes[i, TRACK_X], boxes[j, TRACK_Y] - boxes[i, TRACK_Y]
@@ -317,6 +393,8 @@ def absorb(
                 continue
             dx, dy = boxes[k, TRACK_X] - boxes[i, TRACK_X], boxes[k, TRACK_Y] - boxes[i, TRACK_Y]
             s, v = dx * hx + dy * hy, dy * hx - dx * hy
-            if -0.1 <= s <= length + 0.1 and abs(v) <= max(width_m, boxes[k, TRACK_HALF_V]):
-                if abs(boxes[k, TRACK_UX] * hx + boxes[k, TRACK_UY] * hy) > 0.85:
+            if -ABSORB_BEYOND_M <= s <= length + ABSORB_BEYOND_M and abs(v) <= max(
+                width_m, boxes[k, TRACK_HALF_V]
+            ):
+                if abs(boxes[k, TRACK_UX] * hx + boxes[k, TRACK_UY] * hy) > LEAST_PARALLEL:
                     owner[k] = BESIDE

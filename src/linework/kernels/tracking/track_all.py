@@ -1,4 +1,4 @@
-"""Every line of a survey: boxes tracked forward and backward from each that no line has taken yet."""
+"""All lines of a survey: boxes tracked forward and backward from each box that belongs to no line yet."""
 
 from __future__ import annotations
 
@@ -6,7 +6,17 @@ import numpy as np
 from numba import njit
 
 from linework.arrays import FloatArray, IntArray
-from linework.kernels.tracking.track import FREE, JOINS_END, LINE_END, N_END, absorb, next_box
+from linework.kernels.tracking.track import (
+    FREE,
+    JOINS_END,
+    LEAD_COLUMNS,
+    LINE_END,
+    N_END,
+    TRACK_UX,
+    TRACK_UY,
+    absorb,
+    next_box,
+)
 
 
 @njit(cache=True, nogil=True)
@@ -19,16 +29,27 @@ def track_one(
     limits: tuple[float, float, float, bool, float],
     strength: FloatArray,
 ) -> tuple[int, int, int, int, int]:
-    """Follow the line through box path[0], forward and backward, into `path` and `way`.
+    """Track the line through box path[0], forward and backward.
 
-    limits: as for `next_box`, and the width of what is taken out beside the line [m].
+    Parameters
+    ----------
+    boxes, codes, lattice, state, strength
+        (k, 8), (k,), tuple, tuple, (k,): as for `linework.kernels.tracking.track.next_box`; path and sense in `state`
+        are output.
+    line
+        The number of the line.
+    limits
+        As for `next_box`, and the width within which boxes beside the line are absorbed [m].
 
-    Returns the number of boxes, the stop reasons at start and end, and the ends of other lines that it joins
-    there (codes as in `owner`; 0: none).
+    Returns
+    -------
+    The number of boxes, the stop reasons at start and end, and the ends of other lines that it joins there (codes
+    as in `owner`; 0: none).
     """
-    path, way, owner, _ = state
-    fit = np.zeros(11)
-    gates = limits[:4]
+    path, sense, owner, _ = state
+    fit = np.zeros(LEAD_COLUMNS)
+    longest, widest, least_strength, is_sided, width = limits
+    gates = (longest, widest, least_strength, is_sided)
     owner[path[0]] = line
     n = 1
     reasons, joins = np.zeros(2, dtype=np.int64), np.zeros(2, dtype=np.int64)
@@ -43,14 +64,16 @@ def track_one(
                 reasons[side], joins[side] = JOINS_END, owner[j]
                 break
             i = path[n - 1]
-            along = way[n - 1] * (boxes[i, 2] * boxes[j, 2] + boxes[i, 3] * boxes[j, 3])
-            path[n], way[n] = j, 1.0 if along >= 0.0 else -1.0
+            along = sense[n - 1] * (
+                boxes[i, TRACK_UX] * boxes[j, TRACK_UX] + boxes[i, TRACK_UY] * boxes[j, TRACK_UY]
+            )
+            path[n], sense[n] = j, 1.0 if along >= 0.0 else -1.0
             owner[j] = line
             n += 1
-            absorb(boxes, codes, lattice, owner, (i, j), limits[4])
-        # Backward from the start: the path turned round
+            absorb(boxes, codes, lattice, owner, (i, j), width)
+        # Backward from the start: the path is reversed
         path[:n] = path[:n][::-1].copy()
-        way[:n] = -way[:n][::-1].copy()
+        sense[:n] = -sense[:n][::-1].copy()
     return n, reasons[1], reasons[0], joins[1], joins[0]
 
 
@@ -64,30 +87,51 @@ def track_all(
     strength: FloatArray,
     least_n: int,
 ) -> tuple[IntArray, FloatArray, IntArray, IntArray, IntArray]:
-    """Follow lines from `seeds`, strongest first.
+    """Track lines from seeds, strongest first.
 
-    Returns boxes and ways of all lines one after the other, (m + 1,) offsets, (m, 2) stop reasons and (m, 2)
-    joins: at start and end of each line; 0, or 1 + 2 line + side of the end of an earlier line that goes on.
+    Parameters
+    ----------
+    boxes, codes, lattice, strength
+        As for `linework.kernels.tracking.track.next_box`.
+    seeds
+        (k,) int64: boxes to begin at, in this order.
+    limits
+        As for `track_one`.
+    least_n
+        Fewest boxes of a line that joins no other.
+
+    Returns
+    -------
+    path, sense
+        (n,) int64, (n,): boxes of all lines, line after line; +1 where a line runs along the box's u-axis, else -1.
+    offsets
+        (m + 1,) int64: first box of each line.
+    reasons
+        (m, 2) int64: why a line stops at its start and at its end.
+    joins
+        (m, 2) int64: 0, or 1 + 2 line + side of the end of an earlier line that continues it.
     """
     n_boxes = len(boxes)
     owner = np.full(n_boxes, FREE, dtype=np.int64)
     inward = np.zeros(n_boxes)
-    path, way = np.empty(n_boxes + 1, dtype=np.int64), np.ones(n_boxes + 1)
-    all_path, all_way = np.empty(n_boxes, dtype=np.int64), np.empty(n_boxes)
+    path, sense = np.empty(n_boxes + 1, dtype=np.int64), np.ones(n_boxes + 1)
+    all_path, all_sense = np.empty(n_boxes, dtype=np.int64), np.empty(n_boxes)
     offsets = np.zeros(n_boxes + 1, dtype=np.int64)
     reasons, joins = np.zeros((n_boxes, 2), dtype=np.int64), np.zeros((n_boxes, 2), dtype=np.int64)
     m = 0
     for seed in seeds:
         if owner[seed] != FREE:
             continue
-        path[0], way[0] = seed, 1.0
-        n, r0, r1, j0, j1 = track_one(boxes, codes, lattice, (path, way, owner, inward), m, limits, strength)
+        path[0], sense[0] = seed, 1.0
+        n, r0, r1, j0, j1 = track_one(
+            boxes, codes, lattice, (path, sense, owner, inward), m, limits, strength
+        )
         if n < least_n and j0 == 0 and j1 == 0:
             for k in range(n):
                 owner[path[k]] = FREE
             continue
         start = offsets[m]
-        all_path[start : start + n], all_way[start : start + n] = path[:n], way[:n]
+        all_path[start : start + n], all_sense[start : start + n] = path[:n], sense[:n]
         offsets[m + 1] = start + n
         reasons[m, 0], reasons[m, 1] = r0, r1
         for side, code in ((0, j0), (1, j1)):
@@ -95,14 +139,14 @@ def track_all(
                 for k in range(min(N_END, n)):
                     at = k if side == 0 else n - 1 - k
                     owner[path[at]] = LINE_END - 2 * m - side
-                    inward[path[at]] = way[at] if side == 0 else -way[at]
+                    inward[path[at]] = sense[at] if side == 0 else -sense[at]
                 continue
             other = LINE_END - code
             joins[m, side] = 1 + other
-            # That end is taken: its boxes are inside a line now
+            # That end is joined: its boxes are inside a line now
             first, last = offsets[other // 2], offsets[other // 2 + 1]
             for k in range(first, last):
                 if owner[all_path[k]] == code:
                     owner[all_path[k]] = other // 2
         m += 1
-    return all_path[: offsets[m]], all_way[: offsets[m]], offsets[: m + 1], reasons[:m], joins[:m]
+    return all_path[: offsets[m]], all_sense[: offsets[m]], offsets[: m + 1], reasons[:m], joins[:m]

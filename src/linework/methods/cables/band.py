@@ -119,6 +119,8 @@ def cable_band(xyz: FloatArray, height_m: Float32Array, low_m: float, origin: Fl
 #: points as the tube, a wall with as many; the next wire, from 0.3 m, is beyond it, and still is where sags
 #: differ and bring two wires as near as 0.15 m.
 RING = 2.2
+#: Inner radius of that ring over the gate's: points between the two are neither on the wire nor beside it.
+RING_INNER = 1.25
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels.cables import catenary as hanging
 from linework.kernels.cables import fit as kernels
 from linework.lines.catenary import Catenary, CatenaryFit, fit_catenary
-from linework.methods.cables.band import RING, CableBand, Widths
+from linework.methods.cables.band import RING, RING_INNER, CableBand, Widths
 from linework.methods.cables.follow import PlanLine
 
 #: What lies beyond a gap of this length [m], or this many usual gaps, must be a stretch of this length [m]
@@ -190,7 +190,15 @@ def _on_wire(band: CableBand, wire: FittedWire, low: float, high: float) -> IntA
     gate = wire.gate_m
     # metres are counted from the band's origin: where they begin must not depend on the wire's points
     shift = wire.plan.x * wire.plan.ux + wire.plan.y * wire.plan.uy
-    on = np.flatnonzero(kernels.on_wire(s, o, dz, (low, high, shift), (gate, 1.25 * gate, RING * gate)))
+    on = np.flatnonzero(
+        kernels.on_wire(
+            s,
+            o,
+            dz,
+            kernels.OnWireEdges(low, high, shift),
+            kernels.OnWireRadii(gate, RING_INNER * gate, RING * gate),
+        )
+    )
     if len(on) == 0:
         return near[:0]
     near, s = near[on], s[on]
@@ -276,8 +284,8 @@ def surroundings(band: CableBand, wire: FittedWire, of_wire: BoolArray) -> WireS
         return np.bincount(metre[chosen], minlength=n_metres + 1)[:n_metres].astype(np.float64)
 
     on = count(r <= wire.gate_m)
-    ring = count((r > 1.25 * wire.gate_m) & (r <= RING * wire.gate_m))
-    others = count((r > 1.25 * wire.gate_m) & (r <= wire.widths.crowd_m) & ~of_wire[near])
+    ring = count((r > RING_INNER * wire.gate_m) & (r <= RING * wire.gate_m))
+    others = count((r > RING_INNER * wire.gate_m) & (r <= wire.widths.crowd_m) & ~of_wire[near])
     has, is_ringed, is_crowded = on > 0, ring > on / 3.0, others > 0
     n_has = max(int(has.sum()), 1)
     return WireSurroundings(

@@ -9,6 +9,7 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels.cables import search as kernels
+from linework.kernels.cables import tube
 from linework.methods.cables.band import Widths
 from linework.methods.cables.seeds import Seed
 
@@ -151,7 +152,7 @@ def follow_seed(
         curve = _best_curve(s, o, z, left, widths.vote_m)
         if curve is None:
             break
-        member = kernels.settle(s, o, z, left, curve, widths.gate_m)
+        member = tube.settle(s, o, z, left, curve, widths.gate_m)
         failed += 1
         left &= ~member
         if not np.any(member):
@@ -167,7 +168,7 @@ def follow_seed(
 
 def _best_curve(
     s: FloatArray, o: FloatArray, z: FloatArray, left: BoolArray, vote_m: float
-) -> tuple[float, float, float] | None:
+) -> kernels.SliceCurve | None:
     """Return the curve that has most votes in the slice, or None where none has enough.
 
     Every half metre has one vote, shared by its cells: a wall or a crown in the slice has no more than a wire.
@@ -178,7 +179,7 @@ def _best_curve(
 
 
 def _thin(s: FloatArray, o: FloatArray, z: FloatArray, member: BoolArray, widths: Widths) -> bool:
-    length, occupied, ringed = kernels.thinness(s, o, z, member, widths.gates)
+    length, occupied, ringed = tube.thinness(s, o, z, member, widths.gates)
     return bool(length >= LEAST_SEEN_M and occupied >= LEAST_OCCUPIED and ringed <= MOST_RINGED)
 
 
@@ -197,7 +198,7 @@ def _grown(
     near, s, o, z = lonely.slice(line, widths.slice_m, math.inf)
     unclaimed = free[near]
     member = np.zeros(len(near), dtype=bool)
-    member[unclaimed] = kernels.grow(
+    member[unclaimed] = tube.grow(
         s[unclaimed],
         o[unclaimed],
         z[unclaimed],

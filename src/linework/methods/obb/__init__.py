@@ -1,1 +1,1 @@
-"""Lane markings and road boundaries: oriented boxes, tracked through the points."""
+"""The obb method: lane markings and road boundaries by oriented bounding boxes, tracked through the points."""

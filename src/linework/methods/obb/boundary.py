@@ -1,9 +1,9 @@
-"""Boundary boxes: where the carriageway's surface ends, piece by piece.
+"""Boundary boxes: pieces of the edge of the carriageway's surface.
 
-After Kang, Lee and Lee (2023), doi:10.3390/rs15194656: points whose normals stand upright on the road make
-the floor plane of a search area; the edge of that plane is the box's reference line. Beyond the paper the
-search areas are found by themselves, and the kerb's foot is where floor and face meet, to a fraction of the
-spacing of the points.
+After Kang, Lee and Lee (2023), doi:10.3390/rs15194656: the points of a search area whose normals are those of the road
+make its floor plane; the edge of that plane is the reference line of the box. Beyond the paper the search areas are
+found automatically, and the foot of a kerb is the line where floor and face meet, to a fraction of the spacing of the
+points.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
 from linework.kernels.boundaries import boundary_boxes as kernels
+from linework.kernels.boundaries.profiles import FloorCells, FloorLimits
 from linework.kernels.cells import floor, places
 from linework.kernels.cells.bins import steps_to_set
 from linework.model.boxes import BoxSet
@@ -24,12 +25,14 @@ from linework.model.points import Points
 from linework.model.settings import setting
 from linework.model.tile import RoadSurface, TileData, local_origin
 
-#: What a box is depends on points no farther from its cell than this: a search area of 2 m, and facets around it.
+#: A box depends on the points within this of its cell only: a search area of 2 m, and the facets around it. [m]
 BOUNDARY_REACH_M = 6.0
-#: Points of these heights over the ground matter: feet of walls stand up, grass hides what is lower.
+#: Heights over the ground of the points that are used: feet of walls are above it, floors under grass below. [m]
 BAND_M = (-0.30, 0.60)
-#: Cells this many steps from road or ground matter: half a metre beyond holes.
+#: Cells within this many steps of road or ground are used: half a metre into holes.
 NEAR_CELLS = 2
+#: Half of the extent of a boundary box across. [m]
+HALF_WIDTH_M = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +40,7 @@ class BoundaryConfig:
     """Settings of the boundary boxes."""
 
     min_step_m: float = setting(
-        0.015, unit="m", reason="dropped kerbs stand 2 to 3 cm over the gutter", low=0.005, high=0.2
+        0.015, unit="m", reason="dropped kerbs are 2 to 3 cm above the gutter", low=0.005, high=0.2
     )
     max_step_m: float = setting(0.30, unit="m", reason="high kerbs have 25 cm", low=0.05, high=0.6)
     normal_deg: float = setting(
@@ -49,7 +52,7 @@ class BoundaryConfig:
     max_noise_m: float = setting(
         0.03,
         unit="m",
-        reason="the paper's 2 cm for the points of the floor, and some reserve",
+        reason="the paper's 2 cm for the points of the floor, and a reserve",
         low=0.005,
         high=0.1,
     )
@@ -57,26 +60,26 @@ class BoundaryConfig:
 
 @dataclass(frozen=True, slots=True)
 class FloorPoints:
-    """Points near the ground in the survey's lattice, as kernels take them.
+    """Points near the ground in the cells of the survey's lattice, as kernels take them.
 
     Parameters
     ----------
     data
-        Points (x, y, z, intensity from the local origin) by fine cell, the cells' starts and span, their sums,
-        and the facets that they make.
+        The points by fine cell, and what is computed of each cell.
     ground
-        The ground's height over the origin, its cell size, first column and row after the last.
+        Height of the ground over the local origin (rows, cols) float32 [m], its cell size [m], its first column and
+        the row after its last.
     times
-        Where each point was in the tile, and the tile's times (none: empty).
+        (n,) int64 number of each point in the tile, and (m,) the tile's times [s] (none: empty).
     """
 
-    data: tuple[AnyArray, AnyArray, AnyArray, AnyArray, AnyArray]
+    data: FloorCells
     ground: tuple[AnyArray, float, int, int]
     times: tuple[AnyArray, AnyArray]
 
     @classmethod
     def of(cls, points: Points, surface: RoadSurface, origin: tuple[float, float, float]) -> FloorPoints:
-        """Sort the points near the ground into the lattice, with sums and facets of its cells."""
+        """Return the points near the ground, sorted into the lattice, with sums and facets of its cells."""
         g = surface.grid
         west = round((g.east_m - origin[0]) / g.cell_width_m)
         north = round((g.north_m - origin[1]) / g.cell_width_m)
@@ -90,7 +93,7 @@ class FloorPoints:
         strength = no_strength if points.intensity is None else points.intensity
         local, source, starts = floor.sort_by_cell(points.xyz, strength, at, col, row, span)
         sums = floor.cell_sums(local, starts, span)
-        data = local, starts, span, sums, floor.facets_of(sums, span)
+        data = FloorCells(local, starts, span, sums, floor.facets_of(sums, span))
         time_s = np.zeros(0) if points.time_s is None else points.time_s
         return cls(data, (ground_m, g.cell_width_m, west, north), (source, time_s))
 
@@ -100,51 +103,51 @@ def find_boundary_boxes(
 ) -> BoxSet:
     """Return the boundary boxes of the cells that touch a tile's core.
 
-    Boxes are ordered by row (from the south) and column of their cell, and are the same to the last bit in
-    every tile that holds the points within `BOUNDARY_REACH_M` of them.
+    Boxes are ordered by row (from the south) and column of their cell, and are the same to the last bit in every tile
+    that holds the points within `BOUNDARY_REACH_M` of them.
 
     Parameters
     ----------
     cores
-        Parts of the core that share nothing: only boxes whose centre lies in one of them are looked for; none: all.
+        Disjoint parts of the core: only boxes whose centre lies in one of them are returned; none: the whole core.
     """
     if len(tile.points) == 0:
         return BoxSet.empty()
     # Points near the ground; planes of their cells
-    origin = boundary_origin_of(tile)
+    origin = local_origin_of(tile)
     base = FloorPoints.of(tile.points, surface, origin)
     rows = []
     for core in cores or (tile.core,):
         local = core.west - origin[0], core.south - origin[1], core.east - origin[0], core.north - origin[1]
-        # In every cell: where floor and face of a kerb meet, or where smooth ends and rough begins
+        # In every cell: the line where floor and face of a kerb meet, or the edge from smooth to rough
         found = kernels.boxes_in_cells(base.data, base.ground, base.times, kernel_settings(config), local)
-        # A cell on the edge of two is looked at for both
+        # A cell on the border of two parts is searched for both
         kept = holds(core, found[:, [places.BOX_X, places.BOX_Y]] + origin[:2]) if cores else slice(None)
         rows.append(found[kept])
     return boundary_box_set(np.concatenate(rows))
 
 
-def boundary_origin_of(tile: TileData) -> tuple[float, float, float]:
-    """Return the local origin of a tile's survey."""
+def local_origin_of(tile: TileData) -> tuple[float, float, float]:
+    """Return the local origin of a tile's survey [m, world]: its own, or one made from its points."""
     if tile.origin is not None:
         return tile.origin
     bounds = tile.points.bounds
     return local_origin(bounds.west, bounds.south, float(tile.points.xyz[:, 2].min()))
 
 
-def kernel_settings(c: BoundaryConfig) -> FloatArray:
+def kernel_settings(c: BoundaryConfig) -> FloorLimits:
     """Return the settings as kernels take them."""
     steepest = math.tan(math.radians(c.normal_deg))
-    return np.array([c.min_step_m, steepest, c.max_step_m, c.max_noise_m, float(c.level_reference)])
+    return FloorLimits(c.min_step_m, steepest, c.max_step_m, c.max_noise_m, float(c.level_reference))
 
 
 def boundary_box_set(rows: FloatArray) -> BoxSet:
-    """Return rows of `linework.kernels.cells.places` as boxes."""
+    """Return rows (n, 16), with the columns of `linework.kernels.cells.places`, as boxes."""
     return BoxSet(
         centre=rows[:, [places.BOX_X, places.BOX_Y, places.BOX_Z]],
         u=rows[:, [places.BOX_UX, places.BOX_UY]],
         half_u_m=rows[:, places.BOX_HALF_U],
-        half_v_m=np.full(len(rows), 0.25),
+        half_v_m=np.full(len(rows), HALF_WIDTH_M),
         sigma_v_m=rows[:, places.S_V],
         sigma_z_m=rows[:, places.S_Z],
         sigma_u_rad=rows[:, places.S_U],

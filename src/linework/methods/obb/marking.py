@@ -1,8 +1,8 @@
-"""Detection of paint: oriented boxes on stripes that are brighter than the road on both their sides (step 2.3).
+"""Marking boxes: oriented boxes on stripes of paint, brighter than the road on both sides (step 2.3).
 
-W.-S. Kang, K.-H. Lee, J.-H. Lee (2023), doi:10.3390/rs15194656: the points inside an intensity range chosen for
-the survey make a box. Here the range sets itself from the statistics of the search area, and centre, direction
-and width come from the two edges of the paint, fitted to the intensity of all the points around.
+W.-S. Kang, K.-H. Lee, J.-H. Lee (2023), doi:10.3390/rs15194656: the points within an intensity range chosen for the
+survey make a box. Here the range follows from the statistics of the search area, and centre, direction and width come
+from the two edges of the paint, fitted to the intensity of all the points around.
 """
 
 from __future__ import annotations
@@ -16,20 +16,28 @@ from scipy.special import expit
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels.paint import paint_points, stripes
 from linework.kernels.paint.stripes_all import BRIGHT_SPREADS, all_stripes
+from linework.methods.obb.boundary import local_origin_of
+from linework.methods.tracking.fitted import PAINT_SCORE_OFFSET, PAINT_SCORE_SLOPE
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.grid import Bounds
 from linework.model.points import Points
 from linework.model.settings import setting
-from linework.model.tile import RoadSurface, TileData, local_origin
+from linework.model.tile import RoadSurface, TileData
 
-#: Boxes lie one to a cell and stripe.
+#: Side of the cells; each holds one box of a stripe. [m]
 MARKING_CELL_M = 0.5
-#: What a box is depends on the points within this of its cell: the largest search area reaches 3.5 m.
+#: A box depends on the points within this of its cell only: the largest search area reaches 3.5 m. [m]
 MARKING_REACH_M = 4.0
-#: Share of the points of a road without paint that lie 2.5 spreads above its level, texture included.
+#: Share of the points of a road without paint that are 2.5 standard deviations above its level, texture included.
 _CHANCE = 0.02
-#: A stripe that stands out less in the profile across is not looked at any closer.
+#: Smallest t-value of a band in the profile across a search area that is fitted.
 LEAST_T = 4.0
+#: Largest height of a step under paint, as such and in its standard deviations: kerbs are 2.5 cm high and more. [m]
+_FLAT_M, _FLAT_SIGMAS = 0.025, 3.0
+#: Narrowest stripe [m]; shortest stripe over its width; spacing of the points up to which width is not blurred [m].
+_NARROWEST_M, _LEAST_RATIO, _DENSE_M = 0.05, 1.5, 0.1
+#: Smallest standard deviation of a box: no scanner measures better. [m, rad]
+_LEAST_SIGMA = 0.001
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,15 +45,15 @@ class MarkingConfig:
     """Settings of the detection of paint."""
 
     min_intensity: float = setting(
-        0.0, unit="as recorded", reason="paint from here up; both 0: set from the points", low=0, high=1e6
+        0.0, unit="as recorded", reason="lowest intensity of paint; both 0: from the points", low=0, high=1e6
     )
     max_intensity: float = setting(
-        0.0, unit="as recorded", reason="paint up to here; both 0: set from the points", low=0, high=1e6
+        0.0, unit="as recorded", reason="highest intensity of paint; both 0: from the points", low=0, high=1e6
     )
     tolerance_m: float = setting(
         0.15,
         unit="m",
-        reason="paint lies on the road: 3 sigma of 3 cm noise and what a cell bends",
+        reason="distance of paint from the road: 3 sigma of 3 cm noise, and the curvature within a cell",
         low=0.02,
         high=1,
     )
@@ -67,12 +75,12 @@ class MarkingConfig:
 
 @dataclass(frozen=True, slots=True)
 class PaintPoints:
-    """Points near the road in the cells of the global lattice.
+    """Points near the road, sorted into the cells of the global lattice.
 
     Parameters
     ----------
     rows
-        (n, 5) float64: place from the local origin [m], intensity, time [s].
+        (n, 5) float64: place [m, from the local origin], intensity, time [s].
     starts
         (n_cells + 1,) int64: first point of each cell.
     lattice
@@ -87,7 +95,7 @@ class PaintPoints:
     def of(
         cls, points: Points, surface: RoadSurface, origin: tuple[float, float, float], config: MarkingConfig
     ) -> PaintPoints:
-        """Choose the points near the road and sort them into cells."""
+        """Return the points near the road, sorted into cells."""
         intensity = np.zeros(len(points), np.float32) if points.intensity is None else points.intensity
         if config.max_intensity > 0.0 or config.min_intensity > 0.0:
             intensity = _inside_range(intensity, config)
@@ -114,22 +122,22 @@ def find_marking_boxes(
 ) -> BoxSet:
     """Return oriented boxes on all paint near the road of a tile's core, by cell row, column and position.
 
-    A box depends on the points within `MARKING_REACH_M` of its cell only, in the order in which the tile has them.
+    A box depends only on the points within `MARKING_REACH_M` of its cell, in the order in which the tile has them.
 
     Parameters
     ----------
     cores
-        Parts of the core that share nothing: only cells that touch one of them are looked at; none: all.
+        Disjoint parts of the core: only cells that touch one of them are searched; none: the whole core.
     """
     if tile.points.intensity is None or len(tile.points) == 0:
         return BoxSet.empty()
     # Points near the road, in cells
-    paint = PaintPoints.of(tile.points, surface, marking_origin_of(tile), config)
-    n_cols = paint.lattice[4]
-    # Search areas: about the bright points of every cell that has more of them than chance brings
+    origin = local_origin_of(tile)
+    paint = PaintPoints.of(tile.points, surface, origin, config)
+    *_, n_cols = paint.lattice
+    # Search areas: about the bright points of every cell that has more of them than expected by chance
     bright = paint_points.count_bright(paint.rows, paint.starts, n_cols, BRIGHT_SPREADS)
     cells, places = paint_points.bright_centres(bright, paint.starts, n_cols, _CHANCE)
-    origin = marking_origin_of(tile)
     inside = np.any([_touches(core, origin, cells, paint.lattice) for core in cores or (tile.core,)], axis=0)
     cells, places = cells[inside], places[inside]
     # Direction, edges and extent of the stripes in each
@@ -143,68 +151,60 @@ def _touches(
     cells: IntArray,
     lattice: tuple[float, int, int, int, int],
 ) -> BoolArray:
-    """Return which cells touch a core: those of the buffer are another tile's."""
+    """Return which cells (n,) touch a core, (n,) bool: those of the buffer belong to other tiles."""
     size, south, west, _, n_cols = lattice
     x, y = (cells % n_cols + west) * size + origin[0], (cells // n_cols + south) * size + origin[1]
     inside: BoolArray = (x + size >= core.west) & (x <= core.east)
     return inside & (y + size >= core.south) & (y <= core.north)
 
 
-def marking_origin_of(tile: TileData) -> tuple[float, float, float]:
-    """Return the local origin of a tile's survey."""
-    if tile.origin is not None:
-        return tile.origin
-    bounds = tile.points.bounds
-    return local_origin(bounds.west, bounds.south, float(tile.points.xyz[:, 2].min()))
-
-
 def marking_box_set(found: FloatArray, config: MarkingConfig, *, has_time: bool) -> BoxSet:
-    """Return the stripes that can be paint as boxes: bright enough, and on smooth ground.
+    """Return the stripes that can be paint as boxes: bright enough, and on a plane.
 
     Parameters
     ----------
     found
         (n, 21) float64: rows of `linework.kernels.paint.stripes`.
     """
-    dark, bright = found[:, stripes.DARK], found[:, stripes.STRIPE_BRIGHT]
-    # A kerb of 2.5 cm and more, beyond the noise, is no paint
-    is_flat = found[:, stripes.STRIPE_STEP] < np.maximum(0.025, 3.0 * found[:, stripes.SIGMA_STEP])
+    dark, bright = found[:, stripes.STRIPE_DARK], found[:, stripes.STRIPE_BRIGHT]
+    is_flat = found[:, stripes.STRIPE_STEP] < np.maximum(
+        _FLAT_M, _FLAT_SIGMAS * found[:, stripes.STRIPE_SIGMA_STEP]
+    )
     found = found[is_flat & (bright >= config.least_contrast * dark)]
-    dark, bright = found[:, stripes.DARK], found[:, stripes.STRIPE_BRIGHT]
-    width, length = 2.0 * found[:, stripes.STRIPE_HALF_V], found[:, stripes.LENGTH]
-    # Points farther apart than lines are wide (0.1 m, airborne), and spots as large, make paint wider by that
-    widest = config.widest_line_m + np.maximum(found[:, stripes.APART] - 0.1, 0.0)
-    is_stripe = (width >= 0.05) & (width <= widest) & (length >= 1.5 * width)
-    times = found[:, [stripes.FIRST, stripes.LAST]]
-    # -1 and -1: none of its points was looked at for its time
+    dark, bright = found[:, stripes.STRIPE_DARK], found[:, stripes.STRIPE_BRIGHT]
+    width, length = 2.0 * found[:, stripes.STRIPE_HALF_V], found[:, stripes.STRIPE_LENGTH]
+    # Points farther apart than a line is wide (airborne), and laser spots as large, make paint wider by that
+    widest = config.widest_line_m + np.maximum(found[:, stripes.STRIPE_SPACING] - _DENSE_M, 0.0)
+    is_stripe = (width >= _NARROWEST_M) & (width <= widest) & (length >= _LEAST_RATIO * width)
+    times = found[:, [stripes.STRIPE_FIRST, stripes.STRIPE_LAST]]
+    # Both -1: no point lay on the stripe
     times = np.where(has_time & (times != -1.0).any(axis=1, keepdims=True), times, np.nan)
     return BoxSet(
-        centre=found[:, [stripes.CX, stripes.CY, stripes.CZ]],
+        centre=found[:, [stripes.STRIPE_X, stripes.STRIPE_Y, stripes.STRIPE_Z]],
         u=found[:, [stripes.STRIPE_UX, stripes.STRIPE_UY]],
         half_u_m=found[:, stripes.STRIPE_HALF_U],
         half_v_m=found[:, stripes.STRIPE_HALF_V],
-        sigma_v_m=np.maximum(found[:, stripes.STRIPE_SIGMA_V], 0.001),
-        sigma_z_m=np.maximum(found[:, stripes.SIGMA_Z], 0.001),
-        sigma_u_rad=np.maximum(found[:, stripes.STRIPE_SIGMA_U], 0.001),
-        # Of boxes that stand out by 1.5, 3.5, 5.5, 9 deviations 65, 88, 95, 99 % were on paint (simulated roads)
-        score=expit(0.5 * found[:, stripes.T_VALUE] - 0.5),
+        sigma_v_m=np.maximum(found[:, stripes.STRIPE_SIGMA_V], _LEAST_SIGMA),
+        sigma_z_m=np.maximum(found[:, stripes.STRIPE_SIGMA_Z], _LEAST_SIGMA),
+        sigma_u_rad=np.maximum(found[:, stripes.STRIPE_SIGMA_U], _LEAST_SIGMA),
+        score=expit(PAINT_SCORE_SLOPE * found[:, stripes.STRIPE_T] + PAINT_SCORE_OFFSET),
         form=np.where(is_stripe, BoxForm.STRIPE, BoxForm.OTHER_PAINT).astype(np.int8),
         contrast=np.where(dark > 0.0, bright / np.where(dark > 0.0, dark, 1.0), np.nan),
-        n_points=found[:, stripes.NUMBER].astype(np.int64),
+        n_points=found[:, stripes.STRIPE_POINTS].astype(np.int64),
         time_start_s=times[:, 0],
         time_end_s=times[:, 1],
     )
 
 
 def _inside_range(intensity: Float32Array, config: MarkingConfig) -> Float32Array:
-    """Return 1 for intensities inside the range that is given, else 0."""
+    """Return 1 for intensities (n,) within the range of the settings, else 0."""
     high = config.max_intensity if config.max_intensity > 0.0 else np.inf
     inside: AnyArray = (intensity >= config.min_intensity) & (intensity <= high)
     return inside.astype(np.float32)
 
 
 def _grown(mask: BoolArray) -> BoolArray:
-    """Return the cells of a mask and those beside them, over sides and corners."""
+    """Return the cells of a mask (rows, cols) and their eight neighbours."""
     padded = np.pad(mask, 1)
     wide = padded[:, :-2] | padded[:, 1:-1] | padded[:, 2:]
     return np.asarray(wide[:-2] | wide[1:-1] | wide[2:])

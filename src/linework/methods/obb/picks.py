@@ -1,4 +1,4 @@
-"""What is at a picked place: a line that can be tracked, or why there is none and where the nearest one is."""
+"""Picked places: the line that can be tracked from one, or why there is none and the nearest place with one."""
 
 from __future__ import annotations
 
@@ -11,58 +11,58 @@ from linework.methods.obb.search_area import RADIUS_M, NoLineReason, SearchArea
 from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm, BoxSet
 
-#: A line this near is proposed instead. [m]
+#: Largest distance of a place that is proposed instead. [m]
 PROPOSE_M = 5.0
-#: A row of boxes that is shorter may be anything: a drain cover, a patch. [m]
+#: Shortest row of boxes that is a line: drain covers and patches are shorter. [m]
 LEAST_PICKED_LINE_M = 2.0
-#: Nothing but paint on a road is bright in a row as long as this. [m]
+#: Shortest row of bright boxes that is paint on a road for certain. [m]
 LONG_PAINT_M = 10.0
-#: Points that make a floor: three on each of its sides, and some strays.
+#: Fewest points of a floor: three on each of its sides, and some strays.
 LEAST_FLOOR_POINTS = 10
-#: The van's way is looked from where it is farther from a place than at its nearest by no more than this. [m]
-WAY_M, N_SIGHTS = 12.0, 9
-#: Beyond a boundary there is no road as far as this, if no marking says that there is. [m]
+#: A place is judged from positions of the vehicle's path that are farther from it than the nearest one by at most this
+#: [m]; number of them.
+PATH_M, N_SIGHTS = 12.0, 9
+#: Width behind a boundary without road, unless a marking shows one. [m]
 BEHIND_M = 25.0
-#: A boundary has road to its left, this far from it: beyond any gutter. [m]
+#: Distance to the left of a boundary at which there is road, beyond any gutter. [m]
 ROAD_LEFT_M = 0.5
-#: A gutter or a patch before a kerb is no wider than this. [m]
+#: Widest gutter or patch in front of a kerb. [m]
 PICK_GUTTER_M = 1.5
-#: Boxes this near a line, side by side with it, are the same feature. [m]
+#: Boxes within this of a line, side by side with it, are the same feature. [m]
 SAME_BOXES_M = 0.10
 
 
 @dataclass(frozen=True, slots=True)
 class PickSurroundings:
-    """The lines about a place, as far as boxes show them.
+    """The lines around a place, tracked through boxes.
 
     Parameters
     ----------
     boxes
-        What the detectors found within 20 m or so of the place.
+        The boxes found within about 20 m of the place.
     markings, boundaries
-        (k,) indices of the boxes of each line, 2 m long at least; boundaries have the carriageway on their
-        left.
-    way
-        (m, 2) float64 [m, from the survey's local origin]: the van's way, or of no length.
+        (k,) int64 for each line of 2 m and more: its boxes; boundaries have the carriageway on their left.
+    path
+        (m, 2) float64 [m, from the survey's local origin]: the vehicle's path; (0, 2) if unknown.
     """
 
     boxes: BoxSet
     markings: list[IntArray]
     boundaries: list[IntArray]
-    way: FloatArray
+    path: FloatArray
 
     @classmethod
     def of(
-        cls, boxes: BoxSet, way: FloatArray | None = None, config: TrackConfig | None = None
+        cls, boxes: BoxSet, path: FloatArray | None = None, config: TrackConfig | None = None
     ) -> PickSurroundings:
-        """Track the lines through the boxes."""
+        """Return the lines tracked through boxes, with the vehicle's path (m, 2 or 3) [m, local]."""
         config = config or TrackConfig()
         markings = _lines_through(boxes, np.flatnonzero(boxes.form == BoxForm.STRIPE), config)
         boundaries = _lines_through(boxes, np.flatnonzero(boxes.form >= BoxForm.KERB), config)
-        return cls(boxes, markings, boundaries, np.zeros((0, 2)) if way is None else np.asarray(way)[:, :2])
+        return cls(boxes, markings, boundaries, np.zeros((0, 2)) if path is None else np.asarray(path)[:, :2])
 
     def nearest(self, place: FloatArray, wanted: str = "") -> tuple[int, float]:
-        """Return the nearest box of a line that can be tracked, and its distance [m]; -1 and inf: none near.
+        """Return the box of a trackable line nearest to a place (2,), and its distance [m]; -1, inf without one.
 
         Parameters
         ----------
@@ -71,7 +71,7 @@ class PickSurroundings:
         """
         lines = list(self.markings) if wanted != "road_boundary" else []
         if wanted != "lane_marking":
-            # Those out of reach need no closer look
+            # Only those within reach are checked further
             near = [
                 i for i, line in enumerate(self.boundaries) if self._nearest_of([line], place)[1] <= PROPOSE_M
             ]
@@ -80,21 +80,21 @@ class PickSurroundings:
         return (box, distance_m) if distance_m <= PROPOSE_M else (-1, float("inf"))
 
     def bounds_road(self, place: FloatArray) -> bool:
-        """Return whether the boundary at a place ends a carriageway, and does not stand behind another one."""
+        """Return whether the boundary nearest to a place (2,) ends a carriageway, not behind another boundary."""
         distance = [self._nearest_of([line], place)[1] for line in self.boundaries]
         return not distance or not self._is_behind(int(np.argmin(distance)))
 
     def on_carriageway(self, place: FloatArray) -> bool:
-        """Return whether a place is on the carriageway's side of the boundaries, as far as these tell.
+        """Return whether a place (2,) is on the carriageway's side of the boundaries.
 
-        Seen from several places on the van's way: the boundary last crossed before the place decides. Without
-        a way, the nearest boundary.
+        Along the lines of sight from several positions of the vehicle's path, the boundary last crossed before the
+        place decides; without a path, the nearest boundary.
         """
         lines = [self.boxes.centre[line, :2] for line in self.boundaries]
         return self._in_front(np.asarray(place), lines, [0.0] * len(lines))
 
     def _nearest_of(self, lines: list[IntArray], place: FloatArray) -> tuple[int, float]:
-        """Return the nearest box of some lines and the distance of the piece of line it stands for. [m]"""  # noqa: D400
+        """Return the nearest box of lines and the distance [m] of its piece of line; -1 and inf without lines."""
         if not lines:
             return -1, float("inf")
         b, line = self.boxes, np.concatenate(lines)
@@ -105,9 +105,9 @@ class PickSurroundings:
         return int(line[k]), float(distance[k])
 
     def _is_behind(self, i: int) -> bool:
-        """Return whether a boundary stands behind another one: a wall at the back of a footway.
+        """Return whether boundary i stands behind another one: a wall at the back of a footway.
 
-        Edges without a kerb hide no kerb that is near: gutters and patches of asphalt lie in front of one.
+        Edges without a kerb do not hide a kerb close behind them: gutters and patches of asphalt lie in front of one.
         """
         b = self.boxes
         others = [k for k in range(len(self.boundaries)) if k != i]
@@ -133,27 +133,27 @@ class PickSurroundings:
         long = [line for line in self.markings if self.boxes.along(line)[-1] >= LONG_PAINT_M]
         within_m = min(BEHIND_M, self._nearest_of(long, place)[1])
         least_m = np.repeat(from_m, [len(line) - 1 for line in lines])
-        if len(self.way) == 0:
+        if len(self.path) == 0:
             return not _is_beyond_nearest(a, b, place, (least_m, within_m))
         beyond = _is_beyond_last(a, b, self._sights(place), place, (least_m, within_m))
         return bool(np.mean(beyond) <= 0.5)
 
     def _sights(self, place: FloatArray) -> FloatArray:
-        """Return places (n, 2) on the van's way from which to look at a place: the nearest, and some about it."""
-        distance = np.hypot(*(self.way - place).T)
-        near = np.flatnonzero(distance <= distance.min() + WAY_M)
-        return self.way[near[np.linspace(0, len(near) - 1, min(N_SIGHTS, len(near))).astype(np.int64)]]
+        """Return the positions (n, 2) of the path from which a place is judged: the nearest, and some around it."""
+        distance = np.hypot(*(self.path - place).T)
+        near = np.flatnonzero(distance <= distance.min() + PATH_M)
+        return self.path[near[np.linspace(0, len(near) - 1, min(N_SIGHTS, len(near))).astype(np.int64)]]
 
 
 def refusal_reason(
     xyz: FloatArray, place: FloatArray, found: PickSurroundings, *, wanted: str = "", is_road: bool = True
 ) -> NoLineReason | None:
-    """Return why no line can be tracked from a place, or None where one can.
+    """Return why no line can be tracked from a place (2,) [m, local], or None if one can.
 
     Parameters
     ----------
     xyz
-        (n, 3) float64 [m, from the survey's local origin]: points about the place, 8 m and more.
+        (n, 3) float64 [m, from the survey's local origin]: points around the place, to 8 m and more.
     wanted
         "lane_marking", "road_boundary", or "" for either.
     is_road
@@ -163,7 +163,7 @@ def refusal_reason(
         return None
     area = SearchArea.of(xyz, place)
     off_road = not (is_road and area.is_level() and found.on_carriageway(place))
-    # What stands beside a road hides half of its own search area: that is no hole in the road
+    # An object beside a road hides half of its own search area: that is not a hole in the road
     if off_road and len(area.xyz) >= LEAST_FLOOR_POINTS:
         return NoLineReason.NO_ROAD
     lost = area.lost_data()
@@ -177,29 +177,29 @@ def refusal_reason(
 def nearest_trackable_place(
     place: FloatArray, found: PickSurroundings, wanted: str = ""
 ) -> FloatArray | None:
-    """Return the nearest place (3,) from which a line can be tracked, within `PROPOSE_M`, or None."""
+    """Return the nearest place (3,) [m, local] from which a line can be tracked, within `PROPOSE_M`, or None."""
     box, _ = found.nearest(place, wanted)
     return None if box < 0 else np.asarray(found.boxes.centre[box])
 
 
 def _lines_through(boxes: BoxSet, index: IntArray, config: TrackConfig) -> list[IntArray]:
-    """Return the boxes of each line that is long enough, in the direction of most of them."""
+    """Return the boxes of each line that is long enough, in the direction of most of its boxes."""
     part = boxes.take(index)
     tracks = track_lines(part, config, width_m=SAME_BOXES_M)
     lines = []
     for i in range(len(tracks)):
-        box, way = tracks.line(i)
+        box, sense = tracks.line(i)
         if part.along(box)[-1] >= LEAST_PICKED_LINE_M:
-            lines.append(index[box if way.sum() >= 0 else box[::-1]])
+            lines.append(index[box if sense.sum() >= 0 else box[::-1]])
     return lines
 
 
 def _is_beyond_last(
     a: FloatArray, b: FloatArray, sights: FloatArray, place: FloatArray, limits_m: tuple[FloatArray, float]
 ) -> BoolArray:
-    """Return for each sight (s, 2) whether the place is right of the piece a-b (n, 2) last crossed before it.
+    """Return for each position (s, 2) whether the place is right of the piece a-b (n, 2) last crossed before it.
 
-    False where none is crossed, and nearer or farther beyond than the limits, square to the piece.
+    False where none is crossed, and where its distance from the piece is not within the limits.
     """
     start = sights[:, None]
     side = _cross(b - a, place - a)
@@ -217,7 +217,7 @@ def _is_beyond_last(
 def _is_beyond_nearest(
     a: FloatArray, b: FloatArray, place: FloatArray, limits_m: tuple[FloatArray, float]
 ) -> bool:
-    """Return whether the place is right of the nearest piece a-b (n, 2), and within the limits from it."""
+    """Return whether the place is right of the nearest piece a-b (n, 2), at a distance within the limits."""
     step = b - a
     length = np.maximum(np.sum(step * step, axis=1), 1e-12)
     share = np.clip(np.sum((place - a) * step, axis=1) / length, 0.0, 1.0)
@@ -227,4 +227,5 @@ def _is_beyond_nearest(
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the cross products of vectors in plan (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

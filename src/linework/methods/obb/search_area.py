@@ -1,9 +1,8 @@
-"""Search areas about a picked place: what is in them, and why tracking cannot begin there (step 2.1).
+"""Search areas about a picked place: their contents, and why no line can be tracked from there (step 2.1).
 
-A search area is a disc of 0.50 m, so that a bend is straight in it; its lowest points are the road. The paper
-asks the operator for a place that holds both road and boundary, or road and marking, without lost data, and
-shows what goes wrong elsewhere [1]. Here the program says which failure it is, and where the nearest place is
-that works.
+A search area is a disc of 0.50 m, in which a bend is straight; its lowest points are the road. The paper asks the
+operator for a place with both road and boundary, or road and marking, without lost data, and shows the failures
+elsewhere [1]. Here the program names the failure, and proposes the nearest place from which a line can be tracked.
 
 References
 ----------
@@ -19,28 +18,32 @@ import numpy as np
 
 from linework.arrays import FloatArray
 
-#: The paper's radius: in a disc of 1 m a curve is flattened. [m]
+#: Radius of a search area, the paper's: in a disc of 1 m a curve is flattened. [m]
 RADIUS_M = 0.50
-#: The paper's floor: mobile mapping points are good to 2 cm. [m]
+#: Thickness of a floor, the paper's: mobile mapping points are accurate to 2 cm. [m]
 FLOOR_THICKNESS_M = 0.02
-#: Steeper than any road, crossfall and grade together: the surface's own bound. [m/m]
+#: Largest slope of a road, crossfall and grade together, as for the surface. [m/m]
 MAX_GRADE = 0.25
-#: In a disc of 0.50 m no road and no kerb reaches higher above its lowest point: 0.25 m each. [m]
+#: Largest height of road and kerb over the lowest point of a disc of 0.50 m: 0.25 m each. [m]
 HIGHEST_IN_DISC_M = 0.50
-#: Data all around, as far as this, makes an empty place a hole: cars and the shadows behind them are shorter. [m]
+#: An empty place with data all around within this distance is a hole: cars and their shadows are shorter. [m]
 HOLE_AROUND_M = 8.0
-#: An angle without any point that makes a place the edge of the data: less than that of a straight edge, and
-#: more than that of a shadow. [rad]
+#: Smallest angle without any point at the edge of the data: less than that of a straight edge, more than that of a
+#: shadow. [rad]
 EDGE_RAD = np.radians(140.0)
-#: The same in the search area itself: a line that is hidden so far cannot be seen to run through. [rad]
+#: Smallest angle without any point that hides a line in the search area itself. [rad]
 HOLE_RAD = np.radians(120.0)
-#: Fewer points within 2 m show no line: of these 60, three lie on one 0.12 m wide. The detectors ask for more.
+#: Fewest points within this radius [m] that can show a line: of 60, three lie on a line 0.12 m wide. The detectors need
+#: more.
 LEAST_AREA_POINTS, SPARSE_M = 60, 2.0
-_N_ROUNDS = 12
+#: Rounds of fitting the lowest plane, after which it stands still; weight of a point above it over one below.
+_N_ROUNDS, _ABOVE_WEIGHT = 12, 0.01
+#: One in this many points may be a stray far below the road.
+_POINTS_PER_STRAY = 50
 
 
 class NoLineReason(StrEnum):
-    """Why no line begins in a search area."""
+    """Why no line can be tracked from a place."""
 
     OFF_THE_EDGE = "off the edge of the data"
     HOLES = "a hole in the data"
@@ -52,23 +55,23 @@ class NoLineReason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class SearchArea:
-    """The points within a disc about a place, the floor under them, and what surrounds them.
+    """The points within a disc about a place, their floor, and the data around them.
 
     Parameters
     ----------
     place
         (2,) float64 [m, from the survey's local origin].
     xyz
-        (n, 3) float64 [m, from the same origin]: points in it.
+        (n, 3) float64 [m, from the same origin]: points in the disc.
     floor
-        (3,) float64: height of the plane through the lowest points at the place [m], its slopes to the east
-        and to the north; NaN with fewer than three points.
+        (3,) float64: height at the place [m] of the plane through the lowest points, and its slopes to the east and
+        to the north; NaN with fewer than three points.
     widest_hole_rad
-        Widest angle of the disc without a point.
+        Widest angle of the disc without a point. [rad]
     widest_gap_rad
-        Widest angle without a point as far as `HOLE_AROUND_M`.
+        Widest angle without a point within `HOLE_AROUND_M`. [rad]
     n_near
-        Points within `SPARSE_M`.
+        Number of points within `SPARSE_M`.
     """
 
     place: FloatArray
@@ -80,7 +83,7 @@ class SearchArea:
 
     @classmethod
     def of(cls, xyz: FloatArray, place: FloatArray) -> SearchArea:
-        """Look about a place among points (n, 3); those beyond `HOLE_AROUND_M` do not matter."""
+        """Return the search area about a place (2,) among points (n, 3) [m, local], to `HOLE_AROUND_M` and more."""
         place = np.asarray(place, dtype=np.float64)
         east, north = xyz[:, 0] - place[0], xyz[:, 1] - place[1]
         distance, angle = np.hypot(east, north), np.arctan2(north, east)
@@ -95,12 +98,12 @@ class SearchArea:
         )
 
     def above_m(self) -> FloatArray:
-        """Return (n,) the heights of the points above the floor. [m]"""  # noqa: D400
+        """Return the heights of the points above the floor, (n,) [m]."""
         east, north = (self.xyz[:, :2] - self.place).T
         return np.asarray(self.xyz[:, 2] - (self.floor[0] + self.floor[1] * east + self.floor[2] * north))
 
     def lost_data(self) -> NoLineReason | None:
-        """Return what is wrong with the data here, or None."""
+        """Return the failure if data are missing here, or None."""
         if self.widest_hole_rad < HOLE_RAD:
             return None
         if self.widest_gap_rad >= EDGE_RAD:
@@ -108,20 +111,20 @@ class SearchArea:
         return NoLineReason.TOO_FEW_POINTS if 0 < self.n_near < LEAST_AREA_POINTS else NoLineReason.HOLES
 
     def is_level(self) -> bool:
-        """Return whether the floor can be a road: no wall, no bank, no car's side."""
+        """Return whether the floor is as level as a road; walls, banks and the sides of cars are not."""
         return bool(np.hypot(self.floor[1], self.floor[2]) <= MAX_GRADE)
 
 
 def lowest_plane(xyz: FloatArray, place: FloatArray) -> FloatArray:
-    """Return the plane through the lowest points: height at the place and slopes, (3,); NaN where too few.
+    """Return the plane through the lowest of points (n, 3): height at a place (2,) and slopes, (3,); NaN if n < 3.
 
-    Points above the plane pull on it a hundred times less than points below it, so that it comes to lie
-    on the road and not on the kerb beside it (asymmetric least squares); strays far below hardly pull. What
-    stands higher than kerbs and slopes make it in a disc is left out from the start: cars and walls.
+    By asymmetric least squares: points above the plane weigh a hundred times less than points below it, so that it
+    lies on the road and not on the kerb beside it; strays far below weigh little. Points higher than kerbs and slopes
+    reach in a disc are left out from the start: cars and walls.
     """
     if len(xyz) < 3:
         return np.full(3, np.nan)
-    low = float(np.sort(xyz[:, 2])[len(xyz) // 50])
+    low = float(np.sort(xyz[:, 2])[len(xyz) // _POINTS_PER_STRAY])
     xyz = xyz[np.abs(xyz[:, 2] - low) <= HIGHEST_IN_DISC_M]
     design = np.column_stack([np.ones(len(xyz)), xyz[:, :2] - place])
     z = xyz[:, 2] - low
@@ -131,7 +134,7 @@ def lowest_plane(xyz: FloatArray, place: FloatArray) -> FloatArray:
         above = z - design @ plane
         weight = np.where(
             above > FLOOR_THICKNESS_M,
-            0.01,
+            _ABOVE_WEIGHT,
             np.minimum(1.0, (FLOOR_THICKNESS_M / np.maximum(-above, FLOOR_THICKNESS_M)) ** 2),
         )
     plane[0] += low
@@ -139,7 +142,7 @@ def lowest_plane(xyz: FloatArray, place: FloatArray) -> FloatArray:
 
 
 def _widest(angle: FloatArray) -> float:
-    """Return the widest angle between neighbours of directions (n,) all around. [rad]"""  # noqa: D400
+    """Return the widest angle [rad] between neighbouring directions (n,) [rad], all around."""
     if len(angle) == 0:
         return 2.0 * np.pi
     turned = np.sort(angle)

@@ -1,4 +1,4 @@
-"""From a picked place to one line among those tracked around it, and what belongs to that line."""
+"""A single line by a picked place: which of the tracked lines it is, its companions, and why it ends."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import StrEnum
 import numpy as np
 
 from linework.arrays import FloatArray, IntArray
-from linework.methods.obb.method import SAME_BOUNDARY_M, SAME_PAINT_BOXES_M
+from linework.methods.obb.joining import SAME_BOUNDARY_M, SAME_PAINT_BOXES_M
 from linework.methods.protocol import Sight
 from linework.methods.tracking.boundary_lines import boundary_line_set as boundary_set
 from linework.methods.tracking.boundary_lines import smooth_boundaries
@@ -17,33 +17,33 @@ from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
-#: The paper's search area: a place picked no farther from a line than this means it. [m]
+#: Largest distance of a picked place from its line: the paper's search area. [m]
 PICK_M = 0.50
-#: What a picked line may be tracked as: a short piece of paint is a bar where nobody says what it is.
+#: Kinds that a line picked as a kind may be tracked as: a short piece of paint is first taken for a bar.
 TRACKED_AS = {
     "lane_marking": ("lane_marking", "road_marking_other"),
     "road_boundary": ("road_boundary",),
 }
-#: Dashes lie on their line, a kerb's top no farther from its foot than a kerb stone is wide. [m]
+#: Largest distance of a companion from its line: dashes lie on it, a kerb's top within the width of a kerb stone. [m]
 COMPANION_BESIDE_M = {"lane_marking_dash": 0.05, "kerb_top": 0.45}
-#: Whether there is anything to see beyond an end is asked this far on; nearer ends of a line meet. [m]
+#: Length beyond an end that is checked for measured ground; and the largest distance of the two ends of a ring. [m]
 _AHEAD_M, _RING_M = 3.0, 1.0
-#: An end this near to a line may be of the same line, found twice. [m]
+#: An end within this of a line may belong to the same line, found twice. [m]
 _ON_LINE_M = 0.5
 
 
 class TraceStop(StrEnum):
-    """Why a line goes no further."""
+    """Why a line ends, as users read it."""
 
     END_OF_DATA = "the data ends there"
-    FADED = "nothing goes on from there, as far as one looks for it"
-    RING = "it is back where it began"
+    FADED = "the line was not found any further"
+    RING = "the line is closed"
     PICKED = "it was picked there"
     INTERRUPTED = "it was interrupted there"
 
 
 def nearest_line(lines: LineSet, xy: FloatArray, kind: str = "") -> tuple[int, str, float]:
-    """Return the line that a place (2,) means, the kind it is picked as, and its distance [m]; -1 if none.
+    """Return the line picked by a place (2,), the kind it is picked as, and its distance [m]; -1 without one.
 
     Parameters
     ----------
@@ -62,21 +62,21 @@ def nearest_line(lines: LineSet, xy: FloatArray, kind: str = "") -> tuple[int, s
 
 
 def nearest_vertex(line: FloatArray, xy: FloatArray) -> tuple[int, float]:
-    """Return the vertex of a line (n, 2) before the point nearest to a place, and the distance of that point.
+    """Return the vertex of a line (n, 2) before its point nearest to a place (2,), and that point's distance [m].
 
     >>> nearest_vertex(np.array([[0.0, 0.0], [10.0, 0.0], [20.0, 0.0]]), np.array([12.0, 2.0]))
     (1, 2.0)
     """
-    a, way = line[:-1], np.diff(line, axis=0)
-    length2 = np.maximum(np.sum(way * way, axis=1), 1e-12)
-    share = np.clip(np.sum((xy - a) * way, axis=1) / length2, 0.0, 1.0)
-    distance = np.linalg.norm(a + share[:, None] * way - xy, axis=1)
+    a, step = line[:-1], np.diff(line, axis=0)
+    length2 = np.maximum(np.sum(step * step, axis=1), 1e-12)
+    share = np.clip(np.sum((xy - a) * step, axis=1) / length2, 0.0, 1.0)
+    distance = np.linalg.norm(a + share[:, None] * step - xy, axis=1)
     i = int(np.argmin(distance))
     return i, float(distance[i])
 
 
 def companions_of(lines: LineSet, line: FloatArray, kind: str) -> IntArray:
-    """Return which lines of a kind of `COMPANION_BESIDE_M` belong to a line (n, 3): its dashes, or the top of its kerb."""
+    """Return the lines of a kind of `COMPANION_BESIDE_M` that belong to a line (n, 3): its dashes, its kerb's top."""
     own = []
     for i in np.flatnonzero(lines.kind == kind).tolist():
         xyz = lines.line(i)
@@ -87,22 +87,22 @@ def companions_of(lines: LineSet, line: FloatArray, kind: str) -> IntArray:
 
 
 def line_piece(one: LineSet, vertices: slice) -> LineSet:
-    """Return a piece of a single line: two vertices at least."""
+    """Return a piece of a single line, of two vertices at least."""
     columns = {name: getattr(one, name)[vertices] for name in VERTEX_COLUMNS}
     columns |= {name: getattr(one, name) for name in LINE_COLUMNS}
     return LineSet.from_lines([one.xyz[vertices]], crs=one.crs, **columns)
 
 
 def may_continue(line: FloatArray, other: FloatArray, longest_m: float) -> bool:
-    """Return whether another line (k, 3) could continue one (n, 3): an end of it lies ahead, or on the line.
+    """Return whether another line (k, 3) may continue one (n, 3): an end of it lies ahead, or on the line.
 
-    Quickly, so that few pairs of lines have to be looked at closely: all that continue it are among them.
+    A quick test with no false negatives, so that few pairs of lines need a closer one.
     """
-    tips, ways = end_directions(line)
+    tips, outward = end_directions(line)
     for end in other[[0, -1], :2]:
         step = end - tips
         far = np.hypot(*step.T)
-        if np.any((far <= longest_m) & (np.sum(step * ways, axis=1) >= 0.5 * far)):
+        if np.any((far <= longest_m) & (np.sum(step * outward, axis=1) >= 0.5 * far)):
             return True
         if nearest_vertex(line[:, :2], end)[1] <= _ON_LINE_M:
             return True
@@ -110,7 +110,7 @@ def may_continue(line: FloatArray, other: FloatArray, longest_m: float) -> bool:
 
 
 def oriented_like(one: LineSet, before: LineSet) -> LineSet:
-    """Return a single line so that it runs as one before it did, most of which it goes over."""
+    """Return a single line in the direction of an earlier version of it, most of which it covers."""
     ends = before.xyz[[0, -1], :2]
     i, k = (nearest_vertex(one.xyz[:, :2], end)[0] for end in ends)
     if i < k or (i == k and float((one.xyz[-1, :2] - one.xyz[0, :2]) @ (ends[1] - ends[0])) >= 0.0):
@@ -120,35 +120,33 @@ def oriented_like(one: LineSet, before: LineSet) -> LineSet:
 
 
 def end_directions(line: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the ends (2, 2) of a line (n, 3), start first, and the directions (2, 2) in which it leads on."""
+    """Return the ends (2, 2) [m] of a line (n, 3), start first, and the outward unit vectors (2, 2) there."""
     away = np.hypot(*(line[:, :2] - line[0, :2]).T), np.hypot(*(line[:, :2] - line[-1, :2]).T)
     first = line[int(np.argmax(away[0] >= min(_AHEAD_M, away[0].max()))), :2]
     last = line[len(line) - 1 - int(np.argmax(away[1][::-1] >= min(_AHEAD_M, away[1].max()))), :2]
     tips = line[[0, -1], :2]
-    ways = tips - np.stack([first, last])
-    return tips, ways / np.maximum(np.hypot(*ways.T), 1e-9)[:, None]
+    outward = tips - np.stack([first, last])
+    return tips, outward / np.maximum(np.hypot(*outward.T), 1e-9)[:, None]
 
 
-def stop_reasons(line: FloatArray, seen: Sight) -> tuple[TraceStop, TraceStop]:
-    """Return why a line (n, 3) goes no further at its start and at its end."""
-    tips, ways = end_directions(line)
+def stop_reasons(line: FloatArray, visible: Sight) -> tuple[TraceStop, TraceStop]:
+    """Return why a line (n, 3) ends at its start and at its end."""
+    tips, outward = end_directions(line)
     if len(line) > 4 and float(np.hypot(*(tips[0] - tips[1]))) <= _RING_M:
         return TraceStop.RING, TraceStop.RING
-    start, end = (_stop(tip, way, seen) for tip, way in zip(tips, ways, strict=True))
+    start, end = (_stop(tip, ahead, visible) for tip, ahead in zip(tips, outward, strict=True))
     return start, end
 
 
-def _stop(tip: FloatArray, way: FloatArray, seen: Sight) -> TraceStop:
-    """Return why a line ends: there is no ground ahead, or nothing on it."""
-    left = np.array([-way[1], way[0]])
-    ahead = tip + np.linspace(0.5, _AHEAD_M, 6)[:, None] * way
+def _stop(tip: FloatArray, outward: FloatArray, visible: Sight) -> TraceStop:
+    """Return why a line ends at a tip (2,): no measured ground ahead, or nothing on it."""
+    left = np.array([-outward[1], outward[0]])
+    ahead = tip + np.linspace(0.5, _AHEAD_M, 6)[:, None] * outward
     places = np.concatenate([ahead, ahead + 0.5 * left, ahead - 0.5 * left])
-    return TraceStop.FADED if np.mean(seen(places)) > 0.5 else TraceStop.END_OF_DATA
+    return TraceStop.FADED if np.mean(visible(places)) > 0.5 else TraceStop.END_OF_DATA
 
 
-# The line that passes a place, out of the boxes found so far: what is seen of it while it grows
-
-#: What shows a line of each kind.
+#: Forms of the boxes of each kind.
 _FORMS = {
     "lane_marking": (BoxForm.STRIPE,),
     "road_boundary": (BoxForm.KERB, BoxForm.EDGE, BoxForm.BARRIER),
@@ -156,29 +154,29 @@ _FORMS = {
 
 
 def near_line(
-    boxes: BoxSet, place: FloatArray, kind: str, config: TrackConfig, seen: Sight
+    boxes: BoxSet, place: FloatArray, kind: str, config: TrackConfig, visible: Sight
 ) -> LineSet | None:
-    """Return the line nearest to a place (2,), within reach of a pick, smoothed; None if there is none.
+    """Return the smoothed line nearest to a place (2,), within reach of a pick, from the boxes found so far; or None.
 
     Parameters
     ----------
     boxes, place
         [m, from the survey's local origin]
     kind
-        A key of `linework.methods.obb.trace.TRACKED_AS`, or "" for any.
-    seen
-        Says where road or ground was measured [m, from the local origin].
+        A key of `TRACKED_AS`, or "" for any.
+    visible
+        Whether road or ground was measured at places [m, from the local origin].
 
     Notes
     -----
-    By the tracker of `ObbMethod.track`, but only through boxes of one form, and nothing of what lies beside the line
-    is looked at: so it takes milliseconds. What the line is, and whether it is one, only the whole of it tells.
+    By the tracker of the method, but only through boxes of one form and without the lines beside it, so it takes
+    milliseconds. What the line is, and whether it is one, is decided once it is whole.
     """
     best, best_m = None, PICK_M
     for form_kind in (kind,) if kind else TRACKED_AS:
         for form in _FORMS[form_kind]:
             part = boxes.take(boxes.form == form)
-            for line in _lines_near(part, place, form_kind, config, seen):
+            for line in _lines_near(part, place, form_kind, config, visible):
                 apart_m = nearest_vertex(line.xyz[:, :2], place)[1]
                 if apart_m <= best_m:
                     best, best_m = line, apart_m
@@ -186,9 +184,9 @@ def near_line(
 
 
 def _lines_near(
-    boxes: BoxSet, place: FloatArray, kind: str, config: TrackConfig, seen: Sight
+    boxes: BoxSet, place: FloatArray, kind: str, config: TrackConfig, visible: Sight
 ) -> list[LineSet]:
-    """Return the lines through those tracks that pass a place, each by itself."""
+    """Return the lines of the tracks that pass a place, each as a set of its own."""
     paint = kind == "lane_marking"
     tracks = track_lines(boxes, config, width_m=SAME_PAINT_BOXES_M if paint else SAME_BOUNDARY_M)
     near = [
@@ -197,8 +195,8 @@ def _lines_near(
     ]
     tracks = tracks.take(np.array(near, dtype=np.bool_))
     if paint:
-        markings, other = marking_lines(boxes, tracks, seen)
+        markings, other = marking_lines(boxes, tracks, visible)
         lines = marking_set([*markings, *other], kind)
     else:
-        lines = boundary_set(smooth_boundaries(boxes, tracks, seen))
+        lines = boundary_set(smooth_boundaries(boxes, tracks, visible))
     return [lines.take([i]) for i in range(len(lines))]

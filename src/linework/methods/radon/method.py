@@ -7,12 +7,16 @@ beyond the paper is named in docs/methods/radon.md.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
 from linework.imaging.raster import grid_for, in_height_band
 from linework.methods.cables.find import CableConfig, find_cables, least_height_m
+from linework.methods.protocol import Recording, SurveyContext, extract_tile, surface_of_tile
+from linework.methods.radon.seams import inside_core, join_seams
 from linework.methods.radon.seeds import SeedConfig, find_seed_lines, split_into_segments
 from linework.methods.rails.chains import chains_from_starts
 from linework.methods.rails.circles import CircleConfig, bin_near, find_starts
@@ -20,15 +24,11 @@ from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.rail_lines import carry_into_ground, rail_lines
 from linework.methods.rails.rails import fit_rails
 from linework.methods.rails.stretches import with_times
+from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.settings import group, setting
 from linework.model.tile import TileData
-from linework.surface.road import (
-    RoadConfig,
-    find_road,
-    height_above_ground,
-    height_above_road,
-)
+from linework.surface.road import height_above_ground, height_above_road
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,25 +55,28 @@ RAIL_KINDS, CABLE_KINDS = ("guardrail", "barrier"), ("cable",)
 class RailMethod:
     """Guardrails and concrete barriers: peaks of Radon transforms of an image of the points near the ground."""
 
+    recording: ClassVar[Recording] = "points"
+    evidence: ClassVar[type[LineSet]] = LineSet
     config: RadonConfig = field(default_factory=RadonConfig)
     kinds: tuple[str, ...] = RAIL_KINDS
     name: str = "radon"
-    #: What is found at a place depends on the points as far as a line is followed (48 m), on what it is over 40 m,
-    #: and on what windows and fits add to that; see docs/methods/radon.md, "Tiles".
+    #: Sum of the reaches of the steps: a line is followed for 48 m, its kind is decided over 40 m, and windows and
+    #: fits add to that; see docs/methods/radon.md, "Tiles".
     buffer_m: float = 64.0
     #: Rails stand on the ground: all points matter.
     least_height_m: float = -math.inf
 
     def extract(self, tile: TileData) -> LineSet:
-        """Return the guardrails and concrete barriers of a tile."""
-        points, c = tile.points, self.config
-        if len(points) == 0:
-            return LineSet.empty()
+        """Return the guardrails and concrete barriers of a tile that is a survey of its own."""
+        return extract_tile(self, tile)
+
+    def look(self, piece: TileData) -> LineSet:
+        """Return the guardrails and concrete barriers of a tile, cut at the edges of its core."""
+        points, surface, c = piece.points, surface_of_tile(piece), self.config
         # Height above the road, road = 0; above the ground where there is no road
-        surface = tile.surface or find_road(points, tile.trajectory, RoadConfig())
         above_road = height_above_road(surface, points.xyz)
         above_ground = height_above_ground(surface, points.xyz)
-        # Raster image: the cells that hold points of the height band; a bank beside the road is ground, no rail
+        # Raster image: the cells that hold points of the height band; a bank beside the road is ground, not a rail
         height, grid = np.minimum(above_road, above_ground), grid_for(points, c.cell_m)
         binary = in_height_band(points.xyz, height, grid, c.min_height_m, c.max_height_m)
         # Prominent directions: peaks of the Radon transform after dilation, window by window
@@ -88,70 +91,98 @@ class RailMethod:
         # Local fits of the corrected centres; the height from the highest points
         rails = fit_rails(chains, bins, c.circles, c.profile)
         # The vertical profile tells guardrails and barriers from hedges, walls, cars and fences
-        lines = rail_lines(rails, bins, surface, c.circles, c.profile, tile.core)
-        # What dips into the ground goes on until it reaches it
+        lines = rail_lines(rails, bins, surface, c.circles, c.profile, piece.core)
+        # Ends that dip into the ground are extended down to it
         lines = carry_into_ground(lines, surface)
         # When the points on each line were measured
-        return with_times(lines.take(np.isin(lines.kind, self.kinds)), points)
+        lines = with_times(lines.take(np.isin(lines.kind, self.kinds)), points)
+        return of_core(lines, piece)
+
+    def join(self, found: LineSet, survey: SurveyContext) -> LineSet:
+        """Return the lines of a survey, pieces that meet at the edge of a core joined into one."""
+        return across_seams(found, survey.cores)
 
 
 @dataclass(frozen=True, slots=True)
 class CableMethod:
     """Overhead cables: peaks of Radon transforms of an image of the points high above the ground."""
 
+    recording: ClassVar[Recording] = "points"
+    evidence: ClassVar[type[LineSet]] = LineSet
     config: RadonConfig = field(default_factory=RadonConfig)
     kinds: tuple[str, ...] = CABLE_KINDS
     name: str = "radon"
-    #: Spans of up to 400 m are seen whole by the tile whose core holds their middle.
+    #: The tile whose core holds the middle of a span of up to 400 m has all of its points.
     buffer_m: float = 200.0
-    #: What a wire passes over counts as its surroundings from here on; cars, rails and grass do not.
+    #: From this height on, what stands below a wire counts as its surroundings; cars, rails and grass do not.
     least_height_m: float = 1.5
 
     def extract(self, tile: TileData) -> LineSet:
-        """Return the wires of a tile, one line per wire and span."""
-        points = tile.points
-        if len(points) == 0:
-            return LineSet.empty()
+        """Return the wires of a tile that is a survey of its own, one line per wire and span."""
+        return extract_tile(self, tile)
+
+    def look(self, piece: TileData) -> LineSet:
+        """Return the wires of a tile whose middle lies in its core, one line per wire and span."""
+        points = piece.points
         # Height above the ground, of which the road is part
-        surface = tile.surface or find_road(points, tile.trajectory, RoadConfig())
-        above_ground = height_above_ground(surface, points.xyz)
+        above_ground = height_above_ground(surface_of_tile(piece), points.xyz)
         # Thin, alone in their column, straight in plan, hanging as catenaries between supports
-        lines = find_cables(points.xyz, points.time_s, above_ground, self.config.cable, tile.origin)
+        lines = find_cables(points.xyz, points.time_s, above_ground, self.config.cable, piece.origin)
         # When the points on each line were measured
-        return with_times(lines, points)
+        return of_core(with_times(lines, points), piece)
+
+    def join(self, found: LineSet, survey: SurveyContext) -> LineSet:
+        """Return the wires of a survey: each span was found whole, by one tile."""
+        return across_seams(found, survey.cores)
 
 
 @dataclass(frozen=True, slots=True)
 class RadonMethod:
-    """Guardrails, barriers and cables of one tile; runs over many tiles take the two methods apart."""
+    """Guardrails, barriers and cables of one tile; a run over many tiles takes its `parts` one by one."""
 
+    recording: ClassVar[Recording] = "points"
+    evidence: ClassVar[type[LineSet]] = LineSet
     config: RadonConfig = field(default_factory=RadonConfig)
     kinds: tuple[str, ...] = (*RAIL_KINDS, *CABLE_KINDS)
     name: str = "radon"
     buffer_m: float = 200.0
     least_height_m: float = -math.inf
 
+    @property
+    def parts(self) -> tuple[RailMethod | CableMethod, ...]:
+        """The methods that find the kinds that are asked for, each with the points that it needs.
+
+        >>> RadonMethod(kinds=("barrier", "cable")).parts[0].kinds
+        ('barrier',)
+        """
+        rails = tuple(kind for kind in RAIL_KINDS if kind in self.kinds)
+        cables = tuple(kind for kind in CABLE_KINDS if kind in self.kinds)
+        parts: list[RailMethod | CableMethod] = [RailMethod(self.config, rails)] if rails else []
+        if cables:
+            lowest_m = min(CableMethod().least_height_m, least_height_m(self.config.cable))
+            parts.append(CableMethod(self.config, cables, least_height_m=lowest_m))
+        return tuple(parts)
+
     def extract(self, tile: TileData) -> LineSet:
-        """Return the guardrails, concrete barriers and cables of a tile."""
-        if len(tile.points) == 0:
-            return LineSet.empty()
-        # Road and ground, once for both
-        surface = tile.surface or find_road(tile.points, tile.trajectory, RoadConfig())
-        tile = replace(tile, surface=surface)
-        # Each method looks for its own kinds
-        return LineSet.concatenate([method.extract(tile) for method in parts_of(self)])
+        """Return the guardrails, concrete barriers and cables of a tile that is a survey of its own."""
+        return extract_tile(self, tile)
+
+    def look(self, piece: TileData) -> LineSet:
+        """Return the guardrails, barriers and wires of a tile (see `RailMethod`, `CableMethod`)."""
+        # Road and ground, found once for both
+        piece = replace(piece, surface=surface_of_tile(piece))
+        return LineSet.concatenate([method.look(piece) for method in self.parts])
+
+    def join(self, found: LineSet, survey: SurveyContext) -> LineSet:
+        """Return the lines of a survey, pieces that meet at the edge of a core joined into one."""
+        return across_seams(found, survey.cores)
 
 
-def parts_of(method: RadonMethod) -> tuple[RailMethod | CableMethod, ...]:
-    """Return the methods that find the kinds that are asked for.
+def of_core(lines: LineSet, piece: TileData) -> LineSet:
+    """Return the lines of a tile that belong to its core; all of them, uncut, if the tile is the whole survey."""
+    return lines if piece.is_whole else inside_core(lines, piece.core)
 
-    >>> parts_of(RadonMethod(kinds=("barrier", "cable")))[0].kinds
-    ('barrier',)
-    """
-    rails = tuple(kind for kind in RAIL_KINDS if kind in method.kinds)
-    cables = tuple(kind for kind in CABLE_KINDS if kind in method.kinds)
-    parts: list[RailMethod | CableMethod] = [RailMethod(method.config, rails)] if rails else []
-    if cables:
-        lowest_m = min(CableMethod().least_height_m, least_height_m(method.config.cable))
-        parts.append(CableMethod(method.config, cables, least_height_m=lowest_m))
-    return tuple(parts)
+
+def across_seams(lines: LineSet, cores: Sequence[Bounds]) -> LineSet:
+    """Return the lines of all tiles joined at the seams between their cores; one core has no seam."""
+    return join_seams(lines, cores) if len(cores) > 1 else lines

@@ -1,4 +1,4 @@
-"""Peaks of a Radon image by morphology: where it equals its dilation and exceeds a threshold."""
+"""Peaks of a Radon image by morphology: bins that equal its dilation and exceed a threshold."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from linework.methods.radon.transform import RadonImage
 
 @dataclass(frozen=True, slots=True)
 class Peaks:
-    """Seed lines ``x cos(theta) + y sin(theta) = rho``, the strongest first, ties by theta, then rho.
+    """Peaks as lines ``x cos(theta) + y sin(theta) = rho``, the strongest first, ties by theta, then rho.
 
     Parameters
     ----------
     theta_rad
-        (n,) float64 [rad] in [0, pi).
+        (n,) in [0, pi). [rad]
     rho_m
-        (n,) float64 [m] from the Radon image's centre.
+        (n,) from the Radon image's centre. [m]
     strength_m
-        (n,) float64 [value x m]: the Radon image at the peak's bin; for a binary image the occupied length.
+        (n,) Radon image at the peak's bin; for a binary image the occupied length. [value x m]
     """
 
     theta_rad: FloatArray
@@ -41,20 +41,20 @@ def find_peaks(radon: RadonImage, *, threshold: float, theta_window_rad: float, 
     Parameters
     ----------
     threshold
-        Peaks are higher than this [value x m].
+        Least strength, exclusive. [value x m]
     theta_window_rad, rho_window_m
-        Whole lengths of the two line elements; of two peaks within half of both only the higher counts.
+        Lengths of the two line elements [rad, m]; of two peaks within half of both only the higher counts.
 
     Raises
     ------
     ValueError
-        When a window is negative or the angles' one is pi or more, or angles do not rise within [0, pi).
+        When a window is negative, that of the angles is pi or more, or the angles do not rise within [0, pi).
 
     Notes
     -----
-    The image is dilated by a line along rho and by one along theta; a peak equals its dilation. The angles
-    close on themselves: beyond pi the image goes on at 0 with rho turned round, and so do the elements.
-    Bins of equal value in one another's window are one peak. The place is refined below the bin by the
+    The image is dilated by a line along rho and by one along theta; a peak equals its dilation. The image
+    is periodic in theta: beyond pi it continues at 0 with the sign of rho changed, and so do the elements.
+    Bins of equal value in one another's window are one peak. Positions are refined below the bin by the
     paraboloid through the peak and its neighbours.
 
     References
@@ -89,7 +89,22 @@ def find_peaks_in(
     theta_window_rad: float,
     rho_window_m: float,
 ) -> Peaks:
-    """Return the peaks of the (n_angles, n_rho) Radon values of one window; see `find_peaks`."""
+    """Return the peaks of the Radon values of one window; see `find_peaks`.
+
+    Parameters
+    ----------
+    values
+        (n_angles, n_rho) Radon image. [value x m]
+    angles_rad, rho_m
+        (n_angles,) and (n_rho,) centres of its bins. [rad, m]
+    threshold, theta_window_rad, rho_window_m
+        See `find_peaks`.
+
+    Raises
+    ------
+    ValueError
+        As `find_peaks`, and when the shapes do not agree.
+    """
     step = _rho_step(values, angles_rad, rho_m)
     half_window, half_bins = _half_windows(theta_window_rad, rho_window_m, step)
     theta, rho, strength = kernels.peaks(values, angles_rad, rho_m, threshold, half_window, half_bins).T
@@ -98,17 +113,23 @@ def find_peaks_in(
 
 
 def dilate(radon: RadonImage, *, theta_window_rad: float, rho_window_m: float) -> RadonImage:
-    """Return the dilated Radon image that `find_peaks` compares with, for the picture."""
+    """Return the dilated Radon image that `find_peaks` compares with, for pictures.
+
+    Raises
+    ------
+    ValueError
+        As `find_peaks`.
+    """
     step = _rho_step(radon.values, radon.angles_rad, radon.rho_m)
     half_window, half_bins = _half_windows(theta_window_rad, rho_window_m, step)
     return replace(radon, values=kernels.dilate_radon(radon.values, radon.angles_rad, half_window, half_bins))
 
 
 def ridges(radon: RadonImage, *, width_m: float) -> RadonImage:
-    """Return what of a Radon image is narrower than `width_m` along rho: its white top hat.
+    """Return the white top hat of a Radon image along rho: its ridges narrower than `width_m` [m].
 
-    Crowns, ramps and crowds of cells are broad in rho, a thin straight line is not. The image is eroded
-    and dilated by a line element along rho, which leaves only what is broad, and that is taken off.
+    Crowns, ramps and clusters of cells are broad in rho, a thin straight line is not. The opening by a line
+    element along rho holds what is broad; it is subtracted.
     """
     n = 2 * max(1, round(0.5 * width_m / radon.rho_step_m)) + 1
     broad = ndimage.grey_opening(radon.values, size=(1, n), mode="constant")

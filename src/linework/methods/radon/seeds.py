@@ -1,4 +1,4 @@
-"""Seed lines: peaks of the Radon transforms of local windows; and the segments of the image along them."""
+"""Seed lines from the peaks of Radon transforms of local windows, and the occupied segments along them."""
 
 from __future__ import annotations
 
@@ -9,10 +9,14 @@ import numpy as np
 
 from linework.arrays import FloatArray, IntArray
 from linework.kernels.radon import segments as kernels
-from linework.kernels.radon import segments as window_kernels
+from linework.kernels.radon.segments import SEGMENT_STRENGTH, SEGMENT_X0, SEGMENT_X1
 from linework.methods.radon.transform import rho_bins
 from linework.model.grid import Grid, Image
 from linework.model.settings import setting
+
+#: Half lengths of the two dilating line elements: of two peaks within both only the higher counts. The paper does
+#: not publish them; one cell, and two and a half steps of the angle.
+HALF_WINDOW_DEG, HALF_WINDOW_CELLS = 7.5, 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,16 +46,16 @@ class SeedConfig:
 
 @dataclass(frozen=True, slots=True)
 class SeedLines:
-    """n straight candidates: direction and offset only, each valid within its window.
+    """n straight candidates, each a direction and an offset that hold within its window.
 
     Parameters
     ----------
     centre_xy
-        (n, 2) float64 [m, world]: centre of the window.
+        (n, 2) centre of the window. [m, world]
     theta_rad, rho_m
-        (n,) float64: normal form about that centre.
+        (n,) normal form about that centre. [rad, m]
     strength_m
-        (n,) float64 [m]: occupied length along the line.
+        (n,) occupied length along the line. [m]
     """
 
     centre_xy: FloatArray
@@ -65,7 +69,7 @@ class SeedLines:
 
 @dataclass(frozen=True, slots=True)
 class SeedSegments:
-    """n straight pieces of lines: ends (n, 2) float64 [m, world] and strength (n,) [m]."""
+    """n straight segments: ends (n, 2) [m, world] and strength of their seed line (n,) [m]."""
 
     start_xy: FloatArray
     end_xy: FloatArray
@@ -90,15 +94,14 @@ def find_seed_lines(binary: Image, config: SeedConfig) -> SeedLines:
     cell, half = binary.grid.cell_width_m, config.window_m / 2
     rho = rho_bins(half * math.sqrt(2), cell)
     cells, starts, quarters, centres = _windows(binary, config)
-    table = window_kernels.peaks_of_windows(
+    table = kernels.peaks_of_windows(
         cells,
         starts,
         (quarters, centres),
         ((cell, binary.grid.cell_height_m, 0.0), cell),
         angles,
         rho,
-        # Of two peaks within half of 15 degrees and half of three cells the higher one counts
-        (config.peak_threshold_m, math.radians(7.5), 1),
+        (config.peak_threshold_m, math.radians(HALF_WINDOW_DEG), HALF_WINDOW_CELLS),
         config.peak_threshold_m / cell,
     )
     number, theta, offset, strength = table.T
@@ -107,18 +110,25 @@ def find_seed_lines(binary: Image, config: SeedConfig) -> SeedLines:
 
 
 def _windows(binary: Image, config: SeedConfig) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
-    """Return occupied cells and windows as `linework.kernels.radon.segments` takes them.
+    """Return the occupied cells and the windows, in the form of `linework.kernels.radon.segments`.
 
-    They are cells (n, 2) by quarter of a window, where each quarter's begin, the quarters of each window
-    (m, 4) from the south-west, and centres (m, 2).
+    Returns
+    -------
+    cells
+        (n, 2) centres of the occupied cells, by quarter of a window. [m, world]
+    starts
+        (q + 1,) int64: where each quarter's cells begin.
+    quarters
+        (m, 4) int64 quarters of each window, from the south-west; -1 where one is empty.
+    centres
+        (m, 2) centres of the windows. [m, world]
     """
     grid = binary.grid
     rows, cols = np.nonzero(binary.values)
     if len(rows) == 0:
         nothing = np.zeros(0, dtype=np.int64)
         return np.zeros((0, 2)), np.zeros(1, dtype=np.int64), nothing.reshape(0, 4), np.zeros((0, 2))
-    # From whole numbers that all tiles share: the same cells give the same numbers to the last bit, and ties
-    # between peaks fall the same way
+    # Coordinates from whole numbers that all tiles share, so that ties between peaks are decided alike in each
     west, north = _corner(grid)
     xy = np.column_stack([(west + cols + 0.5) * grid.cell_width_m, (north - rows - 0.5) * grid.cell_height_m])
     stride = config.window_m / 2
@@ -129,7 +139,7 @@ def _windows(binary: Image, config: SeedConfig) -> tuple[FloatArray, IntArray, I
     number = place[:, 1] * wide + place[:, 0]
     order = np.argsort(number, kind="stable")
     keys, starts = np.unique(number[order], return_index=True)
-    # A window has its south-west quarter's number
+    # The number of a window is that of its south-west quarter
     window = np.unique(np.concatenate([keys, keys - 1, keys - wide, keys - wide - 1]))
     quarter = window[:, None] + np.array([0, 1, wide, wide + 1])
     at = np.minimum(np.searchsorted(keys, quarter), len(keys) - 1)
@@ -139,10 +149,10 @@ def _windows(binary: Image, config: SeedConfig) -> tuple[FloatArray, IntArray, I
 
 
 def split_into_segments(seeds: SeedLines, binary: Image, config: SeedConfig) -> SeedSegments:
-    """Return where along each seed line the image is occupied.
+    """Return the occupied segments of an image along seed lines.
 
-    A Radon peak says nothing about the extent: collinear pieces are parted where the image is empty for
-    more than `max_gap_m`; pieces shorter than half of `peak_threshold_m` are dropped.
+    A Radon peak says nothing about extent. Segments are parted where the image is empty for more than
+    `max_gap_m`; those shorter than half of `peak_threshold_m` are dropped.
     """
     grid, cell = binary.grid, binary.grid.cell_width_m
     half, step = config.window_m / 2, cell / 2
@@ -163,7 +173,9 @@ def split_into_segments(seeds: SeedLines, binary: Image, config: SeedConfig) -> 
         math.floor(config.max_gap_m / step + 1e-6),
         math.ceil(config.peak_threshold_m / 2 / step - 1e-6),
     )
-    return SeedSegments(table[:, :2], table[:, 2:4], table[:, 4])
+    return SeedSegments(
+        table[:, SEGMENT_X0:SEGMENT_X1], table[:, SEGMENT_X1:SEGMENT_STRENGTH], table[:, SEGMENT_STRENGTH]
+    )
 
 
 def _corner(grid: Grid) -> tuple[int, int]:

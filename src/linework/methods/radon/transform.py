@@ -1,4 +1,4 @@
-"""Radon transform of a raster image: exactly its strip integrals, at a cost that follows the occupied cells."""
+"""Radon transform of a raster image: exact strip integrals, at a cost proportional to the occupied cells."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from linework.errors import InputError
 from linework.kernels.radon import transform as kernels
 from linework.model.grid import Image
 
-#: Largest Radon image that is made: 0.8 GB.
+#: Largest number of bins of a Radon image: 0.8 GB of float64.
 MAX_BINS = 100_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class RadonImage:
-    """R(theta, rho): how much of an image lies in the strip about the line ``x cos + y sin = rho``.
+    """R(theta, rho): the integral of an image over the strip about the line ``x cos + y sin = rho``.
 
     Parameters
     ----------
     values
-        (n_angles, n_rho) float64 [value x m]: integral over the strip of width `rho_step_m`, over that
-        width. For a binary image: metres of the line that are occupied.
+        (n_angles, n_rho) integral over the strip of width `rho_step_m`, divided by that width; for a binary
+        image the occupied length of the line. [value x m]
     angles_rad
-        (n_angles,) float64 [rad]: theta, the direction of the line's normal, anticlockwise from east.
+        (n_angles,) theta, the direction of the line's normal, anticlockwise from east. [rad]
     rho_m
-        (n_rho,) float64 [m]: centres of the strips, symmetric about 0.
+        (n_rho,) centres of the strips, symmetric about 0. [m]
     rho_step_m
         Width of a strip. [m]
     centre_xy
-        (2,) float64 [m, world]: where rho = 0; x is east and y north of it.
+        (2,) point where rho = 0; x is east and y north of it. [m, world]
     """
 
     values: FloatArray
@@ -50,7 +50,7 @@ def radon_transform(image: Image, angles_rad: AnyArray, rho_step_m: float | None
     image
         Any values on any grid, also turned and with cells that are not square; NaN counts as 0.
     angles_rad
-        (n,) [rad]: theta in [0, pi).
+        (n,) theta in [0, pi). [rad]
     rho_step_m
         Width of a strip [m]; the shorter side of a cell where not given.
 
@@ -120,16 +120,16 @@ def radon_of_cells(
     rho_max_m: float,
     cell_turn_rad: float = 0.0,
 ) -> FloatArray:
-    """Return the Radon transform of a few cells, with little cost per call: for windows.
+    """Return the Radon transform of a few cells, at little cost per call: for windows.
 
     Parameters
     ----------
     x_m, y_m
-        (n,) float64 [m]: centres of the cells from the window's centre, where rho = 0.
+        (n,) centres of the cells from the window's centre, where rho = 0. [m]
     weights
-        (n,) float64: value of each cell; 1 for a binary image.
+        (n,) value of each cell; 1 for a binary image.
     angles_rad
-        (n_angles,) float64 [rad].
+        (n_angles,) theta. [rad]
     rho_max_m
         The strips cover at least -rho_max_m to rho_max_m; what projects beyond them is left out.
     cell_turn_rad
@@ -137,7 +137,12 @@ def radon_of_cells(
 
     Returns
     -------
-    (n_angles, n_rho) float64 [value x m]; the strips are those of `rho_bins`.
+    (n_angles, n_rho) [value x m]; the strips are those of `rho_bins`.
+
+    Raises
+    ------
+    ValueError
+        When the step is not positive or `rho_max_m` is negative.
 
     >>> x, one = np.array([-0.1, 0.1]), np.ones(2)
     >>> radon_of_cells(x, 0 * x, one, cell_width_m=0.2, cell_height_m=0.2,
@@ -157,7 +162,13 @@ def radon_of_cells(
 
 
 def rho_bins(rho_max_m: float, rho_step_m: float) -> FloatArray:
-    """Return the centres of the strips that cover -rho_max_m to rho_max_m, symmetric about 0 [m].
+    """Return the centres (n,) of the strips that cover -rho_max_m to rho_max_m, symmetric about 0 [m].
+
+    Raises
+    ------
+    ValueError
+        When the step is not positive or `rho_max_m` is negative.
+
 
     >>> rho_bins(0.35, 0.2)
     array([-0.4, -0.2,  0. ,  0.2,  0.4])
@@ -167,7 +178,7 @@ def rho_bins(rho_max_m: float, rho_step_m: float) -> FloatArray:
 
 
 def evenly_spaced_angles(step_deg: float) -> FloatArray:
-    """Return theta over [0, pi) at the whole number of steps nearest to `step_deg` [rad].
+    """Return angles (n,) over [0, pi) [rad], in the whole number of steps nearest to `step_deg`.
 
     >>> np.rad2deg(evenly_spaced_angles(45.0)).round(9).tolist()
     [0.0, 45.0, 90.0, 135.0]
@@ -179,5 +190,5 @@ def evenly_spaced_angles(step_deg: float) -> FloatArray:
 def _n_half(rho_max_m: float, rho_step_m: float) -> int:
     if not (rho_step_m > 0 and rho_max_m >= 0):
         raise ValueError(f"rho_step_m {rho_step_m}, rho_max_m {rho_max_m}: expected > 0 and >= 0")
-    # a hair wider, so that a corner that should lie on the last edge does not fall out by rounding
+    # Slightly wider, so that rounding does not push out a corner that lies on the last edge
     return max(0, math.ceil(rho_max_m / rho_step_m - 0.5 + 1e-9))

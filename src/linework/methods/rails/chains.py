@@ -1,8 +1,8 @@
-"""Chains: what was followed from many starts, each for itself, put together to whole lines.
+"""Chains: strands followed from many starts, each independently, and linked to whole lines.
 
-A line that is followed from one start to its end depends on where it was begun, and so on how much of it a
-tile sees. Here nothing is followed further than `FAR_REACH_M` from where it was begun, and many starts are near one
-another: what holds at a place is known from the points about it, whatever tile it is seen from.
+A line followed from one start to its end depends on where it was started, and so on how much of it a tile holds.
+Here nothing is followed farther than `FAR_REACH_M` from its start, and starts are close together: what is found at a
+place depends only on the points about it, whatever the tile.
 """
 
 from __future__ import annotations
@@ -13,36 +13,51 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray, distance_along, offsets_of
 from linework.kernels.radon import follow
-from linework.kernels.radon.follow import SETTLED
+from linework.kernels.radon.corridor import NODE_HEADING, NODE_TOP, NODE_X, NODE_Y, START_SCORE
+from linework.kernels.radon.follow import NODE_MEASURED, NODE_POINTS, SETTLED
 from linework.kernels.tracking.passing import passing
 from linework.methods.rails.circles import Bins, CircleConfig
 
-#: Lines are followed so far from where a beam was seen [m]: three times to the next start, or more.
+#: Distance that a strand is followed from its start: at least three times that to the next start. [m]
 FOLLOW_REACH_M = 24.0
-#: And so far where no other start is met [m]: four times the longest bush.
+#: The same where it meets no other start: four times the longest bush. [m]
 FAR_REACH_M = 48.0
-#: Starts so near to a clearer one, on its line, are passed over [m]: every place is followed from several.
+#: Starts within this distance of a clearer one, on its line, are skipped: every place is followed from several. [m]
 NEAR_START_M = 8.0
-#: Columns of a chain: x, y [m from the bins' origin], top z [m], number of points, measured (1) or not (0).
+#: Number of columns of a chain: x, y [m, from the bins' origin], top z [m], number of points, measured (1) or not (0).
 CHAIN_COLUMNS = 5
+#: Column of a chain that says whether a node is measured.
+_MEASURED = 4
+#: Columns of a node that a chain has.
+_OF_NODE = (NODE_X, NODE_Y, NODE_TOP, NODE_POINTS, NODE_MEASURED)
+#: Fewest nodes of a chain, whatever the setting.
+_LEAST_NODES = 4
+#: Across, nodes within this many radii of a circle lie on the same line: half of a circle, and its noise.
+ACROSS_RADII = 1.25
+#: Score of a node followed from one side only, against one followed from both.
+_ONE_SIDE = 0.5
+#: Chains lie on each other only where they run within 20 degrees: sine of that.
+_PARALLEL_SINE = 0.34
 
 
 @dataclass(frozen=True, slots=True)
 class Strands:
-    """What was followed from n starts, the clearest first: strand i from offsets[i] to offsets[i + 1].
+    """Strands followed from n starts, the clearest start first: strand i has the nodes offsets[i] to offsets[i + 1].
 
     Parameters
     ----------
     nodes
-        (m, 7) float64: x, y, heading, top z, number of points, spread, measured.
+        (m, 7) as `linework.kernels.radon.follow.follow_sheets` returns them.
+    offsets
+        (n + 1,) int64.
     arc_m
-        (m,) float64 [m]: along each strand, 0 at its middle.
+        (m,) distance along each strand, 0 at its middle. [m]
     middle
-        (n,) int64: node where the strand was begun.
+        (n,) int64: node at the start of the strand.
     begin
-        (n, 5) float64: the start.
+        (n, 5) the starts.
     """
 
     nodes: FloatArray
@@ -55,29 +70,29 @@ class Strands:
         return len(self.middle)
 
     def along(self, end: int, to_m: float, at: FloatArray) -> FloatArray:
-        """Return the rows of a chain at shares `at` of the way `to_m` [m] from a strand's middle to an end."""
+        """Return the rows (k, 5) of a chain at shares `at` (k,) of the distance `to_m` [m] from a middle to an end."""
         begin, stop = self.offsets[end // 2], self.offsets[end // 2 + 1]
         sign = 1.0 if end % 2 == 0 else -1.0
         s, nodes = self.arc_m[begin:stop], self.nodes[begin:stop]
-        return np.column_stack([np.interp(sign * to_m * at, s, nodes[:, k]) for k in (0, 1, 3, 4, 6)])
+        return np.column_stack([np.interp(sign * to_m * at, s, nodes[:, k]) for k in _OF_NODE])
 
     def tail(self, end: int) -> FloatArray:
-        """Return the rows of a chain from a strand's middle, left out, to an end."""
+        """Return the rows (k, 5) of a chain from a strand's middle, excluded, to an end."""
         i = end // 2
         nodes = self.nodes[self.middle[i] + 1 : self.offsets[i + 1]]
         if end % 2 == 1:
             nodes = self.nodes[self.offsets[i] : self.middle[i]][::-1]
-        return nodes[:, (0, 1, 3, 4, 6)]
+        return nodes[:, _OF_NODE]
 
     def reaching(self, partner: dict[int, StrandLink], n_nodes: int) -> IntArray:
-        """Return which strands have an end without partner that would go on after `n_nodes` from the middle."""
+        """Return the strands (k,) with an unlinked end that was cut off `n_nodes` from the middle."""
         ahead, behind = self.offsets[1:] - 1 - self.middle, self.middle - self.offsets[:-1]
         free = np.array([end not in partner for end in range(2 * len(self))], dtype=bool).reshape(-1, 2)
-        # A few nodes less: what was not measured at the end is left off
+        # A few nodes fewer: nodes at the end that were not measured are removed
         return np.flatnonzero((free & (np.column_stack([ahead, behind]) >= n_nodes - SETTLED)).any(axis=1))
 
     def replaced(self, longer: Strands) -> Strands:
-        """Return the strands with some of them followed further."""
+        """Return the strands with some of them replaced by longer ones from the same starts."""
         at = {tuple(begin): i for i, begin in enumerate(longer.begin.tolist())}
         parts = [
             longer.part(at[key]) if (key := tuple(begin)) in at else self.part(i)
@@ -85,44 +100,60 @@ class Strands:
         ]
         if not parts:
             return self
-        offsets = np.concatenate([[0], np.cumsum([len(nodes) for nodes, *_ in parts])])
+        offsets = offsets_of([len(nodes) for nodes, *_ in parts])
         return Strands(
             np.concatenate([nodes for nodes, *_ in parts]),
             offsets,
             np.concatenate([arc for _, arc, _ in parts]),
-            offsets[:-1] + [middle for *_, middle in parts],
+            offsets[:-1] + np.array([middle for *_, middle in parts], dtype=np.int64),
             self.begin,
         )
 
     def part(self, i: int) -> tuple[FloatArray, FloatArray, int]:
-        """Return nodes, arc lengths and number of the middle of strand i."""
+        """Return nodes (k, 7), arc lengths (k,) [m] and the number of the middle of strand i."""
         run = slice(self.offsets[i], self.offsets[i + 1])
         return self.nodes[run], self.arc_m[run], int(self.middle[i] - self.offsets[i])
 
     def ends_on(self, end: int, i: int, config: CircleConfig) -> bool:
-        """Return whether a strand's end lies on another strand i."""
+        """Return whether an end of a strand lies on another strand i."""
         last = self.nodes[self.offsets[end // 2 + 1] - 1 if end % 2 == 0 else self.offsets[end // 2]]
         nodes = self.nodes[self.offsets[i] : self.offsets[i + 1]]
-        step, angle = last[:2] - nodes[:, :2], nodes[:, 2]
+        step, angle = last[:NODE_HEADING] - nodes[:, :NODE_HEADING], nodes[:, NODE_HEADING]
         along = step[:, 0] * np.cos(angle) + step[:, 1] * np.sin(angle)
         across = step[:, 1] * np.cos(angle) - step[:, 0] * np.sin(angle)
-        return bool(np.any((np.abs(along) <= config.spacing_m) & (np.abs(across) <= 1.25 * config.radius_m)))
+        return bool(
+            np.any((np.abs(along) <= config.spacing_m) & (np.abs(across) <= ACROSS_RADII * config.radius_m))
+        )
 
 
 def chains_from_starts(
     starts: FloatArray, bins: Bins, band_m: tuple[float, float], least_m: float, config: CircleConfig
 ) -> list[FloatArray]:
-    """Return the chains (n, 5) that the circles make from all starts (see `find_starts`); each place once.
+    """Return the chains that circles follow from all starts, (n, 5) each, without overlap.
 
-    Columns: see `CHAIN_COLUMNS`. What is shorter than `least_m` is dropped.
+    Parameters
+    ----------
+    starts
+        (k, 5) as `find_starts` returns them.
+    band_m
+        Range of heights above the road of the points that are followed. [m]
+    least_m
+        Shorter chains are dropped. [m]
+
+    Returns
+    -------
+    list of arrays
+        Columns: see `CHAIN_COLUMNS`.
     """
-    least = max(round(least_m / config.spacing_m), 4)
-    order = np.lexsort((starts[:, 1], starts[:, 0], -starts[:, 4]))
+    least = max(round(least_m / config.spacing_m), _LEAST_NODES)
+    order = np.lexsort((starts[:, NODE_Y], starts[:, NODE_X], -starts[:, START_SCORE]))
     reach, far, near = (round(m / config.spacing_m) for m in (FOLLOW_REACH_M, FAR_REACH_M, NEAR_START_M))
-    strands = follow_strands(starts[order], bins, band_m, (least, reach, near), config)
-    # Once more, and further, those that meet no other
+    strands = follow_strands(starts[order], bins, band_m, follow.FollowLimits(least, reach, near), config)
+    # Strands that meet no other are followed again, farther
     lonely = strands.begin[strands.reaching(link_strands(strands, bins, config), reach)]
-    strands = strands.replaced(follow_strands(lonely, bins, band_m, (least, far, -1), config))
+    strands = strands.replaced(
+        follow_strands(lonely, bins, band_m, follow.FollowLimits(least, far, -1), config)
+    )
     partner = link_strands(strands, bins, config)
     chains = [_assembled(strands, chain, partner, config) for chain in _ordered(len(strands), partner)]
     return _each_place_once(chains, least, config)
@@ -132,31 +163,39 @@ def follow_strands(
     starts: FloatArray,
     bins: Bins,
     band_m: tuple[float, float],
-    limits: tuple[int, int, int],
+    limits: follow.FollowLimits,
     config: CircleConfig,
 ) -> Strands:
     """Follow the starts both ways, in their order; for `limits` see `linework.kernels.radon.follow.follow_sheets`."""
-    how = (config.spacing_m, config.radius_m, config.max_gap_m, config.spacing_m, *band_m, config.sheet_m)
+    setting = follow.FollowSettings(
+        spacing=float(config.spacing_m),
+        radius=float(config.radius_m),
+        max_gap=float(config.max_gap_m),
+        half_along=float(config.spacing_m),
+        low=float(band_m[0]),
+        high=float(band_m[1]),
+        sheet=float(config.sheet_m),
+    )
     nodes, offsets, middle, number = follow.follow_sheets(
         bins.points,
         bins.layers,
         (bins.n_x, bins.n_y, bins.cell_m),
         starts,
-        np.array(how),
-        (config.spacing_m, 1.25 * config.radius_m),
+        setting,
+        (config.spacing_m, ACROSS_RADII * config.radius_m),
         limits,
         bins.work,
     )
-    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(nodes[:, :2], axis=0).T))])[: len(nodes)]
+    arc = distance_along(nodes)[: len(nodes)]
     arc -= np.repeat(arc[middle], np.diff(offsets))
     return Strands(nodes, offsets, arc, middle, starts[number])
 
 
 @dataclass(frozen=True, slots=True)
 class StrandLink:
-    """Where an end of a strand goes on: in which other end, how far away the other strand's middle is.
+    """Continuation of an end of a strand: the other end, and the distance of the other strand's middle [m].
 
-    `seen`: the strand itself passes that middle; if not, only the other one passes this one's.
+    `seen`: the strand itself passes that middle; otherwise only the other one passes this one's.
     """
 
     end: int
@@ -165,19 +204,18 @@ class StrandLink:
 
 
 def link_strands(strands: Strands, bins: Bins, config: CircleConfig) -> dict[int, StrandLink]:
-    """Return which end of a strand goes on in which other, both ways.
+    """Return the links between ends of strands, in both directions.
 
-    End 2 i is ahead of strand i, 2 i + 1 behind it. Two strands are linked when each passes the other's
-    middle, and neither meets a nearer one of which that holds. Of the ends that are left over two are linked
-    where one strand passes the other's middle, and what was followed from there ends on the way back: a gap
-    that is crossed one way only.
+    End 2 i is ahead of strand i, 2 i + 1 behind it. Two strands are linked when each passes the other's middle, and
+    neither meets a nearer one for which that holds. Two of the remaining ends are linked where one strand passes the
+    other's middle, and the other one ends on the first on its way back: a gap that is crossed in one direction only.
     """
     pairs, how = passing(
         strands.nodes,
         strands.offsets,
         strands.middle,
         (bins.n_x, bins.n_y, bins.cell_m),
-        (config.spacing_m, 1.25 * config.radius_m),
+        (config.spacing_m, ACROSS_RADII * config.radius_m),
     )
     away, same = how[:, 0], how[:, 1] > 0
     far = np.abs(away) >= 0.5 * config.spacing_m
@@ -201,10 +239,13 @@ def link_strands(strands: Strands, bins: Bins, config: CircleConfig) -> dict[int
 def _nearest_of_each_other(
     n: int, own: IntArray, other: IntArray, away: FloatArray
 ) -> dict[int, tuple[int, float]]:
-    """Return for ends the nearest other, and how far it is, where that holds both ways."""
+    """Return the nearest other end of each end, and its distance, where they are the nearest of each other.
+
+    `own`, `other` and `away` are (k,): pairs of ends, and their distances [m].
+    """
     order = np.lexsort((other, away))[::-1]
     nearest = np.full(n, -1, dtype=np.int64)
-    nearest[own[order]] = order  # of several the last one stays: the nearest
+    nearest[own[order]] = order  # the last of several remains: the nearest
     to = np.where(nearest >= 0, other[nearest] if len(other) else -1, -1)
     ends = np.flatnonzero(nearest >= 0)
     ends = ends[to[to[ends]] == ends]
@@ -212,7 +253,7 @@ def _nearest_of_each_other(
 
 
 def _ordered(n: int, partner: dict[int, StrandLink]) -> list[list[int]]:
-    """Return the strands in order along each chain, as the ends that they are left by; a ring starts anywhere."""
+    """Return the strands in order along each chain, as the ends at which they are left; a ring starts anywhere."""
     chains, done = [], set()
     starts = [e for e in range(2 * n) if e not in partner] + list(range(2 * n))
     for start in starts:
@@ -229,16 +270,16 @@ def _ordered(n: int, partner: dict[int, StrandLink]) -> list[list[int]]:
 
 @dataclass(frozen=True, slots=True)
 class _Chain:
-    """Rows of a chain; and how far to trust each, where two chains lie on each other.
+    """Rows (n, 5) of a chain, and their rank where two chains lie on each other.
 
     Parameters
     ----------
     far
-        (n,) bool: followed far, and from one side only.
+        (n,) bool: followed far from its start, and from one side only.
     score
-        (n,) float64: of the start; half of it where it was followed from one side only.
+        (n,) of the start; half of it where followed from one side only.
     number
-        (n,) int64: the strand, which no other chain has.
+        (n,) int64: the strand, which belongs to no other chain.
     """
 
     rows: FloatArray
@@ -250,14 +291,14 @@ class _Chain:
 def _assembled(
     strands: Strands, chain: list[int], partner: dict[int, StrandLink], config: CircleConfig
 ) -> _Chain:
-    """Return the nodes of a chain: those of its strands, evenly spaced and blended between two middles."""
+    """Return the nodes of a chain of strands: evenly spaced, and blended between two middles."""
     near, score = round(NEAR_START_M / config.spacing_m), strands.begin[:, 4]
     is_ring = chain[-1] in partner
     chain = [*chain, chain[0]] if is_ring else chain
 
     def from_one_side(rows: FloatArray, i: int, steps: IntArray) -> _Chain:
         n = len(rows)
-        return _Chain(rows, steps >= near, np.full(n, 0.5 * score[i]), np.full(n, i))
+        return _Chain(rows, steps >= near, np.full(n, _ONE_SIDE * score[i]), np.full(n, i))
 
     def tail(end: int) -> _Chain:
         rows = strands.tail(end)[: 0 if is_ring else None]
@@ -291,9 +332,9 @@ def _assembled(
 def _between(
     strands: Strands, end: int, link: StrandLink, back: StrandLink, config: CircleConfig
 ) -> FloatArray:
-    """Return the rows from the middle of a strand to that of the next, left out.
+    """Return the rows from the middle of a strand to that of the next, excluded.
 
-    What both followed, blended; the same rows whichever way they are gone through.
+    The nodes of both strands, blended; the same rows in either direction.
     """
     steps = max(round(0.5 * (link.away_m + back.away_m) / config.spacing_m), 1)
     at = np.arange(steps) / steps
@@ -303,15 +344,15 @@ def _between(
         rows[0] = strands.along(end, 0.0, np.zeros(1))[0]
         return rows
     rows = (1.0 - at[:, None]) * own + at[:, None] * other
-    rows[:, 4] = np.minimum(own[:, 4], other[:, 4]) >= 0.5
+    rows[:, _MEASURED] = np.minimum(own[:, _MEASURED], other[:, _MEASURED]) >= 0.5
     return np.asarray(rows)
 
 
 def _each_place_once(chains: list[_Chain], least: int, config: CircleConfig) -> list[FloatArray]:
-    """Return the runs of nodes, of at least `least`, on which no other chain lies that is to be trusted more.
+    """Return the runs of at least `least` nodes on which no chain of higher rank lies.
 
-    What was followed from the clearer start is; what was followed from both sides is trusted twice as much, and
-    what was followed far from one side only less than all else.
+    A clearer start ranks higher; following from both sides counts twice; what was followed far from one side only
+    ranks lowest.
     """
     if not chains:
         return []
@@ -321,14 +362,14 @@ def _each_place_once(chains: list[_Chain], least: int, config: CircleConfig) -> 
     rank = np.empty(len(rows), dtype=np.int64)
     rank[np.lexsort((number, -score, np.concatenate([c.far for c in chains])))] = np.arange(len(rows))
     ahead = np.concatenate([_ahead(chain.rows) for chain in chains])
-    along, across = config.spacing_m, 1.25 * config.radius_m
+    along, across = config.spacing_m, ACROSS_RADII * config.radius_m
     near = cKDTree(rows[:, :2]).query_pairs(float(np.hypot(along, across)), output_type="ndarray")
     near = near[owner[near[:, 0]] != owner[near[:, 1]]]
     less = np.where((rank[near[:, 0]] > rank[near[:, 1]])[:, None], near, near[:, ::-1])
     node, over = less.T
     step, turn = rows[node, :2] - rows[over, :2], _cross(ahead[node], ahead[over])
     lies_on = np.abs(np.sum(step * ahead[over], axis=1)) <= along
-    lies_on &= (np.abs(_cross(step, ahead[over])) <= across) & (np.abs(turn) < 0.34)  # 20 degrees
+    lies_on &= (np.abs(_cross(step, ahead[over])) <= across) & (np.abs(turn) < _PARALLEL_SINE)
     free = np.ones(len(rows), dtype=bool)
     free[node[lies_on]] = False
     parts = np.split(free, np.cumsum(lengths)[:-1])
@@ -338,19 +379,20 @@ def _each_place_once(chains: list[_Chain], least: int, config: CircleConfig) -> 
 
 
 def _ahead(rows: FloatArray) -> FloatArray:
-    """Return the unit vectors along a chain."""
+    """Return the unit vectors (n, 2) along a chain (n, 5)."""
     step = np.gradient(rows[:, :2], axis=0)
     return np.asarray(step / np.maximum(np.hypot(step[:, :1], step[:, 1:]), 1e-9))
 
 
 def _cross(a: AnyArray, b: AnyArray) -> FloatArray:
+    """Return the cross products (n,) of vectors (n, 2) in plan."""
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def long_runs(chosen: BoolArray, least: int) -> list[slice]:
     """Return the runs of True of at least `least` in a row.
 
-    >>> runs(np.array([True, True, False, True]), 2)
+    >>> long_runs(np.array([True, True, False, True]), 2)
     [slice(0, 2, None)]
     """
     edges = np.flatnonzero(np.diff(np.r_[False, chosen, False].astype(np.int8)))

@@ -1,4 +1,4 @@
-"""Back to the points: circles along the seed lines, followed on through bends, fitted locally."""
+"""Points near the seed segments, in bins, and the starts among them: beams in end view."""
 
 from __future__ import annotations
 
@@ -8,10 +8,21 @@ import numpy as np
 
 from linework.arrays import Float32Array, FloatArray, IntArray
 from linework.kernels.cells import bins as binning
+from linework.kernels.cells.bins import BIN_COLUMNS, LayeredBins
 from linework.kernels.radon import corridor as kernels
 from linework.methods.radon.seeds import SeedSegments
+from linework.methods.rails import fitted
 from linework.model.grid import Image
 from linework.model.settings import setting
+
+#: Turns against a seed line that a start is sought over, and their step: a seed is good to a step of 3 degrees. [deg]
+MOST_TURN_DEG, TURN_STEP_DEG = 3.0, 0.5
+#: Points within this distance of the image's set cells are binned: half of the widest profile. [m]
+NEAR_M = 1.0
+#: Range of heights above the road of binned points: from the foot of a bank behind a rail to above a rail. [m]
+BAND_M = (-0.6, 2.2)
+#: A box of a few metres covers at most this many bins.
+_MOST_BINS = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,20 +86,22 @@ class Bins:
     Parameters
     ----------
     points
-        (n, 4) float64 [m]: x, y from `origin`, z above it, height above road; by bin, and in it by layer.
+        (n, 4) x and y from `origin`, z above it, height above the road; by bin, within a bin by layer. [m]
     starts
-        (n_x * n_y + 1,) int64: where each bin's points begin; row-major from the south-west.
+        (n_x * n_y + 1,) int64: where the points of each bin begin; row-major from the south-west.
     layers
-        What finds a bin's layers, see `linework.kernels.cells.bins.sort_into_layers`.
+        Index of the layers; see `linework.kernels.cells.bins.sort_into_layers`.
+    n_x, n_y, cell_m
+        Number of bins to the east and to the north, and their side [m].
     origin
-        (3,) float64 [m, world].
+        (3,) south-west corner and zero of heights. [m, world]
     n_most
-        Points in the fullest bin.
+        Number of points in the fullest bin.
     """
 
     points: FloatArray
     starts: IntArray
-    layers: tuple[IntArray, FloatArray, IntArray]
+    layers: LayeredBins
     n_x: int
     n_y: int
     cell_m: float
@@ -97,19 +110,26 @@ class Bins:
 
     @property
     def work(self) -> FloatArray:
-        """A buffer that holds all points of a box of a few metres."""
-        return np.empty((64 * self.n_most, 4))
+        """A buffer (m, 4) that holds all points of a box of a few metres."""
+        return np.empty((_MOST_BINS * self.n_most, BIN_COLUMNS))
 
 
 def bin_near(xyz: FloatArray, height_m: Float32Array, binary: Image, cell_m: float = 0.5) -> Bins:
-    """Bin the points within a metre of the image's set cells, from 0.6 m below the road to 2.2 m above it.
+    """Bin the points near the set cells of an image: all that a profile covers.
 
-    That is what the profile looks at: the foot of a bank behind a rail, and what stands above one.
+    Parameters
+    ----------
+    xyz, height_m
+        (n, 3) points [m, world] and (n,) float32 heights above the road [m].
+    binary
+        Image of the cells with points in the height band.
+    cell_m
+        Side of a bin. [m]
     """
     grid = binary.grid
-    reach = max(round(1.0 / grid.cell_width_m), 1)
+    reach = max(round(NEAR_M / grid.cell_width_m), 1)
     frame = grid.east_m, grid.north_m, grid.cell_width_m
-    index, low, high = binning.choose_near(xyz, height_m, frame, binary.values, reach, (-0.6, 2.2))
+    index, low, high = binning.choose_near(xyz, height_m, frame, binary.values, reach, BAND_M)
     if len(index) == 0:
         low = high = np.zeros(3)
     origin = np.floor(low / cell_m) * cell_m
@@ -121,15 +141,21 @@ def bin_near(xyz: FloatArray, height_m: Float32Array, binary: Image, cell_m: flo
 
 
 def find_starts(segments: SeedSegments, bins: Bins, config: CircleConfig) -> FloatArray:
-    """Return (n, 5) places to follow from: x, y [m from the origin], heading [rad], top z [m], score.
+    """Return the starts to follow from, (n, 5): x, y [m, from the origin], heading [rad], top z [m], score.
 
     A seed line is good to a cell of the image. Around it the Radon transform is taken once more, of the
-    points themselves and over small turns, for strips that look like a beam from its end: points over a
-    beam's height, none above, none below. Seeds in hedges, walls and cars end here.
+    points themselves and over small turns, for strips that look like a beam in end view: points over a
+    beam's height, none above, none below. Most seeds in hedges, walls and cars are dropped here.
     """
-    turns = np.radians(np.arange(-3.0, 3.01, 0.5))
-    shape = np.array(
-        [config.radius_m, config.sheet_m - 0.06, 0.10, 6.0, 0.4, config.min_top_m, config.max_top_m]
+    turns = np.radians(np.arange(-MOST_TURN_DEG, MOST_TURN_DEG + 0.01, TURN_STEP_DEG))
+    shape = kernels.BeamShape(
+        strip=float(config.radius_m),
+        beam=config.sheet_m - fitted.START_BLUR_M,
+        clear=fitted.START_CLEAR_M,
+        least=fitted.START_POINTS,
+        clarity=fitted.START_CLARITY,
+        lowest=float(config.min_top_m),
+        highest=float(config.max_top_m),
     )
     ends = np.concatenate([segments.start_xy - bins.origin[:2], segments.end_xy - bins.origin[:2]], axis=1)
     args = (bins.points, bins.starts, bins.n_x, bins.n_y, bins.cell_m)

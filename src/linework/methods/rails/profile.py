@@ -1,4 +1,4 @@
-"""The vertical profile of a followed sheet of points, and what it says the thing is.
+"""Vertical profile of a followed sheet of points, and the settings of its classification.
 
 A peak in the height band may be a guardrail, but also a row of parked cars, a hedge, a wall or a fence
 (the paper leaves them to "further analysis"). A beam guardrail, and nothing else, is a thin sheet 0.2 to
@@ -13,19 +13,36 @@ from typing import Any
 
 import numpy as np
 
-from linework.arrays import AnyArray, FloatArray, IntArray
-from linework.kernels.radon import corridor as kernels
+from linework.arrays import AnyArray, FloatArray, IntArray, offsets_of
+from linework.kernels.radon import sections as kernels
 from linework.kernels.tracking.times import moving_sums
+from linework.methods.rails import fitted
 from linework.methods.rails.circles import Bins, CircleConfig
 from linework.model.settings import setting
 
+#: Height of a bin of the profile. [m]
 BIN_M = kernels.DEPTH_BIN_M
-TOP_BIN = round(kernels.DEPTH_ABOVE_M / BIN_M)  # first bin below the top edge
+#: First bin below the top edge.
+TOP_BIN = round(kernels.DEPTH_ABOVE_M / BIN_M)
+#: Range of bins, from the first below the top edge, over which the density of the sheet is taken: its upper 20 cm.
+_SHEET_BINS = (0, 4)
+#: Range of bins that is to be empty above the sheet: 10 to 25 cm above its top.
+_ABOVE_BINS = (-5, -2)
+#: Range of bins below the sheet, of which the clearest two neighbours count: 30 to 70 cm below the top.
+_BELOW_BINS = (6, 14)
+#: Height of the apron that the kernel counts points in: 0.36 to 0.62 m below the top. [m]
+_APRON_HEIGHT_M = 0.26
+#: Half width of the sheet about a line, in radii of a circle; and of its surroundings. [1, m]
+SHEET_RADII, SIDE_REACH_M = 1.25, 1.0
+#: Stations over which points below the sheet are pooled: 1.25 m to either side.
+_OPEN_STATIONS = 5
+#: A half of the sheet with points beside it in more than this share of stations may be filled from behind.
+_BEHIND_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProfileConfig:
-    """What tells a guardrail from all else. Ratios are densities of points against the beam's own."""
+    """Limits that tell a guardrail from everything else. Ratios are densities of points against the beam's own."""
 
     window_m: float = setting(
         6.0,
@@ -149,30 +166,30 @@ class ProfileConfig:
 
 @dataclass(frozen=True, slots=True)
 class VerticalProfile:
-    """Measurements along lines, each (n,) float64 over a moving window.
+    """Measurements along lines, (n,) each over a moving window.
 
     Parameters
     ----------
     offset_m
-        Mean offset of the station's sheet from the node; NaN where the station is empty.
+        Mean offset of the station's sheet from the node; NaN where the station is empty. [m]
     top_m
-        Highest supported height of the station [m above the bins' origin]; NaN where none.
+        Top edge of the station; NaN where none. [m, above the origin of the bins]
     number
         Points of the station's sheet.
     spread_m, above, below, beam_m
-        Thickness of the sheet; densities above it and in the clearest 10 cm below it, against the
-        sheet's own; its height.
+        Thickness of the sheet [m]; densities above it and in the clearest 10 cm below it, against its own; its
+        height [m].
     front, open_
         Shares of stations with points at the sheet's heights on its emptier side; and with points
         below the sheet within 1.25 m along on the side where there are fewer.
     apron
         Density between ground and sheet within 0.40 m before it on the road side, against the sheet's.
     edge_m
-        Mean offset of the points just below the top edge; NaN where none.
+        Mean offset of the points just below the top edge; NaN where none. [m]
     rows
-        (n, DEPTH_BINS): densities per 5 cm below the top edge against the sheet's, of the clearer half.
+        (n, DEPTH_BINS) densities per 5 cm below the top edge against the sheet's, of the clearer half.
     all_rows
-        The same of both halves.
+        The same for both halves.
     offsets
         (n_lines + 1,) int64: line i has the stations from offsets[i] to offsets[i + 1].
     window
@@ -206,7 +223,7 @@ class VerticalProfile:
 
     @classmethod
     def joined(cls, profiles: list[VerticalProfile]) -> VerticalProfile:
-        """Return the profiles of one or more lines, measured with one window, as one."""
+        """Return the profiles of one or more lines, measured with the same window, as one."""
         columns: dict[str, Any] = {
             name: np.concatenate([getattr(p, name) for p in profiles]) for name in _COLUMNS
         }
@@ -216,15 +233,18 @@ class VerticalProfile:
 _COLUMNS = tuple(f.name for f in fields(VerticalProfile) if f.name not in ("offsets", "window"))
 
 
-def offsets_of(lengths: list[int]) -> IntArray:
-    """Return where lines of these lengths begin, one after the other, and where the last one ends."""
-    return np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(lengths, dtype=np.int64)])
-
-
 def measure_profile(
     nodes: FloatArray, offsets: IntArray, bins: Bins, circles: CircleConfig, config: ProfileConfig
 ) -> VerticalProfile:
-    """Measure the profile at nodes (n, 4) of lines: x, y, heading, top z; for `offsets` see `VerticalProfile`."""
+    """Measure the profile at the nodes of lines.
+
+    Parameters
+    ----------
+    nodes
+        (n, 4) x, y [m], heading [rad] and top z [m].
+    offsets
+        (n_lines + 1,) int64: where the nodes of each line begin.
+    """
     sheet, depth, sides, edge = kernels.profile_along(
         bins.points,
         bins.starts,
@@ -233,47 +253,56 @@ def measure_profile(
         bins.cell_m,
         np.ascontiguousarray(nodes[:, :4]),
         circles.spacing_m / 2,
-        1.25 * circles.radius_m,
-        1.0,
+        SHEET_RADII * circles.radius_m,
+        SIDE_REACH_M,
         bins.work,
     )
-    window = 2 * round(0.5 * config.window_m / circles.spacing_m) + 1  # the same both ways
-    number = sheet[:, 0]
+    window = 2 * round(0.5 * config.window_m / circles.spacing_m) + 1  # odd: the same in both directions
+    number = sheet[:, kernels.SHEET_POINTS]
     halves = moving_sum(depth, window, offsets)
-    density = np.mean(halves[:, :, TOP_BIN : TOP_BIN + 4], axis=2)
+    density = np.mean(halves[:, :, TOP_BIN + _SHEET_BINS[0] : TOP_BIN + _SHEET_BINS[1]], axis=2)
     ratio = halves / np.maximum(density, 1e-9)[:, :, None]
-    above = np.mean(ratio[:, :, TOP_BIN - 5 : TOP_BIN - 2], axis=2)
-    clear = 0.5 * (ratio[:, :, TOP_BIN + 6 : TOP_BIN + 13] + ratio[:, :, TOP_BIN + 7 : TOP_BIN + 14])
+    above = np.mean(ratio[:, :, TOP_BIN + _ABOVE_BINS[0] : TOP_BIN + _ABOVE_BINS[1]], axis=2)
+    low, high = TOP_BIN + _BELOW_BINS[0], TOP_BIN + _BELOW_BINS[1]
+    clear = 0.5 * (ratio[:, :, low : high - 1] + ratio[:, :, low + 1 : high])
     below = np.min(clear, axis=2)
-    # A hedge behind a rail fills the half of the sheet that is turned to it: the clearer half counts
-    enough = density >= 0.2 * np.sum(density, axis=1, keepdims=True)
+    # A hedge behind a rail fills the half of the sheet on its side: the clearer half counts
+    enough = density >= fitted.LEAST_HALF * np.sum(density, axis=1, keepdims=True)
     unclear = np.where(enough, above / config.max_above + below / config.max_below, np.inf)
-    # Of two alike the denser one: left and right are one line's, gone through either way
+    # Of two equal ones the denser: left and right depend on the direction of the line
     half = np.lexsort((-density, unclear), axis=1)[:, 0]
     at = np.arange(len(half)), half
-    square = moving_sum(number * sheet[:, 2] ** 2, window, offsets)
+    square = moving_sum(number * sheet[:, kernels.SHEET_SPREAD] ** 2, window, offsets)
     square = square / np.maximum(moving_sum(number, window, offsets), 1e-9)
-    # The road side shows more ground; what stands before the sheet's foot there is a barrier's slope
-    ground, apron = moving_sum(sides[:, 2], window, offsets), moving_sum(sides[:, 3], window, offsets)
+    # The road side shows more ground; points before the foot of the sheet there are the slope of a barrier
+    ground = moving_sum(sides[:, kernels.SIDE_GROUND], window, offsets)
+    apron = moving_sum(sides[:, kernels.SIDE_APRON], window, offsets)
     road = (ground == np.max(ground, axis=1, keepdims=True)).astype(np.float64)
-    apron = np.sum(apron * road, axis=1) / np.sum(road, axis=1) * (BIN_M / 0.26)
+    apron = np.sum(apron * road, axis=1) / np.sum(road, axis=1) * (BIN_M / _APRON_HEIGHT_M)
     apron = apron / np.maximum(np.sum(density, axis=1), 1e-9)
     empty = number == 0
-    # Its height over both halves, unless something behind it fills the other half far down
-    beside = moving_mean(sides[:, 0] > 0, window, offsets)
+    # Height of the sheet over both halves, unless something behind fills the other half far down
+    beside = moving_mean(sides[:, kernels.SIDE_AT_SHEET] > 0, window, offsets)
     behind = np.max(beside, axis=1)
     both = np.sum(halves, axis=1) / np.maximum(np.sum(density, axis=1), 1e-9)[:, None]
     beam = _beam_height(both)
     return VerticalProfile(
-        offset_m=np.where(empty, np.nan, sheet[:, 1]),
-        top_m=sheet[:, 3],
+        offset_m=np.where(empty, np.nan, sheet[:, kernels.SHEET_OFFSET]),
+        top_m=sheet[:, kernels.SHEET_TOP],
         number=number,
         spread_m=np.sqrt(square),
         above=above[at],
         below=below[at],
-        beam_m=np.where((beam <= config.max_beam_m) | (behind <= 0.5), beam, _beam_height(ratio[at])),
+        beam_m=np.where(
+            (beam <= config.max_beam_m) | (behind <= _BEHIND_SHARE), beam, _beam_height(ratio[at])
+        ),
         front=np.min(beside, axis=1),
-        open_=np.min(moving_mean(moving_sum(sides[:, 1], 5, offsets) > 0.5, window, offsets), axis=1),
+        open_=np.min(
+            moving_mean(
+                moving_sum(sides[:, kernels.SIDE_BELOW], _OPEN_STATIONS, offsets) > 0.5, window, offsets
+            ),
+            axis=1,
+        ),
         apron=apron,
         edge_m=edge,
         rows=ratio[at],
@@ -284,7 +313,9 @@ def measure_profile(
 
 
 def moving_sum(values: AnyArray, window: int, offsets: IntArray) -> FloatArray:
-    """Return the sums over `window` stations about each, an odd number; beyond a line's ends there is nothing.
+    """Return moving sums over `window` stations (an odd number) along each line, of the shape of `values` (n, ...).
+
+    Nothing is added beyond the ends of a line; `offsets` (n_lines + 1,) int64 is where its stations begin.
 
     >>> moving_sum(np.array([1, 0, 2, 0, 4, 9]), 3, np.array([0, 5, 6])).tolist()
     [1.0, 3.0, 2.0, 6.0, 4.0, 9.0]
@@ -294,17 +325,17 @@ def moving_sum(values: AnyArray, window: int, offsets: IntArray) -> FloatArray:
 
 
 def moving_mean(values: AnyArray, window: int, offsets: IntArray) -> FloatArray:
-    """Return the means over the stations that there are, of `window` about each."""
+    """Return moving means over `window` stations along each line, of those that exist; see `moving_sum`."""
     total = moving_sum(np.ones(len(values)), window, offsets)
     return np.asarray((moving_sum(values, window, offsets).T / total).T)
 
 
 def _beam_height(ratio: FloatArray) -> FloatArray:
-    """Depth at which the density first stays below 0.4 of the beam's for 15 cm.
+    """Return the depth (n,) at which the density first stays below 0.4 of the beam's for 15 cm. [m].
 
-    15 cm: one half of a W-beam's sheet holds its two humps, the other the valley between them.
+    15 cm, because one half of the sheet of a W-beam holds its two crests, the other the valley between them.
     """
-    filled = ratio[:, TOP_BIN:] >= 0.4
+    filled = ratio[:, TOP_BIN:] >= fitted.SHEET_FILLED
     gap = ~(filled[:, :-2] | filled[:, 1:-1] | filled[:, 2:])
     first = np.where(gap.any(axis=1), np.argmax(gap, axis=1), gap.shape[1])
     return np.asarray(first * BIN_M)

@@ -1,4 +1,4 @@
-"""Lines of what was followed and fitted: the stretches that are guardrails, and those that are barriers."""
+"""Guardrails and barriers as lines, from the fitted rails."""
 
 from __future__ import annotations
 
@@ -8,24 +8,60 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import AnyArray, BoolArray, FloatArray
+from linework.arrays import AnyArray, BoolArray, FloatArray, distance_along, offsets_of
+from linework.methods.rails import fitted
 from linework.methods.rails.chains import long_runs
 from linework.methods.rails.circles import Bins, CircleConfig
-from linework.methods.rails.profile import BIN_M, TOP_BIN, ProfileConfig, VerticalProfile, offsets_of
-from linework.methods.rails.rails import FittedRail, fit_rails, node_chainage
+from linework.methods.rails.profile import BIN_M, TOP_BIN, ProfileConfig, VerticalProfile
+from linework.methods.rails.rails import FittedRail, fit_rails
 from linework.methods.rails.stretches import barrier_stretches, guardrail_stretches, near_chosen
 from linework.methods.rails.verdict import NodeScores, classify
 from linework.model.grid import Bounds
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.surface.road import RoadSurface, height_above_ground, height_above_road
 
-#: The foot of a New Jersey profile stands 0.22 m before its top edge, and nodes are half a metre apart. [m]
+#: Nodes within this distance of a barrier's edge are on its foot: that of a New Jersey profile stands 0.22 m before the
+#: top edge, and nodes are half a metre apart. [m]
 NEW_JERSEY_FOOT_M = 0.35
+#: Score of a guardrail that rules out a barrier: the foot of one never reaches it.
+CLEAR_GUARDRAIL = 0.9
+#: Height above the followed edge from which a sheet has its edge elsewhere: the circles look 3 cm above it. [m]
+LEAST_RAISE_M = 2 * BIN_M
+#: Rounds of fits from the new edge: the first moves it by a few centimetres, the second comes to rest.
+ROUNDS = 2
+
+#: Height of an end that may dip into the ground: beams end at half a metre or more. [m]
+LOW_END_M = 0.30
+#: Least fall of such an end: the gentlest dip in use is 0.7 m over 12 m.
+LEAST_FALL = 0.05
+#: Height of the top edge at which a beam has reached the ground: the noise of the ground and grass. [m]
+SUNK_M = 0.06
+#: Longest extension of a dipping end, two stations: the fall there is known from a smoothed edge. [m]
+LONGEST_BURIED_M = 1.0
+#: Vertices from the end over which its fall is taken, 1.5 m; a line needs one more.
+_FALL_VERTICES = 3
+
+#: Nodes abreast of each other are closer than this along the line: half of the spacing of nodes. [m]
+_ABREAST_M = 0.3
+#: Least distance across of two rails; the line's own nodes are nearer. [m]
+_LEAST_ACROSS_M = 0.12
+#: Difference in height of two level rails, at most: 10 cm, and a crossfall of 6 % between them. [m, 1]
+_LEVEL_M, _CROSSFALL = 0.10, 0.06
 
 
 @dataclass(frozen=True, slots=True)
 class _Placed:
-    """A fitted rail in the world: middle and edge [m], heights of the edge above road and ground [m]."""
+    """A fitted rail in world coordinates.
+
+    Parameters
+    ----------
+    xyz, edge_xyz
+        (n, 3) middle and top edge. [m, world]
+    height_m, above_ground_m
+        (n,) height of the edge above the road and above the ground. [m]
+    chainage
+        (n,) distance along the rail. [m]
+    """
 
     rail: FittedRail
     xyz: FloatArray
@@ -36,7 +72,7 @@ class _Placed:
 
 
 def _placed(rails: list[FittedRail], bins: Bins, surface: RoadSurface) -> list[_Placed]:
-    """Return the rails in the world; heights are asked for at once."""
+    """Return the rails in world coordinates, their heights looked up at once."""
     if not rails:
         return []
     ends = list(pairwise(offsets_of([len(rail.xy) for rail in rails]).tolist()))
@@ -46,13 +82,13 @@ def _placed(rails: list[FittedRail], bins: Bins, surface: RoadSurface) -> list[_
     height = height_above_road(surface, xyz).astype(np.float64)
     ground = height_above_ground(surface, xyz).astype(np.float64)
     return [
-        _Placed(rail, xyz[a:b], edge[a:b], height[a:b], ground[a:b], node_chainage(rail.xy))
+        _Placed(rail, xyz[a:b], edge[a:b], height[a:b], ground[a:b], distance_along(rail.xy))
         for rail, (a, b) in zip(rails, ends, strict=True)
     ]
 
 
 def _judged(placed: list[_Placed], paired: list[BoolArray], config: ProfileConfig) -> list[NodeScores]:
-    """Return the verdict on each; chains are many and short, and are judged at once."""
+    """Return the scores of each rail; rails are many and short, so all are classified at once."""
     if not placed:
         return []
     profile = VerticalProfile.joined([p.rail.profile for p in placed])
@@ -68,7 +104,7 @@ def _judged(placed: list[_Placed], paired: list[BoolArray], config: ProfileConfi
 def _judged_again(
     placed: list[_Placed], first: list[NodeScores], paired: list[BoolArray], config: ProfileConfig
 ) -> list[NodeScores]:
-    """Return the verdicts, given what runs beside some of the lines; the others' stay as they are."""
+    """Return the scores, computed anew for rails with another one beside them."""
     changed = [i for i, own in enumerate(paired) if own.any()]
     again = _judged([placed[i] for i in changed], [paired[i] for i in changed], config)
     by_number = dict(zip(changed, again, strict=True))
@@ -77,7 +113,17 @@ def _judged_again(
 
 @dataclass(frozen=True, slots=True)
 class _Stretch:
-    """A run of nodes of a placed rail that is a line, the score of each, and what is judged of all nodes."""
+    """A run of nodes of a placed rail that is a line.
+
+    Parameters
+    ----------
+    kind
+        "guardrail" or "barrier".
+    run, score
+        Its nodes, and the score (k,) of each.
+    verdict, paired
+        Scores of all nodes of the rail, and which (n,) have another rail beside them.
+    """
 
     kind: str
     placed: _Placed
@@ -88,7 +134,7 @@ class _Stretch:
 
     @property
     def xyz(self) -> FloatArray:
-        """What a beam's line is, or a barrier's."""
+        """Vertices (k, 3): the middle of a guardrail, or the edge of a barrier. [m, world]."""
         return (self.placed.xyz if self.kind == "guardrail" else self.placed.edge_xyz)[self.run]
 
 
@@ -100,17 +146,26 @@ def rail_lines(
     config: ProfileConfig,
     core: Bounds | None = None,
 ) -> LineSet:
-    """Return the stretches that are guardrails or barriers, surely enough and long enough, as lines.
+    """Return the stretches that are certain and long enough to be guardrails or barriers, as lines.
 
-    Their height, confidence and whether they are double come from what lies in `core`, where a part does.
+    Parameters
+    ----------
+    rails
+        Fitted rails.
+    bins, circles, config
+        What they were fitted to and with.
+    surface
+        Road and ground.
+    core
+        Height, confidence and whether a line is double come from its part in here, where there is one.
     """
     placed = _placed(rails, bins, surface)
     alone = [np.zeros(len(p.xyz), dtype=bool) for p in placed]
     first = _judged(placed, alone, config)
-    # A second look at what runs close beside a guardrail
+    # Classify again what runs close beside a guardrail
     beside = _beside(placed, _guardrails(placed, first, config), config)
     verdicts = _judged_again(placed, first, beside, config)
-    # Barriers from where their sheet ends above; what is more surely one of them is no guardrail
+    # Barriers, fitted where their sheet ends above; what scores higher as a barrier is not a guardrail
     raised = _placed(raised_rails(rails, verdicts, bins, circles, config), bins, surface)
     barriers = _barriers(raised, config)
     found = _guardrails(placed, _without(placed, verdicts, barriers), config)
@@ -119,7 +174,7 @@ def rail_lines(
 
 
 def _guardrails(placed: list[_Placed], verdicts: list[NodeScores], config: ProfileConfig) -> list[_Stretch]:
-    """Return the stretches that are guardrails, each as one that stands alone."""
+    """Return the stretches that are guardrails, each without a rail beside it."""
     return [
         _Stretch("guardrail", p, *stretch, verdict, np.zeros(len(p.xyz), dtype=bool))
         for p, verdict in zip(placed, verdicts, strict=True)
@@ -138,23 +193,22 @@ def _barriers(placed: list[_Placed], config: ProfileConfig) -> list[_Stretch]:
 
 
 def _without(placed: list[_Placed], verdicts: list[NodeScores], barriers: list[_Stretch]) -> list[NodeScores]:
-    """Return the verdicts with no guardrail where a barrier is that is surer of itself, as far as its foot."""
+    """Return the scores without guardrail where a barrier scores higher, as far as its foot."""
     if not barriers:
         return verdicts
     tree = cKDTree(np.concatenate([stretch.xyz for stretch in barriers])[:, :2])
     score = np.append(np.concatenate([stretch.score for stretch in barriers]), 0.0)
     out = []
     for p, verdict in zip(placed, verdicts, strict=True):
-        _, nearest = tree.query(
-            p.xyz[:, :2], distance_upper_bound=NEW_JERSEY_FOOT_M
-        )  # beyond: the last score
+        # Nodes farther away get the last score, 0
+        _, nearest = tree.query(p.xyz[:, :2], distance_upper_bound=NEW_JERSEY_FOOT_M)
         is_barrier = score[nearest] > verdict.guardrail
         out.append(replace(verdict, guardrail=np.where(is_barrier, 0.0, verdict.guardrail)))
     return out
 
 
 def _with_pairs(found: list[_Stretch], placed: list[_Placed], paired: list[BoolArray]) -> list[_Stretch]:
-    """Return the stretches with which of their nodes have a guardrail beside them."""
+    """Return the stretches with `paired` set to the nodes that have a guardrail beside them."""
     of = {id(p): own for p, own in zip(placed, paired, strict=True)}
     return [replace(stretch, paired=of[id(stretch.placed)]) for stretch in found]
 
@@ -186,7 +240,7 @@ def _as_lines(found: list[_Stretch], core: Bounds | None) -> LineSet:
 
 
 def _in_core(line: FloatArray, core: Bounds | None) -> BoolArray:
-    """Return which vertices lie in the core; all of them where none does, or there is no core."""
+    """Return which vertices (n, 3) lie in the core, (n,) bool; all where none does or there is no core."""
     everywhere = np.ones(len(line), dtype=bool)
     if core is None:
         return everywhere
@@ -195,21 +249,9 @@ def _in_core(line: FloatArray, core: Bounds | None) -> BoolArray:
     return inside if inside.any() else everywhere
 
 
-# Sheets that go on above the edge that was followed: concrete barriers, measured again from their top
-
-#: A sheet goes on where it has this share of its density: the limit below which a beam ends.
-FILLED = 0.4
-#: What is a guardrail as surely as this is no barrier: the foot of one never is.
-CLEAR_GUARDRAIL = 0.9
-#: The circles look 3 cm above the edge: a sheet that goes on for two bins more has its edge elsewhere.
-LEAST_RAISE_M = 2 * BIN_M
-#: Rounds of fits from the new edge: the first moves it by a few centimetres, the second comes to rest.
-ROUNDS = 2
-
-
 def raise_of(rail: FittedRail) -> FloatArray:
-    """Return how far above the followed edge the sheet goes on without a gap, (n,) float64 [m]."""
-    filled = rail.profile.all_rows[:, TOP_BIN - 1 :: -1] >= FILLED
+    """Return the height by which the sheet continues above the followed edge without a gap, (n,) [m]."""
+    filled = rail.profile.all_rows[:, TOP_BIN - 1 :: -1] >= fitted.SHEET_FILLED
     return np.where(filled.all(axis=1), 0.0, np.argmin(filled, axis=1) * BIN_M)
 
 
@@ -220,54 +262,44 @@ def raised_rails(
     circles: CircleConfig,
     config: ProfileConfig,
 ) -> list[FittedRail]:
-    """Return what may be barriers, fitted again from where the sheet really ends above.
+    """Return the parts of rails that may be barriers, fitted again from the upper end of their sheet.
 
-    The face of a barrier is as high as a beam over its foot, too, and starts are found there. No more of a
-    chain is taken than the shortest barrier away from where it may be one.
+    Starts are found on the face of a barrier, too, at the height of a beam. A part reaches no farther than the
+    shortest barrier from where it may be one.
     """
     chains = []
     for rail, verdict in zip(rails, verdicts, strict=True):
         higher = raise_of(rail)
         may_be = (verdict.barrier >= 0.5) | ((higher >= LEAST_RAISE_M) & (verdict.goes_on >= 0.5))
         near = near_chosen(
-            may_be & (verdict.guardrail < CLEAR_GUARDRAIL), node_chainage(rail.xy), config.min_closed_length_m
+            may_be & (verdict.guardrail < CLEAR_GUARDRAIL),
+            distance_along(rail.xy),
+            config.min_closed_length_m,
         )
         chain = _chain_of(rail, rail.top_m + higher)
         chains += [
             chain[run] for run in long_runs(near, round(config.min_closed_length_m / circles.spacing_m))
         ]
-    fitted = fit_rails(chains, bins, circles, config)
+    refitted = fit_rails(chains, bins, circles, config)
     for _ in range(ROUNDS - 1):
-        fitted = fit_rails([_chain_of(rail, rail.top_m) for rail in fitted], bins, circles, config)
-    return fitted
+        refitted = fit_rails([_chain_of(rail, rail.top_m) for rail in refitted], bins, circles, config)
+    return refitted
 
 
 def _chain_of(rail: FittedRail, top_m: FloatArray) -> FloatArray:
     return np.column_stack([rail.xy, top_m, rail.profile.number, rail.measured])
 
 
-# Guardrails whose end dips into the ground go on until they reach it
-
-#: An end lower than this, and falling, is on its way into the ground: beams end at half a metre or more.
-LOW_END_M = 0.30
-#: The gentlest dip in use: 0.7 m over 12 m.
-LEAST_FALL = 0.05
-#: Height of the top edge at which a beam counts as sunk: the ground's noise and grass.
-SUNK_M = 0.06
-#: No further than two stations beyond what was measured: the fall there is known from a smoothed edge.
-LONGEST_BURIED_M = 1.0
-
-
 def carry_into_ground(lines: LineSet, surface: RoadSurface) -> LineSet:
-    """Return the lines with the last stretch of buried ends added, marked as bridged.
+    """Return the lines with guardrails extended to where their buried ends reach the ground, marked as bridged.
 
-    The last few centimetres of a dipping beam cannot be told from the ground. Its fall over the last
-    1.5 m that were measured says where it reaches it.
+    The last few centimetres of a dipping beam cannot be told from the ground; they are extrapolated from its fall
+    over the last 1.5 m.
     """
     parts = []
     for i in range(len(lines)):
         line = lines.take([i])
-        if line.kind[0] == "guardrail" and len(line.xyz) >= 4:
+        if line.kind[0] == "guardrail" and len(line.xyz) > _FALL_VERTICES:
             height = height_above_ground(surface, line.xyz).astype(np.float64)
             line = _with_end(_with_end(line, height, first=True), height[::-1], first=False)
         parts.append(line)
@@ -275,11 +307,11 @@ def carry_into_ground(lines: LineSet, surface: RoadSurface) -> LineSet:
 
 
 def _with_end(line: LineSet, height: FloatArray, *, first: bool) -> LineSet:
-    """Add a vertex where the line's first (or last) end is sunk; `height` starts at that end."""
+    """Add a vertex where the first (or last) end of a line reaches the ground; `height` (n,) starts at that end."""
     xyz = line.xyz if first else line.xyz[::-1]
-    back = xyz[0] - xyz[3]
+    back = xyz[0] - xyz[_FALL_VERTICES]
     run = float(np.hypot(back[0], back[1]))
-    fall = (height[3] - height[0]) / max(run, 1e-9)
+    fall = (height[_FALL_VERTICES] - height[0]) / max(run, 1e-9)
     if height[0] > LOW_END_M or height[0] <= SUNK_M or fall < LEAST_FALL:
         return line
     further = min((height[0] - SUNK_M) / fall, LONGEST_BURIED_M)
@@ -294,11 +326,15 @@ def _with_end(line: LineSet, height: FloatArray, *, first: bool) -> LineSet:
     return LineSet(xyz=vertices, offsets=np.array([0, len(vertices)]), crs=line.crs, **columns)
 
 
-# What runs close beside a line: the two rails of a median
-
-
 def close_beside(xyz: list[FloatArray], found: list[FloatArray], pair_m: float) -> list[BoolArray]:
-    """Return which nodes of each line have a node of a found one abreast, within `pair_m`, and level with them.
+    """Return which nodes of each line have one of another line abreast, level and within `pair_m`, (n,) bool each.
+
+    Parameters
+    ----------
+    xyz, found
+        (n, 3) nodes of each line, and of the lines that may run beside them. [m]
+    pair_m
+        Largest distance across. [m]
 
     >>> x = np.arange(0.0, 5.0, 0.5)
     >>> one = np.column_stack([x, 0 * x, 0 * x])
@@ -314,9 +350,7 @@ def close_beside(xyz: list[FloatArray], found: list[FloatArray], pair_m: float) 
     i, d = near["i"], nodes[near["j"]] - places[near["i"]]
     along = np.sum(d[:, :2] * ahead[i], axis=1)
     across = np.abs(d[:, 1] * ahead[i, 0] - d[:, 0] * ahead[i, 1])
-    # Abreast: to half the spacing of the nodes. Level: to 10 cm, and a crossfall of 6 % in between
-    is_level = np.abs(d[:, 2]) < 0.10 + 0.06 * across
-    # The line's own nodes lie before and behind it
-    is_pair = (np.abs(along) < 0.3) & (across > 0.12) & is_level
+    is_level = np.abs(d[:, 2]) < _LEVEL_M + _CROSSFALL * across
+    is_pair = (np.abs(along) < _ABREAST_M) & (across > _LEAST_ACROSS_M) & is_level
     chosen = np.bincount(i[is_pair], minlength=len(places)) > 0
     return np.split(chosen, np.cumsum([len(v) for v in xyz])[:-1])

@@ -1,7 +1,7 @@
-"""Which stretches of a followed chain are lines: surely enough, and long enough.
+"""Select the stretches of followed chains that are lines: certain enough and long enough.
 
-Nothing here asks for more of a chain than a few dozen metres about a place: how much of a long line a tile
-sees changes nothing.
+No decision depends on more of a chain than a few dozen metres about a place, so that the result is the same however
+much of a long line a tile holds.
 """
 
 from __future__ import annotations
@@ -16,47 +16,62 @@ from linework.methods.rails.verdict import NodeScores
 from linework.model.lines import LineSet
 from linework.model.points import Points
 
-#: Lengths are compared with this to spare [m]: nodes are half a metre apart, and limits whole multiples of it.
+#: Tolerance of lengths: nodes are half a metre apart, and limits are whole multiples of that. [m]
 SPARE_M = 1e-6
+#: Points within this distance of a vertex lie on the line: the face of a beam reaches 0.31 m below its top edge. [m]
+TIME_REACH_M = 0.3
+#: Score at which a node counts as passed: a margin of 0.5 is at the limit.
+_PASSED = 0.5
+#: Fewest nodes of a stretch.
+_LEAST_NODES = 2
 
 
 def guardrail_stretches(
     verdict: NodeScores, chainage: FloatArray, config: ProfileConfig
 ) -> list[tuple[slice, FloatArray]]:
-    """Return runs of nodes that are guardrail, with the score of each node.
+    """Return the runs of nodes that are guardrail, with the score of each node.
 
-    A run starts where it is firm, and goes on from there for `max_run_on_m` at most where it is not sure.
-    Two runs with no more than that between them are one: the circles have followed one thing from one to
-    the other.
+    A run starts where it is firm, and continues from there for at most `max_run_on_m` where it is not certain. Two
+    runs with no more than that between them are one: the circles followed one sheet from one to the other.
+
+    Parameters
+    ----------
+    verdict
+        Scores of the nodes of one chain.
+    chainage
+        (n,) distance of the nodes along the chain. [m]
     """
-    sure = verdict.guardrail >= 0.5
+    sure = verdict.guardrail >= _PASSED
     if not sure.any():
         return []
-    goes_on = sure | (verdict.goes_on >= 0.5)
+    goes_on = sure | (verdict.goes_on >= _PASSED)
     firm = np.zeros(len(sure), dtype=bool)
-    for run in long_runs(goes_on & near_chosen(sure, chainage, config.max_run_on_m), 2):
+    for run in long_runs(goes_on & near_chosen(sure, chainage, config.max_run_on_m), _LEAST_NODES):
         firm[run] = _is_firm(sure[run], verdict.open_[run], chainage[run], config)
-    found = long_runs(goes_on & near_chosen(firm, chainage, config.max_run_on_m), 2)
+    found = long_runs(goes_on & near_chosen(firm, chainage, config.max_run_on_m), _LEAST_NODES)
     whole = _joined(found, chainage, config.max_run_on_m)
-    return [(run, np.maximum(verdict.guardrail[run], 0.5)) for run in whole]
+    return [(run, np.maximum(verdict.guardrail[run], _PASSED)) for run in whole]
 
 
 def barrier_stretches(
     verdict: NodeScores, chainage: FloatArray, config: ProfileConfig
 ) -> list[tuple[slice, FloatArray]]:
-    """Return runs of nodes that are barrier and not guardrail, with the score of each node."""
-    sure = np.where(verdict.guardrail < 0.5, verdict.barrier, 0.0)
+    """Return the runs of nodes that are barrier and not guardrail, with the score of each node.
+
+    Parameters as for `guardrail_stretches`.
+    """
+    sure = np.where(verdict.guardrail < _PASSED, verdict.barrier, 0.0)
     return [
         (run, sure[run])
-        for run in long_runs(sure >= 0.5, 2)
+        for run in long_runs(sure >= _PASSED, _LEAST_NODES)
         if chainage[run][-1] - chainage[run][0] >= config.min_closed_length_m - SPARE_M
     ]
 
 
 def _is_firm(sure: BoolArray, open_: AnyArray, chainage: FloatArray, config: ProfileConfig) -> BoolArray:
-    """Return which nodes of a run are sure, in a stretch that is sure over enough of it.
+    """Return which nodes of a run are certain and lie in a stretch that is certain over enough of it, (n,) bool.
 
-    A stretch is twice `min_closed_length_m` long, or all of a shorter run.
+    A stretch is twice `min_closed_length_m` long, or the whole of a shorter run.
     """
     half = config.min_closed_length_m
     low = np.clip(chainage - half, chainage[0], max(chainage[-1] - 2 * half, chainage[0]))
@@ -67,7 +82,7 @@ def _is_firm(sure: BoolArray, open_: AnyArray, chainage: FloatArray, config: Pro
     length = share * (chainage[stop - 1] - chainage[first])
     enough = np.where(is_open, config.min_length_m, config.min_closed_length_m) - SPARE_M
     stands = (share >= config.min_core) & (length >= enough)
-    # Of the stretch about each node that stands, all nodes
+    # All nodes of the stretch about each node that passes
     covered = np.zeros(len(sure) + 1, dtype=np.int64)
     np.add.at(covered, first[stands], 1)
     np.add.at(covered, stop[stands], -1)
@@ -75,12 +90,16 @@ def _is_firm(sure: BoolArray, open_: AnyArray, chainage: FloatArray, config: Pro
 
 
 def _sums(values: AnyArray, first: AnyArray, stop: AnyArray) -> AnyArray:
+    """Return the sums of values over ranges first to stop, (n,) int64 each."""
     total = np.concatenate([[0], np.cumsum(values, dtype=np.int64)])
     return np.asarray(total[stop] - total[first])
 
 
 def near_chosen(chosen: BoolArray, chainage: FloatArray, reach_m: float) -> BoolArray:
-    """Return which nodes have a chosen one within reach along the chain."""
+    """Return which nodes have a chosen one within `reach_m` along the chain, (n,) bool.
+
+    `chosen` is (n,) bool, `chainage` (n,) [m].
+    """
     places = chainage[chosen]
     if not len(places):
         return np.zeros(len(chosen), dtype=bool)
@@ -91,6 +110,7 @@ def near_chosen(chosen: BoolArray, chainage: FloatArray, reach_m: float) -> Bool
 
 
 def _joined(found: list[slice], chainage: FloatArray, gap_m: float) -> list[slice]:
+    """Return the runs with those joined that are no more than a gap apart."""
     whole: list[slice] = []
     for run in found:
         if whole and chainage[run.start] - chainage[whole[-1].stop - 1] <= gap_m + SPARE_M:
@@ -100,19 +120,13 @@ def _joined(found: list[slice], chainage: FloatArray, gap_m: float) -> list[slic
     return whole
 
 
-# When lines were measured: the times of the points they run through
-
-#: Points this near to a vertex lie on the feature: the face of a beam reaches 0.31 m down from its top edge. [m]
-TIME_REACH_M = 0.3
-
-
 def with_times(lines: LineSet, points: Points) -> LineSet:
-    """Return the lines with the time span of the points on them, where they have none yet.
+    """Return the lines with the time span of the points on them, where they have none.
 
     Parameters
     ----------
     points
-        What the lines were found among; without times the lines stay as they are.
+        The points that the lines were extracted from; without times the lines are returned as they are.
 
     Notes
     -----

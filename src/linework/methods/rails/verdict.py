@@ -1,4 +1,4 @@
-"""What a followed sheet of points is, by its vertical profile: guardrail, concrete barrier, or neither."""
+"""Classify a followed sheet of points by its vertical profile: guardrail, concrete barrier, or neither."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray, IntArray
+from linework.methods.rails import fitted
 from linework.methods.rails.profile import (
     BIN_M,
     TOP_BIN,
@@ -17,20 +18,32 @@ from linework.methods.rails.profile import (
     moving_sum,
 )
 
+#: Deviations beyond this count as this: one stray point must not decide a window. [sigma]
+MOST_SIGMAS = 4.0
+#: Least standard deviation of a station's mean offset: the shape of the corrugation. [m]
+LEAST_OFFSET_SIGMA_M = 0.005
+#: Fewest points of an occupied station.
+OCCUPIED_POINTS = 2
+#: Exponent at which the logistic function is cut off: 1e-13, so that it cannot overflow.
+_MOST_EXPONENT = 30
+#: A second row begins this deep under the top edge, below a W-beam and its noise [m]; and ends this high above the
+#: ground, above grass [m].
+SECOND_DEPTH_M, SECOND_GROUND_M = 0.36, 0.20
+
 
 @dataclass(frozen=True, slots=True)
 class NodeScores:
-    """What a line is, node by node: each (n,) from 0 to 1.
+    """Scores of the nodes of lines, (n,) each from 0 to 1; 0.5 is at the limit.
 
     Parameters
     ----------
     guardrail, barrier
-        How sure.
+        That the sheet is one.
     goes_on
-        How sure that it is the same sheet still: a rail that is sure in one place goes on over bushes and
-        down to its buried end, where its height and its clear gap tell nothing.
+        That it is still the same sheet: a rail that is certain in one place continues over bushes and down to its
+        buried end, where its height and its clear gap say nothing.
     open_
-        (n,) bool: the ground behind is seen below it.
+        (n,) bool: the ground behind is visible below it.
     """
 
     guardrail: FloatArray
@@ -39,7 +52,7 @@ class NodeScores:
     open_: AnyArray
 
     def split(self, offsets: IntArray) -> list[NodeScores]:
-        """Return the verdict on each line: on line i from offsets[i] to offsets[i + 1]."""
+        """Return the scores of each line: line i has the nodes from offsets[i] to offsets[i + 1]."""
         columns = self.guardrail, self.barrier, self.goes_on, self.open_
         return [NodeScores(*(column[a:b] for column in columns)) for a, b in pairwise(offsets.tolist())]
 
@@ -52,27 +65,30 @@ def classify(
     paired: AnyArray,
     config: ProfileConfig,
 ) -> NodeScores:
-    """Return how sure it is at every node that this is a guardrail or a barrier, and that it goes on.
+    """Return the scores of every node for a guardrail, a barrier, and the continuation of the sheet.
 
     Parameters
     ----------
+    profile
+        Of all lines.
     wobble
-        (n,) float64: how far each station's top is from the fitted edge, in sigmas; NaN where unknown.
+        (n,) distance of each station's top from the fitted edge; NaN where unknown. [sigma]
     height_m, above_ground_m
-        (n,) float64: height of the top edge above the road, and above the ground below it.
+        (n,) height of the top edge above the road, and above the ground below it. [m]
     paired
-        (n,) bool: a guardrail runs close beside it. Of the second beam on a post only the upper edge is
-        seen, over the first: its height and depth say nothing then, nor does what stands before it.
-
+        (n,) bool: a guardrail runs close beside it. Only the upper edge of the second beam on a post is visible,
+        over the first: its height and depth say nothing then, nor does what stands before it.
+    config
+        Limits of the tests.
     """
     window, ends = profile.window, profile.offsets
     known = ~np.isnan(wobble)
-    square = np.where(known, np.minimum(np.nan_to_num(wobble), 4.0) ** 2, 0.0)
+    square = np.where(known, np.minimum(np.nan_to_num(wobble), MOST_SIGMAS) ** 2, 0.0)
     unrest = np.sqrt(moving_sum(square, window, ends) / np.maximum(moving_sum(known, window, ends), 1.0))
-    occupied = moving_mean(profile.number >= 2, window, ends)
-    allowed = np.hypot(profile.spread_m / np.sqrt(np.maximum(profile.number, 1.0)), 0.005)
+    occupied = moving_mean(profile.number >= OCCUPIED_POINTS, window, ends)
+    allowed = np.hypot(profile.spread_m / np.sqrt(np.maximum(profile.number, 1.0)), LEAST_OFFSET_SIGMA_M)
     swerve = np.where(
-        profile.number > 0, np.minimum(np.abs(np.nan_to_num(profile.offset_m)) / allowed, 4.0), 0.0
+        profile.number > 0, np.minimum(np.abs(np.nan_to_num(profile.offset_m)) / allowed, MOST_SIGMAS), 0.0
     )
     wander = np.sqrt(moving_mean(swerve**2, window, ends))
     rough = np.sqrt(
@@ -83,51 +99,55 @@ def classify(
         )
         / 3
     )
-    # Each test as a margin: 1 well inside the limit, 0.5 at it, 0 well outside
+    # Each test as a margin: 1 well within the limit, 0.5 at it, 0 well beyond
     goes_on = _least(
-        _below(profile.spread_m, 1.15 * config.max_spread_m, 0.003),
-        _below(unrest, 1.6 * config.max_wobble, 0.15),
-        _below(wander, 1.6 * config.max_wander, 0.15),
-        _below(-occupied, -0.4, 0.08),
-        _below(height_m, config.max_top_m, 0.03),
+        _below(profile.spread_m, fitted.CONTINUES_SPREAD * config.max_spread_m, fitted.SPREAD_WIDTH_M),
+        _below(unrest, fitted.CONTINUES_WOBBLE * config.max_wobble, fitted.WOBBLE_WIDTH),
+        _below(wander, fitted.CONTINUES_WANDER * config.max_wander, fitted.WOBBLE_WIDTH),
+        _below(-occupied, -fitted.CONTINUES_OCCUPIED, fitted.OCCUPIED_WIDTH),
+        _below(height_m, config.max_top_m, fitted.TOP_WIDTH_M),
     )
+    is_smooth = _below(rough, config.max_rough, fitted.ROUGH_WIDTH)
+    is_free_above = _below(profile.above, config.max_above, fitted.ABOVE_WIDTH)
     beam = _least(
         goes_on,
-        _below(rough, config.max_rough, 0.03),
-        _below(profile.beam_m, config.max_beam_m, 0.03),
-        _below(profile.above, config.max_above, 0.06),
-        _below(profile.below, config.max_below, 0.08),
-        _below(profile.apron, config.max_apron, 0.05),
-        _below(_row_under(profile.rows, above_ground_m), config.max_second, 0.06),
-        _below(-height_m, -config.min_top_m, 0.03),
+        is_smooth,
+        _below(profile.beam_m, config.max_beam_m, fitted.BEAM_WIDTH_M),
+        is_free_above,
+        _below(profile.below, config.max_below, fitted.BELOW_WIDTH),
+        _below(profile.apron, config.max_apron, fitted.APRON_WIDTH),
+        _below(_row_under(profile.rows, above_ground_m), config.max_second, fitted.SECOND_WIDTH),
+        _below(-height_m, -config.min_top_m, fitted.TOP_WIDTH_M),
     )
-    # A tube is neither deep nor high; a beam is one of both, as a corrugated or a flat plate
+    # A tube is neither deep nor high; a beam is at least one of both: a W-beam deep, a flat plate high
     deep = np.maximum(
-        _below(-profile.spread_m, -config.min_spread_m, 0.002),
-        _below(-profile.beam_m, -config.min_plate_m, 0.02),
+        _below(-profile.spread_m, -config.min_spread_m, fitted.DEEP_WIDTH_M),
+        _below(-profile.beam_m, -config.min_plate_m, fitted.LOW_BEAM_WIDTH_M),
     )
-    lone = _below(_row_over(profile.rows), config.max_second, 0.06)
-    whole = _below(-occupied, -0.6, 0.08)  # the posts behind a beam fill less
+    lone = _below(_row_over(profile.rows), config.max_second, fitted.SECOND_WIDTH)
+    # The posts behind a beam fill less
+    whole = _below(-occupied, -fitted.WHOLE_OCCUPIED, fitted.OCCUPIED_WIDTH)
+    is_free_in_front = _below(profile.front, config.max_front, fitted.FRONT_WIDTH)
     alone = _least(
         beam,
         deep,
         lone,
-        _below(-profile.beam_m, -config.min_beam_m, 0.02),
-        _below(profile.front, config.max_front, 0.08),
+        _below(-profile.beam_m, -config.min_beam_m, fitted.LOW_BEAM_WIDTH_M),
+        is_free_in_front,
         np.where(paired, whole, 1.0),
     )
-    lip = np.minimum(lone, _below(profile.beam_m, config.min_beam_m, 0.02))
+    lip = np.minimum(lone, _below(profile.beam_m, config.min_beam_m, fitted.LOW_BEAM_WIDTH_M))
     beside = _least(beam, np.maximum(deep, lip), whole, paired.astype(np.float64))
     barrier = _least(
         goes_on,
-        _below(rough, config.max_rough, 0.03),
-        _below(profile.above, config.max_above, 0.06),
-        # Its lower face stands out before the upper one; the face of a hedge or a wall goes on below
-        _below(profile.below, 1.5 * config.max_below, 0.08),
-        _below(profile.front, config.max_front, 0.08),
-        _below(-profile.apron, -1.5 * config.max_apron, 0.05),
-        _below(profile.open_, config.min_open, 0.1),
-        _below(-height_m, -1.5 * config.min_top_m, 0.03),
+        is_smooth,
+        is_free_above,
+        # Its lower face stands out before the upper one; the face of a hedge or a wall continues below
+        _below(profile.below, fitted.BARRIER_BELOW * config.max_below, fitted.BELOW_WIDTH),
+        is_free_in_front,
+        _below(-profile.apron, -fitted.BARRIER_APRON * config.max_apron, fitted.APRON_WIDTH),
+        _below(profile.open_, config.min_open, fitted.OPEN_WIDTH),
+        _below(-height_m, -fitted.BARRIER_TOP * config.min_top_m, fitted.TOP_WIDTH_M),
     )
     return NodeScores(
         guardrail=np.maximum(alone, beside),
@@ -138,21 +158,24 @@ def classify(
 
 
 def _least(*margins: FloatArray) -> FloatArray:
+    """Return the least of several margins (n,) at each node."""
     return np.asarray(np.min(np.stack(margins), axis=0))
 
 
 def _row_over(rows: FloatArray) -> FloatArray:
-    """Densest 10 cm from 0.10 m over the top edge up."""
+    """Return the density (n,) of the densest 10 cm from 0.10 m above the top edge upwards."""
     return np.asarray(np.max(0.5 * (rows[:, 1 : TOP_BIN - 1] + rows[:, : TOP_BIN - 2]), axis=1))
 
 
 def _row_under(rows: FloatArray, above_ground_m: FloatArray) -> FloatArray:
-    """Densest 10 cm from 0.36 m under the top edge down to 0.20 m above the ground."""
+    """Return the density (n,) of the densest 10 cm from 0.36 m below the top edge to 0.20 m above the ground."""
     depth = (np.arange(rows.shape[1]) - TOP_BIN + 1) * BIN_M  # lower edge of each bin
-    under = (depth > 0.36 + BIN_M) & (depth <= above_ground_m[:, None] - 0.20)
+    under = (depth > SECOND_DEPTH_M + BIN_M) & (depth <= above_ground_m[:, None] - SECOND_GROUND_M)
     pairs = 0.5 * (rows[:, 1:] + rows[:, :-1])
     return np.asarray(np.max(np.where(under[:, 1:] & under[:, :-1], pairs, 0.0), axis=1))
 
 
 def _below(value: FloatArray, limit: float | FloatArray, width: float) -> FloatArray:
-    return np.asarray(1.0 / (1.0 + np.exp(np.clip((value - limit) / width, -30, 30))))
+    """Return the margin (n,) of values below a limit: the logistic function of (limit - value) / width."""
+    exponent = np.clip((value - limit) / width, -_MOST_EXPONENT, _MOST_EXPONENT)
+    return np.asarray(1.0 / (1.0 + np.exp(exponent)))

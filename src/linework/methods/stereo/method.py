@@ -6,11 +6,14 @@ What goes beyond the paper is named in docs/methods/stereo.md.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
-from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.arrays import BoolArray, FloatArray, offsets_of
+from linework.methods.protocol import Recording, SurveyContext
 from linework.methods.stereo.pieces import coverage_test, fused_boxes, pieces_of
 from linework.methods.stereo.road_plane import fit_pair_road
 from linework.methods.stereo.sighted import sightings_of
@@ -20,8 +23,7 @@ from linework.methods.tracking.arrangement import is_double, roles
 from linework.methods.tracking.guides import drop_unlikely_pieces, join_along
 from linework.methods.tracking.neighbours import LineAxis, axes_of_path
 from linework.methods.tracking.track import TrackConfig, Tracks, track_lines
-from linework.model.camera import RectifiedRig
-from linework.model.images import Poses, RectifiedPair
+from linework.model.images import RectifiedPair
 from linework.model.lines import LineSet
 from linework.model.settings import group
 from linework.model.sightings import Sightings
@@ -52,44 +54,45 @@ class StereoConfig:
 class StereoMethod:
     """Lane markings in stereo pairs."""
 
+    recording: ClassVar[Recording] = "pairs"
+    evidence: ClassVar[type[Sightings]] = Sightings
+    #: A pair is looked at by itself, and all of it.
+    buffer_m: ClassVar[float] = 0.0
+    least_height_m: ClassVar[float] = -math.inf
     config: StereoConfig = field(default_factory=StereoConfig)
     kinds: tuple[str, ...] = STEREO_KINDS
     name: str = "stereo"
 
-    def see(self, pair: RectifiedPair) -> Sightings:
-        """Return the places on lane markings that a pair shows, in the vehicle frame of its time."""
+    def look(self, piece: RectifiedPair) -> Sightings:
+        """Return the places on lane markings that a pair shows, in the vehicle frame at its time."""
         c = self.config
         # The road's surface, from the pair itself
-        road = fit_pair_road(pair)
+        road = fit_pair_road(piece)
         if road is None:
             return Sightings.empty()
         # Bright lines in both images, row by row, followed from near to far, and matched along the rows
-        lines = find_stripe_lines(pair, road, c.stripes)
+        lines = find_stripe_lines(piece, road, c.stripes)
         # Those that are paint on the road, intersected
-        return sightings_of(pair, road, lines, c.stripes)
+        return sightings_of(piece, road, lines, c.stripes)
 
-    def join(
-        self, seen: Sightings, poses: Poses, rig: RectifiedRig, numbers: IntArray | None = None
-    ) -> LineSet:
+    def join(self, found: Sightings, survey: SurveyContext) -> LineSet:
         """Return the lines through the sightings of all pairs, in world coordinates.
 
         Parameters
         ----------
-        seen
+        found
             Of all pairs, in any order of the pairs.
-        poses
-            Where the vehicle was when the pairs were taken.
-        rig
-            Geometry of the rectified pairs.
-        numbers
-            (n,) int64: the pair each pose belongs to, ascending; None: pose i belongs to pair i.
+        survey
+            With the poses of the pairs and their geometry.
         """
-        if len(seen) == 0:
+        if len(found) == 0:
             return LineSet.empty()
+        poses, rig, numbers = survey.poses, survey.rig, survey.pair_numbers
+        assert poses is not None and rig is not None, "sightings are joined by the poses of their pairs"
         origin = np.array(local_origin(*poses.xyz.min(axis=0).tolist()))
-        pose = seen.pair if numbers is None else np.searchsorted(numbers, seen.pair)
-        # All pairs' pieces of lines in the world; what many saw is one place, weighted by covariance
-        pieces = pieces_of(seen, poses, rig, np.asarray(pose), origin)
+        pose = found.pair if numbers is None else np.searchsorted(numbers, found.pair)
+        # Pieces of lines of all pairs in the world; sightings of one place are averaged, weighted by covariance
+        pieces = pieces_of(found, poses, rig, np.asarray(pose), origin)
         boxes = fused_boxes(pieces, poses, rig, origin)
         boxes = boxes.take(np.lexsort((boxes.centre[:, 1], boxes.centre[:, 0])))
         looked = coverage_test(pieces, poses, rig, origin)
@@ -141,7 +144,7 @@ def _kept(tracks: Tracks, kept: BoolArray) -> Tracks:
     """Return the tracks with some of their places only."""
     owner = np.repeat(np.arange(len(tracks)), np.diff(tracks.offsets))
     n = np.bincount(owner[kept], minlength=len(tracks))
-    return Tracks(tracks.box[kept], tracks.way[kept], np.concatenate([[0], np.cumsum(n)]).astype(np.int64))
+    return Tracks(tracks.box[kept], tracks.sense[kept], offsets_of(n))
 
 
 def _is_sure(score: FloatArray) -> bool:

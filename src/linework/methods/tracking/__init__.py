@@ -1,1 +1,1 @@
-"""Lines tracked through boxes: what obb and stereo share."""
+"""Lines tracked through oriented boxes, smoothed and described: shared by the obb and stereo methods."""

@@ -1,4 +1,4 @@
-"""How the lines of a road lie to one another: boundaries behind others, double lines, roles of markings."""
+"""The arrangement of the lines of a road: boundaries behind others, double lines, roles of markings."""
 
 from __future__ import annotations
 
@@ -12,26 +12,35 @@ from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.methods.tracking.neighbours import AXIS_STATION_M, LineAxis, Neighbours, find_neighbours
 from linework.model.boxes import BoxSet
 
-#: A carriageway, or half of one with paint in its middle, is no wider than this. [m]
+#: Widest carriageway, or half of one with paint in its middle. [m]
 FACING_M = 20.0
-#: A kerb goes on where the next one begins no farther off (stations stand a metre from the ends). [m]
+#: Largest distance from the end of a kerb to the one that continues it (stations are a metre from the ends). [m]
 GOES_ON_M = 4.0
-#: Footways and the yards behind them are looked at this far. [m]
+#: Width of the footways and yards behind a kerb, where paint is not a marking. [m]
 BEHIND_KERB_M = 15.0
-#: Paint this close behind an edge: it lies within the carriageway. [m]
+#: An edge with paint this close behind it is a seam within the carriageway. [m]
 SEAM_M = 3.0
-#: Gutters and kerb beds are no wider than this. [m]
+#: Widest gutter or kerb bed. [m]
 WIDEST_GUTTER_M = 1.5
-#: The stripes of a double line are no farther apart, middle to middle (two of 0.15 m and 0.2 m of gap between). [m]
+#: Largest distance of the stripes of a double line, middle to middle (two of 0.15 m with a gap of 0.2 m). [m]
 DOUBLE_M = 0.50
-#: Bars of a zebra crossing lie this far apart, middle to middle. [m]
+#: Distance of the bars of a zebra crossing, middle to middle. [m]
 ZEBRA_M = (0.5, 1.3)
-#: Lanes are no wider than this. [m]
+#: Widest lane. [m]
 LANE_M = 6.0
+#: A property holds for a line if it does at more than this share of its stations; a neighbour counts if it is there at
+#: more than this share of them.
+_MOST, _OFTEN = 0.5, 0.4
+#: Cosines with the road below which a bar lies across it (60 degrees), and above which it runs along it (30 degrees).
+_ACROSS_ROAD, _ALONG_ROAD = 0.5, 0.866
+#: Ratios of the distances to both boundaries between which a line lies half-way between them.
+_HALF_WAY = (0.6, 1.67)
+#: An edge line is nearer to the end of the carriageway than this share of its distance to the next paint.
+_EDGE_SHARE = 0.8
 
 
 def beside_kerb(boxes: BoxSet, kerbs: Sequence[LineAxis], from_m: float, to_m: float) -> BoolArray:
-    """Return which boxes lie beside a kerb, between two offsets from its foot, positive on the carriageway."""
+    """Return which boxes lie beside a kerb, (n,) bool: between two offsets [m] from its foot, positive on the road."""
     out = np.zeros(len(boxes), dtype=np.bool_)
     if not kerbs or len(boxes) == 0:
         return out
@@ -47,28 +56,28 @@ def beside_kerb(boxes: BoxSet, kerbs: Sequence[LineAxis], from_m: float, to_m: f
 
 
 def bounds_carriageway(
-    courses: Sequence[LineAxis], is_kerb: BoolArray, is_sure: BoolArray, lanes: Sequence[LineAxis]
+    axes: Sequence[LineAxis], is_kerb: BoolArray, is_sure: BoolArray, lanes: Sequence[LineAxis]
 ) -> BoolArray:
-    """Return which boundaries have a carriageway in front of them, and none behind.
+    """Return which boundaries have a carriageway in front of them and none behind, (m,) bool.
 
-    Looking across from a boundary towards its carriageway one meets paint, the van's way, or a boundary that
-    looks back. One that is met from behind is the carriageway's end: walls, hedges and garden edges at the back
-    of a footway stand behind it. An edge without a kerb that has paint or the van's way close behind it is a
-    seam of the asphalt; and one beside a kerb is its gutter: neither hides a kerb.
+    The first line across from a boundary, towards its carriageway, is paint, the vehicle's path, or a boundary that
+    faces it. If it is a boundary facing away, that one is the end of the carriageway: walls, hedges and garden edges at
+    the back of a footway stand behind it. An edge without a kerb that has paint or the vehicle's path close behind it
+    is a seam of the asphalt, and one beside a kerb is its gutter; neither hides a kerb.
 
     Parameters
     ----------
-    courses
+    axes
         Boundaries, each with the carriageway to its left.
     is_kerb
         (m,) bool.
     is_sure
-        (m,) bool: paint behind these says nothing, there is none on grass.
+        (m,) bool: sure boundaries, to which paint behind them means nothing (it is grass or stone).
     lanes
-        Lines of paint and the ways of vans.
+        Axes of markings and of the vehicle's path.
     """
-    m = len(courses)
-    n = find_neighbours([*courses, *lanes], FACING_M)
+    m = len(axes)
+    n = find_neighbours([*axes, *lanes], FACING_M)
     own = n.line < m
     is_lane = n.other >= m
     kerb = np.concatenate([is_kerb, np.zeros(len(lanes), dtype=np.bool_)])
@@ -80,19 +89,19 @@ def bounds_carriageway(
     sure = np.concatenate([is_sure, np.zeros(len(lanes), dtype=np.bool_)])
     seam = behind & is_lane & (n.across_m > -SEAM_M) & ~sure[n.line]
     gutter = behind & kerb[n.other] & (n.across_m > -WIDEST_GUTTER_M) & (n.facing > 0.0)
-    every = [*courses, *lanes]
-    good = _share_of_stations(n, in_front, every)[:m] > 0.5
-    # A kerb says itself on which side its carriageway is; so does all where there is neither paint nor a van's way
-    hidden = _share_of_stations(n, first & ~in_front, every)[:m] > 0.5
+    every = [*axes, *lanes]
+    good = _share_of_stations(n, in_front, every)[:m] > _MOST
+    # A kerb shows on which side its carriageway is; without paint and a path, so does every boundary
+    hidden = _share_of_stations(n, first & ~in_front, every)[:m] > _MOST
     good |= ~hidden & (is_kerb | (len(lanes) == 0))
-    bad = _share_of_stations(n, seam | gutter, every)[:m] > 0.5
-    return _with_continued(courses, is_kerb, good & ~bad)
+    bad = _share_of_stations(n, seam | gutter, every)[:m] > _MOST
+    return _with_continued(axes, is_kerb, good & ~bad)
 
 
-def _with_continued(courses: Sequence[LineAxis], is_kerb: BoolArray, kept: BoolArray) -> BoolArray:
-    """Return the boundaries that are kept, and the kerbs that go on from their ends: round corners of side streets."""
+def _with_continued(axes: Sequence[LineAxis], is_kerb: BoolArray, kept: BoolArray) -> BoolArray:
+    """Return the kept boundaries and the kerbs that continue them, (m,) bool: round the corners of side streets."""
     kept = kept.copy()
-    ends = np.array([(c.xy[0], c.xy[-1]) for c in courses]).reshape(-1, 2, 2)
+    ends = np.array([(c.xy[0], c.xy[-1]) for c in axes]).reshape(-1, 2, 2)
     open_ = [i for i in np.flatnonzero(kept).tolist() if is_kerb[i]]
     while open_:
         i = open_.pop()
@@ -105,7 +114,7 @@ def _with_continued(courses: Sequence[LineAxis], is_kerb: BoolArray, kept: BoolA
 
 
 def _nearest_per_station(n: Neighbours, chosen: BoolArray) -> BoolArray:
-    """Return which of the chosen neighbours are the nearest at their station."""
+    """Return which of the chosen neighbours are the nearest at their station, (k,) bool."""
     index = np.flatnonzero(chosen)
     order = index[np.lexsort((np.abs(n.across_m[index]), n.station[index]))]
     first = np.concatenate([[True], np.diff(n.station[order]) != 0]) if len(order) else np.zeros(0, bool)
@@ -115,59 +124,65 @@ def _nearest_per_station(n: Neighbours, chosen: BoolArray) -> BoolArray:
 
 
 def behind_boundaries(lanes: Sequence[LineAxis], bounds: Sequence[LineAxis], is_kerb: BoolArray) -> BoolArray:
-    """Return which markings lie behind a boundary: bright strips on footways, in yards and on verges are none.
+    """Return which markings lie behind a boundary, (m,) bool: bright strips on footways, in yards and on verges.
 
-    Behind a kerb there is no carriageway for a while; behind an edge without one there may be the next carriageway
-    whose own edge was not seen, but not at once.
+    Behind a kerb there is no carriageway over some width; behind an edge without a kerb there may be another
+    carriageway whose own edge was not found, but not close behind.
     """
     m = len(lanes)
     n = find_neighbours([*lanes, *bounds], BEHIND_KERB_M)
     reach = np.concatenate([np.zeros(m), np.where(is_kerb, BEHIND_KERB_M, SEAM_M)])
     near = (n.line < m) & (n.other >= m) & (np.abs(n.across_m) <= reach[n.other])
     first = _nearest_per_station(n, near)
-    # The boundary's carriageway is on its left; on that side is the marking, or it is behind
+    # The carriageway is on the left of the boundary: a marking on its right is behind
     behind = first & (n.across_m * n.facing > 0.0)
-    return np.asarray(_share_of_stations(n, behind, [*lanes, *bounds])[:m] > 0.5)
+    return np.asarray(_share_of_stations(n, behind, [*lanes, *bounds])[:m] > _MOST)
 
 
 def along_lines(bars: Sequence[LineAxis], lines: Sequence[LineAxis], reach_m: float) -> BoolArray:
-    """Return which paint runs along a line, within reach: a piece of a marking, the face of a kerb or an edge."""
+    """Return which paint runs along a line within reach [m], (m,) bool: pieces of markings, faces of kerbs, edges."""
     m = len(bars)
     n = find_neighbours([*bars, *lines], reach_m)
     beside = (n.line < m) & (n.other >= m)
-    return np.asarray(_share_of_stations(n, beside, [*bars, *lines])[:m] > 0.5)
+    return np.asarray(_share_of_stations(n, beside, [*bars, *lines])[:m] > _MOST)
 
 
-def is_double(courses: Sequence[LineAxis]) -> BoolArray:
-    """Return which markings run beside another one as one of a double line for most of their length."""
-    n = find_neighbours(courses, DOUBLE_M)
-    return np.asarray(_share_of_stations(n, np.ones(len(n.line), dtype=np.bool_), courses) > 0.5)
+def is_double(axes: Sequence[LineAxis]) -> BoolArray:
+    """Return which markings are one of a double line for most of their length, (m,) bool."""
+    n = find_neighbours(axes, DOUBLE_M)
+    return np.asarray(_share_of_stations(n, np.ones(len(n.line), dtype=np.bool_), axes) > _MOST)
 
 
 def paint_forms(bars: Sequence[LineAxis], road: Sequence[LineAxis]) -> list[str]:
-    """Return what paint that is no line is: a bar of a zebra crossing, a stop line, an arrow's shaft.
+    """Return the form of paint that is not a line: "zebra", "stop", "arrow", or "" where it is unknown.
 
-    Bars of a crossing lie side by side, 0.5 to 1.3 m from each other; a stop line lies across the road; what is
-    alone and along it is an arrow.
+    The bars of a zebra crossing lie side by side, 0.5 to 1.3 m apart; a stop line lies across the road; a single bar
+    along it is the shaft of an arrow.
 
     Parameters
     ----------
     bars
         The paint.
     road
-        Lines along the road: lane markings, boundaries, the van's way.
+        Lines along the road: lane markings, boundaries, the vehicle's path.
     """
     n = find_neighbours(bars, ZEBRA_M[1])
     beside = np.bincount(n.line[np.abs(n.across_m) >= ZEBRA_M[0]], minlength=len(bars))
     along = _cosine_with(bars, road)
     return [
-        "zebra" if beside[i] > 0 else "stop" if along[i] < 0.5 else "arrow" if along[i] > 0.866 else ""
+        "zebra"
+        if beside[i] > 0
+        else "stop"
+        if along[i] < _ACROSS_ROAD
+        else "arrow"
+        if along[i] > _ALONG_ROAD
+        else ""
         for i in range(len(bars))
     ]
 
 
 def _cosine_with(bars: Sequence[LineAxis], road: Sequence[LineAxis]) -> FloatArray:
-    """Return the cosine between each bar and the nearest line of the road; NaN where there is none near."""
+    """Return the cosine between each bar and the nearest line of the road, (m,); NaN without one near."""
     if not road:
         return np.full(len(bars), np.nan)
     xy, normal = np.concatenate([c.xy for c in road]), np.concatenate([c.normal for c in road])
@@ -181,21 +196,23 @@ def _cosine_with(bars: Sequence[LineAxis], road: Sequence[LineAxis]) -> FloatArr
 
 
 def roles(
-    lanes: Sequence[LineAxis], bounds: Sequence[LineAxis], way: Sequence[LineAxis], double: BoolArray
+    lanes: Sequence[LineAxis], bounds: Sequence[LineAxis], path: Sequence[LineAxis], double: BoolArray
 ) -> list[str]:
-    """Return the role of each marking, "" where it cannot be told.
+    """Return the role of each marking: "edge", "centre", "lane", or "" where it is unknown.
 
-    The outermost line of paint, next to the end of the carriageway, is an edge line. A double line is the
-    centre line, and so is one that vans pass in opposite directions on either side, or a single line half-way
-    between two boundaries. Lines inside that vans pass the same way on both sides, and one of several inside,
-    part lanes.
+    The outermost line of paint, next to the end of the carriageway, is an edge line. A double line is the centre line,
+    and so is a line that vehicles pass in opposite directions on either side, or a single line half-way between two
+    boundaries. Inner lines that vehicles pass in the same direction on both sides, and one of several inner lines,
+    separate lanes.
 
     Parameters
     ----------
-    lanes, bounds, way
-        Markings, boundaries, and the ways of vans.
+    lanes, bounds, path
+        Axes of markings, of boundaries, and of the vehicle's path.
+    double
+        (m,) bool: markings that are one of a double line.
     """
-    n = find_neighbours([*lanes, *bounds, *way], 2.0 * LANE_M)
+    n = find_neighbours([*lanes, *bounds, *path], 2.0 * LANE_M)
     m, k = len(lanes), len(lanes) + len(bounds)
     sides = []
     for i in range(m):
@@ -222,46 +239,46 @@ def roles(
 
 
 class _Side(NamedTuple):
-    """What is on one side of a line: distance to the next paint and boundary [m], and which way vans go there."""
+    """One side of a line: distance to the next paint and boundary [m], and the sense in which vehicles pass there."""
 
     paint_m: float
     bound_m: float
-    way: float
+    sense: float
 
     @property
     def is_outer(self) -> bool:
-        """Whether no paint lies between the line and the end of the carriageway."""
+        """Whether there is no paint between the line and the end of the carriageway."""
         return not np.isfinite(self.paint_m) or self.paint_m > self.bound_m
 
 
 def _role(left: _Side, right: _Side, *, is_double: bool, is_one_of_many: bool) -> str:
-    """Return the role of a line with this on either side."""
-    if is_double or left.way * right.way < 0.0:
+    """Return the role of a line from its two sides."""
+    if is_double or left.sense * right.sense < 0.0:
         return "centre"
     if left.is_outer and right.is_outer:
         if not (np.isfinite(left.bound_m) and np.isfinite(right.bound_m)):
             return ""
-        return "centre" if 0.6 < left.bound_m / right.bound_m < 1.67 else "edge"
+        return "centre" if _HALF_WAY[0] < left.bound_m / right.bound_m < _HALF_WAY[1] else "edge"
     if left.is_outer or right.is_outer:
         outer, inner = (left, right) if left.is_outer else (right, left)
-        is_edge = not np.isfinite(outer.bound_m) or outer.bound_m < 0.8 * inner.paint_m
+        is_edge = not np.isfinite(outer.bound_m) or outer.bound_m < _EDGE_SHARE * inner.paint_m
         return "edge" if is_edge else "centre"
-    return "lane" if is_one_of_many or left.way * right.way > 0.0 else ""
+    return "lane" if is_one_of_many or left.sense * right.sense > 0.0 else ""
 
 
 def _typical(across: FloatArray, station: AnyArray, n_stations: int) -> float:
-    """Return the median distance of the nearest line per station, inf where most stations have none."""
+    """Return the median distance [m] of the nearest line per station, inf where most stations have none."""
     if len(across) == 0:
         return np.inf
     order = np.lexsort((across, station))
     first = np.concatenate([[True], np.diff(station[order]) != 0])
     nearest = across[order][first]
-    return float(np.median(nearest)) if len(nearest) > 0.4 * n_stations else np.inf
+    return float(np.median(nearest)) if len(nearest) > _OFTEN * n_stations else np.inf
 
 
-def _share_of_stations(n: Neighbours, chosen: BoolArray, courses: Sequence[LineAxis]) -> FloatArray:
-    """Return for each line the share of its stations with a chosen neighbour."""
+def _share_of_stations(n: Neighbours, chosen: BoolArray, axes: Sequence[LineAxis]) -> FloatArray:
+    """Return the share of each line's stations with a chosen neighbour, (m,)."""
     stations = np.unique(n.station[chosen])
-    owner = np.repeat(np.arange(len(courses)), [len(c.xy) for c in courses])
-    counted = np.bincount(owner[stations], minlength=len(courses))
-    return counted / np.maximum([len(c.xy) for c in courses], 1)
+    owner = np.repeat(np.arange(len(axes)), [len(c.xy) for c in axes])
+    counted = np.bincount(owner[stations], minlength=len(axes))
+    return counted / np.maximum([len(c.xy) for c in axes], 1)

@@ -1,4 +1,4 @@
-"""Road boundaries and kerb tops out of tracked boundary boxes."""
+"""Road boundaries and kerb tops from tracked boundary boxes."""
 
 from __future__ import annotations
 
@@ -10,28 +10,25 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.kernels.tracking.track import SHARED
 from linework.methods.protocol import Sight, visible_share
+from linework.methods.tracking.fitted import LEAST_BOUNDARY_SCORE, SHARED_EDGE
 from linework.methods.tracking.marking_lines import confidence_of
 from linework.methods.tracking.smooth import SmoothLine, smooth_line, smooth_value
 from linework.methods.tracking.track import Tracks
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LineSet
 
-#: A boundary runs on through dropped kerbs of drives: up to 6 m wide, with ramps of 1 m on either side, and a box
-#: short of each; where it is not seen for longer, on ground that was, it has ended: mouths of streets are 11 m and
-#: more from kerb to kerb. [m]
+#: Longest gap of a boundary on ground that was measured: dropped kerbs of drives are up to 6 m wide, with ramps of 1 m
+#: on either side and a box missing at each; mouths of streets are 11 m wide and more from kerb to kerb. [m]
 LONGEST_DROP_M = 10.0
-#: Shorter boundaries are tree pits, drains, edges of things that lie about. [m]
+#: Shortest boundary: tree pits, drains and objects on the road are shorter. [m]
 LEAST_BOUNDARY_M = 4.0
-#: Without a step there is less to go by: shorter edges are patches. [m]
+#: Shortest edge without a kerb: patches of asphalt are shorter. [m]
 LEAST_PAVEMENT_EDGE_M = 8.0
-#: And boxes that rather are none than one make no line, however many.
-LEAST_BOUNDARY_SCORE = 0.5
-#: Without a box for longer than this a boundary was not measured. [m]
+#: Stations in a gap without a box longer than this count as bridged. [m]
 UNMEASURED_M = 1.5
-#: Tufts of grass and a verge's shadow hide a pavement's edge over some metres alike: so many boxes err as one.
-SHARED_EDGE = 6.0
-#: A kerb's height and width keep still: they change by so much over ten metres, squared, per metre. [m]
+#: Density of the random walk of a kerb's height and width: they change by 2 cm over ten metres. [m]
 STEP_CHANGE = 0.02**2 / 10.0
+#: Names of the forms of boxes, as lines have them.
 FORMS = {BoxForm.KERB: "kerb", BoxForm.EDGE: "edge", BoxForm.BARRIER: "barrier"}
 
 
@@ -41,6 +38,8 @@ class SmoothBoundary:
 
     Parameters
     ----------
+    line
+        The foot of the step, or the edge.
     top
         The top edge of the step at the same stations; NaN where there is none.
     boxes
@@ -48,7 +47,7 @@ class SmoothBoundary:
     form
         kerb, edge or barrier.
     height_m
-        (n,) float64 [m]: height of the step, per station.
+        (n,) float64 [m]: height of the step at each station.
     confidence
         0 to 1.
     times_s
@@ -64,19 +63,27 @@ class SmoothBoundary:
     times_s: tuple[float, float]
 
 
-def smooth_boundaries(boxes: BoxSet, tracks: Tracks, seen: Sight) -> list[SmoothBoundary]:
-    """Return the boundaries among tracked boxes, the carriageway to the left of each."""
+def smooth_boundaries(boxes: BoxSet, tracks: Tracks, visible: Sight) -> list[SmoothBoundary]:
+    """Return the boundaries among tracked boxes, each with the carriageway to its left.
+
+    Parameters
+    ----------
+    boxes
+        Of one form: kerbs, edges or barriers.
+    visible
+        Whether road or ground was measured at places [m, local].
+    """
     found: list[SmoothBoundary] = []
     for i in range(len(tracks)):
-        box, way = tracks.line(i)
-        box = box if way.sum() >= 0 else box[::-1]
-        pieces = _pieces(boxes, box, seen)
+        box, sense = tracks.line(i)
+        box = box if sense.sum() >= 0 else box[::-1]
+        pieces = _pieces(boxes, box, visible)
         found += [_boundary(boxes, piece) for piece in pieces if _is_line(boxes, piece)]
     return found
 
 
 def _is_line(boxes: BoxSet, box: IntArray) -> bool:
-    """Return whether boxes are enough for a line: by length, and, without a kerb, by what they say themselves."""
+    """Return whether boxes make a line: by its length and, without a kerb, by their scores."""
     if boxes.form[box[0]] == BoxForm.KERB:
         return bool(boxes.along(box)[-1] >= LEAST_BOUNDARY_M)
     return bool(
@@ -84,18 +91,19 @@ def _is_line(boxes: BoxSet, box: IntArray) -> bool:
     )
 
 
-def _pieces(boxes: BoxSet, box: IntArray, seen: Sight) -> list[IntArray]:
+def _pieces(boxes: BoxSet, box: IntArray, visible: Sight) -> list[IntArray]:
     """Return the boxes of a track, cut where the boundary has ended."""
     gap = np.diff(boxes.along(box))
     cuts = [
         k + 1
         for k in np.flatnonzero(gap > LONGEST_DROP_M).tolist()
-        if visible_share(seen, boxes.centre[box[k]], boxes.centre[box[k + 1]]) > 0.5
+        if visible_share(visible, boxes.centre[box[k]], boxes.centre[box[k + 1]]) > 0.5
     ]
     return [piece for piece in np.split(box, cuts) if len(piece) >= 3]
 
 
 def _boundary(boxes: BoxSet, box: IntArray) -> SmoothBoundary:
+    """Return the boundary through boxes (k,), of the form that most of their score has."""
     reach = float(boxes.half_u_m[box[0]]), float(boxes.half_u_m[box[-1]])
     form = int(np.argmax(np.bincount(boxes.form[box], weights=boxes.score[box], minlength=5)))
     line = smooth_line(boxes, box, reach, SHARED if form == BoxForm.KERB else SHARED_EDGE)
@@ -114,7 +122,7 @@ def _boundary(boxes: BoxSet, box: IntArray) -> SmoothBoundary:
 
 
 def bridged_boundary_stations(line: SmoothLine) -> BoolArray:
-    """Return (n,) which stations lie in gaps without a box."""
+    """Return which stations lie in gaps without a box, (n,) bool."""
     measured = line.t_m[line.is_measured]
     after = np.searchsorted(measured, line.t_m, side="left")
     before = np.maximum(after - 1, 0)
@@ -124,17 +132,18 @@ def bridged_boundary_stations(line: SmoothLine) -> BoolArray:
 
 
 def boundary_line_set(found: Sequence[SmoothBoundary]) -> LineSet:
-    """Return boundaries as lines, in local coordinates."""
+    """Return boundaries as lines [m, local]."""
     return _line_set(found, "road_boundary", [b.line for b in found])
 
 
 def top_lines(found: Sequence[SmoothBoundary]) -> LineSet:
-    """Return the top edges of kerbs."""
+    """Return the top edges of the kerbs among boundaries [m, local]."""
     kerbs = [b for b in found if b.form == "kerb" and np.isfinite(b.top.xyz).all()]
     return _line_set(kerbs, "kerb_top", [b.top for b in kerbs])
 
 
 def _line_set(found: Sequence[SmoothBoundary], kind: str, lines: Sequence[SmoothLine]) -> LineSet:
+    """Return boundaries as lines of a kind, with these places."""
     if not found:
         return LineSet.empty()
     return LineSet.from_lines(

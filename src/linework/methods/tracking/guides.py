@@ -1,8 +1,8 @@
-"""Lines of a road run side by side: long ones say where worn ones go on.
+"""Worn lines joined along guides: the long lines that run beside them.
 
-A worn dash leaves a box or two, too few for a direction of their own. Beside a long line (a guide: other paint,
-a boundary, the van's way) the place of a piece is its chainage along the guide and its offset from it, and
-pieces of one line have one offset. So pieces are joined over gaps that tracking alone would not cross.
+The remains of a worn dash are a box or two, too few for a direction of their own. Beside a guide (other paint, a
+boundary, the vehicle's path) a piece has a chainage along the guide and an offset from it, and pieces of one line have
+one offset. So pieces are joined over gaps that tracking alone would not cross.
 """
 
 from __future__ import annotations
@@ -13,22 +13,23 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import FloatArray, IntArray
+from linework.arrays import FloatArray, IntArray, offsets_of
+from linework.methods.tracking.fitted import LEAST_PIECE_SCORE
 from linework.methods.tracking.neighbours import AXIS_STATION_M, LineAxis
 from linework.methods.tracking.track import Tracks
 from linework.model.boxes import BoxSet
 
-#: A line guides where it is this long, as far as this to its sides. [m]
+#: Shortest line that is a guide, and how far to its sides it guides. [m]
 LEAST_GUIDE_M, GUIDE_REACH_M = 25.0, 15.0
-#: Pieces run along their guide: cosine of 10 degrees, what the direction of one box is good for.
+#: Pieces run along their guide within 10 degrees, the accuracy of the direction of one box: cosine.
 LEAST_COSINE = 0.985
-#: One piece of a line has so many boxes at least: what is single everywhere is noise.
+#: Fewest boxes of the largest piece of a line: single boxes alone are noise.
 LEAST_BOXES = 3
-#: Mean score of pieces of fewer boxes.
-LEAST_PIECE_SCORE = 0.5
-#: Offsets of one line's pieces differ by less than this [m] and this share of the gap: lines run side by side
-#: to a few centimetres, carriageways widen by 1 in 50 at the most, markings by less.
+#: Largest difference of the offsets of one line's pieces [m], and its growth per metre of gap: lines run parallel to a
+#: few centimetres, carriageways widen by 1 in 50 at most, markings by less.
 OFFSET_M, OFFSET_PER_M = 0.06, 0.004
+#: A piece is beside a guide if it lies no farther beyond its end than this, in stations.
+BEYOND_END = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +43,16 @@ class _Ends:
 
 
 def join_along(boxes: BoxSet, tracks: Tracks, guides: Sequence[LineAxis], longest_gap_m: float) -> Tracks:
-    """Return the tracks with those that guides show to be pieces of one line put together.
+    """Return the tracks, joined where guides show that they are pieces of one line.
 
     Parameters
     ----------
     tracks
         Pieces, down to single boxes.
     guides
-        Courses of lines; short ones are passed over.
+        Axes of lines; short ones are left out.
+    longest_gap_m
+        Longest gap between two pieces of a line. [m]
     """
     long = [g for g in guides if len(g.xy) * AXIS_STATION_M >= LEAST_GUIDE_M]
     if not long or len(tracks) == 0:
@@ -60,18 +63,18 @@ def join_along(boxes: BoxSet, tracks: Tracks, guides: Sequence[LineAxis], longes
 
 
 def drop_unlikely_pieces(pieces: Tracks, score: FloatArray) -> Tracks:
-    """Return the pieces but for the small ones that are rather not of a line than of one, by their boxes' score."""
+    """Return the pieces without the small ones that more likely belong to no line, by their boxes' scores (n,)."""
     n = np.diff(pieces.offsets)
     total = np.add.reduceat(score[pieces.box], pieces.offsets[:-1]) if len(n) else np.zeros(0)
     return pieces.take((n >= LEAST_BOXES) | (total >= LEAST_PIECE_SCORE * n))
 
 
 def _ends_on_guides(boxes: BoxSet, tracks: Tracks, guides: Sequence[LineAxis]) -> list[_Ends | None]:
-    """Return where each piece is beside the longest guide within reach that it runs along."""
+    """Return the place of each piece beside the longest guide within reach that it runs along, None without one."""
     found: list[_Ends | None] = [None] * len(tracks)
     middle = np.array([box[len(box) // 2] for box in (tracks.line(i)[0] for i in range(len(tracks)))])
     xy, u = boxes.centre[middle, :2], boxes.u[middle]
-    # The longest last: it has the last word
+    # The longest guide last, so that it wins
     for number in sorted(range(len(guides)), key=lambda g: len(guides[g].xy)):
         guide = guides[number]
         low, high = guide.xy.min(axis=0) - GUIDE_REACH_M, guide.xy.max(axis=0) + GUIDE_REACH_M
@@ -87,25 +90,26 @@ def _ends_on_guides(boxes: BoxSet, tracks: Tracks, guides: Sequence[LineAxis]) -
 
 
 def _ends(boxes: BoxSet, box: IntArray, guide: LineAxis, tree: cKDTree, number: int) -> _Ends | None:
+    """Return the place of a piece beside a guide, None beyond its ends."""
     places = boxes.centre[box[[0, -1]], :2]
     _, station = tree.query(places)
     step = places - guide.xy[station]
     along = np.column_stack([guide.normal[station, 1], -guide.normal[station, 0]])
     chainage = station * _spacing(guide) + np.sum(step * along, axis=1)
     offset = np.sum(step * guide.normal[station], axis=1)
-    if np.abs(np.sum(step * along, axis=1)).max() > 1.5 * AXIS_STATION_M:
-        return None  # beyond the guide's end
+    if np.abs(np.sum(step * along, axis=1)).max() > BEYOND_END * AXIS_STATION_M:
+        return None
     a, b = sorted(zip(chainage.tolist(), offset.tolist(), strict=True))
     return _Ends(number, a, b, bool(chainage[1] < chainage[0]))
 
 
 def _spacing(guide: LineAxis) -> float:
-    """Return the distance of a guide's stations."""
+    """Return the distance of a guide's stations [m]."""
     return float(np.hypot(*np.diff(guide.xy, axis=0).T).mean()) if len(guide.xy) > 1 else AXIS_STATION_M
 
 
 def _partners(ends: Sequence[_Ends | None], longest_gap_m: float) -> dict[int, int]:
-    """Return which piece goes on in which, the nearest in chainage and offset first."""
+    """Return for each piece the one that continues it, the nearest in chainage and offset first."""
     by_guide: dict[int, list[int]] = {}
     for i, e in enumerate(ends):
         if e is not None:
@@ -134,11 +138,11 @@ def _partners(ends: Sequence[_Ends | None], longest_gap_m: float) -> dict[int, i
 
 
 def _chained(tracks: Tracks, ends: Sequence[_Ends | None], follows: dict[int, int]) -> Tracks:
-    """Return the pieces one after the other as they follow each other."""
+    """Return the pieces joined as they follow each other."""
     begun = set(follows.values())
     box: list[IntArray] = []
-    way: list[FloatArray] = []
-    lengths = [0]
+    sense: list[FloatArray] = []
+    lengths = []
     for i in range(len(tracks)):
         if i in begun:
             continue
@@ -148,13 +152,11 @@ def _chained(tracks: Tracks, ends: Sequence[_Ends | None], follows: dict[int, in
         pieces = [tracks.line(k) for k in chain]
         if max(len(own) for own, _ in pieces) < LEAST_BOXES:
             continue
-        for k, (own, ways) in zip(chain, pieces, strict=True):
+        for k, (own, senses) in zip(chain, pieces, strict=True):
             e = ends[k]
             turned = e is not None and e.is_turned
             box.append(own[::-1] if turned else own)
-            way.append(-ways[::-1] if turned else ways)
+            sense.append(-senses[::-1] if turned else senses)
         lengths.append(sum(len(own) for own, _ in pieces))
-    none, nowhere = np.zeros(0, np.int64), np.zeros(0)
-    return Tracks(
-        np.concatenate([none, *box]), np.concatenate([nowhere, *way]), np.cumsum(lengths).astype(np.int64)
-    )
+    no_box, no_sense = np.zeros(0, np.int64), np.zeros(0)
+    return Tracks(np.concatenate([no_box, *box]), np.concatenate([no_sense, *sense]), offsets_of(lengths))

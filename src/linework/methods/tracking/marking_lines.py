@@ -1,4 +1,4 @@
-"""Lane markings out of tracked stripes: solid and dashed lines, their dashes, and what is no line."""
+"""Lane markings from tracked stripes: solid and dashed lines, single dashes, and paint that is not a line."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from scipy.special import erf
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.methods.protocol import Sight, visible_share
+from linework.methods.tracking.fitted import INDEPENDENT_BOXES
 from linework.methods.tracking.pattern import (
     PATCH_M,
     PaintRhythm,
@@ -24,21 +25,26 @@ from linework.methods.tracking.track import Tracks
 from linework.model.boxes import BoxSet
 from linework.model.lines import LineSet
 
-#: Paint of two boxes nearer than this is one: search areas stand half a metre apart. [m]
+#: Paint of two boxes nearer than this is continuous: search areas are half a metre apart. [m]
 CLOSE_M = 0.30
-#: A gap that so worn a line has with less than this chance is its end.
+#: A line ends at a gap that its wear produces with less than this chance.
 GAP_CHANCE = 0.01
-#: Gaps from wear are no longer than this, and gaps that short are never an end. [m]
+#: Longest gap from wear, and longest gap that is never an end. [m]
 LONGEST_WORN_M, SHORT_GAP_M = 20.0, 3.0
-#: Paint shorter than this that is no dash of a dashed line is an arrow, a bar, a letter: arrows are up to 5 m,
+#: Shortest solid line; shorter paint that is not a dash is an arrow, a bar or a letter: arrows are up to 5 m long,
 #: 7.5 m where traffic is fast, with 3.5 m of shaft. [m]
 LEAST_MARKING_M = 6.0
-#: Paint of which less than this is left shows no line: of the most worn ones that are seen 0.3 is.
+#: Smallest share of its length that a solid line has of paint: the most worn ones that are visible have 0.3.
 LEAST_PAINT_SHARE = 0.25
-#: A rhythm shows in three dashes; of a line with most of its dashes gone nobody can say that it is one.
+#: Fewest dashes of a dashed line, and smallest share of the dashes that its rhythm expects.
 LEAST_TRACKED_DASHES, LEAST_DASH_SHARE = 3, 0.5
-#: Shorter blobs of paint are stains. [m]
+#: Shortest bar; shorter paint is a stain. [m]
 LEAST_BAR_M = 1.0
+#: Lines are judged within this (docs/evaluation.md). [m]
+TOLERANCE_M = 0.10
+#: Bounds of the share of a solid line that wear has removed, and of the share of missing dashes: with none or all gone
+#: no longest gap follows. [-]
+_WORN_SHARE, _MISSING_SHARE = (0.01, 0.99), (0.05, 0.8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +53,16 @@ class SmoothMarking:
 
     Parameters
     ----------
+    line
+        Its middle.
     boxes
         (k,) int64: the boxes it was tracked through.
     paint
         (j, 2) float64: intervals of paint along the line. [m]
     rhythm, dashes
-        Of a dashed line, and its (j, 2) single dashes [m]; None and no dashes of a solid one.
+        Rhythm of a dashed line and its single dashes (d, 2) [m]; None and (0, 2) for a solid line.
     width_m
-        Of the paint. [m]
+        Width of the paint. [m]
     confidence
         0 to 1.
     times_s
@@ -72,12 +80,18 @@ class SmoothMarking:
 
 
 def marking_lines(
-    boxes: BoxSet, tracks: Tracks, seen: Sight
+    boxes: BoxSet, tracks: Tracks, visible: Sight
 ) -> tuple[list[SmoothMarking], list[SmoothMarking]]:
-    """Return the lane markings among tracked stripes, and the paint that is none."""
+    """Return the lane markings among tracked stripes, and the other paint.
+
+    Parameters
+    ----------
+    visible
+        Whether road or ground was measured at places [m, local].
+    """
     found: list[SmoothMarking] = []
     for i in range(len(tracks)):
-        found += _markings(boxes, tracks.line(i)[0], seen)
+        found += _markings(boxes, tracks.line(i)[0], visible)
     is_line = [_is_dashed(m) if m.rhythm is not None else _is_solid(m.paint) for m in found]
     return [m for m, yes in zip(found, is_line, strict=True) if yes], [
         m for m, yes in zip(found, is_line, strict=True) if not yes
@@ -85,28 +99,28 @@ def marking_lines(
 
 
 def _is_dashed(marking: SmoothMarking) -> bool:
-    """Return whether enough of the dashes are there that the rhythm asks for."""
+    """Return whether enough of the dashes that the rhythm expects are there."""
     assert marking.rhythm is not None
     expected = 1.0 + float(np.ptp(marking.dashes)) / marking.rhythm.period_m
     return len(marking.dashes) >= LEAST_TRACKED_DASHES and len(marking.dashes) >= LEAST_DASH_SHARE * expected
 
 
 def _is_solid(paint: FloatArray) -> bool:
-    """Return whether paint without a rhythm is long enough, and enough of it is there, for a line."""
+    """Return whether paint without a rhythm is long and complete enough for a line."""
     length = float(np.ptp(paint))
     return (
         length >= LEAST_MARKING_M and float((paint[:, 1] - paint[:, 0]).sum()) >= LEAST_PAINT_SHARE * length
     )
 
 
-def bar_lines(boxes: BoxSet, tracks: Tracks, seen: Sight) -> list[SmoothMarking]:
+def bar_lines(boxes: BoxSet, tracks: Tracks, visible: Sight) -> list[SmoothMarking]:
     """Return the bars among tracked boxes of wide paint: stop lines, crossings."""
-    found = [m for i in range(len(tracks)) for m in _markings(boxes, tracks.line(i)[0], seen)]
+    found = [m for i in range(len(tracks)) for m in _markings(boxes, tracks.line(i)[0], visible)]
     return [m for m in found if float(np.ptp(m.paint)) >= LEAST_BAR_M]
 
 
-def _markings(boxes: BoxSet, box: IntArray, seen: Sight) -> list[SmoothMarking]:
-    """Return what a track holds: cut where the line has ended, each piece smoothed."""
+def _markings(boxes: BoxSet, box: IntArray, visible: Sight) -> list[SmoothMarking]:
+    """Return the markings of a track: cut where the line has ended, each piece smoothed."""
     t = boxes.along(box)
     reach = boxes.half_u_m[box]
     paint = merged_intervals(t - reach, t + reach, CLOSE_M)
@@ -116,31 +130,32 @@ def _markings(boxes: BoxSet, box: IntArray, seen: Sight) -> list[SmoothMarking]:
     cuts = [
         k + 1
         for k in np.flatnonzero(gap > longest).tolist()
-        if visible_share(seen, boxes.centre[box[k]], boxes.centre[box[k + 1]]) > 0.5
+        if visible_share(visible, boxes.centre[box[k]], boxes.centre[box[k + 1]]) > 0.5
     ]
     pieces = [piece for piece in np.split(box, cuts) if len(piece) >= 2]
     return [_marking(boxes, piece) for piece in pieces]
 
 
 def _longest_worn(t: FloatArray, gap: FloatArray) -> float:
-    """Return the longest gap that wear explains in a solid line of which so much is left. [m]"""  # noqa: D400
+    """Return the longest gap [m] that wear explains in a solid line with this much paint left."""
     bare = float(gap[(gap > CLOSE_M) & (gap <= LONGEST_WORN_M)].sum())
     far = float(gap[gap > LONGEST_WORN_M].sum())
-    gone = min(max(bare / max(t[-1] - far, 1.0), 0.01), 0.99)
+    gone = float(np.clip(bare / max(t[-1] - far, 1.0), *_WORN_SHARE))
     return min(max(PATCH_M * math.log(GAP_CHANCE) / math.log(gone), SHORT_GAP_M), LONGEST_WORN_M)
 
 
 def _longest_missing(paint: FloatArray, rhythm: PaintRhythm) -> float:
-    """Return the longest gap that worn-off dashes explain in a line of which so many are left. [m]"""  # noqa: D400
+    """Return the longest gap [m] that worn-off dashes explain in a line with this many dashes left."""
     dashes = dashes_of(paint, rhythm)
     gap = dashes[1:, 0] - dashes[:-1, 1]
     gone = np.rint((gap + rhythm.dash_m) / rhythm.period_m) - 1.0
     missing = float(gone[gap <= LONGEST_WORN_M + 2.0 * rhythm.period_m].sum())
-    share = min(max(missing / (missing + len(dashes)), 0.05), 0.8)
+    share = float(np.clip(missing / (missing + len(dashes)), *_MISSING_SHARE))
     return rhythm.period_m * (1.0 + math.log(GAP_CHANCE) / math.log(share))
 
 
 def _marking(boxes: BoxSet, box: IntArray) -> SmoothMarking:
+    """Return the marking through boxes (k,)."""
     t = boxes.along(box)
     reach = boxes.half_u_m[box]
     paint = merged_intervals(t - reach, t + reach, CLOSE_M)
@@ -154,9 +169,9 @@ def _marking(boxes: BoxSet, box: IntArray) -> SmoothMarking:
 
 
 def bridged_paint_stations(marking: SmoothMarking) -> BoolArray:
-    """Return (n,) which stations are on no paint although paint should be there.
+    """Return which stations lie in a gap where paint is expected, (n,) bool.
 
-    Gaps of a dashed line are its pattern; a dash that is missing altogether is not.
+    The gaps of a dashed line are part of its pattern; a dash that is missing altogether is not.
     """
     t = marking.line.t_m
     i = np.searchsorted(marking.paint[:, 0], t, side="right") - 1
@@ -173,7 +188,7 @@ def bridged_paint_stations(marking: SmoothMarking) -> BoolArray:
 
 
 def marking_line_set(markings: Sequence[SmoothMarking], kind: str) -> LineSet:
-    """Return markings as lines of a kind, in local coordinates."""
+    """Return markings as lines of a kind [m, local]."""
     if not markings:
         return LineSet.empty()
     return LineSet.from_lines(
@@ -192,7 +207,7 @@ def marking_line_set(markings: Sequence[SmoothMarking], kind: str) -> LineSet:
 
 
 def dash_lines(markings: Sequence[SmoothMarking], roles: Sequence[str]) -> LineSet:
-    """Return the single dashes of dashed lines, on their smoothed lines."""
+    """Return the single dashes of dashed lines, on their smoothed lines, with the roles of these (m,) [m, local]."""
     parts: list[SmoothMarking] = []
     names: list[str] = []
     for m, role in zip(markings, roles, strict=True):
@@ -206,7 +221,7 @@ def dash_lines(markings: Sequence[SmoothMarking], roles: Sequence[str]) -> LineS
 
 
 def _cut(line: SmoothLine, start: float, end: float) -> SmoothLine:
-    """Return the piece of a line between two stations."""
+    """Return the piece of a line between two distances along it [m]."""
     inner = np.flatnonzero((line.t_m > start) & (line.t_m < end))
     t = np.concatenate([[start], line.t_m[inner], [end]])
 
@@ -218,30 +233,24 @@ def _cut(line: SmoothLine, start: float, end: float) -> SmoothLine:
     return SmoothLine(t, xyz, normal, at(line.sigma_xy_m), at(line.sigma_z_m), box)
 
 
-# How likely a line is what its kind says, and where it says: within the 10 cm that lines are judged by
-
-#: Lines are judged within this (docs/evaluation.md). [m]
-TOLERANCE_M = 0.10
-
-
 def confidence_of(score: FloatArray, sigma_m: FloatArray) -> float:
-    """Return the confidence of a line, 0 to 1.
+    """Return the confidence of a line, 0 to 1: the chance that it is one, and within 10 cm.
 
     Parameters
     ----------
     score
-        (k,) of its boxes, each how sure it is that it is a piece of such a feature.
+        (k,) the chance of each box that it is a piece of such a feature.
     sigma_m
-        (n,) of its vertices, across. [m]
+        (n,) standard deviations of its vertices, across. [m]
 
     Notes
     -----
-    A line is wrong where its boxes are wrong together. Neighbouring boxes share half of their points: of the
-    many boxes of a line two are counted as independent. Measured: docs/methods/obb.md.
+    A line is wrong where its boxes are wrong together. Neighbouring boxes share half of their points, so two of the
+    boxes of a line count as independent. Measured in docs/methods/obb.md.
 
     >>> round(confidence_of(np.array([0.8, 0.8]), np.array([0.01])), 3)
     0.96
     """
-    is_one = 1.0 - (1.0 - float(np.mean(score))) ** 2
+    is_one = 1.0 - (1.0 - float(np.mean(score))) ** INDEPENDENT_BOXES
     is_near = float(np.mean(erf(TOLERANCE_M / (np.sqrt(2.0) * np.maximum(sigma_m, 1e-6)))))
     return is_one * is_near

@@ -1,4 +1,4 @@
-"""What lies beside a line: the next lines to its left and to its right, station by station."""
+"""The lines beside a line: its neighbours to the left and to the right, station by station."""
 
 from __future__ import annotations
 
@@ -8,26 +8,37 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from linework.arrays import FloatArray, IntArray
+from linework.arrays import FloatArray, IntArray, distance_along
 
-#: Lines are looked at every so many metres.
+#: Distance of the stations at which lines are compared. [m]
 AXIS_STATION_M = 2.0
-#: Stations are beside each other where they are no farther apart along the line. [m]
+#: Stations of two lines are beside each other if they are no farther apart along the line. [m]
 _ALONG_M = 0.75 * AXIS_STATION_M
-#: Places of a van's way farther apart than this are not joined. [m]
-_JUMP_M = 50.0
+#: Positions of the vehicle's path farther apart than this are not joined; nearer than this to the one before they are
+#: left out, as a standing vehicle has no direction. [m]
+_JUMP_M, _STANDING_M = 50.0, 1.0
+#: Lines count as parallel within 30 degrees: cosine.
+_PARALLEL = 0.866
 
 
 @dataclass(frozen=True, slots=True)
 class LineAxis:
-    """Where a line runs: (n, 2) places about every `AXIS_STATION_M` [m] and (n, 2) unit vectors to its left."""
+    """The axis of a line, at stations of about `AXIS_STATION_M`.
+
+    Parameters
+    ----------
+    xy
+        (n, 2) float64 [m, from the survey's local origin].
+    normal
+        (n, 2) float64: unit vectors to the left.
+    """
 
     xy: FloatArray
     normal: FloatArray
 
     @classmethod
     def of(cls, t_m: FloatArray, xyz: FloatArray) -> LineAxis:
-        """Return the course of a line with vertices at distances `t_m`."""
+        """Return the axis of a line with vertices xyz (k, 2 or 3) [m] at distances t_m (k,) [m] along it."""
         n = max(int(np.ceil((t_m[-1] - t_m[0]) / AXIS_STATION_M)), 1)
         edges = np.linspace(t_m[0], t_m[-1], n + 1)
         ends = np.stack([np.interp(edges, t_m, xyz[:, axis]) for axis in range(2)], axis=1)
@@ -37,18 +48,15 @@ class LineAxis:
 
 
 def axes_of_path(path: FloatArray) -> list[LineAxis]:
-    """Return the courses of a van's way (n, 2 or 3), cut where it was off the road for a while.
-
-    Places nearer than a metre to the one before are passed over: a van that stands has no direction.
-    """
+    """Return the axes of a vehicle's path (n, 2 or 3) [m, local], cut where it has gaps."""
     kept = [0]
     for i in range(1, len(path)):
-        if np.hypot(*(path[i, :2] - path[kept[-1], :2])) >= 1.0:
+        if np.hypot(*(path[i, :2] - path[kept[-1], :2])) >= _STANDING_M:
             kept.append(i)
     xy = path[kept, :2]
     step = np.hypot(*np.diff(xy, axis=0).T)
     pieces = np.split(np.arange(len(xy)), np.flatnonzero(step > _JUMP_M) + 1)
-    t = np.concatenate([[0.0], np.cumsum(step)])
+    t = distance_along(xy)
     return [LineAxis.of(t[piece], xy[piece]) for piece in pieces if len(piece) >= 2]
 
 
@@ -59,13 +67,13 @@ class Neighbours:
     Parameters
     ----------
     line, other
-        (k,) int64: a line's number, and that of a line beside it.
+        (k,) int64: number of the line, and of the line beside it.
     station
-        (k,) int64: number of the station, over all lines.
+        (k,) int64: number of the station, counted over all lines.
     across_m
-        (k,) float64 [m]: how far to the left (negative: to the right) of the line the other one is.
+        (k,) float64 [m]: offset of the other line, positive to the left.
     facing
-        (k,) float64: cosine between the lines' left sides.
+        (k,) float64: cosine between the left sides of both.
     """
 
     line: IntArray
@@ -75,14 +83,14 @@ class Neighbours:
     facing: FloatArray
 
 
-def find_neighbours(courses: Sequence[LineAxis], reach_m: float) -> Neighbours:
-    """Return every line beside every station, within `reach_m` across; the nearest place of each other line.
+def find_neighbours(axes: Sequence[LineAxis], reach_m: float) -> Neighbours:
+    """Return every line beside every station, within `reach_m` [m] across and 30 degrees of its direction.
 
-    Lines count as beside a station where they run within 30 degrees of its direction.
+    Each other line is given once per station, where it is nearest.
     """
-    xy = np.concatenate([np.zeros((0, 2)), *(c.xy for c in courses)])
-    normal = np.concatenate([np.zeros((0, 2)), *(c.normal for c in courses)])
-    owner = np.repeat(np.arange(len(courses)), [len(c.xy) for c in courses])
+    xy = np.concatenate([np.zeros((0, 2)), *(c.xy for c in axes)])
+    normal = np.concatenate([np.zeros((0, 2)), *(c.normal for c in axes)])
+    owner = np.repeat(np.arange(len(axes)), [len(c.xy) for c in axes])
     if len(xy) == 0:
         none = np.zeros(0, dtype=np.int64)
         return Neighbours(none, none, none, np.zeros(0), np.zeros(0))
@@ -93,9 +101,9 @@ def find_neighbours(courses: Sequence[LineAxis], reach_m: float) -> Neighbours:
     across = np.sum(step * normal[a], axis=1)
     along = np.abs(normal[a, 1] * step[:, 0] - normal[a, 0] * step[:, 1])
     facing = np.sum(normal[a] * normal[b], axis=1)
-    beside = (along <= _ALONG_M) & (np.abs(across) <= reach_m) & (np.abs(facing) > 0.866)
+    beside = (along <= _ALONG_M) & (np.abs(across) <= reach_m) & (np.abs(facing) > _PARALLEL)
     a, b, across, facing = a[beside], b[beside], across[beside], facing[beside]
-    # Of the places of one other line the nearest
+    # Of the stations of one other line, the nearest
     order = np.lexsort((np.abs(across), owner[b], a))
     a, b, across, facing = a[order], b[order], across[order], facing[order]
     first = (

@@ -1,4 +1,4 @@
-"""Solid or dashed: the pattern of paint along a tracked line, and its single dashes."""
+"""The pattern of paint along a line: solid or dashed, and the single dashes."""
 
 from __future__ import annotations
 
@@ -11,30 +11,35 @@ import numpy as np
 from linework.arrays import FloatArray
 from linework.kernels.paint.rhythm import best_rhythm
 
-#: Paint is looked at in steps of this along the line. [m]
+#: Step at which paint is sampled along the line. [m]
 PAINT_STEP_M = 0.10
 #: Periods in use, dash and gap together: from 1 m + 1 m at crossings to 6 m + 18 m. [m]
 PERIODS_M = (1.8, 26.0)
-#: Dashes and gaps in use are no shorter than this. [m]
+#: Shortest dash and gap in use. [m]
 LEAST_DASH_M, LEAST_PAINT_GAP_M = 0.5, 0.8
-#: And the gap is no less of the period than this (warning lines: 6 m of paint, 3 m of gap).
+#: Smallest share of the gap in the period (warning lines: 6 m of paint, 3 m of gap).
 LEAST_GAP_SHARE = 0.28
-#: In the gaps no more than this share is bright, as stains; in dashes no less, with 70 % worn off.
+#: Largest share of paint in the gaps (stains); smallest in the dashes beyond that, with 70 % worn off.
 GAP_PAINT, DASH_PAINT = 0.08, 0.25
-#: A period is seen where it comes again: so often at least.
+#: Fewest repetitions that show a period.
 LEAST_PERIODS = 2.0
-#: Wear takes paint away in patches of about this [m]; a rhythm with more than this chance among them is none.
+#: Typical length of a patch that wear has removed [m]; a rhythm that patches produce with more than this chance does
+#: not count.
 PATCH_M, RHYTHM_CHANCE = 2.5, 0.005
-#: A dash is whole if it is this near the length that most have [m]; so many of them show where others belong, the
-#: nearest so many are asked.
+#: A dash is whole if its length is this near the usual one [m]; fewest whole dashes that show where others belong;
+#: number of the nearest ones that are used.
 WHOLE_PAINT_M, LEAST_WHOLE, N_NEAR = 0.25, 3, 4
-#: Lines are judged over this length: a pattern keeps its period and phase that far. [m]
+#: Length over which a pattern keeps its period and phase: lines are judged over windows of it. [m]
 PATTERN_WINDOW_M = 60.0
+#: Quantile of the lengths of dashes that whole ones have: wear only shortens.
+WHOLE_QUANTILE = 0.8
+#: Share of the gap up to which paint still belongs to the dash before it.
+SLACK_SHARE = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class PaintRhythm:
-    """A repeated pattern: dashes of `dash_m` every `period_m`; `contrast`: paint in dashes less that in gaps."""
+    """Dashes of `dash_m` every `period_m` [m]; contrast: share of paint in the dashes less that in the gaps."""
 
     period_m: float
     dash_m: float
@@ -42,7 +47,7 @@ class PaintRhythm:
 
 
 def merged_intervals(start_m: FloatArray, end_m: FloatArray, close_m: float) -> FloatArray:
-    """Return (k, 2) intervals: the union of those given, gaps of up to `close_m` closed.
+    """Return the union of intervals [m], (k, 2), with gaps of up to `close_m` closed.
 
     >>> united(np.array([0.0, 0.9, 5.0]), np.array([1.0, 2.0, 6.0]), 0.1).tolist()
     [[0.0, 2.0], [5.0, 6.0]]
@@ -57,7 +62,7 @@ def merged_intervals(start_m: FloatArray, end_m: FloatArray, close_m: float) -> 
 
 
 def find_rhythm(paint: FloatArray) -> PaintRhythm | None:
-    """Return the rhythm of a dashed line, or None where the paint has none: a solid line, however worn.
+    """Return the rhythm of a dashed line, or None if the paint has none: a solid line, however worn.
 
     Parameters
     ----------
@@ -66,9 +71,9 @@ def find_rhythm(paint: FloatArray) -> PaintRhythm | None:
 
     Notes
     -----
-    The paint is folded over every period in use: in a dashed line one stretch of the period is free of paint
-    in every repetition, and the rest is not. Wear takes paint away, but not at the same place of each period.
-    Long lines are judged window by window, and are what most of their length is.
+    The paint is folded over every period in use: in a dashed line one stretch of the period is free of paint in
+    every repetition, and the rest is not. Wear removes paint, but not at the same place of each period. Long lines
+    are judged window by window, and the majority decides.
     """
     if len(paint) < 2 or np.max(paint[1:, 0] - paint[:-1, 1]) < LEAST_PAINT_GAP_M:
         return None
@@ -79,10 +84,10 @@ def find_rhythm(paint: FloatArray) -> PaintRhythm | None:
         _rhythm_within(paint[(paint[:, 1] > a) & (paint[:, 0] < b)])
         for a, b in itertools.pairwise(edges.tolist())
     ]
-    seen = sorted((r for r in found if r is not None), key=lambda r: r.period_m)
-    if 2 * len(seen) == n:  # the whole line decides
+    rhythms = sorted((r for r in found if r is not None), key=lambda r: r.period_m)
+    if 2 * len(rhythms) == n:  # a draw: the whole line decides
         return _rhythm_within(paint)
-    return seen[len(seen) // 2] if 2 * len(seen) > n else None
+    return rhythms[len(rhythms) // 2] if 2 * len(rhythms) > n else None
 
 
 def _rhythm_within(paint: FloatArray) -> PaintRhythm | None:
@@ -101,7 +106,7 @@ def _rhythm_within(paint: FloatArray) -> PaintRhythm | None:
     )  # fmt: skip
     if period == 0.0:
         return None
-    # How unlikely it is that wear left no paint in any of the gaps of a solid line
+    # The chance that wear left no paint in any of the gaps of a solid line
     n_patches = (end - start) / period * gap / PATCH_M
     if -n_patches * math.log(max(1.0 - contrast, 0.01)) < math.log(1.0 / RHYTHM_CHANCE):
         return None
@@ -109,16 +114,21 @@ def _rhythm_within(paint: FloatArray) -> PaintRhythm | None:
 
 
 def dashes_of(paint: FloatArray, rhythm: PaintRhythm) -> FloatArray:
-    """Return (k, 2) intervals [m] of the single dashes, from the first to the last paint of each.
+    """Return the single dashes as intervals [m], (k, 2), from the first to the last paint of each.
 
-    What wear has left of a dash belongs together: all that ends within the dash's length, and some of the gap.
-    Phase is taken from dash to dash, as no painter keeps it over a road.
+    The remains of a worn dash belong together: all that ends within the length of a dash and some of the gap. The
+    phase is taken from dash to dash, as it drifts along a road.
+
+    Parameters
+    ----------
+    paint
+        (n, 2) intervals of paint along a line [m], ascending.
 
     >>> paint = np.array([[0.0, 1.0], [1.8, 3.0], [9.0, 12.0]])
     >>> dashes_of(paint, Rhythm(9.0, 3.0, 0.9)).tolist()
     [[0.0, 3.0], [9.0, 12.0]]
     """
-    slack_m = 0.3 * (rhythm.period_m - rhythm.dash_m)
+    slack_m = SLACK_SHARE * (rhythm.period_m - rhythm.dash_m)
     dashes: list[list[float]] = []
     for start, end in paint.tolist():
         if dashes and end <= dashes[-1][0] + rhythm.dash_m + slack_m:
@@ -129,10 +139,10 @@ def dashes_of(paint: FloatArray, rhythm: PaintRhythm) -> FloatArray:
 
 
 def restore_worn_dashes(dashes: FloatArray, rhythm: PaintRhythm) -> FloatArray:
-    """Return the dashes (k, 2) [m], those that wear has shortened drawn out to where their neighbours say they end.
+    """Return dashes (k, 2) [m], with those that wear has shortened extended to their full length.
 
-    Dashes of one line have one length and one period. Where the dashes that are whole, before and after, lead
-    to an interval that holds what is left of a worn one, that interval is the dash; else it stays as it is.
+    Dashes of one line have one length and one period. Where the whole dashes around a worn one predict an interval
+    that contains its remains, that interval is the dash; otherwise it stays as it is.
 
     >>> dashes = np.array([[0.0, 3.0], [9.0, 12.0], [19.2, 20.1], [27.0, 30.0], [36.0, 39.0]])
     >>> completed(dashes, Rhythm(9.0, 3.0, 0.9))[2].round(3).tolist()
@@ -141,7 +151,7 @@ def restore_worn_dashes(dashes: FloatArray, rhythm: PaintRhythm) -> FloatArray:
     length = dashes[:, 1] - dashes[:, 0]
     if len(dashes) < LEAST_WHOLE + 1:
         return dashes
-    nominal = float(np.quantile(length, 0.8))
+    nominal = float(np.quantile(length, WHOLE_QUANTILE))
     whole = np.flatnonzero(np.abs(length - nominal) <= WHOLE_PAINT_M)
     if len(whole) < LEAST_WHOLE:
         return dashes

@@ -1,8 +1,8 @@
 """A tracked line smoothed through the centres of its boxes, with the standard deviation of every vertex.
 
-What is kept is not the chain of chords between centres (Kang, Lee and Lee 2023): a Kalman filter along the
-line and its smoother weigh every centre by its variance, let the curvature wander as fast as roads do, and
-say how well each vertex is known, over gaps too.
+Kang, Lee and Lee (2023) join the centres by chords. Here a Kalman filter along the line and its smoother weigh every
+centre by its variance, let the curvature change as fast as that of roads, and give the standard deviation of each
+vertex, over gaps too.
 """
 
 from __future__ import annotations
@@ -19,34 +19,38 @@ from linework.kernels.tracking.smooth import smooth_height, smooth_plane
 from linework.kernels.tracking.track import CLOTHOID_M, SHARED, STRAIGHT_RADIUS_M, TIGHTEST_M
 from linework.model.boxes import BoxSet
 
-#: Places are added over gaps this far apart. [m]
+#: Distance of the stations that are added in gaps. [m]
 SMOOTH_STATION_M = 1.0
-#: The grade changes by as much in a vertical curve of 500 m radius. [1/m]
+#: Density of the grade's random walk: it changes by as much as in a vertical curve of 500 m radius. [1/m]
 GRADE_CHANGE = 1.0 / 500.0**2
-#: A centre this many standard deviations off weighs less, the more the farther off it is (Huber 1964).
+#: A centre farther off the line than this many standard deviations is given less weight (Huber 1964).
 HUBER = 2.0
-#: No number is known better at one place. [m]
+#: Smallest standard deviation of a number at one place. [m]
 LEAST_VALUE_NOISE_M = 0.002
-#: Curvature is taken as the largest within this of a place: it changes on entering a bend. [m]
+#: The curvature at a place counts as the largest within this distance: it changes before the bend. [m]
 _NEAR_M = 5.0
+#: Radius that the first pass expects, between that of a road and that of a kerb at a corner. [m]
+_FIRST_RADIUS_M = 50.0
+#: Standard deviation of a normal distribution over the median of its absolute deviations.
+_MAD = 1.4826
 
 
 @dataclass(frozen=True, slots=True)
 class SmoothLine:
-    """A line at ascending stations.
+    """A smoothed line at ascending stations.
 
     Parameters
     ----------
     t_m
-        (n,) float64 [m]: distance along the line; that of the first box's centre is 0.
+        (n,) float64 [m]: distance along the line from the centre of its first box.
     xyz
         (n, 3) float64 [m, from the survey's local origin].
     normal
         (n, 2) float64: unit vector to the left of the line.
     sigma_xy_m, sigma_z_m
-        (n,) float64 [m]: across the line, and of its height.
+        (n,) float64 [m]: standard deviations across the line and of its height.
     box
-        (n,) int64: the box measured at the station, -1 where none was.
+        (n,) int64: the box at the station, -1 if there is none.
     """
 
     t_m: FloatArray
@@ -58,31 +62,31 @@ class SmoothLine:
 
     @property
     def is_measured(self) -> BoolArray:
-        """(n,) bool: a box was measured there."""
+        """Whether there is a box at each station, (n,) bool."""
         return np.asarray(self.box >= 0)
 
 
 def smooth_line(
     boxes: BoxSet, box: IntArray, ends_m: tuple[float, float], shared: float = SHARED
 ) -> SmoothLine:
-    """Smooth the line through boxes.
+    """Return the smoothed line through boxes.
 
     Parameters
     ----------
     box
         (k,) int64, k >= 2: the boxes in the order of the line.
     ends_m
-        How far the line goes on before the first and behind the last centre. [m]
+        Lengths that the line continues before the first and behind the last centre. [m]
     shared
-        How many boxes in a row err as one.
+        Number of neighbouring boxes that err as one.
     """
     t, at = _stations(boxes.along(box), ends_m)
     k, measured = box[np.maximum(at, 0)], at >= 0
     xy, z = boxes.centre[k, :2], boxes.centre[k, 2]
     variance = np.where(measured, shared * boxes.sigma_v_m[k] ** 2, np.inf)
-    change = _change(np.full(len(t), 1.0 / 50.0))
+    change = _change(np.full(len(t), 1.0 / _FIRST_RADIUS_M))
     states, _, _ = smooth_plane(t, xy, variance, change)
-    # Again with what the first pass shows: how tight the bends are, and which centres are off the line
+    # Again, with the curvature of the first pass, and less weight for centres off the line
     direction = states[:, 1] / np.maximum(np.linalg.norm(states[:, 1], axis=1), 1e-9)[:, None]
     curvature = np.abs(direction[:, 0] * states[:, 2, 1] - direction[:, 1] * states[:, 2, 0])
     change = _change(_largest_near(np.minimum(curvature, 1.0 / TIGHTEST_M), t))
@@ -99,16 +103,25 @@ def smooth_line(
 
 
 def smooth_value(t_m: FloatArray, value: FloatArray, change: float) -> tuple[FloatArray, FloatArray]:
-    """Smooth a number along a line (kerb height ...); return it and its standard deviation at every station.
+    """Return a number smoothed along a line (the height of a kerb), (n,), and its standard deviation, (n,).
 
-    Places where it is NaN are filled from around them. How well it is known at a place is taken from how much
-    it differs between neighbours (median, so that ramps do not count).
+    NaN are filled from around them. The noise is estimated from the differences of neighbours (their median, so that
+    ramps do not count).
+
+    Parameters
+    ----------
+    t_m
+        (n,) ascending: distance along the line. [m]
+    value
+        (n,) [m].
+    change
+        Density of the random walk of its slope. [1/m]
     """
     known = np.isfinite(value)
     if not known.any():
         return np.full(len(t_m), np.nan), np.full(len(t_m), np.nan)
     steps = np.abs(np.diff(value[known]))
-    noise = max(1.4826 * float(np.median(steps)) / math.sqrt(2.0) if len(steps) else 0.0, LEAST_VALUE_NOISE_M)
+    noise = max(_MAD * float(np.median(steps)) / math.sqrt(2.0) if len(steps) else 0.0, LEAST_VALUE_NOISE_M)
     variance = np.where(known, SHARED * noise**2, np.inf)
     first = value[np.argmax(known)]
     smoothed, var = smooth_height(t_m, np.where(known, value, first), variance, change)
@@ -116,7 +129,7 @@ def smooth_value(t_m: FloatArray, value: FloatArray, change: float) -> tuple[Flo
 
 
 def _stations(t: FloatArray, ends_m: tuple[float, float]) -> tuple[FloatArray, IntArray]:
-    """Return distances along the line and the number of the centre there (-1: none), gaps and ends filled."""
+    """Return distances along the line, gaps and ends filled, and the index of the centre at each (-1: none)."""
     added = [
         np.linspace(a, b, int(np.ceil((b - a) / SMOOTH_STATION_M)) + 1)[1:-1]
         for a, b in itertools.pairwise(t.tolist())
@@ -131,7 +144,7 @@ def _stations(t: FloatArray, ends_m: tuple[float, float]) -> tuple[FloatArray, I
 
 
 def _change(curvature: FloatArray) -> FloatArray:
-    """Return the density [1/m^3] of the curvature's random walk: so much of it is built up over a clothoid."""
+    """Return the density [1/m^3] of the curvature's random walk that builds this curvature up over a clothoid."""
     return np.asarray((curvature + 1.0 / STRAIGHT_RADIUS_M) ** 2 / CLOTHOID_M)
 
 
@@ -143,4 +156,5 @@ def _largest_near(values: FloatArray, t_m: FloatArray) -> FloatArray:
 
 
 def _left(direction: FloatArray) -> FloatArray:
+    """Return the unit vectors (n, 2) to the left of directions (n, 2)."""
     return np.stack([-direction[:, 1], direction[:, 0]], axis=1)

@@ -1,4 +1,4 @@
-"""What a survey holds, in numbers: extents, heights, densities, intensity, times."""
+"""Description of a survey in numbers: extents, heights, densities, intensity, times, and the van's recordings."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 from linework.runs.opened.points import SurveyInMemory
 
-#: Density is counted in cells of this size: holds several scan lines, and shows where the van was near. [m]
+#: Cell in which points are counted for the density: holds several scan lines, and shows where the van was near. [m]
 DENSITY_CELL_M = 1.0
-#: A van's scanner turns at least 10 times a second: without a point for this long it was off. [s]
+#: Least pause that is a gap: scanners turn at least 10 times a second, so for this long it was off. [s]
 GAP_S = 1.0
-#: More gaps than this are counted, not listed.
+#: Gaps that are listed; further ones are counted. [gaps]
 MAX_GAPS = 20
 
 
 def describe_survey(read: SurveyInMemory | None, survey: Survey) -> dict[str, Any]:
-    """Return what a survey holds, as a document for people and JSON; None where it does not apply.
+    """Return the description of a survey, as a document for people and JSON; None for what it does not have.
 
     Parameters
     ----------
     read
-        Its points and its trajectory; None where it has no points.
+        Its points and its trajectory; None if it has no points.
 
     Raises
     ------
     InputError
-        There is nothing in it that can be used.
+        Nothing in it can be used.
     """
     van = describe_van(survey, with_path=read is None)
     if read is None and van.cameras is None and not van.logs and van.trajectory is None:
@@ -91,7 +91,7 @@ def _points(read: SurveyInMemory) -> dict[str, Any]:
 
 
 def densities_per_m2(points: Points) -> FloatArray:
-    """Return the points per square metre of every cell that has any, (n_cells,).
+    """Return the density of every cell that has points, (n_cells,) [points/m2].
 
     >>> xyz = np.array([[0.1, 0.1, 0.0], [0.9, 0.9, 0.0], [7.5, 0.5, 0.0]])
     >>> densities_per_m2(Points(xyz)).tolist()
@@ -123,7 +123,7 @@ def _quantiles(values: FloatArray) -> dict[str, float]:
 
 
 def _intensity(points: Points) -> dict[str, Any] | None:
-    """Return range and bits: 8 where no value is above 255, or where all are multiples of 256 or 257."""
+    """Return range and bits: 8 if no value is above 255, or if all are multiples of 256 or 257."""
     if points.intensity is None:
         return None
     low, high = float(points.intensity.min()), float(points.intensity.max())
@@ -154,7 +154,7 @@ def _times(points: Points, facts: StoreFacts) -> dict[str, Any] | None:
 
 
 def _spacing(points: Points, trajectory: Trajectory | None) -> tuple[float | None, str]:
-    """Return the along-track distance of scan lines, or why it is not known."""
+    """Return the along-track distance of scan lines [m], or why it is not known."""
     try:
         return round(scan_line_spacing_m(points, trajectory), 4), ""
     except InputError as error:
@@ -177,25 +177,25 @@ def _path(trajectory: Trajectory) -> dict[str, Any]:
     }
 
 
-# What a survey's van recorded beside points, in numbers: cameras and pairs, navigation logs, keys
+# What the van recorded besides points, in numbers: cameras and pairs, navigation logs, keys
 
 _T = TypeVar("_T")
 
 
 @dataclass(slots=True)
 class VanRecordings:
-    """What was found; a part that cannot be used keeps no other from being told.
+    """Descriptions of the recordings; a part that cannot be used does not hide the others.
 
     Parameters
     ----------
     cameras
-        As a document for people and JSON; None without cameras.
+        Document for people and JSON; None without cameras.
     logs
-        Likewise, by name: gnss, gyro, wheels, events.
+        Documents by name: gnss, gyro, wheels, events.
     trajectory
         Path of the vehicle's origin, or None.
     warnings, failures
-        One line each, and with the part's name.
+        One line each; failures with the name of the part.
     """
 
     cameras: dict[str, Any] | None = None
@@ -205,7 +205,7 @@ class VanRecordings:
     failures: list[dict[str, str]] = field(default_factory=list)
 
     def tried(self, part: str, read: Callable[[], _T]) -> _T | None:
-        """Return what `read` gives, or None where the part cannot be used, which is then told."""
+        """Return what `read` returns, or None if the part cannot be used, which is then a failure."""
         try:
             return read()
         except LineworkError as error:
@@ -214,12 +214,12 @@ class VanRecordings:
 
 
 def describe_van(survey: Survey, *, with_path: bool) -> VanRecordings:
-    """Describe cameras, pairs and logs; a few pairs are looked at, whether they are pairs.
+    """Describe cameras, pairs and logs; a few pairs are checked whether their images belong together.
 
     Parameters
     ----------
     with_path
-        Whether to read the survey's trajectory, too.
+        Whether to read the trajectory of the survey, too.
     """
     found = VanRecordings(warnings=list(survey.warnings))
     series = found.tried("cameras", lambda: open_stereo(survey))

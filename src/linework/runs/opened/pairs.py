@@ -1,4 +1,4 @@
-"""A survey whose stereo pairs are known and placed: where the van was and how it was turned at each."""
+"""A survey with its stereo pairs and the pose of the vehicle at each of them."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 from linework.navigation.poses import poses_at
 
-#: Between poses farther apart than this nobody knows where the van was: braking at 3 m/s2, half a metre from the
-#: straight way between them. [s]
+#: Longest time between two poses that are interpolated: a van that brakes at 3 m/s2 is then half a metre from the
+#: interpolated position. [s]
 POSE_HOLE_S = 1.0
 
 
@@ -39,7 +39,7 @@ class OpenedStereo:
     trajectory
         Path of the vehicle's origin.
     failures
-        (left image, problem) of pairs that cannot be used, and of images in no pair.
+        (left image, problem) of pairs that cannot be used, and of images without a partner.
     warnings
         One line each.
     """
@@ -101,7 +101,7 @@ class OpenedStereo:
                 try:
                     found[path] = hash_file(path)
                 except (InputError, OSError):
-                    continue  # whoever looks at the pair says what is wrong
+                    continue  # reported when the pair is looked at
         return found
 
 
@@ -132,7 +132,7 @@ def place_pairs(survey: Survey, series: StereoSeries, trajectory: Trajectory | N
     """
     where = survey.trajectory_file or survey.name
     if trajectory is None:
-        raise InputError("images but no trajectory: nobody knows where they were taken", where=where,
+        raise InputError("images but no trajectory: it is not known where they were taken", where=where,
                          advice="name one ([trajectory] file), or make one with linework locate")  # fmt: skip
     if trajectory.attitude_deg is None:
         raise InputError("has no attitude, which images need", where=where,
@@ -170,7 +170,7 @@ def place_pairs(survey: Survey, series: StereoSeries, trajectory: Trajectory | N
 
 
 def _problems(times: FloatArray, known: FloatArray) -> list[str]:
-    """Return why the pose at each time is not known, "" where it is."""
+    """Return why the pose at each time is not known, "" if it is."""
     after = np.searchsorted(known, times, side="left")
     found = []
     for time, i in zip(times.tolist(), after.tolist(), strict=True):

@@ -1,4 +1,4 @@
-"""A survey whose points are in the tile store and whose trajectory has been read."""
+"""A survey with its points in the tile store, its trajectory, and its surface."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from linework.surface.road import RoadConfig
 
 @dataclass(frozen=True, slots=True)
 class OpenedSurvey:
-    """A survey whose points are at hand and whose trajectory has been read.
+    """A survey with its points in the tile store, and its trajectory.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class OpenedSurvey:
     warnings
         One line each.
     key, path_hash
-        Stand for the content of the files of points, and for the trajectory ("" without one).
+        Hashes of the content of the point files, and of the trajectory ("" without one).
     hashes
         SHA-256 of every input file that can be read.
     """
@@ -71,15 +71,15 @@ def opened_survey(
     limits: DecoderLimits | None = None,
     steps: RunSteps | None = None,
 ) -> Iterator[OpenedSurvey]:
-    """Give a survey with its points in the tile store of `work`, and see that points and trajectory belong together.
+    """Open a survey with its points in the tile store of `work`, and check that points and trajectory match.
 
     Raises
     ------
     InputError
-        No file can be used, or the trajectory does not go with the points. Damaged files among good ones
-        are no error here: ``facts.failures`` lists them.
+        No file can be used, or the trajectory does not match the points. Damaged files among good ones
+        are not an error: ``facts.failures`` lists them.
     """
-    # Before the points: it is read in no time, and may be wrong
+    # Before the points: it is read at once, and may be wrong
     content = read_survey_trajectory_content(survey)
     trajectory: Trajectory | None = None
     with held_store(survey, work, n_threads=n_threads, limits=limits, steps=steps) as held:
@@ -105,7 +105,7 @@ def opened_survey(
 
 
 def hash_path(trajectory: Trajectory) -> str:
-    """Return what stands for a path: the SHA-256 of its times, positions, attitudes and their sigmas."""
+    """Return the SHA-256 of a trajectory: of its times, positions, attitudes and their sigmas."""
     parts = (
         trajectory.time_s, trajectory.xyz, trajectory.attitude_deg, trajectory.sigma_xyz_m,
         trajectory.sigma_attitude_deg,
@@ -114,7 +114,7 @@ def hash_path(trajectory: Trajectory) -> str:
 
 
 def surface_of(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps: RunSteps) -> SurveySurface:
-    """Return the road and the ground of the survey, made once for a store, a trajectory and settings."""
+    """Return road and ground of a survey, found once for a store, a trajectory and settings."""
     with steps.step("find the road", unit="tiles") as advance:
         made_of = {
             "points": opened.key,
@@ -124,12 +124,12 @@ def surface_of(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps
         }
         key = fingerprint_of(made_of)
         folder = opened.points.folder / f"surface-{key[:16]}"
-        # Two runs of one survey share its surface: the second waits for the first to make it
+        # Two runs of one survey share its surface: the second waits until the first has made it
         with hold_lock(folder.with_suffix(".lock"), keep=True):
             return make_surface(opened.points, opened.trajectory, road, folder, executor, advance, key=key)
 
 
-# A survey with all its points in memory, for what looks at all of them at once
+# A survey with all its points in memory, for what needs all of them at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,14 +161,15 @@ def read_into_memory(opened: OpenedSurvey) -> SurveyInMemory:
     return SurveyInMemory(opened.survey, points, opened.trajectory, opened.warnings, opened.hashes)
 
 
-# A few of very many points: for pictures and statistics of surveys that do not fit into memory
+# A sample of very many points: for pictures and statistics of surveys that do not fit into memory
 
-#: Pictures of some thousand pixels show no more, and 100 bytes of each are in memory at a time.
+#: Greatest number of points for a picture: one of some thousand pixels a side shows no more, and each point takes
+#: 100 bytes of memory. [points]
 MOST_PICTURE_POINTS = 4_000_000
 
 
 def points_for_pictures(store: PointStore, most: int = MOST_PICTURE_POINTS) -> Points:
-    """Return all points, or of more than `most` every k-th of each block: the same ones every time."""
+    """Return all points, or every k-th point of each block if there are more than `most`; always the same."""
     step = -(-store.n_points // most)
     if step <= 1:
         return store.points()

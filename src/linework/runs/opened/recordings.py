@@ -1,19 +1,22 @@
-"""All that a survey's van recorded, opened: laser points, stereo pairs, or both."""
+"""The recordings of a survey, opened side by side: laser points, stereo pairs, navigation logs, the van's log."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Generic, TypeVar
 
-from linework.errors import ConfigError, CrsError, InputError
+from linework.errors import ConfigError, CrsError, InputError, LineworkError
 from linework.files.images.series import open_stereo
+from linework.files.logs.photolog import van_log
 from linework.files.logs.sensors import read_navigation_logs
 from linework.files.output.record import hash_file
 from linework.files.trajectories.of_survey import read_van_path, stereo_on_clock_of
 from linework.files.trajectories.read import write_trajectory
+from linework.model.logs import VanLog
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 from linework.navigation.locate import locate_drive
@@ -22,19 +25,48 @@ from linework.runs.opened.points import OpenedSurvey, hash_path, opened_survey
 from linework.runs.opened.work_folder import STORES
 from linework.runs.steps import RunSteps
 
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Opened(Generic[T]):
+    """A recording that was opened, or the error that says why it cannot be used; neither if it is not wanted.
+
+    Parameters
+    ----------
+    name
+        Of the recording, for messages: "laser points".
+    """
+
+    name: str
+    value: T | None = None
+    error: LineworkError | None = None
+
+
+def tried(
+    name: str,
+    read: Callable[[], T],
+    unusable: tuple[type[LineworkError], ...] = (InputError, ConfigError),
+) -> Opened[T]:
+    """Return what `read` returns, or its error if that is one of those that make a recording unusable."""
+    try:
+        return Opened(name, read())
+    except unusable as error:
+        return Opened(name, error=error)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recordings:
-    """What there is to find lines in.
+    """The opened recordings of a survey.
 
     Parameters
     ----------
     points, stereo
         None where the survey has none, or none was asked for.
-    told
-        One line each about what was done before the recordings were opened.
+    messages
+        One line each on how the trajectory was made, if the survey came without one.
     problems
-        (what, problem) of what cannot be used at all although the rest can.
+        (what, problem) of recordings that cannot be used at all although others can.
     hashes
         SHA-256 of every input file that can be read.
     """
@@ -42,7 +74,7 @@ class Recordings:
     survey: Survey
     points: OpenedSurvey | None
     stereo: OpenedStereo | None
-    told: tuple[str, ...] = ()
+    messages: tuple[str, ...] = ()
     problems: tuple[tuple[str, str], ...] = ()
     hashes: Mapping[Path, str] = field(default_factory=dict)
 
@@ -54,7 +86,7 @@ class Recordings:
 
     @property
     def identity(self) -> dict[str, object]:
-        """What the lines depend on beside the bytes of the files: settings, times of images, the path, the keys."""
+        """What the lines depend on besides the bytes of the files: settings, times of images, path, keys."""
         pairs = self.stereo.pairs if self.stereo else ()
         events = self.survey.settings.get("events", {}).get("file")
         keys = self.survey.root / events if events else None
@@ -69,7 +101,14 @@ class Recordings:
     def warnings(self) -> tuple[str, ...]:
         """One line each."""
         of_points = self.points.warnings if self.points else ()
-        return (*self.survey.warnings, *self.told, *of_points, *(self.stereo.warnings if self.stereo else ()))
+        of_pairs = self.stereo.warnings if self.stereo else ()
+        return (*self.survey.warnings, *self.messages, *of_points, *of_pairs)
+
+    def van_log(self) -> Opened[VanLog]:
+        """Open the van's log: images and the operator's keys, placed on the trajectory."""
+        series = self.stereo.series if self.stereo else None
+        name = self.survey.settings.get("events", {}).get("file", "")
+        return tried(name, lambda: van_log(self.survey, series, self.trajectory))
 
 
 @contextlib.contextmanager
@@ -82,68 +121,87 @@ def opened_recordings(
     n_threads: int = 1,
     steps: RunSteps | None = None,
 ) -> Iterator[Recordings]:
-    """Give the recordings of a survey that are asked for.
+    """Open the recordings of a survey that are asked for, and hold them open.
 
     Parameters
     ----------
     laser, images
-        Whether points, whether stereo pairs are to be used where the survey has them.
+        Whether to use the points, whether to use the stereo pairs, where the survey has them.
 
     Raises
     ------
     InputError
-        There is nothing that can be used. Where one kind of recording can be used and the other cannot, that is
-        no error here: `Recordings.problems` tells.
+        Nothing can be used. If only one recording cannot be used, `Recordings.problems` names it.
     """
-    has_points, has_images = (
-        laser and bool(survey.point_files),
-        images and bool(survey.settings.get("cameras")),
-    )
-    if not has_points and not has_images:
-        asked = " and no ".join([*["laser points"] * laser, *["stereo images ([cameras])"] * images])
-        raise InputError(f"no {asked} in this survey", where=survey.name,
-                         advice="see what there is with linework info")  # fmt: skip
     steps = steps or RunSteps()
     with contextlib.ExitStack() as held:
-        points, told, problems = None, tuple[str, ...](), list[tuple[str, str]]()
-        try:
-            survey, told = located_survey(survey, work, steps)
-        except (InputError, ConfigError, CrsError) as error:
-            # Points are worked without a trajectory; images cannot be, and say so
-            problems.append(("navigation logs", str(error)))
-        if has_points:
-            try:
-                points = held.enter_context(opened_survey(survey, work, n_threads=n_threads, steps=steps))
-            except InputError as error:
-                if not has_images:
-                    raise
-                problems.append(("laser points", str(error)))
-        stereo: OpenedStereo | None = None
-        if has_images:
-            try:
-                stereo = _opened_stereo(survey, points, steps)
-            except (InputError, ConfigError) as error:
-                if points is None and problems:
-                    also = problems[0][1].rstrip(".")
-                    raise InputError(f"{error.problem}; {also}", where=error.where) from error
-                if points is None:  # nothing usable, whatever it is that is wrong
-                    raise InputError(error.problem, where=error.where, advice=error.advice) from error
-                problems.append(("stereo pairs", str(error)))
-        hashes = dict(points.hashes) if points else {}
-        if stereo is not None:
-            hashes |= stereo.hashes()
-            if survey.trajectory_file is not None and survey.trajectory_file.is_file():
-                hashes[survey.trajectory_file] = hash_file(survey.trajectory_file)
+        logs: Opened[tuple[Survey, tuple[str, ...]]] = Opened("navigation logs")
+        points: Opened[OpenedSurvey] = Opened("laser points")
+        pairs: Opened[OpenedStereo] = Opened("stereo pairs")
+        wants_points = laser and bool(survey.point_files)
+        wants_pairs = images and bool(survey.settings.get("cameras"))
+        if wants_points or wants_pairs:
+            # Points are processed without a trajectory; pairs cannot be, and say so
+            errors = (InputError, ConfigError, CrsError)
+            logs = tried(logs.name, lambda: located_survey(survey, work, steps), errors)
+        found, messages = logs.value or (survey, ())
+        if wants_points:
+            files = opened_survey(found, work, n_threads=n_threads, steps=steps)
+            # Settings or a CRS that are wrong are mended by whoever runs it, also where there are images
+            points = tried(points.name, lambda: held.enter_context(files), (InputError,))
+        if wants_pairs:
+            pairs = tried(pairs.name, lambda: _opened_stereo(found, points.value, steps))
+        if points.value is None and pairs.value is None:
+            raise _nothing_usable(survey, logs, points, pairs, laser=laser, images=images)
         yield Recordings(
-            survey=survey, points=points, stereo=stereo, told=told, problems=tuple(problems), hashes=hashes
+            survey=found,
+            points=points.value,
+            stereo=pairs.value,
+            messages=messages,
+            problems=tuple((one.name, str(one.error)) for one in (logs, points, pairs) if one.error),
+            hashes=_hashes(found, points.value, pairs.value),
         )
 
 
-def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: RunSteps) -> OpenedStereo | None:
-    """Return the stereo pairs with their poses; the trajectory is the one that the points have, where there are any."""
+def _nothing_usable(
+    survey: Survey,
+    logs: Opened[tuple[Survey, tuple[str, ...]]],
+    points: Opened[OpenedSurvey],
+    pairs: Opened[OpenedStereo],
+    *,
+    laser: bool,
+    images: bool,
+) -> LineworkError:
+    """Return the error of a survey of which no recording can be used."""
+    if points.error is None and pairs.error is None:
+        asked = " and no ".join([*["laser points"] * laser, *["stereo images ([cameras])"] * images])
+        return InputError(f"no {asked} in this survey", where=survey.name,
+                          advice="see what there is with linework info")  # fmt: skip
+    if pairs.error is None:
+        assert points.error is not None
+        return points.error
+    other = logs.error or points.error
+    if other is not None:
+        problem = f"{pairs.error.problem}; {str(other).rstrip('.')}"
+        return InputError(problem, where=pairs.error.where)
+    # An error of the input, also where a setting is wrong: nothing usable is left
+    return InputError(pairs.error.problem, where=pairs.error.where, advice=pairs.error.advice)
+
+
+def _hashes(survey: Survey, points: OpenedSurvey | None, stereo: OpenedStereo | None) -> dict[Path, str]:
+    """Return the SHA-256 of every input file that can be read."""
+    hashes = dict(points.hashes) if points else {}
+    if stereo is not None:
+        hashes |= stereo.hashes()
+        if survey.trajectory_file is not None and survey.trajectory_file.is_file():
+            hashes[survey.trajectory_file] = hash_file(survey.trajectory_file)
+    return hashes
+
+
+def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: RunSteps) -> OpenedStereo:
+    """Return the stereo pairs with their poses, on the trajectory of the points where there are any."""
     series = open_stereo(survey)
-    if series is None:
-        return None
+    assert series is not None, "the survey has [cameras]"
     if points is None:
         van = read_van_path(survey, series)
         trajectory, series = van.trajectory, van.series or series
@@ -157,16 +215,16 @@ def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: RunSteps)
         return placed.checked()
 
 
-# A survey that has logs and no trajectory: the trajectory is made from them, as `linework locate` does
+# A survey that has logs and no trajectory: its trajectory is made from them, as `linework locate` does
 
 
 def located_survey(survey: Survey, work: Path, steps: RunSteps) -> tuple[Survey, tuple[str, ...]]:
-    """Return the survey with a trajectory, its own or one made from its logs, and what is to be told of that.
+    """Return the survey with a trajectory, its own or one made from its logs, and messages about the latter.
 
     Parameters
     ----------
     work
-        The work folder: a trajectory that is made stays there, under the name of what it holds.
+        The work folder: a trajectory that is made stays there, in a file named by the hash of its content.
 
     Raises
     ------
@@ -186,5 +244,5 @@ def located_survey(survey: Survey, work: Path, steps: RunSteps) -> tuple[Survey,
         survey, trajectory_file=path, trajectory_lever_m=(0.0, 0.0, 0.0), trajectory_boresight_deg=(0.0, 0.0, 0.0),
         settings=settings,
     )  # fmt: skip
-    told = f"{survey.name}: no trajectory: made from the logs, as linework locate does"
-    return located, (told, *content.warnings, *found.warnings)
+    message = f"{survey.name}: no trajectory: made from the logs, as linework locate does"
+    return located, (message, *content.warnings, *found.warnings)

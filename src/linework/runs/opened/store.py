@@ -1,4 +1,4 @@
-"""The tile store of a survey: made once for one state of its files, then used by whatever needs points."""
+"""The tile store of a survey: built once for one state of its files, then used by everything that needs points."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class HeldStore:
-    """A store that stays as it is while it is held.
+    """A tile store that is locked against removal.
 
     Parameters
     ----------
     key
-        Stands for the content of all files of points, and for what they were taken for.
+        Hash of the content of all point files and of the CRS they were read with.
     hashes
-        SHA-256 of every file of points that can be read.
+        SHA-256 of every point file that can be read.
     """
 
     points: PointStore
@@ -60,23 +60,23 @@ def held_store(
     limits: DecoderLimits | None = None,
     steps: RunSteps | None = None,
 ) -> Iterator[HeldStore]:
-    """Give the store of a survey, made if the work folder has none for what the files hold now.
+    """Open the store of a survey, built if the work folder has none for the present content of the files.
 
     Parameters
     ----------
     n_threads, limits
-        Of the process that decodes; the store does not depend on them.
+        Of the decoder; the store does not depend on them.
 
     Raises
     ------
     InputError
-        No file can be used; or one changed while it was read.
+        No file can be used, or one changed while it was read.
     MachineError
         The work folder is full.
 
     Notes
     -----
-    A store is known by its files' bytes, not by their times. Those of earlier states are removed.
+    A store is identified by the bytes of its files, not by their times. Stores of earlier states are removed.
     """
     steps = steps or RunSteps()
     before = _states(survey)
@@ -96,7 +96,7 @@ def held_store(
 
 
 def promised_points(survey: Survey) -> int:
-    """Return how many points the files' headers promise; a file that cannot be read promises none."""
+    """Return the number of points by the files' headers; a file that cannot be read counts none."""
     total = 0
     for path in survey.point_files:
         with contextlib.suppress(InputError):
@@ -113,7 +113,7 @@ def _make(
 
 
 def _names(survey: Survey, hashes: Mapping[Path, str]) -> tuple[str, str]:
-    """Return what stands for the files by name, and for what they hold and are taken for."""
+    """Return a hash of the file names, and one of their content and CRS."""
     names = [os.fsdecode(os.fsencode(path.absolute())) for path in survey.point_files]
     content = [
         source_hash("files", "kernels"),
@@ -126,7 +126,7 @@ def _names(survey: Survey, hashes: Mapping[Path, str]) -> tuple[str, str]:
 
 
 def _hashes(paths: tuple[Path, ...], n_threads: int) -> dict[Path, str]:
-    """Return the hashes; a file that cannot be read is told about by whoever reads its points."""
+    """Return the hashes; files that cannot be read are reported when their points are read."""
 
     def hashed(path: Path) -> str | None:
         with contextlib.suppress(InputError, OSError):
@@ -138,7 +138,7 @@ def _hashes(paths: tuple[Path, ...], n_threads: int) -> dict[Path, str]:
 
 
 def _states(survey: Survey) -> dict[Path, tuple[int, ...]]:
-    """Return what tells that a file has been changed since."""
+    """Return device, inode, size and time of each file, by which a change is noticed."""
     found: dict[Path, tuple[int, ...]] = {}
     for path in survey.point_files:
         with contextlib.suppress(OSError):
@@ -156,7 +156,7 @@ def _refuse_changed(before: Mapping[Path, tuple[int, ...]], after: Mapping[Path,
 
 
 def _remove_earlier(work: Path, family: str, name: str) -> None:
-    """Remove the stores of the same files in earlier states, but for those in use."""
+    """Remove the stores of earlier states of the same files, except those in use."""
     for folder in sorted((work / STORES).glob(f"{family}-*")):
         if folder.name != name:
             lock = work / f"store-{folder.name}.lock"
@@ -164,24 +164,24 @@ def _remove_earlier(work: Path, family: str, name: str) -> None:
                 shutil.rmtree(folder)
 
 
-# What works the tiles of a survey on this machine
+# The executor of a run on this machine
 
 
 def usable_cores() -> int:
-    """Return the cores this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextlib.contextmanager
 def executor_for(survey: Survey, n_workers: int, settings: RunSettings) -> Iterator[Executor]:
-    """Give what works the tiles: processes, started now, where there will be several tiles and workers."""
+    """Open the executor of a run: worker processes, started now, if there will be several tasks and workers."""
     from linework.processes.executors import Serial
     from linework.processes.pool import Processes
 
-    # Images are many small windows of work: they are worth workers as soon as there are any
+    # Images are many small windows: any number of them is worth workers
     is_small = promised_points(survey) <= settings.tiling.max_points and not survey.settings.get("cameras")
     if n_workers == 1 or is_small:
         yield Serial()
         return
-    with Processes(n_workers, modules=("linework.runs.tasks",)) as processes:
+    with Processes(n_workers, modules=("linework.runs.tasks", "linework.methods.choose")) as processes:
         yield processes

@@ -1,8 +1,8 @@
-"""Road and ground of a whole survey, whatever its size: a global pass over tiles of cells, kept on disk.
+"""Road and ground of a whole survey, whatever its size: global passes over tiles of cells, kept on disk.
 
-What has memory (how far a road reaches, which of the smooth regions it is) is decided for the survey as a
-whole: regions are found in every tile, united across the tiles' edges, and chosen together. So the surface
-does not depend on how the survey is split.
+How far a road reaches, and which of the smooth regions it is, is decided for the survey as a whole: regions are
+found in every tile, united across the edges of tiles, and chosen together. So the surface does not depend on how
+the survey is split.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linework.arrays import AnyArray, IntArray
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from linework.files.store.cell_tiles import (
     SurfaceTiles,
     TileNumber,
@@ -24,6 +24,7 @@ from linework.files.store.cell_tiles import (
     write_surface_record,
 )
 from linework.files.store.read import PointStore
+from linework.methods.protocol import Sight, sight_of
 from linework.model.grid import Bounds
 from linework.model.tile import RoadSurface
 from linework.model.trajectory import Trajectory
@@ -38,19 +39,21 @@ from linework.surface.config import RoadConfig
 from linework.surface.heights import height_origin, rough_limit_m
 from linework.surface.regions import Islands, links_east, links_south
 
-#: Raised whenever surfaces made by older versions are not to be used any more.
+#: Version of the arrays on disk: surfaces of another version are made again.
 _VERSION = 1
+#: Side of the pieces in which `SurveySight` reads the surface [m], and the number of pieces it keeps: 2 km of road.
+SIGHT_PIECE_M, N_PIECES = 256.0, 32
 
 
 class SurfaceTiling(NamedTuple):
-    """How the cells are split into tiles: the surface does not depend on it.
+    """The tiles that the cells are split into; the surface does not depend on them.
 
     Parameters
     ----------
     n_cells
         Size of a tile, in rows and columns.
     origin
-        Cell numbers east and north that a tile begins at.
+        Cell numbers east and north at which a tile begins.
     """
 
     n_cells: int
@@ -58,7 +61,7 @@ class SurfaceTiling(NamedTuple):
 
     @classmethod
     def for_cells(cls, config: RoadConfig) -> SurfaceTiling:
-        """Return the layout that costs least.
+        """Return the cheapest tiles.
 
         384 cells of 0.5 m are 3 x 3 blocks of the point store: smaller tiles have more edge to look beyond,
         larger ones more empty cells along a road. Smaller cells look beyond farther in cells; 1200 of them,
@@ -80,7 +83,7 @@ class SurveySurface:
     known
         Tiles that have arrays.
     failed
-        Tiles that could not be worked, and why, in one line: they have no surface.
+        Tiles without a surface because a pass failed, and why, in one line.
     """
 
     tiles: SurfaceTiles
@@ -91,12 +94,12 @@ class SurveySurface:
 
     @classmethod
     def open(cls, folder: Path) -> SurveySurface:
-        """Open a surface that `make_surface` has made; its arrays are read where they are asked for.
+        """Open a surface that `make_surface` has made; its arrays are read on demand.
 
         Raises
         ------
         FileNotFoundError
-            There is none in the folder.
+            There is no surface in the folder.
         """
         record = read_surface_record(folder)
         if record is None or record.get("version") != _VERSION:
@@ -120,7 +123,7 @@ class SurveySurface:
         return tuple((f"surface e{e}n{n}", problem) for (e, n), problem in sorted(self.failed.items()))
 
     def over(self, bounds: Bounds) -> RoadSurface:
-        """Return road and ground over a place: every cell that touches it, the same wherever it is asked from.
+        """Return road and ground in a rectangle [m, world]: every cell that touches it, the same from any rectangle.
 
         Heights are NaN in failed tiles, and in a survey without any point.
         """
@@ -139,10 +142,36 @@ class SurveySurface:
         return RoadSurface(window.grid(self.cell_m), self.z0_m, road_m, ground_m, *passes.is_kind(kind))
 
     def _far(self, window: CellWindow) -> AnyArray:
-        """Return the ground far from any ground: as high as the nearest block that has some."""
+        """Return the ground in cells far from any ground: the height of the nearest block that has ground."""
         coarse = CoarseGround(*self.tiles.read_common(passes.COARSE))
         far, rows, cols = coarse.over(window, self.cell_m)
         return np.asarray(far[rows[:, None], cols])
+
+
+class SurveySight:
+    """Visibility in a whole survey: whether road or ground was measured at places (`linework.methods.protocol.Sight`)."""
+
+    def __init__(self, surface: SurveySurface) -> None:
+        self._surface = surface
+        self._pieces: dict[tuple[int, int], Sight] = {}
+
+    def __call__(self, xy: FloatArray) -> BoolArray:
+        """Return (n,) bool for (n, 2) places [m, world]."""
+        out = np.zeros(len(xy), dtype=np.bool_)
+        number = np.floor(xy / SIGHT_PIECE_M).astype(np.int64)
+        for east, north in np.unique(number, axis=0).tolist():
+            inside = (number[:, 0] == east) & (number[:, 1] == north)
+            out[inside] = self._piece(east, north)(xy[inside])
+        return out
+
+    def _piece(self, east: int, north: int) -> Sight:
+        if (east, north) not in self._pieces:
+            while len(self._pieces) >= N_PIECES:
+                del self._pieces[next(iter(self._pieces))]
+            west, south = east * SIGHT_PIECE_M, north * SIGHT_PIECE_M
+            surface = self._surface.over(Bounds(west, south, west + SIGHT_PIECE_M, south + SIGHT_PIECE_M))
+            self._pieces[east, north] = sight_of(surface)
+        return self._pieces[east, north]
 
 
 def make_surface(
@@ -156,24 +185,24 @@ def make_surface(
     key: str,
     layout: SurfaceTiling | None = None,
 ) -> SurveySurface:
-    """Find road and ground of a survey, and keep them in a folder; what is there already for `key` is used.
+    """Find road and ground of a survey and keep them in a folder; a surface with this `key` there is used.
 
     Parameters
     ----------
     store
         The survey's points.
     trajectory
-        The vehicle's path; None: in each recorded place, the region with most points is the road.
+        Path of the vehicle; None: in each separate part of the survey, the region with most points is the road.
     folder
-        For the surface alone: what else is in it may be removed.
+        For the surface alone: other files in it may be removed.
     executor
-        Does the tiles.
+        Does the tiles of each pass.
     advance
-        Told how many of the tiles' steps are done, and how many there are.
+        Called with the number of passes over tiles that are done, and of all.
     key
         Fingerprint of points, trajectory and settings.
     layout
-        How the cells are split into tiles; None: as costs least.
+        Tiles of cells; None: the cheapest.
 
     Raises
     ------
@@ -182,8 +211,8 @@ def make_surface(
 
     Notes
     -----
-    A tile that cannot be worked has no surface; `SurveySurface.failures` names it, and the next call tries
-    again. Memory: one tile in each worker, and here what crosses the edges.
+    A tile whose pass fails has no surface; `SurveySurface.failures` names it, and the next call tries again.
+    Memory: one tile in each worker, and here what crosses the edges.
     """
     record = read_surface_record(folder)
     if record and (record.get("version"), record.get("key")) == (_VERSION, key) and not record["failed"]:
@@ -194,7 +223,7 @@ def make_surface(
         making = _Making(store, trajectory, config, SurfaceTiles(folder, *layout), executor, advance)
         known = making.surface()
     except BaseException:
-        # Half a surface is of no use to the next run; on a full disk its room is
+        # Half a surface is useless to the next run, and takes room on a disk that may be full
         with contextlib.suppress(OSError):
             clear_surface(folder)
         raise
@@ -215,7 +244,7 @@ def make_surface(
 
 
 class _Making:
-    """The passes of one surface."""
+    """The passes that make one surface."""
 
     def __init__(
         self,
@@ -239,7 +268,7 @@ class _Making:
         tiles.write_common(passes.ISLANDS, islands.codes, islands.number)
 
     def surface(self) -> list[TileNumber]:
-        """Make the surface; return the tiles that have one."""
+        """Run all passes; return the tiles that have a surface."""
         # The lowest supported height of every cell, and how much the layer above it spreads
         spreads = self._run(0, passes.find_heights, self._occupied)
         self._task = replace(self._task, rough_limit_m=rough_limit_m(_added(spreads.values()), self._config))
@@ -264,7 +293,7 @@ class _Making:
     def _run(
         self, number: int, work: Callable[[passes.SurfaceTileTask], Any], tiles: Iterable[TileNumber]
     ) -> dict[TileNumber, Any]:
-        """Do one pass over tiles, and return their receipts; failures are kept by tile."""
+        """Run one pass over tiles, and return their receipts; failures are kept by tile."""
         receipts, done = {}, number * len(self._occupied)
         for outcome in self._executor.run(work, [replace(self._task, tile=tile) for tile in tiles]):
             if outcome.receipt is None:
@@ -280,7 +309,7 @@ class _Making:
         return 3 * len(self._occupied) + len(self._reached)
 
     def _links(self, names: Sequence[TileNumber]) -> list[RegionLink]:
-        """Return what is connected across the edges between tiles."""
+        """Return the regions that are connected across the edges between tiles."""
         number = {name: i for i, name in enumerate(names)}
         links = []
         for (east, north), i in number.items():
@@ -304,7 +333,7 @@ class _Making:
         choice: Choice,
         receipts: Mapping[TileNumber, passes.IsolatedReceipt],
     ) -> None:
-        """Take for ground what lies level with it beyond holes in the data."""
+        """Add pieces that are level with the ground beyond holes in the data to the ground."""
         with_pieces = [name for name in names if name in receipts and receipts[name].pieces]
         number = {name: i for i, name in enumerate(with_pieces)}
         pieces = [p for p in (receipts[name].pieces for name in with_pieces) if p]
@@ -327,7 +356,7 @@ class _Making:
 def _height_origin(
     store: PointStore | passes.PointSource, trajectory: Trajectory | None, blocks: IntArray, counts: IntArray
 ) -> float:
-    """Return the height origin of the path, or without one of a block with neither few nor many points."""
+    """Return the height origin [m]: of the path, or without one of the block with the median number of points."""
     if trajectory is not None and len(trajectory):
         return height_origin(trajectory.xyz[:, 2])
     if len(counts) == 0:
@@ -338,7 +367,7 @@ def _height_origin(
 
 
 def _tiles_of(blocks: IntArray, tiles: SurfaceTiles, config: RoadConfig, margin: int) -> list[TileNumber]:
-    """Return the tiles that hold cells of blocks, or that lie within a margin of those, in cells."""
+    """Return the tiles that hold cells of blocks, or that lie within a margin of them, in cells."""
     found: set[TileNumber] = set()
     for east, north in (np.asarray(blocks) * SURFACE_BLOCK_M).tolist():
         window = CellWindow.over(

@@ -1,4 +1,4 @@
-"""What is done to each tile of the surface: tasks that carry names and settings, and leave arrays in a folder.
+"""The passes over tiles of the surface: tasks carry names and settings, and write arrays to a folder.
 
 heights -> regions -> (regions are united and chosen) -> pieces apart -> (chosen) -> carried on
 """
@@ -26,27 +26,27 @@ from linework.surface.config import RoadConfig
 from linework.surface.heights import SLOPE_HALO, cell_heights, count_spreads
 from linework.surface.regions import CellRegions, Islands, RegionFacts, cell_regions, cells_with
 
-#: The path is looked up by boxes around so many samples: 256 m of it.
+#: Samples of the path in each box by which it is looked up: 256 m of path. [samples]
 PATH_BOX = 1024
 #: Names of the arrays that are needed only while the surface is made: height, spread and number of points of
 #: the cells; road and ground labels; edges; road and ground labels that were chosen.
 CELLS, LABEL_ARRAY, EDGES, CHOSEN = "cells", "labels", "edges", "chosen"
 #: For all tiles: samples and boxes of the path; codes and numbers of islands.
 PATH, ISLANDS = "path", "islands"
-#: What stays: road, ground and kind of the cells; coarse ground.
+#: Arrays that stay: road, ground and kind of the cells; coarse ground.
 SURFACE, COARSE = "surface", "coarse"
-#: What comes first, where there is something of the road and of the ground.
+#: Index of road and of ground in arrays that hold both.
 _ROAD, _GROUND = 0, 1
-#: What is kept of the cells along a tile's edges, two deep.
+#: Record of each cell along the edges of a tile, two cells deep.
 _EDGE = np.dtype([("height", "f4"), ("east", "f4"), ("north", "f4"), ("road", "i4"), ("ground", "i4")])
 _SIDES = {"west": np.s_[:, :2], "east": np.s_[:, -2:], "north": np.s_[:2, :], "south": np.s_[-2:, :]}
 
 
 class PointSource(Protocol):
-    """Gives the points of any place: what is needed of `PointStore`."""
+    """Points in any rectangle: the part of `PointStore` that the passes need."""
 
     def points(self, bounds: Bounds, *, ordered: bool, with_time: bool, with_intensity: bool) -> Points:
-        """Return the points of a place."""
+        """Return the points in a rectangle [m, world]."""
         ...
 
     @property
@@ -62,11 +62,11 @@ class SurfaceTileTask:
     Parameters
     ----------
     source
-        The store's folder, or what gives points in its stead.
+        Folder of the store, or another source of points.
     z0_m
         Local height origin of the whole survey. [m, world]
     rough_limit_m
-        Cells whose layer spreads more are rough; not known yet in the first pass.
+        Spread of the lowest layer above which a cell is rough [m]; not known yet in the first pass.
     """
 
     source: Path | PointSource
@@ -78,7 +78,7 @@ class SurfaceTileTask:
 
 
 def find_heights(task: SurfaceTileTask) -> IntArray:
-    """Write the heights of a tile's cells; return how many cells spread how much (none: there is no point)."""
+    """Write the heights of a tile's cells; return the histogram of their spreads (empty: there are no points)."""
     cell_m = task.config.cell_m
     # Edges that binary fractions do not hit: points on them may lie either way, so a little more is read
     margin_m = 0.0 if (cell_m * 1024).is_integer() else 1e-3
@@ -99,7 +99,7 @@ def find_heights(task: SurfaceTileTask) -> IntArray:
 
 
 def _bands(window: CellWindow, cell_m: float) -> Iterator[CellWindow]:
-    """Yield the rows of a window from the north, as many at a time as a block has: fewer points in memory."""
+    """Yield bands of rows of a window from the north, each as high as a block, so that few points are in memory."""
     n = max(math.floor(SURFACE_BLOCK_M / cell_m), 1)
     for first in range((window.north - 1) // n, window.south // n - 1, -1):
         band = window.common(CellWindow(window.west, first * n, n, window.n_cols))
@@ -113,7 +113,7 @@ def _opened(folder: Path) -> PointStore:
 
 
 def find_regions(task: SurfaceTileTask) -> RegionFacts:
-    """Write the labels of a tile's cells and what neighbours need of its edges; return what it tells of them."""
+    """Write the labels of a tile's cells and its edges for the neighbours; return facts about its regions."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
     _, spread, count = tiles.read(CELLS, task.tile)
     regions, facts = cell_regions(
@@ -157,7 +157,7 @@ def path_boxes(path: FloatArray) -> FloatArray:
 
 
 def _path_near(tiles: SurfaceTiles, bounds: Bounds) -> FloatArray:
-    """Return all samples of the path that can be near cells of the bounds, and some more."""
+    """Return all samples of the path that can be near cells of the bounds; a few more do no harm."""
     near = bounds.grown(2.0 * NEAR_PATH_M + 5.0)  # cells are 5 m at most
     path, boxes = tiles.read_common(PATH)
     hit = (boxes[:, 0] <= near.east) & (boxes[:, 2] >= near.west)
@@ -168,14 +168,14 @@ def _path_near(tiles: SurfaceTiles, bounds: Bounds) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class IsolatedReceipt:
-    """What a tile tells of its smooth pieces (None: it has none), and of the ground in blocks of 64 m."""
+    """Smooth pieces of a tile (None: it has none), and its ground in blocks of 64 m."""
 
     pieces: apart.IsolatedPieces | None
     coarse: CoarseGround
 
 
 def find_isolated_pieces(task: SurfaceTileTask) -> IsolatedReceipt:
-    """Return what is to be known of a tile's pieces that data holes may part from the ground."""
+    """Return a description of a tile's pieces that holes in the data may separate from the ground."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
     height, *_ = tiles.read(CELLS, task.tile)
     _, ground = tiles.read(LABEL_ARRAY, task.tile)
@@ -200,7 +200,7 @@ def find_isolated_pieces(task: SurfaceTileTask) -> IsolatedReceipt:
 
 
 def extend_tile_surface(task: SurfaceTileTask) -> bool:
-    """Write road and ground of a tile; False where there is neither near."""
+    """Write road and ground of a tile; return False if there is neither nearby."""
     tiles, window, config = task.tiles, task.tiles.window(task.tile), task.config
     around = window.grown(halo_cells(config))
     is_ground = _cells_of(tiles, _GROUND, around)
@@ -217,16 +217,16 @@ def extend_tile_surface(task: SurfaceTileTask) -> bool:
 
 
 def is_kind(kind: AnyArray) -> tuple[BoolArray, BoolArray]:
-    """Return which cells are road, and which are ground, by the third array of a tile's surface."""
+    """Return which cells are road and which are ground, from the third array of a tile's surface."""
     return (kind >> _ROAD) & 1 > 0, (kind >> _GROUND) & 1 > 0
 
 
 def _cells_of(tiles: SurfaceTiles, what: int, window: CellWindow) -> BoolArray:
-    """Return which cells of a window have labels that were chosen for road, or for ground."""
+    """Return the cells of a window whose labels were chosen as road, or as ground."""
     out = np.zeros(window.shape, dtype=bool)
     for tile in tiles.touching(window):
         labels = tiles.part(LABEL_ARRAY, what, tile, window)
-        # Where labels lie and nothing was chosen, the tile has failed on the way
+        # Labels without a choice: a later pass of the tile has failed
         if labels is not None and tiles.has(CHOSEN, tile):
             out[tiles.place(tile, window)] = cells_with(labels, tiles.read(CHOSEN, tile)[what])
     return out

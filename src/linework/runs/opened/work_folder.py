@@ -27,14 +27,14 @@ STORES, RUNS = "stores", "runs"
 
 
 def work_folder(root: Path, given: Path | None = None) -> Path:
-    """Return a survey's work folder, made if it is missing.
+    """Return the work folder of a survey, created if it is missing.
 
-    Beside the survey, in `root`; where that cannot be written, in the user's cache.
+    It is in `root`, beside the survey; if that cannot be written, in the user's cache.
 
     Raises
     ------
     MachineError
-        `given` is no folder, or cannot be written.
+        `given` is not a folder, or cannot be written.
     """
     if given is not None:
         _make(given)
@@ -50,23 +50,23 @@ def work_folder(root: Path, given: Path | None = None) -> Path:
 
 
 def survey_root(inputs: Sequence[Path]) -> Path:
-    """Return the folder a survey lies in: what was named, or what holds it."""
+    """Return the folder of a survey: the one that was named, or the one of the first file."""
     return inputs[0] if inputs[0].is_dir() else inputs[0].parent
 
 
 def existing_work_folders(root: Path, given: Path | None = None) -> list[Path]:
-    """Return a survey's work folders that are there."""
+    """Return the work folders of a survey that exist."""
     candidates = [given] if given is not None else [root / NAME, _in_cache(root)]
     return [folder for folder in candidates if folder.is_dir()]
 
 
 def clean_work_folder(folder: Path) -> int:
-    """Remove what linework has put into a work folder, and the folder if nothing else is in it.
+    """Remove what linework has written to a work folder, and the folder if it is then empty.
 
     Returns
     -------
     int
-        Bytes that were freed.
+        Freed space. [bytes]
 
     Raises
     ------
@@ -95,12 +95,12 @@ def clean_work_folder(folder: Path) -> int:
 
 
 def folder_in_use_error(folder: Path) -> OutputExistsError:
-    """Return what is raised where another run uses a work folder."""
+    """Return the error to raise if another run uses a work folder."""
     return OutputExistsError("another run is using it", where=folder, advice="wait for it")
 
 
 def _make(folder: Path) -> None:
-    """Make a folder and see that files can be made in it."""
+    """Create a folder and check that files can be created in it."""
     if os.path.lexists(folder) and not folder.is_dir():
         raise MachineError("is not a folder", where=folder, advice="give --work another place")
     with machine_errors(folder):
@@ -111,7 +111,7 @@ def _make(folder: Path) -> None:
 
 
 def _in_cache(root: Path) -> Path:
-    """Return the survey's place in the user's cache; without a home, among the temporary files."""
+    """Return the survey's folder in the user's cache; without a home folder, among the temporary files."""
     given = os.environ.get("XDG_CACHE_HOME", "")
     try:
         base = Path(given) if given else Path.home() / ".cache"

@@ -1,1 +1,1 @@
-"""Edits that the page asks for, applied to the line file."""
+"""Edits from the page: checked, completed with measured heights, and applied to the line file."""

@@ -1,4 +1,4 @@
-"""From what a page asks for to the change that is saved: which lines go, and which come in their place."""
+"""Turn an edit from the page into the change to save: which lines are replaced, and by which."""
 
 from __future__ import annotations
 
@@ -9,37 +9,61 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from linework.arrays import FloatArray, IntArray
-from linework.editing.edits import attributes as edited_words
-from linework.editing.edits import split_join as edited_parts
-from linework.editing.edits import vertices as edited
-from linework.editing.edits import vertices as edited_smooth
-from linework.editing.edits.attributes import with_review
+from linework.editing.edits.attributes import check_line_kind, with_attribute, with_kind, with_review
 from linework.editing.edits.dashes import dashes_by_paint, with_missing_dashes
 from linework.editing.edits.new_lines import line_beside, wire_through, with_heights
-from linework.editing.edits.split_join import join_two_lines
+from linework.editing.edits.split_join import join_two_lines, split_line
+from linework.editing.edits.vertices import (
+    ONE_PLACE_M,
+    insert_vertex,
+    move_vertex,
+    remove_vertex,
+    reversed_line,
+    smooth_by_sigmas,
+    trim_to_vertices,
+)
 from linework.errors import AbsentError, UsageError
 from linework.methods.obb.trace import COMPANION_BESIDE_M
 from linework.methods.obb.trace import companions_of as lies_beside
 from linework.model.changes import Change
 from linework.model.lines import LineSet
-from linework.workbench.edits import orders as edits
 from linework.workbench.edits.keep_trace import kept_change
-from linework.workbench.edits.orders import EditOrder, positions_of
+from linework.workbench.edits.orders import (
+    AddDashes,
+    ChangeKind,
+    DeleteLines,
+    DismissSuspect,
+    DrawBeside,
+    DrawLine,
+    DrawWire,
+    EditOrder,
+    InsertVertex,
+    JoinLines,
+    KeepTrace,
+    MoveVertex,
+    RemoveVertex,
+    ReshapeLine,
+    ReviewLines,
+    SetAttribute,
+    SplitLine,
+    TrimLine,
+    positions_of,
+)
 
 
 @dataclass(frozen=True, slots=True)
 class EditInputs:
-    """What an edit needs beside the lines.
+    """Inputs of an edit beside the lines.
 
     Parameters
     ----------
     heights
-        (k, 2) of the places that it names, in its order: height and its sigma [m]; NaN: nothing was measured there. Of no
-        places: nothing was measured at all.
+        (k, 2) height and its sigma at the places that it names, in its order [m]; NaN: nothing was measured there. (0, 2):
+        nothing was measured at all.
     kept
-        The followed line that it keeps, first, and what runs beside it.
+        The followed line that it saves first, and then those beside it.
     spans
-        Of lines by id: where along each of them the paint shows dashes, (k, 2) [m].
+        By id of a line: where along it the paint shows dashes, (k, 2) [m].
     """
 
     heights: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
@@ -47,179 +71,179 @@ class EditInputs:
     spans: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
-def change_of(edit: EditOrder, lines: LineSet, given: EditInputs) -> Change:
+def change_of(edit: EditOrder, lines: LineSet, inputs: EditInputs) -> Change:
     """Return the change that an edit makes to lines.
 
     Raises
     ------
     AbsentError
-        A line is not there.
+        A line does not exist.
     UsageError
-        The edit makes no sense for these lines, in one line.
+        The edit is not possible for these lines.
     """
     for kind, make in _MAKERS.items():
         if isinstance(edit, kind):
-            change: Change = make(edit, lines, given)
+            change: Change = make(edit, lines, inputs)
             return change
-    raise UsageError(f"{edit.action} is no edit", where="edit", advice="reload the page")
+    raise UsageError(f"{edit.action} is not an edit", where="edit", advice="reload the page")
 
 
 def lines_of(lines: LineSet, ids: Iterable[str]) -> LineSet:
-    """Return the lines of some ids, each once, in their order.
+    """Return the lines with some ids, each once, in their order.
 
     Raises
     ------
     AbsentError
-        One of them is not there.
+        One of them does not exist.
     """
     number = {str(name): i for i, name in enumerate(lines.id)}
     wanted = list(dict.fromkeys(ids))
     absent = [name for name in wanted if name not in number]
     if absent:
         raise AbsentError(
-            f"there is no line {absent[0]}", where="lines", advice="somebody deleted it; reload the page"
+            f"there is no line {absent[0]}", where="lines", advice="it was deleted; reload the page"
         )
     return lines.take(np.array([number[name] for name in wanted], dtype=np.int64))
 
 
-def _reviewed(edit: edits.ReviewLines, lines: LineSet, _: EditInputs) -> Change:
+def _reviewed(edit: ReviewLines, lines: LineSet, _: EditInputs) -> Change:
     review = {"accept": "accepted", "reject": "rejected", "restore": ""}[edit.action]
     chosen = with_companions(lines_of(lines, edit.ids), lines)
     if edit.action == "reject":
-        # What a person made of a dash or a top on its own stays
+        # What a person decided about a dash or a top by itself stays
         own = np.isin(chosen.id, np.array(edit.ids))
         chosen = chosen.take(own | (chosen.review == ""))
-    return Change(edit.action, chosen, edited_words.with_review(chosen, review))
+    return Change(edit.action, chosen, with_review(chosen, review))
 
 
-def _deleted(edit: edits.DeleteLines, lines: LineSet, _: EditInputs) -> Change:
+def _deleted(edit: DeleteLines, lines: LineSet, _: EditInputs) -> Change:
     chosen = with_companions(lines_of(lines, edit.ids), lines)
     return Change(edit.action, chosen, LineSet.empty(lines.crs))
 
 
-def _split(edit: edits.SplitLine, lines: LineSet, _: EditInputs) -> Change:
+def _split(edit: SplitLine, lines: LineSet, _: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
-    return _edited(edit.action, line, edited_parts.split_line(line, np.array(edit.at)))
+    return _edited(edit.action, line, split_line(line, np.array(edit.at)))
 
 
-def _joined(edit: edits.JoinLines, lines: LineSet, _: EditInputs) -> Change:
+def _joined(edit: JoinLines, lines: LineSet, _: EditInputs) -> Change:
     both = lines_of(lines, edit.ids)
     if len(both) != 2:
         raise UsageError("a line cannot be joined to itself", where="join", advice="choose two lines")
     others = lines.take((lines.review != "rejected") & ~np.isin(lines.id, both.id))
-    change = _edited(edit.action, both, edited_parts.join_two_lines(both.take([0]), both.take([1]), others))
+    change = _edited(edit.action, both, join_two_lines(both.take([0]), both.take([1]), others))
     tops = [with_companions(both.take([k]), others).of_kind("kerb_top") for k in (0, 1)]
     return with_tops(change, tops[0], tops[1])
 
 
-def _shaped(edit: edits.ReshapeLine, lines: LineSet, _: EditInputs) -> Change:
+def _shaped(edit: ReshapeLine, lines: LineSet, _: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
-    make = edited_smooth.smooth_by_sigmas if edit.action == "smooth" else edited.reversed_line
+    make = smooth_by_sigmas if edit.action == "smooth" else reversed_line
     return _edited(edit.action, line, make(line))
 
 
-def _dashed(edit: edits.AddDashes, lines: LineSet, given: EditInputs) -> Change:
-    return dashes_change(lines_of(lines, edit.ids), lines, given.spans)
+def _dashed(edit: AddDashes, lines: LineSet, inputs: EditInputs) -> Change:
+    return dashes_change(lines_of(lines, edit.ids), lines, inputs.spans)
 
 
-def _as_kind(edit: edits.ChangeKind, lines: LineSet, _: EditInputs) -> Change:
+def _as_kind(edit: ChangeKind, lines: LineSet, _: EditInputs) -> Change:
     chosen = lines_of(lines, edit.ids)
     whole = with_companions(chosen, lines)
-    # Dashes of what is no marking, and tops of what is no kerb, are nothing
+    # A line of another kind has no such dashes, or no such top
     left = whole.take(~np.isin(whole.id, chosen.id) & (whole.kind != edit.kind))
     after = LineSet.concatenate(
         [
-            edited_words.with_review(edited_words.with_kind(chosen, edit.kind), "edited"),
-            edited_words.with_review(left, "rejected"),
+            with_review(with_kind(chosen, edit.kind), "edited"),
+            with_review(left, "rejected"),
         ]
     )
     return Change(edit.action, LineSet.concatenate([chosen, left]), after)
 
 
-def _set(edit: edits.SetAttribute, lines: LineSet, _: EditInputs) -> Change:
+def _set(edit: SetAttribute, lines: LineSet, _: EditInputs) -> Change:
     chosen = lines_of(lines, edit.ids)
-    return _edited(edit.action, chosen, edited_words.with_attribute(chosen, edit.column, edit.value))
+    return _edited(edit.action, chosen, with_attribute(chosen, edit.column, edit.value))
 
 
-def _vertex(edit: edits.MoveVertex | edits.InsertVertex, lines: LineSet, given: EditInputs) -> Change:
+def _vertex(edit: MoveVertex | InsertVertex, lines: LineSet, inputs: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
-    (to,), (sigma_z_m,) = _placed(edit, given, line.xyz)
-    if isinstance(edit, edits.MoveVertex):
-        after = edited.move_vertex(line, edit.vertex, to, sigma_z_m=sigma_z_m)
+    (to,), (sigma_z_m,) = _placed(edit, inputs, line.xyz)
+    if isinstance(edit, MoveVertex):
+        after = move_vertex(line, edit.vertex, to, sigma_z_m=sigma_z_m)
     else:
-        after = edited.insert_vertex(line, edit.after, to, sigma_z_m=sigma_z_m)
+        after = insert_vertex(line, edit.after, to, sigma_z_m=sigma_z_m)
     return _edited(edit.action, line, after)
 
 
-def _removed(edit: edits.RemoveVertex, lines: LineSet, _: EditInputs) -> Change:
+def _removed(edit: RemoveVertex, lines: LineSet, _: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
-    return _edited(edit.action, line, edited.remove_vertex(line, edit.vertex))
+    return _edited(edit.action, line, remove_vertex(line, edit.vertex))
 
 
-def _trimmed(edit: edits.TrimLine, lines: LineSet, _: EditInputs) -> Change:
+def _trimmed(edit: TrimLine, lines: LineSet, _: EditInputs) -> Change:
     line = lines_of(lines, [edit.id])
-    return _edited(edit.action, line, edited.trim_to_vertices(line, edit.first, edit.last))
+    return _edited(edit.action, line, trim_to_vertices(line, edit.first, edit.last))
 
 
-def _drawn(edit: edits.DrawLine, lines: LineSet, given: EditInputs) -> Change:
-    edited_words.check_line_kind(edit.kind)
-    xyz, sigma_z = _placed(edit, given, None)
-    if np.any(np.linalg.norm(np.diff(xyz, axis=0), axis=1) < edited.ONE_PLACE_M):
-        raise UsageError("two vertices in a row are one place", where="draw", advice="leave one out")
+def _drawn(edit: DrawLine, lines: LineSet, inputs: EditInputs) -> Change:
+    check_line_kind(edit.kind)
+    xyz, sigma_z = _placed(edit, inputs, None)
+    if np.any(np.linalg.norm(np.diff(xyz, axis=0), axis=1) < ONE_PLACE_M):
+        raise UsageError("two consecutive vertices are at one place", where="draw", advice="leave one out")
     line = LineSet.from_lines([xyz], crs=lines.crs, kind=[edit.kind], method=["drawn"], sigma_z_m=sigma_z)
-    return Change(edit.action, LineSet.empty(lines.crs), edited_words.with_review(line, "drawn"))
+    return Change(edit.action, LineSet.empty(lines.crs), with_review(line, "drawn"))
 
 
-def _beside(edit: edits.DrawBeside, lines: LineSet, given: EditInputs) -> Change:
-    new = with_heights(line_beside(lines_of(lines, [edit.id]), edit.kind, np.array(edit.at)), given.heights)
+def _beside(edit: DrawBeside, lines: LineSet, inputs: EditInputs) -> Change:
+    new = with_heights(line_beside(lines_of(lines, [edit.id]), edit.kind, np.array(edit.at)), inputs.heights)
     return replace(kept_change(lines, new, (0, len(new.xyz) - 1)), action=edit.action)
 
 
-def _hung(edit: edits.DrawWire, lines: LineSet, given: EditInputs) -> Change:
+def _hung(edit: DrawWire, lines: LineSet, inputs: EditInputs) -> Change:
     asked = np.array([len(place) == 2 for place in edit.xyz])
-    if asked.any() and (len(given.heights) == 0 or np.isnan(given.heights[asked, 0]).any()):
+    if asked.any() and (len(inputs.heights) == 0 or np.isnan(inputs.heights[asked, 0]).any()):
         raise UsageError(
             "no cable was measured at one of the places",
             where="wire",
             advice="click where points are, or in 3-D",
         )
-    new = wire_through(_placed(edit, given, None)[0], lines.crs)
-    return Change(edit.action, LineSet.empty(lines.crs), edited_words.with_review(new, "drawn"))
+    new = wire_through(_placed(edit, inputs, None)[0], lines.crs)
+    return Change(edit.action, LineSet.empty(lines.crs), with_review(new, "drawn"))
 
 
-def _kept(edit: edits.KeepTrace, lines: LineSet, given: EditInputs) -> Change:
-    if given.kept is None or len(given.kept) == 0:
+def _kept(edit: KeepTrace, lines: LineSet, inputs: EditInputs) -> Change:
+    if inputs.kept is None or len(inputs.kept) == 0:
         raise AbsentError("the followed line is gone", where="keep", advice="follow it again")
     continues = None if edit.continues is None else lines_of(lines, [edit.continues])
-    return kept_change(lines, given.kept, (edit.first, edit.last), continues)
+    return kept_change(lines, inputs.kept, (edit.first, edit.last), continues)
 
 
-def _dismissed(edit: edits.DismissSuspect, lines: LineSet, _: EditInputs) -> Change:
+def _dismissed(edit: DismissSuspect, lines: LineSet, _: EditInputs) -> Change:
     empty = LineSet.empty(lines.crs)
     return Change(f"{edit.action} {edit.key}", empty, empty)
 
 
 def _edited(action: str, before: LineSet, after: LineSet) -> Change:
-    """Return the change of lines that somebody had a hand in; what was drawn stays drawn."""
+    """Return the change of edited lines; lines that were drawn stay marked as drawn."""
     review = np.where(np.all(before.review == "drawn"), "drawn", "edited")
     return Change(action, before, replace(after, review=np.full(len(after), review)))
 
 
-def _placed(edit: EditOrder, given: EditInputs, line: FloatArray | None) -> tuple[FloatArray, list[float]]:
-    """Return the places of an edit (k, 3) with heights: as named, else as measured, else as the line has it there.
+def _placed(edit: EditOrder, inputs: EditInputs, line: FloatArray | None) -> tuple[FloatArray, list[float]]:
+    """Return the places of an edit (k, 3) and their sigmas: heights as named, else as measured, else as of the line.
 
     Raises
     ------
     UsageError
-        There is no height.
+        None of them has a height.
     """
     placed, sigmas, places = [], [], positions_of(edit)
-    heights = given.heights if len(given.heights) else np.full((len(places), 2), np.nan)
+    heights = inputs.heights if len(inputs.heights) else np.full((len(places), 2), np.nan)
     for place, (measured_m, sigma_m) in zip(places, heights.tolist(), strict=True):
         is_named = len(place) == 3
         height = float(place[-1]) if is_named else measured_m
         if np.isnan(height) and line is not None:
-            # Nothing was measured here: as high as the line's nearest vertex
+            # Nothing was measured here: the height of the line's nearest vertex
             away = np.hypot(line[:, 0] - place[0], line[:, 1] - place[1])
             height = float(line[int(np.argmin(away)), 2])
         placed.append((place[0], place[1], height))
@@ -230,41 +254,39 @@ def _placed(edit: EditOrder, given: EditInputs, line: FloatArray | None) -> tupl
         raise UsageError(
             "nothing was measured at these places", where="draw", advice="draw where the survey has points"
         )
-    # Between places of known height the line rises evenly
+    # Between places of known height it is interpolated
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(xyz[:, :2], axis=0).T))]
     xyz[~known, 2] = np.interp(along[~known], along[known], xyz[known, 2])
     return xyz, sigmas
 
 
 _MAKERS: dict[type, Callable[..., Change]] = {
-    edits.ReviewLines: _reviewed,
-    edits.DeleteLines: _deleted,
-    edits.SplitLine: _split,
-    edits.JoinLines: _joined,
-    edits.ReshapeLine: _shaped,
-    edits.AddDashes: _dashed,
-    edits.ChangeKind: _as_kind,
-    edits.SetAttribute: _set,
-    edits.MoveVertex: _vertex,
-    edits.InsertVertex: _vertex,
-    edits.RemoveVertex: _removed,
-    edits.TrimLine: _trimmed,
-    edits.DrawLine: _drawn,
-    edits.DrawBeside: _beside,
-    edits.DrawWire: _hung,
-    edits.KeepTrace: _kept,
-    edits.DismissSuspect: _dismissed,
+    ReviewLines: _reviewed,
+    DeleteLines: _deleted,
+    SplitLine: _split,
+    JoinLines: _joined,
+    ReshapeLine: _shaped,
+    AddDashes: _dashed,
+    ChangeKind: _as_kind,
+    SetAttribute: _set,
+    MoveVertex: _vertex,
+    InsertVertex: _vertex,
+    RemoveVertex: _removed,
+    TrimLine: _trimmed,
+    DrawLine: _drawn,
+    DrawBeside: _beside,
+    DrawWire: _hung,
+    KeepTrace: _kept,
+    DismissSuspect: _dismissed,
 }
 
 
-# What belongs to a line and is judged, joined and taken away with it: its dashes, or the top of its kerb
-
-#: What may lie beside a line of each kind, and belongs to it: judged when the line is judged.
+#: Kind that may lie beside a line of a kind and belongs to it: it is reviewed, joined and deleted with the line.
 COMPANIONS = {"lane_marking": "lane_marking_dash", "road_boundary": "kerb_top"}
 
 
 def with_companions(chosen: LineSet, lines: LineSet) -> LineSet:
-    """Return lines with the dashes that lie on them, and the tops of their kerbs."""
+    """Return lines together with the dashes that lie on them, and the tops of their kerbs."""
     is_in = np.isin(lines.id, chosen.id)
     for i in range(len(chosen)):
         kind = COMPANIONS.get(str(chosen.kind[i]), "")
@@ -275,14 +297,14 @@ def with_companions(chosen: LineSet, lines: LineSet) -> LineSet:
 
 
 def _near(lines: LineSet, xyz: FloatArray, within_m: float) -> IntArray:
-    """Return which lines begin in the rectangle around a line: the others need no closer look."""
+    """Return the indices of lines that begin in the rectangle around a line: the others cannot lie beside it."""
     low, high = xyz[:, :2].min(axis=0) - within_m, xyz[:, :2].max(axis=0) + within_m
     first = lines.xyz[lines.offsets[:-1], :2]
     return np.flatnonzero(np.all((first >= low) & (first <= high), axis=1))
 
 
 def with_tops(change: Change, tops: LineSet, other_tops: LineSet) -> Change:
-    """Return the change that joined two kerbs, with the tops joined that end where they did."""
+    """Return the change that joins two kerbs, with the two nearest ends of their tops joined too."""
     pairs = [
         (float(np.hypot(*(tops.line(i)[a, :2] - other_tops.line(k)[b, :2]))), i, k)
         for i, k, a, b in itertools.product(range(len(tops)), range(len(other_tops)), (0, -1), (0, -1))
@@ -295,7 +317,7 @@ def with_tops(change: Change, tops: LineSet, other_tops: LineSet) -> Change:
     try:
         top = join_two_lines(before[0], before[1], change.after)
     except UsageError:
-        return change  # what does not fit stays as it is
+        return change  # tops that cannot be joined stay as they are
     return Change(
         change.action,
         LineSet.concatenate([change.before, *before]),
@@ -303,25 +325,22 @@ def with_tops(change: Change, tops: LineSet, other_tops: LineSet) -> Change:
     )
 
 
-# The change that gives lines the dashes that they lack
-
-
 def dashes_change(chosen: LineSet, lines: LineSet, spans: Mapping[str, FloatArray]) -> Change:
-    """Return the change that gives lines their dashes: by the paint along them, else by the rhythm of those there.
+    """Return the change that adds missing dashes: by the paint along the lines, else by the rhythm of existing ones.
 
     Parameters
     ----------
     chosen
-        Markings; those that lack none are passed over.
+        Markings; those that lack no dashes are skipped.
     lines
         All lines.
     spans
-        By id, where along a line the paint shows dashes: (k, 2) [m].
+        By id of a line: where along it the paint shows dashes, (k, 2) [m].
 
     Raises
     ------
     UsageError
-        None of them lacks any.
+        None of them lacks dashes.
     """
     before, after = [LineSet.empty(lines.crs)], []
     refused: UsageError | None = None
@@ -343,7 +362,7 @@ def dashes_change(chosen: LineSet, lines: LineSet, spans: Mapping[str, FloatArra
 
 
 def _of_line(line: LineSet, lines: LineSet, spans: FloatArray) -> tuple[LineSet, LineSet]:
-    """Return the dashes of a line that go, and that come."""
+    """Return the dashes of a line that are replaced, and the new ones."""
     if str(line.kind[0]) != "lane_marking":
         raise UsageError(f"a {line.kind[0]} has no dashes", where="dashes", advice="choose a lane marking")
     own = with_companions(line, lines).of_kind("lane_marking_dash")

@@ -1,4 +1,7 @@
-"""A followed line put among the others: what it runs over becomes one line with it."""
+"""Save a followed line among the others: those that it overlaps are joined with it.
+
+Apart from `apply`, because it is the one edit that has to find other lines to join.
+"""
 
 from __future__ import annotations
 
@@ -15,37 +18,45 @@ from linework.methods.obb.trace import COMPANION_BESIDE_M, companions_of
 from linework.model.changes import Change
 from linework.model.lines import LineSet
 
-#: Lines are one with a followed line where they overlap it: no gap is closed unasked. [m]
+#: Lines are joined with a followed line where they overlap it; no gap is closed without being asked for.
 _OVERLAPPING = Gap(longest_m=SAME_LINE_M, off_deg=5.0, turn_deg=20.0)
-#: Wires of a line hang further apart than this. [m]
+#: Distance within which two cables are the same: the wires of a power line hang farther apart. [m]
 SAME_WIRE_M = 0.2
-#: A line of which so much lies on another is that line, seen less well here and there: points and images differ.
+#: Share of a line on another one from which both are the same line: points and images differ here and there.
 NEARLY_ALL = 0.9
-#: Short pieces that are there or not, and never grow together.
+#: Short pieces that are never joined.
 _WHOLE_KINDS = ("lane_marking_dash",)
+#: Share of a cable on another from which both are the same, and of a bar or arrow on a marking from which it is part
+#: of it: most of it.
+_MOST = 0.5
 
 
 def kept_change(
     lines: LineSet, trace: LineSet, span: tuple[int, int], continues: LineSet | None = None
 ) -> Change:
-    """Return the change that puts a followed line among the others.
+    """Return the change that saves a followed line.
 
     Parameters
     ----------
     lines
         All lines.
     trace
-        The followed line, first, and what runs beside it.
+        The followed line first, and then those beside it.
     span
-        First and last vertex of it to keep.
+        First and last of its vertices to keep.
     continues
-        The line that it was followed on from.
+        The line that it continues.
 
     Returns
     -------
     Change
-        Lines of its kind that it overlaps go, and are one line with it; `continues` is, too, over a gap that is
-        bridged. Dashes and kerb tops beside what is kept come along where there are none yet.
+        Lines of its kind that it overlaps are replaced by one line with it; so is `continues`, over a bridged gap.
+        Dashes and kerb tops beside what is kept are added where there are none yet.
+
+    Raises
+    ------
+    UsageError
+        It is of another kind than the line that it continues.
     """
     first, last = span
     one = trim_to_vertices(trace.take([0]), first, min(last, int(trace.offsets[1]) - 1)).with_columns(
@@ -81,32 +92,32 @@ def kept_change(
 
 
 def _same_wire(one: LineSet, lines: LineSet) -> list[int]:
-    """Return cables that hang where one does: wires above one another are others."""
+    """Return the indices of cables that are the same as one: within `SAME_WIRE_M` in space."""
     tree, found = cKDTree(stations_of(one.xyz)), []
     for k in np.flatnonzero((lines.kind == "cable") & (lines.review != "rejected")).tolist():
         distance, _ = tree.query(lines.line(k), distance_upper_bound=SAME_WIRE_M)
-        if np.isfinite(distance).mean() > 0.5:
+        if np.isfinite(distance).mean() > _MOST:
             found.append(k)
     return found
 
 
 def stations_of(xyz: FloatArray) -> FloatArray:
-    """Return places (k, 3) along a line, `SAME_WIRE_M` apart at most."""
+    """Return places (k, 3) along a line (n, 3), `SAME_WIRE_M` apart at most. [m]"""  # noqa: D400
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xyz, axis=0), axis=1))])
     at = np.linspace(0.0, along[-1], int(np.ceil(along[-1] / SAME_WIRE_M)) + 1)
     return np.stack([np.interp(at, along, column) for column in xyz.T], axis=1)
 
 
 def _mistaken(one: LineSet, lines: LineSet) -> list[int]:
-    """Return what was taken for bars and arrows, and is paint of a line."""
+    """Return the indices of bars and arrows that are part of a marking."""
     if str(one.kind[0]) != "lane_marking":
         return []
     bars = _touching(one.with_columns(kind=np.array(["road_marking_other"])), lines, [])
-    return [k for k in bars.tolist() if _is_on(lines.line(k)[:, :2], one.xyz[:, :2]).mean() > 0.5]
+    return [k for k in bars.tolist() if _is_on(lines.line(k)[:, :2], one.xyz[:, :2]).mean() > _MOST]
 
 
 def _grown(one: LineSet, lines: LineSet, gone: list[int]) -> tuple[LineSet, list[int]]:
-    """Return a line with those that it overlaps, as one; and which they are."""
+    """Return a line joined with those that it overlaps, and their indices."""
     absorbed: list[int] = []
     for k in _touching(one, lines, gone).tolist():
         other = lines.take([k])
@@ -121,7 +132,7 @@ def _grown(one: LineSet, lines: LineSet, gone: list[int]) -> tuple[LineSet, list
 
 
 def _longer(one: LineSet, other: LineSet) -> LineSet:
-    """Return the longer of two lines that run apart here and there, if one of them is the other; else both."""
+    """Return the longer of two lines if nearly all of one lies on the other, else both."""
     on_other = _is_on(stations_of(one.xyz)[:, :2], other.xyz[:, :2]).mean()
     on_one = _is_on(stations_of(other.xyz)[:, :2], one.xyz[:, :2]).mean()
     if max(on_other, on_one) < NEARLY_ALL:
@@ -130,7 +141,7 @@ def _longer(one: LineSet, other: LineSet) -> LineSet:
 
 
 def _touching(one: LineSet, lines: LineSet, gone: list[int]) -> IntArray:
-    """Return which lines of a kind, not rejected and not `gone`, have a vertex on a line."""
+    """Return the indices of lines of its kind, not rejected and not `gone`, that have a vertex on a line."""
     xy = one.xyz[:, :2]
     low, high = xy.min(axis=0) - SAME_LINE_M, xy.max(axis=0) + SAME_LINE_M
     candidates = (lines.kind == one.kind[0]) & (lines.review != "rejected")
@@ -142,11 +153,11 @@ def _touching(one: LineSet, lines: LineSet, gone: list[int]) -> IntArray:
 
 
 def _is_on(places: FloatArray, line: FloatArray) -> BoolArray:
-    """Return which places (n, 2) lie on a line (k, 2)."""
+    """Return which places (n, 2) lie within `SAME_LINE_M` of a line (k, 2)."""
     out = np.zeros(len(places), dtype=np.bool_)
-    a, way = line[:-1], np.diff(line, axis=0)
-    size2 = np.maximum(np.sum(way * way, axis=1), 1e-12)
+    a, step = line[:-1], np.diff(line, axis=0)
+    size2 = np.maximum(np.sum(step * step, axis=1), 1e-12)
     for i, place in enumerate(places):
-        share = np.clip(np.sum((place - a) * way, axis=1) / size2, 0.0, 1.0)
-        out[i] = float(np.hypot(*(place - a - share[:, None] * way).T).min()) <= SAME_LINE_M
+        share = np.clip(np.sum((place - a) * step, axis=1) / size2, 0.0, 1.0)
+        out[i] = float(np.hypot(*(place - a - share[:, None] * step).T).min()) <= SAME_LINE_M
     return out

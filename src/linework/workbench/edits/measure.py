@@ -1,4 +1,4 @@
-"""What an edit needs beside the lines: heights measured at its places, and the followed line that it keeps."""
+"""Inputs of an edit beside the lines: heights measured at its places, and the followed line that it saves."""
 
 from __future__ import annotations
 
@@ -22,23 +22,28 @@ from linework.workbench.edits.orders import (
     positions_of,
 )
 from linework.workbench.following.traces import kept_trace
-from linework.workbench.review.queue import dash_spans
-from linework.workbench.server.bench import AppState
+from linework.workbench.review.paint import dash_spans
+from linework.workbench.server.app_state import AppState
 from linework.workbench.views.heights import heights_at
 
-#: Lines may lead out of a survey, as wires do, by no more than scanners reach. [m]
+#: Largest distance of a place from the survey: wires may lead out of it, by no more than scanners reach. [m]
 SURVEY_REACH_M = 300.0
-#: Heights of the earth's surface, and of what stands on it. [m]
+#: Range of heights of the earth's surface, and of what stands on it. [m]
 LOWEST_ON_EARTH_M, HIGHEST_ON_EARTH_M = -1_000.0, 10_000.0
 
 
 def check_reach(edit: EditOrder, bounds: tuple[float, float, float, float]) -> None:
-    """Refuse places that are not of this survey.
+    """Refuse places far from the survey, or at impossible heights.
+
+    Parameters
+    ----------
+    bounds
+        West, south, east, north of the survey. [m, world]
 
     Raises
     ------
     UsageError
-        With how far away the first of them is.
+        Names the distance or the height of the first such place.
     """
     west, south, east, north = bounds
     for place in positions_of(edit):
@@ -51,60 +56,62 @@ def check_reach(edit: EditOrder, bounds: tuple[float, float, float, float]) -> N
             )
         if len(place) == 3 and not LOWEST_ON_EARTH_M <= place[-1] <= HIGHEST_ON_EARTH_M:
             raise UsageError(
-                f"a height of {place[-1]:.0f} m is not on this planet",
+                f"a height of {place[-1]:.0f} m is impossible",
                 where=edit.action,
                 advice=f"{LOWEST_ON_EARTH_M:.0f} to {HIGHEST_ON_EARTH_M:.0f} m",
             )
 
 
-async def inputs_for(edit: EditOrder, bench: AppState) -> EditInputs:
-    """Return what an edit needs; heights are measured where it names none.
+async def inputs_for(edit: EditOrder, app_state: AppState) -> EditInputs:
+    """Return the inputs of an edit; heights are measured where it names none.
 
     Raises
     ------
     AbsentError
-        The line, or the followed line, is not there.
+        The line does not exist.
+    UsageError
+        The followed line is no longer available.
     """
     if isinstance(edit, KeepTrace):
-        return EditInputs(kept=kept_trace(bench, edit.trace))
+        return EditInputs(kept=kept_trace(app_state, edit.trace))
     if isinstance(edit, AddDashes):
-        return EditInputs(spans=await _dash_spans(edit, bench))
+        return EditInputs(spans=await _dash_spans(edit, app_state))
     if isinstance(edit, DrawBeside):
-        places = line_beside(lines_of(bench.drawing.lines, [edit.id]), edit.kind, np.array(edit.at)).xyz
-        heights = await bench.pictures.ask(heights_at, edit.kind, places.tolist())
+        places = line_beside(lines_of(app_state.line_file.lines, [edit.id]), edit.kind, np.array(edit.at)).xyz
+        heights = await app_state.pictures.ask(heights_at, edit.kind, places.tolist())
         return EditInputs(heights=np.column_stack(heights))
     if not isinstance(edit, DrawLine | DrawWire | MoveVertex | InsertVertex):
         return EditInputs()
-    return EditInputs(heights=await _heights(edit, bench))
+    return EditInputs(heights=await _heights(edit, app_state))
 
 
-async def _dash_spans(edit: AddDashes, bench: AppState) -> dict[str, FloatArray]:
-    """Return where the paint along lines shows dashes, by id."""
-    chosen = lines_of(bench.drawing.lines, edit.ids)
+async def _dash_spans(edit: AddDashes, app_state: AppState) -> dict[str, FloatArray]:
+    """Return (k, 2) spans of dashes that the paint along lines shows [m], by id."""
+    chosen = lines_of(app_state.line_file.lines, edit.ids)
     return {
-        str(chosen.id[k]): await bench.pictures.ask(dash_spans, chosen.line(k), float(chosen.width_m[k]))
+        str(chosen.id[k]): await app_state.pictures.ask(dash_spans, chosen.line(k), float(chosen.width_m[k]))
         for k in np.flatnonzero(chosen.kind == "lane_marking").tolist()
     }
 
 
-async def _heights(edit: DrawLine | DrawWire | MoveVertex | InsertVertex, bench: AppState) -> FloatArray:
-    """Return heights (k, 2) at the places of an edit that have none."""
+async def _heights(edit: DrawLine | DrawWire | MoveVertex | InsertVertex, app_state: AppState) -> FloatArray:
+    """Return (k, 2) heights and sigmas at the places of an edit [m], NaN where it names the height itself."""
     places, kind, line = positions_of(edit), "cable", np.zeros((0, 3))
     if isinstance(edit, DrawLine):
         kind = edit.kind
     elif isinstance(edit, MoveVertex | InsertVertex):
-        one = lines_of(bench.drawing.lines, [edit.id])
+        one = lines_of(app_state.line_file.lines, [edit.id])
         kind, line = str(one.kind[0]), one.xyz
     heights = np.full((len(places), 2), np.nan)
-    asked = [i for i, place in enumerate(places) if len(place) == 2]
-    if asked:
-        wanted = [(*places[i], _height_near(line, places[i])) for i in asked]
-        heights[asked] = np.column_stack(await bench.pictures.ask(heights_at, kind, wanted))
+    missing = [i for i, place in enumerate(places) if len(place) == 2]
+    if missing:
+        wanted = [(*places[i], _height_near(line, places[i])) for i in missing]
+        heights[missing] = np.column_stack(await app_state.pictures.ask(heights_at, kind, wanted))
     return heights
 
 
 def _height_near(line: FloatArray, place: PlanPosition | SpacePosition) -> float:
-    """Return how high a line is near a place: of several cables there, that one is meant."""
+    """Return the height of a line (n, 3) near a place [m], to choose among cables above each other; NaN without a line."""
     if len(line) == 0:
         return float("nan")
     return float(line[int(np.argmin(np.hypot(line[:, 0] - place[0], line[:, 1] - place[1]))), 2])

@@ -1,15 +1,17 @@
-"""What a page can ask to be done to lines, as documents that are checked at the door."""
+"""Edits that a page can send, as checked documents."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import Field, StringConstraints
 
-#: Nobody chooses more lines at once, or clicks more vertices.
+from linework.workbench.server.documents import Document
+
+#: Limits on the lines of one edit, and on the vertices of one line: nobody selects or draws more.
 MOST_LINES, MOST_VERTICES = 10_000, 10_000
-#: No CRS in metres reaches further; what is too far from the survey is refused later, with its distance. [m]
+#: Largest coordinate of any CRS in metres; places far from the survey are refused later, with their distance. [m]
 _FURTHEST_M = 1e8
 
 EditMetres = Annotated[float, Field(ge=-_FURTHEST_M, le=_FURTHEST_M, allow_inf_nan=False)]
@@ -21,63 +23,59 @@ Kind = Annotated[str, StringConstraints(min_length=1, max_length=40)]
 LineNumber = Annotated[int, Field(ge=0, le=2**31)]
 
 
-class _Document(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class ReviewLines(_Document):
-    """Lines are right, wrong, or not judged after all."""
+class ReviewLines(Document):
+    """Accept or reject lines, or withdraw the decision."""
 
     action: Literal["accept", "reject", "restore"]
     ids: Ids
 
 
-class DeleteLines(_Document):
-    """Lines go, and no record of them stays in the layers."""
+class DeleteLines(Document):
+    """Delete lines from the layers; the history keeps them."""
 
     action: Literal["delete"]
     ids: Ids
 
 
-class SplitLine(_Document):
-    """A line is cut at a place."""
+class SplitLine(Document):
+    """Cut a line at a place."""
 
     action: Literal["split"]
     id: Id
     at: PlanPosition
 
 
-class JoinLines(_Document):
-    """Two lines are one."""
+class JoinLines(Document):
+    """Join two lines."""
 
     action: Literal["join"]
     ids: tuple[Id, Id]
 
 
-class ReshapeLine(_Document):
-    """A line is made smoother, or runs the other way."""
+class ReshapeLine(Document):
+    """Smooth a line, or reverse its direction."""
 
     action: Literal["smooth", "reverse"]
     id: Id
 
 
-class AddDashes(_Document):
-    """Lines get the dashes that they lack, where the paint along them or the rhythm of those there says."""
+class AddDashes(Document):
+    """Add the dashes that lines lack, where the paint or the rhythm of the existing ones shows them."""
 
     action: Literal["dashes"]
     ids: Ids
 
 
-class ChangeKind(_Document):
-    """Lines are of another kind."""
+class ChangeKind(Document):
+    """Change the kind of lines."""
 
     action: Literal["kind"]
     ids: Ids
     kind: Kind
 
 
-class SetAttribute(_Document):
-    """A word is said of lines."""
+class SetAttribute(Document):
+    """Set an attribute of lines."""
 
     action: Literal["set"]
     ids: Ids
@@ -85,8 +83,8 @@ class SetAttribute(_Document):
     value: Annotated[str, StringConstraints(max_length=2000)] | bool
 
 
-class MoveVertex(_Document):
-    """A vertex is elsewhere; of a place without height that is measured in the points."""
+class MoveVertex(Document):
+    """Move a vertex; if the place has no height, that is measured in the points."""
 
     action: Literal["move"]
     id: Id
@@ -94,8 +92,8 @@ class MoveVertex(_Document):
     to: PlanPosition | SpacePosition
 
 
-class InsertVertex(_Document):
-    """One more vertex; after -1: before the first."""
+class InsertVertex(Document):
+    """Insert a vertex after another; after -1: before the first."""
 
     action: Literal["insert"]
     id: Id
@@ -103,16 +101,16 @@ class InsertVertex(_Document):
     to: PlanPosition | SpacePosition
 
 
-class RemoveVertex(_Document):
-    """One vertex fewer."""
+class RemoveVertex(Document):
+    """Remove a vertex."""
 
     action: Literal["remove"]
     id: Id
     vertex: LineNumber
 
 
-class TrimLine(_Document):
-    """Only what is between two vertices stays."""
+class TrimLine(Document):
+    """Keep only the part of a line between two vertices."""
 
     action: Literal["trim"]
     id: Id
@@ -120,16 +118,16 @@ class TrimLine(_Document):
     last: LineNumber
 
 
-class DrawLine(_Document):
-    """A new line, vertex by vertex."""
+class DrawLine(Document):
+    """Draw a new line, vertex by vertex."""
 
     action: Literal["draw"]
     kind: Kind
     xyz: Annotated[list[PlanPosition | SpacePosition], Field(min_length=2, max_length=MOST_VERTICES)]
 
 
-class DrawBeside(_Document):
-    """A new line beside one: through a place, as long as that line; of two places: from one to the other."""
+class DrawBeside(Document):
+    """Draw a line beside one: through one place, as long as that line; or from one place to another."""
 
     action: Literal["beside"]
     id: Id
@@ -137,15 +135,15 @@ class DrawBeside(_Document):
     at: Annotated[list[PlanPosition], Field(min_length=1, max_length=2)]
 
 
-class DrawWire(_Document):
-    """A hanging wire through three places: from pole to pole, and one between."""
+class DrawWire(Document):
+    """Draw a hanging wire through three places: at both poles, and one between."""
 
     action: Literal["wire"]
     xyz: Annotated[list[PlanPosition | SpacePosition], Field(min_length=3, max_length=3)]
 
 
-class KeepTrace(_Document):
-    """A followed line, from one of its vertices to another; `continues`: the line that it was followed on from."""
+class KeepTrace(Document):
+    """Save a followed line from one of its vertices to another; `continues`: the line that it continues."""
 
     action: Literal["keep"]
     trace: Id
@@ -154,8 +152,8 @@ class KeepTrace(_Document):
     continues: Id | None = None
 
 
-class DismissSuspect(_Document):
-    """There is nothing to do about something in the queue."""
+class DismissSuspect(Document):
+    """Dismiss an item of the review queue."""
 
     action: Literal["dismiss"]
     key: Id
@@ -183,8 +181,8 @@ EditOrder = Annotated[
 ]
 
 
-class ChangeOrder(_Document):
-    """An edit, and the revision of the lines that the person saw."""
+class ChangeOrder(Document):
+    """An edit, and the revision of the lines that it is based on."""
 
     revision: Annotated[int, Field(ge=0, le=2**53)]
     edit: EditOrder

@@ -1,111 +1,142 @@
-"""Routes of the workbench: changes of lines, undone and done again, and who made them."""
+"""Routes for edits of lines: save, undo, redo, and the history."""
 
 from __future__ import annotations
 
 import asyncio
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Header
+from fastapi import APIRouter, Header
 
 from linework.errors import UsageError
+from linework.files.line_file.file import LineFile
 from linework.files.line_file.history import HistoryEntry
 from linework.model.changes import Edit
 from linework.workbench.edits.apply import change_of
 from linework.workbench.edits.measure import check_reach, inputs_for
 from linework.workbench.edits.orders import ChangeOrder
-from linework.workbench.server.bench import AppState, state_of_request
-from linework.workbench.server.documents import line_documents
+from linework.workbench.server.app_state import AppState, CurrentState
+from linework.workbench.server.documents import Document, line_documents
 
 edits_router = APIRouter(prefix="/api")
-EditState = Annotated[AppState, Depends(state_of_request)]
-#: Made by the page for each edit.
+#: Idempotency key that the page makes for each edit.
 Key = Annotated[str, Header(max_length=64, pattern="^[!-~]*$")]
-#: So many edits are shown of the history.
+#: Edits of the history that are shown.
 MOST_SHOWN = 500
 
 
-@edits_router.post("/changes")
-async def save_edit(order: ChangeOrder, bench: EditState, idempotency_key: Key = "") -> dict[str, Any]:
-    """Save an edit; when this answers it is on the disk, and all pages have been told.
+class ChangedLines(Document):
+    """A saved edit, as the page gets it.
 
-    Whoever got no answer sends it again under the same key, and is told what was saved, once.
+    Parameters
+    ----------
+    revision, number
+        Of the line file after the edit, and of the edit in its history.
+    lines, removed
+        Lines that are new or changed (see `line_documents`), and ids of those that are gone.
     """
-    done = await asyncio.to_thread(bench.drawing.saved_as, idempotency_key)
+
+    revision: int
+    lines: list[dict[str, Any]]
+    removed: list[str]
+    action: str
+    number: int
+    can_undo: bool
+    can_redo: bool
+
+
+class HistoryRecord(Document):
+    """An edit of the history, as the page gets it; `undoes`: number of the edit that it undoes or redoes, 0: none."""
+
+    number: int
+    time_utc: str
+    who: str
+    action: str
+    ids: list[str]
+    undoes: int
+    undone: bool
+
+
+@edits_router.post("/changes")
+async def save_edit(order: ChangeOrder, app_state: CurrentState, idempotency_key: Key = "") -> ChangedLines:
+    """Save an edit; when this answers it is on the disk, and has been sent to all pages.
+
+    A page that got no answer sends it again under the same key: it is saved once, and answered again.
+    """
+    done = await asyncio.to_thread(app_state.line_file.saved_as, idempotency_key)
     if done is not None:
-        return _document(bench, done)
-    check_reach(order.edit, bench.facts.bounds)
-    given = await inputs_for(order.edit, bench)
+        return changed_lines(app_state.line_file, done)
+    check_reach(order.edit, app_state.facts.bounds)
+    inputs = await inputs_for(order.edit, app_state)
 
     def save() -> Edit:
-        made = change_of(order.edit, bench.drawing.lines, given)
-        return bench.drawing.commit(made, who=bench.who, based_on=order.revision, key=idempotency_key)
+        made = change_of(order.edit, app_state.line_file.lines, inputs)
+        return app_state.line_file.commit(
+            made, who=app_state.who, based_on=order.revision, key=idempotency_key
+        )
 
-    return _told(bench, await asyncio.to_thread(save))
+    return _broadcast(app_state, await asyncio.to_thread(save))
 
 
 @edits_router.post("/undo")
-async def undo_edit(bench: EditState) -> dict[str, Any]:
-    """Take back the last edit."""
-    edit = await asyncio.to_thread(lambda: bench.drawing.undo(who=bench.who))
+async def undo_edit(app_state: CurrentState) -> ChangedLines:
+    """Undo the last edit."""
+    edit = await asyncio.to_thread(lambda: app_state.line_file.undo(who=app_state.who))
     if edit is None:
         raise UsageError("there is nothing to undo", where="undo", advice="edit something first")
-    return _told(bench, edit)
+    return _broadcast(app_state, edit)
 
 
 @edits_router.post("/redo")
-async def redo_edit(bench: EditState) -> dict[str, Any]:
-    """Do again what was undone last."""
-    edit = await asyncio.to_thread(lambda: bench.drawing.redo(who=bench.who))
+async def redo_edit(app_state: CurrentState) -> ChangedLines:
+    """Redo the edit that was undone last."""
+    edit = await asyncio.to_thread(lambda: app_state.line_file.redo(who=app_state.who))
     if edit is None:
-        raise UsageError("there is nothing to do again", where="redo", advice="undo something first")
-    return _told(bench, edit)
+        raise UsageError("there is nothing to redo", where="redo", advice="undo something first")
+    return _broadcast(app_state, edit)
 
 
 @edits_router.get("/history")
-async def get_history(bench: EditState) -> list[dict[str, Any]]:
+async def get_history(app_state: CurrentState) -> list[HistoryRecord]:
     """Return the last edits, the newest first."""
 
-    def documents() -> list[dict[str, Any]]:
-        undone = bench.drawing.undone
+    def records() -> list[HistoryRecord]:
+        undone = app_state.line_file.undone
         return [
-            _record(entry, is_undone=entry.number in undone) for entry in bench.drawing.entries(MOST_SHOWN)
+            _history_record(entry, is_undone=entry.number in undone)
+            for entry in app_state.line_file.entries(MOST_SHOWN)
         ]
 
-    return await asyncio.to_thread(documents)
+    return await asyncio.to_thread(records)
 
 
-def changed_document(edit: Edit, *, can_undo: bool, can_redo: bool) -> dict[str, Any]:
-    """Return a saved edit as `Changed` of the page's types says it."""
+def changed_lines(line_file: LineFile, edit: Edit) -> ChangedLines:
+    """Return a saved edit as the page gets it."""
     before, after = edit.change.before, edit.change.after
-    return {
-        "revision": edit.number,
-        "lines": line_documents(after),
-        "removed": sorted(set(before.id.tolist()) - set(after.id.tolist())),
-        "action": edit.change.action.partition(" ")[0],
-        "number": edit.number,
-        "can_undo": can_undo,
-        "can_redo": can_redo,
-    }
+    return ChangedLines(
+        revision=edit.number,
+        lines=line_documents(after),
+        removed=sorted(set(before.id.tolist()) - set(after.id.tolist())),
+        action=edit.change.action.partition(" ")[0],
+        number=edit.number,
+        can_undo=line_file.can_undo,
+        can_redo=line_file.can_redo,
+    )
 
 
-def _told(bench: AppState, edit: Edit) -> dict[str, Any]:
-    """Tell all pages of an edit; return what they are told."""
-    document = _document(bench, edit)
-    bench.hub.tell({"type": "changed", **document})
-    return document
+def _broadcast(app_state: AppState, edit: Edit) -> ChangedLines:
+    """Send an edit to all pages, and return what they get."""
+    changed = changed_lines(app_state.line_file, edit)
+    app_state.broadcaster.send({"type": "changed", **changed.model_dump()})
+    return changed
 
 
-def _document(bench: AppState, edit: Edit) -> dict[str, Any]:
-    return changed_document(edit, can_undo=bench.drawing.can_undo, can_redo=bench.drawing.can_redo)
-
-
-def _record(entry: HistoryEntry, *, is_undone: bool) -> dict[str, Any]:
-    return {
-        "number": entry.number,
-        "time_utc": entry.time_utc,
-        "who": entry.who,
-        "action": entry.action,
-        "ids": list(entry.ids),
-        "undoes": entry.undoes,
-        "undone": is_undone,
-    }
+def _history_record(entry: HistoryEntry, *, is_undone: bool) -> HistoryRecord:
+    return HistoryRecord(
+        number=entry.number,
+        time_utc=entry.time_utc,
+        who=entry.who,
+        action=entry.action,
+        ids=list(entry.ids),
+        undoes=entry.undoes,
+        undone=is_undone,
+    )

@@ -1,4 +1,4 @@
-"""Works at a desk that follow lines: from a place, from a pixel, and on beyond a gap."""
+"""Requests to the tracing worker: follow a line from a place or a pixel, and on beyond a gap."""
 
 from __future__ import annotations
 
@@ -30,34 +30,34 @@ from linework.workbench.following.messages import (
 from linework.workbench.following.traces import KeptTrace
 from linework.workbench.worker.session import SurveySession
 
-#: Said to a work: stop at the next step, and give what there is.
+#: Sent to a request: stop at the next step, and return what there is.
 INTERRUPT = "interrupt"
-#: A line is not drawn more often than this: ten times a second is smooth. [s]
+#: Shortest time between two messages about a growing line: ten a second look smooth. [s]
 LEAST_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class FollowMessage:
-    """What a work tells: the words for the page ("": none), and the line that the page knows then (None: as before)."""
+    """A message for the page ("": none), and the trace as the page then knows it (None: as before)."""
 
     text: str
     trace: KeptTrace | None = None
 
 
-#: Told at steps that come too fast to be shown: somebody may stop it there.
+#: Reported at steps that come too fast to be shown, so that the request can be interrupted there.
 _NOTHING = FollowMessage("")
 Telling = Generator[FollowMessage, Any, None]
 Step = TypeVar("Step")
 Found = TypeVar("Found")
 
 
-def follow_in_worker(table: SurveySession, order: FollowPlace, trace_id: str) -> Telling:
-    """Follow the line at a place, telling how it grows."""
+def follow_in_worker(session: SurveySession, order: FollowPlace, trace_id: str) -> Telling:
+    """Follow the line at a place, reporting how it grows."""
     yield FollowMessage(area_message(_area(order.at)))
     try:
         check_pick_kind(order.kind)
         toward = None if order.toward == order.at else order.toward
-        steps = tracer_of(table).trace(order.at, kind=order.kind, toward=toward)
+        steps = tracer_of(session).trace(order.at, kind=order.kind, toward=toward)
         found, is_interrupted = yield from _streamed(steps, lambda lines: _grown(trace_id, lines))
     except LineworkError as error:
         yield FollowMessage(refusal_message(error))
@@ -65,14 +65,14 @@ def follow_in_worker(table: SurveySession, order: FollowPlace, trace_id: str) ->
     yield _stopped(trace_id, found, is_interrupted=is_interrupted)
 
 
-def bridge_in_worker(table: SurveySession, trace: KeptTrace, end: int, trace_id: str) -> Telling:
-    """Follow a line on beyond the gap at its start (0) or its end (1), telling how it grows."""
+def bridge_in_worker(session: SurveySession, trace: KeptTrace, end: int, trace_id: str) -> Telling:
+    """Follow a line on beyond the gap at its start (0) or its end (1), reporting how it grows."""
     try:
-        steps = tracer_of(table).bridge(trace.lines, end, trace.stops)
+        steps = tracer_of(session).bridge(trace.lines, end, trace.stops)
         found, is_interrupted = yield from _streamed(steps, lambda lines: _grown(trace_id, lines))
     except LineworkError as error:
         yield FollowMessage(refusal_message(error))
-        # The line is what it was, and nobody need try again
+        # The line stays as it was, and its stop says that trying again is of no use
         why = error.reason if isinstance(error, RefusedPickError) else error.problem
         stops = (why, trace.stops[1]) if end == 0 else (trace.stops[0], why)
         kept = KeptTrace(trace.lines, stops=stops)
@@ -81,10 +81,10 @@ def bridge_in_worker(table: SurveySession, trace: KeptTrace, end: int, trace_id:
     yield _stopped(trace_id, found, is_interrupted=is_interrupted)
 
 
-def follow_image_in_worker(table: SurveySession, order: FollowPixel, trace_id: str) -> Telling:
-    """Follow the edge at a pixel through the pairs, telling what each pair shows."""
+def follow_image_in_worker(session: SurveySession, order: FollowPixel, trace_id: str) -> Telling:
+    """Follow the edge at a pixel through the stereo pairs, reporting where each pair shows it."""
     try:
-        tracer = image_tracer_of(table)
+        tracer = image_tracer_of(session)
 
         def shown(step: EdgeStep) -> Generator[FollowMessage, Any, Any]:
             left, right = tracer.original(step)
@@ -103,57 +103,57 @@ def follow_image_in_worker(table: SurveySession, order: FollowPixel, trace_id: s
 def _streamed(
     steps: Generator[Step, bool | None, Found], shown: Any, *, least_s: float = LEAST_S
 ) -> Generator[FollowMessage, Any, tuple[Found, bool]]:
-    """Tell the steps of a trace as `shown`; return it whole, and whether somebody stopped it."""
-    said: bool | None = None
-    is_interrupted, told_s = False, -np.inf
+    """Report the steps of a trace as `shown`; return the whole trace, and whether it was interrupted."""
+    stop: bool | None = None
+    is_interrupted, shown_s = False, -np.inf
     while True:
         try:
-            step = steps.send(said)
+            step = steps.send(stop)
         except StopIteration as end:
             return end.value, is_interrupted
-        said = None
-        if time.monotonic() - told_s >= least_s:
-            told = shown(step)
-            heard = (yield told) if isinstance(told, FollowMessage) else (yield from told)
-            told_s = time.monotonic()
+        stop = None
+        if time.monotonic() - shown_s >= least_s:
+            message = shown(step)
+            received = (yield message) if isinstance(message, FollowMessage) else (yield from message)
+            shown_s = time.monotonic()
         else:
-            heard = yield _NOTHING
-        if heard == INTERRUPT:
-            said = is_interrupted = True
+            received = yield _NOTHING
+        if received == INTERRUPT:
+            stop = is_interrupted = True
 
 
-def tracer_of(table: SurveySession) -> Tracer:
-    """Return the survey's points as lines are picked in them.
+def tracer_of(session: SurveySession) -> Tracer:
+    """Return the tracer of lines in the survey's points, made once.
 
     Raises
     ------
     AbsentError
-        There are none.
+        The survey has none.
     """
-    points, surface = table.recordings.points, table.surface
+    points, surface = session.recordings.points, session.surface
     if points is None or surface is None:
-        raise AbsentError("the survey has no points to follow a line in", where=table.survey.name,
+        raise AbsentError("the survey has no points to follow a line in", where=session.survey.name,
                           advice="pick in an image")  # fmt: skip
-    return table.keep("tracer", lambda: Tracer(points, surface, table.settings))
+    return session.keep("tracer", lambda: Tracer(points, surface, session.settings))
 
 
-def image_tracer_of(table: SurveySession) -> ImageTracer:
-    """Return the survey's images as lines are picked in them.
+def image_tracer_of(session: SurveySession) -> ImageTracer:
+    """Return the tracer of lines in the survey's images, made once.
 
     Raises
     ------
     AbsentError
-        There are none.
+        The survey has none.
     """
-    stereo = table.recordings.stereo
+    stereo = session.recordings.stereo
     if stereo is None:
-        raise AbsentError("the survey has no images to follow a line in", where=table.survey.name,
+        raise AbsentError("the survey has no images to follow a line in", where=session.survey.name,
                           advice="pick in the plan")  # fmt: skip
-    return table.keep("image tracer", lambda: ImageTracer(stereo))
+    return session.keep("image tracer", lambda: ImageTracer(stereo))
 
 
 def _area(at: tuple[float, float]) -> FloatArray:
-    """Return the corners (4, 2) of where a line has to pass."""
+    """Return the corners (4, 2) [m, world] of the square that a line has to cross."""
     return np.asarray(at) + PICK_M * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 
@@ -169,26 +169,28 @@ def _stopped(trace_id: str, found: TracedLine | TracedEdge, *, is_interrupted: b
 
 
 def _course(step: EdgeStep, kind: str) -> LineSet:
-    """Return an edge as it has been seen so far."""
+    """Return an edge as far as it has been followed."""
     if len(step.course) < 2:
         return LineSet.empty()
     return LineSet.from_lines([step.course], kind=[kind or "lane_marking"], method=["stereo"])
 
 
-# Warming up: lines are followed for nobody, so that code and survey are at hand when somebody clicks
+# Warming up: lines are followed once, so that code and survey are in memory at the first click
 
-#: Beside the van's way there is a line within a lane or two. [m]
+#: Distances right of the path at which a line is looked for: one is within a lane or two. [m]
 _BESIDE_M = (-5.0, -1.75, 1.75, 5.0)
-#: A line of each kind is followed by so many steps: each part of the code has run then.
+#: Steps for which a line of each kind is followed: each part of the code has run then.
 _STEPS = 4
+#: Vertices of the path over which its direction is taken.
+_DIRECTION_VERTICES = 20
 
 
-def warm_up_in_worker(table: SurveySession) -> Generator[None, Any, None]:
-    """Follow a line of each kind beside the van's way for a few steps; what is said to it ends it."""
-    path = None if table.recordings.trajectory is None else table.recordings.trajectory.xyz
-    if table.recordings.points is None or path is None or len(path) < 2:
+def warm_up_in_worker(session: SurveySession) -> Generator[None, Any, None]:
+    """Follow a line of each kind beside the van's path for a few steps; `INTERRUPT` ends it."""
+    path = None if session.recordings.trajectory is None else session.recordings.trajectory.xyz
+    if session.recordings.points is None or path is None or len(path) < 2:
         return
-    tracer = tracer_of(table)
+    tracer = tracer_of(session)
     for kind in TRACKED_AS:
         for place in _places(path):
             steps = tracer.trace((float(place[0]), float(place[1])), kind=kind)
@@ -202,7 +204,7 @@ def warm_up_in_worker(table: SurveySession) -> Generator[None, Any, None]:
 
 
 def _drained(steps: Trace) -> Iterator[None]:
-    """Run some steps of a trace, and what comes when it is stopped then."""
+    """Run some steps of a trace and its end, one step at a time."""
     with contextlib.suppress(StopIteration, LineworkError):
         for number in itertools.count():
             steps.send(None if number == 0 else number >= _STEPS)
@@ -210,13 +212,13 @@ def _drained(steps: Trace) -> Iterator[None]:
 
 
 def _places(path: FloatArray) -> Iterator[FloatArray]:
-    """Yield places beside the middle of a van's way."""
+    """Yield places (2,) beside the middle of a path (n, 3) [m, world]."""
     i = len(path) // 2
-    before = path[max(i - 20, 0), :2]
-    way = path[i, :2] - before
-    length = float(np.hypot(*way))
+    before = path[max(i - _DIRECTION_VERTICES, 0), :2]
+    direction = path[i, :2] - before
+    length = float(np.hypot(*direction))
     if length == 0.0:
         return
-    right = np.array([way[1], -way[0]]) / length
+    right = np.array([direction[1], -direction[0]]) / length
     for across_m in _BESIDE_M:
         yield path[i, :2] + across_m * right

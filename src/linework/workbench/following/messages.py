@@ -1,4 +1,4 @@
-"""What the page orders to be followed: documents FollowOrder of the page, checked."""
+"""Messages about followed lines: orders from the page (its type FollowOrder), answers to it (FollowNews)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from linework.arrays import FloatArray
 from linework.errors import LineworkError, UsageError
@@ -14,29 +14,26 @@ from linework.methods.obb.trace import TraceStop
 from linework.model.lines import LineSet
 from linework.tracing.trace import RefusedPickError
 from linework.workbench.following.traces import KeptTrace
-from linework.workbench.server.documents import line_documents
+from linework.workbench.server.documents import Document, line_documents
 from linework.workbench.server.problems import status_and_message
 
-#: Metres, in any CRS that has metres.
+#: Coordinates in any CRS in metres. [m]
 _Metres = Annotated[float, Field(ge=-1e8, le=1e8, allow_inf_nan=False)]
+#: Pixel coordinates in any image; the image itself sets the limit later. [pixels]
 _Pixels = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
 PickedPosition = tuple[_Metres, _Metres]
 LineEnd = Literal["start", "end"]
 
 
-class _Order(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class ContinuedLine(_Order):
-    """A line of the drawing that goes on at one of its ends: it is joined when the followed one is kept."""
+class ContinuedLine(Document):
+    """A saved line that is continued at one of its ends: both are joined when the followed line is kept."""
 
     id: str = Field(max_length=200)
     end: LineEnd
 
 
-class FollowPlace(_Order):
-    """A place [m, world] on a line of a kind ("": any)."""
+class FollowPlace(Document):
+    """Follow the line of a kind ("": any) at a place (east, north) [m, world]."""
 
     type: Literal["pick"]
     at: PickedPosition
@@ -45,8 +42,8 @@ class FollowPlace(_Order):
     continues: ContinuedLine | None = None
 
 
-class FollowPixel(_Order):
-    """A pixel (col, row) of an image as it was taken."""
+class FollowPixel(Document):
+    """Follow the line at a pixel (column, row) of an image as it was taken."""
 
     type: Literal["pick_image"]
     pair: int = Field(ge=0, le=10**9)
@@ -55,16 +52,16 @@ class FollowPixel(_Order):
     kind: str = Field(default="", max_length=50)
 
 
-class FollowBridge(_Order):
-    """On beyond the gap at an end of a followed line."""
+class FollowBridge(Document):
+    """Follow a line on beyond the gap at one of its ends."""
 
     type: Literal["bridge"]
     trace: str = Field(max_length=50)
     end: LineEnd
 
 
-class StopFollowing(_Order):
-    """Stop at the next step, and give what there is."""
+class StopFollowing(Document):
+    """Stop at the next step, and keep what there is."""
 
     type: Literal["interrupt"]
 
@@ -74,12 +71,12 @@ _ORDERS: TypeAdapter[FollowOrder] = TypeAdapter(Annotated[FollowOrder, Field(dis
 
 
 def order_of(text: str) -> FollowOrder:
-    """Return an order.
+    """Return the order of a message.
 
     Raises
     ------
     UsageError
-        It makes no sense: what is first wrong with it.
+        It is not valid; names the first problem.
     """
     try:
         return _ORDERS.validate_json(text)
@@ -87,12 +84,12 @@ def order_of(text: str) -> FollowOrder:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(str(part) for part in first["loc"])
         problem = f"{place}: {first['msg']}" if place else first["msg"]
-        raise UsageError(f"no order to follow a line: {problem[:200]}", where="workbench") from None
+        raise UsageError(f"invalid order to follow a line: {problem[:200]}", where="workbench") from None
 
 
-# What the page is told of a line that is followed: documents FollowNews of the page, as JSON
+# Answers to the page: its type FollowNews, as JSON
 
-#: What can be done where a line ends: look for it beyond, or pick a place further on, which continues it.
+#: What can be done where a line ends: look for it beyond a gap, or pick a place further on, which continues it.
 _CHOICES = {
     TraceStop.FADED: ["bridge", "continue"],
     TraceStop.END_OF_DATA: ["bridge", "continue"],
@@ -102,24 +99,24 @@ _CHOICES = {
 
 
 def area_message(corners: FloatArray) -> str:
-    """Say where a line has to pass: corners (4, 2) [m, world]."""
+    """Return the message with the square that a line has to cross: corners (4, 2) [m, world]."""
     return _text({"type": "area", "corners": np.round(corners, 3).tolist()})
 
 
 def growth_message(trace_id: str, lines: LineSet) -> str:
-    """Say how far a line has grown."""
+    """Return the message with a line as far as it has been followed."""
     return _text({"type": "grown", "trace": trace_id, "lines": line_documents(lines)})
 
 
 def sighting_message(trace_id: str, pair: int, left: FloatArray, right: FloatArray) -> str:
-    """Say where a pair shows a line: pixels (n, 2) in its images as they were taken."""
+    """Return the message with a line's pixels (n, 2) in both images of a pair, as they were taken."""
     document = {"type": "seen", "trace": trace_id, "pair": pair}
     return _text(document | {"left": np.round(left, 1).tolist(), "right": np.round(right, 1).tolist()})
 
 
 def stopped_message(trace_id: str, trace: KeptTrace, *, distance_m: float, is_interrupted: bool) -> str:
-    """Say that a line is whole, why it ends where it does, and what can be done there."""
-    # Beyond a gap a line is looked for in points
+    """Return the message with a finished line, why it ends where it does, and what can be done there."""
+    # Gaps are bridged in points only
     choices = [["continue"] if trace.in_images else choices_at(stop) for stop in trace.stops]
     return _text(
         {
@@ -135,7 +132,7 @@ def stopped_message(trace_id: str, trace: KeptTrace, *, distance_m: float, is_in
 
 
 def choices_at(stop: str) -> list[str]:
-    """Return what can be done at an end, by why it is one.
+    """Return what can be done at an end, by the reason why the line ends there.
 
     >>> choices_at("the data ends there"), choices_at("no lane_marking goes on")
     (['bridge', 'continue'], ['continue'])
@@ -144,7 +141,7 @@ def choices_at(stop: str) -> list[str]:
 
 
 def refusal_message(error: LineworkError, *, in_image: bool = False) -> str:
-    """Say why nothing is followed, what to do, and where it works instead."""
+    """Return the message that refuses an order: why, what to do, and the nearest place where it works."""
     document: dict[str, Any] = {"type": "refused", "works": None, "works_px": None}
     if isinstance(error, RefusedPickError):
         document |= {"reason": error.reason, "advice": error.advice}

@@ -1,4 +1,4 @@
-"""Routes of the workbench: follow."""
+"""Routes for following lines."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from linework.workbench.following.messages import (
     refusal_message,
     stopped_message,
 )
-from linework.workbench.server.bench import AppState, state_of_socket
+from linework.workbench.server.app_state import AppState, state_of_socket
 
 follow_router = APIRouter(prefix="/api")
 
 
 @follow_router.websocket("/follow")
 async def follow_lines(socket: WebSocket) -> None:
-    """Follow lines as the page orders (documents FollowOrder), and tell how they grow (FollowNews).
+    """Follow lines as a page orders (its type FollowOrder), and send how they grow (FollowNews).
 
-    A new order of a page leaves what it had ordered before; whatever another page had ordered is interrupted.
+    A new order of a page cancels its last one; an order of another page is interrupted.
     """
-    bench = state_of_socket(socket)
+    app_state = state_of_socket(socket)
     await socket.accept()
     turn: asyncio.Task[None] | None = None
     ordered: FollowOrder | None = None
@@ -52,42 +52,42 @@ async def follow_lines(socket: WebSocket) -> None:
                 continue
             if isinstance(order, StopFollowing):
                 if turn is not None and not turn.done():
-                    await _interrupted(bench, socket, turn, None if begun.is_set() else ordered)
+                    await _interrupted(app_state, socket, turn, None if begun.is_set() else ordered)
                 continue
-            await _left(turn)
+            await _cancelled(turn)
             ordered, begun = order, asyncio.Event()
-            turn = asyncio.create_task(_followed(bench, order, socket, begun))
+            turn = asyncio.create_task(_followed(app_state, order, socket, begun))
     except (WebSocketDisconnect, KeyError):
-        # Also when bytes come instead of text: whoever sends them is not the page
+        # KeyError: bytes instead of text, which the page does not send
         pass
     finally:
-        await _left(turn)
+        await _cancelled(turn)
 
 
 async def _interrupted(
-    bench: AppState, socket: WebSocket, turn: asyncio.Task[None], waits: FollowOrder | None
+    app_state: AppState, socket: WebSocket, turn: asyncio.Task[None], waits: FollowOrder | None
 ) -> None:
-    """Interrupt a page's line at its next step; an order that still `waits` for the desk is dropped."""
+    """Interrupt a page's line at its next step; an order that still `waits` for the worker is dropped."""
     if waits is None:
-        bench.traces.interrupt()
+        app_state.traces.interrupt()
         return
-    await _left(turn)
+    await _cancelled(turn)
     with suppress(LineworkError):
-        await socket.send_text(dropped_order_message(bench, waits))
+        await socket.send_text(dropped_order_message(app_state, waits))
 
 
-async def _followed(bench: AppState, order: FollowOrder, socket: WebSocket, begun: asyncio.Event) -> None:
-    """Do what is ordered and tell it; what cannot be done is told too."""
+async def _followed(app_state: AppState, order: FollowOrder, socket: WebSocket, begun: asyncio.Event) -> None:
+    """Carry out an order and send its messages, or the refusal."""
     try:
         if isinstance(order, FollowBridge):
-            bench.traces.get(order.trace)
-        await run_follow_order(bench, order, socket.send_text, begun)
+            app_state.traces.get(order.trace)
+        await run_follow_order(app_state, order, socket.send_text, begun)
     except LineworkError as error:
         await socket.send_text(refusal_message(error))
 
 
-async def _left(turn: asyncio.Task[None] | None) -> None:
-    """End what a page does not wait for any more."""
+async def _cancelled(turn: asyncio.Task[None] | None) -> None:
+    """Cancel the order of a page and wait for it to end."""
     if turn is None:
         return
     turn.cancel()
@@ -95,67 +95,64 @@ async def _left(turn: asyncio.Task[None] | None) -> None:
         await turn
 
 
-# One turn at the tracing desk: a line is followed, its traces are kept, its growth is told
-
-
 async def run_follow_order(
-    bench: AppState, order: FollowOrder, tell: Callable[[str], Awaitable[None]], begun: asyncio.Event
+    app_state: AppState, order: FollowOrder, send: Callable[[str], Awaitable[None]], begun: asyncio.Event
 ) -> None:
-    """Do an order at the tracing desk as soon as that is free; what is done there now is interrupted.
+    """Carry out an order in the tracing worker as soon as it is free; its current request is interrupted.
 
     Parameters
     ----------
-    tell
-        Called with what the page is to be told.
+    send
+        Called with each message for the page.
     begun
-        Set when the desk is free.
+        Set when the worker is free.
 
     Raises
     ------
     LineworkError
-        The trace to bridge is not kept any more, or the desk's process died.
+        The trace to bridge is no longer kept, or the worker died.
     """
-    work, arguments, trace_id = _work_of(bench, order)
-    bench.traces.interrupt()
-    async with bench.tracing.doing(work, *arguments, trace_id) as steps:
+    function, arguments, trace_id = _request_of(app_state, order)
+    app_state.traces.interrupt()
+    async with app_state.tracing.request(function, *arguments, trace_id) as request:
         begun.set()
-        with bench.traces.interruptible(lambda: steps.say(INTERRUPT)):
-            async for told in steps:
-                if told.trace is not None:
-                    bench.traces.keep(trace_id, told.trace)
-                if told.text:
-                    await tell(told.text)
+        with app_state.traces.interruptible(lambda: request.send(INTERRUPT)):
+            async for message in request:
+                if message.trace is not None:
+                    app_state.traces.keep(trace_id, message.trace)
+                if message.text:
+                    await send(message.text)
 
 
-def dropped_order_message(bench: AppState, order: FollowOrder) -> str:
-    """Return what a page is told whose order is dropped before the desk is free: a line to bridge is as it was."""
+def dropped_order_message(app_state: AppState, order: FollowOrder) -> str:
+    """Return the message to a page whose order is dropped before the worker is free: a line to bridge stays as it was."""
     if isinstance(order, FollowBridge):
-        kept = bench.traces.get(order.trace)
+        kept = app_state.traces.get(order.trace)
         return stopped_message(order.trace, kept, distance_m=0.0, is_interrupted=True)
     return refusal_message(
         UsageError("interrupted before it had begun", where="workbench", advice="click again")
     )
 
 
-async def warm_up_tracing(bench: AppState) -> None:
-    """Follow some line at the tracing desk, so that the first click finds everything at hand; a click ends it.
+async def warm_up_tracing(app_state: AppState) -> None:
+    """Follow some lines in the tracing worker, so that the first click need not wait; a click ends that.
 
     Raises
     ------
     LineworkError
         The survey cannot be used.
     """
-    async with bench.tracing.doing(warm_up_in_worker) as steps:
-        with bench.traces.interruptible(lambda: steps.say(INTERRUPT)):
-            async for _ in steps:
+    async with app_state.tracing.request(warm_up_in_worker) as request:
+        with app_state.traces.interruptible(lambda: request.send(INTERRUPT)):
+            async for _ in request:
                 pass
 
 
-def _work_of(bench: AppState, order: FollowOrder) -> tuple[Callable[..., Any], tuple[Any, ...], str]:
-    """Return the work of an order, what it is given, and the id of its trace."""
+def _request_of(app_state: AppState, order: FollowOrder) -> tuple[Callable[..., Any], tuple[Any, ...], str]:
+    """Return the function of an order, its arguments, and the id of its trace."""
     assert not isinstance(order, StopFollowing)
     if isinstance(order, FollowBridge):
         end = ("start", "end").index(order.end)
-        return bridge_in_worker, (bench.traces.get(order.trace), end), order.trace
-    work = follow_in_worker if isinstance(order, FollowPlace) else follow_image_in_worker
-    return work, (order,), bench.traces.new_id()
+        return bridge_in_worker, (app_state.traces.get(order.trace), end), order.trace
+    function = follow_in_worker if isinstance(order, FollowPlace) else follow_image_in_worker
+    return function, (order,), app_state.traces.new_id()

@@ -1,4 +1,4 @@
-"""What has been followed and may yet be saved: the last traces, by id."""
+"""The last followed lines, which can still be saved or bridged, by id."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from linework.errors import UsageError
 from linework.model.lines import LineSet
 
 if TYPE_CHECKING:
-    from linework.workbench.server.bench import AppState
+    from linework.workbench.server.app_state import AppState
 
-#: So many traces can still be saved: those of all pages that are open, and some before them.
+#: Traces that are kept: those of all open pages, and some before them.
 MOST_KEPT = 32
 
 
 @dataclass(frozen=True, slots=True)
 class KeptTrace:
-    """A followed line as a page has last been told of it.
+    """A followed line as it was last sent to a page.
 
     Parameters
     ----------
     lines
-        The line first, and then what runs beside it: its dashes, its kerb's top.
+        The line first, and then those beside it: its dashes, or the top of its kerb.
     in_images
         Whether it was picked in an image.
     stops
-        Why it starts and ends where it does; "" while it grows.
+        Why it starts and why it ends where it does; "" while it grows.
     """
 
     lines: LineSet
@@ -39,17 +39,17 @@ class KeptTrace:
 
 @dataclass(slots=True)
 class KeptTraces:
-    """The last traces of a bench."""
+    """The last traces of all pages, and how to interrupt the current one."""
 
     _traces: dict[str, KeptTrace] = field(default_factory=dict)
     _stop: Callable[[], None] | None = None
 
     def new_id(self) -> str:
-        """Return an id that no trace has had, of this server or of one before it."""
+        """Return an id that no trace of this or an earlier server has had."""
         return f"trace-{secrets.token_hex(8)}"
 
     def keep(self, trace_id: str, trace: KeptTrace) -> None:
-        """Keep a trace, or what it has become; the oldest is forgotten when there are too many."""
+        """Keep a trace, or its new state; the oldest is dropped when there are too many."""
         self._traces.pop(trace_id, None)
         self._traces[trace_id] = trace
         while len(self._traces) > MOST_KEPT:
@@ -61,16 +61,16 @@ class KeptTraces:
         Raises
         ------
         UsageError
-            It is not kept: any more, or it has never been.
+            It is no longer kept, or never was.
         """
         if trace_id not in self._traces:
-            raise UsageError("the followed line is not at hand any more", where="workbench",
+            raise UsageError("the followed line is no longer available", where="workbench",
                              advice="follow it again")  # fmt: skip
         return self._traces[trace_id]
 
     @contextmanager
     def interruptible(self, stop: Callable[[], None]) -> Iterator[None]:
-        """Let `interrupt` call `stop` for as long as this lasts."""
+        """Let `interrupt` call `stop` inside this block."""
         self._stop = stop
         try:
             yield
@@ -78,17 +78,17 @@ class KeptTraces:
             self._stop = None
 
     def interrupt(self) -> None:
-        """Interrupt what is being followed, if anything is."""
+        """Interrupt the line that is being followed, if there is one."""
         if self._stop is not None:
             self._stop()
 
 
-def kept_trace(bench: AppState, trace_id: str) -> LineSet:
-    """Return a followed line as a page has last been told of it: the line first, then what runs beside it.
+def kept_trace(app_state: AppState, trace_id: str) -> LineSet:
+    """Return a followed line as it was last sent to a page: the line first, then those beside it.
 
     Raises
     ------
     UsageError
-        It is not at hand any more.
+        It is no longer available.
     """
-    return bench.traces.get(trace_id).lines
+    return app_state.traces.get(trace_id).lines

@@ -1,4 +1,4 @@
-"""The work of a job: an automatic extraction of the served survey, as `linework extract` does it."""
+"""The request of a job: an automatic extraction of the served survey, as `linework extract` does it."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from linework.runs.opened.work_folder import RUNS
 from linework.runs.steps import RunSteps
 from linework.workbench.worker.session import SurveySession
 
-#: Told so often: five times a second moves smoothly. [s]
-_TELL_S = 0.2
-#: A step that says nothing is told again after this, so that its desk is known to live. [s]
+#: Shortest time between reports of progress: five a second move smoothly. [s]
+_REPORT_S = 0.2
+#: A step without progress is reported again after this, so that its worker is known to live. [s]
 _ALIVE_S = 10.0
-#: The page and the desks come first: this much nicer than they are.
+#: Increment of the process's niceness (nice(2)): the page and its workers come first.
 _NICE = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobRequest:
-    """What a job is to find.
+    """What a job has to find.
 
     Parameters
     ----------
     kinds, method
         See `linework.methods.kinds`.
     name
-        What tells its unfinished run from those of others: the same for the same drawing.
+        Distinguishes its unfinished run from others: the same for the same line file.
     """
 
     kinds: tuple[str, ...]
@@ -48,14 +48,14 @@ class JobRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobResult:
-    """What a job found.
+    """Result of a job.
 
     Parameters
     ----------
     lines
-        Lines of all kinds that were looked for.
+        Lines of all requested kinds.
     counts
-        How many by kind, also of those of which there are none.
+        Number of lines by requested kind, 0 included.
     message
         What was left out and why, on one line; "": nothing.
     """
@@ -65,123 +65,132 @@ class JobResult:
     message: str
 
 
-def extract_in_worker(table: SurveySession, asked: JobRequest) -> str:
+def extract_in_worker(session: SurveySession, request: JobRequest) -> str:
     """Extract the lines of the survey and return their report, HTML.
 
-    Told are (step, done, total, unit), up to five times a second, and `JobResult` before the report is written.
+    Reports (step, done, total, unit), up to five times a second, and a `JobResult` before the report is written.
+
+    Raises
+    ------
+    LineworkError
+        As `linework extract` raises it.
 
     Notes
     -----
     The lines are published in the work folder, so that a run that was killed goes on where it was when the same is
     asked for again. `discard_job_lines` removes them.
     """
-    # Here and not above: the server names this work, and has no use for what it needs
+    # Here and not above: the server names this function, and does not need what it imports
     from linework.evaluation.report.page import extraction_report
     from linework.files.vectors.read_write import read_lines
     from linework.runs.extract import extract_to, extraction_request
     from linework.runs.record import missing_summary
 
     os.nice(_NICE)
-    survey, settings = table.survey, table.settings
-    # One core is for the page and for whoever follows a line meanwhile
+    survey, settings = session.survey, session.settings
+    # One core is for the page and for following lines meanwhile
     n_workers = max(usable_cores() - 1, 1)
     with contextlib.ExitStack() as held:
-        teller = held.enter_context(_teller(table.tell))
-        steps = RunSteps(teller)
+        reporter = held.enter_context(_reporter(session.report))
+        steps = RunSteps(reporter)
         executor = held.enter_context(executor_for(survey, n_workers, settings))
         recordings = held.enter_context(
             opened_recordings(
                 survey,
-                table.work,
+                session.work,
                 n_threads=n_workers,
                 steps=steps,
-                **recordings_for(asked.method, asked.kinds),
+                **recordings_for(request.method, request.kinds),
             )
         )
-        output = _folder(table.work, asked) / "lines.gpkg"
+        output = _folder(session.work, request) / "lines.gpkg"
 
         def extracted(*, resume: bool) -> dict[str, Any]:
             order = extraction_request(
-                output, recordings.survey, asked.kinds, asked.method, settings,
-                crs=table.order.crs, overwrite=True, resume=resume,
+                output, recordings.survey, request.kinds, request.method, settings,
+                crs=session.order.crs, overwrite=True, resume=resume,
             )  # fmt: skip
-            return extract_to(order, recordings, table.work, executor, steps)[0]
+            return extract_to(order, recordings, session.work, executor, steps)[0]
 
         try:
             record = extracted(resume=True)
         except UsageError:  # begun with other files, other settings or another version
             record = extracted(resume=False)
         lines = read_lines(output)
-        teller.tell(JobResult(lines=lines, counts=record["counts"]["lines"], message=missing_summary(record)))
+        reporter.report(
+            JobResult(lines=lines, counts=record["counts"]["lines"], message=missing_summary(record))
+        )
         with steps.step("write report"):
             return extraction_report(lines, recordings, record)
 
 
-def discard_job_lines(work: Path, asked: JobRequest) -> None:
+def discard_job_lines(work: Path, request: JobRequest) -> None:
     """Remove the lines of a job from the work folder."""
-    shutil.rmtree(_folder(work, asked), ignore_errors=True)
+    shutil.rmtree(_folder(work, request), ignore_errors=True)
 
 
-def _folder(work: Path, asked: JobRequest) -> Path:
-    said = "\n".join((asked.name, asked.method, *asked.kinds))
-    return work / RUNS / f"workbench-{hashlib.sha256(said.encode()).hexdigest()[:16]}"
+def _folder(work: Path, request: JobRequest) -> Path:
+    content = "\n".join((request.name, request.method, *request.kinds))
+    return work / RUNS / f"workbench-{hashlib.sha256(content.encode()).hexdigest()[:16]}"
 
 
 @contextlib.contextmanager
-def _teller(tell: Callable[[Any], None]) -> Iterator[_Teller]:
-    teller = _Teller(tell)
-    teller.start()
+def _reporter(report: Callable[[Any], None]) -> Iterator[_Reporter]:
+    reporter = _Reporter(report)
+    reporter.start()
     try:
-        yield teller
+        yield reporter
     finally:
-        teller.end_all()
+        reporter.end_all()
 
 
-class _Teller(threading.Thread):
-    """Watches the steps of a run and tells of them: not too often, and also where they are silent."""
+class _Reporter(threading.Thread):
+    """Watcher of a run's steps that reports them: not too often, and also while they make no progress."""
 
-    def __init__(self, tell: Callable[[Any], None]) -> None:
+    def __init__(self, report: Callable[[Any], None]) -> None:
         super().__init__(daemon=True)
-        self._tell, self._telling = tell, threading.Lock()
+        self._report, self._reporting = report, threading.Lock()
         self._wake, self._is_over = threading.Condition(), False
-        self._now = self._told = ("", 0, 0, "")
+        self._now = self._reported = ("", 0, 0, "")
 
     def begin(self, step: str, unit: str) -> None:
-        """Tell that a step begins."""
-        self._say((step, 0, 0, unit))
+        """Report that a step begins."""
+        self._set((step, 0, 0, unit))
 
     def advance(self, done: int, total: int) -> None:
-        """Tell how far it is."""
+        """Report its progress."""
         step, _, _, unit = self._now
-        self._say((step, done, total, unit))
+        self._set((step, done, total, unit))
 
     def end(self, step: str, seconds: float) -> None:
-        """Say nothing: the next step begins."""
+        """Report nothing: the next step begins."""
 
-    def tell(self, value: Any) -> None:
-        """Tell something else, now."""
-        with self._telling:
-            self._tell(value)
+    def report(self, value: Any) -> None:
+        """Report something else, at once."""
+        with self._reporting:
+            self._report(value)
 
     def end_all(self) -> None:
-        """Tell nothing any more; when this returns nothing is being told."""
+        """End the thread; when this returns nothing is being reported."""
         with self._wake:
             self._is_over = True
             self._wake.notify()
         self.join()
 
     def run(self) -> None:
-        """Tell the last that was said, until it is over."""
+        """Report the last progress until it is over."""
         while not self._is_over:
             with self._wake:
-                self._wake.wait_for(lambda: self._is_over or self._now is not self._told, timeout=_ALIVE_S)
-                self._told = self._now
+                self._wake.wait_for(
+                    lambda: self._is_over or self._now is not self._reported, timeout=_ALIVE_S
+                )
+                self._reported = self._now
             if not self._is_over:
-                self.tell(self._told)
+                self.report(self._reported)
             with self._wake:
-                self._wake.wait_for(lambda: self._is_over, timeout=_TELL_S)
+                self._wake.wait_for(lambda: self._is_over, timeout=_REPORT_S)
 
-    def _say(self, now: tuple[str, int, int, str]) -> None:
+    def _set(self, now: tuple[str, int, int, str]) -> None:
         with self._wake:
             self._now = now
             self._wake.notify()

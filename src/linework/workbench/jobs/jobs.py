@@ -6,43 +6,42 @@ import asyncio
 import contextlib
 import secrets
 import time
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 from linework.editing.queue.carried_over import extraction_change
 from linework.errors import AbsentError, LineworkError, OutputExistsError, StaleError
 from linework.model.changes import Change, Edit
-from linework.workbench.edits.routes import changed_document
+from linework.workbench.edits.routes import changed_lines
 from linework.workbench.jobs.extract import JobRequest, JobResult, discard_job_lines, extract_in_worker
-from linework.workbench.server.bench import AppState
+from linework.workbench.server.app_state import AppState
+from linework.workbench.server.documents import Document
 from linework.workbench.server.problems import status_and_message
 from linework.workbench.worker.conversation import SurveyWorker
 
-#: Jobs that are remembered, and reports: some megabytes each, in memory, so that there is no file to clear away.
+#: Jobs, and reports, that are kept: a report takes some megabytes, in memory, so that no file has to be removed.
 _MOST_JOBS, _MOST_REPORTS = 20, 3
 _FAULT = "a fault of linework, not of your data"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
-    """How far a job is.
+class Job(Document):
+    """State of a job, as the page gets it.
 
     Parameters
     ----------
     step
-        What it is at.
+        Current step.
     done, total, unit
-        How much of the step is done; total 0: the step has no amounts.
+        Progress of the step; total 0: it has no amounts.
     seconds
         Since the step began; when the job is over, since the job began.
     message
         Why it failed; of a job that is done, what was left out.
     counts
-        Lines by kind, when it is done.
+        Number of lines by kind, once they are saved.
     report
-        There is one.
+        Whether there is one.
     """
 
     id: str
@@ -53,28 +52,23 @@ class Job:
     unit: str = ""
     seconds: float = 0.0
     message: str = ""
-    counts: Mapping[str, int] | None = None
+    counts: dict[str, int] | None = None
     report: bool = False
-
-    @property
-    def document(self) -> dict[str, Any]:
-        """The job as the page gets it."""
-        return asdict(self)
 
 
 class Jobs:
-    """The jobs of a bench. Every change of a job is told to all pages."""
+    """The jobs of the served survey. Every change of a job is sent to all pages."""
 
-    def __init__(self, bench: AppState) -> None:
-        self._bench = bench
+    def __init__(self, app_state: AppState) -> None:
+        self._app_state = app_state
         self._jobs: dict[str, Job] = {}
         self._reports: dict[str, str] = {}
-        self._desk: SurveyWorker | None = None
+        self._worker: SurveyWorker | None = None
         self._task: asyncio.Task[None] | None = None
 
     @property
     def all(self) -> list[Job]:
-        """All that are remembered, the first one first."""
+        """All that are kept, the oldest first."""
         return list(self._jobs.values())
 
     def job(self, name: str) -> Job:
@@ -95,14 +89,14 @@ class Jobs:
         Raises
         ------
         AbsentError
-            There is none, or it is of long ago.
+            There is none, or it is no longer kept.
         """
         if name not in self._reports:
             raise AbsentError("there is no such report, or it is no longer kept")
         return self._reports[name]
 
-    def start(self, asked: JobRequest) -> Job:
-        """Begin a job.
+    def start(self, request: JobRequest) -> Job:
+        """Start a job.
 
         Raises
         ------
@@ -115,33 +109,33 @@ class Jobs:
         self._jobs[job.id] = job
         for old in list(self._jobs)[:-_MOST_JOBS]:
             del self._jobs[old]
-        self._desk = SurveyWorker(self._bench.order)
-        asked = replace(asked, name=str(self._bench.drawing.path))
-        self._task = asyncio.create_task(self._run(job.id, asked, self._desk))
+        self._worker = SurveyWorker(self._app_state.order)
+        request = replace(request, name=str(self._app_state.line_file.path))
+        self._task = asyncio.create_task(self._run(job.id, request, self._worker))
         return job
 
     async def cancel(self, name: str) -> Job:
-        """End a job: its process and those that work for it are gone when this returns. One that is over stays so."""
-        job, task, desk = self.job(name), self._task, self._desk
-        if job.state == "running" and task is not None and desk is not None:
-            # The process first: nothing is written any more while the task takes in that it is over
-            desk.kill()
+        """Cancel a job and return it: all its processes have ended. A job that is over stays as it is."""
+        job, task, worker = self.job(name), self._task, self._worker
+        if job.state == "running" and task is not None and worker is not None:
+            # The process first: nothing is written while the task ends
+            worker.kill()
             task.cancel()
             await asyncio.wait({task})
-            if self._jobs[name].state == "running":  # it had not begun
-                self._tell(name, state="cancelled")
+            if self._jobs[name].state == "running":  # the task had not begun
+                self._change(name, state="cancelled")
         return self._jobs[name]
 
-    async def _run(self, name: str, asked: JobRequest, desk: SurveyWorker) -> None:
+    async def _run(self, name: str, request: JobRequest, worker: SurveyWorker) -> None:
         began = time.monotonic()
 
         def end(state: str, message: str, **more: Any) -> None:
-            self._tell(name, state=state, message=message, seconds=time.monotonic() - began, **more)
+            self._change(name, state=state, message=message, seconds=time.monotonic() - began, **more)
 
         try:
-            report = await self._worked(name, asked, desk)
+            report = await self._extracted(name, request, worker)
         except asyncio.CancelledError:
-            # What is saved is saved: then it is the report alone that there will not be
+            # Lines that were saved stay: only the report is missing then
             is_saved = self._jobs[name].counts is not None
             end("done" if is_saved else "cancelled", "ended before its report was written" * is_saved)
         except LineworkError as error:
@@ -152,33 +146,33 @@ class Jobs:
             self._keep(name, report)
             end("done", self._jobs[name].message, report=True)
         finally:
-            desk.kill()
+            worker.kill()
 
-    async def _worked(self, name: str, asked: JobRequest, desk: SurveyWorker) -> str:
-        """Save what the job's process finds, telling how far it is; return its report."""
+    async def _extracted(self, name: str, request: JobRequest, worker: SurveyWorker) -> str:
+        """Save the lines that the job's process finds, sending its progress; return its report."""
         step, began = "", time.monotonic()
-        async with desk.doing(extract_in_worker, asked) as steps:
-            async for told in steps:
-                if isinstance(told, JobResult):
-                    await self._take(name, asked, told)
+        async with worker.request(extract_in_worker, request) as extraction:
+            async for message in extraction:
+                if isinstance(message, JobResult):
+                    await self._take(name, request, message)
                     continue
-                now, done, total, unit = told
+                now, done, total, unit = message
                 if now != step:
                     step, began = now, time.monotonic()
                 seconds = round(time.monotonic() - began, 2)
-                self._tell(name, step=step, done=done, total=total, unit=unit, seconds=seconds)
-        return str(steps.value)
+                self._change(name, step=step, done=done, total=total, unit=unit, seconds=seconds)
+        return str(extraction.result)
 
     def _keep(self, name: str, report: str) -> None:
-        """Keep a report; of those long ago their jobs say that there is none any more."""
+        """Keep a report, and drop the oldest ones."""
         self._reports[name] = report
         for old in list(self._reports)[:-_MOST_REPORTS]:
             del self._reports[old]
-            self._tell(old, report=False)
+            self._change(old, report=False)
 
-    async def _take(self, name: str, asked: JobRequest, found: JobResult) -> None:
-        """Save what was found; a job that is cancelled meanwhile ends when that is done."""
-        saving = asyncio.ensure_future(self._saved(found, asked))
+    async def _take(self, name: str, request: JobRequest, found: JobResult) -> None:
+        """Save the lines found; a job that is cancelled meanwhile ends when they are saved."""
+        saving = asyncio.ensure_future(self._saved(found, request))
         try:
             await asyncio.shield(saving)
         except asyncio.CancelledError:
@@ -186,53 +180,52 @@ class Jobs:
             raise
         finally:
             if saving.done() and saving.exception() is None:
-                self._tell(name, counts=found.counts, message=found.message)
+                self._change(name, counts=found.counts, message=found.message)
 
-    async def _saved(self, found: JobResult, asked: JobRequest) -> None:
-        """Save what was found as one change; if a person was quicker, once more with what they left."""
+    async def _saved(self, found: JobResult, request: JobRequest) -> None:
+        """Save the lines found as one change; if a person changed lines meanwhile, try again with theirs."""
         is_saved = False
         while not is_saved:
             with contextlib.suppress(StaleError):
-                await save_job_result(self._bench, found)
+                await save_job_result(self._app_state, found)
                 is_saved = True
-        await asyncio.to_thread(discard_job_lines, Path(self._bench.facts.work), asked)
+        await asyncio.to_thread(discard_job_lines, Path(self._app_state.facts.work), request)
 
-    def _tell(self, name: str, **changes: Any) -> None:
-        """Note how a job has changed, and tell all pages."""
+    def _change(self, name: str, **changes: Any) -> None:
+        """Change the state of a job, and send it to all pages."""
         if name not in self._jobs:
-            return  # of long ago
-        job = self._jobs[name] = replace(self._jobs[name], **changes)
-        self._bench.hub.tell({"type": "job", **job.document})
+            return  # no longer kept
+        job = self._jobs[name] = self._jobs[name].model_copy(update=changes)
+        self._app_state.broadcaster.send({"type": "job", **job.model_dump()})
 
 
-# What a job found, put into the drawing as one change
-
-#: A change of more vertices is not told line by line: pages ask for what they miss when they come to it.
-_MOST_TOLD = 20_000
+#: Vertices of the largest change that is sent line by line: after a larger one pages reload what they miss.
+_MOST_SENT = 20_000
 
 
-async def save_job_result(bench: AppState, found: JobResult) -> None:
-    """Save what was found, and tell all pages; where it is what is there already, nothing is saved.
+async def save_job_result(app_state: AppState, found: JobResult) -> None:
+    """Save the lines found as one change, and send it to all pages; nothing is saved if nothing changes.
 
     Raises
     ------
     StaleError
-        A line that goes has changed meanwhile. Nothing was saved.
+        A line to be replaced has changed meanwhile. Nothing was saved.
     """
-    # In threads, so that the server answers meanwhile: some thousand lines are compared and written
-    change = await asyncio.to_thread(_change, bench, found)
+    # In threads, so that the server answers while some thousand lines are compared and written
+    change = await asyncio.to_thread(_change_of, app_state, found)
     if len(change.before) + len(change.after):
-        edit = await asyncio.to_thread(bench.drawing.commit, change, who=bench.who)
-        bench.hub.tell(await asyncio.to_thread(_told, bench, edit))
+        edit = await asyncio.to_thread(app_state.line_file.commit, change, who=app_state.who)
+        app_state.broadcaster.send(await asyncio.to_thread(_message, app_state, edit))
 
 
-def _change(bench: AppState, found: JobResult) -> Change:
-    """Return the change to the drawing as it is now: what people accepted, rejected, edited or drew stays."""
-    return extraction_change(bench.drawing.lines, found.lines, list(found.counts), bench.drawing.judged)
+def _change_of(app_state: AppState, found: JobResult) -> Change:
+    """Return the change to the lines as they are now: what people accepted, rejected, edited or drew stays."""
+    return extraction_change(
+        app_state.line_file.lines, found.lines, list(found.counts), app_state.line_file.judged
+    )
 
 
-def _told(bench: AppState, edit: Edit) -> dict[str, Any]:
-    if len(edit.change.after.xyz) > _MOST_TOLD:
+def _message(app_state: AppState, edit: Edit) -> dict[str, Any]:
+    if len(edit.change.after.xyz) > _MOST_SENT:
         return {"type": "behind"}
-    can = {"can_undo": bench.drawing.can_undo, "can_redo": bench.drawing.can_redo}
-    return {"type": "changed", **changed_document(edit, **can)}
+    return {"type": "changed", **changed_lines(app_state.line_file, edit).model_dump()}

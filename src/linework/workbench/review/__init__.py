@@ -1,1 +1,1 @@
-"""The review queue as the page asks for it."""
+"""The review queue: what is worth checking in the lines, and the paint that shows missing dashes."""

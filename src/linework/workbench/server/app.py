@@ -1,4 +1,4 @@
-"""The server: its routes, put together, and what it answers when something goes wrong."""
+"""The web application: all routes, and the answers to errors."""
 
 from __future__ import annotations
 
@@ -8,62 +8,58 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from linework.errors import LineworkError
-from linework.workbench.edits import routes as routes_edits
-from linework.workbench.following import routes as routes_follow
-from linework.workbench.jobs import routes as routes_jobs
-from linework.workbench.review import queue as routes_review
-from linework.workbench.server import routes as routes_survey
-from linework.workbench.server.bench import AppState
+from linework.workbench.edits.routes import edits_router
+from linework.workbench.following.routes import follow_router
+from linework.workbench.jobs.routes import jobs_router
+from linework.workbench.review.queue import review_router
+from linework.workbench.server.app_state import AppState
 from linework.workbench.server.problems import PROBLEMS, problem_document, status_and_message
-from linework.workbench.views import routes as routes_pairs
-from linework.workbench.views import routes as routes_pictures
+from linework.workbench.server.routes import survey_router
+from linework.workbench.views.routes import views_router
 
-ROUTERS = (
-    routes_survey.survey_router, routes_pictures.views_router, routes_edits.edits_router, routes_review.review_router,
-    routes_follow.follow_router, routes_pairs.views_router, routes_jobs.jobs_router,
-)  # fmt: skip
+ROUTERS = (survey_router, views_router, edits_router, review_router, follow_router, jobs_router)
 
-#: Said of a fault of ours: what it is is in the log, which does not go to the page.
+#: Answer to a fault of ours: the details are in the log, which the page does not get.
 FAULT = "a fault of linework, not of your data; the log is saved, linework serve says where"
 
 
-def create_app(bench: AppState) -> FastAPI:
-    """Return the application that serves a bench; who may ask it is for `guard.Guard` to say."""
+def create_app(app_state: AppState) -> FastAPI:
+    """Return the application that serves a survey; `linework.workbench.server.guard.Guard` decides who may use it."""
     app = FastAPI(
         title="linework workbench", docs_url=None, redoc_url=None, openapi_url="/api/openapi.json",
         redirect_slashes=False, responses=PROBLEMS,
     )  # fmt: skip
-    app.state.bench, app.state.busy = bench, ""
+    app.state.app_state, app.state.busy = app_state, ""
     for router in ROUTERS:
         app.include_router(router)
     app.add_exception_handler(LineworkError, _own)
     app.add_exception_handler(RequestValidationError, _invalid)
-    app.add_exception_handler(HTTPException, _told)
+    app.add_exception_handler(HTTPException, _status)
     app.add_exception_handler(Exception, _fault)
     return app
 
 
 async def _own(_request: Request, error: Exception) -> JSONResponse:
-    """Answer what was raised on purpose."""
+    """Answer an error that was raised on purpose."""
     assert isinstance(error, LineworkError)
     status, line = status_and_message(error)
     return JSONResponse(problem_document(line, status), status)
 
 
 async def _fault(_request: Request, _error: Exception) -> JSONResponse:
-    """Answer what must never happen; the error itself goes on to the guard, which saves the log."""
+    """Answer a fault of ours; the error itself goes on to the guard, which saves the log."""
     return JSONResponse(problem_document(FAULT, 500), 500)
 
 
-async def _told(_request: Request, error: Exception) -> JSONResponse:
-    """Answer what a route, or the lack of one, says by a status."""
+async def _status(_request: Request, error: Exception) -> JSONResponse:
+    """Answer a status raised by a route, or by the lack of one."""
     assert isinstance(error, HTTPException)
     document = problem_document(str(error.detail), error.status_code)
     return JSONResponse(document, error.status_code, headers=dict(error.headers or {}))
 
 
 async def _invalid(_request: Request, error: Exception) -> JSONResponse:
-    """Answer a request that is not as the route wants it: what is first wrong with it."""
+    """Answer an invalid request with the first thing that is wrong with it."""
     assert isinstance(error, RequestValidationError)
     first = error.errors()[0]
     place = ".".join(str(part) for part in first["loc"][1:] or first["loc"])

@@ -1,4 +1,4 @@
-"""Lines as the page gets them: plain values that become JSON."""
+"""The base of the JSON documents that the page exchanges with the server, and lines as such documents."""
 
 from __future__ import annotations
 
@@ -6,9 +6,17 @@ import math
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict
 
 from linework.arrays import BoolArray, FloatArray
 from linework.model.lines import LINE_COLUMNS, LineSet
+
+
+class Document(BaseModel):
+    """A JSON document that the page sends or gets: immutable, without unknown fields."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
 
 #: Decimals of coordinates and sigmas: a tenth of a millimetre.
 _DECIMALS = 4
@@ -18,7 +26,7 @@ def line_documents(lines: LineSet) -> list[dict[str, Any]]:
     """Return a document per line.
 
     Besides the columns of a LineSet: `xyz` [[east, north, up] ...] [m, world]; `sigma_xy_m` and `sigma_z_m` per
-    vertex, `bridged` as runs [[first, last] ...] of vertices; `length_m`, `bridged_m`. What is not known is null.
+    vertex, `bridged` as runs [[first, last] ...] of vertices; `length_m`, `bridged_m`. Unknown values are null.
 
     >>> document, = line_documents(LineSet.from_lines([np.zeros((2, 3))], bridged=[True, True], id=["a"]))
     >>> document["id"], document["bridged"], document["width_m"], document["sigma_xy_m"]
@@ -49,7 +57,7 @@ def to_plain_value(value: Any) -> Any:
 
 
 def run_bounds(flags: BoolArray) -> list[list[int]]:
-    """Return [first, last] of every run of True.
+    """Return [first, last] of every run of True in (n,) flags.
 
     >>> runs(np.array([True, False, True, True]))
     [[0, 0], [2, 3]]

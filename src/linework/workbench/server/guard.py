@@ -1,4 +1,4 @@
-"""The guard before the server: who asks, from where, and what for, before any route hears of it."""
+"""The guard in front of the application: checks session, origin and body before any route runs."""
 
 from __future__ import annotations
 
@@ -21,32 +21,35 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from linework.workbench.server.problems import problem_document
 from linework.workbench.server.sessions import Sessions
 
-#: Pages that are open at once, twice: each has one socket for news and one for following lines.
+#: WebSockets that are open at once: 16 pages, each with one for changes and one for following lines.
 MOST_SOCKETS = 32
+#: Methods that change nothing (RFC 9110, section 9.2.1).
 _SAFE = ("GET", "HEAD", "OPTIONS")
 _NO_SESSION = "no session: open the link that linework serve printed"
-_USED = "This link has been used, or is of another run. Open the newest link that linework serve printed.\n"
-#: Asked for a part of an answer a server does more work, not less: it is given whole.
+_USED = (
+    "This link has been used, or belongs to another run. Open the newest link that linework serve printed.\n"
+)
+#: Headers that are dropped: a part of an answer costs more than the whole one, which is sent instead.
 _DROPPED = (b"range", b"if-range")
 
 
 class Guard:
-    """An ASGI application that lets through to another one what comes from the page and nothing else.
+    """An ASGI application that passes requests from the page on to another one, and refuses all others.
 
     Parameters
     ----------
     app
-        Heard only of requests of an open session, from this very origin, with a body that was read whole.
+        Gets only requests of an open session, from this very origin, with a body that was read whole.
     port
         Of this server on 127.0.0.1.
     page
-        Files that anyone may have: the page without any data.
+        Files that anyone may get: the page without any data.
     save_log
         Called with faults of the application.
 
     Notes
     -----
-    Sites of this machine's other ports are "same-site", so that SameSite alone does not keep them out: Origin and
+    Sites on other ports of this machine are "same-site", so that SameSite alone does not keep them out: Origin and
     Sec-Fetch-Site are checked as well.
     """
 
@@ -59,7 +62,7 @@ class Guard:
         self._n_sockets = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or let it through."""
+        """Answer a request, or pass it on."""
         if scope["type"] == "http":
             await self._request(scope, receive, with_headers(send))
         elif scope["type"] == "websocket":
@@ -89,10 +92,10 @@ class Guard:
             await self._app({**scope, "headers": kept}, receive, send)
 
     def _without_session(self, scope: Scope, headers: Headers) -> Response | None:
-        """Return the answer to what needs no session, or is refused; None: it may go on."""
+        """Return the answer to a request that needs no session, or is refused; None: pass it on."""
         method, path = scope["method"], scope["path"]
         if headers.getlist("host") not in [[host] for host in self._hosts]:
-            return _refused(403, "this server answers only to its own name")
+            return _refused(403, "the Host header does not name this server")
         if path == "/" and method == "GET" and b"token=" in scope["query_string"]:
             return self._entrance(scope, headers)
         if path in self._page and method in ("GET", "HEAD"):
@@ -101,11 +104,11 @@ class Guard:
         if not self._sessions.knows(headers.get("cookie", "")):
             return _refused(401, _NO_SESSION)
         if not self._is_from_page(headers, must_say=method not in _SAFE):
-            return _refused(403, "only the workbench's own page may ask for this")
+            return _refused(403, "only the workbench's own page may send this request")
         return None
 
     def _entrance(self, scope: Scope, headers: Headers) -> Response:
-        """Return a session's cookie for a token, and the way to the page, which is always the same."""
+        """Return a session's cookie for a token, and a redirect to the page, always to the same URL."""
         token = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
         home = Response(status_code=303, headers={"location": "/"})
         if self._sessions.knows(headers.get("cookie", "")):
@@ -117,7 +120,7 @@ class Guard:
         return home
 
     def _is_from_page(self, headers: Headers, *, must_say: bool) -> bool:
-        """Return whether a request comes from our own page, by what only the browser can have written."""
+        """Return whether a request comes from our own page, by headers that only the browser can set."""
         origins = headers.getlist("origin")
         ours = [[f"http://{headers['host']}"]] + ([] if must_say else [[]])
         return origins in ours and headers.get("sec-fetch-site", "none") in ("same-origin", "none")
@@ -144,7 +147,7 @@ class Guard:
 
     @contextlib.contextmanager
     def _faults(self) -> Iterator[None]:
-        """Hand on what must never happen; the page was told that much, or its socket closes."""
+        """Save the log of a fault; the page was answered by then, or its socket closes."""
         try:
             yield
         except Exception as error:
@@ -152,23 +155,23 @@ class Guard:
 
 
 def _refused(status: int, problem: str) -> Response:
-    """Return a refusal, after which nothing more is read: its body may have no end."""
+    """Return a refusal, after which the connection closes: the body may have no end."""
     return JSONResponse(problem_document(problem, status), status, headers={"connection": "close"})
 
 
-# What is sent to the server: JSON, so much of it, in so much time
+# Request bodies: JSON of limited size, received in limited time
 
-#: A line of ten thousand vertices is half of it.
+#: Longest body: twice a line of ten thousand vertices. [bytes]
 MOST_BODY_BYTES = 1 << 20
-#: From the head of a request to the end of its body, on the same machine. [s]
+#: Time from the head of a request to the end of its body, from a client on the same machine. [s]
 MOST_S = 10.0
-#: Of a body that is refused so much is read, in so much time, before the answer: closed with something unread, the
-#: connection would be reset, and the answer lost.
+#: Part of a refused body that is read before the answer [bytes], and time for that [s]: a connection closed with data
+#: unread would be reset, and the answer lost.
 _DRAINED_BYTES, _DRAINED_S = 4 << 20, 1.0
 
 
 class BodyError(Exception):
-    """A body that is not taken: the status, and why."""
+    """A refused body: the HTTP status, and why."""
 
     def __init__(self, status: int, problem: str) -> None:
         super().__init__(problem)
@@ -176,12 +179,12 @@ class BodyError(Exception):
 
 
 def check_body_headers(headers: Mapping[str, str]) -> None:
-    """Refuse a body by what its headers say of it.
+    """Refuse a body by its headers.
 
     Raises
     ------
     BodyError
-        Too long, packed, or not JSON.
+        Too long, compressed, or not JSON.
     """
     length = headers.get("content-length", "0")
     has_body = "transfer-encoding" in headers or length != "0"
@@ -190,10 +193,10 @@ def check_body_headers(headers: Mapping[str, str]) -> None:
     if int(length[:20]) > MOST_BODY_BYTES:
         raise BodyError(413, f"the body is longer than {MOST_BODY_BYTES:,} bytes")
     if headers.get("content-encoding", "identity").lower() != "identity":
-        raise BodyError(415, "packed bodies are not taken: send plain JSON")
+        raise BodyError(415, "compressed bodies are not accepted: send plain JSON")
     content_type = headers.get("content-type", "").partition(";")[0].strip().lower()
     if has_body and content_type != "application/json":
-        raise BodyError(415, "only bodies of the type application/json are taken")
+        raise BodyError(415, "only bodies of type application/json are accepted")
 
 
 async def read_body(receive: Receive) -> bytes:
@@ -202,7 +205,7 @@ async def read_body(receive: Receive) -> bytes:
     Raises
     ------
     BodyError
-        It is too long, or comes too slowly, or its sender has gone.
+        It is too long or too slow, or its sender has gone.
     """
     parts: list[bytes] = []
     n_bytes = 0
@@ -224,7 +227,7 @@ async def read_body(receive: Receive) -> bytes:
 
 
 async def drain_body(headers: Mapping[str, str], receive: Receive) -> None:
-    """Read what is there of a body that was refused, if it may have an end."""
+    """Read the first part of a refused body, unless it may be endless."""
     length = headers.get("content-length", "0")
     if "transfer-encoding" not in headers and (not length.isdigit() or int(length[:20]) > _DRAINED_BYTES):
         return
@@ -238,18 +241,18 @@ async def drain_body(headers: Mapping[str, str], receive: Receive) -> None:
 
 
 def check_json(body: bytes) -> None:
-    """Refuse a body that is not JSON, or holds numbers that no coordinate and no count can be.
+    """Refuse a body that is not JSON, or holds numbers that cannot be a coordinate or a count.
 
     Raises
     ------
     BodyError
-        With what is wrong. JSON itself knows no NaN and no infinity, Python's reader does.
+        Says what is wrong. NaN and infinity are not JSON, but Python's reader accepts them.
     """
     try:
         json.loads(body, parse_constant=_refuse_number, parse_float=_finite, parse_int=_small)
     except (ValueError, RecursionError) as error:
         problem = "nested too deeply" if isinstance(error, RecursionError) else str(error)
-        raise BodyError(400, f"the body is not JSON that can be used: {problem}"[:200]) from None
+        raise BodyError(400, f"the body cannot be read as JSON: {problem}"[:200]) from None
 
 
 def _finite(text: str) -> float:
@@ -263,11 +266,11 @@ def _small(text: str) -> int:
 
 
 def _refuse_number(text: str) -> NoReturn:
-    raise ValueError(f"{text[:20]} is no number that can be used")
+    raise ValueError(f"{text[:20]} is not a usable number")
 
 
 def replay_body(body: bytes, receive: Receive) -> Receive:
-    """Return a `receive` that gives a body that was read already, and then what comes."""
+    """Return a `receive` that gives a body that was read already, and then further messages."""
     waiting: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
 
     async def receiving() -> Message:
@@ -276,14 +279,14 @@ def replay_body(body: bytes, receive: Receive) -> Receive:
     return receiving
 
 
-# What every answer says to the browser: nothing from elsewhere, in no frame, kept nowhere
+# Security headers of every answer: nothing from other origins, not in a frame, not cached
 
-#: The page's policy. A report is a page of its own, see `REPORT_POLICY`.
+#: Content policy of the page. A report is a page of its own, see `REPORT_POLICY`.
 PAGE_POLICY = (
     "default-src 'self'; img-src 'self' data: blob:; object-src 'none'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'"
 )
-#: A report: pictures and styles that are in it, nothing else, and no part of the page's origin.
+#: Content policy of a report: only pictures and styles inside it, and not the page's origin.
 REPORT_POLICY = (
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'; sandbox"
@@ -297,12 +300,12 @@ _ALWAYS = {
     b"cross-origin-resource-policy": b"same-origin",
     b"cache-control": b"no-store",
 }
-#: What a route may say differently.
+#: The header that a route may set itself.
 _OWN = b"content-security-policy"
 
 
 def with_headers(send: Send) -> Send:
-    """Return a `send` that adds the headers to what is answered."""
+    """Return a `send` that adds the security headers to an answer."""
 
     async def sending(message: Message) -> None:
         if message["type"] == "http.response.start":
@@ -316,10 +319,11 @@ def with_headers(send: Send) -> Send:
     return sending
 
 
-# The page's own files, read once at the start: what is not among them is not served
+# Files of the page, read once at the start: no other file is served
 
+#: Folder of the built page.
 PAGE = Path(__file__).parents[1] / "page"
-#: Said where the package holds no page, which no release does.
+#: Served if the package holds no page, as in a clone before the page is built.
 _NO_PAGE = b"<!doctype html><title>linework</title><p>This copy of linework was made without its page.</p>"
 
 
@@ -343,7 +347,7 @@ def page_files(folder: Path = PAGE) -> Mapping[str, PageFile]:
 
 
 def _type_of(path: Path) -> str:
-    """Return the content type; of scripts always the same, whatever this machine's own table says."""
+    """Return the content type; of scripts always the same, whatever this machine's table of types says."""
     if path.suffix in (".js", ".mjs"):
         return "text/javascript; charset=utf-8"
     kind = mimetypes.guess_type(path.name)[0] or "application/octet-stream"

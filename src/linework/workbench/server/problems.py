@@ -1,4 +1,4 @@
-"""What goes wrong, as the page is told of it: a status, and one line without a path of this machine."""
+"""Errors as the page gets them: a status, and one line without paths of this machine."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ from linework.errors import (
     UsageError,
 )
 
-#: The status of each error: a request that makes no sense, what cannot be done with what is there, what is not
-#: there, what is taken, what has changed since, and a machine that says no.
+#: HTTP status of each error.
 STATUS_OF: Mapping[type[LineworkError], int] = MappingProxyType(
     {
         UsageError: 400,
@@ -37,10 +36,10 @@ STATUS_OF: Mapping[type[LineworkError], int] = MappingProxyType(
         MachineError: 503,
     }
 )
-#: Of errors with no line in the table: the root itself.
-_ELSE = 400
+#: Status of errors that the table does not list.
+_OTHER_STATUS = 400
 
-#: What every route may answer beside its own: for OpenAPI, ``responses=PROBLEMS``.
+#: Errors that every route may answer with, for OpenAPI: ``responses=PROBLEMS``.
 PROBLEMS: dict[int | str, dict[str, Any]] = {
     status: {
         "description": HTTPStatus(status).phrase,
@@ -57,12 +56,12 @@ PROBLEMS: dict[int | str, dict[str, Any]] = {
     for status in (400, 401, 403, 404, 405, 408, 409, 412, 413, 415, 422, 429, 503)
 }
 
-#: A path of this machine: two or more names after a slash that begins a word. What is kept is the last one.
+#: A path of this machine: two or more names after a slash that begins a word. Its last name is kept.
 _PATH = re.compile(r"(?<![\w.:/<])/(?:[^\s/:'\"]+/)+([^\s/:'\"]+)")
 
 
 def problem_document(line: str, status: int) -> dict[str, Any]:
-    """Return the body of a refusal.
+    """Return the body of an answer that reports a problem.
 
     >>> problem_document("/data/a/b.laz: empty file. Copy it again.", 422)
     {'problem': 'b.laz: empty file. Copy it again.', 'status': 422}
@@ -71,15 +70,15 @@ def problem_document(line: str, status: int) -> dict[str, Any]:
 
 
 def status_and_message(error: LineworkError) -> tuple[int, str]:
-    """Return the status and the line of an error."""
-    status = next((STATUS_OF[kind] for kind in type(error).__mro__ if kind in STATUS_OF), _ELSE)
+    """Return the HTTP status and the one-line message of an error."""
+    status = next((STATUS_OF[kind] for kind in type(error).__mro__ if kind in STATUS_OF), _OTHER_STATUS)
     where = error.where.name if isinstance(error.where, Path) else error.where
     named = type(error)(error.problem, where=where, advice=error.advice)
     return status, hide_paths(str(named))
 
 
 def hide_paths(text: str) -> str:
-    r"""Return a text on one line in which a path of this machine is its last name.
+    r"""Return a text on one line, with each path of this machine replaced by its last name.
 
     >>> without_paths("tile 3: /home/me/my data/a.laz\nis cut off")
     'tile 3: my data/a.laz is cut off'

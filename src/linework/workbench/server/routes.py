@@ -1,4 +1,4 @@
-"""Routes of the workbench: what is served, its lines, and what happens to them."""
+"""Routes for the survey, its lines, and a stream of what changes."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import json
 from contextlib import suppress
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Request, Response, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, Query, Request, Response, WebSocket, WebSocketDisconnect
 from fastapi.responses import JSONResponse
 
 from linework.editing.edits.attributes import CHOICES
 from linework.files.line_file.file import LineFile
 from linework.files.vectors.fields import colour_of
 from linework.model.lines import KINDS
-from linework.workbench.server.bench import AppState, state_of_request, state_of_socket
+from linework.workbench.server.app_state import AppState, CurrentState, state_of_socket
 from linework.workbench.server.documents import line_documents
 from linework.workbench.server.problems import hide_paths
 from linework.workbench.views.pyramid import IMAGES, Lattice
@@ -25,66 +25,63 @@ survey_router = APIRouter(prefix="/api")
 
 @survey_router.get("/health")
 async def get_health() -> dict[str, bool]:
-    """Say that the server answers."""
+    """Report that the server answers."""
     return {"well": True}
 
 
 @survey_router.get("/survey")
-async def get_survey(
-    request: Request, bench: Annotated[AppState, Depends(state_of_request)]
-) -> dict[str, Any]:
-    """Return what is served, and all that the page needs to know before the first line."""
-    return survey_document(bench, busy=request.app.state.busy)
+async def get_survey(request: Request, app_state: CurrentState) -> dict[str, Any]:
+    """Return the served survey, with all that the page needs before it asks for lines."""
+    return survey_document(app_state, busy=request.app.state.busy)
 
 
 @survey_router.get("/lines", response_class=JSONResponse)
 async def get_lines(
-    bench: Annotated[AppState, Depends(state_of_request)], since: Annotated[int, Query(ge=0, le=2**53)] = 0
+    app_state: CurrentState,
+    since: Annotated[int, Query(ge=0, le=2**53)] = 0,
 ) -> Response:
-    """Return all lines; after a revision, those that came or changed since, and the ids of those that went."""
-    # A drawing of a million vertices takes seconds to write down: not on the server's loop
-    content = await asyncio.to_thread(_lines_content, bench.drawing, since)
+    """Return all lines; of a revision, those added or changed since, and the ids of those removed."""
+    # A million vertices take seconds to encode: not on the server's loop
+    content = await asyncio.to_thread(_lines_content, app_state.line_file, since)
     return Response(content, media_type="application/json")
 
 
-def _lines_content(drawing: LineFile, since: int) -> bytes:
-    # Asked for first: what is saved meanwhile comes twice rather than never
-    revision = drawing.revision
-    found, removed = drawing.since(since if since <= revision else 0)
+def _lines_content(line_file: LineFile, since: int) -> bytes:
+    # Read first: what is saved meanwhile is sent twice rather than never
+    revision = line_file.revision
+    found, removed = line_file.since(since if since <= revision else 0)
     parts = (json.dumps(document, allow_nan=False) for document in line_documents(found))
-    rest = {"removed": list(removed), "can_undo": drawing.can_undo, "can_redo": drawing.can_redo}
+    rest = {"removed": list(removed), "can_undo": line_file.can_undo, "can_redo": line_file.can_redo}
     text = f'{{"revision": {revision}, "lines": [{", ".join(parts)}], {json.dumps(rest)[1:]}'
     return text.encode()
 
 
 @survey_router.websocket("/live")
 async def stream_changes(socket: WebSocket) -> None:
-    """Tell a page what happens, until it leaves."""
-    bench = state_of_socket(socket)
+    """Send a page all messages of the broadcaster, until it leaves."""
+    app_state = state_of_socket(socket)
     await socket.accept()
-    with bench.hub.listening() as news:
+    with app_state.broadcaster.listening() as messages:
 
-        async def tell() -> None:
+        async def send_all() -> None:
             while True:
-                await socket.send_json(await news.get())
+                await socket.send_json(await messages.get())
 
-        telling = asyncio.create_task(tell())
+        sending = asyncio.create_task(send_all())
         try:
-            # The page says nothing here: what is waited for is that it leaves
+            # The page sends nothing here: receiving ends when it leaves
             with suppress(WebSocketDisconnect):
                 while True:
                     await socket.receive()
                     if socket.client_state.name == "DISCONNECTED":
                         break
         finally:
-            telling.cancel()
+            sending.cancel()
             with suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError):
-                await telling
+                await sending
 
 
-# What the page is told of the survey before anything else
-
-#: Kinds as the trade calls them.
+#: Names of the kinds of line, for display.
 _TITLES = {
     "lane_marking": "Lane marking",
     "lane_marking_dash": "Dash",
@@ -96,14 +93,14 @@ _TITLES = {
     "fence": "Fence",
     "cable": "Cable",
 }
-#: Kinds that a place can be picked on: in points, and in images.
+#: Kinds that can be followed from a click in the plan, and in an image.
 _PICKED = ("lane_marking", "road_boundary", "guardrail", "barrier", "cable")
 _PICKED_IN_IMAGES = ("lane_marking", "road_boundary")
 
 
-def survey_document(bench: AppState, *, busy: str) -> dict[str, Any]:
-    """Return the survey as `Survey` of the page's types says it."""
-    facts, drawing = bench.facts, bench.drawing
+def survey_document(app_state: AppState, *, busy: str) -> dict[str, Any]:
+    """Return the survey as the page's type `Survey`."""
+    facts, line_file = app_state.facts, app_state.line_file
     return {
         "name": facts.name,
         "crs": facts.crs_name,
@@ -114,19 +111,19 @@ def survey_document(bench: AppState, *, busy: str) -> dict[str, Any]:
         "n_pairs": facts.n_pairs,
         "path": [list(place) for place in facts.path],
         "warnings": [hide_paths(warning) for warning in facts.warnings],
-        "lines_file": drawing.path.name,
-        "who": bench.who,
+        "lines_file": line_file.path.name,
+        "who": app_state.who,
         "kinds": [_kind(kind) for kind in KINDS],
         "choices": {column: list(words) for column, words in CHOICES.items()},
         "images": [dict(zip(("name", "title", "unit"), image, strict=True)) for image in _images(facts)],
         "tiles": Lattice.of(facts.bounds).document(),
-        "revision": drawing.revision,
+        "revision": line_file.revision,
         "busy": busy,
     }
 
 
 def _images(facts: SurveyFacts) -> tuple[tuple[str, str, str], ...]:
-    """Return what the plan view can show: images are made of points."""
+    """Return the images of the plan view, which are made from points."""
     return IMAGES if facts.n_points else ()
 
 

@@ -1,4 +1,4 @@
-"""Serving a survey: opened, with its lines, until somebody ends it."""
+"""Serve a survey and its lines until a signal ends it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from linework.errors import MachineError
 from linework.files.line_file.file import LineFile
 from linework.runs.steps import Watcher
 from linework.workbench.server.app import create_app
-from linework.workbench.server.bench import AppState
+from linework.workbench.server.app_state import AppState
 from linework.workbench.server.guard import Guard, page_files
 from linework.workbench.server.sessions import Sessions
 from linework.workbench.worker.conversation import SurveyWorker
@@ -31,26 +31,26 @@ from linework.workbench.worker.open import SurveyFacts, open_in_worker, read_fol
 from linework.workbench.worker.session import SurveyOrder
 from linework.workbench.worker.warm_up import StartupProgress, warm_up
 
-#: Lines of a survey that names no other file, in its folder.
+#: File of the lines in the survey's folder, unless another one is named.
 LINES_NAME = "lines.gpkg"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunningServer:
-    """What is served, and whom to tell of it.
+    """What to serve, and callbacks for what happens.
 
     Parameters
     ----------
     order, lines
         The survey, and the file of its lines; None: `LINES_NAME` in its folder.
     port
-        0: any that is free.
+        0: the survey's usual port, or any that is free.
     who
-        Who edits, for the record.
+        Name of the person who edits, for the record.
     watcher
-        Shown the steps of opening.
+        Shows the steps of opening.
     ready
-        Called once with what is served and the URL that opens it.
+        Called once with the state of the server and the URL that opens it.
     renewed
         Called with the next URL when one has been used.
     save_log
@@ -68,7 +68,7 @@ class RunningServer:
 
 
 async def run_server(serving: RunningServer) -> int:
-    """Serve until a signal comes, and return its number.
+    """Serve until SIGINT or SIGTERM comes, and return its number.
 
     Raises
     ------
@@ -83,63 +83,70 @@ async def run_server(serving: RunningServer) -> int:
         stopped = held.enter_context(_signals())
         opening = asyncio.ensure_future(_opened(serving, held))
         if await _first(opening, stopped):
-            await _left(opening)
+            await _cancelled(opening)
             return stopped.result()
-        bench, listener = opening.result()
-        app = create_app(bench)
-        server = _server(serving, bench, app, listener)
+        app_state, listener = opening.result()
+        app = create_app(app_state)
+        server = _server(serving, app_state, app, listener)
         running = asyncio.ensure_future(server.serve([listener]))
-        held.callback(asyncio.ensure_future(warm_up(bench, _busy(bench, app))).cancel)
+        held.callback(asyncio.ensure_future(warm_up(app_state, _progress(app_state, app))).cancel)
         await _first(running, stopped)
         server.should_exit = True
         await running
-        # Jobs and pictures made ahead, too: nobody may reach for the lines when they are closed
+        # Jobs and prefetched pictures too: none may use the lines when they are closed
         tasks = asyncio.all_tasks() - {asyncio.current_task()}
         for task in tasks:
             task.cancel()
-        # Nobody waits until they are done with what they are at
-        bench.pictures.kill()
-        bench.tracing.kill()
+        # The workers are not waited for
+        app_state.pictures.kill()
+        app_state.tracing.kill()
         for task in tasks:
-            await _left(task)
+            await _cancelled(task)
         return stopped.result()
 
 
 async def _opened(serving: RunningServer, held: contextlib.AsyncExitStack) -> tuple[AppState, socket.socket]:
-    """Open the survey and its lines; what could be refused at once is tried first."""
+    """Open the survey and its lines; what may fail at once is tried first."""
     listener = held.enter_context(listener_at(serving.port, usual_port(serving.order.inputs[0])))
-    pictures = held.enter_context(_desk(serving.order))
-    tracing = held.enter_context(_desk(serving.order))
+    pictures = held.enter_context(_worker(serving.order))
+    tracing = held.enter_context(_worker(serving.order))
     root, crs = await pictures.ask(read_folder_and_crs)
     lines = serving.lines or Path(root) / LINES_NAME
-    drawing = held.enter_context(LineFile.opened(lines, crs=crs))
+    line_file = held.enter_context(LineFile.opened(lines, crs=crs))
     facts = await _watched(pictures, serving.watcher)
-    bench = AppState(
-        order=serving.order, facts=facts, drawing=drawing, pictures=pictures, tracing=tracing, who=serving.who
+    app_state = AppState(
+        order=serving.order,
+        facts=facts,
+        line_file=line_file,
+        pictures=pictures,
+        tracing=tracing,
+        who=serving.who,
     )
-    return bench, listener
+    return app_state, listener
 
 
-async def _watched(desk: SurveyWorker, watcher: Watcher) -> SurveyFacts:
-    """Open the survey at a desk and show how far that is."""
-    async with desk.doing(open_in_worker) as steps:
-        async for step, *amounts in steps:
+async def _watched(worker: SurveyWorker, watcher: Watcher) -> SurveyFacts:
+    """Open the survey in a worker and show the progress."""
+    async with worker.request(open_in_worker) as request:
+        async for step, *amounts in request:
             getattr(watcher, step)(*amounts)
-    facts: SurveyFacts = steps.value
+    facts: SurveyFacts = request.result
     return facts
 
 
-def _busy(bench: AppState, app: FastAPI) -> StartupProgress:
-    """Return what tells all pages what the server is still doing."""
+def _progress(app_state: AppState, app: FastAPI) -> StartupProgress:
+    """Return the progress of starting up, which is sent to all pages."""
 
-    def tell(words: str) -> None:
-        app.state.busy = words
-        bench.hub.tell({"type": "busy", "busy": words})
+    def report(text: str) -> None:
+        app.state.busy = text
+        app_state.broadcaster.send({"type": "busy", "busy": text})
 
-    return StartupProgress(tell)
+    return StartupProgress(report)
 
 
-def _server(serving: RunningServer, bench: AppState, app: FastAPI, listener: socket.socket) -> uvicorn.Server:
+def _server(
+    serving: RunningServer, app_state: AppState, app: FastAPI, listener: socket.socket
+) -> uvicorn.Server:
     port = listener.getsockname()[1]
 
     def url(token: str) -> str:
@@ -148,43 +155,43 @@ def _server(serving: RunningServer, bench: AppState, app: FastAPI, listener: soc
     sessions = Sessions(port, lambda token: serving.renewed(url(token)))
     guard = Guard(app, sessions, port, page_files(), serving.save_log)
     return _Server(
-        uvicorn.Config(guard, **uvicorn_settings()), lambda: serving.ready(bench, url(sessions.token))
+        uvicorn.Config(guard, **uvicorn_settings()), lambda: serving.ready(app_state, url(sessions.token))
     )
 
 
 class _Server(uvicorn.Server):
-    """A server that says when it is ready, and leaves signals to who started it."""
+    """A server that reports when it is ready, and leaves signals to its caller."""
 
     def __init__(self, config: uvicorn.Config, ready: Callable[[], None]) -> None:
         super().__init__(config)
         self._ready = ready
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Begin to listen, and say so."""
+        """Begin to listen, and report it."""
         await super().startup(sockets)
         self._ready()
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Take no signals."""
+        """Install no signal handlers."""
         yield
 
 
-async def _first(work: asyncio.Future[Any], stopped: asyncio.Future[int]) -> bool:
-    """Wait for a work to end, or for a signal, in which case the work is left; return whether one came."""
-    await asyncio.wait({work, stopped}, return_when=asyncio.FIRST_COMPLETED)
+async def _first(task: asyncio.Future[Any], stopped: asyncio.Future[int]) -> bool:
+    """Wait for a task to end or for a signal; return whether a signal came."""
+    await asyncio.wait({task, stopped}, return_when=asyncio.FIRST_COMPLETED)
     return stopped.done()
 
 
-async def _left(work: asyncio.Future[Any]) -> None:
-    """Give up a work and wait until it has taken that in."""
-    work.cancel()
-    await asyncio.wait({work})
+async def _cancelled(task: asyncio.Future[Any]) -> None:
+    """Cancel a task and wait for it to end."""
+    task.cancel()
+    await asyncio.wait({task})
 
 
 @contextlib.contextmanager
 def _signals() -> Iterator[asyncio.Future[int]]:
-    """Give a future that SIGINT or SIGTERM sets; the handlers that were there are set again at the end."""
+    """Give a future that SIGINT or SIGTERM sets; the earlier handlers are restored at the end."""
     loop = asyncio.get_running_loop()
     stopped: asyncio.Future[int] = loop.create_future()
 
@@ -204,28 +211,28 @@ def _signals() -> Iterator[asyncio.Future[int]]:
 
 
 @contextlib.contextmanager
-def _desk(order: SurveyOrder) -> Iterator[SurveyWorker]:
-    desk = SurveyWorker(order)
+def _worker(order: SurveyOrder) -> Iterator[SurveyWorker]:
+    worker = SurveyWorker(order)
     try:
-        yield desk
+        yield worker
     finally:
-        desk.kill()
+        worker.kill()
 
 
-# The address that is listened at: of this machine alone, and the same one for a survey where it is free
+# The address to listen on: of this machine alone, and always the same for a survey if it is free
 
-#: The only address that is listened at: nothing of this is for the network.
+#: The only address to listen on: the workbench is not for the network.
 HOST = "127.0.0.1"
-#: Ports that nobody is given for long (RFC 6335, section 6).
-_FIRST, _N = 49152, 16384
+#: First port, and number, of those not assigned to any service (RFC 6335, section 6).
+_FIRST_PORT, _N_PORTS = 49152, 16384
 
 
 def usual_port(survey: Path) -> int:
-    """Return the port of a survey's workbench where none is asked for.
+    """Return the port of a survey's workbench if none is requested.
 
-    A page that was left open, with edits that are not saved yet, finds the next server of its survey there.
+    A page that was left open with unsaved edits finds the next server of its survey there.
     """
-    return _FIRST + zlib.crc32(os.fsencode(survey.resolve())) % _N
+    return _FIRST_PORT + zlib.crc32(os.fsencode(survey.resolve())) % _N_PORTS
 
 
 @contextlib.contextmanager
@@ -235,7 +242,7 @@ def listener_at(port: int, usual: int) -> Iterator[socket.socket]:
     Parameters
     ----------
     port
-        0: the usual one if it is free, else any that is.
+        Requested port; 0: `usual` if it is free, else any that is free.
 
     Raises
     ------
@@ -261,52 +268,53 @@ def listener_at(port: int, usual: int) -> Iterator[socket.socket]:
         yield listener
 
 
-# Connections to the server: so many, and none that holds a place without asking for anything
+# Limits on open connections: a maximum number and an idle timeout
 
-#: A browser opens six and two sockets; what is beyond is closed at once, so that files can still be opened.
+#: Open connections; further ones are closed at once, so that files can still be opened. A browser opens six and two
+#: WebSockets.
 MOST_CONNECTIONS = 200
-#: From the connection to the end of the first request's head. [s]
+#: Time from the connection to the end of the first request's head. [s]
 HEAD_S = 10.0
 
 
 class BoundedConnection(H11Protocol):
-    """A connection that is closed if its request does not come."""
+    """A connection that is closed if no request comes in time."""
 
-    _patience: asyncio.TimerHandle | None = None
+    _timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin, or end at once where there are too many."""
+        """Start the timer, or close at once if there are too many connections."""
         super().connection_made(transport)
         if len(self.connections) > MOST_CONNECTIONS:
             transport.abort()
         else:
-            self._wait()
+            self._start_timer()
 
     def handle_events(self) -> None:
-        """Take what came; from a request's head on, the guard watches the time."""
+        """Handle what came; after a request's head the guard limits the time."""
         super().handle_events()
         is_awaited = self.conn.their_state is h11.IDLE and not self.transport.is_closing()
         if not is_awaited:
-            self._forget()
-        elif self._patience is None:
-            self._wait()
+            self._stop_timer()
+        elif self._timer is None:
+            self._start_timer()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """End."""
-        self._forget()
+        """Stop the timer."""
+        self._stop_timer()
         super().connection_lost(exc)
 
-    def _wait(self) -> None:
-        self._patience = self.loop.call_later(HEAD_S, self.transport.close)
+    def _start_timer(self) -> None:
+        self._timer = self.loop.call_later(HEAD_S, self.transport.close)
 
-    def _forget(self) -> None:
-        patience, self._patience = self._patience, None
-        if patience is not None:
-            patience.cancel()
+    def _stop_timer(self) -> None:
+        timer, self._timer = self._timer, None
+        if timer is not None:
+            timer.cancel()
 
 
 def uvicorn_settings() -> dict[str, Any]:
-    """Return what uvicorn is told of connections."""
+    """Return uvicorn's settings, as keywords of `uvicorn.Config`."""
     return {
         "http": BoundedConnection,
         "ws": "websockets-sansio",

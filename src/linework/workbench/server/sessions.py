@@ -1,4 +1,7 @@
-"""Who may ask the server: a token that opens one session, and the cookies of the sessions that are open."""
+"""Browser sessions: a token that opens one, and the cookies of the open ones.
+
+Apart from `guard`, because a session is opened and known without any request.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,9 @@ import hmac
 import secrets
 from collections.abc import Callable
 
-#: Browsers that are open at once; the oldest session ends when another one begins.
+#: Sessions that are open at once: browsers, and those forgotten; the oldest ends when another one begins.
 MOST_SESSIONS = 16
+#: Randomness of a token and of a cookie: none can be guessed. [bytes]
 _BYTES = 32
 
 
@@ -17,13 +21,13 @@ class Sessions:
     Parameters
     ----------
     port
-        The cookie is named for it: browsers give a cookie to every port of a host.
+        Part of the cookie's name: browsers send a cookie to every port of a host.
     renewed
         Called with the next token when one has been used.
 
     Notes
     -----
-    A token opens one session and is worth nothing then. Comparing takes the same time for every wrong value.
+    A token opens one session and is void then. Comparing takes the same time for every wrong value.
     """
 
     def __init__(self, port: int, renewed: Callable[[str], None] = lambda _token: None) -> None:
@@ -33,7 +37,7 @@ class Sessions:
         self._open: list[str] = []
 
     def enter(self, token: str) -> str:
-        """Return the cookie of a new session, "" where the token is not the right one."""
+        """Return the cookie of a new session, "" if the token is wrong."""
         if not hmac.compare_digest(token.encode(), self.token.encode()):
             return ""
         self.token = secrets.token_urlsafe(_BYTES)

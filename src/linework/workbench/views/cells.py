@@ -1,4 +1,4 @@
-"""The tiles' cells: made from points or from the four below, kept in memory and on disk."""
+"""Layers of all tiles: made from points or from the four tiles below, cached in memory and on disk."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ from linework.workbench.views.layers import TileLayers, layers_from_children, la
 from linework.workbench.views.patches import PatchReader
 from linework.workbench.views.pyramid import TILE_PX, MapTile
 
-#: Raised whenever cells kept by older versions are not to be used any more.
+#: Format of the kept cells; raise it when those of older versions must not be used.
 _VERSION = 1
-#: Cells are kept in memory up to this. [bytes]
+#: Memory of the cells that are kept. [bytes]
 CELLS_CACHE_BYTES = 64 << 20
-#: Who asks for a coarse tile waits so long for what is not yet made of it; then it is shown without. [s]
+#: Time to make missing parts of a coarse tile; then it is shown without them. [s]
 PATIENCE_S = 0.15
 
 
 class TileCells:
-    """Cells of every tile of a survey.
+    """Layers of every tile of a survey.
 
     Parameters
     ----------
     folder
-        For the cells of levels above 0, and the scale; None: nothing is kept on disk.
+        Folder for levels above 0 and the colour scale; None: nothing is kept on disk.
     coarsest
-        Highest level there is.
+        Highest level.
 
     Notes
     -----
-    A tile of a level above 0 is whole once all below it are: only then is it kept on disk, whole or not at all. The
-    same tile holds the same numbers however it came about.
+    A tile of a level above 0 is complete once all below it are, and only then is it kept on disk. A tile has the same
+    values however it was made.
     """
 
     def __init__(self, reader: PatchReader, folder: Path | None, coarsest: int) -> None:
@@ -56,13 +56,13 @@ class TileCells:
         self.scale = self._scale()
 
     def layers(self, tile: MapTile, patience_s: float = PATIENCE_S) -> tuple[TileLayers | None, bool]:
-        """Return the cells of a tile (None: it has no points), and whether they are whole."""
+        """Return the layers of a tile (None: it has no points), and whether they are complete."""
         if tile.level <= 0:
             return self._fine(tile), True
         return self._coarse(tile, time.monotonic() + patience_s)
 
     def go_on(self) -> bool:
-        """Make one more of the tiles to be kept, from the finest up; return whether any is left."""
+        """Make one more of the tiles to be kept, from the finest up; return whether one was left."""
         for tile in self._order:
             self.n_done += 1
             if tile not in self._kept and not self._is_on_disk(tile):
@@ -101,7 +101,7 @@ class TileCells:
         return made, is_whole
 
     def _has_points(self, tile: MapTile) -> bool:
-        """Return whether a tile of level 0 or below may show points; a fine one shows the edge of what is beside it."""
+        """Return whether a tile of level 0 or below may show points; a finer one includes a margin."""
         shift, reach = -tile.level, 1 if tile.level < 0 else 0
         east, north = tile.east >> shift, tile.north >> shift
         around = range(-reach, reach + 1)
@@ -115,7 +115,7 @@ class TileCells:
         return found.unpacked()
 
     def _remember(self, tile: MapTile, layers: TileLayers) -> TileLayers:
-        """Keep the cells of a tile, and return them as they are kept: never again are they any other."""
+        """Keep the layers of a tile, and return them as they are kept, rounded, so that they are always the same."""
         packed = layers.packed()
         self._kept[tile] = packed
         self._n_bytes += packed.n_bytes
@@ -129,7 +129,7 @@ class TileCells:
     def _from_disk(self, tile: MapTile) -> TileLayers | None:
         if self._disk is None:
             return None
-        # What is damaged is made anew
+        # Damaged files are replaced
         with suppress(FileNotFoundError, MachineError):
             arrays = self._disk.read(_name(tile), (tile.east, tile.north))
             if [array.shape for array in arrays] == [(TILE_PX, TILE_PX)] * len(TileLayers._fields):
@@ -137,7 +137,7 @@ class TileCells:
         return None
 
     def _to_disk(self, tile: MapTile, layers: TileLayers) -> None:
-        # On a full disk there are pictures all the same
+        # A full disk does not stop pictures
         if self._disk is not None:
             with suppress(MachineError):
                 self._disk.write(_name(tile), (tile.east, tile.north), *layers.packed())
@@ -155,7 +155,7 @@ class TileCells:
         return scale
 
     def _from_below(self) -> Iterator[MapTile]:
-        """Yield the tiles above level 0, each after those below it, neighbours soon after one another."""
+        """Yield the tiles above level 0, each after its children, neighbours close together."""
 
         def below(tile: MapTile) -> Iterator[MapTile]:
             if tile in self._occupied[tile.level] and tile.level > 0:
@@ -168,12 +168,12 @@ class TileCells:
 
 
 def cells_folder(store: Path, key: str) -> Path:
-    """Return the folder for the cells of a store's tiles, made; those of other keys are removed.
+    """Create and return the folder for the cells of a store's tiles; those of other keys are removed.
 
     Raises
     ------
     MachineError
-        It cannot be made.
+        It cannot be created.
     """
     folder = store / f"tiles-{_VERSION}-{key}"
     with machine_errors(folder):
@@ -198,20 +198,24 @@ def _name(tile: MapTile) -> str:
     return f"level{tile.level}"
 
 
-# One scale for all pictures of a survey, measured on a sample of its blocks
+# One colour scale for all pictures of a survey, measured on a sample of its blocks
 
-#: So many blocks, evenly chosen, are the survey; of each so many points.
+#: Number of blocks sampled evenly, and of points in each.
 _N_BLOCKS, _N_POINTS = 12, 20_000
-#: Shares of the road's points: the darkest; paint covers 2 to 5 % of a marked road, a hundredth is surely paint.
+#: Quantiles of the road points' intensity: the darkest asphalt; and paint, which covers 2 to 5 % of a marked road.
 _DARK, _PAINT = 0.03, 0.99
-#: Paint is at least so much brighter than asphalt: on a road without any the rest must not look like paint.
+#: Least brightness of paint relative to asphalt: on a road without paint nothing must look like it.
 _LEAST_PAINT = 2.0
-#: Shares of the ground's heights that the colours reach from and to, and how far at least. [m]
+#: Quantiles of the ground's height at both ends of the colours, and the least range between them [m].
 _LOW, _HIGH, _LEAST_M = 0.01, 0.99, 8.0
+#: Points within this height of the road are level with it: neither kerbs nor grass. [m]
+_LEVEL_M = 0.03
+#: The darkest road is at least this share of asphalt's intensity, so that the scale stays finite.
+_LEAST_DARK = 0.1
 
 
 def measured_scale(reader: PatchReader) -> ColourScale:
-    """Return the scale of a survey: how bright its road is, how high its ground."""
+    """Return the colour scale of a survey, by the intensity of its road and the height of its ground."""
     blocks = sorted(reader.counts, key=lambda block: block[::-1])
     chosen = blocks[:: max(1, len(blocks) // _N_BLOCKS)]
     heights, brights = [], []
@@ -221,8 +225,7 @@ def measured_scale(reader: PatchReader) -> ColourScale:
             if reader.surface is None or len(ground) == 0:
                 ground = np.arange(len(patch))
             heights.append(np.sort(patch.z[ground])[:: _step(len(ground))])
-            # What is level with the road: neither kerbs nor grass
-            level = np.flatnonzero(np.abs(patch.above) <= 0.03)
+            level = np.flatnonzero(np.abs(patch.above) <= _LEVEL_M)
             brights.append(np.sort(patch.intensity[level])[:: _step(len(level))])
     z = np.concatenate([np.zeros(0, np.float32), *heights])
     bright = np.concatenate([np.zeros(0, np.uint16), *brights])
@@ -231,7 +234,9 @@ def measured_scale(reader: PatchReader) -> ColourScale:
     dark, asphalt, paint = np.quantile(bright, (_DARK, 0.5, _PAINT)) if len(bright) else (1.0, 1.0, 1.0)
     asphalt = max(asphalt, 1.0)
     paint = max(paint, _LEAST_PAINT * asphalt)
-    return ColourScale(float(max(dark, 0.1 * asphalt)), float(asphalt), float(paint), float(low), float(high))
+    return ColourScale(
+        float(max(dark, _LEAST_DARK * asphalt)), float(asphalt), float(paint), float(low), float(high)
+    )
 
 
 def _step(n: int) -> int:

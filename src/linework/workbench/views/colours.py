@@ -1,4 +1,4 @@
-"""Cells of a tile as a picture: what is how bright, which colours stand for which height."""
+"""The picture of a tile: colours and brightness for its layers."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from scipy.ndimage import uniform_filter
 from linework.arrays import AnyArray, Float32Array
 from linework.workbench.views.layers import SLOPE_SPAN_M, TileLayers
 
-#: Pictures are looked at, and gone a moment later: zlib's fastest level.
+#: Level of compression: zlib's fastest, since pictures stay on this machine.
 _COMPRESS = 1
-#: What stands higher than this hides the ground in the picture of heights. [m]
+#: Objects higher than this hide the ground in the picture of heights. [m]
 _STANDS_M = 0.25
-#: In cells so large everywhere something stands: then the ground is shown alone. [m]
+#: Cells from this size on show the ground alone: nearly each holds some object. [m]
 _NO_THINGS_M = 1.0
-#: Of a survey that climbs more than this, colours go up and down again, so that they tell heights apart. [m]
+#: Range of heights over which colours run once; in a survey that climbs more they run up and down again. [m]
 _CLIMB_M = 24.0
-#: Slopes are shown no steeper than this, and no darker: a wall or a stray point is no hole.
+#: Limits on the slope and the darkness of the shading, so that a wall or a stray point does not look like a hole.
 _STEEPEST, _DARKEST = 1.5, 0.4
-#: Density: from 1 to so many points a square metre, by their logarithm.
+#: Density at the end of its colours, which begin at 1, on a logarithmic scale. [1/m2]
 _DENSEST = 4000.0
 #: Light comes from the north-west, 45 degrees high, as on maps.
 _LIGHT = np.array([-0.5, 0.5, math.sqrt(0.5)])
 #: Heights above the road [m] and their colours: below it blue, on it grey, a kerb of 5 cm green, of 15 cm yellow, a
-#: guardrail orange, a car red, what hangs over the road violet.
+#: guardrail orange, a car red, objects above the road violet.
 _ABOVE = (
     (-0.60, "#12306e"), (-0.15, "#3f78c4"), (-0.04, "#7d93a8"), (-0.015, "#8b8e90"), (0.015, "#8b8e90"),
     (0.05, "#5fae7c"), (0.10, "#a8d05a"), (0.16, "#f2e34c"), (0.45, "#f7b237"), (0.80, "#f07c2a"),
@@ -41,12 +41,12 @@ _DENSITY = ((0.0, "#1b1f4b"), (0.3, "#5a2f86"), (0.55, "#b6376f"), (0.8, "#f0803
 
 @dataclass(frozen=True, slots=True)
 class ColourScale:
-    """What the whole survey holds, so that all tiles have one scale.
+    """The range of values of a whole survey, so that all tiles have the same colours.
 
     Parameters
     ----------
     dark, asphalt, paint
-        Intensities of the darkest road, of most of it, and of what is painted on it.
+        Intensities of the darkest road, of most of it, and of paint.
     low_m, high_m
         Heights between which most of the ground lies, above the survey's height origin.
     """
@@ -60,7 +60,7 @@ class ColourScale:
     def shine(self, bright: AnyArray) -> Float32Array:
         """Return intensities from 0 to 1: asphalt at 0.35, paint at 0.95.
 
-        By the logarithm, that a survey may fade with distance, and paint still stands out.
+        On a logarithmic scale, so that paint stands out although intensity falls with distance.
         """
         places = np.log([max(self.dark, 1e-3) * 0.5, self.dark, self.asphalt, self.paint, self.paint * 1.5])
         places = np.maximum.accumulate(places + np.arange(5) * 1e-3)
@@ -70,12 +70,12 @@ class ColourScale:
 
 
 def tile_picture(image: str, layers: TileLayers, scale: ColourScale, cell_m: float, margin: int) -> bytes:
-    """Return the PNG of an image of a tile; transparent where no point is.
+    """Return the PNG of an image of a tile; transparent in cells without points.
 
     Parameters
     ----------
     layers
-        Its cells, filled, with `margin` cells more on each side.
+        Its layers, filled, with `margin` more cells on each side.
     """
     inner = slice(margin, layers.density.shape[0] - margin)
     inside = layers.part(inner, inner)
@@ -93,23 +93,23 @@ def tile_picture(image: str, layers: TileLayers, scale: ColourScale, cell_m: flo
 
 
 def _surface(layers: TileLayers, cell_m: float) -> AnyArray:
-    """Return the height of what one sees from above: the ground, smooth, but where something stands on it."""
+    """Return the height of the surface seen from above: of the ground and of objects on it."""
     if cell_m >= _NO_THINGS_M:
         return layers.ground
     return layers.ground + np.where(layers.stands > _STANDS_M, layers.stands, np.float32(0.0))
 
 
 def _shade(layers: TileLayers, cell_m: float) -> Float32Array:
-    """Return how much light falls on each cell, 1 on level ground."""
+    """Return the shading of each cell, 1 on level ground."""
     z = _surface(layers, cell_m)
     known = np.isfinite(z)
-    # What is not known is as high as all else together: no step at its edge
+    # Unknown cells get the mean height, so that there is no large step at their edge
     z = np.where(known, z, np.float32(z[known].mean() if known.any() else 0.0))
     size = max(1, round(SLOPE_SPAN_M / cell_m))
     if size > 1:
         weight = uniform_filter(known.astype(np.float32), size)
         z = uniform_filter(np.where(known, z, 0.0), size) / np.maximum(weight, 1e-6)
-    # Coarse cells hold gentle slopes only: they are shown steeper
+    # Coarse cells hold only gentle slopes, which are exaggerated
     steep = 2.0 * max(1.0, cell_m) ** 0.5 / cell_m
     dx, dy = np.zeros_like(z), np.zeros_like(z)
     both = known[:, 1:] & known[:, :-1]
@@ -123,7 +123,7 @@ def _shade(layers: TileLayers, cell_m: float) -> Float32Array:
 
 
 def _coloured(z: AnyArray, shade: Float32Array, scale: ColourScale) -> bytes:
-    """Return heights in colours, lit."""
+    """Return the PNG of heights in colours, shaded."""
     climb = scale.high_m - scale.low_m
     part = (z - scale.low_m) / min(climb, _CLIMB_M)
     if climb > _CLIMB_M:
@@ -140,7 +140,7 @@ def _coloured(z: AnyArray, shade: Float32Array, scale: ColourScale) -> bytes:
 
 
 def _index(part: AnyArray) -> AnyArray:
-    """Return the number in a palette of values from 0 to 1: 1 to 255, 0 where there is none."""
+    """Return uint8 palette indices of values from 0 to 1: 1 to 255, and 0 for NaN."""
     with np.errstate(invalid="ignore"):
         index = 1.0 + np.clip(part, 0.0, 1.0) * 254.0
     return np.where(np.isnan(part), 0, np.nan_to_num(index)).astype(np.uint8)
@@ -163,7 +163,7 @@ def _png(image: PIL.Image.Image, **options: int) -> bytes:
 
 
 def _palette(ramp: Sequence[tuple[float, str]], *, even: bool = False) -> AnyArray:
-    """Return (256, 3) uint8: colours at 1 to 255 along a ramp; `even`: as far from one to the next."""
+    """Return (256, 3) uint8 colours along a ramp at 1 to 255; `even`: with its colours evenly spaced."""
     at = np.linspace(0.0, 1.0, len(ramp)) if even else np.array([place for place, _ in ramp])
     rgb = np.array([[int(colour[k : k + 2], 16) for k in (1, 3, 5)] for _, colour in ramp], dtype=np.float64)
     along = np.linspace(0.0, 1.0, 255)

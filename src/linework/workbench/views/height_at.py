@@ -1,4 +1,7 @@
-"""How high the ground, a kerb's top, a rail or a cable is, from the few points around a place."""
+"""Height of the ground, a kerb's top, a rail or a cable, from the few points around a place.
+
+Points are (n, 4): east and north from the place, up from the height origin, and above the road (NaN: unknown). [m]
+"""
 
 from __future__ import annotations
 
@@ -8,31 +11,36 @@ from linework.arrays import BoolArray, FloatArray
 
 #: Height, and its standard deviation. [m]
 Height = tuple[float, float]
-#: From fewer points nothing is said.
+#: Fewest points that give a height.
 LEAST = 5
-#: A surface is as thick as this: noise of the scanner and texture of asphalt, three sigma each way. [m]
+#: Thickness of a measured surface: noise of the scanner and texture of asphalt, three sigma each way. [m]
 SURFACE_LAYER_M = 0.05
-#: What all points share (calibration, path) is not in their spread; lines have it too: this is left between scans. [m]
+#: Sigma of what neighbouring points share but different scans do not (calibration, path): not in their spread. [m]
 COMMON_M = 0.003
-#: A kerb's top is so far above its foot, at least and at most. [m]
+#: Minimum and maximum kerb height. [m]
 KERB_M = (0.03, 0.40)
-#: What stands is so far above the ground at least, and at most, by kind. [m]
+#: Minimum height of a standing object above the ground, and its maximum by kind. [m]
 LEAST_STANDS_M, MOST_STANDS_M = 0.25, {"guardrail": 1.3, "barrier": 1.8, "fence": 3.5}
-#: At its edge a carriageway is as thick as this, and where it ends is known in height no better than this. [m]
+#: Thickness of the carriageway near its edge, where it is smooth, and least sigma of the height of its edge. [m]
 ROAD_M, EDGE_SIGMA_M = 0.02, 0.01
-#: Nobody drags a line onto another thing: what is farther than this from where it was is not it. [m]
+#: Largest change of height when a line is dragged, for most kinds and for cables: beyond it is another object. [m]
 SAME_HEIGHT_M, SAME_CABLE_M = KERB_M[1], 1.0
-#: A cable: higher than lorries; points so far apart in height belong to two. [m]
+#: Minimum height of a cable, above lorries; gap in height between points of two cables. [m]
 HANGS_ABOVE_M, CABLES_APART_M = 3.5, 0.3
-#: The top edge is where so many points are, within so much. [m]
+#: Points that make a top edge, and the height range that they lie in [m].
 _EDGE_POINTS, _EDGE_M = 3, 0.04
 
 
 def edge_height(points: FloatArray) -> Height | None:
-    """Return the height of the carriageway's edge: of the level that most points near the lowest layer have.
+    """Return the height of the carriageway's edge: the most frequent level near the lowest layer.
 
-    Beside an edge are the foot of a kerb's face, or a verge that lies lower: both hold fewer points than the road.
-    What is farther from the road's level than a kerb is high (hedges, cars, ditches) bounds no carriageway.
+    Beside an edge are the foot of a kerb's face, or a lower verge: both hold fewer points than the road. Points farther
+    from the road's level than the height of a kerb (hedges, cars, ditches) are not part of an edge.
+
+    Parameters
+    ----------
+    points
+        (n, 4), see above; None is returned if they are too few.
     """
     points = points[~(np.abs(points[:, 3]) > KERB_M[1])]
     if len(points) < LEAST:
@@ -47,14 +55,9 @@ def edge_height(points: FloatArray) -> Height | None:
 
 
 def ground_height(points: FloatArray) -> Height | None:
-    """Return the height of the ground in the middle of points; None where they are too few.
+    """Return the height of the ground in the middle of points (n, 4); None where they are too few.
 
-    By a plane through the lowest layer that is supported; what is off it by more than 2.5 sigma is left out.
-
-    Parameters
-    ----------
-    points
-        (n, 4): east and north from the place, up, above the road (NaN: not known). [m]
+    By a plane through the lowest supported layer, without points more than 2.5 sigma off it.
     """
     if len(points) < LEAST:
         return None
@@ -64,7 +67,7 @@ def ground_height(points: FloatArray) -> Height | None:
 
 
 def kerb_top_height(points: FloatArray) -> Height | None:
-    """Return the height of the top beside a step; of the ground where there is no step."""
+    """Return the height of the top of a step in points (n, 4); of the ground where there is no step."""
     if len(points) < LEAST:
         return None
     level = _level(points)
@@ -85,28 +88,28 @@ def kerb_top_height(points: FloatArray) -> Height | None:
 
 
 def standing_height(points: FloatArray, highest_m: float, near_m: float) -> Height | None:
-    """Return the height of the top edge of what stands on the ground; None where nothing does.
+    """Return the height of the top edge of a standing object in points (n, 4); None without one.
 
     Parameters
     ----------
     highest_m
-        No higher than this above the ground.
+        Maximum height above the ground. [m]
     near_m
-        Where it was before, above the height origin; NaN: not known. A top edge near it is preferred.
+        Its earlier height above the height origin; NaN: unknown. A top edge near it is preferred. [m]
     """
     level = _level(points)
     heights = np.sort(points[(level > LEAST_STANDS_M) & (level < highest_m), 2])
     if not np.isnan(near_m) and np.any(np.abs(heights - near_m) < CABLES_APART_M):
         heights = heights[heights < near_m + CABLES_APART_M]
     for i in range(len(heights) - 1, _EDGE_POINTS - 2, -1):
-        # Stray points stand alone
+        # Stray points have no neighbours in height
         if heights[i] - heights[i - _EDGE_POINTS + 1] <= _EDGE_M:
             return float(heights[i]), 0.5 * _EDGE_M
     return None
 
 
 def hanging_height(points: FloatArray, near_m: float) -> Height | None:
-    """Return the height of a cable over the place, the nearest to where it was, else the lowest; None without one."""
+    """Return the height of the cable nearest to an earlier height, else of the lowest, in points (n, 4); or None."""
     level = _level(points)
     heights = np.sort(points[level > HANGS_ABOVE_M, 2])
     if len(heights) == 0:
@@ -121,9 +124,9 @@ def hanging_height(points: FloatArray, near_m: float) -> Height | None:
 
 
 def agrees_with_line(found: Height, near_m: float, kind: str) -> bool:
-    """Say whether a height agrees with where the line was.
+    """Return whether a height agrees with the earlier height of the line [m].
 
-    A carriageway's edge may turn out to be lower by a kerb: it was drawn on the kerb's top. It is never higher.
+    A carriageway's edge may be lower by a kerb, if it was drawn on the kerb's top, but never higher.
     """
     if kind == "cable":
         return abs(found[0] - near_m) <= CABLES_APART_M
@@ -132,17 +135,17 @@ def agrees_with_line(found: Height, near_m: float, kind: str) -> bool:
 
 
 def differs_from_line(found: Height, near_m: float, kind: str) -> bool:
-    """Say whether a height differs so much from where the line was that another thing was measured."""
+    """Return whether a height differs so much from the earlier one [m] that another object was measured."""
     return abs(found[0] - near_m) > (SAME_CABLE_M if kind == "cable" else SAME_HEIGHT_M)
 
 
 def with_ambiguity(found: Height, other_m: float) -> Height:
-    """Return a height whose sigma tells of another value for it: both differ by half of that from their middle."""
+    """Return a height whose sigma includes another possible value: half of their difference."""
     return found[0], float(np.hypot(found[1], 0.5 * (found[0] - other_m)))
 
 
 def _level(points: FloatArray) -> FloatArray:
-    """Return heights above the road; where it is not known, above the lowest point."""
+    """Return (n,) heights above the road; if it is unknown, above the lowest point. [m]"""  # noqa: D400
     above = points[:, 3]
     if np.isfinite(above).all():
         return np.asarray(above)
@@ -150,7 +153,7 @@ def _level(points: FloatArray) -> FloatArray:
 
 
 def _lowest(level: FloatArray) -> float:
-    """Return where the lowest layer begins that has a tenth of the points below 0.5 m, and three."""
+    """Return the bottom of the lowest layer with a tenth of the points below 0.5 m, at least three."""
     heights = np.sort(level[level < max(0.5, float(level.min()) + 0.5)])
     least = max(3, len(heights) // 10)
     for i in range(len(heights) - least + 1):
@@ -160,14 +163,14 @@ def _lowest(level: FloatArray) -> float:
 
 
 def _plane(points: FloatArray, kept: BoolArray) -> Height | None:
-    """Return the height at the middle of a plane through points, and how sure it is."""
+    """Return the height of a plane through the kept points at the place itself, and its sigma."""
     for _ in range(4):
         n = int(kept.sum())
         if n < LEAST:
             return None
         x, z = points[kept, :2], points[kept, 2]
         middle = x.mean(axis=0)
-        # Few points on one scan line know no slope: it is held to a twentieth
+        # Few points on one scan line do not determine a slope: it is regularised to a twentieth
         design = np.column_stack([np.ones(n), x - middle])
         normal = design.T @ design + np.diag([0.0, 0.04, 0.04])
         mean = z.mean()

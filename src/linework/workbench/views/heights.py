@@ -1,4 +1,7 @@
-"""Works of the desk of pictures: how high a line is at a place, by what the points there say."""
+"""Requests to the pictures worker: the height of a line at places, measured in the points around them.
+
+Apart from `height_at`, which measures at one place: here are the points, and the choice among reaches.
+"""
 
 from __future__ import annotations
 
@@ -28,29 +31,30 @@ from linework.workbench.views.patches import PatchReader, PointPatch
 from linework.workbench.views.tiles import patch_reader
 from linework.workbench.worker.session import SurveySession
 
-#: Points so near to a place say how high it is; where there are too few, those twice as near again, and so on. [m]
+#: Radii around a place within which points are used; a larger one where the smaller one holds too few. [m]
 REACHES_M = (0.3, 0.6, 1.2)
-#: Places are worked together within squares of this. [m]
+#: Side of squares whose places are measured together. [m]
 _PIECE_M = 16.0
-#: From the van's path the ground is known so well [m], and falls away from it by so much: 3 % drain a road.
+#: Sigma of the ground's height below the van's path [m], and its slope away from it: roads drain by 3 %.
 PATH_SIGMA_M, CROSSFALL = 0.05, 0.03
-#: Farther from the path nobody knows. [m]
+#: Distance from the path up to which it gives a height: beyond it the road has ended. [m]
 FAR_FROM_PATH_M = 15.0
 #: Kinds that do not lie on the ground.
 _ABOVE_GROUND = ("kerb_top", "cable", *MOST_STANDS_M)
-#: Kinds that lie on one side of a step, and on which is known from where they were.
+#: Kinds that lie at a step, where the height of the line tells which side is meant.
 _STEPS = ("road_boundary", "kerb_top")
 
 
 def heights_at(
-    table: SurveySession, kind: str, places: Sequence[Sequence[float]]
+    session: SurveySession, kind: str, places: Sequence[Sequence[float]]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (n,) heights of a kind of line at places [m, world], and (n,) standard deviations; NaN where unknown.
+    """Return (n,) heights of a kind of line at places [m, world], and (n,) standard deviations [m]; NaN: unknown.
 
     Parameters
     ----------
     places
-        (n, 2) or (n, 3): east, north, and where it was: of several cables, or rails, the nearest to it is taken.
+        n of (east, north) or (east, north, up) [m, world]: of several cables or rails the one nearest to `up` is
+        measured.
 
     Raises
     ------
@@ -59,23 +63,23 @@ def heights_at(
 
     Notes
     -----
-    A survey without points knows the ground from the van's path alone: how far from it is in the sigma. Nothing is
-    known of what stands or hangs there.
+    Without points the ground is estimated from the van's path, with a sigma that grows with the distance from it; what
+    stands or hangs there is unknown.
     """
     plain = kind.removesuffix("_stereo")
     if plain not in KINDS:
         raise UsageError(f"no kind {kind[:40]!r}", advice=f"choose from {', '.join(KINDS)}")
     at = np.array([(*place, np.nan)[:3] for place in places], dtype=np.float64).reshape(-1, 3)
-    reader = patch_reader(table)
+    reader = patch_reader(session)
     if reader is not None:
         return _from_points(reader, plain, at)
     if plain in _ABOVE_GROUND:
         return np.full(len(at), np.nan), np.full(len(at), np.nan)
-    return heights_from_path(table.recordings.trajectory, at[:, :2])
+    return heights_from_path(session.recordings.trajectory, at[:, :2])
 
 
 def heights_from_path(path: Trajectory | None, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return heights of the ground beside the van's path, and their standard deviations."""
+    """Return (n,) heights of the ground at (n, 2) places beside the van's path [m, world], and their sigmas [m]."""
     height, sigma = np.full(len(at), np.nan), np.full(len(at), np.nan)
     if path is None or len(path) < 2:
         return height, sigma
@@ -92,7 +96,7 @@ def heights_from_path(path: Trajectory | None, at: FloatArray) -> tuple[FloatArr
 
 
 def _from_points(reader: PatchReader, kind: str, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return heights by the points around each place, piece by piece: places far apart do not meet."""
+    """Return (n,) heights and sigmas at (n, 3) places, square by square: places far apart share no points."""
     height, sigma = np.full(len(at), np.nan), np.full(len(at), np.nan)
     pieces = np.floor(at[:, :2] / _PIECE_M).astype(np.int64)
     for piece in np.unique(pieces, axis=0):
@@ -108,7 +112,7 @@ def _from_points(reader: PatchReader, kind: str, at: FloatArray) -> tuple[FloatA
 
 
 def _near(reader: PatchReader, bounds: Bounds, at: FloatArray) -> FloatArray:
-    """Return (n, 4) east, north, up [m, world; up from the height origin], above the road, of points near places."""
+    """Return (n, 4) of points near places: east, north [m, world], up from the height origin, above the road [m]."""
     parts = [np.zeros((0, 4))]
     for patch in reader.patches(bounds):
         index = np.flatnonzero(_beside(patch, at))
@@ -119,7 +123,7 @@ def _near(reader: PatchReader, bounds: Bounds, at: FloatArray) -> FloatArray:
 
 
 def _beside(patch: PointPatch, at: FloatArray) -> BoolArray:
-    """Return which points of a patch lie in cells that the largest reach of some place touches."""
+    """Return which points of a patch lie in 1 m cells within the largest reach of a place."""
     reach, n = REACHES_M[-1], 66
     cells = np.zeros((n, n), np.bool_)
     local = at - np.array(patch.corner[:2])
@@ -131,10 +135,10 @@ def _beside(patch: PointPatch, at: FloatArray) -> BoolArray:
 
 
 def _one(points: FloatArray, place: FloatArray, kind: str, z0_m: float) -> Height | None:
-    """Return height and sigma at one place, by the smallest reach that has enough points, sorted by east.
+    """Return the height at one place from the smallest reach that has enough of the points (n, 4), sorted by east.
 
-    Where it is known how high the line was, a reach that agrees with that is better than a smaller one that does not;
-    where it is not, the widest reach says what else there is.
+    If the earlier height of the line is known, a reach that agrees with it is preferred to a smaller one that does
+    not. If it is not, the widest reach shows what else the height could be.
     """
     near_m, first = place[2] - z0_m, None
     for reach in REACHES_M:
@@ -155,14 +159,14 @@ def _one(points: FloatArray, place: FloatArray, kind: str, z0_m: float) -> Heigh
 
 
 def _within(points: FloatArray, place: FloatArray, reach_m: float) -> FloatArray:
-    """Return the points, sorted by east, that are so near to a place, from there."""
+    """Return the points, sorted by east, within a distance of a place, relative to it."""
     first, last = np.searchsorted(points[:, 0], (place[0] - reach_m, place[0] + reach_m))
     local = points[first:last] - np.array([*place[:2], 0.0, 0.0])
     return np.asarray(local[np.hypot(local[:, 0], local[:, 1]) <= reach_m])
 
 
 def _level_before(local: FloatArray, kind: str, near_m: float) -> Height | None:
-    """Return the height of what lies as high as the line did, beside a step."""
+    """Return the height of the ground that is as high as the line was, beside a step."""
     return ground_height(local[np.abs(local[:, 2] - near_m) <= SURFACE_LAYER_M]) if kind in _STEPS else None
 
 

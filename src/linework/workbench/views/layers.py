@@ -1,4 +1,7 @@
-"""What is known of the cells of a tile, before it becomes a picture."""
+"""Raster layers of a map tile, from points or from the tiles below it, before they become a picture.
+
+Apart from `cells`, which keeps them in memory and on disk.
+"""
 
 from __future__ import annotations
 
@@ -12,27 +15,27 @@ from linework.kernels.cells import tile_cells as kernels
 from linework.workbench.views.patches import PatchReader
 from linework.workbench.views.pyramid import TILE_PX, MapTile
 
-#: Cells between points are shown as the nearest point within this: farther apart points do not lie beside the van. [m]
+#: Distance within which a cell without points is shown as the nearest one: points beside the van are closer. [m]
 FILL_M = 0.15
-#: And within so many cells, however coarse they are.
+#: The least such distance, in cells, for coarse ones.
 FILL_CELLS = 1.5
-#: Slopes of fine cells are taken over so much; beside a tile so much is looked at, too. [m]
+#: Span over which slopes of fine cells are smoothed; the margin of a tile includes half of it. [m]
 SLOPE_SPAN_M = 0.2
-#: Kept in half the room: densities up to this [1/m2], intensities as parts of this.
+#: Kept as float16: densities up to this [1/m2], and intensities divided by this, which fit its range.
 _MOST_DENSE, _FULL = 60_000.0, 16.0
 
 
 class TileLayers(NamedTuple):
-    """Cells (n_rows, n_cols), row 0 north; NaN and density 0 where no point is.
+    """Raster layers (n_rows, n_cols) of a tile, row 0 north; NaN, and density 0, in cells without points.
 
     Parameters
     ----------
     density
-        Points. [1/m2]
+        Number of points per area. [1/m2]
     ground, stands
-        Height of the ground above the survey's height origin, and of what stands on it. [m]
+        Height of the ground above the survey's height origin, and of objects above the ground. [m]
     above
-        Height above the road of the highest that a lorry does not pass under. [m]
+        Height above the road of the highest point that is not above lorries. [m]
     bright
         Mean intensity of the ground, as recorded.
     """
@@ -45,11 +48,11 @@ class TileLayers(NamedTuple):
 
     @property
     def n_bytes(self) -> int:
-        """Memory."""
+        """Memory of the layers. [bytes]"""  # noqa: D400
         return sum(layer.nbytes for layer in self)
 
     def packed(self) -> TileLayers:
-        """Return the same in 12 bytes a cell: heights as they are, the rest to a thousandth."""
+        """Return the layers in 12 bytes a cell: the ground as it is, the rest as float16, to a thousandth."""
         half = np.float16
         return TileLayers(
             np.minimum(self.density, _MOST_DENSE).astype(half), self.ground, self.stands.astype(half),
@@ -57,22 +60,22 @@ class TileLayers(NamedTuple):
         )  # fmt: skip
 
     def unpacked(self) -> TileLayers:
-        """Return what was packed, float32."""
+        """Return packed layers as float32."""
         whole = TileLayers(*(layer.astype(np.float32) for layer in self))
         return whole._replace(bright=whole.bright * np.float32(_FULL))
 
     def part(self, rows: slice, cols: slice) -> TileLayers:
-        """Return some of the cells."""
+        """Return a rectangle of the cells."""
         return TileLayers(*(layer[rows, cols] for layer in self))
 
 
 def margin_cells(tile: MapTile) -> int:
-    """Return how many cells beside a tile its picture depends on: none where cells are coarse."""
+    """Return the width of the margin that a tile's picture depends on, in cells: 0 where cells are coarse."""
     return math.ceil((FILL_M + 0.5 * SLOPE_SPAN_M) / tile.cell_m) if tile.level < 0 else 0
 
 
 def layers_from_points(reader: PatchReader, tile: MapTile, *, keep: bool) -> TileLayers:
-    """Return the cells of a tile with its margin, from points. The order of the points does not matter."""
+    """Return the layers of a tile with its margin, from points, in whatever order they come."""
     margin = margin_cells(tile)
     n, bounds = TILE_PX + 2 * margin, tile.bounds.grown(margin * tile.cell_m)
     sums = kernels.no_sums(n, n)
@@ -83,7 +86,7 @@ def layers_from_points(reader: PatchReader, tile: MapTile, *, keep: bool) -> Til
 
 
 def layers_from_children(children: list[TileLayers | None]) -> TileLayers:
-    """Return the cells of a tile from those of the four one level below; None: has no points."""
+    """Return the layers of a tile from those of its four children; None: a child without points."""
     shape = (TILE_PX, TILE_PX)
     out = TileLayers(np.zeros(shape, np.float32), *(np.full(shape, np.nan, np.float32) for _ in range(4)))
     for k, child in enumerate(children):
@@ -93,7 +96,7 @@ def layers_from_children(children: list[TileLayers | None]) -> TileLayers:
 
 
 def fill_between_points(layers: TileLayers, cell_m: float) -> TileLayers:
-    """Return layers in which cells between points have what the nearest point within `FILL_M` has."""
+    """Return layers with empty cells filled from the nearest cell within `FILL_M`."""
     reach = max(FILL_M / cell_m, FILL_CELLS)
     known = layers.density > 0
     nearest = kernels.nearest_known_index(known, reach)

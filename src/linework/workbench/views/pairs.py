@@ -1,4 +1,4 @@
-"""Works at a desk about stereo pairs: which there are, their images for the screen, lines projected into them."""
+"""Requests to the pictures worker about stereo pairs: the list, images for the screen, lines projected into them."""
 
 from __future__ import annotations
 
@@ -20,19 +20,20 @@ from linework.model.survey import Survey
 from linework.runs.opened.pairs import OpenedStereo
 from linework.workbench.worker.session import SurveySession
 
+#: Camera of a pair.
 CameraSide = Literal["left", "right"]
-#: Small pictures that are kept at hand: 4 kB each.
+#: Thumbnails kept in memory: 4 kB each.
 _MOST_KEPT = 4096
-#: Half the width of what the widest lenses show, as a multiple of the depth: 60 degrees from the axis.
+#: Half width of the widest lenses' view, as a multiple of the depth: 60 degrees from the axis.
 _WIDEST = 2.0
 
 
-def list_pairs(table: SurveySession) -> list[dict[str, Any]]:
-    """Return a document per pair that can be used, in time order; why others cannot is in the survey's warnings."""
-    stereo = table.recordings.stereo
+def list_pairs(session: SurveySession) -> list[dict[str, Any]]:
+    """Return a document per usable pair, in time order; why others are not usable is in the survey's warnings."""
+    stereo = session.recordings.stereo
     if stereo is None:
         return []
-    log = van_log(_without_keys(table.survey), stereo.series, stereo.trajectory)
+    log = van_log(_without_keys(session.survey), stereo.series, stereo.trajectory)
     assert log.photos is not None
     usable = set(stereo.numbers.tolist())
     return [
@@ -44,7 +45,7 @@ def list_pairs(table: SurveySession) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def list_keys(table: SurveySession) -> list[dict[str, Any]]:
+def list_keys(session: SurveySession) -> list[dict[str, Any]]:
     """Return a document per key that the operator pressed, in time order.
 
     Raises
@@ -52,7 +53,7 @@ def list_keys(table: SurveySession) -> list[dict[str, Any]]:
     InputError
         The file of keys cannot be used.
     """
-    recordings = table.recordings
+    recordings = session.recordings
     events = van_log(recordings.survey, None, recordings.trajectory).events
     if events is None:
         return []
@@ -62,7 +63,7 @@ def list_keys(table: SurveySession) -> list[dict[str, Any]]:
     ]
 
 
-def image_jpeg(table: SurveySession, number: int, side: CameraSide) -> bytes:
+def image_jpeg(session: SurveySession, number: int, side: CameraSide) -> bytes:
     """Return an image as it was taken, as JPEG.
 
     Raises
@@ -72,26 +73,31 @@ def image_jpeg(table: SurveySession, number: int, side: CameraSide) -> bytes:
     InputError
         It cannot be read.
     """
-    return screen_image(getattr(_pair(table, number), side), _camera(table, side), table.survey.root)
+    return screen_image(getattr(_pair(session, number), side), _camera(session, side), session.survey.root)
 
 
-def thumbnail_jpeg(table: SurveySession, number: int) -> bytes:
-    """Return the left image of a pair made small, as JPEG (see `image_jpeg`)."""
-    kept = table.keep("thumbnails", dict[int, bytes])
-    pair = _pair(table, number)
+def thumbnail_jpeg(session: SurveySession, number: int) -> bytes:
+    """Return a thumbnail of the left image of a pair, as JPEG (see `image_jpeg`)."""
+    kept = session.keep("thumbnails", dict[int, bytes])
+    pair = _pair(session, number)
     if number not in kept:
         if len(kept) >= _MOST_KEPT:
             kept.pop(next(iter(kept)))
-        kept[number] = screen_thumbnail(pair.left, _camera(table, "left"), table.survey.root)
+        kept[number] = screen_thumbnail(pair.left, _camera(session, "left"), session.survey.root)
     return kept[number]
 
 
-def lines_in_pair(table: SurveySession, number: int, lines: LineSet) -> bytes:
-    """Return where both images of a pair show lines, as JSON (`PairLines` of the page).
+def lines_in_pair(session: SurveySession, number: int, lines: LineSet) -> bytes:
+    """Return lines projected into both images of a pair, as JSON (`PairLines` of the page).
 
-    Made here and not in the server, which has other things to do than to write some ten thousand numbers.
+    Encoded here and not in the server, which some ten thousand numbers would hold up.
+
+    Raises
+    ------
+    AbsentError
+        There is no such pair.
     """
-    stereo = _stereo(table, number)
+    stereo = _stereo(session, number)
     i = int(np.flatnonzero(stereo.numbers == number)[0])
     rig = stereo.series.rig
     return json.dumps(
@@ -107,10 +113,10 @@ def lines_in_pair(table: SurveySession, number: int, lines: LineSet) -> bytes:
 
 
 def lines_near_camera(lines: LineSet, at: tuple[float, ...]) -> LineSet:
-    """Return the lines that a camera at a place [m, world] may see, whichever way it looks."""
+    """Return the lines that a camera at a place (east, north, up) [m, world] may see, whatever its direction."""
     if not len(lines.xyz):
         return lines
-    # Lines without a vertex would take the bounds of the next one
+    # Lines without vertices would get the bounds of the next one
     starts = lines.offsets[:-1][np.diff(lines.offsets) > 0]
     reach = _WIDEST * PROJECTED_DEPTH_M[1]
     low = np.minimum.reduceat(lines.xyz[:, :2], starts, axis=0) <= np.array(at[:2]) + reach
@@ -119,7 +125,7 @@ def lines_near_camera(lines: LineSet, at: tuple[float, ...]) -> LineSet:
 
 
 def _documents(lines: LineSet, pieces: ProjectedLines) -> list[dict[str, Any]]:
-    """Return a document per line that is seen."""
+    """Return a document per visible line."""
     pixels = pieces.pixels.round(1).tolist()
     documents: list[dict[str, Any]] = []
     before = -1
@@ -149,30 +155,30 @@ def _places(places: LoggedPlaces) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _stereo(table: SurveySession, number: int) -> OpenedStereo:
-    """Return the opened pairs, one of which has that number."""
-    stereo = table.recordings.stereo
+def _stereo(session: SurveySession, number: int) -> OpenedStereo:
+    """Return the opened pairs, after checking that one has that number."""
+    stereo = session.recordings.stereo
     if stereo is None or number not in stereo.numbers:
         raise no_such_pair_error(number)
     return stereo
 
 
-def _pair(table: SurveySession, number: int) -> ImagePair:
-    return next(pair for pair in _stereo(table, number).pairs if pair.number == number)
+def _pair(session: SurveySession, number: int) -> ImagePair:
+    return next(pair for pair in _stereo(session, number).pairs if pair.number == number)
 
 
 def no_such_pair_error(number: int) -> AbsentError:
-    """Return what is raised where there is no pair of that number."""
+    """Return the error to raise if no pair has a number."""
     return AbsentError(f"there is no pair {number}")
 
 
-def _camera(table: SurveySession, side: CameraSide) -> Camera:
-    stereo = table.recordings.stereo
+def _camera(session: SurveySession, side: CameraSide) -> Camera:
+    stereo = session.recordings.stereo
     assert stereo is not None
     camera: Camera = getattr(stereo.series.rig, side)
     return camera
 
 
 def _without_keys(survey: Survey) -> Survey:
-    """Return the survey without the operator's keys: a file of them that is damaged spoils no image."""
+    """Return the survey without the operator's keys: a damaged file of them must not affect images."""
     return replace(survey, settings={k: v for k, v in survey.settings.items() if k != "events"})

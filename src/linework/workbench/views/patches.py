@@ -1,4 +1,4 @@
-"""The points under a tile: read patch by patch, with their height above the road, and kept while there is room."""
+"""Points under a tile, read patch by patch with their height above the road, in a cache of limited size."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from linework.runs.opened.surface import SurveySurface
 from linework.surface.road import height_above_road, is_road_point
 from linework.workbench.views.pyramid import TILE_BLOCK_M, MapTile
 
-#: A patch has so many points at most: 20 MB while they are kept, 70 MB while they are read.
+#: Most points of a patch: 20 MB while it is kept, 70 MB while it is read.
 MOST_PATCH_POINTS = 1_000_000
-#: Patches are kept up to this. [bytes]
+#: Memory of the patches that are kept. [bytes]
 PATCH_CACHE_BYTES = 128 << 20
 
 
 @dataclass(frozen=True, slots=True)
 class PointPatch:
-    """The points of a square, as they come.
+    """The points of a square, unordered.
 
     Parameters
     ----------
     corner
-        South-west corner [m, world], and the surface's height origin.
+        South-west corner, and the height origin of the surface. [m, world]
     x, y, z
         (n,) float32 from the corner. [m]
     above
-        (n,) float32: height above the road [m], NaN where it is not known.
+        (n,) float32: height above the road [m], NaN where it is unknown.
     intensity
-        (n,) uint16: asphalt is 1000 where the van's way is known, else as recorded; 0 where the survey has none.
+        (n,) uint16: asphalt is `ASPHALT` if the van's path is known, else as recorded; 0 if the survey has none.
     """
 
     corner: tuple[float, float, float]
@@ -53,24 +53,24 @@ class PointPatch:
 
     @property
     def columns(self) -> tuple[AnyArray, ...]:
-        """x, y, z, above, intensity."""
+        """The columns x, y, z, above, intensity."""
         return self.x, self.y, self.z, self.above, self.intensity
 
     @property
     def n_bytes(self) -> int:
-        """Memory of the columns."""
+        """Memory of the columns. [bytes]"""  # noqa: D400
         return sum(column.nbytes for column in self.columns)
 
 
 class PatchReader:
-    """Reads the points of any square.
+    """Reads the points of any rectangle.
 
     Parameters
     ----------
     surface
-        None: no height above the road is known.
+        None: heights above the road are unknown.
     path
-        (k, 2) places of the van's way [m, world]; none: intensities stay as recorded.
+        (k, 2) vertices of the van's path [m, world]; None: intensities stay as recorded.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class PatchReader:
         self._asphalt = None if surface is None or path is None else asphalt_level(store, surface, path)
         self.z0_m = surface.z0_m if surface is not None else 0.0
         blocks, counts = store.block_counts
-        #: Points by number of block.
+        #: Number of points by block (east, north).
         self.counts = {(e, n): k for (e, n), k in zip(blocks.tolist(), counts.tolist(), strict=True)}
         self._kept: OrderedDict[MapTile, PointPatch] = OrderedDict()
         self._n_bytes = 0
@@ -91,13 +91,13 @@ class PatchReader:
         Parameters
         ----------
         keep
-            Keep them for the next that asks, as long as there is room.
+            Keep them in the cache.
         """
         for tile in self._patches_over(bounds):
             yield self._patch(tile, keep)
 
     def count_in(self, bounds: Bounds) -> int:
-        """Return how many points lie in the blocks that share places with a rectangle."""
+        """Return the number of points in the blocks that overlap a rectangle."""
         return sum(self.counts.get((tile.east, tile.north), 0) for tile in tiles_over(bounds, 0))
 
     def _patches_over(self, bounds: Bounds) -> Iterator[MapTile]:
@@ -129,7 +129,7 @@ class PatchReader:
         xyz, intensity = points.xyz, points.intensity
         above = np.full(n, np.nan, np.float32)
         if self.surface is not None and n:
-            # Heights are taken between the middles of cells: also of those beyond the edge
+            # Heights are interpolated between the centres of cells, also of those beyond the edge
             above = height_above_road(self.surface.over(bounds.grown(self.surface.cell_m)), xyz)
         x, y, z = (
             (xyz[:, i] - origin).astype(np.float32)
@@ -142,7 +142,7 @@ class PatchReader:
 
 
 def tiles_over(bounds: Bounds, level: int) -> Iterator[MapTile]:
-    """Yield the tiles of a level that share places with a rectangle, row-major from the south-west.
+    """Yield the tiles of a level that overlap a rectangle, row-major from the south-west.
 
     >>> [(t.east, t.north) for t in tiles_over(Bounds(0.0, 10.0, 64.0, 70.0), 0)]
     [(0, 0), (0, 1)]
@@ -154,42 +154,46 @@ def tiles_over(bounds: Bounds, level: int) -> Iterator[MapTile]:
             yield MapTile(level, east, north)
 
 
-# How bright asphalt is at a distance from the van's way: what is divided by it is paint wherever it lies
+# Intensity of asphalt by distance from the van's path; intensities divided by it show paint at any distance alike
 
-#: Normalised intensities are whole numbers: asphalt is this.
+#: Normalised intensity of asphalt: whole numbers are fine enough then.
 ASPHALT = 1000.0
-#: Distances are told apart by this, up to the last; the level is smooth between nodes a metre apart. [m]
+#: Width of a distance bin, largest distance, and spacing of the nodes between which the level is interpolated. [m]
 _BIN_M, _FARTHEST_M, _NODE_M = 0.5, 40.0, 1.0
-#: From so many points of the road a level is known; so many blocks are the survey.
+#: Fewest road points that give the level of a bin, and number of blocks that are sampled.
 _LEAST, _N_BLOCKS = 300, 12
-#: Asphalt is the darkest ground: of the road's points so many are surely darker than what grows beside it.
+#: Quantile of the road points' intensity that is asphalt: the darkest ground, darker than plants beside the road.
 _SHARE = 0.3
-#: Beyond the road the level goes on to fall, with the range from a scanner so high. [m]
+#: Height of the scanner above the road: beyond the road the level falls with the range from it. [m]
 _MOUNT_M = 2.2
+#: Points within this height above the road are road. [m]
+_ROAD_M = 0.03
+#: Bins of the running median along the distance.
+_MEDIAN_BINS = 5
 
 
 @dataclass(frozen=True, slots=True)
 class AsphaltLevel:
-    """Level of asphalt over the distance from the van's way.
+    """Intensity of asphalt by distance from the van's path.
 
     Parameters
     ----------
-    way
-        The way's places, in plan.
+    path
+        Places of the path, in plan.
     level
-        (n,) intensities as recorded, at distances of whole `_BIN_M` and a half.
+        (n,) recorded intensities at distances (k + 0.5) `_BIN_M`.
     """
 
-    way: cKDTree
+    path: cKDTree
     level: FloatArray
 
     def normalised(self, x: AnyArray, y: AnyArray, intensity: AnyArray, bounds: Bounds) -> AnyArray:
-        """Return (n,) uint16 intensities with asphalt at `ASPHALT`, of points in bounds, counted from their corner."""
+        """Return (n,) uint16 intensities, asphalt at `ASPHALT`, of points x, y (n,) [m] from the corner of bounds."""
         cols, rows = (int(np.ceil(side / _NODE_M)) + 1 for side in (bounds.width_m, bounds.height_m))
         east, north = np.meshgrid(
             bounds.west + _NODE_M * np.arange(cols), bounds.south + _NODE_M * np.arange(rows)
         )
-        apart, _ = self.way.query(
+        apart, _ = self.path.query(
             np.column_stack([east.ravel(), north.ravel()]), distance_upper_bound=_FARTHEST_M
         )
         at = np.minimum(apart, _FARTHEST_M) / _BIN_M - 0.5
@@ -198,17 +202,17 @@ class AsphaltLevel:
 
 
 def asphalt_level(store: PointStore, surface: SurveySurface, path: FloatArray) -> AsphaltLevel | None:
-    """Return the level of asphalt of a survey, by the road's points of a sample of blocks; None: not known.
+    """Return the level of asphalt of a survey from the road points of sampled blocks; None: unknown.
 
     Parameters
     ----------
     path
-        (k, 2) places of the van's way [m, world], closer to one another than it is wide.
+        (k, 2) vertices of the van's path [m, world], closer to each other than its width.
     """
     if len(path) == 0 or not store.facts.get("has_intensity", True):
         return None
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T))]
-    way = cKDTree(path[np.unique(np.floor(along / _BIN_M), return_index=True)[1]])
+    tree = cKDTree(path[np.unique(np.floor(along / _BIN_M), return_index=True)[1]])
     blocks, _ = store.block_counts
     values: list[list[AnyArray]] = [[] for _ in range(int(_FARTHEST_M / _BIN_M))]
     for east, north in blocks[:: max(1, len(blocks) // _N_BLOCKS)].tolist():
@@ -217,9 +221,9 @@ def asphalt_level(store: PointStore, surface: SurveySurface, path: FloatArray) -
         points = store.points(bounds, ordered=False, with_time=False)
         if points.intensity is None:
             return None
-        road = points.take(is_road_point(surface.over(bounds.grown(surface.cell_m)), points.xyz, 0.03))
+        road = points.take(is_road_point(surface.over(bounds.grown(surface.cell_m)), points.xyz, _ROAD_M))
         cells = ((road.xyz[:, :2] - corner) / _BIN_M).astype(np.int64)
-        apart = _distances(way, corner)[cells[:, 1], cells[:, 0]]
+        apart = _distances(tree, corner)[cells[:, 1], cells[:, 0]]
         bins = np.minimum(apart / _BIN_M, len(values)).astype(np.int64)
         order = np.argsort(bins, kind="stable")
         parts = np.split(
@@ -227,26 +231,28 @@ def asphalt_level(store: PointStore, surface: SurveySurface, path: FloatArray) -
         )
         for k, part in enumerate(parts[1:-1]):
             values[k].append(part)
-    return _fitted(way, [np.concatenate(parts) if parts else np.zeros(0) for parts in values])
+    return _fitted(tree, [np.concatenate(parts) if parts else np.zeros(0) for parts in values])
 
 
-def _distances(way: cKDTree, corner: tuple[float, float]) -> FloatArray:
-    """Return the distance from the way of the middles of a block's cells of `_BIN_M`, row 0 south. [m]"""  # noqa: D400
+def _distances(path: cKDTree, corner: tuple[float, float]) -> FloatArray:
+    """Return (n, n) distances of the centres of a block's cells of `_BIN_M` from the path, row 0 south. [m]"""  # noqa: D400
     middles = _BIN_M * (np.arange(round(TILE_BLOCK_M / _BIN_M)) + 0.5)
     east, north = np.meshgrid(corner[0] + middles, corner[1] + middles)
-    apart, _ = way.query(np.stack([east, north], axis=-1), distance_upper_bound=_FARTHEST_M)
+    apart, _ = path.query(np.stack([east, north], axis=-1), distance_upper_bound=_FARTHEST_M)
     return np.asarray(apart)
 
 
-def _fitted(way: cKDTree, values: list[AnyArray]) -> AsphaltLevel | None:
+def _fitted(path: cKDTree, values: list[AnyArray]) -> AsphaltLevel | None:
     known = np.array([k for k, v in enumerate(values) if len(v) >= _LEAST])
     if len(known) == 0:
         return None
-    levels = median_filter(np.array([np.quantile(values[k], _SHARE) for k in known]), 5, mode="nearest")
+    levels = median_filter(
+        np.array([np.quantile(values[k], _SHARE) for k in known]), _MEDIAN_BINS, mode="nearest"
+    )
     every = np.arange(len(values))
-    # It falls with the distance: where it seems to rise, grass lies beside the road
+    # It falls with the distance: where it seems to rise there is grass beside the road
     level = np.minimum.accumulate(np.interp(every, known, np.maximum(levels, 1.0)))
     reach = np.hypot((every + 0.5) * _BIN_M, _MOUNT_M)
     beyond = every > known[-1]
     level[beyond] *= reach[known[-1]] / reach[beyond]
-    return AsphaltLevel(way, level)
+    return AsphaltLevel(path, level)

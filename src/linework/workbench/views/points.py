@@ -1,4 +1,4 @@
-"""Works of the desk of pictures: points of a place, no more than can be shown, as the page reads them."""
+"""Requests to the pictures worker: points of a place or a section, thinned, in the page's binary format."""
 
 from __future__ import annotations
 
@@ -16,20 +16,21 @@ from linework.workbench.views.patches import PointPatch
 from linework.workbench.views.tiles import patch_reader, picture_scale
 from linework.workbench.worker.session import SurveySession
 
-#: More are not shown at once: a page holds them in 15 bytes each, and a graphics card draws them smoothly.
+#: Most points shown at once: a page holds each in 15 bytes, and a graphics card draws them smoothly.
 MOST_SHOWN_POINTS = 1_000_000
-#: A place is no longer than this: larger ones are looked at in plan. [m]
+#: Longest side of a place; larger ones are viewed in plan. [m]
 LONGEST_PLACE_M = 1000.0
-#: Of points by lot so many times as many as are wanted are thinned evenly.
+#: Points drawn at random before they are thinned evenly, as a multiple of those wanted.
 _BY_LOT = 4
+#: Height above the road that stands for "unknown" in the page's format. [cm]
 _UNKNOWN_CM = 32767
-#: Makes one number of a place's two.
+#: Prime that combines east and north of a patch into one number.
 _PRIME = 1_000_003
 
 
 @dataclass(frozen=True, slots=True)
 class SampledPoints:
-    """Points of one patch, and the lots by which they are chosen."""
+    """Points of one patch, and random numbers by which they are chosen."""
 
     xyz: Float32Array
     above: Float32Array
@@ -37,7 +38,7 @@ class SampledPoints:
     lots: AnyArray
 
     def by_lot(self, share: float) -> SampledPoints:
-        """Return a share of the points."""
+        """Return a random share of the points; a smaller share is part of a larger one."""
         if share >= 1.0:
             return self
         kept = self.lots < np.uint64(share * 2.0**64)
@@ -45,14 +46,14 @@ class SampledPoints:
 
 
 def points_of_place(
-    table: SurveySession, bounds: Bounds, most: int, heights: tuple[float, float] = (-math.inf, math.inf)
+    session: SurveySession, bounds: Bounds, most: int, heights: tuple[float, float] = (-math.inf, math.inf)
 ) -> bytes:
-    """Return points of a rectangle, evenly thinned to `most`.
+    """Return points of a rectangle, evenly thinned to `most`, in the page's format (see `packed_points`).
 
     Parameters
     ----------
     heights
-        From and to [m, world].
+        Lowest and highest. [m, world]
 
     Raises
     ------
@@ -60,10 +61,10 @@ def points_of_place(
         The rectangle is empty, or longer than `LONGEST_PLACE_M`.
     """
     check_place(bounds)
-    reader = patch_reader(table)
+    reader = patch_reader(session)
     origin = math.floor(bounds.west), math.floor(bounds.south), reader.z0_m if reader else 0.0
     if reader is None:
-        return packed_points(origin, [], table, most)
+        return packed_points(origin, [], session, most)
     low, high = (height - reader.z0_m for height in heights)
     found: list[SampledPoints] = []
     share = 1.0
@@ -72,15 +73,21 @@ def points_of_place(
         inside = (patch.x >= west) & (patch.x < west + bounds.width_m) & (patch.y >= south)
         inside &= (patch.y < south + bounds.height_m) & (patch.z >= low) & (patch.z < high)
         found.append(sample_points(patch, inside, share, origin))
-        # Halved as often as all points together ask for, whatever the order they come in
+        # Halved as often as the number of all points requires, in whatever order the patches come
         while sum(len(part.lots) for part in found) > _BY_LOT * most:
             share *= 0.5
             found = [part.by_lot(share) for part in found]
-    return packed_points(origin, found, table, most)
+    return packed_points(origin, found, session, most)
 
 
 def check_place(bounds: Bounds) -> None:
-    """Refuse a rectangle that is none, or too large."""
+    """Refuse a rectangle that is empty or too large.
+
+    Raises
+    ------
+    UsageError
+        Names its size.
+    """
     if not (bounds.west < bounds.east and bounds.south < bounds.north):
         raise UsageError(
             "the place is empty", advice="its west must be less than its east, its south than its north"
@@ -95,7 +102,7 @@ def check_place(bounds: Bounds) -> None:
 def sample_points(
     patch: PointPatch, inside: AnyArray, share: float, origin: tuple[float, float, float]
 ) -> SampledPoints:
-    """Return the points of a patch that are inside, or a share of them chosen by lot."""
+    """Return the points of a patch that are inside (n,), or a random share of them, relative to `origin`."""
     index = np.flatnonzero(inside)
     x, y, z, above, intensity = (column[index] for column in patch.columns)
     salt = (int(patch.corner[0]) * _PRIME + int(patch.corner[1])) & 0x7FFFFFFF
@@ -107,9 +114,13 @@ def sample_points(
 
 
 def packed_points(
-    origin: tuple[float, float, float], found: list[SampledPoints], table: SurveySession, most: int
+    origin: tuple[float, float, float], found: list[SampledPoints], session: SurveySession, most: int
 ) -> bytes:
-    """Return found points, evenly thinned to `most`, as the page reads them (`points` of its api)."""
+    """Return points, evenly thinned to `most`, in the page's format (`points` of its api).
+
+    Number of points as uint32, 4 bytes of padding, origin as 3 float64 [m, world], little-endian; then columns: xyz
+    float32 from the origin [m], height above the road int16 [cm], brightness uint8 (255: white).
+    """
     xyz = np.concatenate([np.zeros((0, 3), np.float32), *(part.xyz for part in found)])
     above = np.concatenate([np.zeros(0, np.float32), *(part.above for part in found)])
     intensity = np.concatenate([np.zeros(0, np.uint16), *(part.intensity for part in found)])
@@ -117,7 +128,7 @@ def packed_points(
     order = np.argsort(lots, kind="stable")
     chosen = order[kernels.evenly_thinned(xyz[order], most)]
     xyz, above, intensity = xyz[chosen], above[chosen], intensity[chosen]
-    scale = picture_scale(table)
+    scale = picture_scale(session)
     shine = np.zeros(len(xyz), np.float32) if scale is None else scale.shine(intensity.astype(np.float32))
     with np.errstate(invalid="ignore"):
         above_cm = np.clip(np.round(100.0 * above), 1 - _UNKNOWN_CM, _UNKNOWN_CM - 1)
@@ -132,44 +143,42 @@ def packed_points(
     )
 
 
-# Works of the desk of pictures: a slice of the points, seen along the road
-
-#: A slice is no wider and no thicker. [m]
+#: Largest half width and thickness of a section. [m]
 WIDEST_M, THICKEST_M = 60.0, 20.0
-#: Points that a slice shows at most: a dozen for every pixel.
+#: Most points of a section: a dozen for every pixel.
 MOST_SECTION_POINTS = 200_000
 
 
 def section_at(
-    table: SurveySession,
+    session: SurveySession,
     place: tuple[float, float],
     heading_deg: float,
     half_width_m: float,
     thickness_m: float,
 ) -> bytes:
-    """Return the points of a slice across a heading, as `points_of_place` does: x to the right of it, y along it.
+    """Return the points of a section across a heading, in the page's format: x to the right of it, y along it.
 
     Parameters
     ----------
     place
-        Its middle [m, world], from which points are counted.
+        Its middle (east, north) [m, world], the origin of its points.
     heading_deg
-        Clockwise from grid north.
+        Clockwise from grid north. [degrees]
 
     Raises
     ------
     UsageError
-        The slice is wider than `WIDEST_M` to a side, or thicker than `THICKEST_M`.
+        The section is wider than `WIDEST_M` to a side, or thicker than `THICKEST_M`.
     """
     if not 0.0 < half_width_m <= WIDEST_M or not 0.0 < thickness_m <= THICKEST_M:
         raise UsageError(
-            f"a slice of {half_width_m:g} m to each side and {thickness_m:g} m thick",
+            f"a section of {half_width_m:g} m to each side and {thickness_m:g} m thick",
             advice=f"up to {WIDEST_M:g} m to each side and {THICKEST_M:g} m thick can be shown",
         )
-    reader = patch_reader(table)
+    reader = patch_reader(session)
     origin = (*place, reader.z0_m if reader else 0.0)
     if reader is None:
-        return packed_points(origin, [], table, MOST_SECTION_POINTS)
+        return packed_points(origin, [], session, MOST_SECTION_POINTS)
     sin, cos = math.sin(math.radians(heading_deg)), math.cos(math.radians(heading_deg))
     half_m = 0.5 * thickness_m
     reach = abs(cos) * half_width_m + abs(sin) * half_m, abs(sin) * half_width_m + abs(cos) * half_m
@@ -183,4 +192,4 @@ def section_at(
         part = sample_points(patch, inside, 1.0, origin)
         xyz = np.stack([right[inside], ahead[inside], part.xyz[:, 2]], axis=1).astype(np.float32)
         found.append(replace(part, xyz=xyz))
-    return packed_points(origin, found, table, MOST_SECTION_POINTS)
+    return packed_points(origin, found, session, MOST_SECTION_POINTS)

@@ -1,4 +1,4 @@
-"""The lattice of the plan view's tiles: squares of 256 pixels that nest in one another and in the store's blocks."""
+"""Tiles of the plan view: squares of 256 pixels that nest in one another and in the store's blocks."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 
 from linework.model.grid import Bounds
 
-#: Sides of a tile. [pixels]
+#: Side of a tile. [pixels]
 TILE_PX = 256
-#: A tile of level 0 is a block of the point store; its cells are as large as the smallest thing that matters.
+#: Side of a tile of level 0, which is a block of the point store, and of its cells, fine enough for paint. [m]
 TILE_BLOCK_M = 64.0
 TILE_CELL_M = TILE_BLOCK_M / TILE_PX
-#: The finest level: cells of 1/64 m, twice as fine as points lie beside the van.
+#: The finest level: cells of 1/64 m, half the distance of points beside the van.
 FINEST = -4
 #: Name, title and unit of the images.
 IMAGES = (
@@ -25,14 +25,14 @@ IMAGES = (
 
 
 class MapTile(NamedTuple):
-    """A square of the world: of level 0 a block of 64 m, of each level above twice as large.
+    """A square of the world: 64 m on level 0, twice as large on each level above.
 
     Parameters
     ----------
     level
         `FINEST` or above.
     east, north
-        Its south-west corner in its own sizes from the world's origin.
+        Its south-west corner, as a multiple of its size from the world's origin.
     """
 
     level: int
@@ -41,12 +41,12 @@ class MapTile(NamedTuple):
 
     @property
     def size_m(self) -> float:
-        """Length of a side."""
+        """Length of a side. [m]"""  # noqa: D400
         return math.ldexp(TILE_BLOCK_M, self.level)
 
     @property
     def cell_m(self) -> float:
-        """Length of a pixel's side."""
+        """Length of a pixel's side. [m]"""  # noqa: D400
         return math.ldexp(TILE_CELL_M, self.level)
 
     @property
@@ -73,7 +73,7 @@ class MapTile(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Lattice:
-    """How a page counts the tiles of a survey: by zoom from the coarsest, columns east and rows south from a corner.
+    """The page's numbering of a survey's tiles: zoom from the coarsest, columns east and rows south from a corner.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class Lattice:
 
     @classmethod
     def of(cls, bounds: tuple[float, float, float, float]) -> Lattice:
-        """Return the lattice of a survey by its bounds: a tile of zoom 0 is no smaller than the survey.
+        """Return the lattice of a survey by its bounds [m, world]: a tile of zoom 0 is as large as the survey.
 
         >>> Lattice.of((500_000.0, 5_800_000.0, 500_900.0, 5_800_100.0)).document()["origin"]
         [499712.0, 5800960.0]
@@ -101,7 +101,7 @@ class Lattice:
         return cls(coarsest, math.floor(west / size), math.floor(north / size) + 1)
 
     def document(self) -> dict[str, Any]:
-        """Return what a page needs to know: pixels of a tile, corner north-west [m, world], resolutions [m]."""
+        """Return the JSON document for the page: pixels of a tile, north-west corner [m, world], resolutions [m]."""
         size = math.ldexp(TILE_BLOCK_M, self.coarsest)
         resolutions = [math.ldexp(TILE_CELL_M, level) for level in range(self.coarsest, FINEST - 1, -1)]
         return {
@@ -111,7 +111,7 @@ class Lattice:
         }
 
     def tile(self, z: int, col: int, row: int) -> MapTile | None:
-        """Return the tile at a zoom, column and row; None where the lattice has none.
+        """Return the tile at a zoom, column and row; None outside the lattice.
 
         >>> Lattice(4, 488, 5665).tile(4, 3, 1)
         Tile(level=0, east=7811, north=90638)
@@ -119,7 +119,7 @@ class Lattice:
         level = self.coarsest - z
         if z < 0 or level < FINEST:
             return None
-        # A survey reaches over the edge of a tile of zoom 0 once at most, each way
+        # A survey crosses at most one edge of the tiles of zoom 0 in each direction
         if not (0 <= col < 2 << z and 0 <= row < 2 << z):
             return None
         return MapTile(level, (self.west << z) + col, (self.north << z) - 1 - row)

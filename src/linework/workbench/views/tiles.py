@@ -1,4 +1,4 @@
-"""Works of the desk of pictures: a tile, and one step towards having all of them."""
+"""Requests to the pictures worker: the picture of a tile, and one step towards preparing all of them."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from linework.workbench.views.patches import PatchReader
 from linework.workbench.views.pyramid import IMAGES, TILE_PX, Lattice, MapTile
 from linework.workbench.worker.session import SurveySession
 
+#: Names of the images.
 _NAMES = tuple(name for name, _, _ in IMAGES)
-#: Densities are counted in cells of an eighth of a metre at least: finer ones hold a point or none.
+#: Finest level whose density is counted, with cells of 1/8 m: finer ones hold one point or none.
 DENSITY_LEVEL = -1
 
 
-def tile_png(table: SurveySession, image: str, tile: MapTile) -> bytes:
-    """Return the PNG of an image of a tile, b"" where no point is.
+def tile_png(session: SurveySession, image: str, tile: MapTile) -> bytes:
+    """Return the PNG of an image of a tile, b"" for a tile without points.
 
     Raises
     ------
@@ -30,7 +31,7 @@ def tile_png(table: SurveySession, image: str, tile: MapTile) -> bytes:
     """
     if image not in _NAMES:
         raise UsageError(f"no image {image[:40]!r}", advice=f"choose from {', '.join(_NAMES)}")
-    cells = tile_cells(table)
+    cells = tile_cells(session)
     if cells is None:
         return b""
     layers = density_layers(cells, tile) if image == "density" else cells.layers(tile)[0]
@@ -44,7 +45,7 @@ def tile_png(table: SurveySession, image: str, tile: MapTile) -> bytes:
 
 
 def density_layers(cells: TileCells, tile: MapTile) -> TileLayers | None:
-    """Return the cells of a tile for its density: those of `DENSITY_LEVEL`, larger, where it is finer."""
+    """Return the layers of a tile for its density; of a finer tile the enlarged ones of `DENSITY_LEVEL`."""
     up = max(0, DENSITY_LEVEL - tile.level)
     coarser = MapTile(tile.level + up, tile.east >> up, tile.north >> up)
     layers, _ = cells.layers(coarser)
@@ -57,48 +58,48 @@ def density_layers(cells: TileCells, tile: MapTile) -> TileLayers | None:
     return TileLayers(*(layer.repeat(1 << up, axis=0).repeat(1 << up, axis=1) for layer in part))
 
 
-def prepare_tiles(table: SurveySession) -> tuple[int, int]:
-    """Make one more of the tiles that are kept on disk; return how many are there, and how many there will be."""
-    cells = tile_cells(table)
+def prepare_tiles(session: SurveySession) -> tuple[int, int]:
+    """Make one more of the tiles to be kept on disk; return the number made, and of all, 0 and 0 when all are made."""
+    cells = tile_cells(session)
     if cells is None or not cells.go_on():
         return 0, 0
     return cells.n_done, cells.n_all
 
 
-def patch_reader(table: SurveySession) -> PatchReader | None:
-    """Return the reader of the survey's points, one for all works; None without points."""
-    points = table.recordings.points
+def patch_reader(session: SurveySession) -> PatchReader | None:
+    """Return the reader of the survey's points, one for all requests; None without points."""
+    points = session.recordings.points
     if points is None:
         return None
 
     def read() -> PatchReader:
-        path = table.recordings.trajectory
-        return PatchReader(points.points, table.surface, None if path is None else path.xyz[:, :2])
+        path = session.recordings.trajectory
+        return PatchReader(points.points, session.surface, None if path is None else path.xyz[:, :2])
 
-    return table.keep("patch reader", read)
+    return session.keep("patch reader", read)
 
 
-def tile_cells(table: SurveySession) -> TileCells | None:
-    """Return the cells of all tiles, one for all works; None without points."""
-    reader = patch_reader(table)
+def tile_cells(session: SurveySession) -> TileCells | None:
+    """Return the cells of all tiles, one object for all requests; None without points."""
+    reader = patch_reader(session)
     if reader is None:
         return None
     coarsest = Lattice.of(reader.store.bounds).coarsest
-    return table.keep("tile cells", lambda: TileCells(reader, _folder(reader), coarsest))
+    return session.keep("tile cells", lambda: TileCells(reader, _folder(reader), coarsest))
 
 
-def picture_scale(table: SurveySession) -> ColourScale | None:
-    """Return the scale of all pictures of the survey; None without points."""
-    cells = tile_cells(table)
+def picture_scale(session: SurveySession) -> ColourScale | None:
+    """Return the colour scale of all pictures of the survey; None without points."""
+    cells = tile_cells(session)
     return None if cells is None else cells.scale
 
 
 def _folder(reader: PatchReader) -> Path | None:
-    """Return where cells are kept: known by the surface they show and by the code that makes them."""
+    """Return the folder of kept cells, named by the surface they show and by the code that makes them; or None."""
     surface = reader.surface
     name = surface.tiles.folder.name if surface is not None else ""
     made_of = name + source_hash("kernels", "files", "surface", "workbench")
-    # On a disk that takes nothing there are pictures all the same, each made when it is looked at
+    # If the disk cannot be written, each picture is made when it is requested
     with suppress(MachineError):
         return cells_folder(reader.store.folder, hashlib.sha256(made_of.encode()).hexdigest()[:16])
     return None

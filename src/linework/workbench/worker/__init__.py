@@ -1,1 +1,1 @@
-"""What the worker process keeps open for the page."""
+"""Worker processes of the workbench: requests to them, and the survey that they keep open."""

@@ -1,246 +1,222 @@
-"""A desk: a process that has the survey open, asked from the server, which never waits for it."""
+"""The server's side of a conversation with a worker process: requests, their messages, and time limits."""
 
 from __future__ import annotations
 
 import asyncio
-import os
-import socket
-import subprocess
-import sys
+import pickle
 import threading
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
-from multiprocessing.connection import Connection
 from typing import Any
 
 from linework.errors import LineworkError, MachineError
-from linework.workbench.worker.process import LEAVE
+from linework.processes.child import Child, Ending
 from linework.workbench.worker.session import SurveyOrder
 
-#: Libraries that start threads of their own only disturb the other desks.
-_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+#: A request that sends nothing for longer hangs: its process is killed, and the next request starts another one. [s]
+SILENT_S = 120.0
+#: The same while kernels are compiled, which takes a minute or two, and more on a slow, busy machine. [s]
+COMPILE_S = 900.0
+#: Time that a cancelled request has to end before its process is killed. [s]
+LEAVE_S = 3.0
 
 
 class SurveyWorker:
-    """A process that does one work after the other.
+    """A process that has the survey open and runs one request after the other; the server never waits for it.
 
     Parameters
     ----------
     modules
-        What it imports at once, so that the first work need not wait.
+        What it imports at once, so that the first request need not wait.
 
     Notes
     -----
-    A process that dies, or is killed, fails the work it was at; the next work gets a new process, which opens the
-    survey anew. Each process has a thread here that reads what it says. That thread alone closes the socket, when
-    the process is gone: a number of a socket that is closed under a reader may be another's by then.
+    A process that dies, or is killed, fails the request it is running; the next request gets a new process, which opens
+    the survey anew. Each process has a thread here that reads its messages. That thread alone closes the socket, when
+    the process is gone: the descriptor of a socket closed under its reader may belong to another file by then.
     """
 
     def __init__(self, order: SurveyOrder, modules: Sequence[str] = ()) -> None:
         self._order, self._modules = order, tuple(modules)
         self._turn = asyncio.Lock()
         self._number = 0
-        self._told: asyncio.Queue[Any] = asyncio.Queue()
-        self._process: subprocess.Popen[bytes] | None = None
-        self._connection: Connection | None = None
-        self._writing = threading.Lock()
-        #: Called when the process begins to compile kernels, and when it is done with that.
-        self.on_compiling: Callable[[bool], None] = lambda _is_so: None
+        self._messages: asyncio.Queue[Any] = asyncio.Queue()
+        self._child: Child | None = None
+        #: Called when the process begins to compile kernels, and when it has compiled them.
+        self.on_compiling: Callable[[bool], None] = lambda _is_compiling: None
 
-    async def ask(self, work: Callable[..., Any], *arguments: Any) -> Any:
-        """Return what ``work(table, *arguments)`` returns, in the process; what it tells is dropped.
+    async def ask(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return what ``function(session, *arguments)`` returns in the process; what it reports is dropped.
+
+        Parameters
+        ----------
+        function
+            A module-level function; it may be a generator function, see `request`.
 
         Raises
         ------
         LineworkError
-            As the work raised it.
+            As the function raised it.
         MachineError
-            The process died.
+            The process died or hung.
         RuntimeError
             A fault of ours; its traceback.
         """
-        async with self.doing(work, *arguments) as steps:
-            async for _ in steps:
+        async with self.request(function, *arguments) as request:
+            async for _ in request:
                 pass
-        return steps.value
+        return request.result
 
     @asynccontextmanager
-    async def doing(self, work: Callable[..., Any], *arguments: Any) -> AsyncIterator[WorkerRequest]:
-        """Begin a work when those before it are done, and give it; what it tells can be read while it is done.
+    async def request(self, function: Callable[..., Any], *arguments: Any) -> AsyncIterator[WorkerRequest]:
+        """Start a request once those before it have ended; its messages can be read while it runs.
 
-        A work that is left before its end is told so, and ends at its next ``yield``; if it does not, its process is
-        killed.
+        Leaving the block before the request has ended cancels it: a generator ends at its next ``yield``, and a request
+        that does not end within `LEAVE_S` loses its process.
         """
         async with self._turn:
             self._start()
             self._number += 1
-            self._told = asyncio.Queue()
-            steps = WorkerRequest(self._told, self._sayer(self._number), self.kill)
+            self._messages = asyncio.Queue()
+            request = WorkerRequest(self._messages, self._sender(self._number), self.kill)
             try:
-                # In a thread: a process that is just starting does not read yet, and lines may be many
-                await asyncio.to_thread(self._send, ("do", self._number, work, arguments))
-                yield steps
+                # In a thread: a process that is starting does not read yet, and the arguments may be large
+                await asyncio.to_thread(self._send, ("do", self._number, function, arguments))
+                yield request
             finally:
-                if not steps.is_over:
-                    await self._leave(steps)
+                if not request.is_over:
+                    await self._cancel(request)
 
-    async def _leave(self, steps: WorkerRequest) -> None:
-        """Tell a work that nobody waits for it, and wait until it has taken that in."""
+    async def _cancel(self, request: WorkerRequest) -> None:
+        """Cancel a request and wait for it to end."""
         try:
-            async with steps.leaving():
-                await asyncio.to_thread(steps.say, LEAVE)
-                async for _ in steps:
+            async with request.leaving():
+                await asyncio.to_thread(self._send, ("leave", self._number, None))
+                async for _ in request:
                     pass
         except TimeoutError:
             self.kill()
         except (LineworkError, RuntimeError):
             return
 
-    def _sayer(self, number: int) -> Callable[[Any], None]:
-        return lambda value: self._send(("say", number, value))
+    def _sender(self, number: int) -> Callable[[Any], None]:
+        return lambda value: self._send(("send", number, value))
 
     @property
-    def memory_pid(self) -> int:
+    def pid(self) -> int:
         """Number of the process, 0 where none runs."""
-        return self._process.pid if self._process is not None else 0
+        return 0 if self._child is None else self._child.pid
 
     def kill(self) -> None:
-        """End the process, whatever it is doing; the work it is at fails."""
-        process, self._process, self._connection = self._process, None, None
-        if process is not None:
-            process.kill()
-            process.wait()
-            died = MachineError("the process at work died", where="workbench", advice="try again")
-            self._told.put_nowait(("failed", died))
+        """End the process, whatever it is doing; the request it is running fails."""
+        child, self._child = self._child, None
+        if child is not None:
+            self._messages.put_nowait(("failed", _machine_error(child.kill())))
             self.on_compiling(False)
 
     def _start(self) -> None:
         """Start the process, if none runs."""
-        if self._process is not None and self._process.poll() is None:
+        if self._child is not None and self._child.is_running:
             return
         self.kill()
-        ours, theirs = socket.socketpair()
-        with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "linework.workbench.worker.process", str(theirs.fileno()),
-                 str(os.getpid()), *self._modules],
-                pass_fds=[theirs.fileno()],
-                env=os.environ | _ONE_THREAD,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )  # fmt: skip
-        self._connection = Connection(ours.detach())
-        self._connection.send(self._order)
-        reader = threading.Thread(
-            target=self._read, args=(self._connection, asyncio.get_running_loop()), daemon=True
-        )
-        reader.start()
+        child = Child("linework.workbench.worker.process:survey_worker_main", *self._modules)
+        self._child = child
+        child.send_object(self._order)
+        arguments = child, asyncio.get_running_loop()
+        threading.Thread(target=self._read, args=arguments, name="worker", daemon=True).start()
 
     def _send(self, message: tuple[Any, ...]) -> None:
-        """Send a message; that a dead process cannot take it shows when its answer is read."""
-        connection = self._connection
-        if connection is not None:
-            with self._writing, suppress(OSError):
-                connection.send(message)
+        child = self._child
+        if child is not None:
+            child.send_object(message)
 
-    def _read(self, connection: Connection, loop: asyncio.AbstractEventLoop) -> None:
-        """Hand on what the process says, in a thread of its own."""
-        while True:
+    def _read(self, child: Child, loop: asyncio.AbstractEventLoop) -> None:
+        """Hand the messages of a process to the server's loop, in a thread of its own; None when it has ended."""
+        is_over = False
+        while not is_over:
             try:
-                kind, number, value = connection.recv()
-            except Exception:  # its end, or the half of a message that it died in
-                with self._writing:
-                    connection.close()
-                with suppress(RuntimeError):
-                    loop.call_soon_threadsafe(self._hear, connection, None, None)
-                return
-            with suppress(RuntimeError):
-                loop.call_soon_threadsafe(self._hear, connection, number, (kind, value))
+                message = pickle.loads(child.receive())
+            except Exception:  # it ended, or sent what cannot be read: no further answer is to be expected
+                message, is_over = None, True
+                child.channel.close()
+            with suppress(RuntimeError):  # the loop is closed
+                loop.call_soon_threadsafe(self._take, child, message)
 
-    def _hear(self, connection: Connection, number: int | None, message: tuple[str, Any] | None) -> None:
-        if connection is not self._connection:
+    def _take(self, child: Child, message: tuple[str, int, Any] | None) -> None:
+        if child is not self._child:
             return
         if message is None:
             self.kill()
             return
-        if message[0] == "compiling":
-            self.on_compiling(message[1])
+        kind, number, value = message
+        if kind == "compiling":
+            self.on_compiling(value)
         if number == self._number:
-            self._told.put_nowait(message)
-
-
-# A work at a desk, as the server sees it: what it tells, and how long one waits for that
-
-#: What takes longer without a word hangs: the process is killed, and another one started. [s]
-SILENT_S = 120.0
-#: Compiling the kernels that one of them needs takes no longer, on a slow machine that has more to do. [s]
-COMPILE_S = 900.0
-#: A work that nobody waits for any more has so long to end.
-LEAVE_S = 3.0
+            self._messages.put_nowait((kind, value))
 
 
 class WorkerRequest:
-    """A work that is being done: what it tells comes by ``async for``, what it ends with is `value`.
+    """A running request: ``async for`` gives what it reports, `result` what it returned.
 
     Parameters
     ----------
-    told
-        What its process says: ("told", value), ("compiling", is_so), and at last ("done", value) or ("failed", error).
-    say
-        Says something to the process.
+    messages
+        From its process: ("reported", value), ("compiling", is_compiling), and at last ("done", value) or
+        ("failed", error).
+    send
+        Sends a value to the request.
     kill
-        Kills it.
+        Kills its process.
     """
 
     def __init__(
-        self, told: asyncio.Queue[Any], say: Callable[[Any], None], kill: Callable[[], None]
+        self, messages: asyncio.Queue[Any], send: Callable[[Any], None], kill: Callable[[], None]
     ) -> None:
-        self._told, self._say, self._kill = told, say, kill
-        self.value: Any = None
+        self._messages, self._send, self._kill = messages, send, kill
+        self.result: Any = None
         self.is_over = self.is_compiling = False
         self._limit: asyncio.Timeout | None = None
 
-    def say(self, value: Any) -> None:
-        """Say something to the work: it comes out of its next ``yield``."""
-        self._say(value)
+    def send(self, value: Any) -> None:
+        """Send a value to the request: it is the value of its next ``yield``."""
+        self._send(value)
 
     def __aiter__(self) -> AsyncIterator[Any]:
         return self
 
     async def __anext__(self) -> Any:
-        kind, value = await self._heard()
+        kind, value = await self._message()
         while kind == "compiling":
-            self._compiles(value)
-            kind, value = await self._heard()
-        if kind == "told":
+            self._set_compiling(value)
+            kind, value = await self._message()
+        if kind == "reported":
             return value
         self.is_over = True
         if kind == "done":
-            self.value = value
+            self.result = value
             raise StopAsyncIteration
         if isinstance(value, LineworkError):
             raise value
         raise RuntimeError(value)
 
-    async def _heard(self) -> tuple[str, Any]:
+    async def _message(self) -> tuple[str, Any]:
         """Wait for the next message; a process that is silent for too long is killed."""
         limit_s = COMPILE_S if self.is_compiling else SILENT_S
         try:
-            # Not wait_for: up to Python 3.11 it forgets that it is cancelled where an answer comes at the same time
+            # Not wait_for: up to Python 3.11 it loses a cancellation that comes at the same time as an answer
             async with asyncio.timeout(limit_s):
-                message: tuple[str, Any] = await self._told.get()
+                message: tuple[str, Any] = await self._messages.get()
                 return message
         except TimeoutError:
             self._kill()
             self.is_over = True
-            raise MachineError(
-                f"no answer for {limit_s:.0f} s", where="workbench", advice="try again"
-            ) from None
+            raise _machine_error(Ending.hung(limit_s)) from None
 
     @asynccontextmanager
     async def leaving(self) -> AsyncIterator[None]:
-        """Give the work `LEAVE_S` to end, but not while it compiles: the next would have to begin that anew.
+        """Limit the time to the end of the request to `LEAVE_S`, without the time in which it compiles.
+
+        Compiling is not cut short, because the next request would have to begin it anew.
 
         Raises
         ------
@@ -248,10 +224,15 @@ class WorkerRequest:
             It has not ended.
         """
         async with asyncio.timeout(None) as self._limit:
-            self._compiles(self.is_compiling)
+            self._set_compiling(self.is_compiling)
             yield
 
-    def _compiles(self, is_so: bool) -> None:
-        self.is_compiling = is_so
+    def _set_compiling(self, is_compiling: bool) -> None:
+        self.is_compiling = is_compiling
         if self._limit is not None:
-            self._limit.reschedule(None if is_so else asyncio.get_running_loop().time() + LEAVE_S)
+            now_s = asyncio.get_running_loop().time()
+            self._limit.reschedule(None if is_compiling else now_s + LEAVE_S)
+
+
+def _machine_error(ending: Ending) -> MachineError:
+    return MachineError(f"the worker {ending}", where="workbench", advice="try again")

@@ -1,4 +1,4 @@
-"""Opening the survey at a desk: decoding and the road at the first time, and what the server has to know of it."""
+"""Requests that open the survey, decoding its points at the first time, and return what the server has to know."""
 
 from __future__ import annotations
 
@@ -15,8 +15,12 @@ from linework.runs.opened.recordings import Recordings
 from linework.runs.steps import RunSteps
 from linework.workbench.worker.session import SurveySession
 
-#: The path is drawn, not measured on: a vertex for so many metres.
+#: Distance between vertices of the path, which is drawn but not measured on. [m]
 _PATH_STEP_M = 2.0
+#: Margin around the path of a survey without points: the road and its verges. [m]
+_PATH_MARGIN_M = 30.0
+#: Range of heights shown, from the survey's lowest: the road, and what stands beside it. [m]
+_HEIGHT_RANGE_M = 30.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,8 +29,10 @@ class SurveyFacts:
 
     Parameters
     ----------
-    name, crs, crs_name
-        For people; WKT2 or "local"; and its name for people.
+    name
+        Of the survey, for display.
+    crs, crs_name
+        WKT2 or "local"; and its name for display.
     root
         Folder of the survey.
     work
@@ -34,13 +40,13 @@ class SurveyFacts:
     bounds
         West, south, east, north of the points, or of the path. [m, world]
     middle
-        Where one looks first: half-way along the path, else where most points are. [m, world]
+        East, north, up of the first view: half-way along the path, else where most points are. [m, world]
     heights
-        Lowest and highest height worth showing. [m, world]
+        Lowest and highest height to show. [m, world]
     n_points, n_pairs
         0 where there are none.
     path
-        (k, 3) of the van's way [m, world], thinned; none: no trajectory.
+        (k, 3) vertices of the van's path [m, world], thinned; none: no trajectory.
     warnings
         One line each, also about recordings that cannot be used.
     """
@@ -59,22 +65,30 @@ class SurveyFacts:
     warnings: tuple[str, ...]
 
 
-def read_folder_and_crs(table: SurveySession) -> tuple[str, str]:
-    """Return folder and CRS of the survey, as its files say them: what opening the lines needs."""
-    return str(table.survey.root), table.survey.crs
+def read_folder_and_crs(session: SurveySession) -> tuple[str, str]:
+    """Return the survey's folder and the CRS that its files state, which opening the lines needs."""
+    return str(session.survey.root), session.survey.crs
 
 
-def open_in_worker(table: SurveySession) -> SurveyFacts:
-    """Open the survey, telling ("begin", step, unit), ("advance", done, total), ("end", step, seconds)."""
-    steps = RunSteps(_Teller(table))
-    recordings = table.opened(steps)
-    surface = table.surface_with(steps)
+def open_in_worker(session: SurveySession) -> SurveyFacts:
+    """Open the survey and return its facts.
+
+    Reports ("begin", step, unit), ("advance", done, total) and ("end", step, seconds).
+
+    Raises
+    ------
+    InputError
+        The survey holds nothing that can be used.
+    """
+    steps = RunSteps(_Reporter(session))
+    recordings = session.opened(steps)
+    surface = session.surface_with(steps)
     points, stereo, path = recordings.points, recordings.stereo, _path(recordings)
     if points is not None:
         bounds = points.points.bounds
         edges = (bounds.west, bounds.south, bounds.east, bounds.north)
     else:
-        low, high = path[:, :2].min(axis=0) - 30.0, path[:, :2].max(axis=0) + 30.0
+        low, high = path[:, :2].min(axis=0) - _PATH_MARGIN_M, path[:, :2].max(axis=0) + _PATH_MARGIN_M
         edges = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
     z0_m = surface.z0_m if surface is not None else float(np.floor(path[:, 2].min()))
     survey = recordings.survey
@@ -83,10 +97,10 @@ def open_in_worker(table: SurveySession) -> SurveyFacts:
         crs=survey.crs,
         crs_name="local metres" if survey.crs == LOCAL else describe_crs(survey.crs),
         root=str(survey.root),
-        work=str(table.work),
+        work=str(session.work),
         bounds=edges,
         middle=_middle(recordings, path),
-        heights=(z0_m, z0_m + 30.0),
+        heights=(z0_m, z0_m + _HEIGHT_RANGE_M),
         n_points=points.points.n_points if points else 0,
         n_pairs=len(stereo.pairs) if stereo else 0,
         path=tuple((float(e), float(n), float(u)) for e, n, u in path),
@@ -95,7 +109,7 @@ def open_in_worker(table: SurveySession) -> SurveyFacts:
 
 
 def _path(recordings: Recordings) -> FloatArray:
-    """Return (k, 3) places of the van's way, one for every `_PATH_STEP_M`."""
+    """Return (k, 3) places of the van's path [m, world], one for every `_PATH_STEP_M`."""
     trajectory = recordings.trajectory
     if trajectory is None or len(trajectory) == 0:
         return np.zeros((0, 3))
@@ -106,7 +120,7 @@ def _path(recordings: Recordings) -> FloatArray:
 
 
 def _middle(recordings: Recordings, path: FloatArray) -> tuple[float, float, float]:
-    """Return a place at which there is something to see."""
+    """Return a place (east, north, up) [m, world] with points or on the path."""
     place = path[len(path) // 2] if len(path) else np.zeros(3)
     if not len(path) and recordings.points is not None:
         blocks, counts = recordings.points.points.block_counts
@@ -118,20 +132,20 @@ def _middle(recordings: Recordings, path: FloatArray) -> tuple[float, float, flo
     return float(place[0]), float(place[1]), float(place[2])
 
 
-class _Teller:
-    """Hands the steps of a run on to whoever asked for it."""
+class _Reporter:
+    """Watcher of a run's steps that reports them to the caller of the request."""
 
-    def __init__(self, table: SurveySession) -> None:
-        self._tell: Any = table.tell
+    def __init__(self, session: SurveySession) -> None:
+        self._report: Any = session.report
 
     def begin(self, step: str, unit: str) -> None:
-        """Tell that a step begins."""
-        self._tell(("begin", step, unit))
+        """Report that a step begins."""
+        self._report(("begin", step, unit))
 
     def advance(self, done: int, total: int) -> None:
-        """Tell how far it is."""
-        self._tell(("advance", done, total))
+        """Report its progress."""
+        self._report(("advance", done, total))
 
     def end(self, step: str, seconds: float) -> None:
-        """Tell that it is done."""
-        self._tell(("end", step, seconds))
+        """Report that it is done."""
+        self._report(("end", step, seconds))

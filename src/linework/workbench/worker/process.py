@@ -1,113 +1,136 @@
-"""The process behind a desk: does the works that come over its socket, one after the other."""
+"""The worker's side of a conversation: runs the requests that come over its channel, one after the other.
+
+Apart from `conversation`, because it runs in the child process and imports the survey's readers and kernels.
+"""
 
 from __future__ import annotations
 
 import importlib
-import resource
-import signal
-import sys
+import threading
 import traceback
 from collections import deque
 from collections.abc import Callable, Generator
-from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from numba.core import event
 
 from linework.errors import LineworkError
-from linework.processes.worker import die_with_parent
-
-if TYPE_CHECKING:
-    from linework.workbench.worker.session import SurveyOrder
-
-#: Said to a work that nobody waits for any more: its generator is closed.
-LEAVE = "leave"
+from linework.processes.channel import Channel
+from linework.processes.child import OUT_OF_MEMORY
+from linework.workbench.worker.session import SurveyOrder, SurveySession
 
 
-def survey_worker_main(arguments: list[str]) -> None:
-    """Do works. `arguments`: socket, parent's process number, modules to import before the first comes."""
-    socket, parent, *modules = arguments
-    die_with_parent(int(parent))
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    with Connection(int(socket)) as connection:
-        order: SurveyOrder = connection.recv()
-        for module in modules:
-            importlib.import_module(module)
-        _Process(connection, order).run()
+def survey_worker_main(channel: Channel, modules: list[str]) -> None:
+    """Run requests until the channel closes; its first message is the `SurveyOrder`.
+
+    Parameters
+    ----------
+    modules
+        What to import before the first request.
+    """
+    order: SurveyOrder = channel.receive_object()
+    for module in modules:
+        importlib.import_module(module)
+    _Requests(channel, order).run()
 
 
-class _Process:
-    """The works of one process.
+class _Requests:
+    """The requests of one process.
 
-    Messages come as ("do", number, work, arguments) and ("say", number, value); they go as ("told", number, value)
-    any number of times, and then ("done", number, value) or ("failed", number, error). In between goes
-    ("compiling", number, is_so): after an installation that takes a minute or two, without a word of the work itself.
+    Messages come as ("do", number, function, arguments), ("send", number, value) and ("leave", number, None). Of each
+    request any number of ("reported", number, value) goes back, and then ("done", number, value) or
+    ("failed", number, error). In between goes ("compiling", number, is_compiling): after an installation compiling
+    takes a minute or two, in which the request itself sends nothing.
     """
 
-    def __init__(self, connection: Connection, order: SurveyOrder) -> None:
-        # Here and not above: seconds, in which the process would not notice that its parent has died
-        from linework.processes.compiling import CompilationMonitor
-        from linework.workbench.worker.session import SurveySession
-
-        self._connection = connection
+    def __init__(self, channel: Channel, order: SurveyOrder) -> None:
+        self._channel = channel
         self._waiting: deque[tuple[Any, ...]] = deque()
         self._number = 0
-        self._table = SurveySession(order, self._tell)
-        self._compiling = CompilationMonitor(
-            lambda is_so: self._connection.send(("compiling", self._number, is_so))
-        )
+        self._session = SurveySession(order, self._report)
+        self._compiling = CompilationMonitor(lambda is_compiling: self._send("compiling", is_compiling))
 
     def run(self) -> None:
-        """Do what comes until the socket closes."""
+        """Run what comes until the channel closes."""
         while True:
             try:
-                message = self._waiting.popleft() if self._waiting else self._connection.recv()
+                message = self._waiting.popleft() if self._waiting else self._channel.receive_object()
             except EOFError:
                 return
             if message[0] == "do":
-                _, self._number, work, arguments = message
-                self._do(work, arguments)
+                _, self._number, function, arguments = message
+                self._run(function, arguments)
 
-    def _do(self, work: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    def _run(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
         try:
-            value = work(self._table, *arguments)
+            value = function(self._session, *arguments)
             if isinstance(value, Generator):
                 value = self._drained(value)
         except LineworkError as error:
-            self._connection.send(("failed", self._number, error))
+            self._send("failed", error)
         except MemoryError:
-            self._connection.send(("failed", self._number, "needs more memory than there is"))
+            self._send("failed", OUT_OF_MEMORY)
         except Exception:
-            self._connection.send(("failed", self._number, traceback.format_exc()))
+            self._send("failed", traceback.format_exc())
         else:
-            self._connection.send(("done", self._number, value))
+            self._send("done", value)
 
     def _drained(self, steps: Generator[Any, Any, Any]) -> Any:
-        """Tell every step of a work; what is said to it meanwhile comes out of its `yield`."""
-        said = None
+        """Report every value that a request yields; what is sent to it meanwhile is the value of its `yield`."""
+        received = None
         while True:
             try:
-                self._tell(steps.send(said))
+                self._report(steps.send(received))
             except StopIteration as end:
                 return end.value
-            said = self._heard()
-            if isinstance(said, str) and said == LEAVE:
+            received, must_leave = self._received()
+            if must_leave:
                 steps.close()
                 return None
 
-    def _heard(self) -> Any:
-        """Return what was last said to the work that is being done, None where nothing was."""
-        said = None
-        while self._connection.poll():
-            message = self._connection.recv()
+    def _received(self) -> tuple[Any, bool]:
+        """Return the last value sent to the running request, None if there is none, and whether it has to end."""
+        value, must_leave = None, False
+        while self._channel.has_data():
+            message = self._channel.receive_object()
             if message[0] == "do":
                 self._waiting.append(message)
             elif message[1] == self._number:
-                said = message[2]
-        return said
+                value, must_leave = message[2], must_leave or message[0] == "leave"
+        return value, must_leave
 
-    def _tell(self, value: Any) -> None:
-        self._connection.send(("told", self._number, value))
+    def _report(self, value: Any) -> None:
+        self._send("reported", value)
+
+    def _send(self, kind: str, value: Any) -> None:
+        self._channel.send_object((kind, self._number, value))
 
 
-if __name__ == "__main__":
-    survey_worker_main(sys.argv[1:])
+class CompilationMonitor(event.Listener):
+    """Reports when numba begins to compile and when it ends; kernels compiled for another one are part of that.
+
+    Parameters
+    ----------
+    report
+        Called with True and False in turn, on the thread that compiles. Threads other than the main one report
+        nothing.
+    """
+
+    def __init__(self, report: Callable[[bool], None]) -> None:
+        self._report_change, self._depth = report, 0
+        event.register("numba:compile", self)  # type: ignore[no-untyped-call]
+
+    def on_start(self, _event: event.Event) -> None:
+        """Count a kernel that is being compiled."""
+        self._change(1)
+
+    def on_end(self, _event: event.Event) -> None:
+        """Count a kernel that is compiled."""
+        self._change(-1)
+
+    def _change(self, step: int) -> None:
+        if threading.current_thread() is not threading.main_thread():
+            return
+        before, self._depth = self._depth, self._depth + step
+        if (before == 0) != (self._depth == 0):
+            self._report_change(self._depth > 0)

@@ -1,4 +1,4 @@
-"""What a process of the workbench works on: the opened survey, and what has been made of it so far."""
+"""The survey that a worker process has open, and what its requests have made of it so far."""
 
 from __future__ import annotations
 
@@ -23,18 +23,20 @@ KeptT = TypeVar("KeptT")
 
 @dataclass(frozen=True, slots=True)
 class SurveyOrder:
-    """Which survey is served, and how it is read.
+    """The survey to serve, and how it is read.
 
     Parameters
     ----------
     inputs
-        What was named on the command line.
+        Files and folders named on the command line.
     crs
-        Where the files do not say; "" if not given.
+        CRS of files that do not state theirs; "" if not given.
     work
         Work folder; None: beside the survey.
+    settings
+        Of all methods.
     n_threads
-        For decoding.
+        Threads for decoding.
     """
 
     inputs: tuple[Path, ...]
@@ -45,16 +47,16 @@ class SurveyOrder:
 
 
 class SurveySession:
-    """The survey that a process has open, and what its works keep for one another.
+    """The open survey of a worker process, with what its requests keep for later ones.
 
     Parameters
     ----------
-    tell
-        Sends something to whoever asked for the work that is being done.
+    report
+        Sends a value to the caller of the running request.
     """
 
-    def __init__(self, order: SurveyOrder, tell: Callable[[Any], None]) -> None:
-        self.order, self.tell = order, tell
+    def __init__(self, order: SurveyOrder, report: Callable[[Any], None]) -> None:
+        self.order, self.report = order, report
         self._held = contextlib.ExitStack()
         self._kept: dict[str, Any] = {}
 
@@ -75,17 +77,17 @@ class SurveySession:
 
     @property
     def recordings(self) -> Recordings:
-        """Points and stereo pairs; opened at the first call, which decodes the points if nobody has yet.
+        """Points and stereo pairs; opened at the first call, which decodes the points if that has not been done.
 
         Raises
         ------
         InputError
-            There is nothing that can be used.
+            The survey holds nothing that can be used.
         """
         return self.opened(RunSteps())
 
     def opened(self, steps: RunSteps) -> Recordings:
-        """Return `recordings`; if they have to be opened first, say how far that is."""
+        """Return `recordings`; if they have to be opened first, `steps` shows the progress."""
         return self.keep(
             "recordings",
             lambda: self._held.enter_context(
@@ -99,14 +101,14 @@ class SurveySession:
         return self.surface_with(RunSteps())
 
     def surface_with(self, steps: RunSteps) -> SurveySurface | None:
-        """Return `surface`; if it has to be made first, say how far that is."""
+        """Return `surface`; if it has to be made first, `steps` shows the progress."""
         points = self.opened(steps).points
         if points is None:
             return None
         return self.keep("surface", lambda: surface_of(points, self.settings.road, Serial(), steps))
 
     def keep(self, name: str, make: Callable[[], KeptT]) -> KeptT:
-        """Return what is kept under a name; made when it is first asked for."""
+        """Return the value kept under a name, made at the first call."""
         if name not in self._kept:
             self._kept[name] = make()
         return cast(KeptT, self._kept[name])

@@ -1,4 +1,7 @@
-"""Warming up: both desks do something for nobody, so that whoever asks first need not wait; pages are told of it."""
+"""Warming up: each worker runs its usual requests once, so that the first user need not wait for code and data.
+
+Apart from `serve`, because it knows which requests are usual.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from linework.errors import LineworkError
 from linework.model.grid import Bounds
 from linework.model.lines import KINDS
 from linework.workbench.following.routes import warm_up_tracing
-from linework.workbench.server.bench import AppState
+from linework.workbench.server.app_state import AppState
 from linework.workbench.views.heights import heights_at
 from linework.workbench.views.points import points_of_place, section_at
 from linework.workbench.views.pyramid import FINEST, IMAGES, TILE_BLOCK_M, MapTile
@@ -21,96 +24,94 @@ from linework.workbench.views.tiles import tile_png
 from linework.workbench.worker.open import open_in_worker
 from linework.workbench.worker.session import SurveySession
 
-#: What a page waits for, as "Still ..." says it.
+#: What a page waits for; it shows "Still ...".
 OPENING = "opening the survey for following lines"
 PICTURES = "getting the pictures ready"
 COMPILING = "compiling the programs for this machine: once after an installation, a minute or two"
-
-
-class StartupProgress:
-    """What the server is still doing.
-
-    Parameters
-    ----------
-    tell
-        Called with the words for it whenever they change, "" when nothing is left.
-    """
-
-    def __init__(self, tell: Callable[[str], None]) -> None:
-        self._tell = tell
-        self._doing: dict[str, str] = {}
-
-    def change(self, who: str, what: str, is_so: bool) -> None:
-        """Note that somebody does something, or does so no more."""
-        before = self.words
-        if is_so:
-            self._doing[who] = what
-        else:
-            self._doing.pop(who, None)
-        if self.words != before:
-            self._tell(self.words)
-
-    @property
-    def words(self) -> str:
-        """All of it, each once."""
-        return "; ".join(sorted(set(self._doing.values())))
-
-
-async def warm_up(bench: AppState, busy: StartupProgress) -> None:
-    """Open the survey at the tracing desk too, and let both desks run through what they are asked for most."""
-    for name, desk in (("pictures", bench.pictures), ("tracing", bench.tracing)):
-        desk.on_compiling = partial(busy.change, f"{name} compile", COMPILING)
-    await asyncio.gather(_tracing(bench, busy), _pictures(bench, busy))
-
-
-async def _tracing(bench: AppState, busy: StartupProgress) -> None:
-    busy.change("tracing", OPENING, True)
-    # What is wrong with the survey was told before; a click would tell it again
-    with contextlib.suppress(LineworkError):
-        await bench.tracing.ask(open_in_worker)
-    with contextlib.suppress(LineworkError):
-        await warm_up_tracing(bench)
-    busy.change("tracing", OPENING, False)
-
-
-async def _pictures(bench: AppState, busy: StartupProgress) -> None:
-    path: Any = bench.facts.path
-    if not bench.facts.n_points or len(path) == 0:
-        return
-    east, north, _ = path[len(path) // 2]
-    busy.change("pictures", PICTURES, True)
-    with contextlib.suppress(LineworkError):
-        for step in range(STEPS):
-            await bench.pictures.ask(warm_up_pictures, step, (east, north))
-    busy.change("pictures", PICTURES, False)
-
-
-# Warming up the desk of pictures: what it is asked for most is made once for nobody
-
-#: So many points, and so much of the survey around its middle, are enough to run all code once.
+#: Points, and distance around a place [m], that are enough to run all code of `warm_up_pictures` once.
 _MOST, _AROUND_M = 1000, 4.0
+#: Thickness of the section that is made. [m]
+_THICKNESS_M = 1.0
 #: Steps of `warm_up_pictures`: tiles, points, sections, heights.
 STEPS = 4
 
 
-def warm_up_pictures(table: SurveySession, step: int, place: tuple[float, float]) -> None:
-    """Make some pictures about a place [m, world]; one step at a time, so that who asks for some need not wait long."""
+class StartupProgress:
+    """What the server is still preparing.
+
+    Parameters
+    ----------
+    report
+        Called with a description of it whenever that changes, "" when nothing is left.
+    """
+
+    def __init__(self, report: Callable[[str], None]) -> None:
+        self._report = report
+        self._activities: dict[str, str] = {}
+
+    def change(self, name: str, activity: str, is_running: bool) -> None:
+        """Note that an activity has begun, or has ended, under a name of its own."""
+        before = self.text
+        if is_running:
+            self._activities[name] = activity
+        else:
+            self._activities.pop(name, None)
+        if self.text != before:
+            self._report(self.text)
+
+    @property
+    def text(self) -> str:
+        """All activities, each once."""
+        return "; ".join(sorted(set(self._activities.values())))
+
+
+async def warm_up(app_state: AppState, progress: StartupProgress) -> None:
+    """Open the survey in the tracing worker too, and let both workers run their usual requests."""
+    for name, worker in (("pictures", app_state.pictures), ("tracing", app_state.tracing)):
+        worker.on_compiling = partial(progress.change, f"{name} compile", COMPILING)
+    await asyncio.gather(_tracing(app_state, progress), _pictures(app_state, progress))
+
+
+async def _tracing(app_state: AppState, progress: StartupProgress) -> None:
+    progress.change("tracing", OPENING, True)
+    # What is wrong with the survey was reported when it was opened, and a click reports it again
+    with contextlib.suppress(LineworkError):
+        await app_state.tracing.ask(open_in_worker)
+    with contextlib.suppress(LineworkError):
+        await warm_up_tracing(app_state)
+    progress.change("tracing", OPENING, False)
+
+
+async def _pictures(app_state: AppState, progress: StartupProgress) -> None:
+    path: Any = app_state.facts.path
+    if not app_state.facts.n_points or len(path) == 0:
+        return
+    east, north, _ = path[len(path) // 2]
+    progress.change("pictures", PICTURES, True)
+    with contextlib.suppress(LineworkError):
+        for step in range(STEPS):
+            await app_state.pictures.ask(warm_up_pictures, step, (east, north))
+    progress.change("pictures", PICTURES, False)
+
+
+def warm_up_pictures(session: SurveySession, step: int, place: tuple[float, float]) -> None:
+    """Make some pictures around a place (east, north) [m, world], one step per request: others come in between."""
     east, north = place
     around = Bounds(east, north, east, north).grown(_AROUND_M)
-    points = table.recordings.points
+    points = session.recordings.points
     if points is None:
         return
-    # What is wrong with the survey is told to whoever asks for a picture
+    # What is wrong with the survey is reported when a page asks for a picture
     with contextlib.suppress(LineworkError):
         if step == 0:
             size_m = math.ldexp(TILE_BLOCK_M, FINEST)
             tile = MapTile(FINEST, math.floor(east / size_m), math.floor(north / size_m))
             for image, _, _ in IMAGES:
-                tile_png(table, image, tile)
+                tile_png(session, image, tile)
         elif step == 1:
-            points_of_place(table, around, _MOST, (-float("inf"), float("inf")))
+            points_of_place(session, around, _MOST, (-float("inf"), float("inf")))
         elif step == 2:
-            section_at(table, place, 0.0, _AROUND_M, 1.0)
+            section_at(session, place, 0.0, _AROUND_M, _THICKNESS_M)
         else:
             for kind in KINDS:
-                heights_at(table, kind, [place])
+                heights_at(session, kind, [place])

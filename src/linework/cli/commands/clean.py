@@ -1,0 +1,28 @@
+"""`linework clean`: delete the work folder of a survey.
+
+Apart from the other commands, as every command has its own file.
+"""
+
+from __future__ import annotations
+
+import typer
+
+from linework.cli.options import SurveyArgument, WorkFolder
+
+
+def clean(
+    surveys: SurveyArgument,
+    work: WorkFolder = None,
+) -> None:
+    """Delete the tile store and unfinished runs of SURVEY.
+
+    Both can be rebuilt; inputs and outputs are not touched.
+    """
+    from linework.runs.opened.work_folder import clean_work_folder, existing_work_folders, survey_root
+
+    folders = existing_work_folders(survey_root(surveys), work)
+    for folder in folders:
+        n_bytes = clean_work_folder(folder)
+        typer.echo(f"{folder}: {n_bytes / 1e6:,.1f} MB freed")
+    if not folders:
+        typer.echo("nothing to delete")

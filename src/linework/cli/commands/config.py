@@ -1,0 +1,35 @@
+"""`linework config`: the default run file, every setting with its unit and reason.
+
+Apart from the other commands, as every command has its own file.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+
+def config(
+    method: Annotated[
+        str, typer.Argument(metavar="METHOD", help="Print the settings of this method only; default: all.")
+    ] = "",
+) -> None:
+    """Print the default run file: every setting with its unit and reason.
+
+    It is TOML; edit it and give it to other commands as --config.
+    """
+    from dataclasses import fields
+
+    from linework.errors import UsageError
+    from linework.model.settings import settings_toml
+    from linework.runs.settings import RunSettings
+
+    names = [f.name for f in fields(RunSettings)]
+    if method and method not in names:
+        raise UsageError(
+            f"unknown method '{method}'", where="config", advice=f"choose from {', '.join(names)}"
+        )
+    settings = RunSettings()
+    for name in [method] if method else names:
+        typer.echo(f"[{name}]\n{settings_toml(getattr(settings, name), f'{name}.')}", nl=False)

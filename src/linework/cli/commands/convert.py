@@ -1,0 +1,43 @@
+"""`linework convert`: lines from one vector format to another.
+
+Apart from the other commands, as every command has its own file.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from linework.cli.options import Crs, Overwrite
+
+
+def convert(
+    lines: Annotated[Path, typer.Argument(metavar="LINES", help="Input file.")],
+    output: Annotated[
+        Path, typer.Argument(metavar="OUT", help="Output file; its suffix selects the format.")
+    ],
+    overwrite: Overwrite = False,
+    crs: Crs = "",
+) -> None:
+    """Convert LINES to another vector format.
+
+    The points of the vehicle's log (images and operator keys) are copied where the format holds points.
+    """
+    from linework.cli.failures import warn
+    from linework.errors import UsageError
+    from linework.files.output.locks import reserve_output
+    from linework.files.vectors.point_layers import read_point_layers
+    from linework.files.vectors.read_write import check_format, points_left_out, read_lines, write_lines
+
+    check_format(output)
+    if output.exists() and lines.exists() and output.samefile(lines):
+        raise UsageError("the output is the input file", where=output, advice="choose another name")
+    with reserve_output(output, overwrite=overwrite):
+        found = read_lines(lines, crs=crs or None)
+        points = read_point_layers(lines)
+        write_lines(found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite)
+    for warning in points_left_out(output, points):
+        warn(warning)
+    typer.echo(f"{len(found):,} lines in {output}")

@@ -1,0 +1,165 @@
+"""`linework extract`: lines from laser points and stereo images."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from linework.cli.failures import warn
+from linework.cli.options import (
+    AsJson,
+    Crs,
+    LinesOutput,
+    Overwrite,
+    Quiet,
+    RunFile,
+    SurveyArgument,
+    TrajectoryFile,
+    Workers,
+    WorkFolder,
+    read_settings,
+    with_trajectory,
+)
+from linework.cli.startup import announce_compilation, preload_modules
+
+
+def extract_command(
+    surveys: SurveyArgument,
+    output: LinesOutput,
+    features: Annotated[
+        str,
+        typer.Option(
+            "--features",
+            metavar="KIND,...",
+            help="Kinds of line to extract, e.g. guardrail,cable; default: all.",
+        ),
+    ] = "",
+    method: Annotated[
+        str, typer.Option("--method", help="obb or radon (laser points), stereo (images), or auto.")
+    ] = "auto",
+    trajectory: TrajectoryFile = None,
+    config: RunFile = None,
+    crs: Crs = "",
+    workers: Workers = None,
+    work: WorkFolder = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")] = False,
+    report: Annotated[
+        Path | None,
+        typer.Option("--report", metavar="FILE", help="Also write a report with figures and tables: .html."),
+    ] = None,
+    overwrite: Overwrite = False,
+    forget_reviews: Annotated[
+        bool,
+        typer.Option("--forget-reviews", help="Discard review decisions of replaced lines."),
+    ] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Extract the lines of SURVEY and write them to a file.
+
+    run.json beside the output records the inputs, settings, counts and timings. Existing output is not touched
+    without --overwrite. Finding nothing is not an error: the layers are written and are empty. --resume continues
+    an interrupted run. Lines that were accepted, edited, drawn or rejected in the workbench are kept when a .gpkg
+    is replaced, unless --forget-reviews is given.
+    """
+    from linework.cli.progress import open_display
+    from linework.files.output.locks import reserve_output
+
+    _check_report(report, output, overwrite=overwrite or resume)
+    with contextlib.ExitStack() as held:
+        held.enter_context(reserve_output(output, overwrite=overwrite or resume))
+        display = held.enter_context(open_display(quiet=quiet))
+        from linework.files.survey.open import open_survey
+        from linework.files.vectors.read_write import check_format
+        from linework.methods.kinds import (
+            check_method,
+            findable_kinds,
+            kinds_of_method,
+            parse_kinds,
+            recordings_for,
+        )
+        from linework.runs.opened.store import executor_for, usable_cores
+        from linework.runs.opened.work_folder import work_folder
+        from linework.runs.steps import RunSteps
+
+        check_format(output)
+        kinds = parse_kinds(features) if features else kinds_of_method(method)
+        check_method(method, kinds)
+        settings = read_settings(config)
+        survey = with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
+        kinds = findable_kinds(kinds, has_points=bool(survey.point_files), asked=bool(features))
+        folder, n_workers = work_folder(survey.root, work), workers or usable_cores()
+        steps = RunSteps(display)
+        executor = held.enter_context(executor_for(survey, n_workers, settings))
+        preloading = preload_modules(
+            "linework.runs.extract", "linework.methods.choose", "linework.files.vectors.gpkg"
+        )
+        from linework.runs.opened.recordings import opened_recordings
+
+        recordings = held.enter_context(
+            opened_recordings(
+                survey, folder, n_threads=n_workers, steps=steps, **recordings_for(method, kinds)
+            )
+        )
+        preloading.join()
+        from linework.runs.extract import extract_to, extraction_request
+
+        announce_compilation(kinds, quiet=quiet)
+        request = extraction_request(
+            output, recordings.survey, kinds, method, settings, crs=crs, overwrite=overwrite, resume=resume
+        )
+        request = replace(request, forget_reviews=forget_reviews)
+        record, found = extract_to(request, recordings, folder, executor, steps)
+        if report is not None and found is not None:
+            with steps.step("write report"):
+                from linework.evaluation.report.page import extraction_report
+                from linework.files.output.publish import write_page
+
+                page = extraction_report(found.lines, recordings, record)
+                write_page(page, report, overwrite=overwrite or resume)
+    for warning in record["warnings"]:
+        warn(warning)
+    _print_result(record, as_json=as_json)
+    _report_missing(record, output)
+
+
+def _check_report(report: Path | None, output: Path, *, overwrite: bool) -> None:
+    """Raise, before any work, where the report could not be written at the end."""
+    from linework.errors import UsageError
+    from linework.files.output.publish import check_output
+
+    if report is None:
+        return
+    if report.suffix.lower() not in (".html", ".htm"):
+        raise UsageError(f"cannot write reports as '{report.suffix}'", where=report, advice="use .html")
+    if report.absolute() == output.absolute():
+        raise UsageError("the report would replace the lines", where=report, advice="choose another name")
+    check_output(report, overwrite=overwrite)
+
+
+def _print_result(record: dict[str, Any], *, as_json: bool) -> None:
+    """Print the number and length of the lines of each kind."""
+    if as_json:
+        import json
+
+        typer.echo(json.dumps(record, indent=1, allow_nan=False))
+        return
+    counts = record["counts"]
+    for kind, n_lines in counts["lines"].items():
+        typer.echo(f"{kind:14} {n_lines:6,} lines {counts['length_m'][kind]:12,.1f} m")
+
+
+def _report_missing(record: dict[str, Any], output: Path) -> None:
+    """Warn where nothing was found; raise PartialError where files or tiles were left out."""
+    from linework.errors import PartialError
+    from linework.runs.record import missing_summary
+
+    if not any(record["counts"]["lines"].values()):
+        warn(f"{output}: nothing found; its layers are empty")
+    problem = missing_summary(record)
+    if problem:
+        raise PartialError(problem, where=output, advice="see run.json")

@@ -1,0 +1,169 @@
+"""`linework info`: a summary of a survey."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import typer
+
+from linework.cli.failures import warn
+from linework.cli.options import AsJson, Crs, Quiet, SurveyArgument, WorkFolder
+
+
+def info(
+    surveys: SurveyArgument,
+    crs: Crs = "",
+    work: WorkFolder = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Summarise SURVEY: points, trajectory, images and logs.
+
+    Lists files, CRS, extent, heights, point density, scan-line spacing, intensity, times and their gaps,
+    trajectory, cameras, stereo pairs (and whether their rows match) and logs.
+    """
+    from linework.cli.progress import open_display
+    from linework.files.survey.open import open_survey
+    from linework.runs.opened.describe import describe_survey
+    from linework.runs.opened.points import opened_survey, read_into_memory
+    from linework.runs.opened.store import usable_cores
+    from linework.runs.opened.work_folder import work_folder
+    from linework.runs.steps import RunSteps
+
+    with open_display(quiet=quiet) as display:
+        survey = open_survey(surveys, crs=crs or None)
+        if survey.point_files:
+            folder = work_folder(survey.root, work)
+            with opened_survey(survey, folder, n_threads=usable_cores(), steps=RunSteps(display)) as opened:
+                document = describe_survey(read_into_memory(opened), survey)
+        else:
+            document = describe_survey(None, survey)
+    if as_json:
+        import json
+
+        typer.echo(json.dumps(document, indent=1, allow_nan=False))
+    else:
+        for line in _lines(document):
+            typer.echo(line)
+        for warning in document["warnings"]:
+            warn(warning)
+    _report_left_out(document)
+
+
+def _lines(document: dict[str, Any]) -> Iterator[str]:
+    """Yield the document as lines of text."""
+    yield f"survey      {document['name']}"
+    height = "heights in its vertical datum" if document["crs"]["compound"] else "no vertical datum"
+    yield f"CRS         {document['crs']['name']}, {height}"
+    for file in document["files"]:
+        left_out = ", ".join(f"{n:,} {reason}" for reason, n in file["rejected"].items())
+        yield (
+            f"file        {file['file']}: LAS {file['version']}, point format {file['point_format']}, "
+            f"{file['points']:,} points" + (f", left out: {left_out}" if left_out else "")
+        )
+    if document["points"]:
+        yield from _points(document)
+    yield from _recorded(document)
+    yield from _driven(document)
+
+
+def _points(document: dict[str, Any]) -> Iterator[str]:
+    """Yield the lines about the positions of the points."""
+    extent = document["extent_m"]
+    yield f"points      {document['points']:,}"
+    yield (
+        f"extent      east {extent['west']:.2f} to {extent['east']:.2f}, north {extent['south']:.2f} to "
+        f"{extent['north']:.2f} ({extent['east'] - extent['west']:.1f} x {extent['north'] - extent['south']:.1f} m)"
+    )
+    yield f"height      {_spread(document['height_m'])} m"
+    yield f"density     {_spread(document['density_per_m2'])} points/m2"
+    if document["scan_line_spacing_m"] is not None:
+        yield f"scan lines  {document['scan_line_spacing_m']:.3f} m apart along the road"
+
+
+def _recorded(document: dict[str, Any]) -> Iterator[str]:
+    """Yield the lines about the intensities and times of the points."""
+    intensity, time = document["intensity"], document["time"]
+    if not document["points"]:
+        yield "points      none"
+        return
+    yield "intensity   " + (
+        "none"
+        if intensity is None
+        else f"{intensity['lowest']:.0f} to {intensity['highest']:.0f}, median {intensity['median']:.0f}, "
+        f"{intensity['bits']} bits"
+    )
+    if time is None:
+        yield "time        none"
+    else:
+        order = "sorted" if time["in_order"] else "not sorted"
+        yield (
+            f"time        {time['start_s']:.3f} to {time['end_s']:.3f} s "
+            f"({time['end_s'] - time['start_s']:.1f} s, GPS {time['kind']}, {order}), "
+            f"{time['n_gaps']} gaps longer than {time['gap_longer_than_s']:g} s"
+        )
+        for gap in time["gaps"]:
+            yield f"  gap       {gap['start_s']:.3f} to {gap['end_s']:.3f} s"
+
+
+def _driven(document: dict[str, Any]) -> Iterator[str]:
+    """Yield the lines about the trajectory, the cameras and the logs."""
+    path, cameras = document["trajectory"], document["cameras"]
+    if path is None:
+        yield "trajectory  none"
+    else:
+        yield (
+            f"trajectory  {path['length_m']:,.1f} m in {path['end_s'] - path['start_s']:.1f} s, mean "
+            f"{path['mean_speed_mps'] * 3.6:.0f} km/h, {path['positions']:,} positions, "
+            + ("with attitude" if path["has_attitude"] else "no attitude")
+        )
+    if cameras is not None:
+        yield from _of_cameras(cameras)
+    for name, log in document["logs"].items():
+        span = f"{log['start_s']:.3f} to {log['end_s']:.3f} s" if log["rows"] else "no rows"
+        rate = "" if name == "events" or log["rate_hz"] is None else f", {log['rate_hz']:g} Hz"
+        yield f"{name:<12}{log['file']}: {log['rows']:,} rows, {span}{rate}"
+
+
+def _of_cameras(cameras: dict[str, Any]) -> Iterator[str]:
+    for side in ("left", "right"):
+        camera = cameras[side]
+        lens = "with distortion" if camera["is_distorted"] else "no distortion"
+        yield (
+            f"camera      {side}: {camera['width']} x {camera['height']} pixels, focal length "
+            f"{camera['focal_px']:g} pixels, {lens}"
+        )
+    rate = "" if cameras["rate_hz"] is None else f", {cameras['rate_hz']:g} Hz"
+    yield (
+        f"pairs       {cameras['pairs']:,}, baseline {cameras['base_m']:.3f} m, {cameras['start_s']:.3f} to "
+        f"{cameras['end_s']:.3f} s{rate}, {cameras['unpaired_images']:,} unpaired images"
+    )
+    if cameras["row_error_px"] is not None:
+        yield f"rows        left and right rows differ by {cameras['row_error_px']:.2f} pixels (median)"
+
+
+def _spread(values: dict[str, float]) -> str:
+    return (
+        f"{values['lowest']:,.2f} to {values['highest']:,.2f}, median {values['median']:,.2f}, "
+        f"5th to 95th percentile {values['percentile_5']:,.2f} to {values['percentile_95']:,.2f}"
+    )
+
+
+def _report_left_out(document: dict[str, Any]) -> None:
+    """Raise PartialError where files were left out."""
+    from linework.errors import PartialError
+    from linework.runs.record import MAX_LISTED
+
+    failures = document["failures"]
+    if failures:
+        n_files = len(failures) + len(document["files"])
+        of_files = all("file" in failure for failure in failures)
+        parts = "part" if len(failures) == 1 else "parts"
+        what = f"of {n_files} files left out" if of_files else f"{parts} of the survey cannot be used"
+        listed = "; ".join(failure["problem"].rstrip(".") for failure in failures[:MAX_LISTED])
+        more = f" and {len(failures) - MAX_LISTED} more" if len(failures) > MAX_LISTED else ""
+        raise PartialError(
+            f"{len(failures)} {what}: {listed}{more}", where=document["name"],
+            advice="--json lists them all" if more else "",
+        )  # fmt: skip

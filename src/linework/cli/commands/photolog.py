@@ -1,0 +1,76 @@
+"""`linework photolog`: a page of thumbnails and operator keys along the drive."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from linework.cli.failures import warn
+from linework.cli.options import Crs, Overwrite, Quiet, TrajectoryFile, WorkFolder, with_trajectory
+
+
+def photolog(
+    survey_folder: Annotated[
+        Path, typer.Argument(metavar="SURVEY", help="Survey folder with images, or a KITTI drive.")
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Output page: .html.")],
+    every_m: Annotated[
+        float, typer.Option("--every-m", min=0.1, max=10_000.0, help="Distance between images [m].")
+    ] = 10.0,
+    trajectory: TrajectoryFile = None,
+    crs: Crs = "",
+    work: WorkFolder = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write a photolog: a page of thumbnails with position and chainage, and the operator's keys.
+
+    The page is a single file; each thumbnail links to its image by a relative path. A page holds at most 500
+    thumbnails: on long drives their spacing is larger than --every-m.
+    """
+    from linework.cli.progress import open_display
+    from linework.errors import InputError, PartialError, UsageError
+    from linework.evaluation.report.photolog import photolog_html
+    from linework.files.geodesy.crs import describe_crs
+    from linework.files.images.series import open_stereo
+    from linework.files.logs.photolog import van_log
+    from linework.files.output.publish import check_output, write_page
+    from linework.files.survey.open import open_survey
+    from linework.files.trajectories.of_survey import read_van_path
+    from linework.runs.opened.recordings import located_survey
+    from linework.runs.opened.work_folder import work_folder
+    from linework.runs.steps import RunSteps
+
+    if output.suffix.lower() not in (".html", ".htm"):
+        raise UsageError(f"cannot write '{output.suffix}' files", where=output, advice="use .html")
+    check_output(output, overwrite=overwrite)
+    survey = with_trajectory(open_survey([survey_folder], crs=crs or None), trajectory)
+    series = open_stereo(survey)
+    if series is None and not survey.settings.get("events"):
+        raise InputError("the survey has neither images nor operator keys", where=survey.name,
+                         advice="see linework info")  # fmt: skip
+    with open_display(quiet=quiet) as display:
+        steps = RunSteps(display)
+        survey, notes = located_survey(survey, work_folder(survey.root, work), steps)
+        path = read_van_path(survey, series)
+        if path.trajectory is None:
+            raise InputError("no trajectory, so the positions of the images are unknown", where=survey.name,
+                             advice="give --trajectory, or name one in survey.toml ([trajectory] file)")  # fmt: skip
+        with steps.step("write page"):
+            log = van_log(survey, path.series, path.trajectory)
+            facts = {"survey": survey.name, "CRS": describe_crs(survey.crs)}
+            page = photolog_html(
+                log, output, title=f"Photolog of {survey.name}", every_m=every_m, facts=facts
+            )
+            write_page(page.html, output, overwrite=overwrite)
+    of_images = path.series.warnings if path.series else ()
+    for warning in (*survey.warnings, *notes, *path.warnings, *of_images, *log.warnings, *page.warnings):
+        warn(warning)
+    typer.echo(f"{output}: {page.n_pictures} images, {len(log.events or ())} keys")
+    if page.failures:
+        raise PartialError(
+            f"{len(page.failures)} of {page.n_pictures} images cannot be read: {page.failures[0].rstrip('.')}",
+            where=output,
+        )

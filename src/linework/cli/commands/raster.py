@@ -1,0 +1,269 @@
+"""`linework raster`: a survey as raster images, GeoTIFF for GIS and PNG for the eye."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from linework.cli.failures import warn
+from linework.cli.options import (
+    AsJson,
+    Crs,
+    Overwrite,
+    Quiet,
+    SurveyArgument,
+    TrajectoryFile,
+    WorkFolder,
+    with_trajectory,
+)
+
+if TYPE_CHECKING:
+    from linework.arrays import Float32Array
+    from linework.files.store.in_memory import SurveyPoints
+    from linework.methods.radon.figures import FigureConfig
+    from linework.model.grid import Grid
+    from linework.model.points import Points
+    from linework.model.survey import Survey
+    from linework.model.tile import RoadSurface
+    from linework.model.trajectory import Trajectory
+    from linework.runs.opened.points import SurveyInMemory
+    from linework.runs.steps import RunSteps
+
+#: Cell sizes allowed [m]. Below a millimetre no survey has more to show, and the grid has 10^12 cells.
+_CELL_RANGE_M = (0.001, 1000.0)
+
+
+def raster(
+    surveys: SurveyArgument,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Output folder.")],
+    cell_m: Annotated[float, typer.Option("--cell-m", help="Cell size of the north-up grid [m].")] = 0.20,
+    cell_along_m: Annotated[
+        str,
+        typer.Option(
+            "--cell-along-m",
+            help="Cell size along the main direction [m], with the grid rotated to it; auto: scan-line spacing.",
+        ),
+    ] = "",
+    cell_across_m: Annotated[
+        float,
+        typer.Option(
+            "--cell-across-m",
+            show_default=False,
+            help="Cell size across the main direction [m]; default: --cell-m.",
+        ),
+    ] = math.nan,
+    min_height_m: Annotated[
+        float, typer.Option("--min-height-m", help="Binary image: minimum height above the road [m].")
+    ] = 0.2,
+    max_height_m: Annotated[
+        float, typer.Option("--max-height-m", help="Binary image: maximum height above the road [m].")
+    ] = 1.2,
+    trajectory: TrajectoryFile = None,
+    crs: Crs = "",
+    work: WorkFolder = None,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Rasterise SURVEY: density, heights, intensity, road, binary and Radon images.
+
+    Writes each image as GeoTIFF and PNG, and run.json beside them.
+    """
+    import json
+
+    from linework.cli.progress import open_display
+    from linework.errors import PartialError
+    from linework.files.output.publish import check_output_folder
+    from linework.files.survey.open import open_survey
+    from linework.methods.radon.figures import FigureConfig
+    from linework.runs.steps import RunSteps
+
+    cells = _cells(cell_m, cell_along_m, cell_across_m)
+    config = FigureConfig(low_m=min_height_m, high_m=max_height_m)
+    _check_band(config)
+    check_output_folder(output, overwrite=overwrite)
+    with open_display(quiet=quiet) as display:
+        steps = RunSteps(display)
+        survey = with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
+        opened = _read(survey, work, steps)
+        read, path = opened.points, opened.trajectory
+        grid = _grid(survey, read.points, path, cells)
+        record = _publish(survey, read, path, (grid, config), output, overwrite=overwrite, steps=steps)
+    for warning in opened.warnings:
+        warn(warning)
+    typer.echo(json.dumps(record, indent=1, allow_nan=False) if as_json else _summary(record, output))
+    if read.failures:
+        listed = "; ".join(problem.rstrip(".") for _, problem in read.failures)
+        raise PartialError(
+            f"{len(read.failures)} files left out: {listed}", where=output, advice="see run.json"
+        )
+
+
+def _cells(cell_m: float, along: str, across_m: float) -> tuple[float | None, float, float]:
+    """Return the cell size of a north-up grid, or None, and those along and across the main direction [m].
+
+    NaN along the main direction: the scan-line spacing, still to be measured.
+    """
+    from linework.errors import UsageError
+
+    def checked(name: str, value: float) -> float:
+        low_m, high_m = _CELL_RANGE_M
+        if not low_m <= value <= high_m:
+            raise UsageError(f"{name} is {value:g}, expected {low_m:g} to {high_m:g} m", where="raster")
+        return value
+
+    cell_m = checked("--cell-m", cell_m)
+    turned = bool(along) or not math.isnan(across_m)
+    if not turned:
+        return cell_m, cell_m, cell_m
+    across = cell_m if math.isnan(across_m) else checked("--cell-across-m", across_m)
+    if along == "auto":
+        return None, math.nan, across
+    try:
+        value = float(along) if along else cell_m
+    except ValueError:
+        raise UsageError(
+            f"--cell-along-m is {along!r}, expected a number of metres or auto", where="raster"
+        ) from None
+    return None, checked("--cell-along-m", value), across
+
+
+def _check_band(config: FigureConfig) -> None:
+    from linework.errors import UsageError
+
+    if not config.low_m < config.high_m:
+        raise UsageError(
+            f"--min-height-m {config.low_m:g} is not below --max-height-m {config.high_m:g}", where="raster"
+        )
+
+
+def _read(survey: Survey, work: Path | None, steps: RunSteps) -> SurveyInMemory:
+    """Return the points and trajectory of the survey, in memory."""
+    from linework.runs.opened.points import opened_survey, read_into_memory
+    from linework.runs.opened.store import usable_cores
+    from linework.runs.opened.work_folder import work_folder
+
+    folder = work_folder(survey.root, work)
+    with opened_survey(survey, folder, n_threads=usable_cores(), steps=steps) as opened:
+        return read_into_memory(opened)
+
+
+def _grid(
+    survey: Survey, points: Points, path: Trajectory | None, cells: tuple[float | None, float, float]
+) -> Grid:
+    from linework.errors import InputError
+    from linework.imaging.raster import grid_for, main_direction_grid
+    from linework.imaging.scan_lines import scan_line_spacing_m
+
+    cell_m, along_m, across_m = cells
+    try:
+        if cell_m is not None:
+            return grid_for(points, cell_m)
+        if math.isnan(along_m):
+            along_m = scan_line_spacing_m(points, path)
+        return main_direction_grid(points, along_m, across_m, trajectory=path)
+    except InputError as error:
+        raise InputError(error.problem, where=survey.name, advice=error.advice) from error
+
+
+def _publish(
+    survey: Survey,
+    read: SurveyPoints,
+    path: Trajectory | None,
+    what: tuple[Grid, FigureConfig],
+    output: Path,
+    *,
+    overwrite: bool,
+    steps: RunSteps,
+) -> dict[str, Any]:
+    """Write all images and run.json as one folder, which appears complete or not at all; return the record."""
+    from linework.files.geodesy.crs import describe_crs, epsg_text
+    from linework.files.images.geotiff import write_geotiff
+    from linework.files.output.publish import publish_folder
+    from linework.files.output.record import write_json
+    from linework.methods.radon.figures import raster_figures
+    from linework.surface.road import RoadConfig, find_road, height_above_road, is_road_point
+
+    grid, config = what
+    with steps.step("find the road"):
+        surface = find_road(read.points, path, RoadConfig())
+        height_m = height_above_road(surface, read.points.xyz)
+        is_road = is_road_point(surface, read.points.xyz)
+        normal = _normalised(read.points, surface, path)
+    crs_name = (
+        "local coordinates" if survey.crs == "local" else epsg_text(survey.crs) or describe_crs(survey.crs)
+    )
+    record: dict[str, Any] = {}
+    names: list[str] = []
+
+    def write(folder: Path) -> None:
+        with steps.step("draw images", unit="images"):
+            for figure in raster_figures(
+                read.points, height_m, is_road, grid, config, crs_name=crs_name, normal=normal
+            ):
+                crs = survey.crs if figure.in_world else "local"
+                write_geotiff(figure.image, folder / f"{figure.name}.tif", crs=crs)
+                (folder / f"{figure.name}.png").write_bytes(figure.png)
+                names.append(figure.name)
+        record.update(_record(survey, read, what, names, steps))
+        write_json(record, folder / "run.json")
+
+    def verify(folder: Path) -> None:
+        for name in names:
+            picture = (folder / f"{name}.png").read_bytes()
+            if not (picture.startswith(b"\x89PNG") and picture.endswith(b"IEND\xaeB`\x82")):
+                raise OSError(f"{name}.png does not read back")
+
+    publish_folder(output, write, verify, overwrite=overwrite)
+    return record
+
+
+def _normalised(points: Points, surface: RoadSurface, path: Trajectory | None) -> Float32Array | None:
+    from linework.surface.intensity import normalised_intensity
+
+    return None if points.intensity is None else normalised_intensity(points, surface, path)[0]
+
+
+def _record(
+    survey: Survey, read: SurveyPoints, what: tuple[Grid, FigureConfig], names: list[str], steps: RunSteps
+) -> dict[str, Any]:
+    """Return the content of run.json."""
+    from dataclasses import asdict
+
+    from linework.files.geodesy.crs import describe_crs
+    from linework.files.output.record import hash_file
+    from linework.runs.record import versions
+
+    grid, config = what
+    return {
+        "command": "raster",
+        "versions": versions(),
+        "crs": {"name": describe_crs(survey.crs), "wkt": survey.crs},
+        "parameters": {"grid": asdict(grid), **asdict(config)},
+        "inputs": [
+            {"file": str(facts.path), "points": facts.n_points, "sha256": hash_file(facts.path)}
+            for facts in read.files
+        ],
+        "counts": {
+            "points_used": len(read.points),
+            "points_rejected": dict(read.rejected),
+            "cells": grid.n_rows * grid.n_cols,
+        },
+        "images": names,
+        "warnings": list(read.warnings),
+        "failures": [{"file": str(path), "problem": problem} for path, problem in read.failures],
+        "timings_s": {name: round(seconds, 3) for name, seconds in steps.timings_s.items()},
+    }
+
+
+def _summary(record: dict[str, Any], output: Path) -> str:
+    grid, counts = record["parameters"]["grid"], record["counts"]
+    turned = f", rotated {grid['rotation_deg']:.2f} deg" if grid["rotation_deg"] else ""
+    return (
+        f"{counts['points_used']:,} points on {grid['n_rows']:,} x {grid['n_cols']:,} cells of "
+        f"{grid['cell_width_m']:.3g} x {grid['cell_height_m']:.3g} m{turned}\n"
+        f"{len(record['images'])} images in {output}: {', '.join(record['images'])}"
+    )

@@ -1,0 +1,86 @@
+"""`linework simulate`: a simulated survey with exact truth, for trials and for measuring accuracy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from linework.cli.options import AsJson, Overwrite, Quiet
+
+
+def simulate(
+    out: Annotated[Path, typer.Option("-o", "--out", help="Output folder.", metavar="DIR")],
+    seed: Annotated[
+        int, typer.Option("--seed", help="Random seed; decides whatever the options leave open.")
+    ] = 0,
+    length_m: Annotated[float, typer.Option("--length-m", help="Length of the drive [m].")] = 200.0,
+    road: Annotated[
+        str, typer.Option("--road", help="Kind of road: straight, bends, urban or motorway.", metavar="KIND")
+    ] = "straight",
+    points_per_m: Annotated[
+        float | None,
+        typer.Option(
+            "--points-per-m",
+            help="Approximate number of points per metre of drive; default: drawn from the seed.",
+        ),
+    ] = None,
+    no_images: Annotated[
+        bool, typer.Option("--no-images", help="Skip the stereo images, which take minutes.")
+    ] = False,
+    image_size: Annotated[
+        str,
+        typer.Option(
+            "--image-size", help="Image size: 732x484 (van roof) or 1240x376 (car).", metavar="SIZE"
+        ),
+    ] = "1240x376",
+    image_every_m: Annotated[
+        float, typer.Option("--image-every-m", help="Approximate distance between stereo pairs [m].")
+    ] = 3.0,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Simulate a survey: points (LAZ), trajectory, stereo images, and truth.gpkg with the exact lines.
+
+    The same options give byte-identical files.
+    """
+    import json
+
+    import numpy as np
+
+    from linework.cli.progress import open_display
+    from linework.files.output.publish import check_output_folder
+    from linework.runs.steps import RunSteps
+    from linework.simulation.folder import write_survey_folder
+    from linework.simulation.roads.draw import draw_scenario
+    from linework.simulation.sensors.cameras import stereo_survey
+    from linework.simulation.simulate import survey_of
+
+    check_output_folder(out, overwrite=overwrite)
+    scenario = draw_scenario(road, seed, length_m, points_per_m=points_per_m)
+    cameras = None if no_images else stereo_survey(scenario, size=image_size, every_m=image_every_m)
+    # Without images it takes seconds: no progress is shown
+    with open_display(quiet=quiet or no_images) as display:
+        steps = RunSteps(display)
+        with steps.step("simulate scans"):
+            survey = survey_of(scenario)
+        with steps.step("render images", unit="pairs") as advance:
+            write_survey_folder(survey, out, overwrite=overwrite, cameras=cameras, advance=advance)
+    kinds, counts = np.unique(survey.truth.kind, return_counts=True)
+    result = {
+        "survey": str(out),
+        "road": road,
+        "seed": seed,
+        "length_m": length_m,
+        "n_points": len(survey.points),
+        "n_pairs": len(cameras) if cameras else 0,
+        "n_truth_lines": {str(k): int(n) for k, n in zip(kinds, counts, strict=True)},
+    }
+    if as_json:
+        typer.echo(json.dumps(result, indent=1))
+        return
+    lines = ", ".join(f"{n} {k}" for k, n in result["n_truth_lines"].items())  # type: ignore[attr-defined]
+    pairs = f"{len(cameras)} stereo pairs, " if cameras else ""
+    typer.echo(f"{out}: {len(survey.points):,} points, {pairs}truth: {lines}")

@@ -1,0 +1,253 @@
+"""`linework trace`: one line from one picked position."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from linework.cli.options import (
+    AsJson,
+    Crs,
+    LinesOutput,
+    Overwrite,
+    Quiet,
+    RunFile,
+    SurveyArgument,
+    WorkFolder,
+    read_settings,
+)
+
+if TYPE_CHECKING:
+    from linework.model.lines import LineSet
+    from linework.tracing.in_images import TracedEdge
+    from linework.tracing.trace import TracedLine
+
+
+def trace(
+    surveys: SurveyArgument,
+    output: LinesOutput,
+    at: Annotated[
+        str,
+        typer.Option(
+            "--at", metavar="EAST,NORTH", help="Position within 0.5 m of the line, in laser points."
+        ),
+    ] = "",
+    image: Annotated[
+        Path | None,
+        typer.Option(
+            "--image", metavar="FILE", help="Instead of --at: an image of the survey, e.g. left/000123.png."
+        ),
+    ] = None,
+    at_px: Annotated[
+        str,
+        typer.Option("--at-px", metavar="COL,ROW", help="Pixel of --image within 4 pixels of the line."),
+    ] = "",
+    toward: Annotated[
+        str,
+        typer.Option(
+            "--toward",
+            metavar="EAST,NORTH",
+            help="Trace only towards this position; default: both directions.",
+        ),
+    ] = "",
+    feature: Annotated[
+        str,
+        typer.Option(
+            "--feature",
+            metavar="KIND",
+            help="Kind of line, e.g. road_boundary; default: that of the nearest line.",
+        ),
+    ] = "",
+    append: Annotated[
+        bool,
+        typer.Option(
+            "--append", help="Add to the lines in the output, joining lines that continue one another."
+        ),
+    ] = False,
+    config: RunFile = None,
+    crs: Crs = "",
+    work: WorkFolder = None,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Trace one line of SURVEY from a position, or from a pixel of its images, and write it.
+
+    Traces lane markings, road boundaries, guardrails and cables in laser points (--at), and lane markings and road
+    edges in stereo images (--image with --at-px). A pick that is not on a line is refused with the reason and the
+    nearest pick that works. The tile store is kept for the next call, as by extract.
+    """
+    _check_pick(at, image, at_px, toward, config)
+    if image is not None:
+        _trace_image(
+            surveys, image, at_px, output, feature=feature, crs=crs, work=work, append=append,
+            overwrite=overwrite, as_json=as_json, quiet=quiet,
+        )  # fmt: skip
+        return
+    from linework.cli.progress import open_display
+    from linework.files.output.locks import reserve_output
+
+    place, target = _position("--at", at), _position("--toward", toward) if toward else None
+    with contextlib.ExitStack() as held:
+        held.enter_context(reserve_output(output, overwrite=overwrite or append))
+        display = held.enter_context(open_display(quiet=quiet))
+        from linework.cli.startup import announce_compilation
+        from linework.files.survey.open import open_survey
+        from linework.files.vectors.read_write import check_format, write_lines
+        from linework.processes.executors import Serial
+        from linework.runs.opened.points import opened_survey, surface_of
+        from linework.runs.opened.work_folder import work_folder
+        from linework.runs.steps import RunSteps
+        from linework.tracing.trace import Tracer, check_pick_kind
+
+        check_format(output)
+        check_pick_kind(feature)
+        settings, steps = read_settings(config), RunSteps(display)
+        survey = open_survey(surveys, crs=crs or None)
+        announce_compilation((feature or "lane_marking",), quiet=quiet)
+        opened = held.enter_context(opened_survey(survey, work_folder(survey.root, work), steps=steps))
+        surface = surface_of(opened, settings.road, Serial(), steps)
+        with steps.step("trace line"):
+            found = _drained(Tracer(opened, surface, settings), place, feature, target)
+        with steps.step("write line"):
+            lines = _joined_to_output(output, found.lines) if append and output.exists() else found.lines
+            kinds = tuple(dict.fromkeys(lines.kind.tolist()))
+            write_lines(lines, output, kinds=kinds, overwrite=overwrite or append)
+    _print(found, output, as_json=as_json)
+
+
+def _check_pick(at: str, image: Path | None, at_px: str, toward: str, config: Path | None) -> None:
+    """Raise UsageError unless there is exactly one pick, by position or by pixel."""
+    from linework.errors import UsageError
+
+    in_image = image is not None or bool(at_px)
+    if bool(at) == in_image:
+        raise UsageError(
+            "both a position and a pixel" if at else "no position and no pixel", where="linework trace",
+            advice="give --at EAST,NORTH, or --image FILE with --at-px COL,ROW",
+        )  # fmt: skip
+    if in_image and (image is None or not at_px):
+        missing = "--at-px COL,ROW" if image is not None else "--image FILE"
+        raise UsageError(
+            f"{missing} is missing", where="linework trace", advice="a pick in an image needs both"
+        )
+    for option, is_given in (("--toward", bool(toward)), ("--config", config is not None)):
+        if in_image and is_given:
+            raise UsageError("only valid with --at", where=option, advice="omit it")
+
+
+def _trace_image(
+    surveys: list[Path], image: Path, at_px: str, output: Path, *, feature: str, crs: str, work: Path | None,
+    append: bool, overwrite: bool, as_json: bool, quiet: bool,
+) -> None:  # fmt: skip
+    """Trace the edge at a pixel of an image and write it."""
+    from linework.cli.progress import open_display
+    from linework.files.output.locks import reserve_output
+
+    with contextlib.ExitStack() as held:
+        held.enter_context(reserve_output(output, overwrite=overwrite or append))
+        display = held.enter_context(open_display(quiet=quiet))
+        from linework.files.survey.open import open_survey
+        from linework.files.vectors.read_write import check_format, write_lines
+        from linework.runs.opened.recordings import opened_recordings
+        from linework.runs.opened.work_folder import work_folder
+        from linework.runs.steps import RunSteps
+        from linework.tracing.in_images import ImageTracer, pixel_of
+
+        check_format(output)
+        col, row = pixel_of(at_px).tolist()
+        survey, steps = open_survey(surveys, crs=crs or None), RunSteps(display)
+        folder = work_folder(survey.root, work)
+        recordings = held.enter_context(opened_recordings(survey, folder, laser=False, steps=steps))
+        if recordings.stereo is None:
+            raise RuntimeError("a survey opened for its images has no stereo pairs")
+        with steps.step("trace edge", unit="pairs") as advance:
+            tracing = ImageTracer(recordings.stereo).trace(image, (col, row), kind=feature)
+            n_pairs, n_done = len(recordings.stereo.pairs), 0
+            while True:
+                try:
+                    next(tracing)
+                    n_done += 1
+                    advance(n_done, n_pairs)
+                except StopIteration as end:
+                    found = end.value
+                    break
+        with steps.step("write line"):
+            lines = _joined_to_output(output, found.lines) if append and output.exists() else found.lines
+            kinds = tuple(dict.fromkeys(lines.kind.tolist()))
+            write_lines(lines, output, kinds=kinds, overwrite=overwrite or append)
+    for warning in (*recordings.warnings, *found.warnings):
+        typer.echo(f"warning: {warning}", err=True)
+    _print(found, output, as_json=as_json)
+
+
+def _position(option: str, text: str) -> tuple[float, float]:
+    """Return east and north [m] of an option.
+
+    Raises
+    ------
+    UsageError
+        The text is not two finite numbers.
+    """
+    import math
+
+    from linework.errors import UsageError
+
+    try:
+        east, north = (float(part) for part in text.split(","))
+    except ValueError:
+        east = north = math.nan
+    if not (math.isfinite(east) and math.isfinite(north)):
+        raise UsageError(
+            f"{text!r} is not a position",
+            where=option,
+            advice="give two numbers, for example 500123.45,5400678.90",
+        )
+    return east, north
+
+
+def _drained(
+    tracer: Any, place: tuple[float, float], kind: str, toward: tuple[float, float] | None
+) -> TracedLine:
+    """Return the line after running a trace to its end."""
+    steps = tracer.trace(place, kind=kind, toward=toward)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            found: TracedLine = end.value
+            return found
+
+
+def _joined_to_output(output: Path, lines: LineSet) -> LineSet:
+    """Return the lines of a file and a new one, joined where it continues one of them."""
+    from linework.editing.edits.continued import continue_lines
+    from linework.files.vectors.read_write import read_lines
+
+    return continue_lines(read_lines(output), lines)
+
+
+def _print(found: TracedLine | TracedEdge, output: Path, *, as_json: bool) -> None:
+    """Print kind and length of the traced line, and why it ends at either end."""
+    line = found.lines.of_kind(found.kind)
+    length_m = float(line.length_m.sum())
+    bridged_m = float(line.bridged_m.sum())
+    if as_json:
+        import json
+
+        document = {
+            "kind": found.kind, "length_m": length_m, "bridged_m": bridged_m,
+            "stops": list(found.stops), "output": str(output),
+            "confidence": float(line.confidence.mean()) if len(line) else 0.0,
+        }  # fmt: skip
+        for name in ("distance_m", "n_pairs"):
+            if hasattr(found, name):
+                document[name] = getattr(found, name)
+        typer.echo(json.dumps(document, indent=1, allow_nan=False))
+        return
+    typer.echo(f"{found.kind}: {length_m:,.1f} m, of which {bridged_m:,.1f} m bridged")
+    for end, reason in zip(("start", "end"), found.stops, strict=True):
+        typer.echo(f"  {end}: {reason}")

@@ -1,0 +1,91 @@
+"""Arguments and options that several commands share, and the values read from them.
+
+Each is written once, so that a name, its help and its type are the same in every command. A command module
+must import these names at run time, not under TYPE_CHECKING: typer resolves them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from linework.model.survey import Survey
+    from linework.runs.settings import RunSettings
+
+SurveyArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="SURVEY", help="LAS/LAZ files, a folder of them, a survey folder, or a KITTI drive."
+    ),
+]
+#: Commands that write other files than lines say which in an option of their own.
+LinesOutput = Annotated[
+    Path, typer.Option("--output", "-o", metavar="LINES", help="Output file: .gpkg, .geojson, .dxf, ...")
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing output.")]
+Crs = Annotated[
+    str,
+    typer.Option(
+        "--crs", metavar="CRS", help="CRS where the files do not state one: EPSG:CODE, or local (metres)."
+    ),
+]
+TrajectoryFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--trajectory",
+        metavar="FILE",
+        help="Trajectory of the vehicle origin, not of an antenna; replaces the survey's own.",
+    ),
+]
+WorkFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--work",
+        metavar="DIR",
+        help="Work folder for the tile store and unfinished runs; default: .linework beside the survey.",
+    ),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option("--workers", min=1, max=256, help="Number of worker processes; default: all cores."),
+]
+RunFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--config", metavar="FILE", help="Run file (TOML) with settings; `linework config` prints one."
+    ),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Do not show progress.")]
+
+
+def read_settings(path: Path | None) -> RunSettings:
+    """Return the settings of a run file; settings it does not name keep their defaults.
+
+    Raises
+    ------
+    ConfigError
+        The file is not TOML, or a setting is unknown, of the wrong type or out of range.
+    InputError
+        The file cannot be read.
+    """
+    from linework.files.settings_file import read_settings_file
+    from linework.runs.settings import RunSettings
+
+    return RunSettings() if path is None else read_settings_file(RunSettings, path)
+
+
+def with_trajectory(survey: Survey, path: Path | None) -> Survey:
+    """Return the survey with the trajectory of `--trajectory`, which is that of the vehicle origin.
+
+    The lever arm and boresight of the survey belong to its own trajectory and become zero.
+    """
+    from dataclasses import replace
+
+    if path is None:
+        return survey
+    none = (0.0, 0.0, 0.0)
+    return replace(survey, trajectory_file=path, trajectory_lever_m=none, trajectory_boresight_deg=none)

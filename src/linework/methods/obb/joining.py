@@ -1,0 +1,182 @@
+"""The steps that join the boxes of a survey into lane markings and road boundaries.
+
+Each step is a function from `Joining` to `Joining`, so that `ObbMethod.join` runs them all, and
+`linework.tracing.on_ground`, which shows a line while it grows, can be stopped between any two of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from linework.arrays import BoolArray, FloatArray
+from linework.methods.protocol import Sight, SurveyContext
+from linework.methods.tracking import boundary_lines, marking_lines
+from linework.methods.tracking.arrangement import (
+    along_lines,
+    behind_boundaries,
+    beside_kerb,
+    bounds_carriageway,
+    is_double,
+    paint_forms,
+    roles,
+)
+from linework.methods.tracking.boundary_lines import SmoothBoundary
+from linework.methods.tracking.guides import drop_unlikely_pieces, join_along
+from linework.methods.tracking.marking_lines import SmoothMarking
+from linework.methods.tracking.neighbours import LineAxis, axes_of_path
+from linework.methods.tracking.track import TrackConfig, track_lines
+from linework.model.boxes import BoxForm, BoxSet
+from linework.model.lines import LineSet
+
+#: Boxes this near a line, side by side with it, are of the same feature: paint, and boundaries. [m]
+SAME_PAINT_BOXES_M, SAME_BOUNDARY_M = 0.06, 0.15
+#: Edges this near a kerb's foot on either side belong to the kerb: gutter, kerb stone and its bed. [m]
+KERB_SIDE_M = 1.0
+#: Boundaries of at least this confidence overrule paint that contradicts them: there is no paint on grass. [1]
+SURE = 0.9
+#: Greatest width of a bar of a crossing or a stop line: wider bright areas are not paint. [m]
+WIDEST_BAR_M = 1.0
+#: Kerb stones are brighter than asphalt and up to 0.3 m wide: stripes so far behind a kerb's foot are not paint, nor
+#: those this near in front of it, as paint keeps clear of the foot. [m]
+KERB_STONE_M, ON_FOOT_M = 0.45, 0.04
+
+
+@dataclass(frozen=True, slots=True)
+class Joining:
+    """Boxes of a survey on their way to lines; all places are in metres from the survey's local origin.
+
+    Parameters
+    ----------
+    boxes
+        By form, each in order of place.
+    is_visible
+        Returns for (n, 2) places whether road or ground was measured there.
+    path
+        Axes along the path of the vehicle.
+    kerbs, boundaries
+        Kerbs, and all boundaries, kerbs first.
+    markings, other
+        Lane markings, and other paint.
+    """
+
+    boxes: Mapping[BoxForm, BoxSet]
+    is_visible: Sight
+    path: Sequence[LineAxis]
+    config: TrackConfig
+    kerbs: Sequence[SmoothBoundary] = ()
+    boundaries: Sequence[SmoothBoundary] = ()
+    markings: Sequence[SmoothMarking] = ()
+    other: Sequence[SmoothMarking] = ()
+
+
+#: One step: what it finds is added to, or left out of, a copy of what it is given.
+JoinStep = Callable[[Joining], Joining]
+
+
+def begin(boxes: BoxSet, survey: SurveyContext, config: TrackConfig) -> Joining:
+    """Return the boxes by form, in an order that does not depend on the tiles that they come from."""
+    boxes = boxes.take(np.lexsort((boxes.centre[:, 1], boxes.centre[:, 0], boxes.form)))
+    is_visible_in_world = survey.is_visible
+
+    def is_visible(xy: FloatArray) -> BoolArray:
+        if is_visible_in_world is None:
+            return np.ones(len(xy), dtype=np.bool_)
+        return is_visible_in_world(xy + survey.origin[:2])
+
+    path = [] if survey.path is None else axes_of_path(survey.path - np.asarray(survey.origin))
+    by_form = {form: boxes.take(boxes.form == form) for form in BoxForm}
+    return Joining(by_form, is_visible, path, config)
+
+
+def find_kerbs(now: Joining) -> Joining:
+    """Track the boxes of kerbs."""
+    kerbs = _boundaries(now, now.boxes[BoxForm.KERB])
+    return replace(now, kerbs=kerbs, boundaries=kerbs)
+
+
+def find_edges(now: Joining) -> Joining:
+    """Track the boxes of pavement edges that are not part of a kerb."""
+    return _with_boundaries(now, BoxForm.EDGE)
+
+
+def find_barriers(now: Joining) -> Joining:
+    """Track the boxes of barriers and walls that are not part of a kerb."""
+    return _with_boundaries(now, BoxForm.BARRIER)
+
+
+def find_paint(now: Joining) -> Joining:
+    """Track the boxes of paint: lane markings, solid and dashed, and other paint."""
+    kerbs, config = axes_of_lines(now.kerbs), now.config
+    stripes, blobs = (
+        now.boxes[form].take(~beside_kerb(now.boxes[form], kerbs, -KERB_STONE_M, ON_FOOT_M))
+        for form in (BoxForm.STRIPE, BoxForm.OTHER_PAINT)
+    )
+    pieces = track_lines(stripes, config, width_m=SAME_PAINT_BOXES_M, least_boxes=1)
+    pieces = drop_unlikely_pieces(pieces, stripes.score)
+    # Worn pieces are joined along whole lines, along boundaries and along the path
+    whole, _ = marking_lines.marking_lines(stripes, pieces.with_boxes(3), now.is_visible)
+    guides = [*axes_of_lines(whole), *axes_of_lines(now.boundaries), *now.path]
+    lines = join_along(stripes, pieces, guides, config.longest_gap_m).with_boxes(3)
+    blobs = blobs.take(blobs.half_v_m <= 0.5 * WIDEST_BAR_M)
+    bars = track_lines(blobs, config, width_m=SAME_BOUNDARY_M)
+    markings, other = marking_lines.marking_lines(stripes, lines, now.is_visible)
+    other = [*other, *marking_lines.bar_lines(blobs, bars, now.is_visible)]
+    return replace(now, markings=markings, other=other)
+
+
+def keep_consistent(now: Joining) -> Joining:
+    """Drop lines that contradict others: markings off the carriageway, boundaries of none, pieces of other lines."""
+    boundaries, path = now.boundaries, now.path
+    is_kerb = np.array([b.form == "kerb" for b in boundaries], dtype=np.bool_)
+    is_sure = is_kerb | np.array([b.confidence >= SURE for b in boundaries], dtype=np.bool_)
+    sure = [b for b, yes in zip(boundaries, is_sure, strict=True) if yes]
+    behind = behind_boundaries(axes_of_lines(now.markings), axes_of_lines(sure), is_kerb[is_sure])
+    markings = [m for m, yes in zip(now.markings, behind, strict=True) if not yes]
+    # A boundary has a carriageway in front of it and none behind it
+    kept = bounds_carriageway(axes_of_lines(boundaries), is_kerb, is_sure, [*axes_of_lines(markings), *path])
+    boundaries = [b for b, yes in zip(boundaries, kept, strict=True) if yes]
+    # Bars and arrows stand alone: paint that runs along a line is a piece of that line
+    lines = [*axes_of_lines(markings), *axes_of_lines(boundaries)]
+    is_piece = along_lines(axes_of_lines(now.other), lines, KERB_STONE_M)
+    other = [m for m, yes in zip(now.other, is_piece, strict=True) if not yes and m.confidence >= SURE]
+    return replace(now, markings=markings, other=other, boundaries=boundaries)
+
+
+def line_set(now: Joining) -> LineSet:
+    """Return all lines, with the roles and forms that follow from how they lie to one another."""
+    lanes, bounds = axes_of_lines(now.markings), axes_of_lines(now.boundaries)
+    double = is_double(lanes)
+    names = roles(lanes, bounds, now.path, double)
+    forms = np.array(paint_forms(axes_of_lines(now.other), [*lanes, *bounds, *now.path]), dtype=np.str_)
+    return LineSet.concatenate([
+        marking_lines.marking_line_set(now.markings, "lane_marking").with_columns(
+            double=double, role=np.array(names, dtype=np.str_)
+        ),
+        marking_lines.dash_lines(now.markings, names),
+        marking_lines.marking_line_set(now.other, "road_marking_other").with_columns(
+            form=forms, pattern=np.full(len(now.other), "", dtype=np.str_)
+        ),
+        boundary_lines.boundary_line_set(now.boundaries),
+        boundary_lines.top_lines(now.boundaries),
+    ])  # fmt: skip
+
+
+def axes_of_lines(lines: Sequence[SmoothMarking] | Sequence[SmoothBoundary]) -> list[LineAxis]:
+    """Return the axes of lines."""
+    return [LineAxis.of(line.line.t_m, line.line.xyz) for line in lines]
+
+
+def _with_boundaries(now: Joining, form: BoxForm) -> Joining:
+    """Track the boxes of one form, without those beside a kerb."""
+    boxes = now.boxes[form]
+    away = ~beside_kerb(boxes, axes_of_lines(now.kerbs), -KERB_SIDE_M, KERB_SIDE_M)
+    return replace(now, boundaries=[*now.boundaries, *_boundaries(now, boxes.take(away))])
+
+
+def _boundaries(now: Joining, boxes: BoxSet) -> list[SmoothBoundary]:
+    """Return the boundaries through boxes of one form."""
+    tracks = track_lines(boxes, now.config, width_m=SAME_BOUNDARY_M)
+    return boundary_lines.smooth_boundaries(boxes, tracks, now.is_visible)

@@ -1,0 +1,280 @@
+"""Sources of pieces: the laser points and the stereo pairs of a survey, in the same shape for every run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from linework.errors import InputError, LineworkError, PartialError
+from linework.files.output.parts import write_part
+from linework.files.store.facts import StoreFacts
+from linework.files.store.layout import STORE_BLOCK_M
+from linework.methods.protocol import AnyMethod, SurveyContext
+from linework.model.lines import LineSet
+from linework.model.tile import local_origin
+from linework.processes.executors import Executor
+from linework.runs.extraction import Failure, PairAccount, TileReport, with_sources
+from linework.runs.opened.pairs import OpenedStereo
+from linework.runs.opened.points import OpenedSurvey, surface_of
+from linework.runs.opened.recordings import Recordings
+from linework.runs.opened.surface import SurveySight, SurveySurface
+from linework.runs.pieces import TiledPoints, TilePiece, windows_of
+from linework.runs.resume import RunFolder
+from linework.runs.settings import RunSettings, TilingConfig
+from linework.runs.steps import RunSteps
+from linework.runs.tasks import RunTask, TasksDone
+from linework.runs.tiles import Tile, plan_tiles
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceAccount:
+    """What was looked at in a source and what was left out.
+
+    Parameters
+    ----------
+    failures
+        Tiles or images that were left out.
+    is_empty
+        Whether nothing at all was looked at.
+    read, tiles
+        Of laser points: the account of their files, and of the tiles.
+    pairs
+        Of stereo pairs: how many there are, and how many were used.
+    """
+
+    failures: tuple[Failure, ...]
+    is_empty: bool
+    read: StoreFacts | None = None
+    tiles: tuple[TileReport, ...] = ()
+    pairs: PairAccount | None = None
+
+
+class Source(Protocol):
+    """A recording of a survey, cut into pieces."""
+
+    @property
+    def methods(self) -> Sequence[AnyMethod]:
+        """The methods that look at it, in the order in which their lines are listed."""
+        ...
+
+    @property
+    def looking(self) -> tuple[str, str]:
+        """Name of the step that does the tasks, and the unit its progress is counted in."""
+        ...
+
+    @property
+    def joining(self) -> str:
+        """Name of the step that joins what they find."""
+        ...
+
+    def tasks(self, results: Path) -> list[RunTask]:
+        """Return the tasks of all methods, their results in a folder."""
+        ...
+
+    def context(self, method: AnyMethod) -> SurveyContext:
+        """Return what a method must know of the survey to join what it found."""
+        ...
+
+    def with_sources(self, lines: LineSet) -> LineSet:
+        """Return the lines with the names of the files that show them."""
+        ...
+
+    def account(self, done: TasksDone) -> SourceAccount:
+        """Return what was looked at, and what was left out."""
+        ...
+
+    def refusal(self, account: SourceAccount) -> LineworkError:
+        """Return the error of a survey of which nothing could be looked at."""
+        ...
+
+
+def open_sources(
+    recordings: Recordings,
+    methods: Sequence[AnyMethod],
+    run: RunFolder,
+    settings: RunSettings,
+    executor: Executor,
+    steps: RunSteps,
+) -> list[Source]:
+    """Return the sources that a survey has and that some method looks at; points come first."""
+    of_points = [method for method in methods if method.recording == "points"]
+    of_pairs = [method for method in methods if method.recording == "pairs"]
+    found: list[Source] = []
+    if recordings.points is not None and of_points:
+        surface = surface_of(recordings.points, settings.road, executor, steps)
+        found.append(LaserSource.of(recordings.points, surface, of_points, settings.tiling, run))
+    if recordings.stereo is not None and of_pairs:
+        found.append(StereoSource(recordings.stereo, of_pairs))
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class LaserSource:
+    """Laser points in tiles.
+
+    Parameters
+    ----------
+    plans
+        Tiles of each method, by its kinds of line.
+    survey
+        What all tiles share.
+    """
+
+    opened: OpenedSurvey
+    surface: SurveySurface
+    methods: Sequence[AnyMethod]
+    plans: Mapping[tuple[str, ...], tuple[Tile, ...]]
+    survey: TiledPoints
+
+    looking: ClassVar[tuple[str, str]] = ("find lines", "tiles")
+    joining: ClassVar[str] = "join lines"
+
+    @classmethod
+    def of(
+        cls,
+        opened: OpenedSurvey,
+        surface: SurveySurface,
+        methods: Sequence[AnyMethod],
+        tiling: TilingConfig,
+        run: RunFolder,
+    ) -> LaserSource:
+        """Plan the tiles of each method, and write the path of the vehicle where every process can read it."""
+        path, store = None, opened.points
+        if opened.trajectory is not None:
+            path = run.path / "trajectory.arrays"
+            write_part(opened.trajectory, path)
+        origin = local_origin(store.bounds.west, store.bounds.south, surface.z0_m)
+        survey = TiledPoints(store.folder, surface.tiles.folder, path, opened.survey.name, origin)
+        blocks, _ = store.block_counts
+        plans = {
+            method.kinds: plan_tiles(
+                store.bounds, blocks, STORE_BLOCK_M, store.count_in, method.buffer_m, tiling,
+                only_high=math.isfinite(method.least_height_m),
+            )
+            for method in methods
+        }  # fmt: skip
+        return cls(opened, surface, methods, plans, survey)
+
+    def tasks(self, results: Path) -> list[RunTask]:
+        """Return the tiles of all methods."""
+        return [
+            RunTask(
+                _tile_name(method, tile),
+                method,
+                TilePiece(tile, self.survey, method.least_height_m, len(self.plans[method.kinds]) == 1),
+                results,
+            )
+            for method, tile in self._tiles()
+        ]
+
+    def context(self, method: AnyMethod) -> SurveyContext:
+        """Return origin, visibility, path and cores."""
+        path = self.opened.trajectory
+        return SurveyContext(
+            origin=self.survey.origin,
+            is_visible=SurveySight(self.surface),
+            path=None if path is None else path.xyz,
+            cores=tuple(tile.core for tile in self.plans[method.kinds]),
+        )
+
+    def with_sources(self, lines: LineSet) -> LineSet:
+        """Return the lines with the point files whose extents they reach into."""
+        return with_sources(lines, self.opened.facts.files, self.opened.survey.name)
+
+    def account(self, done: TasksDone) -> SourceAccount:
+        """Return the account of files and tiles."""
+        problems = {failure.name: failure.problem for failure in done.failures}
+        tiles = []
+        for method, tile in self._tiles():
+            name = _tile_name(method, tile)
+            receipt = done.receipts.get(name)
+            n_points, n_found = (receipt.n_seen, receipt.n_found) if receipt else (0, 0)
+            tiles.append(TileReport(name, tile, n_points, n_found, problems.get(name, "")))
+        of_surface = (Failure("tile", name, problem) for name, problem in self.surface.failures)
+        return SourceAccount(
+            failures=(*of_surface, *done.failures),
+            is_empty=not done.receipts,
+            read=self.opened.facts,
+            tiles=tuple(tiles),
+        )
+
+    def refusal(self, account: SourceAccount) -> LineworkError:
+        """Return the error of a survey of which all tiles failed."""
+        problem = account.failures[0].problem.rstrip(".")
+        return PartialError(f"none of {len(account.tiles)} tiles could be processed: {problem}",
+                            where=self.opened.survey.name, advice="correct that and run again")  # fmt: skip
+
+    def _tiles(self) -> list[tuple[AnyMethod, Tile]]:
+        """Return all tiles, those of methods with few (large) tiles first: the last tasks of a run are short."""
+        plans = [(method, self.plans[method.kinds]) for method in self.methods]
+        return [
+            (method, tile) for method, tiles in sorted(plans, key=lambda plan: len(plan[1])) for tile in tiles
+        ]
+
+
+def _tile_name(method: AnyMethod, tile: Tile) -> str:
+    return f"{'+'.join(method.kinds)}-{tile.tile_id}"
+
+
+@dataclass(frozen=True, slots=True)
+class StereoSource:
+    """Stereo pairs in time windows.
+
+    What a pair shows depends on that pair alone: windows are units of processing only.
+    """
+
+    opened: OpenedStereo
+    methods: Sequence[AnyMethod]
+
+    looking: ClassVar[tuple[str, str]] = ("look at stereo pairs", "windows")
+    joining: ClassVar[str] = "join stereo lines"
+
+    def tasks(self, results: Path) -> list[RunTask]:
+        """Return the windows of all methods."""
+        opened = self.opened
+        return [
+            RunTask(f"{method.name}-{number:06d}", method, window, results)
+            for method in self.methods
+            for number, window in windows_of(opened.pairs, opened.series.rig)
+        ]
+
+    def context(self, method: AnyMethod) -> SurveyContext:  # noqa: ARG002 - tiles need it
+        """Return poses and geometry of the pairs."""
+        opened = self.opened
+        return SurveyContext(poses=opened.poses, rig=opened.rectifier.rig, pair_numbers=opened.numbers)
+
+    def with_sources(self, lines: LineSet) -> LineSet:
+        """Return the lines with the images that show them: the first and the last by time."""
+        times = np.array([pair.time_s for pair in self.opened.pairs])
+        sources = []
+        for span in zip(lines.time_start_s.tolist(), lines.time_end_s.tolist(), strict=True):
+            if not np.isfinite(span).all():
+                sources.append(self.opened.survey.name)
+                continue
+            first, last = (self.opened.pairs[int(np.argmin(np.abs(times - t)))].left.name for t in span)
+            sources.append(first if first == last else f"{first} to {last}")
+        return lines.with_columns(source=np.array(sources, dtype=np.str_)) if len(lines) else lines
+
+    def account(self, done: TasksDone) -> SourceAccount:
+        """Return the account of all pairs, those that were left out before the run among them."""
+        series = self.opened.series
+        before = [Failure("image", name, problem) for name, problem in self.opened.failures]
+        n_used = sum(receipt.n_seen for receipt in done.receipts.values())
+        n_pairs = len(series.pairs) + len(series.unpaired) + len(series.left_out)
+        return SourceAccount(
+            failures=tuple(sorted([*before, *done.failures])),
+            is_empty=n_used == 0,
+            pairs=PairAccount(n_pairs=n_pairs, n_used=n_used),
+        )
+
+    def refusal(self, account: SourceAccount) -> LineworkError:
+        """Return the error of a survey of whose pairs not one could be used."""
+        n_pairs = account.pairs.n_pairs if account.pairs else 0
+        problem = account.failures[0].problem.rstrip(".")
+        return InputError(f"none of {n_pairs} stereo pairs can be used, the first: {problem}",
+                          where=self.opened.survey.name, advice="correct that and run again")  # fmt: skip

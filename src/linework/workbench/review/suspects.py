@@ -1,0 +1,64 @@
+"""Request to a worker for the suspects among lines, from the van's path, what was measured, and the paint."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from linework.arrays import BoolArray, FloatArray
+from linework.editing.queue.gaps import gap_suspects
+from linework.editing.queue.suspects import Suspect, loose_wires, missing_dashes, rank_suspects, unsure_lines
+from linework.lines.along import DrivenPath
+from linework.methods.protocol import Sight
+from linework.model.lines import LineSet
+from linework.runs.opened.surface import SurveySight
+from linework.workbench.review.paint import PaintOfLines
+from linework.workbench.worker.session import SurveySession
+
+
+def suspects_in_worker(session: SurveySession, lines: LineSet) -> list[Suspect]:
+    """Return what is worth checking in the lines of the survey, the most promising first."""
+    path = session.keep("path", lambda: _path(session))
+    sight = session.keep("sight", lambda: _sight(session))
+    paint: PaintOfLines = session.keep("paint of lines", PaintOfLines)
+    return suspects(lines, path, sight, paint.of(session, lines))
+
+
+def suspects(
+    lines: LineSet, path: DrivenPath, visible: Sight, paint: Mapping[str, FloatArray] | None = None
+) -> list[Suspect]:
+    """Return what is worth checking, the most promising first; rejected lines do not count.
+
+    Parameters
+    ----------
+    path
+        The van's path.
+    visible
+        Says where ground was measured.
+    paint
+        By id of a marking, where along it the paint shows dashes: (k, 2) [m].
+    """
+    there = lines.take(lines.review != "rejected")
+    found = [
+        *unsure_lines(there, path),
+        *gap_suspects(there, path, visible),
+        *loose_wires(there),
+        *missing_dashes(there, paint),
+    ]
+    return rank_suspects(found)
+
+
+def _path(session: SurveySession) -> DrivenPath:
+    trajectory = session.recordings.trajectory
+    return DrivenPath.of(np.zeros((0, 3)) if trajectory is None else trajectory.xyz)
+
+
+def _sight(session: SurveySession) -> Sight:
+    """Return where ground was measured; in a survey without points, everywhere."""
+    surface = session.surface
+    return SurveySight(surface) if surface is not None else _everywhere
+
+
+def _everywhere(xy: FloatArray) -> BoolArray:
+    return np.ones(len(xy), dtype=np.bool_)
