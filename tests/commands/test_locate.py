@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from linework.files.trajectories.read import read_trajectory
+from linework.files.trajectories.read import read_trajectory_content
 from linework.simulation.folder import write_logs
 from linework.simulation.sensors.logs import GNSS_2_CM, GYROS, SensorGrades, simulate_logs
 from linework.simulation.sensors.long_drives import URBAN, long_drive
@@ -39,7 +39,7 @@ def test_writes_a_trajectory_with_sigmas(survey, linework, tmp_path):
     folder, drive = survey
     done = linework("locate", folder, "-o", tmp_path / "t.csv", "--rate-hz", 20, "--plot", tmp_path / "t.png")
     assert done.code == 0, done.stderr
-    poses = read_trajectory(tmp_path / "t.csv")
+    poses = read_trajectory_content(tmp_path / "t.csv").trajectory
     assert np.median(np.diff(poses.time_s)) == pytest.approx(0.05)
     true = np.stack([np.interp(poses.time_s, drive.time_s, c) for c in drive.xyz.T], axis=1) + ORIGIN
     off = np.hypot(*(poses.xyz - true)[:, :2].T)
@@ -74,7 +74,7 @@ def test_too_long_an_outage_is_a_gap(survey, linework, tmp_path):
     done = linework("locate", survey[0], "-o", tmp_path / "t.csv", "--longest-outage-s", 10)
     assert done.code == 4
     assert "no poses from 64.8 to 75.2 s" in done.line
-    time = read_trajectory(tmp_path / "t.csv").time_s
+    time = read_trajectory_content(tmp_path / "t.csv").trajectory.time_s
     assert np.diff(time).max() == pytest.approx(10.0, abs=0.7)
 
 

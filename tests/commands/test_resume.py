@@ -103,11 +103,11 @@ def stopped_in_the_middle(survey, out):
     """Kill a run when at least one tile is done and not all are."""
     with subprocess.Popen(command(survey, out), start_new_session=True, stderr=subprocess.DEVNULL) as process:
         while process.poll() is None:
-            if len(list(out.glob("work/runs/*/tiles/*.npz"))) >= 2:
+            if len(list(out.glob("work/runs/*/tiles/*.arrays"))) >= 2:
                 os.killpg(process.pid, signal.SIGKILL)
             time.sleep(0.01)
     (tiles,) = out.glob("work/runs/*/tiles")
-    return sorted(tiles.glob("*.npz"))
+    return sorted(tiles.glob("*.arrays"))
 
 
 def test_other_settings_are_refused_with_the_difference(survey, tmp_path):

@@ -175,6 +175,6 @@ def test_units_of_a_projection_without_a_code_that_contradict_the_given_crs():
     with pytest.raises(CrsError) as caught:
         resolve_crs([(34735, keys(*OWN_PROJECTION, (3076, 9003)))], "EPSG:25832", where="a.las")
     assert str(caught.value) == (
-        "a.las: its GeoTIFF keys say a unit of 0.30480061 m, --crs ETRS89 / UTM zone 32N (EPSG:25832) has 1 m."
+        "a.las: its GeoTIFF keys state a unit of 0.30480061 m, --crs ETRS89 / UTM zone 32N (EPSG:25832) has 1 m."
         " Give the CRS that the coordinates are in, or correct the header."
     )

@@ -11,11 +11,11 @@ import resource, signal, sys
 from pathlib import Path
 import numpy as np
 from linework.errors import LineworkError
-from linework.files.las_write import write_las
-from linework.files.rasters import write_geotiff
-from linework.files.run_record import write_json
-from linework.files.trajectories import write_trajectory
-from linework.files.vectors import write_lines
+from linework.files.las.write import write_las
+from linework.files.images.geotiff import write_geotiff
+from linework.files.output.record import write_json
+from linework.files.trajectories.read import write_trajectory
+from linework.files.vectors.read_write import write_lines
 from linework.model.grid import Grid, Image
 from linework.model.lines import LineSet
 from linework.model.points import Points

@@ -64,7 +64,7 @@ def test_bare_rows_without_times_take_kittis_rate_and_say_so(tmp_path: Path) -> 
     folder = write_sequence(tmp_path / "s", names=("image_l", "image_r"), named_rows=False, with_times=False)
     (folder / "image_l/000003.png").unlink()
     survey = open_survey([folder])
-    assert survey.warnings == (f"{folder}: no times.txt, images taken as 10 a second (the rate of KITTI)",)
+    assert survey.warnings == (f"{folder}: no times.txt, image rate assumed to be 10 Hz (KITTI's)",)
     series = open_stereo(survey)
     assert series is not None
     # A missing image moves no other
@@ -123,10 +123,10 @@ def test_a_crs_can_be_given_to_a_drive(tmp_path: Path) -> None:
         ("calib.txt", None, "no calib.txt"),
         ("calib.txt", "P0: 1 2 3\n", "row P0 has 3 numbers, expected 12"),
         ("calib.txt", "P0: x y z\n", "line 1 is not a row of numbers"),
-        ("calib.txt", "P0: " + "0 " * 12 + "\n", "row P0 is no projection"),
+        ("calib.txt", "P0: " + "0 " * 12 + "\n", "row P0 is not the projection"),
         ("calib.txt", "Tr: " + "0 " * 12 + "\n", "has no row P0"),
         ("calib.txt", "", "empty file"),
-        ("times.txt", "0\n0.1\nnoon\n", "line 3 is no time: 'noon'"),
+        ("times.txt", "0\n0.1\nnoon\n", "line 3 is not a time: 'noon'"),
         ("times.txt", "0\n0.1\n", "2 times for 6 images of cameras.left"),
     ],
 )

@@ -8,8 +8,8 @@ from tests.scenes.places import REAL
 from linework.errors import InputError
 from linework.files.geodesy.crs import parse_crs
 from linework.files.geodesy.geodetic import EarthFrame
-from linework.files.trajectories.kitti_poses import read_kitti_poses
-from linework.files.trajectories.oxts import read_oxts, read_oxts_content
+from linework.files.trajectories.kitti_poses import read_kitti_poses_content
+from linework.files.trajectories.oxts import read_oxts_content
 from linework.navigation.lever import headings_deg
 
 DATA = REAL
@@ -25,7 +25,7 @@ def test_a_camera_that_drives_ahead_turns_right_and_climbs(tmp_path):
     # Camera: x right, y down, z ahead. Turning right is about +y by the right hand (z goes to x)
     turn = Rotation.from_euler("y", [[0], [10], [20]], degrees=True).as_matrix()
     places = [[0, 0, 0], [0.2, -0.1, 2], [1, -0.2, 4]]  # to the right and up
-    path = read_kitti_poses(poses_file(tmp_path, turn, places), np.array([0.0, 0.1, 0.2]))
+    path = read_kitti_poses_content(poses_file(tmp_path, turn, places), np.array([0.0, 0.1, 0.2])).trajectory
     np.testing.assert_array_equal(path.time_s, [0, 0.1, 0.2])
     # East is ahead, right is south
     np.testing.assert_allclose(path.xyz, [[0, 0, 0], [2, -0.2, 0.1], [4, -1, 0.2]], atol=1e-6)
@@ -35,7 +35,7 @@ def test_a_camera_that_drives_ahead_turns_right_and_climbs(tmp_path):
 def test_tilts_of_the_camera(tmp_path):
     # About x (right) by the right hand: z (ahead) goes to -y (up): nose up. About z: x (right) goes to y (down)
     turn = [Rotation.from_euler(axis, 3, degrees=True).as_matrix() for axis in ("x", "z")]
-    path = read_kitti_poses(poses_file(tmp_path, turn, np.zeros((2, 3))), np.arange(2.0))
+    path = read_kitti_poses_content(poses_file(tmp_path, turn, np.zeros((2, 3))), np.arange(2.0)).trajectory
     np.testing.assert_allclose(path.attitude_deg, [[0, 3, 90], [3, 0, 90]], atol=1e-4)
 
 
@@ -44,21 +44,21 @@ def test_a_damaged_pose_keeps_the_times_of_the_others(tmp_path):
     lines = file.read_text().splitlines()
     lines[2] = lines[2][:20]
     file.write_text("\n".join(lines))
-    path = read_kitti_poses(file, np.arange(7.0))
+    path = read_kitti_poses_content(file, np.arange(7.0)).trajectory
     np.testing.assert_array_equal(path.time_s, [0, 1, 3, 4])
     with pytest.raises(InputError, match="5 poses, but 4 times"):
-        read_kitti_poses(file, np.arange(4.0))
+        read_kitti_poses_content(file, np.arange(4.0))
 
 
 def test_matrices_that_do_not_turn(tmp_path):
     mirrored = np.stack([np.eye(3), np.diag([1.0, 1.0, -1.0]), 2 * np.eye(3)])
-    with pytest.raises(InputError, match=r"line 2 is no rotation \(2 of 3 lines\)"):
-        read_kitti_poses(poses_file(tmp_path, mirrored, np.zeros((3, 3))), np.arange(3.0))
+    with pytest.raises(InputError, match=r"line 2 is not a rotation \(2 of 3 lines\)"):
+        read_kitti_poses_content(poses_file(tmp_path, mirrored, np.zeros((3, 3))), np.arange(3.0))
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"no real surveys in {DATA}")
 def test_the_real_slip_road_is_driven_ahead(tmp_path):
-    path = read_kitti_poses(DATA / "stereo-ramp/poses.txt", np.arange(51) / 10)
+    path = read_kitti_poses_content(DATA / "stereo-ramp/poses.txt", np.arange(51) / 10).trajectory
     assert len(path) == 51
     assert abs(path.attitude_deg[0, 2] - 90.0) < 1e-3
     # A car goes where its nose points, and leans no more than a slip road does
@@ -103,7 +103,7 @@ def test_oxts_in_a_local_frame(tmp_path):
 
 def test_oxts_on_the_grid_loses_the_convergence(tmp_path):
     folder = oxts_folder(tmp_path, ROWS)
-    path = read_oxts(folder, parse_crs("EPSG:32632"))
+    path = read_oxts_content(folder, EarthFrame(crs=parse_crs("EPSG:32632"))).trajectory
     # gamma = (lon - lon0) sin(lat) near the central meridian of zone 32, 9 degrees
     gamma = (8.43 - 9.0) * np.sin(np.radians(49.0))
     assert abs(path.attitude_deg[0, 2] - (90 - np.degrees(0.5) - gamma)) < 1e-3
@@ -119,14 +119,16 @@ def test_oxts_with_damage(tmp_path):
     assert len(content.trajectory) == 119
     assert content.warnings[0] == "1 of 120 files left out, the first is file 4"
     (folder / "oxts/data/0000000007.txt").unlink()
-    times = read_oxts(folder, "local").time_s  # the files' numbers are the lines' numbers
+    times = read_oxts_content(
+        folder, EarthFrame(crs="local")
+    ).trajectory.time_s  # the files' numbers are the lines' numbers
     assert len(times) == 118
     np.testing.assert_allclose(np.diff(times)[[2, 5]], [0.2, 0.2], atol=1e-6)
 
 
 def test_oxts_that_is_none(tmp_path):
     with pytest.raises(InputError, match="holds no data"):
-        read_oxts(tmp_path, "local")
+        read_oxts_content(tmp_path, EarthFrame(crs="local"))
     folder = oxts_folder(tmp_path, ROWS, times=["2011-09-26 13:02:25.1"] * 3)
     with pytest.raises(InputError, match="12 files of data, but 3 times"):
-        read_oxts(folder, "local")
+        read_oxts_content(folder, EarthFrame(crs="local"))

@@ -23,7 +23,6 @@ from linework.files.trajectories.of_survey import (
 )
 from linework.files.trajectories.read import (
     TrajectorySettings,
-    read_trajectory,
     read_trajectory_content,
     write_trajectory,
 )
@@ -78,15 +77,15 @@ def test_sbet_with_damage(tmp_path):
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        (b"x" * 100, "100 bytes, an SBET has 136 a record"),
+        (b"x" * 100, "100 bytes, expected 136 per record of an SBET"),
         (np.random.default_rng(1).bytes(136 * 50), "no usable rows (50 records"),
-        (b"", "0 bytes, an SBET"),
+        (b"", "0 bytes, expected 136 per record of an SBET"),
     ],
 )
 def test_what_is_no_sbet(tmp_path, data, words):
     (tmp_path / "a.out").write_bytes(data)
     with pytest.raises(InputError) as caught:
-        read_trajectory(tmp_path / "a.out")
+        read_trajectory_content(tmp_path / "a.out")
     assert words in str(caught.value)
 
 
@@ -155,24 +154,27 @@ def test_tum_that_cannot_be_used(tmp_path):
     _, turn, places = drive()
     lying = Rotation.from_euler("Y", 90, degrees=True).as_matrix()
     with pytest.raises(InputError, match=r"up is \(1\.00, 0\.00, 0\.00\) in this world"):
-        read_trajectory(tum(tmp_path, lying @ turn, places @ lying.T))
+        read_trajectory_content(tum(tmp_path, lying @ turn, places @ lying.T))
     (tmp_path / "q.txt").write_text("1 0 0 0 0 0 0 1\n2 1 0 0 1 1 0 1\n")
     with pytest.raises(InputError, match=r"line 2 has no unit quaternion \(1 of 2 lines\)"):
-        read_trajectory(tmp_path / "q.txt")
+        read_trajectory_content(tmp_path / "q.txt")
 
 
 def test_kinds_are_told_by_content(tmp_path):
     poses = tmp_path / "00.txt"
     poses.write_text("1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 2\n")
     with pytest.raises(InputError, match="poses without times"):
-        read_trajectory(poses)
+        read_trajectory_content(poses)
     (tmp_path / "times.txt").write_text("0.5\n0.6\n")
-    assert read_trajectory(poses).time_s.tolist() == [0.5, 0.6]
-    assert read_trajectory(poses, TrajectorySettings(rate_hz=10)).time_s.tolist() == [0.0, 0.1]
+    assert read_trajectory_content(poses).trajectory.time_s.tolist() == [0.5, 0.6]
+    assert read_trajectory_content(poses, TrajectorySettings(rate_hz=10)).trajectory.time_s.tolist() == [
+        0.0,
+        0.1,
+    ]
     table = tmp_path / "table.txt"
     path = Trajectory(np.arange(3.0), np.arange(9.0).reshape(3, 3))
     write_trajectory(path, table)
-    np.testing.assert_array_equal(read_trajectory(table).xyz, path.xyz)
+    np.testing.assert_array_equal(read_trajectory_content(table).trajectory.xyz, path.xyz)
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"no real surveys in {DATA}")
@@ -209,7 +211,7 @@ def test_images_stamped_in_nanoseconds_or_not_at_all(tmp_path):
     (tmp_path / "left.csv").write_text("file,time_s\n" + "".join(f"{t}.png,{t}\n" for t in stamps))
     images = read_image_list({"images": "left.csv"}, tmp_path, "cameras.left")
     np.testing.assert_allclose(images.time_s, 1_403_636_579.763_555_6 + np.arange(5) / 20, atol=1e-6)
-    assert images.warnings == ("cameras.left: times are in nanoseconds: taken as such",)
+    assert images.warnings == ("cameras.left: times are in nanoseconds: converted to seconds",)
     (tmp_path / "left.csv").write_text("file,time_s\n1.png,0\n2.png,0\n")
     with pytest.raises(InputError, match="all 2 times are 0"):
         read_image_list({"images": "left.csv"}, tmp_path, "cameras.left")

@@ -70,7 +70,7 @@ def test_a_clock_set_back_leaves_its_doubled_times_out(tmp_path: Path) -> None:
 def test_a_stuck_clock_counts_once(tmp_path: Path) -> None:
     series = _open(stereo_folder(tmp_path, [0.0, 0.1, 0.1, 0.1, 0.4, 0.5]))
     assert [pair.left.name for pair in series.pairs] == [f"{i:06d}.png" for i in (0, 1, 4, 5)]
-    assert "2 images with the time of the one before left out, first 000002.png" in series.warnings[0]
+    assert "2 images with a repeated time left out, first 000002.png" in series.warnings[0]
 
 
 def test_a_shuffled_list_is_sorted_without_a_word(tmp_path: Path) -> None:
@@ -96,10 +96,10 @@ def test_a_pause_is_told_with_its_time(tmp_path: Path) -> None:
         ("right", {"width": 0}, "cameras.right.width is 0"),
         ("right", {"position_m": [1.0, 0.25, 2.0]}, "base of 0.0000 m"),
         ("right", {"position_m": [1.0, 0.75, 2.0]}, "swapped"),
-        ("right", {"position_m": [3.0, 0.25, 2.0]}, "not across their view"),
+        ("right", {"position_m": [3.0, 0.25, 2.0]}, "not perpendicular to their view"),
         ("left", {"rotation_wxyz": [0.5, 0.5, 0.5, 0.6]}, "cameras.left.rotation_wxyz"),
-        ("right", {"rotation_wxyz": [-0.5, 0.5, 0.5, -0.5]}, "degrees apart"),
-        ("left", {"images": "*.png"}, "nothing says when"),
+        ("right", {"rotation_wxyz": [-0.5, 0.5, 0.5, -0.5]}, "differ by 180 degrees"),
+        ("left", {"images": "*.png"}, "a pattern without times"),
         ("left", {"focal": 3.0}, "unknown key cameras.left.focal"),
     ],
 )

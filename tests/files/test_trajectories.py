@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from linework.errors import InputError, OutputExistsError
-from linework.files.trajectories.read import read_trajectory, read_trajectory_content, write_trajectory
+from linework.files.trajectories.read import read_trajectory_content, write_trajectory
 from linework.model.trajectory import Trajectory
 
 HEAD = "time_s,easting_m,northing_m,height_m"
@@ -25,7 +25,7 @@ def path_of(n=50, *, full=True):
 def test_round_trip_is_exact(tmp_path, full):
     trajectory = path_of(full=full)
     write_trajectory(trajectory, tmp_path / "t.csv")
-    back = read_trajectory(tmp_path / "t.csv")
+    back = read_trajectory_content(tmp_path / "t.csv").trajectory
     np.testing.assert_array_equal(back.time_s, trajectory.time_s)
     np.testing.assert_array_equal(back.xyz, trajectory.xyz)
     for name in ("attitude_deg", "sigma_xyz_m"):
@@ -59,7 +59,7 @@ def test_unsorted_and_duplicate_times_are_sorted_and_counted(tmp_path):
     np.testing.assert_array_equal(content.trajectory.xyz[:, 0], [10, 20, 30, 40])
     assert content.warnings == (
         "time runs backwards 1 times, first at line 4: sorted",
-        "1 rows with the time of another left out",
+        "1 rows with a repeated time left out",
     )
 
 
@@ -77,7 +77,7 @@ def refusal(tmp_path, text):
     path = tmp_path / "t.csv"
     path.write_bytes(text.encode())
     with pytest.raises(InputError) as caught:
-        read_trajectory(path)
+        read_trajectory_content(path)
     line = str(caught.value)
     assert line.startswith(f"{path}: ")
     assert "\n" not in line

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from linework.files.output.record import write_json
+from linework.files.output.replace import set_record_aside
 from linework.lines.names import midpoints
 from linework.model.lines import LineSet
 from linework.runs.extraction import identify
-from linework.runs.record import record_path, set_record_aside
+from linework.runs.record import record_path
 from linework.runs.steps import RunSteps
 
 

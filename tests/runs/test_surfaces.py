@@ -261,7 +261,7 @@ def test_what_a_killed_pass_leaves_is_made_anew(tmp_path):
     assert all(name.startswith(("surface.", "coarse.")) for name in kept)
     # As if it had been killed in its last pass: no record, half a file, files of earlier passes
     (folder / "surface.json").unlink()
-    (folder / "cells.e1n1.part").write_bytes(b"half")
+    (folder / ".cells.e1n1.99999.part.arrays").write_bytes(b"half")
     SurfaceTiles(folder, 64).write("labels", (99, 99), np.zeros(3))
     with pytest.raises(FileNotFoundError):
         SurveySurface.open(folder)

@@ -233,7 +233,8 @@ def test_wrong_arguments_are_refused():
 
 
 def test_the_folder_holds_the_survey_and_is_not_overwritten(survey, tmp_path):
-    from linework.files.las.read import read_las
+    from tests.oracles.las_in_memory import read_las
+
     from linework.files.survey.open import open_survey
     from linework.files.vectors.read_write import read_lines
     from linework.simulation.folder import write_survey_folder

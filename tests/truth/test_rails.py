@@ -4,11 +4,11 @@ import functools
 
 import numpy as np
 import pytest
+from tests.oracles.las_in_memory import read_las
 from tests.scenes.places import REAL
 
 from linework.evaluation.measures import match_lines, score
 from linework.evaluation.stations import Stations
-from linework.files.las.read import read_las
 from linework.methods.radon.method import RadonMethod
 from linework.model.tile import TileData
 from linework.model.trajectory import Trajectory

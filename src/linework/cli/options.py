@@ -72,21 +72,10 @@ def read_settings(path: Path | None) -> RunSettings:
     InputError
         The file cannot be read.
     """
-    import tomllib
-
-    from linework.errors import ConfigError
-    from linework.files.las.header import regular_file_bytes
-    from linework.model.settings import settings_from
+    from linework.files.settings_file import read_settings_file
     from linework.runs.settings import RunSettings
 
-    if path is None:
-        return RunSettings()
-    regular_file_bytes(path)
-    try:
-        values = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"not TOML: {error}", where=path, advice="see linework config") from error
-    return settings_from(RunSettings, values, where=path)
+    return RunSettings() if path is None else read_settings_file(RunSettings, path)
 
 
 def with_trajectory(survey: Survey, path: Path | None) -> Survey:

@@ -1,4 +1,4 @@
-"""Cameras of a van: one with its lens and its place on the vehicle, and two side by side as a stereo pair.
+"""Cameras of a van: lens and mounting of one camera, and two side by side as a stereo pair.
 
 Pixels are (col, row) with (0, 0) in the middle of the upper left one. Camera frame: x right, y down, z forward.
 """
@@ -12,7 +12,7 @@ import numpy as np
 
 from linework.arrays import FloatArray, checked
 
-#: A base shorter than this measures nothing: at 10 m and 1000 pixels of focal length a tenth of a pixel is 2 m.
+#: Shortest base of a stereo pair [m]: with less, a tenth of a pixel is 2 m at 10 m distance (focal length 1000 px).
 LEAST_BASE_M = 0.005
 
 
@@ -55,7 +55,7 @@ class Camera:
         position = checked("position_m", self.position_m, np.float64, (3,))
         rotation = checked("R_vehicle_camera", self.R_vehicle_camera, np.float64, (3, 3))
         if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) or np.linalg.det(rotation) < 0:
-            raise ValueError("R_vehicle_camera: is no rotation")
+            raise ValueError("R_vehicle_camera: not a rotation")
         object.__setattr__(self, "position_m", position)
         object.__setattr__(self, "R_vehicle_camera", rotation)
 
@@ -72,12 +72,12 @@ LOOKING_AHEAD.flags.writeable = False
 
 @dataclass(frozen=True, slots=True)
 class StereoRig:
-    """Two cameras that look the same way, the right one to the right of the left one.
+    """A stereo pair: two cameras with parallel views, the right one to the right of the left one.
 
     Raises
     ------
     ValueError
-        No base, cameras swapped, or looking different ways; with numbers.
+        No base, cameras swapped, or views not parallel; with numbers.
     """
 
     left: Camera
@@ -87,26 +87,30 @@ class StereoRig:
         base = self.left.R_vehicle_camera.T @ (self.right.position_m - self.left.position_m)
         length = float(np.linalg.norm(base))
         if length < LEAST_BASE_M:
-            raise ValueError(f"base of {length:.4f} m between the cameras, they must stand apart")
+            raise ValueError(
+                f"base of {length:.4f} m between the cameras, expected at least {LEAST_BASE_M:g} m"
+            )
         if base[0] < -0.5 * length:
             raise ValueError(f"the right camera is {-base[0]:.3f} m to the left of the left one: swapped")
         if base[0] < 0.7 * length:
-            raise ValueError("the base between the cameras is not across their view")
+            raise ValueError("the base between the cameras is not perpendicular to their view")
         turn = float(self.left.R_vehicle_camera[:, 2] @ self.right.R_vehicle_camera[:, 2])
         if turn < math.cos(math.radians(30.0)):
-            raise ValueError(f"the cameras look {math.degrees(math.acos(max(turn, -1.0))):.0f} degrees apart")
+            raise ValueError(
+                f"the views of the cameras differ by {math.degrees(math.acos(max(turn, -1.0))):.0f} degrees"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RectifiedRig:
     """Geometry of a pair after rectification: two equal ideal cameras, rows are epipolar lines.
 
-    A place is seen at (col, row) in the left and at (col - disparity, row) in the right image.
+    A point at (col, row) in the left image is at (col - disparity, row) in the right one.
 
     Parameters
     ----------
     focal_px, cx, cy
-        Of both. [pixels]
+        Focal length and principal point of both. [pixels]
     width, height
         Size of both images. [pixels]
     base_m

@@ -1,4 +1,4 @@
-"""Changes of a drawing: which lines were taken out, and which were put in their place."""
+"""Changes of a line file: the lines that were removed, and those that replaced them."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from linework.model.lines import LineSet
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """Everything a person does to lines, whatever it is: some go, others come.
+    """A change of lines: some are removed, others added. Every edit of a person has this form.
 
     Parameters
     ----------
     action
         What was done, in one word: "accept", "split", "move" ...
     before
-        Lines as they are, which are taken out.
+        Lines that are removed, as they are now.
     after
-        Lines that come in: of the same `id` where a line goes on, with a new one where it is new. Lines without an
-        `id` are given one when they are saved.
+        Lines that are added: with the same `id` where they continue a line of `before`. Lines without an `id` get
+        one when they are saved.
     """
 
     action: str
@@ -28,7 +28,7 @@ class Change:
 
     @property
     def undone(self) -> Change:
-        """The change back."""
+        """The reverse change."""
         return Change("undo", self.after, self.before)
 
 
@@ -39,15 +39,13 @@ class Edit:
     Parameters
     ----------
     number
-        From 1, in the order of saving; also the revision of the drawing after it.
+        From 1, in the order of saving; also the revision of the line file after it.
     time_utc
-        When, as ISO 8601.
+        Time of saving, ISO 8601.
     who
-        Who did it.
-    change
-        What was done.
+        Name of the person; "" for an extraction or another program.
     undoes
-        Number of the edit that it takes back, 0: none.
+        Number of the edit that it undoes, 0: none.
     """
 
     number: int

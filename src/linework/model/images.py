@@ -1,8 +1,7 @@
-"""Stereo images of a survey: which pairs there are and when they were taken; nothing opened yet."""
+"""Stereo pairs of a survey with their times (files not opened yet), rectified pairs, and vehicle poses."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, FloatArray, checked
 from linework.model.camera import RectifiedRig, StereoRig
+from linework.model.columns import Columns, column
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,9 +19,9 @@ class ImagePair:
     Parameters
     ----------
     number
-        Its place in the series, from 0, also counting pairs that cannot be used.
+        Number in the series, from 0, counting also pairs that cannot be used.
     time_s
-        When it was taken, by the survey's clock. [s]
+        Time of exposure on the survey's clock. [s]
     left, right
         The files.
     """
@@ -39,7 +39,7 @@ class StereoSeries:
     Parameters
     ----------
     warnings
-        One line each about images that are in no pair.
+        One line each about images without a partner.
     unpaired
         Those images.
     left_out
@@ -80,8 +80,8 @@ class RectifiedPair:
 
 
 @dataclass(frozen=True, slots=True)
-class Poses:
-    """Where the vehicle was at given times, and how it was turned.
+class Poses(Columns):
+    """Position and orientation of the vehicle at given times.
 
     Parameters
     ----------
@@ -97,32 +97,16 @@ class Poses:
         (n, 3) float64: of roll, pitch, heading; NaN where unknown.
     """
 
-    time_s: FloatArray
-    xyz: FloatArray
-    R_world_vehicle: FloatArray
-    sigma_xyz_m: FloatArray
-    sigma_attitude_rad: FloatArray
-
-    def __post_init__(self) -> None:
-        n = len(self.time_s)
-        for name, shape in (
-            ("time_s", (n,)), ("xyz", (n, 3)), ("R_world_vehicle", (n, 3, 3)),
-            ("sigma_xyz_m", (n, 3)), ("sigma_attitude_rad", (n, 3)),
-        ):  # fmt: skip
-            object.__setattr__(self, name, checked(name, getattr(self, name), np.float64, shape))
-
-    def __len__(self) -> int:
-        return len(self.time_s)
-
-    def take(self, index: AnyArray | Sequence[int]) -> Poses:
-        """Return the poses chosen by an index array, in that order."""
-        chosen = np.asarray(index, dtype=np.int64)
-        return Poses(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+    time_s: FloatArray = column()
+    xyz: FloatArray = column(np.float64, 3)
+    R_world_vehicle: FloatArray = column(np.float64, 3, 3)
+    sigma_xyz_m: FloatArray = column(np.float64, 3)
+    sigma_attitude_rad: FloatArray = column(np.float64, 3)
 
     def to_world(self, i: int, xyz_vehicle: FloatArray) -> FloatArray:
-        """Return (k, 3) places of the vehicle frame of pose i in the world. [m]"""  # noqa: D400
+        """Return (k, 3) positions [m, world] of positions [m, vehicle] of pose i."""
         return np.asarray(np.asarray(xyz_vehicle) @ self.R_world_vehicle[i].T + self.xyz[i])
 
     def to_vehicle(self, i: int, xyz_world: FloatArray) -> FloatArray:
-        """Return (k, 3) places of the world in the vehicle frame of pose i. [m]"""  # noqa: D400
+        """Return (k, 3) positions [m, vehicle of pose i] of positions [m, world]."""
         return np.asarray((np.asarray(xyz_world) - self.xyz[i]) @ self.R_world_vehicle[i])

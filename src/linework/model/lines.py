@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray, checked
+from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray, checked, offsets_of
+from linework.model.columns import check_columns, column_types, filled_column
 
 #: The kinds of line, in the order of their layers.
 KINDS = (
@@ -16,14 +17,10 @@ KINDS = (
     "barrier", "fence", "cable",
 )  # fmt: skip
 
-#: What a person says of a line: right as it is, made right, drawn, or no such thing.
+#: Review decisions: right as it is, corrected, drawn by hand, or no such feature.
 REVIEWS = ("accepted", "edited", "drawn", "rejected")
-#: What a person sees of the thing itself.
+#: Condition of the feature itself, as the reviewer sees it.
 CONDITIONS = ("good", "worn", "damaged", "missing")
-
-
-def _column(dtype: Any, default: Any) -> Any:
-    return field(default=None, metadata={"dtype": dtype, "default": default})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +42,7 @@ class LineSet:
     bridged
         (n,) bool: no measurement here although the feature should be visible.
     observed
-        (n,) bool: truth lines only: was it within reach and not hidden. True elsewhere.
+        (n,) bool, of truth lines: within reach of the scanner and not hidden. True for other lines.
     id, kind, role, pattern, form, method, source
         (m,) str; "" where it does not apply.
     double
@@ -53,44 +50,44 @@ class LineSet:
     width_m, height_m, clearance_m
         (m,) float64 [m]; NaN where it does not apply.
     disagreement_mean_m, disagreement_rms_m
-        (m,) float64 [m]: how far another method saw the same feature from this line, positive to the left of
-        its direction; NaN where only one saw it.
+        (m,) float64 [m]: mean and rms offset of another method's line of the same feature, positive to the left
+        of this one's direction; NaN where only one method found it.
     confidence
         (m,) float64, 0 to 1.
     time_start_s, time_end_s
         (m,) float64 [s]; NaN where the survey has no time.
     review
-        (m,) str: what a person said of it, of `REVIEWS`; "" where nobody has looked.
+        (m,) str: review decision, one of `REVIEWS`; "" before review.
     condition, note
-        (m,) str: what a person saw there: of `CONDITIONS`, and in words.
+        (m,) str: condition, one of `CONDITIONS`, and a remark in words.
     """
 
     xyz: FloatArray
     offsets: IntArray
     crs: str = "local"
-    sigma_xy_m: FloatArray = _column(np.float64, np.nan)
-    sigma_z_m: FloatArray = _column(np.float64, np.nan)
-    bridged: BoolArray = _column(np.bool_, False)
-    observed: BoolArray = _column(np.bool_, True)
-    id: AnyArray = _column(np.str_, "")
-    kind: AnyArray = _column(np.str_, "")
-    role: AnyArray = _column(np.str_, "")
-    pattern: AnyArray = _column(np.str_, "")
-    form: AnyArray = _column(np.str_, "")
-    method: AnyArray = _column(np.str_, "")
-    source: AnyArray = _column(np.str_, "")
-    double: BoolArray = _column(np.bool_, False)
-    width_m: FloatArray = _column(np.float64, np.nan)
-    height_m: FloatArray = _column(np.float64, np.nan)
-    clearance_m: FloatArray = _column(np.float64, np.nan)
-    disagreement_mean_m: FloatArray = _column(np.float64, np.nan)
-    disagreement_rms_m: FloatArray = _column(np.float64, np.nan)
-    confidence: FloatArray = _column(np.float64, 1.0)
-    time_start_s: FloatArray = _column(np.float64, np.nan)
-    time_end_s: FloatArray = _column(np.float64, np.nan)
-    review: AnyArray = _column(np.str_, "")
-    condition: AnyArray = _column(np.str_, "")
-    note: AnyArray = _column(np.str_, "")
+    sigma_xy_m: FloatArray = filled_column(np.float64, np.nan)
+    sigma_z_m: FloatArray = filled_column(np.float64, np.nan)
+    bridged: BoolArray = filled_column(np.bool_, False)
+    observed: BoolArray = filled_column(np.bool_, True)
+    id: AnyArray = filled_column(np.str_, "")
+    kind: AnyArray = filled_column(np.str_, "")
+    role: AnyArray = filled_column(np.str_, "")
+    pattern: AnyArray = filled_column(np.str_, "")
+    form: AnyArray = filled_column(np.str_, "")
+    method: AnyArray = filled_column(np.str_, "")
+    source: AnyArray = filled_column(np.str_, "")
+    double: BoolArray = filled_column(np.bool_, False)
+    width_m: FloatArray = filled_column(np.float64, np.nan)
+    height_m: FloatArray = filled_column(np.float64, np.nan)
+    clearance_m: FloatArray = filled_column(np.float64, np.nan)
+    disagreement_mean_m: FloatArray = filled_column(np.float64, np.nan)
+    disagreement_rms_m: FloatArray = filled_column(np.float64, np.nan)
+    confidence: FloatArray = filled_column(np.float64, 1.0)
+    time_start_s: FloatArray = filled_column(np.float64, np.nan)
+    time_end_s: FloatArray = filled_column(np.float64, np.nan)
+    review: AnyArray = filled_column(np.str_, "")
+    condition: AnyArray = filled_column(np.str_, "")
+    note: AnyArray = filled_column(np.str_, "")
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "xyz", checked("xyz", self.xyz, np.float64, (None, 3)))
@@ -103,13 +100,8 @@ class LineSet:
         ):
             raise ValueError(f"offsets: must rise from 0 to {len(self.xyz)}, got {offsets}")
         object.__setattr__(self, "offsets", offsets)
-        for name in VERTEX_COLUMNS + LINE_COLUMNS:
-            n = len(self.xyz) if name in VERTEX_COLUMNS else len(self)
-            meta = self.__dataclass_fields__[name].metadata
-            value = getattr(self, name)
-            if value is None:
-                value = np.full(n, meta["default"], dtype=meta["dtype"])
-            object.__setattr__(self, name, checked(name, value, meta["dtype"], (n,)))
+        check_columns(self, _VERTEX_TYPES, len(self.xyz))
+        check_columns(self, _LINE_TYPES, len(self))
 
     def __len__(self) -> int:
         return len(self.offsets) - 1
@@ -127,7 +119,7 @@ class LineSet:
         >>> len(s), s.offsets.tolist()
         (2, [0, 2, 5])
         """
-        offsets = np.concatenate([[0], np.cumsum([len(line) for line in lines])]).astype(np.int64)
+        offsets = offsets_of([len(line) for line in lines])
         xyz = (
             np.concatenate([np.asarray(line, dtype=np.float64) for line in lines])
             if len(lines)
@@ -163,7 +155,7 @@ class LineSet:
         chosen = chosen.astype(np.int64)
         runs = [np.arange(self.offsets[i], self.offsets[i + 1]) for i in chosen]
         vertices = np.concatenate(runs) if runs else np.zeros(0, dtype=np.int64)
-        offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[chosen])]).astype(np.int64)
+        offsets = offsets_of(np.diff(self.offsets)[chosen])
         columns = {c: getattr(self, c)[vertices] for c in VERTEX_COLUMNS}
         columns |= {c: getattr(self, c)[chosen] for c in LINE_COLUMNS}
         return LineSet(xyz=self.xyz[vertices], offsets=offsets, crs=self.crs, **columns)
@@ -203,9 +195,8 @@ class LineSet:
         return np.asarray(total, dtype=np.float64)
 
 
+#: Columns of vertices and of lines, in order.
 VERTEX_COLUMNS = ("sigma_xy_m", "sigma_z_m", "bridged", "observed")
-LINE_COLUMNS = tuple(
-    f.name
-    for f in fields(LineSet)
-    if f.name not in VERTEX_COLUMNS and f.name not in ("xyz", "offsets", "crs")
-)
+LINE_COLUMNS = tuple(name for name in column_types(LineSet) if name not in VERTEX_COLUMNS)
+_VERTEX_TYPES = {name: column_types(LineSet)[name] for name in VERTEX_COLUMNS}
+_LINE_TYPES = {name: column_types(LineSet)[name] for name in LINE_COLUMNS}

@@ -1,4 +1,4 @@
-"""What the van's navigation sensors logged: GNSS fixes, gyros, wheel counters."""
+"""Logs of a drive: GNSS fixes, gyros, wheel counters; photos and events with their places."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.arrays import AnyArray, FloatArray, checked
+from linework.arrays import AnyArray, FloatArray
+from linework.model.columns import Columns, column, optional_column
 
 
 def _check_times(name: str, time_s: FloatArray) -> None:
@@ -16,7 +17,7 @@ def _check_times(name: str, time_s: FloatArray) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class GnssLog:
+class GnssLog(Columns):
     """Fixes of the antenna.
 
     Parameters
@@ -26,23 +27,20 @@ class GnssLog:
     xyz
         (n, 3) float64 [m, world].
     sigma_m
-        (n, 3) float64 [m]: east, north, up, as the receiver says.
+        (n, 3) float64 [m]: east, north, up, as the receiver states them.
     """
 
-    time_s: FloatArray
-    xyz: FloatArray
-    sigma_m: FloatArray
+    time_s: FloatArray = column()
+    xyz: FloatArray = column(np.float64, 3)
+    sigma_m: FloatArray = column(np.float64, 3)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "time_s", checked("time_s", self.time_s, np.float64, (None,)))
-        for name in ("xyz", "sigma_m"):
-            value = checked(name, getattr(self, name), np.float64, (len(self.time_s), 3))
-            object.__setattr__(self, name, value)
+        Columns.__post_init__(self)
         _check_times("GNSS", self.time_s)
 
 
 @dataclass(frozen=True, slots=True)
-class GyroLog:
+class GyroLog(Columns):
     """The directional gyro, and the vertical gyro where there is one.
 
     Parameters
@@ -55,23 +53,17 @@ class GyroLog:
         (n, 2) float64 [rad]: right side down, nose up positive; or None.
     """
 
-    time_s: FloatArray
-    yaw_rate_radps: FloatArray
-    roll_pitch_rad: FloatArray | None = None
+    time_s: FloatArray = column()
+    yaw_rate_radps: FloatArray = column()
+    roll_pitch_rad: FloatArray | None = optional_column(np.float64, 2)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "time_s", checked("time_s", self.time_s, np.float64, (None,)))
-        n = len(self.time_s)
-        rate = checked("yaw_rate_radps", self.yaw_rate_radps, np.float64, (n,))
-        object.__setattr__(self, "yaw_rate_radps", rate)
-        if self.roll_pitch_rad is not None:
-            tilt = checked("roll_pitch_rad", self.roll_pitch_rad, np.float64, (n, 2))
-            object.__setattr__(self, "roll_pitch_rad", tilt)
+        Columns.__post_init__(self)
         _check_times("gyro", self.time_s)
 
 
 @dataclass(frozen=True, slots=True)
-class WheelLog:
+class WheelLog(Columns):
     """Running counts of the two counted wheels, or the speed.
 
     Parameters
@@ -84,26 +76,20 @@ class WheelLog:
         (n,) float64 [m/s]; or None. One of the two is given.
     """
 
-    time_s: FloatArray
-    ticks: FloatArray | None = None
-    speed_mps: FloatArray | None = None
+    time_s: FloatArray = column()
+    ticks: FloatArray | None = optional_column(np.float64, 2)
+    speed_mps: FloatArray | None = optional_column()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "time_s", checked("time_s", self.time_s, np.float64, (None,)))
-        n = len(self.time_s)
+        Columns.__post_init__(self)
         if (self.ticks is None) == (self.speed_mps is None):
-            raise ValueError("wheels: either ticks or speed_mps")
-        if self.ticks is not None:
-            object.__setattr__(self, "ticks", checked("ticks", self.ticks, np.float64, (n, 2)))
-        if self.speed_mps is not None:
-            speed = checked("speed_mps", self.speed_mps, np.float64, (n,))
-            object.__setattr__(self, "speed_mps", speed)
+            raise ValueError("wheels: expected either ticks or speed_mps")
         _check_times("wheels", self.time_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigationLogs:
-    """All logs of a drive, and what is known of the vehicle.
+    """All navigation logs of a drive, and the vehicle's measures.
 
     Parameters
     ----------
@@ -123,12 +109,9 @@ class NavigationLogs:
     gnss_lever_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-# The van's log: where each image was taken and where each key was pressed
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LoggedPlaces:
-    """n moments of a drive and where the van was at each, in time order.
+class LoggedPlaces(Columns):
+    """n moments of a drive with the van's position at each, in time order.
 
     Parameters
     ----------
@@ -139,32 +122,18 @@ class LoggedPlaces:
     heading_deg
         (n,) float64 [deg]: of the vehicle, clockwise from grid north.
     chainage_m
-        (n,) float64 [m]: distance driven since the trajectory began.
+        (n,) float64 [m]: distance driven from the start of the trajectory.
     """
 
-    time_s: FloatArray
-    xyz: FloatArray
-    heading_deg: FloatArray
-    chainage_m: FloatArray
-
-    def __post_init__(self) -> None:
-        n = len(self.time_s)
-        for name, shape in (("time_s", (n,)), ("xyz", (n, 3)), ("heading_deg", (n,)), ("chainage_m", (n,))):
-            object.__setattr__(self, name, checked(name, getattr(self, name), np.float64, shape))
-
-    def __len__(self) -> int:
-        return len(self.time_s)
-
-    @classmethod
-    def empty(cls) -> LoggedPlaces:
-        """Return no places."""
-        none = np.zeros(0)
-        return cls(time_s=none, xyz=np.zeros((0, 3)), heading_deg=none, chainage_m=none)
+    time_s: FloatArray = column()
+    xyz: FloatArray = column(np.float64, 3)
+    heading_deg: FloatArray = column()
+    chainage_m: FloatArray = column()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Photos:
-    """Stereo pairs and where they were taken: the projection centre of the left camera.
+    """Stereo pairs and their places: the projection centre of the left camera.
 
     Parameters
     ----------
@@ -185,7 +154,7 @@ class Photos:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Events:
-    """Keys that the operator pressed, with a note, and where the vehicle's origin was."""
+    """Keys that the operator pressed, with a note, and the vehicle's position then."""
 
     places: LoggedPlaces = field(default_factory=LoggedPlaces.empty)
     key: tuple[str, ...] = ()
@@ -197,14 +166,14 @@ class Events:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VanLog:
-    """All that a drive logged by place.
+    """Photos and events of a drive with their places.
 
     Parameters
     ----------
     photos, events
         None where the survey has none; empty where none could be placed.
     root
-        Folder of the survey: files are named from there.
+        Folder of the survey; file names are relative to it.
     crs
         WKT2 of the places, or "local".
     warnings

@@ -1,4 +1,4 @@
-"""What a survey consists of: files and what is known of them, nothing opened yet."""
+"""Survey: its files and metadata; nothing is opened yet."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Survey:
     Parameters
     ----------
     name
-        For people.
+        Name shown to people.
     root
         Folder that relative paths start from.
     point_files
@@ -29,12 +29,12 @@ class Survey:
     trajectory_boresight_deg
         Roll, pitch, heading of the described unit in the vehicle frame. [deg]
     settings
-        The survey.toml as read, or what one would say of a KITTI folder, for the parts that other rooms use
+        Content of the survey.toml, or the equivalent of a KITTI folder, for the parts that other modules use
         (cameras, navigation, events).
     settings_file
-        The survey.toml, or the calibration that says as much, for messages; None without one.
+        The survey.toml, or the calibration file in its place, for messages; None without one.
     warnings
-        One line each: what was assumed because nothing says it.
+        One line each: what was assumed because no file states it.
     """
 
     name: str

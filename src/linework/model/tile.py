@@ -1,4 +1,4 @@
-"""A piece of a survey as a method gets it."""
+"""A tile of a survey as a method receives it, and the road surface."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ class TileData:
     tile_id
         Name of the tile, the same in every run.
     core
-        What the tile answers for (half open); points beyond it are buffer.
+        Area that this tile is responsible for (half open); points beyond it are buffer.
     points
         Points of core and buffer.
     trajectory
         The vehicle's path (whole), or None.
     source
-        Name of what the points come from, for the lines' `source` field.
+        Name of the data source, for the lines' `source` field.
     surface
-        Road and ground of the whole survey over core and buffer, or None: a method finds them in the points.
+        Road and ground surface of the survey over core and buffer; None: the method derives it from the points.
     origin
         Local origin shared by all tiles of a survey [m, world], so that the same points give the same
-        numbers in each of them; None: made from the points, see `local_origin`.
+        numbers in each of them; None: derived from the points (see `local_origin`).
     is_whole
         Whether the tile is the whole survey: its lines are then not cut at the edges of the core.
     """
@@ -59,12 +59,9 @@ def local_origin(west: float, south: float, low: float) -> tuple[float, float, f
     return east, north, up
 
 
-# The road's and the ground's height, everywhere on a grid
-
-
 @dataclass(frozen=True, slots=True)
 class RoadSurface:
-    """The road's and the ground's height on one grid, without holes (NaN only where making it failed).
+    """Heights of road and ground on one grid, without holes (NaN only where the computation failed).
 
     Parameters
     ----------
@@ -73,7 +70,7 @@ class RoadSurface:
     z0_m
         Local height origin: the surfaces are float32 above it. [m, world]
     road_m
-        (rows, cols) float32 [m above z0_m]: the road, carried on beyond its edge into the ground.
+        (rows, cols) float32 [m above z0_m]: the road, continued beyond its edge over the ground.
     ground_m
         (rows, cols) float32 [m above z0_m]: the ground.
     is_road, is_ground

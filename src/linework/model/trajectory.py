@@ -1,4 +1,4 @@
-"""Where the van was: positions, and attitudes where known."""
+"""Trajectory: the van's positions over time, and its attitudes where known."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.arrays import FloatArray, checked
+from linework.arrays import FloatArray
+from linework.model.columns import Columns, column, optional_column
 
 
 @dataclass(frozen=True, slots=True)
-class Trajectory:
+class Trajectory(Columns):
     """The vehicle's path in the survey's CRS, in time order.
 
     Parameters
@@ -27,22 +28,13 @@ class Trajectory:
         (n, 3) float64 [deg]: of roll, pitch, heading, or None.
     """
 
-    time_s: FloatArray
-    xyz: FloatArray
-    attitude_deg: FloatArray | None = None
-    sigma_xyz_m: FloatArray | None = None
-    sigma_attitude_deg: FloatArray | None = None
+    time_s: FloatArray = column()
+    xyz: FloatArray = column(np.float64, 3)
+    attitude_deg: FloatArray | None = optional_column(np.float64, 3)
+    sigma_xyz_m: FloatArray | None = optional_column(np.float64, 3)
+    sigma_attitude_deg: FloatArray | None = optional_column(np.float64, 3)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "time_s", checked("time_s", self.time_s, np.float64, (None,)))
-        n = len(self.time_s)
-        object.__setattr__(self, "xyz", checked("xyz", self.xyz, np.float64, (n, 3)))
-        for name in ("attitude_deg", "sigma_xyz_m", "sigma_attitude_deg"):
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, checked(name, value, np.float64, (n, 3)))
-        if n and np.any(np.diff(self.time_s) <= 0):
+        Columns.__post_init__(self)
+        if np.any(np.diff(self.time_s) <= 0):
             raise ValueError("time_s: must be strictly increasing")
-
-    def __len__(self) -> int:
-        return len(self.time_s)

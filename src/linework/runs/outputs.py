@@ -11,9 +11,10 @@ from typing import Any
 from linework.editing.queue.carried_over import REJECTED_REVIEW, carry_over_reviews
 from linework.errors import LineworkError
 from linework.files.geodesy.crs import describe_crs
-from linework.files.line_file.carried import has_reviews, with_history
+from linework.files.line_file.carried_history import has_reviews, with_history
 from linework.files.line_file.file import LineFile
 from linework.files.output.record import hash_file, write_json
+from linework.files.output.replace import set_record_aside
 from linework.files.store.facts import StoreFacts
 from linework.files.vectors.read_write import points_left_out, write_lines
 from linework.model.lines import REVIEWS, LineSet

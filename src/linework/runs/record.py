@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import glob
 import json
-import os
 import platform
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import linework
-from linework.files.output.publish import is_alive
 
 #: Packages whose version can change the result: listed in every record.
 PACKAGES = ("numpy", "scipy", "numba", "laspy", "lazrs", "pyproj", "pyogrio", "shapely")
@@ -91,38 +88,6 @@ def missing_summary(record: Mapping[str, Any]) -> str:
     )
     more = f" and {len(failures) - MAX_LISTED} more" if len(failures) > MAX_LISTED else ""
     return f"{' and '.join(parts)} left out: {listed}{more}" if failures else ""
-
-
-@contextlib.contextmanager
-def set_record_aside(path: Path) -> Iterator[None]:
-    """Move an old record aside while its output is replaced; it is put back if that fails.
-
-    The order is: old record aside, new output in place, new record in place. Whenever the run is killed,
-    no output is left beside the record of another.
-    """
-    _put_back(path)
-    aside = path.with_name(f".{path.name}.{os.getpid()}.old")
-    had_one = path.exists()
-    if had_one:
-        path.replace(aside)
-    try:
-        yield
-    except BaseException:
-        if had_one:
-            aside.replace(path)
-        raise
-    aside.unlink(missing_ok=True)
-
-
-def _put_back(path: Path) -> None:
-    """Put back the old record that a killed run moved aside; remove it if there is a newer one."""
-    for aside in sorted(path.parent.glob(f".{glob.escape(path.name)}.*.old")):
-        number = aside.name.removesuffix(".old").rpartition(".")[2]
-        if number.isdigit() and not is_alive(int(number)):
-            if path.exists():
-                aside.unlink()
-            else:
-                aside.replace(path)
 
 
 def _output_of(record: Path) -> str:

@@ -19,6 +19,7 @@ from linework.errors import MachineError, UsageError
 from linework.files.output.locks import hold_lock
 from linework.files.output.publish import machine_errors
 from linework.files.output.record import hash_file
+from linework.files.output.replace import replace_file
 from linework.runs.opened.work_folder import RUNS, folder_in_use_error
 from linework.runs.record import versions
 
@@ -129,10 +130,8 @@ def _journal(folder: Path) -> Journal:
 
 
 def _describe(folder: Path, described: Mapping[str, Any]) -> None:
-    """Write the description, the last file of a new folder: without it, the folder is not resumed."""
-    part = folder / f".{_DESCRIPTION}.part"
-    part.write_text(json.dumps(described), encoding="utf-8")
-    part.replace(folder / _DESCRIPTION)
+    """Write what the run is, last of what makes its folder: a folder without it was never begun."""
+    replace_file(folder / _DESCRIPTION, json.dumps(described).encode())
 
 
 def _description(folder: Path) -> dict[str, Any] | None:

@@ -295,7 +295,7 @@ def test_arguments_that_make_no_sense(refused, las_file, arguments, said):
         ("[radon]\ncell_m = -1.0\n", "radon.cell_m"),
         ("[radon]\ncell_m = 'wide'\n", "radon.cell_m"),
         ("[magic]\n", "magic"),
-        ("radon = \n", "not TOML"),
+        ("radon = \n", "is not TOML"),
     ],
 )
 def test_a_run_file_that_makes_no_sense(refused, las_file, tmp_path, text, said):

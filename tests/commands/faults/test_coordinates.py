@@ -131,7 +131,7 @@ def assert_same(found: LineSet, expected: LineSet, shift=(0.0, 0.0, 0.0), within
 
 def test_b01_no_crs(refused, scene, tmp_path):
     path = cloud(tmp_path / "a.las", scene + PLACE)
-    assert refused(path) == f"{path}: the file does not say its CRS. Give --crs EPSG:... or --crs local."
+    assert refused(path) == f"{path}: the file does not state its CRS. Give --crs EPSG:... or --crs local."
 
 
 KEYS = ((1024, 1), (3072, 25832))
@@ -242,7 +242,7 @@ def test_b08_outside_the_projection(refused, lines_of, scene, tmp_path):
     for rest in (tmp_path / "out").iterdir():
         rest.unlink()
     assert re.search(
-        r"lines\.kml: no exact way from ETRS89 / UTM zone 32N \(EPSG:25832\) to degrees is known\. Write \.gpkg,"
+        r"lines\.kml: no exact way from ETRS89 / UTM zone 32N \(EPSG:25832\) to degrees\. Write \.gpkg,"
         r" \.geojson or \.dxf\.$",
         refused(far, output="lines.kml"),
     )
@@ -250,9 +250,7 @@ def test_b08_outside_the_projection(refused, lines_of, scene, tmp_path):
 
 def test_b09_only_a_ballpark_is_known(refused, scene, tmp_path):
     path = cloud(tmp_path / "a.las", scene + PLACE, wkt=wkt_of("EPSG:2345"))
-    assert re.search(
-        r"no exact way from Xian 1980 .* to degrees is known\.", refused(path, output="lines.kml")
-    )
+    assert re.search(r"no exact way from Xian 1980 .* to degrees\.", refused(path, output="lines.kml"))
 
 
 # B10, B11, B12: numbers

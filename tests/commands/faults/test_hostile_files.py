@@ -38,13 +38,13 @@ class Right:
     given: str | None = None
     factors: tuple[float, float] = (1.0, 1.0)
     said: tuple[str, ...] = ()
-    refused: str = "the file does not say its CRS"
+    refused: str = "the file does not state its CRS"
 
 
 UNSAID = Right(given="local")
 OWN_KEYS = "the file's GeoTIFF keys define a projection of their own, without EPSG code"
 NO_INTENSITY, NO_TIME = "no intensity (0 for all points)", "no GPS time (0 for all points)"
-LATE = "GPS times from 1205902800 to 1205902800, though the header says seconds of the week: taken as 'gps'"
+LATE = "GPS times from 1205902800 to 1205902800, though the header says seconds of the week: read as 'gps'"
 OREGON_FEET = Right("EPSG:2993", factors=(FOOT, FOOT))
 OREGON = Right("EPSG:2991+5703", factors=(1.0, US_FOOT))
 NEW_MEXICO = Right("", factors=(US_FOOT, US_FOOT))
@@ -91,7 +91,9 @@ RIGHT = {
     "simple.laz": UNSAID,
     "simple1_1.las": UNSAID,
     # Its writer forgot the scale of 0.001 in the box
-    "simple1_3.las": Right(given="local", said=("999 of 999 points lie outside the box in its header",)),
+    "simple1_3.las": Right(
+        given="local", said=("999 of 999 points lie outside the bounding box in its header",)
+    ),
     "simple_with_page.copc.laz": OREGON,
     "test1_4.las": NEW_MEXICO,
     "unregistered_extra_bytes.las": Right(given="local", said=(NO_INTENSITY, NO_TIME)),

@@ -100,7 +100,7 @@ def _web_page(path: Path) -> None:
     ("harm", "told"),
     [
         (_half_size, "160 x 120 pixels, the calibration says 320 x 240"),
-        (_turned_by_exif, "Exif says that it is to be turned (orientation 6)"),
+        (_turned_by_exif, "Exif orientation 6 asks for a rotation"),
         (_cut_jpeg, "JPEG cut off"),
         (_grey_tail, "are one grey"),
         (_cut_png, "PNG cut off"),
@@ -151,7 +151,7 @@ def test_an_order_off_by_one_is_refused(extracted: Any, folder: Path) -> None:
     (folder / "right.csv").write_text("\n".join([head, *moved]) + "\n")
     found, record = extracted()
     assert found.code == 3 and record == {}
-    assert "left and right images are not of one moment" in found.line
+    assert "left and right images were not taken at the same time" in found.line
     assert "one earlier fits better" in found.line
 
 

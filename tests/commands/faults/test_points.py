@@ -155,29 +155,29 @@ REFUSED = [
     ),
     Refused("A21 item of 65535 bytes", put(laz, laszip_record, 36, "H", 65535), rf"laszip items add up to 65535 bytes a point, the header says 30\. {COPY}"),
     Refused("A21 60000 items", put(laz, laszip_record, 32, "H", 60000), rf"laszip record promises 60000 items in 40 bytes\. {COPY}"),
-    Refused("A21 no record", changed(laz, lambda d: d.__setitem__(slice(377, 391), b"another record")), rf"points are compressed, but the laszip record that says how is missing\. {COPY}"),
+    Refused("A21 no record", changed(laz, lambda d: d.__setitem__(slice(377, 391), b"another record")), rf"points are compressed, but the laszip record is missing\. {COPY}"),
     Refused("A22 zeros in a chunk with layers", changed(partial(drive_file_of, 120_000), zero_block), rf"(chunk \d of \d|chunk \d after [\d,]+ points|points [\d,]+ to [\d,]+ of 120,000 cannot be decoded).*\. {COPY}"),
     Refused("A22 chunk of 4e9 points", put(laz, points_start, 8 + 30, "I", 2**32 - 1), rf"chunk 1 of 1 holds 4,294,967,295 points, the laszip record says 50,000\. {COPY}"),
     Refused("A22 layer of 4 GB", put(laz, points_start, 8 + 30 + 4, "I", 2**32 - 1), rf"chunk 1 after 0 points is damaged \([\d,]+ bytes, there are [\d,]+\)\. {COPY}"),
     Refused("A22 chunks of 1 point", put(laz, laszip_record, 12, "I", 1), rf"chunk 1 of 1 holds 400 points, the laszip record says 1\. {COPY}"),
     Refused("A22 chunks of 4e9 points", put(laz, laszip_record, 12, "I", 4_000_000_000), rf"laszip record says chunks of 4,000,000,000 points, expected some 50,000\. {COPY}"),
-    Refused("A25 chunk table of a COPC file", put(copc, chunk_table, 0, "I", 1524), rf"damaged chunk table, and chunks of different sizes cannot be told apart without it\. {COPY}"),
+    Refused("A25 chunk table of a COPC file", put(copc, chunk_table, 0, "I", 1524), rf"damaged chunk table, and chunks of different sizes cannot be found without it\. {COPY}"),
     Refused("A26 compressor 99", put(laz, laszip_record, 0, "H", 99), r"LAZ compressor 99, expected 1 to 3: made by a newer tool\. Convert it to LAS 1\.4 with the tool that made it\."),
     Refused("A26 items of version 4", put(laz, laszip_record, 38, "H", 4), r"LAZ items of version 4, expected at most 3: made by a newer tool\. Convert it to LAS 1\.4 with the tool that made it\."),
     Refused("A26 LAS 1.5", put(las, HEAD, VERSION_MINOR, "B", 5), r"LAS version 1\.5, expected 1\.0 to 1\.4: made by a newer tool\. Convert it to LAS 1\.4\."),
-    Refused("A27", bomb(60), r"header promises 3,000,000 points in [\d,]+ bytes, \d+ to a byte: no scanner's points are so much alike\. Leave it out\."),
+    Refused("A27", bomb(60), r"header promises 3,000,000 points in [\d,]+ bytes, \d+ to a byte: scanner points do not compress that far\. Leave it out\."),
 ]  # fmt: skip
 
 READ = [
     Read("A08 100 fewer", put(las, HEAD, N_POINTS, "Q", 300), 300, (r"3,000 bytes after the last of 300 points",)),
     Read("A08 100 fewer, compressed", put(laz, HEAD, N_POINTS, "Q", 300), 300,
          (r"chunks for 400 points, the header says 300: the others are not read",)),
-    Read("A14 negative scale", put(las, HEAD, SCALES, "d", -0.001), N, (r"x scale is negative \(-0\.001\)", r"\d+ of 400 points lie outside the box in its header")),
-    Read("A16 inverted", put(las, HEAD, BOX, "2d", 1.0, 2.0), N, (r"the header's box is none \(x from 2 to 1\): not used",)),
+    Read("A14 negative scale", put(las, HEAD, SCALES, "d", -0.001), N, (r"x scale is negative \(-0\.001\)", r"\d+ of 400 points lie outside the bounding box in its header")),
+    Read("A16 inverted", put(las, HEAD, BOX, "2d", 1.0, 2.0), N, (r"the header's bounding box is invalid \(x from 2 to 1\): not used",)),
     Read("A16 as of an empty file", put(laz, HEAD, BOX, "6d", *[-1.7976931348623157e308, 1.7976931348623157e308] * 3), N,
-         (r"the header's box is none \(x from 1\.79769e\+308 to -1\.79769e\+308\): not used",)),
-    Read("A16 all zeros", put(laz, HEAD, BOX, "6d", *[0.0] * 6), N, (r"400 of 400 points lie outside the box in its header",)),
-    Read("A16 too small", put(las, HEAD, BOX, "d", LOW[0] + SIZE_M[0] / 2), N, (r"(19|20)\d of 400 points lie outside the box in its header",)),
+         (r"the header's bounding box is invalid \(x from 1\.79769e\+308 to -1\.79769e\+308\): not used",)),
+    Read("A16 all zeros", put(laz, HEAD, BOX, "6d", *[0.0] * 6), N, (r"400 of 400 points lie outside the bounding box in its header",)),
+    Read("A16 too small", put(las, HEAD, BOX, "d", LOW[0] + SIZE_M[0] / 2), N, (r"(19|20)\d of 400 points lie outside the bounding box in its header",)),
     Read("A17", changed(laz, no_text), N),
     Read("A18", put(laz, chunk_table, 4, "I", 4_000_000_000), N, (r"damaged chunk table: decoded one chunk after the other",)),
     Read("A19 at the end", changed(laz, streamed), N),
@@ -185,8 +185,8 @@ READ = [
     Read("A20 zeros, no layers", put(many_laz, chunk_table, 0, "q", 0), 120_000, (r"damaged chunk table: decoded one chunk after the other",)),
     Read("A20 version 1524", put(many_laz, chunk_table, 0, "I", 1524), 120_000, (r"damaged chunk table: decoded one chunk after the other",)),
     Read("A23", changed(las, lambda d: [d.__setitem__(points_start(d) + 30 * i + 2, d[points_start(d) + 30 * i + 2] ^ 1) for i in range(7)]), N,
-         (r"[1-7] of 400 points lie outside the box in its header",)),
-    Read("A23 far away", put(partial(las, n=5_000), points_start, 3, "B", 0x70), 4_999, (r"1 of 5,000 points lie outside the box in its header", r"1 points far from all others left out"), 1),
+         (r"[1-7] of 400 points lie outside the bounding box in its header",)),
+    Read("A23 far away", put(partial(las, n=5_000), points_start, 3, "B", 0x70), 4_999, (r"1 of 5,000 points lie outside the bounding box in its header", r"1 points far from all others left out"), 1),
     Read("A23 a time of no epoch", changed(las, lambda d: struct.pack_into("<d", d, points_start(d) + 30 * 7 + 22, 1e100)), N - 1, (), 1),
     Read("A24", changed(copc, page_that_holds_itself), N),
     Read("A25", changed(copc, lies_of_copc), N),
@@ -239,8 +239,8 @@ FRUGAL = """
 import resource, sys
 from pathlib import Path
 from linework.errors import InputError
-from linework.files.survey import open_survey
-import linework.files.las_header
+from linework.files.survey.open import open_survey
+import linework.files.las.header
 
 in_use = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (in_use + (200 << 20),) * 2)

@@ -137,7 +137,7 @@ def test_c05_shuffled_and_doubled_rows(linework, survey, expected):
     outcome = extracted(linework, survey)
     assert outcome.code == 0
     assert "times, first at line" in outcome.stderr
-    assert "7 rows with the time of another left out" in outcome.stderr
+    assert "7 rows with a repeated time left out" in outcome.stderr
     same(lines_of(survey), expected)
 
 
@@ -147,7 +147,7 @@ def test_c06_nanoseconds_and_no_times(linework, survey, expected):
     (survey / "t.csv").write_text("\n".join([HEAD, *lines]))
     outcome = extracted(linework, survey)
     assert outcome.code == 0
-    assert "t.csv: times are in nanoseconds: taken as such" in outcome.stderr
+    assert "t.csv: times are in nanoseconds: converted to seconds" in outcome.stderr
     same(lines_of(survey), expected)
     rows[:, 0] = 0.0
     (survey / "t.csv").write_text(text_of(rows))
@@ -174,7 +174,7 @@ def test_c10_a_trajectory_with_a_hole(linework, survey, expected):
     (survey / "t.csv").write_text(text_of(np.delete(rows, np.arange(100, 200), axis=0)))
     outcome = extracted(linework, survey)
     assert outcome.code == 0
-    assert "% of the points are in 1 holes of the trajectory, the longest from 400716801.9" in outcome.stderr
+    assert "% of the points are in 1 gaps of the trajectory, the longest from 400716801.9" in outcome.stderr
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,10 @@ import laspy
 import lazrs
 import numpy as np
 import pytest
+from tests.oracles.las_in_memory import read_las
 from tests.scenes.laser_files import copc_file, copc_info, drive_file, hierarchy, point_by_point
 
 from linework.errors import CrsError, InputError, LineworkError
-from linework.files.las.read import read_las
 from linework.files.las.write import write_las
 from linework.model.points import Points
 
@@ -225,7 +225,7 @@ def test_damaged_body_is_refused_or_accounted_for(tmp_path, seed):
 def test_no_crs(tmp_path):
     path = tmp_path / "x.laz"
     write_las(sample(), path, crs="local")
-    assert refusal(path, CrsError) == "the file does not say its CRS. Give --crs EPSG:... or --crs local."
+    assert refusal(path, CrsError) == "the file does not state its CRS. Give --crs EPSG:... or --crs local."
     assert read_las(path, crs="local").crs == "local"
 
 

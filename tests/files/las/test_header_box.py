@@ -38,7 +38,7 @@ def test_points_inside(header):
 def test_points_outside_are_counted(header, batch, axis):
     xyz = inside()
     xyz[[3, 500, 501, 999], axis] += [50.0, -50.0, 500.0, 0.0]
-    assert said(header, xyz, batch=batch) == ("3 of 1,000 points lie outside the box in its header",)
+    assert said(header, xyz, batch=batch) == ("3 of 1,000 points lie outside the bounding box in its header",)
 
 
 def test_a_step_of_the_file_is_no_difference(header):
@@ -53,7 +53,7 @@ def test_a_file_in_feet(header):
     )
     assert said(feet, inside(), factors=(0.3048, 0.3048)) == ()
     assert said(feet, inside(), factors=(1.0, 1.0)) == (
-        "1,000 of 1,000 points lie outside the box in its header",
+        "1,000 of 1,000 points lie outside the bounding box in its header",
     )
 
 

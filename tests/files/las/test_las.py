@@ -7,12 +7,12 @@ import laspy
 import numpy as np
 import pyproj
 import pytest
+from tests.oracles.las_in_memory import read_las
 
 from linework.errors import CrsError, UsageError
 from linework.files.geodesy.crs import parse_crs
 from linework.files.las.batches import _rounded_batch
 from linework.files.las.header import read_las_header
-from linework.files.las.read import read_las
 from linework.files.las.write import write_las
 from linework.model.points import Points
 
@@ -217,7 +217,7 @@ def test_geotiff_keys_with_heights_in_feet_of_no_datum(plain):
         (((1024, 1), (3072, 32767)), "without EPSG code"),
         (((1024, 1), (3072, 32617), (3076, 9003)), "a unit of 0.3048"),
         (((1024, 1), (3072, 1)), "EPSG:1, which PROJ does not know"),
-        (((1024, 1),), "does not say its CRS"),
+        (((1024, 1),), "does not state its CRS"),
     ],
 )
 def test_geotiff_keys_that_do_not_help(plain, keys, words):

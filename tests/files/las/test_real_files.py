@@ -3,10 +3,10 @@
 import laspy
 import numpy as np
 import pytest
+from tests.oracles.las_in_memory import read_las
 from tests.scenes.places import REAL
 
 from linework.errors import CrsError, InputError, LineworkError
-from linework.files.las.read import read_las
 from linework.files.store.in_memory import read_survey_points
 from linework.files.survey.open import open_survey
 from linework.files.vectors.read_write import read_lines

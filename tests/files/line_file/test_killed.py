@@ -22,13 +22,13 @@ from linework.model.changes import Change
 EDITING = """
 import sys
 from pathlib import Path
-from linework.files.drawing import DrawingFile
+from linework.files.line_file.file import LineFile
 from linework.model.changes import Change
 
-with DrawingFile.opened(Path(sys.argv[1]), crs="local") as drawing:
+with LineFile.opened(Path(sys.argv[1]), crs="local") as line_file:
     for k in range(10**9):
-        one = drawing.lines.take([k % 6])
-        edit = drawing.commit(Change("move", one, one.with_columns(xyz=one.xyz + 1.0)), who="Ann")
+        one = line_file.lines.take([k % 6])
+        edit = line_file.commit(Change("move", one, one.with_columns(xyz=one.xyz + 1.0)), who="Ann")
         print(edit.number, flush=True)
 """
 
@@ -57,11 +57,11 @@ def test_killed_at_any_moment_at_most_the_change_in_flight_is_lost(tmp_path):
         # A reader that comes first sees whole changes, too
         assert len(read_lines(copy / path.name)) == 6
         shutil.rmtree(copy)
-        with LineFile.opened(path, crs="local") as drawing:
-            assert done <= drawing.revision <= done + 1
-            assert same(read_lines(path), drawing.lines)
-            moved = drawing.lines.xyz.sum() - some_lines().xyz.sum()
-            n = sum(3 * len(e.change.after.xyz) for e in drawing.history(most=10_000))
+        with LineFile.opened(path, crs="local") as line_file:
+            assert done <= line_file.revision <= done + 1
+            assert same(read_lines(path), line_file.lines)
+            moved = line_file.lines.xyz.sum() - some_lines().xyz.sum()
+            n = sum(3 * len(e.change.after.xyz) for e in line_file.history(most=10_000))
             assert abs(moved - n) < 1e-3
     assert done > 6
     whole(path)
@@ -74,25 +74,25 @@ def test_a_full_disk_takes_nothing_away(tmp_path):
     before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
-        with LineFile.opened(path, crs="local") as drawing:
-            one = drawing.lines.take([0])
-            moved = drawing.commit(Change("move", one, shifted(one)), who="").change.after
-            held = drawing.lines
+        with LineFile.opened(path, crs="local") as line_file:
+            one = line_file.lines.take([0])
+            moved = line_file.commit(Change("move", one, shifted(one)), who="").change.after
+            held = line_file.lines
             for room in (0, 3000, 20_000):
                 resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + room, limits[1]))
                 with pytest.raises(MachineError, match="cannot be written"):
                     while True:
                         note = moved.with_columns(note=[os.urandom(400).hex()], id=[""])
-                        drawing.commit(Change("draw", none(), note), who="")
-                        held = drawing.lines
+                        line_file.commit(Change("draw", none(), note), who="")
+                        held = line_file.lines
                 resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-                assert same(drawing.lines, held)
+                assert same(line_file.lines, held)
                 assert same(read_lines(path), held)
-            drawing.commit(Change("delete", moved, none()), who="")
-            held = drawing.lines
+            line_file.commit(Change("delete", moved, none()), who="")
+            held = line_file.lines
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         signal.signal(signal.SIGXFSZ, before)
-    with LineFile.opened(path, crs="local") as drawing:
-        assert same(drawing.lines, held)
+    with LineFile.opened(path, crs="local") as line_file:
+        assert same(line_file.lines, held)
     whole(path)

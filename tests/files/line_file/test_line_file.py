@@ -163,7 +163,7 @@ def test_who_was_second_is_told_so_and_nothing_is_saved(path):
         with pytest.raises(StaleError, match="2 edits are missing"):
             drawing.commit(Change("move", moved, shifted(moved)), who="Bea", based_on=3)
         drawing.commit(Change("delete", moved, none()), who="Ann", based_on=1)
-        with pytest.raises(StaleError, match="is there no more"):
+        with pytest.raises(StaleError, match="no longer exists"):
             drawing.commit(Change("move", moved, shifted(moved)), who="Bea")
         assert drawing.revision == 2
 
@@ -184,7 +184,7 @@ def test_lines_that_cannot_be_saved_are_refused(path, columns, words):
         one = drawing.lines.take([0])
         with pytest.raises(UsageError, match=words):
             drawing.commit(Change("set", one, one.with_columns(**columns)), who="")
-        with pytest.raises(UsageError, match="two lines of the id"):
+        with pytest.raises(UsageError, match="two lines have the id"):
             drawing.commit(Change("draw", none(), one), who="")
         assert (drawing.revision, len(drawing.lines)) == (0, 6)
 
@@ -211,7 +211,7 @@ def test_names_of_any_kind(path):
 def test_a_second_workbench_is_refused(path):
     with (
         LineFile.opened(path, crs="local"),
-        pytest.raises(OutputExistsError, match="another workbench or run holds it"),
+        pytest.raises(OutputExistsError, match="another workbench or run has it open"),
         LineFile.opened(path, crs="local"),
     ):
         pass

@@ -85,7 +85,7 @@ def test_heights_become_those_of_the_vertical_datum(tmp_path):
     assert read_gnss(path, EarthFrame(crs=crs, geoid="receiver")).log.xyz[0, 2] == 250.0
     assert read_gnss(path, EarthFrame(crs=crs, geoid=40)).log.xyz[0, 2] == pytest.approx(257.5)
     with pytest.raises(
-        CrsError, match=r"heights cannot become those of .*no grid de_bkg_gcg2016\.tif.*geoid"
+        CrsError, match=r"heights cannot be converted to those of .*no grid de_bkg_gcg2016\.tif.*geoid"
     ):
         read_gnss(path, EarthFrame(crs=crs))
 
@@ -105,7 +105,7 @@ def test_a_grid_of_undulations(tmp_path):
     with pytest.raises(ConfigError, match=r"geoid\.gtx: 1 of 1 places"):
         read_gnss(nmea(tmp_path, [made.gga("120000.00", 56.0, 9.0, 250.0)]), frame)
     (tmp_path / "other.gtx").write_text("no grid")
-    with pytest.raises(ConfigError, match=r"other\.gtx: is no grid of undulations"):
+    with pytest.raises(ConfigError, match=r"other\.gtx: is not a geoid grid"):
         read_gnss(path, replace(frame, geoid="other.gtx"))
 
 
@@ -176,12 +176,12 @@ def test_latitude_and_longitude_exchanged_and_another_continent(tmp_path):
     head = "time_s,latitude_deg,longitude_deg,ellipsoid_height_m,sigma_e_m,sigma_n_m,sigma_z_m\n"
     (tmp_path / "g.csv").write_text(head + "0,9.1,47.0,1,1,1,1\n")
     with pytest.raises(
-        InputError, match=r"latitude 9\.1000, longitude 47\.0000 is far .* exchanged they are not"
+        InputError, match=r"latitude 9\.1000, longitude 47\.0000 is far .* exchanged, they are within it"
     ):
         read_gnss(tmp_path / "g.csv", PLAN)
     (tmp_path / "g.csv").write_text(head + "0,40.0,-75.0,1,1,1,1\n")
     (warning,) = read_gnss(tmp_path / "g.csv", EarthFrame(crs=parse_crs("EPSG:32632"))).warnings
-    assert "is far from where WGS 84 / UTM zone 32N (EPSG:32632) is used" in warning
+    assert "is far from the area of use of WGS 84 / UTM zone 32N (EPSG:32632)" in warning
     (tmp_path / "g.csv").write_text(
         head + "0,-45.0,179.9,1,1,1,1\n1,-45.0,-179.9,1,1,1,1\n2,-45,-179.8,1,1,1,1\n"
     )

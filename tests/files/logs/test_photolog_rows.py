@@ -60,8 +60,8 @@ def test_keys_stand_where_they_were_pressed_in_order_of_time(log: VanLog) -> Non
     assert (events.key, events.note) == (("s", "m"), ("sign, bent", "manhole"))
     np.testing.assert_allclose(events.places.xyz[1], [500_002.5, 5_400_000.0, 100.0], atol=1e-6)
     assert log.warnings == (
-        "1 of 3 events have no place, the first is of 9.000 s (the trajectory is from 0.000 to 1.000 s, "
-        "or has a hole there)",
+        "1 of 3 events cannot be placed, the first at 9.000 s (the trajectory runs from 0.000 to 1.000 s, "
+        "or has a gap there)",
     )
 
 
@@ -69,7 +69,7 @@ def test_without_a_trajectory_nothing_has_a_place(log: VanLog) -> None:
     survey = open_survey([log.root])
     found = van_log(survey, open_stereo(survey), None)
     assert found.photos is not None and len(found.photos) == 0
-    assert "6 images without a place: there is no trajectory" in found.warnings
+    assert "6 images cannot be placed: there is no trajectory" in found.warnings
 
 
 def test_without_attitude_the_way_gives_the_heading() -> None:

@@ -29,8 +29,8 @@ def test_dresden_in_degrees_and_milliseconds(tmp_path):
     (tmp_path / "survey.toml").write_text(toml)
     content = read_navigation_logs(open_survey([tmp_path]))
     assert [text for text in content.warnings if "milliseconds" in text] == [
-        "gnss.csv: times are in milliseconds: taken as such",
-        "gyro.csv: times are in milliseconds: taken as such",
+        "gnss.csv: times are in milliseconds: converted to seconds",
+        "gyro.csv: times are in milliseconds: converted to seconds",
     ]
     log = content.logs.gnss
     assert 200 < np.ptp(log.time_s) < 230

@@ -60,7 +60,7 @@ def test_rows_out_of_order_twice_there_or_without_sigma(tmp_path):
         "gnss.csv: 1 of 6 lines left out, the first is line 7",
         "gnss.csv: 1 of 5 fixes have a sigma of 0 or below: left out",
         "gnss.csv: time runs backwards 1 times, first at line 3: sorted",
-        "gnss.csv: 1 rows with the time of another left out",
+        "gnss.csv: 1 rows with a repeated time left out",
     )
 
 
@@ -133,7 +133,7 @@ def test_logs_of_two_clocks(tmp_path):
         ({"wheels": "time_s,left_ticks\n0,1\n"}, "missing column right_ticks"),
         ({"wheels": "time_s,rpm\n0,1\n"}, "missing columns left_ticks, right_ticks or speed_mps"),
         ({"gnss": GNSS + "0,1,2,3,0,0,0\n"}, "no fix with sigmas above 0"),
-        ({"gnss": DEGREES + "0,4600.0,11.0,1,1,1,1\n"}, "latitude 4600, longitude 11 is no place on earth (1 of 1)"),
+        ({"gnss": DEGREES + "0,4600.0,11.0,1,1,1,1\n"}, "latitude 4600, longitude 11 is not a place on earth (1 of 1)"),
         ({"gyro": ""}, "empty file"),
     ],
 )  # fmt: skip

@@ -34,7 +34,7 @@ def test_files_in_the_wrong_order_and_one_file_twice():
     np.testing.assert_array_equal(got, time)
     got, said = ordered(np.concatenate([time, time]))
     np.testing.assert_array_equal(got, time)
-    assert said[-1] == "100 rows with the time of another left out"
+    assert said[-1] == "100 rows with a repeated time left out"
 
 
 def test_a_clock_that_is_set_back_leaves_the_doubtful_times_out():
@@ -51,4 +51,4 @@ def test_a_clock_that_is_set_back_leaves_the_doubtful_times_out():
 def test_a_clock_that_stands_still_counts_once():
     got, said = ordered([0.0, 1.0, 1.0, 1.0, 2.0])
     assert got.tolist() == [0, 1, 2]
-    assert said == ("2 rows with the time of another left out",)
+    assert said == ("2 rows with a repeated time left out",)

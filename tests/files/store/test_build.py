@@ -106,7 +106,7 @@ def test_points_left_out_are_counted_by_reason(drive, folder):
     ("times", "said"),
     [
         (3e17 + np.arange(40.0) * 1e9, "GPS times from 3e+17 to 3e+17 are not in seconds: left out"),
-        (np.full(40, np.nan), "GPS times are no numbers: left out"),
+        (np.full(40, np.nan), "GPS times are not numbers: left out"),
     ],
 )
 def test_times_in_another_unit_cost_no_points(drive, folder, times, said):
@@ -157,7 +157,7 @@ def test_a_file_that_grows_while_it_is_read_is_a_failure(drive, folder):
     facts = spilled(drive, folder, progress=append)
     ((path, message),) = facts.failures
     assert path == drive / "b.las"
-    assert message == f"{path}: changed while it was read. Run again when nothing writes to it."
+    assert message == f"{path}: changed while it was read. Run again when no program writes to it."
     assert facts.n_points == 600
     assert not (folder / "1.points").exists()
 
@@ -180,7 +180,7 @@ def test_a_file_that_is_not_what_its_header_was_is_a_failure(drive, folder):
 
     facts = spilled(drive, folder, progress=replace)
     assert [message.split(": ")[1] for _, message in facts.failures] == [
-        "changed while it was read. Run again when nothing writes to it."
+        "changed while it was read. Run again when no program writes to it."
     ]
 
 
@@ -211,11 +211,11 @@ def test_too_little_space_is_said_before_anything_is_decoded(drive, folder, monk
 FULL = """
 import resource, signal, sys
 from pathlib import Path
-from linework.files.spill import spill_survey
-from linework.files.survey import open_survey
+from linework.files.store.build import build_store
+from linework.files.survey.open import open_survey
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), int(sys.argv[3])))
 try:
-    spill_survey(open_survey([Path(sys.argv[1])]), Path(sys.argv[2]), n_threads=1)
+    build_store(open_survey([Path(sys.argv[1])]), Path(sys.argv[2]), n_threads=1)
 except Exception as error:
     print(error.exit_code, error)
 """

@@ -234,7 +234,7 @@ def test_kml_is_degrees(tmp_path):
     assert 8.9 < lon < 9.1
     assert 50.5 < lat < 50.6
     assert height > 100
-    with pytest.raises(CrsError, match=rf"{path.name}: KML needs a place on earth"):
+    with pytest.raises(CrsError, match=rf"{path.name}: KML needs georeferenced lines"):
         write_lines(sample("local"), path, overwrite=True)
 
 

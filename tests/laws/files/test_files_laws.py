@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from tests.oracles.las_in_memory import read_las
 from tests.scenes.effort import examples
 
 from linework.errors import LineworkError
 from linework.files.geodesy.crs import parse_crs
-from linework.files.las.read import read_las
 from linework.files.las.write import write_las
-from linework.files.trajectories.read import read_trajectory, write_trajectory
+from linework.files.trajectories.read import read_trajectory_content, write_trajectory
 from linework.files.vectors.read_write import read_lines, write_lines
+from linework.model.columns import column_types
 from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
@@ -29,7 +30,7 @@ CRSS = st.sampled_from(["local", "EPSG:25832", "EPSG:25832+7837", "EPSG:2180"])
 
 
 def strategy_of(name):
-    kind = LineSet.__dataclass_fields__[name].metadata["dtype"]
+    kind = column_types(LineSet)[name].dtype
     if name == "kind":
         return st.sampled_from(KINDS) | TEXTS
     return {np.str_: TEXTS, np.bool_: st.booleans(), np.float64: NUMBERS | st.just(np.nan)}[kind]
@@ -79,7 +80,7 @@ def test_trajectories_come_back_as_they_were(tmp_path, start, steps, data):
     xyz, attitude = data.draw(rows), data.draw(st.none() | rows)
     trajectory = Trajectory(times, np.array(xyz), None if attitude is None else np.array(attitude))
     write_trajectory(trajectory, tmp_path / "t.csv", overwrite=True)
-    back = read_trajectory(tmp_path / "t.csv")
+    back = read_trajectory_content(tmp_path / "t.csv").trajectory
     np.testing.assert_array_equal(back.time_s, trajectory.time_s)
     np.testing.assert_array_equal(back.xyz, trajectory.xyz)
     assert (back.attitude_deg is None) == (attitude is None)

@@ -1,6 +1,6 @@
 """Coordinate reference systems: parse, compare, describe; feet to metres.
 
-A CRS is a WKT2 text, or "local": metres, no place on earth. Coordinates are always east, north, whatever
+A CRS is a WKT2 text, or "local": metres, not georeferenced. Coordinates are always east, north, whatever
 order the CRS's own axes have, as LAS and GIS files hold them.
 """
 
@@ -17,7 +17,7 @@ from pyproj.exceptions import CRSError as ProjError
 from linework.errors import CrsError
 
 LOCAL = "local"
-#: Longer texts are no CRS of this world; a real compound WKT2 has 3 to 6 kB.
+#: Longest CRS text that is parsed [characters]; a compound WKT2 has 3 to 6 kB.
 _MAX_CHARS = 65536
 _EPSG = re.compile(r"EPSG:(\d{1,6})(?:\+(?:EPSG:)?(\d{1,6}))?", re.IGNORECASE)
 _WKT = re.compile(
@@ -105,7 +105,7 @@ def vertical_part(crs: pyproj.CRS) -> pyproj.CRS | None:
 
 
 def canonical_wkt(crs: pyproj.CRS) -> str:
-    """Return one WKT2 per CRS: EPSG's own where every part carries a code, so that equal CRSs are equal texts."""
+    """Return one WKT2 per CRS: EPSG's where every part has a code, so that equal CRSs have equal texts."""
     plan, height = horizontal_part(crs), vertical_part(crs)
     # Low confidence finds candidates; `_same_parts` decides
     codes = [part.to_epsg(min_confidence=20) for part in (plan, height) if part is not None]
@@ -117,7 +117,7 @@ def canonical_wkt(crs: pyproj.CRS) -> str:
 
 
 def unit_factors(wkt: str) -> tuple[float, float]:
-    """Return how many metres one unit of the plan and of the height are.
+    """Return the metres per unit in plan and in height.
 
     A CRS without heights takes them to be in the unit of the plan.
 
@@ -138,7 +138,7 @@ def unit_factors(wkt: str) -> tuple[float, float]:
 
 @functools.lru_cache(maxsize=64)  # PROJ takes 0.3 s to search its database for the twin
 def metric_twin(wkt: str) -> str:
-    """Return the same CRS with all its lengths in metres: same projection, same datum, same places.
+    """Return the same CRS with all lengths in metres: same projection, same datum.
 
     Coordinates times `unit_factors` of the old one are coordinates of the new one.
 
@@ -156,12 +156,12 @@ def metric_twin(wkt: str) -> str:
 
 
 def _unbound(part: dict[str, Any]) -> dict[str, Any]:
-    """Return a CRS (PROJJSON) without the transformation to WGS 84 that old texts carry along."""
+    """Return a CRS (PROJJSON) without the transformation to WGS 84 that old texts include."""
     return _unbound(part["source_crs"]) if part["type"] == "BoundCRS" else part
 
 
 def same_crs(a: str, b: str) -> bool:
-    """Return whether two CRS texts mean the same; a missing vertical part differs from any."""
+    """Return whether two texts denote the same CRS; a missing vertical part differs from any."""
     if a == b:
         return True
     if LOCAL in (a, b) or not a or not b:
@@ -179,7 +179,7 @@ def same_plan(a: str, b: str) -> bool:
 
 
 def has_height(wkt: str) -> bool:
-    """Return whether the CRS states what its heights are."""
+    """Return whether the CRS has a vertical part."""
     return wkt != LOCAL and vertical_part(_load(wkt)) is not None
 
 
@@ -209,7 +209,7 @@ def vertical_in_unit(crs: pyproj.CRS, unit_m: float) -> pyproj.CRS:
 
 
 def describe_crs(wkt: str) -> str:
-    """Return a short name for people.
+    """Return a short name for messages.
 
     >>> describe_crs(parse_crs("EPSG:28992"))
     'Amersfoort / RD New (EPSG:28992)'
@@ -237,7 +237,7 @@ def _load(text: str) -> pyproj.CRS:
 
 
 def _same_horizontal(a: pyproj.CRS, b: pyproj.CRS) -> bool:
-    """Return whether two horizontal CRSs put a place at the same coordinates, whatever digits their texts keep."""
+    """Return whether two horizontal CRSs give equal coordinates, up to the digits of their texts."""
     plan_a, plan_b = horizontal_part(a), horizontal_part(b)
     if plan_a.equals(plan_b, ignore_axis_order=True):
         return True
@@ -291,7 +291,7 @@ def _make_metric(part: dict[str, Any]) -> None:
         return
     part.pop("id", None)
     part["name"] = _FEET_IN_NAME.sub("", part["name"]) + " (in metres)"
-    if "conversion" not in part:  # heights: EPSG names those in metres without a word
+    if "conversion" not in part:  # vertical CRSs in metres have no suffix in EPSG
         part["name"] = part["name"].removesuffix(" (in metres)")
     for parameter in part.get("conversion", {}).get("parameters", []):
         unit = parameter.get("unit")

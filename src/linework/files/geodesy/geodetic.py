@@ -1,4 +1,4 @@
-"""From latitude, longitude and ellipsoidal height to the survey's coordinates, and true headings to grid headings."""
+"""Convert latitude, longitude and ellipsoidal height to the survey's CRS, and true headings to grid headings."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from pyproj.transformer import TransformerGroup
 from linework.arrays import FloatArray
 from linework.errors import ConfigError, CrsError, InputError
 from linework.files.geodesy.crs import LOCAL, describe_crs, has_height, horizontal_part
-from linework.files.las.header import regular_file_bytes
+from linework.files.input import regular_file_bytes
 from linework.model.survey import Survey
 
-#: A zone is used a little beyond its edges.
+#: Tolerance around a CRS's area of use [deg]: zones are used a little beyond their edges.
 _NEAR_DEG = 3.0
 _GEOID_ADVICE = 'give [heights] geoid = "receiver", metres, or a PROJ grid file'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EarthFrame:
-    """What geographic places become: the survey's CRS, and how its heights come about.
+    """Target of geographic positions: the survey's CRS, and the source of the geoid undulation.
 
     Parameters
     ----------
@@ -33,10 +33,10 @@ class EarthFrame:
         WKT2 of a projected CRS, or "local": east, north, up in the plane that touches the ellipsoid at the
         first place.
     geoid
-        None: the CRS says it; "receiver": the log's own undulation; a number: that undulation [m]; a text:
-        a PROJ grid file of undulations.
+        None: from the CRS; "receiver": the log's own undulation; a number: that undulation [m]; another text: a PROJ
+        geoid grid file.
     root
-        Folder that a relative grid file starts from.
+        Folder for a relative path of the grid file.
     """
 
     crs: str
@@ -52,14 +52,14 @@ class EarthFrame:
 
 @dataclass(frozen=True, slots=True)
 class ProjectedPlaces:
-    """Places in the survey's frame.
+    """Positions in the survey's frame.
 
     Parameters
     ----------
     xyz
         (n, 3) float64 [m, world].
     warnings
-        What the user should know.
+        One line each.
     """
 
     xyz: FloatArray
@@ -73,42 +73,42 @@ def project_places(
     undulation_m: FloatArray | None = None,
     where: object = None,
 ) -> ProjectedPlaces:
-    """Return geographic places in the survey's frame.
+    """Convert geographic positions to the survey's frame.
 
     Parameters
     ----------
     geographic
         (n, 3): latitude, longitude [deg], height above the ellipsoid [m], WGS 84.
     undulation_m
-        (n,) height of the geoid above the ellipsoid as the log has it, for ``geoid = "receiver"``.
+        (n,) height of the geoid above the ellipsoid [m] from the log, for ``geoid = "receiver"``.
 
     Raises
     ------
     InputError
-        Places that are none on earth, or outside of the CRS.
+        Impossible positions, or outside the CRS.
     CrsError
-        No transformation: a grid file of heights is not on this machine.
+        No transformation: a height grid is missing on this machine.
     ConfigError
-        [heights] geoid asks for what is not there.
+        [heights] geoid names something that is missing.
     """
     latitude_deg, longitude_deg, height_m = geographic.T
     wrong = (np.abs(latitude_deg) > 90.0) | (np.abs(longitude_deg) > 360.0)
     if wrong.any():
         first = int(np.argmax(wrong))
         raise InputError(
-            f"latitude {latitude_deg[first]:g}, longitude {longitude_deg[first]:g} is no place on earth"
+            f"latitude {latitude_deg[first]:g}, longitude {longitude_deg[first]:g} is not a place on earth"
             f" ({int(wrong.sum())} of {len(wrong)})",
             where=where, advice="latitude and longitude are degrees",
         )  # fmt: skip
     if frame.crs == LOCAL:
         return _local_places(latitude_deg, longitude_deg, height_m)
     if frame.geoid is None and has_height(frame.crs):
-        xyz, said = _transformed(longitude_deg, latitude_deg, height_m, frame.crs, where)
+        xyz, remarks = _transformed(longitude_deg, latitude_deg, height_m, frame.crs, where)
     else:
-        xyz, said = _transformed(longitude_deg, latitude_deg, None, _plan_of(frame.crs), where)
+        xyz, remarks = _transformed(longitude_deg, latitude_deg, None, _plan_of(frame.crs), where)
         xyz[:, 2] = height_m - _zero_m(longitude_deg, latitude_deg, frame, undulation_m, where)
     _check_finite(xyz, frame.crs, where)
-    return ProjectedPlaces(xyz, (*said, *_outside_of_use(latitude_deg, longitude_deg, frame.crs, where)))
+    return ProjectedPlaces(xyz, (*remarks, *_outside_of_use(latitude_deg, longitude_deg, frame.crs, where)))
 
 
 def _plan_of(crs: str) -> str:
@@ -118,33 +118,35 @@ def _plan_of(crs: str) -> str:
 def _transformed(
     longitude_deg: FloatArray, latitude_deg: FloatArray, height_m: FloatArray | None, crs: str, where: object
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return (n, 3) east, north and height (0 where none is given), and a warning where PROJ has no good way."""
+    """Return (n, 3) east, north and height (0 where none is given), and a warning where PROJ lacks the best one."""
     source = "EPSG:4326" if height_m is None else "EPSG:4979"
     set_network_enabled(active=False)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # said below, in one line
+        warnings.simplefilter("ignore", UserWarning)  # reported below, in one line
         ways = TransformerGroup(source, crs, always_xy=True, allow_ballpark=False)
         missing = [g.short_name for way in ways.unavailable_operations for g in way.grids if not g.available]
         if not ways.transformers:
             raise CrsError(
-                f"ellipsoidal heights cannot become those of {describe_crs(crs)}: PROJ has no grid"
+                f"ellipsoidal heights cannot be converted to those of {describe_crs(crs)}: PROJ has no grid"
                 f" {missing[0] if missing else 'for it'}" if height_m is not None
-                else f"PROJ knows no way from WGS 84 to {describe_crs(crs)}",
+                else f"PROJ knows no transformation from WGS 84 to {describe_crs(crs)}",
                 where=where, advice=_GEOID_ADVICE if height_m is not None else "give another CRS",
             )  # fmt: skip
         transformer = pyproj.Transformer.from_crs(source, crs, always_xy=True, allow_ballpark=False)
-    said: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
     if not ways.best_available and missing:
         best = ways.transformers[0].accuracy
         good_to = f", good to {best:g} m" if best >= 0 else ""
-        said = (f"PROJ has no grid {missing[0]} for {describe_crs(crs)}: another way is taken{good_to}",)
+        remarks = (
+            f"PROJ has no grid {missing[0]} for {describe_crs(crs)}: another transformation is used{good_to}",
+        )
     try:
         height = np.zeros(len(longitude_deg)) if height_m is None else height_m
         columns = transformer.transform(longitude_deg, latitude_deg, height, errcheck=False)
     except ProjError as error:
         raise CrsError(f"places cannot be transformed to {describe_crs(crs)}: {error}", where=where,
                        advice="check the CRS") from error  # fmt: skip
-    return np.stack(columns, axis=1).astype(np.float64), said
+    return np.stack(columns, axis=1).astype(np.float64), remarks
 
 
 def _zero_m(
@@ -154,7 +156,7 @@ def _zero_m(
     undulation_m: FloatArray | None,
     where: object,
 ) -> FloatArray | float:
-    """Return how high the zero of the survey's heights is above the ellipsoid."""
+    """Return the height of the zero of the survey's heights above the ellipsoid, (n,) or one number [m]."""
     if frame.geoid is None:
         return 0.0
     if isinstance(frame.geoid, int | float):
@@ -162,7 +164,7 @@ def _zero_m(
     if frame.geoid != "receiver":
         return undulations(longitude_deg, latitude_deg, frame.root / frame.geoid, where=where)
     if undulation_m is None:
-        raise ConfigError('heights.geoid is "receiver", but this file holds no undulation', where=where,
+        raise ConfigError('heights.geoid is "receiver", but this file holds no geoid undulation', where=where,
                           advice="give metres or a PROJ grid file")  # fmt: skip
     return undulation_m
 
@@ -179,22 +181,20 @@ def _check_finite(xyz: FloatArray, crs: str, where: object) -> None:
 def _outside_of_use(
     latitude_deg: FloatArray, longitude_deg: FloatArray, crs: str, where: object
 ) -> tuple[str, ...]:
-    """Return a warning where the places are far from where the CRS is used.
+    """Return a warning where the positions are far from the area of use of the CRS.
 
     Raises
     ------
     InputError
-        They are, and would not be with latitude and longitude exchanged.
+        They are far, but not with latitude and longitude exchanged.
     """
     area = pyproj.CRS.from_user_input(crs).area_of_use
     middle = float(np.median(latitude_deg)), float(np.median(longitude_deg))
     if area is None or _is_near(area.bounds, *middle):
         return ()
-    text = (
-        f"latitude {middle[0]:.4f}, longitude {middle[1]:.4f} is far from where {describe_crs(crs)} is used"
-    )
+    text = f"latitude {middle[0]:.4f}, longitude {middle[1]:.4f} is far from the area of use of {describe_crs(crs)}"
     if _is_near(area.bounds, middle[1], middle[0]):
-        raise InputError(f"{text}; exchanged they are not", where=where,
+        raise InputError(f"{text}; exchanged, they are within it", where=where,
                          advice="exchange latitude and longitude")  # fmt: skip
     return (f"{text} ({area.name})",)
 
@@ -208,15 +208,15 @@ def _is_near(bounds: tuple[float, float, float, float], latitude_deg: float, lon
 
 
 def convergence_deg(latitude_deg: FloatArray, longitude_deg: FloatArray, frame: EarthFrame) -> FloatArray:
-    """Return the meridian's convergence, (n,): grid heading = true heading - convergence.
+    """Return the meridian convergence, (n,) [deg]: grid heading = true heading - convergence.
 
     Notes
     -----
-    The meridian through each place is followed for some metres, and its direction taken on the grid: this holds for
-    every projection.
+    The direction of a few metres of the meridian through each position is measured on the grid, which works for every
+    projection.
     """
     if frame.crs == LOCAL:
-        # Meridians draw together towards the pole
+        # Meridians converge towards the pole
         return np.asarray((longitude_deg - longitude_deg[0]) * np.sin(np.radians(latitude_deg[0])))
     transformer = pyproj.Transformer.from_crs(
         "EPSG:4326", _plan_of(frame.crs), always_xy=True, allow_ballpark=False
@@ -232,38 +232,35 @@ def convergence_deg(latitude_deg: FloatArray, longitude_deg: FloatArray, frame: 
 def _local_places(
     latitude_deg: FloatArray, longitude_deg: FloatArray, height_m: FloatArray
 ) -> ProjectedPlaces:
-    """Return places in the tangent frame at the first of them."""
+    """Return positions in the tangent frame at the first of them."""
     lat_0, lon_0, h_0 = float(latitude_deg[0]), float(longitude_deg[0]), float(height_m[0])
     tangent = pyproj.Transformer.from_pipeline(
         "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart +ellps=WGS84"
         f" +step +proj=topocentric +ellps=WGS84 +lon_0={lon_0!r} +lat_0={lat_0!r} +h_0={h_0!r}"
     )
     xyz = np.stack(tangent.transform(longitude_deg, latitude_deg, height_m), axis=1)
-    said = f"coordinates are metres east, north and up of latitude {lat_0:.7f}, longitude {lon_0:.7f}"
-    return ProjectedPlaces(xyz, (f"{said}, height {h_0:.2f} m",))
-
-
-# Undulations of the geoid from PROJ's grid files
+    remarks = f"coordinates are metres east, north and up of latitude {lat_0:.7f}, longitude {lon_0:.7f}"
+    return ProjectedPlaces(xyz, (f"{remarks}, height {h_0:.2f} m",))
 
 
 def undulations(
     longitude_deg: FloatArray, latitude_deg: FloatArray, path: Path, *, where: object = None
 ) -> FloatArray:
-    """Return how high the geoid of a grid file is above the ellipsoid at places, (n,) in metres.
+    """Return the height of the geoid above the ellipsoid from a grid file, (n,) [m].
 
     Parameters
     ----------
     path
         A grid that PROJ reads: .gtx, or GeoTIFF.
     where
-        The file that the places come from.
+        File of the positions, for messages.
 
     Raises
     ------
     InputError
-        No such file.
+        The grid file is missing.
     ConfigError
-        No grid, or one that does not cover all places.
+        Not a geoid grid, or one that does not cover all positions.
     """
     regular_file_bytes(path)
     if any(c in str(path.resolve()) for c in ',"'):
@@ -276,7 +273,7 @@ def undulations(
         )
         shifted = shift.transform(longitude_deg, latitude_deg, np.zeros(len(longitude_deg)), errcheck=False)
     except ProjError as error:
-        raise ConfigError("is no grid of undulations that PROJ can read", where=path,
+        raise ConfigError("is not a geoid grid that PROJ can read", where=path,
                           advice="give the grid as .gtx or .tif") from error  # fmt: skip
     undulation = np.asarray(shifted[2], dtype=np.float64)
     if not np.isfinite(undulation).all():

@@ -9,24 +9,24 @@ import numpy as np
 import rasterio
 from rasterio.errors import RasterioError
 
-import linework.files.vectors.gdal_limits  # noqa: F401 (what GDAL may not do)
+import linework.files.input  # noqa: F401 (restricts GDAL)
 from linework.errors import MachineError, UsageError
 from linework.files.geodesy.crs import LOCAL, parse_crs
 from linework.files.output.publish import publish
 from linework.model.grid import Image
 
 _DTYPES = ("float32", "uint8", "uint32")
-#: Edge of a tile: GDAL's default for cloud optimised files.
+#: Edge of a tile [pixels]: GDAL's default for cloud optimised files.
 _BLOCK = 512
 
 
 def write_geotiff(image: Image, path: Path, *, crs: str, overwrite: bool = False) -> None:
-    """Write an image as a cloud optimised GeoTIFF; a turned grid keeps its rotation.
+    """Write an image as a cloud optimised GeoTIFF; a rotated grid keeps its rotation.
 
     Parameters
     ----------
     image
-        Values of float32 (float64 is rounded to it; NaN: nothing measured), uint8, bool (as uint8) or uint32.
+        (rows, cols) of float32 (float64 is rounded to it; NaN: nothing measured), uint8, bool (as uint8) or uint32.
     crs
         "EPSG:...", WKT, or "local" (no CRS is written then).
 
@@ -39,7 +39,7 @@ def write_geotiff(image: Image, path: Path, *, crs: str, overwrite: bool = False
 
     Notes
     -----
-    GDAL's COG driver warps turned images to north up, so these are written as plain tiled GeoTIFF instead.
+    GDAL's COG driver warps rotated images to north up, so these are written as plain tiled GeoTIFF instead.
     """
     values = _storable(image, path)
     wkt = parse_crs(crs)

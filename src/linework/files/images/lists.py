@@ -1,4 +1,4 @@
-"""The images of one camera and when they were taken: a list with times, or a pattern and a file of times."""
+"""Find the images of a camera and their times: a list with times, or a pattern and a file of times."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ import numpy as np
 from linework.arrays import FloatArray
 from linework.errors import ConfigError, InputError
 from linework.files.logs.clock import in_seconds
-from linework.files.logs.tables import MAX_ROWS, finite_number, read_text_table, text_lines
+from linework.files.logs.tables import finite_number, read_text_table
+from linework.files.logs.text import MAX_ROWS, text_lines
 from linework.imaging.pairing import certain_times
 
 #: Suffixes of images that `read_pair` reads.
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm")
-#: A list that is cut off here or there is used; beyond this share it is something else.
+#: Share of unusable lines in a list that is tolerated (cut off or garbled here and there).
 _MAX_BAD_SHARE = 0.01
-#: A date with a time as KITTI writes it, to the nanosecond.
+#: Date and time as KITTI writes them, to the nanosecond.
 _DATE = re.compile(r"(\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d)(\.\d{1,9})?Z?")
 
 
@@ -34,7 +35,7 @@ class ImageList:
     Parameters
     ----------
     files
-        Not opened; they may be missing.
+        Paths; not opened, and possibly missing.
     time_s
         (n,) float64 [s], strictly increasing.
     warnings
@@ -56,16 +57,16 @@ def read_image_list(settings: Mapping[str, Any], root: Path, name: str) -> Image
         Table [cameras.left] or [cameras.right] of a survey.toml: ``images``, and with a pattern ``times`` (a
         file) or ``rate_hz``.
     root
-        Folder of the survey.toml; the names in a list start from the list's own folder.
+        Folder of the survey.toml; names in a list are relative to the folder of the list.
     name
-        Of the table, for messages.
+        Name of the table, for messages.
 
     Raises
     ------
     ConfigError
         A pattern without times.
     InputError
-        No image, an unreadable list, other numbers of images and times.
+        No image, an unreadable list, or different numbers of images and times.
     """
     images = str(settings["images"])
     if images.lower().endswith((".csv", ".txt")):
@@ -78,8 +79,8 @@ def read_image_list(settings: Mapping[str, Any], root: Path, name: str) -> Image
                          advice="split the survey")  # fmt: skip
     time_s, odd = in_seconds(time_s, f"{root} ({name})")
     ordered, time_s, more, left_out = _in_time_order(files, time_s, name)
-    told = (*warnings, *(f"{name}: {text}" for text in odd), *more)
-    return ImageList(ordered, time_s, told, left_out)
+    all_warnings = (*warnings, *(f"{name}: {text}" for text in odd), *more)
+    return ImageList(ordered, time_s, all_warnings, left_out)
 
 
 def _listed(path: Path) -> tuple[list[Path], FloatArray, tuple[str, ...]]:
@@ -94,21 +95,21 @@ def _listed(path: Path) -> tuple[list[Path], FloatArray, tuple[str, ...]]:
         raise InputError("lists no image", where=path, advice="each line is file,time_s")
     if len(bad) > 1 + _MAX_BAD_SHARE * (len(bad) + len(good)):
         raise InputError(
-            f"line {bad[0]} and {len(bad) - 1} other of {len(bad) + len(good)} lines are no file and time",
+            f"line {bad[0]} and {len(bad) - 1} other of {len(bad) + len(good)} lines do not hold a file and a time",
             where=path, advice="each line is file,time_s",
         )  # fmt: skip
     warnings = (f"{path}: {len(bad)} lines left out, the first is line {bad[0]}",) if bad else ()
-    # Names that other systems wrote have other separators
+    # Lists from other systems may use backslashes
     files = [path.parent / file.replace("\\", "/") for file, _, _ in good]
     return files, np.array([time for _, time, _ in good], dtype=np.float64), warnings
 
 
 def _matching(root: Path, pattern: str, name: str) -> list[Path]:
-    """Return the images a pattern matches, upper or lower case, in the order of the numbers in their names."""
+    """Return the images that match a pattern, ignoring case, in the order of the numbers in their names."""
     place = root / pattern
     base = Path(place.anchor) if place.is_absolute() else Path()
     is_wanted = re.compile(fnmatch.translate(place.name), re.IGNORECASE)
-    # Folders by pattern too, but never through links: they may go round in circles
+    # Folders may be patterns too, but links are not followed: they may form cycles
     parent = str(place.parent.relative_to(base))
     folders = sorted(base.glob(parent)) if any(c in parent for c in "*?[") else [base / parent]
     files = [path for folder in folders for path in find_images(folder) if is_wanted.fullmatch(path.name)]
@@ -121,7 +122,7 @@ def _matching(root: Path, pattern: str, name: str) -> list[Path]:
 def find_images(folder: Path) -> list[Path]:
     """Return the images of a folder in the order of the numbers in their names.
 
-    What is hidden is no image: other systems leave such files beside one.
+    Hidden files are ignored: other systems leave such files beside images.
 
     Raises
     ------
@@ -157,7 +158,7 @@ def _timed(
     """Return the images that have a time, and the times."""
     if "times" not in settings:
         if "rate_hz" not in settings:
-            raise ConfigError(f"{name}: images is a pattern, and nothing says when they were taken", where=root,
+            raise ConfigError(f"{name}: images is a pattern without times", where=root,
                               advice=f"add {name}.times (a file) or {name}.rate_hz")  # fmt: skip
         numbers = _numbers_of(files)
         places = np.arange(len(files)) if numbers is None else numbers
@@ -172,18 +173,18 @@ def _timed(
         return found, np.array([known[file.name] for file in found], dtype=np.float64), warnings
     if len(times) == len(files):
         return files, times, ()
-    # An image or a line is missing: the numbers in the names are the numbers of the lines
+    # An image or a line is missing: the numbers in the names give the lines
     numbers = _numbers_of(files)
     if numbers is None or numbers[-1] - _first_number(numbers, len(times)) >= len(times):
         raise InputError(f"{len(times)} times for {len(files)} images of {name}", where=path,
                          advice="a line for every image, or a CSV file,time_s")  # fmt: skip
     lines = numbers - _first_number(numbers, len(times))
     return files, times[lines], (f"{path}: {len(times)} times for {len(files)} images of {name}: "
-                                 "taken by the numbers in their names",)  # fmt: skip
+                                 "assigned by the numbers in their names",)  # fmt: skip
 
 
 def _numbers_of(files: Sequence[Path]) -> np.ndarray[Any, np.dtype[np.int64]] | None:
-    """Return the last number in each name, increasing, or None where they are none."""
+    """Return the last number in each name, (n,) int64 increasing; None where a name has none."""
     found = [re.findall(r"\d+", file.stem) for file in files]
     if not all(found) or any(len(pieces[-1]) > 12 for pieces in found):
         return None
@@ -192,7 +193,7 @@ def _numbers_of(files: Sequence[Path]) -> np.ndarray[Any, np.dtype[np.int64]] | 
 
 
 def _first_number(numbers: np.ndarray[Any, np.dtype[np.int64]], n_times: int) -> int:
-    """Return what the first line's image is numbered: 0, or 1 where the numbers go that far."""
+    """Return the number of the first line's image: 0, or 1 where the numbers run to `n_times`."""
     return 1 if numbers[0] >= 1 and numbers[-1] == n_times else 0
 
 
@@ -207,7 +208,7 @@ def read_times(path: Path) -> tuple[FloatArray, tuple[str, ...] | None]:
     Raises
     ------
     InputError
-        A line that is no time, with its number.
+        A line that is not a time, with its number.
     """
     lines = text_lines(path)
     if not lines:
@@ -223,13 +224,13 @@ def read_times(path: Path) -> tuple[FloatArray, tuple[str, ...] | None]:
     times = [_seconds(text.strip()) for _, text in texts]
     if None in times:
         number, text = texts[times.index(None)]
-        raise InputError(f"line {number} is no time: '{text.strip()[:40]}'", where=path,
+        raise InputError(f"line {number} is not a time: '{text.strip()[:40]}'", where=path,
                          advice="seconds, or dates such as 2024-05-28 13:02:25.964")  # fmt: skip
     return np.array(times, dtype=np.float64), names
 
 
 def _seconds(text: str) -> float | None:
-    """Return seconds, or seconds since 1970 of a date.
+    """Return a time in seconds, or a date in seconds since 1970; None for anything else.
 
     >>> _seconds("12.5"), _seconds("1970-01-02 00:00:01.25"), _seconds("noon")
     (12.5, 86401.25, None)
@@ -247,10 +248,10 @@ def _seconds(text: str) -> float | None:
 def _in_time_order(
     files: Sequence[Path], time_s: FloatArray, name: str
 ) -> tuple[tuple[Path, ...], FloatArray, tuple[str, ...], tuple[Path, ...]]:
-    """Return the images whose time is certain, in time order, what to tell of the others, and these."""
+    """Return the images whose time is certain, in time order, their times, warnings, and the images left out."""
     order = np.arange(len(files))
     if np.any(np.diff(time_s) < 0.0):
-        # A list in another order is no fault where the names are in the order of the times
+        # The order of a list does not matter where names and times have the same order
         by_name = np.array(sorted(order, key=lambda i: name_order(str(files[int(i)]))), dtype=np.int64)
         if np.all(np.diff(time_s[by_name]) >= 0.0):
             order = by_name
@@ -267,7 +268,7 @@ def _in_time_order(
         )
     if n_same := int(np.count_nonzero(steps == 0.0)):
         first = files[int(np.argmax(steps == 0.0)) + 1].name
-        warnings.append(f"{name}: {n_same} images with the time of the one before left out, first {first}")
+        warnings.append(f"{name}: {n_same} images with a repeated time left out, first {first}")
     left_out = tuple(files[int(i)] for i in np.flatnonzero(~certain))
     kept = np.flatnonzero(certain)
     kept = kept[np.argsort(time_s[kept], kind="stable")]

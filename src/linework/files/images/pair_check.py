@@ -1,4 +1,4 @@
-"""Do the images of a series belong together: a few pairs are looked at, and so are their neighbours."""
+"""Check on a few pairs of a series that left and right images belong together."""
 
 from __future__ import annotations
 
@@ -12,28 +12,29 @@ from linework.files.images.read import read_image
 from linework.imaging.rectify import LEAST_MATCHES, Rectifier, RowFit, row_fit
 from linework.model.images import StereoSeries
 
-#: Pairs looked at, over the whole series: 0.3 s each.
+#: Pairs checked, spread over the series; 0.3 s each.
 N_LOOKED_AT = 5
-#: A neighbour fits better where so many times more corners fit: a van at rest fits its neighbours as well.
+#: Ratio of fitting corners from which a neighbour fits better; at rest, neighbours fit equally well.
 _BETTER = 1.2
-#: Rows that differ by more than this are not the same line of the image: nothing can be matched along them. [px]
+#: Largest row difference [px]: beyond it, rows are not epipolar lines and cannot be matched.
 _MAX_ERROR_PX = 2.0
-#: From here on matching suffers; good calibrations are at 0.1 to 0.6 pixels (measured on real drives). [px]
+#: Row difference [px] above which a warning is given, because matching suffers; good calibrations have 0.1 to 0.6
+#: (measured on real drives).
 _TOLD_ERROR_PX = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class PairCheck:
-    """Whether the pairs of a series are pairs.
+    """Result of the check of a series.
 
     Parameters
     ----------
     n_looked_at
-        Pairs that show enough to say so.
+        Number of checked pairs with enough matches.
     error_px
-        Median over these of the difference in rows of matched places; NaN where none shows enough.
+        Median over these of the row difference of matched corners [px]; NaN without such a pair.
     doubtful
-        Numbers of pairs whose images are not of one moment.
+        Numbers of pairs whose images were not taken at the same time.
     warnings
         One line each.
     """
@@ -45,20 +46,20 @@ class PairCheck:
 
 
 def check_pairs(series: StereoSeries, rectifier: Rectifier, *, where: object = None) -> PairCheck:
-    """Look at a few pairs: is the same place in the same row of both, and in no neighbour more so.
+    """Check on a few pairs that corners are in the same row of both images, and fit no neighbouring image better.
 
     Raises
     ------
     InputError
-        The images of all pairs are not of one moment (one too early or too late), the cameras are swapped, or
+        The images of all pairs were not taken at the same time (one too early or too late), the cameras are swapped, or
         the calibration is not theirs; with numbers.
 
     Notes
     -----
-    Looked at are pairs at equal steps. Where one of these is no pair, all those up to the next one that is are
-    doubtful. Images that cannot be read are left out here; whoever uses them says so.
+    Checked pairs are equally spaced. Where one fails, all pairs up to the next good one are doubtful. Images that
+    cannot be read are skipped here and reported when they are used.
     """
-    # Not the ends: they have one neighbour only
+    # Not the ends, which have one neighbour only
     inner = (1, len(series.pairs) - 2) if len(series.pairs) >= 3 else (0, len(series.pairs) - 1)
     places = np.unique(np.linspace(*inner, N_LOOKED_AT).round().astype(int)).tolist()
     fits = {i: {k: _fit(series, rectifier, i, k) for k in (0, -1, 1)} for i in places}
@@ -69,7 +70,7 @@ def check_pairs(series: StereoSeries, rectifier: Rectifier, *, where: object = N
     _check_not_swapped(list(known.values()), where)
     if shift := _better_neighbour(list(known.values())):
         raise InputError(
-            f"left and right images are not of one moment: in {len(known)} pairs looked at, the right image one "
+            f"left and right images were not taken at the same time: in {len(known)} checked pairs the right image one "
             f"{'later' if shift > 0 else 'earlier'} fits better", where=where,
             advice="check the times of the images",
         )  # fmt: skip
@@ -85,7 +86,7 @@ def check_pairs(series: StereoSeries, rectifier: Rectifier, *, where: object = N
     if off:
         times = ", ".join(f"{series.pairs[i].time_s:.3f}" for i in off)
         warnings.append(
-            f"left and right images are not of one moment around {times} s: a neighbour fits better"
+            f"left and right images were not taken at the same time around {times} s: a neighbour fits better"
         )
     if error > _TOLD_ERROR_PX:
         warnings.append(f"rows of left and right images differ by {error:.1f} pixels (median), a good calibration "
@@ -94,7 +95,7 @@ def check_pairs(series: StereoSeries, rectifier: Rectifier, *, where: object = N
 
 
 def _fit(series: StereoSeries, rectifier: Rectifier, i: int, shift: int) -> RowFit | None:
-    """Return how the left image of pair i fits the right image of pair i + shift; None where one cannot be read."""
+    """Return the fit of the left image of pair i to the right image of pair i + shift; None if unreadable."""
     if not 0 <= i + shift < len(series.pairs):
         return None
     try:
@@ -110,13 +111,13 @@ def _better_neighbour(looked_at: Sequence[dict[int, RowFit | None]]) -> int:
     n_fitting = {k: sum(fit.n_fitting for fits in looked_at if (fit := fits[k])) for k in (0, -1, 1)}
     n_matches = {k: sum(fit.n_matches for fits in looked_at if (fit := fits[k])) for k in (0, -1, 1)}
     best = max(n_fitting, key=lambda k: n_fitting[k])
-    # With a calibration that is not theirs no image fits any other
+    # With a wrong calibration no image fits any other
     is_fitting = n_fitting[best] >= max(LEAST_MATCHES, 0.5 * n_matches[best])
     return best if is_fitting and n_fitting[best] > _BETTER * n_fitting[0] else 0
 
 
 def _check_not_swapped(looked_at: Sequence[dict[int, RowFit | None]], where: object) -> None:
-    """Refuse pairs where more places are in the same row behind infinity than fit in any way."""
+    """Refuse pairs with more matches of negative disparity than fit otherwise: the cameras are swapped."""
     n_swapped = sum(fit.n_swapped for fits in looked_at if (fit := fits[0]))
     most = max(sum(fit.n_fitting for fits in looked_at if (fit := fits[k])) for k in (0, -1, 1))
     if n_swapped >= LEAST_MATCHES and n_swapped > _BETTER * most:
@@ -127,7 +128,7 @@ def _check_not_swapped(looked_at: Sequence[dict[int, RowFit | None]], where: obj
 
 
 def _around(series: StereoSeries, off: Sequence[int], known: Sequence[int]) -> tuple[int, ...]:
-    """Return the numbers of the pairs between those that fit: after the last before, up to the next."""
+    """Return the numbers of the pairs between the nearest good ones around those that failed."""
     good = [i for i in known if i not in off]
     doubtful: set[int] = set()
     for i in off:

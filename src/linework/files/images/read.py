@@ -1,4 +1,4 @@
-"""Read stereo images: nothing is decoded that the calibration does not expect, nothing half passes as whole."""
+"""Read stereo images: only of the size that the calibration states, and only complete ones."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ import PIL.Image
 
 from linework.arrays import AnyArray
 from linework.errors import InputError
-from linework.files.las.header import regular_file_bytes
+from linework.files.input import filled_file_bytes
 from linework.model.camera import Camera, StereoRig
 from linework.model.images import ImagePair
 
-#: What cameras write. Pillow knows fifty others; each is a decoder that nobody needs here.
+#: Formats that cameras write; Pillow's fifty other decoders are not needed.
 _FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM")
-#: Larger than 16 bits of red, green, blue and alpha without compression, and 16 MB of notes: no such image.
+#: Largest file: 16 bits of red, green, blue and alpha per pixel, uncompressed, and 16 MB of metadata.
 _MAX_BYTES_PER_PIXEL, _MAX_NOTES_BYTES = 8, 1 << 24
 _ORIENTATION = 0x0112
 
@@ -48,15 +48,15 @@ def read_image(path: Path, camera: Camera) -> AnyArray:
     Raises
     ------
     InputError
-        Missing, no image, of another size than the calibration's, to be turned by its EXIF, cut off, damaged.
+        Missing, not an image, of another size than the calibration's, rotated by its Exif, cut off, damaged.
 
     Notes
     -----
-    Grey = 0.299 red + 0.587 green + 0.114 blue (ITU-R BT.601). Of 16 bits the upper 8 count, the same in every
-    image; images of 10 or 12 bits that were not scaled up to 16 are refused. Sizes are compared before a pixel
+    Grey = 0.299 red + 0.587 green + 0.114 blue (ITU-R BT.601). Of 16 bits the upper 8 are used, in every
+    image alike; images of 10 or 12 bits that were not scaled up to 16 are refused. Sizes are compared before a pixel
     is decoded. Exif that is damaged is ignored.
     """
-    _check_bytes(_bytes_of(path), path, camera)
+    _check_bytes(filled_file_bytes(path, DAMAGED), path, camera)
     return decoded_image(path.read_bytes(), path, camera)
 
 
@@ -89,18 +89,11 @@ def image_size(path: Path) -> tuple[int, int]:
     Raises
     ------
     InputError
-        Missing, no image, absurdly large.
+        Missing, not an image, absurdly large.
     """
-    _bytes_of(path)
+    filled_file_bytes(path, DAMAGED)
     with image_errors(path), path.open("rb") as file, open_image(file, path) as image:
         return int(image.width), int(image.height)
-
-
-def _bytes_of(path: Path) -> int:
-    n_bytes = regular_file_bytes(path)
-    if n_bytes == 0:
-        raise InputError("empty file (0 bytes)", where=path, advice=DAMAGED)
-    return n_bytes
 
 
 def _check_bytes(n_bytes: int, path: Path, camera: Camera) -> None:
@@ -114,15 +107,15 @@ def _check_bytes(n_bytes: int, path: Path, camera: Camera) -> None:
 
 
 def most_bytes(camera: Camera) -> int:
-    """Return how large a file of a camera's image may be."""
+    """Return the largest size of a file of a camera's image, in bytes."""
     return camera.width * camera.height * _MAX_BYTES_PER_PIXEL + _MAX_NOTES_BYTES
 
 
 @contextlib.contextmanager
 def image_errors(path: Path, expected: str = "") -> Iterator[None]:
-    """Turn whatever Pillow raises for a damaged file into one line that names it."""
+    """Turn the errors that Pillow raises for a damaged file into one line that names it."""
     with warnings.catch_warnings():
-        # Of Pillow's warnings one is about bombs, the others about Exif that is damaged
+        # One of Pillow's warnings is about decompression bombs, the others about damaged Exif
         warnings.simplefilter("ignore")
         warnings.simplefilter("error", PIL.Image.DecompressionBombWarning)
         try:
@@ -132,14 +125,14 @@ def image_errors(path: Path, expected: str = "") -> Iterator[None]:
         except (PIL.Image.DecompressionBombWarning, PIL.Image.DecompressionBombError) as error:
             raise InputError(f"image of more than {PIL.Image.MAX_IMAGE_PIXELS:,} pixels{expected}", where=path,
                              advice="check what this file is") from error  # fmt: skip
-        # Its decoders raise what they please: SyntaxError, struct.error, KeyError, MemoryError ...
+        # Decoders raise many types: SyntaxError, struct.error, KeyError, MemoryError ...
         except Exception as error:
             reason = str(error).strip("'\".").split("\n")[0][:80] or type(error).__name__
             raise InputError(f"damaged image ({reason})", where=path, advice=DAMAGED) from error
 
 
 def open_image(file: BinaryIO, path: Path) -> PIL.Image.Image:
-    """Return an image whose header has been read."""
+    """Return an image with its header read."""
     try:
         return PIL.Image.open(file, formats=_FORMATS)
     except PIL.UnidentifiedImageError as error:
@@ -148,19 +141,19 @@ def open_image(file: BinaryIO, path: Path) -> PIL.Image.Image:
 
 
 def _decoded(data: bytes, path: Path, camera: Camera, *, in_colour: bool) -> AnyArray:
-    """Return the values, having looked at the size before decoding and at the end of the data after it."""
+    """Return the values; the size is checked before decoding, the end of the data after it."""
     with open_image(io.BytesIO(data), path) as image:
         turned = _orientation(image)
         if image.size != (camera.width, camera.height):
-            by_exif = f", to be turned (Exif orientation {turned})" if turned != 1 else ""
+            by_exif = f", to be rotated (Exif orientation {turned})" if turned != 1 else ""
             raise InputError(
                 f"{image.width} x {image.height} pixels{by_exif}, the calibration says {_size(camera)}",
                 where=path, advice="calibrate for this size, or leave the image out",
             )  # fmt: skip
         if turned != 1:
             raise InputError(
-                f"its Exif says that it is to be turned (orientation {turned}), a calibration is for one way up",
-                where=path, advice="turn the images, or remove the tag",
+                f"Exif orientation {turned} asks for a rotation, but the calibration holds for the image as stored",
+                where=path, advice="rotate the images, or remove the tag",
             )  # fmt: skip
         check_complete(data, str(image.format), path)
         image.load()
@@ -176,7 +169,7 @@ def _size(camera: Camera) -> str:
 
 
 def _orientation(image: PIL.Image.Image) -> int:
-    """Return how Exif says the image is to be turned, 1 to 8; 1 where it does not, or is damaged."""
+    """Return the Exif orientation, 1 to 8; 1 where it is missing or damaged."""
     if "exif" not in image.info:
         return 1
     try:
@@ -200,23 +193,21 @@ def _grey(image: Any, path: Path) -> AnyArray:
             )  # fmt: skip
         return np.asarray(values >> 8, dtype=np.uint8)
     if image.mode == "F":
-        raise InputError("grey values that are no whole numbers", where=path, advice="write them as 16 bits")
+        raise InputError("grey values are not whole numbers", where=path, advice="write them as 16 bits")
     plain = image if image.mode == "L" else image.convert("RGB").convert("L")
     return np.array(plain, dtype=np.uint8)
 
 
-# Are the data of an image whole: decoders fill up what is missing, and say nothing
-
-#: Rows that a JPEG decoder makes up at once where the data end early (one or two rows of 8 x 8 blocks).
+#: Rows that a JPEG decoder fills at once where the data end early (one or two rows of 8 x 8 blocks).
 _BLOCK_ROWS = 16
-#: What it makes up: blocks without data are in the middle of the scale.
+#: Grey value of blocks without data: the middle of the scale.
 _MADE_UP_GREY = 128
-#: What to do about it.
+#: Advice for damaged images.
 DAMAGED = "copy the file again, or leave it out"
 
 
 def check_complete(data: bytes, kind: str, path: Path) -> None:
-    """Refuse a JPEG without its end and a PNG whose checksums do not hold: decoders fill up what is missing."""
+    """Refuse a JPEG without its end and a PNG with wrong checksums, where decoders would silently fill in."""
     if kind in ("JPEG", "MPO") and data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda"):
         raise InputError(
             f"JPEG cut off after {len(data):,} bytes (it has no end)", where=path, advice=DAMAGED
@@ -228,7 +219,7 @@ def check_complete(data: bytes, kind: str, path: Path) -> None:
             name, end = data[place + 4 : place + 8], place + 8 + n
             if len(data) < end + 4:
                 raise InputError(f"PNG cut off after {len(data):,} bytes", where=path, advice=DAMAGED)
-            # Notes that are damaged spoil no pixel; their names begin with a small letter
+            # Damaged metadata spoil no pixel; names of such chunks begin with a small letter
             is_needed = name[:1].isupper()
             if is_needed and zlib.crc32(data[place + 4 : end]) != int.from_bytes(data[end : end + 4]):
                 raise InputError(f"damaged PNG (checksum at byte {place:,})", where=path, advice=DAMAGED)
@@ -236,11 +227,10 @@ def check_complete(data: bytes, kind: str, path: Path) -> None:
 
 
 def check_last_rows(values: AnyArray, path: Path, *, is_jpeg: bool) -> None:
-    """Refuse an image whose last rows are one grey: a JPEG whose data ended early though its end is there.
+    """Refuse an image whose last rows are one grey: a JPEG with its end marker whose data ended early.
 
-    Lenses, noise and rounding leave no 16 whole rows of one value, except where all is black or white. Other
-    formats may hold what was decoded from such a JPEG, where the rows are 128; drawn images of theirs may end in
-    rows of another grey.
+    Lenses, noise and rounding leave no 16 whole rows of one value, except all black or white. Other formats may hold
+    the decoded content of such a JPEG, whose rows are 128; drawn images may end in rows of another grey.
     """
     tail = values[-_BLOCK_ROWS:]
     value = int(tail[0, 0])
@@ -249,15 +239,12 @@ def check_last_rows(values: AnyArray, path: Path, *, is_jpeg: bool) -> None:
         whole = np.flatnonzero(np.any(values != value, axis=1))
         first = int(whole[-1]) + 1 if len(whole) else 0
         raise InputError(
-            f"rows {first} to {len(values) - 1} are one grey ({value}): its data end early", where=path,
+            f"rows {first} to {len(values) - 1} are one grey ({value}): the image data end early", where=path,
             advice=DAMAGED,
         )  # fmt: skip
 
 
-# Write grey images
-
-
 def write_grey_png(image: AnyArray, path: Path) -> None:
-    """Write a (height, width) uint8 image as a PNG; the same image makes the same bytes."""
+    """Write a (height, width) uint8 image as PNG; the same image gives the same bytes."""
     # Level 6 of zlib: 9 saves 1 % on noisy images and takes three times as long
     PIL.Image.fromarray(image).save(path, format="PNG", compress_level=6)

@@ -1,4 +1,4 @@
-"""Images of a survey for the screen: decoded with care and written anew, so that no file goes to a page as it is."""
+"""Images of a survey for the browser: decoded and re-encoded, so that no file is sent to a page as it is."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ import numpy as np
 import PIL.Image
 
 from linework.errors import InputError
-from linework.files.images.read import decoded_image, image_errors, most_bytes, open_image
-from linework.files.las.header import regular_file_bytes
+from linework.files.images.read import DAMAGED, decoded_image, image_errors, most_bytes, open_image
+from linework.files.input import filled_file_bytes
 from linework.model.camera import Camera
 
-#: Edges of paint stay as sharp as the eye sees them, at an eighth of the bytes of a PNG.
+#: JPEG quality at which edges of paint look sharp, with an eighth of the bytes of a PNG.
 _JPEG_QUALITY = 90
 
 
 def screen_image(path: Path, camera: Camera, root: Path) -> bytes:
-    """Return an image of a camera as it was taken, as JPEG, in colour where it is.
+    """Return an image of a camera, unrectified, as JPEG; in colour where it has colour.
 
     Parameters
     ----------
@@ -40,33 +40,33 @@ def screen_image(path: Path, camera: Camera, root: Path) -> bytes:
 
 
 def screen_thumbnail(path: Path, camera: Camera, root: Path) -> bytes:
-    """Return an image of a camera made small (see `screen_image`, `image_thumbnail`)."""
+    """Return a thumbnail of an image of a camera (see `screen_image`, `image_thumbnail`)."""
     return thumbnail_of(io.BytesIO(read_inside(path, root, most_bytes(camera))), path)
 
 
 def read_inside(path: Path, root: Path, most: int) -> bytes:
-    """Read a file that lies where its name says: in the survey's folder, or in the folder that the survey names.
+    """Read a file of the survey's folder, or of a folder outside that the survey names; links out are refused.
 
     Parameters
     ----------
     path
-        As the survey names it.
+        Path as the survey names it.
     most
         Larger files are refused. [bytes]
 
     Raises
     ------
     InputError
-        Missing, not a regular file, too large, or a link leads from the survey's folder to another place.
+        Missing, not a regular file, too large, or a link out of the folder.
 
     Notes
     -----
-    What is looked at is the file that was opened, so that a link that is changed meanwhile gains nothing.
+    The opened file itself is checked, so that changing a link meanwhile has no effect.
     """
     try:
         data = _read(path, root, most)
     except OSError as error:
-        # Whether it is refused or missing is said in the same words
+        # One message for refused and missing files, so that nothing is revealed
         raise InputError(
             "missing, or not a file in the survey's folder", where=path.name,
             advice="check it, or name the place where it lies in the survey.toml",
@@ -79,7 +79,7 @@ def read_inside(path: Path, root: Path, most: int) -> bytes:
 
 def _read(path: Path, root: Path, most: int) -> bytes:
     """Return at most one byte more than `most` of a file that is inside."""
-    # Not blocking: a pipe would wait for somebody to write into it
+    # Non-blocking: opening a pipe would wait for a writer
     with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
         status = os.fstat(file.fileno())
         if not stat.S_ISREG(status.st_mode) or not _is_inside(path, root, status):
@@ -88,8 +88,8 @@ def _read(path: Path, root: Path, most: int) -> bytes:
 
 
 def _is_inside(path: Path, root: Path, opened: os.stat_result) -> bool:
-    """Return whether the file that was opened lies in the root, or in the folder that is named outside of it."""
-    # Not resolved: whether the name itself, without its links, points into the folder
+    """Return whether the opened file lies in the root, or in the folder outside that its name gives."""
+    # Not resolved: whether the name itself, links aside, points into the folder
     named, plain_root = (Path(os.path.normpath(p.absolute())) for p in (path, root))
     real_root, real = root.resolve(), path.resolve()
     is_named_inside = named.is_relative_to(plain_root) or named.is_relative_to(real_root)
@@ -97,30 +97,28 @@ def _is_inside(path: Path, root: Path, opened: os.stat_result) -> bool:
     return real.is_relative_to(allowed) and os.path.samestat(opened, real.lstat())
 
 
-# Small pictures of images, for pages
-
-#: Longer side of a thumbnail: 3 to 6 kB each. [pixels]
+#: Longer side of a thumbnail [pixels]; 3 to 6 kB each.
 THUMBNAIL_PX = 160
 _THUMBNAILS_JPEG_QUALITY = 70
 
 
 def image_thumbnail(path: Path) -> bytes:
-    """Return an image made small, as JPEG; in colour where it is.
+    """Return a thumbnail of an image, as JPEG; in colour where it has colour.
 
     Raises
     ------
     InputError
-        Missing, no image, cut off, absurdly large.
+        Missing, not an image, cut off, absurdly large.
     """
-    regular_file_bytes(path)
+    filled_file_bytes(path, DAMAGED)
     with image_errors(path), path.open("rb") as file:
         return thumbnail_of(file, path)
 
 
 def thumbnail_of(file: BinaryIO, path: Path) -> bytes:
-    """Return an opened image made small (see `image_thumbnail`)."""
+    """Return a thumbnail of an opened image (see `image_thumbnail`)."""
     with image_errors(path), open_image(file, path) as image:
-        # Decodes a JPEG at an eighth to the full size, whichever is enough
+        # Decodes a JPEG at the smallest sufficient scale, from an eighth
         image.draft("RGB", (2 * THUMBNAIL_PX, 2 * THUMBNAIL_PX))
         image.load()
         small = _eight_bits(image)
@@ -131,7 +129,7 @@ def thumbnail_of(file: BinaryIO, path: Path) -> bytes:
 
 
 def _eight_bits(image: PIL.Image.Image) -> PIL.Image.Image:
-    """Return the image in grey or red, green, blue of 8 bits; of 16 bits the upper 8, as `read_image` has them."""
+    """Return the image as 8 bits grey or RGB; of 16 bits the upper 8, as in `read_image`."""
     if image.mode.startswith("I"):
         values = np.clip(np.asarray(image), 0, 0xFFFF)
         return PIL.Image.fromarray((values >> 8).astype(np.uint8))

@@ -1,4 +1,4 @@
-"""The stereo pairs of a survey: cameras checked, images found and paired by time; none is opened."""
+"""Find the stereo pairs of a survey: check the cameras, find the images and pair them by time; none is opened."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 from linework.arrays import FloatArray, IntArray
 from linework.errors import ConfigError, InputError
 from linework.files.images.lists import ImageList, read_image_list
-from linework.files.survey.toml import check_cameras
 from linework.imaging.pairing import PairedTimes, pair_by_time
 from linework.model.camera import Camera, StereoRig
 from linework.model.images import ImagePair, StereoSeries
@@ -19,9 +18,9 @@ from linework.model.survey import Survey
 
 _SIDES = ("left", "right")
 _REQUIRED = ("images", "width", "height", "fx", "fy", "cx", "cy", "position_m", "rotation_wxyz")
-#: Cameras triggered together are stamped within this; a van at 80 km/h drives 2 cm in it. [s]
+#: Time stamps of cameras triggered together agree within this [s]; at 80 km/h a van drives 2 cm.
 _TOGETHER_S = 0.001
-#: A pause this many times the usual interval is told: the camera was off, or its clock jumped.
+#: Ratio to the usual interval from which a pause is reported: the camera was off, or its clock jumped.
 _PAUSE = 10.0
 #: Images named in a warning; the others are counted.
 _MAX_NAMED = 3
@@ -40,17 +39,19 @@ def open_stereo(survey: Survey) -> StereoSeries | None:
     ConfigError
         A key of [cameras] is missing, or the calibration is impossible; with the key.
     InputError
-        A camera without images, or no two images taken at one time.
+        A camera without images, or no two images taken at the same time.
 
     Notes
     -----
-    Two images make a pair where each is the other's nearest in time and they are less than half the median
-    interval apart (`pair_by_time`). Times need not be equal: cameras stamp by themselves.
+    Two images are a pair where each is the other's nearest in time and they are less than half the median interval
+    apart (`pair_by_time`). Times need not be equal: each camera has its own time stamps.
     """
     cameras = survey.settings.get("cameras")
     if not cameras:
         return None
     where = survey.settings_file or survey.root
+    from linework.files.survey.toml import check_cameras
+
     check_cameras(cameras, where)
     rig = rig_of(cameras, where)
     left, right = (read_image_list(cameras[side], survey.root, f"cameras.{side}") for side in _SIDES)
@@ -62,7 +63,7 @@ def open_stereo(survey: Survey) -> StereoSeries | None:
     paired = pair_by_time(left.time_s, right.time_s)
     if not len(paired.left):
         raise InputError(
-            f"no two images at one time: cameras.left {_span(left.time_s)}, cameras.right "
+            f"no two images taken at the same time: cameras.left {_span(left.time_s)}, cameras.right "
             f"{_span(right.time_s)}, at most {paired.tolerance_s:.3f} s apart", where=where,
             advice="check the times of the images",
         )  # fmt: skip
@@ -80,7 +81,7 @@ def open_stereo(survey: Survey) -> StereoSeries | None:
 
 
 def rig_of(cameras: Mapping[str, Any], where: object) -> StereoRig:
-    """Return the calibrated pair of cameras of the table [cameras].
+    """Return the stereo rig of the table [cameras].
 
     Raises
     ------
@@ -120,7 +121,7 @@ def _camera_of(table: Mapping[str, Any], name: str, where: object) -> Camera:
 
 
 def _check_some_exist(files: Sequence[Path], name: str, where: object) -> None:
-    """Refuse a camera without any image; single missing ones fail when they are read, each by its name."""
+    """Refuse a camera without any image; single missing ones are reported by name when they are read."""
     if not any(file.is_file() for file in files):
         problem = f"none of its {len(files)} files exists, first {files[0]}" if files else "none has a time"
         raise InputError(f"{name} has no image: {problem}", where=where,
@@ -128,7 +129,7 @@ def _check_some_exist(files: Sequence[Path], name: str, where: object) -> None:
 
 
 def _about(left: ImageList, right: ImageList, paired: PairedTimes) -> list[str]:
-    """Return what to tell of images in no pair, of images taken apart and of pauses."""
+    """Return warnings about images without a partner, time differences within pairs, and pauses."""
     warnings = []
     for name, images, chosen in (("left", left, paired.left), ("right", right, paired.right)):
         alone = _alone(images, chosen)
@@ -140,8 +141,8 @@ def _about(left: ImageList, right: ImageList, paired: PairedTimes) -> list[str]:
     apart = np.abs(left.time_s[paired.left] - right.time_s[paired.right])
     if apart.max() > _TOGETHER_S:
         warnings.append(
-            f"left and right images of a pair are up to {1e3 * apart.max():.1f} ms apart by their times "
-            f"(median {1e3 * np.median(apart):.1f} ms); they are taken as of one moment, the left one's"
+            f"left and right images of a pair are up to {1e3 * apart.max():.1f} ms apart "
+            f"(median {1e3 * np.median(apart):.1f} ms); both are used at the time of the left one"
         )
     steps = np.diff(left.time_s[paired.left])
     if len(steps) > 1 and steps.max() > _PAUSE * np.median(steps):

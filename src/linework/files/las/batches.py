@@ -1,4 +1,4 @@
-"""Laser points of a file in batches: the next one is decoded while the last one is worked on."""
+"""Read the points of a LAS file in batches; the next ones are decoded while one is used."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from linework.files.las.header import LasHeader
 #: Points decoded at a time: about 15 MB of records stay near the caches while they are converted, which
 #: measures 5 to 10 % faster than one buffer of 4 million.
 BATCH_POINTS = 500_000
-#: A buffer is no larger: the records of any point format without many extra bytes fit a batch.
+#: Largest buffer: a batch of any point format without many extra bytes fits.
 _BATCH_BYTES = 32 << 20
-#: Buffers that are decoded ahead: while the first points wait for the kernels that write them (0.3 s to load),
-#: both cores stay busy.
+#: Buffers decoded ahead: they keep both cores busy while the kernels that write the first points load (0.3 s).
 _BUFFERS = 4
-#: Chunks are decoded side by side: two per core even out those that take longer.
+#: Chunks decoded in parallel: two per core even out those that take longer.
 _CHUNKS_PER_CORE = 2
-#: Farther than any projected coordinate.
+#: Larger than any projected coordinate. [m]
 _ABSURD_M = 1e8
-#: Times of laser points: seconds of a week, GPS seconds, or those less 1e9, from 1980 to the year 2106. [s]
+#: Range of the times of laser points: seconds of a week, GPS seconds, or those less 1e9, from 1980 to 2106. [s]
 _FIRST_S, _LAST_S = -1e9, 4e9
+#: Noise classes of the LAS specification (tables 9 and 17).
 _NOISE, _HIGH_NOISE = 7, 18
 
 
 @dataclass(frozen=True, slots=True)
 class LasBatch:
-    """Some points of a file in file order, all that were promised; overwritten by the next batch.
+    """Some points of a file in file order, none left out yet; overwritten by the next batch.
 
     Parameters
     ----------
@@ -48,8 +48,8 @@ class LasBatch:
     time_s
         (n,) float64 [s] as stored, or None where the point format has no time.
     is_noise, is_absurd, is_untimed
-        (n,) bool: of a noise class or withheld; coordinates that no projected CRS has; a time that is none in
-        any of the known epochs. None: not a single one.
+        (n,) bool: noise class or withheld; coordinates outside any projected CRS; a time outside all known epochs.
+        None: no such point.
     """
 
     xyz: FloatArray
@@ -78,7 +78,7 @@ def read_las_batches(
     factors
         Metres per unit of the file, in plan and in height.
     batch_points
-        About so many points at a time.
+        Approximate number of points in a batch.
     is_sequential
         Decode one chunk after the other, without the chunk table.
 
@@ -89,7 +89,7 @@ def read_las_batches(
 
     Notes
     -----
-    Decoders let go of the interpreter's lock: a thread fills some buffers while another is converted.
+    Decoders release the interpreter lock: a thread fills some buffers while another buffer is converted.
     """
     n_batch = _rounded_batch(header, batch_points)
     record = _record_dtype(header)
@@ -111,7 +111,7 @@ def read_las_batches(
             ahead = deque(pool.submit(decode, i) for i in range(n_buffers))
             for i in range(n_buffers, len(starts) + n_buffers):
                 batch = _converted(ahead.popleft().result().view(record), header, factors, columns)
-                # Converted, its buffer can be filled again
+                # Its buffer is free again
                 if i < len(starts):
                     ahead.append(pool.submit(decode, i))
                 yield batch
@@ -120,7 +120,7 @@ def read_las_batches(
 
 
 def _rounded_batch(header: LasHeader, batch_points: int) -> int:
-    """Return how many points to decode at a time: whole chunks where they are not larger, enough for all cores."""
+    """Return the number of points to decode at a time: whole chunks if they fit, enough for all cores."""
     largest = max(_BATCH_BYTES // header.record_bytes, 1)
     chunk = header.laz.chunk_size if header.laz is not None else 0
     batch = min(batch_points, largest)
@@ -133,7 +133,7 @@ def _rounded_batch(header: LasHeader, batch_points: int) -> int:
 
 
 def _record_dtype(header: LasHeader) -> np.dtype[Any]:
-    """Return where in a record the fields in use lie (specification tables 7 to 17)."""
+    """Return the dtype with the offsets of the fields in use (specification tables 7 to 17)."""
     fields = {"x": ("<i4", 0), "y": ("<i4", 4), "z": ("<i4", 8), "intensity": ("<u2", 12)}
     if header.point_format >= 6:
         fields |= {"flags": ("u1", 15), "class": ("u1", 16), "time": ("<f8", 22)}
@@ -149,7 +149,7 @@ def _record_dtype(header: LasHeader) -> np.dtype[Any]:
 
 @dataclass(frozen=True, slots=True)
 class _Columns:
-    """Memory for the columns of a batch, used again for each."""
+    """Buffers for the columns of a batch, reused for every batch."""
 
     xyz: FloatArray
     intensity: AnyArray
@@ -177,7 +177,7 @@ def _converted(
     if columns.time_s is not None:
         time = columns.time_s[:n]
         time[:] = records["time"]
-        # Comparisons with what is no number are false; two extremes cost less than a mask
+        # NaN compares false; the two extremes cost less than a mask
         if not (time.min() >= _FIRST_S and time.max() <= _LAST_S):
             is_untimed = ~((time >= _FIRST_S) & (time <= _LAST_S))
     return LasBatch(
@@ -186,7 +186,7 @@ def _converted(
 
 
 def _noise(records: AnyArray, point_format: int) -> BoolArray | None:
-    """Return which points are of a noise class or withheld."""
+    """Return (n,) bool: noise class or withheld; None where there is none."""
     classes = records["class"]
     bad: BoolArray
     if point_format >= 6:
@@ -197,7 +197,7 @@ def _noise(records: AnyArray, point_format: int) -> BoolArray | None:
 
 
 def _absurd(xyz: FloatArray, header: LasHeader, factors: tuple[float, float]) -> BoolArray | None:
-    """Return which points no projected CRS has room for; not asked where the header's steps cannot reach there."""
+    """Return (n,) bool: coordinates outside any projected CRS; not tested where the header excludes them."""
     reach = max(2.0**31 * abs(s) + abs(o) for s, o in zip(header.scales, header.offsets, strict=True))
     if reach * max(factors) < _ABSURD_M:
         return None
@@ -205,14 +205,12 @@ def _absurd(xyz: FloatArray, header: LasHeader, factors: tuple[float, float]) ->
     return bad if bad.any() else None
 
 
-# The records of a laser file, one after the other, as they are or decompressed
-
-#: Chunk size that says: every chunk has its own (COPC).
+#: Chunk size that marks chunks of variable size (COPC).
 _VARIABLE_CHUNKS = 0xFFFFFFFF
 
 
 class RecordSource:
-    """The records of one file, read one after the other into buffers."""
+    """Point records of one file, plain or decompressed, read in order into buffers."""
 
     def __init__(
         self, path: Path, file: io.BufferedReader, header: LasHeader, *, is_sequential: bool
@@ -230,7 +228,7 @@ class RecordSource:
             raise
         except MemoryError:
             raise
-        except BaseException as error:  # lazrs panics are no Exceptions
+        except BaseException as error:  # lazrs panics are not Exceptions
             n = len(view) // self._header.record_bytes
             raise InputError(
                 f"points {start:,} to {start + n:,} of {self._header.n_points:,} cannot be decoded (cut off or"
@@ -254,8 +252,8 @@ class RecordSource:
         if laz.is_sound and not self._is_sequential:
             return lazrs.ParLasZipDecompressor(self._file, laz.vlr, selection).decompress_many  # type: ignore[no-any-return]
         source: io.BufferedIOBase = self._file
-        # This decoder reads the chunk table even where it needs none, and a decoder may have died of that table;
-        # to tell apart chunks of several sizes it needs it
+        # This decoder reads the chunk table even without needing it, and that table may have killed a decoder;
+        # only for chunks of variable size it is needed
         if laz.table_offset is not None and laz.chunk_size != _VARIABLE_CHUNKS:
             source = io.BufferedReader(_WithoutChunkTable(self._file, laz.table_offset), 1 << 20)
             source.seek(offset)
@@ -267,7 +265,7 @@ class RecordSource:
 
 
 class _WithoutChunkTable(io.RawIOBase):
-    """A file as if its chunk table had no chunks."""
+    """A view of a file in which the chunk table is empty."""
 
     def __init__(self, file: io.BufferedReader, table_offset: int) -> None:
         self._file, self._table_offset = file, table_offset

@@ -1,7 +1,7 @@
-"""How the points of a LAZ file are packed: the two places whose lies crash decoders, checked beforehand.
+"""Check the laszip record and the chunk table of a LAZ file, whose errors crash decoders.
 
-A made-up number of chunks makes the decoder allocate 64 GB and abort the process, a made-up size of an item
-makes it panic; neither can be caught.
+A false number of chunks makes the decoder allocate 64 GB and abort the process, a false size of an item makes it
+panic; neither can be caught.
 
 References
 ----------
@@ -22,39 +22,39 @@ import lazrs
 from linework.errors import InputError
 
 _LASZIP_USER, _LASZIP_RECORD = b"laszip encoded", 22204
-#: The compressor that knows no chunks (before 2011), and the one with layers (point formats 6 to 10).
+#: The compressor without chunks (before 2011), and the one with layers (point formats 6 to 10).
 _POINT_BY_POINT, _LAYERED = 1, 3
 _FIRST_LAYERED_ITEM, _LAST_ITEM = 10, 14
 #: Layers by item type: point, RGB, RGB and infrared, wave packet; extra bytes have one each.
 _LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}
-#: More points than a chunk can have: decoders count them in 32 bits, and all ones stand for chunks of own sizes.
+#: More points than a chunk can have: decoders count them in 32 bits, and all ones mark chunks of variable size.
 _ONE_CHUNK = 0xFFFFFFFE
-#: What follows the header of a compressed file without points: the place of the chunk table, and an empty one.
+#: Bytes after the header of a compressed file without points: the offset of the chunk table, and an empty table.
 _EMPTY_BYTES = 64
-#: Chunk size that says: every chunk has its own (COPC).
+#: Chunk size that marks chunks of variable size (COPC).
 _VARIABLE_CHUNKS = 0xFFFFFFFF
-#: Decoders allocate a chunk at once; writers use 50,000 points and hardly ever more than a million.
+#: Largest chunk: decoders allocate it at once; writers use 50,000 points, hardly ever more than a million.
 _MAX_CHUNK = 10_000_000
-#: A million equal points take 0.007 bytes each (measured); a count beyond is made up.
+#: A million equal points take 0.007 bytes each (measured); a higher count is false.
 _MAX_POINTS_PER_BYTE = 1000
-#: Points of a scanner, noise in every coordinate, take 1 to 10 bytes each. A large file with 20 points to a byte
-#: is made to fill the disk of whoever unpacks it; a small one does no harm.
+#: Scanner points, with noise in every coordinate, take 1 to 10 bytes each. A large file with 20 points per byte is
+#: made to fill the disk when unpacked; a small one does no harm.
 _BOMB_POINTS_PER_BYTE, _BOMB_POINTS = 20, 2_000_000
 _DAMAGED = "copy the file again, or leave it out"
 
 
 @dataclass(frozen=True, slots=True)
 class LazTable:
-    """What the laszip VLR and the chunk table say.
+    """Content of the laszip record and of the chunk table.
 
     Parameters
     ----------
     vlr
-        The record that decoders want.
+        The record, as decoders take it.
     chunk_size
-        Points a chunk; 0 where the points are not in chunks.
+        Points per chunk; 0 without chunks.
     table_offset
-        Where the chunk table begins, None where the points are not in chunks.
+        Byte where the chunk table begins; None without chunks.
     is_sound
         Whether that table can be trusted.
     """
@@ -75,7 +75,7 @@ def read_laz_table(
     n_points: int,
     points_end: int,
 ) -> LazTable:
-    """Return how the points are packed.
+    """Read and check the laszip record and the chunk table.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def read_laz_table(
     """
     data = next((d for u, r, d in vlrs if u == _LASZIP_USER and r == _LASZIP_RECORD), None)
     if data is None or len(data) < 34:
-        raise _error(path, "points are compressed, but the laszip record that says how is missing")
+        raise _error(path, "points are compressed, but the laszip record is missing")
     compressor = struct.unpack_from("<H", data, 0)[0]
     chunk_size = struct.unpack_from("<I", data, 12)[0]
     if compressor not in (1, 2, 3):
@@ -102,7 +102,7 @@ def read_laz_table(
         refuse_unfinished(path, points_end - point_offset, _EMPTY_BYTES)
         return LazTable(data, 0, None, False)
     if compressor == _POINT_BY_POINT:
-        # Decoders take no chunk size for chunks of several sizes; this is one chunk without an end
+        # Decoders take 0 for variable chunks; this stands for one chunk without an end
         return LazTable(data[:12] + struct.pack("<I", _ONE_CHUNK) + data[16:], 0, None, False)
     if not (0 < chunk_size <= _MAX_CHUNK or chunk_size == _VARIABLE_CHUNKS):
         raise _error(path, f"laszip record says chunks of {chunk_size:,} points, expected some 50,000")
@@ -116,20 +116,20 @@ def read_laz_table(
 
 
 def _check_share(path: Path, n_points: int, n_bytes: int) -> None:
-    """Refuse more points than bytes can hold, or than points of a scanner can be squeezed into."""
+    """Refuse more points than these bytes can hold, or than scanner points compress to."""
     if n_points > n_bytes * _MAX_POINTS_PER_BYTE:
         raise _too_many(path, n_points, f"{n_bytes:,} bytes of them")
     if n_points > max(_BOMB_POINTS, n_bytes * _BOMB_POINTS_PER_BYTE):
         raise InputError(
-            f"header promises {n_points:,} points in {n_bytes:,} bytes, {n_points / n_bytes:.0f} to a byte: no scanner's"
-            " points are so much alike",
+            f"header promises {n_points:,} points in {n_bytes:,} bytes, {n_points / n_bytes:.0f} to a byte: scanner"
+            " points do not compress that far",
             where=path,
             advice="leave it out",
         )
 
 
 def refuse_unfinished(path: Path, n_bytes: int, empty_bytes: int) -> None:
-    """Refuse a file whose header was never brought up to date after the points were written."""
+    """Refuse a file whose header was not updated after the points were written."""
     if n_bytes > empty_bytes:
         raise InputError(
             f"no points (0 in the header), but {n_bytes:,} bytes of them follow: the recording was not closed", where=path,
@@ -140,9 +140,9 @@ def refuse_unfinished(path: Path, n_bytes: int, empty_bytes: int) -> None:
 def _agree(
     path: Path, listed: Sequence[tuple[int, int]], walked: Sequence[tuple[int, int]], chunk_size: int
 ) -> bool:
-    """Return whether the chunk table says what the chunks say; refuse chunks that decoders loop on.
+    """Return whether the chunk table agrees with the chunks; refuse chunks that make decoders loop.
 
-    A short last chunk is listed as a whole one, so of chunks of one size only the bytes can be compared.
+    A short last chunk is listed as a full one, so for chunks of one size only the bytes are compared.
     """
     if chunk_size == _VARIABLE_CHUNKS:
         largest = max((n for n, _ in walked), default=0)
@@ -161,7 +161,7 @@ def _agree(
 def _judged(
     path: Path, table: LazTable, chunks: Sequence[tuple[int, int]], n_points: int, *, is_exact: bool
 ) -> LazTable:
-    """Compare the points the chunks hold with those promised; add what to tell the user."""
+    """Compare the points in the chunks with those promised; add warnings."""
     n_held = sum(n for n, _ in chunks)
     if chunks and n_points > n_held:
         raise _too_many(path, n_points, f"{n_held:,} in {len(chunks):,} chunks")
@@ -169,7 +169,7 @@ def _judged(
     if not table.is_sound:
         if table.chunk_size == _VARIABLE_CHUNKS:
             raise _error(
-                path, "damaged chunk table, and chunks of different sizes cannot be told apart without it"
+                path, "damaged chunk table, and chunks of different sizes cannot be found without it"
             )
         warnings.append("damaged chunk table: decoded one chunk after the other")
     if n_held - n_points >= (1 if is_exact else table.chunk_size):
@@ -229,7 +229,7 @@ def _table_offset(path: Path, file: BinaryIO, point_offset: int, n_points: int) 
 
 
 def _listed_chunks(file: BinaryIO, vlr: bytes, point_offset: int, at: int) -> list[tuple[int, int]]:
-    """Return (points, bytes) of each chunk as the table lists them; nothing where it contradicts the file."""
+    """Return (points, bytes) of each chunk from the table; empty where it contradicts the file."""
     file.seek(at)
     version, n_chunks = struct.unpack("<II", file.read(8))
     # A chunk begins with one whole point, of at least 20 bytes.
@@ -240,7 +240,7 @@ def _listed_chunks(file: BinaryIO, vlr: bytes, point_offset: int, at: int) -> li
         chunks: list[tuple[int, int]] = lazrs.read_chunk_table(file, lazrs.LazVlr(vlr))
     except (KeyboardInterrupt, SystemExit):
         raise
-    except BaseException:  # lazrs panics are no Exceptions
+    except BaseException:  # lazrs panics are not Exceptions
         return []
     return chunks if sum(size for _, size in chunks) == at - point_offset - 8 else []
 
@@ -248,9 +248,9 @@ def _listed_chunks(file: BinaryIO, vlr: bytes, point_offset: int, at: int) -> li
 def _walked_chunks(
     path: Path, file: BinaryIO, vlr: bytes, point_offset: int, end: int, record_bytes: int
 ) -> list[tuple[int, int]]:
-    """Return (points, bytes) of each chunk as the chunks themselves say: one point, a count, sizes of layers.
+    """Return (points, bytes) of each chunk from its own head: one point, a count, sizes of layers.
 
-    A decoder allocates what these sizes say; they must add up to the bytes between points and table.
+    A decoder allocates these sizes; they must add up to the bytes between points and table.
     """
     items = [struct.unpack_from("<HHH", vlr, 34 + 6 * i) for i in range(struct.unpack_from("<H", vlr, 32)[0])]
     n_layers = sum(_LAYERS.get(kind, size) for kind, size, _ in items)

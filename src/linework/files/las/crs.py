@@ -1,4 +1,4 @@
-"""The CRS of a LAS file: WKT or GeoTIFF keys, and what the user said, brought to one answer."""
+"""CRS of a LAS file, from its WKT or GeoTIFF keys and from --crs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ADVICE = "give --crs EPSG:... or --crs local"
 
 @dataclass(frozen=True, slots=True)
 class ResolvedCrs:
-    """The CRS in metres, the factors that turn the file's coordinates into it, and what to tell the user."""
+    """The CRS in metres, the factors (plan, height) from the file's coordinates to it, and warnings."""
 
     crs: str
     factors: tuple[float, float]
@@ -33,7 +33,7 @@ class ResolvedCrs:
 
 @dataclass(frozen=True, slots=True)
 class _Stated:
-    """What a file states: a CRS ("" none, or not understood), and units [m] if said apart from it."""
+    """What a file states: a CRS ("": none, or not understood), and separate units, in metres per unit."""
 
     crs: str = ""
     vertical_factor: float | None = None
@@ -51,17 +51,17 @@ def resolve_crs(
     projection
         (record id, data) of the file's LASF_Projection records.
     given
-        "EPSG:...", WKT or "local"; None where the user said nothing.
+        "EPSG:...", WKT or "local"; None where the user gave none.
 
     Raises
     ------
     CrsError
-        None anywhere; in degrees; two that contradict each other.
+        No CRS; in degrees; two that contradict each other.
     """
     wanted = None if given is None else crs_texts.parse_crs(given, where="--crs")
     stated = _stated(projection, where)
     if wanted is None and not stated.crs:
-        raise CrsError(stated.problem or "the file does not say its CRS", where=where, advice=_ADVICE)
+        raise CrsError(stated.problem or "the file does not state its CRS", where=where, advice=_ADVICE)
     warnings = [f"{stated.problem}: taken from --crs"] if stated.problem else []
     crs = _agreed(stated.crs, wanted, where)
     horizontal, vertical = _factors(crs, stated, where)
@@ -92,7 +92,7 @@ def _factors(crs: str, stated: _Stated, where: object) -> tuple[float, float]:
     if unit is not None and abs(unit / horizontal - 1.0) > 1e-9:
         if crs != crs_texts.LOCAL:
             raise CrsError(
-                f"its GeoTIFF keys say a unit of {unit:.9g} m, --crs {crs_texts.describe_crs(crs)} has {horizontal:.9g} m",
+                f"its GeoTIFF keys state a unit of {unit:.9g} m, --crs {crs_texts.describe_crs(crs)} has {horizontal:.9g} m",
                 where=where,
                 advice="give the CRS that the coordinates are in, or correct the header",
             )
@@ -156,7 +156,7 @@ def _from_keys(data: bytes, where: object) -> _Stated:
     own_unit = plan.axis_info[0].unit_conversion_factor
     if unit is not None and abs(unit / own_unit - 1.0) > 1e-9:
         raise CrsError(
-            f"the GeoTIFF keys say EPSG:{projected} (1 unit = {own_unit:.9g} m) and a unit of {unit:.9g} m",
+            f"the GeoTIFF keys state EPSG:{projected} (1 unit = {own_unit:.9g} m) and a unit of {unit:.9g} m",
             where=where,
             advice="correct the header",
         )

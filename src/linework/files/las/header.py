@@ -1,8 +1,8 @@
-"""The header of a LAS/LAZ file, every count in it bounded by the file's size before anything is allocated.
+"""Read and check the header of a LAS/LAZ file: every count is bounded by the file size before allocation.
 
-The libraries that read LAS believe the header: 4 changed bytes make them loop, allocate 64 GB or return
-half the points without a word. This reads the 227 to 375 bytes and the variable length records (VLRs)
-itself, and refuses what cannot be true.
+The libraries that read LAS trust the header: 4 changed bytes make them loop, allocate 64 GB or silently return
+half the points. This module reads the 227 to 375 bytes and the variable length records (VLRs) itself, and refuses
+impossible values.
 
 References
 ----------
@@ -13,20 +13,20 @@ from __future__ import annotations
 
 import math
 import os
-import stat
 import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
 from linework.errors import InputError
+from linework.files.input import open_input
 from linework.files.las.chunks import LazTable, read_laz_table, refuse_unfinished
 
 #: Bytes of a point record without extra bytes, by point format (specification tables 7 to 17).
 RECORD_BYTES = {0: 20, 1: 28, 2: 26, 3: 34, 4: 57, 5: 63, 6: 30, 7: 36, 8: 38, 9: 59, 10: 67}
 #: Point formats with a GPS time.
 _WITH_TIME = (1, 3, 4, 5, 6, 7, 8, 9, 10)
-#: Header bytes by minor version; some writers add more, none can have less.
+#: Least header bytes by minor version; some writers add more.
 _HEADER_BYTES = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}
 #: Bits of the header's global encoding.
 _HAS_ADJUSTED_TIME, _HAS_WAVEFORMS = 1, 2
@@ -36,12 +36,12 @@ _Corner = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class LasHeader:
-    """What is needed of a checked header.
+    """Content of a checked header.
 
     Parameters
     ----------
     low, high
-        The box of the points, as the header says; None where that is no box. [unit of the file]
+        Bounding box of the points according to the header; None where it is invalid. [unit of the file]
     projection
         The CRS records as (record id, bytes).
     """
@@ -67,7 +67,7 @@ class LasHeader:
 
     @property
     def version_text(self) -> str:
-        """Version, as people write it."""
+        """Version as text, such as "1.4"."""
         return f"{self.version[0]}.{self.version[1]}"
 
 
@@ -79,35 +79,12 @@ def read_las_header(path: Path) -> LasHeader:
     InputError
         Not a regular LAS file, cut off, or a header that cannot be true; with the numbers.
     """
-    n_bytes = regular_file_bytes(path)
-    if n_bytes == 0:
-        raise InputError("empty file (0 bytes)", where=path, advice="copy the file again")
-    with path.open("rb") as file:
-        return _Reader(path, file, n_bytes).header()
-
-
-def regular_file_bytes(path: Path) -> int:
-    """Return the size of a regular file; a pipe, a device or a folder is refused unopened, so nothing can hang.
-
-    Raises
-    ------
-    InputError
-        Missing, unreadable, or not a regular file.
-    """
-    try:
-        status = path.stat()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"cannot be opened: {reason}", where=path, advice="check the name") from error
-    if not stat.S_ISREG(status.st_mode):
-        raise InputError("is not a regular file", where=path, advice="name a file on a disk")
-    if not os.access(path, os.R_OK):
-        raise InputError("may not be read", where=path, advice="check its permissions")
-    return status.st_size
+    with open_input(path) as file:
+        return _Reader(path, file, os.fstat(file.fileno()).st_size).header()
 
 
 class _Reader:
-    """Reads one header; holds what every step of it needs."""
+    """Reads one header; holds what its steps share."""
 
     def __init__(self, path: Path, file: BinaryIO, n_bytes: int) -> None:
         self.path, self.file, self.n_bytes = path, file, n_bytes
@@ -148,7 +125,7 @@ class _Reader:
         )  # fmt: skip
 
     def _head(self) -> tuple[bytes, tuple[int, int]]:
-        """Return the bytes of the longest header there is, or as many as there are, and the version."""
+        """Return up to the bytes of the longest header, and the version."""
         head = self.file.read(max(_HEADER_BYTES.values()))
         if head[:4] != b"LASF":
             raise self._error("not a LAS/LAZ file (it does not begin with LASF)", "check what this file is")
@@ -193,22 +170,22 @@ class _Reader:
 
     def _check_scales(self, scales: tuple[float, ...], offsets: tuple[float, ...]) -> None:
         for axis, scale, offset in zip("xyz", scales, offsets, strict=True):
-            # 1e-9 m to 1e6 m per step: finer than atoms or coarser than the earth is no survey.
+            # 1e-9 to 1e6 m per step: outside this range it is not a survey
             if not (math.isfinite(scale) and 1e-9 <= abs(scale) <= 1e6):
                 raise self._error(f"{axis} scale is {scale:g}, expected a size such as 0.001")
-            # No projected coordinate is larger than some 1e8 (feet, false eastings with a zone prefix).
+            # Projected coordinates reach some 1e8 (feet, false eastings with a zone prefix)
             if not (math.isfinite(offset) and abs(offset) <= 1e9):
                 raise self._error(f"{axis} offset is {offset:g}, expected at most 1e9")
             if scale < 0:
                 self.warnings.append(f"{axis} scale is negative ({scale:g})")
 
     def _box(self, values: tuple[float, ...]) -> tuple[_Corner, _Corner] | tuple[None, None]:
-        """Return the header's box as (low, high) corners; writers leave it empty, inverted or made up."""
+        """Return the bounding box as (low, high); some writers leave it empty or inverted."""
         high, low = (values[0], values[2], values[4]), (values[1], values[3], values[5])
         for axis, least, most in zip("xyz", low, high, strict=True):
             if not (math.isfinite(least) and math.isfinite(most) and least <= most):
                 self.warnings.append(
-                    f"the header's box is none ({axis} from {least:g} to {most:g}): not used"
+                    f"the header's bounding box is invalid ({axis} from {least:g} to {most:g}): not used"
                 )
                 return None, None
         return low, high
@@ -228,19 +205,17 @@ class _Reader:
             )
 
 
-# The variable length records of a LAS file, those before the points and the extended ones behind them
-
 #: (user id, record id, data)
 Record = tuple[bytes, int, bytes]
 
-#: Bytes before the data of a record, and of an extended one.
+#: Bytes before the data of a variable length record, and of an extended one.
 HEAD_BYTES, EXTENDED_HEAD_BYTES = 54, 60
-#: A WKT is some kB; what calls itself one and is larger is not read.
+#: Largest WKT record that is read; real ones have some kB.
 _MAX_EXTENDED_BYTES = 1 << 20
 
 
 def read_records(path: Path, file: BinaryIO, start: int, n_records: int, end: int) -> list[Record]:
-    """Return the records between the header and the points; their number was bounded by the bytes there.
+    """Return the records between header and points; the caller has bounded their number.
 
     Parameters
     ----------
@@ -250,7 +225,7 @@ def read_records(path: Path, file: BinaryIO, start: int, n_records: int, end: in
     Raises
     ------
     InputError
-        They do not fit there.
+        They do not fit before the points.
     """
     file.seek(start)
     block = file.read(end - start)
@@ -272,7 +247,7 @@ def read_records(path: Path, file: BinaryIO, start: int, n_records: int, end: in
 def read_extended_records(
     path: Path, file: BinaryIO, start: int, n_records: int, n_bytes: int
 ) -> list[Record]:
-    """Return the CRS records among the extended ones; others (waveforms, COPC hierarchy) are passed over.
+    """Return the CRS records among the extended ones; others (waveforms, COPC hierarchy) are skipped.
 
     Parameters
     ----------

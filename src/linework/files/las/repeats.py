@@ -1,7 +1,7 @@
-"""Points that a survey holds twice: a file merged with itself, the same drive in two files of other names.
+"""Find points that a survey holds twice: a file merged with itself, or one drive in two files.
 
-Of each file a sample is kept that the points' own places choose: two equal points are both in it or neither,
-whatever files they come in and in whatever order.
+A sample of each file is kept, chosen by the points' coordinates: two equal points are both in it or neither,
+whatever their files and order.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ import numpy as np
 from linework.arrays import AnyArray, FloatArray
 from linework.files.store.layout import STORE_STEPS_PER_M
 
-#: Points of a whole survey that are about sampled: shares are right to a percent.
+#: Approximate sample size of a whole survey: shares are accurate to a percent.
 _SAMPLE = 1 << 16
-#: Of one file; only points that all have the same eastings can be as many.
+#: Largest sample of one file; reached only by points that all have the same easting.
 _MOST_OF_A_FILE = 1 << 18
-#: Fewer sampled points than this say nothing.
+#: Smallest sample that allows a conclusion.
 _LEAST = 100
-#: No scanner measures the same place twice at the same time: 1 in 20 is the seam of two tiles. Without times,
-#: coordinates rounded to centimetres meet by chance.
+#: Least share of repeated points to report: no scanner measures a place twice at the same time, and 1 in 20 is the
+#: seam of two tiles. Without times, coordinates rounded to centimetres coincide by chance.
 _SHARE_TIMED, _SHARE_UNTIMED = 0.05, 0.3
 #: Odd 64-bit numbers that spread neighbouring values (the golden ratio; the mixer of the SplitMix64 generator).
 _SPREAD, _MIX = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9)
 
 
 def sample_bits(n_points: int) -> int:
-    """Return how thinly a survey is sampled: one of 2**bits points.
+    """Return the sampling rate of a survey, in bits: one in 2**bits points.
 
     >>> sample_bits(1000), sample_bits(50_000_000)
     (0, 10)
@@ -38,7 +38,7 @@ def sample_bits(n_points: int) -> int:
 
 
 class PointSample:
-    """The sample of one file: a number per point that stands for its place, time and intensity."""
+    """Sample of one file: a hash per point of its coordinates, time and intensity."""
 
     def __init__(self, bits: int) -> None:
         self._bits = bits
@@ -46,18 +46,18 @@ class PointSample:
         self._n = 0
 
     def add(self, xyz: FloatArray, intensity: AnyArray, time_s: FloatArray | None) -> None:
-        """Take what is to be kept of a batch.
+        """Add a batch to the sample.
 
         Parameters
         ----------
         xyz, intensity, time_s
-            As the store gets them.
+            (n, 3) [m], (n,) uint16 and (n,) [s] or None, as written to the store.
         """
         if self._n >= _MOST_OF_A_FILE:
             return
         place = xyz
         if self._bits:
-            # One multiplication a point: the high bits of the product are spread evenly
+            # One multiplication per point: the high bits of the product are uniformly distributed
             spread = _steps(xyz[:, 0])
             spread *= _SPREAD
             chosen = np.flatnonzero(spread < np.uint64(1 << (64 - self._bits)))
@@ -75,12 +75,12 @@ class PointSample:
         self._n += len(key)
 
     def numbers(self) -> AnyArray:
-        """Return the sample, sorted, (n,) uint64."""
+        """Return the sample, (n,) uint64, sorted."""
         return np.sort(np.concatenate([np.empty(0, np.uint64), *self._parts]))
 
 
 def repeated_inside(sample: AnyArray, *, has_time: bool) -> tuple[str, ...]:
-    """Return what to tell about one file whose points are there more than once.
+    """Return a warning about a file whose points repeat, or none.
 
     Parameters
     ----------
@@ -94,9 +94,9 @@ def repeated_inside(sample: AnyArray, *, has_time: bool) -> tuple[str, ...]:
 
 
 def repeated_elsewhere(samples: Sequence[AnyArray], *, has_time: bool) -> dict[int, tuple[int, float]]:
-    """Return the files whose points other files hold too: (which other file, which share of the points).
+    """Return, for files whose points are in another one too, that file and the share of the points.
 
-    Where two files hold the same points, the later one is named.
+    Of two files with the same points the later one is listed.
     """
     owners = [np.unique(sample) for sample in samples]
     numbers = np.concatenate([np.empty(0, np.uint64), *owners])

@@ -1,4 +1,4 @@
-"""What the batches of a laser file add up to: points used and left out, extent, times."""
+"""Totals of a LAS file over its batches: points used and left out, extent, times."""
 
 from __future__ import annotations
 
@@ -15,18 +15,16 @@ from linework.errors import InputError
 from linework.files.las.batches import LasBatch
 from linework.files.las.header import LasHeader
 
-# How many points were measured when: enough to say which share of a survey a trajectory covers
-
-#: Buckets of a second at first; twice as wide whenever there would be more than this. An hour keeps its seconds,
-#: a week of driving is told to a few minutes.
+#: Largest number of buckets: they start at 1 s and double in width when more would be needed. An hour keeps its
+#: seconds, a week of driving is resolved to a few minutes.
 _MAX_BUCKETS = 4096
 
 
 @dataclass(slots=True, eq=False)
 class TimeCounts:
-    """Points by time, in buckets that are 2**level seconds wide and begin at multiples of that.
+    """Histogram of points over time, in buckets of 2**level seconds that begin at multiples of that.
 
-    The result depends on the times alone, not on the order or the portions they come in.
+    The result depends on the times alone, not on their order or batches.
 
     >>> counts = TimeCounts()
     >>> counts.add(np.array([10.0, 10.5, 11.5, 12.0]))
@@ -120,15 +118,14 @@ TimeKind = Literal["week", "adjusted", "gps", "none"]
 _WEEK_S = 604_800.0
 #: As adjusted standard time this is the year 2043, as GPS seconds 2011: larger numbers are the latter.
 _LEAST_GPS_S = 1e9
-#: Where more than this share of the times is none, they are in milliseconds, nanoseconds or no unit at all; fewer
-#: are damaged, and their points with them.
+#: Above this share of impossible times, all of them are in another unit; below it, those points are damaged.
 _ODD_SHARE = 0.5
 _IMPOSSIBLE_TIME = "impossible time"
 
 
 @dataclass(frozen=True, slots=True)
 class TimeVerdict:
-    """Which kind of time a file has, and what is odd about the file."""
+    """Kind of time of a file, and warnings about the file."""
 
     gps_time_kind: TimeKind
     warnings: tuple[str, ...]
@@ -136,14 +133,14 @@ class TimeVerdict:
 
 @dataclass(slots=True)
 class LasTally:
-    """The account of one file while its batches come.
+    """Totals of one file while its batches are read.
 
     Parameters
     ----------
     uses_time
-        Whether points whose time is none are left out.
+        Whether points with an impossible time are left out.
     n_read, n_kept
-        Points so far, and those of them that are used.
+        Points so far, and how many of them are used.
     n_rejected
         Points left out, by reason, each counted once; with `n_kept` they add up to `n_read`.
     has_intensity
@@ -151,9 +148,9 @@ class LasTally:
     low, high
         (3,) float64 [m]: extent of the points used.
     time_low_s, time_high_s
-        Of all times that can be, also of points left out.
+        Range of all possible times, also of points left out.
     n_odd, odd_low_s, odd_high_s
-        Times that cannot be, and the extent of those that are numbers.
+        Number of impossible times, and the range of those that are numbers.
     time_counts
         Points used, by time.
     in_time_order
@@ -177,7 +174,7 @@ class LasTally:
     _last_s: float = -np.inf
 
     def add(self, batch: LasBatch) -> tuple[FloatArray, AnyArray, FloatArray | None]:
-        """Count a batch in, and return coordinates, intensities and times of the points that are used."""
+        """Add a batch, and return coordinates (n, 3) [m], intensities (n,) and times (n,) [s] of the points used."""
         self.n_read += len(batch)
         self.has_intensity = self.has_intensity or bool(batch.intensity.any())
         xyz, intensity, time = batch.xyz, batch.intensity, batch.time_s if self.uses_time else None
@@ -196,7 +193,7 @@ class LasTally:
         return xyz, intensity, time
 
     def _kept(self, batch: LasBatch) -> BoolArray | None:
-        """Return which points are used (None: all), and count the others by the first reason that holds."""
+        """Return which points are used (None: all), and count the others by the first reason that applies."""
         kept: BoolArray | None = None
         for reason, mask in (
             ("noise class", batch.is_noise),
@@ -231,7 +228,7 @@ class LasTally:
 
     @property
     def must_go_without_time(self) -> bool:
-        """Whether points were left out for their times, though no time of the file can be used."""
+        """Whether points were left out for their times although no time of the file is usable."""
         return self.n_rejected[_IMPOSSIBLE_TIME] > 0 and not self._times_are_usable
 
     @property
@@ -244,7 +241,7 @@ class LasTally:
         return is_any and self.n_odd <= _ODD_SHARE * self.n_read
 
     def verdict(self, header: LasHeader) -> TimeVerdict:
-        """Return what the whole file turned out to be, after its last batch."""
+        """Return the kind of time of the whole file and its warnings, after the last batch."""
         warnings = () if self.has_intensity else ("no intensity (0 for all points)",)
         if not header.has_time:
             return TimeVerdict("none", warnings)
@@ -252,7 +249,7 @@ class LasTally:
         return TimeVerdict(kind, (*warnings, warning) if warning else warnings)
 
     def _time_kind(self, *, has_adjusted_bit: bool) -> tuple[TimeKind, str]:
-        """Return the kind of the times and what is odd about them; the values decide, the header's bit is often wrong."""
+        """Return the kind of the times and a warning; the values decide, because the header's bit is often wrong."""
         low, high = self.time_low_s, self.time_high_s
         if self._times_are_zero:
             return "none", "no GPS time (0 for all points)"
@@ -261,19 +258,21 @@ class LasTally:
             what = (
                 f"GPS times from {low:g} to {high:g} are not in seconds"
                 if low <= high
-                else "GPS times are no numbers"
+                else "GPS times are not numbers"
             )
             return "none", f"{what}: left out"
         in_week = low >= 0.0 and high <= _WEEK_S
         kind: TimeKind = "week" if in_week else "gps" if low > _LEAST_GPS_S else "adjusted"
         if kind == "gps" or (kind == "adjusted") != has_adjusted_bit:
-            said = "adjusted standard time" if has_adjusted_bit else "seconds of the week"
-            text = f"GPS times from {low:.0f} to {high:.0f}, though the header says {said}: taken as '{kind}'"
+            stated = "adjusted standard time" if has_adjusted_bit else "seconds of the week"
+            text = (
+                f"GPS times from {low:.0f} to {high:.0f}, though the header says {stated}: read as '{kind}'"
+            )
             return kind, text
         return kind, ""
 
     def check(self, path: Path, header: LasHeader) -> None:
-        """Refuse a file of which not all promised points came, or none can be used.
+        """Refuse a file with fewer points than promised, or without a usable one.
 
         Raises
         ------
@@ -292,11 +291,8 @@ class LasTally:
             )  # fmt: skip
 
 
-# Points outside the box that a file's own header states: the header was made up, or the points are damaged
-
-
 class HeaderBox:
-    """Counts the points of a file outside its header's box; a header without a box states none.
+    """Counts the points outside the bounding box in the header: a wrong header, or damaged points.
 
     Parameters
     ----------
@@ -315,12 +311,12 @@ class HeaderBox:
         self._n_outside = 0
 
     def add(self, xyz: FloatArray, low: FloatArray, high: FloatArray) -> None:
-        """Count a batch in.
+        """Add a batch.
 
         Parameters
         ----------
         low, high
-            (3,) extent of all points up to here, this batch with them: while it is inside, none is looked at.
+            (3,) extent [m] of all points including this batch: while it is inside, no point is tested.
         """
         if np.all(low >= self._low) and np.all(high <= self._high):
             return
@@ -330,13 +326,13 @@ class HeaderBox:
         self._n_outside += len(xyz) - int(np.count_nonzero(inside))
 
     def warnings(self, n_points: int) -> tuple[str, ...]:
-        """Return what to tell the user, in one line or none.
+        """Return a warning about points outside, or none.
 
         Parameters
         ----------
         n_points
-            Points that were looked at.
+            Number of points tested.
         """
         if not self._n_outside:
             return ()
-        return (f"{self._n_outside:,} of {n_points:,} points lie outside the box in its header",)
+        return (f"{self._n_outside:,} of {n_points:,} points lie outside the bounding box in its header",)

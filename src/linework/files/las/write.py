@@ -16,9 +16,9 @@ from linework.files.las.header import read_las_header
 from linework.files.output.publish import publish
 from linework.model.points import Points
 
-#: Step of the stored coordinates: a tenth of the finest scanner's range noise is still above it.
+#: Step of the stored coordinates [m]: below a tenth of the finest scanner's range noise.
 _SCALE_M = 0.001
-#: Points handed to the compressor at a time, so that memory stays below twice the points.
+#: Points compressed at a time, which bounds memory to twice the points.
 _BATCH = 1_000_000
 
 
@@ -59,7 +59,7 @@ def write_las(
                 for start in range(0, len(points), _BATCH):
                     record = _record(points.take(slice(start, start + _BATCH)), header, intensity_bits)
                     writer.write_points(record)
-        except lazrs.LazrsError as error:  # the compressor hides what the system said
+        except lazrs.LazrsError as error:  # the compressor hides the system's message
             raise MachineError(
                 f"cannot be written: {error}", where=path, advice="check for free space"
             ) from error

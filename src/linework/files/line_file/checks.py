@@ -1,4 +1,4 @@
-"""What a drawing takes: lines that every format can hold, with texts that a table can show."""
+"""Checks of changes before they are saved, and the lines of a line file in memory."""
 
 from __future__ import annotations
 
@@ -14,44 +14,46 @@ from linework.files.vectors.fields import check_writable
 from linework.model.changes import Change
 from linework.model.lines import LINE_COLUMNS, LineSet
 
-#: A note is a sentence or some, all else a word or a file's name. A column of texts takes as much memory for every
-#: line as for the longest.
+#: Longest note (a few sentences) and longest other text (a word or a file name). [characters] A column of texts takes
+#: as much memory for every line as for the longest.
 LONGEST_STORED_NOTE, LONGEST_TEXT = 1000, 300
 
 
 def check_change(change: Change, held: Container[str], crs: str, path: Path) -> None:
-    """Refuse a change that cannot be saved as it is.
+    """Refuse a change that cannot be saved.
 
     Raises
     ------
     UsageError
-        Lines in another CRS or with two of one id, coordinates or texts that cannot be stored.
+        Another CRS, two lines with one id, or coordinates or texts that cannot be stored.
     """
     after = change.after
     if len(after) and after.crs != crs:
-        raise UsageError("lines in another CRS than the drawing's", where=path, advice="convert them first")
+        raise UsageError(
+            "lines are in another CRS than the line file", where=path, advice="convert them first"
+        )
     check_writable(after, path)
     check_texts(after, path)
     gone = set(change.before.id.tolist())
     for name, n in Counter(after.id.tolist()).items():
         if name and (n > 1 or (name in held and name not in gone)):
             raise UsageError(
-                f"two lines of the id '{name[:60]}'", where=path, advice="leave the id of new lines empty"
+                f"two lines have the id '{name[:60]}'", where=path, advice="leave the id of new lines empty"
             )
 
 
 def check_not_stale(before: LineSet, held: LinesById, seen: Container[str] | None, path: Path) -> None:
-    """Refuse a change of lines that are not as they were when somebody decided on it.
+    """Refuse a change of lines that have changed since the person looked at them.
 
     Parameters
     ----------
     seen
-        Ids of lines that are as that person saw them; None: not known, the lines themselves say.
+        Ids of lines unchanged since then; None: not known, the lines themselves are compared.
 
     Raises
     ------
     StaleError
-        Names the first line.
+        With the id of the first such line.
     """
     ids = before.id.tolist()
     missing = [name for name in ids if name not in held]
@@ -59,19 +61,19 @@ def check_not_stale(before: LineSet, held: LinesById, seen: Container[str] | Non
     if not missing and not changed and line_bytes(held.of(ids)) != line_bytes(before):
         changed = ids
     if missing or changed:
-        what = "is there no more" if missing else "has changed since"
+        what = "no longer exists" if missing else "has changed since"
         raise StaleError(
-            f"line {(missing or changed)[0][:60]} {what}", where=path, advice="look again, then repeat it"
+            f"line {(missing or changed)[0][:60]} {what}", where=path, advice="reload, then repeat the change"
         )
 
 
 def check_texts(lines: LineSet, path: Path) -> None:
-    """Refuse texts that are too long or hold what no table can (NUL, halves of characters).
+    """Refuse texts that are too long or cannot be stored (NUL, lone surrogates).
 
     Raises
     ------
     UsageError
-        Names the column, and how long the text is.
+        With the column, and the length of the text.
     """
     for name in LINE_COLUMNS:
         values = getattr(lines, name)
@@ -88,15 +90,12 @@ def check_texts(lines: LineSet, path: Path) -> None:
                                  advice="type it again")  # fmt: skip
 
 
-# The lines of a drawing in memory, by their ids: a change costs what it changes, not what there is
-
-
 class LinesById:
-    """Lines by id.
+    """The lines of a line file in memory, by id; the cost of a change does not grow with the number of lines.
 
     Notes
     -----
-    A line is held as (set, index). A new set comes with every change; they are made one when all lines are asked for.
+    A line is held as (set, index). Every change adds a set; they are joined when all lines are requested.
     """
 
     def __init__(self, lines: LineSet) -> None:
@@ -117,7 +116,7 @@ class LinesById:
 
     @property
     def all(self) -> LineSet:
-        """All lines, in the order in which they came."""
+        """All lines, in the order they were added."""
         if self._all is None:
             self._hold(self.of(self._places))
         assert self._all is not None
@@ -135,7 +134,7 @@ class LinesById:
         return LineSet.concatenate(parts) if parts else LineSet.empty(self._crs)
 
     def replace(self, gone: Sequence[str], came: LineSet) -> None:
-        """Take lines out and put others in, at the end."""
+        """Remove lines and append others."""
         for name in gone:
             del self._places[name]
         self._sets.append(came)

@@ -1,4 +1,4 @@
-"""The lines of a workbench on disk: a GeoPackage that every change is saved to at once, with its history."""
+"""The line file: a GeoPackage that people edit, to which every change is saved at once, with its history."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from pathlib import Path
 
 from linework.errors import MachineError, StaleError
 from linework.files.line_file.checks import LinesById, check_change, check_not_stale
-from linework.files.line_file.elsewhere import OutsideChanges, find_outside_changes
 from linework.files.line_file.history import (
     REDO,
     UNDO,
@@ -33,25 +32,26 @@ from linework.files.line_file.history import (
     utc_now,
 )
 from linework.files.line_file.open import LineFileState, open_line_file
+from linework.files.line_file.outside_changes import OutsideChanges, find_outside_changes
 from linework.files.line_file.tables import LineRow, delete_rows, insert_rows, quoted, sql_errors, transaction
 from linework.lines.names import with_ids
 from linework.model.changes import Change, Edit
 from linework.model.lines import LineSet
 
-#: What others did to the file, as an edit.
+#: Action of the edit that holds what other programs changed.
 CHANGED_OUTSIDE = "changed elsewhere"
 
 
 class LineFile:
     """Lines that are edited. Made by `LineFile.opened`.
 
-    All of it may be called from any thread: one after the other gets its turn.
+    All methods may be called from any thread; calls are carried out one after the other.
 
     Notes
     -----
-    Every change is one transaction of SQLite in the file of the lines itself: rows of old lines go, rows of new ones are
-    appended, and both are noted with who changed what and when (tables `edit` and `line_version`). At any moment the
-    file is a GeoPackage that others can read. An undo is an edit, too: nothing that was ever saved is lost.
+    Every change is one SQLite transaction in the line file itself: rows of old lines are removed, rows of new ones
+    appended, and both are recorded with who changed what and when (tables `edit` and `line_version`). At any moment
+    the file is a GeoPackage that other programs can read. An undo is an edit too: nothing saved is ever lost.
     """
 
     path: Path
@@ -70,77 +70,77 @@ class LineFile:
     @classmethod
     @contextmanager
     def opened(cls, path: Path, *, crs: str, is_held: bool = False) -> Iterator[LineFile]:
-        """Open the lines of a file for editing, begin a new file where there is none; hold it until the end.
+        """Open a line file for editing, or create it; it stays locked until the context ends.
 
-        What others did to the file since it was open last becomes one edit, `CHANGED_OUTSIDE`, by nobody (``who == ""``).
+        What other programs did to it since it was open last becomes one edit, `CHANGED_OUTSIDE`, by nobody (``who == ""``).
 
         Parameters
         ----------
         crs
-            What the lines must be in: WKT2, or "local".
+            CRS that the lines must be in: WKT2, or "local".
         is_held
-            Whether the caller holds the output already (`reserved_output`).
+            Whether the caller already holds the lock of the output (`reserved_output`).
 
         Raises
         ------
         UsageError
-            Not a name of a GeoPackage.
+            The name is not that of a GeoPackage.
         InputError
-            No GeoPackage, damaged, or not made by linework.
+            Not a GeoPackage, damaged, or not made by linework.
         CrsError
             In another CRS.
         OutputExistsError
-            Another workbench or run holds it.
+            Another workbench or run has it open.
         MachineError
             It cannot be written to.
         """
         with open_line_file(path, crs, is_held=is_held) as (db, found):
-            drawing = cls(path, db, found)
+            line_file = cls(path, db, found)
             with sql_errors(path):
-                drawing._take_over(found.elsewhere)
-            yield drawing
+                line_file._take_over(found.elsewhere)
+            yield line_file
 
     @property
     def lines(self) -> LineSet:
-        """All lines, also rejected ones (``review == "rejected"``), in the order in which they came."""
+        """All lines, including rejected ones (``review == "rejected"``), in the order they were added."""
         with self._turn:
             return self._held.all
 
     @property
     def revision(self) -> int:
-        """Number of the last edit, 0 where there is none."""
+        """Number of the last edit, 0 before the first."""
         return self._revision
 
     @property
     def can_undo(self) -> bool:
-        """Whether there is an edit to take back."""
+        """Whether there is an edit to undo."""
         return bool(self._steps.done)
 
     @property
     def can_redo(self) -> bool:
-        """Whether the last thing that was done is an undo."""
+        """Whether the last edit is an undo."""
         return bool(self._steps.undone)
 
     def commit(self, change: Change, *, who: str, based_on: int | None = None, key: str = "") -> Edit:
-        """Save a change; when this returns it is on the disk.
+        """Save a change; it is on the disk when this returns.
 
         Parameters
         ----------
         change
-            Its lines of `before` as they are now.
+            Its `before` holds the lines as they are now.
         based_on
-            The revision that the person saw.
+            Revision that the person was looking at.
         key
-            Of its sender's own making, "": none. What was saved under it already is returned, and nothing is saved.
+            Key chosen by the sender, "" for none. An edit already saved under it is returned, and nothing is saved.
 
         Raises
         ------
         StaleError
-            A line of `before` has changed since, or is there no more. Nothing was saved.
+            A line of `before` has changed since, or no longer exists. Nothing was saved.
         UsageError
             Lines that cannot be saved, see `check_change`.
         OutputExistsError, MachineError
-            Another program is writing the file, or the disk says no. Nothing was saved.
+            Another program is writing the file, or the disk failed. Nothing was saved.
         """
         with self._turn, sql_errors(self.path):
             self._look_elsewhere()
@@ -150,7 +150,7 @@ class LineFile:
             gone = change.before.id.tolist()
             if based_on is not None and based_on > self._revision:
                 raise StaleError(
-                    f"{based_on - self._revision} edits are missing, it was replaced by an older one",
+                    f"{based_on - self._revision} edits are missing: the file was replaced by an older one",
                     where=self.path, advice="reload the page",
                 )  # fmt: skip
             seen = None if based_on is None else {n for n, by in self._changed_by.items() if by <= based_on}
@@ -160,47 +160,47 @@ class LineFile:
             return self._save(gone, after, who, change.action, key=key)
 
     def saved_as(self, key: str) -> Edit | None:
-        """Return the edit that was saved under a key, also before the file was opened; None: there is none."""
+        """Return the edit saved under a key, even before the file was opened; None where there is none."""
         with self._turn, sql_errors(self.path):
             number = edit_number_of_key(self._db, key) if key else 0
             return as_edit(self._db, entry_of(self._db, number), self._crs) if number else None
 
     def undo(self, *, who: str) -> Edit | None:
-        """Take back the last edit that is not taken back; None where there is none."""
+        """Undo the last edit that is not undone yet; None where there is none."""
         with self._turn, sql_errors(self.path):
             self._look_elsewhere()
             return self._back(self._steps.done[-1:], who, UNDO)
 
     def redo(self, *, who: str) -> Edit | None:
-        """Take back the last undo, if nothing else was done since; else None."""
+        """Undo the last undo, if nothing else was done since; else None."""
         with self._turn, sql_errors(self.path):
             self._look_elsewhere()
             return self._back(self._steps.undone[-1:], who, REDO)
 
     def history(self, most: int = 100) -> list[Edit]:
-        """Return the last edits, the newest first, with their lines."""
+        """Return the last edits, newest first, with their lines."""
         with self._turn, sql_errors(self.path):
             return [as_edit(self._db, entry, self._crs) for entry in read_entries(self._db, most=most)]
 
     def entries(self, most: int = 100) -> list[HistoryEntry]:
-        """Return the last edits, the newest first, with the ids of their lines only."""
+        """Return the last edits, newest first, with only the ids of their lines."""
         with self._turn, sql_errors(self.path):
             return read_entries(self._db, most=most)
 
     @property
     def judged(self) -> LineSet:
-        """Lines as they were before people changed, moved or deleted them (see `linework.editing.queue.carried_over.carry_over_reviews`)."""
+        """Lines as they were before people changed or deleted them (see `linework.editing.queue.carried_over.carry_over_reviews`)."""
         with self._turn, sql_errors(self.path):
             return stored_lines(self._db, reviewed_versions(self._db, self._steps), self._crs)
 
     @property
     def undone(self) -> frozenset[int]:
-        """Numbers of the edits that are taken back now."""
+        """Numbers of the edits that are currently undone."""
         with self._turn, sql_errors(self.path):
             return undone_edits(self._db)
 
     def since(self, revision: int) -> tuple[LineSet, tuple[str, ...]]:
-        """Return the lines that came or changed after a revision, and ids of those that went; of 0: all lines."""
+        """Return the lines added or changed after a revision, and the ids of those removed; after 0: all lines."""
         with self._turn, sql_errors(self.path):
             if revision <= 0:
                 return self._held.all, ()
@@ -211,7 +211,7 @@ class LineFile:
             return self._held.of(there), tuple(name for name in touched if name not in self._held)
 
     def _back(self, numbers: Sequence[int], who: str, action: str) -> Edit | None:
-        """Swap what an edit changed: lines come back as they were."""
+        """Save the reverse of an edit: its lines become what they were before."""
         if not numbers:
             return None
         entry = entry_of(self._db, numbers[0])
@@ -220,7 +220,7 @@ class LineFile:
         return self._save(came.id.tolist(), lines, who, action, undoes=entry.number, versions=entry.gone)
 
     def _look_elsewhere(self) -> None:
-        """Take over what another program has written since we looked last."""
+        """Save as an edit what another program has written since the last check."""
         if not self.path.exists() or not os.path.samestat(self.path.stat(), self._stat):
             raise MachineError(
                 "was removed or replaced while it was open", where=self.path, advice="open it again"
@@ -255,14 +255,14 @@ class LineFile:
         self, gone: Sequence[str], after: LineSet, who: str, action: str, *,
         undoes: int = 0, versions: Sequence[int] = (), features: Sequence[tuple[str, int]] = (), key: str = "",
     ) -> Edit:  # fmt: skip
-        """Put lines in the place of others in one transaction, then in memory.
+        """Replace lines in one transaction, then in memory.
 
         Parameters
         ----------
         versions
-            Numbers of the lines where they were stored before.
+            Numbers of the versions, where the lines were stored before.
         features
-            Rows that others put there, which go as well.
+            Layers and features that other programs added, which are removed as well.
         """
         number, ids = self._revision + 1, after.id.tolist()
         before = self._held.of(gone)
@@ -271,7 +271,7 @@ class LineFile:
                 raise StaleError(
                     "another program has just changed it",
                     where=self.path,
-                    advice="look again, then repeat it",
+                    advice="reload, then repeat the change",
                 )
             old = [self._versions[name] for name in gone]
             delete_rows(self._db, displace_versions(self._db, old))

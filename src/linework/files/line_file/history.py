@@ -1,4 +1,4 @@
-"""The history of a drawing: versions of lines, the edits that put one in the place of the other, and what can be undone."""
+"""Edit history of a line file: versions of lines, the edits that replaced them, and what can be undone."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ from linework.arrays import AnyArray, FloatArray
 from linework.errors import InputError
 from linework.files.line_file.tables import LineRow
 from linework.model.changes import Change, Edit
+from linework.model.columns import column_types
 from linework.model.lines import LINE_COLUMNS, LineSet
 
 UNDO, REDO = "undo", "redo"
-#: Edits that are no person's: their lines may come again.
+#: Action of edits made by an extraction, not by a person: their lines may be found again.
 EXTRACT = "extract"
 
 
 @dataclass(frozen=True, slots=True)
 class HistoryEntry:
-    """A row of the table `edit`: `gone` and `came` are numbers of versions."""
+    """A row of the table `edit`; `gone` and `came` are the version numbers of removed and added lines."""
 
     number: int
     time_utc: str
@@ -40,7 +41,7 @@ class HistoryEntry:
 
 
 def add_versions(db: sqlite3.Connection, ids: Sequence[str], contents: Iterable[bytes]) -> list[int]:
-    """Store lines as they are now; return the numbers of the versions. They stand nowhere yet (see `place_versions`)."""
+    """Store lines and return their version numbers; they are in no layer yet (see `place_versions`)."""
     statement = "INSERT INTO line_version (id, edit, content) VALUES (?, 0, ?)"
     rows = zip(ids, contents, strict=True)
     return [int(db.execute(statement, (name, pack_line(line))).lastrowid or 0) for name, line in rows]
@@ -49,13 +50,13 @@ def add_versions(db: sqlite3.Connection, ids: Sequence[str], contents: Iterable[
 def place_versions(
     db: sqlite3.Connection, versions: Sequence[int], rows: Sequence[LineRow], edit: int
 ) -> None:
-    """Note where versions stand, and which edit put them there."""
+    """Record the layer and feature of versions, and the edit that put them there."""
     values = [(r.layer, r.fid, r.line, edit, v) for v, r in zip(versions, rows, strict=True)]
     db.executemany("UPDATE line_version SET layer = ?, fid = ?, line = ?, edit = ? WHERE version = ?", values)
 
 
 def displace_versions(db: sqlite3.Connection, versions: Sequence[int]) -> list[LineRow]:
-    """Note that versions stand no more; return where they stood."""
+    """Record that versions are no longer in a layer; return where they were."""
     found = []
     for version in versions:
         row = db.execute("SELECT layer, fid, line FROM line_version WHERE version = ?", (version,)).fetchone()
@@ -72,13 +73,13 @@ def add_entry(db: sqlite3.Connection, entry: HistoryEntry) -> None:
 
 
 def read_entries(db: sqlite3.Connection, *, after: int = 0, most: int = -1) -> list[HistoryEntry]:
-    """Return edits after a number, the newest first; no more than `most` (-1: all)."""
+    """Return edits after a number, newest first; at most `most` (-1: all)."""
     rows = db.execute("SELECT * FROM edit WHERE number > ? ORDER BY number DESC LIMIT ?", (after, most))
     return [HistoryEntry(*row[:5], *(tuple(json.loads(part)) for part in row[5:])) for row in rows]
 
 
 def add_key(db: sqlite3.Connection, key: str, number: int) -> None:
-    """Note under which key an edit was sent."""
+    """Record the key under which an edit was sent."""
     db.execute("INSERT INTO edit_key VALUES (?, ?)", (key, number))
 
 
@@ -94,7 +95,7 @@ def entry_of(db: sqlite3.Connection, number: int) -> HistoryEntry:
 
 
 def stored_lines(db: sqlite3.Connection, versions: Sequence[int], crs: str) -> LineSet:
-    """Return versions of lines, in this order."""
+    """Return the lines of these versions, in this order."""
     statement = "SELECT content FROM line_version WHERE version = ?"
     return unpack_lines([db.execute(statement, (v,)).fetchone()[0] for v in versions], crs)
 
@@ -106,12 +107,12 @@ def as_edit(db: sqlite3.Connection, entry: HistoryEntry, crs: str) -> Edit:
 
 
 def reviewed_versions(db: sqlite3.Connection, steps: UndoSteps) -> list[int]:
-    """Return the versions of lines that people's edits, as far as they are not taken back, have put out of the way."""
+    """Return the versions of lines that people's edits replaced or removed; undone edits do not count."""
     known = {entry.number: entry for entry in read_entries(db)}
     found: dict[int, None] = {}
     for number in steps.done:
         origin = known[number]
-        # An edit that was done again stands for the one that it repeats
+        # A redone edit counts as the one that it repeats
         while origin.undoes:
             origin = known[origin.undoes]
         if origin.action != EXTRACT:
@@ -120,7 +121,7 @@ def reviewed_versions(db: sqlite3.Connection, steps: UndoSteps) -> list[int]:
 
 
 def undone_edits(db: sqlite3.Connection) -> frozenset[int]:
-    """Return the numbers of the edits that are taken back now."""
+    """Return the numbers of the edits that are currently undone."""
     found: set[int] = set()
     rows = db.execute("SELECT number, undoes FROM edit WHERE undoes != 0 ORDER BY number DESC")
     for number, undoes in rows:
@@ -130,13 +131,13 @@ def undone_edits(db: sqlite3.Connection) -> frozenset[int]:
 
 
 def utc_now() -> str:
-    """Return the time, as ISO 8601."""
+    """Return the current UTC time as ISO 8601."""
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 @dataclass(frozen=True, slots=True)
 class UndoSteps:
-    """Edits that can be taken back, and undos that can be, the last of each first to go."""
+    """Edits that can be undone, and undos that can be redone, the last of each first."""
 
     done: tuple[int, ...] = ()
     undone: tuple[int, ...] = ()
@@ -163,12 +164,10 @@ def steps_of(db: sqlite3.Connection) -> UndoSteps:
     return steps
 
 
-# A line as bytes, exactly, for the history of a drawing
-
 _LENGTH = struct.Struct("<I")
-#: The fastest: a commit waits for it, and coordinates do not get much smaller anyway.
+#: zlib level: the fastest, because a commit waits for it and coordinates hardly shrink.
 _LEVEL = 1
-#: No line is larger: six million vertices.
+#: Largest line: six million vertices. [bytes]
 MOST_LINE_BYTES = 1 << 28
 
 
@@ -195,12 +194,12 @@ def line_bytes(lines: LineSet) -> list[bytes]:
 
 
 def pack_line(line: bytes) -> bytes:
-    """Return a line's bytes as they are stored."""
+    """Return the bytes of a line, compressed for storage."""
     return zlib.compress(line, _LEVEL)
 
 
 def unpack_lines(stored: Sequence[bytes], crs: str) -> LineSet:
-    """Return the lines of what was stored.
+    """Return lines from their stored bytes.
 
     Raises
     ------
@@ -210,7 +209,7 @@ def unpack_lines(stored: Sequence[bytes], crs: str) -> LineSet:
     try:
         return _unpacked(stored, crs)
     except (ValueError, KeyError, TypeError, struct.error, zlib.error) as error:
-        raise InputError("its history is damaged", advice="go back to a copy") from error
+        raise InputError("its edit history is damaged", advice="restore a copy") from error
 
 
 def _unpacked(stored: Sequence[bytes], crs: str) -> LineSet:
@@ -218,7 +217,7 @@ def _unpacked(stored: Sequence[bytes], crs: str) -> LineSet:
     numbers: list[FloatArray] = []
     flags: list[AnyArray] = []
     for content in stored:
-        # A few bytes may stand for any number of zeros
+        # Limited: a few compressed bytes may expand to any number of zeros
         line = zlib.decompressobj().decompress(content, MOST_LINE_BYTES)
         (length,) = _LENGTH.unpack_from(line)
         start = _LENGTH.size + length
@@ -238,11 +237,11 @@ def _unpacked(stored: Sequence[bytes], crs: str) -> LineSet:
         "observed": np.concatenate([both[1] for both in flags]).astype(bool),
     }
     for name in LINE_COLUMNS:
-        meta = LineSet.__dataclass_fields__[name].metadata
-        values = [head.get(name, meta["default"]) for head in heads]
-        if meta["dtype"] is np.float64:
+        column = column_types(LineSet)[name]
+        values = [head.get(name, column.fill) for head in heads]
+        if column.dtype is np.float64:
             values = [math.nan if value is None else value for value in values]
-        columns[name] = np.array(values, dtype=meta["dtype"])
+        columns[name] = np.array(values, dtype=column.dtype)
     xyz = [values[: 3 * (len(values) // 5)].reshape(-1, 3) for values in numbers]
     return LineSet.from_lines(xyz, crs=crs, **columns)
 

@@ -1,4 +1,4 @@
-"""Opening a drawing: held, checked, brought into the form in which it is edited."""
+"""Open a line file: lock it, check it, and add the tables for editing."""
 
 from __future__ import annotations
 
@@ -14,12 +14,6 @@ import numpy as np
 from linework.errors import CrsError, InputError, OutputExistsError, UsageError
 from linework.files.geodesy.crs import LOCAL, describe_crs, parse_crs, same_crs
 from linework.files.line_file.checks import check_texts
-from linework.files.line_file.elsewhere import (
-    OutsideChanges,
-    find_outside_changes,
-    read_layer_lines,
-    with_vertex_rows,
-)
 from linework.files.line_file.history import (
     UndoSteps,
     add_versions,
@@ -27,6 +21,12 @@ from linework.files.line_file.history import (
     place_versions,
     steps_of,
     unpack_lines,
+)
+from linework.files.line_file.outside_changes import (
+    OutsideChanges,
+    find_outside_changes,
+    read_layer_lines,
+    with_vertex_rows,
 )
 from linework.files.line_file.tables import (
     LineRow,
@@ -53,14 +53,14 @@ _MADE = "linework extract and linework convert make such files"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineFileState:
-    """A drawing as it was saved last.
+    """A line file as it was last saved.
 
     Parameters
     ----------
     lines, versions, edits
-        m lines, the number of each in the history, and the edit that put it there.
+        m lines, the version number of each, and the edit that put it there.
     elsewhere
-        What others did since.
+        What other programs changed since.
     """
 
     lines: LineSet
@@ -76,7 +76,7 @@ class LineFileState:
 def open_line_file(
     path: Path, crs: str, *, is_held: bool = False
 ) -> Iterator[tuple[sqlite3.Connection, LineFileState]]:
-    """Open a drawing, see `DrawingFile.opened`."""
+    """Open a line file and yield its connection and state (see `LineFile.opened`)."""
     if path.is_dir():
         raise UsageError("is a folder", where=path, advice="name a GeoPackage in it")
     if path.suffix.lower() != ".gpkg":
@@ -85,7 +85,7 @@ def open_line_file(
         )
     if not is_held:
         check_output(path, overwrite=True)
-    busy = OutputExistsError("another workbench or run holds it", where=path, advice="end that first")
+    busy = OutputExistsError("another workbench or run has it open", where=path, advice="close that first")
     with contextlib.nullcontext() if is_held else hold_lock(lock_path(path), busy):
         if not path.exists():
             write_lines(LineSet.empty(crs), path, kinds=KINDS)
@@ -99,28 +99,28 @@ def open_line_file(
             try:
                 yield db, _saved(db, crs, path)
             finally:
-                # Leaves no journal beside it, unless another program has it open
+                # Removes the journal beside it, unless another program has the file open
                 with contextlib.suppress(sqlite3.Error):
                     db.execute("PRAGMA journal_mode = DELETE")
 
 
 def _check(db: sqlite3.Connection, crs: str, path: Path) -> None:
-    """Refuse what is damaged, not ours or elsewhere; a journal of a killed process has been rolled back by now."""
+    """Refuse a file that is damaged, not ours, or in another CRS; a killed process's journal is rolled back by now."""
     found = db.execute("PRAGMA quick_check(1)").fetchone()[0]
     if found != "ok":
-        raise InputError(f"damaged ({found})", where=path, advice="go back to a copy")
+        raise InputError(f"damaged ({found})", where=path, advice="restore a copy")
     wanted = {"line", "layer", "line_fid", "vertex", "sigma_xy_m", "sigma_z_m", "bridged"}
     is_ours = wanted <= set(columns_of(db, VERTEX_TABLE)) and columns_of(db, "gpkg_geometry_columns")
     if not is_ours or not line_layers(db):
-        raise InputError("not a file of lines that linework made", where=path, advice=_MADE)
+        raise InputError("not a line file made by linework", where=path, advice=_MADE)
     own = _crs_of(db, path)
     if not same_crs(own, crs):
         raise CrsError(
             f"lines in {describe_crs(own)}, the survey is in {describe_crs(crs)}", where=path,
-            advice="choose another file of lines",
+            advice="choose another line file",
         )  # fmt: skip
     with contextlib.suppress(sqlite3.OperationalError):
-        # Another program (QGIS) may hold the file in a mode of its own, in which a commit is as safe. Removing the
+        # Another program (QGIS) may hold the file in another journal mode, in which a commit is as safe. Removing the
         # journal after each commit instead of emptying it takes 10 ms more
         db.execute("PRAGMA journal_mode = TRUNCATE")
     # A file that cannot be written to is refused now, not at the first change
@@ -185,7 +185,7 @@ def _next_line(db: sqlite3.Connection) -> int:
 
 
 def _saved(db: sqlite3.Connection, crs: str, path: Path) -> LineFileState:
-    """Return the drawing as its history says, and what the file says otherwise."""
+    """Return the lines according to the history, and what the layers hold differently."""
     stored = db.execute(
         "SELECT version, layer, fid, line, edit, content FROM line_version WHERE layer IS NOT NULL ORDER BY line"
     ).fetchall()

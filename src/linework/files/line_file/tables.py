@@ -1,4 +1,4 @@
-"""The tables of a drawing in its GeoPackage, beside those of the lines, and the connection to it."""
+"""Tables of a line file beside those of its lines, the rows of its lines, and the connection to it."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from linework.files.vectors.gpkg import STYLE_TABLE, VERTEX_TABLE, null_if_empty
 from linework.files.vectors.gpkg_schema import LayerTable, add_table, geometry_blobs, shape_bounds, sql_values
 from linework.model.lines import VERTEX_COLUMNS, LineSet
 
-#: QGIS holds the file for as long as it takes to save a layer. [s]
+#: How long to wait for another program: QGIS holds the file while it saves a layer. [s]
 WAIT_S = 5.0
-#: All fields a layer may have: a drawing's layers have them, whatever their lines hold now.
+#: All fields a layer may have: those of a line file have all of them, also where no line uses them yet.
 ALL_FIELDS = (*FIELDS, "clearance_m", *DISAGREEMENT, *REVIEWED)
 
-#: `edit`: what was done; `gone` and `came` are numbers of `line_version` (JSON). `line_version`: every line as it
-#: ever was, exactly; `layer` and `fid` say where it stands now, and are NULL where it does not, `line` is its number in
-#: `vertex`, `edit` the edit that last put it there. `edit_key`: which edit was sent under a key.
+#: `edit`: the edits; `gone` and `came` are numbers of `line_version` (JSON). `line_version`: every version of every
+#: line, exactly; `layer` and `fid` are its present place (NULL: none), `line` its number in `vertex`, `edit` the edit
+#: that last put it there. `edit_key`: the edit that was sent under a key.
 _TABLES = (
     """CREATE TABLE IF NOT EXISTS edit (number INTEGER PRIMARY KEY NOT NULL, time_utc TEXT NOT NULL, who TEXT NOT NULL,
   action TEXT NOT NULL, undoes INTEGER NOT NULL, ids TEXT NOT NULL, gone TEXT NOT NULL, came TEXT NOT NULL)""",
@@ -52,7 +52,7 @@ _TABLES = (
 
 @contextlib.contextmanager
 def sql_errors(path: Path) -> Iterator[None]:
-    """Turn what SQLite says into one line.
+    """Turn SQLite's errors into one line.
 
     Raises
     ------
@@ -72,19 +72,19 @@ def sql_errors(path: Path) -> Iterator[None]:
         text = str(error)
         if "locked" in text or "busy" in text:
             raise OutputExistsError(
-                "another program is writing it", where=path, advice="end the editing there, then try again"
+                "another program is writing it", where=path, advice="finish editing there, then try again"
             ) from error
         raise MachineError(
             f"cannot be written: {text}", where=path, advice="check the disk, and that you may write there"
         ) from error
     except sqlite3.DatabaseError as error:
-        raise InputError(f"damaged ({error})", where=path, advice="go back to a copy") from error
+        raise InputError(f"damaged ({error})", where=path, advice="restore a copy") from error
 
 
 def connect_database(path: Path) -> sqlite3.Connection:
-    """Return a connection whose every transaction is on the disk when it ends; transactions are begun by hand.
+    """Return a connection whose transactions are on the disk when they end; they are begun explicitly.
 
-    Triggers of the standard call functions that SQLite lacks; they are here.
+    The GeoPackage standard's triggers call ST_ functions that SQLite lacks; they are added here.
     """
     db = sqlite3.connect(path, isolation_level=None, timeout=WAIT_S, check_same_thread=False)
     db.execute("PRAGMA synchronous = FULL")
@@ -102,7 +102,7 @@ def connect_database(path: Path) -> sqlite3.Connection:
 
 @contextlib.contextmanager
 def transaction(db: sqlite3.Connection) -> Iterator[None]:
-    """Do what is inside whole or not at all; when this returns it is on the disk."""
+    """Carry out the body as one transaction: wholly or not at all, and on the disk when it ends."""
     db.execute("BEGIN IMMEDIATE")
     try:
         yield
@@ -115,12 +115,12 @@ def transaction(db: sqlite3.Connection) -> Iterator[None]:
 
 
 def shape_of(blob: bytes) -> shapely.Geometry:
-    """Return the geometry of a blob as the standard stores it: its header is as long as its flags say."""
+    """Return the geometry of a GeoPackage blob."""
     return shapely.from_wkb(wkb_of(blob))
 
 
 def wkb_of(blob: bytes) -> bytes:
-    """Return the WKB in a blob of the standard."""
+    """Return the WKB in a GeoPackage blob, whose flags give the length of its header."""
     if blob[:2] != b"GP" or len(blob) < 8:
         raise ValueError("not a geometry of a GeoPackage")
     envelope = (0, 32, 48, 48, 64)
@@ -128,7 +128,7 @@ def wkb_of(blob: bytes) -> bytes:
 
 
 def add_line_file_tables(db: sqlite3.Connection) -> None:
-    """Add what a drawing has and an extraction has not, within a transaction: tables, and columns of its layers."""
+    """Add the tables and columns that a line file has and an extraction lacks, within a transaction."""
     for statement in _TABLES:
         db.execute(statement)
     for layer in line_layers(db):
@@ -159,12 +159,12 @@ def add_layer(db: sqlite3.Connection, layer: str) -> None:
 
 
 def columns_of(db: sqlite3.Connection, table: str) -> list[str]:
-    """Return the columns of a table, none where there is no such table."""
+    """Return the columns of a table; an empty list where it does not exist."""
     return [str(row[1]) for row in db.execute(f"PRAGMA table_info({quoted(table)})")]
 
 
 def line_layers(db: sqlite3.Connection) -> list[str]:
-    """Return the layers of lines that are ours, in the order of the file: others, and layers of points, are left alone."""
+    """Return our layers of lines, in the order of the file; other layers, and those of points, are ignored."""
     rows = db.execute(
         "SELECT table_name FROM gpkg_geometry_columns WHERE column_name = 'geom' AND geometry_type_name = 'LINESTRING'"
         " ORDER BY rowid"
@@ -173,7 +173,7 @@ def line_layers(db: sqlite3.Connection) -> list[str]:
 
 
 def srs_of(db: sqlite3.Connection) -> int:
-    """Return the number of the CRS of the lines."""
+    """Return the srs_id of the lines."""
     (number,) = db.execute(
         "SELECT srs_id FROM gpkg_geometry_columns WHERE geometry_type_name = 'LINESTRING' ORDER BY rowid LIMIT 1"
     ).fetchone()
@@ -181,18 +181,16 @@ def srs_of(db: sqlite3.Connection) -> int:
 
 
 def quoted(name: str) -> str:
-    """Return a name as SQL takes it."""
+    """Return a name quoted for SQL."""
     return '"' + name.replace('"', '""') + '"'
 
-
-# The rows of lines in a drawing's layers and in its table of vertices: taken out, and put in at the end
 
 _NOW = "strftime('%Y-%m-%dT%H:%M:%fZ', 'now')"
 
 
 @dataclass(frozen=True, slots=True)
 class LineRow:
-    """Where a line stands: its layer and feature, and its number in the table of vertices."""
+    """Place of a line in the file: its layer and feature, and its number in the table of vertices."""
 
     layer: str
     fid: int
@@ -200,18 +198,18 @@ class LineRow:
 
 
 def insert_rows(db: sqlite3.Connection, lines: LineSet, first_line: int) -> list[LineRow]:
-    """Append lines to their layers, and their vertices, within a transaction; return where they are.
+    """Append lines and their vertices, within a transaction, and return their places.
 
     Parameters
     ----------
     first_line
-        Number in `vertex` of the first of them: higher than any before, so that the order of the rows stays that of
-        the numbers.
+        Number in `vertex` of the first of them: higher than any before, so that rows stay in the order of the
+        numbers.
 
     Notes
     -----
-    The extents of the layers grow only, as the standard allows; reading all lines of a layer would take longer than
-    the rest of the work.
+    The extents of layers only grow, as the standard allows: reading all lines of a layer would take longer than
+    everything else.
     """
     layers, shapes, values = layer_names(lines), geometries(lines), field_values(lines)
     there = set(line_layers(db))
@@ -259,7 +257,7 @@ def _put_vertices(db: sqlite3.Connection, lines: LineSet, rows: Sequence[LineRow
 
 
 def delete_rows(db: sqlite3.Connection, rows: Iterable[LineRow]) -> None:
-    """Take lines out of their layers, and their vertices, within a transaction."""
+    """Delete lines and their vertices, within a transaction."""
     layers = set()
     for row in rows:
         db.execute(f"DELETE FROM {quoted(row.layer)} WHERE fid = ?", (row.fid,))
@@ -270,7 +268,7 @@ def delete_rows(db: sqlite3.Connection, rows: Iterable[LineRow]) -> None:
 
 
 def _touch(db: sqlite3.Connection, layer: str, shapes: AnyArray | None = None) -> None:
-    """Note that a layer has changed, and that it holds these shapes."""
+    """Update the change time of a layer, and grow its extent by these shapes."""
     if shapes is None or len(shapes) == 0:
         db.execute(f"UPDATE gpkg_contents SET last_change = {_NOW} WHERE table_name = ?", (layer,))
         return

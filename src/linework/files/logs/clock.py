@@ -1,4 +1,4 @@
-"""One clock for a survey: GPS seconds of the week, adjusted or since 1980, and seconds since 1970."""
+"""Time scales of a survey: GPS seconds (of the week, adjusted, since 1980) and Unix seconds."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from linework.errors import InputError
 from linework.imaging.pairing import certain_times
 
 WEEK_S: Final = 604_800.0
-#: Adjusted standard GPS time (LAS 1.4) is GPS time less this.
+#: Adjusted standard GPS time (LAS 1.4) is GPS time less this. [s]
 _ADJUSTED_S = 1e9
-#: 1980-01-06, where GPS time begins, in seconds since 1970.
+#: Start of GPS time, 1980-01-06, in seconds since 1970.
 _GPS_BEGAN_S = 315_964_800.0
-#: Days on which a leap second had just been put in since GPS time began (IERS Bulletin C): GPS - UTC is their number.
+#: Days that follow a leap second since GPS time began (IERS Bulletin C); GPS - UTC is their number.
 _LEAPS = (
     "1981-07-01", "1982-07-01", "1983-07-01", "1985-07-01", "1988-01-01", "1990-01-01", "1991-01-01",
     "1992-07-01", "1993-07-01", "1994-07-01", "1996-01-01", "1997-07-01", "1999-01-01", "2006-01-01",
     "2009-01-01", "2012-07-01", "2015-07-01", "2017-01-01",
 )  # fmt: skip
 _LEAP_UTC_S = np.array(_LEAPS, dtype="datetime64[s]").astype(np.float64)
-#: Seconds since 1970 until 2001, GPS seconds until 2011: earlier drives are none of these.
+#: Smaller times are not absolute: as seconds since 1970 the year 2001, as GPS seconds 2011. [s]
 _LEAST_ABSOLUTE_S = 1e9
-#: As seconds since 1970 the year 2020, as GPS seconds 2030: larger numbers are the former.
+#: Larger times are seconds since 1970: the year 2020, as GPS seconds 2030. [s]
 _LEAST_UNIX_S = 1.6e9
 _DAY_S = 86_400.0
 _SOME_WEEK = 2300
@@ -35,7 +35,7 @@ _NAMES = {
 
 
 def gps_of_unix(unix_s: FloatArray) -> FloatArray:
-    """Return GPS seconds of UTC, given as seconds since 1970.
+    """Convert UTC in seconds since 1970 to GPS seconds.
 
     >>> float(gps_of_unix(np.array(1.7e9))) - (1.7e9 - 315_964_800.0)
     18.0
@@ -45,7 +45,7 @@ def gps_of_unix(unix_s: FloatArray) -> FloatArray:
 
 
 def unix_of_gps(gps_s: FloatArray) -> FloatArray:
-    """Return UTC as seconds since 1970 of GPS seconds.
+    """Convert GPS seconds to UTC in seconds since 1970.
 
     >>> float(unix_of_gps(gps_of_unix(np.array(1.7e9))))
     1700000000.0
@@ -55,13 +55,13 @@ def unix_of_gps(gps_s: FloatArray) -> FloatArray:
 
 
 def epoch_by_values(time_s: FloatArray) -> str:
-    """Return which epoch times have by their range: "gps_week", "gps_adjusted", "gps" or "unix".
+    """Return the epoch of times (n,) [s] by their range: "gps_week", "gps_adjusted", "gps" or "unix".
 
     >>> [epoch_by_values(np.array([t])) for t in (3e5, 4.5e8, 1.4e9, 1.7e9)]
     ['gps_week', 'gps_adjusted', 'gps', 'unix']
     """
     low, high = float(np.min(time_s)), float(np.max(time_s))
-    # A drive over the end of a week may run on
+    # A drive over the end of a week may count beyond it
     if low >= 0.0 and high <= 2 * WEEK_S:
         return "gps_week"
     if high < _LEAST_ABSOLUTE_S:
@@ -78,24 +78,23 @@ def to_survey_time(
     near_s: float | None = None,
     where: object = None,
 ) -> FloatArray:
-    """Return times in the survey's epoch.
+    """Convert times to the survey's epoch.
 
     Parameters
     ----------
     time_s
         (n,) [s].
     epoch, survey_epoch
-        "gps_week", "gps_adjusted", "gps" or "unix": of the times, and of the survey; times also "utc_day".
+        "gps_week", "gps_adjusted", "gps" or "unix"; `epoch` also "utc_day" (seconds of a day, UTC).
     week
         GPS week of seconds of the week, where known.
     near_s
-        A time of the survey, in its epoch: without `week`, or of a day, the times are of the week or the day that
-        brings them nearest.
+        A time of the survey, in its epoch: an unknown week or day is the one that brings the times nearest to it.
 
     Raises
     ------
     InputError
-        Seconds of the week or the day of which nobody knows which.
+        The week or the day of the times is unknown.
 
     Examples
     --------
@@ -107,9 +106,13 @@ def to_survey_time(
         return time_s
     if near_s is None and (epoch == "utc_day" or (epoch == "gps_week" and week is None)):
         unknown, advice = _NAMES[epoch], "give [time] week" if epoch == "gps_week" else "log RMC or ZDA, too"
-        raise InputError(f"times are {unknown}, and nothing says of which", where=where, advice=advice)
+        raise InputError(
+            f"times are {unknown}, but the {'week' if epoch == 'gps_week' else 'day'} is unknown",
+            where=where,
+            advice=advice,
+        )
     if epoch == "utc_day":
-        # Any week of these years has the leap seconds of today
+        # Any recent week has today's leap seconds
         week = _SOME_WEEK if week is None and survey_epoch == "gps_week" else week
         near_unix = unix_of_gps(_to_gps(np.array([near_s]), survey_epoch, week))[0]
         time_s, epoch = time_s + _DAY_S * np.round((near_unix - time_s[0]) / _DAY_S), "unix"
@@ -138,31 +141,31 @@ def _to_gps(time_s: FloatArray, epoch: str, week: int | None) -> FloatArray:
 def fitted_times(
     time_s: FloatArray, epoch: str, span_s: tuple[float, float], span_epoch: str, *, week: int | None = None
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return times in the epoch of another recording of the same drive, and what was done to them.
+    """Convert times to the epoch of another recording of the same drive; return warnings about it.
 
-    Times that lie within the other's as they stand are left alone, whatever is said of their epoch.
+    Times that already overlap the other recording are left unchanged, whatever epoch is stated.
 
     Parameters
     ----------
     epoch
-        Of the times; "" where nothing says it: their range does.
+        Epoch of the times; "": by their range.
     span_s, span_epoch
         First and last time of the other recording, and its epoch ("": by its range).
     week
-        GPS week where one of both is seconds of the week.
+        GPS week, where either is in seconds of the week.
     """
     if _overlap(time_s, span_s):
         return time_s, ()
     epoch = epoch or epoch_by_values(time_s)
     span_epoch = span_epoch or epoch_by_values(np.array(span_s))
     converted = to_survey_time(time_s, epoch, span_epoch, week=week, near_s=span_s[0])
-    # Old receivers count weeks to 1024 and begin again
+    # Old receivers count weeks modulo 1024
     for n_rounds in (0, 1, 2):
         moved = converted + n_rounds * 1024 * WEEK_S
         if _overlap(moved, span_s):
-            said = [f"converted to {_NAMES[span_epoch]}"] * (epoch != span_epoch)
-            said += [f"{1024 * n_rounds} weeks added, which the receiver did not count"] * (n_rounds > 0)
-            return moved, (f"times are {_NAMES[epoch]}: {', and '.join(said)}",)
+            remarks = [f"converted to {_NAMES[span_epoch]}"] * (epoch != span_epoch)
+            remarks += [f"{1024 * n_rounds} weeks added (week rollover of the receiver)"] * (n_rounds > 0)
+            return moved, (f"times are {_NAMES[epoch]}: {', and '.join(remarks)}",)
     return time_s, ()
 
 
@@ -171,12 +174,12 @@ def _overlap(time_s: FloatArray, span_s: tuple[float, float]) -> bool:
 
 
 def known_offsets(time_s: float, epoch: str) -> list[tuple[float, str]]:
-    """Return by how many seconds a clock may be ahead because one time was taken for another, and which.
+    """Return known offsets of a clock [s] from mistaken time scales, and their names.
 
     Parameters
     ----------
     time_s, epoch
-        About when it was: the leap seconds of that day count. Those of today where the epoch does not tell.
+        Approximate time, for the leap seconds of that day; today's where the epoch does not tell the day.
 
     >>> known_offsets(4.0e8, "gps_adjusted")[2]
     (-18.0, 'UTC taken for GPS time')
@@ -196,27 +199,24 @@ def known_offsets(time_s: float, epoch: str) -> list[tuple[float, str]]:
     ]  # fmt: skip
 
 
-# Times as a log has them: milliseconds and nanoseconds told from seconds, the end of the week passed over
-
-#: Beyond this no second of any epoch lies (the year 5138 since 1970).
+#: Larger times are not seconds in any epoch (the year 5138 since 1970).
 _MOST_SECONDS = 1e11
-#: GPS receivers count weeks to 1024 and begin again.
+#: GPS receivers count weeks modulo this number.
 _WEEKS_OF_RECEIVERS = 1024
-#: Logs pause for less than a day around the end of a week.
+#: Longest pause of a log around the end of a week. [s]
 _MOST_PAUSE_S = 86_400.0
-#: A recording of a drive has a row at least every so many seconds, and lasts less than a day: whole numbers with
-#: larger steps over more than that are no seconds.
+#: Longest step and duration of a drive's log [s]: whole numbers with larger steps over more time are not seconds.
 _MOST_STEP_S = 5.0
 _MOST_DRIVE_S = 86_400.0
 
 
 def in_seconds(time: FloatArray, where: object = None) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return times of a log in seconds that run on over the end of a week, and what was odd.
+    """Return the times of a log in seconds, continuous over the end of a week, and warnings.
 
     Parameters
     ----------
     time
-        (n,) finite, in the order of the file.
+        (n,) float64, finite, in the order of the file, in any unit.
 
     Raises
     ------
@@ -238,7 +238,7 @@ def in_seconds(time: FloatArray, where: object = None) -> tuple[FloatArray, tupl
     unit, per_second = _unit(time)
     if per_second != 1.0:
         time = time / per_second
-        warnings.append(f"times are in {unit}: taken as such")
+        warnings.append(f"times are in {unit}: converted to seconds")
     steps = np.diff(time)
     for n_weeks in (1, _WEEKS_OF_RECEIVERS):
         round_s = n_weeks * WEEK_S
@@ -246,13 +246,13 @@ def in_seconds(time: FloatArray, where: object = None) -> tuple[FloatArray, tupl
         if len(ends):
             time = time + round_s * np.searchsorted(ends, np.arange(len(time)), side="left")
             what = "the GPS week ends" if n_weeks == 1 else "the count of GPS weeks begins again"
-            warnings.append(f"{what} within the log, after {time[ends[0]]:.2f} s: times run on")
+            warnings.append(f"{what} within the log, after {time[ends[0]]:.2f} s: times continued")
             steps = np.diff(time)
     return time, tuple(warnings)
 
 
 def _unit(time: FloatArray) -> tuple[str, float]:
-    """Return the unit of times and how many there are in a second."""
+    """Return the unit of times and the number of units per second."""
     units = (("milliseconds", 1e3), ("microseconds", 1e6), ("nanoseconds", 1e9))
     steps = np.abs(np.diff(time[:10_000]))
     step = float(np.median(steps)) if len(steps) else 0.0
@@ -264,29 +264,27 @@ def _unit(time: FloatArray) -> tuple[str, float]:
     return next((unit for unit in units if step < _MOST_STEP_S * unit[1]), units[-1])
 
 
-# Rows of a log in the order of time: sorted, each time once, clocks that were set back told, what was odd said
-
-#: Rows that changed places leave two rows in doubt; a clock that was set back leaves more.
+#: Rows in doubt per backward step where two rows are swapped; a clock that was set back leaves more.
 _ROWS_OF_A_SWAP = 2
-#: A log that was appended to itself leaves all rows in doubt; a clock that was set back a smaller share.
+#: Share of rows in doubt up to which a clock was set back; a log appended to itself leaves all in doubt.
 _MOST_IN_DOUBT = 0.5
 
 
 def in_time_order(
     time_s: FloatArray, line_numbers: FloatArray, *, unit: str = "line"
 ) -> tuple[IntArray, tuple[str, ...]]:
-    """Return which rows to take, in strictly increasing time, and what was odd.
+    """Return the rows to use, in strictly increasing time, and warnings.
 
     Rows are put in time order (stable); of rows with equal time the first is kept, the others are counted. Where
-    the clock was set back, the same times were written twice: rows of these times are left out, since nobody knows
-    which of the two they belong to.
+    the clock was set back, the same times occur twice: rows with these times are left out, because it is unknown
+    which of the two passes they belong to.
 
     Parameters
     ----------
     time_s
         (n,) float64 [s], in the order of the file.
     line_numbers
-        (n,) where each row stands in the file.
+        (n,) line of each row in the file.
     unit
         What `line_numbers` count.
 
@@ -306,27 +304,27 @@ def in_time_order(
         rows = rows[np.argsort(time_s[rows], kind="stable")]
     kept = rows[np.concatenate([[True], np.diff(time_s[rows]) > 0])]
     if len(kept) < len(rows):
-        warnings.append(f"{len(rows) - len(kept)} rows with the time of another left out")
+        warnings.append(f"{len(rows) - len(kept)} rows with a repeated time left out")
     return kept.astype(np.int64), tuple(warnings)
 
 
 def _set_back(time_s: FloatArray, backward: IntArray, first: str) -> tuple[IntArray, list[str]]:
-    """Return the rows whose time is certain, all where times are only in another order; and what was odd.
+    """Return the rows whose time is certain (all, where rows are only out of order), and a warning.
 
     Parameters
     ----------
     backward
         Rows after which time runs backwards.
     first
-        Where that first is.
+        Place of the first of these in the file, for the warning.
     """
     is_new = np.diff(time_s, prepend=-np.inf) != 0.0
     in_doubt = is_new & ~certain_times(time_s)
     n = int(np.count_nonzero(in_doubt))
     if n <= _ROWS_OF_A_SWAP * len(backward) or n > _MOST_IN_DOUBT * len(time_s):
         return np.arange(len(time_s)), [f"time runs backwards {len(backward)} times, first {first}: sorted"]
-    said = (
+    remarks = (
         f"the clock was set back {len(backward)} times, first after {time_s[backward[0]]:.3f} s by"
         f" {time_s[backward[0]] - time_s[backward[0] + 1]:.3f} s {first}: {n} rows whose time occurs twice left out"
     )
-    return np.flatnonzero(~in_doubt), [said]
+    return np.flatnonzero(~in_doubt), [remarks]

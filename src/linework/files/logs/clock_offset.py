@@ -1,4 +1,4 @@
-"""Whether points were measured where the van was at their time, or where it was some known seconds before or after."""
+"""Detect a known offset between the clocks of points and trajectory, from their distance at equal times."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from linework.files.store.read import PointStore
 from linework.model.grid import Bounds
 from linework.model.trajectory import Trajectory
 
-#: A clock that is off by a leap second moves the van by less than scanners reach: that does not show here. [s]
+#: Smallest offset that can be detected [s]: within a leap second the van moves less than scanners reach.
 _LEAST_OFFSET_S = 5.0
-#: In so many blocks of a survey, spread over it, so many points are looked at.
+#: Number of blocks sampled over the survey, and points per block.
 _N_BLOCKS, _ENOUGH_POINTS = 8, 1000
-#: Points lie within a scanner's reach of the van: by half as near is no chance, nor are some metres.
+#: Ratio and gain [m] of the median distance that rule out chance.
 _NEARER = 0.5
 _LEAST_GAIN_M = 20.0
 
 
 def named_clock_offset(trajectory: Trajectory, store: PointStore, epoch: str) -> str:
-    """Return which known difference of clocks brings points and van together, "" where none is needed.
+    """Return the known clock offset that brings points and van together, as text; "" where none is needed.
 
     Parameters
     ----------
     epoch
-        Of the points' times, "" where unknown.
+        Epoch of the points' times, "" where unknown.
 
     Notes
     -----
-    Compared are the median distances in plan between points and the van at their times, once as they stand and once
-    for each known difference: van and points are hundreds of metres apart where one clock is UTC and the other GPS.
+    The median distance in plan between points and the van at their times is compared with that for each known
+    offset: with UTC on one clock and GPS time on the other, they are hundreds of metres apart.
     """
     xy, time_s = _some_points(store)
     if not len(time_s):
@@ -51,7 +51,7 @@ def named_clock_offset(trajectory: Trajectory, store: PointStore, epoch: str) ->
 
 
 def _some_points(store: PointStore) -> tuple[FloatArray, FloatArray]:
-    """Return places in plan and times of points here and there: of blocks with few points, for they are read whole."""
+    """Return (n, 2) positions in plan and (n,) times of sampled points; small blocks, because blocks are read whole."""
     blocks, counts = store.block_counts
     enough = np.flatnonzero(counts >= min(_ENOUGH_POINTS, int(np.median(counts))))
     n_small = max(_N_BLOCKS, len(enough) // 4)
@@ -69,7 +69,7 @@ def _some_points(store: PointStore) -> tuple[FloatArray, FloatArray]:
 
 
 def _median_distance(trajectory: Trajectory, xy: FloatArray, time_s: FloatArray) -> float:
-    """Return the median distance between points and the van at their times; infinite where it was nowhere then."""
+    """Return the median distance [m] between points and the van at their times; infinite without common time."""
     known = trajectory.time_s
     inside = (time_s >= known[0]) & (time_s <= known[-1])
     if np.count_nonzero(inside) < len(time_s) / 2:

@@ -1,4 +1,4 @@
-"""What the readers of GNSS logs hand over."""
+"""Results of the readers of GNSS logs: fixes with usable sigmas, in time order."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from linework.model.logs import GnssLog
 
 @dataclass(frozen=True, slots=True)
 class GnssContent:
-    """Fixes as read, with what was odd about the file.
+    """Fixes as read, and warnings about the file.
 
     Parameters
     ----------
     warnings
         One line each.
     epoch
-        What the file itself says its times are: "gps", or "utc_day"; "" where it does not.
+        Epoch of the times as the file states it: "gps" or "utc_day"; "" where it does not.
     """
 
     log: GnssLog
@@ -32,7 +32,7 @@ class GnssContent:
 
 @dataclass(frozen=True, slots=True)
 class RawFixes:
-    """Fixes row by row as a file has them.
+    """Fixes as rows of a file.
 
     Parameters
     ----------
@@ -41,9 +41,9 @@ class RawFixes:
     places
         (n, 3): latitude, longitude [deg], ellipsoidal height [m], or coordinates of the survey [m].
     sigma_m
-        (n, 3) [m]: east, north, up; not above 0 where the receiver has none.
+        (n, 3) [m]: east, north, up; 0 or below where the receiver gives none.
     line_numbers
-        (n,) where each stands in the file.
+        (n,) line of each in the file.
     """
 
     time_s: FloatArray
@@ -53,7 +53,7 @@ class RawFixes:
 
 
 def usable_fixes(path: Path, fixes: RawFixes) -> tuple[RawFixes, tuple[str, ...]]:
-    """Return the fixes with sigmas above 0 in strictly increasing time, and what was left out.
+    """Return the fixes with sigmas above 0 in strictly increasing time, and warnings about the others.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def usable_fixes(path: Path, fixes: RawFixes) -> tuple[RawFixes, tuple[str, ...]
         None is left.
     """
     warnings: list[str] = []
-    time_s, said = in_seconds(fixes.time_s, path)
+    time_s, remarks = in_seconds(fixes.time_s, path)
     good = np.flatnonzero((fixes.sigma_m > 0.0).all(axis=1))
     if len(good) < len(time_s):
         warnings.append(
@@ -72,4 +72,4 @@ def usable_fixes(path: Path, fixes: RawFixes) -> tuple[RawFixes, tuple[str, ...]
     if len(kept) == 0:
         raise InputError("no fix with sigmas above 0", where=path, advice="sigmas are in metres")
     usable = RawFixes(time_s[kept], fixes.places[kept], fixes.sigma_m[kept], fixes.line_numbers[kept])
-    return usable, (*said, *warnings, *more)
+    return usable, (*remarks, *warnings, *more)

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from linework.files.geodesy.geodetic import EarthFrame, project_places
-from linework.files.las.header import regular_file_bytes
 from linework.files.logs.fixes import GnssContent, RawFixes, usable_fixes
 from linework.files.logs.nmea import read_nmea
 from linework.files.logs.rtklib import read_rtklib_pos
@@ -18,17 +17,17 @@ from linework.model.logs import GnssLog
 _GRID = ("easting_m", "northing_m", "height_m")
 _DEGREES = ("latitude_deg", "longitude_deg", "ellipsoid_height_m")
 _SIGMA = ("sigma_e_m", "sigma_n_m", "sigma_z_m")
-#: A receiver may write other messages first.
+#: Lines searched for the format: a receiver may write other messages first.
 _FIRST_LINES = 1000
 
 
 def read_gnss(path: Path, frame: EarthFrame) -> GnssContent:
-    """Read GNSS fixes of any kind, told by the first lines.
+    """Read GNSS fixes of any format, recognised by the first lines.
 
     Parameters
     ----------
     frame
-        What latitudes, longitudes and ellipsoidal heights become.
+        CRS and heights that latitudes, longitudes and ellipsoidal heights are converted to.
 
     Raises
     ------
@@ -47,7 +46,7 @@ def is_gnss_file(path: Path) -> bool:
 
 
 def _kind(path: Path) -> str:
-    if regular_file_bytes(path) == 0 or path.suffix.lower() == ".csv":
+    if path.suffix.lower() == ".csv":
         return "csv"
     if path.suffix.lower() in (".nmea", ".pos"):
         return path.suffix.lower()[1:]
@@ -67,8 +66,8 @@ def _read_csv(path: Path, frame: EarthFrame) -> GnssContent:
     columns = table.columns
     names = _GRID if _GRID[0] in columns else _DEGREES
     places, sigma = (np.stack([columns[name] for name in group], axis=1) for group in (names, _SIGMA))
-    fixes, said = usable_fixes(path, RawFixes(columns["time_s"], places, sigma, table.line_numbers))
-    warnings, xyz = (*table.warnings, *said), fixes.places
+    fixes, remarks = usable_fixes(path, RawFixes(columns["time_s"], places, sigma, table.line_numbers))
+    warnings, xyz = (*table.warnings, *remarks), fixes.places
     if names == _DEGREES:
         placed = project_places(fixes.places, frame, where=path)
         warnings, xyz = (*warnings, *placed.warnings), placed.xyz

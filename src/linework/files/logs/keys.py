@@ -11,13 +11,13 @@ from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.logs.tables import finite_number, read_text_table
 
-#: Longer notes are cut: a sentence typed while driving is shorter.
+#: Longest note [characters]; longer ones are cut. A sentence typed while driving is shorter.
 MAX_NOTE_CHARS = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class EventRows:
-    """Keys in time order, and what was odd about the file."""
+    """Keys in time order, and warnings about the file."""
 
     time_s: FloatArray
     key: tuple[str, ...]
@@ -28,7 +28,7 @@ class EventRows:
 def read_events(path: Path) -> EventRows:
     """Read a CSV ``time_s,key,note``; the note may be missing, and may hold commas if it comes last.
 
-    Lines without a time or a key are left out and counted: what was typed while driving has such lines.
+    Lines without a time or a key, which occur when typing while driving, are left out and counted.
 
     Raises
     ------

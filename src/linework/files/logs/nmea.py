@@ -19,7 +19,6 @@ from pynmeagps.exceptions import NMEAMessageError, NMEAParseError, NMEAStreamErr
 from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.geodesy.geodetic import EarthFrame, project_places
-from linework.files.las.header import regular_file_bytes
 from linework.files.logs.clock import gps_of_unix
 from linework.files.logs.fixes import GnssContent, RawFixes, usable_fixes
 from linework.files.logs.text import bad_lines_warning, text_blocks
@@ -28,16 +27,16 @@ from linework.model.logs import GnssLog
 
 _WANTED = re.compile(r"[A-Z]{2}(GGA|RMC|ZDA|GST),")
 _DAY_S = 86_400.0
-#: Ranging errors by the kind of fix [m], of which a position has HDOP times as much in plan: code alone, code with
-#: corrections, phase (fixed and float ambiguities), encrypted code. What is estimated (6) or typed in (7) is no fix.
+#: Ranging error by quality of the fix [m]; times HDOP it is the error in plan: code, code with corrections, encrypted
+#: code, phase with fixed and with float ambiguities. Estimated (6) and manual (7) positions are not fixes.
 _RANGE_SIGMA_M = {1: 2.5, 2: 0.7, 3: 2.0, 4: 0.01, 5: 0.25, 8: 2.5}
-#: Where a receiver gives no HDOP: a usual one under open sky.
+#: HDOP where a receiver gives none: usual under open sky.
 _USUAL_HDOP = 1.0
 
 
 @dataclass(slots=True)
 class _Log:
-    """What has been read so far.
+    """Content of the sentences read so far.
 
     Parameters
     ----------
@@ -60,21 +59,19 @@ class _Log:
 def read_nmea(path: Path, frame: EarthFrame) -> GnssContent:
     """Read the fixes of an NMEA log; times become GPS seconds.
 
-    Heights are altitude plus geoid separation, above the ellipsoid. Sigmas are those of GST; where there is none,
-    the ranging error of the kind of fix times HDOP. Sentences with a wrong checksum are counted and left out.
+    Ellipsoidal heights are altitude plus geoid separation. Sigmas are those of GST; without GST, the ranging error of
+    the fix quality times HDOP. Sentences with a wrong checksum are counted and left out.
 
     Returns
     -------
     GnssContent
-        Where no sentence has a date: seconds of the first day, epoch "utc_day".
+        Without a date in any sentence: seconds of the first day, epoch "utc_day".
 
     Raises
     ------
     InputError
         No fix, or more than 1 % of the sentences damaged.
     """
-    if regular_file_bytes(path) == 0:
-        raise InputError("empty file (0 bytes)", where=path, advice="copy the file again")
     log, bad, n_good, n_others = _Log(), list[int](), 0, 0
     for block in text_blocks(path):
         for number, line in block.lines():
@@ -84,7 +81,7 @@ def read_nmea(path: Path, frame: EarthFrame) -> GnssContent:
                     n_good += 1
                 else:
                     bad.append(number)
-    said = bad_lines_warning(path, bad, n_good, "sound NMEA sentences", advice="expected $..GGA sentences")
+    remarks = bad_lines_warning(path, bad, n_good, "sound NMEA sentences", advice="expected $..GGA sentences")
     if not log.fixes:
         raise InputError(f"no fix among {n_good} sentences", where=path, advice="expected $..GGA with a fix")
     values = np.array(log.fixes, dtype=np.float64)
@@ -97,7 +94,7 @@ def read_nmea(path: Path, frame: EarthFrame) -> GnssContent:
     placed = project_places(fixes.places[:, :3], frame, undulation_m=fixes.places[:, 3], where=path)
     if n_others:
         odd = (*odd, f"{n_others} lines hold no NMEA sentence")
-    warnings = (*said, *more, *odd, *left_out, *placed.warnings)
+    warnings = (*remarks, *more, *odd, *left_out, *placed.warnings)
     return GnssContent(GnssLog(fixes.time_s, placed.xyz, fixes.sigma_m), warnings, epoch)
 
 
@@ -111,12 +108,12 @@ def _is_sound(sentence: str) -> bool:
 
 
 def _take(log: _Log, sentence: str, number: int) -> bool:
-    """Take a sentence whose checksum is right into the log; return whether it can be read."""
+    """Add a sentence with a correct checksum to the log; return whether it could be parsed."""
     if (wanted := _WANTED.match(sentence)) is None:
         return True
     kind = wanted[1]
     if kind in ("RMC", "ZDA") and log.first_days and log.day < len(log.first_days):
-        return True  # one date a day will do
+        return True  # one date per day is enough
     try:
         message: Any = NMEAReader.parse(b"$" + sentence.strip().encode("ascii"), validate=VALNONE)
     except (NMEAMessageError, NMEAParseError, NMEAStreamError, NMEATypeError, ValueError):
@@ -154,7 +151,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _date_of(message: Any, kind: str) -> datetime.date | None:
-    """Return the date of a sentence; that of an RMC without a fix may be any."""
+    """Return the date of a sentence; None for an RMC without a fix, whose date may be wrong."""
     if kind == "RMC":
         is_date = message.status == "A" and isinstance(message.date, datetime.date)
         return message.date if is_date else None
@@ -165,37 +162,37 @@ def _date_of(message: Any, kind: str) -> datetime.date | None:
 
 
 def _times(log: _Log, values: FloatArray) -> tuple[FloatArray, str, tuple[str, ...]]:
-    """Return the times of the fixes, their epoch, and what is odd about them."""
+    """Return the times of the fixes, their epoch, and warnings."""
     seconds = values[:, 0] * _DAY_S + values[:, 1]
     if not log.first_days:
         return seconds, "utc_day", ("no date (RMC, ZDA): times are seconds of the first day, UTC",)
     first, count = Counter(log.first_days).most_common(1)[0]
-    said: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
     if count < len(log.first_days):
-        said = (
-            f"{len(log.first_days) - count} of {len(log.first_days)} dates do not go with the others: not used",
+        remarks = (
+            f"{len(log.first_days) - count} of {len(log.first_days)} dates contradict the others: not used",
         )
-    return gps_of_unix(first * _DAY_S + seconds), "gps", said
+    return gps_of_unix(first * _DAY_S + seconds), "gps", remarks
 
 
 def _heights(values: FloatArray) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
-    """Return latitude, longitude and ellipsoidal height, (n, 3), the separation (n,), and what is odd."""
-    separation, said = values[:, 5], tuple[str, ...]()
+    """Return latitude, longitude [deg] and ellipsoidal height [m] (n, 3), geoid separation (n,) [m], and warnings."""
+    separation, remarks = values[:, 5], tuple[str, ...]()
     known = np.isfinite(separation)
     if not known.any():
         separation = np.zeros(len(values))
-        said = ("no geoid separation: altitudes taken as heights above the ellipsoid",)
+        remarks = ("no geoid separation: altitudes used as heights above the ellipsoid",)
     elif not known.all():
         at = np.arange(len(values))
         separation = np.interp(at, at[known], separation[known])
-    return np.column_stack([values[:, 2:4], values[:, 4] + separation]), separation, said
+    return np.column_stack([values[:, 2:4], values[:, 4] + separation]), separation, remarks
 
 
 def _sigmas(log: _Log, values: FloatArray) -> FloatArray:
-    """Return (n, 3) sigmas east, north, up: of GST, else by the kind of fix."""
+    """Return (n, 3) sigmas east, north, up [m]: from GST, else by the quality of the fix."""
     plan = np.array([_RANGE_SIGMA_M[int(quality)] for quality in values[:, 6]]) * values[:, 7] / np.sqrt(2.0)
     sigma = plan[:, None] * [1.0, 1.0, UP_PER_PLAN * np.sqrt(2.0)]
     for i, (day, second) in enumerate(values[:, :2].tolist()):
-        if (said := log.sigmas.get((int(day), second))) is not None:
-            sigma[i] = said
+        if (remarks := log.sigmas.get((int(day), second))) is not None:
+            sigma[i] = remarks
     return np.asarray(sigma, dtype=np.float64)

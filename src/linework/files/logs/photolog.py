@@ -1,4 +1,4 @@
-"""The van's log of a survey: its images and the operator's keys, placed on the trajectory."""
+"""Photo log of a survey: its images and the operator's keys, placed on the trajectory."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def van_log(survey: Survey, series: StereoSeries | None, trajectory: Trajectory 
     series
         Its stereo pairs (`open_stereo`), or None.
     trajectory
-        Path of the vehicle's origin; without it nothing has a place.
+        Trajectory of the vehicle's origin; without it nothing can be placed.
 
     Returns
     -------
     VanLog
-        Images and keys outside the trajectory's time, or in a hole of it, are left out and counted.
+        Images and keys outside the trajectory's time, or in a gap of it, are left out and counted.
 
     Raises
     ------
@@ -37,8 +37,8 @@ def van_log(survey: Survey, series: StereoSeries | None, trajectory: Trajectory 
     photos, events, warnings = None, None, []
     if series is not None:
         time_s = np.array([pair.time_s for pair in series.pairs], dtype=np.float64)
-        chosen, said = _placed(trajectory, time_s, "images")
-        warnings += said
+        chosen, remarks = _placed(trajectory, time_s, "images")
+        warnings += remarks
         pairs = [series.pairs[i] for i in np.flatnonzero(chosen)]
         photos = Photos()
         if trajectory is not None and pairs:
@@ -50,8 +50,8 @@ def van_log(survey: Survey, series: StereoSeries | None, trajectory: Trajectory 
             )
     if "file" in named:
         rows = read_events(survey.root / named["file"])
-        chosen, said = _placed(trajectory, rows.time_s, "events")
-        warnings += [*rows.warnings, *said]
+        chosen, remarks = _placed(trajectory, rows.time_s, "events")
+        warnings += [*rows.warnings, *remarks]
         events = Events()
         if trajectory is not None and chosen.any():
             kept = np.flatnonzero(chosen).tolist()
@@ -64,15 +64,15 @@ def van_log(survey: Survey, series: StereoSeries | None, trajectory: Trajectory 
 
 
 def _placed(trajectory: Trajectory | None, time_s: FloatArray, what: str) -> tuple[BoolArray, list[str]]:
-    """Return which moments have a place, and what to tell of the others."""
+    """Return (n,) bool: which moments can be placed, and warnings about the others."""
     if trajectory is None or len(trajectory) == 0:
-        told = [f"{len(time_s)} {what} without a place: there is no trajectory"] if len(time_s) else []
-        return np.zeros(len(time_s), dtype=bool), told
+        remarks = [f"{len(time_s)} {what} cannot be placed: there is no trajectory"] if len(time_s) else []
+        return np.zeros(len(time_s), dtype=bool), remarks
     chosen = is_placed(trajectory, time_s)
     if chosen.all():
         return chosen, []
     first, last = trajectory.time_s[[0, -1]]
     return chosen, [
-        f"{np.count_nonzero(~chosen)} of {len(time_s)} {what} have no place, the first is of "
-        f"{time_s[~chosen][0]:.3f} s (the trajectory is from {first:.3f} to {last:.3f} s, or has a hole there)"
+        f"{np.count_nonzero(~chosen)} of {len(time_s)} {what} cannot be placed, the first at "
+        f"{time_s[~chosen][0]:.3f} s (the trajectory runs from {first:.3f} to {last:.3f} s, or has a gap there)"
     ]

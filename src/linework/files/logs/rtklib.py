@@ -1,4 +1,4 @@
-"""Solutions of RTKLIB: .pos files, geographic or geocentric, GPS time or UTC."""
+"""Read RTKLIB solutions: .pos files, geographic or geocentric, GPS time or UTC."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import pyproj
 from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.geodesy.geodetic import EarthFrame, project_places
-from linework.files.las.header import regular_file_bytes
 from linework.files.logs.clock import WEEK_S, gps_of_unix
 from linework.files.logs.fixes import GnssContent, RawFixes, usable_fixes
 from linework.files.logs.text import bad_lines_warning, text_blocks
@@ -27,7 +26,7 @@ _N_CELLS = 11
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    """What the lines that begin with % say."""
+    """Content of the header lines, which begin with %."""
 
     is_utc: bool
     is_geocentric: bool
@@ -37,15 +36,13 @@ class _Header:
 def read_rtklib_pos(path: Path, frame: EarthFrame) -> GnssContent:
     """Read a .pos file; times become GPS seconds.
 
-    Sigmas are the solution's own (sde, sdn, sdu; for geocentric ones the covariance is turned to east, north, up).
+    Sigmas are the solution's own (sde, sdn, sdu; geocentric covariances are rotated to east, north, up).
 
     Raises
     ------
     InputError
-        No header, a layout that is not known, more than 1 % of the lines unusable.
+        No header, an unknown layout, or more than 1 % of the lines unusable.
     """
-    if regular_file_bytes(path) == 0:
-        raise InputError("empty file (0 bytes)", where=path, advice="copy the file again")
     comments, rows, numbers, bad = [], [], [], []
     for block in text_blocks(path):
         for number, line in block.lines():
@@ -59,7 +56,7 @@ def read_rtklib_pos(path: Path, frame: EarthFrame) -> GnssContent:
                     rows.append(row)
                     numbers.append(number)
     header = _header(comments, path)
-    said = bad_lines_warning(
+    remarks = bad_lines_warning(
         path, bad, len(rows), "solutions", advice="expected time, position, Q, ns and six standard deviations"
     )
     values = np.array(rows, dtype=np.float64)
@@ -72,14 +69,14 @@ def read_rtklib_pos(path: Path, frame: EarthFrame) -> GnssContent:
     fixes, more = usable_fixes(path, RawFixes(time_s, places, sigma, np.array(numbers, dtype=np.float64)))
     if header.has_geoid_heights:
         frame = replace(frame, geoid=0.0)
-        more = (*more, "heights are above the geoid: taken as they are")
+        more = (*more, "heights are above the geoid: used unchanged")
     placed = project_places(fixes.places, frame, where=path)
     log = GnssLog(fixes.time_s, placed.xyz, fixes.sigma_m)
-    return GnssContent(log, (*said, *more, *placed.warnings), "gps")
+    return GnssContent(log, (*remarks, *more, *placed.warnings), "gps")
 
 
 def _header(comments: list[str], path: Path) -> _Header:
-    """Return what the header says; the last line with "Q" names the columns."""
+    """Return the content of the header; its last line with "Q" names the columns."""
     named = next((line for line in reversed(comments) if re.search(r"\bQ\b\s+\bns\b", line)), "")
     words = named.lstrip("% ").split()
     if not words:
@@ -96,7 +93,7 @@ def _header(comments: list[str], path: Path) -> _Header:
 
 
 def _row(line: str) -> list[float] | None:
-    """Return seconds since 1980 by the file's time system, and the numbers of a line."""
+    """Return the time in seconds since 1980 in the file's time system, and the numbers of a line."""
     cells = line.replace(",", " ").replace(";", " ").split()
     if len(cells) < 2 + _N_CELLS:
         return None

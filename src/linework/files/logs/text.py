@@ -1,4 +1,4 @@
-"""Text files of logs, block by block: any line ends, no line too long, bad lines judged."""
+"""The one reader of text lines: block by block, any line ends, no line too long, unusable lines counted."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.errors import InputError
-from linework.files.las.header import regular_file_bytes
+from linework.files.input import open_input
 
-#: Longer lines are no log (a binary file, or one without line ends).
+#: Longer lines are not a log's: a binary file, or one without line ends.
 MAX_LINE_CHARS = 10_000
-#: A block with an odd line is read line by line: small enough that this costs nothing.
+#: Read at a time: small enough that reading a block with an irregular line again, line by line, costs little.
 _BLOCK_BYTES = 1 << 20
-#: Logs are cut off and garbled here and there; beyond this share something else is wrong (decimal commas, units).
+#: Share of unusable lines that is tolerated: logs are cut off and garbled here and there; more than that has
+#: another cause (decimal commas, other units).
 _MAX_BAD_SHARE = 0.01
+#: Most rows held in memory as texts: a drive of 28 hours at 10 Hz.
+MAX_ROWS = 1_000_000
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
@@ -53,7 +56,7 @@ class TextBlock:
         return line.decode("utf-8", errors="replace"), TextBlock(rest, self.first_line + 1)
 
     def halves(self) -> tuple[TextBlock, TextBlock]:
-        """Return about half of the lines, and the others; there are two lines at least."""
+        """Return about the first half of the lines, and the rest; the block has at least two lines."""
         half = len(self.text) // 2
         middle = (self.text.rfind(b"\n", 0, half) + 1) or (self.text.find(b"\n", half) + 1)
         first = TextBlock(self.text[:middle], self.first_line)
@@ -73,15 +76,15 @@ class TextBlock:
 
 
 def text_blocks(path: Path) -> Iterator[TextBlock]:
-    r"""Yield the lines of a file in blocks; ``\r\n`` and ``\r`` end a line too, a byte order mark is no text.
+    r"""Yield the lines of a file in blocks; ``\r\n`` and ``\r`` end a line too, a byte order mark is skipped.
 
     Raises
     ------
     InputError
-        A line longer than 10,000 characters: with its number.
+        Not a regular file, empty, or a line longer than 10,000 characters: with its number.
     """
     number, left = 1, b""
-    with path.open("rb") as file:
+    with open_input(path) as file:
         if file.read(3) != _BYTE_ORDER_MARK:
             file.seek(0)
         while read := file.read(_BLOCK_BYTES):
@@ -100,13 +103,32 @@ def text_blocks(path: Path) -> Iterator[TextBlock]:
 
 
 def _check_lengths(path: Path, block: TextBlock, left: bytes) -> None:
-    """Refuse lines that are too long; what is left of a block begins a line, too."""
+    """Refuse lines that are too long, also the unfinished one at a block's end."""
     ends = np.flatnonzero(np.frombuffer(block.text, dtype=np.uint8) == 10)
     long = np.flatnonzero(np.diff(ends, prepend=-1) > MAX_LINE_CHARS)
     if len(long) or len(left) > MAX_LINE_CHARS:
         at = int(long[0]) if len(long) else len(ends)
         raise InputError(f"line {block.first_line + at} is longer than {MAX_LINE_CHARS:,} characters", where=path,
                          advice="check what this file is")  # fmt: skip
+
+
+def text_lines(path: Path) -> list[tuple[int, str]]:
+    """Return the lines of a text file that are not blank, with their numbers from 1.
+
+    Raises
+    ------
+    InputError
+        Empty, not text, a line longer than 10,000 characters, more than a million lines.
+    """
+    found = []
+    for block in text_blocks(path):
+        if b"\0" in block.text:
+            raise InputError("is not a table of text (it holds NUL bytes)", where=path,
+                             advice="check what this file is")  # fmt: skip
+        if block.first_line + block.n_lines > MAX_ROWS + 2:
+            raise InputError(f"more than {MAX_ROWS:,} lines", where=path, advice="split the survey")
+        found += [(number, line) for number, line in block.lines() if line.strip()]
+    return found
 
 
 def bad_lines_warning(
@@ -119,18 +141,18 @@ def bad_lines_warning(
     bad
         Numbers of the lines that cannot be used, ascending.
     n_good
-        How many can.
+        Number of usable lines.
     expected
-        What lines should be, for the user.
+        What a line should hold, for the message.
     advice
-        What to do where none is usable.
+        What to do if no line is usable.
     unit
-        What is counted, if not lines.
+        What is counted, where not lines.
 
     Raises
     ------
     InputError
-        No line is usable, or more than 1 % are not.
+        No line is usable, or more than 1 % are unusable.
     """
     n_all = n_good + len(bad)
     if n_good == 0:
@@ -142,7 +164,7 @@ def bad_lines_warning(
         raise InputError(problem, where=path, advice=advice)
     if not bad:
         return ()
-    # One more than the share: a log that ends in the middle of a line is no reason to refuse it.
+    # One line more than the share: a log may end in the middle of a line
     if len(bad) > 1 + _MAX_BAD_SHARE * n_all:
         raise InputError(
             f"{unit} {bad[0]} and {len(bad) - 1} other of {n_all} {unit}s are not {expected}", where=path,
@@ -151,12 +173,9 @@ def bad_lines_warning(
     return (f"{len(bad)} of {n_all} {unit}s left out, the first is {unit} {bad[0]}",)
 
 
-# Text files of numbers without a header: the same count on every line, blanks between them
-
-
 @dataclass(frozen=True, slots=True)
 class NumberRows:
-    """Rows of numbers, the line each came from, and what was left out.
+    """Rows of numbers, the line each came from, and a warning for lines left out.
 
     Parameters
     ----------
@@ -165,7 +184,7 @@ class NumberRows:
     line_numbers
         (n,) float64, from 1.
     rows
-        (n,) float64: the how-manieth row each is, from 0, comments and blank lines not counted.
+        (n,) float64: number of each row, from 0, comments and blank lines not counted.
     """
 
     values: FloatArray
@@ -182,8 +201,6 @@ def read_number_rows(path: Path, n_cells: int) -> NumberRows:
     InputError
         No rows, or more than 1 % of the lines unusable (the first is named).
     """
-    if regular_file_bytes(path) == 0:
-        raise InputError("empty file (0 bytes)", where=path, advice="copy the file again")
     values, numbers, rows, bad = [], [], [], []
     n_rows = 0
     for block in text_blocks(path):
@@ -199,11 +216,12 @@ def read_number_rows(path: Path, n_cells: int) -> NumberRows:
                 numbers.append(number)
                 rows.append(n_rows)
             n_rows += 1
-    said = bad_lines_warning(
+    warnings = bad_lines_warning(
         path, bad, len(values), f"{n_cells} finite numbers", advice=f"each line holds {n_cells} numbers"
     )
     return NumberRows(
-        np.array(values, dtype=np.float64), np.array(numbers, dtype=np.float64), np.array(rows, dtype=np.float64), said
+        np.array(values, dtype=np.float64), np.array(numbers, dtype=np.float64), np.array(rows, dtype=np.float64),
+        warnings,
     )  # fmt: skip
 
 

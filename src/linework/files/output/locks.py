@@ -1,4 +1,4 @@
-"""Locks between processes: files that are held, and let go by the system when their holder ends, however it ends."""
+"""Lock files between processes; the system releases them when the holder ends, however it ends."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from linework.files.output.publish import check_output, machine_errors
 def hold_lock(
     lock: Path, refusal: OutputExistsError | None = None, *, shared: bool = False, keep: bool = False
 ) -> Iterator[None]:
-    """Hold a lock file for what is done inside.
+    """Hold a lock file during the context.
 
     Parameters
     ----------
     refusal
-        Raised where another process holds it; None: wait for that.
+        Raised where another process holds it; None: wait.
     shared
-        Others may hold it too, if they share it.
+        Other processes may hold it at the same time, if they share it too.
     keep
-        Leave the file: a shared lock's name must not go while others hold it.
+        Leave the file in place: that of a shared lock must not be removed while others hold it.
 
     Raises
     ------
     MachineError
-        The file cannot be made.
+        The file cannot be created.
     """
     kind = (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (fcntl.LOCK_NB if refusal is not None else 0)
     while True:
@@ -42,7 +42,7 @@ def hold_lock(
             except BlockingIOError:
                 assert refusal is not None
                 raise refusal from None
-            # The holder before may have removed the name between our opening and our locking it
+            # The previous holder may have removed the file between our opening and locking it
             if not _is_named(handle, lock):
                 continue
             try:
@@ -61,14 +61,11 @@ def _is_named(handle: int, path: Path) -> bool:
     return False
 
 
-# Reserve an output for one run: refused early if it cannot be published, locked while it is worked on
-
-
 @contextlib.contextmanager
 def reserve_output(path: Path, *, overwrite: bool = False) -> Iterator[None]:
-    """Hold the output `path` for what is done inside.
+    """Reserve the output `path` during the context: checked first, then locked.
 
-    Folders made for it are taken away again if nothing was put into them.
+    Folders created for it are removed again if they stay empty.
 
     Raises
     ------
@@ -79,8 +76,8 @@ def reserve_output(path: Path, *, overwrite: bool = False) -> Iterator[None]:
 
     Notes
     -----
-    The lock is an advisory one on a hidden file beside the output: the system frees it when the process
-    ends, however it ends, and the next run takes over the file that a killed one leaves.
+    The lock is an advisory one on a hidden file beside the output. The system frees it when the process ends,
+    however it ends; the next run reuses the file that a killed one leaves.
     """
     missing = [folder for folder in (path.parent, *path.parent.parents) if not folder.exists()]
     try:

@@ -1,4 +1,4 @@
-"""Publish an output: written beside its place, verified by re-opening, made durable, then renamed."""
+"""Publish an output: write it beside its place, verify it by re-opening, make it durable, rename it."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _NAME_MAX = 255
 def check_output(path: Path, *, overwrite: bool = False) -> None:
     """Refuse, before any work is done, an output that could not be published at the end.
 
-    The parent folder is made if it is missing; that a file can be made in it is tried, not asked.
+    The parent folder is created if it is missing, and a file is created in it as a test.
 
     Raises
     ------
     OutputExistsError
         `path` is there already and `overwrite` is not set, or it is a folder.
     MachineError
-        The parent is no folder, or cannot be written to.
+        The parent is not a folder, or cannot be written to.
     """
     part = part_path(path)
     with machine_errors(path):
@@ -50,16 +50,16 @@ def publish(
     *,
     overwrite: bool = False,
 ) -> None:
-    """Make the file `path` appear whole or not at all.
+    """Write the file `path` whole or not at all.
 
     Parameters
     ----------
     write
         Writes the part file it is given.
     verify
-        Re-opens that part file with an independent reader and raises if anything is amiss.
+        Re-opens the part file with an independent reader and raises if anything is wrong.
     overwrite
-        An existing file is replaced, but lives until the new one is verified.
+        Replace an existing file; it stays until the new one is verified.
 
     Raises
     ------
@@ -81,13 +81,13 @@ def publish(
         with machine_errors(path):
             write(part)
             verify(part)
-            _sync(part)
+            sync(part)
             if os.path.lexists(path) and not overwrite:
                 raise OutputExistsError(
                     "output appeared while it was being written", where=path, advice="give --overwrite"
                 )
             part.replace(path)
-            _sync(path.parent)
+            sync(path.parent)
     finally:
         _remove_part(part)
 
@@ -99,10 +99,10 @@ def publish_folder(
     *,
     overwrite: bool = False,
 ) -> None:
-    """Make the folder `path` appear with all its files or not at all.
+    """Write the folder `path` with all its files or not at all.
 
-    With `overwrite` an existing folder keeps the files that are not written anew; those of the same name
-    are replaced one by one after all new ones have been verified.
+    With `overwrite` an existing folder keeps its other files; those of the same name are replaced one by one after
+    all new ones have been verified.
 
     Raises
     ------
@@ -120,12 +120,12 @@ def publish_folder(
             write(part)
             verify(part)
             for file in sorted(p for p in part.rglob("*") if p.is_file()):
-                _sync(file)
+                sync(file)
             if path.is_dir() and any(path.iterdir()):
                 _merge_folder(part, path)
             else:
                 part.replace(path)
-            _sync(path.parent)
+            sync(path.parent)
     finally:
         _remove_part(part)
 
@@ -146,7 +146,7 @@ def check_output_folder(path: Path, *, overwrite: bool = False) -> None:
 
 
 def part_path(path: Path) -> Path:
-    """Return the part file's place: hidden, beside `path`, named for this process, same suffix.
+    """Return the path of the part file: hidden, beside `path`, with the process number and the same suffix.
 
     >>> import os
     >>> part_path(Path("d/lines.gpkg")).name == f".lines.{os.getpid()}.part.gpkg"
@@ -156,7 +156,7 @@ def part_path(path: Path) -> Path:
 
 
 def _part_stem(path: Path) -> str:
-    """Return the name without suffix, short, and without what drivers stumble over (GDAL: line ends)."""
+    """Return the name without suffix, shortened, and without characters that GDAL rejects (line ends)."""
     plain = "".join(c if c.isprintable() else "_" for c in path.stem)
     room = _NAME_MAX - len(os.fsencode(f"..{2**32}.part{path.suffix}"))
     return os.fsencode(plain)[:room].decode(errors="ignore")
@@ -172,7 +172,7 @@ def _make_parent(path: Path) -> None:
 
 @contextlib.contextmanager
 def machine_errors(path: Path) -> Iterator[None]:
-    """Turn the operating system's refusals into one line that names the output."""
+    """Turn errors of the operating system into one line that names the output."""
     try:
         yield
     except LineworkError as error:
@@ -193,8 +193,8 @@ def machine_errors(path: Path) -> Iterator[None]:
         raise MachineError(f"cannot be written: {reason}{number}", where=path, advice=advice) from error
 
 
-def _sync(path: Path) -> None:
-    """Ask the disk to keep a file, or a folder's names."""
+def sync(path: Path) -> None:
+    """Wait until the disk holds a file, or a folder's names."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -207,11 +207,11 @@ def _merge_folder(part: Path, path: Path) -> None:
         target = path / file.relative_to(part)
         target.parent.mkdir(parents=True, exist_ok=True)
         file.replace(target)
-        _sync(target.parent)
+        sync(target.parent)
 
 
 def _remove_part(part: Path) -> None:
-    """Remove a part and what a driver may have left beside it (journals)."""
+    """Remove a part file and the journals that a driver may have left beside it."""
     with contextlib.suppress(OSError):
         if part.is_dir() and not part.is_symlink():
             shutil.rmtree(part, ignore_errors=True)
@@ -220,7 +220,7 @@ def _remove_part(part: Path) -> None:
 
 
 def _remove_dead_parts(path: Path) -> None:
-    """Remove parts of this output whose process is gone."""
+    """Remove part files of this output whose process has ended."""
     pattern = re.compile(r"\." + re.escape(_part_stem(path)) + r"\.(\d+)\.part" + re.escape(path.suffix))
     with contextlib.suppress(OSError):
         for other in sorted(path.parent.iterdir()):
@@ -230,7 +230,7 @@ def _remove_dead_parts(path: Path) -> None:
 
 
 def is_alive(pid: int) -> bool:
-    """Return whether a process of this number runs on this machine."""
+    """Return whether a process with this number runs on this machine."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
@@ -238,9 +238,6 @@ def is_alive(pid: int) -> bool:
     except (PermissionError, OverflowError):
         return True
     return True
-
-
-# Publish what was made in memory: pictures and pages
 
 
 def write_bytes(content: bytes, path: Path, *, overwrite: bool = False) -> None:

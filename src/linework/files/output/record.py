@@ -1,4 +1,4 @@
-"""The record of a run beside its output: JSON, and fingerprints of input files."""
+"""JSON documents beside an output (run.json), and hashes of files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from linework.errors import MachineError
-from linework.files.las.header import regular_file_bytes
+from linework.files.input import regular_file_bytes
 from linework.files.output.publish import publish
 
 

@@ -1,4 +1,4 @@
-"""Make a survey's tile store: every file decoded once, whatever it is like, and every point accounted for."""
+"""Build the tile store of a survey: every file is decoded once, and every point accounted for."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from linework.model.survey import Survey
 
 #: Bytes of a point in the store: key, time, intensity.
 _POINT_BYTES = 18
-#: Points used to see whether they are degrees; more changes the 0.1 % quantiles of a million points by little.
+#: Points sampled to detect degrees: more hardly changes the 0.1 % quantiles of a million points.
 _SAMPLE = 100_000
 
 
@@ -44,11 +44,11 @@ def build_store(
     Parameters
     ----------
     folder
-        Exists and is empty; whoever made it removes it when this fails.
+        An existing, empty folder; the caller removes it if this fails.
     n_threads
-        Threads that decode; the store does not depend on it.
+        Number of decoding threads; the store does not depend on it.
     progress
-        Called with the number of points read so far, over all files, and of those promised.
+        Called with the number of points read so far over all files, and the number that the headers promise.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def _decode_all(
     folder: Path,
     progress: Callable[[int, int], None] | None,
 ) -> list[tuple[PlannedFile, Decoded]]:
-    """Decode the files one after the other; what fails is kept in the account and leaves nothing behind."""
+    """Decode the files one after the other; failures go into the account and leave no file."""
     n_promised = sum(file.header.n_points for file in planned)
     n_before, decoded = 0, []
     for number, file in enumerate(planned):
@@ -121,7 +121,7 @@ def _decode_all(
 def _without_copies(
     decoded: Sequence[tuple[PlannedFile, Decoded]], account: StoreBuildAccount, folder: Path
 ) -> list[tuple[PlannedFile, Decoded]]:
-    """Return the files without those all of whose points another file holds too; tell of those and of parts."""
+    """Return the files without full copies of another; warn about those, and about partial ones."""
     has_time = all(result.gps_time_kind != "none" for _, result in decoded)
     found = repeated_elsewhere([result.repeats for _, result in decoded], has_time=has_time)
     kept = []
@@ -157,7 +157,7 @@ def _check_result(file: PlannedFile, result: Decoded) -> None:
 def _check_free_space(folder: Path, n_points: int) -> None:
     status = os.statvfs(folder)
     needed, free = n_points * _POINT_BYTES, status.f_bavail * status.f_frsize
-    # Some network disks say nothing (0 blocks in all)
+    # Some network disks report 0 blocks in all
     if status.f_blocks and needed > free:
         raise MachineError(
             f"{n_points:,} points need {needed / 1e9:.3g} GB of disk, {free / 1e9:.3g} GB are free", where=folder,
@@ -168,7 +168,7 @@ def _check_free_space(folder: Path, n_points: int) -> None:
 def _facts(
     survey: Survey, decoded: Sequence[tuple[PlannedFile, Decoded]], account: StoreBuildAccount
 ) -> dict[str, object]:
-    """Return what is to be known of the store, as JSON."""
+    """Return the facts of the store as a JSON document."""
     files = tuple(_file_facts(file, result) for file, result in decoded)
     for facts in files:
         account.warnings[facts.path] += facts.warnings
@@ -176,7 +176,7 @@ def _facts(
     results = [result for _, result in decoded]
     n_dark = sum(not result.has_intensity for result in results)
     if 0 < n_dark < len(results):
-        warnings.append(f"{n_dark} of {len(results)} files have no intensity: taken as 0 there")
+        warnings.append(f"{n_dark} of {len(results)} files have no intensity: set to 0 there")
     n_untimed = sum(result.gps_time_kind == "none" for result in results)
     if 0 < n_untimed < len(results):
         warnings.append(f"{n_untimed} of {len(results)} files have no GPS time: times not used")
@@ -195,7 +195,7 @@ def _facts(
 
 
 def _file_facts(file: PlannedFile, result: Decoded) -> FileFacts:
-    # On the store's lattice, so that its points lie within
+    # Rounded to the store's lattice, so that its points lie within
     west, south, east, north = (
         round(v * STORE_STEPS_PER_M) / STORE_STEPS_PER_M for v in (*result.low[:2], *result.high[:2])
     )
@@ -209,22 +209,20 @@ def _file_facts(file: PlannedFile, result: Decoded) -> FileFacts:
 def _common_kind(files: Sequence[FileFacts]) -> TimeKind:
     kinds = {facts.gps_time_kind: facts.path for facts in files if facts.gps_time_kind != "none"}
     if len(kinds) > 1:
-        said = ", ".join(f"{path.name} {kind}" for kind, path in sorted(kinds.items()))
+        remarks = ", ".join(f"{path.name} {kind}" for kind, path in sorted(kinds.items()))
         raise InputError(
-            f"GPS times of {len(kinds)} kinds: {said}", where=next(iter(kinds.values())),
+            f"GPS times of {len(kinds)} kinds: {remarks}", where=next(iter(kinds.values())),
             advice="convert them to adjusted standard GPS time, or extract the files one by one",
         )  # fmt: skip
     return next(iter(kinds), "none")
 
 
-# Look at all files of a survey before any is decoded: what can be told from headers and bytes ends here
-
-CHANGED_ADVICE = "run again when nothing writes to it"
+CHANGED_ADVICE = "run again when no program writes to it"
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedFile:
-    """A file whose header is sound, and its state then: size, time of change, inode."""
+    """A file with a valid header, and its state then: size, time of change, inode."""
 
     path: Path
     header: LasHeader
@@ -234,7 +232,7 @@ class PlannedFile:
 
 @dataclass(slots=True)
 class StoreBuildAccount:
-    """What is found on the way, by file."""
+    """Warnings and failures found while the store is built, by file."""
 
     warnings: dict[Path, list[str]]
     failures: dict[Path, InputError] = field(default_factory=dict)
@@ -272,24 +270,22 @@ def plan_files(survey: Survey) -> tuple[list[PlannedFile], StoreBuildAccount]:
 
 
 def state_of(path: Path) -> tuple[int, int, int]:
-    """Return what tells that a file was changed: size, time of change, inode.
+    """Return the state of a file, which differs once it has changed: size, time of change, inode.
 
     Raises
     ------
     InputError
-        It went away.
+        It no longer exists.
     """
     try:
         status = path.stat()
     except OSError as error:
-        raise InputError(
-            f"cannot be opened any more: {error.strerror}", where=path, advice=CHANGED_ADVICE
-        ) from error
+        raise InputError(f"cannot be opened: {error.strerror}", where=path, advice=CHANGED_ADVICE) from error
     return status.st_size, status.st_mtime_ns, status.st_ino
 
 
 def _repeated(files: Sequence[Path]) -> dict[Path, Path]:
-    """Return the files whose bytes are those of an earlier one."""
+    """Return the files with the same bytes as an earlier one, and that one."""
     sizes = {path: path.stat().st_size for path in files if path.is_file()}
     how_often = Counter(sizes.values())
     first: dict[tuple[int, str], Path] = {}

@@ -1,4 +1,4 @@
-"""Where a survey is: limits beyond which points are strays, and coordinates that are degrees."""
+"""Extent of a survey: limits beyond which points are strays, and detection of coordinates in degrees."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from linework.arrays import AnyArray, FloatArray
 from linework.errors import CrsError
 from linework.files.store.layout import HEIGHT_BUCKET_M, STORE_BLOCK_M, Limits, RunTable
 
-#: Of the points, how many may lie outside the box that says where the survey is.
+#: Share of the points that may lie outside the box around the survey, at either side.
 _TAIL = 0.001
-#: How far beyond that box points may lie, in sizes of the box and at least in metres: a stray point in the
-#: sky is 1e3 to 1e8 m away, a side street or a mast is not.
+#: Distance beyond that box within which points are kept, in sizes of the box, and at least in metres: a stray point
+#: in the sky is 1e3 to 1e8 m away, a side street or a mast is not.
 _REACH_SIZES, _REACH_M = 3.0, 1000.0
-#: Degrees taken for metres: 50 km of road are 0.5, and what stands along them is hundreds of times as high (10 m
-#: over 0.01 for a kilometre). In metres that would be a thread: a mast cut out alone is 30 times as high as wide.
+#: Degrees mistaken for metres: 50 km of road span 0.5, and objects along it are hundreds of times as high (10 m over
+#: 0.01 for a kilometre). In metres that would be a thread: a mast cut out alone is 30 times as high as wide.
 _DEGREES_SIZE, _DEGREES_SLENDER = 0.5, 50.0
-#: Where all are within half a metre of height, or so few, there is nothing to compare.
+#: Least height range [m] and number of points for that comparison.
 _DEGREES_HEIGHT_M, _DEGREES_LEAST = 0.5, 100
 
 
 def stray_limits(runs: RunTable, height_counts: Sequence[Mapping[int, int]]) -> Limits | None:
-    """Return the limits beyond which points are far from where nearly all others are; None where there are none.
+    """Return the limits beyond which points are far from nearly all others; None where no point is.
 
     Parameters
     ----------
@@ -37,8 +37,8 @@ def stray_limits(runs: RunTable, height_counts: Sequence[Mapping[int, int]]) -> 
 
     Notes
     -----
-    Blocks and buckets are counted, not points: what comes out depends neither on the order of the points nor
-    on the batches they came in.
+    Whole blocks and buckets are counted: the result depends neither on the order of the points nor on the batches
+    they were read in.
     """
     rows = runs.rows
     heights = sum((Counter(counts) for counts in height_counts), Counter[int]())
@@ -48,7 +48,7 @@ def stray_limits(runs: RunTable, height_counts: Sequence[Mapping[int, int]]) -> 
         _middle(rows["north"].astype(np.int64), rows["count"]),
         _middle(buckets, in_bucket),
     ]
-    # Plan is one place: a long road east-west may bend north by as much.
+    # One size for both plan axes: a long road east-west may bend north by as much
     plan_m = max(high - low for low, high in ranges[:2]) * STORE_BLOCK_M
     height_m = (ranges[2][1] - ranges[2][0]) * HEIGHT_BUCKET_M
     plan = math.ceil(max(_REACH_SIZES * plan_m, _REACH_M) / STORE_BLOCK_M)
@@ -73,7 +73,7 @@ def stray_limits(runs: RunTable, height_counts: Sequence[Mapping[int, int]]) -> 
 
 
 def _middle(places: AnyArray, counts: AnyArray) -> tuple[int, int]:
-    """Return the half-open range of places that holds all points but a tail at either side."""
+    """Return the half-open range that holds all points but a tail at either side."""
     order = np.argsort(places, kind="stable")
     places, cumulated = places[order], np.cumsum(counts[order])
     n = int(cumulated[-1])
@@ -83,7 +83,7 @@ def _middle(places: AnyArray, counts: AnyArray) -> tuple[int, int]:
 
 
 def refuse_degrees(samples: Sequence[FloatArray | None], n_points: int, *, where: Path) -> None:
-    """Refuse longitudes and latitudes with heights in metres, whatever the files or the user call them.
+    """Refuse longitudes and latitudes with heights in metres, whatever CRS is stated.
 
     Parameters
     ----------

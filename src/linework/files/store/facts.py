@@ -1,4 +1,4 @@
-"""What is known of the points in a tile store: files, what was left out, times; kept in its index."""
+"""Facts about a tile store, kept in its index: its files, points left out, times."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from linework.files.las.tally import TimeCounts, TimeKind
 from linework.files.store.read import PointStore
 from linework.model.grid import Bounds
 
+#: Reason for points outside the limits of the survey.
 FAR = "far from all others"
 
 
 @dataclass(frozen=True, slots=True)
 class FileFacts:
-    """What one laser file held; points used and rejected add up to those promised.
+    """Facts about one laser file; points used and rejected add up to those promised.
 
     Parameters
     ----------
     n_points
-        Points used, but for those left out because they are far from all others of the survey.
+        Points used, before those far from all others of the survey are left out.
     """
 
     path: Path
@@ -39,7 +40,7 @@ class FileFacts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoreFacts:
-    """What the files of a survey held, all together; what is used and what is rejected add up to what they promise.
+    """Facts about all files of a survey; points used and rejected add up to those promised.
 
     Parameters
     ----------
@@ -54,9 +55,9 @@ class StoreFacts:
     warnings
         One line each, the file's name first.
     gps_time_kind
-        Of all files that have times.
+        Kind of the times of all files that have them.
     has_intensity, has_time
-        Whether any file has intensities, and all have times.
+        Whether any file has intensities, and whether all have times.
     in_time_order
         Whether times never run backwards from file to file.
     times
@@ -83,7 +84,7 @@ def facts_document(
     times: TimeCounts,
     **others: Any,
 ) -> dict[str, Any]:
-    """Return as JSON what the store itself does not know; `facts_of_store` reads it.
+    """Return the facts of a store as JSON; `facts_of_store` reads it.
 
     Parameters
     ----------
@@ -104,7 +105,7 @@ def facts_document(
 
 
 def facts_of_store(store: PointStore) -> StoreFacts:
-    """Return what is known of the points in a store that `spill_survey` made."""
+    """Return the facts about a store made by `build_store`."""
     document = dict(store.facts)
     files = tuple(_file(f) for f in document.pop("files"))
     rejected: Counter[str] = sum((Counter(f.n_rejected) for f in files), Counter())
@@ -135,7 +136,7 @@ def _file(document: Mapping[str, Any]) -> FileFacts:
 
 
 def _path_document(path: Path) -> str | list[int]:
-    """Return a path as JSON; a name that is no text as its bytes."""
+    """Return a path as JSON; as a list of bytes where it is not text."""
     try:
         return os.fsencode(path).decode()
     except UnicodeDecodeError:

@@ -1,4 +1,4 @@
-"""The data files of a tile store, read run by run: a handful open at a time, every byte checked."""
+"""Read the data files of a tile store run by run: a few files open at a time, every byte checked."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from linework.kernels.store import order as kernels
 from linework.kernels.store.order import first_damaged
 from linework.model.points import Points
 
-#: A survey may have a thousand files, a process often no more than 64 open ones.
+#: Files kept open: a survey may have a thousand, a process often no more than 64.
 _MOST_OPEN = 8
 ADVICE = "linework clean removes the store, and the next run makes it anew"
 
 
 class StoreFiles:
-    """The data files of a store, open while they are read from; used in a `with` statement.
+    """The data files of a store, opened as they are read; use it in a `with` statement.
 
-    Files are read, not mapped: a file that shrinks while it is mapped kills the process, and what a map holds
-    in memory is not ours to bound.
+    Files are read, not mapped: a file that shrinks while it is mapped kills the process, and the memory of a map
+    cannot be bounded.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -43,7 +43,7 @@ class StoreFiles:
             os.close(self._open.popitem()[1])
 
     def read(self, rows: AnyArray, columns: Columns) -> int:
-        """Read runs one after the other into `columns`, and return how many points they hold.
+        """Read runs one after the other into `columns`, and return their number of points.
 
         Points of files without times get the time 0.
 
@@ -95,7 +95,7 @@ class StoreFiles:
             )
 
     def _read_on(self, handle: int, offset: int, got: int, views: list[memoryview]) -> int:
-        """Go on after a read that returned less than was asked for, as some file systems do."""
+        """Continue after a read that returned less than requested, as some file systems do."""
         while True:
             skip, rest = got, []
             for view in views:
@@ -121,19 +121,17 @@ class StoreFiles:
         return self._folder / f"{number}{POINTS_SUFFIX}"
 
 
-# Room for the points of a tile store on their way from the files to `Points`
-
-#: Order of points that are given as they come.
+#: Order of points that are returned as stored.
 _AS_THEY_COME = np.empty(0, np.int32)
 
 
 class Columns:
-    """Room for the columns of some points, as they lie in the store.
+    """Buffers for the columns of points, as stored.
 
     Parameters
     ----------
     n
-        Points that fit.
+        Number of points that fit.
     """
 
     def __init__(self, n: int) -> None:
@@ -148,7 +146,7 @@ class Columns:
 
 
 class Output:
-    """The columns of the points to return, filled block by block."""
+    """Columns of the points to return, filled block by block."""
 
     def __init__(self, n: int, with_time: bool, with_intensity: bool) -> None:
         self._with_time, self._with_intensity = with_time, with_intensity
@@ -171,7 +169,7 @@ class Output:
         self._n += len(keys)
 
     def points(self) -> Points:
-        """Return what was added."""
+        """Return the points added so far."""
         return Points(
             self._filled(self._xyz),
             self._filled(self._intensities) if self._with_intensity else None,
@@ -179,13 +177,13 @@ class Output:
         )
 
     def _filled(self, column: AnyArray) -> AnyArray:
-        """Return the part that was filled; room that was not needed is given back where it is much."""
+        """Return the filled part; copied where most of the buffer is unused, to free it."""
         part = column[: self._n]
         return part.copy() if 2 * self._n < len(column) else part
 
 
 class Scratch:
-    """Room to sort a block in."""
+    """Buffers for sorting a block."""
 
     def __init__(self, n: int) -> None:
         self._room = [np.empty(n, dtype) for dtype in (np.uint64, np.int32) * 2]

@@ -1,4 +1,4 @@
-"""Read the points and the trajectory of a survey into memory, with everything left out counted."""
+"""Read the points and the trajectory of a survey into memory, with points left out counted; compare both."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from linework.model.points import Points
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 
-#: A van and what it scans are within some 300 m; farther apart is another place or another CRS.
+#: Largest distance between van and points [m]: scanners reach some 300 m; more means another place or CRS.
 _MAX_APART_M = 1000.0
-#: No poses for longer, and for many times the usual interval: a hole, over which nobody knows the way. [s]
+#: A gap in the trajectory: no poses for longer than this [s], and for this many usual intervals.
 _LEAST_HOLE_S, _HOLE_STEPS = 2.0, 10.0
-#: Names of the kinds of points' times as a survey.toml has them.
+#: Epoch as a survey.toml names it, by the kind of the points' times.
 EPOCH_OF_KIND: dict[TimeKind, str] = {
     "week": "gps_week",
     "adjusted": "gps_adjusted",
@@ -38,7 +38,7 @@ EPOCH_OF_KIND: dict[TimeKind, str] = {
 
 @dataclass(frozen=True, slots=True)
 class SurveyPoints:
-    """All points of a survey, in the tile store's order, and the account of what was left out."""
+    """All points of a survey, in the tile store's order, and the facts about its files."""
 
     points: Points
     facts: StoreFacts
@@ -55,7 +55,7 @@ class SurveyPoints:
 
     @property
     def files(self) -> tuple[FileFacts, ...]:
-        """What the files held."""
+        """Facts about the files."""
         return self.facts.files
 
     @property
@@ -115,13 +115,13 @@ def read_survey_trajectory(survey: Survey) -> Trajectory | None:
 def check_trajectory_covers(
     trajectory: Trajectory, facts: StoreFacts, *, where: object = None
 ) -> tuple[str, ...]:
-    """Compare where and when the van drove with where and when the points are.
+    """Compare the place and time of the trajectory with those of the points.
 
     Returns
     -------
     tuple of str
-        Warnings: part of the points outside the trajectory's time, or in holes of it; where a known difference of clocks (UTC for GPS
-        time) explains it, that is said.
+        Warnings: points outside the trajectory's time or in gaps of it, and the known difference of clocks (UTC for
+        GPS time) that would explain it.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def check_trajectory_covers(
 
 
 def _share_covered(facts: StoreFacts, start_s: float, end_s: float) -> float:
-    """Return the share of the points within the trajectory's time; seconds of the week begin again in the points."""
+    """Return the share of the points within the trajectory's time; points' week seconds restart at 0."""
     share = facts.times.share_within(start_s, end_s)
     if facts.gps_time_kind == "week" and end_s > WEEK_S:
         share += facts.times.share_within(0.0, end_s - WEEK_S)
@@ -177,17 +177,17 @@ def _in_holes(trajectory: Trajectory, facts: StoreFacts) -> tuple[str, ...]:
         return ()
     start, end = max(spans, key=lambda span: span[1] - span[0])
     return (
-        f"{100.0 * share:.2g} % of the points are in {len(spans)} holes of the trajectory, the longest from {start:.1f}"
-        f" to {end:.1f} s: the van is taken as driving straight there",
+        f"{100.0 * share:.2g} % of the points are in {len(spans)} gaps of the trajectory, the longest from {start:.1f}"
+        f" to {end:.1f} s: a straight path is assumed there",
     )
 
 
 def _named_offset(facts: StoreFacts, start_s: float, end_s: float) -> str:
-    """Return which known difference of clocks would bring the points into the trajectory's time, if one does."""
+    """Return the known difference of clocks that brings the points into the trajectory's time, if any."""
     epoch = EPOCH_OF_KIND[facts.gps_time_kind]
     overhang = max(start_s - facts.times.low_s, facts.times.high_s - end_s)
     for offset, name in known_offsets(facts.times.low_s, epoch):
-        # Less sticks out because the trajectory begins before the points, but hardly half of it
+        # The overhang is less than the offset because the trajectory starts before the points, but hardly by half
         if abs(offset) <= 2.0 * overhang and _share_covered(facts, start_s - offset, end_s - offset) > 0.999:
             return f"; {-offset:+.0f} s on the trajectory's times would make them fit: {name}?"
     return ""

@@ -1,4 +1,4 @@
-"""How the tile store lays points on disk: the lattice, the blocks, the packed key, the table of runs.
+"""Layout of the tile store on disk: the lattice, the blocks, the packed key, the table of runs.
 
 A coordinate x is the whole number of steps ``rint(x * 10000)`` (halves go to the even step) on one lattice for
 the whole world. Steps are counted in blocks of 64 m x 64 m x 1677.7216 m; inside its block a point is one
@@ -8,8 +8,9 @@ the whole world. Steps are counted in blocks of 64 m x 64 m x 1677.7216 m; insid
 
 with cells of 0.5 m counted from the block's south-west corner. A run is the points of one block from one
 batch, column after column: n keys (uint64), n times (float64, unless the file has none), n intensities
-(uint16), filled up with zeros to whole words of 8 bytes; all little-endian. `<number>.points` is nothing but
-runs; where they are is in the table of runs.
+(uint16), padded with zeros to whole words of 8 bytes; all little-endian. `<number>.points` holds runs only; their
+offsets are in the table of runs. This layout is not that of `linework.files.array_file`, because runs are read by the
+thousand straight into one buffer, and an array header each would double the number of reads.
 """
 
 from __future__ import annotations
@@ -20,14 +21,13 @@ import math
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from linework.arrays import AnyArray
 
-#: Raised whenever files of an older version can no longer be read.
+#: Increased whenever files of an older version can no longer be read.
 STORE_VERSION = 1
 #: Steps per metre; a step of 0.1 mm is a tenth of what the best scanners resolve.
 STORE_STEPS_PER_M = 10_000
@@ -36,10 +36,10 @@ STORE_STEP_M = 1e-4
 STORE_BLOCK_M = 64.0
 BLOCK_UP_M = 2**24 / STORE_STEPS_PER_M
 BLOCK_STEPS, BLOCK_UP_STEPS = 640_000, 2**24
-#: Heights are counted, and limited, in buckets of this. [m]
+#: Heights are counted, and limited, in buckets of this size. [m]
 HEIGHT_BUCKET_M = 64.0
 HEIGHT_BUCKET_STEPS = 640_000
-#: Cell of the key, and how many of them lie side by side in a block. [m]
+#: Cell of the key [m], and number of cells along a side of a block.
 STORE_CELL_M, CELLS_PER_BLOCK = 0.5, 128
 #: Coordinates lie within this. [m]
 FARTHEST_COORDINATE_M = 1e8
@@ -63,7 +63,7 @@ EXTENT_COLUMNS = ("west", "south", "low", "east_most", "north_most", "high")
 
 @dataclass(frozen=True, slots=True)
 class RunTable:
-    """Where the points of each block lie in the store's files.
+    """Table of runs: where the points of each block are in the store's files.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ class RunTable:
 
     @property
     def n_points(self) -> int:
-        """Points in all runs, also those outside the limits."""
+        """Number of points in all runs, including those outside the limits."""
         return int(self.rows["count"].sum())
 
     @classmethod
@@ -108,22 +108,13 @@ class RunTable:
 
     @classmethod
     def from_bytes(cls, data: bytes) -> RunTable:
-        """Return the table that `to_bytes` was given; ValueError for anything else."""
+        """Return the table from the bytes of `to_bytes`; ValueError for anything else."""
         return cls(np.load(io.BytesIO(data), allow_pickle=False))
-
-    def save(self, path: Path) -> None:
-        """Write the table."""
-        path.write_bytes(self.to_bytes())
-
-    @classmethod
-    def load(cls, path: Path) -> RunTable:
-        """Read a table written by `save`."""
-        return cls.from_bytes(path.read_bytes())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Where a survey is: points outside are left out as far away. Half open, in whole blocks and buckets.
+    """Limits of a survey: points outside are left out as strays. Half open, in whole blocks and buckets.
 
     Parameters
     ----------
@@ -159,8 +150,8 @@ class Limits:
 
 
 def facts_crc32(document: Mapping[str, Any]) -> int:
-    """Return the CRC-32 of all that `store.json` says, save itself."""
-    # As it will be read: JSON knows no tuples and no keys that are numbers
+    """Return the CRC-32 of the content of `store.json`, without the CRC itself."""
+    # As it will be read back: JSON has neither tuples nor numeric keys
     content = json.loads(json.dumps({key: value for key, value in document.items() if key != "crc32"}))
     return zlib.crc32(json.dumps(content, sort_keys=True).encode())
 

@@ -1,4 +1,4 @@
-"""Read the points of any place from the tile store."""
+"""Read the points of any area from the tile store."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ from linework.model.points import Points
 
 
 class PointStore:
-    """The points of a survey, on disk; any place can be read in milliseconds. Made by `PointStore.open`.
+    """The points of a survey on disk; any area can be read in milliseconds. Made by `PointStore.open`.
 
     Parameters
     ----------
     folder
-        Where the store lies.
+        Folder of the store.
     facts
-        What else is known of it.
+        Facts about its points (see `linework.files.store.facts`).
     limits
-        Points outside were left out as far away; None: none were.
+        Points outside are left out as strays; None: none are.
     table
         The runs with points within the limits, in the order of their blocks.
     """
@@ -57,7 +57,7 @@ class PointStore:
         self.limits = limits
         self._rows = table.rows
         self._extents = _world_extents(table.rows)
-        #: Where some files have no times, no point is given one
+        #: False where any file has no times
         self.has_time = bool(table.rows["has_time"].all() and facts.get("has_time", True))
 
     @classmethod
@@ -83,21 +83,21 @@ class PointStore:
 
     @property
     def n_points(self) -> int:
-        """Points within the limits."""
+        """Number of points within the limits."""
         return int(self._rows["kept"].sum())
 
     @property
     def bounds(self) -> Bounds:
         """Extent in plan of the points within the limits, closed; ValueError when there are none."""
         if not len(self._rows):
-            raise ValueError("no points: they have no extent")
+            raise ValueError("no points: no extent")
         west, south, east, north = self._extents
         edges = west.min(), south.min(), east.max(), north.max()
         return Bounds(*(int(edge) / STORE_STEPS_PER_M for edge in edges))
 
     @property
     def block_counts(self) -> tuple[IntArray, IntArray]:
-        """Return (n, 2) int64 numbers (east, north) of the blocks with points, and (n,) int64 how many each.
+        """(n, 2) int64 numbers (east, north) of the blocks with points, and (n,) int64 points in each.
 
         Row-major from the south-west; points of all heights are counted together.
         """
@@ -109,7 +109,7 @@ class PointStore:
         return np.ascontiguousarray(blocks[:, ::-1].astype(np.int64)), counts
 
     def count_in(self, bounds: Bounds) -> int:
-        """Return how many points lie within `bounds` at most: runs are counted whole."""
+        """Return an upper bound of the number of points within `bounds`: runs are counted whole."""
         return int(self._rows["kept"][self._touched(_Window.of(bounds))].sum())
 
     def points(
@@ -122,33 +122,33 @@ class PointStore:
         with_time: bool = True,
         with_intensity: bool = True,
     ) -> Points:
-        """Return the points of a place.
+        """Return the points of an area.
 
         Parameters
         ----------
         bounds
-            Half open; None: all there are.
+            Half open; None: all points.
         lowest
-            Heights below which points of a cell are left out, NaN where none are; outside of the image
-            none are. North-up, its cells whole multiples of 0.5 m on their lattice.
+            Heights below which points of a cell are left out; NaN, and outside the image: no limit. North-up, its
+            cells whole multiples of 0.5 m on their lattice.
         above_m
-            Added to `lowest`, so that no other image of so many cells has to be made.
+            Added to `lowest`, which saves making another image.
         ordered
-            In canonical order: blocks of 64 m row-major from the south-west, lower blocks first, in each
-            block by key (see `linework.files.store.layout`), then by time and intensity. Else as they come.
+            Whether in canonical order: blocks of 64 m row-major from the south-west, lower blocks first, in each
+            block by key (see `linework.files.store.layout`), then by time and intensity. Else as stored.
 
         Raises
         ------
         MachineError
             A file of the store is missing, cut off or damaged.
         ValueError
-            `lowest` is on no such lattice.
+            `lowest` is not on such a lattice.
 
         Notes
         -----
-        What is returned does not depend on the order in which points were written, nor on the files and
-        batches they came in. Times are given only where all files have them; neither times nor intensities
-        where the facts say that `has_time` or `has_intensity` is false.
+        The result depends neither on the order in which points were written nor on the files and batches they came
+        in. Times are returned only where all files have them; times and intensities only where the facts
+        `has_time` and `has_intensity` are true.
         """
         window = _Window.of(bounds)
         rows = self._rows[self._touched(window)]
@@ -218,7 +218,7 @@ def _corner(block: AnyArray) -> IntArray:
 
 
 def _all_inside(block: AnyArray, box: IntArray) -> bool:
-    """Whether all points of a block's runs lie in the box: then none has to be looked at."""
+    """Return whether all points of a block's runs lie in the box, so that none needs to be tested."""
     return bool(
         block["west"].min() >= box[0]
         and block["east_most"].max() < box[1]
@@ -259,24 +259,21 @@ def _unreadable(path: Path, problem: str) -> MachineError:
     return MachineError(problem, where=path, advice=ADVICE)
 
 
-# Lowest wanted heights of an image, block by block of the tile store
-
-
 class Floors:
     """Cuts an image of heights into tables that `linework.kernels.store.order.keep_inside` takes.
 
     Parameters
     ----------
     image
-        (rows, cols) heights [m, world], NaN: no limit. North-up, its cells whole multiples of 0.5 m on
-        their lattice, so that a cell of the store lies in one cell of the image.
+        (rows, cols) heights [m, world], NaN: no limit. North-up, its cells whole multiples of 0.5 m on their
+        lattice, so that each cell of the store lies in one cell of the image.
     above_m
         Added to the heights.
 
     Raises
     ------
     ValueError
-        The image is on no such lattice.
+        The image is not on such a lattice.
     """
 
     #: No limits at all.
@@ -312,13 +309,13 @@ class Floors:
         values = self._values[np.clip(rows, 0, n_rows - 1)[:, None], np.clip(cols, 0, n_cols - 1)]
         heights = np.where(known, values, np.nan).astype(np.float64) + self._above_m
         steps = _first_steps(heights) - float(int(row["up"]) * BLOCK_UP_STEPS)
-        # Above the highest possible: nothing is wanted
+        # A limit above the highest possible step excludes the whole cell
         limits = np.clip(np.nan_to_num(steps, nan=-1.0), -1, BLOCK_UP_STEPS)
         return limits.astype(np.int32).ravel()
 
 
 def _first_steps(heights: AnyArray) -> AnyArray:
-    """Return the lowest steps whose coordinates are not below the heights (see `store_layout.first_step`)."""
+    """Return the lowest steps whose coordinates are not below the heights (see `linework.files.store.layout.first_step`)."""
     steps = np.ceil(heights * STORE_STEPS_PER_M)
     steps = np.where((steps - 1) / STORE_STEPS_PER_M >= heights, steps - 1, steps)
     first: AnyArray = np.where(steps / STORE_STEPS_PER_M < heights, steps + 1, steps)

@@ -1,4 +1,4 @@
-"""Write the tile store: points to runs of blocks, batch by batch, and the index over them."""
+"""Write the tile store: points as runs of blocks, batch by batch, then the index."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray, checked
+from linework.errors import MachineError
 from linework.files.output.publish import machine_errors
+from linework.files.output.replace import make_durable, replace_file
 from linework.files.store.folder import Columns, StoreFiles
 from linework.files.store.layout import (
     BLOCK_STEPS,
@@ -35,7 +37,7 @@ from linework.kernels.store.pack import extent_of
 
 #: Buckets of heights on either side of 0: coordinates lie within 1e8 m.
 _MIDDLE_BUCKET = 2**21
-#: Points packed at a time: larger batches are taken in parts, so that a run is read in one go.
+#: Points packed at a time: larger batches are split, so that a run can be read at once.
 _MOST_AT_ONCE = 2**22
 
 
@@ -45,17 +47,17 @@ class StoreWriter:
     Parameters
     ----------
     path
-        File to make; its name is the file's number. It must not exist.
+        File to create, named for its number. It must not exist.
 
     Raises
     ------
     MachineError
-        The file exists, or cannot be made.
+        The file exists, or cannot be created.
 
     Notes
     -----
-    A batch of 500,000 points takes 18 to 25 ns a point; a run is what a batch has in one block, so larger
-    batches, and points that are near each other in the file, make fewer and longer runs.
+    A batch of 500,000 points takes 18 to 25 ns a point. A run holds the points of a batch in one block, so larger
+    batches, and points that are near each other in the file, give fewer and longer runs.
     """
 
     def __init__(self, path: Path) -> None:
@@ -66,7 +68,7 @@ class StoreWriter:
         self._offset = 0
         self._tables: list[RunTable] = []
         self._has_time: bool | None = None
-        # Only the pages that are counted in take memory
+        # Only the pages that are written to take memory
         self._heights = np.zeros(2 * _MIDDLE_BUCKET, np.int64)
         self._low, self._high = 2 * _MIDDLE_BUCKET, -1
         self._keys, self._owners = np.empty(0, np.uint64), np.empty(0, np.int32)
@@ -118,10 +120,8 @@ class StoreWriter:
             The disk is full, or failed.
         """
         with machine_errors(self._path):
-            try:
-                os.fsync(self._file)
-            finally:
-                self._close()
+            self._close()
+        make_durable(self._path)
         return RunTable.concatenate(*self._tables)
 
     def abort(self) -> None:
@@ -196,15 +196,19 @@ def write_index(
     Parameters
     ----------
     facts
-        What else is to be known of the store; JSON.
+        Facts about the points; JSON.
     limits
         Points outside are left out when the store is read; None: none are.
 
     Raises
     ------
     MachineError
-        The disk is full, or failed; or the store's files do not hold what the table says.
+        The folder holds an index already, the disk is full, or failed; or the store's files do not match the table.
     """
+    if (folder / INDEX_FILE).exists():
+        raise MachineError(
+            "index exists already", where=folder / INDEX_FILE, advice="write to an empty folder"
+        )
     if limits is not None:
         table = kept_within(folder, table, limits)
     runs = table.sorted().to_bytes()
@@ -216,24 +220,14 @@ def write_index(
     }
     document["crc32"] = facts_crc32(document)
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    _write_durably(folder / RUNS_FILE, runs)
-    _write_durably(folder / INDEX_FILE, text.encode())
-
-
-def _write_durably(path: Path, data: bytes) -> None:
-    with machine_errors(path), path.open("xb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-
-
-# Which points of a tile store lie within its limits: counted once, when the index is written
+    replace_file(folder / RUNS_FILE, runs)
+    replace_file(folder / INDEX_FILE, text.encode())
 
 
 def kept_within(folder: Path, table: RunTable, limits: Limits) -> RunTable:
-    """Return the runs with `kept`, and their extents, as the limits leave them.
+    """Return the runs with `kept` and their extents reduced to the limits.
 
-    Only runs that reach beyond the limits in height, and not with all of their points, are read.
+    Only runs that are partly beyond the limits in height are read.
 
     Raises
     ------

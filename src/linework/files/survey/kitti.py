@@ -1,7 +1,7 @@
-"""KITTI folders as they are: a raw drive, or a sequence of the odometry benchmark, told as a survey.toml would.
+"""Describe KITTI folders (a raw drive, or a sequence of the odometry benchmark) in terms of a survey.toml.
 
-The raw drive's vehicle frame is that of its inertial unit, lowered to the road; the sequence's is that of the left
-camera with its axes turned to forward, left, up: nothing in it says how high above the road the camera is.
+The vehicle frame of a raw drive is that of its inertial unit, lowered to the road; that of a sequence is the left
+camera's with axes forward, left, up, because its height above the road is not stated.
 """
 
 from __future__ import annotations
@@ -18,14 +18,15 @@ from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.images.lists import find_images
 from linework.files.images.read import image_size
-from linework.files.logs.tables import finite_number, text_lines
+from linework.files.logs.tables import finite_number
+from linework.files.logs.text import text_lines
 from linework.model.camera import LOOKING_AHEAD
 
 #: Height of the inertial unit over the road (Geiger et al., figure 3). [m]
 IMU_HEIGHT_M = 0.93
 #: Image rate of all KITTI recordings. [Hz]
 KITTI_RATE_HZ = 10.0
-#: Cameras by preference: grey ones have no colour filter over their pixels.
+#: Camera pairs in order of preference: grey ones have no colour filter.
 _RAW_PAIRS = (("00", "01"), ("02", "03"))
 _SEQUENCE_PAIRS = (("image_0", "image_1"), ("image_l", "image_r"), ("image_2", "image_3"))
 _CAM_TO_CAM, _VELO_TO_CAM, _IMU_TO_VELO = (
@@ -35,14 +36,14 @@ _CAM_TO_CAM, _VELO_TO_CAM, _IMU_TO_VELO = (
 
 @dataclass(frozen=True, slots=True)
 class KittiFolder:
-    """What a KITTI folder says, in the words of a survey.toml.
+    """Content of a KITTI folder in the keys of a survey.toml.
 
     Parameters
     ----------
     settings
         Tables name, cameras and trajectory.
     calibration
-        The file that the cameras come from.
+        File with the calibration of the cameras.
     warnings
         What was assumed, one line each.
     """
@@ -70,7 +71,7 @@ def read_kitti_folder(folder: Path) -> KittiFolder | None:
 
 
 def _raw_drive(folder: Path, left: str, right: str) -> KittiFolder:
-    """Describe a raw drive; rectified images (synchronised drives) and others are told apart by their size."""
+    """Describe a raw drive; rectified images (synchronised drives) and others differ in size."""
     path = _beside_or_above(folder, _CAM_TO_CAM)
     rows = read_calibration(path)
     mount = _mount(folder, rows, path)
@@ -86,7 +87,7 @@ def _raw_drive(folder: Path, left: str, right: str) -> KittiFolder:
             whole = matrix_of(rows, f"S_rect_{number}", (2,), path).astype(int)
             keys = rectified_camera(P, (int(whole[0]), int(whole[1])), name, path, mount)
         cameras[side] = {"images": f"{images}/*", "times": f"image_{number}/timestamps.txt"} | keys
-    # Images and poses are stamped by one computer's clock
+    # Images and poses have time stamps of one computer
     settings: dict[str, Any] = {"time": {"epoch": "unix"}, "cameras": cameras}
     if (folder / "oxts").is_dir():
         settings["trajectory"] = {"file": "oxts", "lever_m": [0.0, 0.0, IMU_HEIGHT_M]}
@@ -107,7 +108,7 @@ def _mount(folder: Path, rows: dict[str, FloatArray], path: Path) -> FloatArray:
 
 
 def _motion(folder: Path, name: str) -> FloatArray:
-    """Return (4, 4) the rotation and translation of a calibration file."""
+    """Return the (4, 4) transformation in a calibration file."""
     path = _beside_or_above(folder, name)
     rows = read_calibration(path)
     motion = np.eye(4)
@@ -115,7 +116,7 @@ def _motion(folder: Path, name: str) -> FloatArray:
     R = motion[:3, :3]
     # Published with seven digits
     if not np.allclose(R @ R.T, np.eye(3), atol=1e-4) or np.linalg.det(R) < 0:
-        raise InputError("R is no rotation", where=path, advice="correct the file")
+        raise InputError("R is not a rotation", where=path, advice="correct the file")
     return motion
 
 
@@ -126,7 +127,7 @@ def _inverse(T: FloatArray) -> FloatArray:
 
 
 def _beside_or_above(folder: Path, name: str) -> Path:
-    """Return the calibration file of a drive: in its folder, or where the day's drives lie."""
+    """Return the calibration file of a drive: in its folder, or in the folder of the day."""
     places = [folder, folder.resolve().parent]
     for place in places:
         if (place / name).is_file():
@@ -144,15 +145,13 @@ def _sequence(folder: Path, left: str, right: str) -> KittiFolder:
     rows = read_calibration(path)
     names = [f"P{left[-1]}", f"P{right[-1]}"]
     if names[0] not in rows:
-        # Two rows are those of the two cameras, four are those of the four
+        # Two rows belong to the two cameras, four to all four
         first = int(left[-1]) if len(rows) >= 4 and left[-1].isdecimal() else 0
         names = [str(first), str(first + 1)] if "0" in rows else ["P0", "P1"]
     warnings, times = [], {"times": "times.txt"}
     if not (folder / "times.txt").is_file():
         times = {"rate_hz": KITTI_RATE_HZ}  # type: ignore[dict-item]
-        warnings.append(
-            f"{folder}: no times.txt, images taken as {KITTI_RATE_HZ:g} a second (the rate of KITTI)"
-        )
+        warnings.append(f"{folder}: no times.txt, image rate assumed to be {KITTI_RATE_HZ:g} Hz (KITTI's)")
     cameras = {
         side: {"images": f"{images}/*"} | times
         | rectified_camera(matrix_of(rows, name, (3, 4), path), _size_of_images(folder, images), name, path)
@@ -169,7 +168,7 @@ def _sequence(folder: Path, left: str, right: str) -> KittiFolder:
 
 
 def _size_of_images(folder: Path, name: str) -> tuple[int, int]:
-    """Return the size of most of the first, middle and last image of a folder that can be opened."""
+    """Return the commonest size (width, height) of the first, middle and last readable image of a folder."""
     files = find_images(folder / name)
     if not files:
         raise InputError("no images in it", where=folder / name, advice="copy the images there")
@@ -186,9 +185,7 @@ def _size_of_images(folder: Path, name: str) -> tuple[int, int]:
     return sizes.most_common(1)[0][0]
 
 
-# Calibrations of KITTI folders: named rows of numbers, and the cameras they describe
-
-#: Rows that are no numbers.
+#: Calibration rows that are not numbers.
 _TEXTS = ("calib_time", "corner_dist")
 
 
@@ -198,7 +195,7 @@ def read_calibration(path: Path) -> dict[str, FloatArray]:
     Raises
     ------
     InputError
-        A row that is not of finite numbers, with its line.
+        A row that does not hold finite numbers, with its line.
     """
     rows: dict[str, FloatArray] = {}
     for number, line in text_lines(path):
@@ -220,7 +217,7 @@ def matrix_of(rows: Mapping[str, FloatArray], name: str, shape: tuple[int, ...],
     Raises
     ------
     InputError
-        No such row, or another number of values.
+        The row is missing, or has another number of values.
     """
     if name not in rows:
         raise InputError(f"has no row {name} (there are: {', '.join(list(rows)[:12])})", where=where,
@@ -249,7 +246,7 @@ def rectified_camera(
     """
     fx, fy, cx, cy = P[0, 0], P[1, 1], P[0, 2], P[1, 2]
     if P[0, 1] != 0.0 or P[1, 0] != 0.0 or P[2, :3].tolist() != [0.0, 0.0, 1.0] or 0.0 in (fx, fy):
-        raise InputError(f"row {name} is no projection of a rectified camera", where=where,
+        raise InputError(f"row {name} is not the projection of a rectified camera", where=where,
                          advice="expected fx 0 cx a, 0 fy cy b, 0 0 1 c")  # fmt: skip
     offset = np.array([(P[0, 3] - cx * P[2, 3]) / fx, (P[1, 3] - cy * P[2, 3]) / fy, P[2, 3]])
     return camera_keys((fx, fy, cx, cy), size, -offset, np.eye(3), mount)

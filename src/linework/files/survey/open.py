@@ -7,10 +7,10 @@ from pathlib import Path
 
 from linework.errors import CrsError, InputError, UsageError
 from linework.files.geodesy.crs import LOCAL, describe_crs, has_height, parse_crs, same_crs, same_plan
+from linework.files.input import regular_file_bytes
 from linework.files.las.crs import resolve_crs
-from linework.files.las.header import read_las_header, regular_file_bytes
+from linework.files.las.header import read_las_header
 from linework.files.survey.kitti import read_kitti_folder
-from linework.files.survey.toml import read_survey_file
 from linework.model.survey import Survey
 
 _SUFFIXES = (".las", ".laz")
@@ -18,7 +18,7 @@ _SURVEY_FILE = "survey.toml"
 
 
 def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
-    """Find out what a survey consists of; headers are read, points are not.
+    """Find the files and metadata of a survey; headers are read, points are not.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
         .las, .laz or .copc.laz files, folders of them, one folder with a survey.toml, or that file; or one
         KITTI raw drive or odometry sequence.
     crs
-        The CRS where the files do not say it: "EPSG:...", WKT or "local".
+        CRS where the files do not state it: "EPSG:...", WKT or "local".
 
     Returns
     -------
@@ -37,7 +37,7 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
     Raises
     ------
     InputError
-        Nothing there, not a local file, a pattern without files, all files damaged.
+        No files, not a local file, a pattern that matches none, or all files damaged.
     CrsError
         No CRS, one in degrees, or several.
     ConfigError
@@ -50,6 +50,8 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
     found = _survey_file_of(inputs)
     kitti = read_kitti_folder(inputs[0]) if found is None and len(inputs) == 1 else None
     if found is not None:
+        from linework.files.survey.toml import read_survey_file
+
         settings, root = read_survey_file(found), found.parent
         files = _each_once(_matching(root, settings.get("points", {}).get("files", []), found))
     elif kitti is not None:
@@ -86,7 +88,7 @@ def _check_local(path: Path) -> None:
 
 
 def _survey_file_of(inputs: Sequence[Path]) -> Path | None:
-    """Return the survey.toml among the inputs; it stands alone."""
+    """Return the survey.toml among the inputs, which must be the only one; None without one."""
     found = [p / _SURVEY_FILE if p.is_dir() else p for p in inputs]
     found = [p for p in found if p.name.endswith(".toml") and p.is_file()]
     if found and len(inputs) > 1:
@@ -96,9 +98,9 @@ def _survey_file_of(inputs: Sequence[Path]) -> Path | None:
 
 
 def _files_of(path: Path) -> list[Path]:
-    """Return the laser files an input stands for."""
+    """Return the laser files of an input: itself, or those of a folder."""
     if path.is_dir():
-        # Hidden files are what other systems leave beside a file (._a.laz), or what is just being written
+        # Hidden files are left by other systems beside a file (._a.laz), or are being written
         files = sorted(
             p
             for p in path.iterdir()
@@ -116,10 +118,10 @@ def _files_of(path: Path) -> list[Path]:
 
 
 def _matching(root: Path, patterns: Sequence[str], where: Path) -> list[Path]:
-    """Return the files the patterns of a survey.toml match."""
+    """Return the files that match the patterns of a survey.toml."""
     files = []
     for pattern in patterns:
-        # joining drops the root where the pattern is an absolute path
+        # Joining drops the root where the pattern is an absolute path
         place = root / pattern
         base = Path(place.anchor) if place.is_absolute() else Path()
         matched = sorted(p for p in base.glob(str(place.relative_to(base))) if not p.is_dir())
@@ -131,7 +133,7 @@ def _matching(root: Path, patterns: Sequence[str], where: Path) -> list[Path]:
 
 
 def _each_once(files: Sequence[Path]) -> tuple[Path, ...]:
-    """Return the files sorted, links to the same file once; what cannot be read is named when that is tried."""
+    """Return the files sorted, links to the same file once; unreadable ones are reported when they are read."""
     kept: dict[object, Path] = {}
     for path in sorted(files):
         try:
@@ -153,24 +155,24 @@ def _given_crs(option: str | None, setting: str | None, where: Path | None) -> s
 
 
 def _survey_crs(files: Sequence[Path], given: str | None, where: Path | None, *, has_images: bool) -> str:
-    """Return the CRS of the points; what is given, where there are none, or images can do without them."""
+    """Return the CRS of the points; the given one without points, or where images need none."""
     try:
         return _common_crs(files, given) if files else parse_crs(given or "local", where=where)
     except InputError:
-        # All files are damaged: told when they are read
+        # All files are damaged, which is reported when they are read
         if not has_images or given is None:
             raise
         return parse_crs(given, where=where)
 
 
 def _common_crs(files: Sequence[Path], given: str | None) -> str:
-    """Return the one CRS of all files that can be read; the fullest where some leave the heights open."""
+    """Return the common CRS of all readable files; with heights where some files lack them."""
     found: dict[Path, str] = {}
     first_error: InputError | None = None
     for path in files:
         try:
             header = read_las_header(path)
-        except InputError as error:  # named again, and counted, when the points are read
+        except InputError as error:  # reported again when the points are read
             first_error = first_error or error
             continue
         found[path] = resolve_crs(header.projection, given, where=path).crs

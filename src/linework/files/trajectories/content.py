@@ -1,4 +1,4 @@
-"""What the readers of trajectories hand over."""
+"""Result of the readers of trajectories: in time order, each time once."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from linework.model.trajectory import Trajectory
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryContent:
-    """A trajectory as read, with what was odd about the file.
+    """A trajectory as read, and warnings about the file.
 
     Parameters
     ----------
     warnings
         One line each.
     epoch
-        What the file itself says its times are: "gps", "gps_week", "unix", "utc_day"; "" where it does not.
+        Epoch of the times as the file states it: "gps", "gps_week", "unix", "utc_day"; "" where it does not.
     """
 
     trajectory: Trajectory
@@ -54,10 +54,10 @@ def ordered_content(
     InputError
         Fewer than two positions.
     """
-    kept, said = in_time_order(time_s, line_numbers, unit=unit)
+    kept, remarks = in_time_order(time_s, line_numbers, unit=unit)
     if len(kept) < 2:
         raise InputError(
             f"{len(kept)} position, a trajectory needs at least 2", where=path, advice="check the file"
         )
     ordered = {name: np.asarray(values)[kept] for name, values in columns.items() if values is not None}
-    return TrajectoryContent(Trajectory(time_s[kept], **ordered), (*warnings, *said), epoch)
+    return TrajectoryContent(Trajectory(time_s[kept], **ordered), (*warnings, *remarks), epoch)

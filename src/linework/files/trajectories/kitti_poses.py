@@ -1,4 +1,4 @@
-"""Poses of KITTI's odometry layout: camera to first camera, 3 x 4, a line for every image."""
+"""Read poses in KITTI's odometry format: camera to first camera, 3 x 4, one line per image."""
 
 from __future__ import annotations
 
@@ -10,18 +10,12 @@ from linework.arrays import FloatArray
 from linework.errors import InputError
 from linework.files.logs.text import read_number_rows
 from linework.files.trajectories.content import TrajectoryContent, ordered_content
-from linework.model.trajectory import Trajectory
 from linework.navigation.poses import attitude_deg_of
 
 #: Camera axes in a vehicle whose origin is the camera: forward = z, left = -x, up = -y.
 R_VEHICLE_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-#: The files print six digits: rows of a rotation are of length 1 and at right angles to that. Beyond it is none.
+#: Largest deviation of R R^T from the identity: the files print six digits.
 _MAX_NO_ROTATION = 1e-3
-
-
-def read_kitti_poses(path: Path, times_s: FloatArray) -> Trajectory:
-    """Read poses (see `read_kitti_poses_content`)."""
-    return read_kitti_poses_content(path, times_s).trajectory
 
 
 def read_kitti_poses_content(path: Path, times_s: FloatArray) -> TrajectoryContent:
@@ -30,7 +24,7 @@ def read_kitti_poses_content(path: Path, times_s: FloatArray) -> TrajectoryConte
     Parameters
     ----------
     times_s
-        (n,) float64 [s]: when the image of each line was taken; images without a pose may follow.
+        (n,) float64 [s]: time of the image of each line; images without a pose may follow.
 
     Returns
     -------
@@ -41,7 +35,7 @@ def read_kitti_poses_content(path: Path, times_s: FloatArray) -> TrajectoryConte
     Raises
     ------
     InputError
-        Lines that are no poses (the first is named), more poses than times.
+        Lines that are not poses (the first is named), more poses than times.
 
     Notes
     -----
@@ -67,17 +61,17 @@ def read_kitti_poses_content(path: Path, times_s: FloatArray) -> TrajectoryConte
 
 
 def check_rotations(path: Path, rotations: FloatArray, line_numbers: FloatArray) -> None:
-    """Refuse (n, 3, 3) matrices that do not turn.
+    """Refuse (n, 3, 3) matrices that are not rotations.
 
     Raises
     ------
     InputError
-        With the first line.
+        With the line of the first.
     """
     off = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
     wrong = (off > _MAX_NO_ROTATION) | (np.linalg.det(rotations) < 0.0)
     if wrong.any():
         raise InputError(
-            f"line {int(line_numbers[np.argmax(wrong)])} is no rotation ({int(wrong.sum())} of {len(wrong)} lines)",
+            f"line {int(line_numbers[np.argmax(wrong)])} is not a rotation ({int(wrong.sum())} of {len(wrong)} lines)",
             where=path, advice="each line is [R | t], 3 x 4, row by row",
         )  # fmt: skip

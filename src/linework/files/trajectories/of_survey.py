@@ -1,4 +1,4 @@
-"""The ready-made trajectory of a survey: read, and put on the clock of what else was recorded."""
+"""Read the ready-made trajectory of a survey and convert it to the clock of its other recordings."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from linework.navigation.lever import at_vehicle_origin
 
 
 def read_survey_trajectory_content(survey: Survey) -> TrajectoryContent | None:
-    """Read the trajectory a survey names, of the point it describes; None where it names none.
+    """Read the trajectory that a survey names, of the point it describes; None where it names none.
 
-    Times of a file that says its own epoch become those of [time] epoch, where the survey states one.
+    Where the file and the survey both state an epoch, times are converted to that of [time] epoch.
 
     Raises
     ------
@@ -46,47 +46,46 @@ def read_survey_trajectory_content(survey: Survey) -> TrajectoryContent | None:
 def on_clock_of(
     content: TrajectoryContent, span_s: tuple[float, float], span_epoch: str, survey: Survey
 ) -> TrajectoryContent:
-    """Return a trajectory on the clock of another recording, with what was done to its times.
+    """Return a trajectory on the clock of another recording, with warnings about its times.
 
     Parameters
     ----------
     span_s, span_epoch
         First and last time of the recording, and its epoch ("": by its range).
     """
-    time_s, said = fitted_times(
+    time_s, remarks = fitted_times(
         content.trajectory.time_s, content.epoch, span_s, span_epoch,
         week=survey.settings.get("time", {}).get("week"),
     )  # fmt: skip
-    if not said:
+    if not remarks:
         return content
     moved = replace(content.trajectory, time_s=time_s)
-    return replace(content, trajectory=moved, warnings=(*content.warnings, *said), epoch=span_epoch)
+    return replace(content, trajectory=moved, warnings=(*content.warnings, *remarks), epoch=span_epoch)
 
 
 def stereo_on_clock_of(series: StereoSeries, trajectory: Trajectory, survey: Survey) -> StereoSeries:
-    """Return the stereo pairs of a survey on the clock of its trajectory, with what was done to their times.
+    """Return the stereo pairs of a survey on the clock of its trajectory, with warnings about their times.
 
-    Pairs that the trajectory covers as they stand keep their times; others are converted from [time] epoch, or from
-    the epoch that their times show.
+    Times within the trajectory's stay unchanged; others are converted from [time] epoch, or from the epoch that their
+    range shows.
     """
     if not series.pairs or not len(trajectory):
         return series
     time = survey.settings.get("time", {})
     span = float(trajectory.time_s[0]), float(trajectory.time_s[-1])
     times = np.array([pair.time_s for pair in series.pairs])
-    moved, said = fitted_times(times, str(time.get("epoch", "")), span, "", week=time.get("week"))
-    if not said:
+    moved, remarks = fitted_times(times, str(time.get("epoch", "")), span, "", week=time.get("week"))
+    if not remarks:
         return series
     pairs = tuple(replace(pair, time_s=t) for pair, t in zip(series.pairs, moved.tolist(), strict=True))
-    return replace(series, pairs=pairs, warnings=(*series.warnings, *(f"cameras: {text}" for text in said)))
-
-
-# Where the van was: its trajectory, of the vehicle's origin, and its images on the same clock
+    return replace(
+        series, pairs=pairs, warnings=(*series.warnings, *(f"cameras: {text}" for text in remarks))
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class VanPath:
-    """Path of the vehicle's origin, or None; the stereo pairs on its clock; what was odd about the file."""
+    """Trajectory of the vehicle's origin, or None; the stereo pairs on its clock; warnings about the file."""
 
     trajectory: Trajectory | None
     series: StereoSeries | None
@@ -94,7 +93,7 @@ class VanPath:
 
 
 def read_van_path(survey: Survey, series: StereoSeries | None) -> VanPath:
-    """Read the trajectory of a survey whose points are not wanted.
+    """Read the trajectory of a survey whose points are not used.
 
     Parameters
     ----------

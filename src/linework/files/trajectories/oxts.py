@@ -1,4 +1,4 @@
-"""Trajectories of KITTI's OXTS folders: a text file for every pose, and a file of times."""
+"""Read trajectories from KITTI's OXTS folders: one text file per pose, and a file of times."""
 
 from __future__ import annotations
 
@@ -13,19 +13,13 @@ from linework.errors import InputError
 from linework.files.geodesy.geodetic import EarthFrame, convergence_deg, project_places
 from linework.files.logs.text import bad_lines_warning, text_blocks
 from linework.files.trajectories.content import TrajectoryContent, ordered_content
-from linework.model.trajectory import Trajectory
 
 #: Latitude, longitude [deg], altitude [m], roll, pitch, yaw [rad]; then velocities, accelerations, rates.
 _N_POSE = 6
 _ACCURACY = 23
 _MAX_BYTES = 10_000
-#: Heights by satellites are about one and a half times as uncertain as positions in plan (all satellites above).
+#: Ratio of the sigma of height to that in plan for satellite positions: all satellites are above.
 UP_PER_PLAN = 1.5
-
-
-def read_oxts(folder: Path, crs: str) -> Trajectory:
-    """Read an OXTS folder into a CRS (see `read_oxts_content`)."""
-    return read_oxts_content(folder, EarthFrame(crs=crs)).trajectory
 
 
 def read_oxts_content(folder: Path, frame: EarthFrame) -> TrajectoryContent:
@@ -34,8 +28,8 @@ def read_oxts_content(folder: Path, frame: EarthFrame) -> TrajectoryContent:
     Parameters
     ----------
     frame
-        What latitudes, longitudes and heights become; in a local one the first pose is the origin, and it is
-        said where on earth that is.
+        CRS and heights to convert to; in a local one the first pose is the origin, and a warning states where on
+        earth that is.
 
     Returns
     -------
@@ -59,7 +53,7 @@ def read_oxts_content(folder: Path, frame: EarthFrame) -> TrajectoryContent:
     time_s = np.array([times[line] for line in lines])
     good = np.array([row is not None for row in rows]) & np.isfinite(time_s)
     bad = [int(i) + 1 for i in np.flatnonzero(~good)]
-    said = bad_lines_warning(
+    remarks = bad_lines_warning(
         folder, bad, int(good.sum()), "poses with a time", advice="copy the folder again", unit="file"
     )
     values = np.array([rows[i] for i in np.flatnonzero(good)], dtype=np.float64)
@@ -71,12 +65,12 @@ def read_oxts_content(folder: Path, frame: EarthFrame) -> TrajectoryContent:
     return ordered_content(
         folder, time_s[good], np.flatnonzero(good).astype(np.float64) + 1.0,
         {"xyz": places.xyz, "attitude_deg": np.stack([roll, -pitch, heading], axis=1), "sigma_xyz_m": sigma},
-        warnings=(*said, *places.warnings), epoch="unix", unit="file",
+        warnings=(*remarks, *places.warnings), epoch="unix", unit="file",
     )  # fmt: skip
 
 
 def read_timestamps(path: Path) -> FloatArray:
-    """Read dates such as ``2011-09-26 13:02:25.964389445`` as (n,) seconds since 1970; NaN where a line is none."""
+    """Read dates such as ``2011-09-26 13:02:25.964389445`` as (n,) seconds since 1970; NaN where a line is not a date."""
     found = []
     for block in text_blocks(path):
         for _, line in block.lines():

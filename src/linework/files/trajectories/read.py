@@ -1,4 +1,4 @@
-"""Read trajectories of all kinds, told apart by suffix and content; write them as CSV."""
+"""Read trajectories of all formats, recognised by suffix and content; write them as CSV."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from linework.errors import InputError, MachineError
 from linework.files.geodesy.crs import LOCAL
 from linework.files.geodesy.geodetic import EarthFrame
 from linework.files.images.lists import read_times
-from linework.files.las.header import regular_file_bytes
 from linework.files.logs.clock import in_seconds
 from linework.files.logs.gnss import is_gnss_file, read_gnss
 from linework.files.logs.tables import read_table
@@ -34,15 +33,14 @@ _SIGMA_ATTITUDE = ("sigma_roll_deg", "sigma_pitch_deg", "sigma_heading_deg")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrajectorySettings:
-    """What the user says of a trajectory beside its file.
+    """Settings for reading a trajectory.
 
     Parameters
     ----------
     frame
-        What latitudes, longitudes and ellipsoidal heights become.
+        CRS and heights that latitudes, longitudes and ellipsoidal heights are converted to.
     times_file, rate_hz
-        When the poses of a KITTI poses.txt were: a file of times, or so many a second from 0; without both, the
-        times.txt beside it.
+        Times of the poses of a KITTI poses.txt: a file, or a rate from 0 s; without both, the times.txt beside it.
     """
 
     frame: EarthFrame = EarthFrame(crs=LOCAL)
@@ -50,20 +48,15 @@ class TrajectorySettings:
     rate_hz: float | None = None
 
 
-def read_trajectory(path: Path, settings: TrajectorySettings | None = None) -> Trajectory:
-    """Read a trajectory (see `read_trajectory_content`)."""
-    return read_trajectory_content(path, settings).trajectory
-
-
 def read_trajectory_content(path: Path, settings: TrajectorySettings | None = None) -> TrajectoryContent:
-    """Read a trajectory of any kind: CSV, SBET, KITTI's OXTS folder and poses, TUM, GNSS fixes.
+    """Read a trajectory of any format: CSV, SBET, KITTI's OXTS folder and poses, TUM, GNSS fixes.
 
     Rows are put in time order (stable); of rows with equal time the first is kept, the others counted.
 
     Raises
     ------
     InputError
-        No known kind, columns missing, lines that are not numbers (with the line number), fewer than two positions.
+        Unknown format, columns missing, lines that are not numbers (with the line), fewer than two positions.
     CrsError, ConfigError
         Latitudes and longitudes that cannot be transformed into the CRS.
     """
@@ -89,8 +82,8 @@ def read_trajectory_content(path: Path, settings: TrajectorySettings | None = No
 
 
 def _kind_of_text(path: Path) -> str:
-    """Return which kind of text a file is by its first line of content: "gnss", "tum", "kitti", or "csv"."""
-    if regular_file_bytes(path) == 0 or path.suffix.lower() == ".csv":
+    """Return the format of a text file by its first line of content: "gnss", "tum", "kitti" or "csv"."""
+    if path.suffix.lower() == ".csv":
         return "csv"
     if is_gnss_file(path):
         return "gnss"
@@ -118,7 +111,7 @@ def _read_csv(path: Path) -> TrajectoryContent:
     """Read a CSV with ``time_s,easting_m,northing_m,height_m`` and, if there, attitudes and sigmas."""
     table = read_table(path, _POSITION, (_ATTITUDE, _SIGMA, _SIGMA_ATTITUDE))
     columns = table.columns
-    time_s, said = in_seconds(columns["time_s"], path)
+    time_s, remarks = in_seconds(columns["time_s"], path)
 
     def group(names: tuple[str, ...]) -> FloatArray | None:
         return np.stack([columns[name] for name in names], axis=1) if names[0] in columns else None
@@ -133,7 +126,7 @@ def _read_csv(path: Path) -> TrajectoryContent:
             "sigma_xyz_m": group(_SIGMA),
             "sigma_attitude_deg": group(_SIGMA_ATTITUDE),
         },
-        warnings=(*table.warnings, *said),
+        warnings=(*table.warnings, *remarks),
     )
 
 

@@ -1,4 +1,4 @@
-"""Smoothed trajectories of inertial systems: SBET, 17 little-endian float64 a record."""
+"""Read smoothed trajectories of inertial systems: SBET, 17 little-endian float64 per record."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray
 from linework.errors import InputError
 from linework.files.geodesy.geodetic import EarthFrame, convergence_deg, project_places
-from linework.files.las.header import regular_file_bytes
+from linework.files.input import regular_file_bytes
 from linework.files.logs.clock import WEEK_S, in_seconds
 from linework.files.logs.text import bad_lines_warning
 from linework.files.trajectories.content import TrajectoryContent, ordered_content
 
 _N_CELLS = 17
 _RECORD_BYTES = 8 * _N_CELLS
-#: A day at 200 Hz; more is no drive, and would not fit into memory.
+#: Most records that are read: a day at 200 Hz; more would not fit into memory.
 _MAX_RECORDS = 200 * 86_400
 
 
@@ -26,13 +26,13 @@ def read_sbet_content(path: Path, frame: EarthFrame) -> TrajectoryContent:
     Parameters
     ----------
     frame
-        What latitudes, longitudes and heights become.
+        CRS and heights to convert to.
 
     Returns
     -------
     TrajectoryContent
-        Of the point the file describes (the inertial unit). Headings are those of the platform less the wander
-        angle and less the meridian's convergence.
+        Of the point the file describes (the inertial unit). Heading = platform heading - wander angle - meridian
+        convergence.
 
     Raises
     ------
@@ -43,17 +43,17 @@ def read_sbet_content(path: Path, frame: EarthFrame) -> TrajectoryContent:
     n, rest = divmod(n_bytes, _RECORD_BYTES)
     if n == 0 or n > _MAX_RECORDS:
         raise InputError(
-            f"{n_bytes:,} bytes, an SBET has {_RECORD_BYTES} a record and at most {_MAX_RECORDS:,} records",
+            f"{n_bytes:,} bytes, expected {_RECORD_BYTES} per record of an SBET and at most {_MAX_RECORDS:,} records",
             where=path, advice="check what this file is",
         )  # fmt: skip
     records = np.fromfile(path, dtype="<f8", count=n * _N_CELLS).reshape(n, _N_CELLS)
     good = _possible(records)
-    said = bad_lines_warning(
+    remarks = bad_lines_warning(
         path, (np.flatnonzero(~good) + 1).tolist(), int(good.sum()), "time, latitude, longitude, height and angles",
         advice="check that this is an SBET", unit="record",
     )  # fmt: skip
     if rest:
-        said = (*said, f"the last record is cut off ({rest} of {_RECORD_BYTES} bytes)")
+        remarks = (*remarks, f"the last record is cut off ({rest} of {_RECORD_BYTES} bytes)")
     numbers, records = np.flatnonzero(good).astype(np.float64) + 1.0, records[good]
     time_s, more = in_seconds(records[:, 0], path)
     latitude, longitude = np.degrees(records[:, 1:3]).T
@@ -62,12 +62,12 @@ def read_sbet_content(path: Path, frame: EarthFrame) -> TrajectoryContent:
     heading = (platform - wander - convergence_deg(latitude, longitude, frame)) % 360.0
     return ordered_content(
         path, time_s, numbers, {"xyz": places.xyz, "attitude_deg": np.stack([roll, pitch, heading], axis=1)},
-        warnings=(*said, *more, *places.warnings), epoch="gps_week", unit="record",
+        warnings=(*remarks, *more, *places.warnings), epoch="gps_week", unit="record",
     )  # fmt: skip
 
 
 def _possible(records: FloatArray) -> BoolArray:
-    """Return which records can be: numbers within their ranges."""
+    """Return (n,) bool: which records hold numbers within their ranges."""
     with np.errstate(invalid="ignore"):
         time, latitude, longitude, height = records[:, :4].T
         turns = np.abs(records[:, 7:11])

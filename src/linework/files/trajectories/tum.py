@@ -1,4 +1,4 @@
-"""Trajectories as TUM's benchmark has them: time, position, quaternion."""
+"""Read trajectories in the TUM format: time, position, quaternion."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from linework.files.trajectories.content import TrajectoryContent, ordered_conte
 from linework.files.trajectories.kitti_poses import R_VEHICLE_CAMERA
 from linework.navigation.poses import attitude_deg_of
 
-#: Quaternions are printed with a few digits.
+#: Largest deviation of a quaternion's length from 1: they are printed with a few digits.
 _MAX_OFF_UNIT = 0.01
-#: A car, and a camera in it, are tilted by less than this against the world's up; cos of 45 deg.
+#: Least upward component of the vehicle's z-axis: a car is tilted by less than 45 degrees.
 _UP_SHARE = 0.707
-#: Shorter ways between two poses are noise. [m]
+#: Shorter steps between two poses are noise. [m]
 _MIN_STEP_M = 0.05
 
 
@@ -27,15 +27,15 @@ def read_tum_content(path: Path) -> TrajectoryContent:
     Returns
     -------
     TrajectoryContent
-        Of a vehicle whose origin is the described point (x forward, y left, z up). What moves along its z-axis is
-        a camera (x right, y down, z forward), what moves along its x-axis a vehicle. A world whose z is up is kept.
-        In one whose y is down (that of a first camera) east becomes its z, north its -x, up its -y, so that the
-        first camera's heading is 90 deg.
+        Of a vehicle whose origin is the described point (x forward, y left, z up). A body that moves along its z-axis
+        is a camera (x right, y down, z forward), one that moves along its x-axis a vehicle. A world with z up is kept;
+        in one with y down (that of a first camera) east becomes its z, north its -x, up its -y, so that the first
+        camera's heading is 90 deg.
 
     Raises
     ------
     InputError
-        No rows, quaternions that are none, a world without up.
+        No rows, quaternions that are not of unit length, a world whose up direction is unclear.
     """
     from scipy.spatial.transform import Rotation
 
@@ -49,19 +49,21 @@ def read_tum_content(path: Path) -> TrajectoryContent:
         )  # fmt: skip
     R, xyz = Rotation.from_quat(quaternions).as_matrix(), rows.values[:, 1:4]
     is_camera = _moves_along_z(R, xyz)
-    said = "poses of a camera (moves along its z)" if is_camera else "poses of a vehicle (moves along its x)"
+    remarks = (
+        "poses of a camera (moves along its z)" if is_camera else "poses of a vehicle (moves along its x)"
+    )
     if is_camera:
         R = R @ R_VEHICLE_CAMERA.T
     world = _turned_world(R, path)
     attitude = attitude_deg_of(world @ R)
     return ordered_content(
         path, rows.values[:, 0], rows.line_numbers, {"xyz": xyz @ world.T, "attitude_deg": attitude},
-        warnings=(*rows.warnings, said),
+        warnings=(*rows.warnings, remarks),
     )  # fmt: skip
 
 
 def _moves_along_z(R: FloatArray, xyz: FloatArray) -> bool:
-    """Return whether the way goes along the body's z-axis rather than its x-axis; so it does where nothing moves."""
+    """Return whether the body moves along its z-axis rather than its x-axis; True without motion."""
     steps = np.diff(xyz, axis=0)
     moving = np.linalg.norm(steps, axis=1) > _MIN_STEP_M
     along = np.einsum("nij,ni->nj", R[:-1][moving], steps[moving])
@@ -69,7 +71,7 @@ def _moves_along_z(R: FloatArray, xyz: FloatArray) -> bool:
 
 
 def _turned_world(R_world_vehicle: FloatArray, path: Path) -> FloatArray:
-    """Return what turns the file's world so that z is up."""
+    """Return the rotation (3, 3) that turns the file's world so that z is up."""
     up = R_world_vehicle[:, :, 2].mean(axis=0)
     if up[2] >= _UP_SHARE:
         return np.eye(3)

@@ -20,7 +20,7 @@ from pyproj.exceptions import CRSError as ProjError
 from linework.arrays import FloatArray
 from linework.errors import InputError, MachineError
 from linework.files.geodesy.crs import LOCAL, parse_crs
-from linework.files.las.header import regular_file_bytes
+from linework.files.input import filled_file_bytes
 from linework.files.output.publish import publish
 from linework.files.vectors.fields import colour_of, field_values, fields_of_kind, layer_names, ordered_layers
 from linework.files.vectors.gdal import foreign_lines
@@ -29,7 +29,7 @@ from linework.model.lines import LineSet
 _APP = "LINEWORK"
 #: DXF's codes for metres ($INSUNITS) and for a text in extended data.
 _METRES, _STRING = 6, 1000
-#: Longest text that extended data hold.
+#: Longest text in extended data. [characters]
 _MAX_TEXT = 250
 
 
@@ -57,7 +57,7 @@ def write_dxf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
 
 
 def _extended_data(fields: Mapping[str, Any]) -> list[tuple[int, Any]]:
-    """Return name=value texts for what is known."""
+    """Return the known fields as name=value texts."""
     tags = []
     for name, value in fields.items():
         if isinstance(value, str | np.str_):
@@ -72,7 +72,7 @@ def _extended_data(fields: Mapping[str, Any]) -> list[tuple[int, Any]]:
 
 
 def verify_dxf(part: Path, lines: LineSet, path: Path) -> None:
-    """Read the drawing back and compare every coordinate.
+    """Read the file back and compare every coordinate.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def verify_dxf(part: Path, lines: LineSet, path: Path) -> None:
 
 
 def write_prj(crs: str, path: Path, *, overwrite: bool) -> None:
-    """Publish the CRS beside a drawing, as GIS programs look for it: WKT in a file of the same name.
+    """Publish the CRS beside a DXF file, where GIS programs look for it: WKT in a .prj of the same name.
 
     Raises
     ------
@@ -114,12 +114,12 @@ def _write_text(path: Path, text: str) -> None:
 
 
 def read_dxf(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
-    """Read lines, polylines and light polylines of a drawing; a line's kind is its layer.
+    """Read lines, polylines and light polylines of a DXF file; the kind of a line is its layer.
 
     Raises
     ------
     InputError
-        Not a DXF drawing.
+        Not a DXF file.
     """
     document = _open(path)
     shapes, tables = [], []
@@ -142,13 +142,12 @@ def _crs_beside(path: Path) -> str | None:
 
 
 def _open(path: Path) -> Drawing:
-    if regular_file_bytes(path) == 0:
-        raise InputError("empty file (0 bytes)", where=path, advice="copy the file again")
+    filled_file_bytes(path)
     try:
         return readfile(path)
     except (OSError, DXFError, ValueError, KeyError, AttributeError, IndexError, TypeError) as error:
         raise InputError(
-            f"is not a DXF drawing ({str(error)[:100]})", where=path, advice="check what this file is"
+            f"is not a DXF file ({str(error)[:100]})", where=path, advice="check what this file is"
         ) from error
 
 

@@ -1,4 +1,4 @@
-"""The attribute table of lines: which fields every vector format writes, and the way back."""
+"""Attribute fields of lines: those that every vector format writes, reading them back, and QGIS styles."""
 
 from __future__ import annotations
 
@@ -9,28 +9,29 @@ from typing import Any
 import numpy as np
 import shapely
 
-from linework.arrays import AnyArray, FloatArray, IntArray
+from linework.arrays import AnyArray, FloatArray, IntArray, offsets_of
 from linework.errors import InputError, UsageError
+from linework.model.columns import column_types
 from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
-#: Fields in the order of the manual; clearance_m follows for cables, DISAGREEMENT where two methods saw a line, REVIEWED
-#: where a person has looked.
+#: Fields in the order of the manual; clearance_m follows for cables, DISAGREEMENT where two methods found a line,
+#: REVIEWED where a person reviewed one.
 FIELDS = (
     "id", "kind", "role", "pattern", "double", "form", "width_m", "height_m", "length_m", "confidence",
     "sigma_xy_m", "sigma_z_m", "bridged_m", "method", "source", "time_start_s", "time_end_s",
 )  # fmt: skip
 DISAGREEMENT = ("disagreement_mean_m", "disagreement_rms_m")
-#: What people said of lines: written where they said something.
+#: Fields of the review: written where any line has been reviewed.
 REVIEWED = ("review", "condition", "note")
-#: The layer of lines that are no such thing, said people; and the tables of a file of lines that hold none.
+#: Layer of the lines that people rejected; and the tables of a line file that hold no lines.
 REJECTED_LAYER = "rejected"
 TABLES = ("vertex", "layer_styles", "edit", "line_version")
-#: Decimals of what is computed for the table only; what a LineSet holds is written exactly.
+#: Decimals of values computed for the table only; columns of a LineSet are written exactly.
 _COMPUTED_DECIMALS = 4
 
 
 def field_values(lines: LineSet) -> dict[str, AnyArray]:
-    """Return the fields of all lines: what the set holds, lengths, and the root mean square of the vertex sigmas."""
+    """Return the fields (m,) of all lines: columns of the set, lengths, and rms of the vertex sigmas."""
     computed = {
         "length_m": lines.length_m,
         "bridged_m": lines.bridged_m,
@@ -40,27 +41,27 @@ def field_values(lines: LineSet) -> dict[str, AnyArray]:
     rounded = {name: np.round(values, _COMPUTED_DECIMALS) for name, values in computed.items()}
     own = {name: getattr(lines, name) for name in LINE_COLUMNS}
     compared = [name for name in DISAGREEMENT if np.isfinite(getattr(lines, name)).any()]
-    said = REVIEWED if any((getattr(lines, name) != "").any() for name in REVIEWED) else ()
-    return {name: (rounded | own)[name] for name in (*FIELDS, "clearance_m", *compared, *said)}
+    reviewed = REVIEWED if any((getattr(lines, name) != "").any() for name in REVIEWED) else ()
+    return {name: (rounded | own)[name] for name in (*FIELDS, "clearance_m", *compared, *reviewed)}
 
 
 def fields_of_kind(kind: str, known: Iterable[str]) -> tuple[str, ...]:
-    """Return which of the known fields (see `field_values`) the layer of a kind has."""
+    """Return the known fields (see `field_values`) that the layer of a kind has."""
     return tuple(name for name in known if kind in ("cable", REJECTED_LAYER) or name != "clearance_m")
 
 
 def vertex_columns(lines: LineSet) -> tuple[str, ...]:
-    """Return the columns per vertex that a file of these lines has: `observed` means something for truth only.
+    """Return the vertex columns that a file of these lines has; `observed` is written for truth only.
 
-    Truth is what says so (``method``), or has a vertex that was not observed; nothing is lost by leaving out
-    the column where all are True, its default.
+    Truth has the method "truth", or a vertex that was not observed; where all are True, the default, nothing is lost
+    by leaving the column out.
     """
     is_truth = bool(np.any(lines.method == "truth")) or not bool(np.all(lines.observed))
     return tuple(name for name in VERTEX_COLUMNS if is_truth or name != "observed")
 
 
 def _rms_per_line(lines: LineSet, sigma: FloatArray) -> FloatArray:
-    """Return the root mean square over each line's vertices with a known sigma; NaN where none has one."""
+    """Return (m,) root mean square of the known sigmas of each line's vertices; NaN without any."""
     owner, known = lines.line_of_vertex, np.isfinite(sigma)
     n = np.bincount(owner[known], minlength=len(lines))
     total = np.bincount(owner[known], weights=sigma[known] ** 2, minlength=len(lines))
@@ -85,25 +86,25 @@ def check_writable(lines: LineSet, where: object) -> None:
     if len(short):
         raise UsageError(f"line {int(short[0])} has {int(counts[short[0]])} vertices, at least 2 make a line",
                          where=where, advice="leave such lines out")  # fmt: skip
-    # Some vertex after the line's first is elsewhere than the one before it
+    # Whether a vertex differs from the one before it in the same line
     moves = np.r_[False, np.any(np.diff(lines.xyz, axis=0) != 0.0, axis=1)]
     moves[lines.offsets[:-1]] = False
     still = np.flatnonzero(np.logical_or.reduceat(moves, lines.offsets[:-1]) == 0) if len(lines) else short
     if len(still):
         i = int(still[0])
-        raise UsageError(f"line {i} has no length, all its {int(counts[i])} vertices are one place", where=where,
+        raise UsageError(f"line {i} has no length, all its {int(counts[i])} vertices are at one place", where=where,
                          advice="leave such lines out")  # fmt: skip
 
 
 def geometries(lines: LineSet) -> AnyArray:
-    """Return (m,) shapely LineString Z."""
+    """Return the lines as (m,) shapely LineString Z."""
     if len(lines) == 0:
         return np.array([], dtype=object)
     return np.asarray(shapely.linestrings(lines.xyz, indices=lines.line_of_vertex))
 
 
 def layer_names(lines: LineSet) -> AnyArray:
-    """Return the layer each line goes to: that of its kind (see `layer_name`), or `REJECTED_LAYER`."""
+    """Return the layer of each line: that of its kind (see `layer_name`), or `REJECTED_LAYER`."""
     pairs = zip(lines.kind.tolist(), (lines.review == "rejected").tolist(), strict=True)
     return np.array([REJECTED_LAYER if is_out else layer_name(kind) for kind, is_out in pairs], dtype=np.str_)
 
@@ -136,7 +137,7 @@ def lines_from_geometries(
     """Build a LineSet from any shapely geometries and their properties.
 
     Multi-part geometries become one line per part, polygons one closed line per ring; points are left out.
-    Heights that are missing are NaN: fit for references, refused on writing.
+    Missing heights are NaN: allowed in references, refused on writing.
 
     Returns
     -------
@@ -148,7 +149,7 @@ def lines_from_geometries(
     if len(coordinates) and not np.isfinite(coordinates[:, :2]).all():
         raise InputError("coordinates that are not finite numbers", where=where, advice="correct the file")
     counts = np.bincount(owner, minlength=len(parts))
-    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    offsets = offsets_of(counts)
     values = {
         name: column_values(name, [columns[name][i] for i in feature])
         for name in LINE_COLUMNS
@@ -158,8 +159,8 @@ def lines_from_geometries(
 
 
 def column_values(name: str, values: Iterable[Any]) -> AnyArray:
-    """Return a LineSet column from what a file holds; what is missing or unfit becomes "", False or NaN."""
-    dtype = LineSet.__dataclass_fields__[name].metadata["dtype"]
+    """Return a LineSet column from the values in a file; missing or invalid ones become "", False or NaN."""
+    dtype = column_types(LineSet)[name].dtype
     if dtype is np.str_:
         return np.array(
             [v if isinstance(v, str) else "" if v is None else str(v) for v in values], dtype=np.str_
@@ -177,12 +178,12 @@ def _number(value: Any) -> float:
 
 
 def _linear_parts(shapes: AnyArray) -> tuple[AnyArray, IntArray]:
-    """Return the LineStrings and rings inside any geometries, and the geometry each comes from."""
+    """Return the LineStrings and rings in any geometries, and the index of the geometry each comes from."""
     kept = np.array([s is not None and not shapely.is_empty(s) for s in shapes], dtype=bool)
     feature = np.flatnonzero(kept)
     parts, index = shapely.get_parts(np.asarray(shapes, dtype=object)[kept], return_index=True)
     feature = feature[index]
-    # Collections hold collections; two levels occur in real files.
+    # Collections may hold collections; two levels occur in real files
     parts, index = shapely.get_parts(parts, return_index=True)
     feature = feature[index]
     is_polygon = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
@@ -196,9 +197,7 @@ def _linear_parts(shapes: AnyArray) -> tuple[AnyArray, IntArray]:
     return found[order], feature[owner[order]].astype(np.int64)
 
 
-# How lines look in QGIS: one simple line symbol per kind, as QML
-
-#: Colour (red, green, blue) and width [mm] by kind: colours that stay apart for the colour-blind (Okabe and Ito).
+#: QGIS symbols: colour (red, green, blue) and width [mm] by kind, distinct for the colour-blind (Okabe and Ito).
 _LOOKS = {
     "lane_marking": ((240, 228, 66), 0.5),
     "lane_marking_dash": ((240, 228, 66), 0.9),
@@ -211,9 +210,9 @@ _LOOKS = {
     "cable": ((20, 20, 20), 0.4),
 }
 _OTHER = ((120, 120, 120), 0.4)
-#: Layers of what stereo images showed, beside the lines that were kept: dotted, in the colour of their kind.
+#: Suffix of the layers with the lines as measured in stereo images: dotted, in the colour of their kind.
 AS_MEASURED = "_stereo"
-#: Lines that are no such thing, said people: thin, dashed, in the grey of other lines.
+#: Style of rejected lines: thin, dashed, in the grey of other lines.
 _REJECTED, _REJECTED_WIDTH_MM = "rejected", 0.2
 
 
@@ -241,5 +240,5 @@ def qgis_style(kind: str) -> str:
 
 
 def colour_of(kind: str) -> tuple[int, int, int]:
-    """Return the red, green, blue a kind is drawn in."""
+    """Return the red, green, blue of a kind."""
     return _LOOKS.get(kind.removesuffix(AS_MEASURED), _OTHER)[0]

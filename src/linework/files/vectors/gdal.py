@@ -1,4 +1,4 @@
-"""Lines from files that other programs made: reference maps, edited layers."""
+"""Read lines from files of other programs (reference maps, edited layers), and write FlatGeobuf."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from linework.files.vectors.fields import (
 from linework.files.vectors.gdal_input import pyogrio, read_errors
 from linework.model.lines import LINE_COLUMNS, LineSet
 
-#: Layers and tables of ours that hold no lines, and lines that are none.
+#: Our own layers and tables that hold no lines, or rejected ones.
 _OURS = (*TABLES, REJECTED_LAYER)
 
 
 def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
     """Read the lines of every layer of a GeoPackage, FlatGeobuf or Shapefile.
 
-    A feature's kind is the value of `kind_field` where there is such a field, else the layer's name.
+    The kind of a feature is the value of `kind_field` if there is one, else the name of the layer.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, c
 def foreign_lines(
     shapes: AnyArray, values: Any, table: Mapping[str, Any], kinds: Mapping[str, str] | None, crs: str, path: Path
 ) -> LineSet:  # fmt: skip
-    """Return the lines of one layer; with `kinds` only values in it are kept and take its names."""
+    """Return the lines of one layer; with `kinds`, only those whose value it maps to a kind."""
     named = ["" if v is None else str(v) for v in values]
     kept = [i for i, v in enumerate(named) if kinds is None or v in kinds]
     columns = {name: [table[name][i] for i in kept] for name in LINE_COLUMNS if name in table}
@@ -72,11 +72,8 @@ def foreign_lines(
     return lines
 
 
-# Lines as FlatGeobuf: all kinds in one layer, without the vertex columns
-
-
 def write_flatgeobuf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:  # noqa: ARG001
-    """Write lines in the set's order (called through `publish`)."""
+    """Write FlatGeobuf: all kinds in one layer, without vertex columns (called through `publish`)."""
     values = {
         name: column.astype(object) if column.dtype.kind == "U" else column
         for name, column in field_values(lines).items()
@@ -90,7 +87,7 @@ def write_flatgeobuf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> N
                 content, shapely.to_wkb(geometries(lines), flavor="iso"), list(values.values()), list(values),
                 layer="lines", driver="FlatGeobuf", crs=None if lines.crs == LOCAL else lines.crs,
                 geometry_type="LineString Z", encoding="utf-8", nan_as_null=True,
-                layer_options={"SPATIAL_INDEX": "NO"},  # an index sorts the lines anew
+                layer_options={"SPATIAL_INDEX": "NO"},  # an index would reorder the lines
             )  # fmt: skip
     except RuntimeError as error:  # the root of pyogrio's errors
         raise MachineError(f"cannot be written: {error}", where=part, advice="check the disk") from error

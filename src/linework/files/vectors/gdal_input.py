@@ -1,8 +1,8 @@
-"""Vector files from others, opened with care.
+"""Check vector files of other programs before GDAL opens them.
 
-A .gpx that is an OGR VRT in disguise returns another file's content, a WFS in a text file sends requests. The
-drivers that do this are left out of GDAL when pyogrio is imported here (where a program has imported it
-before, they are there), and only files pass whose first bytes are those of a format we read.
+An OGR VRT named .gpx returns the content of another file, a WFS in a text file sends requests. The drivers that do
+this are disabled in GDAL when pyogrio is imported here (unless a program has imported it before), and only files
+pass whose first bytes are those of a format we read.
 """
 
 from __future__ import annotations
@@ -12,9 +12,8 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-import linework.files.vectors.gdal_limits  # noqa: F401 (what GDAL may not do)
 from linework.errors import InputError, LineworkError
-from linework.files.las.header import regular_file_bytes
+from linework.files.input import open_input
 
 #: Drivers that read other files or the network on behalf of the file they open.
 FORBIDDEN_DRIVERS = (
@@ -24,7 +23,7 @@ FORBIDDEN_DRIVERS = (
 )  # fmt: skip
 
 
-# The variable is read when GDAL starts and goes again: rasterio's GDAL lacks some of the drivers and says so.
+# The variable is read when GDAL starts, and removed again: rasterio's GDAL lacks some of the drivers and warns.
 _before = os.environ.get("OGR_SKIP")
 os.environ["OGR_SKIP"] = ",".join(FORBIDDEN_DRIVERS)
 
@@ -49,7 +48,7 @@ def read_errors(path: Path) -> Iterator[None]:
     Raises
     ------
     InputError
-        In place of theirs; first line only.
+        With the first line of theirs.
     """
     try:
         yield
@@ -61,19 +60,17 @@ def read_errors(path: Path) -> Iterator[None]:
 
 
 def checked_vector_file(path: Path) -> Path:
-    """Return the absolute path of a file that GDAL may open, known by its first bytes.
+    """Return the absolute path of a file that GDAL may open, recognised by its first bytes.
 
     Raises
     ------
     InputError
-        Not a regular file, or not what its name says.
+        Not a regular file, or its content does not match its suffix.
     """
     if not path.name.isprintable():
         raise InputError("control characters in the name", where=path, advice="give it another name")
-    if regular_file_bytes(path) == 0:
-        raise InputError("empty file (0 bytes)", where=path, advice="copy the file again")
     expected = _FIRST_BYTES.get(path.suffix.lower())
-    with path.open("rb") as file:
+    with open_input(path) as file:
         first = file.read(16)
     if expected is None or not first.startswith(expected):
         raise InputError(

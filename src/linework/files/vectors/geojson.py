@@ -1,6 +1,6 @@
 """Lines as GeoJSON: all kinds in one collection, vertex columns as array properties, the CRS in a `crs` member.
 
-Coordinates are projected metres, as in the survey: older than RFC 7946, which knows degrees only, but read by
+Coordinates are projected metres, as in the survey: not allowed by RFC 7946, which has degrees only, but read by
 QGIS and GDAL. The full CRS is repeated as WKT2 in the member `crs_wkt`.
 """
 
@@ -17,10 +17,10 @@ import numpy as np
 import shapely
 import shapely.geometry
 
-from linework.arrays import AnyArray
+from linework.arrays import AnyArray, offsets_of
 from linework.errors import CrsError, InputError, MachineError
 from linework.files.geodesy.crs import LOCAL, epsg_text, parse_crs
-from linework.files.las.header import regular_file_bytes
+from linework.files.input import regular_file_bytes
 from linework.files.vectors.fields import (
     DISAGREEMENT,
     REVIEWED,
@@ -35,11 +35,11 @@ from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 #: Properties with one value per vertex.
 _VERTEX_PROPERTIES = {name: f"vertex_{name}" for name in VERTEX_COLUMNS}
-#: Metres somewhere.
+#: CRS of local coordinates in metres.
 _LOCAL_WKT = (
     'ENGCRS["local",EDATUM["unknown"],CS[Cartesian,2],AXIS["x",east],AXIS["y",north],LENGTHUNIT["metre",1]]'
 )
-#: Larger files are read whole into some ten times their size: not with this reader.
+#: Largest file [bytes]: it is read whole, into ten times its size in memory.
 _MAX_BYTES = 1 << 29
 
 
@@ -101,7 +101,7 @@ def _plain(column: AnyArray) -> list[Any]:
 
 
 def _crs_member(crs: str) -> dict[str, Any]:
-    """Return the CRS as GDAL and QGIS read it: codes, else WKT; a member is needed, without it it would be degrees."""
+    """Return the `crs` member that GDAL and QGIS read: codes, else WKT; without it they assume degrees."""
     codes = epsg_text(crs).removeprefix("EPSG:").split("+")
     name = "urn:ogc:def:crs:EPSG::" + codes[0]
     if codes == [""]:
@@ -129,14 +129,14 @@ def verify_geojson(part: Path, lines: LineSet, path: Path, points: Sequence[Poin
 
 
 def read_geojson(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
-    """Read the lines of a GeoJSON file, our own exactly; points are passed over.
+    """Read the lines of a GeoJSON file, our own exactly; points are skipped.
 
     Raises
     ------
     InputError
-        Not GeoJSON, or geometries that are none.
+        Not GeoJSON, or invalid geometries.
     CrsError
-        Coordinates in degrees, or a CRS that is not understood.
+        Coordinates in degrees, or an unknown CRS.
     """
     document = _load(path)
     features = [f for f in document.get("features", [document]) if isinstance(f, dict)]
@@ -170,7 +170,9 @@ def _load(path: Path) -> dict[str, Any]:
     if not isinstance(document, dict) or "type" not in document:
         raise InputError("is JSON, but not GeoJSON (no type)", where=path, advice="check what this file is")
     if not isinstance(document.get("features", []), list):
-        raise InputError("is not GeoJSON: features is no list", where=path, advice="check what this file is")
+        raise InputError(
+            "is not GeoJSON: features is not a list", where=path, advice="check what this file is"
+        )
     return document
 
 
@@ -188,12 +190,12 @@ def _shape(feature: dict[str, Any], i: int, path: Path) -> Any:
         RecursionError,
         shapely.errors.ShapelyError,
     ) as error:
-        raise InputError(f"feature {i + 1} has a geometry that is none ({str(error)[:80]})", where=path,
+        raise InputError(f"feature {i + 1} has an invalid geometry ({str(error)[:80]})", where=path,
                          advice="correct the file") from error  # fmt: skip
 
 
 def _crs_of(document: dict[str, Any], shapes: AnyArray, given: str | None, path: Path) -> str:
-    """Return the CRS; without a `crs` member the coordinates tell degrees (RFC 7946) from metres."""
+    """Return the CRS; without a `crs` member the range of the coordinates tells degrees (RFC 7946) from metres."""
     wkt = document.get("crs_wkt")
     if isinstance(wkt, str):
         return parse_crs(wkt, where=path)
@@ -231,7 +233,7 @@ def _epsg_of(name: str) -> str:
 
 
 def _own_lines(shapes: AnyArray, columns: Mapping[str, list[Any]], crs: str) -> LineSet | None:
-    """Return our own lines with their vertex columns; None where someone changed the geometry since."""
+    """Return our own lines with their vertex columns; None where the geometry was changed since."""
     optional = {"clearance_m", *DISAGREEMENT, *REVIEWED, _VERTEX_PROPERTIES["observed"]}
     wanted = {*LINE_COLUMNS, *_VERTEX_PROPERTIES.values()} - optional
     if not len(shapes):
@@ -250,6 +252,6 @@ def _own_lines(shapes: AnyArray, columns: Mapping[str, list[Any]], crs: str) -> 
     own: dict[str, Any] = {
         name: column_values(name, columns.get(name, [None] * len(shapes))) for name in LINE_COLUMNS
     }
-    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    offsets = offsets_of(counts)
     xyz = shapely.get_coordinates(shapes, include_z=True)
     return LineSet(xyz=xyz, offsets=offsets, crs=crs, **vertex, **own)

@@ -32,7 +32,7 @@ from linework.files.vectors.point_layers import PointLayer
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 VERTEX_TABLE, STYLE_TABLE = "vertex", "layer_styles"
-#: Another program that writes the file is done by then. [s]
+#: How long to wait for another program that is writing the file. [s]
 _WAIT_S = 5.0
 STYLE_TYPES = {"update_time": "DATETIME"}
 
@@ -51,7 +51,7 @@ def write_gpkg(
     (`vertex`), its sigmas and flags (`observed` for truth only). `finish` may add to the file's bytes.
     """
     layers, shapes, values = layer_names(lines), geometries(lines), field_values(lines)
-    # An empty layer keeps the CRS of a set without lines
+    # A set without lines keeps its CRS in an empty layer
     names = ordered_layers([*layers.tolist(), *kinds]) or ["line"]
     tables = []
     for layer in names:
@@ -68,7 +68,7 @@ def write_gpkg(
 
 
 def null_if_empty(values: AnyArray) -> AnyArray:
-    """Return texts as objects, "" as None: an empty text in a table is no value."""
+    """Return texts as objects, "" as None, which tables store as NULL."""
     if values.dtype.kind != "U":
         return values
     texts = values.astype(object)
@@ -94,7 +94,7 @@ def vertex_table(lines: LineSet, layers: AnyArray) -> dict[str, AnyArray]:
 
 
 def style_columns(layers: Sequence[str]) -> dict[str, AnyArray]:
-    """Return the columns of the table in which QGIS looks for the layers' styles."""
+    """Return the columns of the table from which QGIS reads the layers' styles."""
     n = len(layers)
     texts = {
         "f_table_catalog": [""] * n, "f_table_schema": [""] * n, "f_table_name": list(layers),
@@ -110,7 +110,7 @@ def style_columns(layers: Sequence[str]) -> dict[str, AnyArray]:
 
 
 def verify_gpkg(part: Path, lines: LineSet, path: Path, points: Sequence[PointLayer] = ()) -> None:
-    """Check a written GeoPackage with SQLite, then read the lines back with GDAL, which had no part in writing.
+    """Check a written GeoPackage with SQLite, then read the lines back with GDAL, which did not write it.
 
     Raises
     ------
@@ -159,14 +159,14 @@ def _uri(path: Path) -> str:
 
 
 def roll_back(path: Path) -> None:
-    """Take back the change in which a process was killed, if it left one half written beside the file.
+    """Roll back the change that a killed process left half written, if its journal is beside the file.
 
-    Readers that open a file for reading only cannot: they would see half of it, or nothing.
+    Readers that open a file read-only cannot do this: they would read half of the change, or nothing.
 
     Raises
     ------
     MachineError
-        It cannot be written to.
+        The file cannot be written to.
     """
     if not any(path.with_name(path.name + ending).exists() for ending in ("-journal", "-wal")):
         return
@@ -175,11 +175,11 @@ def roll_back(path: Path) -> None:
             db.execute("SELECT count(*) FROM sqlite_master").fetchone()
     except sqlite3.OperationalError as error:
         raise MachineError(
-            f"a change to it was broken off, and cannot be taken back ({error})", where=path,
+            f"an interrupted change cannot be rolled back ({error})", where=path,
             advice="check that you may write there",
         ) from error  # fmt: skip
     except sqlite3.DatabaseError:
-        # Whoever reads it says what it is
+        # Reported by the reader that follows
         return
 
 

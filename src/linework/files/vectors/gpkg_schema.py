@@ -1,8 +1,8 @@
-"""A GeoPackage built in memory, so that no write can fail unnoticed while it is made.
+"""Build a GeoPackage in memory, so that no write can fail unnoticed.
 
 GDAL ignores some failed writes: with every 17th of the 430 writes of a small file failing once, 7 of 26 files
-lacked triggers, the application id or the spatial reference, and GDAL reported success. SQLite in memory has
-nothing to fail; its bytes are then written in one go and GDAL, which had no part in it, reads them back.
+lacked triggers, the application id or the spatial reference, and GDAL reported success. SQLite in memory
+cannot fail that way; its bytes are then written at once and read back with GDAL, which did not write them.
 
 References
 ----------
@@ -26,10 +26,10 @@ from pyproj.exceptions import CRSError as ProjError
 from linework.arrays import AnyArray, FloatArray
 from linework.files.geodesy.crs import LOCAL, epsg_text
 
-#: Goes where the time of writing would be, so that equal lines give equal bytes.
+#: Stored in place of the time of writing, so that equal lines give equal bytes.
 FIXED_DATE = "2000-01-01T00:00:00.000Z"
 _APPLICATION_ID, _VERSION = 0x47504B47, 10200  # "GPKG", 1.2
-#: "Undefined Cartesian" of the standard; and what a CRS without a single EPSG code is numbered.
+#: srs_id of the standard's "undefined Cartesian", and of a CRS without a single EPSG code.
 _CARTESIAN, _OWN = -1, 100_000
 _SQL_TYPES = {"U": "TEXT", "O": "TEXT", "b": "BOOLEAN", "f": "DOUBLE", "i": "INTEGER"}
 #: Little endian, envelope of x, y and z.
@@ -55,7 +55,7 @@ CREATE TABLE gpkg_extensions (table_name TEXT, column_name TEXT, extension_name 
 INSERT INTO gpkg_extensions VALUES ('gpkg_spatial_ref_sys', 'definition_12_063', 'gpkg_crs_wkt',
   'http://www.geopackage.org/spec120/#extension_crs_wkt', 'read-write');
 """
-#: Keeps the index right when others edit the layer ({t}: layer; their program brings the ST_ functions).
+#: Keeps the index up to date when other programs edit the layer ({t}); they provide the ST_ functions.
 _INDEX = (
     'CREATE VIRTUAL TABLE "rtree_{t}_geom" USING rtree(id, minx, maxx, miny, maxy)',
     """INSERT INTO gpkg_extensions VALUES ('{t}', 'geom', 'gpkg_rtree_index',
@@ -97,9 +97,9 @@ class LayerTable:
     key
         Name of the column with the row's number.
     sql_types
-        SQL types of columns where their values do not tell.
+        SQL types of columns whose values do not determine them.
     geometry
-        What the shapes are, as the standard names it.
+        Geometry type of the shapes, as the standard names it.
     """
 
     name: str
@@ -130,7 +130,7 @@ def geopackage_bytes(tables: Sequence[LayerTable], crs: str) -> bytes:
 
 
 def _add_crs(db: sqlite3.Connection, crs: str) -> int:
-    """Add the three entries that must be there and our own; return its number."""
+    """Add the three required CRSs and our own; return its srs_id."""
     wgs84 = pyproj.CRS.from_epsg(4326)
     rows = [
         ("Undefined Cartesian SRS", -1, "NONE", -1, "undefined", "undefined Cartesian", "undefined"),
@@ -188,7 +188,7 @@ def _add_index(db: sqlite3.Connection, table: LayerTable, bounds: FloatArray, sr
 
 
 def shape_bounds(shapes: AnyArray) -> FloatArray:
-    """Return (n, 6): min x, max x, min y, max y, min z, max z."""
+    """Return the extents (n, 6) [m]: min x, max x, min y, max y, min z, max z."""
     xyz, owner = shapely.get_coordinates(shapes, include_z=True, return_index=True)
     if len(shapes) == 0:
         return np.zeros((0, 6))
@@ -198,7 +198,7 @@ def shape_bounds(shapes: AnyArray) -> FloatArray:
 
 
 def geometry_blobs(shapes: AnyArray, srs_id: int) -> list[bytes]:
-    """Return the geometries as the standard stores them: a header with the extent, then WKB."""
+    """Return geometries as GeoPackage blobs: a header with the extent, then WKB."""
     head = struct.Struct("<2sBBi6d")
     return [
         head.pack(b"GP", 0, _BLOB_FLAGS, srs_id, *row) + wkb

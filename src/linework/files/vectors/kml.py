@@ -1,4 +1,4 @@
-"""Lines as KML: degrees, for looking at on a globe."""
+"""Lines as KML, in degrees, for viewing on a globe."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def write_kml(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
     Raises
     ------
     CrsError
-        The lines have no place on earth, or no exact way to degrees is known.
+        The lines are local, or PROJ knows no exact transformation to degrees.
     """
     degrees, layers = _in_degrees(lines, part), layer_names(lines)
     names = ordered_layers([*layers.tolist(), *kinds])
@@ -59,14 +59,14 @@ def write_kml(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
 def _in_degrees(lines: LineSet, where: Path) -> FloatArray:
     """Return (n, 3) longitude, latitude [deg], height [m]."""
     if lines.crs == LOCAL:
-        raise CrsError("KML needs a place on earth, these lines are local", where=where,
+        raise CrsError("KML needs georeferenced lines, these are local", where=where,
                        advice="write .gpkg, .geojson or .dxf")  # fmt: skip
     plan = horizontal_part(pyproj.CRS.from_wkt(lines.crs))
     try:
         transformer = pyproj.Transformer.from_crs(plan, "EPSG:4326", always_xy=True, allow_ballpark=False)
         east, north = transformer.transform(lines.xyz[:, 0], lines.xyz[:, 1], errcheck=True)
     except ProjError as error:
-        raise CrsError(f"no exact way from {describe_crs(lines.crs)} to degrees is known", where=where,
+        raise CrsError(f"PROJ knows no exact transformation from {describe_crs(lines.crs)} to degrees", where=where,
                        advice="write .gpkg, .geojson or .dxf") from error  # fmt: skip
     return np.stack([east, north, lines.xyz[:, 2]], axis=1)
 

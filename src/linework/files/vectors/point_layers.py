@@ -1,4 +1,4 @@
-"""The van's log as layers of points: `photolog` and `event`, with the fields that every vector format writes."""
+"""Photos and events of a drive as layers of points, `photolog` and `event`, written beside lines and read back."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from linework.files.vectors.gdal_input import pyogrio, read_errors
 from linework.model.logs import LoggedPlaces, VanLog
 
 PHOTOLOG, EVENT = "photolog", "event"
-#: Layers that hold points: who reads lines passes over them.
+#: Layers of points, which readers of lines skip.
 POINT_LAYERS = (PHOTOLOG, EVENT)
-#: Computed values: a tenth of a millimetre, a thousandth of a degree.
+#: Decimals of computed values: millimetres, thousandths of a degree.
 _DECIMALS = {"chainage_m": 3, "heading_deg": 3}
 
 
@@ -41,7 +41,7 @@ class PointLayer:
 
 
 def point_layers(log: VanLog | Sequence[PointLayer] | None) -> tuple[PointLayer, ...]:
-    """Return the layers of a log: those that the survey has, also where nothing could be placed."""
+    """Return the layers of a log; also empty ones, where the survey has photos or events that could not be placed."""
     if log is None or not isinstance(log, VanLog):
         return tuple(log or ())
     layers = []
@@ -66,14 +66,14 @@ def _fields(places: LoggedPlaces) -> dict[str, AnyArray]:
 
 
 def _names(files: Sequence[Path], root: Path) -> AnyArray:
-    """Return files as they are named from the survey's folder, so that a survey may move."""
+    """Return file names relative to the survey's folder, so that a survey can be moved."""
     return _texts([relative_path(file, root).as_posix() for file in files])
 
 
 def relative_path(file: Path, folder: Path) -> Path:
-    """Return a path as seen from a folder; as it is where there is no way (another drive).
+    """Return a path relative to a folder; absolute where it is on another drive.
 
-    >>> path_from(Path("/data/survey/left/1.png"), Path("/data/results")).as_posix()
+    >>> relative_path(Path("/data/survey/left/1.png"), Path("/data/results")).as_posix()
     '../survey/left/1.png'
     """
     try:
@@ -83,18 +83,15 @@ def relative_path(file: Path, folder: Path) -> Path:
 
 
 def _texts(values: Sequence[str]) -> AnyArray:
-    """Return texts as objects, "" as None, what no file can hold (lone surrogates of odd names) escaped."""
+    """Return texts as objects, "" as None, lone surrogates (in undecodable file names) escaped."""
     texts = np.full(len(values), None, dtype=object)
     for i, value in enumerate(values):
         texts[i] = value.encode("utf-8", errors="backslashreplace").decode() or None
     return texts
 
 
-# Read back the layers of points that stand beside lines: the van's log in our own files
-
-
 def read_point_layers(path: Path) -> tuple[PointLayer, ...]:
-    """Return the layers `photolog` and `event` of a GeoPackage or GeoJSON that `read_lines` has read; others have none.
+    """Return the layers `photolog` and `event` of a GeoPackage or GeoJSON; none for other formats.
 
     Raises
     ------

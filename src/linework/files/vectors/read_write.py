@@ -1,4 +1,4 @@
-"""Read and write lines: the format follows the file's suffix."""
+"""Read and write lines; the suffix of the file decides the format."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from linework.model.logs import VanLog
 _Write = Callable[..., None]
 _Verify = Callable[..., None]
 _Read = Callable[[Path, str, "Mapping[str, str] | None", "str | None"], LineSet]
-#: The module of each format that is written. It is imported when a file of that format is first met: of
-#: the 0.35 s that all of them take (measured), GeoPackage alone needs a tenth.
+#: Module of each format that is written, imported on first use: all of them take 0.35 s (measured), GeoPackage a tenth
+#: of that.
 _WRITERS = {
     ".gpkg": "gpkg",
     ".geojson": "geojson",
@@ -34,7 +34,7 @@ _WITH_POINTS = (".gpkg", ".geojson", ".json")
 
 
 def check_format(path: Path) -> None:
-    """Refuse a name whose suffix is none of the formats that lines are written in.
+    """Refuse a name whose suffix is not a format that lines are written in.
 
     Raises
     ------
@@ -56,19 +56,18 @@ def write_lines(
     note: Callable[[str], None] | None = None,
     finish: Callable[[bytes], bytes] | None = None,
 ) -> None:
-    """Write lines; the suffix says the format.
+    """Write lines in the format of the suffix.
 
     Parameters
     ----------
     kinds
-        Kinds that get a layer even where no line is of that kind (formats with layers).
+        Kinds that get a layer even without lines (formats with layers).
     points
-        Images and keys, as layers of points; formats that have no place for them leave them out
-        (`points_left_out` says so).
+        Photos and events, as layers of points; left out by formats that cannot hold them (see `points_left_out`).
     note
-        Told the SHA-256 of the verified file before it gets its name.
+        Called with the SHA-256 of the verified file before it is renamed into place.
     finish
-        Adds tables to the bytes of a GeoPackage before they are written; other formats have none.
+        Adds tables to the bytes of a GeoPackage before they are written; ignored for other formats.
 
     Raises
     ------
@@ -94,7 +93,7 @@ def write_lines(
     if path.suffix.lower() == ".gpkg" and path.is_file():
         from linework.files.vectors.gpkg import roll_back
 
-        # A journal left beside the old file would be taken for one of the new
+        # A journal left beside the old file would be applied to the new one
         roll_back(path)
 
     def verify_and_note(part: Path) -> None:
@@ -109,7 +108,7 @@ def write_lines(
 
 
 def points_left_out(path: Path, points: VanLog | Sequence[PointLayer] | None) -> tuple[str, ...]:
-    """Return one line about the layers of points that this file's format has no place for, or none."""
+    """Return a warning about layers of points that this file's format cannot hold, or none."""
     layers = () if path.suffix.lower() in _WITH_POINTS else point_layers(points)
     if not layers:
         return ()
@@ -122,22 +121,22 @@ def points_left_out(path: Path, points: VanLog | Sequence[PointLayer] | None) ->
 def read_lines(
     path: Path, *, kind_field: str = "kind", kinds: Mapping[str, str] | None = None, crs: str | None = None
 ) -> LineSet:
-    """Read lines that we or others made.
+    """Read lines from a file of linework or of other programs.
 
     Parameters
     ----------
     kind_field
-        The property that says what a feature is; without it the layer's name does.
+        Property with the kind of a feature; without it, the name of the layer.
     kinds
-        Names in the file and the kinds they are here; features of other names are left out.
+        Kinds by the names used in the file; features with other names are left out.
     crs
-        What the CRS is where the file does not say: "EPSG:...", WKT or "local" (the default).
+        CRS where the file does not state it: "EPSG:...", WKT or "local" (the default).
 
     Returns
     -------
     LineSet
-        Our own files come back exactly. In others, multi-part geometries become one line per part, polygons
-        one closed line per ring, and heights that are missing are NaN (such sets cannot be written).
+        Our own files exactly. In others, multi-part geometries become one line per part, polygons one closed line per
+        ring, and missing heights are NaN (such sets cannot be written).
 
     Raises
     ------
@@ -156,7 +155,7 @@ def read_lines(
 
 
 def _writer(path: Path) -> tuple[_Write, _Verify]:
-    """Return how a file is written and how it is verified."""
+    """Return the functions that write and verify a file of this format."""
     name = _WRITERS[path.suffix.lower()]
     room = "gdal" if name == "flatgeobuf" else name
     module = importlib.import_module(f"linework.files.vectors.{room}")
@@ -164,7 +163,7 @@ def _writer(path: Path) -> tuple[_Write, _Verify]:
 
 
 def _read_gpkg(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
-    """Read a GeoPackage: our own exactly, others as they are."""
+    """Read a GeoPackage: our own exactly, others by their geometries and fields."""
     from linework.files.vectors.gdal import read_foreign
     from linework.files.vectors.gpkg import read_own_gpkg, roll_back
 

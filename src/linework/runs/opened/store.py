@@ -17,8 +17,8 @@ from linework.errors import InputError
 from linework.files.las.decoder import DecoderLimits
 from linework.files.las.header import read_las_header
 from linework.files.output.locks import hold_lock
-from linework.files.output.publish import machine_errors
 from linework.files.output.record import hash_file
+from linework.files.output.replace import replacing_folder
 from linework.files.store.build import build_store
 from linework.files.store.facts import StoreFacts, facts_of_store
 from linework.files.store.read import PointStore
@@ -107,17 +107,9 @@ def promised_points(survey: Survey) -> int:
 def _make(
     survey: Survey, folder: Path, n_threads: int, limits: DecoderLimits | None, steps: RunSteps
 ) -> None:
-    """Decode all files into a temporary folder, and rename it when it is complete."""
-    part = folder.with_name(f".{folder.name}.part")
-    with machine_errors(folder):
-        shutil.rmtree(part, ignore_errors=True)
-        part.mkdir(parents=True)
-        try:
-            with steps.step("read points", unit="points") as advance:
-                build_store(survey, part, n_threads=n_threads, progress=advance, limits=limits)
-            part.replace(folder)
-        finally:
-            shutil.rmtree(part, ignore_errors=True)
+    """Decode all files into a part folder, and give it its name when it is whole."""
+    with replacing_folder(folder) as part, steps.step("read points", unit="points") as advance:
+        build_store(survey, part, n_threads=n_threads, progress=advance, limits=limits)
 
 
 def _names(survey: Survey, hashes: Mapping[Path, str]) -> tuple[str, str]:

@@ -1,4 +1,4 @@
-"""Read laser points: LAS 1.0 to 1.4, LAZ, COPC."""
+"""Read a whole LAS, LAZ or COPC file into memory: the obvious twin of the tile store's way through batches."""
 
 from __future__ import annotations
 
@@ -13,15 +13,13 @@ from linework.errors import InputError
 from linework.files.las.batches import BATCH_POINTS, read_las_batches
 from linework.files.las.crs import resolve_crs
 from linework.files.las.header import LasHeader, read_las_header
-from linework.files.las.tally import LasTally
-from linework.files.las.tally import TimeKind as TimeKind
-from linework.files.las.write import write_las as write_las
+from linework.files.las.tally import LasTally, TimeKind
 from linework.model.points import Points
 
 
 @dataclass(frozen=True, slots=True)
 class LasContent:
-    """The points of one file and what was found on the way.
+    """The points of one file, and facts about it.
 
     Parameters
     ----------
@@ -64,7 +62,7 @@ def read_las(
     progress
         Called with the number of points read so far.
     batch_points
-        Points decoded at a time; what is read does not depend on it.
+        Points decoded at a time; the result does not depend on it.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What others did to a drawing's file: found by comparing its layers with the lines as they were saved last."""
+"""Changes that other programs made to a line file, found by comparing its layers with the lines last saved."""
 
 from __future__ import annotations
 
@@ -16,21 +16,22 @@ from linework.errors import InputError
 from linework.files.line_file.tables import LineRow, columns_of, line_layers, quoted, wkb_of
 from linework.files.vectors.fields import REJECTED_LAYER, lines_from_geometries
 from linework.files.vectors.gpkg import VERTEX_TABLE
+from linework.model.columns import column_types
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
 
 @dataclass(frozen=True, slots=True)
 class OutsideChanges:
-    """What was done.
+    """Changes made by other programs.
 
     Parameters
     ----------
     gone
         Ids of lines that were changed or removed.
     came
-        Lines as they are after it, and new ones; those without `id` need one.
+        Changed lines as they are now, and new ones; those without `id` need one.
     features
-        Layer and feature of new ones, which stand where they were put.
+        Layer and feature of the new ones, as the other program placed them.
     """
 
     gone: tuple[str, ...]
@@ -44,10 +45,10 @@ class OutsideChanges:
 def find_outside_changes(
     db: sqlite3.Connection, own: LineSet, rows: Sequence[LineRow], path: Path
 ) -> OutsideChanges:
-    """Compare the file with the lines `own`, which stood in `rows` when they were saved.
+    """Compare the file with the lines `own`, which were in `rows` when they were saved.
 
-    A vertex that stands where one of the line stood keeps its sigmas and flags; others do not know theirs. Lines that
-    nobody has reviewed are "edited", new ones "drawn".
+    A vertex at the same place as one of the old line keeps its sigmas and flags; for others they are unknown. Changed
+    lines without a review become "edited", new ones "drawn".
     """
     found = read_layer_lines(db, own.crs, path)
     place = {(row.layer, row.fid): i for i, row in enumerate(rows)}
@@ -66,14 +67,14 @@ def find_outside_changes(
 
 
 def _vertices_there(db: sqlite3.Connection, own: LineSet, rows: Sequence[LineRow]) -> BoolArray:
-    """Return whether the table of vertices holds as many of each line as it has."""
+    """Return which lines have all their vertices in the table of vertices."""
     counts: Mapping[int, int] = dict(db.execute(f"SELECT line, count(*) FROM {VERTEX_TABLE} GROUP BY line"))
     n = np.array([counts.get(row.line, 0) for row in rows], dtype=np.int64)
     return np.asarray(n == np.diff(own.offsets), dtype=np.bool_)
 
 
 def _changed(found: LayerLines, j: int, before: LineSet) -> LineSet:
-    """Return a line that was changed, with what is known per vertex where a vertex stayed."""
+    """Return a changed line; vertices that stayed keep their sigmas and flags."""
     line = found.lines.take([j])
     if line.review[0] == "":
         line = line.with_columns(review=["edited"])
@@ -88,13 +89,13 @@ def _changed(found: LayerLines, j: int, before: LineSet) -> LineSet:
 
 
 def _drawn(lines: LineSet) -> LineSet:
-    """Return new lines; where nobody says how sure they are, a person was."""
+    """Return new lines as drawn by a person: confidence 1 where none is given."""
     review = np.where(lines.review == "", "drawn", lines.review)
     return lines.with_columns(review=review, confidence=np.nan_to_num(lines.confidence, nan=1.0))
 
 
 def _with_own_ids(lines: LineSet, before: AnyArray, taken: set[str]) -> LineSet:
-    """Return the lines; whose id another line has (copied and split features keep theirs) gets its own back, or none."""
+    """Return the lines with unique ids: copied and split features share one; a line keeps its own or gets none."""
     ids, used = lines.id.tolist(), set(taken)
     for i, name in enumerate(ids):
         own = str(before[i]) if i < len(before) else ""
@@ -103,19 +104,16 @@ def _with_own_ids(lines: LineSet, before: AnyArray, taken: set[str]) -> LineSet:
     return lines.with_columns(id=np.array(ids, dtype=np.str_))
 
 
-# The lines that stand in a drawing's layers, whoever put them there
-
-
 @dataclass(frozen=True, slots=True)
 class LayerLines:
-    """Lines and their features.
+    """Lines in the layers of a file, and their features.
 
     Parameters
     ----------
     lines
-        m lines; what is known per vertex is in another table (see `with_vertex_rows`).
+        m lines, without vertex columns (see `with_vertex_rows`).
     features
-        Layer and number of the feature of each; of one with several parts, all but the first have number 0.
+        Layer and number of the feature of each; of a feature with several parts, all but the first have number 0.
     """
 
     lines: LineSet
@@ -123,12 +121,12 @@ class LayerLines:
 
 
 def read_layer_lines(db: sqlite3.Connection, crs: str, path: Path) -> LayerLines:
-    """Return the lines of all layers; what is no line (no place, no length) is left out.
+    """Return the lines of all layers; features without geometry or length are left out.
 
     Raises
     ------
     InputError
-        A geometry cannot be read, or has a coordinate that is no number.
+        A geometry cannot be read, or has a coordinate that is not a number.
     """
     sets, features = [LineSet.empty(crs)], []
     for layer in line_layers(db):
@@ -155,11 +153,11 @@ def _shapes(blobs: tuple[Any, ...], path: Path) -> AnyArray:
     try:
         return np.asarray(shapely.from_wkb([None if blob is None else wkb_of(blob) for blob in blobs]))
     except (ValueError, TypeError, shapely.errors.GEOSException) as error:
-        raise InputError("a geometry cannot be read", where=path, advice="go back to a copy") from error
+        raise InputError("a geometry cannot be read", where=path, advice="restore a copy") from error
 
 
 def _of_layer(lines: LineSet, layer: str) -> LineSet:
-    """Return the lines with what their layer says where their fields say nothing."""
+    """Return the lines with kind or review filled in from their layer."""
     if layer == REJECTED_LAYER:
         return lines.with_columns(review=np.where(lines.review == "", "rejected", lines.review))
     return lines.with_columns(kind=np.where(lines.kind == "", layer, lines.kind))
@@ -172,7 +170,7 @@ def _has_length(lines: LineSet) -> BoolArray:
 
 
 def _with_heights(lines: LineSet) -> LineSet:
-    """Return the lines; vertices that were drawn without a height take that of the nearest one that has one."""
+    """Return the lines; vertices drawn without a height take that of the nearest vertex with one."""
     missing = ~np.isfinite(lines.xyz[:, 2])
     if not missing.any():
         return lines
@@ -185,7 +183,7 @@ def _with_heights(lines: LineSet) -> LineSet:
 
 
 def with_vertex_rows(db: sqlite3.Connection, found: LayerLines) -> tuple[LineSet, Mapping[int, LineRow]]:
-    """Return the lines with what the table of vertices knows, and where those lines stand of which it knows all."""
+    """Return the lines with their vertex columns, and the rows of the lines whose vertices are all in the table."""
     names = [name for name in VERTEX_COLUMNS if name in columns_of(db, VERTEX_TABLE)]
     fields = ", ".join(names)
     rows = db.execute(f"SELECT layer, line_fid, line, {fields} FROM {VERTEX_TABLE} ORDER BY rowid").fetchall()
@@ -209,12 +207,12 @@ def with_vertex_rows(db: sqlite3.Connection, found: LayerLines) -> tuple[LineSet
 
 
 def _column(name: str, values: tuple[Any, ...]) -> FloatArray | BoolArray:
-    dtype = LineSet.__dataclass_fields__[name].metadata["dtype"]
+    dtype = column_types(LineSet)[name].dtype
     return np.array([v == 1 for v in values]) if dtype is np.bool_ else np.array(values, dtype=np.float64)
 
 
 def differing_lines(a: LineSet, b: LineSet) -> BoolArray:
-    """Return which lines of two sets of m are not the same in place or in a column of the line."""
+    """Return (m,) bool: which lines of two sets of m lines differ in geometry or in a line column."""
     counts = np.diff(a.offsets)
     differs = counts != np.diff(b.offsets)
     for name in LINE_COLUMNS:

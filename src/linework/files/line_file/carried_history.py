@@ -1,4 +1,4 @@
-"""The history of a drawing goes along when an extraction writes its file anew."""
+"""Carry the edit history over when an extraction rewrites a line file."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ from linework.model.lines import LineSet
 
 
 def has_reviews(path: Path) -> bool:
-    """Return whether a file holds what people said of lines: edits, or reviews typed in by other programs.
+    """Return whether a file holds edits, or review decisions entered in another program.
 
-    What is no GeoPackage of lines holds none.
+    False for anything but a GeoPackage of lines.
     """
     try:
         checked_vector_file(path)
@@ -62,9 +62,9 @@ def _is_said(db: sqlite3.Connection, layer: str) -> bool:
 
 
 def with_history(old: Path, lines: LineSet) -> Callable[[bytes], bytes]:
-    """Return what adds the history of a drawing to a file that holds `lines`, and will replace it.
+    """Return a function that adds the history of the line file `old` to the bytes of one with `lines`.
 
-    Lines that are in both, to the bit, go on; all others are one edit, `EXTRACT`.
+    Lines that are in both, to the bit, continue; all others become one edit, `EXTRACT`.
     """
 
     def finish(content: bytes) -> bytes:
@@ -111,7 +111,7 @@ def _carry(db: sqlite3.Connection, lines: LineSet) -> None:
 
 
 def rows_as_written(lines: LineSet) -> list[LineRow]:
-    """Return where `write_gpkg` puts lines: numbered from 0, their features from 1 in each layer."""
+    """Return the places of lines written by `write_gpkg`: lines count from 0, features from 1 in each layer."""
     n: dict[str, int] = {}
     rows = []
     for i, layer in enumerate(layer_names(lines).tolist()):

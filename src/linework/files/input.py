@@ -1,0 +1,89 @@
+"""Input files: checked before they are opened, so that a pipe cannot block and an empty file is named as such.
+
+GDAL is restricted here, too: opening a file with it can reach other files and the network. Two copies of GDAL live in
+this process (pyogrio's and rasterio's); both read the variable, so import this before either of them.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+from linework.errors import InputError
+
+# A value set by the user stays
+os.environ.setdefault("CPL_VSIL_CURL_ALLOWED_EXTENSIONS", ".invalid")
+
+
+def regular_file_bytes(path: Path) -> int:
+    """Return the size of a regular file; a pipe, a device or a folder is refused unopened, so nothing can hang.
+
+    Raises
+    ------
+    InputError
+        Missing, unreadable, or not a regular file.
+    """
+    try:
+        status = path.stat()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot be opened: {reason}", where=path, advice="check the name") from error
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError("is not a regular file", where=path, advice="name a file on a disk")
+    if not os.access(path, os.R_OK):
+        raise InputError("no permission to read it", where=path, advice="check its permissions")
+    return status.st_size
+
+
+def filled_file_bytes(path: Path, advice: str = "copy the file again") -> int:
+    """Return the size of a regular file that is not empty.
+
+    Raises
+    ------
+    InputError
+        Missing, unreadable, not a regular file, or empty.
+    """
+    n_bytes = regular_file_bytes(path)
+    if n_bytes == 0:
+        raise InputError("empty file (0 bytes)", where=path, advice=advice)
+    return n_bytes
+
+
+def open_input(path: Path) -> BinaryIO:
+    """Return a checked file, open for reading bytes; use it in a `with` statement.
+
+    Raises
+    ------
+    InputError
+        Missing, unreadable, not a regular file, or empty.
+    """
+    filled_file_bytes(path)
+    return path.open("rb")
+
+
+def read_input_text(path: Path, *, max_bytes: int, advice: str) -> str:
+    """Return the text of a whole file: UTF-8, with or without a byte order mark.
+
+    Parameters
+    ----------
+    max_bytes
+        Larger files are refused before they are read.
+    advice
+        What to do about a larger file.
+
+    Raises
+    ------
+    InputError
+        Missing, unreadable, not a regular file, too large, or not UTF-8.
+    """
+    n_bytes = regular_file_bytes(path)
+    if n_bytes > max_bytes:
+        raise InputError(f"{n_bytes:,} bytes, expected at most {max_bytes:,}", where=path, advice=advice)
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"is not UTF-8 text (byte {error.start:,})", where=path, advice="save it as UTF-8"
+        ) from error
