@@ -165,7 +165,7 @@ def follow_seed(
 
 def _best_curve(
     s: FloatArray, o: FloatArray, z: FloatArray, left: BoolArray, vote_m: float
-) -> tuple[float, float, float] | None:
+) -> kernels.SliceCurve | None:
     """Return the curve with most votes in the slice, or None where none has enough.
 
     Every half metre has one vote, shared by its cells, so that a wall or a crown has no more than a wire.

@@ -105,7 +105,7 @@ class Strands:
             np.concatenate([nodes for nodes, *_ in parts]),
             offsets,
             np.concatenate([arc for _, arc, _ in parts]),
-            offsets[:-1] + [middle for *_, middle in parts],
+            offsets[:-1] + np.array([middle for *_, middle in parts], dtype=np.int64),
             self.begin,
         )
 
