@@ -147,8 +147,8 @@ def test_wheels_that_stand_while_the_van_moves_are_not_believed(drive, logs):
 
 @pytest.mark.parametrize(
     ("factor", "name"),
-    [(-1.0, "with the wrong sign"), (180.0 / np.pi, "in degrees where radians"),
-     (np.pi / 180.0, "in radians where degrees")],
+    [(-1.0, "with the wrong sign"), (180.0 / np.pi, "in degrees instead of radians"),
+     (np.pi / 180.0, "in radians instead of degrees")],
 )  # fmt: skip
 def test_signs_and_units_of_the_gyro_are_named(drive, logs, factor, name):
     located = locate_drive(with_rate(logs, logs.gyro.yaw_rate_radps * factor), rate_hz=10.0)
@@ -174,12 +174,12 @@ def test_a_saturated_gyro_is_named_and_bridged_by_the_wheels(drive, logs):
 
 def test_a_wrong_tick_or_unit_of_speed_is_named(drive, logs):
     located = locate_drive(replace(logs, tick_m=logs.tick_m * 1.3), rate_hz=10.0)
-    said(located, "the way by GNSS is 0.77", "times what they say")
+    said(located, "the distance by GNSS is 0.77", "times theirs")
     speed = np.gradient(logs.wheels.ticks.mean(axis=1) * logs.tick_m, logs.wheels.time_s)
     located = locate_drive(
         replace(logs, wheels=WheelLog(logs.wheels.time_s, speed_mps=3.6 * speed)), rate_hz=10.0
     )
-    said(located, "km/h where m/s are said")
+    said(located, "km/h instead of m/s")
     assert off_m(drive, located).max() < 0.3
 
 

@@ -1,15 +1,15 @@
-"""Positions from GNSS and dead reckoning: extended Kalman filter forward, Rauch-Tung-Striebel smoother backward.
+"""Kernels that locate a drive: extended Kalman filter forward, Rauch-Tung-Striebel smoother backward.
 
-State (what the filter estimates at a node, one of its columns each):
+State at a node, by column:
 
 ====== ==================================================================================================
 0-2    position of the vehicle's origin: east, north, up [m]
 3      heading, clockwise from north, without jumps [rad]
 4, 5   gyro: bias [rad/s], scale (turn = (1 + scale) reading - bias dt)
 6, 7   left and right wheel: scale (distance = (1 + scale) counts)
-8, 9   speed [m/s] and turn rate [rad/s] beside what wheels and gyro say; 0 while these are to be trusted
-10, 11 pitch and roll beside what the vertical gyro says [rad]
-12     GNSS stamps: later than true by this [s]
+8, 9   speed [m/s] and turn rate [rad/s] in addition to wheels and gyro; 0 while these are valid
+10, 11 pitch and roll in addition to the vertical gyro [rad]
+12     delay of the GNSS time stamps [s]
 13-15  slow error of the GNSS, east, north, up, in its own sigmas
 ====== ==================================================================================================
 """
@@ -23,24 +23,45 @@ from numba import njit
 
 from linework.arrays import FloatArray, IntArray
 
+#: Number of states, and their columns: see above.
 N_STATES = 16
 E, N, U, NAV_HEADING, BIAS, GYRO_SCALE, LEFT, RIGHT, SPEED, NAV_TURN, PITCH, ROLL, DELAY, WANDER = range(14)
 
-# Columns of a step from one node to the next
+#: Columns of a step from one node to the next: time [s], turn read [rad], distances of the wheels [m], end of the unit
+#: chord ahead and to the right, pitch read [rad], at rest, speed and turn free (0, 1; 2: begins), turns from the wheels,
+#: turn by the wheels' difference [rad] and its variance, variances of the body sideways and up [m2] and of the bias.
 (
     DT, TURN_READ, LEFT_M, RIGHT_M, ANTENNA_AHEAD, ASIDE, PITCH_READ, AT_REST, SPEED_FREE, TURN_FREE, WHEELS_TURN,
     WHEEL_TURN, WHEEL_TURN_VAR, SIDE_VAR, UP_VAR, BIAS_VAR,
 ) = range(16)  # fmt: skip
+#: Number of these columns.
 N_STEP = 16
 
-# Columns of the noise model
+#: Columns of the noise model: see `linework.navigation.noise.NoiseModel.row`.
 (
     GYRO_VAR, BIAS_WALK, WHEEL_VAR, SCALE_WALK, TILT_VAR, PER_TILT_S, PER_TILT_M, GNSS_FACTOR, SHARE,
     PER_WANDER_S, TICK_VAR, TRACK_M, ACCEL_VAR, TURN_ACCEL_VAR, SPEED_VAR, PER_SPEED_S,
 ) = range(16)  # fmt: skip
+#: Number of these columns.
 N_NOISE = 16
 
-#: 99.9 % of chi-squared with two and with one degree of freedom.
+#: Columns of the readings at a node: roll and pitch [rad], speed over seconds [m/s].
+READ_ROLL, READ_PITCH, READ_SPEED = range(3)
+#: Elements of a lever in the vehicle frame: forward, left, up. [m]
+LEVER_FORWARD, LEVER_LEFT, LEVER_UP = range(3)
+
+#: Variances with which speed [(30 m/s)^2] and turn rate [(0.5 rad/s)^2] begin where nothing measures them.
+_SPEED_BEGIN_VAR, _TURN_BEGIN_VAR = 900.0, 0.25
+#: Variance of a state that is held at 0: keeps the covariance invertible.
+_HELD_VAR = 1e-14
+#: Random walk of the position beside all models: 10 um in a second; keeps the covariance invertible. [m2/s]
+_POSITION_WALK = 1e-10
+#: Values of a state's `free`: held at 0, and beginning at this step; else it wanders.
+_HELD, _BEGINS = 0.0, 2.0
+#: Least variance that states are scaled by, and ridge of the scaled covariance, before it is inverted.
+_LEAST_VAR, _SCALED_RIDGE = 1e-30, 1e-13
+
+#: Gates of squared innovations in plan and in height: 99.9 % of chi-squared with two and with one degree of freedom.
 GATE_PLAN, GATE_UP = 13.8, 10.8
 
 
@@ -48,7 +69,17 @@ GATE_PLAN, GATE_UP = 13.8, 10.8
 def predict(
     x: FloatArray, p: FloatArray, step: FloatArray, noise: FloatArray, F: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return state and covariance at the next node; `F` receives the derivative of the new state."""
+    """Return state (16,) and covariance (16, 16) at the next node.
+
+    Parameters
+    ----------
+    x, p
+        (16,) and (16, 16) at this node.
+    step, noise
+        (16,) each.
+    F
+        (16, 16), written: derivative of the new state by the old one.
+    """
     dt = step[DT]
     F[:] = np.eye(N_STATES)
     new = x.copy()
@@ -84,14 +115,14 @@ def predict(
             F[NAV_HEADING, i] += turn_by[i]
         q[NAV_HEADING] = noise[GYRO_VAR] * dt
     way = abs(far)
-    # What is free wanders, what is not is 0, or the slow error of a speed
+    # Free states wander; others are 0, or the slow error of a speed log
     if step[SPEED_FREE] == 0.0 and noise[SPEED_VAR] > 0.0:
         _forget(SPEED, math.exp(-dt * noise[PER_SPEED_S]), noise[SPEED_VAR], new, F, q)
     else:
-        _wander_freely(SPEED, step[SPEED_FREE], noise[ACCEL_VAR] * dt, 900.0, new, F, q)
-    _wander_freely(NAV_TURN, step[TURN_FREE], noise[TURN_ACCEL_VAR] * dt, 0.25, new, F, q)
+        _wander_freely(SPEED, step[SPEED_FREE], noise[ACCEL_VAR] * dt, _SPEED_BEGIN_VAR, new, F, q)
+    _wander_freely(NAV_TURN, step[TURN_FREE], noise[TURN_ACCEL_VAR] * dt, _TURN_BEGIN_VAR, new, F, q)
     _forget(PITCH, math.exp(-dt * noise[PER_TILT_S] - way * noise[PER_TILT_M]), noise[TILT_VAR], new, F, q)
-    # Roll is that of the road where nothing measures it: it changes as the slope does
+    # Where nothing measures roll it is that of the road, and changes as the slope does
     _forget(ROLL, math.exp(-dt * noise[PER_TILT_S] - way * noise[PER_TILT_M]), noise[TILT_VAR], new, F, q)
     for i in range(WANDER, WANDER + 3):
         _forget(i, math.exp(-dt * noise[PER_WANDER_S]), 1.0, new, F, q)
@@ -102,11 +133,11 @@ def predict(
         p[i, i] += q[i]
     sin_h, cos_h = math.sin(new[NAV_HEADING]), math.cos(new[NAV_HEADING])
     along, side = noise[WHEEL_VAR] * way, step[SIDE_VAR]
-    p[E, E] += along * sin_h * sin_h + side * cos_h * cos_h + 1e-10 * dt
-    p[N, N] += along * cos_h * cos_h + side * sin_h * sin_h + 1e-10 * dt
+    p[E, E] += along * sin_h * sin_h + side * cos_h * cos_h + _POSITION_WALK * dt
+    p[N, N] += along * cos_h * cos_h + side * sin_h * sin_h + _POSITION_WALK * dt
     p[E, N] += (along - side) * sin_h * cos_h
     p[N, E] = p[E, N]
-    p[U, U] += step[UP_VAR] + 1e-10 * dt
+    p[U, U] += step[UP_VAR] + _POSITION_WALK * dt
     return new, p
 
 
@@ -114,10 +145,10 @@ def predict(
 def _wander_freely(
     i: int, free: float, q_step: float, q_begin: float, x: FloatArray, F: FloatArray, q: FloatArray
 ) -> None:
-    """Set a state that is 0 while `free` is 0, begins unknown where it is 2, and walks where it is 1."""
-    if free == 0.0:
-        x[i], F[i, i], q[i] = 0.0, 0.0, 1e-14
-    elif free == 2.0:
+    """Propagate state `i`: 0 while `free` is 0, unknown where it is 2, a random walk where it is 1."""
+    if free == _HELD:
+        x[i], F[i, i], q[i] = 0.0, 0.0, _HELD_VAR
+    elif free == _BEGINS:
         x[i], F[i, i], q[i] = 0.0, 0.0, q_begin
     else:
         q[i] = q_step
@@ -125,7 +156,7 @@ def _wander_freely(
 
 @njit(cache=True, nogil=True)
 def _forget(i: int, keep: float, var: float, x: FloatArray, F: FloatArray, q: FloatArray) -> None:
-    """Gauss-Markov: a state of variance `var` that keeps the share `keep` of itself."""
+    """Propagate state `i` as a Gauss-Markov process of variance `var` that keeps the share `keep`."""
     x[i] *= keep
     F[i, i] = keep
     q[i] = var * (1.0 - keep * keep)
@@ -133,7 +164,7 @@ def _forget(i: int, keep: float, var: float, x: FloatArray, F: FloatArray, q: Fl
 
 @njit(cache=True, nogil=True)
 def _update(x: FloatArray, p: FloatArray, H: FloatArray, innovation: float, variance: float) -> float:
-    """Take in one scalar measurement; returns the variance of its innovation."""
+    """Update state and covariance, in place, by one scalar measurement; return the variance of its innovation."""
     ph = p @ H
     s = H @ ph + variance
     gain = ph / s
@@ -146,36 +177,50 @@ def _update(x: FloatArray, p: FloatArray, H: FloatArray, innovation: float, vari
 def antenna(
     x: FloatArray, read: FloatArray, lever: FloatArray, sigma: FloatArray, noise: FloatArray, H: FloatArray
 ) -> tuple[float, float, float]:
-    """Return where a fix is expected; `H` (3, 16) receives its derivative.
+    """Return the expected position of a fix: east, north, up [m].
 
-    `read` is roll, pitch, and the speed over seconds: that of the last step would carry the step's own error
-    into the delay.
+    Parameters
+    ----------
+    x
+        (16,) state.
+    read
+        (3,) readings, columns `READ_ROLL` to `READ_SPEED`. The speed is over seconds: that of the last step would
+        carry the error of the step into the delay.
+    lever
+        (3,) of the antenna. [m, vehicle]
+    sigma
+        (3,) of the fix. [m]
+    noise
+        (16,).
+    H
+        (3, 16), written: derivative of the position by the state.
     """
-    roll, pitch = read[0] + x[ROLL], read[1] + x[PITCH]
+    roll, pitch = read[READ_ROLL] + x[ROLL], read[READ_PITCH] + x[PITCH]
     sin_r, cos_r, sin_p, cos_p = math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch)
     sin_h, cos_h = math.sin(x[NAV_HEADING]), math.cos(x[NAV_HEADING])
-    left, up = lever[1] * cos_r - lever[2] * sin_r, lever[1] * sin_r + lever[2] * cos_r
-    front, top = lever[0] * cos_p - up * sin_p, lever[0] * sin_p + up * cos_p
+    left = lever[LEVER_LEFT] * cos_r - lever[LEVER_UP] * sin_r
+    up = lever[LEVER_LEFT] * sin_r + lever[LEVER_UP] * cos_r
+    front, top = lever[LEVER_FORWARD] * cos_p - up * sin_p, lever[LEVER_FORWARD] * sin_p + up * cos_p
     east, north = front * sin_h - left * cos_h, front * cos_h + left * sin_h
     velocity = np.empty(3)
-    speed = read[2] + x[SPEED]
-    velocity[0], velocity[1], velocity[2] = speed * sin_h, speed * cos_h, speed * sin_p
+    speed = read[READ_SPEED] + x[SPEED]
+    velocity[E], velocity[N], velocity[U] = speed * sin_h, speed * cos_h, speed * sin_p
     H[:] = 0.0
     slow = noise[GNSS_FACTOR] * math.sqrt(noise[SHARE])
     for i in range(3):
         H[i, i] = 1.0
         H[i, DELAY] = -velocity[i]
         H[i, WANDER + i] = slow * sigma[i]
-    H[0, NAV_HEADING], H[1, NAV_HEADING] = north, -east
-    H[0, PITCH], H[1, PITCH], H[2, PITCH] = -top * sin_h, -top * cos_h, front
-    H[0, ROLL] = -left * sin_p * sin_h + up * cos_h
-    H[1, ROLL] = -left * sin_p * cos_h - up * sin_h
-    H[2, ROLL] = left * cos_p
+    H[E, NAV_HEADING], H[N, NAV_HEADING] = north, -east
+    H[E, PITCH], H[N, PITCH], H[U, PITCH] = -top * sin_h, -top * cos_h, front
+    H[E, ROLL] = -left * sin_p * sin_h + up * cos_h
+    H[N, ROLL] = -left * sin_p * cos_h - up * sin_h
+    H[U, ROLL] = left * cos_p
     add = np.empty(3)
-    add[0], add[1], add[2] = east, north, top
+    add[E], add[N], add[U] = east, north, top
     for i in range(3):
         add[i] += x[i] - velocity[i] * x[DELAY] + H[i, WANDER + i] * x[WANDER + i]
-    return add[0], add[1], add[2]
+    return add[E], add[N], add[U]
 
 
 @njit(cache=True, nogil=True)
@@ -191,7 +236,7 @@ def filter_forward(
     lever: FloatArray,
     noise: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float]:
-    """Filter all nodes.
+    """Filter all nodes forward.
 
     Parameters
     ----------
@@ -212,8 +257,8 @@ def filter_forward(
 
     Notes
     -----
-    A fix whose innovation is beyond the gate gets so much variance that it pulls ever less the further off
-    it is; it is never refused for good, so that the filter finds back after a long outage.
+    The variance of a fix whose innovation is beyond the gate grows so that it pulls less the farther off it is; it is
+    never rejected, so that the filter recovers after a long outage.
     """  # fmt: skip
     n, m = len(read), len(fixes)
     xs, ps = np.empty((n, N_STATES)), np.empty((n, N_STATES, N_STATES))
@@ -234,7 +279,7 @@ def filter_forward(
                 s = _update(x, p, h, got, noise[GYRO_VAR] / step[DT])
                 likelihood -= 0.5 * (math.log(s) + _bounded(got * got / s, GATE_UP))
             elif step[WHEEL_TURN_VAR] < math.inf:
-                # The wheels turn the van as the gyro does
+                # The difference of the wheels measures the turn, as the gyro does
                 h[BIAS], h[GYRO_SCALE], h[NAV_TURN] = -step[DT], step[TURN_READ], step[DT]
                 h[LEFT], h[RIGHT] = -step[LEFT_M] / noise[TRACK_M], step[RIGHT_M] / noise[TRACK_M]
                 got = step[WHEEL_TURN] - step[TURN_READ] - h @ x
@@ -244,17 +289,17 @@ def filter_forward(
         j = fix_of[k]
         if j >= 0:
             east, north, up = antenna(x, read[k], lever, sigma[j], noise, H)
-            d[0], d[1], d[2] = fixes[j, 0] - east, fixes[j, 1] - north, fixes[j, 2] - up
+            d[E], d[N], d[U] = fixes[j, E] - east, fixes[j, N] - north, fixes[j, U] - up
             white = noise[GNSS_FACTOR] ** 2 * (1.0 - noise[SHARE])
             for i in range(3):
                 r[i] = white * sigma[j, i] ** 2 + noise[TICK_VAR]
-            s00, s11, s01 = H[0] @ p @ H[0] + r[0], H[1] @ p @ H[1] + r[1], H[0] @ p @ H[1]
-            s22 = H[2] @ p @ H[2] + r[2]
+            s00, s11, s01 = H[E] @ p @ H[E] + r[E], H[N] @ p @ H[N] + r[N], H[E] @ p @ H[N]
+            s22 = H[U] @ p @ H[U] + r[U]
             det = s00 * s11 - s01 * s01
-            nis = (s11 * d[0] * d[0] - 2.0 * s01 * d[0] * d[1] + s00 * d[1] * d[1]) / det
-            nis_up = d[2] * d[2] / s22
+            nis = (s11 * d[E] * d[E] - 2.0 * s01 * d[E] * d[N] + s00 * d[N] * d[N]) / det
+            nis_up = d[U] * d[U] / s22
             innovation[j] = d
-            spread[j, 0], spread[j, 1], spread[j, 2] = math.sqrt(s00), math.sqrt(s11), math.sqrt(s22)
+            spread[j, E], spread[j, N], spread[j, U] = math.sqrt(s00), math.sqrt(s11), math.sqrt(s22)
             likelihood -= 0.5 * (math.log(det) + _bounded(nis, GATE_PLAN))
             likelihood -= 0.5 * (math.log(s22) + _bounded(nis_up, GATE_UP))
             if math.isnan(doubt[j, 0]):
@@ -266,7 +311,7 @@ def filter_forward(
                 added[j] = doubt[j]
             at = x.copy()
             for i in range(3):
-                # One axis after the other, all linearised at the same place
+                # One axis after the other, all linearised at the same state
                 moved = H[i] @ (x - at)
                 _update(x, p, H[i].copy(), d[i] - moved, r[i] + added[j, i // 2])
         p = 0.5 * (p + p.T)
@@ -276,7 +321,7 @@ def filter_forward(
 
 @njit(cache=True, nogil=True)
 def _bounded(nis: float, gate: float) -> float:
-    """Squared innovation over its variance; beyond the gate it grows as its logarithm."""
+    """Return a normalised squared innovation that grows only logarithmically beyond the gate."""
     return nis if nis <= gate else gate * (1.0 + math.log(nis / gate))
 
 
@@ -284,7 +329,7 @@ def _bounded(nis: float, gate: float) -> float:
 def smooth_backward(
     xs: FloatArray, ps: FloatArray, steps: FloatArray, noise: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Smooth filtered states.
+    """Smooth filtered states backward.
 
     Parameters
     ----------
@@ -307,13 +352,13 @@ def smooth_backward(
     F = np.empty((N_STATES, N_STATES))
     for k in range(n - 2, -1, -1):
         ahead, cov = predict(xs[k], ps[k], steps[k], noise, F)
-        # States differ by 10^12 in variance: scaled, their covariance can be inverted
+        # Variances of states differ by 10^12: the covariance is scaled before it is inverted
         scale = np.empty(N_STATES)
         for i in range(N_STATES):
-            scale[i] = 1.0 / math.sqrt(max(cov[i, i], 1e-30))
+            scale[i] = 1.0 / math.sqrt(max(cov[i, i], _LEAST_VAR))
         unit = cov * np.outer(scale, scale)
         for i in range(N_STATES):
-            unit[i, i] += 1e-13
+            unit[i, i] += _SCALED_RIDGE
         inverse = np.linalg.inv(unit) * np.outer(scale, scale)
         gain = ps[k] @ F.T @ inverse
         change = x[k + 1] - ahead

@@ -1,1 +1,1 @@
-"""Fitting, smoothing, joining of lines, and catenaries."""
+"""Lines: positions along them, ids, catenaries, merging of two methods."""

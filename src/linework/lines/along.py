@@ -1,4 +1,4 @@
-"""Places along lines, equally far apart, and the stretches between them."""
+"""Evenly spaced positions along lines, stretches of lines, and positions beside the driven path."""
 
 from __future__ import annotations
 
@@ -11,13 +11,25 @@ from scipy.spatial import cKDTree
 from linework.arrays import BoolArray, FloatArray, IntArray, distance_along
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
-#: Places compared are so far apart along a line. [m]
+#: Distance of compared positions along a line. [m]
 PLACE_STEP_M = 0.25
 
 
 @dataclass(frozen=True, slots=True)
 class LinePlaces:
-    """k places along lines, every `PLACE_STEP_M`: (k, 3), unit directions in plan, the line, its sigma, chainage."""
+    """Evenly spaced positions along lines, see `places_along`.
+
+    Parameters
+    ----------
+    xyz
+        (k, 3) positions. [m, world]
+    way
+        (k, 2) unit directions of the line in plan.
+    line
+        (k,) int64 index of the line.
+    chainage_m, sigma_m
+        (k,) distance along the line in plan, and standard deviation in plan. [m]
+    """
 
     xyz: FloatArray
     way: FloatArray
@@ -27,7 +39,7 @@ class LinePlaces:
 
 
 def places_along(lines: LineSet) -> LinePlaces:
-    """Return places every `PLACE_STEP_M` along each line, its ends among them."""
+    """Return positions every `PLACE_STEP_M` along each line, its ends included; at least one line."""
     found = []
     for i in range(len(lines)):
         xyz, sigma = lines.line(i), lines.sigma_xy_m[lines.offsets[i] : lines.offsets[i + 1]]
@@ -43,7 +55,7 @@ def places_along(lines: LineSet) -> LinePlaces:
 
 
 def runs_of(mask: BoolArray) -> list[tuple[int, int]]:
-    """Return first and last index of each run of True.
+    """Return the first and last index of each run of True in a mask (n,).
 
     >>> runs_of(np.array([True, False, True, True]))
     [(0, 0), (2, 3)]
@@ -53,7 +65,7 @@ def runs_of(mask: BoolArray) -> list[tuple[int, int]]:
 
 
 def line_stretch(line: LineSet, start_m: float, end_m: float) -> LineSet:
-    """Return a line from one chainage to another, its vertices and new ones at both ends."""
+    """Return a single line cut from one chainage to another [m]: its vertices between, and new ones at both ends."""
     along = distance_along(line.xyz[:, :2], in_space=True)
     inside = np.flatnonzero((along > start_m + 1e-6) & (along < end_m - 1e-6))
     at = np.concatenate([[start_m], along[inside], [end_m]])
@@ -64,32 +76,32 @@ def line_stretch(line: LineSet, start_m: float, end_m: float) -> LineSet:
     return LineSet.from_lines([xyz], crs=line.crs, **columns)
 
 
-# Places beside the van's way: how far along it, and how far to its left
+# The driven path, and positions beside it
 
-#: The way is looked at in steps of this. [m]
+#: Distance of positions along the path. [m]
 PATH_STEP_M = 1.0
-#: A way that comes back within this of where it has been is on the same road. [m]
+#: A path that returns within this distance of itself is on the same road. [m]
 SAME_ROAD_M = 12.0
-#: It is not back before it has driven so far. [m]
+#: Length driven before a path can return. [m]
 _AWAY_M = 60.0
-#: Its direction is taken over this much before and behind. [m]
+#: Distance ahead and behind over which the direction of the path is taken. [m]
 _SMOOTH_M = 3.0
 
 
 @dataclass(frozen=True, slots=True)
 class DrivenPath:
-    """The van's way, every road once.
+    """The driven path without repeated passes: every road once.
 
     Parameters
     ----------
     xy
-        (k, 2) every `PLACE_STEP_M`. [m, world]
+        (k, 2) positions every `PLACE_STEP_M`. [m, world]
     left
-        (k, 2) unit vectors to its left.
+        (k, 2) unit vectors to the left.
     is_start
-        (k,) bool: it does not go on from the place before.
+        (k,) bool: does not continue the position before.
     tree
-        Of its places, from the first of them.
+        k-d tree of the positions, relative to the first.
     """
 
     xy: FloatArray
@@ -102,7 +114,7 @@ class DrivenPath:
 
     @classmethod
     def of(cls, path: FloatArray) -> DrivenPath:
-        """Return the way along a path (n, 2 or 3), without what leads over a road again."""
+        """Return the path along positions (n, 2 or 3) [m, world], without later passes over the same road."""
         xy = path[:, :2]
         along = distance_along(xy)
         if len(xy) < 2 or along[-1] < PATH_STEP_M:
@@ -124,12 +136,12 @@ class DrivenPath:
 
     @property
     def pieces(self) -> list[tuple[int, int]]:
-        """Where it begins and ends: first and last number of each stretch that was driven in one."""
+        """First and last index of each continuous stretch."""
         first = np.flatnonzero(self.is_start).tolist()
         return list(zip(first, [*(k - 1 for k in first[1:]), len(self) - 1], strict=True))
 
     def offsets(self, xy: FloatArray, within_m: float) -> tuple[FloatArray, FloatArray]:
-        """Return how far along the way (in steps) and to its left [m] places (n, 2) are; NaN beyond `within_m`."""
+        """Return the positions of points (n, 2) along the path [steps] and to its left [m], (n,); NaN beyond `within_m`."""
         along, left = np.full(len(xy), np.nan), np.full(len(xy), np.nan)
         if len(self) == 0 or len(xy) == 0:
             return along, left
@@ -144,13 +156,13 @@ class DrivenPath:
         return along, left
 
     def places(self, along: FloatArray, left_m: FloatArray) -> FloatArray:
-        """Return the places (n, 2) so far along the way and to its left."""
+        """Return the points (n, 2) at positions along the path (n,) [steps] and distances to its left (n,) [m]."""
         k = np.clip(np.rint(along).astype(np.int64), 0, len(self) - 1)
         return np.asarray(self.xy[k] + left_m[:, None] * self.left[k])
 
 
 def _first_time(places: FloatArray, way: FloatArray) -> BoolArray:
-    """Return which places are no nearer than `SAME_ROAD_M` to where the way was long before, or led back."""
+    """Return which positions (n,) are a first pass: no earlier one lies within `SAME_ROAD_M`, or runs back there."""
     tree = cKDTree(places - places[0])
     n_away = int(_AWAY_M / PATH_STEP_M)
     first = np.ones(len(places), dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""The curve of a hanging wire: a catenary over one span, fitted by least squares.
+"""Catenary of a hanging wire over one span, and its least-squares fit.
 
 A wire of weight w per metre under the horizontal tension H hangs as z = z0 + a (cosh((s - s0) / a) - 1)
 with a = H / w. A taut wire has a huge `a` and a lowest point s0 far outside the span, so that form cannot
@@ -19,7 +19,7 @@ import numpy as np
 from linework.arrays import FloatArray
 from linework.kernels.cables import catenary as kernels
 
-#: Gauss-Newton on this nearly linear problem gains three digits per step; eight are plenty.
+#: Gauss-Newton steps at most: the problem is nearly linear and gains three digits per step.
 _MAX_STEPS = 8
 
 
@@ -56,14 +56,14 @@ class Catenary:
         return cls(station_m, height_m, 0.0, 1.0 / parameter_m)
 
     def height_at(self, station_m: FloatArray) -> FloatArray:
-        """Return the wire's height [m] at (n,) stations [m]."""
+        """Return the heights (n,) of the wire at (n,) stations [m]."""
         heights: FloatArray = kernels.wire_heights(
             np.ascontiguousarray(station_m, dtype=np.float64), self.numbers
         )
         return heights
 
     def height_of(self, station_m: float) -> float:
-        """Return the wire's height [m] at one station [m]."""
+        """Return the height of the wire at one station [m]."""
         height: float = kernels.wire_height(station_m, self.numbers)
         return height
 
@@ -73,21 +73,21 @@ class Catenary:
         return kernels.WireCurve(self.station_m, self.height_m, self.slope, self.curvature_per_m)
 
     def slope_at(self, station_m: FloatArray) -> FloatArray:
-        """Return the wire's slope dz/ds at (n,) stations [m]."""
+        """Return the slopes dz/ds (n,) of the wire at (n,) stations [m]."""
         u = (np.asarray(station_m, dtype=np.float64) - self.station_m) * self.curvature_per_m
         return self.slope * np.cosh(u) + math.hypot(1.0, self.slope) * np.sinh(u)
 
 
 @dataclass(frozen=True, slots=True)
 class CatenaryFit:
-    """A fitted wire and how well it is known.
+    """A fitted wire and its precision.
 
     Parameters
     ----------
     curve
         The wire.
     cofactor
-        (3, 3): inverse normal matrix of (z_c, m, k); times the variance of a height it is their covariance.
+        (3, 3) inverse normal matrix of (z_c, m, k); times the variance of a height, their covariance.
     sigma_m
         Standard deviation of one height about the curve, from the weighted residuals. [m]
     """
@@ -97,7 +97,7 @@ class CatenaryFit:
     sigma_m: float
 
     def height_sigma_at(self, station_m: FloatArray) -> FloatArray:
-        """Return the standard deviation [m] of the curve's height at (n,) stations [m]."""
+        """Return the standard deviations (n,) of the height of the curve at (n,) stations [m]."""
         columns = _derivatives(self.curve, np.asarray(station_m, dtype=np.float64))
         variance = np.einsum("ni,ij,nj->n", columns, self.cofactor, columns)
         sigma: FloatArray = self.sigma_m * np.sqrt(np.maximum(variance, 0.0))
@@ -119,14 +119,14 @@ def fit_catenary(
     station_m, height_m
         (n,) stations along the wire in plan and heights there. [m]
     weights
-        (n,) weights, or None for equal ones. For a robust fit call again with weights from the residuals.
+        (n,) weights; None: equal. For a robust fit call again with weights from the residuals.
     straight
-        Hold the curvature at 0: for wires so short or taut that the points do not tell it from 0.
+        Hold the curvature at 0, for wires so short or taut that it cannot be told from 0.
 
     Returns
     -------
     CatenaryFit
-        With `sigma_m` 0 where there are no more points than unknowns.
+        `sigma_m` is 0 where there are no more points than unknowns.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def fit_catenary(
 
 
 def meeting_stations(left: Catenary, right: Catenary, low_m: float, high_m: float) -> FloatArray:
-    """Return the stations in [low_m, high_m] where two wires have the same height, rising order. [m].
+    """Return the stations (k,) in [low_m, high_m] where two wires have the same height, in rising order [m].
 
     Two neighbouring spans meet at their support; the roots are those of the parabolas that osculate both
     catenaries in the middle of the interval, polished by Newton steps on the catenaries themselves.
@@ -172,7 +172,7 @@ def meeting_stations(left: Catenary, right: Catenary, low_m: float, high_m: floa
 
 
 def _derivatives(curve: Catenary, station_m: FloatArray) -> FloatArray:
-    """Return (n, 3) derivatives of the height by z_c, m and k."""
+    """Return the derivatives (n, 3) of the height by z_c, m and k at (n,) stations [m]."""
     stations = (station_m - curve.station_m).tolist()
     rows = [kernels.derivatives(u, curve.slope, curve.curvature_per_m) for u in stations]
     return np.array(rows, dtype=np.float64).reshape(-1, 3)

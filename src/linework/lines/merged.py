@@ -1,4 +1,4 @@
-"""Lines that two methods measured: each feature once, as the line with the smaller sigma, the other's offset beside it."""
+"""Merging of the lines of two methods: each feature once, as the line with the smaller sigma."""
 
 from __future__ import annotations
 
@@ -11,41 +11,43 @@ from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.lines.along import PLACE_STEP_M, LinePlaces, line_stretch, places_along, runs_of
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
-#: Two lines of one kind are one feature where they are nearer than three standard deviations of their difference,
+#: Two lines of one kind are the same feature within this many standard deviations of their difference,
 LIKELY = 3.0
-#: but always within a stripe's width (their own sigmas may leave out what both share), and never beyond half of
-#: the distance of a double line's outer edges. [m]
+#: but always within the width of a stripe (their sigmas may leave out a common error), and never beyond half of the
+#: distance of the outer edges of a double line. [m]
 SAME_FEATURE_M, DOUBLE_APART_M = 0.15, 0.5
-#: Neighbouring lines run within this angle of each other. [deg]
+#: Greatest angle between lines of one feature. [deg]
 TURN_DEG = 20.0
-#: A stretch that only one method saw is kept from this length; shorter ones are ends that differ. [m]
+#: Sigma of a line without one, drawn by hand: the precision of a click on a picture with pixels of 5 cm. [m]
+HAND_M = 0.1
+#: Least length of a stretch that only one method measured; shorter ones are ends that differ. [m]
 LEAST_MERGED_M = 3.0
-#: A dash of which the other method saw this share is the same dash. It is kept whole or not at all.
+#: Share of a dash that the other method measured from which it is the same dash; dashes are kept whole or not at all.
 SAME_SHARE = 0.3
-#: Kinds of short pieces that are not cut.
+#: Kinds of short lines that are not cut.
 UNCUT_KINDS = ("lane_marking_dash", "road_marking_other")
 
 
 def merge_line_sets(one: LineSet, other: LineSet) -> LineSet:
-    """Return all lines of two methods without those stretches that the other has with a smaller sigma.
+    """Merge the lines of two methods, without the stretches that the other method has with a smaller sigma.
 
     Parameters
     ----------
     one, other
-        In the same CRS; lines within a set are different features. Where sigmas are equal, `one` is kept.
+        In the same CRS; lines of one set are different features. `one` is kept where sigmas are equal.
 
     Returns
     -------
     LineSet
-        Lines of `one`, then of `other`. A line that goes on where only the other method saw it does so as one line
-        (``method = "obb+stereo"``). Lines that the other method saw too have ``disagreement_mean_m`` and
-        ``disagreement_rms_m``: the offset of the other's line from theirs, positive to their left. No vertex is
-        moved: nothing is averaged.
+        Lines of `one`, then of `other`. A line that continues where only the other method measured it is one line
+        (``method = "obb+stereo"``). Lines that both methods measured have ``disagreement_mean_m`` and
+        ``disagreement_rms_m``: the offset of the other line, positive to their left. No vertex is moved: nothing is
+        averaged.
 
     Notes
     -----
-    A feature is decided on as a whole: for each pair of lines that run along each other, the smaller root mean
-    square of the sigmas over their common stretch says which of them stays there.
+    Each feature is decided as a whole: of two lines that run along each other, the one with the smaller root mean
+    square of its sigmas over their common stretch is kept there.
     """
     kinds = sorted(set(one.kind.tolist()) | set(other.kind.tolist()))
     parts = [part for kind in kinds for part in _merged_kind(one.of_kind(kind), other.of_kind(kind), kind)]
@@ -54,14 +56,14 @@ def merge_line_sets(one: LineSet, other: LineSet) -> LineSet:
 
 @dataclass(frozen=True, slots=True)
 class _Piece:
-    """A line, or the rest of one (`is_rest`) whose other part another method measured better."""
+    """A line, or what is kept of one (`is_rest`) whose other part another method measured better."""
 
     line: LineSet
     is_rest: bool
 
 
 def _merged_kind(one: LineSet, other: LineSet, kind: str) -> list[LineSet]:
-    """Return what stays of both sides."""
+    """Return what is kept of both sets, whose lines are of one kind."""
     if not len(one) or not len(other):
         return [one, other]
     a, b = places_along(one), places_along(other)
@@ -79,7 +81,7 @@ def _merged_kind(one: LineSet, other: LineSet, kind: str) -> list[LineSet]:
 
 
 def _nearest(a: LinePlaces, b: LinePlaces) -> IntArray:
-    """Return for each place of `a` the nearest one of `b` of the same direction and feature, -1 where there is none."""
+    """Return the position of `b` nearest to each of `a` on the same feature, (k,) int64; -1 without any."""
     origin = a.xyz[0, :2]
     tree = cKDTree(b.xyz[:, :2] - origin)
     reach_m = float(np.hypot(DOUBLE_APART_M, PLACE_STEP_M))
@@ -99,13 +101,13 @@ def _nearest(a: LinePlaces, b: LinePlaces) -> IntArray:
 
 
 def _contest(a: LinePlaces, b: LinePlaces, b_of_a: IntArray) -> _Contest:
-    """Decide for every two lines that run along each other which of them stays."""
+    """Decide for each pair of lines that run along each other which one is kept."""
     met = b_of_a >= 0
     pairs, owner = np.unique(
         np.stack([a.line[met], b.line[b_of_a[met]]], axis=1), axis=0, return_inverse=True
     )
     owner = owner.reshape(-1)
-    # A line that does not know its sigma gives way
+    # A line without a sigma gives way
     one = np.bincount(owner, np.nan_to_num(a.sigma_m[met] ** 2, nan=np.inf), len(pairs))
     other = np.bincount(owner, np.nan_to_num(b.sigma_m[b_of_a[met]] ** 2, nan=np.inf), len(pairs))
     gives_way = {(int(i), int(j)) for (i, j), loses in zip(pairs, one > other, strict=True) if loses}
@@ -114,12 +116,12 @@ def _contest(a: LinePlaces, b: LinePlaces, b_of_a: IntArray) -> _Contest:
 
 @dataclass(frozen=True, slots=True)
 class _Contest:
-    """Pairs (line of `one`, line of `other`) where the first gives way; in all others the second does."""
+    """Pairs (line of `one`, line of `other`) in which the first gives way; in all others the second does."""
 
     first_gives_way: frozenset[tuple[int, int]]
 
     def stays(self, lines: IntArray, others: IntArray, *, is_first: bool) -> BoolArray:
-        """Return whether each of `lines` stays where it meets the one of `others` beside it."""
+        """Return whether each of `lines` (k,) is kept beside the corresponding one of `others` (k,), (k,) bool."""
         pairs = zip(*((lines, others) if is_first else (others, lines)), strict=True)
         first_stays = np.array([(int(i), int(j)) not in self.first_gives_way for i, j in pairs], dtype=bool)
         return first_stays if is_first else ~first_stays
@@ -128,7 +130,7 @@ class _Contest:
 def _offsets(
     a: LinePlaces, b: LinePlaces, k: IntArray, stays: BoolArray, n_lines: int, *, in_space: bool
 ) -> FloatArray:
-    """Return (n_lines, 2): mean and root mean square of the other's offset from each line where that stays."""
+    """Return mean and root mean square of the offset of the other line where each line is kept, (n_lines, 2) [m]."""
     at = np.flatnonzero(k >= 0)[stays]
     line, step, way = a.line[at], b.xyz[k[at]] - a.xyz[at], a.way[at]
     left = way[:, 0] * step[:, 1] - way[:, 1] * step[:, 0]
@@ -141,7 +143,7 @@ def _offsets(
 
 
 def _kept(lines: LineSet, places: LinePlaces, lost: BoolArray, offsets: FloatArray) -> list[_Piece]:
-    """Return what stays of the lines: whole, or the stretches that are not lost."""
+    """Return what is kept of the lines: whole, or the stretches that are not lost (k,) bool."""
     compared = lines.with_columns(disagreement_mean_m=offsets[:, 0], disagreement_rms_m=offsets[:, 1])
     pieces = []
     for i in range(len(lines)):
@@ -159,17 +161,17 @@ def _kept(lines: LineSet, places: LinePlaces, lost: BoolArray, offsets: FloatArr
 
 
 def _joined(pieces: list[_Piece], others: list[_Piece]) -> list[LineSet]:
-    """Return the lines of both sides; a rest goes on from the line of the other side that it was cut from.
+    """Return the lines of both sides, each rest joined to the line of the other side that it was cut from.
 
-    No vertex is moved and nothing is bridged: a line changes from one method to the other where the better one
-    ends, and its `method` names both.
+    No vertex is moved and no gap bridged: a line changes from one method to the other where the better one ends, and
+    its `method` names both.
     """
     lines = [piece.line for piece in (*pieces, *others) if not piece.is_rest]
     for piece in (*pieces, *others):
         if not piece.is_rest:
             continue
         grown = piece.line
-        # At both of its ends there may be a line
+        # There may be a line at both of its ends
         for _ in range(2):
             k = _continued_by(grown, lines)
             if k is not None:
@@ -179,7 +181,7 @@ def _joined(pieces: list[_Piece], others: list[_Piece]) -> list[LineSet]:
 
 
 def _continued_by(rest: LineSet, lines: list[LineSet]) -> int | None:
-    """Return which line ends where the rest begins or ends, and runs its way."""
+    """Return the index of a line that ends where the rest begins or ends, in its direction; None without any."""
     for k, line in enumerate(lines):
         apart = np.linalg.norm(line.xyz[[0, -1], None, :2] - rest.xyz[None, [0, -1], :2], axis=2)
         if apart.min() > DOUBLE_APART_M + PLACE_STEP_M or set(line.method[0].split("+")) >= set(
@@ -194,7 +196,7 @@ def _continued_by(rest: LineSet, lines: list[LineSet]) -> int | None:
 
 
 def _end_way(xyz: FloatArray, end: int) -> FloatArray:
-    """Return the direction in which a line leaves at its start (0) or end (1), in plan."""
+    """Return the unit direction (2,) outwards at the start (0) or end (1) of a line (n, 3), in plan."""
     run = xyz[:, :2] if end else xyz[::-1, :2]
     inner = run[np.linalg.norm(run - run[-1], axis=1) >= min(1.0, float(np.linalg.norm(run[0] - run[-1])))][
         -1
@@ -204,7 +206,7 @@ def _end_way(xyz: FloatArray, end: int) -> FloatArray:
 
 
 def _as_one(line: LineSet, rest: LineSet) -> LineSet:
-    """Return a line and the rest that goes on at one of its ends as one line; vertices beside each other go."""
+    """Join a line and the rest that continues it at one of its ends; overlapping vertices are dropped."""
     apart = np.linalg.norm(line.xyz[[0, -1], None, :2] - rest.xyz[None, [0, -1], :2], axis=2)
     a, b = (int(v) for v in np.unravel_index(int(np.argmin(apart)), apart.shape))
     tail = rest if b == 0 else _turned(rest)
@@ -224,34 +226,29 @@ def _as_one(line: LineSet, rest: LineSet) -> LineSet:
 
 
 def _turned(line: LineSet) -> LineSet:
+    """Return a single line in the opposite direction."""
     columns = {name: getattr(line, name)[::-1] for name in VERTEX_COLUMNS}
     return line.with_columns(xyz=line.xyz[::-1], **columns)
-
-
-# How far the nearest line of the same way runs from each place along others
-
-#: Where nobody knows how exact a line is, a person drew it: so well does one click on a picture of 5 cm. [m]
-HAND_M = 0.1
 
 
 def distances_beside(
     lines: LineSet, others: LineSet, reach_m: float | None = None
 ) -> tuple[FloatArray, IntArray]:
-    """Return how far the nearest of `others` runs from each place along `lines`, and which it is.
+    """Return the distance of the nearest of `others` from each position along `lines`, and its index.
 
     Parameters
     ----------
     lines, others
-        Of one kind, at least one line; in the same CRS.
+        Of one kind and in the same CRS; at least one line.
     reach_m
-        How far one may run from the other. None: three standard deviations of their difference, at least `SAME_FEATURE_M` and at
-        most `DOUBLE_APART_M`, and half of the width of the thing.
+        Largest distance [m]; None: three standard deviations of their difference, between `SAME_FEATURE_M` and
+        `DOUBLE_APART_M`, plus half of the width of the feature.
 
     Returns
     -------
     distance_m, index
-        (k,) for the places of `places_along`: infinite and -1 where none is in reach. Across the line, in plan; in space
-        for cables, which hang above each other.
+        (k,) [m] and (k,) int64 for the positions of `places_along`: infinite and -1 where none is in reach. Across the
+        line in plan; in space for cables, which hang above each other.
     """
     a = places_along(lines)
     distance, best = np.full(len(a.line), np.inf), np.full(len(a.line), -1, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Names of lines: made of kind and place alone, so that the same line found again has the same name."""
+"""Ids of lines, made of kind and position alone, so that the same line extracted again has the same id."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 from linework.arrays import FloatArray, IntArray, distance_along
 from linework.model.lines import LineSet
 
-#: A line's place is known to this step: wider than what another pass or a changed setting moves a line's
-#: middle across it, narrower than the distance of neighbouring lines of one kind. [m]
+#: Cell of a line's middle: wider than another pass or a changed setting moves it across, narrower than the distance
+#: of neighbouring lines of one kind. [m]
 ID_STEP_M = 1.0
 
 
 def with_ids(lines: LineSet, taken: Container[str]) -> LineSet:
-    """Return the lines, those without an `id` with one that no other line has and that is not taken.
+    """Return the lines with an id for those without one, unique among them and not in `taken`.
 
     >>> lines = with_ids(LineSet.from_lines([np.zeros((2, 3))] * 2, kind=["cable"] * 2), ())
     >>> len(set(lines.id.tolist())), lines.id[0] == with_ids(lines.take([0]).with_columns(id=[""]), ()).id[0]
@@ -36,18 +36,18 @@ def with_ids(lines: LineSet, taken: Container[str]) -> LineSet:
 
 
 def cells_of_lines(lines: LineSet) -> IntArray:
-    """Return the cell of each line's middle: (m, 3), in steps of `ID_STEP_M`."""
+    """Return the cell of each line's middle, (m, 3) int64, in steps of `ID_STEP_M`."""
     return np.floor(midpoints(lines) / ID_STEP_M).astype(np.int64)
 
 
 def cell_id(kind: str, place: IntArray, number: int) -> str:
-    """Return the name of a line of a kind in a cell; lines of one kind in one cell are told apart by `number`."""
+    """Return the id of a line of a kind in a cell (3,) int64; `number` distinguishes lines of one kind in one cell."""
     text = ":".join((kind, *map(str, place), str(number)))
     return f"{kind}-{hashlib.sha256(text.encode()).hexdigest()[:10]}"
 
 
 def midpoints(lines: LineSet) -> FloatArray:
-    """Return the place half-way along each line: (m, 3), in metres, world."""
+    """Return the midpoint along each line, (m, 3) [m, world]."""
     middles = np.zeros((len(lines), 3))
     for i in range(len(lines)):
         xyz = lines.line(i)

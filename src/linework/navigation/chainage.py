@@ -1,4 +1,4 @@
-"""Distance driven, and where the van was at given times: for logs, also without attitude and across holes."""
+"""Distance driven, and positions at given times, for logs: also without attitude and across gaps."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from linework.model.trajectory import Trajectory
 from linework.navigation.lever import headings_deg
 from linework.navigation.poses import attitude_deg_of, poses_at
 
-#: Steps of the odometer. Positions wander by centimetres while the van stands; in a bend of 25 m radius the way is
+#: Step of the odometer. Positions wander by centimetres while the van stands; in a bend of 25 m radius the path is
 #: 0.01 % longer than its chords of this length. [m]
 _STEP_M = 1.0
-#: Between poses farther apart nobody knows where the van was: braking or turning at 3 m/s2, 1.5 m beside the straight
-#: way between them. [s]
+#: Longest time between poses in which the position is known: braking or turning at 3 m/s2 the van is 1.5 m off the
+#: straight line between them. [s]
 PATH_HOLE_S = 2.0
 
 
 def chainage_m(trajectory: Trajectory) -> FloatArray:
-    """Return the distance driven in plan up to each pose, (n,) [m], never less than at the one before.
+    """Return the distance driven in plan up to each pose, (n,) [m], never decreasing.
 
     Notes
     -----
-    The odometer clicks whenever the van is a metre from where it last clicked, so that positions that wander
-    while it stands add nothing.
+    The odometer advances whenever the van is a metre from where it last advanced, so that positions that wander at
+    rest add nothing.
 
     Examples
     --------
@@ -47,7 +47,7 @@ def chainage_m(trajectory: Trajectory) -> FloatArray:
 
 
 def is_placed(trajectory: Trajectory, time_s: FloatArray) -> BoolArray:
-    """Return for which times (n,) the trajectory knows where the van was: within it, and in no hole."""
+    """Return the times (n,) [s] at which the position is known, (n,) bool: within the trajectory, and not in a gap."""
     known = trajectory.time_s
     after = np.clip(np.searchsorted(known, time_s), 1, max(len(known) - 1, 1))
     inside = (time_s >= known[0]) & (time_s <= known[-1])
@@ -62,12 +62,12 @@ def places_at(
     time_s: FloatArray,
     lever_m: FloatArray | tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> LoggedPlaces:
-    """Return where a point of the vehicle was at (n,) times [s] within the trajectory.
+    """Return the positions of a point of the vehicle at (n,) times [s] within the trajectory.
 
     Parameters
     ----------
     lever_m
-        The point. [m, vehicle]. Without attitude the vehicle is taken as level and heading along its path.
+        The point [m, vehicle]. Without attitude the vehicle is assumed level and heading along its path.
     """
     from dataclasses import replace
 

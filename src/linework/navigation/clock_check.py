@@ -1,4 +1,4 @@
-"""Clocks, signs and units: the way of gyro and wheels, window by window, against the fixes."""
+"""Check of clocks, signs and units: dead reckoning against the fixes, window by window."""
 
 from __future__ import annotations
 
@@ -11,40 +11,41 @@ from linework.arrays import AnyArray, FloatArray
 from linework.model.logs import GnssLog
 from linework.navigation.dead_reckoning import DeadReckoning, Motion, reckon
 
-#: A way of so long keeps its shape, also by a poor gyro. [s]
+#: Length of a window: dead reckoning keeps its shape over it, also with a poor gyro. [s]
 _WINDOW_S = 60.0
-#: Offsets looked for: GPS time is 18 s ahead of UTC, TAI 19 s ahead of GPS and 37 s ahead of UTC. [s]
+#: Tried offsets: GPS time is 18 s ahead of UTC, TAI 19 s ahead of GPS and 37 s ahead of UTC. [s]
 _LAGS_S = np.arange(-160, 161) * 0.25
+#: Known offsets. [s]
 _NAMED_S = {
     18.0: "GPS time against UTC", 19.0: "TAI against GPS time", 37.0: "TAI against UTC", 1.0: "one second"
 }  # fmt: skip
-#: Smaller offsets are delays, which the filter estimates. [s]
+#: Least offset of clocks; smaller ones are delays, which the filter estimates. [s]
 _LEAST_LAG_S = 0.5
-#: What gyros are read as by mistake: turned round, degrees for radians, radians for degrees.
+#: Factors of gyros that are read by mistake with the wrong sign or unit.
 _GYRO_FACTORS = {
-    1.0: "", -1.0: "with the wrong sign", 180.0 / np.pi: "in radians where degrees are said",
-    np.pi / 180.0: "in degrees where radians are said",
-    -180.0 / np.pi: "with the wrong sign, and in radians where degrees are said",
-    -np.pi / 180.0: "with the wrong sign, and in degrees where radians are said",
+    1.0: "", -1.0: "with the wrong sign", 180.0 / np.pi: "in radians instead of degrees",
+    np.pi / 180.0: "in degrees instead of radians",
+    -180.0 / np.pi: "with the wrong sign, and in radians instead of degrees",
+    -np.pi / 180.0: "with the wrong sign, and in degrees instead of radians",
 }  # fmt: skip
-#: Fixes near in time err together: a window counts as so many at most.
+#: Fixes that a window counts as, at most: errors of fixes near in time are correlated.
 _FIXES_OF_WINDOW = 20
-#: Residual where there is nothing to compare.
+#: Residual where there is nothing to compare. [m]
 _NOTHING_M = 1e6
-#: A claim is believed where it is e^12 times as probable.
+#: Logarithm of the likelihood ratio from which a correction is accepted.
 _EVIDENCE = 12.0
 
 
 @dataclass(frozen=True, slots=True)
 class CheckedMotion:
-    """Stretches of one clock each, and the motion with signs and units put right.
+    """Stretches of one clock each, and the motion with signs and units corrected.
 
     Parameters
     ----------
     stretches
-        Of each: fixes (slice), and how much later these are stamped than gyro and wheels. [s]
+        Fixes (slice) of each, and the offset of their time stamps, later than gyro and wheels. [s]
     gyro_factor, way_factor
-        What readings were multiplied by.
+        Factors that readings were multiplied by.
     """
 
     motion: Motion
@@ -55,12 +56,12 @@ class CheckedMotion:
 
 
 def checked_against_fixes(motion: Motion, gnss: GnssLog) -> CheckedMotion:
-    """Compare the way of gyro and wheels with the fixes; what differs by a clock, a sign or a unit is named."""
+    """Compare dead reckoning with the fixes, and correct differences of a clock, a sign or a unit."""
     windows = _windows(gnss)
     factor, evidence, residual = 1.0, *_evidence(motion, gnss, windows)
     if len(windows) and not _is_explained(residual, evidence):
         tried = {f: _evidence(_turned(motion, f), gnss, windows) for f in _GYRO_FACTORS}
-        # Of all signs and units the one that leaves least, whatever the clock
+        # The sign and unit with the least residuals, whatever the clock
         left = {f: np.sum(np.log(np.min(r, axis=1))) for f, (_, r) in tried.items()}
         best = min(left, key=lambda f: left[f])
         if left[1.0] - left[best] > _EVIDENCE / _FIXES_OF_WINDOW:
@@ -86,6 +87,7 @@ def checked_against_fixes(motion: Motion, gnss: GnssLog) -> CheckedMotion:
 
 
 def _turned(motion: Motion, factor: float) -> Motion:
+    """Return the motion with turn rates multiplied by a factor."""
     return replace(motion, turn_radps=motion.turn_radps * factor)
 
 
@@ -100,7 +102,7 @@ def _windows(gnss: GnssLog) -> list[AnyArray]:
 
 
 def _evidence(motion: Motion, gnss: GnssLog, windows: list[AnyArray]) -> tuple[FloatArray, FloatArray]:
-    """Return, per window and lag, how much more probable it is than no lag (logarithm), and what is left in metres."""
+    """Return log-likelihood ratio against no lag, and residual [m], (windows, lags) each."""
     reckoned = reckon(motion, np.zeros(0))
     residual = np.stack([_residuals(reckoned, gnss, w, _LAGS_S) for w in windows] or [np.ones(len(_LAGS_S))])
     none = residual[:, len(_LAGS_S) // 2, None]
@@ -109,9 +111,9 @@ def _evidence(motion: Motion, gnss: GnssLog, windows: list[AnyArray]) -> tuple[F
 
 
 def _residuals(reckoned: DeadReckoning, gnss: GnssLog, window: AnyArray, lags_s: AnyArray) -> FloatArray:
-    """Return what the fixes of a window are off by (median) from the way at other times, per lag, in metres.
+    """Return the median residual of the fixes of a window from dead reckoning at each lag, (lags,) [m].
 
-    ``fix = a + b way + c (way bent by a gyro's bias)`` with complex a, b, c, least squares, thrice reweighted.
+    ``fix = a + b way + c (way bent by a gyro's bias)`` with complex a, b, c, by least squares, reweighted three times.
     """
     t, fix = gnss.time_s[window], gnss.xyz[window, :2] @ np.array([1.0, 1.0j])
     at = t[None, :] - lags_s[:, None]
@@ -134,27 +136,27 @@ def _residuals(reckoned: DeadReckoning, gnss: GnssLog, window: AnyArray, lags_s:
         left = np.abs(fix - fix[0] - (columns @ solved)[:, :, 0])
         level = np.median(left, axis=1, keepdims=True) + 1e-3
         weight = inside / (1.0 + (left / (2.0 * level)) ** 2)
-    # A fit to noise says nothing about clocks; nor does one to half a window
+    # Neither a fit to noise nor one to half a window is evidence about clocks
     floor = float(np.median(gnss.sigma_m[window, :2]))
     found = np.maximum(np.median(left, axis=1), floor)
     return np.where(inside.mean(axis=1) > 0.9, found, _NOTHING_M)
 
 
 def _is_explained(residual: FloatArray, evidence: FloatArray) -> bool:
-    """Tell whether, with the best common lag, most windows are left with what a sound gyro leaves: 2 m."""
+    """Return whether, with the best common lag, the residuals of most windows are those of a valid gyro: 2 m."""
     best = int(np.argmax(evidence.sum(axis=0)))
     return bool(np.mean(residual[:, best] < 2.0 + 3.0 * np.min(residual)) > 0.7)
 
 
 def _lag(evidence: FloatArray) -> float:
-    """Return the lag of windows of one clock; 0 where none is clearly better."""
+    """Return the lag of windows of one clock [s]; 0 where none is clearly better."""
     total = evidence.sum(axis=0)
     best = int(np.argmax(total))
     return float(_LAGS_S[best]) if total[best] > _EVIDENCE and abs(_LAGS_S[best]) >= _LEAST_LAG_S else 0.0
 
 
 def _cuts(evidence: FloatArray) -> list[int]:
-    """Return the windows at which the clock jumps, with 0 and the end: cut in two for as long as it pays."""
+    """Return the windows at which the clock jumps, with 0 and the end, by repeated bisection while it pays."""
     n = len(evidence)
     whole = evidence.sum(axis=0).max()
     best, at = -np.inf, 0
@@ -196,7 +198,7 @@ def _refined(motion: Motion, gnss: GnssLog, part: slice, lag: float) -> float:
         return lag
     total = np.sum([np.log(_residuals(reckoned, fixes, w, lags)) for w in windows], axis=0)
     best = float(lags[int(np.argmin(total))])
-    # A clock is off by whole seconds; what else there is is a delay, which the filter estimates
+    # A clock is off by whole seconds; the rest is a delay, which the filter estimates
     return float(round(best)) if abs(best - round(best)) <= 0.3 else best
 
 
@@ -218,14 +220,14 @@ def _said(gnss: GnssLog, stretches: list[tuple[slice, float]]) -> list[str]:
 
 
 def _scaled(motion: Motion, gnss: GnssLog, windows: list[AnyArray]) -> tuple[Motion, float, list[str]]:
-    """Put a wrong tick or unit of speed right, where the ways differ by more than wheels do."""
+    """Correct a wrong tick or unit of speed, where distances differ by more than wheels do."""
     reckoned = reckon(motion, np.zeros(0))
     ratios = []
     for w in windows:
         inside = w[(gnss.time_s[w] >= reckoned.time_s[0]) & (gnss.time_s[w] <= reckoned.time_s[-1])]
         fixes = gnss.xyz[inside, :2]
         way = reckoned.at(gnss.time_s[inside]).xy
-        # Compared over 5 s, shapes do not matter
+        # Over 5 s the shape of the path does not matter
         far, told = (np.hypot(*(v[5:] - v[:-5]).T) if len(v) > 5 else np.zeros(0) for v in (fixes, way))
         moved = told > 5.0 * np.median(gnss.sigma_m) + 2.0
         ratios.append(far[moved] / told[moved])
@@ -234,7 +236,7 @@ def _scaled(motion: Motion, gnss: GnssLog, windows: list[AnyArray]) -> tuple[Mot
     # Worn and soft tyres change a wheel by 2 %
     if abs(factor - 1.0) < 0.05 or not motion.has_ways:
         return motion, 1.0, []
-    unit = {3.6: " (m/s where km/h are said?)", 1.0 / 3.6: " (km/h where m/s are said?)"}
+    unit = {3.6: " (m/s instead of km/h?)", 1.0 / 3.6: " (km/h instead of m/s?)"}
     hint = next((text for f, text in unit.items() if abs(factor / f - 1.0) < 0.05), "")
-    said = f"wheels: the way by GNSS is {factor:.3f} times what they say{hint}: taken into account"
+    said = f"wheels: the distance by GNSS is {factor:.3f} times theirs{hint}: taken into account"
     return replace(motion, way_m=motion.way_m * factor, tick_m=motion.tick_m * factor), factor, [said]

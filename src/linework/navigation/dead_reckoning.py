@@ -1,4 +1,4 @@
-"""Dead reckoning: turns of the gyro and ways of the wheels, integrated between any two times."""
+"""Dead reckoning: turn rates of the gyro and distances of the wheels, integrated between any two times."""
 
 from __future__ import annotations
 
@@ -9,30 +9,44 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray
 from linework.kernels import navigation as kernel
 
-#: Grid of the integration where logs are coarser; a van turns by less than 2 degrees in it. [s]
+#: Longest step of the integration; a van turns by less than 2 degrees in it. [s]
 _GRID_S = 0.05
+#: Slip of the difference of two tyres: a few millimetres per square root of a metre. [m/sqrt(m)]
+_SLIP_M = 0.003
+#: Relative uncertainty of the track: a twentieth.
+_TRACK_SHARE = 0.05
+#: Least variance of a turn by the difference of the wheels. [rad2]
+_LEAST_TURN_VAR = 1e-8
+#: Sideways slip of tyres per acceleration across, 0.1 degree per m/s^2 [rad s2/m], and in straight driving [rad].
+_SIDE_SLIP, _SIDE_DRIFT = 0.002, 0.001
+#: Pitch of the body beside its axis: sway, 0.1 degree [rad], and squat per acceleration, 0.2 degree per m/s^2 [rad s2/m].
+_SWAY, _SQUAT = 0.002, 0.003
+#: Acceleration beyond which a step counts as this: differences of counts exaggerate it. [m/s2]
+_MOST_ACCEL = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """What gyros and wheels say, sound and in one unit each.
+    """Valid readings of gyros and wheels, in SI units.
 
     Parameters
     ----------
     turn_time_s, turn_radps
-        (n,) turn rates, clockwise.
+        (n,) times [s] and turn rates, clockwise [rad/s].
     way_time_s, way_m
-        (m,), (m, 2) how far the left and the right wheel have come.
+        (m,) times [s], and (m, 2) distances of the left and the right wheel [m].
     tilt_rad
-        (n, 2) roll and pitch at `turn_time_s`; zeros without a vertical gyro.
+        (n, 2) roll and pitch at `turn_time_s`; zeros without a vertical gyro. [rad]
     no_turn, no_way
-        (k, 2) from when to when turns, ways are not known.
+        (k, 2) spans in which turns or distances are not known. [s]
     at_rest
-        (k, 2) from when to when the van stands.
+        (k, 2) spans in which the van stands. [s]
     wheels_turn
-        True where turns come from the wheels' difference.
+        Turns come from the difference of the wheels.
     wheels_apart
-        True where the two wheels are counted apart.
+        The two wheels are counted separately.
+    tick_m, track_m
+        Travel per count, 0 without counts, and distance of the wheels. [m]
     """
 
     turn_time_s: FloatArray
@@ -50,17 +64,17 @@ class Motion:
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """First and last time at which both gyro and wheels have spoken."""
+        """First and last time covered by both gyro and wheels. [s]."""
         first = max(self.turn_time_s[0], self.way_time_s[0])
         return float(first), float(min(self.turn_time_s[-1], self.way_time_s[-1]))
 
     @property
     def has_ways(self) -> bool:
-        """False where there are no wheels, and ways only tell how the drive was about."""
+        """Whether there are wheels; otherwise distances are only approximate."""
         return not (len(self.no_way) > 0 and np.isinf(self.no_way[0, 0]))
 
     def between(self, first_s: float, last_s: float) -> Motion:
-        """Return the readings between two times, both included."""
+        """Return the readings between two times [s], both included."""
         turn, way = (
             slice(np.searchsorted(t, first_s), np.searchsorted(t, last_s, side="right"))
             for t in (self.turn_time_s, self.way_time_s)
@@ -73,20 +87,20 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class DeadReckoning:
-    """The way as gyro and wheels alone see it, from (0, 0) and heading 0.
+    """The path by gyro and wheels alone, from (0, 0) and heading 0.
 
     Parameters
     ----------
     time_s
-        (n,) grid.
+        (n,) times. [s]
     heading_rad
-        (n,) clockwise.
+        (n,) clockwise. [rad]
     way_m
-        (n, 2) left, right.
+        (n, 2) distances of the left and the right wheel. [m]
     xy
-        (n, 2): y is where the van headed at first, x is right of it. [m]
+        (n, 2) y along the initial heading, x to the right of it. [m]
     rise_m
-        (n,) by the vertical gyro's pitch.
+        (n,) by the pitch of the vertical gyro. [m]
     """
 
     time_s: FloatArray
@@ -96,7 +110,7 @@ class DeadReckoning:
     rise_m: FloatArray
 
     def at(self, time_s: FloatArray) -> DeadReckoning:
-        """Return the way at other times, between those of the grid."""
+        """Return the path at other times (k,) [s], by linear interpolation."""
 
         def between(values: FloatArray) -> FloatArray:
             columns = values.reshape(len(values), -1).T
@@ -109,12 +123,12 @@ class DeadReckoning:
 
 
 def reckon(motion: Motion, also_s: FloatArray) -> DeadReckoning:
-    """Integrate turns and ways over the whole span.
+    """Integrate turn rates and distances over the whole span.
 
     Parameters
     ----------
     also_s
-        (k,) times that the grid must hold.
+        (k,) times that the result must contain. [s]
     """
     first, last = motion.span_s
     grid = [motion.turn_time_s, np.arange(first, last, _GRID_S), also_s, np.array([first, last])]
@@ -133,11 +147,12 @@ def reckon(motion: Motion, also_s: FloatArray) -> DeadReckoning:
 
 
 def _integral(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the integral of y(x) up to each x, (n,), by the trapezoidal rule."""
     return np.concatenate([[0.0], np.cumsum(0.5 * np.diff(x) * (y[1:] + y[:-1]))])
 
 
 def steps_between(motion: Motion, reckoned: DeadReckoning, nodes_s: FloatArray) -> FloatArray:
-    """Return the steps from node to node as the kernels take them, (n - 1, 16)."""
+    """Return the steps between nodes (n,) [s] as input of the kernels, (n - 1, 16)."""
     at = reckoned.at(nodes_s)
     first, last = nodes_s[:-1], nodes_s[1:]
     dt, turn, way = np.diff(nodes_s), np.diff(at.heading_rad), np.diff(at.way_m, axis=0)
@@ -161,31 +176,31 @@ def steps_between(motion: Motion, reckoned: DeadReckoning, nodes_s: FloatArray) 
 
 
 def _chords(at: DeadReckoning, far: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return where a step of length 1 ends, ahead and to the right of where it began."""
+    """Return the end of a step of unit length, ahead and to the right of its start, (n,) each."""
     east, north = np.diff(at.xy, axis=0).T
     sin_h, cos_h = np.sin(at.heading_rad[:-1]), np.cos(at.heading_rad[:-1])
     moved = np.abs(far) > 1e-6
     ahead = np.divide(east * sin_h + north * cos_h, far, out=np.cos(0.5 * turn), where=moved)
     aside = np.divide(east * cos_h - north * sin_h, far, out=np.sin(0.5 * turn), where=moved)
-    # Forth and back within a step has no chord
+    # Moving forth and back within a step has no chord
     fair = np.hypot(ahead, aside) <= 1.0 + 1e-6
     return np.where(fair, ahead, np.cos(0.5 * turn)), np.where(fair, aside, np.sin(0.5 * turn))
 
 
 def _compare_wheels(steps: FloatArray, motion: Motion, way: FloatArray, turn: FloatArray) -> None:
-    """Set what the wheels' difference says about the turn, and how well."""
+    """Set the turn by the difference of the wheels, and its variance, in the steps (n, 16)."""
     difference = (way[:, 0] - way[:, 1]) / motion.track_m
-    # Two counts off by a tick at either end; tyres that slip; a track that is known to a twentieth
+    # Two counts off by a tick at either end; slip of the tyres; uncertainty of the track
     var = 4.0 * motion.tick_m**2 / 12.0 / motion.track_m**2
-    var = var + (0.003 / motion.track_m) ** 2 * np.abs(way.mean(axis=1)) + (0.05 * turn) ** 2
+    var = var + (_SLIP_M / motion.track_m) ** 2 * np.abs(way.mean(axis=1)) + (_TRACK_SHARE * turn) ** 2
     usable = motion.wheels_apart and not motion.wheels_turn
     steps[:, kernel.WHEEL_TURN] = difference
     known = usable & (steps[:, kernel.SPEED_FREE] == 0.0)
-    steps[:, kernel.WHEEL_TURN_VAR] = np.where(known, np.maximum(var, 1e-8), np.inf)
+    steps[:, kernel.WHEEL_TURN_VAR] = np.where(known, np.maximum(var, _LEAST_TURN_VAR), np.inf)
 
 
 def _allow_for_springs(steps: FloatArray, far: FloatArray, turn: FloatArray, dt: FloatArray) -> None:
-    """Set how far the van's body may move other than where its axis points.
+    """Set the variances of movements of the body off its axis, in the steps (n, 16).
 
     Tyres slip sideways by about 0.1 degree per m/s^2, bodies squat by 0.2 degrees per m/s^2 and sway by 0.1
     (R. N. Jazar, Vehicle Dynamics, 2nd ed., 10.3 and 14.2), for about a second.
@@ -193,13 +208,13 @@ def _allow_for_springs(steps: FloatArray, far: FloatArray, turn: FloatArray, dt:
     speed = far / dt
     across = np.abs(speed * turn / dt)
     accel = np.abs(np.gradient(speed)) / np.maximum(dt, 0.05) if len(dt) > 1 else np.zeros(len(dt))
-    accel = np.minimum(accel, 3.0)
-    steps[:, kernel.SIDE_VAR] = ((0.002 * across * speed) ** 2 + (0.001 * speed) ** 2) * dt
-    steps[:, kernel.UP_VAR] = ((0.002 * speed) ** 2 + 2.0 * (0.003 * accel * speed) ** 2) * dt
+    accel = np.minimum(accel, _MOST_ACCEL)
+    steps[:, kernel.SIDE_VAR] = ((_SIDE_SLIP * across * speed) ** 2 + (_SIDE_DRIFT * speed) ** 2) * dt
+    steps[:, kernel.UP_VAR] = ((_SWAY * speed) ** 2 + 2.0 * (_SQUAT * accel * speed) ** 2) * dt
 
 
 def _inside(first: FloatArray, last: FloatArray, spans: FloatArray) -> BoolArray:
-    """Return which steps lie within one of the spans."""
+    """Return which steps lie within one of the spans (k, 2), (n,) bool."""
     if len(spans) == 0:
         return np.zeros(len(first), dtype=bool)
     i = np.clip(np.searchsorted(spans[:, 0], first, side="right") - 1, 0, len(spans) - 1)
@@ -207,7 +222,7 @@ def _inside(first: FloatArray, last: FloatArray, spans: FloatArray) -> BoolArray
 
 
 def _touched(first: FloatArray, last: FloatArray, spans: FloatArray) -> BoolArray:
-    """Return which steps share time with one of the spans."""
+    """Return which steps overlap one of the spans (k, 2), (n,) bool."""
     touched = np.zeros(len(first), dtype=bool)
     for start, end in spans:
         touched |= (first < end) & (last > start)

@@ -12,32 +12,32 @@ from linework.model.logs import GnssLog
 from linework.navigation.dead_reckoning import DeadReckoning, Motion, steps_between
 from linework.navigation.noise import NoiseModel
 
-#: Between fixes nodes are no further apart; the way between two is dead reckoned in full. [s]
+#: Longest step between nodes; the path between two is dead reckoned in full. [s]
 _NODE_S = 0.5
-#: Speed, which only the delay of fixes needs, is taken over this to either side. [s]
+#: Time to either side over which speed is taken; only the delay of fixes needs it. [s]
 _SPEED_S = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilterProblem:
-    """A drive as the filter takes it: nodes, steps between them, fixes at some of them.
+    """A drive as input of the filter: nodes, steps between them, fixes at some of them.
 
     Parameters
     ----------
     time_s
-        (n,) of the nodes.
+        (n,) times of the nodes. [s]
     steps
-        (n - 1, 16).
+        (n - 1, 16); see `linework.kernels.navigation`.
     read
         (n, 3) roll and pitch as read [rad], speed over two seconds [m/s].
     fix_of
-        (n,) which fix is at a node, -1: none.
+        (n,) int64 index of the fix at a node, -1: none.
     fixes, sigma_m
-        (m, 3), from `origin`.
+        (m, 3) positions from a local origin, and their sigmas. [m]
     lever_m
-        (3,) of the antenna.
+        (3,) of the antenna. [m, vehicle]
     x0, sigma0
-        (16,) state at the first node, and how far off it may be.
+        (16,) state at the first node, and its standard deviations.
     """
 
     time_s: FloatArray
@@ -53,14 +53,16 @@ class FilterProblem:
 
 @dataclass(frozen=True, slots=True)
 class FilterEstimate:
-    """States (n, 16) and covariances (n, 16, 16) at the nodes, and what the fixes were off by.
+    """States (n, 16) and covariances (n, 16, 16) at the nodes, and innovations of the fixes.
 
     Parameters
     ----------
     innovation_m, innovation_sigma_m
-        (m, 3) fix less what was expected, and its sigma.
+        (m, 3) fix minus expectation, and its sigma. [m]
     added_m2
-        (m, 2) variance added to fixes far off, in plan and height.
+        (m, 2) variance added to outlying fixes, in plan and in height. [m2]
+    likelihood
+        Logarithm of the likelihood of all innovations.
     jump
         (n - 1,) jumps of the gyro's bias over their sigmas; empty for a filter.
     """
@@ -82,7 +84,7 @@ def filter_problem(
     sigma0: FloatArray,
     lever_m: FloatArray,
 ) -> FilterProblem:
-    """Return nodes at all fixes and at least every half second.
+    """Return the problem with nodes at all fixes and at least every half second.
 
     Parameters
     ----------
@@ -105,7 +107,7 @@ def filter_problem(
 
 
 def _filled(times: FloatArray, step_s: float) -> FloatArray:
-    """Return times with more between those that are further apart than `step_s`."""
+    """Return times (n,) with others inserted where they are farther apart than `step_s`."""
     n = np.maximum(np.ceil(np.diff(times) / step_s - 1e-9).astype(np.int64), 1)
     start = np.repeat(times[:-1], n)
     part = np.arange(n.sum()) - np.repeat(np.cumsum(n) - n, n)
@@ -115,12 +117,12 @@ def _filled(times: FloatArray, step_s: float) -> FloatArray:
 def filter_states(
     problem: FilterProblem, noise: NoiseModel, doubt: FloatArray | None = None
 ) -> FilterEstimate:
-    """Filter forward: what could be known at each moment.
+    """Filter forward: the estimate at each moment from the past alone.
 
     Parameters
     ----------
     doubt
-        (m, 2) variance added to each fix in plan and height [m^2]; None: by its own innovation.
+        (m, 2) variance added to each fix in plan and in height [m2]; None: by its own innovation.
     """
     if doubt is None:
         doubt = np.full((len(problem.fixes), 2), np.nan)
@@ -136,16 +138,21 @@ def filter_states(
 
 
 def smooth_states(problem: FilterProblem, noise: NoiseModel, forward: FilterEstimate) -> FilterEstimate:
-    """Smooth backward: what is known once the drive is over."""
+    """Smooth backward: the estimate at each moment from the whole drive."""
     x, p, jump = kernel.smooth_backward(forward.x, forward.p, problem.steps, noise.row())
     residual, spread = _residuals(problem, noise, x, p)
     return FilterEstimate(x, p, residual, spread, forward.added_m2, forward.likelihood, jump)
 
 
 def outlier_variances(residual_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
-    """Return the variance to add to each fix so that those far off from the smoothed way count little.
+    """Return the variances (m, 2) in plan and in height [m2] to add to fixes far from the smoothed path.
 
-    Beyond the gate (99.9 %) it grows with the fourth power of the distance: what is far off pulls least.
+    Beyond the gate (99.9 %) they grow with the fourth power of the distance: fixes farthest off pull least.
+
+    Parameters
+    ----------
+    residual_m, sigma_m
+        (m, 3) residuals and their standard deviations. [m]
     """
     s2 = sigma_m**2
     plan = 0.5 * np.sum(s2[:, :2], axis=1)
@@ -158,7 +165,7 @@ def outlier_variances(residual_m: FloatArray, sigma_m: FloatArray) -> FloatArray
 def _residuals(
     problem: FilterProblem, noise: NoiseModel, x: FloatArray, p: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what the fixes are off by from smoothed states, and what they may be."""
+    """Return the residuals (m, 3) of the fixes from smoothed states, and their standard deviations (m, 3) [m]."""
     n = len(problem.fixes)
     residual, spread = np.empty((n, 3)), np.empty((n, 3))
     H, row = np.empty((3, kernel.N_STATES)), noise.row()

@@ -1,4 +1,4 @@
-"""From the point a trajectory describes (an antenna, an IMU) to the origin of the vehicle frame."""
+"""Lever arms: from the unit that a trajectory describes (antenna, IMU) to the origin of the vehicle frame."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from linework.arrays import FloatArray
 from linework.model.trajectory import Trajectory
 from linework.navigation.poses import attitude_deg_of, rotations_of
 
-#: Below this the direction between two positions is noise of the positions, not of the road. [m]
+#: Shortest step that has a direction; over shorter ones it is the noise of the positions. [m]
 _MIN_STEP_M = 0.05
 
 
@@ -19,7 +19,7 @@ def at_vehicle_origin(
     lever_m: tuple[float, float, float],
     boresight_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Trajectory:
-    """Return the path of the vehicle's origin, where `trajectory` is that of another unit on the vehicle.
+    """Return the trajectory of the origin of the vehicle from that of another unit on it.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def at_vehicle_origin(
     ``xyz_origin = xyz_point - R_world_vehicle @ lever`` with
     ``R_world_vehicle = Rz(90 deg - heading) Ry(-pitch) Rx(roll)``, and with a boresight ``R_world_vehicle =
     R_world_unit R_vehicle_unit^T``, ``R_vehicle_unit = Rz(-heading) Ry(-pitch) Rx(roll)``. Where the trajectory has
-    no attitude the vehicle is taken as level and heading along its path.
+    no attitude the vehicle is assumed level and heading along its path.
 
     Examples
     --------
@@ -63,12 +63,12 @@ def at_vehicle_origin(
 
 
 def rotated(attitude_deg: FloatArray, vector_vehicle: FloatArray) -> FloatArray:
-    """Return a vector of the vehicle frame in the world, (n, 3), for each roll, pitch, heading in degrees."""
+    """Return a vector (3,) of the vehicle frame in the world frame, (n, 3), for roll, pitch, heading (n, 3) [deg]."""
     roll, pitch, heading = np.radians(attitude_deg).T
     x, y, z = vector_vehicle
     # Rx(roll)
     y, z = y * np.cos(roll) - z * np.sin(roll), y * np.sin(roll) + z * np.cos(roll)
-    # Ry(-pitch): nose up lifts what is ahead
+    # Ry(-pitch): nose up raises what is ahead
     x, z = x * np.cos(pitch) - z * np.sin(pitch), x * np.sin(pitch) + z * np.cos(pitch)
     # Rz(90 deg - heading)
     east = x * np.sin(heading) - y * np.cos(heading)
@@ -77,7 +77,7 @@ def rotated(attitude_deg: FloatArray, vector_vehicle: FloatArray) -> FloatArray:
 
 
 def headings_deg(xyz: FloatArray) -> FloatArray:
-    """Return the heading along a path at each position, (n,) in degrees; where it stands still, as before."""
+    """Return the heading along a path (n, 3) at each position, (n,) [deg]; at rest that of the step before."""
     steps = np.gradient(xyz[:, :2], axis=0) if len(xyz) > 1 else np.zeros((1, 2))
     moving = np.flatnonzero(np.hypot(steps[:, 0], steps[:, 1]) > _MIN_STEP_M)
     if len(moving) == 0:

@@ -1,8 +1,8 @@
-"""Where the van was, from GNSS and dead reckoning.
+"""Positioning of a drive by GNSS and dead reckoning.
 
 After the positioning of the GPS-Van [1]: a differential receiver, and where satellites are hidden a directional
 gyro, a vertical gyro and wheel counters. Beyond it: one filter over all of them, forward, and a smoother backward,
-which together leave in an outage a fraction of what dead reckoning alone does.
+whose error in an outage is a fraction of that of dead reckoning alone.
 
 [1] G. He, K. Novak (1992), Automatic analysis of highway features from digital stereo-images,
     ISPRS XXIX-B3, 119-124, section 2.
@@ -24,11 +24,13 @@ from linework.navigation.motion import motion_of
 from linework.navigation.stretch import Sensors, locate_stretch
 from linework.navigation.wheels import spans_of
 
-#: Fewer fixes are no drive.
+#: Fewest fixes of a drive.
 _LEAST_FIXES = 5
-#: Logs that pause for so long were switched off: any way is possible in between. [s]
+#: Least sigma of a fix: smaller ones are the noise of the receiver, not the error of its position. [m]
+_LEAST_SIGMA_M = 0.003
+#: Pause of the logs from which they were switched off: the path in between is unknown. [s]
 _PAUSE_S = 5.0
-#: Clocks may differ by this (see `clock_check`). [s]
+#: Largest difference of clocks; see `clock_check`. [s]
 _CLOCK_S = 40.0
 
 
@@ -39,24 +41,24 @@ def locate_drive(
     rate_hz: float = 50.0,
     progress: Callable[[int, int], None] | None = None,
 ) -> LocatedDrive:
-    """Return where the van was and how it was turned, with honest sigmas.
+    """Return positions and attitudes of a drive, with realistic sigmas.
 
     Parameters
     ----------
     logs
-        GNSS, and a gyro or the counts of two wheels at least.
+        GNSS, and at least a gyro or the counts of two wheels.
     rate_hz
-        Poses per second.
+        Poses per second. [Hz]
     progress
-        Told how many sections between pauses of the logs are done, of how many.
+        Called with the number of sections between pauses of the logs that are done, and of all.
 
     Raises
     ------
     InputError
-        No gyro and no wheels, logs that do not overlap in time, a van that never moves.
+        When there is neither a gyro nor wheels, the logs do not overlap in time, or the van never moves.
     """
     config = config or NavigationConfig()
-    # Turns and ways: what gyros and wheels say, put right where counters wrap, stick or saturate
+    # Turn rates and distances, corrected where counters wrap, stick or saturate
     motion, turns, warnings = motion_of(logs)
     sensors = Sensors(
         gyro_noise=None if turns is None else turns.noise,
@@ -65,7 +67,7 @@ def locate_drive(
         lever_m=np.asarray(logs.gnss_lever_m, dtype=np.float64),
     )
     gnss, said = _fixes_within(logs.gnss, motion.span_s)
-    # Where the logs pause the drive is cut: nobody knows how the van went on
+    # The drive is cut where the logs pause: the path is not known there
     sections, pauses_said = _sections(motion)
     found: list[LocatedDrive] = []
     refused: list[tuple[Motion, InputError]] = []
@@ -87,7 +89,7 @@ def locate_drive(
 def _located_section(
     motion: Motion, gnss: GnssLog, sensors: Sensors, config: NavigationConfig, rate_hz: float
 ) -> list[LocatedDrive]:
-    """Return the drive between two pauses of the logs, in as many parts as there are clocks."""
+    """Return the drive between two pauses of the logs, one part per clock."""
     gnss, _ = _fixes_within(gnss, motion.span_s)
     # Clocks, signs and units: dead reckoning against the fixes; where a clock jumps, the drive is cut
     checked = checked_against_fixes(motion, gnss)
@@ -105,7 +107,7 @@ def _located_section(
 
 
 def _sections(motion: Motion) -> tuple[list[Motion], list[str]]:
-    """Cut a drive where neither gyro nor wheels say anything."""
+    """Return the parts of a drive between pauses of both gyro and wheels, and messages about the pauses."""
     time = np.unique(np.concatenate([motion.turn_time_s, motion.way_time_s]))
     pauses = spans_of(np.diff(time) > _PAUSE_S, time)
     said = [f"gyro and wheels pause from {a:.1f} to {b:.1f} s: no poses there" for a, b in pauses]
@@ -115,7 +117,7 @@ def _sections(motion: Motion) -> tuple[list[Motion], list[str]]:
 
 
 def _fixes_within(gnss: GnssLog, span_s: tuple[float, float]) -> tuple[GnssLog, list[str]]:
-    """Return the fixes that gyro and wheels cover, or nearly: their clock may be off by some seconds."""
+    """Return the fixes about the time of gyro and wheels, whose clock may be off by some seconds; and messages."""
     first, last = span_s
     inside = (gnss.time_s >= first - _CLOCK_S) & (gnss.time_s <= last + _CLOCK_S)
     n_covered = int(np.count_nonzero((gnss.time_s >= first) & (gnss.time_s <= last)))
@@ -126,8 +128,7 @@ def _fixes_within(gnss: GnssLog, span_s: tuple[float, float]) -> tuple[GnssLog, 
             where="navigation",
             advice="check that all logs have one clock and are of one drive",
         )
-    # Receivers that say less than 3 mm speak of their own noise, not of where they are
-    sigma = np.maximum(gnss.sigma_m[inside], 0.003)
+    sigma = np.maximum(gnss.sigma_m[inside], _LEAST_SIGMA_M)
     n_out = len(gnss.time_s) - n_covered
     said = [f"{n_out} of {len(gnss.time_s)} fixes are before or after gyro and wheels"] if n_out else []
     return GnssLog(gnss.time_s[inside], gnss.xyz[inside], sigma), said

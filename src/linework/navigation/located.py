@@ -1,4 +1,4 @@
-"""A positioned drive: its poses, what is not covered, and what was found out about the sensors."""
+"""A positioned drive: poses, gaps, and estimates of the sensors; and the settings of positioning."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from linework.navigation.noise import NoiseModel
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveStretch:
-    """What was found out about the sensors between two clock jumps.
+    """Estimates of the sensors between two clock jumps.
 
     Parameters
     ----------
     first_s, last_s
-        The time it is about.
+        Time span. [s]
     estimates
-        Value and sigma by name with unit: gyro_bias_deg_h (at the end), gyro_scale, wheel_scale_left,
-        wheel_scale_right, gnss_delay_s; those that were estimated.
+        Value and sigma of what was estimated, by name with unit: gyro_bias_deg_h (at the end), gyro_scale,
+        wheel_scale_left, wheel_scale_right, gnss_delay_s.
     noise
-        What the sensors' noise was taken for.
+        Noise of the sensors.
     """
 
     first_s: float
@@ -36,22 +36,22 @@ class DriveStretch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocatedDrive:
-    """A drive, positioned.
+    """A positioned drive.
 
     Parameters
     ----------
     trajectory
-        Smoothed; where the drive is not covered there are no poses.
+        Smoothed; without poses where the drive is not covered.
     forward
         The same as it was known at each moment (but for the sensors' noise, which is that of the whole drive).
     distance_m
-        Driven.
+        Distance driven. [m]
     outages_s
-        (k, 2) from when to when there were no fixes.
+        (k, 2) spans without fixes. [s]
     left_out_s
-        (k, 2) what of the drive has no poses.
+        (k, 2) spans without poses. [s]
     fix_time_s, residual_m, residual_sigma_m, is_outlier
-        (m,), (m, 3), (m, 3), (m,): fixes, what they are off by from the smoothed track, and its sigma.
+        (m,) times of the fixes [s], (m, 3) residuals from the smoothed path and their sigmas [m], (m,) bool.
     """
 
     trajectory: Trajectory
@@ -70,12 +70,12 @@ class LocatedDrive:
 def concatenated_drives(
     parts: Sequence[LocatedDrive], refused_s: Sequence[tuple[float, float]], warnings: Sequence[str]
 ) -> LocatedDrive:
-    """Return the parts of a drive as one.
+    """Return the parts of a drive as one drive.
 
     Parameters
     ----------
     refused_s
-        From when to when there is a part that could not be positioned.
+        Spans of parts that could not be positioned. [s]
     """
     left_out = np.concatenate([np.reshape(refused_s, (-1, 2)), *(p.left_out_s for p in parts)])
 
@@ -103,17 +103,17 @@ def _joined(parts: Sequence[Trajectory]) -> Trajectory:
 
 
 def kept_poses(trajectory: Trajectory, kept: BoolArray) -> Trajectory:
-    """Return the poses that are kept."""
+    """Return the poses of a trajectory that are kept (n,) bool."""
     columns = ("time_s", "xyz", "attitude_deg", "sigma_xyz_m", "sigma_attitude_deg")
     return Trajectory(*(getattr(trajectory, name)[kept] for name in columns))
 
 
-# What may be chosen about positioning
+# Settings of positioning
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigationConfig:
-    """Limits of what dead reckoning is trusted with."""
+    """Settings of positioning: limits of dead reckoning."""
 
     longest_outage_s: float = setting(
         180.0, unit="s", low=1.0, high=3600.0,

@@ -1,4 +1,4 @@
-"""One motion from whatever sensors there are: gyro and wheels, either alone, or the fixes where wheels fail."""
+"""Motion of the van from its sensors: gyro and wheels, either alone, or the fixes where wheels fail."""
 
 from __future__ import annotations
 
@@ -12,25 +12,24 @@ from linework.model.logs import GnssLog, GyroLog, NavigationLogs
 from linework.navigation.dead_reckoning import Motion
 from linework.navigation.wheels import WheelTravel, spans_of, valid_wheel_travel
 
-#: Speed from fixes is taken over this to either side. [s]
+#: Time to either side over which the speed of fixes is taken. [s]
 _SPEED_WINDOW_S = 1.0
-#: Fixes that move by more than this and so many sigmas while the wheels stand are no noise. [m]
+#: Movement of fixes while the wheels stand that is not noise: more than this [m], plus this many sigmas.
 _MOVED_M, _MOVED_SIGMAS = 1.0, 5.0
-#: Fixes of so long before and after a stop are looked at; of each at least so many. [s]
+#: Time before and after a stop whose fixes are used [s], and fewest fixes of each.
 _AROUND_S, _LEAST_FIXES = 10.0, 4
-#: Ways are not believed from so long before wheels go blind until so long after: their speed ends at about
-#: 1 m/s, which takes a second to brake. [s]
+#: Margin about a time in which wheels report no speed: they do so below about 1 m/s, which takes a second to brake. [s]
 _BLIND_S = 1.0
 _NONE = np.zeros((0, 2))
 
 
 def motion_of(logs: NavigationLogs) -> tuple[Motion, TurnRates | None, tuple[str, ...]]:
-    """Return the motion that the logs show, the gyro's noise where there is one, and what was odd.
+    """Return the motion of the logs, the turn rates of a gyro with their noise, and warnings.
 
     Raises
     ------
     InputError
-        No gyro and not both wheels: how the van turns between fixes is not known.
+        When there is neither a gyro nor the counts of two wheels, so that turns between fixes are not known.
     """
     gyro, wheels = logs.gyro, logs.wheels
     if gyro is not None and len(gyro.time_s) < 2:
@@ -39,7 +38,7 @@ def motion_of(logs: NavigationLogs) -> tuple[Motion, TurnRates | None, tuple[str
         raise InputError("fewer than two readings", where="wheels", advice="check the log")
     if gyro is None and (wheels is None or wheels.ticks is None):
         raise InputError(
-            "neither a gyro nor the counts of two wheels: how the van turns is not known", where="navigation",
+            "neither a gyro nor the counts of two wheels: turns of the van are not known", where="navigation",
             advice="add gyro = FILE, or wheels = FILE with left_ticks and right_ticks",
         )  # fmt: skip
     heading = None
@@ -64,7 +63,7 @@ def motion_of(logs: NavigationLogs) -> tuple[Motion, TurnRates | None, tuple[str
 
 
 def _really_standing(ways: WheelTravel, gnss: GnssLog) -> WheelTravel:
-    """Take out stops in which the fixes move: sensors of wheels are blind when slow, counters stick."""
+    """Remove stops in which the fixes move: wheel sensors report nothing at low speed, counters stick."""
     standing, moving, said = [], [], []
     for start, end in ways.at_rest:
         moved = _moved(ways, gnss, float(start), float(end))
@@ -83,9 +82,9 @@ def _really_standing(ways: WheelTravel, gnss: GnssLog) -> WheelTravel:
 
 
 def _moved(ways: WheelTravel, gnss: GnssLog, start_s: float, end_s: float) -> float:
-    """Return how far the fixes move while the wheels stand, 0 where that may be noise or fixes far off, in metres.
+    """Return the movement of the fixes while the wheels stand [m]; 0 where that may be noise or outliers.
 
-    Fixes are compared with those after the stop that are as good as at its place: bad ones do not last.
+    The fixes at the start of a stop are compared with those after it: outliers do not last.
     """
     third = (end_s - start_s) / 3.0
     near = np.flatnonzero((gnss.time_s > start_s - _AROUND_S) & (gnss.time_s < end_s + _AROUND_S))
@@ -104,7 +103,7 @@ def _moved(ways: WheelTravel, gnss: GnssLog, start_s: float, end_s: float) -> fl
 
 
 def _bridged(time_s: FloatArray, way_m: FloatArray, spans: FloatArray) -> FloatArray:
-    """Return ways whose speed goes evenly from before a span to after it."""
+    """Return distances (n, 2) whose speed is interpolated linearly over spans (k, 2)."""
     speed = np.diff(way_m, axis=0) / np.diff(time_s)[:, None]
     middle = 0.5 * (time_s[1:] + time_s[:-1])
     blind = np.zeros(len(middle), dtype=bool)
@@ -118,6 +117,7 @@ def _bridged(time_s: FloatArray, way_m: FloatArray, spans: FloatArray) -> FloatA
 
 
 def _with_ways(ways: WheelTravel, logs: NavigationLogs) -> Motion:
+    """Return a motion with distances, without turn rates."""
     has_ticks = logs.wheels is not None and logs.wheels.ticks is not None
     return Motion(
         turn_time_s=np.zeros(0), turn_radps=np.zeros(0), tilt_rad=_NONE, no_turn=_NONE,
@@ -127,7 +127,7 @@ def _with_ways(ways: WheelTravel, logs: NavigationLogs) -> Motion:
 
 
 def _turned_by_wheels(motion: Motion) -> Motion:
-    """Return the motion with turn rates by the difference of both wheels."""
+    """Return the motion with turn rates from the difference of both wheels."""
     t, step = motion.way_time_s, np.diff(motion.way_m, axis=0)
     rate = (step[:, 0] - step[:, 1]) / motion.track_m / np.diff(t)
     time = np.concatenate([t[:1], 0.5 * (t[1:] + t[:-1]), t[-1:]])
@@ -138,7 +138,7 @@ def _turned_by_wheels(motion: Motion) -> Motion:
 
 
 def _ways_of_fixes(gnss: GnssLog) -> WheelTravel:
-    """Return ways by the speed between fixes; how far they are off is left to the filter all the time."""
+    """Return distances from the speed between fixes; the filter estimates their error throughout."""
     time = gnss.time_s
     before, after = np.maximum(time - _SPEED_WINDOW_S, time[0]), np.minimum(time + _SPEED_WINDOW_S, time[-1])
     places = [
@@ -148,36 +148,44 @@ def _ways_of_fixes(gnss: GnssLog) -> WheelTravel:
     speed = np.hypot(*(places[1] - places[0]).T) / np.maximum(after - before, 1e-3)
     way = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(time) * (speed[1:] + speed[:-1]))])
     always = np.array([[-np.inf, np.inf]])
-    said = "no wheels: ways come from the fixes alone, outages of more than some seconds are not bridged well"
+    said = "no wheels: distances come from the fixes alone, outages of more than a few seconds are not bridged well"
     return WheelTravel(time, np.stack([way, way], axis=1), always, _NONE, apart=False, warnings=(said,))
 
 
-# Sound turn rates and tilts from the gyros' log, and how noisy they are
+# Valid turn rates and tilts from the log of the gyros, and their noise
 
-#: A pause of the log so long may hide a turn. [s]
+#: Pause of the log that may hide a turn. [s]
 _PAUSE_S = 0.5
-#: Readings at the end of the gyro's range for so many times running are no measurement.
+#: Consecutive readings at the end of the gyro's range from which it is saturated.
 _SATURATED_RUN = 3
-#: Tilts are smoothed over this: bodies sway at 1 to 2 Hz. [s]
+#: Window over which tilts are smoothed: bodies sway at 1 to 2 Hz. [s]
 _TILT_WINDOW_S = 0.25
+#: Turn rate below which a constant reading is a standing gyro, not the end of its range. [rad/s]
+_LEAST_RANGE_RADPS = np.radians(5.0)
+#: Median absolute deviation of Gaussian noise over its standard deviation.
+_MAD = 0.6745
+#: Variance of the third differences of white noise, in its own.
+_THIRD_DIFFERENCES = 20.0
+#: Range of angular random walks: from the best fibre-optic gyros to the worst built into vans. [rad/sqrt(s)]
+_LEAST_WALK, _MOST_WALK = np.radians(0.02) / 60.0, np.radians(5.0) / 60.0
 
 
 @dataclass(frozen=True, slots=True)
 class TurnRates:
-    """Turn rates and tilts.
+    """Valid turn rates and tilts of the gyros.
 
     Parameters
     ----------
     time_s, rate_radps
-        (n,), clockwise.
+        (n,) times [s] and turn rates, clockwise [rad/s].
     tilt_rad
-        (n, 2) roll and pitch, smoothed; zeros without a vertical gyro.
+        (n, 2) roll and pitch, smoothed; zeros without a vertical gyro. [rad]
     tilt_sigma_rad
-        (2,) noise left in them.
+        (2,) remaining noise of them. [rad]
     no_turn
         (k, 2) spans in which the turn is not known. [s]
     noise
-        Angular random walk, at most: vibration counts too. [rad/sqrt(s)]
+        Upper bound of the angular random walk: vibration is included. [rad/sqrt(s)]
     """
 
     time_s: FloatArray
@@ -190,7 +198,7 @@ class TurnRates:
 
 
 def valid_turn_rates(log: GyroLog, at_rest: FloatArray) -> TurnRates:
-    """Return what the gyros say.
+    """Return the valid turn rates and tilts of a log.
 
     Parameters
     ----------
@@ -215,22 +223,24 @@ def valid_turn_rates(log: GyroLog, at_rest: FloatArray) -> TurnRates:
 
 
 def _saturated(time: FloatArray, rate: FloatArray) -> FloatArray:
-    """Return spans in which the rate stays at the largest value of the log."""
+    """Return the spans (k, 2) in which the rate stays at the largest value of the log. [s]."""
     limit = np.abs(rate).max()
-    # What is small is no range's end: a gyro that reads one value all the time stands still
-    at_limit = (np.abs(rate) == limit) & (limit > np.radians(5.0))
+    # A small limit is not the end of a range: the van stands
+    at_limit = (np.abs(rate) == limit) & (limit > _LEAST_RANGE_RADPS)
     runs = spans_of(at_limit, np.arange(len(rate) + 1.0)).astype(np.int64)
     runs = runs[runs[:, 1] - runs[:, 0] >= _SATURATED_RUN]
-    # From the last good reading before to the first one after
+    # From the last valid reading before to the first one after
     first, last = np.maximum(runs[:, 0] - 1, 0), np.minimum(runs[:, 1], len(time) - 1)
     return np.stack([time[first], time[last]], axis=1)
 
 
 def _random_walk(time: FloatArray, rate: FloatArray, at_rest: FloatArray) -> float:
-    """Return the angular random walk from readings at rest, or from what is too quick for a van to turn."""
+    """Return the angular random walk from readings at rest, or from changes too fast for a van. [rad/sqrt(s)]."""
     dt = float(np.median(np.diff(time)))
-    # Third differences lose what a van does; of white noise they have 20 times the variance
-    quick = np.median(np.abs(np.diff(rate, 3))) / 0.6745 / np.sqrt(20.0) if len(rate) > 10 else 0.0
+    # Third differences remove the motion of a van; of white noise they have 20 times the variance
+    quick = (
+        np.median(np.abs(np.diff(rate, 3))) / _MAD / np.sqrt(_THIRD_DIFFERENCES) if len(rate) > 10 else 0.0
+    )
     found = [quick * np.sqrt(dt)]
     bin_s = max(0.5, 2.0 * dt)
     means = []
@@ -242,18 +252,17 @@ def _random_walk(time: FloatArray, rate: FloatArray, at_rest: FloatArray) -> flo
     change = np.concatenate(means) if means else np.zeros(0)
     if len(change) >= 10:
         found.append(float(np.sqrt(0.5 * np.mean(change**2) * bin_s)))
-    # Between the best fibre-optic gyros and the worst that anybody would build into a van
-    return float(np.clip(min(found), np.radians(0.02) / 60.0, np.radians(5.0) / 60.0))
+    return float(np.clip(min(found), _LEAST_WALK, _MOST_WALK))
 
 
 def _smoothed(time: FloatArray, tilt: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return tilts smoothed by parabolas over a quarter of a second, and the noise left in them."""
+    """Return tilts (n, 2) smoothed by parabolas over a quarter of a second, and their remaining noise (2,) [rad]."""
     from scipy.signal import savgol_filter
 
     dt = float(np.median(np.diff(time)))
-    noise = np.median(np.abs(np.diff(tilt, 3, axis=0)), axis=0) / 0.6745 / np.sqrt(20.0)
+    noise = np.median(np.abs(np.diff(tilt, 3, axis=0)), axis=0) / _MAD / np.sqrt(_THIRD_DIFFERENCES)
     width = 2 * int(0.5 * _TILT_WINDOW_S / dt) + 1
     if width < 5 or len(time) < width:
         return tilt, noise
-    # The middle of a parabola through n values has 9 / (4 n) of their variance
+    # The centre of a parabola through n values has 9 / (4 n) of their variance
     return np.asarray(savgol_filter(tilt, width, 2, axis=0)), noise * np.sqrt(9.0 / (4.0 * width))

@@ -13,7 +13,7 @@ from linework.navigation.filter import FilterEstimate, FilterProblem
 
 
 def rotations_of(attitude_deg: FloatArray) -> FloatArray:
-    """Return (n, 3, 3) R_world_vehicle = Rz(90 deg - heading) Ry(-pitch) Rx(roll) of (n, 3) roll, pitch, heading.
+    """Return R_world_vehicle = Rz(90 deg - heading) Ry(-pitch) Rx(roll), (n, 3, 3), of roll, pitch, heading (n, 3) [deg].
 
     >>> rotations_of(np.array([[0.0, 0.0, 90.0]])).round(9)[0].tolist()  # heading east: forward is east
     [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
@@ -26,7 +26,7 @@ def rotations_of(attitude_deg: FloatArray) -> FloatArray:
 
 
 def attitude_deg_of(R_world_vehicle: FloatArray) -> FloatArray:
-    """Return (n, 3) roll, pitch, heading [deg, heading 0 to 360] of (n, 3, 3) rotations."""
+    """Return roll, pitch, heading (0 to 360) of rotations (n, 3, 3), (n, 3) [deg]."""
     from scipy.spatial.transform import Rotation
 
     yaw, minus_pitch, roll = Rotation.from_matrix(R_world_vehicle).as_euler("ZYX", degrees=True).T
@@ -34,17 +34,16 @@ def attitude_deg_of(R_world_vehicle: FloatArray) -> FloatArray:
 
 
 def poses_at(trajectory: Trajectory, time_s: FloatArray) -> Poses:
-    """Return where the vehicle was and how it was turned at (n,) times [s] within the trajectory.
+    """Return position and attitude of the vehicle at (n,) times [s] within the trajectory.
 
     Raises
     ------
     ValueError
-        The trajectory has no attitude, or a time is outside of it: with the first such time.
+        When the trajectory has no attitude, or a time is outside of it; the message names the first such time.
 
     Notes
     -----
-    Positions and sigmas go linearly from one pose to the next, rotations at constant rate about the one axis
-    that turns the one into the other (slerp).
+    Positions and sigmas are interpolated linearly, rotations at a constant rate about one axis (slerp).
     """
     from scipy.spatial.transform import Rotation, Slerp
 
@@ -73,7 +72,7 @@ def _interpolated(time_s: FloatArray, known_s: FloatArray, values: FloatArray | 
     return np.stack([np.interp(time_s, known_s, column) for column in values.T], axis=-1)
 
 
-# Poses at any rate between the nodes of the filter: dead reckoned, and drawn onto both neighbours
+# Poses at any rate between the nodes of the filter: dead reckoned, and adjusted to both neighbours
 
 
 def trajectory_at(
@@ -90,8 +89,8 @@ def trajectory_at(
 
     Notes
     -----
-    From the node before, the way of gyro and wheels goes on with the estimated scales and bias; what it is
-    off by at the node after is shared out over the time between both.
+    From the node before, gyro and wheels are integrated with the estimated scales and bias; the misclosure at the
+    node after is distributed over the time between both.
     """
     nodes, x = problem.time_s, estimate.x
     k = np.clip(np.searchsorted(nodes, time_s, side="right") - 1, 0, len(nodes) - 2)
@@ -126,7 +125,7 @@ def _moved(
     *,
     to_next: bool = False,
 ) -> FloatArray:
-    """Return (n, 4) position and heading after the way from node `k`."""
+    """Return position and heading (n, 4) dead reckoned from nodes `k` (n,) over `dt` (n,) [s]."""
     to = slice(1, None) if to_next else slice(None)
     turn_read = at.heading_rad[to] - node.heading_rad[k]
     turn = (1.0 + x[:, kernel.GYRO_SCALE]) * turn_read + (x[:, kernel.NAV_TURN] - x[:, kernel.BIAS]) * dt
@@ -135,7 +134,7 @@ def _moved(
     far = way.mean(axis=1)
     free = x[:, kernel.SPEED] * dt
     along = at.xy[to] - node.xy[k]
-    # The way's own frame, turned to the heading of the node; half of what the gyro was corrected by
+    # Rotated to the heading of the node, plus half of the correction of the gyro
     h = x[:, kernel.NAV_HEADING] - node.heading_rad[k] + 0.5 * (turn - turn_read)
     east = along[:, 0] * np.cos(h) + along[:, 1] * np.sin(h)
     north = along[:, 1] * np.cos(h) - along[:, 0] * np.sin(h)

@@ -1,4 +1,4 @@
-"""One stretch of a drive, of one clock: filter forward, smooth backward, poses at any rate."""
+"""Positioning of a stretch of a drive with one clock: initial state, filter, smoother, poses at any rate."""
 
 from __future__ import annotations
 
@@ -25,28 +25,34 @@ from linework.navigation.noise import NoiseModel, fit_noise, initial_noise
 from linework.navigation.poses import trajectory_at
 from linework.navigation.wheels import spans_of
 
-#: How far off the first state may be: gyros of phones have a bias of 0.3 deg/s, all others less; scales.
+#: Standard deviations of the initial state: bias (phones have 0.3 deg/s, others less) [rad/s], scales [1].
 _SIGMA_BIAS_RADPS, _SIGMA_GYRO_SCALE, _SIGMA_WHEEL_SCALE = np.radians(0.3), 0.03, 0.03
-#: GNSS stamps are late by this where they are late (computing, serial lines, USB). [s]
+#: Standard deviation of a delay of GNSS time stamps (computing, serial lines, USB). [s]
 _SIGMA_DELAY_S = 0.2
-#: A delay, or a jump of the bias, is believed where it is so many times (logarithm) as probable, so many sigmas.
+#: Evidence from which a delay or a jump of the bias is accepted: logarithm of the likelihood ratio, and sigmas.
 _EVIDENCE, _JUMP_SIGMAS = 10.0, 5.0
-#: Times without fixes are outages from here on, or from three intervals of the receiver. [s]
+#: Least time without fixes of an outage; at least three intervals of the receiver. [s]
 _OUTAGE_S = 3.0
+#: Standard deviations of the initial position [m] and heading [rad].
+_SIGMA_PLACE_M, _SIGMA_HEADING_RAD = 100.0, np.radians(10.0)
+#: Share of the largest jump in a span of steps that the bias may jump in too.
+_JUMP_SHARE = 0.9
+#: Standard deviation of a jump of the bias. [rad/s]
+_JUMP_RADPS = np.radians(0.1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensors:
-    """What is known of the sensors.
+    """Properties of the sensors.
 
     Parameters
     ----------
     gyro_noise
         Angular random walk [rad/sqrt(s)]; None: no gyro.
     tilt_sigma_rad
-        (2,) noise of roll and pitch.
+        (2,) noise of roll and pitch. [rad]
     lever_m
-        (3,) of the antenna, vehicle frame.
+        (3,) of the antenna. [m, vehicle]
     """
 
     gyro_noise: float | None
@@ -58,27 +64,33 @@ class Sensors:
 def locate_stretch(
     motion: Motion, fixes: GnssLog, sensors: Sensors, config: NavigationConfig, *, rate_hz: float
 ) -> LocatedDrive:
-    """Return the poses of a stretch."""
-    # A local origin; only what gyro, wheels and GNSS have in common
+    """Return a positioned stretch, with poses at `rate_hz`.
+
+    Raises
+    ------
+    InputError
+        When the van hardly moves, or no position is certain enough.
+    """
+    # Local origin, and the time common to gyro, wheels and GNSS
     first, last = motion.span_s
     gnss, origin = _from_origin(fixes, first, last)
-    # Dead reckoning from end to end, laid onto the first fixes
+    # Dead reckoning from end to end, fitted to the first fixes
     reckoned = reckon(motion, gnss.time_s)
     problem = _problem(motion, reckoned, gnss, sensors)
     if not motion.has_ways:
         problem, reckoned = _of_speed_alone(problem, motion, gnss)
-    # How noisy the sensors are: what makes the fixes most probable
+    # Noise of the sensors by maximum likelihood of the fixes
     noise = initial_noise(
         motion.tick_m, motion.track_m, gyro_noise=sensors.gyro_noise, has_tilt=sensors.has_tilt
     )
     noise = fit_noise(noise, lambda model: filter_states(problem, model).likelihood)
     problem, noise, said = _with_delay(problem, noise)
-    # Forward, then backward; fixes far from the smoothed track count less the next time
+    # Forward, then backward; fixes far from the smoothed path get less weight the next time
     forward = filter_states(problem, noise)
     estimate = smooth_states(problem, noise, forward)
     problem, steps_said = _with_bias_jumps(problem, noise, estimate)
     estimate, doubt = _reweighted(problem, noise, estimate)
-    # Poses at any rate, but for what is too long or too far from a fix
+    # Poses at any rate, except too far from a fix or too uncertain
     time = np.arange(np.ceil(first * rate_hz) / rate_hz, last, 1.0 / rate_hz)
 
     def poses(of: FilterEstimate) -> Trajectory:
@@ -105,7 +117,7 @@ def locate_stretch(
 
 
 def _from_origin(fixes: GnssLog, first_s: float, last_s: float) -> tuple[GnssLog, FloatArray]:
-    """Return the fixes of a time from a local origin, and that origin."""
+    """Return the fixes of a time span [s] from a local origin, and that origin (3,) [m, world]."""
     inside = (fixes.time_s >= first_s) & (fixes.time_s <= last_s)
     origin = np.round(np.median(fixes.xyz, axis=0))
     return GnssLog(fixes.time_s[inside], fixes.xyz[inside] - origin, fixes.sigma_m[inside]), origin
@@ -114,7 +126,7 @@ def _from_origin(fixes: GnssLog, first_s: float, last_s: float) -> tuple[GnssLog
 def _reweighted(
     problem: FilterProblem, noise: NoiseModel, estimate: FilterEstimate
 ) -> tuple[FilterEstimate, FloatArray]:
-    """Smooth twice more, fixes far from the smoothed track with less weight; return their added variance."""
+    """Smooth twice more, with less weight for outlying fixes; return the estimate and their added variances (m, 2)."""
     doubt = outlier_variances(estimate.innovation_m, estimate.innovation_sigma_m)
     for _ in range(2):
         problem = replace(problem, x0=estimate.x[0])
@@ -124,17 +136,17 @@ def _reweighted(
 
 
 def _problem(motion: Motion, reckoned: DeadReckoning, gnss: GnssLog, sensors: Sensors) -> FilterProblem:
-    """Return nodes and steps, and the first state: dead reckoning laid onto the first fixes."""
+    """Return nodes and steps, and the initial state: dead reckoning fitted to the first fixes."""
     fit = first_heading(reckoned.at(gnss.time_s).xy, gnss.xyz[:, :2], gnss.sigma_m[:, 0])
     if fit is None:
         raise InputError(
-            f"the van hardly moves from {gnss.time_s[0]:.1f} to {gnss.time_s[-1]:.1f} s: how it heads is not known",
+            f"the van hardly moves from {gnss.time_s[0]:.1f} to {gnss.time_s[-1]:.1f} s: its heading is not known",
             where="navigation",
             advice="give a log with some metres driven while there are fixes",
         )
     x0, sigma0 = np.zeros(kernel.N_STATES), np.zeros(kernel.N_STATES)
     x0[:4] = fit.east_m, fit.north_m, gnss.xyz[0, 2] - sensors.lever_m[2], fit.heading_rad
-    sigma0[:3], sigma0[kernel.NAV_HEADING] = 100.0, np.radians(10.0)
+    sigma0[:3], sigma0[kernel.NAV_HEADING] = _SIGMA_PLACE_M, _SIGMA_HEADING_RAD
     if not motion.wheels_turn:
         sigma0[kernel.BIAS], sigma0[kernel.GYRO_SCALE] = _SIGMA_BIAS_RADPS, _SIGMA_GYRO_SCALE
     sigma0[kernel.LEFT] = sigma0[kernel.RIGHT] = _SIGMA_WHEEL_SCALE
@@ -145,16 +157,16 @@ def _problem(motion: Motion, reckoned: DeadReckoning, gnss: GnssLog, sensors: Se
 def _of_speed_alone(
     problem: FilterProblem, motion: Motion, gnss: GnssLog
 ) -> tuple[FilterProblem, DeadReckoning]:
-    """Leave all ways to the estimated speed: those taken from fixes would count these twice."""
+    """Leave all distances to the estimated speed: those taken from fixes would use the fixes twice."""
     steps, read = problem.steps.copy(), problem.read.copy()
     steps[:, [kernel.LEFT_M, kernel.RIGHT_M]] = 0.0
-    read[:, 2] = 0.0
+    read[:, kernel.READ_SPEED] = 0.0
     still = replace(motion, way_m=np.zeros_like(motion.way_m))
     return replace(problem, steps=steps, read=read), reckon(still, gnss.time_s)
 
 
 def _with_delay(problem: FilterProblem, noise: NoiseModel) -> tuple[FilterProblem, NoiseModel, list[str]]:
-    """Let the filter estimate how late the GNSS stamps are, where that makes the fixes more probable."""
+    """Let the filter estimate the delay of the GNSS time stamps, where that makes the fixes more probable."""
     sigma0 = problem.sigma0.copy()
     sigma0[kernel.DELAY] = _SIGMA_DELAY_S
     late = replace(problem, sigma0=sigma0)
@@ -171,7 +183,7 @@ def _with_delay(problem: FilterProblem, noise: NoiseModel) -> tuple[FilterProble
 def _with_bias_jumps(
     problem: FilterProblem, noise: NoiseModel, estimate: FilterEstimate
 ) -> tuple[FilterProblem, list[str]]:
-    """Let the gyro's bias jump where the fixes say that it did."""
+    """Let the bias of the gyro jump where the fixes show that it does."""
     base = filter_states(problem, noise).likelihood
     jump = np.abs(estimate.jump)
     spans = spans_of(jump > _JUMP_SIGMAS, np.arange(len(jump) + 1.0)).astype(np.int64)
@@ -180,9 +192,9 @@ def _with_bias_jumps(
     said = []
     for first, last in spans:
         peak = first + int(np.argmax(jump[first:last]))
-        at = np.flatnonzero(jump[first:last] > 0.9 * jump[peak]) + first
+        at = np.flatnonzero(jump[first:last] > _JUMP_SHARE * jump[peak]) + first
         steps = problem.steps.copy()
-        steps[at, kernel.BIAS_VAR] = np.radians(0.1) ** 2 / len(at)
+        steps[at, kernel.BIAS_VAR] = _JUMP_RADPS**2 / len(at)
         with_jump = replace(problem, steps=steps)
         gained = filter_states(with_jump, noise).likelihood - base
         if gained < _EVIDENCE:
@@ -195,7 +207,7 @@ def _with_bias_jumps(
 
 
 def _outages(fix_time_s: FloatArray, span_s: tuple[float, float]) -> FloatArray:
-    """Return (k, 2) from when to when there are no fixes."""
+    """Return the spans (k, 2) without fixes. [s]."""
     least = max(_OUTAGE_S, 3.0 * float(np.median(np.diff(fix_time_s))))
     ends = np.concatenate([[span_s[0]], fix_time_s, [span_s[1]]])
     return spans_of(np.diff(ends) > least, ends)
@@ -208,7 +220,7 @@ def _kept(
     sigma_m: FloatArray | None,
     config: NavigationConfig,
 ) -> BoolArray:
-    """Return which poses are near enough to a fix, and certain enough."""
+    """Return which poses (n,) are near enough to a fix and certain enough, (n,) bool."""
     assert sigma_m is not None
     kept = np.hypot(sigma_m[:, 0], sigma_m[:, 1]) <= config.max_sigma_m
     for start, end in outages_s:
@@ -220,7 +232,7 @@ def _kept(
         kept &= ~((time_s > start) & (time_s < end) & far)
     if not kept.any():
         raise InputError(
-            f"no place is certain to {config.max_sigma_m:g} m from {time_s[0]:.1f} to {time_s[-1]:.1f} s",
+            f"no position is certain to {config.max_sigma_m:g} m from {time_s[0]:.1f} to {time_s[-1]:.1f} s",
             where="navigation",
             advice="check sigmas and outages of the GNSS log",
         )
@@ -230,7 +242,7 @@ def _kept(
 def _account(
     problem: FilterProblem, estimate: FilterEstimate, noise: NoiseModel, sensors: Sensors
 ) -> DriveStretch:
-    """Return what was estimated besides the poses, at the end of the stretch."""
+    """Return the estimates of the sensors at the end of the stretch."""
     named = [("wheel_scale_left", kernel.LEFT, 1.0), ("wheel_scale_right", kernel.RIGHT, 1.0)]
     if sensors.gyro_noise is not None:
         named += [
@@ -249,20 +261,20 @@ def _account(
     )
 
 
-# Where the drive starts and how it heads: the way of dead reckoning laid onto the first fixes
+# Initial position and heading: dead reckoning fitted to the first fixes
 
-#: First way that is laid onto the fixes: so many sigmas of theirs, and no less than a street corner. [m]
+#: Least length of the path that is fitted: in sigmas of the fixes, and that of a street corner [m].
 _LEAST_SIGMAS, _LEAST_M = 20.0, 15.0
 
 
 @dataclass(frozen=True, slots=True)
 class PathFit:
-    """A way laid onto fixes: position and heading at its origin, how much longer it is, what is left.
+    """A path fitted to fixes: position [m] and heading [rad] of its origin, scale, residuals.
 
     Parameters
     ----------
     residual_m
-        (n,) distances of the fixes.
+        (n,) distances of the fixes. [m]
     """
 
     east_m: float
@@ -273,9 +285,9 @@ class PathFit:
 
 
 def fit_onto_fixes(way_xy: FloatArray, fixes_xy: FloatArray, *, robust: bool = True) -> PathFit:
-    """Turn, shift and scale (n, 2) places of a way onto (n, 2) fixes, least squares.
+    """Fit a path (n, 2) to fixes (n, 2) [m] by rotation, shift and scale, by least squares.
 
-    With complex numbers: ``fix = origin + scale e^(-i heading) way``; fixes far from all others count less.
+    With complex numbers: ``fix = origin + scale e^(-i heading) way``; `robust` reduces the weight of outliers.
     """
     way, fix = way_xy @ np.array([1.0, 1.0j]), fixes_xy @ np.array([1.0, 1.0j])
     weight = np.ones(len(way))
@@ -294,7 +306,7 @@ def fit_onto_fixes(way_xy: FloatArray, fixes_xy: FloatArray, *, robust: bool = T
 
 
 def first_heading(way_xy: FloatArray, fixes_xy: FloatArray, sigma_m: FloatArray) -> PathFit | None:
-    """Return the first way's fit, from as many fixes as its length needs; None where the van never moves."""
+    """Return the fit of the first part of a path (n, 2) to fixes (n, 2) with sigmas (n,) [m]; None without movement."""
     far = np.maximum.accumulate(np.hypot(*(way_xy - way_xy[0]).T))
     needed = np.maximum(_LEAST_SIGMAS * np.median(sigma_m), _LEAST_M)
     enough = np.flatnonzero(far >= needed)

@@ -1,4 +1,4 @@
-"""Sound ways of the two wheels from their logs: wrapped, reset, stuck and reversed counters put right."""
+"""Distances of the two wheels from their logs, with wrapped, reset, stuck and reversed counters corrected."""
 
 from __future__ import annotations
 
@@ -9,35 +9,41 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray
 from linework.model.logs import WheelLog
 
-#: No road vehicle on a survey is faster. [m/s]
+#: Highest speed of a vehicle on a survey. [m/s]
 _FASTEST_MPS = 70.0
-#: Nor changes its speed faster: full braking is 8 to 10. [m/s^2]
+#: Largest change of speed: full braking is 8 to 10. [m/s^2]
 _HARDEST_MPS2 = 20.0
+#: Numbers at which counters wrap: 8, 16, 24 and 32 bits. [counts]
 _WRAPS = (2.0**8, 2.0**16, 2.0**24, 2.0**32)
-#: A counter that says nothing for so long while the other wheel runs is stuck. [s]
+#: Time without counts, while the other wheel turns, from which a counter is stuck. [s]
 _STUCK_S = 1.0
-#: Standing for so long is a stop; its ends are left away, where counts are too coarse to show creeping. [s]
+#: Least length of a stop, and what is cut off its ends, where counts are too coarse to show creeping. [s]
 _REST_S, _REST_END_S = 1.6, 0.3
-#: Counts are smoothed over this; a van at full braking leaves a parabola by less than a tick in it. [s]
+#: Window over which counts are smoothed; at full braking a van departs from a parabola by less than a tick in it. [s]
 _SMOOTH_S = 0.5
-#: A pause of the log so long hides what happened in it. [s]
+#: Pause of the log from which the distance in it is unknown. [s]
 _PAUSE_S = 2.0
+#: Speed below which a speed log reports standing. [m/s]
+_STANDING_MPS = 0.05
+#: Mean speed of the other wheel from which a silent one is stuck: the inner wheel of the tightest turn still makes a
+#: third of the outer one's distance. [m/s]
+_OTHER_MPS = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class WheelTravel:
-    """How far both wheels have come.
+    """Distances of both wheels.
 
     Parameters
     ----------
     time_s, way_m
-        (n,), (n, 2).
+        (n,) times [s], and (n, 2) distances of the left and the right wheel [m].
     no_way, at_rest
-        (k, 2) spans in which it is not known, in which the van stands. [s]
+        (k, 2) spans in which the distance is not known, and in which the van stands. [s]
     apart
-        True where the wheels are counted each by itself.
+        The wheels are counted separately.
     warnings
-        What was put right.
+        What was corrected.
     """
 
     time_s: FloatArray
@@ -51,18 +57,20 @@ class WheelTravel:
 def valid_wheel_travel(
     log: WheelLog, tick_m: float, track_m: float, heading_rad: FloatArray | None
 ) -> WheelTravel:
-    """Return the ways of both wheels.
+    """Return the distances of both wheels, corrected.
 
     Parameters
     ----------
     heading_rad
-        (n,) of the gyro at the log's times, clockwise: replaces a wheel that is stuck; None: no gyro.
+        (n,) heading of the gyro at the times of the log, clockwise, which replaces a stuck wheel [rad]; None: no gyro.
+    tick_m, track_m
+        Travel per count, and distance of the wheels. [m]
     """
     pauses = spans_of(np.diff(log.time_s) > _PAUSE_S, log.time_s)
     if log.speed_mps is not None:
         step = 0.5 * np.diff(log.time_s) * (log.speed_mps[1:] + log.speed_mps[:-1])
         way = np.concatenate([[0.0], np.cumsum(step)])
-        slow = np.abs(log.speed_mps) < 0.05
+        slow = np.abs(log.speed_mps) < _STANDING_MPS
         rest = _long(spans_of(slow[1:] & slow[:-1], log.time_s), _REST_S)
         return WheelTravel(log.time_s, np.stack([way, way], axis=1), pauses, _shorter(rest), apart=False)
     assert log.ticks is not None
@@ -88,19 +96,19 @@ def valid_wheel_travel(
 
 
 def _without_steps(time_s: FloatArray, way_m: FloatArray, tick_m: float) -> FloatArray:
-    """Return ways smoothed over half a second, by parabolas: a count comes up to a tick late."""
+    """Return distances (n, 2) smoothed over half a second by parabolas: a count is up to a tick late."""
     from scipy.signal import savgol_filter
 
     width = 2 * int(0.5 * _SMOOTH_S / float(np.median(np.diff(time_s)))) + 1
     if width < 5 or len(time_s) < width:
         return way_m
     smooth = savgol_filter(way_m, width, 2, axis=0)
-    # Further than a count can be off is a pause of the log, or a hard stop
+    # Farther off than a tick are pauses of the log and hard stops
     return np.where(np.abs(smooth - way_m) <= tick_m, smooth, way_m)
 
 
 def spans_of(is_in: BoolArray, time_s: FloatArray) -> FloatArray:
-    """Return (k, 2) from when to when steps (n - 1,) between times (n,) are in.
+    """Return the spans of consecutive chosen steps (n - 1,) bool between times (n,) [s], (k, 2) [s].
 
     >>> spans_of(np.array([False, True, True, False]), np.arange(5.0)).tolist()
     [[1.0, 3.0]]
@@ -111,17 +119,19 @@ def spans_of(is_in: BoolArray, time_s: FloatArray) -> FloatArray:
 
 
 def _long(spans: FloatArray, least_s: float) -> FloatArray:
+    """Return the spans (k, 2) of at least a length [s]."""
     return np.asarray(spans[spans[:, 1] - spans[:, 0] >= least_s])
 
 
 def _shorter(spans: FloatArray) -> FloatArray:
+    """Return the spans (k, 2) without their ends, `_REST_END_S` each. [s]."""
     return np.asarray(spans + np.array([_REST_END_S, -_REST_END_S]))
 
 
 def _unwrapped(
     counts: FloatArray, time_s: FloatArray, tick_m: float, name: str
 ) -> tuple[FloatArray, list[str]]:
-    """Add what a counter lost when it began anew at 0."""
+    """Correct the counts (n - 1,) of a counter that wrapped; return them and messages."""
     most = _FASTEST_MPS * np.diff(time_s) / tick_m + 2.0
     counts, warnings = counts.copy(), []
     for size in _WRAPS:
@@ -136,7 +146,7 @@ def _unwrapped(
 
 
 def _forward(counts: FloatArray) -> tuple[FloatArray, list[str]]:
-    """Turn counters that count down: vans drive forward most of their way."""
+    """Change the sign of counters that count down: vans mostly drive forward."""
     typical = np.sum(np.clip(counts, *np.percentile(counts, (5, 95), axis=0)), axis=0)
     names = [name for name, total in zip(("left", "right"), typical, strict=True) if total < 0.0]
     if not names:
@@ -146,7 +156,7 @@ def _forward(counts: FloatArray) -> tuple[FloatArray, list[str]]:
 
 
 def _jumps(step_m: FloatArray, time_s: FloatArray, tick_m: float) -> BoolArray:
-    """Return where a counter makes a step that no wheel makes."""
+    """Return the steps (n - 1,) bool in which a counter jumps by more than a wheel can turn."""
     from scipy.ndimage import median_filter
 
     dt = np.diff(time_s)
@@ -156,18 +166,17 @@ def _jumps(step_m: FloatArray, time_s: FloatArray, tick_m: float) -> BoolArray:
 
 
 def _stuck(counts: FloatArray, other_m: FloatArray, time_s: FloatArray) -> BoolArray:
-    """Return where a wheel says nothing while the other goes on."""
+    """Return the steps (n - 1,) bool in which a wheel has no counts while the other turns."""
     stuck = np.zeros(len(counts), dtype=bool)
     for start, end in _long(spans_of(counts == 0.0, time_s), _STUCK_S):
         inside = (time_s[:-1] >= start) & (time_s[1:] <= end)
-        # The inner wheel of the tightest turn still makes a third of the outer one's way
-        if other_m[inside].sum() > 2.0 * (end - start):
+        if other_m[inside].sum() > _OTHER_MPS * (end - start):
             stuck |= inside
     return stuck
 
 
 def _replaced(step_m: FloatArray, bad: BoolArray, turned_m: FloatArray, dt: FloatArray) -> FloatArray:
-    """Put the other wheel's way, and the gyro's turn, in the place of a bad one; both bad: the speed before."""
+    """Replace the steps of a bad wheel by those of the other and the turn; where both are bad interpolate the speed."""
     step = step_m.copy()
     for i, sign in ((0, 1.0), (1, -1.0)):
         alone = bad[:, i] & ~bad[:, 1 - i]

@@ -1,4 +1,4 @@
-"""Ground that holes in the data part from the rest: smooth pieces that lie level with the ground nearby."""
+"""Ground that gaps in the data separate from the rest: smooth pieces level with the ground nearby."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from linework.surface.carry import reach_cells
 from linework.surface.config import RoadConfig
 from linework.surface.regions import connected_groups
 
-#: Opening by 3 x 3 cells drops wires; it needs so many cells around.
+#: Halo width of the opening by 3 x 3 cells, which drops wires. [cells]
 OPENING_HALO = 2
-#: A piece of ground is larger than a lorry's roof. [m2]
+#: Least area of a piece of ground: larger than the roof of a lorry. [m2]
 _MIN_AREA_M2 = 25.0
-#: Level: within this of the nearest ground, and as much more as a steep road rises on the way there, but no
-#: more than over 25 m: a roof stands higher than that over the ground at its foot. [m]
+#: A piece is level within a step of the nearest ground [m], plus the rise of a steep road over the distance [1], which
+#: counts up to 25 m [m]: a roof stands higher than that above the ground at its foot.
 _MAX_STEP_M, _MAX_GRADE, _MAX_WAY_M = 1.0, 0.12, 25.0
 _NOTHING = np.zeros(0, dtype=np.int64)
 
@@ -31,13 +31,13 @@ class IsolatedPieces:
     Parameters
     ----------
     n_border
-        Those near the window's edge, which may go on beyond it, are 1 .. `n_border`.
+        Pieces 1 to `n_border` are near the edge of the window and may continue beyond it.
     edges
-        (n,) int32: labels along the western, eastern, northern and southern edge; 0 where there is no piece.
+        (n,) int32 labels along the western, eastern, northern and southern edge; 0 without a piece.
     cells, level
-        (n,) int64: cells of each piece, and how many of them lie level with the nearest ground.
+        (n,) int64 number of cells of each piece, and of those level with the nearest ground.
     pairs
-        (k, 2) int32: piece, ground label that shares cells with it.
+        (k, 2) int32 piece, and a ground label that shares cells with it.
     """
 
     n_border: int
@@ -48,12 +48,12 @@ class IsolatedPieces:
 
 
 def smooth_pieces(candidates: BoolArray) -> tuple[AnyArray, int, int]:
-    """Return labels of the pieces of candidate cells, how many are near the edge, and how many there are.
+    """Return the labels of pieces of candidate cells, the number near the edge, and the number in all.
 
     Parameters
     ----------
     candidates
-        (n_rows + 2 `OPENING_HALO`, n_cols + 2 `OPENING_HALO`): smooth and not ground.
+        (n_rows + 2 `OPENING_HALO`, n_cols + 2 `OPENING_HALO`) bool: smooth and not ground.
     """
     mask = np.ascontiguousarray(
         kernels.opened(candidates)[OPENING_HALO:-OPENING_HALO, OPENING_HALO:-OPENING_HALO]
@@ -104,7 +104,7 @@ def describe_pieces(
 
 
 def _is_level(height: Float32Array, is_ground: BoolArray, config: RoadConfig) -> BoolArray:
-    """Return which of the inner cells lie level with the nearest ground."""
+    """Return which of the inner cells are level with the nearest ground."""
     reach = reach_cells(config)
     index, square = nearest_kernels.nearest_known_squared(is_ground, reach, reach)
     rise = np.abs(height[reach:-reach, reach:-reach] - nearest_kernels.heights_by_index(height, index))
@@ -115,7 +115,7 @@ def _is_level(height: Float32Array, is_ground: BoolArray, config: RoadConfig) ->
 
 
 def touching(one: IsolatedPieces, other: IsolatedPieces, *, below: bool) -> AnyArray:
-    """Return the labels (n, 2) of pieces that touch across the edge to the east, or `below`: to the south."""
+    """Return the pairs of pieces that touch across the edge to the east, or to the south (`below`), (n, 2) int32."""
     a, b = (one.edges[3], other.edges[2]) if below else (one.edges[1], other.edges[0])
     return np.unique(np.stack([a, b], axis=-1)[(a > 0) & (b > 0)], axis=0)
 
@@ -123,19 +123,21 @@ def touching(one: IsolatedPieces, other: IsolatedPieces, *, below: bool) -> AnyA
 def ground_of_pieces(
     pieces: Sequence[IsolatedPieces], links: Sequence[tuple[int, int, AnyArray]], cell_m: float
 ) -> list[AnyArray]:
-    """Return for each window the ground labels that turn out to be ground, (k,) int32 each.
+    """Return the ground labels of each window that belong to level pieces, (k,) int32 each.
 
     Parameters
     ----------
     links
-        Windows a and b, and the labels (n, 2) of pieces that touch across their edge.
+        Windows a and b, and the pairs (n, 2) of pieces that touch across their edge.
+    cell_m
+        Side of a cell. [m]
     """
     offsets = offsets_of([len(p.cells) for p in pieces])
     pairs = [np.stack([offsets[a], offsets[b]]) + labels.astype(np.int64) - 1 for a, b, labels in links]
     group = connected_groups(int(offsets[-1]), np.concatenate([np.zeros((0, 2), np.int64), *pairs]))
     cells = np.bincount(group, np.concatenate([p.cells for p in pieces]), minlength=1)
     level = np.bincount(group, np.concatenate([p.level for p in pieces]), minlength=1)
-    # Half of its cells and more: what the median of their heights says, and counts of parts add up
+    # At least half of the cells: the median of their heights, but counts of parts add up
     chosen = ((cells * cell_m**2 >= _MIN_AREA_M2) & (2 * level >= cells))[group]
     found = []
     for i, piece in enumerate(pieces):

@@ -1,4 +1,4 @@
-"""Road and ground everywhere: carried on from their nearest cells, the road giving way to the ground."""
+"""Extension of road and ground to every cell, from their nearest cells, blending the road into the ground."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from linework.kernels.cells.surface import FIXED
 from linework.surface.cells import CellWindow
 from linework.surface.config import RoadConfig
 
-#: So far the ground is carried on from its nearest cell: most of what a van sees beside and above a road lies
-#: within it. Farther away the mean height of the nearest block that has ground must do. [m]
+#: Distance that the ground is extended from its nearest cell: most of what a van records beside and above a road lies
+#: within it. Farther away it is the mean height of the nearest block that has ground. [m]
 CARRY_REACH_M = 60.0
-#: Rays of nearest cells meet in creases: over this distance an average takes their place. [m]
+#: Distance over which an average replaces the value of the nearest cell, whose rays meet in creases. [m]
 _SOFT_M = 2.0
 
 
 def reach_cells(config: RoadConfig) -> int:
-    """Return how far the ground is carried on, in cells: at least as far as the road is."""
+    """Return the distance that the ground is extended, at least that of the road. [cells]."""
     return math.ceil(max(CARRY_REACH_M, 2.0 * config.carry_m) / config.cell_m)
 
 
 def halo_cells(config: RoadConfig) -> int:
-    """Return how many cells around a window its surface depends on."""
+    """Return the width of the halo around a window on which its surface depends. [cells]."""
     return reach_cells(config) + _soft_cells(config)
 
 
@@ -37,16 +37,16 @@ def _soft_cells(config: RoadConfig) -> int:
 
 @dataclass(frozen=True, slots=True)
 class CoarseGround:
-    """The ground's mean height in blocks of 64 m.
+    """Mean height of the ground in blocks of 64 m.
 
     Parameters
     ----------
     blocks
-        (n, 2) int64: numbers east and north, in order.
+        (n, 2) int64 numbers east and north, in order.
     total
-        (n,) int64: sum of the heights of the block's ground cells, in steps of 1 / `FIXED` m.
+        (n,) int64 sum of the heights of the ground cells of the block, in steps of 1 / `FIXED` m.
     cells
-        (n,) int64: how many there are.
+        (n,) int64 number of ground cells.
     """
 
     blocks: IntArray
@@ -57,7 +57,7 @@ class CoarseGround:
     def of(
         cls, window: CellWindow, height: Float32Array, is_ground: BoolArray, cell_m: float
     ) -> CoarseGround:
-        """Return what a window's ground cells add to the blocks."""
+        """Return the sums over the ground cells of one window."""
         rows, cols = window.blocks(cell_m)
         south, west = int(rows.min()), int(cols.min())
         shape = int(rows.max()) - south + 1, int(cols.max()) - west + 1
@@ -67,7 +67,7 @@ class CoarseGround:
 
     @classmethod
     def added(cls, *parts: CoarseGround) -> CoarseGround:
-        """Return the sums over parts of a survey."""
+        """Return the sums over several parts of a survey."""
         blocks = np.concatenate([np.zeros((0, 2), np.int64), *(p.blocks for p in parts)])
         blocks, index = np.unique(blocks, axis=0, return_inverse=True)
         total, cells = np.zeros(len(blocks), np.int64), np.zeros(len(blocks), np.int64)
@@ -76,17 +76,17 @@ class CoarseGround:
         return cls(blocks, total, cells)
 
     def near(self, east: IntArray, north: IntArray) -> Float32Array:
-        """Return the mean ground height (len(north), len(east)) of the nearest block to each; NaN without any."""
+        """Return the mean ground height of the nearest block to each, (len(north), len(east)) float32 [m]; NaN without any."""
         if len(self.blocks) == 0:
             return np.full((len(north), len(east)), np.nan, dtype=np.float32)
-        # Off centre by an odd bit: no two blocks are equally near
+        # Slightly off centre, so that no two blocks are equally near
         places = np.stack(np.meshgrid(east + 1.2e-4, north + 3.1e-5), axis=-1).reshape(-1, 2)
         nearest = cKDTree(self.blocks).query(places)[1]
         mean: FloatArray = self.total / self.cells / FIXED
         return np.asarray(mean[nearest].reshape(len(north), len(east)), dtype=np.float32)
 
     def over(self, window: CellWindow, cell_m: float) -> tuple[Float32Array, IntArray, IntArray]:
-        """Return the heights of the blocks about a window, and the block of each row and of each column."""
+        """Return the heights of the blocks about a window [m], and the block of each row and of each column."""
         rows, cols = window.blocks(cell_m)
         north, east = np.arange(rows.min(), rows.max() + 1), np.arange(cols.min(), cols.max() + 1)
         return self.near(east, north), rows - north[0], cols - east[0]
@@ -100,21 +100,23 @@ def extended_surface(
     coarse: CoarseGround,
     config: RoadConfig,
 ) -> tuple[Float32Array, Float32Array]:
-    """Return the heights (n_rows, n_cols) float32 of road and ground for every cell of a window.
+    """Return the heights of road and ground in every cell of a window, (n_rows, n_cols) float32 each [m].
 
     Parameters
     ----------
     height, is_road, is_ground
-        (n_rows + 2 h, n_cols + 2 h) with a halo of h = `halo_cells` around the window.
+        (n_rows + 2 h, n_cols + 2 h) float32 [m] and bool, with a halo of h = `halo_cells`.
+    coarse
+        Mean heights of the ground farther away.
 
     Notes
     -----
-    Nothing farther away has a say, so that any window gives the same, to the last bit.
+    Nothing farther away has an influence, so that every window gives the same result, to the last bit.
     """
     half = _soft_cells(config)
     reach = reach_cells(config)
     ground, _ = _carried_on(height, is_ground, reach, reach, half, config.cell_m)
-    # As far as it is the reference, and a little more for the averages
+    # As far as the road is the reference, and a little farther for the averages
     near = min(math.ceil(2.0 * config.carry_m / config.cell_m) + half + 1, reach)
     road, square = _carried_on(height, is_road, near, reach, half, config.cell_m)
     far, rows, cols = coarse.over(window, config.cell_m)
@@ -125,7 +127,7 @@ def extended_surface(
 def _carried_on(
     height: Float32Array, known: BoolArray, reach: int, margin: int, half: int, cell_m: float
 ) -> tuple[Float32Array, AnyArray]:
-    """Return a surface filled from its nearest cells and softened, and the square distance to them."""
+    """Return a surface filled from its nearest cells and smoothed, and the squared distance to them [cells**2]."""
     index, square = kernels.nearest_known_squared(known, reach, margin)
     values = kernels.softened(kernels.heights_by_index(height, index), square, half, cell_m, _SOFT_M)
     inner = slice(half, -half or None)

@@ -1,4 +1,4 @@
-"""The cells of the surface: one lattice for the whole world, looked at through windows."""
+"""Cells of the surface: windows of one lattice for the whole world, and the cells below the driven path."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from linework.kernels.cells import regions as kernels
 from linework.model.grid import Bounds, Grid
 from linework.model.trajectory import Trajectory
 
-#: Blocks of the lattice that tells recorded places apart and holds coarse heights: the point store's. [m]
+#: Side of the blocks that separate recorded areas and hold coarse heights: those of the point store. [m]
 SURFACE_BLOCK_M = 64.0
 
 
@@ -32,7 +32,7 @@ class CellWindow(NamedTuple):
 
     @classmethod
     def over(cls, bounds: Bounds, cell_m: float) -> CellWindow:
-        """Return the cells that hold points of the bounds, their edges counted in.
+        """Return the cells that hold points of the bounds, edges included.
 
         >>> CellWindow.over(Bounds(0.1, -0.1, 1.0, 0.4), 0.5)
         CellWindow(west=0, south=-1, n_rows=2, n_cols=3)
@@ -61,7 +61,7 @@ class CellWindow(NamedTuple):
         return CellWindow(self.west - n, self.south - n, self.n_rows + 2 * n, self.n_cols + 2 * n)
 
     def common(self, other: CellWindow) -> CellWindow | None:
-        """Return the cells that both hold, or None.
+        """Return the cells of both windows, or None.
 
         >>> CellWindow(0, 0, 4, 4).common(CellWindow(2, 3, 4, 4))
         CellWindow(west=2, south=3, n_rows=1, n_cols=2)
@@ -71,12 +71,12 @@ class CellWindow(NamedTuple):
         return CellWindow(west, south, north - south, east - west) if west < east and south < north else None
 
     def part(self, inner: CellWindow) -> tuple[slice, slice]:
-        """Return where the cells of `inner` lie in an array of this window."""
+        """Return the slices of the cells of `inner` in an array of this window."""
         top, left = self.north - inner.north, inner.west - self.west
         return slice(top, top + inner.n_rows), slice(left, left + inner.n_cols)
 
     def bounds(self, cell_m: float) -> Bounds:
-        """Return the rectangle that the cells cover. [m, world]"""  # noqa: D400
+        """Return the rectangle that the cells cover [m, world]."""
         return Bounds(self.west * cell_m, self.south * cell_m, self.east * cell_m, self.north * cell_m)
 
     def grid(self, cell_m: float) -> Grid:
@@ -84,14 +84,14 @@ class CellWindow(NamedTuple):
         return Grid(self.west * cell_m, self.north * cell_m, cell_m, cell_m, self.n_rows, self.n_cols)
 
     def blocks(self, cell_m: float) -> tuple[IntArray, IntArray]:
-        """Return the numbers of the blocks that the centres of rows (n_rows,) and columns (n_cols,) lie in."""
+        """Return the blocks of the centres of rows (n_rows,) and of columns (n_cols,), int64."""
         rows = self.north - 1 - np.arange(self.n_rows)
         cols = self.west + np.arange(self.n_cols)
         return block_of(rows, cell_m), block_of(cols, cell_m)
 
 
 def block_of(cells: IntArray, cell_m: float) -> IntArray:
-    """Return the block, along one axis, that holds the centre of each cell.
+    """Return the block along one axis that holds the centre of each cell, (n,) int64.
 
     >>> block_of(np.array([-1, 0, 127, 128]), 0.5).tolist()
     [-1, 0, 0, 1]
@@ -99,22 +99,22 @@ def block_of(cells: IntArray, cell_m: float) -> IntArray:
     return np.asarray(np.floor((cells + 0.5) * cell_m / SURFACE_BLOCK_M), dtype=np.int64)
 
 
-# The vehicle's path over the cells: where the road is sure to be
+# Cells below the vehicle's path, where the road is certain
 
-#: The road is under the wheels: so far from the path in plan. [m]
+#: Distance in plan within which the road is below the path: half of the track of a van. [m]
 NEAR_PATH_M = 1.0
-#: Heights of the path over the road are alike within this: a metre less than any bridge is high. [m]
+#: Range of the heights of the path above the road: less than the height of any bridge. [m]
 SAME_DROP_M = 1.0
-#: A path recorded every second at 130 km/h has steps of 36 m; a longer one leads from one drive to the next. [m]
+#: Longest step of a path: recorded every second at 130 km/h it has 36 m; a longer one joins two drives. [m]
 MAX_PATH_STEP_M = 50.0
 
 
 def path_samples(trajectory: Trajectory | None, cell_m: float) -> FloatArray:
-    """Return places (n, 3) on the path, half a cell apart. [m, world]"""  # noqa: D400
+    """Return samples of the path, half a cell apart, (n, 3) [m, world]."""
     if trajectory is None or len(trajectory) == 0:
         return np.zeros((0, 3))
     step = np.hypot(*np.diff(trajectory.xyz[:, :2], axis=0).T)
-    # Jumps have no length, so there is no place on them
+    # Jumps have no length, so that they get no samples
     chainage = np.concatenate([[0.0], np.cumsum(np.where(step <= MAX_PATH_STEP_M, step, 0.0))])
     at = np.arange(0.0, chainage[-1] + cell_m, cell_m / 2)
     return np.stack([np.interp(at, chainage, trajectory.xyz[:, axis]) for axis in range(3)], axis=-1)
@@ -123,9 +123,21 @@ def path_samples(trajectory: Trajectory | None, cell_m: float) -> FloatArray:
 def drops_of_cells(
     path: FloatArray, window: CellWindow, height: Float32Array, smooth: BoolArray, z0_m: float, cell_m: float
 ) -> tuple[AnyArray, Float32Array]:
-    """Return the smooth cells (flat indices (n,)) near the path, and how far below it they are (n, 2) [m].
+    """Return the smooth cells near the path, and their least and largest depths below it.
 
-    Least and largest: a path may pass over a place more than once, at different heights.
+    A path may pass over a cell more than once, at different heights.
+
+    Parameters
+    ----------
+    path
+        (n, 3) samples. [m, world]
+    height, smooth
+        (n_rows, n_cols) float32 heights above z0_m [m] and bool, of the cells of `window`.
+
+    Returns
+    -------
+    cells, drops
+        (k,) int64 flat indices, and (k, 2) float32. [m]
     """
     if len(path) == 0:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.float32)
@@ -136,10 +148,10 @@ def drops_of_cells(
 
 
 def under_the_wheels(drops: Float32Array) -> BoolArray:
-    """Return which of the cells (n,) are road, by how far they lie below the path (n, 2).
+    """Return which cells are road, (n,) bool, by their depths below the path (n, 2) [m].
 
-    A path may be at the antenna's height: the usual distance below it tells the road from a bridge deck
-    overhead, where that is all that was seen.
+    A path may be at the height of the antenna: the usual depth below it distinguishes the road from a bridge deck
+    overhead, where that is all that was recorded.
     """
     if len(drops) == 0:
         return np.zeros(0, dtype=bool)

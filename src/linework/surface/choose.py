@@ -1,4 +1,4 @@
-"""Choose road and ground among the regions of all windows."""
+"""Selection of road and ground among the regions of all windows."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from linework.arrays import AnyArray, BoolArray, IntArray, offsets_of
 from linework.surface.cells import under_the_wheels
 from linework.surface.regions import LabelTable, RegionFacts, connected_groups
 
-#: In a place without path the road is larger than a lorry's roof, or a few cells of a wire. [m2]
+#: Least area of a road in an area without path: larger than the roof of a lorry, or a few cells of a wire. [m2]
 MIN_ROAD_M2 = 25.0
 _NO_NODES = np.zeros(0, dtype=np.int64)
 
@@ -27,23 +27,22 @@ class RegionLink:
 
 
 class Choice:
-    """Which regions are road and which are ground.
+    """Selection of the regions that are road and of those that are ground.
 
     Parameters
     ----------
     facts
-        Of every window.
+        Regions of every window.
     links
-        Between them.
-
+        Connections between windows.
     cell_m
-        Size of the cells.
+        Side of a cell. [m]
 
     Notes
     -----
-    Roads are the regions under the path; in a recorded place where no path leads through, the one with most
-    points: what the van drove on, if it is larger than a few stray points could be. Ground is what is connected
-    to a road. Where no region in all the survey will do, the one with most points must.
+    Roads are the regions under the path; in a recorded area without path the region with most points, if it is large
+    enough. Ground is what is connected to a road. Where no region of the survey qualifies, the one with most points is
+    taken.
     """
 
     def __init__(self, facts: Sequence[RegionFacts], links: Sequence[RegionLink], cell_m: float) -> None:
@@ -66,15 +65,15 @@ class Choice:
         self._more: dict[int, list[AnyArray]] = {}
 
     def road_labels(self, i: int) -> AnyArray:
-        """Return the labels of window i that are road."""
+        """Return the labels of window i that are road, (k,) int32."""
         return self._roads.chosen_labels(i)
 
     def ground_labels(self, i: int) -> AnyArray:
-        """Return the labels of window i that are ground."""
+        """Return the labels of window i that are ground, (k,) int32."""
         return np.unique(np.concatenate([self._grounds.chosen_labels(i), *self._more.get(i, [])]))
 
     def add_ground(self, i: int, labels: AnyArray) -> None:
-        """Take regions of window i, and what is connected to them, for ground too."""
+        """Add regions of window i, and those connected to them, to the ground; `labels` is (k,)."""
         listed = np.isin(labels, self._grounds.tables[i].labels)
         self._grounds.choose(self._grounds.nodes(i, labels[listed]))
         self._more.setdefault(i, []).append(labels[~listed].astype(np.int32))
@@ -95,21 +94,21 @@ class _Nodes:
         return np.asarray(self.offsets[i] + np.searchsorted(self.tables[i].labels, labels), dtype=np.int64)
 
     def unite(self, links: Sequence[tuple[int, int, AnyArray]]) -> None:
-        """Find what is connected."""
+        """Compute the connected groups, given links between windows."""
         pairs = [np.stack([self.nodes(a, p[:, 0]), self.nodes(b, p[:, 1])], axis=-1) for a, b, p in links]
         self.group = connected_groups(len(self.island), np.concatenate([np.zeros((0, 2), np.int64), *pairs]))
 
     def choose(self, nodes: AnyArray) -> None:
-        """Choose nodes and all that is connected to them."""
+        """Choose nodes and all nodes connected to them."""
         groups = np.zeros(len(self.group), dtype=bool)
         groups[self.group[nodes]] = True
         self.chosen |= groups[self.group]
 
     def largest(self, place: AnyArray, apart_from: AnyArray = _NO_NODES, least: float = 0.0) -> IntArray:
-        """Return a node of the region with most points of each place (n,), but for some places.
+        """Return a node of the region with most points in each area, except for some areas.
 
-        Of several that have as many, the one that begins farther north, then west. Regions of fewer than
-        `least` cells do not count.
+        Ties go to the region that begins farther north, then west. Regions of fewer than `least` cells do not count.
+        `place` is (n,): the area of each node.
         """
         if len(self.group) == 0:
             return _NO_NODES

@@ -1,4 +1,4 @@
-"""Heights of cells: the lowest supported one, the mean of the layer above it, and how much that spreads."""
+"""Heights of cells: lowest supported height, mean and spread of the layer above it, slopes, smooth cells."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from linework.kernels.cells import surface as kernels
 from linework.surface.cells import CellWindow
 from linework.surface.config import RoadConfig
 
-#: Local height origins are whole multiples of this. [m]
+#: Local height origins are whole multiples of this, so that float32 resolves 0.01 mm. [m]
 HEIGHT_ORIGIN_M = 100.0
-#: Spreads are counted in steps of this: a tenth of what tells asphalt from grass. No layer is thicker than 1 m,
-#: so none spreads more than half of that. [m]
+#: Bin of the histogram of spreads [m], far below what distinguishes asphalt from grass; and number of bins: a layer of
+#: at most 1 m spreads at most half of that.
 _SPREAD_STEP_M, _N_SPREADS = 0.001, 501
 
 
 @dataclass(frozen=True, slots=True)
 class CellHeights:
-    """What the points of each cell say about its surface.
+    """Heights of the cells of a window.
 
     Parameters
     ----------
     window
-        Which cells.
+        The cells.
     height, spread
-        (n_rows, n_cols) float32 [m above the local height origin; m]: mean and standard deviation of the
-        lowest layer; NaN where there is no point.
+        (n_rows, n_cols) float32 mean [m, above the local height origin] and standard deviation [m] of the lowest layer;
+        NaN in empty cells.
     count
-        (n_rows, n_cols) int32: points.
+        (n_rows, n_cols) int32 points.
     """
 
     window: CellWindow
@@ -42,9 +42,14 @@ class CellHeights:
 
 
 def cell_heights(xyz: FloatArray, window: CellWindow, z0_m: float, config: RoadConfig) -> CellHeights:
-    """Return the heights of a window's cells from points (n, 3) [m, world]; points elsewhere are passed over.
+    """Return the heights of the cells of a window.
 
-    The order of the points does not matter, to the last bit.
+    Parameters
+    ----------
+    xyz
+        (n, 3) points, in any order; those outside the window are left out. [m, world]
+    z0_m
+        Local height origin. [m, world]
     """
     xyz = np.ascontiguousarray(xyz, dtype=np.float64)
     cells, z, low, count = kernels.lowest_supported(xyz, *window, config.cell_m, z0_m, config.support_m)
@@ -62,12 +67,12 @@ def height_origin(z_m: FloatArray) -> float:
 
 
 def count_spreads(spread: Float32Array) -> IntArray:
-    """Return how many cells spread how much, in steps of 1 mm: counts of parts of a survey add up."""
+    """Return the histogram of spreads (rows, cols) [m] in steps of 1 mm, (501,) int64; histograms of tiles add up."""
     return np.asarray(kernels.count_in_steps(spread, _SPREAD_STEP_M, _N_SPREADS))
 
 
 def rough_limit_m(counts: IntArray, config: RoadConfig) -> float:
-    """Return up to which spread a cell is smooth [m]: the setting, or where all is rough 1.5 times the median.
+    """Return the largest spread of a smooth cell [m]: the setting, or 1.5 times the median where all is rough.
 
     >>> rough_limit_m(np.array([5, 1]), RoadConfig()), rough_limit_m(np.eye(1, 101, 100)[0], RoadConfig())
     (0.06, 0.15075)
@@ -76,31 +81,37 @@ def rough_limit_m(counts: IntArray, config: RoadConfig) -> float:
     if len(total) == 0 or total[-1] == 0:
         return config.roughness_m
     median = (int(np.searchsorted(total, 0.5 * total[-1])) + 0.5) * _SPREAD_STEP_M
-    return max(config.roughness_m, 1.5 * median)
+    return max(config.roughness_m, _ROUGH_MEDIANS * median)
 
 
-# Slopes of the surface, and which cells are smooth
+#: Limit of the spread of a smooth cell in medians of all, for a survey that is rough everywhere.
+_ROUGH_MEDIANS = 1.5
 
-#: Slopes are medians over so many cells on every side: 25 cells outvote a kerb.
+#: Reach of the median of slopes: 25 cells outvote a kerb. [cells]
 REACH = 2
-#: They need heights from so many cells on every side.
+#: Halo width of the slopes. [cells]
 SLOPE_HALO = REACH + 1
 
 
 def smooth_slopes(
     height: Float32Array, spread: Float32Array, limit_m: float, config: RoadConfig
 ) -> tuple[BoolArray, Float32Array, Float32Array]:
-    """Return which cells are smooth and not steep, and the slopes east and north of those. [m/m]
+    """Return which cells are smooth and not steep, and their slopes east and north.
 
     Parameters
     ----------
     height
-        (n_rows + 2 `SLOPE_HALO`, n_cols + 2 `SLOPE_HALO`): the cells and those around them.
+        (n_rows + 2 `SLOPE_HALO`, n_cols + 2 `SLOPE_HALO`) float32, with a halo. [m]
     spread
-        (n_rows, n_cols).
+        (n_rows, n_cols) float32. [m]
     limit_m
-        Cells of more spread are rough.
-    """  # noqa: D400
+        Largest spread of a smooth cell. [m]
+
+    Returns
+    -------
+    smooth, east, north
+        (n_rows, n_cols) bool and float32 slopes [m/m], NaN where rough.
+    """
     smooth = np.asarray(spread <= np.float32(limit_m))  # NaN: no
     network = middle_network((2 * REACH + 1) ** 2)
     east, north = kernels.median_slopes(height, smooth, config.cell_m, REACH, network)
@@ -110,10 +121,10 @@ def smooth_slopes(
 
 @cache
 def middle_network(n: int) -> AnyArray:
-    """Return the (k, 2) int32 comparisons that bring the two values below and at the middle to their places.
+    """Return the comparisons that bring the median of n values, and the one below it, to their places, (k, 2) int32.
 
     Comparison (a, b) puts the smaller of two values at a. Odd-even merge sort (Batcher 1968,
-    doi:10.1145/1468075.1468121) without the comparisons that the middle does not need.
+    doi:10.1145/1468075.1468121) without the comparisons that the median does not need.
 
     >>> import itertools
     >>> all(_applied([*v])[2] == sorted(v)[2] for v in itertools.permutations(range(5)))
@@ -138,6 +149,7 @@ def middle_network(n: int) -> AnyArray:
 
 
 def _applied(values: list[int]) -> list[int]:
+    """Return values after the comparisons of `middle_network`."""
     for a, b in middle_network(len(values)).tolist():
         values[a], values[b] = sorted((values[a], values[b]))
     return values

@@ -1,13 +1,12 @@
-"""Intensity normalisation: asphalt is 1 wherever the scanner was, in three tiers by what is known.
+"""Intensity normalisation: asphalt is 1 at every range and incidence, in three tiers by what is known.
 
-1. The trajectory is known: range and incidence of every point, a curve of the level of asphalt over both
-   fitted to the road's points, and what is left (drift, other asphalt) by blocks of 4 m.
-2. The trajectory is not known but the points have times: the scanner's track is estimated from them
-   (`linework.surface.intensity`), and then as before.
-3. Neither: the level of asphalt is a percentile of the points in blocks of 2 m.
+1. With a trajectory: range and incidence of every point, a curve of the level of asphalt over both fitted to the
+   points of the road, and the rest (drift, other asphalt) by blocks of 4 m.
+2. Without a trajectory but with times: the same with the scanner's track, estimated from the points.
+3. With neither: the level of asphalt is a percentile of the points in blocks of 2 m.
 
-Published effect on marking points found by a threshold: F1 from 72.3 to 78.9 %. Everything is counted in whole
-numbers on lattices of the world, so the counts of the tiles of a survey add up to those of the whole.
+Published effect on marking points found by a threshold: F1 from 72.3 to 78.9 %. All counts are whole
+numbers on lattices of the world, so that the counts of tiles add up to those of the survey.
 """
 
 from __future__ import annotations
@@ -26,28 +25,29 @@ from linework.model.tile import RoadSurface
 from linework.model.trajectory import Trajectory
 from linework.surface.road import is_road_point
 
-#: Height of a scanner on a van's roof over the ground under it. [m]
+#: Height of a scanner on the roof of a van above the ground. [m]
 MOUNT_M = 2.2
-#: Blocks for what is left of drift and changes of asphalt, a lane wide, and for the range as well: half a lane. [m]
+#: Sides of blocks: for remaining drift and changes of asphalt, a lane; for the range as well, half a lane. [m]
 PART_M, INTENSITY_BLOCK_M = 4.0, 2.0
-#: The level of asphalt among the road's points: paint is a minority, in a block on a line a large one.
+#: Quantile of the road's points that is the level of asphalt: paint is a minority, in a block on a line a large one.
 PART_SHARE, BLOCK_SHARE = 0.5, 0.4
-#: A level is taken from so many points at least: it is then good to a fifth of the texture of asphalt.
+#: Fewest points of a level, which is then good to a fifth of the texture of asphalt.
 LEAST_LEVEL_POINTS = 30
-#: Percentile of the points seen alike that is the level of asphalt: paint and much of a verge are above it.
+#: Quantile of the points of one range and incidence that is the level of asphalt: paint and most of a verge are above.
 VIEW_SHARE = 0.2
-#: Intensity goes with range to the power -RANGE_POWER (0: corrected in the scanner, 2: by physics) and with the
-#: cosine of incidence to INCIDENCE_POWER (1: matt, 0: rough) before anything is measured; how sure that is.
+#: Priors: intensity falls with range to the power -RANGE_POWER (0: corrected in the scanner, 2: by physics) and with the
+#: cosine of incidence to INCIDENCE_POWER (1: matt, 0: rough); and their standard deviations.
 RANGE_POWER, RANGE_SIGMA = 0.7, 0.5
 INCIDENCE_POWER, INCIDENCE_SIGMA = 0.5, 0.3
-#: How much the logarithm of the level bends from one range to the next but one, and how exactly a percentile of
-#: asphalt follows it: patches of other asphalt differ by this.
+#: Standard deviations of the second difference of the logarithm of the level over range, and of a quantile of asphalt
+#: about it: patches of other asphalt differ by this.
 BEND_SIGMA, LEVEL_SIGMA = 0.02, 0.1
+#: Rounds of the reweighted fit.
 _N_ROUNDS = 20
 
 
 class Tier(IntEnum):
-    """What a normalisation knows of where the scanner was."""
+    """Source of the scanner's position in a normalisation."""
 
     TRAJECTORY = 1
     TRACK = 2
@@ -61,16 +61,16 @@ class ViewLevels:
     Parameters
     ----------
     log_level
-        (n,) float64: f at the ranges of the kernel's bins.
+        (n,) f at the ranges of the kernel's bins.
     incidence_power
-        Of the cosine of incidence.
+        Power of the cosine of incidence.
     """
 
     log_level: FloatArray
     incidence_power: float
 
     def of(self, range_m: Float32Array, cosine: Float32Array) -> Float32Array:
-        """Return (n,) the level of asphalt seen so; NaN where the view is not known."""
+        """Return the level of asphalt at ranges [m] and cosines of incidence (n,), (n,) float32; NaN where unknown."""
         node = np.log2(np.maximum(range_m, 1.0)) * kernels.RANGES_PER_DOUBLING - 0.5
         f = np.interp(node, np.arange(len(self.log_level)), self.log_level)
         level = np.exp(f + self.incidence_power * np.log(np.maximum(cosine, 0.01)))
@@ -78,7 +78,7 @@ class ViewLevels:
 
 
 def full_scale(intensity: Float32Array) -> float:
-    """Return the greatest intensity the recording can hold: 255 (8 bit) or 65535 (16 bit).
+    """Return the full scale of recorded intensities (n,): 255 (8 bit) or 65535 (16 bit).
 
     >>> full_scale(np.array([3.0, 180.0], dtype=np.float32))
     255.0
@@ -89,19 +89,24 @@ def full_scale(intensity: Float32Array) -> float:
 def normalised_intensity(
     points: Points, surface: RoadSurface, trajectory: Trajectory | None = None
 ) -> tuple[Float32Array, Tier]:
-    """Return (n,) intensities with asphalt at 1, and by which tier.
+    """Return intensities with asphalt at 1, (n,) float32, and the tier used.
 
     Parameters
     ----------
     points
-        With intensities; times make tiers 1 and 2 possible.
+        With intensities; tiers 1 and 2 need times.
     trajectory
-        The van's way, on the ground; None: not known.
+        Path of the van, on the ground; None: unknown.
+
+    Raises
+    ------
+    ValueError
+        When the points have no intensities.
 
     Notes
     -----
-    What was recorded at full scale was at least as bright: its normalised value is a lower bound, and such
-    points do not enter any fit. Points never seen by the trajectory's times are normalised by tier 3.
+    Points recorded at full scale were at least as bright: their normalised value is a lower bound, and they do not
+    enter any fit. Points outside the times of the trajectory are normalised by tier 3.
     """
     if points.intensity is None:
         raise ValueError("intensity: the points have none")
@@ -131,7 +136,13 @@ def normalised_intensity(
 def view_of(
     points: Points, path: Trajectory, surface: RoadSurface, mount_m: float = MOUNT_M
 ) -> tuple[Float32Array, Float32Array]:
-    """Return (n,) range [m] and cosine of incidence on the road's surface; NaN beyond the path's times."""
+    """Return range [m] and cosine of incidence on the road of each point, (n,) float32; NaN beyond the path's times.
+
+    Raises
+    ------
+    ValueError
+        When the points have no times.
+    """
     if points.time_s is None:
         raise ValueError("time_s: the points have none")
     g = surface.grid
@@ -145,12 +156,17 @@ def view_of(
 
 
 def fit_views(counts: IntArray) -> ViewLevels:
-    """Fit the level of asphalt over range and incidence to counts of the kernel's `count_views`.
+    """Fit the level of asphalt over range and incidence to a histogram of the kernel's `count_views`.
 
-    By weighted least squares to a low percentile of all bins of range and incidence with enough points.
-    Asphalt is the darkest ground there is: of bins that are brighter than the curve, verges and footways on
-    what is taken for road, most of the weight is withdrawn. On a level road range and incidence go together:
-    then the power of the incidence stays what it mostly is, and the curve over range takes up the rest.
+    By weighted least squares to a low quantile of all bins of range and incidence with enough points. Asphalt is the
+    darkest ground: bins brighter than the curve, verges and footways taken for road, lose most of their weight. On a
+    level road range and incidence are correlated: then the power of the incidence stays near its prior, and the curve
+    over range takes up the rest.
+
+    Parameters
+    ----------
+    counts
+        (ranges, cosines, intensities) int64.
     """
     total = counts.sum(axis=-1)
     rows, cols = np.nonzero(total >= LEAST_LEVEL_POINTS)
@@ -159,7 +175,7 @@ def fit_views(counts: IntArray) -> ViewLevels:
     design[np.arange(m), rows] = 1.0
     design[:m, n] = -np.log(2.0) * (cols + 0.5) / kernels.COSINES_PER_HALVING
     right[:m] = np.log(share_of_counts(counts[rows, cols], VIEW_SHARE))
-    # What is known before: the curve falls with the range, bends little, and so on
+    # Priors: the curve falls with range and bends little; the power of the incidence
     bend, fall = m + np.arange(n - 2), m + n - 2 + np.arange(n - 1)
     for column, value in ((0, 1.0), (1, -2.0), (2, 1.0)):
         design[bend, bend - m + column] = value / BEND_SIGMA
@@ -181,10 +197,19 @@ def fit_views(counts: IntArray) -> ViewLevels:
 def local_level(
     xyz: FloatArray, value: Float32Array, chosen: BoolArray, block_m: float, share: float
 ) -> Float32Array:
-    """Return (n,) the value that `share` of the chosen points around each point are below.
+    """Return the quantile of the chosen points around each point, (n,) float32; NaN without enough of them.
 
-    By blocks of the world's lattice, evenly between their middles; blocks with too few chosen points take the
-    level of the nearest one that has enough.
+    By blocks of the world's lattice, bilinear between their centres; blocks with too few chosen points take the level
+    of the nearest one that has enough.
+
+    Parameters
+    ----------
+    xyz, value, chosen
+        (n, 3) points [m, world], (n,) float32 values and (n,) bool.
+    block_m
+        Side of a block. [m]
+    share
+        The quantile, 0 to 1.
     """
     low = np.floor(xyz[:, :2].min(axis=0) / block_m).astype(np.int64)
     n_cols, n_rows = (np.floor(xyz[:, :2].max(axis=0) / block_m).astype(np.int64) - low + 1).tolist()
@@ -200,7 +225,7 @@ def local_level(
 
 
 def share_of_counts(counts: AnyArray, share: float) -> FloatArray:
-    """Return the value that a share of the counted ones is below, for counts (..., n) by the kernel's bins.
+    """Return the quantile `share` of histograms (..., n) by the bins of the kernel, (...).
 
     >>> counts = np.zeros(kernels.N_INTENSITY_BINS, dtype=np.int64)
     >>> counts[kernels.bin_of(100.0)] = 5
@@ -220,21 +245,21 @@ def _over(value: Float32Array, level: Float32Array) -> Float32Array:
     return np.asarray(value / level, dtype=np.float32)
 
 
-# Where the scanner was, from the points alone: on the road it stands over the densest place of every moment
+# The scanner's track from the points alone: on the road it is above the densest place of every moment
 
-#: Points of so long belong to one place of the scanner: 0.5 m and more of them at walking pace and 5 turns a second,
-#: 6 m at 100 km/h. [s]
+#: Length of a moment, in which the scanner has one position: 5 turns a second leave a whole turn in it; 6 m at
+#: 100 km/h. [s]
 MOMENT_S = 0.2
-#: The place is sought among the points this near to the last estimate: a lane and a half. [m]
+#: Radii about the last estimate within which the position is refined, in turn: from two lanes to a lane and a half. [m]
 NEAR_ESTIMATE_M = (8.0, 4.0, 2.5, 2.5, 2.5)
-#: Moments over which the places are smoothed: a van does not swerve within a second.
+#: Moments over which the positions are smoothed: a van does not swerve within a second.
 N_SMOOTH = 5
-#: Farther from the van's origin no scanner looks down. [m]
+#: Greatest distance of a scanner's footprint from the origin of the van. [m]
 FARTHEST_SCANNER_M = 5.0
 
 
 def scanner_track(points: Points) -> Trajectory | None:
-    """Return the scanner's track on the road's surface, or None where the points do not tell it.
+    """Return the scanner's track on the surface of the road, or None where the points do not determine it.
 
     Parameters
     ----------
@@ -243,9 +268,9 @@ def scanner_track(points: Points) -> Trajectory | None:
 
     Notes
     -----
-    A scanner that turns evenly lays its points on the road the denser the nearer they are, as range and
-    incidence both spread them: the densest place is under it. The median of the points of a moment, taken
-    again and again among those near the last one, moves there from wherever the road's middle is.
+    The points of a scanner that turns at a constant rate are the denser the nearer they are, as range and incidence
+    both spread them: the densest place is below it. The median of the points of a moment, taken repeatedly among those
+    near the last one, converges to it from the middle of the road.
     """
     if points.time_s is None or len(points) == 0:
         return None
@@ -262,17 +287,16 @@ def scanner_track(points: Points) -> Trajectory | None:
         return None
     time_s, place = np.array(times), np.array(places)
     smooth = [_running_median(time_s, column) for column in place.T]
-    # Half a moment at either end, so that all points have their time on it
+    # Extended by a moment at either end, so that it covers the times of all points
     ends = np.array([time_s[0] - MOMENT_S, *time_s, time_s[-1] + MOMENT_S])
     return Trajectory(ends, np.stack([np.concatenate([s[:1], s, s[-1:]]) for s in smooth], axis=-1))
 
 
 def path_at_scanner(path: Trajectory, track: Trajectory | None) -> Trajectory:
-    """Return the van's path moved to where the scanner's track usually is beside and behind it.
+    """Return the path of the van shifted to the scanner's track, by the median offset along and across.
 
-    Scanners look down some metres behind the vehicle's origin, and how far is seldom told. The median over
-    the path is exact to a few centimetres where single moments of the track are not; beyond 5 m it is not
-    believed.
+    Scanners look down some metres behind the origin of the vehicle, and that distance is seldom recorded. The median
+    over the path is exact to a few centimetres where single moments of the track are not; beyond 5 m it is not used.
     """
     if track is None:
         return path
@@ -297,7 +321,7 @@ def path_at_scanner(path: Trajectory, track: Trajectory | None) -> Trajectory:
 
 
 def _densest(xyz: FloatArray) -> FloatArray:
-    """Return the middle (3,) of the densest part of points (n, 3)."""
+    """Return the centre (3,) of the densest part of points (n, 3). [m]."""
     place = np.median(xyz, axis=0)
     for near_m in NEAR_ESTIMATE_M:
         near = xyz[np.hypot(xyz[:, 0] - place[0], xyz[:, 1] - place[1]) <= near_m]
@@ -308,7 +332,7 @@ def _densest(xyz: FloatArray) -> FloatArray:
 
 
 def _running_median(time_s: FloatArray, value: FloatArray) -> FloatArray:
-    """Return values with each replaced by the mean of those about it in time, outliers left out."""
+    """Return values (n,) smoothed by the mean of their neighbours in time (n,), without the outer quarters."""
     out = np.empty(len(value))
     half = N_SMOOTH * MOMENT_S / 2.0
     for i, t in enumerate(time_s):

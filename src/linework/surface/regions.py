@@ -1,4 +1,4 @@
-"""Regions of cells: smooth ones that continue the slope (a road is one), looser ones (the ground is one)."""
+"""Regions of cells: smooth ones that continue the slope, for roads, and looser ones, for the ground."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from linework.surface.heights import SLOPE_HALO, smooth_slopes
 
 @dataclass(frozen=True, slots=True)
 class CellRegions:
-    """Which region each cell belongs to, inside one window.
+    """Regions of the cells of one window.
 
     Parameters
     ----------
     height, slope_east, slope_north
         (n_rows, n_cols) float32 [m, m/m]; slopes are NaN where the surface is rough.
     road, ground
-        (n_rows, n_cols) int32: labels; 0: rough (road), no point (ground). Regions near the window's edge,
-        which may go on beyond it, come first.
+        (n_rows, n_cols) int32 labels; 0: rough (road), no point (ground). Regions near the edge of the window, which may
+        continue beyond it, come first.
     """
 
     window: CellWindow
@@ -38,18 +38,18 @@ class CellRegions:
 
 @dataclass(frozen=True, slots=True)
 class LabelTable:
-    """What is to be known of some regions of a window: all that may go on beyond it, and those that matter.
+    """Properties of regions of a window: of all that may continue beyond it, and of those needed to choose.
 
     Parameters
     ----------
     labels
-        (n,) int32, rising: 1 .. `n_border` and some more.
+        (n,) int32, rising: 1 to `n_border`, and others.
     cells, points
-        (n,) int64: the region's cells, and the points in them.
+        (n,) int64 number of cells of the region, and of points in them.
     first
-        (n,) int64: the place of its first cell, row by row; the same in every window.
+        (n,) int64 code of its first cell, row by row; the same in every window.
     island
-        (n,) int32: the recorded place it belongs to.
+        (n,) int32 recorded area that it belongs to.
     """
 
     n_border: int
@@ -62,14 +62,14 @@ class LabelTable:
 
 @dataclass(frozen=True, slots=True)
 class RegionFacts:
-    """What a window tells of its regions to whoever chooses among those of all windows.
+    """Summary of the regions of a window, from which road and ground are chosen over all windows.
 
     Parameters
     ----------
     pairs
-        (k, 2) int32: a road label of the table, and a ground label that shares cells with it.
+        (k, 2) int32 road label of the table, and a ground label that shares cells with it.
     seeds
-        (s,) int32: road labels of cells near the path; `drops` (s, 2) float32: how far they are below it. [m]
+        (s,) int32 road labels of cells near the path; `drops` (s, 2) float32: least and largest depth below it. [m]
     """
 
     road: LabelTable
@@ -90,16 +90,22 @@ def cell_regions(
     z0_m: float,
     config: RoadConfig,
 ) -> tuple[CellRegions, RegionFacts]:
-    """Return the regions of a window's cells, and what is to be known of them elsewhere.
+    """Return the regions of the cells of a window, and their summary.
 
     Parameters
     ----------
     height
-        (n_rows + 2 `SLOPE_HALO`, n_cols + 2 `SLOPE_HALO`) float32: with the cells around the window.
+        (n_rows + 2 `SLOPE_HALO`, n_cols + 2 `SLOPE_HALO`) float32, with a halo. [m]
     spread, count
-        (n_rows, n_cols).
+        (n_rows, n_cols) float32 [m] and int32.
     path
-        (n, 3): samples of the vehicle's path, at least all that lie near the window.
+        (n, 3) samples of the path, at least all near the window. [m, world]
+    islands
+        Recorded areas of the survey.
+    rough_limit_m
+        Largest spread of a smooth cell. [m]
+    z0_m
+        Local height origin. [m, world]
     """
     cell = config.cell_m
     smooth, east, north = smooth_slopes(height, spread, rough_limit_m, config)
@@ -114,7 +120,7 @@ def cell_regions(
     cells, drops = drops_of_cells(path, window, height, smooth, z0_m, cell)
     seeds = road.ravel()[cells]
     roads = _table(window, road, n_road, first_road, count, islands, cell, np.unique(seeds))
-    # The ground of every road that may be chosen; nothing else of the ground is asked for
+    # Only the ground of roads that may be chosen is needed
     listed = np.zeros(len(first_road) + 1, dtype=bool)
     listed[roads.labels] = True
     on = listed[road]
@@ -136,7 +142,7 @@ def _table(
     cell_m: float,
     wanted: AnyArray,
 ) -> LabelTable:
-    """Return the table of the border's labels, the wanted ones, and the one with most points of each island."""
+    """Return the table of the labels near the edge, the wanted ones, and the one with most points of each island."""
     cells, points = kernels.sizes_of_labels(labels, count, len(first))
     north = window.north - 1 - first // window.n_cols
     east = window.west + first % window.n_cols
@@ -153,23 +159,23 @@ def _table(
 
 
 def cells_with(labels: AnyArray, chosen: AnyArray) -> BoolArray:
-    """Return which cells (n_rows, n_cols) have one of the labels (n,)."""
+    """Return which cells have one of the chosen labels (n,), (n_rows, n_cols) bool."""
     table = np.zeros(int(chosen.max(initial=0)) + 1, dtype=bool)
     table[chosen] = True
     return np.asarray(kernels.with_labels(labels, table))
 
 
 def links_east(west: CellRegions, east: CellRegions, config: RoadConfig) -> tuple[AnyArray, AnyArray]:
-    """Return the labels (n, 2) of road, and of ground, that are connected across the edge of two windows.
+    """Return the pairs of labels of road and of ground that are connected across an edge, (n, 2) int32 each.
 
-    Only the two columns on either side of the edge are looked at: windows may be cut down to them.
+    Only the two columns on either side of the edge are used: windows may be cropped to them.
     """
     a, b = (slice(None), slice(-2, None)), (slice(None), slice(0, 2))
     return _links(west, east, a, b, west.slope_east[a], east.slope_east[b], config, turned=False)
 
 
 def links_south(north: CellRegions, south: CellRegions, config: RoadConfig) -> tuple[AnyArray, AnyArray]:
-    """Return what `links_east` does, for windows one above the other."""
+    """Return the same as `links_east` for windows one north of the other."""
     a, b = (slice(-2, None), slice(None)), (slice(0, 2), slice(None))
     return _links(north, south, a, b, -north.slope_north[a], -south.slope_north[b], config, turned=True)
 
@@ -203,19 +209,19 @@ def _links(
     return found[0], found[1]
 
 
-# Recorded places that nothing connects: each has a road of its own
+# Recorded areas that are not connected: each has a road of its own
 
 _AROUND = ((0, 0), (1, 0), (0, 1), (1, 1), (1, -1), (-1, 0), (0, -1), (-1, -1), (-1, 1))
 
 
 @dataclass(frozen=True, slots=True)
 class Islands:
-    """Groups of blocks of 64 m that hold points and touch, also at their corners.
+    """Groups of blocks of 64 m with points that touch, also at their corners.
 
     Parameters
     ----------
     codes
-        (n,) int64, rising: the blocks; `number` (n,) int32: the island of each.
+        (n,) int64, rising: codes of the blocks; `number` (n,) int32: the island of each.
     """
 
     codes: IntArray
@@ -223,7 +229,7 @@ class Islands:
 
     @classmethod
     def of(cls, blocks: IntArray) -> Islands:
-        """Return the islands of blocks (n, 2): their numbers east and north. They come back row by row.
+        """Return the islands of blocks (n, 2) int64, given by their numbers east and north; sorted row by row.
 
         >>> Islands.of(np.array([[0, 0], [1, 1], [3, 0]])).number.tolist()
         [0, 1, 0]
@@ -239,7 +245,7 @@ class Islands:
         return cls(codes, connected_groups(len(codes), np.concatenate(links, axis=1).T))
 
     def at(self, east: IntArray, north: IntArray) -> AnyArray:
-        """Return the island (n,) of each block (or of one beside it), -1 where there is none."""
+        """Return the island of each block or of one beside it, (n,) int32; -1 without any."""
         found = np.full(len(east), -1, dtype=np.int32)
         for de, dn in _AROUND:
             missing = np.flatnonzero(found < 0)
@@ -252,7 +258,7 @@ class Islands:
 
 
 def connected_groups(n: int, links: AnyArray) -> AnyArray:
-    """Return the group (n,) int32 of each of n things of which the pairs (m, 2) belong together.
+    """Return the connected component of each of n nodes, (n,) int32, given links (m, 2).
 
     >>> connected_groups(4, np.array([[0, 2], [2, 3]])).tolist()
     [0, 1, 0, 0]
@@ -264,4 +270,5 @@ def connected_groups(n: int, links: AnyArray) -> AnyArray:
 
 
 def _code(east: IntArray, north: IntArray) -> IntArray:
+    """Return one number (n,) for each block, rising row by row."""
     return (np.asarray(north, dtype=np.int64) << 32) + (np.asarray(east, dtype=np.int64) + 2**31)

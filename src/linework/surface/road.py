@@ -1,16 +1,16 @@
-"""Road / non-road, the ground, and every point's height above the road.
+"""Road and ground of a survey, and heights of points above them.
 
 The papers start from heights that are "normalized by making the road surface height equal to zero"
 and show road and non-road points (Manandhar and Shibasaki 2002, figure 2) without saying how. Here:
 
-1. the lowest supported height of every cell: stray points below the ground stand alone;
-2. the mean of the layer above it, and how much that layer spreads (roughness);
+1. the lowest supported height of every cell: stray points below the ground are isolated;
+2. the mean of the layer above it, and its spread (roughness);
 3. the road grows from under the trajectory (without one: from the largest smooth low surface) over
    cells that continue the local slope; a kerb is a step that the slope does not explain;
-4. the ground grows on from the road with looser bounds: verges, banks, pavements, not roofs;
-5. beyond the road its surface is carried on from the nearest edge, and gives way to the ground.
+4. the ground grows from the road with looser limits: verges, banks, pavements, not roofs;
+5. beyond the road its surface is extended from the nearest edge, and blended into the ground.
 
-`find_road` does this for points in memory; `linework.runs.opened.surface` takes the same steps tile by tile.
+`find_road` does this for points in memory; `linework.runs.opened.surface` does the same tile by tile.
 """
 
 from __future__ import annotations
@@ -40,16 +40,16 @@ from linework.surface.regions import CellRegions, Islands, cell_regions, cells_w
 
 
 def find_road(points: Points, trajectory: Trajectory | None, config: RoadConfig) -> RoadSurface:
-    """Find road and ground among the points.
+    """Return road and ground, found in the points of a survey.
 
     Raises
     ------
     InputError
-        The extents need a larger grid than `max_cells`.
+        When the extents need a larger grid than `max_cells`.
     """
     window = _window_of(points, config)
     z0_m = height_origin(points.xyz[:: max(len(points) // 10_000, 1), 2])
-    # The lowest supported height of every cell, and how much the layer above it spreads
+    # Lowest supported height of every cell, and spread of the layer above it
     heights = cell_heights(points.xyz, window, z0_m, config)
     limit_m = rough_limit_m(count_spreads(heights.spread), config)
     # Regions that continue the slope, and looser ones
@@ -64,14 +64,14 @@ def find_road(points: Points, trajectory: Trajectory | None, config: RoadConfig)
         z0_m,
         config,
     )
-    # The road is under the van; the ground is what is connected to it, and level pieces apart from it
+    # The road is under the van; the ground is connected to it, or a level piece isolated from it
     choice = Choice([facts], [], config.cell_m)
     is_road = cells_with(regions.road, choice.road_labels(0))
     is_ground = cells_with(regions.ground, choice.ground_labels(0))
     coarse = CoarseGround.of(window, regions.height, is_ground, config.cell_m)
     choice.add_ground(0, _ground_apart(regions, is_ground, config))
     is_ground = cells_with(regions.ground, choice.ground_labels(0))
-    # Beyond its edge the road is carried on, and gives way to the ground
+    # Beyond its edge the road is extended, and blended into the ground
     halo = halo_cells(config)
     road_m, ground_m = extended_surface(
         window,
@@ -85,17 +85,20 @@ def find_road(points: Points, trajectory: Trajectory | None, config: RoadConfig)
 
 
 def height_above_road(surface: RoadSurface, xyz: FloatArray) -> Float32Array:
-    """Return (n,) float32 heights above the road [m]; 0 on it, carried on smoothly beyond it."""
+    """Return the heights of points (n, 3) [m, world] above the road, extended beyond it, (n,) float32 [m]."""
     return _height_above(surface, xyz, surface.road_m)
 
 
 def height_above_ground(surface: RoadSurface, xyz: FloatArray) -> Float32Array:
-    """Return (n,) float32 heights above the ground (the road is part of it). [m]"""  # noqa: D400
+    """Return the heights of points (n, 3) [m, world] above the ground, the road included, (n,) float32 [m]."""
     return _height_above(surface, xyz, surface.ground_m)
 
 
 def is_road_point(surface: RoadSurface, xyz: FloatArray, tolerance_m: float = 0.10) -> BoolArray:
-    """Return (n,) bool: on a road cell and within `tolerance_m` of its surface (noise and grade in a cell)."""
+    """Return which points (n, 3) [m, world] lie on a road cell within `tolerance_m` of its surface, (n,) bool.
+
+    The tolerance covers noise, and the grade within a cell.
+    """
     rows, cols = surface.grid.to_cell(xyz[:, :2])
     rows = np.clip(np.floor(rows).astype(np.int64), 0, surface.grid.n_rows - 1)
     cols = np.clip(np.floor(cols).astype(np.int64), 0, surface.grid.n_cols - 1)
@@ -130,7 +133,7 @@ def _window_of(points: Points, config: RoadConfig) -> CellWindow:
 
 
 def _islands(heights: CellHeights, cell_m: float) -> Islands:
-    """Return the recorded places of a window."""
+    """Return the recorded areas of a window."""
     rows, cols = heights.window.blocks(cell_m)
     r, c = np.nonzero(heights.count)
     code = np.unique((rows[r] - rows[-1]) << 32 | (cols[c] - cols[0]))
@@ -138,7 +141,7 @@ def _islands(heights: CellHeights, cell_m: float) -> Islands:
 
 
 def _ground_apart(regions: CellRegions, is_ground: BoolArray, config: RoadConfig) -> AnyArray:
-    """Return the labels of ground regions that data holes part from the rest."""
+    """Return the labels of ground regions that gaps in the data separate from the rest."""
     candidates = _with_halo((regions.road > 0) & ~is_ground, apart.OPENING_HALO)
     labels, *counts = apart.smooth_pieces(candidates)
     reach = reach_cells(config)
@@ -154,5 +157,5 @@ def _ground_apart(regions: CellRegions, is_ground: BoolArray, config: RoadConfig
 
 
 def _with_halo(values: AnyArray, n: int) -> AnyArray:
-    """Return an array with n cells around it that nothing is known of."""
+    """Return an array padded by n unknown cells on every side."""
     return np.pad(values, n, constant_values=np.nan if values.dtype == np.float32 else 0)

@@ -1,4 +1,4 @@
-"""The points that may be wires: above the traffic, and alone in their column."""
+"""Points that may be wires: above the traffic, and isolated in their column; and widths across a wire."""
 
 from __future__ import annotations
 
@@ -9,43 +9,41 @@ import numpy as np
 from linework.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels.cables import search as kernels
 
-#: Side of a column [m]: five sub-cells of 0.1 m. Wider ones smear a sloping wire over more layers.
+#: Side of a column: five sub-cells of 0.1 m. Wider ones smear a sloping wire over more layers. [m]
 COLUMN_M = 0.5
-#: Thickness of a layer [m]: three times the range noise of a mobile scanner, a third of the least
-#: distance between wires one above another.
+#: Thickness of a layer: three times the range noise of a mobile scanner, a third of the least distance between wires
+#: one above another. [m]
 CABLE_LAYER_M = 0.1
-#: How far above and below a point its column is looked at [m].
+#: Reach above and below a point within which its column must be clear. [m]
 COLUMN_REACH_M = 1.0
-#: A wire that reaches the band may hang below it by this [m]: in mid-span, and where the ground rises.
+#: Depth below the band to which a wire of the band may hang: in mid-span, and where the ground rises. [m]
 BELOW_M = 1.0
-#: A point is crowded when more than this many of the nine layers from 0.2 m to 1 m above it (or below it)
-#: are occupied. Wires 0.3 m apart, each smeared over two layers by its slope, occupy six at most; a wall
+#: Most occupied layers, of the nine from 0.2 m to 1 m above (or below) a point, of an isolated point. Wires 0.3 m apart, each smeared over two layers by its slope, occupy six at most; a wall
 #: or a crown fills them.
 MOST_LAYERS = 6
-#: ... or when it lies in a sheet: more than this many of the 25 sub-cells of its column are occupied within
-#: one layer. A wire crosses at most 9 of them, two side by side 14 with their noise; a roof or deck fills them.
+#: Most occupied sub-cells, of the 25 of its column within one layer, of an isolated point. A wire crosses at most 9 of them, two side by side 14 with their noise; a roof or deck fills them.
 MOST_SUB_CELLS = 15
 
 
 @dataclass(frozen=True, slots=True)
 class CableBand:
-    """The points of a tile from a little below the cables' band up, in columns.
+    """Points of a tile from a little below the band of cables upwards, in columns.
 
     Parameters
     ----------
     index
-        (n,) int64: which of the tile's points these are.
+        (n,) int64 indices of the points in the tile.
     xyz
-        (n, 3) float64 [m] from `origin`.
+        (n, 3) from `origin`. [m]
     height_m
-        (n,) float64 [m] above the ground.
+        (n,) above the ground. [m]
     lonely
-        (n,) bool: not crowded, and in the band or up to `BELOW_M` below it: may be a wire.
+        (n,) bool: isolated, and in the band or up to `BELOW_M` below it: may be a wire.
     origin
-        (3,) float64 [m, world], shared by all tiles of a survey: keeps the digits, and the lattices the same.
+        (3,) shared by all tiles of a survey, so that lattices agree and no digits are lost. [m, world]
     keys, start, order, grid
-        The columns: sorted row-major numbers of the occupied ones, where each starts in `order`, the points
-        by column, and (column side [m], columns per row, first column, first row).
+        The columns: sorted row-major numbers of the occupied ones (c,) int64, (c + 1,) int64 where each begins in
+        `order`, (n,) int64 points by column, and (4,) side [m], columns per row, first column, first row.
     """
 
     index: IntArray
@@ -59,7 +57,7 @@ class CableBand:
     grid: FloatArray
 
     def near(self, line: FloatArray, reach_m: float) -> IntArray:
-        """Return the points within `reach_m` in plan of a stretch (x, y, ux, uy, from, to) of a line."""
+        """Return the points within `reach_m` in plan of a segment (6,): x, y, ux, uy, from, to [m]; (k,) int64."""
         found: IntArray = kernels.near_segment(
             self.keys, self.start, self.order, self.grid, self.xyz[:, :2], line, reach_m
         )
@@ -67,20 +65,20 @@ class CableBand:
 
 
 def cable_band(xyz: FloatArray, height_m: Float32Array, low_m: float, origin: FloatArray) -> CableBand | None:
-    """Return the points above `low_m` and, for context, those up to 2 m below it; None where there are none.
+    """Return the points above `low_m` and, for context, those up to 2 m below it; None without any.
 
     Parameters
     ----------
     xyz
-        (n, 3) float64 [m, world].
+        (n, 3) points. [m, world]
     height_m
-        (n,) float32 [m] above the ground; NaN where not known (left out).
+        (n,) float32 above the ground; NaN where unknown: left out. [m]
     origin
-        (3,) float64 [m, world] that columns, layers and cells are counted from.
+        (3,) origin of columns, layers and cells. [m, world]
 
     Notes
     -----
-    Cost: one sort of the band's points, and one pass over them; about 30 ns per point.
+    One sort of the points of the band and one pass over them: about 30 ns per point.
     """
     index = np.flatnonzero(height_m >= low_m - BELOW_M - COLUMN_REACH_M)
     if len(index) == 0:
@@ -113,7 +111,7 @@ def cable_band(xyz: FloatArray, height_m: Float32Array, low_m: float, origin: Fl
     )
 
 
-# Lengths across a wire, all in proportion to one: the gate, which follows the noise of the survey
+# Widths across a wire, all proportional to the gate, which follows the noise of the survey
 
 #: Outer over inner radius of the ring about a wire that must be empty. Leaves fill it with 3 times as many
 #: points as the tube, a wall with as many; the next wire, from 0.3 m, is beyond it, and still is where sags
@@ -125,13 +123,13 @@ RING_INNER = 1.25
 
 @dataclass(frozen=True, slots=True)
 class Widths:
-    """How far from a wire's axis points are looked at, and as what.
+    """Widths across a wire.
 
     Parameters
     ----------
     gate_m
-        Widest gate across a wire: points beyond are not on it. 0.1 m holds four deviations of the noise of
-        mobile scanners (20 mm, and 10 mm of the wire itself) and a third of the least distance of wires.
+        Widest gate across a wire: points beyond are not on it. 0.1 m is four deviations of the noise of mobile
+        scanners (20 mm, and 10 mm of the wire itself) and a third of the least distance of wires. [m]
     """
 
     gate_m: float
@@ -143,7 +141,7 @@ class Widths:
 
     @property
     def gates(self) -> FloatArray:
-        """For the kernels: narrowest and widest gate [m], and the ring's outer radius over the gate's."""
+        """Narrowest and widest gate [m] and outer radius of the ring over the gate's, (3,), for the kernels."""
         return np.array([self.tube_m, self.gate_m, RING])
 
     @property
@@ -173,5 +171,5 @@ class Widths:
 
     @property
     def crowd_m(self) -> float:
-        """Within this, a roof's edge or a ledge has its wall; a wire has at most other wires [m]."""
+        """Distance within which the edge of a roof has its wall, and a wire at most other wires [m]."""
         return 6.0 * self.gate_m

@@ -1,4 +1,4 @@
-"""Overhead cables: thin, alone in their column, straight in plan, hanging as catenaries between supports."""
+"""Overhead cables: thin, isolated in their column, straight in plan, hanging as catenaries between supports."""
 
 from __future__ import annotations
 
@@ -31,36 +31,39 @@ from linework.model.lines import LineSet
 from linework.model.settings import setting
 from linework.model.tile import local_origin
 
-#: A catenary and a line have five unknowns; eight points leave three to judge them by.
+#: Fewest points of a wire: a catenary and a line have five unknowns, which leaves three degrees of freedom.
 LEAST_WIRE_POINTS = 8
-#: Points of a wire that scatter widely do so alike in height and across, within this ratio.
+#: Largest ratio of the scatter of a wire's points in height and across, where it is wide.
 ROUND_RATIO = 2.5
-#: Other points than wires within 0.6 m in at most this share of a short wire's metres: a wire may pass through
-#: a crown, an edge has its wall or roof all along. A wire of this length [m] that sags
-#: needs no such proof.
+#: Largest share of a short wire's metres with points of other objects within 0.6 m: a wire may pass through a crown, an
+#: edge has its wall or roof all along [1]. Length from which a wire that sags need not pass this test [m].
 MOST_CROWDED, LONG_WIRE_M = 0.6, 16.0
-#: Where the points scatter like those of a beam, the ring about them is empty in all but this share of metres.
+#: Largest share of metres with points in the ring, where the points scatter like those of a beam.
 MOST_RINGED_THICK = 0.3
-#: Wires break at a = H / w of 3 km: steel at a fifth of its strength, copper and aluminium before. What is
-#: straighter than that must be thin, with nothing about it but in a tenth of its metres (contact wires).
+#: Curvature of the tautest wire, a = H / w of 3 km: steel at a fifth of its strength, copper and aluminium less [1/m].
+#: Straighter lines must be thin, with other points in at most this share of their metres (contact wires) [1].
 TAUTEST_PER_M, MOST_CROWDED_TAUT = 1.0 / 3000.0, 0.1
-#: A wire turns from end to end by eight times its sag over its length; 0.5 is a slack drop line, 6 % (main lines
-#: 1 to 3 %). At its ends it is no steeper than a drop line from a pole down to a low eave.
+#: Largest turn of a wire from end to end, eight times its sag over its length: 0.5 is a slack drop line with 6 % (main
+#: lines have 1 to 3 %). Largest slope at its ends: that of a drop line from a pole to a low eave.
 MOST_TURN, STEEPEST = 0.5, 0.45
-#: ... with points that scatter by no more than this share of the gate: the chord of a truss is 6 cm and more.
+#: Largest scatter of a taut wire, in gates: the chord of a truss is 6 cm and more.
 THIN_GATES = 0.2
-#: Too short for its sag to be told from the noise [m]; such pieces stay only beside longer wires.
+#: Length below which the sag cannot be told from noise; such pieces are kept only beside longer wires. [m]
 SHORT_WIRE_M = 8.0
-#: The metres of a wire lie on its catenary within this share of the gate, beyond what their scatter explains
-#: (poses of two passes differ by 5 mm, hits wander over the wire's width); of a curve laid across a bundle
-#: they do not.
+#: Largest deviation of the metres of a wire from its catenary beyond their scatter, in gates: poses of two passes differ
+#: by 5 mm, and hits wander over the width of the wire; a curve laid across a bundle deviates more.
 WAVY_GATES = 0.2
-#: A line that one sweep drew may be the edge or the face of anything: it must sag, and nothing may be near it but
-#: what it hangs on. Such points lie
-#: in a plane to this [m]; and two turns of the slowest scanner [s] see every wall as a few lines only.
+#: A line of a single sweep may be the edge or the face of anything: it must sag, and nothing may be near it except what
+#: it hangs on. The points of a sweep lie in a plane within this [m] and this time, two turns of the slowest scanner [s].
 ONE_SWEEP_M, ONE_SWEEP_S = 0.002, 0.2
-#: Points gathered in a few metres are an object that the line passes; wires are hit all along.
+#: Least evenness of the points along a wire: points concentrated in a few metres are an object that the line passes.
 LEAST_EVEN = 0.2
+#: Quantile of the heights of a wire's points that must be in the band.
+_HEIGHT_QUANTILE = 0.9
+#: Curvature of a wire that sags, in its standard deviations.
+_SAG_SIGMAS = 3.0
+#: Distance of a kink from the ends of a piece. [m]
+_KINK_M = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +90,7 @@ class CableConfig:
 
 
 def least_height_m(config: CableConfig) -> float:
-    """Return the height above ground of the lowest points that the search looks at [m]: others may be missing.
+    """Return the height above ground of the lowest points that the search uses [m]; lower ones may be missing.
 
     >>> least_height_m(CableConfig())
     2.0
@@ -107,29 +110,25 @@ def find_cables(
     Parameters
     ----------
     xyz
-        (n, 3) float64 [m, world]: all points of the tile.
+        (n, 3) points of the tile, in any order. [m, world]
     time_s
-        (n,) float64 [s], or None.
+        (n,) times of the points [s], or None.
     height_m
-        (n,) float32 [m] above the road or ground; NaN where not known.
+        (n,) float32 above the road or ground; NaN where unknown. [m]
     origin
-        Shared by all tiles of a survey, whole multiples of 1200 m [m, world]; None: made from the points.
+        Shared by all tiles of a survey, whole multiples of 1200 m [m, world]; None: from the points.
 
     Returns
     -------
     LineSet
         Kind "cable", with sigmas, bridged stretches, clearance and confidence.
 
-    Notes
-    -----
-    Does not depend on the order of the points.
-
     References
     ----------
     Manandhar and Shibasaki (2002): "by changing these threshold values other linear features (like cables)
     can also be identified, though they need further analysis". The further analysis is ours.
     """
-    # The height band, and in it the points that are alone in their column
+    # Points of the height band, and which of them are isolated in their column
     if len(xyz) == 0:
         return LineSet.empty()
     shared = np.array(origin or local_origin(*xyz.min(axis=0).tolist()))
@@ -141,7 +140,7 @@ def find_cables(
     wires = _found_wires(band, config, widths)
     # One catenary per wire and span, ends at the supports
     pieces, wires = _spans(band, wires, config)
-    # What is still alone now that all wires are known, and hangs
+    # Keep what is isolated, now that all wires are known, and hangs
     wires, around = _free_hanging(band, wires, pieces, time_s)
     return lines_of_wires(band, wires, around, time_s, config.spacing_m)
 
@@ -149,7 +148,7 @@ def find_cables(
 def _found_wires(band: CableBand, config: CableConfig, widths: Widths) -> list[FittedWire]:
     """Return the thin pieces of wire about all seed lines, the strongest seed first."""
     lonely = np.flatnonzero(band.lonely)
-    lonely = lonely[np.lexsort(band.xyz[lonely].T)]  # whatever order the points came in
+    lonely = lonely[np.lexsort(band.xyz[lonely].T)]  # independent of the order of the points
     xyz = np.ascontiguousarray(band.xyz[lonely])
     index, free = IsolatedPoints.of(xyz), np.ones(len(xyz), dtype=bool)
     number = np.full(len(band.xyz), -1)
@@ -166,11 +165,11 @@ def _found_wires(band: CableBand, config: CableConfig, widths: Widths) -> list[F
 
 
 def _pieces(band: CableBand, points: IntArray, widths: Widths) -> list[FittedWire]:
-    """Return the wires that a followed line consists of: it may run past supports."""
+    """Return the wires of a followed line, which may run past supports; `points` (k,) int64."""
     wire = fit_wire(band, points, widths)
     if wire is None or wire.length_m < LEAST_SEEN_M:
         return []
-    parts = split_at_kink(band, wire, 3.0)
+    parts = split_at_kink(band, wire, _KINK_M)
     if parts is None:
         return [wire]
     return [piece for part in parts for piece in _pieces(band, part, widths)]
@@ -186,10 +185,11 @@ def _spans(
 
 
 def _is_thin(band: CableBand, wire: FittedWire, low_m: float) -> bool:
+    """Return whether a piece has the points, height, occupancy and surroundings of a wire."""
     around = surroundings(band, wire, np.zeros(len(band.xyz), dtype=bool))
     return (
         around.n_points >= LEAST_WIRE_POINTS
-        and float(np.quantile(band.height_m[wire.members], 0.9)) >= low_m
+        and float(np.quantile(band.height_m[wire.members], _HEIGHT_QUANTILE)) >= low_m
         and around.occupied >= LEAST_OCCUPIED
         and around.ringed <= MOST_RINGED
         and around.even >= LEAST_EVEN
@@ -199,23 +199,23 @@ def _is_thin(band: CableBand, wire: FittedWire, low_m: float) -> bool:
 
 
 def _is_round(wire: FittedWire) -> bool:
-    """Whether the points scatter alike across the wire and in height: on a plate's edge they do not."""
+    """Return whether the points scatter alike across the wire and in height, unlike those of the edge of a plate."""
     small, large = sorted((wire.sigma_o_m, wire.fit.sigma_m))
     return large <= max(wire.widths.round_m, ROUND_RATIO * small)
 
 
 def _sags(wire: FittedWire) -> bool:
-    """Whether it has a curvature that stands out of its error, and more than the tautest wire."""
-    return wire.fit.curve.curvature_per_m > max(3.0 * wire.fit.curvature_sigma_per_m, TAUTEST_PER_M)
+    """Return whether the curvature is significant, and larger than that of the tautest wire."""
+    return wire.fit.curve.curvature_per_m > max(_SAG_SIGMAS * wire.fit.curvature_sigma_per_m, TAUTEST_PER_M)
 
 
 def _free_hanging(
     band: CableBand, wires: list[FittedWire], pieces: list[FittedWire], time_s: FloatArray | None
 ) -> tuple[list[FittedWire], list[WireSurroundings]]:
-    """Return the wires that hang free, and what lies around each.
+    """Return the wires that hang free, and the surroundings of each.
 
-    Points of any piece of wire do not crowd, only those of straight ones do: the beams of a scanner that
-    drives past a far wall draw a stack of straight lines on it.
+    Points of other wires do not count as surroundings, except those of straight ones: a scanner that drives past a
+    far wall leaves a stack of straight lines on it.
     """
     of_wire = np.zeros(len(band.xyz), dtype=bool)
     for wire in pieces:
@@ -226,21 +226,21 @@ def _free_hanging(
 
 
 def _is_of_one_sweep(band: CableBand, wire: FittedWire, time_s: FloatArray | None) -> bool:
-    """Whether one sweep drew all of it: by its points' times or, without them, because they lie in a plane."""
+    """Return whether all points are of one sweep: by their times or, without times, because they lie in a plane."""
     if time_s is not None:
         return float(np.ptp(time_s[band.index[wire.members]])) < ONE_SWEEP_S
     return min(wire.sigma_o_m, wire.fit.sigma_m) < ONE_SWEEP_M
 
 
 def _is_gentle(wire: FittedWire) -> bool:
-    """Whether it sags and slopes no more than wires do; leaves and rows of beams on walls make any curve."""
+    """Return whether sag and slope are those of a wire; leaves and rows of points on walls make any curve."""
     ends = wire.fit.curve.slope_at(np.array([wire.low_m, wire.high_m]))
     turn = wire.fit.curve.curvature_per_m * wire.length_m
     return bool(turn <= MOST_TURN and np.abs(ends).max() <= STEEPEST)
 
 
 def _hangs(wire: FittedWire, around: WireSurroundings, one_sweep: bool) -> bool:
-    """Whether it sags, or is so thin and alone that it may be taut: the edges of buildings are straight."""
+    """Return whether it sags, or is thin and isolated enough to be taut: edges of buildings are straight."""
     sags, is_short = _sags(wire), wire.length_m < SHORT_WIRE_M
     scatter = max(wire.sigma_o_m, wire.fit.sigma_m)
     is_clear = around.ringed <= MOST_RINGED_THICK or scatter <= wire.widths.round_m

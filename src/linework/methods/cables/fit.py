@@ -1,4 +1,4 @@
-"""One wire: its line in plan and its catenary, fitted robustly to all points on it; and how alone it is."""
+"""Robust fit of one wire, its line in plan and its catenary, to all points on it; and its surroundings."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from linework.lines.catenary import Catenary, CatenaryFit, fit_catenary
 from linework.methods.cables.band import RING, RING_INNER, CableBand, Widths
 from linework.methods.cables.follow import PlanLine
 
-#: What lies beyond a gap of this length [m], or this many usual gaps, must be a stretch of this length [m]
-#: half as often hit as the wire itself.
+#: Gap beyond which a tail must be a wire itself: a length [m], or a number of usual gaps; such a tail is at least this
+#: long [m] and half as densely hit as the wire.
 TAIL_GAP_M, TAIL_GAPS, TAIL_LONG_M = 3.0, 3.0, 2.0
-#: Points this far beyond a piece's ends [m] are looked at as it is collected; of a wire that is found, all
-#: that follow without a tail's gap, in as many rounds as that takes: two or three, more where much is missing.
+#: Distance beyond the ends of a piece within which points are collected [m]; and most rounds in which a wire is extended
+#: to all that follows without a gap: two or three suffice, more where much is missing.
 NEXT_M, MOST_ROUNDS = 0.5, 30
-#: Insulators, the crossarm and the pole lie within this many metres of a wire's ends.
+#: Metres at the ends of a wire that insulators, crossarm and pole may occupy.
 FITTING_METRES = 2
-#: Longer gaps [m] are not usual on any wire: something hides it.
+#: Longest usual gap of a wire; over longer ones something hides it. [m]
 MOST_USUAL_M = 6.0
-#: From the coefficient of u^2 to the curvature, in cofactors.
+#: Factor from the cofactors of the coefficient of u^2 to those of the curvature.
 _TWICE = np.outer((1.0, 1.0, 2.0), (1.0, 1.0, 2.0))
 
 
@@ -40,13 +40,13 @@ class FittedWire:
     fit
         Its catenary over that line's stations.
     low_m, high_m
-        Stations where it begins and ends.
+        Stations of its ends. [m]
     members
-        (n,) int64: its points, numbers in the band, by rising station.
+        (n,) int64 indices of its points in the band, by rising station.
     sigma_o_m
         Standard deviation of a point's offset. [m]
     widths
-        What it was looked for with.
+        Widths that it was searched with.
     """
 
     plan: PlanLine
@@ -64,12 +64,12 @@ class FittedWire:
 
     @property
     def gate_m(self) -> float:
-        """How far from the axis a point of the wire may lie: four deviations across. [m]."""
+        """Largest distance of a point of the wire from its axis: four deviations across. [m]."""
         width = 4.0 * max(self.sigma_o_m, self.fit.sigma_m)
         return min(max(width, self.widths.tube_m), self.widths.gate_m)
 
     def residuals(self, xyz: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return (n,) stations, offsets and heights above the wire [m] of (n, 3) points."""
+        """Return stations, offsets and heights above the wire of points (n, 3), (n,) each [m]."""
         plan = self.plan
         line = plan.x, plan.y, plan.ux, plan.uy
         found: tuple[FloatArray, FloatArray, FloatArray] = hanging.residuals(
@@ -78,29 +78,29 @@ class FittedWire:
         return found
 
     def at(self, station_m: FloatArray) -> FloatArray:
-        """Return (n, 3) places [m] on the wire."""
+        """Return the positions on the wire at stations (n,), (n, 3) [m]."""
         return np.column_stack([self.plan.places(station_m), self.fit.curve.height_at(station_m)])
 
 
 def fit_wire(band: CableBand, members: IntArray, widths: Widths) -> FittedWire | None:
-    """Fit a wire to points, collect the points on it anew from the whole band, and fit again.
+    """Fit a wire to points, collect the points on it from the whole band, and fit again.
 
     Parameters
     ----------
     members
-        (n,) int64: points to start from, numbers in the band.
+        (n,) int64 indices in the band of the points to start from.
     widths
-        Lengths across a wire.
+        Widths across a wire.
 
     Returns
     -------
     Wire or None
-        None where fewer than four points remain.
+        None with fewer than four points.
 
     Notes
     -----
-    The last fit depends on the points on the wire alone, not on how they were found. While they are
-    collected a parabola does; it leaves a catenary of 40 m that sags 1 m by 0.2 mm.
+    The last fit depends on the points on the wire alone, not on how they were found. They are collected with a
+    parabola, which departs from a catenary of 40 m that sags 1 m by 0.2 mm.
     """
     for _ in range(3):
         if len(members) < 4:
@@ -121,14 +121,14 @@ def settle_wire(band: CableBand, wire: FittedWire) -> FittedWire:
         if len(members) < 4 or np.array_equal(members, wire.members):
             break
         after = _fitted(band, members, wire.widths)
-        if np.array_equal(after.members, before.members):  # to and fro: the one with more points
+        if np.array_equal(after.members, before.members):  # alternating: the one with more points
             return max(wire, before, key=lambda w: len(w.members))
         before, wire = wire, after
     return _fitted(band, wire.members, wire.widths)
 
 
 def near_end(band: CableBand, wire: FittedWire, side: int, reach_m: float) -> FittedWire:
-    """Return the wire as its points within `reach_m` of its low (0) or high (1) end alone would make it."""
+    """Return the wire fitted only to its points within `reach_m` [m] of its low (0) or high (1) end."""
     if wire.length_m <= reach_m:
         return wire
     s, _ = wire.plan.stations(band.xyz[wire.members, :2])
@@ -155,12 +155,12 @@ def fit_exact_catenary(band: CableBand, wire: FittedWire) -> FittedWire:
     weights = kernels.tukey(o, max(wire.sigma_o_m, least)) * kernels.tukey(dz, max(wire.fit.sigma_m, least))
     if np.count_nonzero(weights) < 4:
         return wire
-    straight = wire.fit.curve.curvature_per_m <= 0.0  # a wire pulls, it never pushes
+    straight = wire.fit.curve.curvature_per_m <= 0.0  # a wire can only pull
     return replace(wire, fit=fit_catenary(s, xyz[:, 2], weights, straight=straight))
 
 
 def _fitted(band: CableBand, members: IntArray, widths: Widths) -> FittedWire:
-    """Return the wire through points; sums do not depend on the order they are given in."""
+    """Return the wire fitted to points, independent of their order."""
     members = members[np.lexsort(band.xyz[members].T)]
     xyz = band.xyz[members]
     x, y, z = (np.ascontiguousarray(column) for column in xyz.T)
@@ -180,15 +180,15 @@ def _line_of(plan: PlanLine, low_m: float, high_m: float) -> FloatArray:
 
 
 def _on_wire(band: CableBand, wire: FittedWire, low: float, high: float) -> IntArray:
-    """Return the band's points on a wire, carried on, between two stations, by station.
+    """Return the points of the band on an extended wire between two stations [m], (k,) int64 by station.
 
-    Beyond the first and the last metre that are clear of other points it goes on to the next other point: in a
-    crown leaves lie on any line.
+    Beyond the first and the last metre clear of other points it continues to the next other point: in a crown leaves
+    lie on any line.
     """
     near = band.near(_line_of(wire.plan, low, high), RING * wire.gate_m)
     s, o, dz = wire.residuals(band.xyz[near])
     gate = wire.gate_m
-    # metres are counted from the band's origin: where they begin must not depend on the wire's points
+    # Metres are counted from the origin of the band, independent of the points of the wire
     shift = wire.plan.x * wire.plan.ux + wire.plan.y * wire.plan.uy
     on = np.flatnonzero(
         kernels.on_wire(
@@ -209,10 +209,10 @@ def _on_wire(band: CableBand, wire: FittedWire, low: float, high: float) -> IntA
 
 
 def main_run(s: FloatArray) -> tuple[int, int]:
-    """Return the range of rising stations without the odd points beyond a wire's ends.
+    """Return the range of rising stations (n,) [m] without stray points beyond the ends of a wire.
 
-    What follows a gap stays only if it is a piece of wire itself. Where beams and wire drift in and out of
-    step a wire has gaps all along; the mean gap, each weighted by its length, tells.
+    What follows a gap is kept only if it is a piece of wire itself. A wire that scan lines drift along has gaps
+    throughout; the mean gap, weighted by length, shows that.
     """
     if len(s) < 4:
         return 0, len(s)
@@ -236,25 +236,25 @@ def main_run(s: FloatArray) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True)
 class WireSurroundings:
-    """What lies on and around a wire, metre by metre.
+    """Points on and around a wire, metre by metre.
 
     Parameters
     ----------
     n_points
-        Points on it.
+        Number of points on it.
     occupied
         Share of its metres with a point on it.
     ringed
         Share of these with points in the ring about it, more than every third of those on it.
     crowded
-        Share of these with other points within 0.6 m that are no wire's.
+        Share of these with points of other objects than wires within 0.6 m.
     taken
-        Metres that are ringed or crowded, other than those at its ends: there it hangs on something.
+        Number of ringed or crowded metres, except at its ends, where it hangs on something.
     even
-        How evenly the points are spread over its metres, 0 to 1: (sum of r)^2 / sum of r^2 over the number
-        of metres, r the root of a metre's points.
+        Evenness of the points along it, 0 to 1: (sum of r)^2 / sum of r^2 over the number of metres, r the root of the
+        number of points in a metre.
     wavy_m
-        How far its metres lie off the catenary, beyond what the scatter within them explains.
+        Deviation of its metres from the catenary beyond the scatter within them. [m]
     """
 
     n_points: int
@@ -267,12 +267,12 @@ class WireSurroundings:
 
 
 def surroundings(band: CableBand, wire: FittedWire, of_wire: BoolArray) -> WireSurroundings:
-    """Return what lies on and around a wire.
+    """Return the points on and around a wire.
 
     Parameters
     ----------
     of_wire
-        (n,) bool: points of the band that belong to any wire: they do not crowd.
+        (n,) bool: points of the band that belong to any wire; they do not count as crowding.
     """
     near = band.near(_line_of(wire.plan, wire.low_m, wire.high_m), wire.widths.crowd_m)
     s, o, dz = wire.residuals(band.xyz[near])
@@ -300,7 +300,7 @@ def surroundings(band: CableBand, wire: FittedWire, of_wire: BoolArray) -> WireS
 
 
 def _wavy(metre: IntArray, o: FloatArray, dz: FloatArray, on: BoolArray) -> float:
-    """Return the deviation of the metres' means that the scatter within them does not explain [m]."""
+    """Return the deviation of the means of metres beyond that explained by the scatter within them [m]."""
     count = np.bincount(metre[on])
     n, m = int(count.sum()), int(np.count_nonzero(count))
     if n - m < 3:
@@ -314,12 +314,12 @@ def _wavy(metre: IntArray, o: FloatArray, dz: FloatArray, on: BoolArray) -> floa
 
 
 def split_at_kink(band: CableBand, wire: FittedWire, least_m: float) -> tuple[IntArray, IntArray] | None:
-    """Return the two groups of points on either side of a support inside a wire, or None where there is none.
+    """Return the points on either side of a support inside a wire, (k,) int64 each, or None without one.
 
     Notes
     -----
-    Two parabolas with any break fit better than one; they must halve the sum of squares, and the wire must
-    turn down at the break, as it does over a support.
+    Two parabolas always fit better than one; they must halve the sum of squares, and the wire must turn down at the
+    break, as it does over a support.
     """
     xyz = band.xyz[wire.members]
     s, _ = wire.plan.stations(xyz[:, :2])

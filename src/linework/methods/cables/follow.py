@@ -1,4 +1,4 @@
-"""From a seed line in plan to the wires in its vertical slice, each followed as far as it hangs."""
+"""Wires in the vertical slice of a seed line, each followed to its ends."""
 
 from __future__ import annotations
 
@@ -13,34 +13,31 @@ from linework.kernels.cables import tube
 from linework.methods.cables.band import Widths
 from linework.methods.cables.seeds import Seed
 
-#: A slice's cells [m]: one vote per half metre of wire, however many points hit it.
+#: Sides of a cell of a slice along, up and across: one vote per half metre of wire, whatever its number of points. [m]
 SLICE_ALONG_M, UP_M, SLICE_ACROSS_M = 0.5, 0.1, 0.2
-#: Slopes and curvatures that the slice is searched for. Half a step
-#: moves the end of a 24 m window by 6 cm;
-#: 0.02 per m is a wire of 30 m that sags 2.2 m; a 15 m drop line to a house may rise by a third.
+#: Slopes and curvatures [1/m] that are tried in a slice. Half a step moves the end of a 24 m window by 6 cm; 0.02 per m
+#: is a wire of 30 m that sags 2.2 m; a 15 m drop line to a house may rise by a third.
 SLOPES = np.arange(-35, 36) * 0.01
 CURVATURES = np.array([0.0, 0.0015, 0.004, 0.008, 0.014, 0.022])
-#: A curve in the slice needs this many votes, half metres of wire, ...
+#: Fewest votes, half metres of wire, of a curve in the slice.
 LEAST_VOTES = 7
-#: ... over this length [m], to be looked at further, ...
+#: Shortest length of a wire in a slice. [m]
 LEAST_SEEN_M = 4.0
-#: ... and a slice is given up after this many curves in a row that are no wires: leaves make no end of them.
+#: Consecutive curves that are not wires after which a slice is given up: leaves make any number of them.
 MOST_FAILURES = 3
-#: A wire has points in this share of its metres at least, ...
+#: Least share of a wire's metres with points.
 LEAST_OCCUPIED = 0.35
-#: ... and in this share of them at most the ring about it holds more than a third as many as the wire.
+#: Largest share of these whose ring holds more than a third as many points as the wire.
 MOST_RINGED = 0.5
-
-
-#: Side of a column of points that may be wires [m]: a slice is a metre wide.
+#: Side of a column of isolated points: a slice is a metre wide. [m]
 LONELY_COLUMN_M = 2.0
-#: Farther from the points that have voted for it no seed lies: the diagonal of the largest window. [m]
+#: Largest distance of a seed from the points that voted for it: the diagonal of the largest window. [m]
 SEED_REACH_M = 150.0
 
 
 @dataclass(frozen=True, slots=True)
 class PlanLine:
-    """A line in plan: stations s along (ux, uy) from (x, y), offsets o to the left of it. [m]."""
+    """A line in plan: stations s along the unit vector (ux, uy) from (x, y), offsets o to the left. [m]."""
 
     x: float
     y: float
@@ -48,16 +45,16 @@ class PlanLine:
     uy: float
 
     def stations(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (n,) stations and (n,) offsets [m] of (n, 2) points."""
+        """Return stations and offsets of points (n, 2), (n,) each [m]."""
         dx, dy = xy[:, 0] - self.x, xy[:, 1] - self.y
         return dx * self.ux + dy * self.uy, dy * self.ux - dx * self.uy
 
     def places(self, station_m: FloatArray) -> FloatArray:
-        """Return (n, 2) places [m] of (n,) stations."""
+        """Return the positions of stations (n,), (n, 2) [m]."""
         return np.stack([self.x + station_m * self.ux, self.y + station_m * self.uy], axis=-1)
 
     def turned(self, offset_m: float, slope: float) -> PlanLine:
-        """Return the line o = offset + slope * s of this one's stations, with its own unit direction."""
+        """Return the line o = offset + slope * s in the stations of this one."""
         stretch = math.hypot(1.0, slope)
         return PlanLine(
             self.x - self.uy * offset_m,
@@ -69,16 +66,16 @@ class PlanLine:
 
 @dataclass(frozen=True, slots=True)
 class IsolatedPoints:
-    """Points that may be wires, in columns, so that those about a line are found without looking at all.
+    """Points that may be wires, in columns for quick access to those about a line.
 
     Parameters
     ----------
     xyz
-        (n, 3) float64 [m].
+        (n, 3) points. [m]
     keys, start, order, grid
         As in `linework.methods.cables.band.CableBand`.
     across_m
-        No two of them are farther apart in plan. [m]
+        Largest distance between two of them in plan. [m]
     """
 
     xyz: FloatArray
@@ -90,7 +87,7 @@ class IsolatedPoints:
 
     @classmethod
     def of(cls, xyz: FloatArray) -> IsolatedPoints:
-        """Sort points into columns."""
+        """Sort points (n, 3) [m] into columns."""
         cells = np.floor(xyz[:, :2] / LONELY_COLUMN_M).astype(np.int64)
         west, south = cells.min(axis=0) if len(cells) else (0, 0)
         n_cols = int(cells[:, 0].max() - west) + 1 if len(cells) else 1
@@ -104,9 +101,9 @@ class IsolatedPoints:
     def slice(
         self, plan: PlanLine, half_width_m: float, half_length_m: float, free: BoolArray | None = None
     ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-        """Return the points about a line in plan, by station: their numbers, stations, offsets and heights.
+        """Return the points about a line in plan, by station: indices, stations, offsets, heights, (k,) each [m].
 
-        No points where fewer than `LEAST_VOTES` of them are `free`.
+        No points where fewer than `LEAST_VOTES` of them are `free` (n,) bool.
         """
         # A seed lies in a window about some of the points
         reach_m = min(half_length_m, self.across_m + SEED_REACH_M)
@@ -115,7 +112,7 @@ class IsolatedPoints:
             self.keys, self.start, self.order, self.grid, self.xyz[:, :2], line, half_width_m
         )
         if free is not None and np.count_nonzero(free[near]) < LEAST_VOTES:
-            near = near[:0]  # the usual case: another seed has led to the same wires before
+            near = near[:0]  # the usual case: another seed led to the same wires before
         s, o = plan.stations(self.xyz[near, :2])
         z = self.xyz[near, 2]
         by = np.lexsort((z, o, s))
@@ -125,23 +122,23 @@ class IsolatedPoints:
 def follow_seed(
     lonely: IsolatedPoints, free: BoolArray, seed: Seed, *, widths: Widths, max_gap_m: float
 ) -> list[IntArray]:
-    """Return the points of each wire that passes through the slice of a seed line.
+    """Return the points of each wire in the slice of a seed line.
 
     Parameters
     ----------
     lonely
         Points that may be wires.
     free
-        (n,) bool: not yet part of a wire.
+        (n,) bool: points of no wire yet.
     widths
-        Lengths across a wire.
+        Widths across a wire.
     max_gap_m
-        A wire is followed over stretches this long without a point.
+        Longest stretch without a point that a wire is followed over. [m]
 
     Returns
     -------
     list of index arrays
-        Points of each wire, as followed beyond the window. What is no wire stays in it: the tests follow.
+        Points of each wire, followed beyond the window. Other lines may be among them: they are tested later.
     """
     plan = PlanLine(seed.x, seed.y, seed.ux, seed.uy)
     near, s, o, z = lonely.slice(plan, widths.slice_m, seed.half_m * math.sqrt(2.0), free)
@@ -169,9 +166,9 @@ def follow_seed(
 def _best_curve(
     s: FloatArray, o: FloatArray, z: FloatArray, left: BoolArray, vote_m: float
 ) -> kernels.SliceCurve | None:
-    """Return the curve that has most votes in the slice, or None where none has enough.
+    """Return the curve with most votes in the slice, or None where none has enough.
 
-    Every half metre has one vote, shared by its cells: a wall or a crown in the slice has no more than a wire.
+    Every half metre has one vote, shared by its cells, so that a wall or a crown has no more than a wire.
     """
     sides = (SLICE_ALONG_M, UP_M, SLICE_ACROSS_M, vote_m)
     seen, curve = kernels.best_curve((s, o, z), left, (SLOPES, CURVATURES), sides)
@@ -179,6 +176,7 @@ def _best_curve(
 
 
 def _thin(s: FloatArray, o: FloatArray, z: FloatArray, member: BoolArray, widths: Widths) -> bool:
+    """Return whether the members are long, occupied and isolated enough for a wire."""
     length, occupied, ringed = tube.thinness(s, o, z, member, widths.gates)
     return bool(length >= LEAST_SEEN_M and occupied >= LEAST_OCCUPIED and ringed <= MOST_RINGED)
 
@@ -192,7 +190,7 @@ def _grown(
     widths: Widths,
     max_gap_m: float,
 ) -> IntArray:
-    """Return the points of the wire far beyond its window: its direction is better known now."""
+    """Return the points of a wire far beyond its window, along its direction fitted to `known` stations and offsets."""
     slope, offset = np.polyfit(known[0], known[1], 1)
     line = plan.turned(float(offset), float(slope))
     near, s, o, z = lonely.slice(line, widths.slice_m, math.inf)

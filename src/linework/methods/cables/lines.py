@@ -1,4 +1,4 @@
-"""Wires to lines: vertices, sigmas, bridged stretches, clearance and confidence."""
+"""Lines from wires: vertices, sigmas, bridged stretches, clearance and confidence."""
 
 from __future__ import annotations
 
@@ -12,15 +12,25 @@ from linework.methods.cables.band import CableBand
 from linework.methods.cables.fit import FittedWire, WireSurroundings
 from linework.model.lines import LineSet
 
-#: A chord leaves the catenary by k d^2 / 8: at 1 m and 0.05 per m that is 6 mm, and 0.6 mm on a usual wire.
+#: Largest distance of a chord from the catenary, k d^2 / 8: 6 mm at 1 m and 0.05 per m, 0.6 mm on a usual wire. [m]
 CHORD_M = 0.005
-#: A wire is bridged where the nearest point is farther along than this [m], ...
+#: Distance along to the nearest point from which a wire is bridged: at least this [m],
 WIRE_BRIDGED_M = 1.0
-#: ... or than this many times its usual distance between points, where it is hit more rarely.
+#: and at least this many times its usual distance between points.
 USUAL_GAPS = 3.0
-#: What no fit sees [m]: hits lie on the side of the wire that faces the scanner, a radius of 4 to 12 mm off
-#: its axis, some of it sideways and some down; and a pass is off by its pose, a few millimetres.
+#: Error that no fit shows: points lie on the side of the wire that faces the scanner, a radius of 4 to 12 mm off its
+#: axis, partly sideways and partly down; and the pose of a pass is off by a few millimetres. [m]
 HIDDEN_SIGMA_M = 0.005
+#: Length of the blocks whose means show the correlation of neighbouring points. [m]
+_BLOCK_M = 2.0
+#: Fewest blocks that show it, and the largest factor that it inflates a sigma by.
+_LEAST_BLOCKS, _MOST_INFLATION = 5, 5.0
+#: Points of the median of the ground below a wire: drops single cells with a vehicle or a bush.
+_GROUND_MEDIAN = 7
+#: Scales of the confidence: length [m] and number of points at which a factor is 1 - 1/e.
+_SURE_LENGTH_M, _SURE_POINTS = 6.0, 8.0
+#: Confidence of a wire without occupied metres, its increase with their share, and weight of crowded metres.
+_EMPTY, _PER_OCCUPIED, _CROWDED_WEIGHT = 0.4, 0.7, 0.5
 
 
 def lines_of_wires(
@@ -35,11 +45,11 @@ def lines_of_wires(
     Parameters
     ----------
     around
-        What lies around each wire.
+        Surroundings of each wire.
     time_s
-        (n,) time of the tile's points, or None.
+        (n,) times of the points of the tile [s], or None.
     spacing_m
-        Distance of the vertices, less where the wire bends so much that a chord leaves it by 5 mm.
+        Distance of the vertices, less where the wire bends so much that a chord is 5 mm off. [m]
     """
     lines = [_vertices(w, spacing_m) for w in wires]
     order = sorted(range(len(wires)), key=lambda i: tuple(lines[i][0].round(3)))
@@ -64,7 +74,7 @@ def lines_of_wires(
 
 
 def _vertices(wire: FittedWire, spacing_m: float) -> FloatArray:
-    """Return (n, 3) vertices, from west to east (south to north where the wire runs north)."""
+    """Return the vertices (n, 3) [m], from west to east (south to north where the wire runs north)."""
     bend = abs(wire.fit.curve.curvature_per_m)
     step = min(spacing_m, math.sqrt(8.0 * CHORD_M / bend)) if bend > 0 else spacing_m
     n = max(math.ceil(wire.length_m / step - 1e-9), 1)
@@ -72,10 +82,10 @@ def _vertices(wire: FittedWire, spacing_m: float) -> FloatArray:
 
 
 def _sigmas(band: CableBand, wire: FittedWire, line: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return (n,) sigma across in plan and in height. [m].
+    """Return the sigmas of vertices (n, 3) across in plan and in height, (n,) each [m].
 
-    Residuals of neighbouring points hang together (one pass, one pose, one side of the wire): the variance
-    of their means over two metres, against what independent residuals would leave, scales the covariance.
+    Residuals of neighbouring points are correlated (one pass, one pose, one side of the wire): the variance of their
+    means over two metres, against that of independent residuals, scales the covariance.
     """
     xyz = band.xyz[wire.members]
     s, o, dz = wire.residuals(xyz)
@@ -90,19 +100,22 @@ def _sigmas(band: CableBand, wire: FittedWire, line: FloatArray) -> tuple[FloatA
 
 
 def _inflation(s: FloatArray, residual: FloatArray) -> float:
-    """Return by how much means over two metres scatter more than independent residuals would, 1 to 5."""
-    block = np.floor((s - s[0]) / 2.0).astype(np.int64)
+    """Return the ratio of the scatter of means over two metres to that of independent residuals (n,), 1 to 5."""
+    block = np.floor((s - s[0]) / _BLOCK_M).astype(np.int64)
     count = np.bincount(block)
     total = np.bincount(block, weights=residual)
     used = count > 0
     variance = float((residual**2).mean())
-    if used.sum() < 5 or variance == 0.0:
+    if used.sum() < _LEAST_BLOCKS or variance == 0.0:
         return 1.0
     freedom = max(float(used.sum()) - 3.0, 1.0)
-    return float(np.clip(math.sqrt((total[used] ** 2 / count[used]).sum() / freedom / variance), 1.0, 5.0))
+    return float(
+        np.clip(math.sqrt((total[used] ** 2 / count[used]).sum() / freedom / variance), 1.0, _MOST_INFLATION)
+    )
 
 
 def _bridged(band: CableBand, wire: FittedWire, line: FloatArray) -> BoolArray:
+    """Return which vertices (n, 3) are far from the points of the wire, (n,) bool."""
     s = np.sort(wire.plan.stations(band.xyz[wire.members, :2])[0])
     at = wire.plan.stations(line[:, :2])[0]
     right = np.clip(np.searchsorted(s, at), 0, len(s) - 1)
@@ -114,16 +127,15 @@ def _bridged(band: CableBand, wire: FittedWire, line: FloatArray) -> BoolArray:
 
 
 def _clearance(band: CableBand, wire: FittedWire, line: FloatArray) -> float:
-    """Return the smallest height of the wire above the ground under its points [m].
+    """Return the least height of the wire above the ground below its points [m].
 
-    A median of seven points along the wire takes single cells of the ground model out that hold a vehicle or
-    a bush.
+    A median of seven points along the wire drops single cells of the ground with a vehicle or a bush.
     """
     s = wire.plan.stations(band.xyz[wire.members, :2])[0]
     order = np.argsort(s, kind="stable")
     ground = (band.xyz[wire.members, 2] - band.height_m[wire.members])[order]
     at = wire.plan.stations(line[:, :2])[0]
-    level = np.interp(at, s[order], median_filter(ground, size=7, mode="nearest"))
+    level = np.interp(at, s[order], median_filter(ground, size=_GROUND_MEDIAN, mode="nearest"))
     return float((line[:, 2] - level).min())
 
 
@@ -135,13 +147,13 @@ def _time_span(band: CableBand, wire: FittedWire, time_s: FloatArray | None) -> 
 
 
 def confidence(wire: FittedWire, around: WireSurroundings) -> float:
-    """Return 0 to 1: how sure it is that this is a wire.
+    """Return the confidence, 0 to 1, that this is a wire.
 
-    Each factor is near 1 for a wire that is long, often hit, thin and alone, and falls with what the tests
-    in `cables` look at.
+    Each factor is near 1 for a wire that is long, densely hit, thin and isolated. Its constants were chosen by hand;
+    the surveys they were tuned on are not recorded.
     """
-    long_enough = 1.0 - math.exp(-wire.length_m / 6.0)
-    seen = 1.0 - math.exp(-around.n_points / 8.0)
-    whole = min(1.0, 0.4 + 0.7 * around.occupied)
-    alone = (1.0 - around.ringed) * (1.0 - 0.5 * around.crowded)
+    long_enough = 1.0 - math.exp(-wire.length_m / _SURE_LENGTH_M)
+    seen = 1.0 - math.exp(-around.n_points / _SURE_POINTS)
+    whole = min(1.0, _EMPTY + _PER_OCCUPIED * around.occupied)
+    alone = (1.0 - around.ringed) * (1.0 - _CROWDED_WEIGHT * around.crowded)
     return float(long_enough * seen * whole * alone)

@@ -1,4 +1,4 @@
-"""Seed lines of wires in plan: peaks of the Radon transforms of windows of the image of lonely points."""
+"""Seed lines of wires in plan: peaks of Radon transforms of windows of the image of isolated points."""
 
 from __future__ import annotations
 
@@ -11,20 +11,24 @@ from linework.arrays import FloatArray, IntArray
 from linework.methods.radon.peaks import find_peaks_in
 from linework.methods.radon.transform import evenly_spaced_angles, radon_of_cells, rho_bins
 
-#: Step of the angles [deg]: half a step moves the end of a 24 m window by 8 cm, less than half a cell.
+#: Step of the angles: half a step moves the end of a 24 m window by 8 cm, less than half a cell. [deg]
 ANGLE_STEP_DEG = 0.75
-#: Of two peaks closer than half of both windows only the higher is a seed. Wires side by side closer than
-#: that share a seed: the slice through it is wide enough to hold both.
+#: Lengths of the dilating elements in theta [deg] and rho [m]: of two peaks within half of both only the higher is a
+#: seed. Closer wires share a seed, whose slice is wide enough for both.
 THETA_WINDOW_DEG, RHO_WINDOW_M = 6.0, 0.8
-#: Occupied length [m] that a wire leaves in a window at least: five cells of 0.2 m. Chance alignments do
-#: too, by the dozen; the slice decides.
+#: Least occupied length of a wire in a window: five cells of 0.2 m. Chance alignments have that, too; the slice
+#: decides. [m]
 LEAST_STRENGTH_M = 1.0
-#: Half width [m] of the neighbourhood in rho that a seed must stand out of: leaves fill it, wires do not.
+#: Half width of the neighbourhood in rho that a seed must exceed: leaves fill it, wires do not. [m]
 SCATTER_M = 2.0
+#: Deviations of a count by which a seed exceeds the mean of its neighbourhood.
+SCATTER_SIGMAS = 4.0
+#: Fewest occupied cells of a window with a seed.
+LEAST_CELLS = 5
 
 
 class Seed(NamedTuple):
-    """A line in plan through (x, y) along the unit vector (ux, uy), within `half_m` of that point."""
+    """A line in plan through (x, y) along the unit vector (ux, uy), within `half_m` of that point. [m]."""
 
     strength_m: float
     x: float
@@ -40,16 +44,16 @@ def find_cable_seeds(xy: FloatArray, *, window_m: float, cell_m: float) -> list[
     Parameters
     ----------
     xy
-        (n, 2) float64 [m]: lonely points, from an origin that is a whole multiple of the windows' stride
-        or shared by all tiles.
+        (n, 2) isolated points, from an origin that is a whole multiple of the windows' stride or shared by all
+        tiles. [m]
     window_m
-        Side of a square window; windows overlap by half.
+        Side of a square window; windows overlap by half. [m]
     cell_m
-        Cell of the binary image.
+        Side of a cell of the binary image. [m]
 
     Notes
     -----
-    Windows lie on a fixed lattice, so that neighbouring tiles see the same ones.
+    Windows lie on a fixed lattice, the same in neighbouring tiles.
     """
     cells = np.unique(np.floor(xy / cell_m).astype(np.int64), axis=0)
     centres = np.asarray((cells + 0.5) * cell_m, dtype=np.float64)
@@ -76,7 +80,7 @@ def find_cable_seeds(xy: FloatArray, *, window_m: float, cell_m: float) -> list[
 def _seeds_of(
     values: FloatArray, angles: FloatArray, rho: FloatArray, centre: FloatArray, half_m: float
 ) -> list[Seed]:
-    """Return the peaks of a window's Radon image that stand out of their neighbourhood."""
+    """Return the peaks of the Radon image of a window that exceed their neighbourhood."""
     peaks = find_peaks_in(
         values,
         angles,
@@ -99,12 +103,12 @@ def _seeds_of(
 
 
 def _scatter(values: FloatArray, at_angle: IntArray, at_rho: IntArray, cell_m: float) -> FloatArray:
-    """Return what scattered cells would reach at each peak: four deviations of a count above the mean nearby in rho."""
+    """Return the strength (k,) that scattered cells would reach at each peak: mean nearby in rho, and four deviations."""
     around = round(SCATTER_M / cell_m)
     padded = np.pad(values[at_angle], ((0, 0), (around, around)))
     nearby = at_rho[:, None] + np.arange(2 * around + 1)
     mean = np.take_along_axis(padded, nearby, axis=1).mean(axis=1)
-    scatter: FloatArray = mean + 4.0 * np.sqrt(np.maximum(mean, 0.0) * cell_m)
+    scatter: FloatArray = mean + SCATTER_SIGMAS * np.sqrt(np.maximum(mean, 0.0) * cell_m)
     return scatter
 
 
@@ -117,7 +121,7 @@ def _windows(centres: FloatArray, window_m: float) -> list[tuple[IntArray, Float
         ordered = number[order]
         new = np.any(np.diff(ordered, axis=0, prepend=ordered[:1] - 1) != 0, axis=1)
         for members in np.split(order, np.flatnonzero(new)[1:]):
-            if len(members) >= 5:
+            if len(members) >= LEAST_CELLS:
                 centre = (number[members[0]] + 0.5 - np.array(shift)) * window_m
                 windows.append((members, centre))
     return windows

@@ -1,4 +1,4 @@
-"""One wire per span: pieces of one catenary are joined, and every wire ends at its support."""
+"""Wires of spans: pieces of one catenary are joined, and every wire ends at its support."""
 
 from __future__ import annotations
 
@@ -13,34 +13,34 @@ from linework.lines.catenary import meeting_stations
 from linework.methods.cables.band import CableBand
 from linework.methods.cables.fit import FittedWire, fit_wire, main_run, near_end, split_at_kink
 
-#: A hidden stretch may be as long as the visible pieces together, but no longer than this [m].
+#: Longest hidden stretch between joined pieces, which is at most as long as the pieces together. [m]
 MOST_HIDDEN_M = 40.0
-#: Least share of points of its own: wires that part from 0.3 m share those where spans meet, no more.
+#: Least share of a wire's points that are on no other: wires from 0.3 m apart share only those where spans meet.
 LEAST_OWN = 0.5
-#: How far a wire is carried on to a pole [m]: at the far end hits are metres apart, and insulators and the
-#: crossarm hide as much again.
+#: Extension of a wire to a pole: at the far end points are metres apart, and insulators and the crossarm hide as much
+#: again. [m]
 POLE_CARRY_M = 4.0
-#: How far to where the wire of the next span arrives at the same height, or those beside it end [m]: across a
-#: crown, and over the sparse hits of the far end.
+#: Extension to where the wire of the next span has the same height, or those beside it end: across a crown, and over the
+#: sparse points of the far end. [m]
 CARRY_M = 10.0
-#: How far it is carried on where no support is in sight [m]: what is within 1 m of a hit counts as seen.
+#: Extension without a support: a metre from a point counts as measured. [m]
 OPEN_M = 0.8
-#: How far a wire may have been followed past its support [m]: into the next span when that is taut.
+#: Distance that a wire may have been followed past its support, into the next span where that is taut. [m]
 SUPPORT_PAST_M = 2.0
-#: Where two spans meet follows from this much of both [m], whole spans along roads and a part of longer ones:
-#: the far end of the next span may be beyond what a tile sees.
+#: Length of both spans that their meeting follows from, whole spans along roads and a part of longer ones: the far end of
+#: the next span may be outside the tile. [m]
 SUPPORT_REACH_M = 60.0
-#: Wires on one support leave it in one direction within this angle [rad], and lie in this box [m].
+#: Wires of a bundle leave their support within this angle [rad], within these distances in plan and in height [m].
 BUNDLE_RAD, BUNDLE_PLAN_M, BUNDLE_UP_M = math.radians(12.0), 2.5, 5.0
-#: Wires of a bundle run alike: a degree in plan, and in height as far as their sags differ by a fifth.
+#: Largest difference of direction in plan, a degree, and of slope, sags that differ by a fifth, of wires of a bundle.
 BESIDE_TURN, BESIDE_TILT = 0.02, 0.03
-#: A pole (or a wall that the wire ends at) is a column of points at least this high [m] up to near the wire,
-#: this near to it in plan [m] and no wider along it [m]: a crown is wider.
+#: A pole (or a wall that the wire ends at) is a column of points up to near the wire: least height, largest distance in
+#: plan, and largest width along the wire; a crown is wider. [m]
 POLE_M, POLE_SIDE_M, POLE_WIDE_M = 1.5, 0.6, 0.75
 
 
 class WireEnd(NamedTuple):
-    """An end of a wire: which wire, low (0) or high (1), its place in plan, the direction outwards, the wire there."""
+    """An end of a wire: index of the wire, low (0) or high (1), position and outward direction in plan, wire there."""
 
     wire: int
     side: int
@@ -50,11 +50,9 @@ class WireEnd(NamedTuple):
 
 
 def join_pieces(band: CableBand, wires: list[FittedWire]) -> list[FittedWire]:
-    """Return the wires with those pieces joined that are one catenary of one span.
+    """Return the wires, with pieces of one catenary of one span joined, longest first.
 
-    Notes
-    -----
-    A joint fit must explain both as well as each fit explains its own, without a kink. Longest first.
+    A joint fit must explain both pieces as well as their own fits do, without a kink.
     """
     left = sorted(wires, key=lambda w: (-w.length_m, w.plan.x, w.plan.y, w.fit.curve.height_m))
     done: list[FittedWire] = []
@@ -70,9 +68,9 @@ def join_pieces(band: CableBand, wires: list[FittedWire]) -> list[FittedWire]:
 
 
 def _in_line(wire: FittedWire, others: list[FittedWire]) -> list[FittedWire]:
-    """Return those whose ends lie about the line of the wire in plan: of a thousand pieces a handful.
+    """Return the wires whose ends lie about the line of a wire in plan: a handful of a thousand pieces.
 
-    The same test as in `_one_line`, for all at once; without it half of the time of the search goes there.
+    The test of `_one_line` for all at once; without it half of the time of the search is spent there.
     """
     if not others:
         return []
@@ -87,6 +85,7 @@ def _in_line(wire: FittedWire, others: list[FittedWire]) -> list[FittedWire]:
 
 
 def _one_line(wire: FittedWire, other: FittedWire) -> bool:
+    """Return whether two pieces may be one wire, by their ends and the gap between them."""
     ends = other.at(np.array([other.low_m, other.high_m]))
     s, o, dz = wire.residuals(ends)
     near = int(np.argmin(np.abs(s - (wire.low_m + wire.high_m) / 2.0)))
@@ -100,6 +99,7 @@ def _one_line(wire: FittedWire, other: FittedWire) -> bool:
 
 
 def _joined(band: CableBand, wire: FittedWire, other: FittedWire) -> FittedWire | None:
+    """Return the joint fit of two pieces, or None where it does not explain both."""
     members = np.union1d(wire.members, other.members)
     joint = fit_wire(band, members, wire.widths)
     if joint is None:
@@ -113,9 +113,9 @@ def _joined(band: CableBand, wire: FittedWire, other: FittedWire) -> FittedWire 
 
 
 def without_mixtures(band: CableBand, wires: list[FittedWire]) -> list[FittedWire]:
-    """Return the wires without those that consist of pieces of others: a curve laid across a bundle.
+    """Return the wires without those that consist of pieces of others: curves laid across a bundle.
 
-    The wire with the smallest share of points of its own goes first, until all have most for themselves.
+    The wire with the smallest share of points of its own is removed first, until all have enough.
     """
     kept = list(wires)
     times = np.zeros(len(band.xyz), dtype=np.int64)
@@ -131,10 +131,10 @@ def without_mixtures(band: CableBand, wires: list[FittedWire]) -> list[FittedWir
 
 
 def without_tails(band: CableBand, wires: list[FittedWire]) -> list[FittedWire]:
-    """Return the wires without what they share with others at their ends.
+    """Return the wires without the points that they share with others at their ends.
 
-    Carried on past its support a wire crosses those of the next span, which lie on it for a metre or so.
-    Points on one wire alone say how far it goes; the supports are found from there.
+    Followed past its support a wire crosses those of the next span, which lie on it for a metre or so. Points on one
+    wire alone show where it ends; the supports are found from there.
     """
     times = np.zeros(len(band.xyz), dtype=np.int64)
     for w in wires:
@@ -157,14 +157,13 @@ def end_at_supports(band: CableBand, wires: list[FittedWire], min_length_m: floa
     Parameters
     ----------
     min_length_m
-        Shorter ones stay only if they hang on a support with a longer one or beside one: the edge of the
-        survey, or what hides a span, leaves such pieces.
+        Shorter wires are kept only if they share a support with a longer one or hang beside one: pieces at the edge of
+        the survey, or of a partly hidden span. [m]
 
     Notes
     -----
-    First wires of neighbouring spans are paired by where their lines or catenaries meet; then an end
-    without a partner takes the pole that stands there, or the support of the wires beside it. No wire ends
-    in the air: without any support it is carried on a little.
+    Wires of neighbouring spans are paired by where their lines or catenaries meet; an end without a partner ends at a
+    pole, or at the support of the wires beside it; without any support it is extended a little.
     """
     wires = _with_partners(band, wires, min_length_m)
     ends = _ends(band, wires)
@@ -193,7 +192,7 @@ def end_at_supports(band: CableBand, wires: list[FittedWire], min_length_m: floa
 
 
 def _with_partners(band: CableBand, wires: list[FittedWire], min_length_m: float) -> list[FittedWire]:
-    """Return the wires that are long enough, and those that meet such a wire at a support or hang beside it."""
+    """Return the wires that are long enough, or meet such a wire at a support, or hang beside one."""
     long = [w.length_m >= min_length_m for w in wires]
     if all(long):
         return wires
@@ -208,7 +207,7 @@ def _with_partners(band: CableBand, wires: list[FittedWire], min_length_m: float
 
 
 def _hangs_beside(wire: FittedWire, other: FittedWire) -> bool:
-    """Whether a short piece runs along a wire of the same bundle, in plan and in height."""
+    """Return whether a short piece runs along a wire of the same bundle, in plan and in height."""
     middle = (wire.low_m + wire.high_m) / 2.0
     s, o, dz = other.residuals(wire.at(np.array([middle])))
     turn = abs(wire.plan.ux * other.plan.uy - wire.plan.uy * other.plan.ux)
@@ -224,7 +223,7 @@ def _hangs_beside(wire: FittedWire, other: FittedWire) -> bool:
 
 
 def _met(ends: list[WireEnd]) -> list[tuple[tuple[WireEnd, WireEnd], FloatArray]]:
-    """Return the pairs of ends that hang on one support, and where; the nearest pairs first."""
+    """Return the pairs of ends on one support, and its position (2,); the nearest pairs first."""
     taken: set[int] = set()
     pairs = []
     for _, a, b, place in _meetings(ends):
@@ -249,11 +248,11 @@ def _ends(band: CableBand, wires: list[FittedWire]) -> list[WireEnd]:
 
 
 def _meetings(ends: list[WireEnd]) -> list[tuple[float, int, int, FloatArray]]:
-    """Return (cost, end, end, place) of every two ends that may hang on one support."""
+    """Return (cost, end, end, position) of all pairs of ends that may be on one support, by cost."""
     xy = np.array([e.xy for e in ends]).reshape(-1, 2)
     out = np.array([e.out for e in ends]).reshape(-1, 2)
     of_wire = np.array([e.wire for e in ends], dtype=np.int64)
-    order = np.lexsort(xy.T)  # by place: which of two wires is the first must not depend on their lengths
+    order = np.lexsort(xy.T)  # by position: the order of two wires must not depend on their lengths
     found = []
     for n, a in enumerate(order):
         end = ends[a]
@@ -292,7 +291,7 @@ def _meeting(
 
 
 def _height_meetings(wire: FittedWire, other: FittedWire, end: WireEnd, apart_m: float) -> list[float]:
-    """Return how far beyond `end` two collinear wires have one height; half way where they do nowhere."""
+    """Return the distances beyond `end` at which two collinear wires have the same height, and the middle of the gap."""
     station = float(wire.plan.stations(end.xy[None])[0][0])
     sign = 1.0 if float(end.out @ np.array([wire.plan.ux, wire.plan.uy])) > 0.0 else -1.0
     same = wire.plan.ux * other.plan.ux + wire.plan.uy * other.plan.uy
@@ -306,6 +305,7 @@ def _height_meetings(wire: FittedWire, other: FittedWire, end: WireEnd, apart_m:
 
 
 def _height(wire: FittedWire, place: FloatArray) -> float:
+    """Return the height of a wire at a position (2,) in plan. [m]."""
     x, y = place.tolist()
     return wire.fit.curve.height_of((x - wire.plan.x) * wire.plan.ux + (y - wire.plan.y) * wire.plan.uy)
 
@@ -313,7 +313,7 @@ def _height(wire: FittedWire, place: FloatArray) -> float:
 def _support_of_bundle(
     wires: list[FittedWire], ends: list[WireEnd], support: dict[tuple[int, int], FloatArray], end: WireEnd
 ) -> FloatArray | None:
-    """Return the place on the wire beside the supports that its neighbours end at, or None."""
+    """Return the position (2,) on the wire beside the supports at which its neighbours end, or None."""
     own_height = _height(wires[end.wire], end.xy)
     stations = []
     for other in ends:
@@ -329,10 +329,10 @@ def _support_of_bundle(
 
 
 def _pole_at(band: CableBand, of_wire: BoolArray, wire: FittedWire, end: WireEnd) -> FloatArray | None:
-    """Return the place on the wire at a pole just beyond its end, or None."""
+    """Return the position (2,) on the wire at a pole just beyond its end, or None."""
     line = np.array([*end.xy, *end.out, -POLE_WIDE_M, POLE_CARRY_M])
     near = band.near(line, POLE_SIDE_M)
-    near = near[~of_wire[near]]  # a stack of wires is no pole
+    near = near[~of_wire[near]]  # a stack of wires is not a pole
     along = (band.xyz[near, :2] - end.xy) @ end.out
     drop = _height(wire, end.xy) - band.xyz[near, 2]
     below = (drop > -0.5) & (drop < POLE_M + 1.0)

@@ -166,7 +166,17 @@ def follow_strands(
     limits: follow.FollowLimits,
     config: CircleConfig,
 ) -> Strands:
-    """Follow the starts both ways, in their order; for `limits` see `linework.kernels.radon.follow.follow_sheets`."""
+    """Follow the starts in both directions, in their order.
+
+    Parameters
+    ----------
+    starts
+        (k, 5) as `find_starts` returns them.
+    band_m
+        Range of heights above the road. [m]
+    limits
+        Numbers of nodes; see `linework.kernels.radon.follow.FollowLimits`.
+    """
     setting = follow.FollowSettings(
         spacing=float(config.spacing_m),
         radius=float(config.radius_m),
