@@ -20,11 +20,7 @@ from linework.processes.channel import Channel
 _PR_SET_PDEATHSIG = 1
 
 
-<<<<<<< HEAD
 def child_main(arguments: list[str]) -> None:
-=======
-def child_main(arguments: list[str]) -> None:
->>>>>>> e8b2fe82c6ae87b8e7852ba102f92cf08eadf602
     """Run a function in this process.
 
     Parameters
@@ -63,8 +59,4 @@ def die_with_parent(parent: int) -> None:
 
 
 if __name__ == "__main__":
-<<<<<<< HEAD
-    run_child(sys.argv[1:])
-=======
     child_main(sys.argv[1:])
->>>>>>> e8b2fe82c6ae87b8e7852ba102f92cf08eadf602
