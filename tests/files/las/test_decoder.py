@@ -153,11 +153,11 @@ PARENT = """
 import sys
 from pathlib import Path
 from linework.files.las.decoder import DecoderLimits
-from linework.files.store.build import spill_survey
+from linework.files.store.build import build_store
 from linework.files.survey.open import open_survey
 limits = DecoderLimits(batch_points=100, target=(sys.argv[1], "hang", ""))
 say = lambda done, total: print(done, flush=True)
-spill_survey(open_survey([Path(sys.argv[2])]), Path(sys.argv[3]), n_threads=1, limits=limits, progress=say)
+build_store(open_survey([Path(sys.argv[2])]), Path(sys.argv[3]), n_threads=1, limits=limits, progress=say)
 """
 
 
