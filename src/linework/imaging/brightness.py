@@ -16,12 +16,12 @@ STRAY_SHARE = 0.02
 #: Grey of the median brightness, 0 black and 1 white; paint is lighter.
 MIDDLE_GREY = 0.3
 #: Fewest cells of a block that has percentiles of its own.
-LEAST_CELLS = 30
+LEAST_GREY_CELLS = 30
 #: Side of the blocks of local contrast [m], and at least [pixels]: across a lane, intensity falls to a third with range
 #: and incidence.
 BLOCK_M, LEAST_BLOCK_PX = 2.0, 8
 #: Reach over which gaps between scan lines are filled. [m, pixels]
-FILL_M, FILL_PX = 0.25, 3.0
+GAP_FILL_M, GAP_FILL_PX = 0.25, 3.0
 #: Percentiles of the brightness of the road and of paint.
 ROAD_PERCENTILE, PAINT_PERCENTILE = 50, 99
 #: Least span from grey to white as a share of the median, so that noise is not amplified where nothing is brighter.
@@ -60,7 +60,7 @@ def brightness_picture(
     box
         Extent of the picture: (left, right), (bottom, top). [m]
     cell_m
-        Side of a pixel. [m] Gaps between scan lines are filled from up to `FILL_PX` pixels or `FILL_M` away.
+        Side of a pixel. [m] Gaps between scan lines are filled from up to `GAP_FILL_PX` pixels or `GAP_FILL_M` away.
     """
     (left, right), (bottom, top) = box
     n_cols, n_rows = max(1, round((right - left) / cell_m)), max(1, round((top - bottom) / cell_m))
@@ -72,7 +72,7 @@ def brightness_picture(
     total = np.bincount(cell, weights=intensity[inside], minlength=n_rows * n_cols)
     mean = np.divide(total, n, out=np.full(len(n), np.nan), where=n > 0).reshape(n_rows, n_cols)
     grey = local_grey(mean, max(LEAST_BLOCK_PX, round(BLOCK_M / cell_m)))
-    return _filled(grey, max(FILL_PX, FILL_M / cell_m))
+    return _filled(grey, max(GAP_FILL_PX, GAP_FILL_M / cell_m))
 
 
 def local_grey(values: FloatArray, block: int) -> FloatArray:
@@ -96,7 +96,7 @@ def local_grey(values: FloatArray, block: int) -> FloatArray:
     padded = np.full((rows * block, cols * block), np.nan)
     padded[: values.shape[0], : values.shape[1]] = values
     blocks = padded.reshape(rows, block, cols, block).swapaxes(1, 2).reshape(rows * cols, -1)
-    enough = np.isfinite(blocks).sum(axis=1) >= LEAST_CELLS
+    enough = np.isfinite(blocks).sum(axis=1) >= LEAST_GREY_CELLS
     middle, bright = np.full(rows * cols, np.nan), np.full(rows * cols, np.nan)
     if not enough.any():
         if not np.isfinite(values).any():

@@ -15,7 +15,7 @@ from linework.arrays import ByteArray, FloatArray
 #: deviation of the column [pixels], level of the road beside it [grey values].
 COL, ROW, WIDTH, STRIPE_CONTRAST, STRIPE_SIGMA, LEVEL = range(6)
 #: Columns of such a table.
-STRIPE_COLUMNS = 6
+ROW_STRIPE_COLUMNS = 6
 #: Most stripes kept per row, a bound on memory.
 MOST_PER_ROW = 64
 #: Length on either side of an edge over which grey values are averaged, on the road: longer than the grain of asphalt,
@@ -35,7 +35,7 @@ LEAST_NOISE = 0.3
 MEDIAN_TO_SIGMA = 1.4826
 #: Least drop at the falling edge as a share of the rise at the rising one; and the ratio from which a second falling
 #: edge ends the stripe. How they were chosen is not recorded.
-LEAST_FALL, SECOND_FALL = 0.5, 1.5
+LEAST_STRIPE_FALL, SECOND_FALL = 0.5, 1.5
 #: Share of the smallest contrast in sigmas that a measured stripe must reach. How it was chosen is not recorded.
 MEASURED_CONTRAST = 0.7
 #: Slack of the widths in the search, and of the smallest measured width. [pixels]
@@ -120,7 +120,7 @@ def stripes_of_rows(
     least_sigmas, least_share = gates
     narrowest_m, widest_m = widths_m
     at_origin, per_col, per_row = plane[0], plane[1], plane[2]
-    table = np.empty((MOST_PER_ROW * max(rows[0] - rows[1], 1), STRIPE_COLUMNS))
+    table = np.empty((MOST_PER_ROW * max(rows[0] - rows[1], 1), ROW_STRIPE_COLUMNS))
     first = np.zeros(height + 1, dtype=np.int64)
     total, step = np.zeros(width + 1), np.zeros(width)
     n, line = 0, 0
@@ -152,7 +152,7 @@ def stripes_of_rows(
             local = (d0 + per_col * u) * per_disparity
             narrow, wide = narrowest_m * local - WIDTH_SLACK_PX, widest_m * local + WIDTH_SLACK_PX
             # The strongest falling edge within the width of paint, before a rising one as strong
-            end, down = -1, -LEAST_FALL * up
+            end, down = -1, -LEAST_STRIPE_FALL * up
             for w in range(u + 1, min(int(u + wide) + 1, width - k)):
                 if step[w] > up:
                     break

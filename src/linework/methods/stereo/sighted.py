@@ -53,7 +53,7 @@ OWN_LANE_M = 1.5
 #: Spacing of the pixels whose grey values are those of the road: enough for a quantile. [rows, columns]
 GREY_ROWS, GREY_COLS = 4, 8
 #: Standard deviations by which a measured height may exceed its limit.
-HEIGHT_SIGMAS = 2.0
+SIGHTED_HEIGHT_SIGMAS = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,8 +127,8 @@ def _judged(
     middle = float(np.median(height[matched]))
     crest = float(np.median(ahead)) ** 2 / (2.0 * BEND_M)
     aside = abs(float(np.median(across))) > CROWN_ASIDE_M
-    over = (OVER_ASIDE_M if aside else OVER_M) + crest + HEIGHT_SIGMAS * sigma
-    if abs(lean) > STEEP_PAINT or not -UNDER_M - crest - HEIGHT_SIGMAS * sigma < middle < over:
+    over = (OVER_ASIDE_M if aside else OVER_M) + crest + SIGHTED_HEIGHT_SIGMAS * sigma
+    if abs(lean) > STEEP_PAINT or not -UNDER_M - crest - SIGHTED_HEIGHT_SIGMAS * sigma < middle < over:
         return None
     # The shape of the road may follow a footway, which is higher than the lane that the van drives on
     lane = road.level_disparity(rig, t[:, COL], t[:, ROW])
@@ -139,7 +139,7 @@ def _judged(
         return None
     # Height of one edge above the other
     step = road.plane.camera_height_m(rig) * lines.widening[at] / surface
-    if abs(float(np.nanmedian(step))) > EDGE_STEP_M + HEIGHT_SIGMAS * sigma:
+    if abs(float(np.nanmedian(step))) > EDGE_STEP_M + SIGHTED_HEIGHT_SIGMAS * sigma:
         return None
     score = float(matched.mean()) * (1.0 - max(ragged, 0.0) / (2.0 * RAGGED * width))
     score *= min(1.0, SHORT_LINE_SCORE + along[-1] / SHORT_LINE_SLOPE_M)
