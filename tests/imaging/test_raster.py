@@ -259,7 +259,7 @@ def test_scan_line_spacing_says_why_it_cannot_be_measured():
         (points, None, "needs times"),
         (Points(points.xyz, time_s=points.time_s + 1e6), trajectory, "only 0 points"),
         (spinning, trajectory, "no separate scan lines"),
-        (still, standing, "stands still"),
+        (still, standing, "does not move"),
     ):
         with pytest.raises(InputError, match=message):
             scan_line_spacing_m(survey, path)

@@ -1,1 +1,1 @@
-"""Raster images of laser points: density, maximum, minimum and mean height, intensity, binary."""
+"""Images: rasters of laser points and their pictures, rectification and pairing of stereo images, projected lines."""

@@ -1,4 +1,4 @@
-"""How bright the ground is, as the eye wants it: paint stands out near and far, on old and on new asphalt."""
+"""Brightness images of the ground with local contrast: paint stands out near and far, on old and new asphalt."""
 
 from __future__ import annotations
 
@@ -7,25 +7,34 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
 
-#: What is no higher than this above the ground about it is shown: the road with its kerbs. [m]
+#: Largest height above the ground that is shown: the road with its kerbs. [m]
 ABOVE_M = 0.30
-#: The ground's height is taken from squares of this side. [m]
+#: Side of the squares in which the height of the ground is determined. [m]
 GROUND_CELL_M = 1.0
-#: Share of a square's points that may be stray ones below the ground.
+#: Share of the points of a square that may be outliers below the ground.
 STRAY_SHARE = 0.02
-#: Grey of the median brightness; paint is lighter.
+#: Grey of the median brightness, 0 black and 1 white; paint is lighter.
 MIDDLE_GREY = 0.3
-#: A block has to hold so many cells for percentiles of its own.
-LEAST_CELLS = 30
+#: Fewest cells of a block that has percentiles of its own.
+LEAST_GREY_CELLS = 30
+#: Side of the blocks of local contrast [m], and at least [pixels]: across a lane, intensity falls to a third with range
+#: and incidence.
+BLOCK_M, LEAST_BLOCK_PX = 2.0, 8
+#: Reach over which gaps between scan lines are filled. [m, pixels]
+GAP_FILL_M, GAP_FILL_PX = 0.25, 3.0
+#: Percentiles of the brightness of the road and of paint.
+ROAD_PERCENTILE, PAINT_PERCENTILE = 50, 99
+#: Least span from grey to white as a share of the median, so that noise is not amplified where nothing is brighter.
+LEAST_SPAN = 0.5
 
 
 def near_ground(xyz: FloatArray) -> BoolArray:
-    """Return (n,) bool: the point is on the lowest thing about it, or little above.
+    """Return (n,) bool: the point is on the ground or at most `ABOVE_M` above it.
 
     Parameters
     ----------
     xyz
-        (n, 3) float64 [m]. The lowest thing in a square of 1 m is the height that 2 % of its points are below.
+        (n, 3) points. [m] The ground in a square of 1 m is the height that 2 % of its points are below.
     """
     if len(xyz) == 0:
         return np.zeros(0, dtype=np.bool_)
@@ -40,18 +49,18 @@ def near_ground(xyz: FloatArray) -> BoolArray:
 def brightness_picture(
     places: FloatArray, intensity: AnyArray, box: tuple[tuple[float, float], tuple[float, float]], cell_m: float
 ) -> FloatArray:  # fmt: skip
-    """Return the brightness of the ground as greys of 0 to 1, row 0 at the bottom; NaN where no point is near.
+    """Return (rows, cols) brightness of the ground from 0 to 1, row 0 at the bottom; NaN where no point is near.
 
     Parameters
     ----------
     places
-        (n, 2) float64 [m]: where the points are, in the picture's axes.
+        (n, 2) points in the axes of the picture. [m]
     intensity
-        (n,) as recorded, on any scale.
+        (n,) intensity as recorded, on any scale.
     box
-        Picture's extent: (left, right), (bottom, top). [m]
+        Extent of the picture: (left, right), (bottom, top). [m]
     cell_m
-        Side of a pixel. Gaps between scan lines are filled from up to three pixels, or 0.25 m, away.
+        Side of a pixel. [m] Gaps between scan lines are filled from up to `GAP_FILL_PX` pixels or `GAP_FILL_M` away.
     """
     (left, right), (bottom, top) = box
     n_cols, n_rows = max(1, round((right - left) / cell_m)), max(1, round((top - bottom) / cell_m))
@@ -62,20 +71,19 @@ def brightness_picture(
     n = np.bincount(cell, minlength=n_rows * n_cols)
     total = np.bincount(cell, weights=intensity[inside], minlength=n_rows * n_cols)
     mean = np.divide(total, n, out=np.full(len(n), np.nan), where=n > 0).reshape(n_rows, n_cols)
-    # Blocks of 2 m: across a lane, intensity falls to a third with range and incidence
-    grey = local_grey(mean, max(8, round(2.0 / cell_m)))
-    return _filled(grey, max(3.0, 0.25 / cell_m))
+    grey = local_grey(mean, max(LEAST_BLOCK_PX, round(BLOCK_M / cell_m)))
+    return _filled(grey, max(GAP_FILL_PX, GAP_FILL_M / cell_m))
 
 
 def local_grey(values: FloatArray, block: int) -> FloatArray:
-    """Return greys: the median of the surroundings is dark grey, their brightest hundredth white.
+    """Return (rows, cols) greys from 0 to 1: the local median is dark grey, the brightest hundredth white.
 
     Parameters
     ----------
     values
-        (rows, cols) float64, NaN where nothing is.
+        (rows, cols) brightness, NaN where there is none.
     block
-        Surroundings are blocks of so many rows and columns; between their middles all changes evenly.
+        Side of the blocks whose percentiles are taken, interpolated between their centres. [cells]
 
     Examples
     --------
@@ -88,31 +96,32 @@ def local_grey(values: FloatArray, block: int) -> FloatArray:
     padded = np.full((rows * block, cols * block), np.nan)
     padded[: values.shape[0], : values.shape[1]] = values
     blocks = padded.reshape(rows, block, cols, block).swapaxes(1, 2).reshape(rows * cols, -1)
-    enough = np.isfinite(blocks).sum(axis=1) >= LEAST_CELLS
+    enough = np.isfinite(blocks).sum(axis=1) >= LEAST_GREY_CELLS
     middle, bright = np.full(rows * cols, np.nan), np.full(rows * cols, np.nan)
     if not enough.any():
         if not np.isfinite(values).any():
             return np.full(values.shape, np.nan)
-        middle[:], bright[:] = np.nanpercentile(values, [50, 99])
+        middle[:], bright[:] = np.nanpercentile(values, [ROAD_PERCENTILE, PAINT_PERCENTILE])
     else:
-        middle[enough], bright[enough] = np.nanpercentile(blocks[enough], [50, 99], axis=1)
+        middle[enough], bright[enough] = np.nanpercentile(
+            blocks[enough], [ROAD_PERCENTILE, PAINT_PERCENTILE], axis=1
+        )
     middle_at, bright_at = (
         _between(_filled(v.reshape(rows, cols), np.inf), block, values.shape) for v in (middle, bright)
     )
-    # Where nothing is brighter, noise is not blown up to look like paint
-    span = np.maximum(bright_at - middle_at, 0.5 * np.abs(middle_at) + 1e-9)
+    span = np.maximum(bright_at - middle_at, LEAST_SPAN * np.abs(middle_at) + 1e-9)
     return np.asarray(np.clip(MIDDLE_GREY + (1.0 - MIDDLE_GREY) * (values - middle_at) / span, 0.0, 1.0))
 
 
 def _between(blocks: FloatArray, block: int, shape: tuple[int, ...]) -> FloatArray:
-    """Return (rows, cols) values that run evenly from middle to middle of the blocks."""
+    """Return (rows, cols) values interpolated linearly between the centres of the blocks."""
     places = [(np.arange(n) + 0.5) / block - 0.5 for n in shape]
     grid = np.meshgrid(*places, indexing="ij")
     return np.asarray(map_coordinates(blocks, grid, order=1, mode="nearest"))
 
 
 def _filled(values: FloatArray, reach: float) -> FloatArray:
-    """Return values with empty cells taken from the nearest one that is not, up to `reach` cells away."""
+    """Return values with empty cells filled from the nearest known one, up to `reach` cells away."""
     is_empty = np.isnan(values)
     if not is_empty.any() or is_empty.all():
         return values

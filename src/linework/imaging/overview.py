@@ -1,4 +1,4 @@
-"""Fewer cells for a picture: reduced copies that keep thin lines, and places worth a close look."""
+"""Reduction of images for overviews that keeps thin lines, and windows for close-ups."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from linework.arrays import AnyArray, Float32Array
 from linework.model.grid import Image
 
-#: Half length of the stretch of road a close-up is centred on [m].
+#: Half length of the stretch of road on whose median cell a close-up is centred. [m]
 STRETCH_M = 2.0
 
 
 class ImageWindow(NamedTuple):
-    """Rows and columns of a part of an image, half open."""
+    """Half-open ranges of rows and columns of an image."""
 
     row0: int
     row1: int
@@ -26,10 +26,10 @@ class ImageWindow(NamedTuple):
 def reduced(
     values: AnyArray, n_max: int, keep: Literal["largest", "smallest"] = "largest"
 ) -> tuple[Float32Array, int]:
-    """Return an image of at most `n_max` rows and columns, and how many cells went into one.
+    """Return an image (rows, cols) of at most `n_max` rows and columns, float32, and the side of its blocks in cells.
 
-    A block keeps its largest (smallest) value, so that a line one cell wide stays; NaN only where the
-    whole block is. The image may reach up to one block beyond the original's south and east edge.
+    A block keeps its largest (smallest) value, so that a line one cell wide remains; it is NaN only where all its
+    cells are. The image may extend up to one block beyond the south and east edge of the original.
 
     >>> reduced(np.array([[1.0, 5.0, 2.0]]), 2)[0].tolist()
     [[5.0, 2.0]]
@@ -49,16 +49,16 @@ def reduced(
 
 
 def close_ups(density: Image, width_m: float, height_m: float, n_max: int = 3) -> tuple[ImageWindow, ...]:
-    """Return up to `n_max` windows along the occupied cells: as many as do not overlap much.
+    """Return up to `n_max` windows along the occupied cells, as many as hardly overlap.
 
-    They stand at the middles of n parts of equal area along the axis on which the cells spread further, each
-    centred across on the median cell there: on a road, on the road, whatever strays about it.
+    They are at the middles of n parts of equal area along the longer axis of the cells, each centred across on the
+    median cell there, so that they lie on the road whatever is scattered beside it.
     """
     grid = density.grid
     rows, cols = np.nonzero(density.values)
     if len(rows) == 0:
         return ()
-    # Few of them do: places are wanted, not statistics
+    # A sample of the cells suffices for places
     every = max(1, len(rows) // 100_000)
     rows, cols = rows[::every], cols[::every]
     east, south = cols * grid.cell_width_m, rows * grid.cell_height_m

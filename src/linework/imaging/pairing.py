@@ -1,4 +1,4 @@
-"""Which images were taken at the same time: by two clocks that agree, but skip, stick or jump now and then."""
+"""Pairing of images by time, where clocks agree but may skip, stick or jump, and images with unambiguous times."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 
-#: Half the interval of a car camera (10 Hz), where a camera took too few images to tell its own. [s]
+#: Half the interval of a car camera (10 Hz), used where there are too few images for their own interval. [s]
 _TOLERANCE_S = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class PairedTimes:
-    """Which image of the left camera goes with which of the right one.
+    """Pairs of images of the left and the right camera.
 
     Parameters
     ----------
     left, right
-        (n,) int64: their numbers, in time order.
+        (n,) int64: indices of the images of each pair, in time order.
     tolerance_s
-        How far apart two images of a pair may be. [s]
+        Largest difference in time of a pair. [s]
     """
 
     left: IntArray
@@ -30,7 +30,7 @@ class PairedTimes:
 
 
 def pair_by_time(left_s: FloatArray, right_s: FloatArray) -> PairedTimes:
-    """Pair each image with the one nearest in time, where each is the other's nearest.
+    """Return the pairs of images that are each other's nearest in time.
 
     Parameters
     ----------
@@ -39,8 +39,8 @@ def pair_by_time(left_s: FloatArray, right_s: FloatArray) -> PairedTimes:
 
     Notes
     -----
-    Two images of a pair are at most half the median interval of the faster camera apart: beyond that the next
-    image would be as good, and where one is missing its neighbour would be taken for it.
+    The images of a pair are less than half the median interval of the faster camera apart: beyond that the next image
+    would be as near, and the neighbour of a missing image would be taken for it.
 
     Examples
     --------
@@ -57,13 +57,13 @@ def pair_by_time(left_s: FloatArray, right_s: FloatArray) -> PairedTimes:
     of_left, of_right = _nearest(left_s, right_s), _nearest(right_s, left_s)
     left = np.arange(len(left_s))
     apart = np.abs(right_s[of_left] - left_s)
-    # Times a microsecond beyond half an interval are at half an interval, written with six decimals
+    # A microsecond of slack: times are written with six decimals
     chosen = np.flatnonzero((of_right[of_left] == left) & (apart < tolerance - 1e-6))
     return PairedTimes(chosen.astype(np.int64), of_left[chosen].astype(np.int64), tolerance)
 
 
 def _nearest(time_s: FloatArray, among_s: FloatArray) -> IntArray:
-    """Return which of `among_s` is nearest to each time; the earlier one of two."""
+    """Return (n,) the index of the time in `among_s` nearest to each time, the earlier one of two equally near."""
     after = np.clip(np.searchsorted(among_s, time_s), 1, max(len(among_s) - 1, 1))
     after = np.minimum(after, len(among_s) - 1)
     before = np.maximum(after - 1, 0)
@@ -72,12 +72,17 @@ def _nearest(time_s: FloatArray, among_s: FloatArray) -> IntArray:
 
 
 def certain_times(time_s: FloatArray) -> BoolArray:
-    """Return which images have a time of their own, (n,), given their times in the order they were taken.
+    """Return (n,) bool: the time of the image is unambiguous.
+
+    Parameters
+    ----------
+    time_s
+        (n,) times of the images in the order they were taken. [s]
 
     Notes
     -----
-    Of images with the same time as the one before, the first counts. Where the clock was set back, the same
-    times were written twice: which of the two an image was taken at nobody knows, and neither counts.
+    Of images with equal times in a row, the first is used. Where the clock was set back, a range of times occurs
+    twice: the images of both passes are ambiguous, and none of them is used.
 
     Examples
     --------

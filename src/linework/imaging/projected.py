@@ -1,4 +1,4 @@
-"""Lines of the world drawn into an image as it was taken: through the lens, cut to what the camera looks at."""
+"""Projection of lines into an original image: clipped to the field of view, then distorted by the lens."""
 
 from __future__ import annotations
 
@@ -7,38 +7,38 @@ from functools import lru_cache
 
 import numpy as np
 
-from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.arrays import BoolArray, FloatArray, IntArray, distance_along, offsets_of
 from linework.imaging.rectify import directions, distorted
 from linework.model.camera import Camera
 from linework.model.images import Poses
 from linework.model.lines import LineSet
 
-#: Nearer than the first a place is on the van, beyond the second a marking is thinner than a pixel. [m]
+#: Smallest and largest depth: nearer is the van itself, farther a marking is thinner than a pixel. [m]
 PROJECTED_DEPTH_M = (0.5, 80.0)
-#: Lines are followed so far beyond the image's edge, so that they are seen to go on. [pixels]
+#: Margin around the image in which lines are kept, so that they visibly continue. [pixels]
 MARGIN_PX = 16.0
-#: A straight segment is divided so finely that the lens bends each part by far less than a pixel. [pixels]
+#: Longest part of a straight segment: the lens bends it by far less than a pixel. [pixels]
 _STEP_PX = 16.0
-#: Vertices nearer to one another than this are one on the screen. [pixels]
+#: Shortest distance between vertices: nearer ones are one on the screen. [pixels]
 _LEAST_STEP_PX = 1.0
-#: Places looked at along each edge of the image for how far the camera looks.
+#: Number of places along each edge of the image from which the field of view is computed.
 _N_EDGE = 33
 
 
 @dataclass(frozen=True, slots=True)
 class ProjectedLines:
-    """What an image shows of some lines: pieces that are drawn without lifting the pen.
+    """The visible parts of lines in an image, as connected pieces.
 
     Parameters
     ----------
     pixels
-        (n, 2) float64: column and row in the image as it was taken.
+        (n, 2) column and row in the original image. [pixels]
     offsets
         (k + 1,) int64: first pixel of each piece, and n at the end.
     line
-        (k,) int64: which line each is of, ascending.
+        (k,) int64: index of the line of each piece, ascending.
     bridged
-        (k,) bool: no measurement along it.
+        (k,) bool: the piece is bridged.
     """
 
     pixels: FloatArray
@@ -51,13 +51,13 @@ class ProjectedLines:
 
 
 def projected(lines: LineSet, camera: Camera, poses: Poses, i: int) -> ProjectedLines:
-    """Return where a camera of the vehicle sees lines at pose i.
+    """Return the parts of lines in the field of view of a camera at pose i.
 
     Notes
     -----
-    Nothing is known of what hides a line. A segment is bridged where one of its ends is, as in `bridged_m`. What is
-    seen is cut in space, by the planes through the camera and the edges of its image, before it goes through the
-    lens: far outside of the image the lens model folds back into it.
+    Occlusion is not considered. A segment is bridged where one of its ends is, as in `bridged_m`. Lines are clipped in
+    space, by the planes through the camera and the edges of its image, before they are distorted: far outside the
+    image the lens model folds back into it.
     """
     xyz = (poses.to_vehicle(i, lines.xyz) - camera.position_m) @ camera.R_vehicle_camera
     owner = lines.line_of_vertex
@@ -79,16 +79,17 @@ def projected(lines: LineSet, camera: Camera, poses: Poses, i: int) -> Projected
     ideal, piece = _divided(a, b, starts, camera)
     pixels = distorted(camera, ideal)
     kept = _apart(pixels, piece)
-    offsets = np.concatenate([[0], np.cumsum(np.bincount(piece[kept], minlength=len(starts)))])
-    return ProjectedLines(pixels[kept], offsets.astype(np.int64), owner[first[starts]], is_bridged[starts])
+    offsets = offsets_of(np.bincount(piece[kept], minlength=len(starts)))
+    return ProjectedLines(pixels[kept], offsets, owner[first[starts]], is_bridged[starts])
 
 
 def _ideal(xyz_camera: FloatArray) -> FloatArray:
+    """Return (n, 2) x/z and y/z of (n, 3) places in the camera frame."""
     return np.asarray(xyz_camera[:, :2] / xyz_camera[:, 2:])
 
 
 def _seen_parts(a: FloatArray, b: FloatArray, camera: Camera) -> tuple[FloatArray, FloatArray]:
-    """Return from where to where the camera looks at segments a-b [m, camera], as shares; nothing: begin >= end."""
+    """Return the visible part of segments a-b [m, camera] as shares of their length; begin >= end where there is none."""
     begin, end = np.zeros(len(a)), np.ones(len(a))
     (left, top), (right, bottom) = _looked_at(camera)
     near, far = PROJECTED_DEPTH_M
@@ -127,13 +128,13 @@ def _limits(
 
 
 def _looked_at(camera: Camera) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the least and greatest x/z and y/z that the image and its margin show."""
+    """Return the smallest and largest x/z and y/z in the image and its margin."""
     c = camera
     return _limits(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion)
 
 
 def _divided(a: FloatArray, b: FloatArray, starts: IntArray, camera: Camera) -> tuple[FloatArray, IntArray]:
-    """Return (n, 2) directions along segments a-b and their (n,) pieces; `starts`: the first segment of each."""
+    """Return (n, 2) directions along segments a-b and the (n,) piece of each; `starts`: first segment of each piece."""
     if not len(a):
         return np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
     length_px = np.abs((b - a) * [camera.fx, camera.fy]).max(axis=1)
@@ -150,11 +151,10 @@ def _divided(a: FloatArray, b: FloatArray, starts: IntArray, camera: Camera) -> 
 
 
 def _apart(pixels: FloatArray, piece: IntArray) -> BoolArray:
-    """Return which pixels of each piece to keep: its ends, and one for every `_LEAST_STEP_PX` of the way."""
+    """Return (n,) bool: pixels of each piece to keep, its ends and one for every `_LEAST_STEP_PX` along it."""
     kept = np.ones(len(pixels), dtype=np.bool_)
     if len(pixels) < 2:
         return kept
-    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(pixels, axis=0).T))]
-    mark = np.floor(along / _LEAST_STEP_PX)
+    mark = np.floor(distance_along(pixels) / _LEAST_STEP_PX)
     kept[1:-1] = (mark[1:-1] != mark[:-2]) | (piece[1:-1] != piece[:-2]) | (piece[1:-1] != piece[2:])
     return kept

@@ -1,4 +1,4 @@
-"""Raster images of the laser points: how many per cell, how high, how bright."""
+"""Raster images of laser points: density, heights, intensity and height bands, and grids for them."""
 
 from __future__ import annotations
 
@@ -9,31 +9,30 @@ import numpy as np
 
 from linework.arrays import AnyArray, Float32Array, FloatArray, IntArray, checked
 from linework.errors import InputError
-from linework.kernels.cells import rasterise as kernels
-from linework.kernels.cells.rasterise import count_in_band
+from linework.kernels.cells.rasterise import cells_of_coordinates, count_in_band, rasterise_points
 from linework.model.grid import Grid, Image
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
 
-#: Largest grid that is made: 36 bytes per cell while counting, so 1.8 GB. A square of 1.4 km at 0.20 m.
+#: Most cells of a grid: 36 bytes per cell while counting, so 1.8 GB. A square of 1.4 km at 0.20 m.
 MAX_CELLS = 50_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class RasterImages:
-    """The images of one pass over the points.
+    """Images of one pass over the points.
 
     Parameters
     ----------
     density
         uint32: points per cell.
     maximum, minimum, mean
-        float32 [m]: highest, lowest and mean height, less `height_origin_m`; NaN where no point is.
+        float32: highest, lowest and mean height less `height_origin_m`; NaN in empty cells. [m]
     intensity
-        float32: mean intensity as recorded, NaN where no point is; None where the points have none.
+        float32: mean intensity as recorded, NaN in empty cells; None where the points have none.
     height_origin_m
-        Add it to get world heights; 0 where heights above the road were given. float32 holds 0.1 mm up to
-        1 km about it.
+        Origin of the heights; 0 where heights above the road were given. float32 resolves 0.1 mm within 1 km of it.
+        [m]
     """
 
     density: Image
@@ -45,13 +44,13 @@ class RasterImages:
 
 
 def rasterise(points: Points, grid: Grid, *, height_m: Float32Array | None = None) -> RasterImages:
-    """Return density, maximum, minimum and mean height, and mean intensity, of the points on `grid`.
+    """Return density, maximum, minimum and mean height, and mean intensity of the points on `grid`.
 
     Parameters
     ----------
     height_m
-        (n,) float32 [m]: heights to use instead of the points' own, e.g. above the road; points whose
-        height is NaN, or beyond 100 km, are left out.
+        (n,) float32: heights to use instead of the points' own, e.g. above the road; points whose height is NaN or
+        beyond 100 km are left out. [m]
 
     Raises
     ------
@@ -60,9 +59,9 @@ def rasterise(points: Points, grid: Grid, *, height_m: Float32Array | None = Non
 
     Notes
     -----
-    Points outside the grid are left out. Cells are half open (west and north edge inside, before
-    rotation), and decided on the lattice that grids share, so a point on an edge is in the same cell
-    whatever tile it is seen from. The answer does not depend on the order of the points. One pass.
+    Points outside the grid are left out. Cells are half open (west and north edge inside, before rotation) and computed
+    on the lattice that grids share, so that a point on an edge is in the same cell in every tile. The result does not
+    depend on the order of the points.
 
     >>> cloud = Points(np.array([[0.1, 0.1, 5.0], [0.1, 0.15, 7.0], [0.5, 0.1, 6.0]]))
     >>> images = rasterise(cloud, grid_for(cloud, 0.2))
@@ -77,7 +76,7 @@ def rasterise(points: Points, grid: Grid, *, height_m: Float32Array | None = Non
     else:
         height, origin = checked("height_m", height_m, np.float32, (n,)), 0.0
     intensity = points.intensity if points.intensity is not None else np.zeros(0, dtype=np.float32)
-    density, *heights, bright = kernels.rasterise_points(
+    density, *heights, bright = rasterise_points(
         points.xyz, height, origin, intensity, placement(grid), grid.n_rows, grid.n_cols
     )
     maximum, minimum, mean = (Image(h.reshape(grid.shape), grid) for h in heights)
@@ -101,7 +100,7 @@ def grid_for(points: Points, cell_m: float) -> Grid:
         When there are no points, or the grid would be larger than `MAX_CELLS`.
     """
     if len(points) == 0:
-        raise InputError("no points to make an image of", advice="check the survey with linework info")
+        raise InputError("no points for an image", advice="check the survey with linework info")
     bounds = points.bounds
     check_cells(bounds.width_m / cell_m, bounds.height_m / cell_m)
     return Grid.covering(bounds, cell_m)
@@ -109,30 +108,42 @@ def grid_for(points: Points, cell_m: float) -> Grid:
 
 def cell_indices(points: Points, grid: Grid) -> IntArray:
     """Return the (n,) int64 index ``row * n_cols + col`` of the cell of each point; -1 outside the grid."""
-    cells: IntArray = kernels.cells_of_coordinates(points.xyz, placement(grid), grid.n_rows, grid.n_cols)
+    cells: IntArray = cells_of_coordinates(points.xyz, placement(grid), grid.n_rows, grid.n_cols)
     return cells
 
 
 def check_size(grid: Grid) -> None:
-    """Refuse a grid of more than `MAX_CELLS` cells, before anything of its size is made."""
+    """Check the size of a grid before anything of its size is allocated.
+
+    Raises
+    ------
+    InputError
+        When the grid has more than `MAX_CELLS` cells.
+    """
     check_cells(grid.n_cols, grid.n_rows)
 
 
 def check_cells(n_cols: float, n_rows: float) -> None:
-    """Refuse `n_cols` x `n_rows` cells (fractions, inf and NaN allowed) when they are over `MAX_CELLS`."""
+    """Check a number of columns and rows, which may be fractions, inf or NaN.
+
+    Raises
+    ------
+    InputError
+        When there are more than `MAX_CELLS` cells.
+    """
     if not n_cols * n_rows <= MAX_CELLS:
         raise InputError(
             f"an image of {n_rows:,.0f} x {n_cols:,.0f} cells = {n_rows * n_cols:,.0f}, "
             f"the limit is {MAX_CELLS:,}",
-            advice="take a larger cell, a grid turned to the road, or a part of the survey",
+            advice="use a larger cell, a grid along the road, or a part of the survey",
         )
 
 
 def placement(grid: Grid) -> FloatArray:
-    """Return the (8,) float64 placement of a grid as the kernels take it (see `kernels.rasterise.cell_of`).
+    """Return the (8,) placement of a grid as the kernels of `linework.kernels.cells.rasterise` take it.
 
-    A north-up grid whose corner is a multiple of its cell counts cells from the world's origin; any other
-    grid from its own corner.
+    A north-up grid whose corner is a multiple of its cell counts cells from the origin of the world, any other grid
+    from its own corner.
     """
     w, h = grid.cell_width_m, grid.cell_height_m
     cos, sin = math.cos(math.radians(grid.rotation_deg)), math.sin(math.radians(grid.rotation_deg))
@@ -142,9 +153,6 @@ def placement(grid: Grid) -> FloatArray:
     if grid.rotation_deg == 0.0 and on_lattice:
         return np.array([0.0, 0.0, 1.0, 0.0, w, h, first_col, top_row], dtype=np.float64)
     return np.array([grid.east_m, grid.north_m, cos, sin, w, h, 0.0, 0.0], dtype=np.float64)
-
-
-# Binary image: the cells that hold points inside a band of heights
 
 
 def in_height_band(
@@ -174,8 +182,8 @@ def in_height_band(
 
     Notes
     -----
-    The paper filters the image of heights; we count the points of the band themselves, so that a rail
-    below a branch or a sign is not lost behind the cell's maximum.
+    The paper filters the image of heights; here the points in the band are counted, so that a rail below a branch or a
+    sign is not hidden by the maximum of the cell.
 
     References
     ----------
@@ -192,9 +200,6 @@ def in_height_band(
     return Image(count.reshape(grid.shape) >= max(min_points, 1), grid)
 
 
-# A grid turned to the main direction of a survey, so that a long road fits a narrow image
-
-
 def main_direction_grid(
     points: Points, cell_along_m: float, cell_across_m: float, *, trajectory: Trajectory | None = None
 ) -> Grid:
@@ -205,7 +210,7 @@ def main_direction_grid(
     cell_along_m, cell_across_m
         Cell width (along the road) and height (across it). [m]
     trajectory
-        Gives the direction where it has two places or more; else the points do.
+        The direction is taken from it where it has two positions or more, else from the points.
 
     Raises
     ------
@@ -218,7 +223,7 @@ def main_direction_grid(
     neither): rotation in (-90, 90] degrees.
     """
     if len(points) == 0:
-        raise InputError("no points to make an image of", advice="check the survey with linework info")
+        raise InputError("no points for an image", advice="check the survey with linework info")
     along_path = trajectory is not None and len(trajectory) > 1
     direction = main_direction_rad((trajectory if along_path else points).xyz[:, :2])  # type: ignore[union-attr]
     rotation_deg = math.degrees(direction)
@@ -226,7 +231,7 @@ def main_direction_grid(
     origin = points.xyz[0, :2]
     east, north = points.xyz[:, 0] - origin[0], points.xyz[:, 1] - origin[1]
     along, up = east * cos + north * sin, north * cos - east * sin
-    # Half a cell of margin: no point lies on the edge, whatever the rounding
+    # Half a cell of margin, so that no point lies on the edge whatever the rounding
     left, top = along.min() - 0.5 * cell_along_m, up.max() + 0.5 * cell_across_m
     n_cols = math.floor((along.max() - left) / cell_along_m) + 1
     n_rows = math.floor((top - up.min()) / cell_across_m) + 1
@@ -245,7 +250,7 @@ def main_direction_grid(
 def main_direction_rad(xy: FloatArray) -> float:
     """Return the direction of the first principal axis of (n, 2) places, anticlockwise from east.
 
-    It is in (-pi/2, pi/2]; 0 where there is none (one place, or a round cloud).
+    It is in (-pi/2, pi/2] [rad]; 0 where there is none (one place, or a round cloud).
 
     >>> import numpy as np
     >>> round(math.degrees(main_direction_rad(np.array([[0.0, 0.0], [2.0, 2.0], [4.0, 4.0]]))), 9)

@@ -1,4 +1,4 @@
-"""Rectify a stereo pair: take out the lenses' distortion and turn both images until rows are epipolar lines."""
+"""Rectification of stereo pairs, conversion between original and rectified pixels, and a check of the rows."""
 
 from __future__ import annotations
 
@@ -9,24 +9,38 @@ import numpy as np
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray
 from linework.model.camera import Camera, RectifiedRig, StereoRig
 
-#: Cameras whose directions differ by less turn a corner of the image by less than 0.001 pixel: they are left as
-#: they are, and their images are not resampled. [rad]
+#: Largest rotation between cameras that is ignored: it moves a corner of the image by less than 0.001 pixel, and
+#: images are not resampled for it. [rad]
 _SAME_DIRECTION = 1e-6
-#: Newton's method squares its error each time: from a tenth of the image to far below the least of these.
+#: Steps of Newton's method, which squares its error each time; step of its numerical derivative; and the error from
+#: which a pixel has no direction. [steps, 1, pixels]
 _NEWTON_STEPS, _DIFFERENCE, _REACHED_PX = 8, 1e-6, 1e-6
+#: Number of corners searched in each image: enough that a hundred are matched on an empty road.
+_N_CORNERS = 1000
+#: Threshold of the corner detector; OpenCV's default is 20. [grey values] How it was chosen is not recorded.
+_CORNER_THRESHOLD = 10
+#: Largest number of differing bits of 256 in the descriptors of one corner (fewer than 1 in 6, as usual for ORB).
+_MAX_BITS = 40
+#: Half the window that finds the row of a corner to a tenth of a pixel, and its largest move from the coarse match.
+#: [pixels]
+_WINDOW_PX, _MAX_MOVE_PX = 7, 3.0
+#: Largest difference of rows of a match: beyond it the match is wrong, or the images do not belong together. [pixels]
+ROW_TOLERANCE_PX = 1.0
+#: Fewest matches that say anything about the rows: night, fog and bare walls have fewer.
+LEAST_MATCHES = 30
 
 
 @dataclass(frozen=True, slots=True)
 class Rectifier:
-    """How the two images of a rig are resampled.
+    """Maps that resample the two images of a rig.
 
     Parameters
     ----------
     rig
         Geometry of the rectified pair.
     left_map, right_map
-        (height, width, 2) float32: column and row in the original image of each rectified pixel; None where
-        the image is rectified as it is.
+        (height, width, 2) float32: column and row in the original image of each rectified pixel; None where the image
+        is rectified already.
     """
 
     rig: RectifiedRig
@@ -34,17 +48,17 @@ class Rectifier:
     right_map: Float32Array | None
 
     def rectified(self, left: AnyArray, right: AnyArray) -> tuple[AnyArray, AnyArray]:
-        """Return both grey images (uint8) resampled; outside of the original they are 0."""
+        """Return both grey images (height, width) uint8 resampled; 0 outside the originals."""
         return _resampled(left, self.left_map), _resampled(right, self.right_map)
 
 
 def rectifier_of(rig: StereoRig) -> Rectifier:
-    """Return how the images of a rig are rectified.
+    """Return the rectifier of a rig.
 
     Notes
     -----
-    The common x-axis is along the base, the common z-axis as near to both optical axes as that allows. The
-    focal length is the left camera's, so that the resolution stays what it was.
+    The common x-axis is along the base, the common z-axis as near to both optical axes as that allows. The focal
+    length is that of the left camera, so that the resolution is preserved.
 
     References
     ----------
@@ -68,11 +82,12 @@ def rectifier_of(rig: StereoRig) -> Rectifier:
 
 
 def _turn(a: FloatArray, b: FloatArray) -> float:
+    """Return the rotation between two frames, as the largest element of its matrix less identity."""
     return float(np.abs(a.T @ b - np.eye(3)).max())
 
 
 def _map_of(camera: Camera, rig: RectifiedRig) -> Float32Array | None:
-    """Return where in the camera's image each rectified pixel comes from."""
+    """Return (height, width, 2) the original pixel of each rectified pixel; None where they are equal."""
     ideal = (rig.focal_px, rig.focal_px, rig.cx, rig.cy, rig.width, rig.height)
     own = (camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
     is_ideal = own == ideal and not any(camera.distortion)
@@ -85,7 +100,7 @@ def _map_of(camera: Camera, rig: RectifiedRig) -> Float32Array | None:
 
 
 def distorted(camera: Camera, ideal: FloatArray) -> FloatArray:
-    """Return pixels (..., 2) of directions x/z, y/z in the camera frame, through its lens.
+    """Return pixels (..., 2) of the original image for directions x/z, y/z (..., 2) in the camera frame.
 
     References
     ----------
@@ -101,7 +116,7 @@ def distorted(camera: Camera, ideal: FloatArray) -> FloatArray:
 
 
 def directions(camera: Camera, pixels: FloatArray) -> FloatArray:
-    """Return x/z, y/z in the camera frame (n, 2) of what pixels (n, 2) of its own image show; NaN where none is.
+    """Return directions x/z, y/z (n, 2) in the camera frame of original pixels (n, 2); NaN where there is none.
 
     Notes
     -----
@@ -118,7 +133,7 @@ def directions(camera: Camera, pixels: FloatArray) -> FloatArray:
     ideal = (wanted - [camera.cx, camera.cy]) / scale
     for _ in range(_NEWTON_STEPS):
         error = distorted(camera, ideal) - wanted
-        # How both pixel coordinates change with each direction
+        # Derivatives of both pixel coordinates by each direction
         along_x, along_y = (
             (distorted(camera, ideal + step) - distorted(camera, ideal - step)) / (2.0 * _DIFFERENCE)
             for step in ([_DIFFERENCE, 0.0], [0.0, _DIFFERENCE])
@@ -136,7 +151,7 @@ def directions(camera: Camera, pixels: FloatArray) -> FloatArray:
 
 
 def rectified_pixels(camera: Camera, rig: RectifiedRig, pixels: FloatArray) -> FloatArray:
-    """Return where (n, 2) pixels of a camera's own image are in the rectified one; NaN where they are not."""
+    """Return rectified pixels (n, 2) of original pixels (n, 2); NaN where there is none."""
     ideal = directions(camera, pixels)
     ray = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1)
     ray = ray @ camera.R_vehicle_camera.T @ rig.R_vehicle_camera
@@ -144,7 +159,7 @@ def rectified_pixels(camera: Camera, rig: RectifiedRig, pixels: FloatArray) -> F
 
 
 def original_pixels(camera: Camera, rig: RectifiedRig, pixels: FloatArray) -> FloatArray:
-    """Return where (n, 2) pixels of the rectified image are in the camera's own."""
+    """Return original pixels (n, 2) of rectified pixels (n, 2)."""
     ideal = (np.asarray(pixels) - [rig.cx, rig.cy]) / rig.focal_px
     ray = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1)
     ray = ray @ rig.R_vehicle_camera.T @ camera.R_vehicle_camera
@@ -154,45 +169,30 @@ def original_pixels(camera: Camera, rig: RectifiedRig, pixels: FloatArray) -> Fl
 def _resampled(image: AnyArray, source: Float32Array | None) -> AnyArray:
     if source is None:
         return image
-    # Its codecs and its own threads are not used: images are decoded elsewhere, kernels are serial
+    # Neither its codecs nor its threads are used: images are decoded in a worker, and kernels are serial
     import cv2
 
     cv2.setNumThreads(1)
-    # Cubic: a linear one blurs a stripe two pixels wide, more or less as it lies between the pixels
+    # Cubic: linear interpolation blurs a stripe two pixels wide by an amount that depends on its position
     return np.asarray(cv2.remap(image, source[..., 0], source[..., 1], cv2.INTER_CUBIC))
-
-
-# Do two rectified images belong together: is the same place seen in the same row of both
-
-#: Corners looked for in each image: enough that a hundred are left on an empty road.
-_N_CORNERS = 1000
-#: Bits of 256 in which the descriptions of one corner may differ (as usual for ORB: fewer than 1 in 6).
-_MAX_BITS = 40
-#: Half the window, in pixels, that is laid over a corner to find its row to a tenth of a pixel; and how far
-#: that may move it from where the coarse match saw it.
-_WINDOW_PX, _MAX_MOVE_PX = 7, 3.0
-#: A point that is this far off its row is another place, or the images do not belong together. [pixels]
-ROW_TOLERANCE_PX = 1.0
-#: Fewer matches say nothing: night, fog, a wall without marks.
-LEAST_MATCHES = 30
 
 
 @dataclass(frozen=True, slots=True)
 class RowFit:
-    """How well the rows of two images match.
+    """Agreement of the rows of two rectified images.
 
     Parameters
     ----------
     n_matches
-        Places found in both.
+        Number of corners matched in both images.
     n_fitting
-        Of these, how many are in the same row to `ROW_TOLERANCE_PX`, and not behind infinity.
+        Number of matches in the same row to `ROW_TOLERANCE_PX` and with a disparity that is not negative.
     n_swapped
-        In the same row, but behind infinity: farther right in the right image than in the left.
+        Number of matches in the same row with a negative disparity, as in swapped images.
     offset_px
-        Median of the right row less the left row; NaN without matches.
+        Median of the right row less the left row; NaN without matches. [pixels]
     error_px
-        Median of the absolute difference of the rows; NaN without matches.
+        Median of the absolute difference of the rows; NaN without matches. [pixels]
     """
 
     n_matches: int
@@ -203,12 +203,12 @@ class RowFit:
 
     @property
     def is_known(self) -> bool:
-        """Whether there are enough matches to say anything."""
+        """Whether there are at least `LEAST_MATCHES` matches."""
         return self.n_matches >= LEAST_MATCHES
 
 
 def row_fit(left: AnyArray, right: AnyArray) -> RowFit:
-    """Match corners of two rectified grey images without regard to rows, and compare their rows.
+    """Return the agreement of rows of corners that were matched without regard to rows.
 
     Parameters
     ----------
@@ -241,12 +241,12 @@ def _matched_corners(left: AnyArray, right: AnyArray) -> tuple[FloatArray, Float
     import cv2
 
     cv2.setNumThreads(1)
-    orb = cv2.ORB_create(nfeatures=_N_CORNERS, fastThreshold=10)  # type: ignore[attr-defined]
+    orb = cv2.ORB_create(nfeatures=_N_CORNERS, fastThreshold=_CORNER_THRESHOLD)  # type: ignore[attr-defined]
     (seen_left, bits_left), (seen_right, bits_right) = (orb.detectAndCompute(i, None) for i in (left, right))
     none = np.zeros((0, 2))
     if not len(seen_left) or not len(seen_right):
         return none, none
-    # Each the other's best
+    # Mutual best matches
     matches = cv2.BFMatcher(cv2.NORM_HAMMING, crossCheck=True).match(bits_left, bits_right)
     matches = [m for m in matches if m.distance < _MAX_BITS]
     if not matches:

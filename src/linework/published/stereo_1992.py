@@ -1,7 +1,7 @@
-"""The automatic path of He and Novak (1992), whole and as published: straight bright lines of one pair.
+"""The automatic method of He and Novak (1992) as published: straight bright lines of one pair, intersected.
 
-G. He, K. Novak: Automatic analysis of highway features from digital stereo-images, ISPRS XXIX B3, 119-124. What
-`linework.methods.stereo.method` finds goes beyond it: bends, worn and faint lines, sub-pixel places, sigmas.
+G. He, K. Novak: Automatic analysis of highway features from digital stereo-images, ISPRS XXIX B3, 119-124.
+`linework.methods.stereo.method` goes beyond it: bends, worn and faint lines, sub-pixel positions, sigmas.
 """
 
 from __future__ import annotations
@@ -17,17 +17,39 @@ from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
 from linework.model.sightings import Sightings
 
-#: Standard deviation of a whole pixel's place. [pixels]
+#: Standard deviation of the position of a whole pixel. [pixels]
 PIXEL_SIGMA_PX = 1.0 / np.sqrt(12.0)
-#: The search window: cameras 1.4 to 2.5 m above the road see it here, up to so far ahead and to both sides. [m]
+#: Search window: height of the cameras (it serves 1.4 to 2.5 m), distance ahead and to both sides. [m]
 SEARCH_HEIGHT_M, SEARCH_AHEAD_M, SEARCH_ACROSS_M = 2.0, 40.0, 6.0
+#: Smallest disparity that is intersected. [pixels]
+LEAST_INTERSECTED_PX = 0.5
+#: Largest residual of the pixels of a straight line: pixels are whole, and the edges of a stripe are ragged. (root mean
+#: square) [pixels]
+RESIDUAL_PX = 1.5
+#: Fewest rows that a line extends over: others run along the rows. [rows]
+LEAST_ROWS_PX = 3.0
+#: Standard deviation of the middle of a stripe in one row: its edges are ragged by a pixel. [pixels]
+RAGGED_PX = 0.5
+#: Largest distance between pieces of one line, in standard deviations of their extrapolation;
+GROUP_SIGMAS = 3.0
+#: and beside these, for the distortion left in any image. [pixels]
+ALWAYS_PX = 2.0
+#: Least share of its rows in which a solid line is found.
+SOLID_SHARE = 0.8
+#: Smallest difference in slope of lines that are intersected: nearly parallel lines meet anywhere. [pixels/row]
+LEAST_CROSSING = 0.05
+#: Largest relative difference of growth of disparity between lines on one plane.
+SAME_GROWTH = 0.1
+#: The published settings: window of the median [pixels], standard deviations above the mean of the row, shortest line
+#: [pixels].
+MEDIAN_PX, SIGMAS_OF_BACKGROUND, LEAST_PX = 5, 1.5, 10
 
 
 def straight_lines_of_pair(pair: RectifiedPair) -> Sightings:
-    """Return the straight bright lines of a pair, a place per row, in the vehicle frame."""
+    """Return the straight bright lines of a pair, one sighting per row, in the vehicle frame."""
     left = lines_in(pair.left, search_window(pair.rig))
     right = lines_in(pair.right, search_window(pair.rig))
-    # Straight lines of both images are intersected into object space
+    # Intersect the matching lines of both images in object space
     found = []
     for number, (i, j) in enumerate(matched(left, right).tolist()):
         top = max(left.top_row[i], right.top_row[j])
@@ -35,7 +57,8 @@ def straight_lines_of_pair(pair: RectifiedPair) -> Sightings:
         row = np.arange(bottom, top - 1.0, -1.0)
         col = left.k[i] * row + left.b[i]
         disparity = col - (right.k[j] * row + right.b[j])
-        row, col, disparity = row[disparity > 0.5], col[disparity > 0.5], disparity[disparity > 0.5]
+        ahead = disparity > LEAST_INTERSECTED_PX
+        row, col, disparity = row[ahead], col[ahead], disparity[ahead]
         n = len(row)
         sigma = np.full(n, PIXEL_SIGMA_PX)
         found.append(
@@ -48,7 +71,7 @@ def straight_lines_of_pair(pair: RectifiedPair) -> Sightings:
 
 
 def search_window(rig: RectifiedRig) -> BoolArray:
-    """Return (rows, cols) where level cameras at the usual height see the carriageway."""
+    """Return (rows, cols) bool: pixels in which level cameras at the usual height show the carriageway."""
     row, col = np.mgrid[: rig.height, : rig.width]
     ahead = SEARCH_HEIGHT_M * rig.focal_px / np.maximum(row - rig.cy, 1e-9)
     across = (col - rig.cx) * ahead / rig.focal_px
@@ -56,45 +79,32 @@ def search_window(rig: RectifiedRig) -> BoolArray:
 
 
 def lines_in(image: AnyArray, window: BoolArray | None = None) -> StraightLines:
-    """Return the straight bright lines of one image, in a search window."""
-    # 3.1 Bright pixels of each scan line; side by side, their centre stands for them
+    """Return the straight bright lines of one image (rows, cols) uint8, in a search window (rows, cols) bool."""
+    # 3.1 Bright pixels of each row, and the centres of their runs
     bright = bright_pixels(image, window)
     centres = centres_of_runs(bright)
-    # 3.2 One pixel wide
+    # 3.2 Thinning to one pixel
     thin = thinned(bright)
-    # 3.3 From pixels to lines
+    # 3.3 Following pixels to lines
     chains = chain_code(thin)
-    # 3.4 Analytical functions; lines parallel in space meet in one point; pieces of one line together
+    # 3.4 Analytical functions, those through the vanishing point, and grouping of pieces of one line
     return grouped(through_vanishing_point(analytical_functions(chains, centres)))
-
-
-# Lanes as published: analytical functions, the vanishing-point gate, grouping, intersection (section 3.4)
-
-#: A line is kept if its pixels are this near the straight line through them: pixels are whole, and a stripe's edge
-#: is ragged. (root mean square) [pixels]
-RESIDUAL_PX = 1.5
-#: The middle of a stripe in one row is off by about this: its edges are ragged by a pixel. [pixels]
-RAGGED_PX = 0.5
-#: Lines belong together where they are no farther apart than this many standard deviations of where they lead,
-GROUP_SIGMAS = 3.0
-#: and always within this: no lens is without some distortion. [pixels]
-ALWAYS_PX = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class StraightLines:
-    """m lines col = k row + b in one image.
+    """Straight lines col = k row + b in one image, as columns.
 
     Parameters
     ----------
     k, b
-        (m,) float64.
+        (m,) slope and column at row 0. [pixels/row, pixels]
     top_row, bottom_row
-        (m,) float64: rows they reach over.
+        (m,) first and last row. [pixels]
     n_rows
-        (m,) float64: rows each was fitted to.
+        (m,) number of rows that each was fitted to.
     middle_row, spread
-        (m,) float64: mean of their rows, and sum of squares about it.
+        (m,) mean of these rows [pixels], and sum of squares about it [pixels^2].
     """
 
     k: FloatArray
@@ -109,37 +119,37 @@ class StraightLines:
         return len(self.k)
 
     def take(self, index: IntArray | BoolArray) -> StraightLines:
-        """Return the chosen lines."""
+        """Return the lines of an index or a mask."""
         return StraightLines(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
 
     def reach_px(self, row: FloatArray | float) -> FloatArray:
-        """(m,) or (..., m) float64 [pixels]: how far off a line may lead at a row."""
+        """Return (m,) or (..., m) the largest error of the lines extrapolated to a row. [pixels]"""  # noqa: D400
         sigma = RAGGED_PX * np.sqrt(1.0 / self.n_rows + (row - self.middle_row) ** 2 / self.spread)
         return np.asarray(ALWAYS_PX + GROUP_SIGMAS * sigma * np.hypot(self.k, 1.0))
 
     @property
     def is_solid(self) -> BoolArray:
-        """(m,) bool: seen in nearly every row from end to end; others are dashed."""
+        """(m,) bool: found in at least `SOLID_SHARE` of its rows; others are dashed."""
         rows = self.bottom_row - self.top_row + 1.0
-        return np.asarray(self.n_rows >= 0.8 * rows)
+        return np.asarray(self.n_rows >= SOLID_SHARE * rows)
 
 
 def analytical_functions(chains: PixelChains, centres: FloatArray) -> StraightLines:
-    """Fit col = k row + b to each line, and keep those whose residuals are small.
+    """Return col = k row + b fitted to each chain of pixels, for those whose residuals are small.
 
     Parameters
     ----------
     centres
-        (rows, cols): the column that stands for each pixel (see `centres_of_runs`).
+        (rows, cols) middle column of the run of each bright pixel (`centres_of_runs`).
     """
     found = []
     for i in range(len(chains)):
         pixels = chains.line(i)
         row, col = pixels[:, 0].astype(np.float64), centres[pixels[:, 0], pixels[:, 1]]
-        if np.ptp(row) < 3.0:
-            continue  # along a scan line: no line that runs from top to bottom
+        if np.ptp(row) < LEAST_ROWS_PX:
+            continue
         k, b = np.polyfit(row, col, 1)
-        residual = (col - (k * row + b)) / np.hypot(k, 1.0)  # across the line, which may lie flat
+        residual = (col - (k * row + b)) / np.hypot(k, 1.0)  # across the line, not along the row
         if float(np.sqrt(np.mean(residual**2))) <= RESIDUAL_PX:
             middle = row.mean()
             spread = np.sum((row - middle) ** 2)
@@ -148,15 +158,15 @@ def analytical_functions(chains: PixelChains, centres: FloatArray) -> StraightLi
 
 
 def vanishing_point(lines: StraightLines) -> tuple[float, float] | None:
-    """Return the (row, col) that most of the lines' length passes near, or None for fewer than two lines.
+    """Return the (row, col) through which most of the lines pass; None where no two lines cross.
 
     Notes
     -----
-    Of all crossings of two lines the one is taken that lines of the most rows may lead to.
+    Of all crossings of two lines, the one that lines of the most rows pass within their errors.
     """
     i, j = np.triu_indices(len(lines), 1)
     turn = lines.k[i] - lines.k[j]
-    apart = np.abs(turn) > 0.05  # nearly parallel lines cross anywhere
+    apart = np.abs(turn) > LEAST_CROSSING
     if not apart.any():
         return None
     row = -(lines.b[i] - lines.b[j])[apart] / turn[apart]
@@ -168,7 +178,7 @@ def vanishing_point(lines: StraightLines) -> tuple[float, float] | None:
 
 
 def through_vanishing_point(lines: StraightLines) -> StraightLines:
-    """Return the lines that pass near the vanishing point; all where there is none."""
+    """Return the lines that pass through the vanishing point within their errors; all where there is none."""
     point = vanishing_point(lines)
     if point is None:
         return lines
@@ -176,9 +186,9 @@ def through_vanishing_point(lines: StraightLines) -> StraightLines:
 
 
 def grouped(lines: StraightLines) -> StraightLines:
-    """Return lines whose pieces have nearly the same k and b as one (the dashes of a dashed line).
+    """Return the lines with pieces of nearly the same k and b merged, such as the dashes of a line.
 
-    Two pieces are one line if each leads to the middle of the other.
+    Two pieces belong to one line if each extrapolates to the middle of the other.
     """
     left, groups = np.argsort(-lines.n_rows, kind="stable").tolist(), []
     while left:
@@ -193,13 +203,14 @@ def grouped(lines: StraightLines) -> StraightLines:
 
 
 def _is_one(lines: StraightLines, i: int, j: int) -> bool:
+    """Return whether two pieces belong to one line."""
     rows = lines.middle_row[[j, i]]
     apart = np.abs((lines.k[i] - lines.k[j]) * rows + lines.b[i] - lines.b[j])
     return bool(apart[0] <= lines.reach_px(rows[0])[i] and apart[1] <= lines.reach_px(rows[1])[j])
 
 
 def _merged(lines: StraightLines, own: list[int]) -> tuple[float, ...]:
-    """Return the one line through the pixels of several, from their sums."""
+    """Return the line through the pixels of several pieces, from their sums: columns of `StraightLines`."""
     n, middle = lines.n_rows[own], lines.middle_row[own]
     col = lines.k[own] * middle + lines.b[own]
     row_all, col_all = np.average(middle, weights=n), np.average(col, weights=n)
@@ -210,13 +221,13 @@ def _merged(lines: StraightLines, own: list[int]) -> tuple[float, ...]:
 
 
 def matched(left: StraightLines, right: StraightLines) -> IntArray:
-    """Return (p, 2) indices of lines in the left and the right image that are one line in space.
+    """Return (p, 2) int64: indices of lines in the left and the right image that are one line in space.
 
     Notes
     -----
-    The disparity of a line on the road, ``(kL - kR) row + bL - bR``, grows evenly from 0 at the horizon:
-    all lines on one plane have the same growth, base over the cameras' height. The growth that the most lines
-    agree on within a tenth is the road's.
+    The disparity of a line on the road, ``(kL - kR) row + bL - bR``, grows linearly from 0 at the horizon: all lines on
+    one plane have the same growth, base over the height of the cameras. The growth that most lines agree on is that of
+    the road.
     """
     growth = left.k[:, None] - right.k[None, :]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -226,32 +237,31 @@ def matched(left: StraightLines, right: StraightLines) -> IntArray:
     if not possible.any():
         return np.zeros((0, 2), dtype=np.int64)
     candidates = growth[possible]
-    agree = np.abs(growth[None] / candidates[:, None, None] - 1.0) < 0.1
+    agree = np.abs(growth[None] / candidates[:, None, None] - 1.0) < SAME_GROWTH
     weight = np.minimum(left.n_rows[:, None], right.n_rows[None, :])
     votes = np.sum(np.where(agree & possible, weight, 0).max(axis=2), axis=1)
     road = candidates[int(np.argmax(votes))]
     off = np.where(possible, np.abs(growth / road - 1.0), np.inf)
     pairs = []
-    while np.isfinite(off).any() and off.min() < 0.1:
+    while np.isfinite(off).any() and off.min() < SAME_GROWTH:
         i, j = (int(v) for v in np.unravel_index(int(np.argmin(off)), off.shape))
         pairs.append((i, j))
         off[i, :] = off[:, j] = np.inf
     return np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
 
 
-# Bright line markers, thinning and line following, as published (sections 3.1 to 3.3)
-
-#: The published settings: window of the median [pixels], standard deviations above the mean of the scan line, and
-#: the shortest line that is kept [pixels].
-MEDIAN_PX, SIGMAS_OF_BACKGROUND, LEAST_PX = 5, 1.5, 10
-
-
 @dataclass(frozen=True, slots=True)
 class PixelChains:
-    """Lines of pixels: line i is ``pixels[offsets[i]:offsets[i + 1]]``, (row, col), from its lowest end up.
+    """Chains of pixels, each from its lowest end up: chain i is ``pixels[offsets[i]:offsets[i + 1]]``.
 
-    `is_corner` tells the pixels that a straight line between their neighbours does not pass: only these would have
-    to be stored.
+    Parameters
+    ----------
+    pixels
+        (n, 2) int64 row and column. [pixels]
+    offsets
+        (m + 1,) int64.
+    is_corner
+        (n,) bool: the pixel is not on a straight line between its neighbours; only these need to be stored.
     """
 
     pixels: IntArray
@@ -262,24 +272,19 @@ class PixelChains:
         return len(self.offsets) - 1
 
     def line(self, i: int) -> IntArray:
-        """Return the (n, 2) pixels of line i."""
+        """Return (k, 2) the pixels of chain i."""
         return self.pixels[self.offsets[i] : self.offsets[i + 1]]
 
 
 def bright_pixels(image: AnyArray, window: BoolArray | None = None) -> BoolArray:
-    """Return where the median of five pixels is more than 1.5 standard deviations above its scan line's mean (3.1).
+    """Return (rows, cols) bool: the median of five pixels is 1.5 standard deviations above the mean of its row (3.1).
 
     Parameters
     ----------
     image
         (rows, cols) uint8.
     window
-        (rows, cols) bool: where the road is expected; None: everywhere.
-
-    Returns
-    -------
-    ndarray
-        (rows, cols) bool.
+        (rows, cols) bool: where the road is expected; None for the whole image.
     """
     grey = image.astype(np.float64)
     inside = np.ones(image.shape) if window is None else window.astype(np.float64)
@@ -291,7 +296,7 @@ def bright_pixels(image: AnyArray, window: BoolArray | None = None) -> BoolArray
 
 
 def centres_of_runs(bright: BoolArray) -> FloatArray:
-    """Return for every bright pixel the middle column of the run of bright pixels side by side it is in (3.1).
+    """Return (rows, cols) the middle column of the run of bright pixels that a pixel is in, NaN for others (3.1).
 
     >>> centres_of_runs(np.array([[0, 1, 1, 1, 0, 1]], dtype=bool)).tolist()
     [[nan, 2.0, 2.0, 2.0, nan, 5.0]]
@@ -306,13 +311,13 @@ def centres_of_runs(bright: BoolArray) -> FloatArray:
 
 
 def thinned(white: BoolArray) -> BoolArray:
-    """Return lines one pixel wide in the middle of white areas (3.2)."""
+    """Return (rows, cols) bool: lines one pixel wide in the middle of white areas (3.2)."""
     image = np.pad(white.astype(np.uint8), 1)
     thin_in_place(image)
     return image[1:-1, 1:-1].astype(bool)
 
 
 def chain_code(thin: BoolArray, least_px: int = LEAST_PX) -> PixelChains:
-    """Return the lines of a thinned image, followed pixel by pixel; shorter ones are dropped (3.3)."""
+    """Return the lines of a thinned image (rows, cols) bool, followed pixel by pixel; short ones are dropped (3.3)."""
     pixels, offsets = follow_chains(np.pad(thin.astype(np.uint8), 1), least_px)
     return PixelChains(pixels - 1, offsets, corners_of(pixels, offsets))

@@ -88,7 +88,7 @@ def test_nothing_there_is_refused_with_a_pixel_that_works(along_the_edge: PosedP
 
 
 def test_an_edge_is_no_lane_marking(along_the_edge: PosedPairs) -> None:
-    with pytest.raises(NoEdgeAtPixelError, match="no stripe of paint"):
+    with pytest.raises(NoEdgeAtPixelError, match="not a stripe of paint"):
         followed(along_the_edge, pixel_of(along_the_edge, 0, (9.0, 2.0, 0.0)), kind="lane_marking")
 
 

@@ -1,1 +1,1 @@
-"""Loops over stereo images."""
+"""Numba kernels over stereo images: stripes, matching, road disparities, fusion, thinning, simulated grain."""

@@ -1,4 +1,4 @@
-"""The grain of made-up surfaces: noise in octaves, without what a pixel is too wide to show."""
+"""Grain of simulated surfaces: noise in octaves, low-pass filtered by the extent of a pixel on the surface."""
 
 from __future__ import annotations
 
@@ -21,13 +21,28 @@ def grain(
     n_octaves: int,
     seed: int,
 ) -> FloatArray:
-    """Return noise of about -1 to 1 at n places: octaves of wavelength `finest` times 1, 2, 4 and so on.
+    """Return (n,) noise of about -1 to 1: octaves of wavelength `finest` times 1, 2, 4 and so on.
 
-    wide_x, wide_y (n,): extent of a pixel there; finest (n,); growth (n,): strength of an octave over that of the
-    next finer one. The seed is 0 or more.
+    Parameters
+    ----------
+    x, y
+        (n,) places on the surface. [m]
+    wide_x, wide_y
+        (n,) extent of a pixel there. [m]
+    finest
+        (n,) wavelength of the first octave. [m]
+    growth
+        (n,) amplitude of an octave over that of the next finer one.
+    n_octaves
+        Number of octaves.
+    seed
+        0 or more.
 
-    A pixel averages out what is finer than itself. Where it is longer than wide, so are the cells of the noise
-    (by powers of 2, one going over into the next), as much weaker as the average over that many cells is.
+    Notes
+    -----
+    A pixel averages out what is finer than itself: an octave fades in between 0.6 and 1.5 pixels of wavelength. Where
+    the pixel is longer than wide, the cells of the noise are stretched in the same ratio (between two powers of 2,
+    mixed by variance) and their amplitude falls as that of a mean over as many cells.
     """
     out = np.empty(len(x))
     for i in range(len(x)):
@@ -58,7 +73,7 @@ def grain(
 
 @njit(cache=True, nogil=True)
 def _smooth(x: float, y: float, seed: int) -> float:
-    """Return lattice noise of -1 to 1, smooth between lattice points."""
+    """Return value noise of -1 to 1: smoothstep interpolation between hashed lattice points."""
     i, j = math.floor(x), math.floor(y)
     u, v = x - i, y - j
     u, v = u * u * (3.0 - 2.0 * u), v * v * (3.0 - 2.0 * v)
@@ -70,7 +85,7 @@ def _smooth(x: float, y: float, seed: int) -> float:
 
 @njit(cache=True, nogil=True)
 def _hashed(i: int, j: int, seed: int) -> float:
-    """Return a value in [0, 1) for each lattice point (the finalising steps of splitmix64)."""
+    """Return a hash of a lattice point in [0, 1), with the finalising steps of splitmix64."""
     h = np.uint64(i) * np.uint64(0x9E3779B97F4A7C15)
     h ^= np.uint64(j) * np.uint64(0xC2B2AE3D27D4EB4F)
     h ^= np.uint64(seed) * np.uint64(0x165667B19E3779F9)

@@ -1,21 +1,48 @@
-"""One-parameter least-squares matching of a profile across a line, anywhere in an image and in any direction."""
+"""Least-squares matching of a profile across a line with a template, with the shift as the only unknown.
+
+G. He, K. Novak (1992), section 3.5: dx = sum g_x (f - g) / sum g_x^2; here the profile lies across the line on the
+road, so it may run in any direction of the image, and gain and offset are removed from both.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from linework.arrays import ByteArray, FloatArray
 
-#: Columns of a match: shift and its standard deviation, correlation, gain and offset, samples compared, and the
-#: correlation of the best other place that is farther off than the pattern is wide.
+#: Columns of a match: shift and its standard deviation [m], correlation, gain, offset [grey values], number of samples
+#: compared, and the correlation of the best other place, farther from this one than the pattern is wide.
 SHIFT, MATCH_SIGMA, CORRELATION, GAIN, OFFSET, SAMPLES, OTHER = range(7)
-#: Gauss-Newton is at a thousandth of a sample after so many steps from a place found by search.
+MATCH_COLUMNS = 7
+#: Most Gauss-Newton steps: from a place found by search, six reach a thousandth of a sample.
 _ITERATIONS = 6
-#: Fewer samples than this say nothing about four unknowns (shift, gain, offset, noise).
+#: Smallest number of samples: there are four unknowns (shift, gain, offset, noise).
 LEAST_SAMPLES = 5
+#: Variance of the rounding of grey values to integers. [grey values^2]
+_ROUNDING_VARIANCE = 1.0 / 12.0
+#: Largest correlation of neighbouring residuals that is used: towards 1 the variance grows without bound.
+_MOST_RESIDUAL_CORRELATION = 0.8
+#: Correlation taken off at the border of the gate: of two places that are alike the nearer one is taken.
+_DISTANCE_PENALTY = 0.05
+#: Largest move of Gauss-Newton from the best place of the search, which is in steps of half a sample. [samples]
+_MOST_MOVE = 1.5
+#: Smallest sum of squares, against division by zero. [grey values^2]
+_LEAST_SQUARES = 1e-9
+
+
+class _Fit(NamedTuple):
+    """A template fitted to a profile at one shift: all 0 where too few samples or no contrast."""
+
+    samples: float
+    gain: float
+    offset: float
+    correlation: float
+    move: float
+    variance: float
 
 
 @njit(cache=True, nogil=True)
@@ -32,13 +59,20 @@ def grey_profile_across(
 
     Parameters
     ----------
-    image : (height, width)
-    to_pixel : (3, 4) from space to homogeneous column and row
-    frame : (3, 3) rows: place [m], direction along, direction across (unit)
-    bend : curvature of the line, positive towards across [1/m]
-    along : length that is averaged [m], and in how many places
-    spacing : between samples across [m]
-    half : samples to either side
+    image
+        (height, width) uint8.
+    to_pixel
+        (3, 4) projection from the local world [m] to homogeneous column and row.
+    frame
+        (3, 3) rows: place [m, local world], unit direction along the line, unit direction across it.
+    bend
+        Curvature of the line, positive towards the direction across. [1/m]
+    along
+        Length that is averaged [m], and number of places on it.
+    spacing
+        Distance between samples across. [m]
+    half
+        Number of samples on either side.
     """
     height, width = image.shape
     out, inside = np.zeros(2 * half + 1), np.zeros(2 * half + 1)
@@ -76,7 +110,7 @@ def grey_profile_across(
 
 @njit(cache=True, nogil=True)
 def integral_of(template: FloatArray) -> FloatArray:
-    """Return the running integral of a template, in samples; ``blurred`` reads it."""
+    """Return (n + 1,) running integral of a template (n,), in grey values times samples, as `blurred` takes it."""
     total = np.zeros(len(template) + 1)
     for i in range(len(template)):
         total[i + 1] = total[i] + template[i]
@@ -85,7 +119,7 @@ def integral_of(template: FloatArray) -> FloatArray:
 
 @njit(cache=True, nogil=True)
 def _integral_at(total: FloatArray, x: float) -> float:
-    """Return the integral up to a place in samples from the first one's beginning; it goes on flat."""
+    """Return the integral up to a place, in samples from the start; constant grey values beyond both ends."""
     n = len(total) - 1
     if x <= 0.0:
         return float(x * (total[1] - total[0]))
@@ -97,25 +131,30 @@ def _integral_at(total: FloatArray, x: float) -> float:
 
 @njit(cache=True, nogil=True)
 def blurred(total: FloatArray, step: float, s: float, pixel: float) -> tuple[float, float]:
-    """Return a template as a pixel sees it at a place [m from its middle], and the derivative there [1/m].
+    """Return the mean of a template over one pixel, and its derivative there. [grey values, grey values/m]
 
     Parameters
     ----------
-    total : (n + 1,) running integral of the template
-    step : spacing of the template [m]
-    pixel : how much of it one pixel covers [m]
-    """
+    total
+        (n + 1,) running integral of the template (`integral_of`).
+    step
+        Spacing of the template. [m]
+    s
+        Middle of the pixel, from the template's middle. [m]
+    pixel
+        Extent of the pixel on the template. [m]
+    """  # noqa: D400
     middle = 0.5 * (len(total) - 1)
     reach = 0.5 * max(pixel, step)
     low, high = (s - reach) / step + middle, (s + reach) / step + middle
     value = (_integral_at(total, high) - _integral_at(total, low)) / (high - low)
-    # Differences of the template's values at both ends of the pixel
     rise = _value_at(total, high) - _value_at(total, low)
     return value, rise / (2.0 * reach)
 
 
 @njit(cache=True, nogil=True)
 def _value_at(total: FloatArray, x: float) -> float:
+    """Return the template at a place in samples from the start, linear between samples."""
     n = len(total) - 1
     y = min(max(x - 0.5, 0.0), n - 1.0)
     i = min(int(y), n - 2)
@@ -132,13 +171,12 @@ def _fit(
     step: float,
     shift: float,
     window: float,
-) -> FloatArray:
-    """Return samples, gain, offset, correlation, step to a better shift, its variance, at one shift.
+) -> _Fit:
+    """Return gain, offset, correlation, the Gauss-Newton step of the shift and its variance, at one shift.
 
-    With f the profile and g the template: f = offset + gain g(s - shift). The shift's step is
-    dx = sum g_x (f - g) / sum g_x^2, where gain and offset are taken out of both.
+    With f the profile and g the template: f = offset + gain g(s - shift). The step of the shift is
+    dx = sum g_x (f - g) / sum g_x^2, with gain and offset removed from both.
     """
-    out = np.zeros(6)
     n, sf, sg, sd, sff, sgg, sdd, sfg, sfd, sgd = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     first = max(0, math.ceil((shift - window) / spacing) + half)
     last = min(2 * half, math.floor((shift + window) / spacing) + half)
@@ -158,36 +196,35 @@ def _fit(
         sfg += f * g
         sfd += f * d
         sgd += g * d
-    out[0] = n
+    samples = float(n)
     if n < LEAST_SAMPLES:
-        return out
+        return _Fit(samples, 0.0, 0.0, 0.0, 0.0, 0.0)
     cff, cgg, cdd = sff - sf * sf / n, sgg - sg * sg / n, sdd - sd * sd / n
     cfg, cfd, cgd = sfg - sf * sg / n, sfd - sf * sd / n, sgd - sg * sd / n
-    if cgg <= 1e-9 or cff <= 1e-9:
-        return out
+    if cgg <= _LEAST_SQUARES or cff <= _LEAST_SQUARES:
+        return _Fit(samples, 0.0, 0.0, 0.0, 0.0, 0.0)
     gain = cfg / cgg
-    out[1], out[2], out[3] = gain, (sf - gain * sg) / n, cfg / math.sqrt(cff * cgg)
+    offset, correlation = (sf - gain * sg) / n, cfg / math.sqrt(cff * cgg)
     steep = cdd - cgd * cgd / cgg
-    if gain <= 0.0 or steep <= 1e-9:
-        return out
-    out[4] = (cfd - cfg * cgd / cgg) / (gain * steep)
-    left = max(cff - cfg * cfg / cgg - out[4] * gain * (cfd - cfg * cgd / cgg), 0.0)
-    # Grey values are rounded: a twelfth of a grey value squared is the least noise
-    noise = left / max(n - 3, 1) + 1.0 / 12.0 / n
-    # Residuals that go together (texture, a worn side) say less than as many that do not
+    if gain <= 0.0 or steep <= _LEAST_SQUARES:
+        return _Fit(samples, gain, offset, correlation, 0.0, 0.0)
+    move = (cfd - cfg * cgd / cgg) / (gain * steep)
+    left = max(cff - cfg * cfg / cgg - move * gain * (cfd - cfg * cgd / cgg), 0.0)
+    noise = left / max(n - 3, 1) + _ROUNDING_VARIANCE / n
+    # Neighbouring residuals are correlated (texture, a worn side): as an autoregressive process of first order
     ahead, before, alike = 0.0, 0.0, 0.0
     for j in range(first, last + 1):
         f = profile[j]
         if math.isnan(f):
             continue
         g, rise = blurred(total, step, (j - half) * spacing - shift, spacing)
-        r = f - out[2] - gain * g
+        r = f - offset - gain * g
         alike += r * before
         ahead += r * r
         before = r
-    rho = min(max(alike / ahead, 0.0), 0.8) if ahead > 0.0 else 0.0
-    out[5] = noise * (1.0 + rho) / (1.0 - rho) / (gain * gain * steep)
-    return out
+    rho = min(max(alike / ahead, 0.0), _MOST_RESIDUAL_CORRELATION) if ahead > 0.0 else 0.0
+    variance = noise * (1.0 + rho) / (1.0 - rho) / (gain * gain * steep)
+    return _Fit(samples, gain, offset, correlation, move, variance)
 
 
 @njit(cache=True, nogil=True)
@@ -200,25 +237,32 @@ def match_profile(
     gate: tuple[float, float],
     apart: float,
 ) -> FloatArray:
-    """Return where a template lies in a profile: shift, sigma [m], correlation, gain, offset, samples, other.
+    """Return (7,) the best match of a template in a profile: columns `SHIFT` to `OTHER`.
 
     Parameters
     ----------
-    profile : (2 half + 1,) from `grey_profile_across`
-    spacing : of the profile [m]
-    total : (n + 1,) running integral of the template (`integral_of`)
-    step : spacing of the template [m]
-    window : half of the width that is compared [m]
-    gate : where the shift is expected, and how far from there it may be [m]
-    apart : places farther than this from the best one are others [m]
+    profile
+        (2 half + 1,) from `grey_profile_across`; NaN values are not compared.
+    spacing
+        Spacing of the profile. [m]
+    total
+        (n + 1,) running integral of the template (`integral_of`).
+    step
+        Spacing of the template. [m]
+    window
+        Half of the width that is compared. [m]
+    gate
+        Expected shift and its largest difference from there. [m]
+    apart
+        Least distance of another place from the best one, for `OTHER`. [m]
 
     Notes
     -----
-    The sample with the best correlation starts Gauss-Newton steps of the shift alone; gain and offset have a
-    closed form. Correlation 0: no place.
+    Gauss-Newton steps of the shift start at the sample of best correlation; gain and offset have a closed form.
+    Correlation 0 means that there is no match.
     """
     half = len(profile) // 2
-    out = np.zeros(7)
+    out = np.zeros(MATCH_COLUMNS)
     expected, reach = gate
     n = math.ceil(2.0 * reach / (0.5 * spacing))
     scores = np.zeros(n + 1)
@@ -226,25 +270,25 @@ def match_profile(
     for i in range(n + 1):
         x = expected - reach + i * (2.0 * reach / n)
         found = _fit(profile, half, spacing, total, step, x, window)
-        scores[i] = found[3]
-        # A little is taken off for the way: the nearer one of two alike
-        score = found[3] - 0.05 * ((x - expected) / reach) ** 2
-        if found[3] > 0.0 and score > best_score:
+        scores[i] = found.correlation
+        score = found.correlation - _DISTANCE_PENALTY * ((x - expected) / reach) ** 2
+        if found.correlation > 0.0 and score > best_score:
             best, best_score = x, score
     if best_score <= 0.0:
         return out
     start = best
     for _ in range(_ITERATIONS):
         found = _fit(profile, half, spacing, total, step, best, window)
-        move = found[4]
-        if found[1] <= 0.0 or abs(best + move - start) > 1.5 * spacing:
+        move = found.move
+        if found.gain <= 0.0 or abs(best + move - start) > _MOST_MOVE * spacing:
             break
         best += move
         if abs(move) < 1e-3 * spacing:
             break
     found = _fit(profile, half, spacing, total, step, best, window)
-    out[SHIFT], out[MATCH_SIGMA] = best, math.sqrt(found[5])
-    out[CORRELATION], out[GAIN], out[OFFSET], out[SAMPLES] = found[3], found[1], found[2], found[0]
+    out[SHIFT], out[MATCH_SIGMA] = best, math.sqrt(found.variance)
+    out[CORRELATION], out[GAIN] = found.correlation, found.gain
+    out[OFFSET], out[SAMPLES] = found.offset, found.samples
     for i in range(1, n):
         x = expected - reach + i * (2.0 * reach / n)
         is_peak = scores[i] >= scores[i - 1] and scores[i] >= scores[i + 1]

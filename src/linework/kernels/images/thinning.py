@@ -1,4 +1,4 @@
-"""Thinning to one pixel, and chains of pixels."""
+"""Thinning of binary images to lines of one pixel, chains of pixels, and the corners of chains."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-#: Steps (row, col) to the eight neighbours, clockwise from the one above (north).
+#: Row and column steps to the eight neighbours, clockwise from north. [pixels]
 _ROW = np.array([-1, -1, 0, 1, 1, 1, 0, -1])
 _COL = np.array([0, 1, 1, 1, 0, -1, -1, -1])
-#: A chain looks for its next pixel straight ahead first, then ever farther to both sides; never backward.
+#: Turns in which a chain looks for its next pixel, in eighths of a circle: straight ahead first, never backward.
 _TURNS = np.array([0, 1, -1, 2, -2, 3, -3])
 
 
 @njit(cache=True, nogil=True)
 def thin_in_place(image: npt.NDArray[np.uint8]) -> None:
-    """Take boundary pixels away until lines are one pixel wide.
+    """Remove boundary pixels in place until lines are one pixel wide.
 
     Parameters
     ----------
     image
-        (rows, cols) uint8, 1 where white; its outermost pixels are 0. Changed.
+        (rows, cols) uint8: 1 where white, 0 along its border. Changed.
 
     References
     ----------
@@ -81,9 +81,9 @@ def follow_chains(
     Parameters
     ----------
     image
-        (rows, cols) uint8, 1 where white; its outermost pixels are 0. Erased.
+        (rows, cols) uint8: 1 where white, 0 along its border. Erased.
     least_px
-        Shorter chains are left out.
+        Shortest chain that is kept. [pixels]
 
     Returns
     -------
@@ -92,8 +92,8 @@ def follow_chains(
 
     Notes
     -----
-    A chain begins at the lowest white pixel that is left, leftmost first. At a crossing it goes on in its own
-    direction; what it leaves is the next chain.
+    A chain begins at the lowest white pixel that is left, leftmost first. At a crossing it continues in its own
+    direction; the remaining branches become chains of their own.
     """
     n_rows, n_cols = image.shape
     pixels = np.empty((int(image.sum()), 2), dtype=np.int64)
@@ -125,7 +125,13 @@ def follow_chains(
 
 @njit(cache=True, nogil=True)
 def corners_of(pixels: npt.NDArray[np.int64], offsets: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-    """Return which pixels are kept: a pixel on one straight line with the two beside it in its chain is not."""
+    """Return (n,) bool: False for a pixel on a straight line with both its neighbours in the chain.
+
+    Parameters
+    ----------
+    pixels, offsets
+        (n, 2) and (m + 1,) int64, as `follow_chains` returns them.
+    """
     kept = np.ones(len(pixels), dtype=np.bool_)
     for i in range(len(offsets) - 1):
         for k in range(offsets[i] + 1, offsets[i + 1] - 1):

@@ -1,1 +1,1 @@
-"""One edge, picked in an image and followed."""
+"""An edge picked at one pixel and followed through stereo pairs."""

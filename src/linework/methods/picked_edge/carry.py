@@ -1,4 +1,4 @@
-"""A followed line carried into the next pair: found there again, measured anew, and followed on."""
+"""Carrying a line into another stereo pair: find it again, measure it anew, and extend the known line."""
 
 from __future__ import annotations
 
@@ -8,35 +8,33 @@ from itertools import pairwise
 import numpy as np
 
 from linework.arrays import FloatArray
+from linework.methods.picked_edge.fitted import LEAST_CARRIED_PLACES
 from linework.methods.picked_edge.follow import EdgeVertex, FollowedStretch, follow_edge
 from linework.methods.picked_edge.view import PairView
 
-#: A line is found again where it is well inside both images, a little beyond where it enters them. [pixels, m]
+#: Distance of a first place from the border of both images [pixels], and beyond where the line enters them [m].
 _MARGIN_PX, _BEYOND_M = 12.0, 3.0
-#: Places that are tried, so far apart. [m]
+#: Smallest depth of a first place: nearer ones are at the van itself. [m]
+_LEAST_DEPTH_M = 1.0
+#: Most first places that are tried, and their distance from one another. [m]
 _TRIES, _APART_M = 6, 1.5
-#: How far the line may be from where the poses say: across, height [m]; heading [rad], curvature [1/m], grade.
-#: Positions err by some centimetres from pair to pair, a pitch of 0.2 degrees lifts what is 10 m ahead by 3 cm.
+#: Standard deviations of the line from where the poses put it: across [m], heading [rad], curvature [1/m], height [m],
+#: grade. Positions err by some centimetres from pair to pair, and a pitch of 0.2 degrees lifts what is 10 m ahead by
+#: 3 cm.
 _START = (0.05, 0.02, 0.005, 0.05, 0.02)
-#: So many places in both images make it the line.
-LEAST_CARRIED_PLACES = 4
-#: Vertices nearer than this to a stretch's end are replaced by it. [m]
+#: Distance to the end of a stretch within which vertices are replaced by it. [m]
 _NEAR_M = 0.1
 
 
 def carry_into_pair(
     course: tuple[EdgeVertex, ...], view: PairView
 ) -> tuple[FollowedStretch, FollowedStretch] | None:
-    """Find a known line in another pair and follow it there both ways.
+    """Return a known line followed in another pair, against its order and along it; None where it is not found.
 
     Parameters
     ----------
     course
-        The line as known so far, in order.
-
-    Returns
-    -------
-    Against its order and along it; or None where the pair does not show it.
+        Vertices of the line known so far, in order.
     """
     for vertex in _starts(course, view):
         covariance = np.diag([v * v for v in _START])
@@ -44,7 +42,7 @@ def carry_into_pair(
         ahead = follow_edge(view, start, vertex.template, 1)
         if not ahead.vertices:
             continue
-        # Back from the first place of this pair: poses are no longer in between
+        # Back from the first place measured in this pair, which is free of the error between the poses
         first = ahead.vertices[0]
         back = follow_edge(view, replace(first.state, covariance=covariance), first.template, -1)
         both = sum(v.in_both for v in (*ahead.vertices, *back.vertices))
@@ -54,10 +52,12 @@ def carry_into_pair(
 
 
 def _starts(course: tuple[EdgeVertex, ...], view: PairView) -> list[EdgeVertex]:
-    """Return places to begin at, the best first: near ones see best, those at the image's border see half."""
+    """Return vertices to start from, the best first: near ones are sharpest, those at the border are cut off."""
     xyz = followed_places(course)
     depth = view.depth_m(xyz)
-    inside = view.is_inside(0, xyz, _MARGIN_PX) & view.is_inside(1, xyz, _MARGIN_PX) & (depth > 1.0)
+    inside = (
+        view.is_inside(0, xyz, _MARGIN_PX) & view.is_inside(1, xyz, _MARGIN_PX) & (depth > _LEAST_DEPTH_M)
+    )
     if not inside.any():
         return []
     wanted = depth[inside].min() + _BEYOND_M
@@ -71,21 +71,21 @@ def _starts(course: tuple[EdgeVertex, ...], view: PairView) -> list[EdgeVertex]:
 
 
 def followed_places(course: tuple[EdgeVertex, ...]) -> FloatArray:
-    """Return (n, 3) places of a line as the filter had them. [m, local world]"""  # noqa: D400
+    """Return (n, 3) filtered positions of vertices. [m, local world]"""  # noqa: D400
     return np.array([v.state.place for v in course]).reshape(-1, 3)
 
 
 def extend_by_pair(
     course: tuple[EdgeVertex, ...], stretch: tuple[EdgeVertex, ...], *, is_nearer: bool, ends: bool
 ) -> tuple[EdgeVertex, ...]:
-    """Return a line with what another pair showed of it, in order along it.
+    """Return a line extended by what another pair shows of it, in order along it.
 
     Parameters
     ----------
     is_nearer
-        The other pair saw it from nearer: its places stand for those known so far; else only what it adds is taken.
+        The other pair is nearer: its vertices replace those known so far; else only new ones are added.
     ends
-        Seen from nearer, the line ends with the stretch: what was taken for it farther on was something else.
+        With `is_nearer`: the line ends with the stretch, and what was followed beyond it was something else.
     """
     if len(stretch) < 2:
         return course

@@ -1,4 +1,4 @@
-"""A line followed through one stereo pair, step by step along it, to where it is no longer to be seen."""
+"""Following a line step by step through one stereo pair, to where it is no longer visible."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from linework.methods.picked_edge.fitted import AGREE, ALONE_STEPS, BARE_EDGE_M, LONGER, MOST_GATE_M
 from linework.methods.picked_edge.match import (
     EdgeMatch,
     ExpectedPlace,
@@ -19,40 +20,36 @@ from linework.methods.picked_edge.state import LineState, advanced, corrected, m
 from linework.methods.picked_edge.template import LEAST_TEMPLATE_SIDE_M, Template
 from linework.methods.picked_edge.view import PairView, is_hidden
 
-#: Steps near the cameras; farther away a step is at least one row or column of the image. [m]
+#: Length of a step near the cameras; farther away it is at least one row or column of the image. [m]
 FOLLOW_STEP_M = 0.25
-#: One row or column that covers more than this along the line, or more than this across it, shows no line. [m]
+#: Largest extent of a row or column along the line, and of a pixel across it: coarser ones do not resolve paint. [m]
 MOST_ALONG_M, MOST_ACROSS_M = 1.5, 0.15
-#: A line that was lost is believed again only where a row covers less than this: four rows are few. [m]
+#: Largest extent of a row where a lost line may be found again: more are too few rows for four steps. [m]
 AGAIN_ALONG_M = 1.0
-#: Beyond this standard deviation across the line is not followed. [m]
+#: Largest standard deviation across at which a line is still followed. [m]
 MOST_STEP_SIGMA_M = 0.5
-#: Without being seen a line is followed this far: the longest gap between dashes (12 m) and a parked car.
+#: Longest stretch without a match: the longest gap between dashes (12 m), or a parked car. [m]
 UNSEEN_M = 13.0
-#: Without being seen for longer than this, a stretch was bridged; and steps that must agree before it goes on.
-EDGE_BRIDGED_M, AGREE = 1.0, (3, 4)
-#: Where one step's length does not show the line, so many are looked at together.
-LONGER = 3.0
-#: A bare edge is ragged and its texture has no sharp rise: it is looked at over this length at once. [m]
-BARE_EDGE_M = 2.0
-#: Nearer to an image's border than this it need not show the line. [pixels]
+#: Stretch without a match from which a line counts as bridged. [m]
+EDGE_BRIDGED_M = 1.0
+#: Distance from an image's border within which it need not show the line. [pixels]
 _BORDER_PX = 6.0
-#: So many steps one image alone may go on where the line has left the other one.
-_ALONE = 8
-#: A match is looked for at most this far from where it is expected: nearer than the next line. [m]
-MOST_GATE_M = 0.5
+#: Width of the gate of a match, in standard deviations of the expected position.
+_GATE_SIGMAS = 3.0
+#: Distances ahead of a line's end at which an object in front of it is looked for. [m]
+_HIDDEN_AHEAD_M = (0.75, 1.5, 3.0)
 
 
 class EdgeStop(StrEnum):
-    """Why a picked edge goes no further."""
+    """Why a picked edge ends."""
 
-    LEFT_IMAGE = "it leaves the image"
-    RANGE = "it is too far away to be measured"
-    HIDDEN = "something stands before it"
-    FADED = "it is not to be seen any further"
-    BRANCHES = "it branches"
-    END_OF_IMAGES = "the images end"
-    CALLER = "the caller stopped it"
+    LEFT_IMAGE = "the line leaves the image"
+    RANGE = "too far away to measure"
+    HIDDEN = "hidden by something in front of it"
+    FADED = "no longer visible"
+    BRANCHES = "the line branches"
+    END_OF_IMAGES = "the images end there"
+    CALLER = "stopped on request"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,14 +59,14 @@ class EdgeVertex:
     Parameters
     ----------
     expected
-        Where it was expected.
+        The expected place.
     seen
-        For each image that showed it: how far to the left of there, the variance [m, m^2], and how far the line
-        seems to move when it is lifted [m/m].
+        For each image that shows the line: its distance to the left of the expected place [m], the variance [m^2],
+        and its apparent shift to the left per metre of height [m/m].
     state
-        Of the filter with that.
+        State of the filter after these measurements.
     template
-        As renewed there.
+        The template after the update with the better match.
     """
 
     expected: ExpectedPlace
@@ -79,13 +76,13 @@ class EdgeVertex:
 
     @property
     def in_both(self) -> bool:
-        """Whether both images showed it."""
+        """Whether both images show it."""
         return len(self.seen) == 2
 
 
 @dataclass(frozen=True, slots=True)
 class FollowedStretch:
-    """What one pair showed of a line in one direction, in the order it was followed, and why it ends."""
+    """The vertices of a line in one pair and one direction, in the order they were measured, and why it ends."""
 
     vertices: tuple[EdgeVertex, ...]
     stop: EdgeStop
@@ -93,9 +90,9 @@ class FollowedStretch:
 
 @dataclass(slots=True)
 class _Walk:
-    """What following remembers: the vertices, since when the line is not seen, and what may be it again.
+    """State of following: the vertices, the length since the last match, and vertices on trial after a gap.
 
-    `carried` is where the line would be had none of the places on trial been seen.
+    `carried` is the state predicted without the vertices on trial.
     """
 
     state: LineState
@@ -111,24 +108,24 @@ class _Walk:
 
     @property
     def template(self) -> Template:
-        """The pattern as it looked where the line was seen last."""
+        """The template at the last vertex."""
         return self.vertices[-1].template if self.vertices else self.first
 
 
 def follow_edge(view: PairView, start: LineState, template: Template, way: int) -> FollowedStretch:
-    """Follow a line in one pair from a known place.
+    """Return a line followed in one pair from a known place.
 
     Parameters
     ----------
     way
-        1: along the state's direction; -1: against it.
+        1 follows in the direction of the state, -1 against it.
 
     Notes
     -----
-    One-parameter least-squares matching of the profile across the line, a step after the other, in both images
-    (He and Novak 1992, section 3.5: row by row). The profile lies across the line wherever it goes, so that a line
-    that runs along the rows is followed column by column. Where neither image shows it the filter carries it on;
-    after that three of four steps must agree before it is believed.
+    Least-squares matching of the profile across the line with the shift as the only unknown, step by step in both
+    images (He and Novak 1992, section 3.5: row by row). The profile always lies across the line, so that a line along
+    the rows is followed column by column. Where it is not visible the filter predicts it; after a gap three of four
+    steps must agree before it continues.
     """
     walk = _Walk(start, template)
     while True:
@@ -148,7 +145,7 @@ def follow_edge(view: PairView, start: LineState, template: Template, way: int) 
 def _ended(
     view: PairView, walk: _Walk, place: ExpectedPlace, scales: list[ImageScale | None]
 ) -> EdgeStop | None:
-    """Return why the line ends here, None if it goes on."""
+    """Return why the line ends here, None if it continues."""
     at = place.frame[:1]
     if not view.is_inside(0, at)[0] and not view.is_inside(1, at)[0]:
         if walk.unseen_m > 0.5 * UNSEEN_M:
@@ -168,18 +165,18 @@ def _ended(
 
 
 def _why_unseen(view: PairView, walk: _Walk) -> EdgeStop:
-    """Return whether something stands before the line where it was lost, or it has faded."""
+    """Return whether the line is hidden by an object where it was lost, or has faded."""
     last = walk.vertices[-1].state if walk.vertices else walk.state
     turn = np.sign((walk.state.place - last.place) @ last.frame(view.up).frame[1]) or 1.0
-    ahead = [advanced(last, float(turn) * d).place for d in (0.75, 1.5, 3.0)]
+    ahead = [advanced(last, float(turn) * d).place for d in _HIDDEN_AHEAD_M]
     return EdgeStop.HIDDEN if is_hidden(view, np.array(ahead)) else EdgeStop.FADED
 
 
 def _measured(
     view: PairView, walk: _Walk, place: ExpectedPlace, scales: list[ImageScale | None], step: float
 ) -> tuple[EdgeVertex | None, bool]:
-    """Return what both images show here, and whether there is only one place that it can be."""
-    # Steps overlap where more than one is looked at: the variance stays that of all of them together
+    """Return the vertex that both images agree on, or None, and whether it is the only match in the gates."""
+    # Windows longer than a step overlap; the variance is scaled so that all steps together keep their information
     first = 1.0 if walk.template.is_stripe else max(BARE_EDGE_M / step, 1.0)
     seen: list[tuple[float, float, float]] = []
     matches: list[EdgeMatch] = []
@@ -188,24 +185,24 @@ def _measured(
         if scale is None or not view.is_inside(side, place.frame[:1], _BORDER_PX)[0]:
             continue
         n_inside += 1
-        # What the left image showed narrows down where the right one can
+        # The match in the left image narrows the gate in the right one
         so_far = corrected(walk.state, place.frame[2], seen)
         offset = so_far.place - place.frame[0]
         expected = float(offset[:2] @ place.frame[2, :2]) + scale.lift * float(offset[2])
-        reach = 3.0 * np.sqrt(measurement_variance(so_far, scale.lift)) + scale.pixel_m
+        reach = _GATE_SIGMAS * np.sqrt(measurement_variance(so_far, scale.lift)) + scale.pixel_m
         gate = (expected, float(min(reach, max(_most_gate(walk.template), 2.0 * scale.pixel_m))))
         match, longer = match_edge(view, side, place, walk.template, gate, first * step), first
         if match is None:
-            # Weak edges show over a longer stretch; the next steps' stretches overlap it
+            # Weak edges show over a longer window
             longer = LONGER * first
             match = match_edge(view, side, place, walk.template, gate, longer * step)
         if match is not None:
             seen.append((match.across_m, longer * match.sigma_m**2, scale.lift))
             matches.append(match)
             is_alone &= match.is_alone
-    # Grain of the road and leaves look like anything in one image; the line is where both show it
-    n_alone = sum(not v.in_both for v in walk.vertices[-_ALONE:])
-    if len(seen) < n_inside or not seen or (n_inside == 1 and n_alone == _ALONE):
+    # Grain of the road and leaves match by chance in one image, hardly in both
+    n_alone = sum(not v.in_both for v in walk.vertices[-ALONE_STEPS:])
+    if len(seen) < n_inside or not seen or (n_inside == 1 and n_alone == ALONE_STEPS):
         return None, True
     state = corrected(walk.state, place.frame[2], seen)
     template = adapt_template(walk.template, max(matches, key=lambda m: m.correlation))
@@ -213,7 +210,7 @@ def _measured(
 
 
 def _most_gate(template: Template) -> float:
-    """Return how far from where it is expected a line is looked for: not as far as the next one. [m]"""  # noqa: D400
+    """Return the largest half width of the gate: less than the distance to the next line. [m]"""  # noqa: D400
     return (
         min(MOST_GATE_M, max(0.5 * template.free_m, LEAST_TEMPLATE_SIDE_M))
         if not template.is_stripe
@@ -222,7 +219,7 @@ def _most_gate(template: Template) -> float:
 
 
 def _take(walk: _Walk, vertex: EdgeVertex | None, is_alone: bool, step: float) -> None:
-    """Believe a measured place at once where the line is being seen, after some that agree where it was lost."""
+    """Add a vertex: at once while the line is visible, after enough steps that agree where it was lost."""
     if walk.unseen_m <= max(EDGE_BRIDGED_M, 1.5 * step) and not walk.trials:
         if vertex is None:
             walk.unseen_m += step

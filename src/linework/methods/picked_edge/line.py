@@ -1,4 +1,4 @@
-"""The line through all places at which pairs saw a picked edge, with sigmas from the images and the poses."""
+"""The smooth line through all matches of a picked edge in all pairs, with sigmas from the images and the poses."""
 
 from __future__ import annotations
 
@@ -6,45 +6,49 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.arrays import BoolArray, FloatArray, IntArray, distance_along
 from linework.kernels.tracking.smooth import smooth_beside, smooth_height, smooth_plane
 from linework.methods.picked_edge.follow import UNSEEN_M
 from linework.methods.picked_edge.state import BENDING, GRADING
 from linework.model.images import Poses
 from linework.model.lines import LineSet
 
-#: Distance between vertices, as the steps near the cameras. [m]
+#: Distance between vertices: the steps near the cameras. [m]
 VERTEX_SPACING_M = 0.25
-#: Matches farther off than so many sigmas are not of the line; rounds of finding the line without them.
+#: Residual from which a match is an outlier [sigma], and rounds of smoothing and removing outliers.
 _OFF, _ROUNDS = 3.5, 2
-#: Matches farther than this from the course are of something else: pairs err by some centimetres. [m]
+#: Largest distance of a match from the line as followed: pairs err by some centimetres. [m]
 _NEAR_M = 0.4
-#: A line ends where it is not known better than this. [m]
+#: Largest standard deviation across: the line ends where it is not known better. [m]
 MOST_LINE_SIGMA_M = 0.25
-#: The course, as pairs handed it on, has kinks of this size. [m]
+#: Standard deviation of the kinks in the line as followed from pair to pair. [m]
 _KINK_M = 0.03
-#: Poses of successive pairs err by this against each other, at first sight [m]; of fewer pairs nothing is known.
+#: Standard deviation of the offset between pairs beforehand [m], and the fewest pairs that it is estimated from.
 _POSE_M, _LEAST_PAIRS = 0.1, 3
-#: A gap of paint is at least so long; regular gaps come at least this often. [m]
+#: Ratio of the standard deviation to the median absolute value of normal errors.
+_MEDIAN_TO_SIGMA = 1.4826
+#: Shortest step of a line that has a direction. [m]
+_LEAST_STEP_M = 1e-3
+#: Shortest gap in paint [m], and fewest gaps of a dashed line.
 _GAP_M, _LEAST_GAPS = 1.5, 2
 
 
 @dataclass(frozen=True, slots=True)
 class EdgeSightings:
-    """What n matches showed, as columns.
+    """Matches of a line in single images, as columns.
 
     Parameters
     ----------
     expected
-        (n, 3) float64 [m]: where the line was expected.
+        (n, 3) expected place of the line. [m, local world]
     left
-        (n, 3) float64: unit direction to its left there.
+        (n, 3) unit direction to its left there.
     across_m, variance
-        (n,) float64: how far to the left one image showed it. [m, m^2]
+        (n,) distance of the line to the left of there, and its variance. [m, m^2]
     lift
-        (n,) float64: how far it seems to move to the left when it is lifted. [m/m]
+        (n,) apparent shift of the line to the left per metre of height. [m/m]
     pair
-        (n,) int64: the pair.
+        (n,) int64: number of the pair.
     """
 
     expected: FloatArray
@@ -55,13 +59,23 @@ class EdgeSightings:
     pair: IntArray
 
     def take(self, kept: BoolArray) -> EdgeSightings:
-        """Return some of the matches."""
+        """Return the matches where `kept` (n,) is True."""
         return EdgeSightings(*(getattr(self, f.name)[kept] for f in fields(self)))
 
 
 @dataclass(frozen=True, slots=True)
 class SmoothEdge:
-    """A line: (n, 3) places [m], sigmas in plan and height [m], and how many matches are at each place."""
+    """A smooth line.
+
+    Parameters
+    ----------
+    xyz
+        (n, 3) vertices. [m, local world]
+    sigma_xy_m, sigma_z_m
+        (n,) standard deviations across and of the height. [m]
+    count
+        (n,) int64: matches at each vertex.
+    """
 
     xyz: FloatArray
     sigma_xy_m: FloatArray
@@ -70,18 +84,18 @@ class SmoothEdge:
 
 
 def edge_through(course: FloatArray, seen: EdgeSightings) -> SmoothEdge:
-    """Return the line near a course that agrees best with all matches, on a road that bends and climbs smoothly.
+    """Return the smooth line that agrees best with all matches near the line as followed.
 
     Parameters
     ----------
     course
-        (n, 3) places in order. [m]
+        (n, 3) places of the line as followed, in order. [m, local world]
 
     Notes
     -----
-    A match shows ``across + lift * up`` of the line: what one image knows. Two images, or one and its neighbours,
-    know both. Matches of one pair err together by that pair's pose: the spread of the pairs about the line is found
-    from them, and stays in the sigma by the number of pairs that saw a place.
+    A match in one image determines ``across + lift * up`` of the line; two images, or one and its neighbours, determine
+    both. Matches of one pair have the error of its pose in common: its standard deviation is estimated from the spread
+    of the pairs about the line, and enters the sigma divided by the root of the number of pairs at a vertex.
     """
     line = smooth_axis(course)
     seen = seen.take(_is_near(line, seen))
@@ -108,10 +122,10 @@ def edge_through(course: FloatArray, seen: EdgeSightings) -> SmoothEdge:
 
 
 def smooth_axis(course: FloatArray) -> FloatArray:
-    """Return places every `VERTEX_SPACING_M` along a course of (n, 3) places, its kinks smoothed away. [m]"""  # noqa: D400
+    """Return (m, 3) places every `VERTEX_SPACING_M` along a line of (n, 3) places, smoothed. [m, local world]"""  # noqa: D400
     step = np.hypot(*np.diff(course[:, :2], axis=0).T)
-    course = course[np.concatenate([[True], step > 1e-3])]
-    t = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(course[:, :2], axis=0).T))])
+    course = course[np.concatenate([[True], step > _LEAST_STEP_M])]
+    t = distance_along(course)
     at: FloatArray = VERTEX_SPACING_M * np.arange(
         max(int(np.floor(t[-1] / VERTEX_SPACING_M)), 1) + 1, dtype=np.float64
     )
@@ -123,7 +137,7 @@ def smooth_axis(course: FloatArray) -> FloatArray:
 
 
 def _is_near(line: FloatArray, seen: EdgeSightings) -> BoolArray:
-    """Return which matches are of a line: what one pair took for it and a nearer one did not is not."""
+    """Return (n,) bool: the match is near the line; those that a nearer pair corrected are not."""
     at, offset, height = _beside(line, _left_of(line), seen)
     along = np.hypot(*(seen.expected - line[at])[:, :2].T) ** 2 - offset**2
     return np.asarray((np.abs(offset + seen.across_m + seen.lift * height) < _NEAR_M) & (along < _NEAR_M**2))
@@ -132,7 +146,7 @@ def _is_near(line: FloatArray, seen: EdgeSightings) -> BoolArray:
 def _smoothed(
     at: IntArray, rows: FloatArray, value: FloatArray, variance: FloatArray, n: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (n, 2) how far the line is to the left of and above the course at each station, with covariance."""
+    """Return (n, 2) corrections of the line to the left and up at each vertex, and their (n, 2, 2) covariances."""
     information, right = np.zeros((n, 2, 2)), np.zeros((n, 2))
     np.add.at(information, at, rows[:, :, None] * rows[:, None, :] / variance[:, None, None])
     np.add.at(right, at, rows * (value / variance)[:, None])
@@ -151,20 +165,20 @@ def _left_of(line: FloatArray) -> FloatArray:
 def _beside(
     line: FloatArray, left: FloatArray, seen: EdgeSightings
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return the station next to each expected place, how far it is to the left of the line there, and above."""
+    """Return the vertex next to each expected place, and the place's distance to the left of and above the line."""
     from scipy.spatial import cKDTree
 
     _, at = cKDTree(line[:, :2]).query(seen.expected[:, :2])
     apart = seen.expected - line[at]
     along = np.column_stack([left[:, 1], -left[:, 0]])[at]
     forward = np.sum(apart[:, :2] * along, axis=1)
-    # The line rises between stations
+    # Height of the line between vertices
     grade = np.gradient(line[:, 2]) / VERTEX_SPACING_M if len(line) > 1 else np.zeros(1)
     return at, np.sum(apart[:, :2] * left[at], axis=1), apart[:, 2] - forward * grade[at]
 
 
 def _between_pairs(rows: FloatArray, rest: FloatArray, variance: FloatArray, pair: IntArray) -> FloatArray:
-    """Return (2,) standard deviations between pairs, across and up, robustly; 0 for few pairs. [m]"""  # noqa: D400
+    """Return (2,) robust standard deviations between pairs, across and up; 0 for few pairs. [m]"""  # noqa: D400
     numbers, i = np.unique(pair, return_inverse=True)
     if len(numbers) < _LEAST_PAIRS:
         return np.zeros(2)
@@ -174,17 +188,23 @@ def _between_pairs(rows: FloatArray, rest: FloatArray, variance: FloatArray, pai
         weighted = rows[mine] / variance[mine, None]
         normal = weighted.T @ rows[mine] + np.eye(2) / _POSE_M**2
         offsets[k] = np.linalg.solve(normal, weighted.T @ rest[mine])
-    return np.asarray(1.4826 * np.median(np.abs(offsets), axis=0))
+    return np.asarray(_MEDIAN_TO_SIGMA * np.median(np.abs(offsets), axis=0))
 
 
 def _pairs_at(at: IntArray, pair: IntArray, n: int) -> FloatArray:
-    """Return how many pairs saw each station, at least 1."""
+    """Return (n,) number of pairs that show each vertex, at least 1."""
     both = np.unique(np.column_stack([at, pair]), axis=0)
     return np.maximum(np.bincount(both[:, 0], minlength=n), 1).astype(np.float64)
 
 
 def line_of(edge: SmoothEdge, kind: str, width_m: float) -> LineSet:
-    """Return a followed edge as a set of one line; `width_m` of its paint, NaN where it is none."""
+    """Return a followed edge as a set of one line.
+
+    Parameters
+    ----------
+    width_m
+        Width of the paint; NaN for a bare edge. [m]
+    """
     bridged, pattern = gaps_of(edge.count == 0, is_stripe=not np.isnan(width_m))
     return LineSet.from_lines(
         [edge.xyz], kind=np.array([kind]), method=np.array(["stereo"]), pattern=np.array([pattern]),
@@ -194,7 +214,13 @@ def line_of(edge: SmoothEdge, kind: str, width_m: float) -> LineSet:
 
 
 def with_pose_sigmas(lines: LineSet, poses: Poses, used: IntArray) -> LineSet:
-    """Return a line with the sigma of the poses that saw it, which err together, and the times they were taken."""
+    """Return a line with the sigma of its poses added, whose errors are correlated, and with its first and last time.
+
+    Parameters
+    ----------
+    used
+        (k,) int64: poses of the pairs that show the line.
+    """
     sigma = poses.sigma_xyz_m[used]
     plan, up = float(np.mean(np.hypot(sigma[:, 0], sigma[:, 1]))) / np.sqrt(2.0), float(np.mean(sigma[:, 2]))
     plan, up = (0.0 if np.isnan(v) else v for v in (plan, up))
@@ -205,7 +231,15 @@ def with_pose_sigmas(lines: LineSet, poses: Poses, used: IntArray) -> LineSet:
 
 
 def gaps_of(unseen: BoolArray, *, is_stripe: bool) -> tuple[BoolArray, str]:
-    """Return where a line is bridged, and its pattern: regular gaps of paint are not bridged."""
+    """Return (n,) bool where a line is bridged, and its pattern: the gaps of a dashed line are not bridged.
+
+    Parameters
+    ----------
+    unseen
+        (n,) bool: no match at the vertex.
+    is_stripe
+        The line is paint: pattern "dashed" or "solid"; else "".
+    """
     edges = np.flatnonzero(np.diff(np.concatenate([[0], unseen.astype(np.int64), [0]])))
     runs = edges.reshape(-1, 2)
     gaps = runs[np.diff(runs, axis=1)[:, 0] * VERTEX_SPACING_M >= _GAP_M]

@@ -1,4 +1,4 @@
-"""Where a line lies at one place along it: least-squares matching of its template in both images of a pair."""
+"""Matching of a line's template with the profile across the line, in one image of a pair."""
 
 from __future__ import annotations
 
@@ -20,47 +20,64 @@ from linework.kernels.images.line_matching import (
     grey_profile_across,
     match_profile,
 )
+from linework.methods.picked_edge.fitted import (
+    AS_GOOD,
+    LEAST_MATCH_SIGMA_PX,
+    MATCH_CONTRAST,
+    NARROW_MATCH,
+    WIDE_MATCH,
+    MatchLimit,
+)
 from linework.methods.picked_edge.template import TEMPLATE_REACH_M, TEMPLATE_STEP_M, Template, renewed
 from linework.methods.picked_edge.view import PairView
 
-#: Interpolation, and a pattern that is not quite the template, leave an error of this size. [pixels]
-LEAST_MATCH_SIGMA_PX = 0.1
-#: A match in a narrow gate has few places to choose from, one in a wide gate has many: so much of the profile must
-#: be the template's, and so many times the rest's variance.
-NARROW_MATCH, WIDE_MATCH = (0.65, 12.0), (0.75, 25.0)
-#: Light and shade change all grey values by one factor; the contrast over the mean stays, but for lamps' glare and
-#: black levels, within this factor. Less of it is paint that ends within the step, or is worn on one side.
-MATCH_CONTRAST = 2.5
-#: A second place as good as this share of the best one is as good.
-AS_GOOD = 0.9
-#: Rows and columns that are averaged along the line, at most: more shows no finer detail, and costs time.
+#: Most rows or columns averaged along the line: more costs time and shows no finer detail.
 _MOST_ALONG = 16
+#: Smallest depth of a place in front of the camera. [m]
+_LEAST_DEPTH_M = 0.5
+#: Smallest sine of the angle between a line and the direction across it in the image, 6 degrees: below, the profile
+#: runs along the line.
+_LEAST_SINE = 0.1
+#: Half of the window on both sides, where pixels are wide. [pixels]
+_WINDOW_PX = 4.0
+#: Half width up to which a gate is narrow. [pixels]
+_NARROW_PX = 4.0
+#: Least distance of another match: the width of the stripe, or this for a bare edge [m], and pixels beside it.
+_OTHER_EDGE_M, _OTHER_PX = 0.1, 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class ExpectedPlace:
-    """Where a line is expected: frame (3, 3) of place [m], unit direction along and to the left; curvature [1/m]."""
+    """An expected place of a line.
+
+    Parameters
+    ----------
+    frame
+        (3, 3) rows: place [m, local world], unit direction along the line, unit direction to its left.
+    curvature
+        Curvature to the left. [1/m]
+    """
 
     frame: FloatArray
     curvature: float
 
     def moved(self, across_m: float, up_m: float) -> FloatArray:
-        """Return a place beside it. [m]"""  # noqa: D400
+        """Return (3,) the place shifted to the left and up. [m, local world]"""  # noqa: D400
         return np.asarray(self.frame[0] + across_m * self.frame[2] + np.array([0.0, 0.0, up_m]))
 
 
 @dataclass(frozen=True, slots=True)
 class ImageScale:
-    """How a place's surroundings look in one image.
+    """Scale of one image at a place of a line.
 
     Parameters
     ----------
     pixel_m
-        What a pixel covers across the line. [m]
+        Extent of a pixel across the line. [m]
     along_m
-        What one row (or column) covers along it. [m]
+        Extent of one row (or column) along it. [m]
     lift
-        How far the line seems to move to its left when it is lifted. [m/m]
+        Apparent shift of the line to the left per metre of height. [m/m]
     """
 
     pixel_m: float
@@ -70,7 +87,21 @@ class ImageScale:
 
 @dataclass(frozen=True, slots=True)
 class EdgeMatch:
-    """What one image shows: the line `across_m` to the left of where it was expected, to `sigma_m`. [m]"""  # noqa: D400
+    """A match of a line in one image.
+
+    Parameters
+    ----------
+    across_m, sigma_m
+        Distance of the line to the left of its expected place, and the standard deviation. [m]
+    correlation
+        Correlation of profile and template.
+    is_alone
+        Whether no other place in the gate matches about as well.
+    s, grey
+        (k,) places on the template [m] and the grey values there.
+    result
+        (7,) columns of `linework.kernels.images.line_matching`.
+    """
 
     across_m: float
     sigma_m: float
@@ -82,16 +113,15 @@ class EdgeMatch:
 
 
 def scale_at(view: PairView, side: int, place: ExpectedPlace) -> ImageScale | None:
-    """Return how an image shows a place, None where it is behind the camera or the line is seen end on."""
-    if view.depth_m(place.frame[:1])[0] < 0.5:
+    """Return the scale of an image at a place; None behind the camera, and where the line points at the camera."""
+    if view.depth_m(place.frame[:1])[0] < _LEAST_DEPTH_M:
         return None
     j = view.jacobian(side, place.frame[0])
     along, across, up = j @ place.frame[1], j @ place.frame[2], j[:, 2]
     length, width = math.hypot(*along), math.hypot(*across)
     normal = np.array([-along[1], along[0]]) / length
     seen = float(normal @ across)
-    # A line under 6 degrees from the direction across it has no sides in the image
-    if abs(seen) < 0.1 * width:
+    if abs(seen) < _LEAST_SINE * width:
         return None
     return ImageScale(1.0 / width, 1.0 / length, float(normal @ up) / seen)
 
@@ -104,20 +134,21 @@ def match_edge(
     gate: tuple[float, float],
     along_m: float,
 ) -> EdgeMatch | None:
-    """Return where the line is in one image near a place, None where it is not found.
+    """Return the match of a line in one image near a place, None where it is not found.
 
     Parameters
     ----------
+    side
+        0: the left image; 1: the right one.
     gate
-        Where it is expected to the left of the place, and how far from there it may be. [m]
+        Expected distance to the left of the place, and the largest difference from it. [m]
     along_m
-        Length that is averaged. [m]
+        Length along the line that is averaged. [m]
     """
     scale = scale_at(view, side, place)
     if scale is None:
         return None
-    # Four pixels to either side, also where they are wider than the template
-    window = max(template.window_m, 4.0 * scale.pixel_m)
+    window = max(template.window_m, _WINDOW_PX * scale.pixel_m)
     half = math.ceil((window + abs(gate[0]) + gate[1] + abs(template.anchor_m)) / scale.pixel_m)
     count = min(max(round(along_m / scale.along_m), 1), _MOST_ALONG)
     profile = grey_profile_across(
@@ -130,15 +161,15 @@ def match_edge(
         half,
     )
     expected = gate[0] - template.anchor_m
-    apart = (template.width_m if template.is_stripe else 0.1) + 2.0 * scale.pixel_m
+    apart = (template.width_m if template.is_stripe else _OTHER_EDGE_M) + _OTHER_PX * scale.pixel_m
     found = match_profile(
         profile, scale.pixel_m, template.total, TEMPLATE_STEP_M, window, (expected, gate[1]), apart
     )
-    least, ratio = NARROW_MATCH if gate[1] <= 4.0 * scale.pixel_m else WIDE_MATCH
+    limit = NARROW_MATCH if gate[1] <= _NARROW_PX * scale.pixel_m else WIDE_MATCH
     contrast = _contrast(found, template)
-    if not _is_it(found, least, ratio) or not 1.0 / MATCH_CONTRAST < contrast < MATCH_CONTRAST:
+    if not _is_match(found, limit) or not 1.0 / MATCH_CONTRAST < contrast < MATCH_CONTRAST:
         return None
-    # The middle of the line must have been seen, not only its side
+    # The middle of the line must be inside the profile, not only its side
     across = found[SHIFT] + template.anchor_m
     k = round(across / scale.pixel_m) + half
     if not 0 <= k < len(profile) or math.isnan(profile[k]):
@@ -147,24 +178,25 @@ def match_edge(
         math.hypot(found[MATCH_SIGMA], LEAST_MATCH_SIGMA_PX * scale.pixel_m) * max(1.0, 1.0 / contrast) ** 2
     )
     s = (np.arange(-half, half + 1) * scale.pixel_m) - found[SHIFT]
-    alone = bool(found[OTHER] < AS_GOOD * found[CORRELATION] or found[OTHER] < WIDE_MATCH[0])
+    alone = bool(found[OTHER] < AS_GOOD * found[CORRELATION] or found[OTHER] < WIDE_MATCH.correlation)
     return EdgeMatch(float(across), sigma, float(found[CORRELATION]), alone, s, profile, found)
 
 
-def _is_it(found: FloatArray, least: float, ratio: float) -> bool:
+def _is_match(found: FloatArray, limit: MatchLimit) -> bool:
+    """Return whether correlation and F ratio of a match reach their limits."""
     r = float(found[CORRELATION])
-    return r >= least and r * r * (found[SAMPLES] - 2.0) >= ratio * (1.0 - r * r)
+    return r >= limit.correlation and r * r * (found[SAMPLES] - 2.0) >= limit.f_ratio * (1.0 - r * r)
 
 
 def _contrast(found: FloatArray, template: Template) -> float:
-    """Return the contrast of a match over its mean, as a multiple of the template's."""
+    """Return the ratio of contrast to mean of a match, as a multiple of the template's."""
     mean = template.mean
     seen = found[OFFSET] + found[GAIN] * mean
     return float(found[GAIN] * mean / seen) if seen > 0.0 else 0.0
 
 
 def adapt_template(template: Template, match: EdgeMatch) -> Template:
-    """Return the template drawn a little towards what a match showed."""
+    """Return the template updated by a match, with a small weight."""
     pixel = match.s[1] - match.s[0]
     near = np.isfinite(match.grey) & (np.abs(match.s) < TEMPLATE_REACH_M)
     s, grey = match.s[near], match.grey[near]

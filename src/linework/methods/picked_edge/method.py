@@ -1,4 +1,4 @@
-"""Following a picked edge through stereo pairs: He and Novak's second approach (section 3.5).
+"""Following a picked edge through stereo pairs: the second approach of He and Novak (1992, section 3.5).
 
 G. He, K. Novak (1992): Automatic analysis of highway features from digital stereo-images, ISPRS XXIX B3, 119-124.
 """
@@ -12,15 +12,12 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.errors import InputError
-from linework.methods.picked_edge.carry import (
-    LEAST_CARRIED_PLACES,
-    carry_into_pair,
-    extend_by_pair,
-    followed_places,
-)
+from linework.methods.picked_edge.carry import carry_into_pair, extend_by_pair, followed_places
+from linework.methods.picked_edge.fitted import LEAST_CARRIED_PLACES
 from linework.methods.picked_edge.follow import UNSEEN_M, EdgeStop, EdgeVertex, FollowedStretch, follow_edge
 from linework.methods.picked_edge.line import EdgeSightings, edge_through, line_of, with_pose_sigmas
 from linework.methods.picked_edge.pick import (
+    FARTHEST_PICK_M,
     EdgeRefusal,
     PairRoad,
     PickedStart,
@@ -33,33 +30,33 @@ from linework.methods.picked_edge.view import PairView
 from linework.model.images import Poses, RectifiedPair
 from linework.model.lines import LineSet
 
-#: Kinds of line that a pixel can be picked on.
+#: Kinds of line that can be picked.
 EDGE_KINDS = ("lane_marking", "road_boundary")
 SIDES = ("left", "right")
-#: Pairs taken nearer together than this show the same again. [m]
+#: Least distance between pairs that are used: nearer ones show the same. [m]
 _MOVED_M = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class EdgeStep:
-    """What one pair showed of the line.
+    """The line as one pair shows it.
 
     Parameters
     ----------
     number
-        Of the pair.
+        Number of the pair.
     xyz
-        (n, 3) float64 [m, world], in order along the line.
+        (n, 3) vertices in order along the line. [m, world]
     sigma_xy_m, sigma_z_m
-        (n,) float64: as this pair alone knows it. [m]
+        (n,) standard deviations across and of the height, from this pair alone. [m]
     in_both
-        (n,) bool: whether both images showed it.
+        (n,) bool: whether both images show the vertex.
     left_px, right_px
-        (n, 2) float64: columns and rows in the rectified images.
+        (n, 2) columns and rows in the rectified images. [pixels]
     stops
-        Why it ends in this pair, at either end.
+        Why the line ends in this pair, at its start and end.
     course
-        (k, 3) float64 [m, world]: the line as all pairs so far have shown it, not yet smoothed.
+        (k, 3) the line from all pairs so far, not yet smoothed. [m, world]
     """
 
     number: int
@@ -75,7 +72,7 @@ class EdgeStep:
 
 @dataclass(frozen=True, slots=True)
 class PickedEdge:
-    """A followed edge: one line, why it ends where it does, its pixels in each pair, and pairs that failed."""
+    """A followed edge: one line, why it ends, its pixels in each pair, and messages of pairs that could not be read."""
 
     kind: str
     lines: LineSet
@@ -85,16 +82,16 @@ class PickedEdge:
 
 
 class NoEdgeAtPixelError(InputError):
-    """A pixel that no edge can be followed from.
+    """Raised for a pixel from which no edge can be followed.
 
     Parameters
     ----------
     reason
-        Why.
+        Why no edge can be followed.
     pick
-        Pair, column and row [pixels, rectified].
+        Number of the pair; column and row. [pixels, rectified]
     works
-        The nearest pixel that works, None if there is none nearby.
+        Nearest pixel from which an edge can be followed; None if there is none nearby.
     """
 
     def __init__(self, reason: str, pick: tuple[int, float, float], works: tuple[int, int] | None) -> None:
@@ -105,14 +102,14 @@ class NoEdgeAtPixelError(InputError):
 
 @dataclass(frozen=True, slots=True)
 class PosedPairs:
-    """Pairs in time order and where they were taken.
+    """Stereo pairs in time order and their poses.
 
     Parameters
     ----------
     source
-        Returns the rectified pair of a number; an `InputError` leaves that pair out.
+        Returns the rectified pair of a number; a pair that raises `InputError` is left out.
     numbers
-        Of the pairs; pose i belongs to ``numbers[i]``.
+        Numbers of the pairs; pose i belongs to ``numbers[i]``.
     """
 
     source: Callable[[int], RectifiedPair]
@@ -121,13 +118,13 @@ class PosedPairs:
 
     @property
     def origin(self) -> FloatArray:
-        """(3,) float64 [m, world]: what is taken off world coordinates, so that they are small."""
+        """(3,) origin of the local world, near the first pose. [m, world]"""  # noqa: D400
         return np.asarray(np.round(self.poses.xyz[0]))
 
 
 @dataclass(slots=True)
 class _Following:
-    """What has been seen so far: the line in order, why it ends at either end, and what each pair showed."""
+    """State of following: the line so far in order, why it ends at its start and end, and the step of each pair."""
 
     drive: PosedPairs
     course: tuple[EdgeVertex, ...] = ()
@@ -140,29 +137,31 @@ class _Following:
 def follow_picked(
     drive: PosedPairs, pick: tuple[int, float, float], *, side: str = "left", kind: str = ""
 ) -> Generator[EdgeStep, bool | None, PickedEdge]:
-    """Follow the edge next to a picked pixel; yield what each pair shows of it, and return it whole.
+    """Follow the edge next to a picked pixel; yield the step of each pair, and return the whole line.
 
     Parameters
     ----------
     pick
-        Number of the pair; column and row [pixels, rectified].
+        Number of the pair; column and row. [pixels, rectified]
     side
-        "left" or "right": the image it was picked in.
+        "left" or "right": the image that the pixel was picked in.
     kind
-        Of `EDGE_KINDS`; "": stripes of paint are lane markings, other edges road boundaries.
+        One of `EDGE_KINDS`; "": stripes of paint are lane markings, other edges road boundaries.
 
     Raises
     ------
+    NoEdgeAtPixelError
+        When no edge can be followed from the pixel.
     InputError
-        No edge there: why, and the nearest pixel that works.
+        When the picked pair cannot be read or shows no road.
 
     Notes
     -----
-    ``send(True)`` stops it: what has been followed so far is returned.
+    ``send(True)`` stops following and returns the line so far.
     """
     at = list(drive.numbers).index(pick[0])
     pair = drive.source(pick[0])
-    # The road in the picked pair: how high the cameras are above it
+    # The road surface of the picked pair
     road = road_in(pair)
     view = PairView.of(pair, drive.poses, at, drive.origin, road.up_vehicle)
     # The edge at the pixel, and its pattern
@@ -172,7 +171,7 @@ def follow_picked(
     follow = _Following(drive)
     if (yield _taken(follow, view, back, ahead, is_nearer=True)):
         return _whole(follow, kind, EdgeStop.CALLER)
-    # On into the next pairs, and from the picked one into those before
+    # Into the next pairs, then from the picked one into those before it
     for way in (1, -1):
         for view in _views(follow, at, way, road.up_vehicle):
             found = carry_into_pair(follow.course, view)
@@ -190,19 +189,25 @@ def _picked(
     side: int,
     kind: str,
 ) -> PickedStart:
-    """Return the edge at a pixel, or refuse it with the nearest pixel that works."""
+    """Return the edge at a pixel.
+
+    Raises
+    ------
+    NoEdgeAtPixelError
+        When there is none, with the nearest pixel from which an edge can be followed.
+    """
 
     def tried(col: float, row: float) -> PickedStart | EdgeRefusal:
         place = road.under(side, col, row)
         if place is None:
-            return EdgeRefusal("that is above the road's horizon, or too far away")
+            return EdgeRefusal(f"above the horizon of the road or more than {FARTHEST_PICK_M:.0f} m away")
         place, path = drive.poses.to_world(at, place[None])[0] - drive.origin, drive.poses.xyz - drive.origin
         found = pick_edge(view, side, place, kind, path_heading(place, path))
         if isinstance(found, PickedStart):
             found = replace(found, state=bent_like_path(found.state, path))
             back, ahead = _both_ways(view, found)
             if sum(v.in_both for v in (*back.vertices, *ahead.vertices)) < LEAST_CARRIED_PLACES:
-                return EdgeRefusal(f"there is an edge, but on the road it does not go on: {ahead.stop}")
+                return EdgeRefusal(f"the edge cannot be followed on the road ({ahead.stop})")
         return found
 
     found = tried(*pixel)
@@ -218,15 +223,15 @@ def _picked(
 
 
 def _both_ways(view: PairView, picked: PickedStart) -> tuple[FollowedStretch, FollowedStretch]:
-    """Return a picked line followed against its direction and along it, in one pair."""
+    """Return a picked line followed in one pair, against its direction and along it."""
     ahead = follow_edge(view, picked.state, picked.template, 1)
     back = follow_edge(view, picked.state, picked.template, -1)
-    # The first place is in both
+    # The first vertex is in both
     return replace(back, vertices=back.vertices[1:]), ahead
 
 
 def _views(follow: _Following, at: int, way: int, up_vehicle: FloatArray) -> Iterator[PairView]:
-    """Yield the pairs before or behind one in time, as long as they can show the line."""
+    """Yield the later (1) or earlier (-1) pairs, as long as they can show the line."""
     drive = follow.drive
     last_seen = last_looked = drive.poses.xyz[at]
     n_seen = len(follow.steps)
@@ -248,7 +253,7 @@ def _views(follow: _Following, at: int, way: int, up_vehicle: FloatArray) -> Ite
             last_seen, n_seen = here, len(follow.steps)
         elif np.linalg.norm(here - last_seen) > UNSEEN_M:
             return
-    # The line could go on, the images do not
+    # The line may continue, but there are no more images
     end = 1 if way > 0 else 0
     if follow.stops[end] in (EdgeStop.RANGE, EdgeStop.LEFT_IMAGE):
         follow.stops[end] = EdgeStop.END_OF_IMAGES
@@ -257,14 +262,14 @@ def _views(follow: _Following, at: int, way: int, up_vehicle: FloatArray) -> Ite
 def _taken(
     follow: _Following, view: PairView, back: FollowedStretch, ahead: FollowedStretch, *, is_nearer: bool
 ) -> EdgeStep:
-    """Add what a pair showed to the line, and return it."""
+    """Add the vertices of a pair to the line, and return its step."""
     vertices = (*reversed(back.vertices), *ahead.vertices)
     before = follow.course
     follow.course = vertices
     if before:
         ends = ahead.stop not in (EdgeStop.LEFT_IMAGE, EdgeStop.HIDDEN)
         follow.course = extend_by_pair(before, vertices, is_nearer=is_nearer, ends=ends)
-    # A pair that adds to an end, or sees it from nearer, knows why it ends there
+    # The reason of an end is that of the pair that extended it or is nearer to it
     if follow.course[-1] is not (before[-1] if before else None):
         follow.stops[1] = ahead.stop
     if follow.course[0] is not (before[0] if before else None):
@@ -282,7 +287,7 @@ def _taken(
 
 
 def _whole(follow: _Following, kind: str, stop: EdgeStop | None) -> PickedEdge:
-    """Return the line through everything that was seen."""
+    """Return the smooth line through the vertices of all pairs."""
     drive, steps = follow.drive, follow.steps
     found = [(v, s.number) for vertices, s in zip(follow.vertices, steps, strict=True) for v in vertices]
     rows = [(v.expected.frame[0], v.expected.frame[2], *seen, n) for v, n in found for seen in v.seen]
@@ -302,6 +307,6 @@ def _whole(follow: _Following, kind: str, stop: EdgeStop | None) -> PickedEdge:
 
 
 def _width(course: tuple[EdgeVertex, ...]) -> float:
-    """Return the width of the paint where it was seen best; NaN for an edge. [m]"""  # noqa: D400
+    """Return the median width of the paint at the better half of the vertices; NaN for a bare edge. [m]"""  # noqa: D400
     best = sorted(course, key=lambda v: min(seen[1] for seen in v.seen))[: max(len(course) // 2, 1)]
     return float(np.median([v.template.width_m for v in best]))

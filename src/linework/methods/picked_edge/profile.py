@@ -1,4 +1,4 @@
-"""Edges of a profile across a line, and whether two of them are the sides of a stripe of paint."""
+"""Edges of a profile of grey values, and the pairs of them that are the sides of a stripe of paint."""
 
 from __future__ import annotations
 
@@ -7,17 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import FloatArray
+from linework.methods.picked_edge.fitted import (
+    ALIKE_SIDES,
+    EDGE_SIDES,
+    IN_HALVES,
+    LEAST_PAINT,
+    LEAST_RISE,
+    NEXT_EDGE_SHARE,
+    PAINT_BETWEEN,
+)
 
-#: An edge's grey values differ by at least this, and in each half of its length by this share of it: what lies
-#: across a line, or is grain of the road, is in one half only.
-LEAST_RISE, _IN_HALVES = 6.0, 0.5
-#: Widths of the sides that are compared, for sharp and for soft edges. [m, pixels]
-_SIDES = ((0.04, 2.0), (0.10, 4.0))
-#: Both sides of a stripe of paint: the lower is at least this share of the higher, and so much brighter than the
-#: road where the paint is worn. [-, grey values]
-_ALIKE, _LEAST_PAINT = 0.4, 10.0
-#: Paint of lines is 0.05 to 0.5 m wide. [m]
+#: Smallest and largest width of a stripe: paint of lines is 0.05 to 0.5 m wide. [m]
 _WIDTH_M = (0.04, 0.55)
+#: Width of the road beside a stripe that it is compared with. [m]
+_BESIDE_STRIPE_M = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,13 +30,13 @@ class GreyProfile:
     Parameters
     ----------
     s
-        (n,) places to the left [m], one per pixel.
+        (n,) distances to the left, one per pixel. [m]
     grey
-        (n,) averaged along.
+        (n,) grey values averaged along the line.
     halves
-        (2, n) averaged along the nearer and the farther half.
+        (2, n) averages along the nearer and the farther half.
     pixel_m
-        What a pixel covers. [m]
+        Extent of a pixel. [m]
     """
 
     s: FloatArray
@@ -44,7 +47,7 @@ class GreyProfile:
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """Where grey values rise from right to left by `rise` (or fall, negative). [m, grey values]"""  # noqa: D400
+    """A step of grey values from right to left: its place [m, to the left] and its rise, negative for a fall."""
 
     at_m: float
     rise: float
@@ -52,7 +55,19 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """What was picked: the middle of a stripe and its width, or an edge (width NaN); how far the next edge is. [m]"""  # noqa: D400
+    """A stripe or an edge in a profile.
+
+    Parameters
+    ----------
+    at_m
+        Middle of the stripe, or place of the edge, to the left. [m]
+    width_m
+        Width of the stripe; NaN for an edge. [m]
+    rise
+        Paint less road; for an edge, left less right. [grey values]
+    free_m
+        Distance to the next edge. [m]
+    """
 
     at_m: float
     width_m: float
@@ -61,7 +76,7 @@ class Pattern:
 
 
 def rises(grey: FloatArray, n: int) -> FloatArray:
-    """Return (m - 2 n + 1,) the mean of n values less that of the n before them, at each place between values."""
+    """Return (m - 2 n + 1,) the mean of n values less that of the n before them, between the values of `grey` (m,)."""
     total = np.concatenate([[0.0], np.cumsum(grey)])
     means = (total[n:] - total[:-n]) / n
     return np.asarray(means[n:] - means[:-n])
@@ -73,11 +88,11 @@ def edges_in(profile: GreyProfile, sides: tuple[float, float]) -> list[Edge]:
     Parameters
     ----------
     sides
-        Least width of the sides that are compared. [m, pixels]
+        Smallest width of the sides that are compared. [m, pixels]
 
     Notes
     -----
-    An edge is where the means of both sides differ most; its place is the middle of the rise there.
+    An edge is where the means of both sides differ most; its place is where half of the rise is reached.
     """
     n = max(round(sides[0] / profile.pixel_m), round(sides[1]))
     rise = rises(profile.grey, n)
@@ -87,13 +102,13 @@ def edges_in(profile: GreyProfile, sides: tuple[float, float]) -> list[Edge]:
         near = rise[max(i - n + 1, 0) : i + n]
         if abs(rise[i]) < LEAST_RISE or abs(rise[i]) < np.abs(near).max():
             continue
-        if all(half[i] * np.sign(rise[i]) >= _IN_HALVES * abs(rise[i]) for half in halves):
+        if all(half[i] * np.sign(rise[i]) >= IN_HALVES * abs(rise[i]) for half in halves):
             found.append(Edge(_middle(profile, i + n, n), float(rise[i])))
     return found
 
 
 def _middle(profile: GreyProfile, i: int, n: int) -> float:
-    """Return where, around the place between values i - 1 and i, half of the rise is reached. [m]"""  # noqa: D400
+    """Return where half of the rise is reached, near the place between values i - 1 and i. [m]"""  # noqa: D400
     part = profile.grey[i - n : i + n]
     low, high = part[: max(n // 2, 1)].mean(), part[-max(n // 2, 1) :].mean()
     level = (part - 0.5 * (low + high)) * np.sign(high - low)
@@ -107,18 +122,18 @@ def _middle(profile: GreyProfile, i: int, n: int) -> float:
 
 
 def pattern_at(profile: GreyProfile, reach_m: float, on_paint_m: float, kind: str) -> Pattern | None:
-    """Return the pattern nearest to the middle of a profile: of its sharp edges, else of its soft ones.
+    """Return the pattern nearest to the middle of a profile: of its sharp edges, else of its soft ones; or None.
 
     Parameters
     ----------
     reach_m
-        An edge farther away was not picked. [m]
+        Largest distance of an edge from the middle. [m]
     on_paint_m
-        The pick may be on the paint, so far from both edges. [m]
+        Largest distance of the middle from both edges of a stripe that it lies on. [m]
     kind
-        "lane_marking", "road_boundary" or "": what is wanted.
+        "lane_marking": stripes only; "road_boundary": edges only; "": both.
     """
-    for sides in _SIDES:
+    for sides in EDGE_SIDES:
         edges = edges_in(profile, sides)
         stripes = _stripes(profile, edges)
         found: list[tuple[float, Pattern]] = []
@@ -138,13 +153,14 @@ def pattern_at(profile: GreyProfile, reach_m: float, on_paint_m: float, kind: st
 
 
 def _free(edge: Edge, edges: list[Edge]) -> float:
-    """Return how far from an edge the next one begins that is as high or higher. [m]"""  # noqa: D400
-    others = [abs(e.at_m - edge.at_m) for e in edges if e is not edge and abs(e.rise) >= 0.7 * abs(edge.rise)]
-    return min(others, default=float("inf")) - _SIDES[0][0]
+    """Return the distance from an edge to where the next one of about the same height begins. [m]"""  # noqa: D400
+    least = NEXT_EDGE_SHARE * abs(edge.rise)
+    others = [abs(e.at_m - edge.at_m) for e in edges if e is not edge and abs(e.rise) >= least]
+    return min(others, default=float("inf")) - EDGE_SIDES[0][0]
 
 
 def _stripes(profile: GreyProfile, edges: list[Edge]) -> list[tuple[Edge, Edge]]:
-    """Return pairs of edges that are the right and left side of something bright between darker sides."""
+    """Return pairs of right and left edges that bound something brighter than what is beside it."""
     found = []
     for i, right in enumerate(edges):
         for left in edges[i + 1 :]:
@@ -153,12 +169,12 @@ def _stripes(profile: GreyProfile, edges: list[Edge]) -> list[tuple[Edge, Edge]]
                 continue
             heights = sorted((right.rise, -left.rise))
             inside = (profile.s > right.at_m) & (profile.s < left.at_m)
-            beside = (profile.s > left.at_m + profile.pixel_m) & (profile.s < left.at_m + 0.1)
-            beside |= (profile.s < right.at_m - profile.pixel_m) & (profile.s > right.at_m - 0.1)
-            if heights[0] < max(_ALIKE * heights[1], _LEAST_PAINT) or not (inside.any() and beside.any()):
+            beside = (profile.s > left.at_m + profile.pixel_m) & (profile.s < left.at_m + _BESIDE_STRIPE_M)
+            beside |= (profile.s < right.at_m - profile.pixel_m) & (profile.s > right.at_m - _BESIDE_STRIPE_M)
+            if heights[0] < max(ALIKE_SIDES * heights[1], LEAST_PAINT) or not (inside.any() and beside.any()):
                 continue
-            # Worn paint has edges inside; what is between must be paint on the whole
-            if profile.grey[inside].mean() - profile.grey[beside].mean() >= 0.5 * heights[0]:
+            # Worn paint has edges inside; what is between both sides must be paint on average
+            if profile.grey[inside].mean() - profile.grey[beside].mean() >= PAINT_BETWEEN * heights[0]:
                 found.append((right, left))
                 break
     return found

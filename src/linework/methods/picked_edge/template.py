@@ -1,4 +1,4 @@
-"""The pattern across a line, as it has looked so far: what every match is compared with."""
+"""Template of the grey values across a line, which matches are compared with and which they renew slowly."""
 
 from __future__ import annotations
 
@@ -8,20 +8,18 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.kernels.images.line_matching import integral_of
+from linework.methods.picked_edge.fitted import EDGE_LEFT, RENEWED
 from linework.methods.picked_edge.profile import Pattern
 
-#: Spacing and reach of a template: finer than any camera's pixel at the nearest place it sees. [m]
+#: Spacing of a template, finer than a pixel at the nearest place of any camera, and its half width. [m]
 TEMPLATE_STEP_M, TEMPLATE_REACH_M = 0.005, 0.8
-#: Beside a stripe, and to either side of an edge, so much is compared: as wide as the narrowest verge. [m]
+#: Width that is compared beside a stripe, and on either side of an edge: that of the narrowest verge. [m]
 TEMPLATE_BESIDE_M, EDGE_M = 0.12, 0.22
-#: An edge's own sides, at least. [m]
+#: Smallest width that is compared on either side of an edge. [m]
 LEAST_TEMPLATE_SIDE_M = 0.08
-#: So much of a template is taken from each match: it is renewed over some metres, grain of the road
-#: does not become part of it.
-RENEWED = 0.04
-#: An edge's sides are averaged over this, the noise of single samples away. [m]
+#: Width of the sides of an edge that are averaged against the noise of single samples. [m]
 _SIDE_M = 0.03
-#: An edge stays within this of where it was. [m]
+#: Largest shift of an edge in the template. [m]
 _EDGE_REACH_M = 0.12
 
 
@@ -32,17 +30,17 @@ class Template:
     Parameters
     ----------
     grey
-        (n,) float64 every `TEMPLATE_STEP_M`, the first `TEMPLATE_REACH_M` to the right of the line.
+        (n,) grey values every `TEMPLATE_STEP_M`; the first is `TEMPLATE_REACH_M` to the right of the middle.
     anchor_m
-        Where on it the line is: the middle of both edges of a stripe, the half height of an edge.
+        Place of the line on it: the middle of both edges of a stripe, the half height of an edge. [m]
     width_m
-        Between both edges of a stripe; NaN for an edge.
+        Width between both edges of a stripe; NaN for an edge. [m]
     rise
-        Of an edge, from its right to its left; of a stripe, paint over road. [grey values]
+        Left less right of an edge; paint less road of a stripe. [grey values]
     free_m
-        From an edge to the next one, which has its own way. [m]
+        Distance from an edge to the next one. [m]
     total
-        (n + 1,) running integral of `grey`, as kernels take it.
+        (n + 1,) running integral of `grey` (`linework.kernels.images.line_matching.integral_of`).
     """
 
     grey: FloatArray
@@ -59,7 +57,7 @@ class Template:
 
     @property
     def window_m(self) -> float:
-        """Half of the width that is compared. [m]"""  # noqa: D400
+        """Half the width that is compared. [m]"""  # noqa: D400
         if self.is_stripe:
             return 0.5 * self.width_m + TEMPLATE_BESIDE_M
         return min(max(self.free_m, LEAST_TEMPLATE_SIDE_M), EDGE_M)
@@ -72,13 +70,13 @@ class Template:
 
 
 def grid() -> FloatArray:
-    """Return (n,) places of a template's values. [m, left of the line positive]"""  # noqa: D400
+    """Return (n,) places of the values of a template, positive to the left. [m]"""  # noqa: D400
     n = round(TEMPLATE_REACH_M / TEMPLATE_STEP_M)
     return np.asarray(TEMPLATE_STEP_M * np.arange(-n, n + 1), dtype=np.float64)
 
 
 def template_of(s: FloatArray, grey: FloatArray, pattern: Pattern) -> Template:
-    """Return the template of grey values at places across a line [m], anchored anew on its edges."""
+    """Return the template of a pattern in grey values (k,) at distances `s` (k,) to the left [m], anchored on its edges."""
     seen = np.isfinite(grey)
     values = np.interp(grid() + pattern.at_m, s[seen], grey[seen])
     p = pattern
@@ -86,16 +84,16 @@ def template_of(s: FloatArray, grey: FloatArray, pattern: Pattern) -> Template:
 
 
 def renewed(template: Template, s: FloatArray, grey: FloatArray, seen: FloatArray) -> Template:
-    """Return a template drawn a little towards what a match showed.
+    """Return a template renewed by a match, with weight `RENEWED`.
 
     Parameters
     ----------
     s
-        (k,) ascending places on the template [m].
+        (k,) ascending places on the template. [m]
     grey
-        (k,) what was seen there, its gain and offset taken out.
+        (k,) grey values of the match, less its gain and offset.
     seen
-        (k,) the template as the same pixels see it: only the difference is drawn in, so that coarse pixels do not
+        (k,) the template averaged over the same pixels: only the difference is added, so that coarse pixels do not
         blur the template.
     """
     difference = np.interp(grid(), s, grey - seen, left=0.0, right=0.0)
@@ -104,7 +102,7 @@ def renewed(template: Template, s: FloatArray, grey: FloatArray, seen: FloatArra
 
 
 def anchored(template: Template) -> Template:
-    """Return the template with its line where its edges are now: matching alone would drift away from them."""
+    """Return the template with the line placed on its edges again: matching alone drifts away from them."""
     s, grey, at = grid(), template.grey, template.anchor_m
     if not template.is_stripe:
         edge = _crossing(s, grey, at, template.rise, min(template.window_m, _EDGE_REACH_M))
@@ -124,11 +122,11 @@ def anchored(template: Template) -> Template:
 def _crossing(
     s: FloatArray, grey: FloatArray, at: float, rise: float, reach: float
 ) -> tuple[float, float] | None:
-    """Return where an edge is at half of its height [m], and its height; None where it is no longer there."""
+    """Return where an edge is at half its height [m], and its height; None where it has vanished."""
     side = max(0.5 * reach, _SIDE_M)
     right = grey[(s < at - 0.5 * reach) & (s >= at - 0.5 * reach - side)].mean()
     left = grey[(s > at + 0.5 * reach) & (s <= at + 0.5 * reach + side)].mean()
-    if (left - right) * rise <= 0.0 or abs(left - right) < 0.3 * abs(rise):
+    if (left - right) * rise <= 0.0 or abs(left - right) < EDGE_LEFT * abs(rise):
         return None
     near = np.flatnonzero(np.abs(s - at) <= reach)
     above = (grey[near] - 0.5 * (left + right)) * np.sign(rise)

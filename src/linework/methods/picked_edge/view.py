@@ -1,4 +1,4 @@
-"""One stereo pair as it is seen from the world: where places are in both of its images."""
+"""Projection of places of the world into both images of a pair, and whether an object hides them."""
 
 from __future__ import annotations
 
@@ -7,25 +7,35 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
+from linework.methods.picked_edge.fitted import CLEARLY_BETTER, NEARER_PX, NEARER_SHARE, SAME_WINDOW
 from linework.model.images import Poses, RectifiedPair
+
+#: Half size of the windows that are compared. [rows, columns]
+_HALF = (4, 7)
+#: Largest disparity that is searched, as a multiple of the place's own: a quarter of its distance.
+_NEAREST = 4.0
+#: Smallest depth of a place that is projected, and of one that may be hidden. [m]
+_LEAST_DEPTH_M, _LEAST_HIDDEN_DEPTH_M = 0.1, 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class PairView:
-    """A rectified pair and where its cameras were.
+    """A rectified pair with the projections of both cameras.
 
     Parameters
     ----------
+    number
+        Number of the pair.
     images
         Left and right, (height, width) uint8.
     to_pixel
-        Of both, (3, 4) float64 from places to homogeneous column and row.
+        (3, 4) projections of both images, from the local world [m] to homogeneous column and row.
     centre
-        (3,) float64 [m, local world]: projection centre of the left camera.
+        (3,) projection centre of the left camera. [m, local world]
     ahead
-        (3,) float64: where the cameras look.
+        (3,) unit direction of view.
     up
-        (3,) float64: normal of the road.
+        (3,) unit normal of the road.
     """
 
     number: int
@@ -39,15 +49,17 @@ class PairView:
     def of(
         cls, pair: RectifiedPair, poses: Poses, i: int, origin: FloatArray, up_vehicle: FloatArray
     ) -> PairView:
-        """Return a pair as seen from the world, less an origin. [m]
+        """Return the view of a pair.
 
         Parameters
         ----------
         poses, i
-            Pose i belongs to the pair.
+            Poses of the survey and the index of the pair's own.
+        origin
+            (3,) origin of the local world. [m, world]
         up_vehicle
-            (3,) normal of the road in the vehicle frame.
-        """  # noqa: D400
+            (3,) unit normal of the road in the vehicle frame.
+        """
         rig, turn = pair.rig, poses.R_world_vehicle[i]
         inside = np.array([[rig.focal_px, 0.0, rig.cx], [0.0, rig.focal_px, rig.cy], [0.0, 0.0, 1.0]])
         axes = turn @ rig.R_vehicle_camera
@@ -61,24 +73,24 @@ class PairView:
         )  # fmt: skip
 
     def pixels(self, side: int, xyz: FloatArray) -> FloatArray:
-        """Return (n, 2) columns and rows of (n, 3) places in one image; NaN behind the camera."""
+        """Return (n, 2) columns and rows of (n, 3) places [m, local world] in one image; NaN behind the camera."""
         m = self.to_pixel[side]
         h = xyz @ m[:, :3].T + m[:, 3]
-        depth = np.where(h[:, 2] > 0.1, h[:, 2], np.nan)
+        depth = np.where(h[:, 2] > _LEAST_DEPTH_M, h[:, 2], np.nan)
         return np.asarray(h[:, :2] / depth[:, None])
 
     def jacobian(self, side: int, place: FloatArray) -> FloatArray:
-        """Return (2, 3) how the pixel of a place moves with it. [pixels/m]"""  # noqa: D400
+        """Return (2, 3) the derivatives of column and row by the place. [pixels/m]"""  # noqa: D400
         m = self.to_pixel[side]
         h = m[:, :3] @ place + m[:, 3]
         return np.asarray((m[:2, :3] - np.outer(h[:2] / h[2], m[2, :3])) / h[2])
 
     def depth_m(self, xyz: FloatArray) -> FloatArray:
-        """Return (n,) how far ahead of the cameras (n, 3) places are. [m]"""  # noqa: D400
+        """Return (n,) depths of (n, 3) places in front of the cameras. [m]"""  # noqa: D400
         return np.asarray((xyz - self.centre) @ self.ahead)
 
     def is_inside(self, side: int, xyz: FloatArray, margin_px: float = 2.0) -> AnyArray:
-        """Return (n,) whether places are inside an image."""
+        """Return (n,) bool: the place is inside an image by at least a margin."""
         col, row = self.pixels(side, xyz).T
         height, width = self.images[side].shape
         with np.errstate(invalid="ignore"):
@@ -88,26 +100,15 @@ class PairView:
             )  # fmt: skip
 
 
-# Whether something nearer stands where a line should be seen
-
-#: Half size of the windows that are compared. [rows, columns]
-_HALF = (4, 7)
-#: Two windows show the same thing when they correlate so well; the nearer must do so better than the road by this.
-_SAME, _BETTER = 0.8, 0.1
-#: Something that stands on the road is nearer than the road behind it by at least so much of its disparity, and by
-#: at least so many pixels. Nothing is looked for nearer than a quarter of the distance.
-_NEARER, _NEARER_PX, _NEAREST = 1.12, 2.0, 4.0
-
-
 def is_hidden(view: PairView, places: FloatArray) -> bool:
-    """Return whether most of (n, 3) places [m, local world] are behind something.
+    """Return whether most of (n, 3) places [m, local world] are hidden by an object.
 
     Notes
     -----
-    The window around each place in the left image is looked for along its row of the right image. It is hidden
-    where a disparity larger than the place's own fits better.
+    The window around each place in the left image is searched along its row of the right image. The place is hidden
+    where a disparity larger than its own fits better.
     """
-    ahead = places[view.is_inside(0, places) & (view.depth_m(places) > 1.0)]
+    ahead = places[view.is_inside(0, places) & (view.depth_m(places) > _LEAST_HIDDEN_DEPTH_M)]
     if len(ahead) == 0:
         return False
     left, right = view.pixels(0, ahead), view.pixels(1, ahead)
@@ -118,6 +119,7 @@ def is_hidden(view: PairView, places: FloatArray) -> bool:
 
 
 def _is_nearer(images: tuple[AnyArray, AnyArray], col: float, row: float, disparity: float) -> bool:
+    """Return whether a left pixel shows something nearer than its expected disparity says."""
     left, right = images
     c, r = round(col), round(row)
     high, wide = _HALF
@@ -133,15 +135,15 @@ def _is_nearer(images: tuple[AnyArray, AnyArray], col: float, row: float, dispar
     shifted = np.lib.stride_tricks.sliding_window_view(strip, window.shape)[0]
     alike = np.einsum("krc,rc->k", _normal(shifted), window)
     found = c - wide - (first + np.arange(len(alike)))
-    nearer = found > max(_NEARER * disparity, disparity + _NEARER_PX)
+    nearer = found > max(NEARER_SHARE * disparity, disparity + NEARER_PX)
     if not nearer.any() or nearer.all():
         return False
     best = alike[nearer].max()
-    return bool(best > _SAME and best > alike[~nearer].max() + _BETTER)
+    return bool(best > SAME_WINDOW and best > alike[~nearer].max() + CLEARLY_BETTER)
 
 
 def _normal(windows: FloatArray) -> FloatArray:
-    """Return (k, rows, columns) windows less their mean, of unit length; empty ones stay 0."""
+    """Return (k, rows, columns) windows less their mean, scaled to unit norm; uniform ones stay 0."""
     out = windows - windows.mean(axis=(1, 2), keepdims=True)
     length = np.sqrt((out * out).sum(axis=(1, 2), keepdims=True))
     return np.asarray(out / np.maximum(length, 1.0))

@@ -1,1 +1,1 @@
-"""Lines from stereo pairs: found by themselves, or followed from a picked place."""
+"""Automatic extraction of lane markings from stereo pairs."""

@@ -1,4 +1,4 @@
-"""What a pair has seen of lines on the road: places every half a metre, with their standard deviations."""
+"""Sightings of one pair: which lines of stripes are paint on the road, and places on them every half a metre."""
 
 from __future__ import annotations
 
@@ -10,45 +10,55 @@ import numpy as np
 from linework.arrays import FloatArray, IntArray
 from linework.kernels.images.link_stripes import fit_at
 from linework.kernels.images.row_stripes import COL, LEVEL, ROW, STRIPE_CONTRAST, STRIPE_SIGMA, WIDTH
+from linework.methods.stereo.fitted import (
+    BRIGHT_ROAD_FACTOR,
+    EDGE_STEP_M,
+    LEAST_MATCHED,
+    LEAST_STRIPE_SIGMA_PX,
+    LIGHT,
+    LIGHT_SHARE,
+    OVER_ASIDE_M,
+    OVER_M,
+    RAGGED,
+    SHORT_LINE_SCORE,
+    SHORT_LINE_SLOPE_M,
+    STEEP_PAINT,
+    TURNING_QUANTILE,
+    UNDER_M,
+    WIDTH_BLUR_PX,
+    WINDING_RAD,
+    WINDING_STEP_M,
+    WORN_SHARE,
+)
 from linework.methods.stereo.road_plane import PLANE_AHEAD_M, RoadShape
-from linework.methods.stereo.stripes import LEAST_STRIPE_SIGMA_PX, StripeConfig, StripeLines
+from linework.methods.stereo.stripes import StripeConfig, StripeLines
 from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
 from linework.model.sightings import Sightings
 
-#: Places on a line stand about so far apart. [m]
+#: Distance between sightings on a line. [m]
 SIGHTING_SPACING_M = 0.5
-#: Paint in fewer rows, or shorter, shows no line.
+#: Fewest rows and shortest length of a line: fewer places have no direction. [rows, m]
 LEAST_ROWS, LEAST_LENGTH_M = 3, 0.3
-#: Of a line so many of the stripes have a partner in the other image.
-LEAST_MATCHED = 0.4
-#: A line is straight over so much of it across the image, its distance changes as the road's over so much. [m]
-STRAIGHT_PIECE_M, SMOOTH_DISTANCE_M = 0.6, 3.0
-#: Both edges of paint are parallel: widths differ by no more than this share (median), blur apart. [1, pixels]
-RAGGED, WIDTH_BLUR_PX = 0.5, 0.35
-#: Steps of this length turn little from one to the next [m, rad], as in a bend of 5 m radius, and where paint is worn
-#: to one side by this share of its width: blades of grass and the grain of asphalt, linked by chance, wind about.
-WINDING_STEP_M, WINDING_RAD, WORN_SHARE = 0.5, 0.12, 0.5
-#: Paint is flat on the road: what stands up from it by this share of upright is a post or a wheel.
-STEEP_PAINT = 0.5
-#: Paint is on the road's surface within the shape of gutters, ruts and crowns; kerbs stand higher. [m]
-UNDER_M, OVER_M = 0.15, 0.10
-#: So far to the sides roads fall away from their crown; what is higher there is a kerb. [m, m]
-CROWN_ASIDE_M, OVER_ASIDE_M = 2.5, 0.05
-#: Of crests and sags within the reach of the cameras the shape of the road misses those of this radius. [m]
+#: Half window of the local straight line through the columns of a line [m], and its smallest value [rows].
+STRAIGHT_PIECE_M, LEAST_PIECE_ROWS = 0.6, 2.5
+#: Half window over which the disparity above that of the road changes linearly [m], and its smallest value [rows].
+SMOOTH_DISTANCE_M, LEAST_SMOOTH_ROWS = 3.0, 4.5
+#: Half the width of a lane: farther to the sides roads fall away from their crown. [m]
+CROWN_ASIDE_M = 2.5
+#: Radius of crests and sags that the shape of the road misses within the range of the cameras. [m]
 BEND_M = 1500.0
-#: Paint is flat: of a kerb stone the one edge is at its foot. [m]
-EDGE_STEP_M = 0.04
-#: Paint is brighter than the road. Where so large a share of the road (none, fully) is as bright as this share of
-#: the stripe's grey value, the stripe may be road in the sun between shadows.
-LIGHT, LIGHT_SHARE = 0.9, (0.03, 0.10)
-#: Half the width before the cameras that is road for sure, as the van drives on it. [m]
+#: Half the width in front of the cameras that is certainly road, because the van drives on it. [m]
 OWN_LANE_M = 1.5
+#: Spacing of the pixels whose grey values are those of the road: enough for a quantile. [rows, columns]
+GREY_ROWS, GREY_COLS = 4, 8
+#: Standard deviations by which a measured height may exceed its limit.
+SIGHTED_HEIGHT_SIGMAS = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class _Line:
-    """One line of a pair: its stripes, and what they say together."""
+    """One line of a pair that is paint: rows of its stripes, distance along it [m], slope across over ahead, score."""
 
     at: IntArray
     along_m: FloatArray
@@ -57,7 +67,7 @@ class _Line:
 
 
 def sightings_of(pair: RectifiedPair, road: RoadShape, lines: StripeLines, config: StripeConfig) -> Sightings:
-    """Return the places on those lines of stripes that are paint on the road."""
+    """Return the sightings of those lines of stripes that are paint on the road, in the vehicle frame."""
     rig = pair.rig
     kept = []
     greys = _road_greys(pair, road)
@@ -80,11 +90,19 @@ def _judged(
     config: StripeConfig,
     greys: FloatArray,
 ) -> _Line | None:
-    """Return a line of stripes if they are those of paint on the road."""
+    """Return a line of stripes that is paint on the road, else None.
+
+    Parameters
+    ----------
+    at
+        (k,) int64: stripes of the line.
+    greys
+        (m,) grey values of the road, ascending.
+    """
     matched = np.isfinite(lines.disparity[at])
     if matched.sum() < max(LEAST_ROWS, LEAST_MATCHED * len(at)):
         return None
-    # From the first to the last stripe that both images show
+    # Cut to the stripes between the first and the last that both images show
     both = np.flatnonzero(matched)
     at, matched = at[both[0] : both[-1] + 1], matched[both[0] : both[-1] + 1]
     t, surface = lines.table[at], lines.road_disparity[at]
@@ -94,7 +112,7 @@ def _judged(
     if along[-1] < LEAST_LENGTH_M:
         return None
     slope = _slope(ahead, across)
-    # Across the line, not across the view
+    # Width across the line, not along the row
     width_m = t[:, WIDTH] * per_px / math.hypot(1.0, slope)
     width = float(np.median(width_m))
     ragged = float(np.median(np.abs(width_m - width))) - WIDTH_BLUR_PX * float(np.median(per_px))
@@ -103,39 +121,40 @@ def _judged(
     if _turning(across, ahead, along) > WINDING_RAD + WORN_SHARE * width / WINDING_STEP_M:
         return None
     height = road.plane.camera_height_m(rig) * (1.0 - surface / lines.disparity[at])
-    # What stands upright has one distance in all its rows: it would rise to the camera's height at no distance
+    # Lean: 0 for paint; an upright object has one distance in all its rows and appears to rise with it
     lean = _slope(ahead[matched], height[matched]) * float(np.median(ahead)) / road.plane.camera_height_m(rig)
     sigma = float(np.median(height_sigma(rig, lines, at[matched]))) / math.sqrt(matched.sum())
     middle = float(np.median(height[matched]))
     crest = float(np.median(ahead)) ** 2 / (2.0 * BEND_M)
     aside = abs(float(np.median(across))) > CROWN_ASIDE_M
-    over = (OVER_ASIDE_M if aside else OVER_M) + crest + 2.0 * sigma
-    if abs(lean) > STEEP_PAINT or not -UNDER_M - crest - 2.0 * sigma < middle < over:
+    over = (OVER_ASIDE_M if aside else OVER_M) + crest + SIGHTED_HEIGHT_SIGMAS * sigma
+    if abs(lean) > STEEP_PAINT or not -UNDER_M - crest - SIGHTED_HEIGHT_SIGMAS * sigma < middle < over:
         return None
-    # A footway may have passed for the road's shape; it is higher than the lane that the van drives on
+    # The shape of the road may follow a footway, which is higher than the lane that the van drives on
     lane = road.level_disparity(rig, t[:, COL], t[:, ROW])
     if (
         aside
         and road.plane.camera_height_m(rig) * float(np.nanmedian(1.0 - lane / lines.disparity[at])) > over
     ):
         return None
-    # How much higher the one edge is than the other
+    # Height of one edge above the other
     step = road.plane.camera_height_m(rig) * lines.widening[at] / surface
-    if abs(float(np.nanmedian(step))) > EDGE_STEP_M + 2.0 * sigma:
+    if abs(float(np.nanmedian(step))) > EDGE_STEP_M + SIGHTED_HEIGHT_SIGMAS * sigma:
         return None
     score = float(matched.mean()) * (1.0 - max(ragged, 0.0) / (2.0 * RAGGED * width))
-    score *= min(1.0, 0.5 + along[-1] / 4.0)
-    # Where the road itself is as bright, in the sun, this may be a strip of light
+    score *= min(1.0, SHORT_LINE_SCORE + along[-1] / SHORT_LINE_SLOPE_M)
+    # Where the road itself is as bright, the stripe may be a strip of sunlight
     paint = LIGHT * float(np.median(t[:, LEVEL] + t[:, STRIPE_CONTRAST]))
     as_bright = 1.0 - np.searchsorted(greys, paint) / max(len(greys), 1)
-    score *= 1.0 - 0.5 * min(max((as_bright - LIGHT_SHARE[0]) / (LIGHT_SHARE[1] - LIGHT_SHARE[0]), 0.0), 1.0)
+    sunlit = min(max((as_bright - LIGHT_SHARE[0]) / (LIGHT_SHARE[1] - LIGHT_SHARE[0]), 0.0), 1.0)
+    score *= 1.0 - BRIGHT_ROAD_FACTOR * sunlit
     return _Line(at, along, slope, score)
 
 
 def _road_greys(pair: RectifiedPair, road: RoadShape) -> FloatArray:
-    """Return the grey values of the road before the van, in ascending order."""
+    """Return (m,) grey values of the road in front of the van, in ascending order."""
     rig = pair.rig
-    row, col = (v.ravel() for v in np.mgrid[0 : rig.height : 4, 0 : rig.width : 8])
+    row, col = (v.ravel() for v in np.mgrid[0 : rig.height : GREY_ROWS, 0 : rig.width : GREY_COLS])
     d = road.plane.disparity(rig, col, row)
     near = (d > rig.focal_px * rig.base_m / PLANE_AHEAD_M) & (
         np.abs(col - rig.cx) * rig.base_m < OWN_LANE_M * d
@@ -144,17 +163,17 @@ def _road_greys(pair: RectifiedPair, road: RoadShape) -> FloatArray:
 
 
 def _turning(across: FloatArray, ahead: FloatArray, along: FloatArray) -> float:
-    """Return by how much a line typically turns from one step of `WINDING_STEP_M` to the next. [rad]"""  # noqa: D400
+    """Return the upper quartile of a line's turns from one step of `WINDING_STEP_M` to the next. [rad]"""  # noqa: D400
     n = int(along[-1] / WINDING_STEP_M) + 1
     if n < 3:
         return 0.0
     where = np.linspace(0.0, along[-1], n)
     heading = np.arctan2(np.diff(np.interp(where, along, across)), np.diff(np.interp(where, along, ahead)))
-    return float(np.quantile(np.abs(np.diff(heading)), 0.75))
+    return float(np.quantile(np.abs(np.diff(heading)), TURNING_QUANTILE))
 
 
 def _slope(x: FloatArray, y: FloatArray) -> float:
-    """Return the slope of a straight line, robustly: the median over pairs half of the places apart."""
+    """Return the slope of a straight line as the median over pairs of places half the line apart."""
     half = max(len(x) // 2, 1)
     step = x[half:] - x[:-half]
     good = np.abs(step) > 1e-9
@@ -162,29 +181,31 @@ def _slope(x: FloatArray, y: FloatArray) -> float:
 
 
 def height_sigma(rig: RectifiedRig, lines: StripeLines, at: IntArray) -> FloatArray:
-    """Return the standard deviation of the height of single stripes above the road's plane. [m]"""  # noqa: D400
+    """Return (k,) standard deviations of the heights of the stripes `at` (k,) above the road. [m]"""  # noqa: D400
     per_px = rig.base_m / lines.road_disparity[at]
     below = np.maximum(lines.table[at, ROW] - rig.cy, 1.0) * per_px
     return np.asarray(below * lines.sigma_disparity[at] / lines.road_disparity[at])
 
 
 def _places(line: _Line, lines: StripeLines, pair: RectifiedPair, number: int) -> Sightings:
-    """Return the places of a line: local straight lines through the stripes of both images."""
+    """Return the sightings of a line, from local straight lines through its stripes in both images."""
     rig, at = pair.rig, line.at
     t = lines.table[at]
     s = line.along_m
     n = max(math.ceil(s[-1] / SIGHTING_SPACING_M), 1) + 1
     where = np.linspace(0.0, s[-1], n)
-    # Windows in rows: a straight line in space is one in the image
+    # Windows are in rows: a straight line in space is straight in the image
     v = -t[:, ROW]
     row = np.interp(where, s, t[:, ROW])
     step = np.abs(np.interp(where + 0.5, s, t[:, ROW]) - np.interp(where - 0.5, s, t[:, ROW]))
     rows_per_m = np.maximum(step, 0.5)
     sigma = np.maximum(t[:, STRIPE_SIGMA], LEAST_STRIPE_SIGMA_PX)
-    col, sigma_col = fit_at(v, t[:, COL], sigma, -row, np.maximum(STRAIGHT_PIECE_M * rows_per_m, 2.5))
+    col, sigma_col = fit_at(
+        v, t[:, COL], sigma, -row, np.maximum(STRAIGHT_PIECE_M * rows_per_m, LEAST_PIECE_ROWS)
+    )
     rest, sigma_d = fit_at(
         v, lines.disparity[at] - lines.road_disparity[at], np.nan_to_num(lines.sigma_disparity[at], nan=1.0),
-        -row, np.maximum(SMOOTH_DISTANCE_M * rows_per_m, 4.5),
+        -row, np.maximum(SMOOTH_DISTANCE_M * rows_per_m, LEAST_SMOOTH_ROWS),
     )  # fmt: skip
     road = np.interp(where, s, lines.road_disparity[at])
     disparity = road + rest

@@ -1,9 +1,8 @@
-"""Bright stripes of both images of a pair, row by row, linked into lines and matched left to right.
+"""Bright stripes in the rows of both images of a pair, linked into lines and matched from left to right.
 
-Beyond the paper's bright lines (He and Novak 1992, 3.1): the grey values that count are those of the road beside
-the stripe, not those of the whole scan line; the width of paint is known from the road's plane; the middle is
-half-way between two edges at half contrast (T. Veit et al. 2008, doi:10.1109/ITSC.2008.4732564, compare such
-detectors and find local thresholds best).
+Beyond the bright lines of the paper (He and Novak 1992, 3.1): a stripe is compared with the road beside it, not with
+the whole row; the width of paint follows from the plane of the road; the middle is half-way between two edges at half
+contrast (T. Veit et al. 2008, doi:10.1109/ITSC.2008.4732564, compare such detectors and find local thresholds best).
 """
 
 from __future__ import annotations
@@ -23,24 +22,27 @@ from linework.kernels.images.row_stripes import (
     WIDTH,
     stripes_of_rows,
 )
+from linework.methods.stereo.fitted import LEAST_STRIPE_SIGMA_PX
 from linework.methods.stereo.road_plane import RoadPlane, RoadShape
 from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
 from linework.model.settings import setting
 
-#: A line that runs more aslant than this from the direction of view is not cut across by rows. [rad]
+#: Largest angle between a line and the direction of view: rows do not cut a more oblique one. [rad]
 STEEPEST_RAD = math.radians(65.0)
-#: Paint is worn and covered; a line with longer gaps is another one: dashes stand farther apart. [m, rows]
+#: Longest gap in a line where paint is worn or covered; dashes are farther apart. [m, rows]
 GAP = (0.6, 2)
-#: Sub-pixel edges are off by some hundredths of a pixel, whatever the noise: blur, sampling, lens. [pixels]
-LEAST_STRIPE_SIGMA_PX = 0.05
-#: How far from the road's plane paint may be: noise of the plane [m], and crests and sags of 750 m radius.
+#: Largest distance of paint from the plane of the road: noise of the plane, and the radius of crests and sags. [m]
 OFF_PLANE_M, CREST_M = 0.15, 750.0
+#: Half width of the smallest gate of disparities. [pixels]
+LEAST_GATE_PX = 1.0
+#: Smallest disparity that a distance is computed from, against division by zero at the horizon. [pixels]
+LEAST_DISPARITY_PX = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StripeConfig:
-    """Settings of what is taken for a stripe of paint."""
+    """Settings of the detection of stripes of paint."""
 
     least_width_m: float = setting(
         0.07, unit="m", reason="the narrowest lane lines are 0.10 m, worn at their edges", low=0.02, high=1
@@ -49,13 +51,17 @@ class StripeConfig:
         0.60, unit="m", reason="the widest lines, of motorways and bus lanes, are 0.50 m", low=0.05, high=2
     )
     least_contrast_sigmas: float = setting(
-        4.0, unit="", reason="of the noise of a row: less shows by chance in every row", low=1, high=20
+        4.0, unit="", reason="of the noise of a row: less occurs by chance in every row", low=1, high=20
     )
     least_contrast: float = setting(
-        0.06, unit="", reason="of the road beside it: repairs and stains differ by so much", low=0, high=2
+        0.06, unit="", reason="of the road beside it: repairs and stains differ by as much", low=0, high=2
     )
     farthest_m: float = setting(
-        35.0, unit="m", reason="a row is a metre of road there; nearer pairs see it better", low=5, high=200
+        35.0,
+        unit="m",
+        reason="a row covers a metre of road there; nearer pairs show it better",
+        low=5,
+        high=200,
     )
 
 
@@ -66,11 +72,11 @@ class Stripes:
     Parameters
     ----------
     table
-        (n, 6): see `linework.kernels.images.row_stripes`.
+        (n, 6): columns of `linework.kernels.images.row_stripes`.
     first
         (n_rows + 1,) int64: first stripe of each row.
     disparity
-        (n,) of the road there [pixels].
+        (n,) disparity of the road at each stripe. [pixels]
     """
 
     table: FloatArray
@@ -80,20 +86,20 @@ class Stripes:
 
 @dataclass(frozen=True, slots=True)
 class StripeLines:
-    """Stripes of the left image that are places of lines, with their partners in the right one.
+    """Stripes of the left image with their lines and their partners in the right image.
 
     Parameters
     ----------
     table
-        (n, 6): those of the left image.
+        (n, 6) stripes of the left image: columns of `linework.kernels.images.row_stripes`.
     line
-        (n,) int64: which line, -1: none.
+        (n,) int64: number of the line, -1 for none.
     disparity, sigma_disparity
-        (n,) [pixels]: NaN without a partner.
+        (n,) disparity and its standard deviation; NaN without a partner. [pixels]
     widening
-        (n,) by how much it is wider in the left image than in the right one. [pixels]
+        (n,) width in the left image, as the right one should show it, less the width there. [pixels]
     road_disparity
-        (n,) of the road there. [pixels]
+        (n,) disparity of the road's surface. [pixels]
     """
 
     table: FloatArray
@@ -110,14 +116,14 @@ def find_stripe_lines(pair: RectifiedPair, road: RoadShape, config: StripeConfig
     left = find_stripes(pair.left, rig, plane, config)
     right = find_stripes(pair.right, rig, plane.in_right(), config)
     n_rows = len(left.first) - 1
-    # Linked on the road, where lines are straight or bend gently, whatever the perspective
+    # Link on the plane of the road, where lines are straight or bend gently whatever the perspective
     per_px = rig.base_m / left.disparity
     depth = rig.focal_px * per_px
     sigma = np.maximum(left.table[:, STRIPE_SIGMA], LEAST_STRIPE_SIGMA_PX)
     across = (left.table[:, COL] - rig.cx) * per_px
     places = np.column_stack([across, depth, left.table[:, WIDTH] * per_px, sigma * per_px])
     line = link(places, left.first, n_rows, math.tan(STEEPEST_RAD), GAP)
-    # The same stripe in the same row of the right image, about where the road's plane expects it
+    # Match with the stripes in the same row of the right image, near the disparity of the road
     gate = _gates(left, rig, plane)
     expected = road.disparity(rig, left.table[:, COL], left.table[:, ROW])
     match = partners(
@@ -135,7 +141,7 @@ def find_stripe_lines(pair: RectifiedPair, road: RoadShape, config: StripeConfig
 
 
 def find_stripes(image: AnyArray, rig: RectifiedRig, plane: RoadPlane, config: StripeConfig) -> Stripes:
-    """Return the stripes of an image that are as wide as paint on the road's plane."""
+    """Return the stripes of an image (height, width) uint8 that are as wide as paint on the plane of the road."""
     at_zero = np.array([plane.d0 - plane.du * rig.cx - plane.dv * rig.cy, plane.du, plane.dv])
     nearest = rig.focal_px * rig.base_m / config.farthest_m
     top = int(np.ceil(rig.cy + (nearest - plane.d0) / plane.dv))
@@ -148,10 +154,10 @@ def find_stripes(image: AnyArray, rig: RectifiedRig, plane: RoadPlane, config: S
 
 
 def _gates(stripes: Stripes, rig: RectifiedRig, plane: RoadPlane) -> FloatArray:
-    """Return (n_rows,) how far disparities of paint may be from the plane's. [pixels]"""  # noqa: D400
+    """Return (n_rows,) the largest difference between the disparities of paint and the road. [pixels]"""  # noqa: D400
     n_rows = len(stripes.first) - 1
     row = rig.height - 1.0 - np.arange(n_rows, dtype=np.float64)
     d = plane.disparity(rig, np.full(n_rows, rig.cx), row)
-    d = np.maximum(d, 1.0)
+    d = np.maximum(d, LEAST_DISPARITY_PX)
     off_m = OFF_PLANE_M + (rig.focal_px * rig.base_m / d) ** 2 / (2.0 * CREST_M)
-    return np.asarray(np.maximum(d * off_m / plane.camera_height_m(rig), 1.0))
+    return np.asarray(np.maximum(d * off_m / plane.camera_height_m(rig), LEAST_GATE_PX))
