@@ -157,7 +157,7 @@ class Reader:
 
     def read(self, path, crs):
         """Return what the decoder found; errors as a run raises them."""
-        from linework.files.las.messages import DecodeTask
+        from linework.files.las.decoder_messages import DecodeTask
         from linework.files.store.build import plan_files
         from linework.files.survey.open import open_survey
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.scenes.effort import examples
 
-from linework.methods.obb.boundary import BOUNDARY_REACH_M, BoundaryConfig, find_boundary_boxes
+from linework.methods.obb.kerbs_and_edges import BOUNDARY_REACH_M, BoundaryConfig, find_boundary_boxes
 from linework.model.boxes import BOX_COLUMNS, BoxForm, BoxSet
 from linework.model.grid import Bounds
 from linework.model.points import Points

@@ -12,7 +12,7 @@ from tests.oracles.las_in_memory import read_las
 from tests.scenes.effort import examples
 
 from linework.files.las.decode_process import decode_file
-from linework.files.las.messages import Decoded, DecodeTask
+from linework.files.las.decoder_messages import Decoded, DecodeTask
 from linework.files.las.tally import TimeCounts
 from linework.files.store.extent import stray_limits
 from linework.files.store.read import PointStore

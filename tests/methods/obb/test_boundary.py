@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.methods.obb.boundary import BoundaryConfig, find_boundary_boxes
+from linework.methods.obb.kerbs_and_edges import BoundaryConfig, find_boundary_boxes
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.points import Points
 from linework.model.tile import TileData

@@ -20,8 +20,8 @@ import numpy as np
 from linework.arrays import FloatArray
 from linework.errors import InputError, MachineError
 from linework.files.las.batches import read_las_batches
+from linework.files.las.decoder_messages import Decoded, DecodeTask, error_message, json_message
 from linework.files.las.header import LasHeader, read_las_header
-from linework.files.las.messages import Decoded, DecodeTask, error_message, json_message
 from linework.files.las.repeats import PointSample, repeated_inside
 from linework.files.las.tally import HeaderBox, LasTally, TimeCounts, TimeVerdict
 from linework.processes.channel import Channel
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from linework.files.store.layout import RunTable
     from linework.files.store.write import StoreWriter
 
-#: Sends a message (see `linework.files.las.messages`) to the run.
+#: Sends a message (see `linework.files.las.decoder_messages`) to the run.
 SendReport = Callable[[Mapping[str, Any]], None]
 #: Coordinates that may be degrees: longitudes and latitudes. [deg]
 _LONGEST_DEG, _NORTHMOST_DEG = 180.0, 90.0

@@ -13,7 +13,7 @@ from typing import Any, Self
 
 from linework.errors import InputError, MachineError
 from linework.files.las.batches import BATCH_POINTS
-from linework.files.las.messages import Decoded, DecodeTask, error_from_message
+from linework.files.las.decoder_messages import Decoded, DecodeTask, error_from_message
 from linework.processes.child import NONSENSE, Child, ChildEndedError, Ending
 
 #: glibc gives each thread an arena of 128 MiB of addresses; a few serve all threads, and the limit on addresses holds.

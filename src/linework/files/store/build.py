@@ -12,8 +12,8 @@ from pathlib import Path
 from linework.errors import InputError, MachineError
 from linework.files.las.crs import ResolvedCrs, resolve_crs
 from linework.files.las.decoder import Decoder, DecoderLimits
+from linework.files.las.decoder_messages import Decoded, DecodeTask
 from linework.files.las.header import LasHeader, read_las_header
-from linework.files.las.messages import Decoded, DecodeTask
 from linework.files.las.repeats import repeated_elsewhere, repeats_message, sample_bits
 from linework.files.las.tally import TimeCounts, TimeKind
 from linework.files.output.record import hash_file

@@ -16,7 +16,7 @@ from scipy.special import expit
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels.paint import paint_points, stripes
 from linework.kernels.paint.stripes_all import BRIGHT_SPREADS, all_stripes
-from linework.methods.obb.boundary import local_origin_of
+from linework.methods.obb.kerbs_and_edges import local_origin_of
 from linework.methods.tracking.fitted import PAINT_SCORE_OFFSET, PAINT_SCORE_SLOPE
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.grid import Bounds

@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from linework.methods.obb import joining
-from linework.methods.obb.boundary import BoundaryConfig, find_boundary_boxes
+from linework.methods.obb.kerbs_and_edges import BoundaryConfig, find_boundary_boxes
 from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
 from linework.methods.protocol import (
     Recording,

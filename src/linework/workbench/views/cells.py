@@ -19,10 +19,10 @@ from linework.errors import MachineError
 from linework.files.output.publish import machine_errors
 from linework.files.store.cell_tiles import SurfaceTiles
 from linework.kernels.cells.tile_cells import GROUND_M
-from linework.workbench.views.colours import ColourScale
 from linework.workbench.views.layers import TileLayers, layers_from_children, layers_from_points
 from linework.workbench.views.patches import PatchReader
 from linework.workbench.views.pyramid import TILE_PX, MapTile
+from linework.workbench.views.tile_colours import ColourScale
 
 #: Format of the kept cells; raise it when those of older versions must not be used.
 _VERSION = 1

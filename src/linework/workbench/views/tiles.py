@@ -9,10 +9,10 @@ from pathlib import Path
 from linework.errors import MachineError, UsageError
 from linework.runs.resume import source_hash
 from linework.workbench.views.cells import TileCells, cells_folder
-from linework.workbench.views.colours import ColourScale, tile_picture
 from linework.workbench.views.layers import TileLayers, fill_between_points, margin_cells
 from linework.workbench.views.patches import PatchReader
 from linework.workbench.views.pyramid import IMAGES, TILE_PX, Lattice, MapTile
+from linework.workbench.views.tile_colours import ColourScale, tile_picture
 from linework.workbench.worker.session import SurveySession
 
 #: Names of the images.
