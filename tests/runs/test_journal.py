@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from linework.errors import InputError, MachineError, OutputExistsError, UsageError
+from linework.files.output.journal import Journal, JournalEntry
 from linework.files.output.locks import hold_lock
 from linework.files.output.parts import read_part, write_part
 from linework.files.output.replace import set_record_aside
 from linework.model.lines import LineSet
 from linework.runs.opened import work_folder
 from linework.runs.resume import (
-    Journal,
-    JournalEntry,
     describe_run,
     fingerprint_of,
     is_result_of_run,

@@ -29,7 +29,7 @@ ARRAY_SUFFIX = ".arrays"
 _ALIGNMENT = 64
 #: Bytes of an .npy 1.0 header up to and with its length.
 _PREFIX_BYTES = 10
-ADVICE = "linework clean removes the work folder, the next run makes it anew"
+ADVICE = "linework clean removes the work folder, the next run rebuilds it"
 
 
 def write_arrays(path: Path, *arrays: AnyArray) -> None:

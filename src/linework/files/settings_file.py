@@ -6,14 +6,13 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 from linework.files.documents import check_document, read_toml
+from linework.model.settings import SettingsT
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
-
-SettingsT = TypeVar("SettingsT")
 
 
 def read_settings_file(cls: type[SettingsT], path: Path) -> SettingsT:

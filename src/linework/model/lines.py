@@ -136,7 +136,7 @@ class LineSet:
         names = {s.crs for s in kept}
         if len(names) > 1:
             raise ValueError(f"line sets in {len(names)} different CRSs cannot be joined")
-        starts = np.cumsum([0] + [len(s.xyz) for s in kept])
+        starts = offsets_of([len(s.xyz) for s in kept])
         offsets = np.concatenate(
             [[0], *[s.offsets[1:] + start for s, start in zip(kept, starts, strict=False)]]
         )

@@ -1,4 +1,8 @@
-"""Check of clocks, signs and units: dead reckoning against the fixes, window by window."""
+"""Check of clocks, signs and units: dead reckoning against the fixes, window by window.
+
+Apart from `locate`, which cuts a drive into sections: this decides where the clock of one section jumps, and corrects
+it.
+"""
 
 from __future__ import annotations
 

@@ -7,7 +7,6 @@ import hashlib
 import json
 import os
 import shutil
-import sqlite3
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -15,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import linework
-from linework.errors import MachineError, UsageError
+from linework.errors import UsageError
+from linework.files.output.journal import Journal, noted_output_in, open_journal
 from linework.files.output.locks import hold_lock
 from linework.files.output.publish import machine_errors
 from linework.files.output.record import hash_file
@@ -62,13 +62,8 @@ def is_result_of_run(work: Path, output: Path) -> bool:
     journal = _folder(work, output) / _JOURNAL
     if not journal.is_file():
         return False
-    with contextlib.suppress(sqlite3.DatabaseError):
-        held = Journal(journal)
-        try:
-            return held.noted_output(output.name) == hash_file(output)
-        finally:
-            held.close()
-    return False
+    noted = noted_output_in(journal, output.name)
+    return noted is not None and noted == hash_file(output)
 
 
 def _folder(work: Path, output: Path) -> Path:
@@ -106,7 +101,7 @@ def run_folder(
         if not is_resumed:
             shutil.rmtree(folder, ignore_errors=True)
         (folder / _RESULTS).mkdir(parents=True, exist_ok=True)
-        journal = _journal(folder)
+        journal = open_journal(folder / _JOURNAL)
         if not is_resumed:
             _describe(folder, described)
         try:
@@ -114,19 +109,6 @@ def run_folder(
         finally:
             journal.close()
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def _journal(folder: Path) -> Journal:
-    """Open the journal; a damaged one is replaced, and all tasks are done again."""
-    path = folder / _JOURNAL
-    try:
-        journal = Journal(path)
-        journal.done()
-    except (sqlite3.DatabaseError, ValueError):
-        for ending in ("", "-journal", "-wal", "-shm"):
-            path.with_name(path.name + ending).unlink(missing_ok=True)
-        return Journal(path)
-    return journal
 
 
 def _describe(folder: Path, described: Mapping[str, Any]) -> None:
@@ -150,7 +132,7 @@ def _refuse_other(begun: Mapping[str, Any], now: Mapping[str, Any], output: Path
             raise UsageError(
                 f"the run to resume was begun with {name} = {was}, now it is {is_}",
                 where=output,
-                advice="give the same again, or run without --resume to begin anew",
+                advice="give the same again, or run without --resume to start over",
             )
 
 
@@ -170,90 +152,6 @@ def _flat(document: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 def _short(value: Any) -> str:
     text = json.dumps(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-# The journal of a run: tasks that are done, so that a killed run can be resumed
-
-
-@dataclass(frozen=True, slots=True)
-class JournalEntry:
-    """A task that is done: its name, the SHA-256 of its result file, and its receipt."""
-
-    tile_id: str
-    sha256: str
-    receipt: Mapping[str, Any]
-
-
-class Journal:
-    """Journal in an SQLite file; entries survive a loss of power.
-
-    Parameters
-    ----------
-    path
-        Created if it does not exist.
-
-    Raises
-    ------
-    MachineError
-        It cannot be written.
-    sqlite3.DatabaseError
-        The file is damaged.
-    """
-
-    def __init__(self, path: Path) -> None:
-        with _machine_errors(path):
-            self._path = path
-            # One statement, one transaction, on the disk before it returns
-            self._connection = sqlite3.connect(path, isolation_level=None)
-            self._connection.execute("PRAGMA synchronous = FULL")
-            self._connection.execute(
-                "CREATE TABLE IF NOT EXISTS done (tile_id TEXT PRIMARY KEY, sha256 TEXT, receipt TEXT)"
-            )
-            self._connection.execute(
-                "CREATE TABLE IF NOT EXISTS published (name TEXT PRIMARY KEY, sha256 TEXT)"
-            )
-
-    def enter(self, entry: JournalEntry) -> None:
-        """Enter a task as done; the last entry of a task counts."""
-        text = json.dumps(dict(entry.receipt), allow_nan=False)
-        self._write("INSERT OR REPLACE INTO done VALUES (?, ?, ?)", (entry.tile_id, entry.sha256, text))
-
-    def done(self) -> dict[str, JournalEntry]:
-        """Return the entries of tasks that are done, by the name of the task."""
-        with _machine_errors(self._path):
-            rows = self._connection.execute("SELECT tile_id, sha256, receipt FROM done").fetchall()
-        return {row[0]: JournalEntry(row[0], row[1], json.loads(row[2])) for row in rows}
-
-    def note_output(self, name: str, sha256: str) -> None:
-        """Note the SHA-256 of an output just before it replaces the file of that name."""
-        self._write("INSERT OR REPLACE INTO published VALUES (?, ?)", (name, sha256))
-
-    def noted_output(self, name: str) -> str:
-        """Return the SHA-256 that was noted for an output, "" if none was."""
-        with _machine_errors(self._path):
-            row = self._connection.execute("SELECT sha256 FROM published WHERE name = ?", (name,)).fetchone()
-        return str(row[0]) if row else ""
-
-    def close(self) -> None:
-        """Close the file."""
-        self._connection.close()
-
-    def _write(self, statement: str, values: tuple[str, ...]) -> None:
-        with _machine_errors(self._path):
-            self._connection.execute(statement, values)
-
-
-@contextlib.contextmanager
-def _machine_errors(path: Path) -> Iterator[None]:
-    """Turn SQLite's errors of a full or broken disk into `MachineError`; those of a damaged file pass."""
-    try:
-        yield
-    except sqlite3.OperationalError as error:
-        raise MachineError(
-            f"cannot be written: {error}",
-            where=path,
-            advice="free some space there, or give --work another folder",
-        ) from error
 
 
 # A hash of linework's own source: results of two versions must not be mixed

@@ -8,12 +8,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from linework.files.output.journal import JournalEntry
 from linework.files.output.parts import part_is_whole, read_part, write_part
 from linework.methods.protocol import AnyMethod, Evidence
 from linework.processes.executors import Executor, Outcome
 from linework.runs.extraction import Failure
 from linework.runs.pieces import Pieces
-from linework.runs.resume import JournalEntry, RunFolder
+from linework.runs.resume import RunFolder
 from linework.runs.steps import Advance
 
 

@@ -93,7 +93,7 @@ def survey_of(scenario: Scenario) -> SimulatedSurvey:
 
 
 def drives_of(scenario: Scenario) -> list[Drive]:
-    """Return the van's true way in each pass."""
+    """Return the van's true path in each pass."""
     return [
         drive(scenario.layout.road, spec, scenario.length_m, np.random.default_rng([scenario.seed, 21, i]))
         for i, spec in enumerate(scenario.passes)

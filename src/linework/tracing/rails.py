@@ -1,4 +1,8 @@
-"""A guardrail or a cable from a picked place: tiles along the line are searched, and their lines joined."""
+"""A guardrail or a cable from a picked place: tiles along the line are searched, and their lines joined.
+
+Apart from `trace`, which takes the request and crosses gaps: this searches whole tiles for what stands beside or
+above the road.
+"""
 
 from __future__ import annotations
 

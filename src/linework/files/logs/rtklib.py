@@ -1,4 +1,7 @@
-"""Read RTKLIB solutions: .pos files, geographic or geocentric, GPS time or UTC."""
+"""Read RTKLIB solutions: .pos files, geographic or geocentric, GPS time or UTC.
+
+Apart from `gnss`, which recognises formats: here a header states the columns, the angles and the time system.
+"""
 
 from __future__ import annotations
 

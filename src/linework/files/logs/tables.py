@@ -1,4 +1,4 @@
-"""The one CSV reader: named columns of numbers or of texts, bad lines counted with their line numbers."""
+"""The one CSV reader and writer: named columns of numbers or of texts, bad lines counted with their line numbers."""
 
 from __future__ import annotations
 
@@ -84,6 +84,14 @@ def read_table(
     )  # fmt: skip
     columns = {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(names)}
     return NumberTable(columns, numbers, warnings)
+
+
+def write_table(path: Path, names: Sequence[str], rows: FloatArray) -> None:
+    """Write rows (n, k) of numbers below a header row of their k names; every number reads back exactly."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows(rows.tolist())
 
 
 def _read_rows(

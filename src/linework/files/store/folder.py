@@ -19,7 +19,7 @@ from linework.model.points import Points
 
 #: Files kept open: a survey may have a thousand, a process often no more than 64.
 _MOST_OPEN = 8
-ADVICE = "linework clean removes the store, and the next run makes it anew"
+STORE_ADVICE = "linework clean removes the store, and the next run rebuilds it"
 
 
 class StoreFiles:
@@ -42,7 +42,7 @@ class StoreFiles:
         while self._open:
             os.close(self._open.popitem()[1])
 
-    def read(self, rows: AnyArray, columns: Columns) -> int:
+    def read(self, rows: AnyArray, columns: PointBuffers) -> int:
         """Read runs one after the other into `columns`, and return their number of points.
 
         Points of files without times get the time 0.
@@ -71,7 +71,7 @@ class StoreFiles:
             raise MachineError(
                 f"{int(row['count']):,} points at byte {int(row['offset']):,} are not what was written (damaged)",
                 where=self._path(int(row["file"])),
-                advice=ADVICE,
+                advice=STORE_ADVICE,
             )
         return int(ends[-1])
 
@@ -85,13 +85,13 @@ class StoreFiles:
         except OSError as error:
             reason = error.strerror or type(error).__name__
             raise MachineError(
-                f"cannot be read: {reason}", where=self._path(number), advice=ADVICE
+                f"cannot be read: {reason}", where=self._path(number), advice=STORE_ADVICE
             ) from error
         if got < wanted:
             raise MachineError(
                 f"{os.fstat(handle).st_size:,} bytes, {offset + wanted:,} are needed (cut off)",
                 where=self._path(number),
-                advice=ADVICE,
+                advice=STORE_ADVICE,
             )
 
     def _read_on(self, handle: int, offset: int, got: int, views: list[memoryview]) -> int:
@@ -125,7 +125,7 @@ class StoreFiles:
 _AS_THEY_COME = np.empty(0, np.int32)
 
 
-class Columns:
+class PointBuffers:
     """Buffers for the columns of points, as stored.
 
     Parameters

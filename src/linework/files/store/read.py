@@ -13,7 +13,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, IntArray
 from linework.errors import MachineError
-from linework.files.store.folder import ADVICE, Columns, Output, Scratch, StoreFiles
+from linework.files.store.folder import STORE_ADVICE, Output, PointBuffers, Scratch, StoreFiles
 from linework.files.store.layout import (
     BLOCK_STEPS,
     BLOCK_UP_STEPS,
@@ -156,7 +156,7 @@ class PointStore:
         with_intensity = with_intensity and bool(self.facts.get("has_intensity", True))
         out = Output(int(rows["kept"].sum()), self.has_time and with_time, with_intensity)
         blocks = list(_blocks(rows))
-        columns = Columns(max((int(block["count"].sum()) for block in blocks), default=0))
+        columns = PointBuffers(max((int(block["count"].sum()) for block in blocks), default=0))
         scratch = Scratch(len(columns.keys) if ordered else 0)
         with StoreFiles(self.folder) as files:
             for block in blocks:
@@ -256,7 +256,7 @@ def _read_index(path: Path) -> dict[str, Any]:
 
 
 def _unreadable(path: Path, problem: str) -> MachineError:
-    return MachineError(problem, where=path, advice=ADVICE)
+    return MachineError(problem, where=path, advice=STORE_ADVICE)
 
 
 class Floors:

@@ -17,7 +17,7 @@ from linework.arrays import AnyArray, FloatArray, checked
 from linework.errors import MachineError
 from linework.files.output.publish import machine_errors
 from linework.files.output.replace import make_durable, replace_file
-from linework.files.store.folder import Columns, StoreFiles
+from linework.files.store.folder import PointBuffers, StoreFiles
 from linework.files.store.layout import (
     BLOCK_STEPS,
     BLOCK_UP_STEPS,
@@ -245,7 +245,7 @@ def kept_within(folder: Path, table: RunTable, limits: Limits) -> RunTable:
     no_floors = np.empty(0, np.int32)
     with StoreFiles(folder) as files:
         for i in np.flatnonzero(reaches_out).tolist():
-            columns = Columns(int(rows["count"][i]))
+            columns = PointBuffers(int(rows["count"][i]))
             files.read(rows[i : i + 1], columns)
             box = np.array([0, BLOCK_STEPS, 0, BLOCK_STEPS, low[i], high[i]], np.int64)
             n = keep_inside(columns.keys, columns.times, columns.intensities, box, no_floors)

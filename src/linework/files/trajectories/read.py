@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from linework.files.geodesy.geodetic import EarthFrame
 from linework.files.images.lists import read_times
 from linework.files.logs.clock import in_seconds
 from linework.files.logs.gnss import is_gnss_file, read_gnss
-from linework.files.logs.tables import read_table
+from linework.files.logs.tables import read_table, write_table
 from linework.files.logs.text import TextBlock, text_blocks
 from linework.files.output.publish import publish
 from linework.files.trajectories.content import TrajectoryContent, ordered_content
@@ -150,10 +149,7 @@ def write_trajectory(trajectory: Trajectory, path: Path, *, overwrite: bool = Fa
     rows = np.concatenate(blocks, axis=1)
 
     def write(part: Path) -> None:
-        with part.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(names)
-            writer.writerows(rows.tolist())
+        write_table(part, names, rows)
 
     def verify(part: Path) -> None:
         back = np.loadtxt(part, delimiter=",", skiprows=1, ndmin=2)

@@ -24,7 +24,7 @@ SCATTER_M = 2.0
 #: Deviations of a count by which a seed exceeds the mean of its neighbourhood.
 SCATTER_SIGMAS = 4.0
 #: Fewest occupied cells of a window with a seed.
-LEAST_CELLS = 5
+LEAST_SEED_CELLS = 5
 
 
 class Seed(NamedTuple):
@@ -121,7 +121,7 @@ def _windows(centres: FloatArray, window_m: float) -> list[tuple[IntArray, Float
         ordered = number[order]
         new = np.any(np.diff(ordered, axis=0, prepend=ordered[:1] - 1) != 0, axis=1)
         for members in np.split(order, np.flatnonzero(new)[1:]):
-            if len(members) >= LEAST_CELLS:
+            if len(members) >= LEAST_SEED_CELLS:
                 centre = (number[members[0]] + 0.5 - np.array(shift)) * window_m
                 windows.append((members, centre))
     return windows

@@ -1,4 +1,7 @@
-"""Wires of spans: pieces of one catenary are joined, and every wire ends at its support."""
+"""Wires of spans: pieces of one catenary are joined, and every wire ends at its support.
+
+Apart from `find`, which judges each wire by itself: this compares wires with one another.
+"""
 
 from __future__ import annotations
 

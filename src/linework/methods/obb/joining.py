@@ -46,7 +46,7 @@ KERB_STONE_M, ON_FOOT_M = 0.45, 0.04
 
 @dataclass(frozen=True, slots=True)
 class Joining:
-    """Boxes of a survey on their way to lines; all places are in metres from the survey's local origin.
+    """Boxes of a survey while they are joined to lines; all places are in metres from the survey's local origin.
 
     Parameters
     ----------

@@ -104,7 +104,7 @@ def _judged(placed: list[_Placed], paired: list[BoolArray], config: ProfileConfi
 def _judged_again(
     placed: list[_Placed], first: list[NodeScores], paired: list[BoolArray], config: ProfileConfig
 ) -> list[NodeScores]:
-    """Return the scores, computed anew for rails with another one beside them."""
+    """Return the scores, recomputed for rails with another one beside them."""
     changed = [i for i, own in enumerate(paired) if own.any()]
     again = _judged([placed[i] for i in changed], [paired[i] for i in changed], config)
     by_number = dict(zip(changed, again, strict=True))

@@ -1,4 +1,4 @@
-"""The work folder of a survey: tile stores and unfinished runs, all of which can be made anew.
+"""The work folder of a survey: tile stores and unfinished runs, all of which can be rebuilt.
 
 Its content::
 

@@ -16,7 +16,7 @@ KERB_BATTER_M = 0.02
 
 @dataclass(frozen=True, slots=True)
 class SideSection:
-    """One side of the road, seen from the axis outward.
+    """One side of the road, from the axis outward.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class SideSection:
 
     @property
     def reach_m(self) -> float:
-        """How far the land, and with it a side street, goes on beyond the carriageway."""
+        """How far the land, and with it a side street, extends beyond the carriageway [m]."""
         return float(self.land_d_m[-1])
 
     def rise(self, s: FloatArray, d: FloatArray) -> FloatArray:

@@ -28,7 +28,7 @@ class Marking:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Symbol:
-    """A painted rectangle that is no line along the road.
+    """A painted rectangle that is not a line along the road.
 
     `form` says what it is: a bar of a "zebra" crossing, a "stop" line, the shaft of an "arrow"; "" is a piece
     of the one before it (a step of an arrow's head).

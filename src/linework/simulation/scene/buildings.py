@@ -1,4 +1,7 @@
-"""Walls, facades with windows, bridges."""
+"""Walls, facades with windows, bridges.
+
+Apart from `scene`, which puts a world together: these objects only hide others and have no truth lines.
+"""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linework.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray, FloatArray, offsets_of
 from linework.simulation.scene.materials import Material
 
 
@@ -73,7 +73,7 @@ class Mesh:
 def joined_meshes(meshes: Iterable[Mesh]) -> Mesh:
     """Return one mesh of all."""
     kept = list(meshes)
-    starts = np.cumsum([0] + [len(m.vertices) for m in kept])
+    starts = offsets_of([len(m.vertices) for m in kept])
     return Mesh(
         vertices=np.concatenate([m.vertices for m in kept]),
         triangles=np.concatenate(

@@ -1,4 +1,8 @@
-"""Cables between supports, and poles."""
+"""Cables between supports, and poles.
+
+Apart from `scene`, which puts a world together: these hang between supports, or stand alone, and do not follow the
+road.
+"""
 
 from __future__ import annotations
 

@@ -172,7 +172,7 @@ _LIFTED_M = 0.02
 def observed_in_images(
     truth: LineSet, drive: StereoDrive, *, max_range_m: float = 20.0, least_pairs: int = 3
 ) -> BoolArray:
-    """Return (n,) which vertices at least so many pairs saw from near enough.
+    """Return which vertices at least `least_pairs` pairs show from within `max_range_m`, (n,) bool.
 
     Parameters
     ----------

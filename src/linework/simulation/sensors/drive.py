@@ -1,4 +1,4 @@
-"""The van's way along the road: where its ground point is at any time, and how it is turned."""
+"""The van's path along the road: where its ground point is at any time, and how it is turned."""
 
 from __future__ import annotations
 

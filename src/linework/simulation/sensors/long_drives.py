@@ -82,7 +82,7 @@ def long_drive(kind: DriveKind, duration_s: float, rng: np.random.Generator) -> 
 def _events(
     kind: DriveKind, s: FloatArray, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return curvature (left positive) and speed limit over the way, and where the van stops."""
+    """Return curvature (left positive) and speed limit over the distance driven, and where the van stops."""
     curvature = np.zeros_like(s)
     limit = np.full_like(s, rng.uniform(*kind.speed_mps))
     stops = []

@@ -1,4 +1,7 @@
-"""The picture a camera takes of the scene: rays, light, grain, lens, shutter, noise, grey values."""
+"""The picture a camera takes of the scene: rays, light, grain, lens, shutter, noise, grey values.
+
+Apart from `cameras`, which decides when and where pictures are taken: this computes the grey values of one.
+"""
 
 from __future__ import annotations
 

@@ -196,7 +196,7 @@ def draw_rig(size: str, rng: np.random.Generator, *, is_ideal: bool = False) -> 
 
 
 def undistorted(camera: Camera, pixels: FloatArray) -> FloatArray:
-    """Return the directions x/z, y/z in the camera frame that are seen at (..., 2) pixels.
+    """Return the directions x/z, y/z in the camera frame that (..., 2) pixels show.
 
     Newton's method on `distorted` with the Jacobian of an ideal lens; for the lenses drawn here each step leaves
     under half the error, so that 40 leave less than 1e-9 pixel.
