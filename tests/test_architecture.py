@@ -212,7 +212,7 @@ ONE_WAY = {
     # `total` is a running total of values, not offsets of rows
     "makes ragged offsets": (r"^(?!\s*total = ).*(?:concatenate\(\[\[0\], np\.cumsum|cumsum\(\[0\])", ("arrays.py",)),
     "opens laser, raster or vector files": (r"^\s*(?:import|from) (?:laspy|rasterio|pyogrio|ezdxf|sqlite3)\b", ("files/",)),
-    "is a number fitted to data": (r"^#:.*\b(?:fitted to|tuned)\b", ("fitted.py",)),
+    "is a number fitted to data": (r"^#:.*\b(?:fitted to (?:data|seeds|surveys)|tuned)\b", ("fitted.py",)),
 }  # fmt: skip
 
 

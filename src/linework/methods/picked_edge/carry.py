@@ -1,4 +1,7 @@
-"""Carrying a line into another stereo pair: find it again, measure it anew, and extend the known line."""
+"""Carrying a line into another stereo pair: find it again, measure it again, and extend the known line.
+
+Apart from `method`, which decides in which pairs the line is looked for: this works on one pair.
+"""
 
 from __future__ import annotations
 

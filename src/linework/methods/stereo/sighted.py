@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linework.arrays import FloatArray, IntArray
+from linework.arrays import FloatArray, IntArray, distance_along
 from linework.kernels.images.link_stripes import fit_at
 from linework.kernels.images.row_stripes import COL, LEVEL, ROW, STRIPE_CONTRAST, STRIPE_SIGMA, WIDTH
 from linework.methods.stereo.fitted import (
@@ -108,7 +108,7 @@ def _judged(
     t, surface = lines.table[at], lines.road_disparity[at]
     per_px = rig.base_m / surface
     across, ahead = (t[:, COL] - rig.cx) * per_px, rig.focal_px * per_px
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(across), np.diff(ahead)))])
+    along = distance_along(np.stack([across, ahead], axis=1))
     if along[-1] < LEAST_LENGTH_M:
         return None
     slope = _slope(ahead, across)
