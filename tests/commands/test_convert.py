@@ -58,7 +58,7 @@ def test_what_is_there_is_not_touched_without_overwrite(linework, lines, tmp_pat
 def test_a_file_is_not_converted_into_itself(linework, lines):
     found = linework("convert", lines, lines, "--overwrite")
     assert found.code == 2
-    assert "replace the file it reads" in found.line
+    assert "the output is the input file" in found.line
 
 
 @pytest.mark.parametrize(

@@ -153,7 +153,7 @@ def test_ends_while_it_opens(made_drive, tmp_path):
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert out == ""
-    assert err.splitlines()[-1].startswith(("ended", "interrupted"))
+    assert err.splitlines()[-1].startswith(("stopped", "interrupted"))
     assert not any(is_running(pid) for pid in at_work)
 
 

@@ -242,7 +242,7 @@ def test_b08_outside_the_projection(refused, lines_of, scene, tmp_path):
     for rest in (tmp_path / "out").iterdir():
         rest.unlink()
     assert re.search(
-        r"lines\.kml: no exact way from ETRS89 / UTM zone 32N \(EPSG:25832\) to degrees\. Write \.gpkg,"
+        r"lines\.kml: no exact transformation from ETRS89 / UTM zone 32N \(EPSG:25832\) to degrees\. Write \.gpkg,"
         r" \.geojson or \.dxf\.$",
         refused(far, output="lines.kml"),
     )
@@ -250,7 +250,7 @@ def test_b08_outside_the_projection(refused, lines_of, scene, tmp_path):
 
 def test_b09_only_a_ballpark_is_known(refused, scene, tmp_path):
     path = cloud(tmp_path / "a.las", scene + PLACE, wkt=wkt_of("EPSG:2345"))
-    assert re.search(r"no exact way from Xian 1980 .* to degrees\.", refused(path, output="lines.kml"))
+    assert re.search(r"no exact transformation from Xian 1980 .* to degrees\.", refused(path, output="lines.kml"))
 
 
 # B10, B11, B12: numbers
@@ -345,7 +345,7 @@ def test_b15_little_to_find_lines_in(lines_of, tmp_path, xyz):
     [
         (np.zeros((0, 3)), "line 1 has 0 vertices, at least 2 make a line. Leave such lines out."),
         (np.zeros((1, 3)), "line 1 has 1 vertices, at least 2 make a line. Leave such lines out."),
-        (np.ones((3, 3)), "line 1 has no length, all its 3 vertices are one place. Leave such lines out."),
+        (np.ones((3, 3)), "line 1 has no length, all its 3 vertices are at one place. Leave such lines out."),
         (
             np.array([[0, 0, 0], [math.nan, 1, 1]]),
             "line 1 has a coordinate that is not finite. Leave such lines out.",

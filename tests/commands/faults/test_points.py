@@ -191,7 +191,7 @@ READ = [
     Read("A24", changed(copc, page_that_holds_itself), N),
     Read("A25", changed(copc, lies_of_copc), N),
     Read("A26 point by point", lambda folder: point_by_point(folder / "x.laz", N), N),
-    Read("A27 a million", bomb(20), 1_000_000, (r"no intensity .*", r"no GPS time .*", r"1,000,000 of .* outside the box .*")),
+    Read("A27 a million", bomb(20), 1_000_000, (r"no intensity .*", r"no GPS time .*", r"1,000,000 of .* outside the bounding box .*")),
     Read("A28 points twice", twice, 2 * N, (r"about 50% of the points repeat others \(same place, time and intensity\)",)),
 ]  # fmt: skip
 
@@ -318,7 +318,7 @@ def test_a22_damage_that_a_decoder_meets_names_the_points(linework, tmp_path):
     else:
         document = json.loads(found.stdout)
         assert document["points"] + sum(document["points_rejected"].values()) == 120_000
-        assert any("outside the box" in text for text in document["warnings"])
+        assert any("outside the bounding box" in text for text in document["warnings"])
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -333,7 +333,7 @@ def test_a22_flipped_bytes(linework, tmp_path, seed):
     else:
         document = json.loads(found.stdout)
         assert document["points"] + sum(document["points_rejected"].values()) == 5_000
-        assert any("outside the box" in text for text in document["warnings"])
+        assert any("outside the bounding box" in text for text in document["warnings"])
 
 
 def test_a28_points_that_are_there_twice_give_each_line_once(linework, tmp_path):
