@@ -242,7 +242,7 @@ def test_b08_outside_the_projection(refused, lines_of, scene, tmp_path):
     for rest in (tmp_path / "out").iterdir():
         rest.unlink()
     assert re.search(
-        r"lines\.kml: no exact transformation from ETRS89 / UTM zone 32N \(EPSG:25832\) to degrees\. Write \.gpkg,"
+        r"lines\.kml: PROJ knows no exact transformation from ETRS89 / UTM zone 32N \(EPSG:25832\) to degrees\. Write \.gpkg,"
         r" \.geojson or \.dxf\.$",
         refused(far, output="lines.kml"),
     )
