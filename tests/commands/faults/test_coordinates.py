@@ -203,7 +203,7 @@ def test_b06_b07_a_trajectory_somewhere_else(refused, scene, tmp_path, place, sw
     trajectory = driven(tmp_path / "trajectory.csv", place, swapped=swapped)
     assert re.fullmatch(
         rf"{re.escape(str(trajectory))}: trajectory and points are {apart} apart: east \d+ to \d+, north \d+ to \d+ against"
-        r" east \d+ to \d+, north \d+ to \d+\. Check that both are in the same CRS, and east before north\.",
+        r" east \d+ to \d+, north \d+ to \d+\. Check that both are in the same CRS, with east before north\.",
         refused(path, "--trajectory", trajectory),
     )
 
