@@ -345,7 +345,7 @@ def test_b15_little_to_find_lines_in(lines_of, tmp_path, xyz):
     [
         (np.zeros((0, 3)), "line 1 has 0 vertices, at least 2 make a line. Leave such lines out."),
         (np.zeros((1, 3)), "line 1 has 1 vertices, at least 2 make a line. Leave such lines out."),
-        (np.ones((3, 3)), "line 1 has no length, all its 3 vertices are one place. Leave such lines out."),
+        (np.ones((3, 3)), "line 1 has no length, all its 3 vertices are at one place. Leave such lines out."),
         (
             np.array([[0, 0, 0], [math.nan, 1, 1]]),
             "line 1 has a coordinate that is not finite. Leave such lines out.",
