@@ -95,4 +95,4 @@ def test_the_points_of_the_vans_log_go_along_or_are_told(linework, tmp_path):
     assert found.code == 0 and found.stderr == ""
     assert '"key":"m"' in (tmp_path / "b.geojson").read_text()
     found = linework("convert", source, tmp_path / "b.dxf")
-    assert found.code == 0 and "event (1 points) left out, .dxf holds lines only" in found.stderr
+    assert found.code == 0 and "event (1 points) left out, .dxf files hold only lines" in found.stderr

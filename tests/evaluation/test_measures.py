@@ -381,5 +381,5 @@ def test_kinds_come_in_the_order_of_the_layers():
 
 
 def test_nothing_against_nothing_is_refused():
-    with pytest.raises(UsageError, match="hold a line"):
+    with pytest.raises(UsageError, match="contain a line"):
         evaluate_lines(LineSet.empty(), LineSet.empty())

@@ -57,9 +57,9 @@ def test_pairs_of_one_moment_pass(series: StereoSeries) -> None:
     assert check.doubtful == () and check.warnings == ()
 
 
-@pytest.mark.parametrize(("by", "fitting"), [(1, "earlier"), (-1, "later")])
+@pytest.mark.parametrize(("by", "fitting"), [(1, "previous"), (-1, "next")])
 def test_an_order_off_by_one_is_refused(series: StereoSeries, by: int, fitting: str) -> None:
-    with pytest.raises(InputError, match=f"the right image one {fitting} fits better"):
+    with pytest.raises(InputError, match=f"the {fitting} right image fits better"):
         check_pairs(_shifted(series, by), rectifier_of(series.rig), where="drive")
 
 
@@ -92,5 +92,5 @@ def test_the_real_ramp_is_paired_rightly_and_off_by_one_is_seen() -> None:
     assert series is not None
     rectifier = rectifier_of(series.rig)
     assert 0.1 < check_pairs(series, rectifier).error_px < 0.6
-    with pytest.raises(InputError, match="one earlier fits better"):
+    with pytest.raises(InputError, match="the previous right image fits better"):
         check_pairs(_shifted(series, 1), rectifier)

@@ -113,7 +113,7 @@ def test_counters_wrap(drive, logs, bits):
 
 def test_counters_count_down(drive, logs):
     located = locate_drive(with_ticks(logs, -logs.wheels.ticks), rate_hz=10.0)
-    said(located, "counts down")
+    said(located, "sign reversed")
     assert off_m(drive, located).max() < 0.2
 
 

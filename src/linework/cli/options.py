@@ -29,7 +29,7 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing o
 Crs = Annotated[
     str,
     typer.Option(
-        "--crs", metavar="CRS", help="CRS where the files do not state one: EPSG:CODE, or local (metres)."
+        "--crs", metavar="CRS", help="CRS of files that do not state one: EPSG:CODE, or local (metres)."
     ),
 ]
 TrajectoryFile = Annotated[

@@ -11,7 +11,7 @@ from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.errors import InputError
 from linework.model.lines import LineSet
 
-#: Lines are compared in pieces no longer than this (methods.md section 5). [m]
+#: Lines are compared in pieces no longer than this (docs/evaluation.md). [m]
 COMPARED_PIECE_M = 0.1
 #: Half the chord whose direction is taken as that of the line [m]: long against the noise of close vertices,
 #: short against the sharpest kerb (at a radius of 0.5 m it turns 29 degrees over the half chord).

@@ -18,7 +18,7 @@ from linework.evaluation.chains import (
     same_direction,
 )
 
-#: Largest angle between matched lines, whatever their drawing directions [deg] (methods.md section 5).
+#: Largest angle between matched lines, whatever their drawing directions [deg] (docs/evaluation.md).
 MAX_ANGLE_DEG = 20.0
 #: Slack of comparisons with a tolerance [m]: above the rounding of coordinates of millions of metres (1e-9 m).
 TIE_M = 1e-6

@@ -27,9 +27,9 @@ from linework.evaluation.values import KindScores, Scores
 from linework.files.geodesy.crs import LOCAL, describe_crs, has_height, same_crs, same_plan
 from linework.model.lines import KINDS, LineSet
 
-#: Tolerances of the curve (methods.md section 5). [m]
+#: Further tolerances at which scores are computed by default (docs/evaluation.md). [m]
 _CURVE_M = (0.05, 0.10, 0.20, 0.50)
-#: Largest tolerance [m]: far above the distance of neighbouring lines, where a match means nothing any more.
+#: Largest tolerance [m]: far more than the spacing of neighbouring lines, so that a match is meaningless beyond it.
 _MAX_TOLERANCE_M = 10.0
 
 
@@ -46,11 +46,11 @@ def evaluate_lines(
     Parameters
     ----------
     extracted, reference
-        Lines in the same CRS. `observed` of the reference marks where it was visible to the sensors.
+        Lines in the same CRS. `observed` marks the parts of the reference that were visible to the sensors.
     tolerance_m
         Distance within which a line counts as found: in space for cables, in plan for all other kinds. [m]
     kinds
-        Kinds to score; None: every kind that either of them holds.
+        Kinds to score; None: every kind present in either set.
     curve_m
         Further tolerances to score at. [m]
 
@@ -59,16 +59,16 @@ def evaluate_lines(
     CrsError
         The two are in different CRSs.
     UsageError
-        A tolerance is not positive or is above 10 m, or there is no line at all.
+        A tolerance is not positive or is above 10 m, or neither set contains a line.
     InputError
         A coordinate is not finite.
 
     Notes
     -----
-    Completeness is over the observed reference, with the figure over all of it beside; correctness and
-    redundancy are against all of the reference, since a line that continues correctly where nothing was visible
-    is correct. Vertices and drawing directions do not matter, except for the sign of the lateral error: positive
-    is to the left of the reference's drawing direction.
+    Completeness is computed over the observed part of the reference, and also reported over all of it;
+    correctness and redundancy are computed against all of it, since a line that continues correctly where nothing
+    was visible is correct. The spacing of vertices and the direction of lines do not matter, except for the sign
+    of the lateral error: positive is to the left of the reference line's direction.
 
     References
     ----------
@@ -87,7 +87,7 @@ def evaluate_lines(
     parts = match_lines(extracted, reference, tolerance_m=tolerance_m, kinds=kinds, curve_m=curve_m)
     if not parts:
         raise UsageError(
-            "neither the lines nor the reference hold a line",
+            "neither the extracted lines nor the reference contain a line",
             where="evaluate",
             advice="name the kinds to score",
         )
@@ -103,7 +103,7 @@ def match_lines(
     curve_m: Sequence[float] = _CURVE_M,
     dash_end_m: float = DASH_END_M,
 ) -> tuple[KindMatch, ...]:
-    """Return the match of each kind, which serves every tolerance: the first half of `evaluate_lines`.
+    """Return the match of each kind, valid for every tolerance: the first half of `evaluate_lines`.
 
     Parameters
     ----------
@@ -200,9 +200,10 @@ def score(
 
 
 def hausdorff(matches: Sequence[PieceMatch]) -> tuple[float | None, float | None]:
-    """Return the Hausdorff distance and the larger of both sides' 95th percentiles [m].
+    """Return the Hausdorff distance and the larger of the two sides' 95th percentiles [m].
 
-    Distances are from E to all of R, and from the observed R to E. None where a side has no lines.
+    Distances are from the extracted lines to the whole reference, and from the observed reference to the extracted
+    lines. None where a side has no lines.
     """
     to_r = [distance_to(m.e_pieces.xyz, m.reference, COMPARED_PIECE_M) for m in matches]
     to_e = [distance_to(m.r_pieces.xyz[m.r_observed], m.extracted, COMPARED_PIECE_M) for m in matches]
@@ -226,8 +227,8 @@ def check_crs(extracted: str, reference: str) -> None:
     Parameters
     ----------
     extracted, reference
-        WKT2, or "local". A CRS without a vertical datum matches one that has it (some formats drop it):
-        heights are then compared as they are, with a warning.
+        WKT2, or "local". A CRS without a vertical datum matches the same CRS with one (some formats drop
+        it): heights are then compared unchanged, with a warning.
 
     Raises
     ------
@@ -251,6 +252,6 @@ def check_crs(extracted: str, reference: str) -> None:
         )
     stated = a if has_height(extracted) else b
     warnings.warn(
-        f"only one side states a vertical datum ({stated}): heights are compared as they are",
+        f"only one of the two states a vertical datum ({stated}): heights are compared unchanged",
         stacklevel=3,
     )

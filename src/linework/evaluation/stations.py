@@ -17,7 +17,7 @@ from linework.evaluation.match import (
     pairs_within,
 )
 
-#: Distance between stations on the reference (methods.md section 5). [m]
+#: Distance between stations on the reference (docs/evaluation.md). [m]
 _REFERENCE_STATION_M = 0.5
 
 

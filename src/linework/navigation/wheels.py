@@ -17,16 +17,16 @@ _HARDEST_MPS2 = 20.0
 _WRAPS = (2.0**8, 2.0**16, 2.0**24, 2.0**32)
 #: Time without counts, while the other wheel turns, from which a counter is stuck. [s]
 _STUCK_S = 1.0
-#: Least length of a stop, and what is cut off its ends, where counts are too coarse to show creeping. [s]
+#: Shortest stop, and the time cut off at both of its ends, where counts are too coarse to show creeping. [s]
 _REST_S, _REST_END_S = 1.6, 0.3
 #: Window over which counts are smoothed; at full braking a van departs from a parabola by less than a tick in it. [s]
 _SMOOTH_S = 0.5
-#: Pause of the log from which the distance in it is unknown. [s]
+#: Longest pause of the log in which the distance travelled is known. [s]
 _PAUSE_S = 2.0
-#: Speed below which a speed log reports standing. [m/s]
+#: Speed below which a speed log reports standstill. [m/s]
 _STANDING_MPS = 0.05
-#: Mean speed of the other wheel from which a silent one is stuck: the inner wheel of the tightest turn still makes a
-#: third of the outer one's distance. [m/s]
+#: Mean speed of the other wheel above which a wheel without counts is stuck: even in the tightest turn, the inner wheel
+#: travels a third of the distance of the outer one. [m/s]
 _OTHER_MPS = 2.0
 
 
@@ -41,7 +41,7 @@ class WheelTravel:
     no_way, at_rest
         (k, 2) spans in which the distance is not known, and in which the van stands. [s]
     apart
-        The wheels are counted separately.
+        Whether the wheels are counted separately.
     warnings
         What was corrected.
     """
@@ -62,9 +62,9 @@ def valid_wheel_travel(
     Parameters
     ----------
     heading_rad
-        (n,) heading of the gyro at the times of the log, clockwise, which replaces a stuck wheel [rad]; None: no gyro.
+        (n,) clockwise heading from the gyro at the times of the log, to replace a stuck wheel [rad]; None: no gyro.
     tick_m, track_m
-        Travel per count, and distance of the wheels. [m]
+        Distance travelled per count, and distance between the wheels. [m]
     """
     pauses = spans_of(np.diff(log.time_s) > _PAUSE_S, log.time_s)
     if log.speed_mps is not None:
@@ -76,10 +76,10 @@ def valid_wheel_travel(
     assert log.ticks is not None
     counts, warnings = np.diff(log.ticks, axis=0), []
     for i, name in enumerate(("left", "right")):
-        counts[:, i], said = _unwrapped(counts[:, i], log.time_s, tick_m, name)
-        warnings += said
-    counts, said = _forward(counts)
-    warnings += said
+        counts[:, i], corrected = _unwrapped(counts[:, i], log.time_s, tick_m, name)
+        warnings += corrected
+    counts, corrected = _forward(counts)
+    warnings += corrected
     bad = np.stack([_jumps(counts[:, i] * tick_m, log.time_s, tick_m) for i in range(2)], axis=1)
     stuck = np.stack([_stuck(counts[:, i], counts[:, 1 - i] * tick_m, log.time_s) for i in range(2)], axis=1)
     for what, where in (("jumps (reset?)", bad), ("is stuck", stuck)):
@@ -103,12 +103,12 @@ def _without_steps(time_s: FloatArray, way_m: FloatArray, tick_m: float) -> Floa
     if width < 5 or len(time_s) < width:
         return way_m
     smooth = savgol_filter(way_m, width, 2, axis=0)
-    # Farther off than a tick are pauses of the log and hard stops
+    # Differences above a tick come from pauses of the log and hard stops: these are not smoothed
     return np.where(np.abs(smooth - way_m) <= tick_m, smooth, way_m)
 
 
 def spans_of(is_in: BoolArray, time_s: FloatArray) -> FloatArray:
-    """Return the spans of consecutive chosen steps (n - 1,) bool between times (n,) [s], (k, 2) [s].
+    """Return the (k, 2) spans [s] of consecutive true steps, given as (n - 1,) bool between (n,) times [s].
 
     >>> spans_of(np.array([False, True, True, False]), np.arange(5.0)).tolist()
     [[1.0, 3.0]]
@@ -119,12 +119,12 @@ def spans_of(is_in: BoolArray, time_s: FloatArray) -> FloatArray:
 
 
 def _long(spans: FloatArray, least_s: float) -> FloatArray:
-    """Return the spans (k, 2) of at least a length [s]."""
+    """Return the spans (k, 2) that last at least `least_s` [s]."""
     return np.asarray(spans[spans[:, 1] - spans[:, 0] >= least_s])
 
 
 def _shorter(spans: FloatArray) -> FloatArray:
-    """Return the spans (k, 2) without their ends, `_REST_END_S` each. [s]."""
+    """Return the spans (k, 2), shortened by `_REST_END_S` at both ends [s]."""
     return np.asarray(spans + np.array([_REST_END_S, -_REST_END_S]))
 
 
@@ -140,7 +140,7 @@ def _unwrapped(
             if wrapped.any():
                 counts[wrapped] += sign * size
                 warnings.append(
-                    f"wheels: the {name} counter wraps at {size:,.0f}, {wrapped.sum()} times: unwrapped"
+                    f"wheels: the {name} counter wraps at {size:,.0f}: corrected {wrapped.sum()} times"
                 )
     return counts, warnings
 
@@ -151,8 +151,8 @@ def _forward(counts: FloatArray) -> tuple[FloatArray, list[str]]:
     names = [name for name, total in zip(("left", "right"), typical, strict=True) if total < 0.0]
     if not names:
         return counts, []
-    said = f"wheels: the {' and the '.join(names)} counter counts down: taken as forward"
-    return counts * np.where(typical < 0.0, -1.0, 1.0), [said]
+    corrected = f"wheels: the counts of the {' and the '.join(names)} wheel decrease: sign reversed"
+    return counts * np.where(typical < 0.0, -1.0, 1.0), [corrected]
 
 
 def _jumps(step_m: FloatArray, time_s: FloatArray, tick_m: float) -> BoolArray:
@@ -176,7 +176,7 @@ def _stuck(counts: FloatArray, other_m: FloatArray, time_s: FloatArray) -> BoolA
 
 
 def _replaced(step_m: FloatArray, bad: BoolArray, turned_m: FloatArray, dt: FloatArray) -> FloatArray:
-    """Replace the steps of a bad wheel by those of the other and the turn; where both are bad interpolate the speed."""
+    """Replace bad steps of a wheel using the other wheel and the turn; where both are bad, interpolate the speed."""
     step = step_m.copy()
     for i, sign in ((0, 1.0), (1, -1.0)):
         alone = bad[:, i] & ~bad[:, 1 - i]

@@ -38,18 +38,18 @@ class CellRegions:
 
 @dataclass(frozen=True, slots=True)
 class LabelTable:
-    """Properties of regions of a window: of all that may continue beyond it, and of those needed to choose.
+    """Properties of the regions of a window that may continue beyond it, or are needed to choose road and ground.
 
     Parameters
     ----------
     labels
-        (n,) int32, rising: 1 to `n_border`, and others.
+        (n,) int32, ascending: 1 to `n_border`, and others.
     cells, points
         (n,) int64 number of cells of the region, and of points in them.
     first
-        (n,) int64 code of its first cell, row by row; the same in every window.
+        (n,) int64 code of the region's first cell in row order; the same in every window.
     island
-        (n,) int32 recorded area that it belongs to.
+        (n,) int32 island that the region belongs to (see `Islands`).
     """
 
     n_border: int
@@ -69,7 +69,8 @@ class RegionFacts:
     pairs
         (k, 2) int32 road label of the table, and a ground label that shares cells with it.
     seeds
-        (s,) int32 road labels of cells near the path; `drops` (s, 2) float32: least and largest depth below it. [m]
+        (s,) int32 road labels of cells near the path; `drops` (s, 2) float32: smallest and
+        largest depth of the cells below the path. [m]
     """
 
     road: LabelTable
@@ -99,9 +100,9 @@ def cell_regions(
     spread, count
         (n_rows, n_cols) float32 [m] and int32.
     path
-        (n, 3) samples of the path, at least all near the window. [m, world]
+        (n, 3) samples of the path, at least all those near the window. [m, world]
     islands
-        Recorded areas of the survey.
+        Islands of the survey.
     rough_limit_m
         Largest spread of a smooth cell. [m]
     z0_m
@@ -142,7 +143,7 @@ def _table(
     cell_m: float,
     wanted: AnyArray,
 ) -> LabelTable:
-    """Return the table of the labels near the edge, the wanted ones, and the one with most points of each island."""
+    """Return the table of labels near the edge, wanted ones, and the one with the most points of each island."""
     cells, points = kernels.sizes_of_labels(labels, count, len(first))
     north = window.north - 1 - first // window.n_cols
     east = window.west + first % window.n_cols
@@ -159,7 +160,7 @@ def _table(
 
 
 def cells_with(labels: AnyArray, chosen: AnyArray) -> BoolArray:
-    """Return which cells have one of the chosen labels (n,), (n_rows, n_cols) bool."""
+    """Return the (n_rows, n_cols) bool mask of cells that have one of the chosen labels (n,)."""
     table = np.zeros(int(chosen.max(initial=0)) + 1, dtype=bool)
     table[chosen] = True
     return np.asarray(kernels.with_labels(labels, table))
@@ -209,19 +210,19 @@ def _links(
     return found[0], found[1]
 
 
-# Recorded areas that are not connected: each has a road of its own
+# Islands: recorded areas that are not connected; each has a road of its own
 
 _AROUND = ((0, 0), (1, 0), (0, 1), (1, 1), (1, -1), (-1, 0), (0, -1), (-1, -1), (-1, 1))
 
 
 @dataclass(frozen=True, slots=True)
 class Islands:
-    """Groups of blocks of 64 m with points that touch, also at their corners.
+    """Connected groups of those blocks of 64 m that hold points; touching at a corner connects them.
 
     Parameters
     ----------
     codes
-        (n,) int64, rising: codes of the blocks; `number` (n,) int32: the island of each.
+        (n,) int64, ascending: codes of the blocks; `number` (n,) int32: the island of each.
     """
 
     codes: IntArray
@@ -245,7 +246,7 @@ class Islands:
         return cls(codes, connected_groups(len(codes), np.concatenate(links, axis=1).T))
 
     def at(self, east: IntArray, north: IntArray) -> AnyArray:
-        """Return the island of each block or of one beside it, (n,) int32; -1 without any."""
+        """Return the island of each block or of one beside it, (n,) int32; -1 where there is none."""
         found = np.full(len(east), -1, dtype=np.int32)
         for de, dn in _AROUND:
             missing = np.flatnonzero(found < 0)
@@ -270,5 +271,5 @@ def connected_groups(n: int, links: AnyArray) -> AnyArray:
 
 
 def _code(east: IntArray, north: IntArray) -> IntArray:
-    """Return one number (n,) for each block, rising row by row."""
+    """Return one number (n,) for each block, ascending row by row."""
     return (np.asarray(north, dtype=np.int64) << 32) + (np.asarray(east, dtype=np.int64) + 2**31)

@@ -203,7 +203,7 @@ def test_b06_b07_a_trajectory_somewhere_else(refused, scene, tmp_path, place, sw
     trajectory = driven(tmp_path / "trajectory.csv", place, swapped=swapped)
     assert re.fullmatch(
         rf"{re.escape(str(trajectory))}: trajectory and points are {apart} apart: east \d+ to \d+, north \d+ to \d+ against"
-        r" east \d+ to \d+, north \d+ to \d+\. Check that both are in the same CRS, and east before north\.",
+        r" east \d+ to \d+, north \d+ to \d+\. Check that both are in the same CRS, with east before north\.",
         refused(path, "--trajectory", trajectory),
     )
 
@@ -250,7 +250,9 @@ def test_b08_outside_the_projection(refused, lines_of, scene, tmp_path):
 
 def test_b09_only_a_ballpark_is_known(refused, scene, tmp_path):
     path = cloud(tmp_path / "a.las", scene + PLACE, wkt=wkt_of("EPSG:2345"))
-    assert re.search(r"no exact transformation from Xian 1980 .* to degrees\.", refused(path, output="lines.kml"))
+    assert re.search(
+        r"no exact transformation from Xian 1980 .* to degrees\.", refused(path, output="lines.kml")
+    )
 
 
 # B10, B11, B12: numbers

@@ -152,7 +152,7 @@ def test_an_order_off_by_one_is_refused(extracted: Any, folder: Path) -> None:
     found, record = extracted()
     assert found.code == 3 and record == {}
     assert "left and right images were not taken at the same time" in found.line
-    assert "one earlier fits better" in found.line
+    assert "the previous right image fits better" in found.line
 
 
 def test_swapped_images_are_refused(extracted: Any, folder: Path) -> None:

@@ -117,7 +117,10 @@ def test_c03_utc_is_named(linework, survey, expected):
     (survey / "t.csv").write_text(text_of(trajectory_of(SUNDAY_S - 19.0)))
     outcome = extracted(linework, survey)
     assert outcome.code == 0
-    assert "+18 s on the trajectory's times would make them fit: UTC taken for GPS time?" in outcome.stderr
+    assert (
+        "+18 s added to the times of the trajectory would make them fit: UTC taken for GPS time?"
+        in outcome.stderr
+    )
 
 
 def test_c04_a_clock_that_is_set_back(linework, survey, expected):

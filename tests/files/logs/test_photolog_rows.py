@@ -200,7 +200,7 @@ def test_formats_of_lines_leave_the_points_out_and_say_so(tmp_path: Path, log: V
     write_lines(_lines(), path, points=log)
     assert path.is_file()
     assert points_left_out(path, log) == (
-        f"{path}: photolog (6 points) and event (2 points) left out, {suffix} holds lines only "
+        f"{path}: photolog (6 points) and event (2 points) left out, {suffix} files hold only lines "
         "(.gpkg, .geojson, .json hold both)",
     )
 

@@ -1,6 +1,6 @@
-"""`linework config`: the default run file, every setting with its unit and reason.
+"""`linework config`: the default run file, with the unit and reason of every setting.
 
-Apart from the other commands, as every command has its own file.
+In a file of its own, as every command is.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ def config(
         str, typer.Argument(metavar="METHOD", help="Print the settings of this method only; default: all.")
     ] = "",
 ) -> None:
-    """Print the default run file: every setting with its unit and reason.
+    """Print the default run file: all settings.
 
-    It is TOML; edit it and give it to other commands as --config.
+    Each setting has its unit and reason. The output is TOML: save it, edit it, and pass it to other commands
+    with --config.
     """
     from dataclasses import fields
 

@@ -31,7 +31,7 @@ def demo(
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
-    """Simulate a small survey, extract its lines, score them and write a report.
+    """Simulate a survey, extract its lines and report the scores.
 
     The survey is simulated from --seed: a street with kerbs, markings, parked cars, a guardrail and cables,
     with the exact lines (the truth) beside the laser points. The extraction does not use the truth; the report

@@ -38,7 +38,7 @@ def evaluate(
     as_json: AsJson = False,
     picture: Annotated[
         Path | None,
-        typer.Option("--picture", metavar="FILE", help="Also draw what was found, missed and wrong: .png."),
+        typer.Option("--picture", metavar="FILE", help="Also draw found, missed and wrong lines: .png."),
     ] = None,
     kinds: Annotated[
         str, typer.Option("--kinds", metavar="KIND,...", help="Score these kinds only, e.g. guardrail,cable.")
@@ -51,16 +51,17 @@ def evaluate(
         typer.Option(
             "--kind-map",
             metavar="NAME=KIND,...",
-            help="Kinds of the names in the reference, e.g. SOLID_WHITE=lane_marking,edge=road_boundary. "
+            help="Kinds that names in the reference stand for, e.g. SOLID_WHITE=lane_marking,edge=road_boundary. "
             "Names are looked up in --kind-field, then in the field kind; other lines are ignored.",
         ),
     ] = "",
     crs: Crs = "",
     overwrite: Overwrite = False,
 ) -> None:
-    """Score LINES against REFERENCE: completeness, correctness, quality, lateral and height errors.
+    """Score LINES against REFERENCE.
 
-    Scores the kinds that both files hold, empty layers included: nothing found is a score as well.
+    Reports completeness, correctness, quality, and lateral and height errors. Scores the kinds that both files hold.
+    An empty layer counts as holding its kind, so a kind of which nothing was found is scored too.
     """
     from linework.errors import UsageError
     from linework.evaluation.measures import match_lines, scores_of
@@ -167,7 +168,7 @@ def _shared_kinds(lines: Path, reference: Path, held: tuple[set[str], set[str]])
     if not shared:
         a, b = (", ".join(sorted(kinds)) or "no lines" for kinds in held)
         raise InputError(
-            f"no kind in common: the lines hold {a}; {reference.name} holds {b}",
+            f"no kind in common: the lines hold {a}, {reference.name} holds {b}",
             where=lines,
             advice="map the names with --kind-map, or choose with --kinds",
         )

@@ -62,7 +62,7 @@ def extract_command(
     """Extract the lines of SURVEY and write them to a file.
 
     run.json beside the output records the inputs, settings, counts and timings. Existing output is not touched
-    without --overwrite. Finding nothing is not an error: the layers are written and are empty. --resume continues
+    without --overwrite. Finding nothing is not an error: the layers are then written empty. --resume continues
     an interrupted run. Lines that were accepted, edited, drawn or rejected in the workbench are kept when a .gpkg
     is replaced, unless --forget-reviews is given.
     """

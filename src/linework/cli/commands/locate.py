@@ -26,7 +26,7 @@ def locate(
         float,
         typer.Option(
             "--longest-outage-s",
-            help="Longest GNSS outage bridged in full [s]; of longer ones the middle gets no poses.",
+            help="Longest GNSS outage bridged in full [s]; the middle of longer ones gets no poses.",
         ),
     ] = 180.0,
     plot: Annotated[
@@ -38,10 +38,10 @@ def locate(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Compute a trajectory from GNSS, gyro and wheel logs, dead reckoning through GNSS outages.
+    """Compute a trajectory from GNSS, gyro and wheel logs.
 
-    Writes smoothed poses with their standard deviations. There are no poses where an outage is too long for dead
-    reckoning or the clock jumps; the exit code is then 4.
+    Writes smoothed poses with their standard deviations. GNSS outages are bridged by dead reckoning. Where an outage
+    is too long for that, or the clock jumps, there are no poses, and the exit code is 4.
     """
     from linework.cli.progress import open_display
     from linework.errors import PartialError

@@ -25,10 +25,11 @@ def photolog(
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a photolog: a page of thumbnails with position and chainage, and the operator's keys.
+    """Write a photolog: a page of thumbnails along the drive.
 
-    The page is a single file; each thumbnail links to its image by a relative path. A page holds at most 500
-    thumbnails: on long drives their spacing is larger than --every-m.
+    It shows position and chainage of each image, and the operator's keys. The page is a single file; each thumbnail
+    links to its image by a relative path. A page holds at most 500 thumbnails: on long drives their spacing is larger
+    than --every-m.
     """
     from linework.cli.progress import open_display
     from linework.errors import InputError, PartialError, UsageError

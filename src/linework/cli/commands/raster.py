@@ -1,4 +1,4 @@
-"""`linework raster`: a survey as raster images, GeoTIFF for GIS and PNG for the eye."""
+"""`linework raster`: a survey as raster images, GeoTIFF for GIS and PNG for viewing."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from linework.runs.opened.points import SurveyInMemory
     from linework.runs.steps import RunSteps
 
-#: Cell sizes allowed [m]. Below a millimetre no survey has more to show, and the grid has 10^12 cells.
+#: Cell sizes allowed [m]. Cells below a millimetre show nothing more, and a square kilometre has 10^12 of them.
 _CELL_RANGE_M = (0.001, 1000.0)
 
 
@@ -68,9 +68,10 @@ def raster(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Rasterise SURVEY: density, heights, intensity, road, binary and Radon images.
+    """Rasterise SURVEY to GeoTIFF and PNG images.
 
-    Writes each image as GeoTIFF and PNG, and run.json beside them.
+    The images show density, heights, intensity, road, the binary image and its Radon image. run.json is written beside
+    them.
     """
     import json
 
@@ -103,9 +104,9 @@ def raster(
 
 
 def _cells(cell_m: float, along: str, across_m: float) -> tuple[float | None, float, float]:
-    """Return the cell size of a north-up grid, or None, and those along and across the main direction [m].
+    """Return the north-up cell size (None: a rotated grid), and the cell sizes along and across the main direction [m].
 
-    NaN along the main direction: the scan-line spacing, still to be measured.
+    NaN along the main direction stands for the scan-line spacing, which is measured later.
     """
     from linework.errors import UsageError
 
@@ -179,7 +180,7 @@ def _publish(
     overwrite: bool,
     steps: RunSteps,
 ) -> dict[str, Any]:
-    """Write all images and run.json as one folder, which appears complete or not at all; return the record."""
+    """Write all images and run.json to a folder atomically, and return the record."""
     from linework.files.geodesy.crs import describe_crs, epsg_text
     from linework.files.images.geotiff import write_geotiff
     from linework.files.output.publish import publish_folder
@@ -215,7 +216,7 @@ def _publish(
         for name in names:
             picture = (folder / f"{name}.png").read_bytes()
             if not (picture.startswith(b"\x89PNG") and picture.endswith(b"IEND\xaeB`\x82")):
-                raise OSError(f"{name}.png does not read back")
+                raise OSError(f"{name}.png cannot be read back")
 
     publish_folder(output, write, verify, overwrite=overwrite)
     return record

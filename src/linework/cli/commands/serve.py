@@ -44,7 +44,7 @@ def serve(
         str, typer.Option("--host", help="Address to listen on; only 127.0.0.1 is allowed.")
     ] = "127.0.0.1",
     who: Annotated[
-        str, typer.Option("--who", help="Name recorded with each edit; default: the user's.")
+        str, typer.Option("--who", help="Name recorded with each edit; default: the login name.")
     ] = "",
     crs: Crs = "",
     work: WorkFolder = None,
@@ -55,9 +55,10 @@ def serve(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Open the workbench: trace, review and edit the lines of SURVEY in a browser on this machine.
+    """Open the workbench to trace, review and edit lines of SURVEY.
 
-    Prints a link that opens it. A link works once; after it is used, a new one is printed. Every change is saved
+    It runs in a browser on this machine. Prints a link that opens it; a link works once, and a new one is printed
+    after it is used. Every change is saved
     to the line file before the page shows it. Stop with Ctrl-C.
     """
     import asyncio

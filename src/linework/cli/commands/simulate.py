@@ -13,7 +13,7 @@ from linework.cli.options import AsJson, Overwrite, Quiet
 def simulate(
     out: Annotated[Path, typer.Option("-o", "--out", help="Output folder.", metavar="DIR")],
     seed: Annotated[
-        int, typer.Option("--seed", help="Random seed; decides whatever the options leave open.")
+        int, typer.Option("--seed", help="Random seed; determines everything that no option sets.")
     ] = 0,
     length_m: Annotated[float, typer.Option("--length-m", help="Length of the drive [m].")] = 200.0,
     road: Annotated[
@@ -42,9 +42,10 @@ def simulate(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Simulate a survey: points (LAZ), trajectory, stereo images, and truth.gpkg with the exact lines.
+    """Simulate a survey with ground truth.
 
-    The same options give byte-identical files.
+    Writes points (LAZ), the trajectory, stereo images, and truth.gpkg with the exact lines. The same options give
+    byte-identical files.
     """
     import json
 

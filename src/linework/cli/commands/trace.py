@@ -74,11 +74,11 @@ def trace(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Trace one line of SURVEY from a position, or from a pixel of its images, and write it.
+    """Trace one line of SURVEY from a position or an image pixel.
 
     Traces lane markings, road boundaries, guardrails and cables in laser points (--at), and lane markings and road
     edges in stereo images (--image with --at-px). A pick that is not on a line is refused with the reason and the
-    nearest pick that works. The tile store is kept for the next call, as by extract.
+    nearest pick that works. The tile store is kept for later commands, as by extract.
     """
     _check_pick(at, image, at_px, toward, config)
     if image is not None:

@@ -26,14 +26,14 @@ def write_geotiff(image: Image, path: Path, *, crs: str, overwrite: bool = False
     Parameters
     ----------
     image
-        (rows, cols) of float32 (float64 is rounded to it; NaN: nothing measured), uint8, bool (as uint8) or uint32.
+        (rows, cols) float32 (NaN: no data), float64 (written as float32), uint8, bool (written as uint8) or uint32.
     crs
         "EPSG:...", WKT, or "local" (no CRS is written then).
 
     Raises
     ------
     UsageError
-        Values of another type.
+        The values have another dtype.
     OutputExistsError, MachineError
         As for `publish`.
 
@@ -56,14 +56,16 @@ def write_geotiff(image: Image, path: Path, *, crs: str, overwrite: bool = False
         profile |= {"driver": "GTiff", "tiled": True, "blockxsize": _BLOCK, "blockysize": _BLOCK}
 
     def write(part: Path) -> None:
-        # In memory first: GDAL does not report every failed write
+        # Encoded in memory first, because GDAL does not report every failed write
         try:
             with rasterio.Env(GDAL_PAM_ENABLED="NO"), rasterio.MemoryFile() as memory:
                 with memory.open(**profile) as dataset:
                     dataset.write(values, 1)
                 part.write_bytes(memory.read())
         except RasterioError as error:
-            raise MachineError(f"cannot be made: {error}", where=path, advice="free some memory") from error
+            raise MachineError(
+                f"image cannot be encoded: {error}", where=path, advice="free some memory"
+            ) from error
 
     def verify(part: Path) -> None:
         with rasterio.open(part, driver="GTiff") as dataset:
@@ -85,6 +87,6 @@ def _storable(image: Image, path: Path) -> Any:
     if values.dtype == np.float64:
         return values.astype(np.float32)
     if str(values.dtype) not in _DTYPES:
-        raise UsageError(f"image of {values.dtype}, expected {', '.join(_DTYPES)}", where=path,
+        raise UsageError(f"image has dtype {values.dtype}, expected {', '.join(_DTYPES)}", where=path,
                          advice="convert it first")  # fmt: skip
     return values

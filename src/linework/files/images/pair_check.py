@@ -1,4 +1,4 @@
-"""Check on a few pairs of a series that left and right images belong together."""
+"""Check that the left and right images of a series belong together, on a few of its pairs."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from linework.model.images import StereoSeries
 
 #: Pairs checked, spread over the series; 0.3 s each.
 N_LOOKED_AT = 5
-#: Ratio of fitting corners from which a neighbour fits better; at rest, neighbours fit equally well.
+#: Ratio of fitting corners above which a neighbouring image fits better; while the van stands, all fit equally well.
 _BETTER = 1.2
 #: Largest row difference [px]: beyond it, rows are not epipolar lines and cannot be matched.
 _MAX_ERROR_PX = 2.0
 #: Row difference [px] above which a warning is given, because matching suffers; good calibrations have 0.1 to 0.6
 #: (measured on real drives).
-_TOLD_ERROR_PX = 1.0
+_WARN_ERROR_PX = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +32,11 @@ class PairCheck:
     n_looked_at
         Number of checked pairs with enough matches.
     error_px
-        Median over these of the row difference of matched corners [px]; NaN without such a pair.
+        Median row difference of matched corners over these pairs [px]; NaN if there are none.
     doubtful
         Numbers of pairs whose images were not taken at the same time.
     warnings
-        One line each.
+        Warnings, one line each.
     """
 
     n_looked_at: int
@@ -46,20 +46,20 @@ class PairCheck:
 
 
 def check_pairs(series: StereoSeries, rectifier: Rectifier, *, where: object = None) -> PairCheck:
-    """Check on a few pairs that corners are in the same row of both images, and fit no neighbouring image better.
+    """Check, on a few pairs, that corners lie in the same row of both images and match no neighbouring image better.
 
     Raises
     ------
     InputError
-        The images of all pairs were not taken at the same time (one too early or too late), the cameras are swapped, or
-        the calibration is not theirs; with numbers.
+        All right images were taken earlier or later than their left images, the cameras are swapped, or the calibration
+        belongs to other cameras. The message gives the figures.
 
     Notes
     -----
-    Checked pairs are equally spaced. Where one fails, all pairs up to the next good one are doubtful. Images that
+    Checked pairs are equally spaced. Where one fails, all pairs between the nearest good ones are doubtful. Images that
     cannot be read are skipped here and reported when they are used.
     """
-    # Not the ends, which have one neighbour only
+    # Without the first and last pair, which have only one neighbour
     inner = (1, len(series.pairs) - 2) if len(series.pairs) >= 3 else (0, len(series.pairs) - 1)
     places = np.unique(np.linspace(*inner, N_LOOKED_AT).round().astype(int)).tolist()
     fits = {i: {k: _fit(series, rectifier, i, k) for k in (0, -1, 1)} for i in places}
@@ -70,8 +70,8 @@ def check_pairs(series: StereoSeries, rectifier: Rectifier, *, where: object = N
     _check_not_swapped(list(known.values()), where)
     if shift := _better_neighbour(list(known.values())):
         raise InputError(
-            f"left and right images were not taken at the same time: in {len(known)} checked pairs the right image one "
-            f"{'later' if shift > 0 else 'earlier'} fits better", where=where,
+            f"left and right images were not taken at the same time: in {len(known)} checked pairs the "
+            f"{'next' if shift > 0 else 'previous'} right image fits better", where=where,
             advice="check the times of the images",
         )  # fmt: skip
     off = [i for i, fit in known.items() if _better_neighbour([fit])]
@@ -79,18 +79,18 @@ def check_pairs(series: StereoSeries, rectifier: Rectifier, *, where: object = N
     error = float(np.median([fit.error_px for fit in good]))
     if error > _MAX_ERROR_PX:
         raise InputError(
-            f"the same places are {error:.1f} rows apart in left and right images (median of {len(good)} pairs, at "
-            f"most {_MAX_ERROR_PX:g})", where=where, advice="check that the calibration is that of these images",
+            f"matched corners are {error:.1f} rows apart in left and right images (median of {len(good)} pairs, at "
+            f"most {_MAX_ERROR_PX:g})", where=where, advice="check that the calibration belongs to these images",
         )  # fmt: skip
     warnings = []
     if off:
         times = ", ".join(f"{series.pairs[i].time_s:.3f}" for i in off)
         warnings.append(
-            f"left and right images were not taken at the same time around {times} s: a neighbour fits better"
+            f"left and right images were not taken at the same time around {times} s: a neighbouring image fits better"
         )
-    if error > _TOLD_ERROR_PX:
-        warnings.append(f"rows of left and right images differ by {error:.1f} pixels (median), a good calibration "
-                        f"leaves less than {_TOLD_ERROR_PX:g}")  # fmt: skip
+    if error > _WARN_ERROR_PX:
+        warnings.append(f"rows of left and right images differ by {error:.1f} pixels (median); with a good calibration "
+                        f"it is less than {_WARN_ERROR_PX:g}")  # fmt: skip
     return PairCheck(len(known), error, _around(series, off, list(known)), tuple(warnings))
 
 
@@ -107,7 +107,7 @@ def _fit(series: StereoSeries, rectifier: Rectifier, i: int, shift: int) -> RowF
 
 
 def _better_neighbour(looked_at: Sequence[dict[int, RowFit | None]]) -> int:
-    """Return -1 or 1 where the right images before or after fit better in all pairs together, else 0."""
+    """Return -1 or 1 if, over all pairs together, the previous or next right images fit better, else 0."""
     n_fitting = {k: sum(fit.n_fitting for fits in looked_at if (fit := fits[k])) for k in (0, -1, 1)}
     n_matches = {k: sum(fit.n_matches for fits in looked_at if (fit := fits[k])) for k in (0, -1, 1)}
     best = max(n_fitting, key=lambda k: n_fitting[k])
@@ -117,18 +117,18 @@ def _better_neighbour(looked_at: Sequence[dict[int, RowFit | None]]) -> int:
 
 
 def _check_not_swapped(looked_at: Sequence[dict[int, RowFit | None]], where: object) -> None:
-    """Refuse pairs with more matches of negative disparity than fit otherwise: the cameras are swapped."""
+    """Raise InputError if more matches have a negative disparity than fit otherwise: the cameras are swapped."""
     n_swapped = sum(fit.n_swapped for fits in looked_at if (fit := fits[0]))
     most = max(sum(fit.n_fitting for fits in looked_at if (fit := fits[k])) for k in (0, -1, 1))
     if n_swapped >= LEAST_MATCHES and n_swapped > _BETTER * most:
         raise InputError(
-            f"{n_swapped} places lie farther right in the right images than in the left, {most} do not: the images "
+            f"{n_swapped} points lie farther right in the right images than in the left, {most} do not: the images "
             "of the two cameras are swapped", where=where, advice="swap images in [cameras.left] and [cameras.right]",
         )  # fmt: skip
 
 
 def _around(series: StereoSeries, off: Sequence[int], known: Sequence[int]) -> tuple[int, ...]:
-    """Return the numbers of the pairs between the nearest good ones around those that failed."""
+    """Return the numbers of the failed pairs, and of all pairs between them and the nearest good ones."""
     good = [i for i in known if i not in off]
     doubtful: set[int] = set()
     for i in off:

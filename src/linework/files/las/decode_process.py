@@ -1,6 +1,6 @@
-"""The decoding side of `linework.files.las.decoder`: a damaged file can break this process and nothing else.
+"""The child process of `linework.files.las.decoder`: a damaged file can crash this process and nothing else.
 
-Apart from `decoder`, because it runs in the child process and imports what decodes and writes points.
+Separate from `decoder`, because it runs in the child process and imports the modules that decode and write points.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 
 #: Sends a message (see `linework.files.las.decoder_messages`) to the run.
 SendReport = Callable[[Mapping[str, Any]], None]
-#: Coordinates that may be degrees: longitudes and latitudes. [deg]
+#: Largest coordinates that may be a longitude and a latitude. [deg]
 _LONGEST_DEG, _NORTHMOST_DEG = 180.0, 90.0
 
 
 def decoder_main(channel: Channel, _arguments: list[str]) -> None:
-    """Decode the files of the tasks that come, until the channel closes."""
+    """Decode the file of each task received, until the channel closes."""
 
     def report(message: Mapping[str, Any]) -> None:
         channel.send(json_message(message))
@@ -54,7 +54,7 @@ def decoder_main(channel: Channel, _arguments: list[str]) -> None:
 
 
 def run_decode_task(task: DecodeTask, report: SendReport) -> dict[str, Any]:
-    """Run a task and return its last message, whatever happens."""
+    """Run a task and return its final message; exceptions become messages too."""
     try:
         return {"done": decode_file(task, report).to_document()}
     except (InputError, MachineError) as error:
@@ -75,7 +75,7 @@ def decode_file(task: DecodeTask, report: SendReport) -> Decoded:
     InputError
         Damaged, cut off, or without any usable point.
     MachineError
-        The disk is full, or failed.
+        The disk is full or has failed.
     """
     header = read_las_header(task.path)
     written = _write(task, header, LasTally(), report)
@@ -87,7 +87,7 @@ def decode_file(task: DecodeTask, report: SendReport) -> Decoded:
 
 
 class _Written:
-    """What is gathered while a file is written."""
+    """Counts, samples and runs collected while a file is written."""
 
     __slots__ = ("box", "height_counts", "repeats", "runs", "samples", "tally")
 
@@ -129,13 +129,13 @@ def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: SendRep
 
 
 def _writer(target: Path, report: SendReport) -> StoreWriter:
-    """Return the writer of a file; its module was imported beside the decoding of the first batch."""
+    """Return the writer of a file; its module was imported while the first batch was decoded."""
     report({"loading": True})
     try:
         from linework.files.store.write import StoreWriter
-    except (ImportError, MemoryError, OSError) as error:  # with too little memory it may be any of them
+    except (ImportError, MemoryError, OSError) as error:  # any of these when memory runs out
         raise MachineError(
-            f"the part that writes points cannot be loaded ({type(error).__name__})",
+            f"the module that writes points cannot be loaded ({type(error).__name__})",
             where="linework",
             advice="raise the limit on memory (ulimit -v), or check the installation",
         ) from error
@@ -165,17 +165,17 @@ def _decoded(written: _Written, verdict: TimeVerdict) -> Decoded:
 
 
 def _sample(samples: list[FloatArray]) -> FloatArray | None:
-    """Return the sample (k, 3) where it may be longitudes and latitudes, else None."""
+    """Return the sample (k, 3) if it may hold longitudes and latitudes, else None."""
     sample = np.concatenate(samples)
     east, north = np.median(sample[:, :2], axis=0) if len(sample) else (np.inf, np.inf)
     return sample if abs(east) <= _LONGEST_DEG and abs(north) <= _NORTHMOST_DEG else None
 
 
 def _import_ahead(module: str) -> None:
-    """Start importing a module beside the first decoding, which releases the interpreter's lock.
+    """Start importing a module in a thread during the first decoding, which releases the interpreter's lock.
 
     The garbage collector is off meanwhile: it takes 0.1 s and finds nothing in freshly imported modules. numba loads
-    scipy for linear algebra if it is installed; nothing here uses any, and hiding it saves 0.1 s.
+    scipy for linear algebra if it is installed; nothing here needs it, and hiding it saves 0.1 s.
     """
     sys.modules["scipy"] = None  # type: ignore[assignment]
 

@@ -1,4 +1,4 @@
-"""The operator's keys: a CSV of times, keys and notes."""
+"""The operator's keys: a CSV of times, key presses and notes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def read_events(path: Path) -> EventRows:
     Raises
     ------
     InputError
-        Columns missing, or not one line with a time and a key.
+        A column is missing, or no line has both a time and a key.
     """
     table = read_text_table(path, ("time_s", "key"), ("note",), rest_in_last=True)
     times = [finite_number(text) for text in table.columns["time_s"]]

@@ -1,4 +1,4 @@
-"""Read the points and the trajectory of a survey into memory, with points left out counted; compare both."""
+"""Read the points and the trajectory of a survey into memory, and check that they fit together."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from linework.model.trajectory import Trajectory
 
 #: Largest distance between van and points [m]: scanners reach some 300 m; more means another place or CRS.
 _MAX_APART_M = 1000.0
-#: A gap in the trajectory: no poses for longer than this [s], and for this many usual intervals.
+#: A gap in the trajectory: no poses for longer than this [s] and than this many median intervals.
 _LEAST_HOLE_S, _HOLE_STEPS = 2.0, 10.0
 #: Epoch as a survey.toml names it, by the kind of the points' times.
 EPOCH_OF_KIND: dict[TimeKind, str] = {
@@ -45,12 +45,12 @@ class SurveyPoints:
 
     @property
     def rejected(self) -> Mapping[str, int]:
-        """Points left out, by reason."""
+        """Number of points left out, by reason."""
         return self.facts.rejected
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """One line each, the file's name first."""
+        """Warnings, one line each, starting with the file name."""
         return self.facts.warnings
 
     @property
@@ -60,7 +60,7 @@ class SurveyPoints:
 
     @property
     def gps_time_kind(self) -> TimeKind:
-        """Kind of the times."""
+        """Kind of GPS time of the points."""
         return self.facts.gps_time_kind
 
     @property
@@ -94,14 +94,14 @@ def read_survey_points(survey: Survey, *, progress: Callable[[int], None] | None
         points = PointStore.open(folder).points(with_time=facts.has_time, with_intensity=facts.has_intensity)
     if len(points) != facts.n_points:
         raise MachineError(
-            f"{len(points):,} of {facts.n_points:,} points came back from the disk", where=name,
+            f"only {len(points):,} of {facts.n_points:,} points could be read back from the disk", where=name,
             advice="check the disk",
         )  # fmt: skip
     return SurveyPoints(points, facts)
 
 
 def read_survey_trajectory(survey: Survey) -> Trajectory | None:
-    """Read the survey's trajectory, or return None where it names none.
+    """Read the survey's trajectory; None if the survey has none.
 
     Raises
     ------
@@ -120,13 +120,13 @@ def check_trajectory_covers(
     Returns
     -------
     tuple of str
-        Warnings: points outside the trajectory's time or in gaps of it, and the known difference of clocks (UTC for
-        GPS time) that would explain it.
+        Warnings about points outside the time span of the trajectory or in its gaps, with the known clock offset
+        (such as UTC taken for GPS time) that would explain them.
 
     Raises
     ------
     InputError
-        More than 1 km apart, or at no common time; with both extents.
+        They are more than 1 km apart, or have no time in common. The message gives both extents.
     """
     driven, bounds = _extent(trajectory.xyz), facts.bounds
     scanned = np.array([bounds.west, bounds.south]), np.array([bounds.east, bounds.north])
@@ -136,7 +136,7 @@ def check_trajectory_covers(
             f"trajectory and points are {float(np.hypot(*apart)) / 1000.0:,.1f} km apart: east {_range(driven, 0)},"
             f" north {_range(driven, 1)} against east {_range(scanned, 0)}, north {_range(scanned, 1)}",
             where=where,
-            advice="check that both are in the same CRS, and east before north",
+            advice="check that both are in the same CRS, with east before north",
         )
     if not facts.has_time:
         return ()
@@ -160,7 +160,7 @@ def check_trajectory_covers(
 
 
 def _share_covered(facts: StoreFacts, start_s: float, end_s: float) -> float:
-    """Return the share of the points within the trajectory's time; points' week seconds restart at 0."""
+    """Return the share of the points within the trajectory's time; GPS week seconds of the points restart at 0."""
     share = facts.times.share_within(start_s, end_s)
     if facts.gps_time_kind == "week" and end_s > WEEK_S:
         share += facts.times.share_within(0.0, end_s - WEEK_S)
@@ -187,14 +187,14 @@ def _named_offset(facts: StoreFacts, start_s: float, end_s: float) -> str:
     epoch = EPOCH_OF_KIND[facts.gps_time_kind]
     overhang = max(start_s - facts.times.low_s, facts.times.high_s - end_s)
     for offset, name in known_offsets(facts.times.low_s, epoch):
-        # The overhang is less than the offset because the trajectory starts before the points, but hardly by half
+        # The trajectory starts before the points, so the overhang is smaller than the offset, but rarely by half
         if abs(offset) <= 2.0 * overhang and _share_covered(facts, start_s - offset, end_s - offset) > 0.999:
-            return f"; {-offset:+.0f} s on the trajectory's times would make them fit: {name}?"
+            return f"; {-offset:+.0f} s added to the times of the trajectory would make them fit: {name}?"
     return ""
 
 
 def _extent(xyz: FloatArray) -> tuple[FloatArray, FloatArray]:
-    # Column by column: ten times as fast as along the first axis of all
+    # Column by column: ten times as fast as min(axis=0) of the whole array
     east, north = xyz[:, 0], xyz[:, 1]
     return np.array([east.min(), north.min()]), np.array([east.max(), north.max()])
 

@@ -37,7 +37,7 @@ from linework.kernels.store.pack import extent_of
 
 #: Buckets of heights on either side of 0: coordinates lie within 1e8 m.
 _MIDDLE_BUCKET = 2**21
-#: Points packed at a time: larger batches are split, so that a run can be read at once.
+#: Points packed at a time: larger batches are split, so that a run can be read in one go.
 _MOST_AT_ONCE = 2**22
 
 
@@ -47,7 +47,7 @@ class StoreWriter:
     Parameters
     ----------
     path
-        File to create, named for its number. It must not exist.
+        File to create; its stem is the input file's number. It must not exist.
 
     Raises
     ------
@@ -56,7 +56,7 @@ class StoreWriter:
 
     Notes
     -----
-    A batch of 500,000 points takes 18 to 25 ns a point. A run holds the points of a batch in one block, so larger
+    A batch of 500,000 points takes 18 to 25 ns per point. A run holds the points of a batch in one block, so larger
     batches, and points that are near each other in the file, give fewer and longer runs.
     """
 
@@ -68,7 +68,7 @@ class StoreWriter:
         self._offset = 0
         self._tables: list[RunTable] = []
         self._has_time: bool | None = None
-        # Only the pages that are written to take memory
+        # Costs little memory: only the pages that are written to are allocated
         self._heights = np.zeros(2 * _MIDDLE_BUCKET, np.int64)
         self._low, self._high = 2 * _MIDDLE_BUCKET, -1
         self._keys, self._owners = np.empty(0, np.uint64), np.empty(0, np.int32)
@@ -76,7 +76,7 @@ class StoreWriter:
 
     @property
     def height_counts(self) -> dict[int, int]:
-        """Points per bucket of 64 m of height, by the bucket's number floor(z / 64)."""
+        """Number of points in each height bucket of 64 m, by bucket number floor(z / 64)."""
         counts = self._heights[self._low : self._high + 1]
         return {int(i) + self._low - _MIDDLE_BUCKET: int(counts[i]) for i in np.flatnonzero(counts)}
 
@@ -95,10 +95,10 @@ class StoreWriter:
         Raises
         ------
         ValueError
-            A coordinate is not finite or too far, columns are of different lengths or types, or only some
+            A coordinate is not finite or is beyond 1e8 m, columns are of different lengths or types, or only some
             batches have times.
         MachineError
-            The disk is full, or failed.
+            The disk is full or has failed.
         """
         n = len(xyz)
         xyz = checked("xyz", xyz, np.float64, (n, 3))
@@ -117,7 +117,7 @@ class StoreWriter:
         Raises
         ------
         MachineError
-            The disk is full, or failed.
+            The disk is full or has failed.
         """
         with machine_errors(self._path):
             self._close()
@@ -161,7 +161,7 @@ class StoreWriter:
         self._tables.append(RunTable(rows))
 
     def _packed(self, xyz: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
-        """Return each point's key and number of its block, and the blocks' codes and counts."""
+        """Return the key and block number of each point, and the codes and point counts of the blocks."""
         n = len(xyz)
         if len(self._keys) < n:
             self._keys, self._owners = np.empty(n, np.uint64), np.empty(n, np.int32)
@@ -170,7 +170,7 @@ class StoreWriter:
             xyz, keys, owners, self._heights, _MIDDLE_BUCKET
         )
         if not is_sound:
-            raise ValueError("xyz: a coordinate is not finite, or farther than 1e8 m")
+            raise ValueError("xyz: a coordinate is not finite, or beyond 1e8 m")
         self._low, self._high = min(self._low, low), max(self._high, high)
         return keys, owners, codes, counts
 
@@ -196,18 +196,18 @@ def write_index(
     Parameters
     ----------
     facts
-        Facts about the points; JSON.
+        Facts about the points, as JSON values.
     limits
-        Points outside are left out when the store is read; None: none are.
+        Points outside these are left out when the store is read; None: no limits.
 
     Raises
     ------
     MachineError
-        The folder holds an index already, the disk is full, or failed; or the store's files do not match the table.
+        The folder already holds an index, the disk is full or has failed, or the store's files do not match the table.
     """
     if (folder / INDEX_FILE).exists():
         raise MachineError(
-            "index exists already", where=folder / INDEX_FILE, advice="write to an empty folder"
+            "index already exists", where=folder / INDEX_FILE, advice="write to an empty folder"
         )
     if limits is not None:
         table = kept_within(folder, table, limits)

@@ -30,7 +30,7 @@ from linework.files.vectors.gdal import foreign_lines
 from linework.model.lines import LineSet
 
 _APP = "LINEWORK"
-#: DXF's codes for metres ($INSUNITS) and for a text in extended data.
+#: DXF's codes for metres ($INSUNITS) and for text in extended data.
 _METRES, _STRING = 6, 1000
 #: Longest text in extended data. [characters]
 _MAX_TEXT = 250
@@ -38,7 +38,7 @@ _MAX_TEXT = 250
 
 def write_dxf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
     """Write lines as 3-D polylines on layers named for their kinds (called through `publish`)."""
-    # No time of day, no random identifiers: equal lines give equal bytes.
+    # No time of day, no random identifiers: the same lines give the same bytes.
     options: Any = ezdxf.options  # type: ignore[attr-defined]
     before = options.write_fixed_meta_data_for_testing
     options.write_fixed_meta_data_for_testing = True
@@ -60,7 +60,7 @@ def write_dxf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
 
 
 def _extended_data(fields: Mapping[str, Any]) -> list[tuple[int, Any]]:
-    """Return the known fields as name=value texts."""
+    """Return the known fields as name=value strings."""
     tags = []
     for name, value in fields.items():
         if isinstance(value, str | np.str_):
@@ -80,7 +80,7 @@ def verify_dxf(part: Path, lines: LineSet, path: Path) -> None:
     Raises
     ------
     MachineError
-        Not the lines that were written.
+        The lines read back are not those that were written.
     """
     back = read_dxf(part, "kind", None, LOCAL)
     if len(back) != len(lines) or not np.array_equal(back.xyz, lines.xyz):
@@ -117,7 +117,7 @@ def _write_text(path: Path, text: str) -> None:
 
 
 def read_dxf(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
-    """Read lines, polylines and light polylines of a DXF file; the kind of a line is its layer.
+    """Read the lines, polylines and lightweight polylines of a DXF file; the kind of a line is its layer.
 
     Raises
     ------

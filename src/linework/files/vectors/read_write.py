@@ -19,8 +19,8 @@ from linework.model.logs import VanLog
 _Write = Callable[..., None]
 _Verify = Callable[..., None]
 _Read = Callable[[Path, str, "Mapping[str, str] | None", "str | None"], LineSet]
-#: Module of each format that is written, imported on first use: all of them take 0.35 s (measured), GeoPackage a tenth
-#: of that.
+#: Module that writes each format, imported on first use: importing all of them takes 0.35 s, GeoPackage alone a tenth
+#: of that (measured).
 _WRITERS = {
     ".gpkg": "gpkg",
     ".geojson": "geojson",
@@ -34,12 +34,12 @@ _WITH_POINTS = (".gpkg", ".geojson", ".json")
 
 
 def check_format(path: Path) -> None:
-    """Refuse a name whose suffix is not a format that lines are written in.
+    """Raise UsageError if the suffix of the file is not that of a format in which lines are written.
 
     Raises
     ------
     UsageError
-        Unknown suffix; the message lists those known.
+        Unknown suffix; the message lists the known ones.
     """
     suffix = path.suffix.lower()
     if suffix not in _WRITERS:
@@ -78,7 +78,7 @@ def write_lines(
 
     Notes
     -----
-    Equal lines give equal bytes.
+    The same lines give the same bytes.
     """
     check_format(path)
     check_writable(lines, path)
@@ -114,19 +114,19 @@ def points_left_out(path: Path, points: VanLog | Sequence[PointLayer] | None) ->
         return ()
     named = " and ".join(f"{layer.name} ({len(layer.xyz)} points)" for layer in layers)
     return (
-        f"{path}: {named} left out, {path.suffix} holds lines only ({', '.join(_WITH_POINTS)} hold both)",
+        f"{path}: {named} left out, {path.suffix} files hold only lines ({', '.join(_WITH_POINTS)} hold both)",
     )
 
 
 def read_lines(
     path: Path, *, kind_field: str = "kind", kinds: Mapping[str, str] | None = None, crs: str | None = None
 ) -> LineSet:
-    """Read lines from a file of linework or of other programs.
+    """Read lines from a file written by linework or by another program.
 
     Parameters
     ----------
     kind_field
-        Property with the kind of a feature; without it, the name of the layer.
+        Attribute that holds the kind of a feature; where there is none, the layer name is the kind.
     kinds
         Kinds by the names used in the file; features with other names are left out.
     crs
@@ -135,15 +135,15 @@ def read_lines(
     Returns
     -------
     LineSet
-        Our own files exactly. In others, multi-part geometries become one line per part, polygons one closed line per
-        ring, and missing heights are NaN (such sets cannot be written).
+        Files written by linework are read back exactly. From other files, multi-part geometries become one line per
+        part, polygons one closed line per ring, and missing heights are NaN (such lines cannot be written).
 
     Raises
     ------
     InputError
         Not a readable file of lines.
     CrsError
-        In degrees, or several CRSs.
+        The coordinates are in degrees, or the layers have different CRSs.
     """
     suffix = path.suffix.lower()
     if suffix not in _READERS:
@@ -163,7 +163,7 @@ def _writer(path: Path) -> tuple[_Write, _Verify]:
 
 
 def _read_gpkg(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
-    """Read a GeoPackage: our own exactly, others by their geometries and fields."""
+    """Read a GeoPackage: exactly if linework wrote it, else by its geometries and fields."""
     from linework.files.vectors.gdal import read_foreign
     from linework.files.vectors.gpkg import read_own_gpkg, roll_back
 

@@ -1,4 +1,4 @@
-"""The step at one place, measured: floor, face and top fitted in turn, and the evidence for a kerb.
+"""Measurement of the step at one place: floor, face and top fitted in turn, and how far its evidence extends.
 
 Frame and points as in `linework.kernels.boundaries.profiles`; the carriageway is at positive v.
 """
@@ -34,7 +34,7 @@ from linework.kernels.tracking.small_systems import solve_two
 ) = range(7)  # fmt: skip
 CLEAREST_COLUMNS = 7
 
-#: Turns that are tried about the first direction, from coarse to fine. [rad]
+#: Rotations of the profile tried about its first direction, from coarse to fine. [rad]
 KERB_TURNS = (
     np.deg2rad(np.array([0.0])),
     np.deg2rad(np.array([-24.0, -12.0, 12.0, 24.0])),
@@ -42,7 +42,7 @@ KERB_TURNS = (
     np.deg2rad(np.array([-3.0, 3.0])),
     np.deg2rad(np.array([-1.5, 1.5])),
 )
-#: Half of a cell's diagonal and 5 cm: a line farther than this from the cell's middle belongs to another cell. [m]
+#: Half of a cell's diagonal plus 5 cm: a line farther than this from the cell's middle belongs to another cell. [m]
 KERB_REACH_V = 0.40
 #: Smallest clearness of a step: three more unknowns explain this many noise variances by chance once in 10 000
 #: places (chi-squared).
@@ -50,15 +50,16 @@ CLEAR_STEP = 21.0
 #: How far an upright kerb's face leans back per metre of height, and its standard deviation (DIN 483: 1:10 to 1:5;
 #: flat kerbs lean by 1).
 LEAN, LEAN_SIGMA = 0.15, 0.25
-#: Standard deviation of the face's direction against that of the step (2 degrees). [rad]
+#: Standard deviation of the face's direction relative to that of the step (2 degrees). [rad]
 BETA_SIGMA = 0.035
-#: Variance that the face is held with in the first round, and least spread in later ones. [m^2, m]
+#: Variance assumed for points of the face in the first round, and smallest spread assumed in later ones. [m^2, m]
 FIRST_HOLD, LEAST_HOLD_M = 4e-4, 0.005
 #: Rounds of reweighting a face, and its smallest spread: no scanner measures better. [m]
 FACE_ROUNDS, LEAST_SPREAD_M = 4, 2e-3
 #: Fewest points of a floor, of a top and of a face, and the smallest step that is measured [m].
 FLOOR_POINTS, TOP_POINTS, FACE_POINTS_LEAST, SMALLEST_STEP_M = 5, 4, 4, 0.005
-#: The face is what is above the floor and below the top by this many noises, and by this share of the step.
+#: Points of the face are above the floor and below the top by at least this many sigmas of their noise, and by at
+#: least this share of the step.
 FACE_NOISES, FACE_SHARE = 2.5, 0.15
 #: Extent of the top across, from its edge [m]; weights that hold its slopes along u and v to 0 [m^2].
 KERB_TOP_WIDTH_M, TOP_SOFT = 0.30, (0.10, 0.02)
@@ -68,7 +69,7 @@ KERB_TOP_WIDTH_M, TOP_SOFT = 0.30, (0.10, 0.02)
 def best_step(
     work: FloatArray, n: int, frame: tuple[float, float], scale: float, sums: FloatArray, out: FloatArray
 ) -> bool:
-    """Turn the v-axis until the profile steps up most clearly; return False if no step passes the cell.
+    """Turn the v-axis until the profile steps up most clearly; return False if no step passes through the cell.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ def best_step(
     frame
         Unit vector v to begin with.
     scale
-        Radius of the search area over the usual one.
+        Radius of the search area divided by the usual radius.
     sums
         (73, 9) scratch, see `linework.kernels.boundaries.profiles.bin_sums_across`.
     out
@@ -174,7 +175,7 @@ def fit_face(
         if m < 2.0:
             return 0.0, 0.0, LEAN, 0.0, 0.0
         mu, mh, mv = su / m, sh / m, sv / m
-        # The lean is held to that of an upright kerb, the direction to that of the step
+        # The lean is constrained to that of an upright kerb, the direction to that of the step
         hold = max(spread, LEAST_HOLD_M) ** 2 if turn > 0 else FIRST_HOLD
         uu = suu - m * mu * mu + hold / BETA_SIGMA**2
         hh = shh - m * mh * mh + hold / LEAN_SIGMA**2
@@ -211,8 +212,8 @@ def fit_face(
     STEP_SIGMA_H,
 ) = range(18)  # fmt: skip
 STEP_COLUMNS = 18
-#: Columns of how far the evidence of a step reaches: shares of the floor's and the top's width with points; lowest and
-#: highest u that both have points up to [m]; share of the quarters along u with points of both.
+#: Columns of how far the evidence of a step extends: shares of the floor's and the top's width with points; lowest and
+#: highest u with points of both [m]; share of the quarters along u with points of both.
 COVER_FLOOR, COVER_TOP, COVER_U_LOW, COVER_U_HIGH, COVER_BOTH = range(5)
 COVER_COLUMNS = 5
 #: Distance that floor and top keep from foot and top edge before these are known. [m]
@@ -221,13 +222,13 @@ FIRST_CLEAR_M = 0.05
 STRAIGHT_KERB_M = 0.001
 #: Where no face is visible, the change from floor to top is sought this far to either side [m], at this many places.
 CHANGE_REACH_M, N_CHANGE = 0.08, 32
-#: Tolerances, in noises of the floor, of a point on it. [-]
+#: Largest distance of a floor point from the floor, in sigmas of the floor's noise. [-]
 FLOOR_NOISES = 3.0
 
 
 @njit(cache=True, nogil=True)
 def measure_step(work: FloatArray, n: int, first: FloatArray, scale: float, out: FloatArray) -> bool:
-    """Measure the step that runs through the place along u; return False where floor or top are missing.
+    """Measure the step that runs through the place along u; return False where floor or top is missing.
 
     Parameters
     ----------
@@ -236,7 +237,7 @@ def measure_step(work: FloatArray, n: int, first: FloatArray, scale: float, out:
     first
         (7,): see `best_step`.
     scale
-        Radius of the search area over the usual one.
+        Radius of the search area divided by the usual radius.
     out
         (18,) output, columns `STEP_VX` to `STEP_SIGMA_H`.
     """
@@ -282,7 +283,7 @@ def measure_step(work: FloatArray, n: int, first: FloatArray, scale: float, out:
             )
             sigma_v = np.sqrt(2.0 * spread**2 / n_face + (lean_sigma * half) ** 2 + STRAIGHT_KERB_M**2)
         else:
-            # No face: the place where the points change from floor to top, to their spacing
+            # No face visible: the place where the points change from floor to top, known to within their spacing
             at, spacing = _change_over(work, n, (vx, vy), (a, b, c), (a2, c2), middle, scale)
             foot, top = at + 0.5 * LEAN * h, at - 0.5 * LEAN * h
             blur = spacing * (1.0 + 4.0 * (noise**2 + noise2**2) / h**2)
@@ -328,11 +329,11 @@ def _change_over(
         r = work[i, PLACE_R] - floor_b * u
         low, high = r - floor_a - floor_c * v, r - top_a - top_c * v
         rise = low - high
-        # A point beyond both only shows on which side it is
+        # A point below the floor or above the top shows only which side it is on
         low, high = min(max(low, -rise), 2.0 * rise), min(max(high, -2.0 * rise), rise)
         cost[k + 1] += high * high - low * low
         count += 1.0
-    # v below the change belongs to the top: the running cost of that; the middle of all best places
+    # Points with v below the change belong to the top: running cost of that, and the middle of all places of least cost
     best, first, last = 0.0, 0, 0
     for k in range(1, N_CHANGE + 1):
         cost[k] += cost[k - 1]
@@ -358,7 +359,7 @@ def _write(
 
 @njit(cache=True, nogil=True)
 def filled_shares(work: FloatArray, n: int, step: FloatArray, scale: float, share: FloatArray) -> None:
-    """Write how far the evidence of a step reaches, across and along.
+    """Write how far the evidence of a step extends, across and along.
 
     Parameters
     ----------
@@ -367,9 +368,9 @@ def filled_shares(work: FloatArray, n: int, step: FloatArray, scale: float, shar
     step
         (18,): see `measure_step`.
     scale
-        Radius of the search area over the usual one.
+        Radius of the search area divided by the usual radius.
     share
-        (5,) output, columns `COVER_FLOOR` to `COVER_BOTH`: of the floor's 0.5 m in fifths and of the top's 0.2 m in
+        (5,) output, columns `COVER_FLOOR` to `COVER_BOTH`: the floor's 0.5 m counted in fifths, the top's 0.2 m in
         quarters.
     """
     floor_bins, top_bins = np.zeros(5), np.zeros(4)

@@ -1,4 +1,4 @@
-"""The points of one place, and their cross profile: gathered, summed in bins, searched for a step, fitted.
+"""Kernels of the cross profile at one place: gather its points, sum them in bins, find a step, fit planes.
 
 A place has its own frame: u along the feature, v to its left, r the height over a plane through the place.
 Positions are in metres from the survey's local origin.
@@ -15,7 +15,7 @@ from linework.arrays import FloatArray, IntArray
 from linework.kernels.cells.floor import FINE_M, SPAN_COLS, SPAN_ROWS, SPAN_SOUTH, SPAN_WEST
 from linework.kernels.tracking.small_systems import solve_two
 
-#: Columns of the points of a place: x and y from it, height r over its plane [m], intensity, number of the point.
+#: Columns of the points of a place: x and y relative to it and height r over its plane [m], intensity, point number.
 PLACE_X, PLACE_Y, PLACE_R, PLACE_INTENSITY, PLACE_INDEX = range(5)
 PLACE_COLUMNS = 5
 #: Columns of the sums over the bins of a profile: points, v, v^2, height r, v r, r^2, intensity i, v i, i^2.
@@ -24,46 +24,46 @@ PROFILE_SUMS = 9
 #: Parts of a plane through a place: height there [m], slopes to the east and to the north.
 PLANE_HEIGHT, PLANE_EAST, PLANE_NORTH = range(3)
 
-#: Bins of a profile, and the most that a piece on either side of a break has: with bins of 2 cm the lower side is
-#: fitted over 0.6 m, the upper over 0.4 m (kerb tops are narrow). The break between them is twice `FACE_BINS` wide.
+#: Number of bins of a profile, and largest number on the lower and the upper side of a break: with bins of 2 cm the
+#: lower side is fitted over 0.6 m, the upper over 0.4 m (kerb tops are narrow). The break is twice `FACE_BINS` wide.
 N_PROFILE_BINS, LOW_BINS, HIGH_BINS, FACE_BINS = 72, 30, 20, 1
 #: Largest slope of a kerb's top against its floor: ramps behind dropped kerbs rise by 1 in 8, flat tops by less,
 #: and noise adds to both. [m/m]
 STEEP_TOP = 0.3
 #: Smallest noise of a floor: no scanner measures better. [m]
 LEAST_FLOOR_NOISE_M = 0.0025
-#: The sums of no bins.
+#: Sums over an empty range of bins.
 EMPTY_BIN = np.zeros(PROFILE_SUMS)
 #: Fewest points on either side of a break: three unknowns, and one more for the noise.
 PIECE_POINTS = 4
-#: Most points used to measure a place (with more, noise is not what limits it), and to find it.
+#: Largest number of points used to measure a place (more of them no longer reduce the error), and to find it.
 MOST_PLACE_POINTS, ENOUGH_POINTS = 1000, 300
 #: Points farther than this above or below the plane are neither floor nor kerb: cars, hedges, walls. [m]
 CLIP_M = 0.30
-#: A line beside a cell may still pass through it after a turn of the profile, if it misses it by less. [m]
+#: A line that misses a cell by less than this may still pass through the cell once the profile is rotated. [m]
 BESIDE_CELL_M = 0.08
 #: Smallest variance of v in a piece of a profile, against division by zero. [m^2]
 LEAST_VV = 1e-9
 #: Standard deviation of a uniform distribution over its width: 1 / sqrt(12).
 UNIFORM_SIGMA = 0.29
-#: Width of a bin of the profile across a usual search area, and half of the length along u that it takes in. [m]
+#: Width of a bin of the profile across a usual search area, and half of the length along u that it covers. [m]
 PROFILE_BIN_M, HALF_LENGTH_M = 0.02, 0.5
 #: Extent of a floor across [m]; weights that hold its slopes along u and v to 0 [m^2]; distance that it keeps from the
 #: foot of a step: half of a usual scan spot [m].
 FLOOR_WIDTH_M, FLOOR_SOFT, CLEAR_M = 0.60, (0.04, 0.04), 0.02
-#: A line is sought as far as this beyond its cell, where it is measured again; the shortest piece of it in a cell that
-#: is measured again, and the shortest that makes a box. [m]
+#: Distance beyond its cell within which a line is searched for when it is remeasured; shortest piece in a cell that is
+#: remeasured, and shortest that makes a box. [m]
 CHORD_SLACK_M, LEAST_CHORD_M, LEAST_BOX_M = 0.05, 0.1, 0.05
-#: Radius within which a line is measured again, about the middle of its piece in the cell. [m]
+#: Radius within which a line is remeasured, about the middle of its piece in the cell. [m]
 AGAIN_M = 0.80
-#: Tukey's weight is 0 beyond this many standard deviations; rounds of reweighting, after which the fit stands still.
+#: Tukey's weight is 0 beyond this many standard deviations; rounds of reweighting, after which fits hardly change.
 TUKEY_SPREADS, N_ROUNDS = 4.0, 4
 #: Smallest sum of weights that determines a plane.
 LEAST_WEIGHT = 3.0
 
 
 class FloorCells(NamedTuple):
-    """Points near the ground by fine cell, and what is computed of each cell.
+    """Points near the ground by fine cell, and the values computed for each cell.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class FloorLimits(NamedTuple):
     steepest
         Slope of a floor against the road. [m/m]
     most_noise
-        Of the roughest floor. [m]
+        Noise of the roughest floor. [m]
     is_vertical
         1 where slopes are measured against the vertical, 0 against the road.
     """
@@ -114,11 +114,11 @@ class LocalFloor(NamedTuple):
     plane
         (3,): `PLANE_HEIGHT`, `PLANE_EAST`, `PLANE_NORTH`.
     noise
-        Its rms distance from its points. [m]
+        Rms distance of its points from the plane. [m]
     east, north
-        The road's slopes, over 3 m.
+        Slopes of the road to the east and to the north, over 3 m. [m/m]
     usual
-        Noise of the smoothest floors around. [m]
+        Noise of the smoothest floors nearby. [m]
     """
 
     plane: FloatArray
@@ -170,11 +170,11 @@ def gather_at(
     points, starts, span
         (n, 4), (n_cells + 1,), (4,): see `FloorCells`.
     place, radius
-        [m, from the local origin]
+        Centre and radius. [m, from the local origin]
     plane
-        (3,): heights are taken over this plane through the place.
+        (3,): plane through the place, above which heights are measured.
     most
-        Of more points every second, third ... is taken.
+        Largest number of points; of more points, only every second, third ... is used.
     work
         (most + 2, 5) output: columns `PLACE_X` to `PLACE_INDEX`.
     """
@@ -221,7 +221,7 @@ def bin_sums_across(
     step
         Width of a bin. [m]
     sums
-        (73, 9) output, columns `BIN_N` to `BIN_II`; of the bins a to b - 1 the sums are ``sums[b] - sums[a]``.
+        (73, 9) output, columns `BIN_N` to `BIN_II`; the sums over bins a to b - 1 are ``sums[b] - sums[a]``.
     """
     sums[:] = 0.0
     for i in range(n):
@@ -248,7 +248,7 @@ def bin_sums_across(
 
 @njit(cache=True, nogil=True)
 def beside_cell(vx: float, vy: float, v: float) -> bool:
-    """Return whether the line at `v` [m] misses the cell about the place by more than `BESIDE_CELL_M`."""
+    """Return whether the line at `v` [m] misses the cell around the place by more than `BESIDE_CELL_M`."""
     return bool(abs(v) > FINE_M * (abs(vx) + abs(vy)) + BESIDE_CELL_M)
 
 
@@ -341,7 +341,7 @@ def fit_side(
     spread
         Robust rms distance of the points from it. [m]
     count
-        Points with a weight; 0 when there are too few.
+        Number of points with a positive weight; 0 when there are too few.
     """
     vx, vy = frame
     v_low, v_high, u_most = window

@@ -1,4 +1,4 @@
-"""The images of the paper's figures 2 to 7, made from the points: what `linework raster` writes."""
+"""Images that `linework raster` writes: figures 2 to 7 of the Radon paper, made from the points."""
 
 from __future__ import annotations
 
@@ -24,23 +24,27 @@ ROAD_CLASS, OFF_ROAD = 1, 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FigureConfig:
-    """Settings of the pictures of the whole survey (extraction has its own, for windows)."""
+    """Settings of the pictures of the whole survey (extraction has its own settings, for windows)."""
 
     low_m: float = setting(
         0.2,
         unit="m",
-        reason="the paper's: over kerbs and grass, under a guardrail's beam",
+        reason="value of the paper: above kerbs and grass, below the beam of a guardrail",
         low=-100,
         high=1000,
     )
     high_m: float = setting(
-        1.2, unit="m", reason="the paper's: guardrails are about 1 m high", low=-100, high=10000
+        1.2, unit="m", reason="value of the paper: guardrails are about 1 m high", low=-100, high=10000
     )
     step_deg: float = setting(
-        0.25, unit="deg", reason="at 45 m from the middle the next angle is one cell aside", low=0.01, high=10
+        0.25,
+        unit="deg",
+        reason="at 45 m from the centre, successive angles are one cell apart",
+        low=0.01,
+        high=10,
     )
     theta_window_deg: float = setting(
-        6.0, unit="deg", reason="a rail's own ridge in Radon space is narrower", low=0, high=90
+        6.0, unit="deg", reason="the ridge of one rail in Radon space is narrower", low=0, high=90
     )
     rho_window_m: float = setting(
         1.0, unit="m", reason="the two beams of a median are further apart", low=0, high=100
@@ -55,7 +59,7 @@ class FigureConfig:
     min_length_m: float = setting(
         8.0,
         unit="m",
-        reason="two bays of a guardrail; chance alignments of bushes stay below",
+        reason="two bays of a guardrail; chance alignments of bushes are shorter",
         low=0,
         high=10000,
     )
@@ -66,16 +70,16 @@ class FigureConfig:
 
 @dataclass(frozen=True, slots=True)
 class RasterFigure:
-    """One product: an image for machines and a picture of it for people.
+    """One figure: its raster image and a picture of it.
 
     Parameters
     ----------
     name
-        Stem of its files.
+        Stem of its file names.
     image
-        For the GeoTIFF.
+        Raster for the GeoTIFF.
     png
-        The picture.
+        Encoded picture.
     in_world
         False for the Radon images, whose axes are theta [deg] and rho [m].
     """
@@ -98,9 +102,9 @@ class CandidateLines:
 def find_candidate_lines(binary: Image, config: FigureConfig) -> CandidateLines:
     """Return the Radon image of the whole binary image and its prominent peaks.
 
-    Straight lines right across the image, as in the paper: a picture of what the transform sees. What is
-    extracted comes from windows instead, so that roads may bend. Over a whole image crowns and ramps add up
-    to more than a rail, so peaks are sought in the ridges of the Radon image.
+    Candidate lines are straight and run across the whole image, as in the paper: they show what the transform
+    detects. Extraction works in windows instead, so that roads may bend. Over a whole image, tree crowns and ramps
+    add up to more than a rail, so peaks are searched for in the ridges of the Radon image.
     """
     radon = radon_transform(binary, evenly_spaced_angles(config.step_deg))
     windows = {
@@ -115,7 +119,7 @@ def find_candidate_lines(binary: Image, config: FigureConfig) -> CandidateLines:
 
 
 def line_ends(peaks: Peaks, radon: RadonImage) -> FloatArray:
-    """Return (m, 2, 2) ends [m, world] of the candidate lines, right across the image."""
+    """Return (m, 2, 2) ends [m, world] of the candidate lines, across the whole image."""
     cos, sin = np.cos(peaks.theta_rad), np.sin(peaks.theta_rad)
     foot = np.stack([cos, sin], axis=1) * peaks.rho_m[:, None] + radon.centre_xy
     along = np.stack([-sin, cos], axis=1) * float(radon.rho_m[-1] + radon.rho_step_m)
@@ -131,8 +135,8 @@ def classified(points: Points, is_road: BoolArray, grid: Grid) -> Image:
     inside = cells >= 0
     n_cells = grid.n_rows * grid.n_cols
     balance = np.bincount(cells[inside], weights=np.where(is_road[inside], 1.0, -1.0), minlength=n_cells)
-    seen = np.bincount(cells[inside], minlength=n_cells) > 0
-    classes = np.where(seen, np.where(balance > 0, ROAD_CLASS, OFF_ROAD), 0).astype(np.uint8)
+    has_points = np.bincount(cells[inside], minlength=n_cells) > 0
+    classes = np.where(has_points, np.where(balance > 0, ROAD_CLASS, OFF_ROAD), 0).astype(np.uint8)
     return Image(classes.reshape(grid.shape), grid)
 
 
@@ -169,7 +173,7 @@ def raster_figures(
     crs_name: str,
     normal: Float32Array | None = None,
 ) -> Iterator[RasterFigure]:
-    """Yield the figures one by one, so that only one is held.
+    """Yield the figures one by one, so that only one is in memory at a time.
 
     Parameters
     ----------
@@ -178,16 +182,16 @@ def raster_figures(
     is_road
         (n,) bool: the point is on the road.
     crs_name
-        For the captions.
+        Name of the CRS, for the captions.
     normal
-        (n,) float32: intensities with asphalt at 1, or None.
+        (n,) float32: intensities normalised so that asphalt is 1, or None.
     """
     raw = rasterise(points, grid)
     caption = _Caption(crs_name, close_ups(raw.density, *MAP_CLOSE_UP_M))
     # Figure 2: road and non-road
     classes = classified(points, is_road, grid)
     yield caption.figure("classes", "Road and non-road points", classes, _CLASSES)
-    # Figure 3: density; figure 4: maximum height, and its relatives; intensity
+    # Figure 3: density; figure 4: maximum height, also minimum and mean; intensity
     yield from _measured(raw, caption)
     bright = None if normal is None else rasterise(Points(points.xyz, normal), grid).intensity
     if bright is not None:
@@ -201,7 +205,7 @@ def raster_figures(
 
 @dataclass(frozen=True, slots=True)
 class _Caption:
-    """What all maps of a survey share."""
+    """CRS name and close-ups, the same for all maps of a survey."""
 
     crs_name: str
     windows: tuple[ImageWindow, ...]
@@ -216,7 +220,7 @@ class _Caption:
         drawn: Image | None = None,
         lines: OverlaidLines | None = None,
     ) -> RasterFigure:
-        """Return the figure of an image, drawn as itself or as `drawn`."""
+        """Return the figure of an image; its picture shows `drawn` instead where that is given."""
         picture = draw_map(
             drawn or image, style, title=title, crs_name=self.crs_name, windows=self.windows, lines=lines
         )
@@ -230,7 +234,7 @@ _OVER_ASPHALT = Style(
     unit="mean intensity, asphalt = 1, white from 3", colours="gray", empty="#bcd3e0", limits=(0.0, 3.0)
 )
 _ABOVE_ROAD = Style(
-    unit="height above the road [m], colours end at 6 m",
+    unit="height above the road [m], colour scale ends at 6 m",
     colours="turbo",
     limits=(0.0, 6.0),
 )

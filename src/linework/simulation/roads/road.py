@@ -21,18 +21,18 @@ class SideSection:
     Parameters
     ----------
     width_m
-        From the axis to where the carriageway surface ends.
+        Distance from the axis to the edge of the carriageway surface.
     form
-        "kerb", "edge" or "barrier": what ends it.
+        "kerb", "edge" or "barrier": what bounds the carriageway.
     step_m
-        Height of the step there over chainage, signed: kerb height, or the verge's.
+        Signed height of the step at that edge as a function of chainage: that of the kerb, or of the verge.
     land_d_m, land_z_m
-        The land beyond: distances from the carriageway's end (rising from 0) and heights over the top of
+        The land beyond: distances from the carriageway's edge (ascending from 0) and heights over the top of
         the full step.
     land_material
-        Material of each interval of `land_d_m`; one entry fewer.
+        Material of each interval of `land_d_m`; one entry fewer than there.
     mouths
-        Where side streets come in.
+        Mouths of side streets.
     """
 
     width_m: float
@@ -49,7 +49,7 @@ class SideSection:
         return float(self.land_d_m[-1])
 
     def rise(self, s: FloatArray, d: FloatArray) -> FloatArray:
-        """Return the height over the carriageway's end at distance `d` beyond the kerb; 0 on the carriageway."""
+        """Return the height over the carriageway's edge at distance `d` beyond it; 0 on the carriageway."""
         step = self.step_m(s)
         full = float(self.step_m.y.max()) if self.form == "kerb" else step
         # Behind a dropped kerb the footway ramps back to its height within a metre
@@ -69,7 +69,7 @@ class Road:
     left, right
         The two sides.
     slope_left, slope_right
-        Rise per metre away from the axis, over chainage (negative: falls towards the edge).
+        Rise per metre away from the axis as a function of chainage (negative: falls towards the edge).
     stations_m
         Chainages that every mesh along the road uses, so that neighbouring strips meet.
     """
@@ -86,7 +86,7 @@ class Road:
         return self.left if sign > 0 else self.right
 
     def carriageway_height(self, s: AnyArray | float, q: AnyArray | float) -> FloatArray:
-        """Return the height of the carriageway, kept level beyond its ends, local frame."""
+        """Return the height of the carriageway, continued level beyond its edges; local frame."""
         left = np.clip(q, 0.0, self.left.width_m)
         right = np.clip(-np.asarray(q), 0.0, self.right.width_m)
         tilt = self.slope_left(s) * left + self.slope_right(s) * right
@@ -117,7 +117,7 @@ class Road:
     def over_carriageway(
         self, s: AnyArray | float, q: AnyArray | float, above_m: AnyArray | float
     ) -> FloatArray:
-        """Return (..., 3) local positions `above_m` over the carriageway, level beyond its ends."""
+        """Return (..., 3) local positions `above_m` over the carriageway, continued level beyond its edges."""
         return self.place(s, q, self.carriageway_height(s, q) + above_m)
 
     def stations_between(self, start_m: float, end_m: float) -> FloatArray:
@@ -128,30 +128,30 @@ class Road:
     def truth_chainages(self, start_m: float, end_m: float) -> FloatArray:
         """Return the chainages of truth vertices: every 0.5 m, in bends under 80 m radius every 0.25 m.
 
-        The chord of 0.25 m leaves an 18 m arc by 0.4 mm.
+        A chord of 0.25 m departs from an arc of 18 m radius by 0.4 mm.
         """
         tight = np.any(np.abs(self.alignment.curvature(np.arange(start_m, end_m, 0.5))) > 1.0 / 80.0)
         n = int(np.ceil((end_m - start_m) / (0.25 if tight else 0.5) - 1e-9)) + 1
         return np.linspace(start_m, end_m, max(n, 2))
 
     def furthest_offset(self, s: FloatArray, sign: int, reach_m: float) -> FloatArray:
-        """Return how far out a strip may go before it folds over at the bend's centre, unsigned."""
+        """Return the largest unsigned offset of a strip that does not fold over at the centre of the bend."""
         turn = np.maximum(self.alignment.curvature(s) * sign, 1e-9)
         return np.asarray(np.minimum(reach_m, 0.85 / turn))
 
 
 def _beyond(side: SideSection, s: FloatArray, q: FloatArray) -> FloatArray:
-    """Return the height over the carriageway's end at unsigned offsets `q`; 0 on the carriageway."""
+    """Return the height over the carriageway's edge at unsigned offsets `q`; 0 on the carriageway."""
     return side.rise(s, q - side.width_m - widening(side.mouths, s, side.reach_m))
 
 
 def make_stations(
     alignment: Alignment, breaks_m: FloatArray, *, half_width_m: float, tolerance_m: float = 0.0003
 ) -> FloatArray:
-    """Return chainages so dense that chords leave the curved surface by less than `tolerance_m`.
+    """Return chainages dense enough that chords depart from the curved surface by less than `tolerance_m`.
 
-    `breaks_m` (ends of dropped kerbs and the like) are all stations. Steps are at most 1 m: over it the
-    crossfall of a superelevation ramp twists a 1 m cell by under a millimetre.
+    `breaks_m` (ends of dropped kerbs and the like) are all stations. Steps are at most 1 m: over
+    that length, the crossfall of a superelevation ramp twists a 1 m cell by less than a millimetre.
     """
     fine = np.arange(alignment.start_m, alignment.end_m, 0.05)
     bend = np.abs(alignment.curvature(fine))

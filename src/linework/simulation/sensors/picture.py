@@ -27,22 +27,22 @@ from linework.simulation.sensors.visible import (
     sky_and_hills,
 )
 
-#: Rays at a time: their arrays stay in the processor's cache and under 20 MB.
+#: Rays processed at a time: their arrays stay in the processor's cache and under 20 MB.
 _BATCH = 40_000
 
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """All that stays the same from image to image.
+    """The scene and its light, the same for all images.
 
     Parameters
     ----------
     view, light, wear
         The scene, its light, and the state of its carriageway.
     reflectance
-        (k,) of each triangle.
+        (k,) reflectance of each triangle.
     seed
-        Of the grain.
+        Random seed of the grain.
     """
 
     view: PassScene
@@ -53,7 +53,7 @@ class Stage:
 
 
 class Shutter:
-    """One camera before one stage; takes pictures at poses."""
+    """Renderer of the images of one camera in one scene."""
 
     def __init__(self, stage: Stage, camera: Camera, rays_per_pixel: int) -> None:
         self._stage, self._camera = stage, camera
@@ -61,12 +61,12 @@ class Shutter:
         self._rays = [pixel_rays(camera, o).reshape(-1, 3).astype(np.float32) for o in self._offsets]
 
     def light_at(self, poses: Poses) -> FloatArray:
-        """Return (height, width) light that falls in: the mean over the rays of a pixel, each at its own time.
+        """Return the (height, width) light that enters: the mean over the rays of a pixel, each at its own time.
 
         Parameters
         ----------
         poses
-            One for each ray of a pixel: where the vehicle was at its part of the exposure, local frame.
+            One pose for each ray of a pixel: that of the vehicle during its part of the exposure, local frame.
         """
         camera, stage = self._camera, self._stage
         total = np.zeros(camera.height * camera.width)
@@ -83,7 +83,7 @@ class Shutter:
         return np.asarray(total / len(self._rays)).reshape(camera.height, camera.width)
 
     def grey(self, light: FloatArray, gain: float, rng: np.random.Generator) -> AnyArray:
-        """Return the (height, width) uint8 image: blur, vignetting, noise of photons and of reading, 8 bit."""
+        """Return the (height, width) uint8 image: with blur, vignetting, photon noise and read noise."""
         from scipy.ndimage import gaussian_filter
 
         look, camera = self._stage.light, self._camera
@@ -95,7 +95,7 @@ class Shutter:
             * gaussian_filter(np.maximum(light, 0.0), look.blur_px, truncate=4.0)
             * (1.0 - look.vignetting * away)
         )
-        # Three tenths of the variance on asphalt are of reading, the rest goes with the light
+        # On asphalt, three tenths of the variance are read noise; the rest is proportional to the light
         sigma = look.noise_grey * np.sqrt(0.3 + 0.7 * np.minimum(value / look.asphalt_grey, 4.0))
         value += sigma * rng.standard_normal(value.shape)
         return np.asarray(np.clip(np.rint(value), 0.0, 255.0), dtype=np.uint8)
@@ -105,15 +105,15 @@ def _light_from(
     stage: Stage, origin: FloatArray, direction: FloatArray, through: AnyArray, axes: FloatArray
 ) -> FloatArray:
     """Return the light that comes along (n, 3) rays; `axes` (3, 2): change of direction over a ray's share of a pixel."""
-    seen = stage.view.look(origin, direction, through)
-    is_hit = seen.triangle >= 0
+    met = stage.view.look(origin, direction, through)
+    is_hit = met.triangle >= 0
     light = np.empty(len(direction))
     miss, hit = np.flatnonzero(~is_hit), np.flatnonzero(is_hit)
     pixel_rad = float(np.linalg.norm(axes[:, 0])) * 2.0
     if len(miss):
         light[miss] = sky_and_hills(direction[miss], stage.light, pixel_rad, stage.seed)
     if len(hit):
-        light[hit] = _reflected(stage, origin, direction[hit], (seen.triangle[hit], seen.depth[hit]), axes)
+        light[hit] = _reflected(stage, origin, direction[hit], (met.triangle[hit], met.depth[hit]), axes)
     return light
 
 
@@ -138,7 +138,7 @@ def _reflected(
     ]  # fmt: skip
     place, wide = _surface_places(view, triangle, material, xyz, steps)
     strength = STRENGTH[material] * np.where(material == Material.ASPHALT, stage.wear.grain, 1.0)
-    # Bright specks on a darker ground, as stones are in their binder: more above the mean than below
+    # Bright specks on a darker ground, like stones in their binder: skewed above the mean
     shade = np.exp(strength * grain(
         place[:, 0], place[:, 1], wide[:, 0], wide[:, 1], FINEST_M[material], GROWTH[material], N_OCTAVES,
         stage.seed,
@@ -152,7 +152,7 @@ def _reflected(
     )
     paint = look.asphalt * look.contrast * (0.5 + 0.5 * shade[asphalt])
     reflectance[asphalt] += cover * (paint - reflectance[asphalt])
-    # The side that is looked at
+    # The normal of the side that faces the camera
     facing = np.where(towards[:, None] > 0.0, -normal, normal)
     return np.asarray(_lit(stage, xyz, direction, facing, (material, reflectance)))
 
@@ -162,7 +162,7 @@ def _surface_places(
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n, 2) places on surfaces [m] and the extent of a ray's share of a pixel there [m].
 
-    On the ground along the road and across it, on all else sideways and up.
+    On the ground: along and across the road; on everything else: sideways and up.
     """
     place, wide = np.empty((len(xyz), 2)), np.empty((len(xyz), 2))
     on = GROUND[material]
@@ -188,7 +188,7 @@ def _lit(
     """Return the light of surfaces under sun and sky (Lambert), and the glare of asphalt towards the sun."""
     material, reflectance = surface
     look = stage.light
-    # A tenth of the sky's light comes back from the ground to what looks down
+    # The ground reflects a tenth of the sky's light onto surfaces that face down
     ambient = 0.55 + 0.45 * normal[:, 2]
     light = reflectance * ambient
     if look.sun > 0.0:

@@ -1,6 +1,6 @@
-"""Routes for the survey, its lines, and a stream of what changes.
+"""Routes for the survey, its lines, and a stream of changes.
 
-Apart from `app`, as the routes of every other room are.
+Separate from `app`, like the routes of every other room.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ survey_router = APIRouter(prefix="/api")
 
 @survey_router.get("/health")
 async def get_health() -> dict[str, bool]:
-    """Report that the server answers."""
+    """Report that the server is running."""
     return {"well": True}
 
 
 @survey_router.get("/survey")
 async def get_survey(request: Request, app_state: CurrentState) -> dict[str, Any]:
-    """Return the served survey, with all that the page needs before it asks for lines."""
+    """Return the survey being served, with everything the page needs before it requests lines."""
     return survey_document(app_state, busy=request.app.state.busy)
 
 
@@ -43,14 +43,14 @@ async def get_lines(
     app_state: CurrentState,
     since: Annotated[int, Query(ge=0, le=2**53)] = 0,
 ) -> Response:
-    """Return all lines; of a revision, those added or changed since, and the ids of those removed."""
-    # A million vertices take seconds to encode: not on the server's loop
+    """Return all lines, or with `since` those added or changed after that revision and the ids of those removed."""
+    # In a thread: a million vertices take seconds to encode, which would block the event loop
     content = await asyncio.to_thread(_lines_content, app_state.line_file, since)
     return Response(content, media_type="application/json")
 
 
 def _lines_content(line_file: LineFile, since: int) -> bytes:
-    # Read first: what is saved meanwhile is sent twice rather than never
+    # Read first, so that a line saved meanwhile is sent twice rather than not at all
     revision = line_file.revision
     found, removed = line_file.since(since if since <= revision else 0)
     parts = (json.dumps(document, allow_nan=False) for document in line_documents(found))
@@ -61,7 +61,7 @@ def _lines_content(line_file: LineFile, since: int) -> bytes:
 
 @survey_router.websocket("/live")
 async def stream_changes(socket: WebSocket) -> None:
-    """Send a page all messages of the broadcaster, until it leaves."""
+    """Send all messages of the broadcaster to a page, until it disconnects."""
     app_state = state_of_socket(socket)
     await socket.accept()
     with app_state.broadcaster.listening() as messages:
@@ -72,7 +72,7 @@ async def stream_changes(socket: WebSocket) -> None:
 
         sending = asyncio.create_task(send_all())
         try:
-            # The page sends nothing here: receiving ends when it leaves
+            # The page sends nothing here: receiving ends when it disconnects
             with suppress(WebSocketDisconnect):
                 while True:
                     await socket.receive()

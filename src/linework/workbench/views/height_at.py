@@ -1,7 +1,7 @@
 """Height of the ground, a kerb's top, a rail or a cable, from the few points around a place.
 
-Apart from `heights`, because it needs no survey: points are (n, 4), east and north from the place, up from the height
-origin, and above the road (NaN: unknown). [m]
+Separate from `heights`, because it needs no survey. Points are (n, 4): east and north of the place, height above the
+height origin, and height above the road (NaN: unknown). [m]
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ Height = tuple[float, float]
 LEAST = 5
 #: Thickness of a measured surface: noise of the scanner and texture of asphalt, three sigma each way. [m]
 SURFACE_LAYER_M = 0.05
-#: Sigma of what neighbouring points share but different scans do not (calibration, path): not in their spread. [m]
+#: Sigma of the error that neighbouring points have in common (calibration, trajectory), which their spread does not
+#: show. [m]
 COMMON_M = 0.003
 #: Minimum and maximum kerb height. [m]
 KERB_M = (0.03, 0.40)
@@ -24,7 +25,7 @@ KERB_M = (0.03, 0.40)
 LEAST_STANDS_M, MOST_STANDS_M = 0.25, {"guardrail": 1.3, "barrier": 1.8, "fence": 3.5}
 #: Thickness of the carriageway near its edge, where it is smooth, and least sigma of the height of its edge. [m]
 ROAD_M, EDGE_SIGMA_M = 0.02, 0.01
-#: Largest change of height when a line is dragged, for most kinds and for cables: beyond it is another object. [m]
+#: Largest change of height when a line is dragged, for most kinds and for cables; more is another object. [m]
 SAME_HEIGHT_M, SAME_CABLE_M = KERB_M[1], 1.0
 #: Minimum height of a cable, above lorries; gap in height between points of two cables. [m]
 HANGS_ABOVE_M, CABLES_APART_M = 3.5, 0.3
@@ -35,13 +36,13 @@ _EDGE_POINTS, _EDGE_M = 3, 0.04
 def edge_height(points: FloatArray) -> Height | None:
     """Return the height of the carriageway's edge: the most frequent level near the lowest layer.
 
-    Beside an edge are the foot of a kerb's face, or a lower verge: both hold fewer points than the road. Points farther
+    Beside an edge is the foot of a kerb's face, or a lower verge; either has fewer points than the road. Points farther
     from the road's level than the height of a kerb (hedges, cars, ditches) are not part of an edge.
 
     Parameters
     ----------
     points
-        (n, 4), see above; None is returned if they are too few.
+        (n, 4), see above; None is returned if there are too few.
     """
     points = points[~(np.abs(points[:, 3]) > KERB_M[1])]
     if len(points) < LEAST:
@@ -58,7 +59,7 @@ def edge_height(points: FloatArray) -> Height | None:
 def ground_height(points: FloatArray) -> Height | None:
     """Return the height of the ground in the middle of points (n, 4); None where they are too few.
 
-    By a plane through the lowest supported layer, without points more than 2.5 sigma off it.
+    Fits a plane to the lowest supported layer, without points more than 2.5 sigma from it.
     """
     if len(points) < LEAST:
         return None
@@ -76,7 +77,7 @@ def kerb_top_height(points: FloatArray) -> Height | None:
     upper = np.flatnonzero((step > KERB_M[0]) & (step < KERB_M[1]))
     if len(upper) < LEAST:
         return ground_height(points)
-    # The top is level, the face is not: where most points are
+    # The top is level and the face is not: take the level with the most points
     heights = np.sort(step[upper])
     counts = np.searchsorted(heights, heights + 0.03) - np.arange(len(heights))
     low = heights[int(np.argmax(counts))]
@@ -89,14 +90,14 @@ def kerb_top_height(points: FloatArray) -> Height | None:
 
 
 def standing_height(points: FloatArray, highest_m: float, near_m: float) -> Height | None:
-    """Return the height of the top edge of a standing object in points (n, 4); None without one.
+    """Return the height of the top edge of a standing object in points (n, 4); None if there is none.
 
     Parameters
     ----------
     highest_m
         Maximum height above the ground. [m]
     near_m
-        Its earlier height above the height origin; NaN: unknown. A top edge near it is preferred. [m]
+        Previous height of the top edge above the height origin; NaN: unknown. A top edge near it is preferred. [m]
     """
     level = _level(points)
     heights = np.sort(points[(level > LEAST_STANDS_M) & (level < highest_m), 2])
@@ -110,7 +111,7 @@ def standing_height(points: FloatArray, highest_m: float, near_m: float) -> Heig
 
 
 def hanging_height(points: FloatArray, near_m: float) -> Height | None:
-    """Return the height of the cable nearest to an earlier height, else of the lowest, in points (n, 4); or None."""
+    """Return the height of the cable nearest to a previous height (NaN: the lowest) in points (n, 4), or None."""
     level = _level(points)
     heights = np.sort(points[level > HANGS_ABOVE_M, 2])
     if len(heights) == 0:
@@ -127,7 +128,7 @@ def hanging_height(points: FloatArray, near_m: float) -> Height | None:
 def agrees_with_line(found: Height, near_m: float, kind: str) -> bool:
     """Return whether a height agrees with the earlier height of the line [m].
 
-    A carriageway's edge may be lower by a kerb, if it was drawn on the kerb's top, but never higher.
+    A carriageway's edge may be lower by the height of a kerb, if the line was drawn on its top, but never higher.
     """
     if kind == "cable":
         return abs(found[0] - near_m) <= CABLES_APART_M
@@ -154,7 +155,7 @@ def _level(points: FloatArray) -> FloatArray:
 
 
 def _lowest(level: FloatArray) -> float:
-    """Return the bottom of the lowest layer with a tenth of the points below 0.5 m, at least three."""
+    """Return the bottom of the lowest layer that holds a tenth of the points below 0.5 m, and at least three."""
     heights = np.sort(level[level < max(0.5, float(level.min()) + 0.5)])
     least = max(3, len(heights) // 10)
     for i in range(len(heights) - least + 1):
@@ -171,7 +172,7 @@ def _plane(points: FloatArray, kept: BoolArray) -> Height | None:
             return None
         x, z = points[kept, :2], points[kept, 2]
         middle = x.mean(axis=0)
-        # Few points on one scan line do not determine a slope: it is regularised to a twentieth
+        # Few points on one scan line do not determine a slope: it is regularised (sigma 0.05 for a spread of 1 cm)
         design = np.column_stack([np.ones(n), x - middle])
         normal = design.T @ design + np.diag([0.0, 0.04, 0.04])
         mean = z.mean()
