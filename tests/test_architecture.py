@@ -98,7 +98,7 @@ def test_a_room_holds_at_most_15_files():
 
 
 def test_files_have_40_to_450_lines_and_say_why_they_stand_apart():
-    """A short file, or one that only one file of its own folder imports, says in its docstring why: "Apart from"."""
+    """A short file, or one that only one file of its own folder imports, says in its docstring why: "Separate from"."""
     importers = defaultdict(set)
     for path, tree in TREES.items():
         for module in imports(tree):
@@ -114,7 +114,7 @@ def test_files_have_40_to_450_lines_and_say_why_they_stand_apart():
         # The command line is a file per command, all imported by app.py
         alone = {by.parent for by in importers[path]} == {path.parent} and len(importers[path]) == 1
         is_apart = n < FEWEST_LINES or (alone and path.parent.name != "cli")
-        if is_apart and "Apart from" not in (ast.get_docstring(tree) or ""):
+        if is_apart and "Separate from" not in (ast.get_docstring(tree) or ""):
             wrong.append(
                 f"{place(path)}: {n} lines, {len(importers[path])} importers: say why it stands apart"
             )

@@ -1,6 +1,6 @@
 """Scores of single dashes: how many were found, and the errors of their ends.
 
-Apart from the measures of lengths, as dashes are counted one by one.
+Separate from the measures of lengths, as dashes are counted one by one.
 """
 
 from __future__ import annotations

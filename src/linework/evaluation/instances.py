@@ -1,6 +1,6 @@
 """Average precision of whole lines by Chamfer distance, as in benchmarks of HD maps.
 
-Apart from the length-based measures, as it judges whole lines: it measures the joining.
+Separate from the length-based measures, as it judges whole lines: it measures the joining.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Check of clocks, signs and units: dead reckoning against the fixes, window by window.
 
-Apart from `locate`, which cuts a drive into sections: this decides where the clock of one section jumps, and corrects
+Separate from `locate`, which cuts a drive into sections: this decides where the clock of one section jumps, and corrects
 it.
 """
 

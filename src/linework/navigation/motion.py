@@ -1,6 +1,6 @@
 """Motion of the van from its sensors: gyro and wheels, either alone, or the fixes where wheels fail.
 
-Apart from `locate`, which positions a drive: this turns the logs of any combination of sensors into distances and
+Separate from `locate`, which positions a drive: this turns the logs of any combination of sensors into distances and
 turns.
 """
 

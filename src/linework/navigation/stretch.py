@@ -1,6 +1,6 @@
 """Positioning of a stretch of a drive with one clock: initial state, filter, smoother, poses at any rate.
 
-Apart from `locate`, which cuts a drive by pauses and clocks: this runs filter and smoother on one stretch.
+Separate from `locate`, which cuts a drive by pauses and clocks: this runs filter and smoother on one stretch.
 """
 
 from __future__ import annotations

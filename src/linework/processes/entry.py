@@ -1,6 +1,6 @@
 """Entry point of every child process: limits what it may take, then runs one function of a module.
 
-Run by `linework.processes.child.Child` as ``python -P -m linework.processes.entry``. Apart from `child`, because it runs
+Run by `linework.processes.child.Child` as ``python -P -m linework.processes.entry``. Separate from `child`, because it runs
 in the child and must import next to nothing before the limits hold.
 """
 

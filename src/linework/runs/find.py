@@ -1,6 +1,6 @@
 """The main job: every method looks at the pieces of its source, and the lines of all sources are merged.
 
-Apart from `extract`, which begins, resumes and publishes a run: this makes lines and writes no output.
+Separate from `extract`, which begins, resumes and publishes a run: this makes lines and writes no output.
 """
 
 from __future__ import annotations

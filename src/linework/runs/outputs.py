@@ -1,6 +1,6 @@
 """Publishing the result of a run: the lines, then their record beside them.
 
-Apart from `extract`, which begins and resumes a run: this only writes its results.
+Separate from `extract`, which begins and resumes a run: this only writes its results.
 """
 
 from __future__ import annotations

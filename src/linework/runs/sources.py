@@ -1,6 +1,6 @@
 """Sources of pieces: the laser points and the stereo pairs of a survey, in the same shape for every run.
 
-Apart from `find`, which treats all sources alike: this holds what differs between laser points and stereo pairs.
+Separate from `find`, which treats all sources alike: this holds what differs between laser points and stereo pairs.
 """
 
 from __future__ import annotations

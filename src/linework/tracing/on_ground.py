@@ -1,6 +1,6 @@
 """Following a lane marking or a road boundary from a picked place on an opened survey, step by step.
 
-Apart from `trace`, which takes the request and crosses gaps: this follows markings and boundaries by boxes.
+Separate from `trace`, which takes the request and crosses gaps: this follows markings and boundaries by boxes.
 """
 
 from __future__ import annotations

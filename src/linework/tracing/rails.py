@@ -1,6 +1,6 @@
 """A guardrail or a cable from a picked place: tiles along the line are searched, and their lines joined.
 
-Apart from `trace`, which takes the request and crosses gaps: this searches whole tiles for what stands beside or
+Separate from `trace`, which takes the request and crosses gaps: this searches whole tiles for what stands beside or
 above the road.
 """
 

@@ -1,6 +1,6 @@
 """`linework clean`: delete the work folder of a survey.
 
-Apart from the other commands, as every command has its own file.
+Separate from the other commands, as every command has its own file.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """`linework config`: the default run file, with the unit and reason of every setting.
 
-In a file of its own, as every command is.
+Separate from the other commands: each has a file of its own.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """`linework convert`: lines from one vector format to another.
 
-Apart from the other commands, as every command has its own file.
+Separate from the other commands, as every command has its own file.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Cuts across lines and their figures: the shape of the ground at a kerb, the intensity at a marking.
 
-Apart from sections.py, as a cut follows the slope of its line and is read at single stations.
+Separate from sections.py, as a cut follows the slope of its line and is read at single stations.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Sections through the points, across a guardrail and along a cable span, and their figures.
 
-Apart from cuts.py, as a section shows heights above the road or along a whole span.
+Separate from cuts.py, as a section shows heights above the road or along a whole span.
 """
 
 from __future__ import annotations

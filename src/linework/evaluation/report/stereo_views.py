@@ -1,6 +1,6 @@
 """Figures of lines drawn into the stereo pairs that show them.
 
-Apart from page.py, as it projects lines into images, which surveys without cameras do not need.
+Separate from page.py, as it projects lines into images, which surveys without cameras do not need.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Check the laszip record and the chunk table of a LAZ file, whose errors crash decoders.
 
-Apart from `header`, which reads what every file has: this reads what only compressed files have, without a decoder.
+Separate from `header`, which reads what every file has: this reads what only compressed files have, without a decoder.
 
 A false number of chunks makes the decoder allocate 64 GB and abort the process, a false size of an item makes it
 panic; neither can be caught.

@@ -1,6 +1,6 @@
 """Open a line file: lock it, check it, and add the tables for editing.
 
-Apart from `file`, which saves and undoes edits: this locks and checks the file once, before the first edit.
+Separate from `file`, which saves and undoes edits: this locks and checks the file once, before the first edit.
 """
 
 from __future__ import annotations

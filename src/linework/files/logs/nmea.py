@@ -1,6 +1,6 @@
 """NMEA sentences of a GNSS receiver: GGA with the date of RMC or ZDA and the sigmas of GST.
 
-Apart from `gnss`, which recognises formats: NMEA gives dates, heights and sigmas in sentences of their own.
+Separate from `gnss`, which recognises formats: NMEA gives dates, heights and sigmas in sentences of their own.
 """
 
 from __future__ import annotations

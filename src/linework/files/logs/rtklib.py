@@ -1,6 +1,6 @@
 """Read RTKLIB solutions: .pos files, geographic or geocentric, GPS time or UTC.
 
-Apart from `gnss`, which recognises formats: here a header states the columns, the angles and the time system.
+Separate from `gnss`, which recognises formats: here a header states the columns, the angles and the time system.
 """
 
 from __future__ import annotations

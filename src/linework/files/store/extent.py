@@ -1,6 +1,6 @@
 """Extent of a survey: limits beyond which points are strays, and detection of coordinates in degrees.
 
-Apart from `build`, which plans the store: this decides where the survey is before anything is written.
+Separate from `build`, which plans the store: this decides where the survey is before anything is written.
 """
 
 from __future__ import annotations

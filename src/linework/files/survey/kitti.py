@@ -1,6 +1,6 @@
 """Describe KITTI folders (a raw drive, or a sequence of the odometry benchmark) in terms of a survey.toml.
 
-Apart from `open`, which reads any survey from its description: KITTI's folders have none, and this makes it from
+Separate from `open`, which reads any survey from its description: KITTI's folders have none, and this makes it from
 their calibration files.
 
 The vehicle frame of a raw drive is that of its inertial unit, lowered to the road; that of a sequence is the left

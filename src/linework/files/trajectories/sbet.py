@@ -1,6 +1,6 @@
 """Read smoothed trajectories of inertial systems: SBET, 17 little-endian float64 per record.
 
-Apart from `read`, which recognises formats: this one is binary, and its records are checked by the ranges of their
+Separate from `read`, which recognises formats: this one is binary, and its records are checked by the ranges of their
 values.
 """
 

@@ -1,6 +1,6 @@
 """Read trajectories in the TUM format: time, position, quaternion.
 
-Apart from `read`, which recognises formats: here the frames of the world and of the body are not stated and follow
+Separate from `read`, which recognises formats: here the frames of the world and of the body are not stated and follow
 from the motion.
 """
 

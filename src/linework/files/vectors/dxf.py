@@ -1,6 +1,6 @@
 """Lines as DXF: 3-D polylines, a layer per kind, attributes as extended data.
 
-Apart from `read_write`, which imports it only for this suffix, because ezdxf takes half a second to import.
+Separate from `read_write`, which imports it only for this suffix, because ezdxf takes half a second to import.
 """
 
 from __future__ import annotations

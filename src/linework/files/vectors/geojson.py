@@ -1,6 +1,6 @@
 """Lines as GeoJSON: all kinds in one collection, vertex columns as array properties, the CRS in a `crs` member.
 
-Apart from `read_write`, which chooses a format by suffix and imports it only then: here is all that is particular to
+Separate from `read_write`, which chooses a format by suffix and imports it only then: here is all that is particular to
 GeoJSON.
 
 Coordinates are projected metres, as in the survey: not allowed by RFC 7946, which has degrees only, but read by

@@ -1,6 +1,6 @@
 """The box of a barrier's or a wall's foot in one cell: a thin upright sheet that stands on the floor.
 
-Apart from `boundary_boxes`, which tries kerb, edge and barrier in turn: this one looks for an upright face above the
+Separate from `boundary_boxes`, which tries kerb, edge and barrier in turn: this one looks for an upright face above the
 floor.
 
 Positions are in metres from the survey's local origin.

@@ -1,6 +1,6 @@
 """The box of a pavement's edge without a kerb in one cell: the edge found, measured, and checked.
 
-Apart from `boundary_boxes`, which tries kerb, edge and barrier in turn: this one looks for a change of roughness or
+Separate from `boundary_boxes`, which tries kerb, edge and barrier in turn: this one looks for a change of roughness or
 brightness.
 
 Positions are in metres from the survey's local origin.

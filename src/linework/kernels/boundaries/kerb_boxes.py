@@ -1,6 +1,6 @@
 """The box of a kerb in one cell: its step found, measured, and checked.
 
-Apart from `boundary_boxes`, which tries kerb, edge and barrier in turn: this one looks for a step in the floor.
+Separate from `boundary_boxes`, which tries kerb, edge and barrier in turn: this one looks for a step in the floor.
 
 Positions are in metres from the survey's local origin.
 """

@@ -1,6 +1,6 @@
 """The height of a stripe of paint, and that of a kerb under it.
 
-Apart from `stripes`, which fits a stripe in plan by intensity: this fits heights, in which a kerb under the stripe
+Separate from `stripes`, which fits a stripe in plan by intensity: this fits heights, in which a kerb under the stripe
 shows as a bend.
 
 Bright stone and grass beside a kerb look like paint; but paint lies in one plane with the road on both its sides.

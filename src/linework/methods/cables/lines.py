@@ -1,6 +1,6 @@
 """Lines from wires: vertices, sigmas, bridged stretches, clearance and confidence.
 
-Apart from `find`, which decides what is a wire: this measures the vertices and attributes of those that are.
+Separate from `find`, which decides what is a wire: this measures the vertices and attributes of those that are.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Wires of spans: pieces of one catenary are joined, and every wire ends at its support.
 
-Apart from `find`, which judges each wire by itself: this compares wires with one another.
+Separate from `find`, which judges each wire by itself: this compares wires with one another.
 """
 
 from __future__ import annotations

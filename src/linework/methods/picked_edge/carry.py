@@ -1,6 +1,6 @@
 """Carrying a line into another stereo pair: find it again, measure it again, and extend the known line.
 
-Apart from `method`, which decides in which pairs the line is looked for: this works on one pair.
+Separate from `method`, which decides in which pairs the line is looked for: this works on one pair.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The smooth line through all matches of a picked edge in all pairs, with sigmas from the images and the poses.
 
-Apart from `method`: following needs matches only, the line is fitted once through all of them at the end.
+Separate from `method`: following needs matches only, the line is fitted once through all of them at the end.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The edge next to a picked pixel: its direction, its place on the road and its pattern; or why there is none.
 
-Apart from `method`: it looks at one image pair around one pixel, before there is a line to follow.
+Separate from `method`: it looks at one image pair around one pixel, before there is a line to follow.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A piece joins two neighbouring sightings of one line in one pair. Its variances follow from the image noise across the
 line and along the ray, from the base, and from the pose. Near pairs are the most accurate: they weigh most, and the
-nearest one determines where paint begins and ends. Apart from `method`, whose join tracks the boxes made here.
+nearest one determines where paint begins and ends. Separate from `method`, whose join tracks the boxes made here.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The pattern of paint along a line: solid or dashed, and the single dashes.
 
-Apart from `marking_lines`, which makes lines in space: this knows only intervals of paint along one axis.
+Separate from `marking_lines`, which makes lines in space: this knows only intervals of paint along one axis.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The passes over tiles of the surface: tasks carry names and settings, and write arrays to a folder.
 
-Apart from `surface`, which decides for the whole survey: these run in worker processes, a tile at a time.
+Separate from `surface`, which decides for the whole survey: these run in worker processes, a tile at a time.
 
 heights -> regions -> (regions are united and chosen) -> pieces apart -> (chosen) -> carried on
 """

@@ -1,6 +1,6 @@
 """Motorways: two carriageways, a guarded median, shoulders, gentle bends.
 
-Apart from `draw`, which draws what all roads have: each kind of road has a file of its own.
+Separate from `draw`, which draws what all roads have: each kind of road has a file of its own.
 """
 
 from __future__ import annotations

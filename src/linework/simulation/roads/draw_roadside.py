@@ -1,6 +1,6 @@
 """What stands beside a rural road: rails, barriers, hedges, fences, walls, trees, wires on poles.
 
-Apart from `draw_rural`, which draws the road itself: this draws what stands beside it, once the road is known.
+Separate from `draw_rural`, which draws the road itself: this draws what stands beside it, once the road is known.
 """
 
 from __future__ import annotations

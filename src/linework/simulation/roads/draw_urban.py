@@ -1,6 +1,6 @@
 """Urban streets: kerbs, parked cars, footways, and house fronts with walls, hedges and fences.
 
-Apart from `draw`, which draws what all roads have: each kind of road has a file of its own.
+Separate from `draw`, which draws what all roads have: each kind of road has a file of its own.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Walls, facades with windows, bridges.
 
-Apart from `scene`, which puts a world together: these objects only hide others and have no truth lines.
+Separate from `scene`, which puts a world together: these objects only hide others and have no truth lines.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The ground's mesh, and the truth of boundaries and markings that lie on it.
 
-Apart from `scene`, which puts a world together: this is the one mesh that all objects stand on.
+Separate from `scene`, which puts a world together: this is the one mesh that all objects stand on.
 """
 
 from __future__ import annotations

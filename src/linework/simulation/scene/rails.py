@@ -1,6 +1,6 @@
 """What guards the road's side: W-beam rails, concrete barriers, fences; with their truth.
 
-Apart from `scene`, which puts a world together: these objects stand upright on the road's height and have truth
+Separate from `scene`, which puts a world together: these objects stand upright on the road's height and have truth
 lines.
 """
 

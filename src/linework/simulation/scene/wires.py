@@ -1,6 +1,6 @@
 """Cables between supports, and poles.
 
-Apart from `scene`, which puts a world together: these hang between supports, or stand alone, and do not follow the
+Separate from `scene`, which puts a world together: these hang between supports, or stand alone, and do not follow the
 road.
 """
 

@@ -1,6 +1,6 @@
 """The picture a camera takes of the scene: rays, light, grain, lens, shutter, noise, grey values.
 
-Apart from `cameras`, which decides when and where pictures are taken: this computes the grey values of one.
+Separate from `cameras`, which decides when and where pictures are taken: this computes the grey values of one.
 """
 
 from __future__ import annotations

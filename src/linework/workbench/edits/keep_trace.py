@@ -1,6 +1,6 @@
 """Save a followed line among the others: those that it overlaps are joined with it.
 
-Apart from `apply`, because it is the one edit that has to find other lines to join.
+Separate from `apply`, because it is the one edit that has to find other lines to join.
 """
 
 from __future__ import annotations

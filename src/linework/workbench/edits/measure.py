@@ -1,6 +1,6 @@
 """Inputs of an edit beside the lines: heights measured at its places, and the followed line that it saves.
 
-Apart from `apply`, because it waits for a worker; `apply` works on values alone.
+Separate from `apply`, because it waits for a worker; `apply` works on values alone.
 """
 
 from __future__ import annotations

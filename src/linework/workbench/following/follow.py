@@ -1,6 +1,6 @@
 """Requests to the tracing worker: follow a line from a place or a pixel, and on beyond a gap.
 
-Apart from `routes`, because it runs in the worker and imports the tracers.
+Separate from `routes`, because it runs in the worker and imports the tracers.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Jobs: automatic extractions of the served survey, one at a time, each in a process of its own.
 
-Apart from `routes`, because jobs live on without any request.
+Separate from `routes`, because jobs live on without any request.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Request to a worker for the suspects among lines, from the van's path, what was measured, and the paint.
 
-Apart from `queue`, because it runs in the worker and needs the opened survey.
+Separate from `queue`, because it runs in the worker and needs the opened survey.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The web application: all routes, and the answers to errors.
 
-Apart from `serve`, because tests build the application without a server.
+Separate from `serve`, because tests build the application without a server.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Browser sessions: a token that opens one, and the cookies of the open ones.
 
-Apart from `guard`, because a session is opened and known without any request.
+Separate from `guard`, because a session is opened and known without any request.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Layers of all tiles: made from points or from the four tiles below, cached in memory and on disk.
 
-Apart from `tiles`, because it is the cache below all requests for tiles.
+Separate from `tiles`, because it is the cache below all requests for tiles.
 """
 
 from __future__ import annotations

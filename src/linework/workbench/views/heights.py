@@ -1,6 +1,6 @@
 """Requests to the pictures worker: the height of a line at places, measured in the points around them.
 
-Apart from `height_at`, which measures at one place: here are the points, and the choice among reaches.
+Separate from `height_at`, which measures at one place: here are the points, and the choice among reaches.
 """
 
 from __future__ import annotations

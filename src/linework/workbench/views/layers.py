@@ -1,6 +1,6 @@
 """Raster layers of a map tile, from points or from the tiles below it, before they become a picture.
 
-Apart from `cells`, which keeps them in memory and on disk.
+Separate from `cells`, which keeps them in memory and on disk.
 """
 
 from __future__ import annotations

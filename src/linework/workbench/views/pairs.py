@@ -1,6 +1,6 @@
 """Requests to the pictures worker about stereo pairs: the list, images for the screen, lines projected into them.
 
-Apart from `routes`, because it runs in the worker and needs the opened survey.
+Separate from `routes`, because it runs in the worker and needs the opened survey.
 """
 
 from __future__ import annotations

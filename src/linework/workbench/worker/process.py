@@ -1,6 +1,6 @@
 """The worker's side of a conversation: runs the requests that come over its channel, one after the other.
 
-Apart from `conversation`, because it runs in the child process and imports the survey's readers and kernels.
+Separate from `conversation`, because it runs in the child process and imports the survey's readers and kernels.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Warming up: each worker runs its usual requests once, so that the first user need not wait for code and data.
 
-Apart from `serve`, because it knows which requests are usual.
+Separate from `serve`, because it knows which requests are usual.
 """
 
 from __future__ import annotations
