@@ -84,7 +84,7 @@ def sql_errors(path: Path) -> Iterator[None]:
 def connect_database(path: Path) -> sqlite3.Connection:
     """Return a connection whose transactions are on the disk when they end; they are begun explicitly.
 
-    The GeoPackage standard's triggers call ST_ functions that SQLite lacks; they are added here.
+    The GeoPackage standard's triggers call ``ST_`` functions that SQLite lacks; they are added here.
     """
     db = sqlite3.connect(path, isolation_level=None, timeout=WAIT_S, check_same_thread=False)
     db.execute("PRAGMA synchronous = FULL")

@@ -149,7 +149,7 @@ class SurveySurface:
 
 
 class SurveySight:
-    """Visibility in a whole survey: whether road or ground was measured at places (`linework.methods.protocol.Sight`)."""
+    """Visibility in a whole survey: whether road or ground was measured at places (``linework.methods.protocol.Sight``)."""
 
     def __init__(self, surface: SurveySurface) -> None:
         self._surface = surface
