@@ -31,13 +31,13 @@ def test_the_report_is_a_page_of_its_own(folder):
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert page.count("<img ") == 8
     for title in (
-        "Close up",
-        "Across the road&#39;s boundary",
+        "Close-ups",
+        "Across the road boundary",
         "Across markings",
         "Across a guardrail",
-        "Along a span of cables",
-        "Found, missed, wrong",
-        "Over the tolerance",
+        "Along a cable span",
+        "Found, missed and wrong",
+        "Scores by tolerance",
     ):
         assert f"<h2>{title}" in page
     assert not re.search(r'(src|href)="(?!data:image/png;base64,)', page)

@@ -52,5 +52,5 @@ def test_refusals(tmp_path):
     write_geotiff(image(), tmp_path / "a.tif", crs=UTM)
     with pytest.raises(OutputExistsError):
         write_geotiff(image(), tmp_path / "a.tif", crs=UTM)
-    with pytest.raises(UsageError, match="image of int64"):
+    with pytest.raises(UsageError, match="dtype int64"):
         write_geotiff(image("int64"), tmp_path / "b.tif", crs=UTM)

@@ -145,9 +145,9 @@ class UndoSteps:
     def after(self, number: int, action: str, undoes: int) -> UndoSteps:
         """Return the steps after one more edit.
 
-        >>> steps = Steps().after(1, "draw", 0).after(2, "undo", 1)
+        >>> steps = UndoSteps().after(1, "draw", 0).after(2, "undo", 1)
         >>> steps, steps.after(3, "redo", 2), steps.after(3, "move", 0)
-        (Steps(done=(), undone=(2,)), Steps(done=(3,), undone=()), Steps(done=(3,), undone=()))
+        (UndoSteps(done=(), undone=(2,)), UndoSteps(done=(3,), undone=()), UndoSteps(done=(3,), undone=()))
         """
         if undoes and action == UNDO:
             return UndoSteps(self.done[:-1], (*self.undone, number))

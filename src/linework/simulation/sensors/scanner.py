@@ -204,7 +204,7 @@ def _cast_off(
 def to_local_frame(xyz: FloatArray, roll: FloatArray, pitch: FloatArray, yaw: FloatArray) -> FloatArray:
     """Return vehicle-frame vectors in the local frame: Rz(yaw) Ry(-pitch) Rx(roll).
 
-    >>> nose_up = turned(np.array([[1.0, 0, 0]]), np.zeros(1), np.array([0.1]), np.zeros(1))
+    >>> nose_up = to_local_frame(np.array([[1.0, 0, 0]]), np.zeros(1), np.array([0.1]), np.zeros(1))
     >>> bool(nose_up[0, 2] > 0)
     True
     """

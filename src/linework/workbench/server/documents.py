@@ -59,7 +59,7 @@ def to_plain_value(value: Any) -> Any:
 def run_bounds(flags: BoolArray) -> list[list[int]]:
     """Return [first, last] of every run of True in (n,) flags.
 
-    >>> runs(np.array([True, False, True, True]))
+    >>> run_bounds(np.array([True, False, True, True]))
     [[0, 0], [2, 3]]
     """
     edges = np.flatnonzero(np.diff(np.r_[False, flags, False].astype(np.int8)))

@@ -80,7 +80,7 @@ def status_and_message(error: LineworkError) -> tuple[int, str]:
 def hide_paths(text: str) -> str:
     r"""Return a text on one line, with each path of this machine replaced by its last name.
 
-    >>> without_paths("tile 3: /home/me/my data/a.laz\nis cut off")
+    >>> hide_paths("tile 3: /home/me/my data/a.laz\nis cut off")
     'tile 3: my data/a.laz is cut off'
     """
     line = " ".join(text.split())

@@ -65,8 +65,8 @@ class MapTile(NamedTuple):
     def parent(self) -> MapTile:
         """The tile one level above that holds this one.
 
-        >>> Tile(0, -1, 5).parent
-        Tile(level=1, east=-1, north=2)
+        >>> MapTile(0, -1, 5).parent
+        MapTile(level=1, east=-1, north=2)
         """
         return MapTile(self.level + 1, self.east // 2, self.north // 2)
 
@@ -114,7 +114,7 @@ class Lattice:
         """Return the tile at a zoom, column and row; None outside the lattice.
 
         >>> Lattice(4, 488, 5665).tile(4, 3, 1)
-        Tile(level=0, east=7811, north=90638)
+        MapTile(level=0, east=7811, north=90638)
         """
         level = self.coarsest - z
         if z < 0 or level < FINEST:
