@@ -32,9 +32,9 @@ def photolog(
     than --every-m.
     """
     from linework.cli.progress import open_display
+    from linework.crs import describe_crs
     from linework.errors import InputError, PartialError, UsageError
     from linework.evaluation.report.photolog import photolog_html
-    from linework.files.geodesy.crs import describe_crs
     from linework.files.images.series import open_stereo
     from linework.files.logs.photolog import van_log
     from linework.files.output.publish import check_output, write_page
