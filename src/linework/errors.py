@@ -7,6 +7,7 @@ A message names the file, the problem with its numbers, and the remedy:
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 
@@ -73,6 +74,30 @@ class CrsError(LineworkError, ValueError):
     """A coordinate reference system is missing, unknown, in degrees, or in conflict with another."""
 
     exit_code = 3
+
+
+class UnknownKindError(LineworkError, KeyError):
+    """A kind of line that linework does not know and that none of the lines has.
+
+    Parameters
+    ----------
+    kind
+        The name that was given.
+    nearest
+        The known kind that is spelt most like it, if any.
+    present
+        Kinds of the lines.
+    """
+
+    exit_code = 2
+
+    def __init__(self, kind: str, nearest: Sequence[str], present: Sequence[str]) -> None:
+        problem = f"unknown kind '{kind}'" + (f". Did you mean '{nearest[0]}'?" if nearest else "")
+        super().__init__(problem, advice=f"these lines hold {', '.join(present) or 'no kinds'}")
+        self._given = kind, tuple(nearest), tuple(present)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), self._given
 
 
 class MissingPackageError(LineworkError, ImportError):

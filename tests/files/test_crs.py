@@ -186,7 +186,7 @@ def test_a_crs_may_be_a_number_or_an_object():
     assert parse_crs(25832) == parse_crs("EPSG:25832") == parse_crs(np.int32(25832))
     assert parse_crs(pyproj.CRS.from_user_input("EPSG:25832+7837")) == compound
     for wrong in (None, 3.5, True, ["EPSG:25832"]):
-        with pytest.raises(CrsError, match="a CRS is a text, an EPSG code or a pyproj.CRS, not "):
+        with pytest.raises(CrsError, match=r"a CRS is a text, an EPSG code or a pyproj\.CRS, not "):
             parse_crs(wrong)
     with pytest.raises(CrsError, match="degrees"):
         parse_crs(4326)
