@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from linework.cli.failures import Interrupted, failure_of, save_log, warn
-from linework.cli.progress import open_display
+from linework.library.progress import open_display
 from linework.errors import CrsError, OutputExistsError, PartialError, UsageError
 
 

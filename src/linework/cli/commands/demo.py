@@ -37,7 +37,7 @@ def demo(
     with the exact lines (the truth) beside the laser points. The extraction does not use the truth; the report
     compares the two.
     """
-    from linework.cli.progress import open_display
+    from linework.library.progress import open_display
     from linework.files.output.publish import check_output_folder
 
     check_output_folder(folder, overwrite=overwrite)

@@ -43,7 +43,7 @@ def locate(
     Writes smoothed poses with their standard deviations. GNSS outages are bridged by dead reckoning. Where an outage
     is too long for that, or the clock jumps, there are no poses, and the exit code is 4.
     """
-    from linework.cli.progress import open_display
+    from linework.library.progress import open_display
     from linework.errors import PartialError
     from linework.files.output.locks import reserve_output
 

@@ -31,7 +31,7 @@ def photolog(
     links to its image by a relative path. A page holds at most 500 thumbnails: on long drives their spacing is larger
     than --every-m.
     """
-    from linework.cli.progress import open_display
+    from linework.library.progress import open_display
     from linework.errors import InputError, PartialError, UsageError
     from linework.evaluation.report.photolog import photolog_html
     from linework.files.geodesy.crs import describe_crs

@@ -75,7 +75,7 @@ def raster(
     """
     import json
 
-    from linework.cli.progress import open_display
+    from linework.library.progress import open_display
     from linework.errors import PartialError
     from linework.files.output.publish import check_output_folder
     from linework.files.survey.open import open_survey

@@ -51,7 +51,7 @@ def simulate(
 
     import numpy as np
 
-    from linework.cli.progress import open_display
+    from linework.library.progress import open_display
     from linework.files.output.publish import check_output_folder
     from linework.runs.steps import RunSteps
     from linework.simulation.folder import write_survey_folder

@@ -87,7 +87,7 @@ def trace(
             overwrite=overwrite, as_json=as_json, quiet=quiet,
         )  # fmt: skip
         return
-    from linework.cli.progress import open_display
+    from linework.library.progress import open_display
     from linework.files.output.locks import reserve_output
 
     place, target = _position("--at", at), _position("--toward", toward) if toward else None
@@ -144,7 +144,7 @@ def _trace_image(
     append: bool, overwrite: bool, as_json: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Trace the edge at a pixel of an image and write it."""
-    from linework.cli.progress import open_display
+    from linework.library.progress import open_display
     from linework.files.output.locks import reserve_output
 
     with contextlib.ExitStack() as held:
