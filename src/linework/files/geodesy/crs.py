@@ -9,12 +9,13 @@ from __future__ import annotations
 import functools
 import math
 import re
+from numbers import Integral
 from typing import Any
 
 import pyproj
 from pyproj.exceptions import CRSError as ProjError
 
-from linework.errors import CrsError
+from linework.errors import CrsError, argument
 
 LOCAL = "local"
 #: Longest CRS text that is parsed [characters]; a compound WKT2 has 3 to 6 kB.
@@ -26,13 +27,58 @@ _WKT = re.compile(
     re.IGNORECASE,
 )
 _FEET_IN_NAME = re.compile(r" \((ft|ftUS|US survey foot|foot)\)")
-_ADVICE = "give --crs EPSG:... (projected, metres) or --crs local"
+#: How a CRS is given as a text.
+_FORMS = "EPSG:n, EPSG:n+m, WKT or local"
+_ADVICE = f"give {argument('crs', 'EPSG:...')} (projected, metres) or {argument('crs', 'local')}"
 
 
-def parse_crs(text: str, *, where: object = None) -> str:
+def crs_text(crs: str | int | pyproj.CRS) -> str:
+    """Return a CRS as the text that `parse_crs` reads.
+
+    Parameters
+    ----------
+    crs
+        "EPSG:n", "EPSG:n+m", WKT or "local"; an EPSG code; or a `pyproj.CRS`.
+
+    Raises
+    ------
+    CrsError
+        Something else.
+
+    Examples
+    --------
+    >>> crs_text(25832)
+    'EPSG:25832'
+    >>> crs_text(2.5)
+    Traceback (most recent call last):
+    linework.errors.CrsError: crs: 2.5 is not a CRS: expected EPSG:n, EPSG:n+m, WKT or local, ...
+    """
+    if isinstance(crs, str):
+        return crs
+    if isinstance(crs, pyproj.CRS):
+        return crs.to_wkt("WKT2_2019")
+    if isinstance(crs, Integral) and not isinstance(crs, bool):
+        return f"EPSG:{int(crs)}"
+    # GeoPandas and rasterio have classes of their own, which state their WKT
+    if callable(to_wkt := getattr(crs, "to_wkt", None)):
+        return str(to_wkt())
+    raise CrsError(
+        f"{crs!r:.60} is not a CRS: expected {_FORMS}, an EPSG code or a pyproj.CRS",
+        where=argument("crs"), advice=_ADVICE,
+    )  # fmt: skip
+
+
+def parse_crs(crs: str | int | pyproj.CRS, *, where: object = None) -> str:
     """Return the WKT2 of a projected CRS named by EPSG code(s) or WKT, or "local".
 
     Only these forms are read: a CRS text is never opened as a path and never fetched as an address.
+
+    Parameters
+    ----------
+    crs
+        As `crs_text` takes it.
+    where
+        The file or parameter that messages name.
 
     Raises
     ------
@@ -46,6 +92,7 @@ def parse_crs(text: str, *, where: object = None) -> str:
     >>> parse_crs("EPSG:25832+7837").split('"')[1]
     'ETRS89 / UTM zone 32N + DHHN2016 height'
     """
+    text = crs_text(crs)
     stripped = text.strip()
     if stripped.lower() == LOCAL:
         return LOCAL
@@ -55,14 +102,14 @@ def parse_crs(text: str, *, where: object = None) -> str:
             f"CRS text of {len(text)} characters, at most {_MAX_CHARS}", where=where, advice=_ADVICE
         )
     if not (_EPSG.fullmatch(stripped) or _WKT.match(stripped)):
-        raise CrsError(f"'{shown}' is not a CRS: expected EPSG:n, EPSG:n+m, WKT or local", where=where,
+        raise CrsError(f"'{shown}' is not a CRS: expected {_FORMS}", where=where,
                        advice=_ADVICE)  # fmt: skip
     try:
-        crs = _load(stripped)
+        loaded = _load(stripped)
     except ProjError as error:
         raise CrsError(f"CRS '{shown}' is not known to PROJ", where=where, advice=_ADVICE) from error
-    check_usable(crs, where=where)
-    return LOCAL if crs.is_engineering else canonical_wkt(crs)
+    check_usable(loaded, where=where)
+    return LOCAL if loaded.is_engineering else canonical_wkt(loaded)
 
 
 def check_usable(crs: pyproj.CRS, *, where: object = None) -> None:

@@ -6,7 +6,7 @@ import importlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from linework.errors import UsageError
+from linework.errors import UsageError, argument
 from linework.files.geodesy.crs import LOCAL, parse_crs
 from linework.files.output.publish import check_output, publish
 from linework.files.output.record import hash_file
@@ -150,7 +150,7 @@ def read_lines(
         raise UsageError(
             f"cannot read lines from '{suffix}' files", where=path, advice=f"use {', '.join(_READERS)}"
         )
-    given = None if crs is None else parse_crs(crs, where="--crs")
+    given = None if crs is None else parse_crs(crs, where=argument("crs"))
     return _READERS[suffix](path, kind_field, kinds, given)
 
 
