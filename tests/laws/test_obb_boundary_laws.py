@@ -35,7 +35,7 @@ def survey() -> Points:
     time_s = 100.0 + x
     order = np.lexsort((x, y))
     xyz = np.column_stack([WEST + x, SOUTH + y, z])
-    return Points(xyz[order], intensity[order].astype(np.float32), time_s[order])
+    return Points(xyz[order], intensity=intensity[order].astype(np.float32), time_s=time_s[order])
 
 
 POINTS = survey()

@@ -111,7 +111,9 @@ def test_the_order_of_the_file_does_not_matter(seed: int) -> None:
 def test_the_unit_of_intensity_does_not_matter(factor: float) -> None:
     points = WHOLE.points
     assert points.intensity is not None
-    scaled = Points(points.xyz, (points.intensity * factor).astype(np.float32), points.time_s)
+    scaled = Points(
+        points.xyz, intensity=(points.intensity * factor).astype(np.float32), time_s=points.time_s
+    )
     boxes = find_marking_boxes(dataclasses.replace(WHOLE, points=scaled), SURFACE, MarkingConfig())
     assert len(boxes) == len(BOXES)
     np.testing.assert_allclose(boxes.centre, BOXES.centre, atol=1e-3)

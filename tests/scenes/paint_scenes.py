@@ -71,7 +71,9 @@ def road_points(
 def tile_of(xyz: FloatArray, intensity: FloatArray | None, time_s: FloatArray | None = None) -> TileData:
     """Return scene points as a tile."""
     world = xyz + np.array((EAST_M, NORTH_M, HEIGHT_M))
-    points = Points(world, None if intensity is None else intensity.astype(np.float32), time_s)
+    points = Points(
+        world, intensity=None if intensity is None else intensity.astype(np.float32), time_s=time_s
+    )
     return TileData("scene", points.bounds.grown(1.0), points, origin=ORIGIN)
 
 

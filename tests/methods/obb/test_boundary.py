@@ -34,7 +34,7 @@ def turned(uvh, heading_deg):
 
 
 def boxes_of(xyz, intensity=None) -> BoxSet:
-    points = Points(xyz, intensity)
+    points = Points(xyz, intensity=intensity)
     surface = find_ground(points, None, RoadConfig())
     return find_boundary_boxes(
         TileData("t", points.bounds, points, surface=surface, origin=ORIGIN), surface, BoundaryConfig()
