@@ -167,6 +167,12 @@ class OutputExistsError(LineworkError, FileExistsError):
     exit_code = 6
 
 
+class OwnCodeError(LineworkError, RuntimeError):
+    """A function that the user passed in failed; the exception that it raised is the cause (``__cause__``)."""
+
+    exit_code = 1
+
+
 class AbsentError(LineworkError, LookupError):
     """No such line, image or job, or no access to it: the message is the same, so that it reveals nothing."""
 

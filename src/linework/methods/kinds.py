@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from linework.errors import UsageError, argument, did_you_mean
+from linework.model.lines import KINDS
 
 #: Kinds that each method finds; "auto" stands for all methods.
 KINDS_OF = {
@@ -16,6 +17,16 @@ KINDS_OF = {
 RECORDING_OF = {"obb": "points", "radon": "points", "stereo": "pairs"}
 #: All kinds that can be asked for, in their fixed order.
 ALL_KINDS = tuple(dict.fromkeys(kind for kinds in KINDS_OF.values() for kind in kinds))
+
+
+def kinds_in_order(kinds: Iterable[str]) -> tuple[str, ...]:
+    """Return kinds of line, each once: those of linework in their fixed order, then own ones as they come.
+
+    >>> kinds_in_order(["pole", "cable", "guardrail", "cable"])
+    ('guardrail', 'cable', 'pole')
+    """
+    listed = dict.fromkeys(kinds)
+    return (*(kind for kind in KINDS if kind in listed), *(kind for kind in listed if kind not in KINDS))
 
 
 def parse_kinds(kinds: str | Iterable[str], *, own: Sequence[str] = ()) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from linework.files.output.record import hash_file
 from linework.files.survey.open import open_survey
 from linework.methods.choose import choose_methods
 from linework.methods.kinds import ALL_KINDS, recordings_for
-from linework.methods.protocol import AnyMethod
+from linework.methods.protocol import Method
 from linework.model.lines import LineSet
 from linework.model.survey import Survey
 from linework.processes.executors import Executor
@@ -51,7 +51,7 @@ class ExtractionRequest:
     """
 
     output: Path
-    methods: Sequence[AnyMethod]
+    methods: Sequence[Method]
     settings: RunSettings
     parameters: Mapping[str, Any]
     overwrite: bool = False
