@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from linework.errors import LineworkError, MachineError, OutputExistsError, argument
+from linework.processes.system import is_alive
 
 #: Longest file name most file systems hold, in bytes.
 _NAME_MAX = 255
@@ -200,8 +201,15 @@ def machine_errors(path: Path) -> Iterator[None]:
 
 
 def sync(path: Path) -> None:
-    """Wait until the disk holds a file, or a folder's names."""
-    descriptor = os.open(path, os.O_RDONLY)
+    """Wait until the disk holds a file, or a folder's names.
+
+    Windows opens no folders: there names may be lost with the power, though not with a process.
+    """
+    is_posix = hasattr(os, "O_DIRECTORY")
+    if not is_posix and path.is_dir():
+        return
+    # Windows synchronises only what is open for writing
+    descriptor = os.open(path, os.O_RDONLY if is_posix else os.O_RDWR)
     try:
         os.fsync(descriptor)
     finally:
@@ -233,17 +241,6 @@ def _remove_dead_parts(path: Path) -> None:
             found = pattern.fullmatch(other.name)
             if found and not is_alive(int(found[1])):
                 _remove_part(other)
-
-
-def is_alive(pid: int) -> bool:
-    """Return whether a process with this number runs on this machine."""
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, OverflowError):
-        return True
-    return True
 
 
 def write_bytes(content: bytes, path: Path, *, overwrite: bool = False) -> None:
