@@ -6,8 +6,7 @@ import numpy as np
 import pyproj
 import pytest
 
-from linework.errors import CrsError
-from linework.files.geodesy.crs import (
+from linework.crs import (
     crs_text,
     describe_crs,
     epsg_text,
@@ -18,6 +17,7 @@ from linework.files.geodesy.crs import (
     same_plan,
     unit_factors,
 )
+from linework.errors import CrsError, argument
 from linework.files.las.crs import resolve_crs
 
 CODES = [
@@ -91,7 +91,7 @@ def test_a_crs_is_given_as_text_code_or_object():
 @pytest.mark.parametrize("wrong", [2.5, True, ("EPSG", 25832), b"EPSG:25832", object()])
 def test_what_is_not_a_crs_is_refused_in_one_line(wrong):
     with pytest.raises(CrsError, match=r"^crs: .* is not a CRS: expected EPSG:n.* or crs=\"local\"\.$"):
-        crs_text(wrong)
+        crs_text(wrong, where=argument("crs"))
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ import pyproj
 import pytest
 from tests.scenes.places import REAL
 
+from linework.crs import parse_crs
 from linework.errors import ConfigError, CrsError, InputError, UsageError
-from linework.files.geodesy.crs import parse_crs
 from linework.files.images.series import open_stereo
 from linework.files.las.write import write_las
 from linework.files.store.in_memory import check_trajectory_covers, read_survey_points, read_survey_trajectory
@@ -26,7 +26,7 @@ def points(seed=1, n=500, *, east=500_000.0, time=3e8, intensity=True):
     rng = np.random.default_rng(seed)
     xyz = np.round(rng.uniform(0, 40, (n, 3)) + np.array([east, 5400000, 100]), 3)
     light = rng.integers(1, 4000, n).astype(np.float32) if intensity else None
-    return Points(xyz, light, None if time is None else time + np.arange(n) * 0.001)
+    return Points(xyz, intensity=light, time_s=None if time is None else time + np.arange(n) * 0.001)
 
 
 def sorted_rows(points, *, factor=1.0):

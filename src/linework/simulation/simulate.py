@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
-from linework.files.geodesy.crs import parse_crs
+from linework.crs import parse_crs
 from linework.model.lines import LineSet
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
@@ -116,6 +116,6 @@ def points_by_time(parts: Sequence[Points]) -> Points:
     order = np.argsort(time, kind="stable")
     return Points(
         np.concatenate([p.xyz for p in parts])[order],
-        np.concatenate([p.intensity for p in parts if p.intensity is not None])[order],
-        time[order],
+        intensity=np.concatenate([p.intensity for p in parts if p.intensity is not None])[order],
+        time_s=time[order],
     )

@@ -21,7 +21,9 @@ UTM = "EPSG:25832+7837"
 def sample(n=1000):
     rng = np.random.default_rng(7)
     xyz = rng.uniform(0, 50, (n, 3)) + np.array([500000, 5600000, 100])
-    return Points(xyz, rng.integers(1, 60000, n).astype(np.float32), 3e8 + np.arange(n) * 1e-4)
+    return Points(
+        xyz, intensity=rng.integers(1, 60000, n).astype(np.float32), time_s=3e8 + np.arange(n) * 1e-4
+    )
 
 
 @pytest.fixture

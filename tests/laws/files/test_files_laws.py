@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from tests.oracles.las_in_memory import read_las
 from tests.scenes.effort import examples
 
+from linework.crs import parse_crs
 from linework.errors import LineworkError
-from linework.files.geodesy.crs import parse_crs
 from linework.files.las.write import write_las
 from linework.files.trajectories.read import read_trajectory_content, write_trajectory
 from linework.files.vectors.read_write import read_lines, write_lines
@@ -103,7 +103,7 @@ def sound(request, tmp_path_factory):
     rng = np.random.default_rng(5)
     xyz = np.cumsum(rng.normal(0, 0.1, (3000, 3)), axis=0)
     path = tmp_path_factory.mktemp("sound") / f"a{request.param}"
-    write_las(Points(xyz, rng.random(3000) * 5000), path, crs="EPSG:25832")
+    write_las(Points(xyz, intensity=rng.random(3000) * 5000), path, crs="EPSG:25832")
     return path
 
 

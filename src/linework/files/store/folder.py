@@ -172,8 +172,8 @@ class Output:
         """Return the points added so far."""
         return Points(
             self._filled(self._xyz),
-            self._filled(self._intensities) if self._with_intensity else None,
-            self._filled(self._times).view(np.float64) if self._with_time else None,
+            intensity=self._filled(self._intensities) if self._with_intensity else None,
+            time_s=self._filled(self._times).view(np.float64) if self._with_time else None,
         )
 
     def _filled(self, column: AnyArray) -> AnyArray:

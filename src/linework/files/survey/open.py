@@ -8,16 +8,8 @@ from pathlib import Path
 
 import pyproj
 
+from linework.crs import LOCAL, crs_text, describe_crs, has_height, parse_crs, same_crs, same_plan
 from linework.errors import CrsError, InputError, UsageError, argument
-from linework.files.geodesy.crs import (
-    LOCAL,
-    crs_text,
-    describe_crs,
-    has_height,
-    parse_crs,
-    same_crs,
-    same_plan,
-)
 from linework.files.input import regular_file_bytes
 from linework.files.las.crs import resolve_crs
 from linework.files.las.header import read_las_header
@@ -60,7 +52,7 @@ def open_survey(src: SurveyPaths, *, crs: str | int | pyproj.CRS | None = None) 
         An unknown key or a wrong value in the survey.toml.
     """
     inputs = survey_paths(src)
-    given_text = None if crs is None else crs_text(crs)
+    given_text = None if crs is None else crs_text(crs, where=argument("crs"))
     found = _survey_file_of(inputs)
     kitti = read_kitti_folder(inputs[0]) if found is None and len(inputs) == 1 else None
     if found is not None:

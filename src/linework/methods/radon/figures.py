@@ -193,7 +193,7 @@ def raster_figures(
     yield caption.figure("classes", "Road and non-road points", classes, _CLASSES)
     # Figure 3: density; figure 4: maximum height, also minimum and mean; intensity
     yield from _measured(raw, caption)
-    bright = None if normal is None else rasterise(Points(points.xyz, normal), grid).intensity
+    bright = None if normal is None else rasterise(Points(points.xyz, intensity=normal), grid).intensity
     if bright is not None:
         yield caption.figure("intensity_normalised", "Intensity over that of asphalt", bright, _OVER_ASPHALT)
     above = rasterise(Points(points.xyz), grid, height_m=height_m).maximum

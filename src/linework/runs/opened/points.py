@@ -8,8 +8,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import numpy as np
-
 from linework.files.las.decoder import DecoderLimits
 from linework.files.logs.clock_offset import named_clock_offset
 from linework.files.output.locks import hold_lock
@@ -180,17 +178,4 @@ def points_for_pictures(store: PointStore, most: int = MOST_PICTURE_POINTS) -> P
                 slice(None, None, step)
             )
         )
-    return joined_points(parts)
-
-
-def joined_points(parts: list[Points]) -> Points:
-    """Return the points of all parts, which have the same columns."""
-    if not parts:
-        return Points(np.zeros((0, 3)))
-    intensity = [part.intensity for part in parts if part.intensity is not None]
-    time = [part.time_s for part in parts if part.time_s is not None]
-    return Points(
-        np.concatenate([part.xyz for part in parts]),
-        np.concatenate(intensity) if intensity else None,
-        np.concatenate(time) if time else None,
-    )
+    return Points.concatenate(parts)

@@ -16,8 +16,8 @@ from numbers import Real
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
+from linework.crs import parse_crs
 from linework.errors import UsageError, argument
-from linework.files.geodesy.crs import parse_crs
 from linework.imaging.rectify import distorted
 from linework.model.camera import Camera, StereoRig
 from linework.model.images import Poses
