@@ -32,7 +32,7 @@ _FORMS = "EPSG:n, EPSG:n+m, WKT or local"
 _ADVICE = f"give {argument('crs', 'EPSG:...')} (projected, metres) or {argument('crs', 'local')}"
 
 
-def crs_text(crs: object, *, where: object = None) -> str:
+def crs_text(crs: object, *, where: object = argument("crs")) -> str:
     """Return a CRS as the text that `parse_crs` reads.
 
     Parameters
@@ -50,7 +50,7 @@ def crs_text(crs: object, *, where: object = None) -> str:
     --------
     >>> crs_text(25832)
     'EPSG:25832'
-    >>> crs_text(2.5, where=argument('crs'))
+    >>> crs_text(2.5)
     Traceback (most recent call last):
     linework.errors.CrsError: crs: 2.5 is not a CRS: expected EPSG:n, EPSG:n+m, WKT or local, ...
     """

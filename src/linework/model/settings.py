@@ -84,8 +84,8 @@ def settings_from(
             problem = f"unknown key {prefix}{key}" + did_you_mean([str(key)], fields)
             raise ConfigError(problem, where=where, advice=f"known here: {', '.join(fields)}")
         factory: Any = fields[key].default_factory
-        if dataclasses.is_dataclass(factory) and isinstance(value, Mapping):
-            checked[key] = settings_from(factory, value, where=where, prefix=f"{prefix}{key}.")  # type: ignore[arg-type]
+        if isinstance(factory, type) and isinstance(value, Mapping):
+            checked[key] = settings_from(factory, value, where=where, prefix=f"{prefix}{key}.")
         else:
             checked[key] = _checked(fields[key], value, name=prefix + key, where=where)
     return cls(**checked)

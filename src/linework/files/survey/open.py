@@ -52,7 +52,7 @@ def open_survey(src: SurveyPaths, *, crs: str | int | pyproj.CRS | None = None) 
         An unknown key or a wrong value in the survey.toml.
     """
     inputs = survey_paths(src)
-    given_text = None if crs is None else crs_text(crs, where=argument("crs"))
+    given_text = None if crs is None else crs_text(crs)
     found = _survey_file_of(inputs)
     kitti = read_kitti_folder(inputs[0]) if found is None and len(inputs) == 1 else None
     if found is not None:
