@@ -54,7 +54,7 @@ def _eight_bit(survey: SimulatedSurvey) -> SimulatedSurvey:
     if survey.scenario.sensor.intensity_bits == 8 or points.intensity is None:
         return survey
     coarse = np.floor(points.intensity / 256.0).astype(np.float32)
-    return replace(survey, points=Points(points.xyz, coarse, points.time_s))
+    return replace(survey, points=Points(points.xyz, intensity=coarse, time_s=points.time_s))
 
 
 AS_DRAWN, NO_TRAJECTORY = "as drawn", "no-trajectory"

@@ -83,7 +83,7 @@ def make_survey(folder: Path, n_points: int) -> Path:
         start_s = float(times[-1][-1]) + 60.0
         points = survey.points.take(slice(0, n_points - n))
         assert points.time_s is not None
-        points = Points(points.xyz + shift, points.intensity, points.time_s + late)
+        points = Points(points.xyz + shift, intensity=points.intensity, time_s=points.time_s + late)
         for i in range(0, len(points), FILE_POINTS):
             part = points.take(slice(i, i + FILE_POINTS))
             write_las(part, folder / f"drive{k:02d}_{i // FILE_POINTS}.laz", crs=survey.crs)

@@ -68,7 +68,7 @@ def _raster(rng):
     along = np.repeat(np.linspace(0.0, 1000.0, n // 500), 500)
     across = np.tile(np.linspace(-15.0, 15.0, 500), n // 500)
     xyz = np.column_stack([664_000.0 + along, 5_080_000.0 + across, 200.0 + rng.normal(0.0, 1.0, n)])
-    points = Points(xyz, rng.integers(0, 255, n).astype(np.float32))
+    points = Points(xyz, intensity=rng.integers(0, 255, n).astype(np.float32))
     height = (xyz[:, 2] - 200.0).astype(np.float32)
     grid = grid_for(points, 0.2)
     raster_s = best_s(lambda: rasterise(points, grid), 5)

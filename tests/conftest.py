@@ -23,7 +23,7 @@ def road_points(
     rng = np.random.default_rng(seed)
     xyz = rng.uniform([0, -4, 0], [40, 4, 0.02], (n, 3)) + np.array([east_m, north_m, 100.0])
     intensity = rng.integers(200, 4000, n).astype(np.float32)
-    return Points(xyz, intensity, np.linspace(3.0e8, 3.0e8 + 4, n))
+    return Points(xyz, intensity=intensity, time_s=np.linspace(3.0e8, 3.0e8 + 4, n))
 
 
 @pytest.fixture

@@ -28,6 +28,7 @@ LEVELS = [
     {"files"},
     {"runs", "simulation"},
     {"tracing", "evaluation"},
+    {"library"},
     {"workbench"},
     {"cli"},
 ]

@@ -25,7 +25,7 @@ def driven(tmp_path):
     east = 500_000.0 + 10 * (times - 3.0e8)
     xyz = np.stack([east, np.tile(5_400_000 + 2 * np.tan(angle), turns), np.full(len(east), 100.0)], axis=1)
     intensity = np.tile(np.linspace(5, 250, per_turn), turns).astype(np.float32)
-    write_las(Points(xyz, intensity, times), tmp_path / "points" / "a.laz", crs=CRS)
+    write_las(Points(xyz, intensity=intensity, time_s=times), tmp_path / "points" / "a.laz", crs=CRS)
     at_s = np.arange(0.0, 13.0, 1.0)
     path = np.stack([500_000 + 10 * at_s, np.full(13, 5_400_000.0), np.full(13, 100.0)], axis=1)
     write_trajectory(Trajectory(3.0e8 + at_s, path), tmp_path / "trajectory.csv")
@@ -73,7 +73,7 @@ def test_what_is_missing_is_said(linework, las_file):
 
 def test_intensity_of_eight_bits_in_a_sixteen_bit_field(linework, tmp_path):
     points = road_points()
-    shifted = Points(points.xyz, np.floor(points.intensity / 16) * 257, points.time_s)
+    shifted = Points(points.xyz, intensity=np.floor(points.intensity / 16) * 257, time_s=points.time_s)
     write_las(shifted, tmp_path / "a.laz", crs=CRS)
     assert json.loads(linework("info", tmp_path / "a.laz", "--json").stdout)["intensity"]["bits"] == 8
 

@@ -35,8 +35,8 @@ def road_with_rail(*, with_intensity=True, with_time=False):
     )
     return Points(
         xyz,
-        np.full(len(xyz), 70.0, dtype=np.float32) if with_intensity else None,
-        time + 400_000_000.0 if with_time else None,
+        intensity=np.full(len(xyz), 70.0, dtype=np.float32) if with_intensity else None,
+        time_s=time + 400_000_000.0 if with_time else None,
     )
 
 
@@ -88,7 +88,9 @@ def test_cells_along_and_across_turn_the_grid(tmp_path):
     spin = np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     centre = np.array([EAST, NORTH, 0.0])
     path = tmp_path / "turned.laz"
-    write_las(Points((turned.xyz - centre) @ spin + centre, turned.intensity), path, crs="EPSG:32632")
+    write_las(
+        Points((turned.xyz - centre) @ spin + centre, intensity=turned.intensity), path, crs="EPSG:32632"
+    )
     result = run(path, "-o", tmp_path / "out", "--cell-along-m", 0.5, "--cell-across-m", 0.25, "--json")
     assert result.exception is None, result.output
     grid = json.loads(result.stdout)["parameters"]["grid"]

@@ -39,7 +39,9 @@ def survey(simulated, tmp_path_factory):
 def dim(simulated, tmp_path_factory):
     """The same points without intensities."""
     file = tmp_path_factory.mktemp("dim") / "dim.laz"
-    write_las(Points(simulated.points.xyz, None, simulated.points.time_s), file, crs=simulated.crs)
+    write_las(
+        Points(simulated.points.xyz, intensity=None, time_s=simulated.points.time_s), file, crs=simulated.crs
+    )
     return file
 
 

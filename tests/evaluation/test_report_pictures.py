@@ -31,7 +31,7 @@ def street():
     x, y = rng.uniform(0, 100, 150_000), rng.uniform(-4, 8, 150_000)
     z = SLOPE * x + np.where(y > 4.0, 0.12, 0.0)
     intensity = np.where(np.abs(y - 1.0) < 0.06, 200.0, 50.0) + rng.normal(0, 3, len(x))
-    return Points(np.stack([x, y, z], axis=1) + ORIGIN, intensity.astype(np.float32))
+    return Points(np.stack([x, y, z], axis=1) + ORIGIN, intensity=intensity.astype(np.float32))
 
 
 def along(y, up=0.0, x0=0.0, x1=100.0):

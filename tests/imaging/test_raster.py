@@ -29,7 +29,7 @@ from linework.model.trajectory import Trajectory
 def cloud(n=500, seed=0, origin=(664_000.0, 5_080_000.0, 180.0), size=8.0):
     rng = np.random.default_rng(seed)
     xyz = np.asarray(origin) + rng.uniform(0, 1, (n, 3)) * (size, size, 3.0)
-    return Points(xyz.round(3), rng.integers(0, 65536, n).astype(np.float32))
+    return Points(xyz.round(3), intensity=rng.integers(0, 65536, n).astype(np.float32))
 
 
 def twin(points, grid, height, origin):

@@ -16,7 +16,7 @@ from tests.scenes.line_sets import line_sets
 from linework.errors import CrsError, LineworkError
 from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.lineset.line import Line
-from linework.model.report import Report
+from linework.model.lineset.report import Report
 
 REPORT = Report(source="A7", kinds=("cable",))
 
@@ -63,7 +63,7 @@ def test_a_kind_chooses_its_lines_and_a_wrong_one_is_named():
     assert isinstance(caught.value, LineworkError)
     assert (
         str(caught.value)
-        == "unknown kind 'gardrail'. Did you mean 'guardrail'? These lines hold guardrail, cable, wall."
+        == "unknown kind 'gardrail'. Did you mean guardrail? These lines hold guardrail, cable, wall."
     )
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
 

@@ -91,8 +91,8 @@ def read_las(
     n = tally.n_kept
     points = Points(
         columns.xyz[:n],
-        columns.intensity[:n] if tally.has_intensity else None,
-        None if found.gps_time_kind == "none" else columns.time[:n],
+        intensity=columns.intensity[:n] if tally.has_intensity else None,
+        time_s=None if found.gps_time_kind == "none" else columns.time[:n],
     )
     return LasContent(
         points, resolved.crs, header.n_points, dict(tally.n_rejected), found.gps_time_kind, header.point_format,

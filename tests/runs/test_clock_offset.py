@@ -20,7 +20,9 @@ def warnings_of(folder, offset_s):
     time = np.sort(rng.uniform(40.0, 80.0, 8000))
     xyz = np.stack([5e5 + 15.0 * time, 5.4e6 + rng.uniform(-10, 10, 8000), np.full(8000, 100.0)], axis=1)
     write_las(
-        Points(xyz, np.full(8000, 900.0, np.float32), START_S + time), folder / "a.laz", crs="EPSG:25832"
+        Points(xyz, intensity=np.full(8000, 900.0, np.float32), time_s=START_S + time),
+        folder / "a.laz",
+        crs="EPSG:25832",
     )
     way = np.linspace(0.0, 120.0, 1201)
     path = np.stack([5e5 + 15.0 * way, np.full(1201, 5.4e6), np.full(1201, 100.0)], axis=1)

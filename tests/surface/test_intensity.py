@@ -7,8 +7,8 @@ import pytest
 
 from linework.kernels.cells import intensity as kernels
 from linework.model.grid import Grid
+from linework.model.ground import Ground
 from linework.model.points import Points
-from linework.model.tile import RoadSurface
 from linework.model.trajectory import Trajectory
 from linework.surface.intensity import (
     Tier,
@@ -26,10 +26,10 @@ ORIGIN = np.array([500_000.0, 5_800_000.0, 100.0])
 LENGTH_M, SPEED, MOUNT_M = 60.0, 10.0, 2.2
 
 
-def flat_surface() -> RoadSurface:
+def flat_surface() -> Ground:
     grid = Grid(ORIGIN[0] - 10.0, ORIGIN[1] + 12.0, 0.5, 0.5, 48, 160)
     zero, yes = np.zeros(grid.shape, np.float32), np.ones(grid.shape, bool)
-    return RoadSurface(grid, ORIGIN[2], zero, zero, yes, yes)
+    return Ground(grid, ORIGIN[2], zero, zero, yes, yes)
 
 
 def path(behind_m: float = 0.0) -> Trajectory:
@@ -53,7 +53,11 @@ def drive(seed: int = 3) -> tuple[Points, np.ndarray, np.ndarray]:
     drift = 1.0 + 0.3 * np.sin(2.0 * np.pi * t / 6.0)
     value = 8000.0 * np.where(verge, 3.0, np.where(paint, 2.2, 1.0)) / reach * (MOUNT_M / reach) ** 0.5
     value *= drift * (1.0 + 0.1 * rng.normal(size=len(t)))
-    return Points(xyz, np.clip(value, 1, 65535).astype(np.float32), t), paint, ~paint & ~verge
+    return (
+        Points(xyz, intensity=np.clip(value, 1, 65535).astype(np.float32), time_s=t),
+        paint,
+        ~paint & ~verge,
+    )
 
 
 POINTS, PAINT, ASPHALT = drive()
@@ -76,7 +80,7 @@ def test_asphalt_spreads_less_the_more_is_known() -> None:
     assert tier is Tier.TRAJECTORY
     estimated, tier = normalised_intensity(POINTS, SURFACE)
     assert tier is Tier.TRACK
-    local, tier = normalised_intensity(Points(POINTS.xyz, POINTS.intensity), SURFACE)
+    local, tier = normalised_intensity(Points(POINTS.xyz, intensity=POINTS.intensity), SURFACE)
     assert tier is Tier.LOCAL
     spreads = [spread(v) for v in (known, estimated, local, POINTS.intensity)]
     assert spreads[0] <= 1.02 * spreads[1] and spreads[1] < spreads[2] < spreads[3]
@@ -89,7 +93,7 @@ def test_a_threshold_finds_more_paint() -> None:
     for points, trajectory in (
         (POINTS, path()),
         (POINTS, None),
-        (Points(POINTS.xyz, POINTS.intensity), None),
+        (Points(POINTS.xyz, intensity=POINTS.intensity), None),
     ):
         assert f1(normalised_intensity(points, SURFACE, trajectory)[0], 1.5) > best + 0.05
 
@@ -119,7 +123,7 @@ def test_views_agree_with_interpolation() -> None:
     time_s = rng.uniform(-1.0, 7.0, 500)
     rows, cols = np.indices(SURFACE.grid.shape)
     heights = (0.5 * cols - 9.75) * slope[0] + (11.75 - 0.5 * rows) * slope[1]
-    tilted = RoadSurface(
+    tilted = Ground(
         SURFACE.grid,
         ORIGIN[2],
         heights.astype(np.float32),
@@ -128,7 +132,7 @@ def test_views_agree_with_interpolation() -> None:
         SURFACE.is_ground,
     )
     way = path()
-    reach, cosine = view_of(Points(xyz + ORIGIN, None, time_s), way, tilted, mount_m=2.5)
+    reach, cosine = view_of(Points(xyz + ORIGIN, intensity=None, time_s=time_s), way, tilted, mount_m=2.5)
     at = np.stack([np.interp(time_s, way.time_s, c) for c in way.xyz.T], axis=1) + np.array([0.0, 0.0, 2.5])
     beam = at - (xyz + ORIGIN)
     normal = np.array([-slope[0], -slope[1], 1.0]) / np.sqrt(1.0 + slope @ slope)
@@ -183,7 +187,9 @@ def test_what_is_recorded_at_full_scale_takes_no_part_in_a_level() -> None:
     assert full_scale(scaled) == 255.0 and full_scale(POINTS.intensity) == 65535.0
     saturated = scaled == 255.0
     assert saturated.any()
-    value, _ = normalised_intensity(Points(POINTS.xyz, scaled, POINTS.time_s), SURFACE, path())
+    value, _ = normalised_intensity(
+        Points(POINTS.xyz, intensity=scaled, time_s=POINTS.time_s), SURFACE, path()
+    )
     assert np.median(value[ASPHALT]) == pytest.approx(1.0, abs=0.05)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import operator
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -11,12 +10,12 @@ from typing import Any, overload
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray, checked, offsets_of
-from linework.errors import UnknownKindError
+from linework.errors import UnknownKindError, argument
 from linework.model.columns import check_columns, column_types, filled_column
 from linework.model.grid import Bounds
 from linework.model.lineset.for_others import ForOtherLibraries
 from linework.model.lineset.line import Line, line_number
-from linework.model.report import Report
+from linework.model.lineset.report import Report
 
 #: The kinds of line, in the order of their layers.
 KINDS = (
@@ -154,7 +153,7 @@ class LineSet(ForOtherLibraries):
         if isinstance(index, str):
             known = (*KINDS, *self.kinds)
             if index not in known:
-                raise UnknownKindError(index, difflib.get_close_matches(index, known, n=1), self.kinds)
+                raise UnknownKindError(index, known, self.kinds)
             return self.take(self.kind == index)
         if isinstance(index, slice):
             return self.take(np.arange(len(self))[index])
@@ -291,7 +290,7 @@ class LineSet(ForOtherLibraries):
         """
         from linework.crs import parse_crs
 
-        return replace(self, crs=parse_crs(crs, where="crs"))
+        return replace(self, crs=parse_crs(crs, where=argument("crs")))
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -354,4 +353,4 @@ def _crs_text(crs: Any) -> str:
         return crs
     from linework.crs import parse_crs
 
-    return parse_crs(crs, where="crs")
+    return parse_crs(crs, where=argument("crs"))

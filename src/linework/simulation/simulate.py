@@ -116,6 +116,6 @@ def points_by_time(parts: Sequence[Points]) -> Points:
     order = np.argsort(time, kind="stable")
     return Points(
         np.concatenate([p.xyz for p in parts])[order],
-        np.concatenate([p.intensity for p in parts if p.intensity is not None])[order],
-        time[order],
+        intensity=np.concatenate([p.intensity for p in parts if p.intensity is not None])[order],
+        time_s=time[order],
     )

@@ -339,7 +339,7 @@ def test_a22_flipped_bytes(linework, tmp_path, seed):
 def test_a28_points_that_are_there_twice_give_each_line_once(linework, tmp_path):
     xyz = straight(rail_scene(np.random.default_rng(4), s=(2.13, 37.91)), 0.31) + LOW
     time = 3e8 + np.arange(len(xyz)) * 1e-5
-    points = Points(xyz, np.full(len(xyz), 500, np.float32), time)
+    points = Points(xyz, intensity=np.full(len(xyz), 500, np.float32), time_s=time)
     write_las(points, tmp_path / "once.laz", crs="local")
     write_las(points.take(np.tile(np.arange(len(xyz)), 2)), tmp_path / "twice.laz", crs="local")
     lines = []

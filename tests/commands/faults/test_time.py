@@ -24,7 +24,7 @@ def points_of(start_s):
     along = xyz[:, 0] * np.cos(0.31) + xyz[:, 1] * np.sin(0.31)
     order = np.argsort(along, kind="stable")
     xyz, time = xyz[order], start_s + along[order] / SPEED_MPS
-    return Points(np.round(xyz + LOW, 3), np.full(len(xyz), 900.0, np.float32), time)
+    return Points(np.round(xyz + LOW, 3), intensity=np.full(len(xyz), 900.0, np.float32), time_s=time)
 
 
 def trajectory_of(start_s):

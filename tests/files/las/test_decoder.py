@@ -32,7 +32,9 @@ def _decoder_is_found(monkeypatch):
 def points(seed, n=300):
     rng = np.random.default_rng(seed)
     xyz = rng.uniform(0, 40, (n, 3)) + np.array([500_000, 5_400_000, 100])
-    return Points(xyz, rng.integers(1, 4000, n).astype(np.float32), 3e8 + np.arange(n) * 0.001)
+    return Points(
+        xyz, intensity=rng.integers(1, 4000, n).astype(np.float32), time_s=3e8 + np.arange(n) * 0.001
+    )
 
 
 @pytest.fixture

@@ -22,7 +22,9 @@ UTM = "EPSG:25832+7837"
 def sample(n=3000, seed=7):
     rng = np.random.default_rng(seed)
     xyz = np.round(rng.uniform(0, 50, (n, 3)) + np.array([500000, 5600000, 100]), 3)
-    return Points(xyz, rng.integers(1, 60000, n).astype(np.float32), 3e8 + np.arange(n) * 1e-4)
+    return Points(
+        xyz, intensity=rng.integers(1, 60000, n).astype(np.float32), time_s=3e8 + np.arange(n) * 1e-4
+    )
 
 
 @pytest.mark.parametrize("suffix", [".las", ".laz"])
@@ -57,7 +59,7 @@ def test_equal_points_give_equal_bytes(tmp_path):
 
 
 def test_eight_bit_intensity_is_clipped(tmp_path):
-    points = Points(np.zeros((3, 3)), np.array([10, 255, 4000], dtype=np.float32))
+    points = Points(np.zeros((3, 3)), intensity=np.array([10, 255, 4000], dtype=np.float32))
     write_las(points, tmp_path / "a.las", crs="local", intensity_bits=8)
     np.testing.assert_array_equal(read_las(tmp_path / "a.las", crs="local").points.intensity, [10, 255, 255])
 
@@ -112,7 +114,9 @@ def test_all_point_formats(tmp_path, point_format, suffix):
 )
 def test_time_kinds_are_told_by_their_values(tmp_path, times, bit, kind, n_warnings):
     path = tmp_path / "a.las"
-    write_las(Points(np.zeros((2, 3)), np.ones(2, np.float32), np.array(times)), path, crs="local")
+    write_las(
+        Points(np.zeros((2, 3)), intensity=np.ones(2, np.float32), time_s=np.array(times)), path, crs="local"
+    )
     data = bytearray(path.read_bytes())
     data[6] = int(bit)
     path.write_bytes(data)
@@ -125,7 +129,7 @@ def test_time_kinds_are_told_by_their_values(tmp_path, times, bit, kind, n_warni
 def test_times_that_are_not_finite_are_rejected(tmp_path):
     path = tmp_path / "a.las"
     times = np.array([3e8, np.nan, 3e8 + 1, np.inf])
-    write_las(Points(np.zeros((4, 3)), np.ones(4, np.float32), times), path, crs="local")
+    write_las(Points(np.zeros((4, 3)), intensity=np.ones(4, np.float32), time_s=times), path, crs="local")
     content = read_las(path, crs="local")
     assert content.n_rejected == {"impossible time": 2}
     np.testing.assert_array_equal(content.points.time_s, [3e8, 3e8 + 1])
@@ -183,7 +187,9 @@ def geotiff_keys(path, *keys):
 def plain(tmp_path):
     path = tmp_path / "a.las"
     write_las(
-        Points(np.array([[5e5, 5.6e6, 100.0]]), np.ones(1, np.float32), np.full(1, 3e8)), path, crs="local"
+        Points(np.array([[5e5, 5.6e6, 100.0]]), intensity=np.ones(1, np.float32), time_s=np.full(1, 3e8)),
+        path,
+        crs="local",
     )
     return path
 
@@ -264,7 +270,11 @@ def test_what_is_read_does_not_depend_on_batches(tmp_path, batch_points):
 
 def test_times_that_are_none_cost_no_points(tmp_path):
     times = np.array([0.0, np.nan, 0.0, np.inf])
-    write_las(Points(np.zeros((4, 3)), np.ones(4, np.float32), times), tmp_path / "a.las", crs="local")
+    write_las(
+        Points(np.zeros((4, 3)), intensity=np.ones(4, np.float32), time_s=times),
+        tmp_path / "a.las",
+        crs="local",
+    )
     content = read_las(tmp_path / "a.las", crs="local")
     assert (len(content.points), content.n_rejected, content.points.time_s) == (4, {}, None)
     assert content.warnings == ("no GPS time (0 for all points)",)

@@ -29,7 +29,7 @@ def points(seed=1, n=600, *, time=3e8):
     rng = np.random.default_rng(seed)
     xyz = np.round(rng.uniform(0, 150, (n, 3)) + np.array([500_000, 5_400_000, 100]), 3)
     light = rng.integers(1, 4000, n).astype(np.float32)
-    return Points(xyz, light, None if time is None else time + np.arange(n) * 0.5)
+    return Points(xyz, intensity=light, time_s=None if time is None else time + np.arange(n) * 0.5)
 
 
 @pytest.fixture
@@ -138,7 +138,7 @@ def test_times_that_cannot_be_used_cost_no_points(drive, folder):
 def test_far_points_are_left_out_whole_blocks_at_a_time(tmp_path, folder, shift):
     near = points(n=3000)
     xyz = np.concatenate([near.xyz, near.xyz[:2] + shift])
-    write_las(Points(xyz, np.ones(3002, np.float32)), tmp_path / "a.laz", crs=UTM)
+    write_las(Points(xyz, intensity=np.ones(3002, np.float32)), tmp_path / "a.laz", crs=UTM)
     facts = spilled(tmp_path / "a.laz", folder)
     assert facts.n_points == len(PointStore.open(folder).points()) == 3000
     assert facts.rejected == {"far from all others": 2}
@@ -199,12 +199,12 @@ def test_points_that_do_not_add_up_are_a_failure(drive, folder, monkeypatch):
 
 
 def test_too_little_space_is_said_before_anything_is_decoded(drive, folder, monkeypatch):
-    space = namedtuple("space", "f_blocks f_bavail f_frsize")
-    monkeypatch.setattr(spill.os, "statvfs", lambda _: space(100, 5, 1000))
+    space = namedtuple("space", "total used free")
+    monkeypatch.setattr(spill.shutil, "disk_usage", lambda _: space(100_000, 95_000, 5_000))
     with pytest.raises(MachineError) as caught:
         spilled(drive, folder)
     assert "1,200 points need 2.16e-05 GB of disk, 5e-06 GB are free" in str(caught.value)
-    assert "--work DIR" in str(caught.value)
+    assert 'work="DIR"' in str(caught.value)
     assert list(folder.iterdir()) == []
 
 

@@ -103,7 +103,7 @@ def sound(request, tmp_path_factory):
     rng = np.random.default_rng(5)
     xyz = np.cumsum(rng.normal(0, 0.1, (3000, 3)), axis=0)
     path = tmp_path_factory.mktemp("sound") / f"a{request.param}"
-    write_las(Points(xyz, rng.random(3000) * 5000), path, crs="EPSG:25832")
+    write_las(Points(xyz, intensity=rng.random(3000) * 5000), path, crs="EPSG:25832")
     return path
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, IntArray
 from linework.errors import MachineError
+from linework.files.handles import open_for_reading, read_at
 from linework.files.store.layout import POINTS_SUFFIX
 from linework.kernels.store import order as kernels
 from linework.kernels.store.order import first_damaged
@@ -79,7 +80,7 @@ class StoreFiles:
         wanted = sum(view.nbytes for view in views)
         try:
             handle = self._handle(number)
-            got = os.preadv(handle, views, offset)
+            got = read_at(handle, views, offset)
             if got < wanted:
                 got = self._read_on(handle, offset, got, views)
         except OSError as error:
@@ -102,7 +103,7 @@ class StoreFiles:
                 flat: Any = view.cast("B")
                 rest.append(flat[min(skip, len(flat)) :])
                 skip = max(0, skip - len(flat))
-            n = os.preadv(handle, [view for view in rest if len(view)], offset + got) if any(rest) else 0
+            n = read_at(handle, [view for view in rest if len(view)], offset + got) if any(rest) else 0
             if n == 0:
                 return got
             got += n
@@ -113,7 +114,7 @@ class StoreFiles:
             return self._open[number]
         if len(self._open) >= _MOST_OPEN:
             os.close(self._open.popitem(last=False)[1])
-        handle = os.open(self._path(number), os.O_RDONLY | os.O_CLOEXEC)
+        handle = open_for_reading(self._path(number))
         self._open[number] = handle
         return handle
 
@@ -172,8 +173,8 @@ class Output:
         """Return the points added so far."""
         return Points(
             self._filled(self._xyz),
-            self._filled(self._intensities) if self._with_intensity else None,
-            self._filled(self._times).view(np.float64) if self._with_time else None,
+            intensity=self._filled(self._intensities) if self._with_intensity else None,
+            time_s=self._filled(self._times).view(np.float64) if self._with_time else None,
         )
 
     def _filled(self, column: AnyArray) -> AnyArray:

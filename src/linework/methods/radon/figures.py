@@ -16,14 +16,14 @@ from linework.methods.radon.peaks import Peaks, dilate, find_peaks, ridges
 from linework.methods.radon.transform import RadonImage, evenly_spaced_angles, radon_transform
 from linework.model.grid import Grid, Image
 from linework.model.points import Points
-from linework.model.settings import setting
+from linework.model.settings import Settings, setting
 
 #: Classes of the classified image, the paper's colours.
 ROAD_CLASS, OFF_ROAD = 1, 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FigureConfig:
+class FigureConfig(Settings):
     """Settings of the pictures of the whole survey (extraction has its own settings, for windows)."""
 
     low_m: float = setting(
@@ -193,7 +193,7 @@ def raster_figures(
     yield caption.figure("classes", "Road and non-road points", classes, _CLASSES)
     # Figure 3: density; figure 4: maximum height, also minimum and mean; intensity
     yield from _measured(raw, caption)
-    bright = None if normal is None else rasterise(Points(points.xyz, normal), grid).intensity
+    bright = None if normal is None else rasterise(Points(points.xyz, intensity=normal), grid).intensity
     if bright is not None:
         yield caption.figure("intensity_normalised", "Intensity over that of asphalt", bright, _OVER_ASPHALT)
     above = rasterise(Points(points.xyz), grid, height_m=height_m).maximum

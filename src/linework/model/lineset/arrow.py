@@ -20,7 +20,7 @@ import shapely
 
 from linework.arrays import AnyArray, IntArray, offsets_of
 from linework.crs import LOCAL, parse_crs
-from linework.errors import InputError, needed
+from linework.errors import InputError, argument, needed
 from linework.model.columns import column_types
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.lineset.geometries import column_values, lines_of_shapes
@@ -79,7 +79,7 @@ def lines_of_table(table: Any, crs: object, columns: Mapping[str, Any]) -> LineS
     read = core.Table.from_arrow(table)
     fields = {field.name: field for field in (read.schema.field(i) for i in range(len(read.schema)))}
     name = _geometry_field(fields)
-    found_crs = parse_crs(_stated_crs(fields[name]) or crs, where="crs")
+    found_crs = parse_crs(_stated_crs(fields[name]) or crs, where=argument("crs"))
     given: dict[str, Any] = {}
     for column in LINE_COLUMNS:
         if column in fields and column not in columns:
@@ -110,7 +110,7 @@ def _geometry_field(fields: Mapping[str, Any]) -> str:
     named = [name for name in (GEOMETRY, "geom") if name in fields]
     if not stated + named:
         raise InputError(
-            f"no column of lines among {', '.join(fields) or 'no columns'}", where="table",
+            f"no column of lines among {', '.join(fields) or 'no columns'}", where=argument("table"),
             advice="name it geometry",
         )  # fmt: skip
     return (stated + named)[0]
@@ -142,7 +142,9 @@ def _coordinates(core: Any, shapes: Any, name: str) -> tuple[AnyArray, IntArray]
     else:
         axes = [field.name for field in positions.type.fields or ()]
         if not {"x", "y"} <= set(axes):
-            raise InputError(f"column {name} holds {_type_text(positions)}, expected lines", where="table")
+            raise InputError(
+                f"column {name} holds {_type_text(positions)}, expected lines", where=argument("table")
+            )
         xyz = np.stack(
             [core.struct_field(positions, axes.index(axis)).to_numpy() for axis in "xyz" if axis in axes], 1
         )
@@ -154,7 +156,7 @@ def _coordinates(core: Any, shapes: Any, name: str) -> tuple[AnyArray, IntArray]
 def _vertex_column(core: Any, column: Any, name: str, offsets: IntArray) -> AnyArray:
     array = column.combine_chunks()
     if not np.array_equal(np.diff(_offsets(core, array, name)), np.diff(offsets)):
-        raise InputError(f"column {name} has other numbers of values than the lines have vertices", where="table",
+        raise InputError(f"column {name} has other numbers of values than the lines have vertices", where=argument("table"),
                          advice="leave the column out, or correct it")  # fmt: skip
     dtype = column_types(LineSet)[name].dtype
     values = core.list_flatten(array)
@@ -164,9 +166,9 @@ def _vertex_column(core: Any, column: Any, name: str, offsets: IntArray) -> AnyA
 
 def _offsets(core: Any, array: Any, name: str) -> IntArray:
     if "List" not in str(array.type):
-        raise InputError(f"column {name} holds {_type_text(array)}, expected lists", where="table")
+        raise InputError(f"column {name} holds {_type_text(array)}, expected lists", where=argument("table"))
     if array.null_count:
-        raise InputError(f"column {name} has {array.null_count} rows without a value", where="table",
+        raise InputError(f"column {name} has {array.null_count} rows without a value", where=argument("table"),
                          advice="leave such rows out")  # fmt: skip
     return np.asarray(core.list_offsets(array).to_numpy(), dtype=np.int64)
 

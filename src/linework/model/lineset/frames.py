@@ -13,7 +13,7 @@ import shapely
 
 from linework.arrays import AnyArray
 from linework.crs import LOCAL, parse_crs
-from linework.errors import InputError, needed
+from linework.errors import InputError, argument, needed
 from linework.model.columns import column_types
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.lineset.geometries import geometries, lines_of_shapes
@@ -46,7 +46,11 @@ def lines_of_frame(frame: Any, crs: object, columns: Mapping[str, Any]) -> LineS
     """Return the lines of a GeoDataFrame: the work of `LineSet.from_geopandas`."""
     pandas = needed("pandas", "tables", where="from_geopandas()")
     stated = frame.crs
-    found_crs = parse_crs(stated, where="crs") if stated is not None else parse_crs(crs, where="crs")
+    found_crs = (
+        parse_crs(stated, where=argument("crs"))
+        if stated is not None
+        else parse_crs(crs, where=argument("crs"))
+    )
     given: dict[str, Any] = {}
     for name in LINE_COLUMNS:
         if name in frame.columns and name not in columns:
@@ -81,7 +85,7 @@ def vertex_values(name: str, values: AnyArray, shapes: AnyArray) -> AnyArray:
     if len(wrong):
         i = int(wrong[0])
         raise InputError(
-            f"{name} of line {i} has {len(values[i])} values for {int(counts[i])} vertices", where="frame",
+            f"{name} of line {i} has {len(values[i])} values for {int(counts[i])} vertices", where=argument("frame"),
             advice="leave the column out, or correct it",
         )  # fmt: skip
     dtype = column_types(LineSet)[name].dtype

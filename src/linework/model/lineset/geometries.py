@@ -11,7 +11,7 @@ import shapely
 
 from linework.arrays import AnyArray, IntArray, offsets_of
 from linework.crs import LOCAL, parse_crs
-from linework.errors import InputError
+from linework.errors import InputError, argument
 from linework.model.columns import column_types
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
@@ -46,7 +46,7 @@ def lines_of_shapes(shapes: Any, crs: object, columns: Mapping[str, Any]) -> Lin
     wrong = [i for i, shape in enumerate(given) if shape is None or not _is_linear(shape)]
     if wrong:
         what = "nothing" if given[wrong[0]] is None else f"a {given[wrong[0]].geom_type}"
-        raise InputError(f"geometry {wrong[0]} is {what}, expected lines", where="shapes",
+        raise InputError(f"geometry {wrong[0]} is {what}, expected lines", where=argument("shapes"),
                          advice="leave such geometries out")  # fmt: skip
     parts, feature = linear_parts(given, empty=True)
     xyz, owner = shapely.get_coordinates(parts, include_z=True, return_index=True)
@@ -58,7 +58,7 @@ def lines_of_shapes(shapes: Any, crs: object, columns: Mapping[str, Any]) -> Lin
     unknown = sorted(set(columns) - set(own))
     if unknown:
         raise TypeError(f"from_shapely() has no column {unknown[0]!r}")
-    return LineSet(xyz=xyz, offsets=offsets, crs=parse_crs(crs, where="crs"), **own)
+    return LineSet(xyz=xyz, offsets=offsets, crs=parse_crs(crs, where=argument("crs")), **own)
 
 
 def _is_linear(shape: Any) -> bool:

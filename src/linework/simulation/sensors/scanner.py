@@ -265,7 +265,7 @@ def record_points(scenario: Scenario, scene: Scene, hits: Hits, rng: np.random.G
     # Blades stand up from the soil: grass is never below it
     xyz[:, 2] += np.where(is_grass, 1.5 * np.abs(rough), rough)
     intensity = _intensity(scenario, hits, material, rng)
-    return Points(xyz + np.asarray(scenario.origin_m), intensity, hits.time_s)
+    return Points(xyz + np.asarray(scenario.origin_m), intensity=intensity, time_s=hits.time_s)
 
 
 def _intensity(scenario: Scenario, hits: Hits, material: AnyArray, rng: np.random.Generator) -> AnyArray:
