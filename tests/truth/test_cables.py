@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.scenes.places import REAL
 
-from linework.evaluation.measures import evaluate_lines
+from linework.evaluation.measures import evaluate
 from linework.lines.catenary import Catenary
 from linework.methods.cables.find import CableConfig, find_cables
 from linework.model.lines import LineSet
@@ -65,7 +65,7 @@ def cables_of(points):
 
 def scores(lines, truth):
     reference = LineSet.from_lines([line[::5] for line in truth], kind=["cable"] * len(truth))
-    return evaluate_lines(lines, reference, tolerance_m=0.10, kinds=["cable"]).kinds[0]
+    return evaluate(lines, reference, tolerance_m=0.10, kinds=["cable"]).kinds[0]
 
 
 def two_spans(rng, per_m=6.0, noise_m=0.01):
@@ -181,7 +181,7 @@ def test_cables_of_a_simulated_survey(kind, seed):
     height = height_above_ground(surface, survey.points.xyz)
     found = find_cables(survey.points.xyz, survey.points.time_s, height, CableConfig())
     found = dataclasses.replace(found, crs=survey.crs)
-    s = evaluate_lines(found, survey.truth, tolerance_m=0.10, kinds=["cable"]).kinds[0]
+    s = evaluate(found, survey.truth, tolerance_m=0.10, kinds=["cable"]).kinds[0]
     assert s.observed_m > 50.0
     assert s.at.completeness > 0.95
     assert s.at.correctness > 0.97
