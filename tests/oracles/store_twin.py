@@ -6,7 +6,6 @@ from linework.files.store.layout import RunTable
 from linework.files.store.read import PointStore
 from linework.files.store.write import StoreWriter, write_index
 
-
 #: Names of the further columns of test stores; a file is (xyz, intensity, time or None), and (n, 2) float32 of them.
 NAMES = ("p_kerb", "p_paint")
 
