@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from linework.methods.kinds import KINDS_OF, check_method
-from linework.methods.obb.method import ObbConfig, ObbMethod
+from linework.methods.obb.method import Obb, ObbConfig
 from linework.methods.protocol import AnyMethod
-from linework.methods.radon.method import RadonConfig, RadonMethod
-from linework.methods.stereo.method import StereoConfig, StereoMethod
+from linework.methods.radon.method import Radon, RadonConfig
+from linework.methods.stereo.method import Stereo, StereoConfig
 
 
 def choose_methods(
@@ -41,9 +41,9 @@ def choose_methods(
     asked = {name for name, found in own.items() if found and method in ("auto", name)}
     methods: list[AnyMethod] = []
     if "obb" in asked:
-        methods.append(ObbMethod(obb or ObbConfig(), own["obb"]))
+        methods.append(Obb(obb or ObbConfig(), own["obb"]))
     if "radon" in asked:
-        methods += RadonMethod(radon or RadonConfig(), own["radon"]).parts
+        methods += Radon(radon or RadonConfig(), own["radon"]).parts
     if "stereo" in asked:
-        methods.append(StereoMethod(stereo or StereoConfig(), own["stereo"]))
+        methods.append(Stereo(stereo or StereoConfig(), own["stereo"]))
     return tuple(methods)

@@ -11,10 +11,11 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.model.camera import RectifiedRig
 from linework.model.grid import Bounds
+from linework.model.ground import Ground
 from linework.model.images import Poses
 from linework.model.lines import LineSet
-from linework.model.tile import RoadSurface, TileData, local_origin
-from linework.surface.road import RoadConfig, find_road
+from linework.model.tile import TileData, local_origin
+from linework.surface.road import RoadConfig, find_ground
 
 #: Interval at which the straight line between two places is tested for visibility, half a surface cell. [m]
 VISIBLE_STEP_M = 0.25
@@ -153,9 +154,9 @@ def extract_tile(method: Method[TileData, EvidenceT], tile: TileData) -> LineSet
     return method.join(method.look(tile), survey)
 
 
-def surface_of_tile(tile: TileData) -> RoadSurface:
+def surface_of_tile(tile: TileData) -> Ground:
     """Return road and ground of a tile: the survey's, or found in the tile's points."""
-    return tile.surface or find_road(tile.points, tile.trajectory, RoadConfig())
+    return tile.surface or find_ground(tile.points, tile.trajectory, RoadConfig())
 
 
 def origin_of_tile(tile: TileData) -> tuple[float, float, float]:
@@ -169,7 +170,7 @@ def origin_of_tile(tile: TileData) -> tuple[float, float, float]:
 # Visibility: a gap in a line either was measured and is empty, or was hidden from the sensor
 
 
-def sight_of(surface: RoadSurface) -> Sight:
+def sight_of(surface: Ground) -> Sight:
     """Return the visibility of a surface: true in cells where road or ground was measured."""
     measured, grid = surface.is_road | surface.is_ground, surface.grid
 

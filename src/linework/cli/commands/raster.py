@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from linework.files.store.in_memory import SurveyPoints
     from linework.methods.radon.figures import FigureConfig
     from linework.model.grid import Grid
+    from linework.model.ground import Ground
     from linework.model.points import Points
     from linework.model.survey import Survey
-    from linework.model.tile import RoadSurface
     from linework.model.trajectory import Trajectory
     from linework.runs.opened.points import SurveyInMemory
     from linework.runs.steps import RunSteps
@@ -75,10 +75,10 @@ def raster(
     """
     import json
 
-    from linework.cli.progress import open_display
     from linework.errors import PartialError
     from linework.files.output.publish import check_output_folder
     from linework.files.survey.open import open_survey
+    from linework.library.progress import open_display
     from linework.methods.radon.figures import FigureConfig
     from linework.runs.steps import RunSteps
 
@@ -181,16 +181,16 @@ def _publish(
     steps: RunSteps,
 ) -> dict[str, Any]:
     """Write all images and run.json to a folder atomically, and return the record."""
-    from linework.files.geodesy.crs import describe_crs, epsg_text
+    from linework.crs import describe_crs, epsg_text
     from linework.files.images.geotiff import write_geotiff
     from linework.files.output.publish import publish_folder
     from linework.files.output.record import write_json
     from linework.methods.radon.figures import raster_figures
-    from linework.surface.road import RoadConfig, find_road, height_above_road, is_road_point
+    from linework.surface.road import RoadConfig, find_ground, height_above_road, is_road_point
 
     grid, config = what
     with steps.step("find the road"):
-        surface = find_road(read.points, path, RoadConfig())
+        surface = find_ground(read.points, path, RoadConfig())
         height_m = height_above_road(surface, read.points.xyz)
         is_road = is_road_point(surface, read.points.xyz)
         normal = _normalised(read.points, surface, path)
@@ -222,7 +222,7 @@ def _publish(
     return record
 
 
-def _normalised(points: Points, surface: RoadSurface, path: Trajectory | None) -> Float32Array | None:
+def _normalised(points: Points, surface: Ground, path: Trajectory | None) -> Float32Array | None:
     from linework.surface.intensity import normalised_intensity
 
     return None if points.intensity is None else normalised_intensity(points, surface, path)[0]
@@ -234,7 +234,7 @@ def _record(
     """Return the content of run.json."""
     from dataclasses import asdict
 
-    from linework.files.geodesy.crs import describe_crs
+    from linework.crs import describe_crs
     from linework.files.output.record import hash_file
     from linework.runs.record import versions
 

@@ -43,7 +43,7 @@ class ObbConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class ObbMethod:
+class Obb:
     """Lane markings and road boundaries: oriented boxes in the points, tracked by collision."""
 
     recording: ClassVar[Recording] = "points"
@@ -114,7 +114,7 @@ class ObbMethod:
         lines = lines.take(np.isin(lines.kind, self.kinds))
         return lines.with_columns(xyz=lines.xyz + np.asarray(survey.origin))
 
-    def only(self, kind: str) -> ObbMethod:
+    def only(self, kind: str) -> Obb:
         """Return the method with what it takes to find boxes of one kind of line only."""
         return replace(self, kinds=("kerb_top",) if kind == "road_boundary" else ("lane_marking_dash",))
 

@@ -137,7 +137,7 @@ class CableMethod:
 
 
 @dataclass(frozen=True, slots=True)
-class RadonMethod:
+class Radon:
     """Guardrails, barriers and cables of one tile; a run over many tiles takes its `parts` one by one."""
 
     recording: ClassVar[Recording] = "points"
@@ -152,7 +152,7 @@ class RadonMethod:
     def parts(self) -> tuple[RailMethod | CableMethod, ...]:
         """The methods that find the kinds that are asked for, each with the points that it needs.
 
-        >>> RadonMethod(kinds=("barrier", "cable")).parts[0].kinds
+        >>> Radon(kinds=("barrier", "cable")).parts[0].kinds
         ('barrier',)
         """
         rails = tuple(kind for kind in RAIL_KINDS if kind in self.kinds)

@@ -51,7 +51,7 @@ class StereoConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class StereoMethod:
+class Stereo:
     """Lane markings in stereo pairs."""
 
     recording: ClassVar[Recording] = "pairs"

@@ -26,7 +26,7 @@ from linework.files.store.cell_tiles import (
 from linework.files.store.read import PointStore
 from linework.methods.protocol import Sight, sight_of
 from linework.model.grid import Bounds
-from linework.model.tile import RoadSurface
+from linework.model.ground import Ground
 from linework.model.trajectory import Trajectory
 from linework.processes.executors import Executor
 from linework.runs.opened import surface_passes as passes
@@ -122,7 +122,7 @@ class SurveySurface:
         """Name of each tile that has no surface, and the problem in one line."""
         return tuple((f"surface e{e}n{n}", problem) for (e, n), problem in sorted(self.failed.items()))
 
-    def over(self, bounds: Bounds) -> RoadSurface:
+    def over(self, bounds: Bounds) -> Ground:
         """Return road and ground in a rectangle [m, world]: every cell that touches it, the same from any rectangle.
 
         Heights are NaN in failed tiles, and in a survey without any point.
@@ -139,7 +139,7 @@ class SurveySurface:
             elif tile not in self.failed:
                 shared = self.tiles.window(tile).common(window)
                 road_m[at] = ground_m[at] = self._far(shared) if shared else np.nan
-        return RoadSurface(window.grid(self.cell_m), self.z0_m, road_m, ground_m, *passes.is_kind(kind))
+        return Ground(window.grid(self.cell_m), self.z0_m, road_m, ground_m, *passes.is_kind(kind))
 
     def _far(self, window: CellWindow) -> AnyArray:
         """Return the ground in cells far from any ground: the height of the nearest block that has ground."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from linework.arrays import FloatArray, distance_along
-from linework.files.geodesy.crs import LOCAL, describe_crs
+from linework.crs import LOCAL, describe_crs
 from linework.files.store.layout import STORE_BLOCK_M
 from linework.model.grid import Bounds
 from linework.runs.opened.recordings import Recordings
