@@ -55,7 +55,7 @@ def parse_crs(crs: object, *, where: object = None) -> str:
     >>> parse_crs("EPSG:25832+7837").split('"')[1]
     'ETRS89 / UTM zone 32N + DHHN2016 height'
     """
-    text = _crs_as_text(crs, where)
+    text = crs_as_text(crs, where)
     stripped = text.strip()
     if stripped.lower() == LOCAL:
         return LOCAL
@@ -75,8 +75,14 @@ def parse_crs(crs: object, *, where: object = None) -> str:
     return LOCAL if crs.is_engineering else canonical_wkt(crs)
 
 
-def _crs_as_text(crs: object, where: object) -> str:
-    """Return a CRS of any accepted type as text."""
+def crs_as_text(crs: object, where: object) -> str:
+    """Return a CRS of any type that `parse_crs` takes as text; whether it is usable is not checked.
+
+    Raises
+    ------
+    CrsError
+        It is of another type.
+    """
     if isinstance(crs, str):
         return crs
     if isinstance(crs, Integral) and not isinstance(crs, bool):

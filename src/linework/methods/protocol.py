@@ -9,6 +9,7 @@ from typing import Any, Literal, Protocol, Self, TypeVar
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.methods.point_order import in_fixed_order
 from linework.model.camera import RectifiedRig
 from linework.model.grid import Bounds
 from linework.model.ground import Ground
@@ -140,9 +141,18 @@ AnyMethod = Method[Any, Any]
 
 
 def extract_tile(method: Method[TileData, EvidenceT], tile: TileData) -> LineSet:
-    """Return the lines of a tile that is a survey of its own: one look, then the join."""
+    """Return the lines of a tile that is a survey of its own: one look, then the join.
+
+    The points are put into a fixed order first: the lines do not depend on the order in which they come.
+
+    Raises
+    ------
+    UsageError
+        A coordinate, time or intensity is not a finite number.
+    """
     if len(tile.points) == 0:
         return LineSet.empty()
+    tile = replace(tile, points=in_fixed_order(tile.points))
     surface = surface_of_tile(tile)
     tile = replace(tile, surface=surface)
     survey = SurveyContext(

@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 
 from linework.arrays import AnyArray
+from linework.model.points import FARTHEST_COORDINATE_M
 
 #: Increased whenever files of an older version can no longer be read.
 STORE_VERSION = 2
@@ -42,8 +43,6 @@ HEIGHT_BUCKET_M = 64.0
 HEIGHT_BUCKET_STEPS = 640_000
 #: Cell of the key [m], and number of cells along a side of a block.
 STORE_CELL_M, CELLS_PER_BLOCK = 0.5, 128
-#: Coordinates lie within this. [m]
-FARTHEST_COORDINATE_M = 1e8
 
 RUNS_FILE, INDEX_FILE, POINTS_SUFFIX = "runs.npy", "store.json", ".points"
 

@@ -188,7 +188,7 @@ class StoreWriter:
         by_owner = np.empty((2, len(order)), np.int64)
         by_owner[:, order] = 2 * starts, counts
         halves = words.view(np.uint32)
-        scatter_columns(columns.view(np.uint32), owners, *by_owner, halves)
+        scatter_columns(columns.view(np.uint32), owners, by_owner[0], by_owner[1], halves)
         sums = np.empty(len(counts), np.uint64)
         for i, (start, n) in enumerate(zip(starts.tolist(), counts.tolist(), strict=True)):
             run = halves[2 * start : 2 * start + len(columns) * n]
