@@ -9,7 +9,7 @@ import pytest
 from tests.conftest import CRS, road_points
 from tests.scenes.opened import of_points
 
-from linework.errors import InputError, MachineError, PartialError
+from linework.errors import InputError, MachineError, OwnCodeError, PartialError
 from linework.files.las.write import write_las
 from linework.files.survey.open import open_survey
 from linework.files.trajectories.read import write_trajectory
