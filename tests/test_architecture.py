@@ -19,7 +19,7 @@ HOUSE = Path(linework.__file__).parent
 #: Each level imports only from those above it in this list.
 LEVELS = [
     {"errors", "arrays"},
-    {"kernels"},
+    {"crs", "kernels"},
     {"model", "processes"},
     {"navigation", "surface", "imaging", "lines"},
     {"editing"},
@@ -28,6 +28,7 @@ LEVELS = [
     {"files"},
     {"runs", "simulation"},
     {"tracing", "evaluation"},
+    {"library"},
     {"workbench"},
     {"cli"},
 ]

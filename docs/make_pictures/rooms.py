@@ -16,7 +16,7 @@ PICTURE = DOCS / "pictures" / "rooms.svg"
 #: Sizes of the picture. [pixels]
 WIDTH, BOX_WIDTH, BOX_HEIGHT, ROW_HEIGHT, MARGIN = 860, 130, 34, 84, 20
 #: Single modules beside the rooms, drawn in grey.
-SINGLE_MODULES = ("arrays", "errors")
+SINGLE_MODULES = ("arrays", "crs", "errors")
 
 
 def imports_between_rooms() -> dict[str, set[str]]:

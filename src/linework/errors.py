@@ -6,7 +6,8 @@ A message names the file, the problem with its numbers, and the remedy:
 
 from __future__ import annotations
 
-from typing import ClassVar
+import importlib
+from typing import Any, ClassVar
 
 
 class LineworkError(Exception):
@@ -40,7 +41,10 @@ class LineworkError(Exception):
         """
         text = f"{self.where}: " if self.where is not None else ""
         text += self.problem if self.problem.endswith("?") else f"{self.problem}."
-        if self.advice:
+        if self.advice.startswith("pip "):
+            # To be copied to the end of the line
+            text += f" {self.advice}"
+        elif self.advice:
             # Commands are case-sensitive: no capital at the start of a sentence
             is_command = self.advice.startswith("linework ")
             text += f" {self.advice if is_command else self.advice[0].upper() + self.advice[1:]}."
@@ -69,6 +73,12 @@ class CrsError(LineworkError, ValueError):
     """A coordinate reference system is missing, unknown, in degrees, or in conflict with another."""
 
     exit_code = 3
+
+
+class MissingPackageError(LineworkError, ImportError):
+    """An optional package that this call needs is not installed."""
+
+    exit_code = 5
 
 
 class PartialError(LineworkError, RuntimeError):
@@ -105,3 +115,41 @@ class StaleError(LineworkError, RuntimeError):
     """The state that a change is based on has changed since: another change came first."""
 
     exit_code = 6
+
+
+def needed(package: str, extra: str, *, where: object = None) -> Any:
+    """Return an optional package or one of its modules, imported.
+
+    Parameters
+    ----------
+    package
+        Name to import, such as "geopandas" or "matplotlib.pyplot".
+    extra
+        The extra of linework that installs it.
+    where
+        What needs it: a function or an option.
+
+    Raises
+    ------
+    MissingPackageError
+        It is not installed; the message holds the command that installs it.
+
+    Examples
+    --------
+    >>> needed("json", "tables").dumps([1])
+    '[1]'
+    >>> needed("no_such_package.module", "tables", where="to_geopandas()")
+    Traceback (most recent call last):
+        ...
+    linework.errors.MissingPackageError: to_geopandas(): needs the package no_such_package. pip install 'linework[tables]'
+    """
+    try:
+        return importlib.import_module(package)
+    except ModuleNotFoundError as error:
+        missing = (error.name or package).split(".")[0]
+        if missing != package.split(".")[0]:
+            # The package is there, and something it needs is not: its own message is the better one
+            raise
+        raise MissingPackageError(
+            f"needs the package {missing}", where=where, advice=f"pip install 'linework[{extra}]'"
+        ) from error

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.conftest import CRS
 
-from linework.files.geodesy.crs import parse_crs
+from linework.crs import parse_crs
 from linework.files.vectors.point_layers import PointLayer
 from linework.files.vectors.read_write import read_lines, write_lines
 from linework.model.lines import LineSet

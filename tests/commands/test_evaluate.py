@@ -8,7 +8,7 @@ from matplotlib.image import imread
 from tests.scenes.places import REAL
 
 from linework.cli.app import main
-from linework.files.geodesy.crs import parse_crs
+from linework.crs import parse_crs
 from linework.files.vectors.read_write import write_lines
 from linework.model.lines import LineSet
 

@@ -2,11 +2,11 @@
 
 import struct
 
+import numpy as np
 import pyproj
 import pytest
 
-from linework.errors import CrsError
-from linework.files.geodesy.crs import (
+from linework.crs import (
     describe_crs,
     epsg_text,
     has_height,
@@ -16,6 +16,7 @@ from linework.files.geodesy.crs import (
     same_plan,
     unit_factors,
 )
+from linework.errors import CrsError
 from linework.files.las.crs import resolve_crs
 
 CODES = [
@@ -178,3 +179,14 @@ def test_units_of_a_projection_without_a_code_that_contradict_the_given_crs():
         "a.las: its GeoTIFF keys state a unit of 0.30480061 m, --crs ETRS89 / UTM zone 32N (EPSG:25832) has 1 m."
         " Give the CRS that the coordinates are in, or correct the header."
     )
+
+
+def test_a_crs_may_be_a_number_or_an_object():
+    compound = parse_crs("EPSG:25832+7837")
+    assert parse_crs(25832) == parse_crs("EPSG:25832") == parse_crs(np.int32(25832))
+    assert parse_crs(pyproj.CRS.from_user_input("EPSG:25832+7837")) == compound
+    for wrong in (None, 3.5, True, ["EPSG:25832"]):
+        with pytest.raises(CrsError, match=r"a CRS is a text, an EPSG code or a pyproj.CRS, not "):
+            parse_crs(wrong)
+    with pytest.raises(CrsError, match="degrees"):
+        parse_crs(4326)

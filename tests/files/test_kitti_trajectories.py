@@ -5,9 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tests.scenes.places import REAL
 
+from linework.crs import parse_crs
 from linework.errors import InputError
-from linework.files.geodesy.crs import parse_crs
-from linework.files.geodesy.geodetic import EarthFrame
+from linework.files.geodetic import EarthFrame
 from linework.files.trajectories.kitti_poses import read_kitti_poses_content
 from linework.files.trajectories.oxts import read_oxts_content
 from linework.navigation.lever import headings_deg

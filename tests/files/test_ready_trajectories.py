@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 from tests.scenes import gnss_files as made
 from tests.scenes.places import REAL
 
+from linework.crs import parse_crs
 from linework.errors import InputError
-from linework.files.geodesy.crs import parse_crs
-from linework.files.geodesy.geodetic import EarthFrame
+from linework.files.geodetic import EarthFrame
 from linework.files.images.lists import read_image_list
 from linework.files.logs.clock import to_survey_time
 from linework.files.logs.sensors import read_navigation_logs

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from tests.scenes.places import REAL
 
+from linework.crs import parse_crs
 from linework.errors import ConfigError, CrsError, InputError, UsageError
-from linework.files.geodesy.crs import parse_crs
 from linework.files.images.series import open_stereo
 from linework.files.las.write import write_las
 from linework.files.store.in_memory import check_trajectory_covers, read_survey_points, read_survey_trajectory

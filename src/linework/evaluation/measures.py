@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from linework.crs import LOCAL, describe_crs, has_height, same_crs, same_plan
 from linework.errors import CrsError, UsageError
 from linework.evaluation.attributes import (
     ATTRIBUTES,
@@ -24,7 +25,6 @@ from linework.evaluation.match import TIE_M, PieceMatch, distance_to, match_chai
 from linework.evaluation.stations import Stations, measure_stations
 from linework.evaluation.tolerance import DASH_END_M, KindMatch, at_tolerance
 from linework.evaluation.values import KindScores, Scores
-from linework.files.geodesy.crs import LOCAL, describe_crs, has_height, same_crs, same_plan
 from linework.model.lines import KINDS, LineSet
 
 #: Further tolerances at which scores are computed by default (docs/evaluation.md). [m]

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from linework.crs import describe_crs
 from linework.editing.queue.carried_over import REJECTED_REVIEW, carry_over_reviews
 from linework.errors import LineworkError
-from linework.files.geodesy.crs import describe_crs
 from linework.files.line_file.carried_history import has_reviews, with_history
 from linework.files.line_file.file import LineFile
 from linework.files.output.record import hash_file, write_json

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
-from linework.files.geodesy.crs import parse_crs
+from linework.crs import parse_crs
 from linework.model.lines import LineSet
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory

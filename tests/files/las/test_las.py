@@ -9,8 +9,8 @@ import pyproj
 import pytest
 from tests.oracles.las_in_memory import read_las
 
+from linework.crs import parse_crs
 from linework.errors import CrsError, UsageError
-from linework.files.geodesy.crs import parse_crs
 from linework.files.las.batches import _rounded_batch
 from linework.files.las.header import read_las_header
 from linework.files.las.write import write_las

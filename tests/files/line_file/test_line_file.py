@@ -10,6 +10,7 @@ import pyogrio
 import pytest
 from tests.scenes.drawing_scenes import none, same, shifted, some_lines, whole
 
+from linework.crs import parse_crs
 from linework.errors import (
     CrsError,
     InputError,
@@ -18,7 +19,6 @@ from linework.errors import (
     StaleError,
     UsageError,
 )
-from linework.files.geodesy.crs import parse_crs
 from linework.files.line_file.file import LineFile
 from linework.files.vectors.gpkg import read_own_gpkg
 from linework.files.vectors.read_write import read_lines, write_lines

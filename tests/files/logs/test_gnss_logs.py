@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from tests.scenes import gnss_files as made
 
+from linework.crs import parse_crs
 from linework.errors import ConfigError, CrsError, InputError
-from linework.files.geodesy.crs import parse_crs
-from linework.files.geodesy.geodetic import EarthFrame
+from linework.files.geodetic import EarthFrame
 from linework.files.logs.gnss import read_gnss
 from linework.files.trajectories.read import read_trajectory_content
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from tests.scenes.places import REAL
 
-from linework.files.geodesy.crs import parse_crs
-from linework.files.geodesy.geodetic import EarthFrame
+from linework.crs import parse_crs
+from linework.files.geodetic import EarthFrame
 from linework.files.logs.gnss import read_gnss
 from linework.files.logs.sensors import read_navigation_logs
 from linework.files.survey.open import open_survey

@@ -9,8 +9,8 @@ import pyogrio
 import pytest
 import shapely
 
+from linework.crs import parse_crs
 from linework.errors import CrsError, InputError, UsageError
-from linework.files.geodesy.crs import parse_crs
 from linework.files.vectors.read_write import read_lines
 
 UTM = "EPSG:25832+7837"

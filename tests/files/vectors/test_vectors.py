@@ -13,8 +13,8 @@ import pyogrio
 import pytest
 import shapely
 
+from linework.crs import parse_crs
 from linework.errors import CrsError, InputError, MachineError, OutputExistsError, UsageError
-from linework.files.geodesy.crs import parse_crs
 from linework.files.vectors.gpkg import verify_gpkg, write_gpkg
 from linework.files.vectors.read_write import read_lines, write_lines
 from linework.model.lines import LineSet

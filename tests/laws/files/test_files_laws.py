@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from tests.oracles.las_in_memory import read_las
 from tests.scenes.effort import examples
 
+from linework.crs import parse_crs
 from linework.errors import LineworkError
-from linework.files.geodesy.crs import parse_crs
 from linework.files.las.write import write_las
 from linework.files.trajectories.read import read_trajectory_content, write_trajectory
 from linework.files.vectors.read_write import read_lines, write_lines

@@ -8,7 +8,7 @@ from tests.scenes import gnss_files as made
 from tests.scenes.effort import examples
 
 from linework.errors import InputError, LineworkError
-from linework.files.geodesy.geodetic import EarthFrame
+from linework.files.geodetic import EarthFrame
 from linework.files.logs.gnss import read_gnss
 from linework.files.logs.tables import read_table
 from linework.files.trajectories.read import read_trajectory_content

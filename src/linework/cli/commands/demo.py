@@ -37,8 +37,8 @@ def demo(
     with the exact lines (the truth) beside the laser points. The extraction does not use the truth; the report
     compares the two.
     """
-    from linework.cli.progress import open_display
     from linework.files.output.publish import check_output_folder
+    from linework.library.progress import open_display
 
     check_output_folder(folder, overwrite=overwrite)
     with open_display(quiet=quiet) as display:

@@ -120,8 +120,8 @@ def _read(path: Path, kind_field: str, names: Mapping[str, str], crs: str) -> Li
     """Read lines, with the kinds of `names` where given; lines of other names are dropped."""
     import numpy as np
 
+    from linework.crs import LOCAL, parse_crs
     from linework.errors import InputError
-    from linework.files.geodesy.crs import LOCAL, parse_crs
     from linework.files.vectors.read_write import read_lines
 
     lines = read_lines(path, crs=crs or None)

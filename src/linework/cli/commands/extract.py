@@ -66,8 +66,8 @@ def extract_command(
     an interrupted run. Lines that were accepted, edited, drawn or rejected in the workbench are kept when a .gpkg
     is replaced, unless --forget-reviews is given.
     """
-    from linework.cli.progress import open_display
     from linework.files.output.locks import reserve_output
+    from linework.library.progress import open_display
 
     _check_report(report, output, overwrite=overwrite or resume)
     with contextlib.ExitStack() as held:

@@ -23,8 +23,8 @@ def info(
     Lists files, CRS, extent, heights, point density, scan-line spacing, intensity, times and their gaps,
     trajectory, cameras, stereo pairs (and whether their rows match) and logs.
     """
-    from linework.cli.progress import open_display
     from linework.files.survey.open import open_survey
+    from linework.library.progress import open_display
     from linework.runs.opened.describe import describe_survey
     from linework.runs.opened.points import opened_survey, read_into_memory
     from linework.runs.opened.store import usable_cores

@@ -43,9 +43,9 @@ def locate(
     Writes smoothed poses with their standard deviations. GNSS outages are bridged by dead reckoning. Where an outage
     is too long for that, or the clock jumps, there are no poses, and the exit code is 4.
     """
-    from linework.cli.progress import open_display
     from linework.errors import PartialError
     from linework.files.output.locks import reserve_output
+    from linework.library.progress import open_display
 
     _check(rate_hz, longest_outage_s, plot)
     with contextlib.ExitStack() as held:

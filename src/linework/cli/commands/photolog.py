@@ -31,15 +31,15 @@ def photolog(
     links to its image by a relative path. A page holds at most 500 thumbnails: on long drives their spacing is larger
     than --every-m.
     """
-    from linework.cli.progress import open_display
+    from linework.crs import describe_crs
     from linework.errors import InputError, PartialError, UsageError
     from linework.evaluation.report.photolog import photolog_html
-    from linework.files.geodesy.crs import describe_crs
     from linework.files.images.series import open_stereo
     from linework.files.logs.photolog import van_log
     from linework.files.output.publish import check_output, write_page
     from linework.files.survey.open import open_survey
     from linework.files.trajectories.of_survey import read_van_path
+    from linework.library.progress import open_display
     from linework.runs.opened.recordings import located_survey
     from linework.runs.opened.work_folder import work_folder
     from linework.runs.steps import RunSteps

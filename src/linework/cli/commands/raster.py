@@ -75,10 +75,10 @@ def raster(
     """
     import json
 
-    from linework.cli.progress import open_display
     from linework.errors import PartialError
     from linework.files.output.publish import check_output_folder
     from linework.files.survey.open import open_survey
+    from linework.library.progress import open_display
     from linework.methods.radon.figures import FigureConfig
     from linework.runs.steps import RunSteps
 
@@ -181,7 +181,7 @@ def _publish(
     steps: RunSteps,
 ) -> dict[str, Any]:
     """Write all images and run.json to a folder atomically, and return the record."""
-    from linework.files.geodesy.crs import describe_crs, epsg_text
+    from linework.crs import describe_crs, epsg_text
     from linework.files.images.geotiff import write_geotiff
     from linework.files.output.publish import publish_folder
     from linework.files.output.record import write_json
@@ -234,7 +234,7 @@ def _record(
     """Return the content of run.json."""
     from dataclasses import asdict
 
-    from linework.files.geodesy.crs import describe_crs
+    from linework.crs import describe_crs
     from linework.files.output.record import hash_file
     from linework.runs.record import versions
 

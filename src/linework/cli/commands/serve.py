@@ -64,7 +64,7 @@ def serve(
     import asyncio
 
     from linework.cli.failures import Interrupted, save_log
-    from linework.cli.progress import open_display
+    from linework.library.progress import open_display
 
     _check_host(host)
     settings = read_settings(config)

@@ -87,8 +87,8 @@ def trace(
             overwrite=overwrite, as_json=as_json, quiet=quiet,
         )  # fmt: skip
         return
-    from linework.cli.progress import open_display
     from linework.files.output.locks import reserve_output
+    from linework.library.progress import open_display
 
     place, target = _position("--at", at), _position("--toward", toward) if toward else None
     with contextlib.ExitStack() as held:
@@ -144,8 +144,8 @@ def _trace_image(
     append: bool, overwrite: bool, as_json: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Trace the edge at a pixel of an image and write it."""
-    from linework.cli.progress import open_display
     from linework.files.output.locks import reserve_output
+    from linework.library.progress import open_display
 
     with contextlib.ExitStack() as held:
         held.enter_context(reserve_output(output, overwrite=overwrite or append))

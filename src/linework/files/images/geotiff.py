@@ -10,8 +10,8 @@ import rasterio
 from rasterio.errors import RasterioError
 
 import linework.files.input  # noqa: F401 (restricts GDAL)
+from linework.crs import LOCAL, parse_crs
 from linework.errors import MachineError, UsageError
-from linework.files.geodesy.crs import LOCAL, parse_crs
 from linework.files.output.publish import publish
 from linework.model.grid import Image
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import pyproj
 from pyproj.exceptions import CRSError as ProjError
 
+from linework import crs as crs_texts
 from linework.errors import CrsError
-from linework.files.geodesy import crs as crs_texts
 
 _WKT_RECORD, _KEYS_RECORD = 2112, 34735
 _MODEL, _GEOGRAPHIC, _PROJECTED, _UNIT, _VERTICAL, _VERTICAL_UNIT = 1024, 2048, 3072, 3076, 4096, 4099

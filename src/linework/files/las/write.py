@@ -10,8 +10,8 @@ import numpy as np
 from laspy.header import GpsTimeType
 from laspy.vlrs.known import WktCoordinateSystemVlr
 
+from linework.crs import LOCAL, parse_crs
 from linework.errors import MachineError, UsageError
-from linework.files.geodesy.crs import LOCAL, parse_crs
 from linework.files.las.header import read_las_header
 from linework.files.output.publish import publish
 from linework.model.points import Points

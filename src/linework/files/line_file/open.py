@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.crs import LOCAL, describe_crs, parse_crs, same_crs
 from linework.errors import CrsError, InputError, OutputExistsError, UsageError
-from linework.files.geodesy.crs import LOCAL, describe_crs, parse_crs, same_crs
 from linework.files.line_file.checks import check_texts
 from linework.files.line_file.history import (
     UndoSteps,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from linework.files.geodesy.geodetic import EarthFrame, project_places
+from linework.files.geodetic import EarthFrame, project_places
 from linework.files.logs.fixes import GnssContent, RawFixes, usable_fixes
 from linework.files.logs.nmea import read_nmea
 from linework.files.logs.rtklib import read_rtklib_pos

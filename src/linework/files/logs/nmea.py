@@ -21,7 +21,7 @@ from pynmeagps.exceptions import NMEAMessageError, NMEAParseError, NMEAStreamErr
 
 from linework.arrays import FloatArray
 from linework.errors import InputError
-from linework.files.geodesy.geodetic import EarthFrame, project_places
+from linework.files.geodetic import EarthFrame, project_places
 from linework.files.logs.clock import gps_of_unix
 from linework.files.logs.fixes import GnssContent, RawFixes, usable_fixes
 from linework.files.logs.text import bad_lines_warning, text_blocks

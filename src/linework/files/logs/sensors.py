@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from linework.errors import ConfigError, InputError
-from linework.files.geodesy.geodetic import EarthFrame
+from linework.files.geodetic import EarthFrame
 from linework.files.logs.clock import epoch_by_values, fitted_times, in_seconds, in_time_order, to_survey_time
 from linework.files.logs.fixes import GnssContent
 from linework.files.logs.gnss import read_gnss

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from linework.crs import LOCAL, describe_crs, has_height, parse_crs, same_crs, same_plan
 from linework.errors import CrsError, InputError, UsageError
-from linework.files.geodesy.crs import LOCAL, describe_crs, has_height, parse_crs, same_crs, same_plan
 from linework.files.input import regular_file_bytes
 from linework.files.las.crs import resolve_crs
 from linework.files.las.header import read_las_header

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linework.files.geodesy.geodetic import EarthFrame
+from linework.files.geodetic import EarthFrame
 from linework.files.logs.clock import fitted_times, to_survey_time
 from linework.files.trajectories.content import TrajectoryContent
 from linework.files.trajectories.read import TrajectorySettings, read_trajectory_content

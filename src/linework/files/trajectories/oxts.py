@@ -10,7 +10,7 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.errors import InputError
-from linework.files.geodesy.geodetic import EarthFrame, convergence_deg, project_places
+from linework.files.geodetic import EarthFrame, convergence_deg, project_places
 from linework.files.logs.text import bad_lines_warning, text_blocks
 from linework.files.trajectories.content import TrajectoryContent, ordered_content
 

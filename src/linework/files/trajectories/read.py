@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from linework.arrays import FloatArray
+from linework.crs import LOCAL
 from linework.errors import InputError, MachineError
-from linework.files.geodesy.crs import LOCAL
-from linework.files.geodesy.geodetic import EarthFrame
+from linework.files.geodetic import EarthFrame
 from linework.files.images.lists import read_times
 from linework.files.logs.clock import in_seconds
 from linework.files.logs.gnss import is_gnss_file, read_gnss

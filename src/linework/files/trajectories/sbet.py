@@ -12,7 +12,7 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray
 from linework.errors import InputError
-from linework.files.geodesy.geodetic import EarthFrame, convergence_deg, project_places
+from linework.files.geodetic import EarthFrame, convergence_deg, project_places
 from linework.files.input import regular_file_bytes
 from linework.files.logs.clock import WEEK_S, in_seconds
 from linework.files.logs.text import bad_lines_warning

@@ -21,8 +21,8 @@ from ezdxf.lldxf.const import DXFError
 from pyproj.exceptions import CRSError as ProjError
 
 from linework.arrays import FloatArray
+from linework.crs import LOCAL, parse_crs
 from linework.errors import InputError, MachineError
-from linework.files.geodesy.crs import LOCAL, parse_crs
 from linework.files.input import filled_file_bytes
 from linework.files.output.publish import publish
 from linework.files.vectors.fields import colour_of, field_values, fields_of_kind, layer_names, ordered_layers

@@ -12,8 +12,8 @@ import numpy as np
 import shapely
 
 from linework.arrays import AnyArray
+from linework.crs import LOCAL, describe_crs, parse_crs
 from linework.errors import CrsError, InputError, MachineError
-from linework.files.geodesy.crs import LOCAL, describe_crs, parse_crs
 from linework.files.vectors.fields import (
     REJECTED_LAYER,
     TABLES,

@@ -21,8 +21,8 @@ import shapely
 import shapely.geometry
 
 from linework.arrays import AnyArray, offsets_of
+from linework.crs import LOCAL, epsg_text, parse_crs
 from linework.errors import CrsError, InputError, MachineError
-from linework.files.geodesy.crs import LOCAL, epsg_text, parse_crs
 from linework.files.input import regular_file_bytes
 from linework.files.vectors.fields import (
     DISAGREEMENT,

@@ -12,8 +12,8 @@ import numpy as np
 import shapely
 
 from linework.arrays import AnyArray, IntArray
+from linework.crs import LOCAL, parse_crs, same_crs
 from linework.errors import LineworkError, MachineError
-from linework.files.geodesy.crs import LOCAL, parse_crs, same_crs
 from linework.files.vectors.fields import (
     REJECTED_LAYER,
     TABLES,

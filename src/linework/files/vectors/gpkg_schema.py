@@ -24,7 +24,7 @@ import shapely
 from pyproj.exceptions import CRSError as ProjError
 
 from linework.arrays import AnyArray, FloatArray
-from linework.files.geodesy.crs import LOCAL, epsg_text
+from linework.crs import LOCAL, epsg_text
 
 #: Stored in place of the time of writing, so that equal lines give equal bytes.
 FIXED_DATE = "2000-01-01T00:00:00.000Z"

@@ -12,8 +12,8 @@ import pyproj
 from pyproj.exceptions import ProjError
 
 from linework.arrays import FloatArray
+from linework.crs import LOCAL, describe_crs, horizontal_part
 from linework.errors import CrsError, MachineError
-from linework.files.geodesy.crs import LOCAL, describe_crs, horizontal_part
 from linework.files.vectors.fields import colour_of, layer_names, ordered_layers
 from linework.model.lines import LineSet
 

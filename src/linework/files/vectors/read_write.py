@@ -6,8 +6,8 @@ import importlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from linework.crs import LOCAL, parse_crs
 from linework.errors import UsageError
-from linework.files.geodesy.crs import LOCAL, parse_crs
 from linework.files.output.publish import check_output, publish
 from linework.files.output.record import hash_file
 from linework.files.vectors.fields import check_writable

@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from linework.arrays import FloatArray
+from linework.crs import describe_crs, has_height
 from linework.errors import InputError, LineworkError
-from linework.files.geodesy.crs import describe_crs, has_height
 from linework.files.images.pair_check import check_pairs
 from linework.files.images.series import open_stereo
 from linework.files.logs.keys import read_events

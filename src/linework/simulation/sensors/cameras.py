@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
+from linework.crs import parse_crs
 from linework.errors import UsageError
-from linework.files.geodesy.crs import parse_crs
 from linework.imaging.rectify import distorted
 from linework.model.camera import Camera, StereoRig
 from linework.model.images import Poses

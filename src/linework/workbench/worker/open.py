@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from linework.arrays import FloatArray, distance_along
-from linework.files.geodesy.crs import LOCAL, describe_crs
+from linework.crs import LOCAL, describe_crs
 from linework.files.store.layout import STORE_BLOCK_M
 from linework.model.grid import Bounds
 from linework.runs.opened.recordings import Recordings
@@ -126,7 +126,9 @@ def _middle(recordings: Recordings, path: FloatArray) -> tuple[float, float, flo
         blocks, counts = recordings.points.points.block_counts
         west, south = (blocks[int(np.argmax(counts))] * STORE_BLOCK_M).tolist()
         block = Bounds(west, south, west + STORE_BLOCK_M, south + STORE_BLOCK_M)
-        xyz = recordings.points.points.points(block, ordered=False, with_time=False, with_intensity=False).xyz
+        xyz = recordings.points.points.points(
+            block, ordered=False, with_time=False, with_intensity=False, with_columns=False
+        ).xyz
         # A point, not the mean of all: in a bend that lies beside the road
         place = xyz[int(np.argmin(np.hypot(*(xyz - np.median(xyz, axis=0))[:, :2].T)))]
     return float(place[0]), float(place[1]), float(place[2])

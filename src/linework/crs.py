@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import math
 import re
+from numbers import Integral
 from typing import Any
 
 import pyproj
@@ -29,10 +30,16 @@ _FEET_IN_NAME = re.compile(r" \((ft|ftUS|US survey foot|foot)\)")
 _ADVICE = "give --crs EPSG:... (projected, metres) or --crs local"
 
 
-def parse_crs(text: str, *, where: object = None) -> str:
+def parse_crs(crs: object, *, where: object = None) -> str:
     """Return the WKT2 of a projected CRS named by EPSG code(s) or WKT, or "local".
 
     Only these forms are read: a CRS text is never opened as a path and never fetched as an address.
+
+    Parameters
+    ----------
+    crs
+        "EPSG:25832", "EPSG:25832+7837", WKT, "local"; the number of an EPSG code; or an object with `to_wkt`, such as
+        a `pyproj.CRS`.
 
     Raises
     ------
@@ -43,9 +50,12 @@ def parse_crs(text: str, *, where: object = None) -> str:
     --------
     >>> parse_crs("local")
     'local'
+    >>> parse_crs(25832) == parse_crs(pyproj.CRS(25832)) == parse_crs("EPSG:25832")
+    True
     >>> parse_crs("EPSG:25832+7837").split('"')[1]
     'ETRS89 / UTM zone 32N + DHHN2016 height'
     """
+    text = crs_as_text(crs, where)
     stripped = text.strip()
     if stripped.lower() == LOCAL:
         return LOCAL
@@ -63,6 +73,28 @@ def parse_crs(text: str, *, where: object = None) -> str:
         raise CrsError(f"CRS '{shown}' is not known to PROJ", where=where, advice=_ADVICE) from error
     check_usable(crs, where=where)
     return LOCAL if crs.is_engineering else canonical_wkt(crs)
+
+
+def crs_as_text(crs: object, where: object) -> str:
+    """Return a CRS of any type that `parse_crs` takes as text; whether it is usable is not checked.
+
+    Raises
+    ------
+    CrsError
+        It is of another type.
+    """
+    if isinstance(crs, str):
+        return crs
+    if isinstance(crs, Integral) and not isinstance(crs, bool):
+        return f"EPSG:{int(crs)}"
+    to_wkt = getattr(crs, "to_wkt", None)
+    if not callable(to_wkt):
+        raise CrsError(
+            f"a CRS is a text, an EPSG code or a pyproj.CRS, not {type(crs).__name__}",
+            where=where,
+            advice=_ADVICE,
+        )
+    return str(to_wkt("WKT2_2019"))
 
 
 def check_usable(crs: pyproj.CRS, *, where: object = None) -> None:

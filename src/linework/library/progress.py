@@ -1,15 +1,22 @@
-"""Progress on stderr: bars with rate and time left on a terminal, plain lines elsewhere."""
+"""Progress of a run: bars with rate and time left on a terminal, plain lines elsewhere, or a function of the caller."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self
 
 from linework.runs.steps import Watcher
 
 if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
+    from rich.progress import Progress as RichProgress
+    from rich.progress import TaskID
+
+#: Called with the name of a stage, the amount that is done, and the total amount (0 while it is not known).
+ProgressCall = Callable[[str, int, int], None]
+#: Whether progress is shown on stderr, or the function that is called with it.
+Progress = bool | ProgressCall | None
 
 #: Width of a bar [characters]: amount, rate and both times fit beside it in 100 columns.
 _BAR_WIDTH = 30
@@ -29,6 +36,20 @@ def open_display(*, quiet: bool) -> Display:
     if quiet or sys.stderr is None:
         return _Nothing()
     return _Bars() if sys.stderr.isatty() else _Lines()
+
+
+def display_of(progress: Progress) -> Display:
+    """Return the display that the argument `progress` of a public function asks for.
+
+    Parameters
+    ----------
+    progress
+        None or False: nothing is shown. True: bars on stderr, in a notebook below the cell. A function is called with
+        stage, amount done and total amount.
+    """
+    if progress is None or progress is False:
+        return _Nothing()
+    return _Bars() if progress is True else _Calls(progress)
 
 
 class _Nothing:
@@ -74,9 +95,10 @@ class _Bars(_Nothing):
 
     def __init__(self) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+        from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+        from rich.progress import Progress as RichBars
 
-        self._bars: Progress = Progress(
+        self._bars: RichProgress = RichBars(
             TextColumn("{task.description}"),
             BarColumn(bar_width=_BAR_WIDTH),
             TextColumn("{task.fields[amount]}"),
@@ -112,3 +134,21 @@ class _Bars(_Nothing):
             total = self._bars.tasks[-1].total or 1
             self._bars.update(self._task, completed=total, total=total)
             self._bars.stop_task(self._task)
+
+
+class _Calls(_Nothing):
+    """Calls a function of the caller."""
+
+    def __init__(self, call: ProgressCall) -> None:
+        self._call, self._stage, self._total = call, "", 0
+
+    def begin(self, step: str, unit: str) -> None:  # noqa: ARG002  (the stage is named, its unit is not)
+        self._stage, self._total = step, 0
+        self._call(step, 0, 0)
+
+    def advance(self, done: int, total: int) -> None:
+        self._total = total
+        self._call(self._stage, done, total)
+
+    def end(self, step: str, seconds: float) -> None:  # noqa: ARG002  (the caller has a clock)
+        self._call(step, max(self._total, 1), max(self._total, 1))

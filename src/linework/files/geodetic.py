@@ -13,8 +13,8 @@ from pyproj.network import set_network_enabled  # type: ignore[attr-defined]
 from pyproj.transformer import TransformerGroup
 
 from linework.arrays import FloatArray
+from linework.crs import LOCAL, describe_crs, has_height, horizontal_part
 from linework.errors import ConfigError, CrsError, InputError
-from linework.files.geodesy.crs import LOCAL, describe_crs, has_height, horizontal_part
 from linework.files.input import regular_file_bytes
 from linework.model.survey import Survey
 

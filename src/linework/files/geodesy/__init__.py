@@ -1,1 +1,0 @@
-"""Coordinate reference systems and the shape of the earth."""

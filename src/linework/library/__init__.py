@@ -1,0 +1,1 @@
+"""The public functions: from files or arrays to lines, in one call each. `linework` gives them their short names."""
