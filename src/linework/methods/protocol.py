@@ -24,6 +24,7 @@ from linework.model.tile import TileData, local_origin
 from linework.model.trajectory import Trajectory
 from linework.processes.identity import is_installed
 from linework.processes.own_code import call_own
+from linework.surface.cells import CellWindow
 from linework.surface.road import RoadConfig, find_ground
 
 #: Interval at which the straight line between two places is tested for visibility, half a surface cell. [m]
@@ -258,8 +259,16 @@ def context_of_tile(tile: TileData) -> SurveyContext:
 
 
 def surface_of_tile(tile: TileData) -> Ground:
-    """Return road and ground of a tile: the survey's, or found in the tile's points."""
-    return tile.surface or find_ground(tile.points, tile.trajectory, RoadConfig())
+    """Return road and ground of a tile: the survey's, or found in the tile's points.
+
+    Own ground on a grid that is not on the lattice of its cells is brought to that of the default cells.
+    """
+    if tile.surface is None:
+        return find_ground(tile.points, tile.trajectory)
+    if tile.surface.is_on_lattice:
+        return tile.surface
+    cell_m = RoadConfig().cell_m
+    return tile.surface.on_grid(CellWindow.over(tile.points.bounds, cell_m).grid(cell_m))
 
 
 def origin_of_tile(tile: TileData) -> tuple[float, float, float]:
