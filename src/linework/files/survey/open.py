@@ -17,7 +17,7 @@ _SUFFIXES = (".las", ".laz")
 _SURVEY_FILE = "survey.toml"
 
 
-def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
+def open_survey(inputs: Sequence[Path], *, crs: str | None = None, carry: str | Sequence[str] = ()) -> Survey:
     """Find the files and metadata of a survey; headers are read, points are not.
 
     Parameters
@@ -27,6 +27,10 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
         KITTI raw drive or odometry sequence.
     crs
         CRS where the files do not state it: "EPSG:...", WKT or "local".
+    carry
+        Names of further columns that the points are to have: extra dimensions of the laser files, or
+        classification, return_number, number_of_returns, user_data, point_source_id, scan_angle [deg], red, green,
+        blue.
 
     Returns
     -------
@@ -43,6 +47,7 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
     ConfigError
         An unknown key or a wrong value in the survey.toml.
     """
+    names = _further_names(carry)
     if not inputs:
         raise UsageError("no survey given", advice="name .las/.laz files or a survey folder")
     for path in inputs:
@@ -77,7 +82,21 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
         settings=settings,
         settings_file=kitti.calibration if kitti else found,
         warnings=kitti.warnings if kitti else (),
+        carry=names,
     )
+
+
+#: Columns that points have in any case, under the names of LAS and of `linework.model.points.Points`.
+_ALWAYS = frozenset({"x", "y", "z", "xyz", "intensity", "gps_time", "time_s", "crs", "columns"})
+
+
+def _further_names(carry: str | Sequence[str]) -> tuple[str, ...]:
+    """Return the names of further columns, sorted, each once."""
+    names = tuple(sorted({carry} if isinstance(carry, str) else set(carry)))
+    for name in names:
+        if name in _ALWAYS:
+            raise UsageError(f"'{name}' is read in any case", where="carry", advice="leave it out")
+    return names
 
 
 def _check_local(path: Path) -> None:
