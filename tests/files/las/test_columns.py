@@ -192,7 +192,7 @@ def test_a_name_that_no_file_has_is_refused_with_those_there_are(tmp_path):
         read_survey_points(open_survey([tmp_path / "a.laz"], crs="local", carry="p_piant"))
     assert str(caught.value) == (
         f"{tmp_path / 'a.laz'}: no column 'p_piant'; it has label, tilt, p_paint, classification, return_number,"
-        " number_of_returns, user_data, point_source_id, scan_angle. Did you mean 'p_paint'?"
+        " number_of_returns, user_data, point_source_id, scan_angle. Did you mean p_paint?"
     )
     with pytest.raises(InputError, match=r"no column 'zzz'.* Name one of these"):
         read_survey_points(open_survey([tmp_path / "a.laz"], crs="local", carry="zzz"))

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
-import os
+import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
-from linework.errors import InputError, MachineError
+from linework.errors import InputError, MachineError, argument, did_you_mean
 from linework.files.las.crs import ResolvedCrs, resolve_crs
 from linework.files.las.decoder import Decoder, DecoderLimits
 from linework.files.las.decoder_messages import Decoded, DecodeTask
@@ -134,8 +133,7 @@ def _files_without(planned: Sequence[PlannedFile], carry: Sequence[str]) -> dict
         without = [file.path for file in planned if name not in file.header.columns]
         if without and len(without) == len(planned):
             known = list(planned[0].header.columns)
-            nearest = difflib.get_close_matches(name, known, n=1)
-            hint = f". Did you mean '{nearest[0]}'?" if nearest else ""
+            hint = did_you_mean([name], known)
             raise InputError(
                 f"no column '{name}'; it has {', '.join(known)}{hint}", where=without[0],
                 advice="" if hint else "name one of these, or write it into the file as an extra dimension",
@@ -189,14 +187,13 @@ def check_free_space(folder: Path, n_points: int, n_columns: int) -> None:
     MachineError
         With the space needed, and what is free.
     """
-    status = os.statvfs(folder)
+    usage = shutil.disk_usage(folder)
     needed = n_points * (_POINT_BYTES + _COLUMN_BYTES * n_columns)
-    free = status.f_bavail * status.f_frsize
-    # Some network disks report 0 blocks in all
-    if status.f_blocks and needed > free:
+    # Some network disks report no size at all
+    if usage.total and needed > usage.free:
         raise MachineError(
-            f"{n_points:,} points need {needed / 1e9:.3g} GB of disk, {free / 1e9:.3g} GB are free", where=folder,
-            advice="free some space, or name a folder on another disk with --work DIR",
+            f"{n_points:,} points need {needed / 1e9:.3g} GB of disk, {usage.free / 1e9:.3g} GB are free", where=folder,
+            advice=f"free some space, or name a folder on another disk with {argument('work', 'DIR')}",
         )  # fmt: skip
 
 

@@ -167,7 +167,9 @@ def _names_of_points(points: Points, name: str) -> tuple[str, str]:
     """Return a hash of the points' name and columns, and one of their values and CRS."""
     columns = points.by_name()
     # Of the arrays as they are: the same points in another order have another store with the same content
-    values = [hashlib.sha256(column.reshape(-1).view(np.uint8).data).hexdigest() for column in columns.values()]
+    values = [
+        hashlib.sha256(column.reshape(-1).view(np.uint8).data).hexdigest() for column in columns.values()
+    ]
     content = [source_hash("files", "kernels"), points.crs, values]
     return _short_hashes(["points", name, *columns], content)
 
