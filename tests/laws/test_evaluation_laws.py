@@ -63,7 +63,7 @@ def figures(scores):
 
 
 def reversed_lines(lines):
-    flipped = [lines.line(i)[::-1] for i in range(len(lines))]
+    flipped = [lines[i].xyz[::-1] for i in range(len(lines))]
     return LineSet.from_lines(flipped, kind=lines.kind, confidence=lines.confidence)
 
 
@@ -71,7 +71,7 @@ def resampled(lines, rng):
     """The same lines with more vertices on their segments."""
     more = []
     for i in range(len(lines)):
-        line = lines.line(i)
+        line = lines[i].xyz
         place = np.arange(len(line), dtype=float)
         extra = np.sort(np.concatenate([place, rng.uniform(0, len(line) - 1, 17)]))
         more.append(np.stack([np.interp(extra, place, line[:, k]) for k in range(3)], axis=1))

@@ -167,7 +167,7 @@ def match_kind(extracted: LineSet, reference: LineSet, kind: str, reach_m: float
     # Close to the lines, so that differences of squares stay exact to micrometres in float64
     origin = np.floor(both.min(axis=0)) if len(both) and np.isfinite(both).all() else np.zeros(3)
     n_dims = 3 if kind == "cable" else 2
-    e, r = (Chains.of(lines.of_kind(kind), origin, n_dims) for lines in (extracted, reference))
+    e, r = (Chains.of(lines.take(lines.kind == kind), origin, n_dims) for lines in (extracted, reference))
     return KindMatch(
         kind, match_chains(e, r, reach_m), measure_stations(e, r, reach_m), average_precision(e, r)
     )
