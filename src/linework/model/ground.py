@@ -160,7 +160,9 @@ class Ground:
     def is_on_lattice(self) -> bool:
         """Whether the edges of cells lie at whole multiples of their size, as those of neighbouring tiles do."""
         size = self.grid.cell_width_m
-        return all(abs(v / size - round(v / size)) < _SAME_CELL for v in (self.grid.east_m, self.grid.north_m))
+        return all(
+            abs(v / size - round(v / size)) < _SAME_CELL for v in (self.grid.east_m, self.grid.north_m)
+        )
 
     @property
     def image(self) -> Image:
