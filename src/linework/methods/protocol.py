@@ -242,7 +242,13 @@ def extract_tile(method: Method, tile: TileData) -> LineSet:
 
 
 def whole_tile(tile: TileData) -> TileData:
-    """Return a tile with its points in a fixed order, and with its surface, found in them if it brings none."""
+    """Return a tile with its points in a fixed order, and its surface, found in them where it brings none.
+
+    Raises
+    ------
+    UsageError
+        A coordinate, time or intensity is not a finite number.
+    """
     tile = replace(tile, points=in_fixed_order(tile.points))
     return replace(tile, surface=surface_of_tile(tile))
 

@@ -217,9 +217,9 @@ def _crs_text(crs: object) -> str:
     """Return a CRS as text: WKT of objects, "EPSG:n" of numbers."""
     if isinstance(crs, str):
         return crs.strip() or "local"
-    from linework.crs import crs_as_text  # loads PROJ, which points of a known CRS do not need
+    from linework.crs import crs_text  # loads PROJ, which points of a known CRS do not need
 
-    return crs_as_text(crs, "crs")
+    return crs_text(crs)
 
 
 def _rebuilt(*values: Any) -> Points:

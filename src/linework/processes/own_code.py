@@ -1,4 +1,4 @@
-"""Own code of a user (functions, methods): sent to worker processes, and identified for `--resume`.
+"""Own code of a user (functions, methods): sent to worker processes, and identified when a run is resumed.
 
 Functions of notebooks, scripts and closures have no name by which another process could import them: they travel as
 bytes that cloudpickle makes, with the places where this process looks for modules.

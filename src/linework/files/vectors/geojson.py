@@ -22,12 +22,11 @@ import shapely.geometry
 
 from linework.arrays import AnyArray, offsets_of
 from linework.crs import LOCAL, epsg_text, parse_crs
-from linework.errors import CrsError, InputError, MachineError
+from linework.errors import CrsError, InputError, MachineError, argument
 from linework.files.input import regular_file_bytes
 from linework.files.vectors.fields import (
     DISAGREEMENT,
     REVIEWED,
-    column_values,
     field_values,
     fields_of_kind,
     vertex_columns,
@@ -35,6 +34,7 @@ from linework.files.vectors.fields import (
 from linework.files.vectors.gdal import foreign_lines
 from linework.files.vectors.point_layers import PointLayer
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+from linework.model.lineset.geometries import column_values
 
 #: Properties with one value per vertex.
 _VERTEX_PROPERTIES = {name: f"vertex_{name}" for name in VERTEX_COLUMNS}
@@ -214,7 +214,7 @@ def _crs_of(document: dict[str, Any], shapes: AnyArray, given: str | None, path:
     if "crs" not in document and in_degrees:
         raise CrsError(
             "no CRS and coordinates within 180, 90: degrees (RFC 7946), lengths need metres", where=path,
-            advice="transform it to a projected CRS, or give --crs local if these are metres",
+            advice=f"transform it to a projected CRS, or give {argument('crs', 'local')} if these are metres",
         )  # fmt: skip
     return LOCAL
 
@@ -244,7 +244,7 @@ def _own_lines(shapes: AnyArray, columns: Mapping[str, list[Any]], crs: str) -> 
     if not wanted <= set(columns) or not (shapely.get_type_id(shapes) == 1).all():
         return None
     counts = shapely.get_num_coordinates(shapes)
-    vertex = {}
+    vertex: dict[str, Any] = {}
     for name, label in _VERTEX_PROPERTIES.items():
         if label in optional and label not in columns:
             continue

@@ -28,7 +28,7 @@ from linework.methods.tracking.track import TrackConfig
 from linework.model.boxes import BoxSet
 from linework.model.grid import Bounds, holds
 from linework.model.lines import LineSet
-from linework.model.settings import group
+from linework.model.settings import Settings, group
 from linework.model.tile import TileData
 
 #: A box depends on the points within this distance of its cell only. [m]
@@ -37,7 +37,7 @@ OBB_KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other", "road_bo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ObbConfig:
+class ObbConfig(Settings):
     """Settings of the obb method, each step's own in a group."""
 
     marking: MarkingConfig = group(MarkingConfig)
