@@ -41,6 +41,18 @@ def extract_command(
     method: Annotated[
         str, typer.Option("--method", help="obb or radon (laser points), stereo (images), or auto.")
     ] = "auto",
+    paint_column: Annotated[
+        str,
+        typer.Option(
+            "--paint-column",
+            metavar="NAME",
+            help="Extra dimension with the probability of paint (0 to 1), instead of the intensity.",
+        ),
+    ] = "",
+    carry: Annotated[
+        str,
+        typer.Option("--carry", metavar="NAME,...", help="Extra dimensions of the laser files to read."),
+    ] = "",
     trajectory: TrajectoryFile = None,
     config: RunFile = None,
     crs: Crs = "",
@@ -91,6 +103,8 @@ def extract_command(
         check_method(method, kinds)
         settings = read_settings(config)
         survey = with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
+        columns = [name.strip() for name in (*carry.split(","), paint_column) if name.strip()]
+        survey = replace(survey, carry=tuple(dict.fromkeys([*survey.carry, *columns])))
         kinds = findable_kinds(kinds, has_points=bool(survey.point_files), asked=bool(features))
         folder, n_workers = work_folder(survey.root, work), workers or usable_cores()
         steps = RunSteps(display)
@@ -110,8 +124,9 @@ def extract_command(
 
         announce_compilation(kinds, quiet=quiet)
         request = extraction_request(
-            output, recordings.survey, kinds, method, settings, crs=crs, overwrite=overwrite, resume=resume
-        )
+            output, recordings.survey, kinds, method, settings, crs=crs, paint=paint_column or None,
+            overwrite=overwrite, resume=resume,
+        )  # fmt: skip
         request = replace(request, forget_reviews=forget_reviews)
         record, found = extract_to(request, recordings, folder, executor, steps)
         if report is not None and found is not None:
