@@ -20,6 +20,7 @@ import typer
 
 import linework
 from linework.cli.commands.clean import clean
+from linework.cli.commands.compile import compile_command
 from linework.cli.commands.config import config
 from linework.cli.commands.convert import convert
 from linework.cli.commands.demo import demo
@@ -57,6 +58,7 @@ for command in (
     convert,
     simulate_command,
     config,
+    compile_command,
     clean,
 ):
     app.command(command.__name__.removesuffix("_command"))(command)
