@@ -51,6 +51,9 @@ def simulate(
 
     import numpy as np
 
+    from linework.errors import check_extra
+
+    check_extra("simulate")
     from linework.files.output.publish import check_output_folder
     from linework.library.progress import open_display
     from linework.runs.steps import RunSteps

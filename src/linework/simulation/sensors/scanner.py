@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
+from linework.errors import extra_needed
 from linework.model.points import Points
 from linework.simulation.roads.scenario import Scanner, Scenario, Sensor
 from linework.simulation.scene.materials import (
@@ -23,6 +22,10 @@ from linework.simulation.scene.materials import (
 from linework.simulation.scene.paint import paint_cover, smooth_noise
 from linework.simulation.scene.part import Scene
 from linework.simulation.sensors.drive import Drive
+
+with extra_needed("simulate"):
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
 
 #: Beams at a time: what the arrays of a batch need stays under 100 MB.
 _BATCH = 200_000

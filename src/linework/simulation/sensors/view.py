@@ -5,19 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from scipy.interpolate import RectBivariateSpline
 from scipy.spatial.transform import Rotation
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
-from linework.errors import UsageError
+from linework.errors import UsageError, extra_needed
 from linework.imaging.rectify import distorted
 from linework.model.camera import LOOKING_AHEAD, Camera, StereoRig
 from linework.simulation.roads.scenario import Scenario, Wall
 from linework.simulation.scene.materials import Material
 from linework.simulation.scene.part import Scene
 from linework.simulation.scene.scene import build_scene
+
+with extra_needed("simulate"):
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
 
 #: Nothing is looked at beyond this. [m]
 SIGHT_REACH_M = 400.0
