@@ -24,7 +24,7 @@ from linework.model.lines import LineSet
 from linework.model.tile import TileData, local_origin
 from linework.simulation.roads.draw import ROADS
 from linework.simulation.simulate import simulate_survey
-from linework.surface.road import RoadConfig, find_road
+from linework.surface.road import RoadConfig, find_ground
 
 SEEDS = "100-109"
 TOLERANCE_M = 0.10
@@ -112,7 +112,7 @@ def extracted(survey, trajectory, kinds):
     bounds = points.bounds
     tile = TileData(
         "benchmark", bounds.grown(1.0), points, trajectory,
-        surface=find_road(points, trajectory, RoadConfig()),
+        surface=find_ground(points, trajectory, RoadConfig()),
         origin=local_origin(bounds.west, bounds.south, float(points.xyz[:, 2].min())),
     )  # fmt: skip
     methods = choose_methods("auto", kinds, radon=RadonConfig())

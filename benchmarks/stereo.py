@@ -19,7 +19,7 @@ from linework.evaluation.measures import match_lines
 from linework.evaluation.report.tables import score_tables
 from linework.imaging.rectify import rectifier_of
 from linework.methods.protocol import SurveyContext
-from linework.methods.stereo.method import StereoMethod
+from linework.methods.stereo.method import Stereo
 from linework.model.images import RectifiedPair
 from linework.model.sightings import Sightings
 from linework.navigation.locate import locate_drive
@@ -104,7 +104,7 @@ def set_parts(drawn, poses):
 
 def found_lines(drawn, poses):
     """Lines of all pairs, joined at these poses."""
-    method, rectifier = StereoMethod(), rectifier_of(drawn.drive.rig)
+    method, rectifier = Stereo(), rectifier_of(drawn.drive.rig)
     seen = []
     for i, (left, right) in enumerate(zip(drawn.left, drawn.right, strict=True)):
         time_s = float(drawn.drive.time_s[i])

@@ -12,14 +12,14 @@ from PIL import Image
 
 from linework.evaluation.report.scores_figure import plot_png
 from linework.imaging.brightness import brightness_picture, near_ground
-from linework.methods.obb.method import ObbMethod
+from linework.methods.obb.method import Obb
 from linework.methods.protocol import SurveyContext, sight_of
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.lines import LineSet
 from linework.model.tile import TileData, local_origin
 from linework.simulation.simulate import simulate_survey
 from linework.surface.config import RoadConfig
-from linework.surface.road import find_road
+from linework.surface.road import find_ground
 
 PICTURES = Path(__file__).parents[1] / "pictures"
 #: Half the stretch of street that is shown, along and across. [m]
@@ -46,9 +46,9 @@ def run() -> int:
     """Write docs/pictures/obb_plan.png."""
     survey = simulate_survey("urban", 2, 100.0)
     points, bounds = survey.points, survey.points.bounds
-    surface = find_road(points, survey.trajectory, RoadConfig())
+    surface = find_ground(points, survey.trajectory, RoadConfig())
     origin = local_origin(bounds.west, bounds.south, surface.z0_m)
-    method = ObbMethod()
+    method = Obb()
     tile = TileData("picture", bounds.grown(1.0), points, survey.trajectory, "", surface, origin)
     boxes = method.look(tile)
     context = SurveyContext(origin=origin, is_visible=sight_of(surface), path=survey.trajectory.xyz)

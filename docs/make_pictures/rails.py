@@ -25,7 +25,7 @@ from linework.model.grid import Image
 from linework.model.lines import LineSet
 from linework.simulation.simulate import SimulatedSurvey, simulate_survey
 from linework.surface.config import RoadConfig
-from linework.surface.road import find_road, height_above_ground, height_above_road
+from linework.surface.road import find_ground, height_above_ground, height_above_road
 
 PICTURES = Path(__file__).parents[1] / "pictures"
 CONFIG = RadonConfig()
@@ -52,7 +52,7 @@ class Steps:
 def steps_of(survey: SimulatedSurvey) -> Steps:
     """Run the guardrail part step by step."""
     points = survey.points
-    surface = find_road(points, survey.trajectory, RoadConfig())
+    surface = find_ground(points, survey.trajectory, RoadConfig())
     above_road = height_above_road(surface, points.xyz)
     height = np.minimum(above_road, height_above_ground(surface, points.xyz))
     grid = grid_for(points, CONFIG.cell_m)

@@ -13,7 +13,7 @@ from linework.evaluation.report.scores_figure import plot_png
 from linework.imaging.rectify import rectifier_of
 from linework.kernels.images.row_stripes import COL, ROW, WIDTH
 from linework.methods.protocol import SurveyContext
-from linework.methods.stereo.method import StereoMethod
+from linework.methods.stereo.method import Stereo
 from linework.methods.stereo.road_plane import fit_pair_road
 from linework.methods.stereo.stripes import StripeConfig, find_stripe_lines
 from linework.model.images import RectifiedPair
@@ -32,7 +32,7 @@ ABOVE, GAMMA = 20, 0.65
 def run() -> int:
     """Write docs/pictures/stereo_pair.png and stereo_plan.png."""
     drive = stereo_survey(draw_scenario(ROAD, SEED, LENGTH_M), every_m=4.0)
-    rectifier, method = rectifier_of(drive.rig), StereoMethod()
+    rectifier, method = rectifier_of(drive.rig), Stereo()
     pairs = [
         RectifiedPair(*rectifier.rectified(p.left, p.right), rectifier.rig, p.number, p.time_s)
         for p in images_of(drive)

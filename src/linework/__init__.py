@@ -12,8 +12,8 @@ Conventions
 - One time scale: GPS seconds, float64.
 - The normal form of a line is ``x cos(theta) + y sin(theta) = rho``.
 
-Three levels of use: one call (`extract`), a few steps (`open_survey`, `read_survey_points`, `ObbMethod`,
-`RadonMethod`), single steps (the rooms `linework.surface`, `linework.imaging`, `linework.methods.obb`,
+Three levels of use: one call (`extract`), a few steps (`open_survey`, `read_survey_points`, `Obb`,
+`Radon`), single steps (the rooms `linework.surface`, `linework.imaging`, `linework.methods.obb`,
 `linework.methods.radon`, `linework.lines`).
 """
 
@@ -34,8 +34,8 @@ _PUBLIC = {
     "Survey": "linework.model.survey",
     "TileData": "linework.model.tile",
     "Trajectory": "linework.model.trajectory",
-    "ObbMethod": "linework.methods.obb.method",
-    "RadonMethod": "linework.methods.radon.method",
+    "Obb": "linework.methods.obb.method",
+    "Radon": "linework.methods.radon.method",
     "evaluate_lines": "linework.evaluation.measures",
     "extract": "linework.runs.extract",
     "open_survey": "linework.files.survey.open",
@@ -54,8 +54,8 @@ if TYPE_CHECKING:
     from linework.files.survey.open import open_survey as open_survey
     from linework.files.vectors.read_write import read_lines as read_lines
     from linework.files.vectors.read_write import write_lines as write_lines
-    from linework.methods.obb.method import ObbMethod as ObbMethod
-    from linework.methods.radon.method import RadonMethod as RadonMethod
+    from linework.methods.obb.method import Obb as Obb
+    from linework.methods.radon.method import Radon as Radon
     from linework.model.grid import Bounds as Bounds
     from linework.model.grid import Grid as Grid
     from linework.model.grid import Image as Image

@@ -15,7 +15,7 @@ from typing import Any
 import pyproj
 from pyproj.exceptions import CRSError as ProjError
 
-from linework.errors import CrsError
+from linework.errors import CrsError, argument
 
 LOCAL = "local"
 #: Longest CRS text that is parsed [characters]; a compound WKT2 has 3 to 6 kB.
@@ -27,7 +27,46 @@ _WKT = re.compile(
     re.IGNORECASE,
 )
 _FEET_IN_NAME = re.compile(r" \((ft|ftUS|US survey foot|foot)\)")
-_ADVICE = "give --crs EPSG:... (projected, metres) or --crs local"
+#: How a CRS is given as a text.
+_FORMS = "EPSG:n, EPSG:n+m, WKT or local"
+_ADVICE = f"give {argument('crs', 'EPSG:...')} (projected, metres) or {argument('crs', 'local')}"
+
+
+def crs_text(crs: object, *, where: object = argument("crs")) -> str:
+    """Return a CRS as the text that `parse_crs` reads.
+
+    Parameters
+    ----------
+    crs
+        "EPSG:n", "EPSG:n+m", WKT or "local"; an EPSG code; or an object with `to_wkt`, such as a
+        `pyproj.CRS`.
+
+    Raises
+    ------
+    CrsError
+        Something else.
+
+    Examples
+    --------
+    >>> crs_text(25832)
+    'EPSG:25832'
+    >>> crs_text(2.5)
+    Traceback (most recent call last):
+    linework.errors.CrsError: crs: 2.5 is not a CRS: expected EPSG:n, EPSG:n+m, WKT or local, ...
+    """
+    if isinstance(crs, str):
+        return crs
+    if isinstance(crs, Integral) and not isinstance(crs, bool):
+        return f"EPSG:{int(crs)}"
+    # Other packages have classes of their own, which state their WKT
+    to_wkt = getattr(crs, "to_wkt", None)
+    if not callable(to_wkt):
+        raise CrsError(
+            f"{crs!r:.60} is not a CRS: expected {_FORMS}, an EPSG code or a pyproj.CRS",
+            where=where,
+            advice=_ADVICE,
+        )
+    return str(to_wkt("WKT2_2019") if isinstance(crs, pyproj.CRS) else to_wkt())
 
 
 def parse_crs(crs: object, *, where: object = None) -> str:
@@ -38,8 +77,9 @@ def parse_crs(crs: object, *, where: object = None) -> str:
     Parameters
     ----------
     crs
-        "EPSG:25832", "EPSG:25832+7837", WKT, "local"; the number of an EPSG code; or an object with `to_wkt`, such as
-        a `pyproj.CRS`.
+        As `crs_text` takes it.
+    where
+        The file or parameter that messages name.
 
     Raises
     ------
@@ -55,7 +95,7 @@ def parse_crs(crs: object, *, where: object = None) -> str:
     >>> parse_crs("EPSG:25832+7837").split('"')[1]
     'ETRS89 / UTM zone 32N + DHHN2016 height'
     """
-    text = _crs_as_text(crs, where)
+    text = crs_text(crs, where=where)
     stripped = text.strip()
     if stripped.lower() == LOCAL:
         return LOCAL
@@ -65,30 +105,14 @@ def parse_crs(crs: object, *, where: object = None) -> str:
             f"CRS text of {len(text)} characters, at most {_MAX_CHARS}", where=where, advice=_ADVICE
         )
     if not (_EPSG.fullmatch(stripped) or _WKT.match(stripped)):
-        raise CrsError(f"'{shown}' is not a CRS: expected EPSG:n, EPSG:n+m, WKT or local", where=where,
+        raise CrsError(f"'{shown}' is not a CRS: expected {_FORMS}", where=where,
                        advice=_ADVICE)  # fmt: skip
     try:
-        crs = _load(stripped)
+        loaded = _load(stripped)
     except ProjError as error:
         raise CrsError(f"CRS '{shown}' is not known to PROJ", where=where, advice=_ADVICE) from error
-    check_usable(crs, where=where)
-    return LOCAL if crs.is_engineering else canonical_wkt(crs)
-
-
-def _crs_as_text(crs: object, where: object) -> str:
-    """Return a CRS of any accepted type as text."""
-    if isinstance(crs, str):
-        return crs
-    if isinstance(crs, Integral) and not isinstance(crs, bool):
-        return f"EPSG:{int(crs)}"
-    to_wkt = getattr(crs, "to_wkt", None)
-    if not callable(to_wkt):
-        raise CrsError(
-            f"a CRS is a text, an EPSG code or a pyproj.CRS, not {type(crs).__name__}",
-            where=where,
-            advice=_ADVICE,
-        )
-    return str(to_wkt("WKT2_2019"))
+    check_usable(loaded, where=where)
+    return LOCAL if loaded.is_engineering else canonical_wkt(loaded)
 
 
 def check_usable(crs: pyproj.CRS, *, where: object = None) -> None:

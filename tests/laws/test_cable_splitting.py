@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from linework.methods.cables.find import CableConfig, find_cables, least_height_m
-from linework.methods.radon.seams import inside_core
+from linework.methods.seams import inside_core
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.tile import local_origin
 from linework.simulation.simulate import simulate_survey
-from linework.surface.road import RoadConfig, find_road, height_above_ground
+from linework.surface.road import RoadConfig, find_ground, height_above_ground
 
 #: Margin of points about a core [m], as cables ask for it.
 BUFFER_M = 200.0
@@ -26,7 +26,7 @@ def survey(kind, seed, length_m):
     """Return points, times, heights above ground and local origin of a survey, heights found once for all."""
     made = simulate_survey(kind, seed, length_m, points_per_m=1200.0)
     xyz = np.rint(made.points.xyz / 1e-4) * 1e-4
-    height = height_above_ground(find_road(made.points, made.trajectory, RoadConfig()), xyz)
+    height = height_above_ground(find_ground(made.points, made.trajectory, RoadConfig()), xyz)
     return xyz, made.points.time_s, height, local_origin(*xyz.min(axis=0).tolist())
 
 

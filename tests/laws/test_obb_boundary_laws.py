@@ -12,9 +12,10 @@ from tests.scenes.effort import examples
 from linework.methods.obb.kerbs_and_edges import BOUNDARY_REACH_M, BoundaryConfig, find_boundary_boxes
 from linework.model.boxes import BOX_COLUMNS, BoxForm, BoxSet
 from linework.model.grid import Bounds
+from linework.model.ground import Ground
 from linework.model.points import Points
-from linework.model.tile import RoadSurface, TileData
-from linework.surface.road import RoadConfig, find_road
+from linework.model.tile import TileData
+from linework.surface.road import RoadConfig, find_ground
 
 ORIGIN = (499_200.0, 5_400_000.0, 0.0)
 WEST, SOUTH, SIZE_M = 499_230.0, 5_400_030.0, 24.0
@@ -38,7 +39,7 @@ def survey() -> Points:
 
 
 POINTS = survey()
-SURFACE = find_road(POINTS, None, RoadConfig())
+SURFACE = find_ground(POINTS, None, RoadConfig())
 WHOLE = TileData("whole", POINTS.bounds, POINTS, origin=ORIGIN)
 BOXES = find_boundary_boxes(WHOLE, SURFACE, BoundaryConfig())
 
@@ -52,7 +53,7 @@ def inside(boxes: BoxSet, b: Bounds) -> BoxSet:
     return boxes.take((x >= b.west) & (x < b.east) & (y >= b.south) & (y < b.north))
 
 
-def part_of_surface(b: Bounds) -> RoadSurface:
+def part_of_surface(b: Bounds) -> Ground:
     g = SURFACE.grid
     c0, c1 = max(int((b.west - g.east_m) // 0.5), 0), int(-(-(b.east - g.east_m) // 0.5))
     r0, r1 = max(int((g.north_m - b.north) // 0.5), 0), int(-(-(g.north_m - b.south) // 0.5))
@@ -65,10 +66,10 @@ def part_of_surface(b: Bounds) -> RoadSurface:
         n_cols=SURFACE.road_m[part].shape[1],
     )
     columns = (SURFACE.road_m, SURFACE.ground_m, SURFACE.is_road, SURFACE.is_ground)
-    return RoadSurface(grid, SURFACE.z0_m, *(column[part] for column in columns))
+    return Ground(grid, SURFACE.z0_m, *(column[part] for column in columns))
 
 
-def tile_over(core: Bounds) -> tuple[TileData, RoadSurface]:
+def tile_over(core: Bounds) -> tuple[TileData, Ground]:
     extent = core.grown(BOUNDARY_REACH_M)
     x, y = POINTS.xyz[:, 0], POINTS.xyz[:, 1]
     held = (x >= extent.west) & (x < extent.east) & (y >= extent.south) & (y < extent.north)

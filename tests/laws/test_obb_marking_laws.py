@@ -13,8 +13,9 @@ from tests.scenes.paint_scenes import EAST_M, NORTH_M, Stripe, level_surface, ro
 from linework.methods.obb.marking import MARKING_REACH_M, MarkingConfig, find_marking_boxes
 from linework.model.boxes import BOX_COLUMNS, BoxSet
 from linework.model.grid import Bounds
+from linework.model.ground import Ground
 from linework.model.points import Points
-from linework.model.tile import RoadSurface, TileData
+from linework.model.tile import TileData
 
 SIZE_M = 24.0
 PAINT = [
@@ -52,7 +53,7 @@ def inside(boxes: BoxSet, bounds: Bounds) -> BoxSet:
     return boxes.take((x >= bounds.west) & (x < bounds.east) & (y >= bounds.south) & (y < bounds.north))
 
 
-def part_of_surface(bounds: Bounds) -> RoadSurface:
+def part_of_surface(bounds: Bounds) -> Ground:
     g = SURFACE.grid
     c0, c1 = int((bounds.west - g.east_m) // 0.5), int(-(-(bounds.east - g.east_m) // 0.5))
     r0, r1 = int((g.north_m - bounds.north) // 0.5), int(-(-(g.north_m - bounds.south) // 0.5))
@@ -66,10 +67,10 @@ def part_of_surface(bounds: Bounds) -> RoadSurface:
         n_rows=road.shape[0],
         n_cols=road.shape[1],
     )
-    return RoadSurface(grid, 0.0, road, road, SURFACE.is_road[part], SURFACE.is_road[part])
+    return Ground(grid, 0.0, road, road, SURFACE.is_road[part], SURFACE.is_road[part])
 
 
-def tile_over(core: Bounds) -> tuple[TileData, RoadSurface]:
+def tile_over(core: Bounds) -> tuple[TileData, Ground]:
     extent = core.grown(MARKING_REACH_M)
     x, y = WHOLE.points.xyz[:, 0], WHOLE.points.xyz[:, 1]
     held = (x >= extent.west) & (x < extent.east) & (y >= extent.south) & (y < extent.north)

@@ -10,7 +10,7 @@ from tests.scenes.opened import of_points
 from linework.files.las.write import write_las
 from linework.files.survey.open import open_survey
 from linework.files.trajectories.read import write_trajectory
-from linework.methods.obb.method import OBB_KINDS, ObbMethod
+from linework.methods.obb.method import OBB_KINDS, Obb
 from linework.model.lines import LineSet
 from linework.processes.pool import Processes
 from linework.runs.find import find_lines
@@ -50,7 +50,7 @@ def extracted(folder, work, tiling=SMALL, executor=None):
     survey, work = open_survey([folder]), work_folder(folder, work)
     with opened_survey(survey, work) as opened, run_folder(work, work / "lines", {}) as run:
         settings = RunSettings(tiling=tiling)
-        found = find_lines(of_points(opened), (ObbMethod(),), run, settings=settings, executor=executor)
+        found = find_lines(of_points(opened), (Obb(),), run, settings=settings, executor=executor)
     assert not found.failures
     return found
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from linework.methods.radon.method import RailMethod
-from linework.methods.radon.seams import inside_core, join_seams
+from linework.methods.seams import inside_core, join_seams
 from linework.model.grid import Bounds
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.tile import TileData, local_origin
 from linework.simulation.simulate import simulate_survey
-from linework.surface.road import RoadConfig, find_road
+from linework.surface.road import RoadConfig, find_ground
 
 WITHIN_M = 0.001
 METHOD = RailMethod()
@@ -22,7 +22,7 @@ def whole(road, seed, length_m):
     """The survey, its surface, and its rails found in one tile."""
     survey = simulate_survey(road, seed, length_m, points_per_m=2000)
     points = survey.points
-    surface = find_road(points, survey.trajectory, RoadConfig())
+    surface = find_ground(points, survey.trajectory, RoadConfig())
     origin = local_origin(*points.xyz.min(axis=0))
     tile = TileData("whole", points.bounds.grown(1.0), points, survey.trajectory, "", surface, origin)
     return tile, METHOD.extract(tile)

@@ -10,13 +10,13 @@ import pytest
 from tests.scenes.road_images import RIG, road_pair, straight_poses
 
 from linework.methods.protocol import SurveyContext
-from linework.methods.stereo.method import StereoMethod
+from linework.methods.stereo.method import Stereo
 from linework.model.images import Poses, RectifiedPair
 from linework.model.lines import LineSet
 from linework.model.sightings import Sightings
 
 POSES = straight_poses(4)
-METHOD = StereoMethod()
+METHOD = Stereo()
 
 
 @cache

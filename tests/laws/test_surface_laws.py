@@ -16,7 +16,7 @@ from linework.processes.pool import Processes
 from linework.runs.opened.surface import SurfaceTiling
 from linework.simulation.roads.draw import ROADS
 from linework.simulation.simulate import simulate_survey
-from linework.surface.road import find_road
+from linework.surface.road import find_ground
 
 few = settings(max_examples=examples(5), deadline=None, derandomize=True)
 PLANES = ("road_m", "ground_m", "is_road", "is_ground")
@@ -110,7 +110,7 @@ def test_a_split_survey_has_the_surface_of_the_whole(kind, with_path, tmp_path):
     xyz, trajectory = simulated(kind)
     path = trajectory if with_path else None
     store = store_of(tmp_path / "store", xyz)
-    whole = find_road(Points(xyz), path, CONFIG)
+    whole = find_ground(Points(xyz), path, CONFIG)
     split = surface_of(store, path, tmp_path / "surface").over(store.bounds)
     assert split.grid == whole.grid
     assert np.array_equal(split.is_road, whole.is_road)

@@ -11,8 +11,8 @@ from linework.errors import ConfigError, InputError
 from linework.files.images.series import open_stereo
 from linework.files.las.write import write_las
 from linework.files.survey.open import open_survey
-from linework.methods.obb.method import ObbMethod
-from linework.methods.stereo.method import StereoMethod
+from linework.methods.obb.method import Obb
+from linework.methods.stereo.method import Stereo
 from linework.model.boxes import BoxSet
 from linework.model.lines import LineSet
 from linework.model.sightings import Sightings
@@ -24,7 +24,7 @@ from linework.runs.resume import run_folder
 
 
 @dataclass(frozen=True, slots=True)
-class Brightness(StereoMethod):
+class Brightness(Stereo):
     """Sees one place per pair, as far ahead as its left image is bright."""
 
     def look(self, pair):
@@ -55,7 +55,7 @@ def found_in(folder, work, executor=None, methods=(Brightness(),), **options):
 
 
 @dataclass(frozen=True, slots=True)
-class NoBoxes(ObbMethod):
+class NoBoxes(Obb):
     """Finds nothing in points, or fails in every tile."""
 
     fails: bool = False

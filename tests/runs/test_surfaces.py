@@ -26,7 +26,7 @@ from linework.model.trajectory import Trajectory
 from linework.runs.opened import surface_passes as passes
 from linework.runs.opened.surface import SurfaceTiling, SurveySurface
 from linework.surface.cells import CellWindow
-from linework.surface.road import find_road, height_above_ground, height_above_road, is_road_point
+from linework.surface.road import find_ground, height_above_ground, height_above_road, is_road_point
 
 #: One tile of 32 m holds what is 31 m or less from here.
 CORNER = np.array([499_968.0, 5_800_000.0, 100.0])
@@ -66,7 +66,7 @@ def test_in_every_tile_the_road_is_the_one_that_the_van_drove_on(car_park, tmp_p
     """In the tiles at 160 m no path is seen, and the car park is the largest smooth region."""
     path = path_over((5, 6), (40, 6), (80, 6)) if with_path else None
     there = place(160, 0, 192, 31.5)
-    alone = find_road(car_park.points(there), None, CONFIG)
+    alone = find_ground(car_park.points(there), None, CONFIG)
     assert is_road_point(alone, at(175, 20, 1.0)).all()
     surface = surface_of(car_park, path, tmp_path / "surface").over(there)
     assert not is_road_point(surface, at(175, 20, 1.0)).any()
@@ -357,7 +357,7 @@ def test_cells_that_binary_fractions_miss_lose_no_point_at_the_edges_of_tiles(tm
     )
     xyz = on_lattice(xyz + np.array([300_000.0, 600_000.0, 50.0]))
     store = store_of(tmp_path / "store", xyz)
-    whole = find_road(Points(xyz), None, config)
+    whole = find_ground(Points(xyz), None, config)
     split = surface_of(store, None, tmp_path / "surface", layout=SurfaceTiling(64, (3, 1)), config=config)
     over = split.over(store.bounds)
     assert np.array_equal(over.is_road, whole.is_road)

@@ -5,7 +5,7 @@ import pytest
 
 from linework.files.las.write import write_las
 from linework.files.survey.open import open_survey
-from linework.methods.obb.method import ObbMethod
+from linework.methods.obb.method import Obb
 from linework.model.boxes import BOX_COLUMNS
 from linework.model.tile import local_origin
 from linework.processes.executors import Serial
@@ -31,7 +31,7 @@ def made(tmp_path_factory):
         line = simulated.truth.line(int(np.argmax(simulated.truth.length_m)))[:, :2]
 
         def fresh():
-            method = ObbMethod()
+            method = Obb()
             return SurveyBoxes(opened.points, surface, {kind: method.only(kind) for kind in KINDS}, origin)
 
         yield fresh, line

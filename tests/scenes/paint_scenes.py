@@ -9,8 +9,9 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.model.grid import Bounds, Grid
+from linework.model.ground import Ground
 from linework.model.points import Points
-from linework.model.tile import RoadSurface, TileData
+from linework.model.tile import TileData
 
 #: Somewhere on a map, away from its zero; the ground is level at this height.
 EAST_M, NORTH_M, HEIGHT_M = 500_400.0, 5_400_000.0, 31.0
@@ -76,14 +77,14 @@ def tile_of(xyz: FloatArray, intensity: FloatArray | None, time_s: FloatArray | 
     return TileData("scene", points.bounds.grown(1.0), points, origin=ORIGIN)
 
 
-def level_surface(size_m: float = 12.0) -> RoadSurface:
+def level_surface(size_m: float = 12.0) -> Ground:
     """Return the level road under a scene, and 2 m of it on all sides."""
     grid = Grid.covering(
         Bounds(EAST_M - 2.0, NORTH_M - 2.0, EAST_M + size_m + 2.0, NORTH_M + size_m + 2.0), 0.5
     )
     height = np.full(grid.shape, HEIGHT_M, dtype=np.float32)
     everywhere = np.ones(grid.shape, dtype=np.bool_)
-    return RoadSurface(grid, 0.0, height, height, everywhere, everywhere)
+    return Ground(grid, 0.0, height, height, everywhere, everywhere)
 
 
 def in_scene(centre: FloatArray) -> FloatArray:

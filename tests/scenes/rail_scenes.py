@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.imaging.raster import grid_for, in_height_band
-from linework.methods.radon.method import RadonConfig, RadonMethod
+from linework.methods.radon.method import Radon, RadonConfig
 from linework.methods.rails.circles import Bins, bin_near
 from linework.model.grid import Image
 from linework.model.points import Points
 from linework.model.tile import TileData
-from linework.surface.road import RoadConfig, RoadSurface, find_road, height_above_ground, height_above_road
+from linework.surface.road import Ground, RoadConfig, find_ground, height_above_ground, height_above_road
 
 NOISE_M = 0.005
 #: Height of the scanner over the road, at u = 0.
@@ -24,7 +24,7 @@ W_HEIGHT = np.array([0.0, 0.10, 0.22, 0.34, 0.42, 0.58, 0.66, 0.78, 0.90, 1.0])
 W_DEPTH = np.array([0.0, 0.25, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.25, 0.0])
 
 RADON = RadonConfig()
-ONLY_RAILS = RadonMethod(RADON, kinds=("guardrail", "barrier"))
+ONLY_RAILS = Radon(RADON, kinds=("guardrail", "barrier"))
 
 
 # Everything is made along a road: s [m] along it, u [m] to its left, h [m] above it, as (n, 3)
@@ -148,7 +148,7 @@ class Prepared:
     """A scene as the steps get it."""
 
     points: Points
-    surface: RoadSurface
+    surface: Ground
     height_m: np.ndarray
     binary: Image
     bins: Bins
@@ -157,7 +157,7 @@ class Prepared:
 def prepare(xyz):
     """Road, heights, binary image and bins of a scene."""
     points = Points(xyz)
-    surface = find_road(points, None, RoadConfig())
+    surface = find_ground(points, None, RoadConfig())
     height = np.minimum(height_above_road(surface, points.xyz), height_above_ground(surface, points.xyz))
     grid = grid_for(points, RADON.cell_m)
     binary = in_height_band(points.xyz, height, grid, RADON.min_height_m, RADON.max_height_m)

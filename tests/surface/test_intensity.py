@@ -7,8 +7,8 @@ import pytest
 
 from linework.kernels.cells import intensity as kernels
 from linework.model.grid import Grid
+from linework.model.ground import Ground
 from linework.model.points import Points
-from linework.model.tile import RoadSurface
 from linework.model.trajectory import Trajectory
 from linework.surface.intensity import (
     Tier,
@@ -26,10 +26,10 @@ ORIGIN = np.array([500_000.0, 5_800_000.0, 100.0])
 LENGTH_M, SPEED, MOUNT_M = 60.0, 10.0, 2.2
 
 
-def flat_surface() -> RoadSurface:
+def flat_surface() -> Ground:
     grid = Grid(ORIGIN[0] - 10.0, ORIGIN[1] + 12.0, 0.5, 0.5, 48, 160)
     zero, yes = np.zeros(grid.shape, np.float32), np.ones(grid.shape, bool)
-    return RoadSurface(grid, ORIGIN[2], zero, zero, yes, yes)
+    return Ground(grid, ORIGIN[2], zero, zero, yes, yes)
 
 
 def path(behind_m: float = 0.0) -> Trajectory:
@@ -123,7 +123,7 @@ def test_views_agree_with_interpolation() -> None:
     time_s = rng.uniform(-1.0, 7.0, 500)
     rows, cols = np.indices(SURFACE.grid.shape)
     heights = (0.5 * cols - 9.75) * slope[0] + (11.75 - 0.5 * rows) * slope[1]
-    tilted = RoadSurface(
+    tilted = Ground(
         SURFACE.grid,
         ORIGIN[2],
         heights.astype(np.float32),

@@ -9,7 +9,7 @@ from linework.model.points import Points
 from linework.model.trajectory import Trajectory
 from linework.surface.road import (
     RoadConfig,
-    find_road,
+    find_ground,
     height_above_ground,
     height_above_road,
     is_road_point,
@@ -48,7 +48,7 @@ def path(grade=0.0):
 @pytest.mark.parametrize("with_path", [True, False])
 def test_the_road_is_zero_and_ends_at_the_kerb(grade, crossfall, noise_m, with_path):
     points, labels, _ = scene(grade, crossfall, noise_m=noise_m)
-    surface = find_road(points, path(grade) if with_path else None, RoadConfig())
+    surface = find_ground(points, path(grade) if with_path else None, RoadConfig())
     y = points.xyz[labels == 0][:, 1] - ORIGIN[1]
     height = height_above_road(surface, points.xyz)[labels == 0]
     inner = np.abs(y) < 3.4
@@ -61,7 +61,7 @@ def test_the_road_is_zero_and_ends_at_the_kerb(grade, crossfall, noise_m, with_p
 
 def test_heights_beyond_the_kerb_go_on_from_the_road():
     points, labels, _ = scene(kerb_m=0.12)
-    surface = find_road(points, path(), RoadConfig())
+    surface = find_ground(points, path(), RoadConfig())
     y = np.abs(points.xyz[labels == 0][:, 1] - ORIGIN[1])
     height = height_above_road(surface, points.xyz)[labels == 0]
     beside = (y > 4.6) & (y < 6.0)
@@ -71,7 +71,7 @@ def test_heights_beyond_the_kerb_go_on_from_the_road():
 
 def test_walls_and_bridges_stand_above_the_ground_and_strays_below():
     points, labels, _ = scene()
-    surface = find_road(points, path(), RoadConfig())
+    surface = find_ground(points, path(), RoadConfig())
     height = height_above_ground(surface, points.xyz)
     assert np.median(height[labels == 2]) == pytest.approx(5.5, abs=0.4)
     assert np.quantile(height[labels == 1], 0.99) == pytest.approx(2.9, abs=0.3)
@@ -81,7 +81,7 @@ def test_walls_and_bridges_stand_above_the_ground_and_strays_below():
 def test_ground_beyond_a_hole_in_the_data_is_ground():
     points, _, _ = scene()
     x = points.xyz[:, 0] - ORIGIN[0]
-    surface = find_road(points.take((x < 20) | (x > 32)), path(), RoadConfig())
+    surface = find_ground(points.take((x < 20) | (x > 32)), path(), RoadConfig())
     far = np.array([[45.0, 7.0, 0.12 - 0.14]]) + ORIGIN
     assert abs(float(height_above_ground(surface, far)[0])) < 0.05
 
@@ -89,13 +89,13 @@ def test_ground_beyond_a_hole_in_the_data_is_ground():
 def test_an_extent_that_needs_too_large_a_grid_is_refused_with_its_size():
     points = Points(np.array([[0.0, 0, 0], [1e8, 1e8, 0]]))
     with pytest.raises(InputError, match=r"need 4e\+16 cells of 0.5 m"):
-        find_road(points, None, RoadConfig())
+        find_ground(points, None, RoadConfig())
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_a_handful_of_points_has_a_surface(n):
     points = Points(np.arange(3.0 * n).reshape(n, 3))
-    surface = find_road(points, None, RoadConfig())
+    surface = find_ground(points, None, RoadConfig())
     assert np.all(np.isfinite(height_above_road(surface, points.xyz)))
 
 

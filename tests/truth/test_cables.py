@@ -13,7 +13,7 @@ from linework.lines.catenary import Catenary
 from linework.methods.cables.find import CableConfig, find_cables
 from linework.model.lines import LineSet
 from linework.simulation.simulate import simulate_survey
-from linework.surface.road import RoadConfig, find_road, height_above_ground
+from linework.surface.road import RoadConfig, find_ground, height_above_ground
 
 ORIGIN = np.array([500_000.0, 5_400_000.0, 100.0])  # ground is level here
 POWERLINE = REAL / "powerline/12AN2_20.laz"
@@ -177,7 +177,7 @@ def test_sigma_is_honest():
 @pytest.mark.parametrize(("kind", "seed"), [("straight", 1), ("bends", 2), ("urban", 1)])
 def test_cables_of_a_simulated_survey(kind, seed):
     survey = simulate_survey(kind, seed, 120.0, points_per_m=3000.0)
-    surface = find_road(survey.points, survey.trajectory, RoadConfig())
+    surface = find_ground(survey.points, survey.trajectory, RoadConfig())
     height = height_above_ground(surface, survey.points.xyz)
     found = find_cables(survey.points.xyz, survey.points.time_s, height, CableConfig())
     found = dataclasses.replace(found, crs=survey.crs)

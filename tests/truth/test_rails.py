@@ -9,12 +9,12 @@ from tests.scenes.places import REAL
 
 from linework.evaluation.measures import match_lines, score
 from linework.evaluation.stations import Stations
-from linework.methods.radon.method import RadonMethod
+from linework.methods.radon.method import Radon
 from linework.model.tile import TileData
 from linework.model.trajectory import Trajectory
 from linework.simulation.roads.draw import ROADS
 from linework.simulation.simulate import simulate_survey
-from linework.surface.road import RoadConfig, find_road, height_above_road
+from linework.surface.road import RoadConfig, find_ground, height_above_road
 
 #: No other test, and no tuning, has seen these.
 SEEDS = range(31, 37)
@@ -32,7 +32,7 @@ def matched(road):
     for seed in SEEDS:
         survey = simulate_survey(road, seed, 120.0, points_per_m=4000)
         tile = TileData(road, survey.points.bounds.grown(1.0), survey.points, survey.trajectory)
-        lines = RadonMethod(kinds=KINDS).extract(tile)
+        lines = Radon(kinds=KINDS).extract(tile)
         parts += match_lines(lines.with_columns(crs=survey.crs), survey.truth, kinds=KINDS)
     return parts
 
@@ -109,8 +109,8 @@ def motorway():
     points = read_las(MOTORWAY / "here_a22_uniform_south.laz", crs="EPSG:32632").points
     path = np.loadtxt(MOTORWAY / "trajectory_utm32n.csv", delimiter=",", skiprows=1)[:, :3]
     trajectory = Trajectory(np.arange(float(len(path))), path)
-    lines = RadonMethod(kinds=KINDS).extract(TileData("a22", points.bounds.grown(1.0), points, trajectory))
-    return lines, path, find_road(points, trajectory, RoadConfig())
+    lines = Radon(kinds=KINDS).extract(TileData("a22", points.bounds.grown(1.0), points, trajectory))
+    return lines, path, find_ground(points, trajectory, RoadConfig())
 
 
 def offset_from_path(xy, path):

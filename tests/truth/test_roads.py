@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from linework.evaluation.measures import evaluate_lines
-from linework.methods.obb.method import ObbMethod
+from linework.methods.obb.method import Obb
 from linework.model.tile import TileData
 from linework.simulation.simulate import simulate_survey
 
@@ -51,7 +51,7 @@ def scores(road, seed, *, with_trajectory=True):
     survey = simulate_survey(road, seed, LENGTH_M)
     path = survey.trajectory if with_trajectory else None
     tile = TileData("whole", survey.points.bounds.grown(1.0), survey.points, path)
-    lines = ObbMethod().extract(tile).with_columns(crs=survey.crs)
+    lines = Obb().extract(tile).with_columns(crs=survey.crs)
     found = evaluate_lines(lines, survey.truth, tolerance_m=TOLERANCE_M, kinds=KINDS)
     return {kind.kind: kind for kind in found.kinds}
 

@@ -7,7 +7,7 @@ import numpy as np
 from linework.evaluation.measures import match_lines, score
 from linework.imaging.rectify import rectifier_of
 from linework.methods.protocol import SurveyContext
-from linework.methods.stereo.method import StereoMethod
+from linework.methods.stereo.method import Stereo
 from linework.model.images import RectifiedPair
 from linework.model.sightings import Sightings
 from linework.simulation.roads.draw import draw_scenario
@@ -16,7 +16,7 @@ from linework.simulation.sensors.cameras import images_of, stereo_survey, stereo
 
 def test_markings_of_a_straight_road_within_centimetres() -> None:
     drive = stereo_survey(draw_scenario("straight", 3, 40.0), every_m=5.0, rays_per_pixel=1)
-    rectifier, method = rectifier_of(drive.rig), StereoMethod()
+    rectifier, method = rectifier_of(drive.rig), Stereo()
     pairs = [
         RectifiedPair(*rectifier.rectified(p.left, p.right), rectifier.rig, p.number, p.time_s)
         for p in images_of(drive)

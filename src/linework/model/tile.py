@@ -1,12 +1,12 @@
-"""A tile of a survey as a method receives it, and the road surface."""
+"""A tile of a survey as a method receives it."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-from linework.arrays import BoolArray, Float32Array
-from linework.model.grid import Bounds, Grid
+from linework.model.grid import Bounds
+from linework.model.ground import Ground
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
 
@@ -44,7 +44,7 @@ class TileData:
     points: Points
     trajectory: Trajectory | None = None
     source: str = ""
-    surface: RoadSurface | None = None
+    surface: Ground | None = None
     origin: tuple[float, float, float] | None = None
     is_whole: bool = True
 
@@ -57,29 +57,3 @@ def local_origin(west: float, south: float, low: float) -> tuple[float, float, f
     """
     east, north, up = (math.floor(value / ORIGIN_STEP_M) * ORIGIN_STEP_M for value in (west, south, low))
     return east, north, up
-
-
-@dataclass(frozen=True, slots=True)
-class RoadSurface:
-    """Heights of road and ground on one grid, without holes (NaN only where the computation failed).
-
-    Parameters
-    ----------
-    grid
-        North-up grid on the global lattice.
-    z0_m
-        Local height origin: the surfaces are float32 above it. [m, world]
-    road_m
-        (rows, cols) float32 [m above z0_m]: the road, continued beyond its edge over the ground.
-    ground_m
-        (rows, cols) float32 [m above z0_m]: the ground.
-    is_road, is_ground
-        (rows, cols) bool: cells where the surface was measured.
-    """
-
-    grid: Grid
-    z0_m: float
-    road_m: Float32Array
-    ground_m: Float32Array
-    is_road: BoolArray
-    is_ground: BoolArray

@@ -20,8 +20,8 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.kernels.cells import intensity as kernels
+from linework.model.ground import Ground
 from linework.model.points import Points
-from linework.model.tile import RoadSurface
 from linework.model.trajectory import Trajectory
 from linework.surface.road import is_road_point
 
@@ -87,7 +87,7 @@ def full_scale(intensity: Float32Array) -> float:
 
 
 def normalised_intensity(
-    points: Points, surface: RoadSurface, trajectory: Trajectory | None = None
+    points: Points, surface: Ground, trajectory: Trajectory | None = None
 ) -> tuple[Float32Array, Tier]:
     """Return intensities with asphalt at 1, (n,) float32, and the tier used.
 
@@ -134,7 +134,7 @@ def normalised_intensity(
 
 
 def view_of(
-    points: Points, path: Trajectory, surface: RoadSurface, mount_m: float = MOUNT_M
+    points: Points, path: Trajectory, surface: Ground, mount_m: float = MOUNT_M
 ) -> tuple[Float32Array, Float32Array]:
     """Return range [m] and cosine of incidence on the road of each point, (n,) float32; NaN beyond the path's times.
 

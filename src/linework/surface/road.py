@@ -10,7 +10,7 @@ and show road and non-road points (Manandhar and Shibasaki 2002, figure 2) witho
 4. the ground grows from the road with looser limits: verges, banks, pavements, not roofs;
 5. beyond the road its surface is extended from the nearest edge, and blended into the ground.
 
-`find_road` does this for points in memory; `linework.runs.opened.surface` does the same tile by tile.
+`find_ground` does this for points in memory; `linework.runs.opened.surface` does the same tile by tile.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ import numpy as np
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray
 from linework.errors import InputError
 from linework.kernels.cells import surface as kernels
+from linework.model.ground import Ground as Ground
 from linework.model.points import Points
-from linework.model.tile import RoadSurface as RoadSurface
 from linework.model.trajectory import Trajectory
 from linework.surface import apart
 from linework.surface.carry import CoarseGround, extended_surface, halo_cells, reach_cells
@@ -39,14 +39,34 @@ from linework.surface.heights import (
 from linework.surface.regions import CellRegions, Islands, cell_regions, cells_with
 
 
-def find_road(points: Points, trajectory: Trajectory | None, config: RoadConfig) -> RoadSurface:
+def find_ground(
+    points: Points, trajectory: Trajectory | None = None, config: RoadConfig | None = None
+) -> Ground:
     """Return road and ground, found in the points of a survey.
+
+    Parameters
+    ----------
+    points
+        In any order; only their positions matter.
+    trajectory
+        Path of the vehicle: the road is below it. None: the region of smooth cells with most points is the road.
+    config
+        Settings; None: the defaults.
 
     Raises
     ------
     InputError
-        When the extents need a larger grid than `max_cells`.
+        The extents need a larger grid than `max_cells`.
+
+    Examples
+    --------
+    >>> east, north = np.meshgrid(np.arange(0.05, 20.0, 0.1), np.arange(0.05, 20.0, 0.1))
+    >>> plane = np.stack([east.ravel(), north.ravel(), 7.0 + 0.02 * north.ravel()], axis=-1)
+    >>> ground = find_ground(Points(plane))
+    >>> bool(ground.is_road.all()), ground.height_m(np.array([[10.0, 10.0]])).round(3).tolist()
+    (True, [7.2])
     """
+    config = config or RoadConfig()
     window = _window_of(points, config)
     z0_m = height_origin(points.xyz[:: max(len(points) // 10_000, 1), 2])
     # Lowest supported height of every cell, and spread of the layer above it
@@ -81,20 +101,20 @@ def find_road(points: Points, trajectory: Trajectory | None, config: RoadConfig)
         coarse,
         config,
     )
-    return RoadSurface(window.grid(config.cell_m), z0_m, road_m, ground_m, is_road, is_ground)
+    return Ground(window.grid(config.cell_m), z0_m, road_m, ground_m, is_road, is_ground)
 
 
-def height_above_road(surface: RoadSurface, xyz: FloatArray) -> Float32Array:
+def height_above_road(surface: Ground, xyz: FloatArray) -> Float32Array:
     """Return the heights of points (n, 3) [m, world] above the road, extended beyond it, (n,) float32 [m]."""
     return _height_above(surface, xyz, surface.road_m)
 
 
-def height_above_ground(surface: RoadSurface, xyz: FloatArray) -> Float32Array:
+def height_above_ground(surface: Ground, xyz: FloatArray) -> Float32Array:
     """Return the heights of points (n, 3) [m, world] above the ground, the road included, (n,) float32 [m]."""
     return _height_above(surface, xyz, surface.ground_m)
 
 
-def is_road_point(surface: RoadSurface, xyz: FloatArray, tolerance_m: float = 0.10) -> BoolArray:
+def is_road_point(surface: Ground, xyz: FloatArray, tolerance_m: float = 0.10) -> BoolArray:
     """Return which points (n, 3) [m, world] lie on a road cell within `tolerance_m` of its surface, (n,) bool.
 
     The tolerance covers noise, and the grade within a cell.
@@ -106,7 +126,7 @@ def is_road_point(surface: RoadSurface, xyz: FloatArray, tolerance_m: float = 0.
     return on_cell & (np.abs(height_above_road(surface, xyz)) <= tolerance_m)
 
 
-def _height_above(surface: RoadSurface, xyz: FloatArray, reference: Float32Array) -> Float32Array:
+def _height_above(surface: Ground, xyz: FloatArray, reference: Float32Array) -> Float32Array:
     g = surface.grid
     out: Float32Array = kernels.height_above(
         np.ascontiguousarray(xyz, dtype=np.float64),

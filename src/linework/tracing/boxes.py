@@ -8,7 +8,7 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.files.store.read import PointStore
-from linework.methods.obb.method import ObbMethod
+from linework.methods.obb.method import Obb
 from linework.model.boxes import BoxSet
 from linework.model.grid import Bounds
 from linework.model.tile import TileData
@@ -39,7 +39,7 @@ class SurveyBoxes:
         self,
         store: PointStore,
         surface: SurveySurface,
-        detectors: Mapping[str, ObbMethod],
+        detectors: Mapping[str, Obb],
         origin: tuple[float, float, float],
     ) -> None:
         self._store, self._surface, self._origin = store, surface, origin

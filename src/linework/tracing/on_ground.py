@@ -13,7 +13,7 @@ import numpy as np
 from linework.arrays import BoolArray, FloatArray, distance_along
 from linework.editing.edits.continued import Gap, continue_lines
 from linework.methods.obb import trace
-from linework.methods.obb.method import ObbMethod
+from linework.methods.obb.method import Obb
 from linework.methods.obb.trace import TraceStop, near_line
 from linework.methods.protocol import Sight, SurveyContext
 from linework.model.grid import Bounds
@@ -55,7 +55,7 @@ class GroundSurvey:
     """
 
     boxes: SurveyBoxes
-    method: ObbMethod
+    method: Obb
     origin: tuple[float, float, float]
     is_visible: Sight
     path: FloatArray | None

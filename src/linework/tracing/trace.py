@@ -10,9 +10,9 @@ import numpy as np
 
 from linework.arrays import FloatArray, distance_along
 from linework.editing.edits.continued import PICKED_TWICE, continue_lines
-from linework.errors import InputError, UsageError
+from linework.errors import InputError, UsageError, argument
 from linework.methods.obb import trace
-from linework.methods.obb.method import ObbMethod
+from linework.methods.obb.method import Obb
 from linework.methods.obb.picks import PickSurroundings, nearest_trackable_place, refusal_reason
 from linework.methods.obb.search_area import NoLineReason
 from linework.methods.obb.trace import PICK_M, TraceStop, end_directions, may_continue
@@ -65,7 +65,7 @@ class Tracer:
         bounds = opened.points.bounds
         self._opened, self._surface, self._settings = opened, surface, settings
         self._origin = local_origin(bounds.west, bounds.south, surface.z0_m)
-        store, method = opened.points, ObbMethod(settings.obb)
+        store, method = opened.points, Obb(settings.obb)
         detectors = {kind: method.only(kind) for kind in trace.TRACKED_AS}
         self._ground = GroundSurvey(
             SurveyBoxes(store, surface, detectors, self._origin), method, self._origin, SurveySight(surface),
@@ -233,7 +233,7 @@ def check_pick_kind(kind: str) -> None:
     """
     if kind not in ("", *PICKED_KINDS):
         raise UsageError(
-            f"{kind} cannot be picked", where="--feature", advice=f"choose from {','.join(PICKED_KINDS)}"
+            f"{kind} cannot be picked", where=argument("kind"), advice=f"choose from {','.join(PICKED_KINDS)}"
         )
 
 

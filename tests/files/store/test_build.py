@@ -204,7 +204,7 @@ def test_too_little_space_is_said_before_anything_is_decoded(drive, folder, monk
     with pytest.raises(MachineError) as caught:
         spilled(drive, folder)
     assert "1,200 points need 2.16e-05 GB of disk, 5e-06 GB are free" in str(caught.value)
-    assert "--work DIR" in str(caught.value)
+    assert 'work="DIR"' in str(caught.value)
     assert list(folder.iterdir()) == []
 
 

@@ -9,7 +9,7 @@ from linework.methods.obb.kerbs_and_edges import BoundaryConfig, find_boundary_b
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.points import Points
 from linework.model.tile import TileData
-from linework.surface.road import RoadConfig, find_road
+from linework.surface.road import RoadConfig, find_ground
 
 ORIGIN = (600_000.0, 5_400_000.0, 0.0)
 CORNER = np.array([600_020.0, 5_400_020.0, 100.0])
@@ -35,7 +35,7 @@ def turned(uvh, heading_deg):
 
 def boxes_of(xyz, intensity=None) -> BoxSet:
     points = Points(xyz, intensity=intensity)
-    surface = find_road(points, None, RoadConfig())
+    surface = find_ground(points, None, RoadConfig())
     return find_boundary_boxes(
         TileData("t", points.bounds, points, surface=surface, origin=ORIGIN), surface, BoundaryConfig()
     )
@@ -82,7 +82,7 @@ def test_a_plain_road_has_no_boundary():
 
 def test_no_points_no_boxes():
     some = Points(turned(np.zeros((1, 3)), 0.0))
-    surface = find_road(some, None, RoadConfig())
+    surface = find_ground(some, None, RoadConfig())
     none = some.take(slice(0, 0))
     assert (
         len(find_boundary_boxes(TileData("t", some.bounds, none, surface=surface), surface, BoundaryConfig()))
@@ -138,7 +138,7 @@ def test_a_level_reference_refuses_a_road_on_a_grade():
     xyz = street(rng, heading_deg=0.0)
     xyz[:, 2] += 0.11 * (xyz[:, 0] - CORNER[0])  # 14 % in all
     points = Points(xyz)
-    surface = find_road(points, None, RoadConfig())
+    surface = find_ground(points, None, RoadConfig())
     tile = TileData("t", points.bounds, points, surface=surface, origin=ORIGIN)
     level = find_boundary_boxes(tile, surface, BoundaryConfig(level_reference=True))
     assert np.count_nonzero(level.form == BoxForm.KERB) == 0

@@ -9,19 +9,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tests.scenes.road_images import RIG, STRIPES, road_pair, straight_poses
 
-from linework.files.settings_file import settings_from
 from linework.methods.protocol import SurveyContext
-from linework.methods.stereo.method import StereoConfig, StereoMethod
+from linework.methods.stereo.method import Stereo, StereoConfig
 from linework.model.camera import LOOKING_AHEAD
 from linework.model.images import RectifiedPair
 from linework.model.lines import LineSet
-from linework.model.settings import settings_toml
+from linework.model.settings import settings_from, settings_toml
 from linework.model.sightings import Sightings
 
 
 @pytest.fixture(scope="module")
 def lines() -> LineSet:
-    poses, method = straight_poses(5), StereoMethod()
+    poses, method = straight_poses(5), Stereo()
     seen = Sightings.concatenate([method.look(road_pair(i, poses)) for i in range(5)])
     return method.join(seen, SurveyContext(poses=poses, rig=RIG))
 
@@ -71,7 +70,7 @@ def test_cameras_may_look_down_be_rolled_and_stand_apart(
 ) -> None:
     turned = Rotation.from_euler("ZYX", [0.0, pitch_deg, roll_deg], degrees=True).as_matrix() @ LOOKING_AHEAD
     rig = replace(RIG, R_vehicle_camera=turned, base_m=base_m, cy=95.0)
-    poses, method = straight_poses(3), StereoMethod()
+    poses, method = straight_poses(3), Stereo()
     seen = Sightings.concatenate([method.look(road_pair(i, poses, rig=rig)) for i in range(3)])
     found = method.join(seen, SurveyContext(poses=poses, rig=rig)).of_kind("lane_marking")
     offsets = sorted(float(np.median(found.line(i)[:, 1])) for i in range(len(found)))
@@ -85,11 +84,11 @@ def test_images_of_nothing_show_no_line(width: int, height: int) -> None:
     rig = replace(RIG, width=width, height=height, cx=0.5 * (width - 1), cy=height / 3)
     noise = np.random.default_rng(0).integers(0, 255, (height, width)).astype(np.uint8)
     for image in (np.zeros_like(noise), np.full_like(noise, 255), noise):
-        assert len(StereoMethod().look(RectifiedPair(image, np.roll(image, -3, axis=1), rig))) == 0
+        assert len(Stereo().look(RectifiedPair(image, np.roll(image, -3, axis=1), rig))) == 0
 
 
 def test_nothing_seen_is_no_line() -> None:
-    assert len(StereoMethod().join(Sightings.empty(), SurveyContext(poses=straight_poses(2), rig=RIG))) == 0
+    assert len(Stereo().join(Sightings.empty(), SurveyContext(poses=straight_poses(2), rig=RIG))) == 0
 
 
 def test_settings_are_read_and_written() -> None:

@@ -12,7 +12,7 @@ from tests.scenes.road_images import RIG, STRIPES, road_pair, straight_poses
 from linework.kernels.images.fuse import fuse, looked_at
 from linework.kernels.images.link_stripes import fit_at, link
 from linework.kernels.images.row_stripes import COL, ROW, STRIPE_CONTRAST, WIDTH, stripes_of_rows
-from linework.methods.stereo.method import StereoMethod
+from linework.methods.stereo.method import Stereo
 from linework.methods.stereo.road_plane import RoadPlane, fit_pair_road
 from linework.methods.stereo.stripes import StripeConfig, find_stripe_lines
 from linework.model.images import RectifiedPair
@@ -38,7 +38,7 @@ def test_a_wall_is_no_road() -> None:
     grain = np.random.default_rng(0).integers(0, 255, (RIG.height, RIG.width + 30)).astype(np.uint8)
     wall = RectifiedPair(grain[:, :-30], grain[:, 30:], RIG)
     assert fit_pair_road(wall) is None
-    assert len(StereoMethod().look(wall)) == 0
+    assert len(Stereo().look(wall)) == 0
 
 
 def test_no_texture_shows_no_road() -> None:
@@ -168,5 +168,5 @@ def test_places_are_looked_at_from_where_they_are_in_view() -> None:
 
 def test_paint_brighter_in_one_image_is_matched(pair: RectifiedPair) -> None:
     darker = replace(pair, right=(0.8 * pair.right).astype(np.uint8))
-    method = StereoMethod()
+    method = Stereo()
     assert len(method.look(darker)) > 0.8 * len(method.look(pair))

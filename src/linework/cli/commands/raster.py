@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from linework.files.store.in_memory import SurveyPoints
     from linework.methods.radon.figures import FigureConfig
     from linework.model.grid import Grid
+    from linework.model.ground import Ground
     from linework.model.points import Points
     from linework.model.survey import Survey
-    from linework.model.tile import RoadSurface
     from linework.model.trajectory import Trajectory
     from linework.runs.opened.points import SurveyInMemory
     from linework.runs.steps import RunSteps
@@ -188,11 +188,11 @@ def _publish(
     from linework.files.output.publish import publish_folder
     from linework.files.output.record import write_json
     from linework.methods.radon.figures import raster_figures
-    from linework.surface.road import RoadConfig, find_road, height_above_road, is_road_point
+    from linework.surface.road import RoadConfig, find_ground, height_above_road, is_road_point
 
     grid, config = what
     with steps.step("find the road"):
-        surface = find_road(read.points, path, RoadConfig())
+        surface = find_ground(read.points, path, RoadConfig())
         height_m = height_above_road(surface, read.points.xyz)
         is_road = is_road_point(surface, read.points.xyz)
         normal = _normalised(read.points, surface, path)
@@ -224,7 +224,7 @@ def _publish(
     return record
 
 
-def _normalised(points: Points, surface: RoadSurface, path: Trajectory | None) -> Float32Array | None:
+def _normalised(points: Points, surface: Ground, path: Trajectory | None) -> Float32Array | None:
     from linework.surface.intensity import normalised_intensity
 
     return None if points.intensity is None else normalised_intensity(points, surface, path)[0]

@@ -10,7 +10,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from linework.errors import LineworkError, MachineError, OutputExistsError
+from linework.errors import LineworkError, MachineError, OutputExistsError, argument
 from linework.processes.system import is_alive
 
 #: Longest file name most file systems hold, in bytes.
@@ -37,7 +37,9 @@ def check_output(path: Path, *, overwrite: bool = False) -> None:
             )
         if os.path.lexists(path) and not overwrite:
             raise OutputExistsError(
-                "output exists already", where=path, advice="choose another name or give --overwrite"
+                "output exists already",
+                where=path,
+                advice=f"choose another name or give {argument('overwrite', True)}",
             )
         _make_parent(path)
         part.open("xb").close()
@@ -85,7 +87,9 @@ def publish(
             sync(part)
             if os.path.lexists(path) and not overwrite:
                 raise OutputExistsError(
-                    "output appeared while it was being written", where=path, advice="give --overwrite"
+                    "output appeared while it was being written",
+                    where=path,
+                    advice=f"give {argument('overwrite', True)}",
                 )
             part.replace(path)
             sync(path.parent)
@@ -137,7 +141,9 @@ def check_output_folder(path: Path, *, overwrite: bool = False) -> None:
         raise OutputExistsError("is a file, expected a folder", where=path, advice="name another folder")
     if path.is_dir() and not overwrite and any(path.iterdir()):
         raise OutputExistsError(
-            "output folder is not empty", where=path, advice="choose another folder or give --overwrite"
+            "output folder is not empty",
+            where=path,
+            advice=f"choose another folder or give {argument('overwrite', True)}",
         )
     _make_parent(path)
     part = part_path(path)

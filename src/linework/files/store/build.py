@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
-from linework.errors import InputError, MachineError
+from linework.errors import InputError, MachineError, argument
 from linework.files.las.crs import ResolvedCrs, resolve_crs
 from linework.files.las.decoder import Decoder, DecoderLimits
 from linework.files.las.decoder_messages import Decoded, DecodeTask
@@ -160,7 +160,7 @@ def _check_free_space(folder: Path, n_points: int) -> None:
     if usage.total and needed > usage.free:
         raise MachineError(
             f"{n_points:,} points need {needed / 1e9:.3g} GB of disk, {usage.free / 1e9:.3g} GB are free", where=folder,
-            advice="free some space, or name a folder on another disk with --work DIR",
+            advice=f"free some space, or name a folder on another disk with {argument('work', 'DIR')}",
         )  # fmt: skip
 
 

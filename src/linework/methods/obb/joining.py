@@ -1,6 +1,6 @@
 """The steps that join the boxes of a survey into lane markings and road boundaries.
 
-Each step is a function from `Joining` to `Joining`, so that `ObbMethod.join` runs them all, and
+Each step is a function from `Joining` to `Joining`, so that `Obb.join` runs them all, and
 `linework.tracing.on_ground`, which shows a line while it grows, can be stopped between any two of them.
 """
 

@@ -21,9 +21,10 @@ from linework.kernels.cells import floor, places
 from linework.kernels.cells.bins import steps_to_set
 from linework.model.boxes import BoxSet
 from linework.model.grid import Bounds, holds
+from linework.model.ground import Ground
 from linework.model.points import Points
-from linework.model.settings import setting
-from linework.model.tile import RoadSurface, TileData, local_origin
+from linework.model.settings import Settings, setting
+from linework.model.tile import TileData, local_origin
 
 #: A box depends on the points within this of its cell only: a search area of 2 m, and the facets around it. [m]
 BOUNDARY_REACH_M = 6.0
@@ -36,7 +37,7 @@ HALF_WIDTH_M = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BoundaryConfig:
+class BoundaryConfig(Settings):
     """Settings of the boundary boxes."""
 
     min_step_m: float = setting(
@@ -78,7 +79,7 @@ class FloorPoints:
     times: tuple[AnyArray, AnyArray]
 
     @classmethod
-    def of(cls, points: Points, surface: RoadSurface, origin: tuple[float, float, float]) -> FloorPoints:
+    def of(cls, points: Points, surface: Ground, origin: tuple[float, float, float]) -> FloorPoints:
         """Return the points near the ground, sorted into the lattice, with sums and facets of its cells."""
         g = surface.grid
         west = round((g.east_m - origin[0]) / g.cell_width_m)
@@ -99,7 +100,7 @@ class FloorPoints:
 
 
 def find_boundary_boxes(
-    tile: TileData, surface: RoadSurface, config: BoundaryConfig, cores: Sequence[Bounds] = ()
+    tile: TileData, surface: Ground, config: BoundaryConfig, cores: Sequence[Bounds] = ()
 ) -> BoxSet:
     """Return the boundary boxes of the cells that touch a tile's core.
 

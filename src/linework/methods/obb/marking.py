@@ -22,9 +22,10 @@ from linework.methods.obb.kerbs_and_edges import local_origin_of
 from linework.methods.tracking.fitted import PAINT_SCORE_OFFSET, PAINT_SCORE_SLOPE
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.grid import Bounds
+from linework.model.ground import Ground
 from linework.model.points import Points
-from linework.model.settings import setting
-from linework.model.tile import RoadSurface, TileData
+from linework.model.settings import Settings, setting
+from linework.model.tile import TileData
 
 #: Side of the cells; each holds one box of a stripe. [m]
 MARKING_CELL_M = 0.5
@@ -43,7 +44,7 @@ _LEAST_SIGMA = 0.001
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MarkingConfig:
+class MarkingConfig(Settings):
     """Settings of the detection of paint."""
 
     min_intensity: float = setting(
@@ -95,7 +96,7 @@ class PaintPoints:
 
     @classmethod
     def of(
-        cls, points: Points, surface: RoadSurface, origin: tuple[float, float, float], config: MarkingConfig
+        cls, points: Points, surface: Ground, origin: tuple[float, float, float], config: MarkingConfig
     ) -> PaintPoints:
         """Return the points near the road, sorted into cells."""
         intensity = np.zeros(len(points), np.float32) if points.intensity is None else points.intensity
@@ -120,7 +121,7 @@ class PaintPoints:
 
 
 def find_marking_boxes(
-    tile: TileData, surface: RoadSurface, config: MarkingConfig, cores: Sequence[Bounds] = ()
+    tile: TileData, surface: Ground, config: MarkingConfig, cores: Sequence[Bounds] = ()
 ) -> BoxSet:
     """Return oriented boxes on all paint near the road of a tile's core, by cell row, column and position.
 

@@ -27,14 +27,14 @@ from linework.methods.tracking.track import TrackConfig
 from linework.model.boxes import BoxSet
 from linework.model.grid import Bounds, holds
 from linework.model.lines import LineSet
-from linework.model.settings import group
+from linework.model.settings import Settings, group
 from linework.model.tile import TileData
 
 OBB_KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ObbConfig:
+class ObbConfig(Settings):
     """Settings of the obb method, each step's own in a group."""
 
     marking: MarkingConfig = group(MarkingConfig)
@@ -43,7 +43,7 @@ class ObbConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class ObbMethod:
+class Obb:
     """Lane markings and road boundaries: oriented boxes in the points, tracked by collision."""
 
     recording: ClassVar[Recording] = "points"
@@ -114,7 +114,7 @@ class ObbMethod:
         lines = lines.take(np.isin(lines.kind, self.kinds))
         return lines.with_columns(xyz=lines.xyz + np.asarray(survey.origin))
 
-    def only(self, kind: str) -> ObbMethod:
+    def only(self, kind: str) -> Obb:
         """Return the method with what it takes to find boxes of one kind of line only."""
         return replace(self, kinds=("kerb_top",) if kind == "road_boundary" else ("lane_marking_dash",))
 

@@ -18,7 +18,7 @@ from linework.methods.rails.stretches import barrier_stretches, guardrail_stretc
 from linework.methods.rails.verdict import NodeScores, classify
 from linework.model.grid import Bounds
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
-from linework.surface.road import RoadSurface, height_above_ground, height_above_road
+from linework.surface.road import Ground, height_above_ground, height_above_road
 
 #: Nodes within this distance of a barrier's edge are on its foot: that of a New Jersey profile stands 0.22 m before the
 #: top edge, and nodes are half a metre apart. [m]
@@ -71,7 +71,7 @@ class _Placed:
     chainage: FloatArray
 
 
-def _placed(rails: list[FittedRail], bins: Bins, surface: RoadSurface) -> list[_Placed]:
+def _placed(rails: list[FittedRail], bins: Bins, surface: Ground) -> list[_Placed]:
     """Return the rails in world coordinates, their heights looked up at once."""
     if not rails:
         return []
@@ -141,7 +141,7 @@ class _Stretch:
 def rail_lines(
     rails: list[FittedRail],
     bins: Bins,
-    surface: RoadSurface,
+    surface: Ground,
     circles: CircleConfig,
     config: ProfileConfig,
     core: Bounds | None = None,
@@ -290,7 +290,7 @@ def _chain_of(rail: FittedRail, top_m: FloatArray) -> FloatArray:
     return np.column_stack([rail.xy, top_m, rail.profile.number, rail.measured])
 
 
-def carry_into_ground(lines: LineSet, surface: RoadSurface) -> LineSet:
+def carry_into_ground(lines: LineSet, surface: Ground) -> LineSet:
     """Return the lines with guardrails extended to where their buried ends reach the ground, marked as bridged.
 
     The last few centimetres of a dipping beam cannot be told from the ground; they are extrapolated from its fall

@@ -19,7 +19,7 @@ import uvicorn
 from fastapi import FastAPI
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from linework.errors import MachineError
+from linework.errors import MachineError, argument
 from linework.files.line_file.file import LineFile
 from linework.runs.steps import Watcher
 from linework.workbench.server.app import create_app
@@ -266,7 +266,7 @@ def listener_at(port: int, usual: int) -> Iterator[socket.socket]:
                 is_taken = error.errno == errno.EADDRINUSE
                 problem = "the port is taken" if is_taken else str(error.strerror).lower()
                 raise MachineError(
-                    problem, where=f"--port {number}", advice="give another, or 0 for any"
+                    problem, where=argument("port", number), advice="give another, or 0 for any"
                 ) from None
             break
         yield listener
