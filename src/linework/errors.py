@@ -220,7 +220,10 @@ def needed(package: str, extra: str, *, where: object = None) -> Any:
 #: The extras of the installation: what each is for, as messages say it, and the modules that it is not there without.
 EXTRAS = {
     "stereo": ("stereo images", ("cv2", "PIL")),
-    "workbench": ("the workbench", ("fastapi", "pydantic", "starlette", "uvicorn", "websockets", "PIL")),
+    "workbench": (
+        "the workbench",
+        ("fastapi", "pydantic", "starlette", "uvicorn", "h11", "websockets", "PIL"),
+    ),
     "simulate": ("simulated surveys", ("embreex", "PIL")),
     "reports": ("reports, pictures and rasters", ("matplotlib", "jinja2", "rasterio", "PIL")),
     "cad": ("DXF files", ("ezdxf",)),

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-_BLOCK = '''
+_BLOCK = """
 import sys
 
 class Blocked:
@@ -22,7 +22,7 @@ for name in {modules!r}:
 for place in {attributes!r}:
     module, _, name = place.rpartition(".")
     delattr(__import__(module), name)
-'''
+"""
 
 
 def environment_without(
@@ -46,7 +46,9 @@ def environment_without(
     return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
 
 
-def run_linework(environment: dict[str, str], *arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+def run_linework(
+    environment: dict[str, str], *arguments: object, cwd: Path | None = None
+) -> subprocess.CompletedProcess[str]:
     """Run the command line in a child, to its end."""
     return subprocess.run(
         [sys.executable, "-m", "linework", *map(str, arguments)],
