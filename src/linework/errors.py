@@ -15,7 +15,7 @@ import importlib
 import importlib.util
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, ClassVar
 
 #: How a caller names a parameter, with a value that it could be given (None: without one).
@@ -143,6 +143,30 @@ class CrsError(LineworkError, ValueError):
     """A coordinate reference system is missing, unknown, in degrees, or in conflict with another."""
 
     exit_code = 3
+
+
+class UnknownKindError(LineworkError, KeyError):
+    """A kind of line that linework does not know and that none of the lines has.
+
+    Parameters
+    ----------
+    kind
+        The name that was given.
+    known
+        Kinds that could have been meant.
+    present
+        Kinds of the lines.
+    """
+
+    exit_code = 2
+
+    def __init__(self, kind: str, known: Iterable[str], present: Sequence[str]) -> None:
+        self._given = kind, tuple(known), tuple(present)
+        problem = f"unknown kind '{kind}'{did_you_mean([kind], self._given[1])}"
+        super().__init__(problem, advice=f"these lines hold {', '.join(present) or 'no kinds'}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), self._given
 
 
 class MissingPackageError(LineworkError, ImportError):

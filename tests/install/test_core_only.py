@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -31,11 +33,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def core(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Any]:
-    """Return a function that runs the command line where only the core is installed."""
+def blocked(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Return the environment of a Python with the core alone."""
     modules = {*BROUGHT, *(module for _, modules in EXTRAS.values() for module in modules)}
-    environment = environment_without(tmp_path_factory.mktemp("blocked"), sorted(modules))
-    return lambda *arguments: run_linework(environment, *arguments)
+    return environment_without(tmp_path_factory.mktemp("blocked"), sorted(modules))
+
+
+@pytest.fixture(scope="module")
+def core(blocked: dict[str, str]) -> Callable[..., Any]:
+    """Return a function that runs the command line there."""
+    return lambda *arguments: run_linework(blocked, *arguments)
 
 
 def test_the_core_extracts_lines_from_laser_points(core, folder):
@@ -53,6 +60,12 @@ def test_the_core_extracts_lines_from_laser_points(core, folder):
     ):
         found = core(*command)
         assert found.returncode == 0, found.stderr
+
+
+def test_every_public_name_is_there(blocked):
+    code = "import linework; [getattr(linework, name) for name in linework.__all__]; print(len(linework.__all__))"
+    found = subprocess.run([sys.executable, "-c", code], env=blocked, capture_output=True, text=True)
+    assert int(found.stdout or 0) > 10, found.stderr
 
 
 @pytest.mark.parametrize(

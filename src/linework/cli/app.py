@@ -30,7 +30,7 @@ from linework.cli.commands.locate import locate
 from linework.cli.commands.photolog import photolog
 from linework.cli.commands.raster import raster
 from linework.cli.commands.serve import serve
-from linework.cli.commands.simulate import simulate
+from linework.cli.commands.simulate import simulate_command
 from linework.cli.commands.trace import trace
 from linework.cli.failures import Interrupted, failure_of, save_log
 from linework.cli.options import option_words
@@ -54,7 +54,7 @@ for command in (
     raster,
     photolog,
     convert,
-    simulate,
+    simulate_command,
     config,
     clean,
 ):

@@ -12,6 +12,7 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.errors import OwnCodeError
+from linework.methods.point_order import in_fixed_order
 from linework.methods.seams import across_seams, of_core
 from linework.model.camera import RectifiedRig
 from linework.model.grid import Bounds
@@ -23,6 +24,7 @@ from linework.model.tile import TileData, local_origin
 from linework.model.trajectory import Trajectory
 from linework.processes.identity import is_installed
 from linework.processes.own_code import call_own
+from linework.surface.cells import CellWindow
 from linework.surface.road import RoadConfig, find_ground
 
 #: Interval at which the straight line between two places is tested for visibility, half a surface cell. [m]
@@ -219,7 +221,15 @@ def tile_of(points: Points, trajectory: Trajectory | None = None, ground: Ground
 
 
 def extract_tile(method: Method, tile: TileData) -> LineSet:
-    """Return the lines of a tile that is a survey of its own: one look, then the join."""
+    """Return the lines of a tile that is a survey of its own: one look, then the join.
+
+    The points are put into a fixed order first: the lines do not depend on the order in which they come.
+
+    Raises
+    ------
+    UsageError
+        A coordinate, time or intensity is not a finite number.
+    """
     if len(tile.points) == 0:
         return LineSet.empty()
     tile = whole_tile(tile)
@@ -227,7 +237,14 @@ def extract_tile(method: Method, tile: TileData) -> LineSet:
 
 
 def whole_tile(tile: TileData) -> TileData:
-    """Return a tile with its surface, found in its points where it brings none."""
+    """Return a tile with its points in a fixed order, and its surface, found in them where it brings none.
+
+    Raises
+    ------
+    UsageError
+        A coordinate, time or intensity is not a finite number.
+    """
+    tile = replace(tile, points=in_fixed_order(tile.points))
     return replace(tile, surface=surface_of_tile(tile))
 
 
@@ -242,8 +259,16 @@ def context_of_tile(tile: TileData) -> SurveyContext:
 
 
 def surface_of_tile(tile: TileData) -> Ground:
-    """Return road and ground of a tile: the survey's, or found in the tile's points."""
-    return tile.surface or find_ground(tile.points, tile.trajectory, RoadConfig())
+    """Return road and ground of a tile: the survey's, or found in the tile's points.
+
+    Own ground on a grid that is not on the lattice of its cells is brought to that of the default cells.
+    """
+    if tile.surface is None:
+        return find_ground(tile.points, tile.trajectory)
+    if tile.surface.is_on_lattice:
+        return tile.surface
+    cell_m = RoadConfig().cell_m
+    return tile.surface.on_grid(CellWindow.over(tile.points.bounds, cell_m).grid(cell_m))
 
 
 def origin_of_tile(tile: TileData) -> tuple[float, float, float]:

@@ -23,10 +23,6 @@ from linework.simulation.scene.paint import paint_cover, smooth_noise
 from linework.simulation.scene.part import Scene
 from linework.simulation.sensors.drive import Drive
 
-with extra_needed("simulate"):
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-
 #: Beams at a time: what the arrays of a batch need stays under 100 MB.
 _BATCH = 200_000
 #: Directions that are told apart between two pulses.
@@ -92,6 +88,10 @@ class Caster:
     def __init__(self, scene: Scene) -> None:
         mesh = scene.mesh
         self._scene = scene
+        with extra_needed("simulate"):
+            from embreex.mesh_construction import TriangleMesh
+            from embreex.rtcore_scene import EmbreeScene
+
         self._embree = EmbreeScene()
         self._mesh = TriangleMesh(self._embree, mesh.vertices.astype(np.float32), mesh.triangles)
         a, b, c = (mesh.vertices[mesh.triangles[:, i]] for i in range(3))

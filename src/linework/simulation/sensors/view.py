@@ -17,10 +17,6 @@ from linework.simulation.scene.materials import Material
 from linework.simulation.scene.part import Scene
 from linework.simulation.scene.scene import build_scene
 
-with extra_needed("simulate"):
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-
 #: Nothing is looked at beyond this. [m]
 SIGHT_REACH_M = 400.0
 #: Shadow rays start this far from where they were cast off, so that a surface does not shade itself. [m]
@@ -114,6 +110,10 @@ class _Rays:
     """Triangles ready for rays; near the origin single precision is good to 0.1 mm."""
 
     def __init__(self, vertices: FloatArray, triangles: AnyArray) -> None:
+        with extra_needed("simulate"):
+            from embreex.mesh_construction import TriangleMesh
+            from embreex.rtcore_scene import EmbreeScene
+
         self._embree = EmbreeScene()
         self._mesh = TriangleMesh(self._embree, vertices.astype(np.float32), triangles)
 
