@@ -42,7 +42,6 @@ _SUMMARY = "Extract georeferenced 3-D road lines from mobile-mapping surveys."
 app = typer.Typer(
     name="linework",
     help=_SUMMARY,
-    add_completion=False,
     rich_markup_mode=None,  # plain help: rich alone would double its time
 )
 for command in (

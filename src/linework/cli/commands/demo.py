@@ -37,9 +37,12 @@ def demo(
     with the exact lines (the truth) beside the laser points. The extraction does not use the truth; the report
     compares the two.
     """
+    from linework.errors import check_extra
     from linework.files.output.publish import check_output_folder
     from linework.library.progress import open_display
 
+    for extra in ("simulate", "reports"):
+        check_extra(extra, where="demo")
     check_output_folder(folder, overwrite=overwrite)
     with open_display(quiet=quiet) as display:
         from linework.methods.kinds import ALL_KINDS

@@ -145,7 +145,7 @@ def extract_command(
 
 def _check_report(report: Path | None, output: Path, *, overwrite: bool) -> None:
     """Raise, before any work, where the report could not be written at the end."""
-    from linework.errors import UsageError
+    from linework.errors import UsageError, check_extra
     from linework.files.output.publish import check_output
 
     if report is None:
@@ -154,6 +154,7 @@ def _check_report(report: Path | None, output: Path, *, overwrite: bool) -> None
         raise UsageError(f"cannot write reports as '{report.suffix}'", where=report, advice="use .html")
     if report.absolute() == output.absolute():
         raise UsageError("the report would replace the lines", where=report, advice="choose another name")
+    check_extra("reports", where="--report")
     check_output(report, overwrite=overwrite)
 
 

@@ -81,7 +81,7 @@ def locate(
 
 
 def _check(rate_hz: float, longest_outage_s: float, plot: Path | None) -> None:
-    from linework.errors import UsageError
+    from linework.errors import UsageError, check_extra
 
     for name, value, low, high in (
         ("--rate-hz", rate_hz, 0.1, 1000.0), ("--longest-outage-s", longest_outage_s, 1.0, 3600.0)
@@ -92,6 +92,8 @@ def _check(rate_hz: float, longest_outage_s: float, plot: Path | None) -> None:
         raise UsageError(
             f"cannot write a plot as '{plot.suffix}'", where="--plot", advice="use .png or .html"
         )
+    if plot is not None:
+        check_extra("reports", where="--plot")
 
 
 def _located(survey: Survey, logs: Any, rate_hz: float, longest_outage_s: float) -> LocatedDrive:

@@ -64,9 +64,12 @@ def serve(
     import asyncio
 
     from linework.cli.failures import Interrupted, save_log
+    from linework.errors import check_extra
     from linework.library.progress import open_display
 
     _check_host(host)
+    for extra in ("workbench", "reports"):
+        check_extra(extra, where="serve")
     settings = read_settings(config)
     with contextlib.ExitStack() as held:
         display = held.enter_context(open_display(quiet=quiet))
