@@ -15,7 +15,7 @@ from typing import Any
 import pyproj
 from pyproj.exceptions import CRSError as ProjError
 
-from linework.errors import CrsError
+from linework.errors import CrsError, argument
 
 LOCAL = "local"
 #: Longest CRS text that is parsed [characters]; a compound WKT2 has 3 to 6 kB.
@@ -27,10 +27,48 @@ _WKT = re.compile(
     re.IGNORECASE,
 )
 _FEET_IN_NAME = re.compile(r" \((ft|ftUS|US survey foot|foot)\)")
-_ADVICE = "give --crs EPSG:... (projected, metres) or --crs local"
+#: How a CRS is given as a text.
+_FORMS = "EPSG:n, EPSG:n+m, WKT or local"
+_ADVICE = f"give {argument('crs', 'EPSG:...')} (projected, metres) or {argument('crs', 'local')}"
 
 
-def parse_crs(crs: object, *, where: object = None) -> str:
+def crs_text(crs: str | int | pyproj.CRS) -> str:
+    """Return a CRS as the text that `parse_crs` reads.
+
+    Parameters
+    ----------
+    crs
+        "EPSG:n", "EPSG:n+m", WKT or "local"; an EPSG code; or a `pyproj.CRS`.
+
+    Raises
+    ------
+    CrsError
+        Something else.
+
+    Examples
+    --------
+    >>> crs_text(25832)
+    'EPSG:25832'
+    >>> crs_text(2.5)
+    Traceback (most recent call last):
+    linework.errors.CrsError: crs: 2.5 is not a CRS: expected EPSG:n, EPSG:n+m, WKT or local, ...
+    """
+    if isinstance(crs, str):
+        return crs
+    if isinstance(crs, pyproj.CRS):
+        return crs.to_wkt("WKT2_2019")
+    if isinstance(crs, Integral) and not isinstance(crs, bool):
+        return f"EPSG:{int(crs)}"
+    # GeoPandas and rasterio have classes of their own, which state their WKT
+    if callable(to_wkt := getattr(crs, "to_wkt", None)):
+        return str(to_wkt())
+    raise CrsError(
+        f"{crs!r:.60} is not a CRS: expected {_FORMS}, an EPSG code or a pyproj.CRS",
+        where=argument("crs"), advice=_ADVICE,
+    )  # fmt: skip
+
+
+def parse_crs(crs: str | int | pyproj.CRS, *, where: object = None) -> str:
     """Return the WKT2 of a projected CRS named by EPSG code(s) or WKT, or "local".
 
     Only these forms are read: a CRS text is never opened as a path and never fetched as an address.
@@ -38,8 +76,9 @@ def parse_crs(crs: object, *, where: object = None) -> str:
     Parameters
     ----------
     crs
-        "EPSG:25832", "EPSG:25832+7837", WKT, "local"; the number of an EPSG code; or an object with `to_wkt`, such as
-        a `pyproj.CRS`.
+        As `crs_text` takes it.
+    where
+        The file or parameter that messages name.
 
     Raises
     ------
@@ -55,7 +94,7 @@ def parse_crs(crs: object, *, where: object = None) -> str:
     >>> parse_crs("EPSG:25832+7837").split('"')[1]
     'ETRS89 / UTM zone 32N + DHHN2016 height'
     """
-    text = _crs_as_text(crs, where)
+    text = crs_text(crs)
     stripped = text.strip()
     if stripped.lower() == LOCAL:
         return LOCAL
@@ -65,30 +104,14 @@ def parse_crs(crs: object, *, where: object = None) -> str:
             f"CRS text of {len(text)} characters, at most {_MAX_CHARS}", where=where, advice=_ADVICE
         )
     if not (_EPSG.fullmatch(stripped) or _WKT.match(stripped)):
-        raise CrsError(f"'{shown}' is not a CRS: expected EPSG:n, EPSG:n+m, WKT or local", where=where,
+        raise CrsError(f"'{shown}' is not a CRS: expected {_FORMS}", where=where,
                        advice=_ADVICE)  # fmt: skip
     try:
-        crs = _load(stripped)
+        loaded = _load(stripped)
     except ProjError as error:
         raise CrsError(f"CRS '{shown}' is not known to PROJ", where=where, advice=_ADVICE) from error
-    check_usable(crs, where=where)
-    return LOCAL if crs.is_engineering else canonical_wkt(crs)
-
-
-def _crs_as_text(crs: object, where: object) -> str:
-    """Return a CRS of any accepted type as text."""
-    if isinstance(crs, str):
-        return crs
-    if isinstance(crs, Integral) and not isinstance(crs, bool):
-        return f"EPSG:{int(crs)}"
-    to_wkt = getattr(crs, "to_wkt", None)
-    if not callable(to_wkt):
-        raise CrsError(
-            f"a CRS is a text, an EPSG code or a pyproj.CRS, not {type(crs).__name__}",
-            where=where,
-            advice=_ADVICE,
-        )
-    return str(to_wkt("WKT2_2019"))
+    check_usable(loaded, where=where)
+    return LOCAL if loaded.is_engineering else canonical_wkt(loaded)
 
 
 def check_usable(crs: pyproj.CRS, *, where: object = None) -> None:

@@ -2,12 +2,71 @@
 
 A message names the file, the problem with its numbers, and the remedy:
 ``error: FILE: what is wrong. What to do.`` The command line prints exactly that line.
+
+A message that concerns what the caller gave names the parameter with `argument`. It is the same error for all
+callers: Python reads ``overwrite=True``, the command line prints the option (`linework.cli.options.option_words`).
 """
 
 from __future__ import annotations
 
+import difflib
 import importlib
+import json
+import re
+from collections.abc import Callable, Iterable
 from typing import Any, ClassVar
+
+#: How a caller names a parameter, with a value that it could be given (None: without one).
+Speech = Callable[[str, str | int | bool | None], str]
+#: What stands around a parameter in a message: characters of private use, which no file name or value has.
+_BEGIN, _END = "\ue000", "\ue001"
+_ARGUMENT = re.compile(f"{_BEGIN}([a-z_]+)=([^{_BEGIN}{_END}]*){_END}")
+
+
+def argument(name: str, value: str | int | bool | None = None) -> str:
+    """Return a parameter as a part of a message, to be put in words for each caller.
+
+    Parameters
+    ----------
+    name
+        The parameter's name in Python.
+    value
+        A value that it could be given; None: the message names the parameter alone.
+
+    Examples
+    --------
+    >>> error = UsageError("output exists", where="a.gpkg", advice=f"give {argument('overwrite', True)}")
+    >>> str(error)
+    'a.gpkg: output exists. Give overwrite=True.'
+    """
+    return f"{_BEGIN}{name}={'' if value is None else json.dumps(value)}{_END}"
+
+
+def python_words(name: str, value: str | int | bool | None) -> str:
+    """Return a parameter as it is written in a call.
+
+    >>> python_words("crs", "local"), python_words("work", None)
+    ('crs="local"', 'work=')
+    """
+    shown = "" if value is None else str(value) if isinstance(value, int) else json.dumps(value)
+    return f"{name}={shown}"
+
+
+def in_words(text: str, speech: Speech = python_words) -> str:
+    """Return a text with its parameters as a caller names them."""
+    return _ARGUMENT.sub(lambda found: speech(found[1], json.loads(found[2]) if found[2] else None), text)
+
+
+def did_you_mean(unknown: Iterable[str], known: Iterable[str]) -> str:
+    """Return the end of a message about unknown names: what is nearest to them, "" if nothing is near.
+
+    >>> did_you_mean(["bend"], ["straight", "bends"])
+    '. Did you mean bends?'
+    """
+    known = tuple(known)
+    lower = {name.lower(): name for name in known}
+    near = [lower[n] for name in unknown for n in difflib.get_close_matches(name.lower(), lower, 1)]
+    return f". Did you mean {' and '.join(dict.fromkeys(near))}?" if near else ""
 
 
 class LineworkError(Exception):
@@ -18,7 +77,7 @@ class LineworkError(Exception):
     problem
         What is wrong, with numbers; no full stop.
     where
-        The file or option concerned.
+        The file concerned, or the parameter as `argument` gives it.
     advice
         What to do about it; no full stop.
     """
@@ -39,16 +98,25 @@ class LineworkError(Exception):
         >>> str(UsageError("unknown setting y. Did you mean 'x'?", advice="linework config prints all"))
         "unknown setting y. Did you mean 'x'? linework config prints all."
         """
-        text = f"{self.where}: " if self.where is not None else ""
+        return self.line()
+
+    def line(self, speech: Speech = python_words) -> str:
+        """Return the line that a user sees, its parameters as this caller names them.
+
+        >>> UsageError("not a CRS", where=argument("crs")).line(lambda name, value: f"option {name}")
+        'option crs: not a CRS.'
+        """
+        # In front of a colon a parameter stands alone: `crs: `, not `crs=: `
+        text = f"{in_words(str(self.where), speech).removesuffix('=')}: " if self.where is not None else ""
         text += self.problem if self.problem.endswith("?") else f"{self.problem}."
         if self.advice.startswith("pip "):
             # To be copied to the end of the line
             text += f" {self.advice}"
         elif self.advice:
-            # Commands are case-sensitive: no capital at the start of a sentence
-            is_command = self.advice.startswith("linework ")
-            text += f" {self.advice if is_command else self.advice[0].upper() + self.advice[1:]}."
-        return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+            # Commands and parameters are case-sensitive: no capital at the start of a sentence
+            is_literal = self.advice.startswith(("linework ", _BEGIN))
+            text += f" {self.advice if is_literal else self.advice[0].upper() + self.advice[1:]}."
+        return "".join(c if c.isprintable() else repr(c)[1:-1] for c in in_words(text, speech))
 
 
 class UsageError(LineworkError, ValueError):
@@ -94,9 +162,15 @@ class MachineError(LineworkError, OSError):
 
 
 class OutputExistsError(LineworkError, FileExistsError):
-    """The output exists and ``--overwrite`` was not given, or another run holds its lock."""
+    """The output exists and was not to be overwritten, or another run holds its lock."""
 
     exit_code = 6
+
+
+class OwnCodeError(LineworkError, RuntimeError):
+    """A function that the user passed in failed; the exception that it raised is the cause (``__cause__``)."""
+
+    exit_code = 1
 
 
 class AbsentError(LineworkError, LookupError):

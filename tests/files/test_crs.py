@@ -7,6 +7,7 @@ import pyproj
 import pytest
 
 from linework.crs import (
+    crs_text,
     describe_crs,
     epsg_text,
     has_height,
@@ -72,6 +73,33 @@ def test_what_is_refused(text, words):
     assert line.startswith("a.laz: ")
     assert len(line) < 300
     assert caught.value.advice
+
+
+def test_a_crs_is_given_as_text_code_or_object():
+    expected = parse_crs("EPSG:25832")
+    for given in (
+        25832,
+        np.int64(25832),
+        pyproj.CRS.from_epsg(25832),
+        pyproj.CRS.from_epsg(25832).to_wkt("WKT1_GDAL"),
+    ):
+        assert parse_crs(given) == expected
+    compound = pyproj.CRS("EPSG:25832+7837")
+    assert parse_crs(compound) == parse_crs("EPSG:25832+7837")
+
+
+@pytest.mark.parametrize("wrong", [2.5, True, ("EPSG", 25832), b"EPSG:25832", object()])
+def test_what_is_not_a_crs_is_refused_in_one_line(wrong):
+    with pytest.raises(CrsError, match=r"^crs: .* is not a CRS: expected EPSG:n.* or crs=\"local\"\.$"):
+        crs_text(wrong)
+
+
+@pytest.mark.parametrize(
+    ("code", "words"), [(4326, "degrees"), (999_999, "not known to PROJ"), (-1, "is not a CRS")]
+)
+def test_a_code_that_cannot_be_used_is_refused(code, words):
+    with pytest.raises(CrsError, match=words):
+        parse_crs(code)
 
 
 @pytest.mark.parametrize("text", ["local", " Local ", 'LOCAL_CS["site",UNIT["metre",1]]'])
@@ -168,7 +196,7 @@ OWN_PROJECTION = ((1024, 1), (3072, 32767))
 def test_units_of_a_projection_without_a_code(entries, given, factors):
     resolved = resolve_crs([(34735, keys(*entries))], given)
     assert resolved.factors == factors
-    assert resolved.warnings[0].endswith("without EPSG code: taken from --crs")
+    assert resolved.warnings[0].endswith("without EPSG code: taken from the CRS that was given")
     assert any("feet converted" in text for text in resolved.warnings) == (factors != (1.0, 1.0))
 
 
@@ -176,7 +204,7 @@ def test_units_of_a_projection_without_a_code_that_contradict_the_given_crs():
     with pytest.raises(CrsError) as caught:
         resolve_crs([(34735, keys(*OWN_PROJECTION, (3076, 9003)))], "EPSG:25832", where="a.las")
     assert str(caught.value) == (
-        "a.las: its GeoTIFF keys state a unit of 0.30480061 m, --crs ETRS89 / UTM zone 32N (EPSG:25832) has 1 m."
+        'a.las: its GeoTIFF keys state a unit of 0.30480061 m, crs="ETRS89 / UTM zone 32N (EPSG:25832)" has 1 m.'
         " Give the CRS that the coordinates are in, or correct the header."
     )
 
@@ -186,7 +214,7 @@ def test_a_crs_may_be_a_number_or_an_object():
     assert parse_crs(25832) == parse_crs("EPSG:25832") == parse_crs(np.int32(25832))
     assert parse_crs(pyproj.CRS.from_user_input("EPSG:25832+7837")) == compound
     for wrong in (None, 3.5, True, ["EPSG:25832"]):
-        with pytest.raises(CrsError, match=r"a CRS is a text, an EPSG code or a pyproj.CRS, not "):
+        with pytest.raises(CrsError, match="is not a CRS"):
             parse_crs(wrong)
     with pytest.raises(CrsError, match="degrees"):
         parse_crs(4326)

@@ -45,7 +45,7 @@ def test_existing_output_is_not_touched(tmp_path):
     path.write_text("old")
     with pytest.raises(OutputExistsError) as caught:
         publish(path, failing(AssertionError("work was done")), fine)
-    assert str(caught.value) == f"{path}: output exists already. Choose another name or give --overwrite."
+    assert str(caught.value) == f"{path}: output exists already. Choose another name or give overwrite=True."
     assert caught.value.exit_code == 6
     assert path.read_text() == "old"
 

@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pyproj
 import pytest
 from tests.scenes.places import REAL
 
@@ -127,6 +128,50 @@ def test_no_points_at_all(tmp_path):
         read_survey_points(open_survey([tmp_path]))
 
 
+def test_a_survey_is_named_by_paths_of_any_form(folder, monkeypatch):
+    names = {"a.laz", "b.laz"}
+    monkeypatch.chdir(folder.parent)
+    for src in (
+        str(folder / "*.laz"),
+        folder / "[ab].laz",
+        f"{folder.name}/*.laz",
+        "**/?.laz",
+        [str(folder / "a.laz"), folder / "b.laz"],
+        iter([folder / "*.laz"]),
+        (folder / "b.laz", str(folder / "*.l*z")),
+    ):
+        assert {path.name for path in open_survey(src).point_files} == names
+    assert len(open_survey(str(folder)).point_files) == len(open_survey(folder).point_files) == 3
+    assert open_survey(folder / "a.laz").name == "a"
+    assert len(open_survey(f"{folder.parent}/*").point_files) == 3  # a pattern may match the folder
+
+
+def test_a_name_with_brackets_is_not_a_pattern_where_it_exists(tmp_path):
+    write_las(points(), tmp_path / "drive [1].laz", crs=UTM)
+    assert open_survey(tmp_path / "drive [1].laz").point_files == (tmp_path / "drive [1].laz",)
+
+
+def test_a_pattern_that_matches_nothing_is_refused(folder):
+    (folder / "notes.txt").write_text("not a laser file")
+    for pattern in ("*.xyz", "*.txt", "nothing/*.laz"):
+        with pytest.raises(InputError, match=r"the pattern matches no \.las/\.laz file and no folder"):
+            open_survey(folder / pattern)
+
+
+@pytest.mark.parametrize("wrong", [5, None, [None], ["", ""], "", []])
+def test_what_is_not_a_path_is_refused_in_one_line(wrong):
+    with pytest.raises(UsageError, match=r"Name \.las/\.laz files or a survey folder"):
+        open_survey(wrong)
+
+
+def test_a_survey_takes_the_crs_as_code_or_object(tmp_path):
+    write_las(points(), tmp_path / "a.laz", crs="local")
+    for crs in (25832, pyproj.CRS.from_epsg(25832)):
+        survey = open_survey(tmp_path / "a.laz", crs=crs)
+        assert survey.crs == parse_crs("EPSG:25832")
+        assert len(read_survey_points(survey).points) == 500
+
+
 def test_mixed_crss(folder):
     write_las(points(9), folder / "z.laz", crs="EPSG:25833+7837")
     with pytest.raises(CrsError) as caught:
@@ -142,7 +187,7 @@ def test_a_missing_vertical_part_is_filled_in(folder):
 
 def test_no_crs(tmp_path):
     write_las(points(), tmp_path / "a.laz", crs="local")
-    with pytest.raises(CrsError, match="--crs"):
+    with pytest.raises(CrsError, match=r"crs=\"local\""):
         open_survey([tmp_path])
     survey = open_survey([tmp_path], crs="local")
     assert survey.crs == "local"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from linework.methods.cables.find import CableConfig, find_cables, least_height_m
-from linework.methods.radon.seams import inside_core
+from linework.methods.seams import inside_core
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.tile import local_origin

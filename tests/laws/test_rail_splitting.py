@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from linework.methods.radon.method import RailMethod
-from linework.methods.radon.seams import inside_core, join_seams
+from linework.methods.seams import inside_core, join_seams
 from linework.model.grid import Bounds
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.tile import TileData, local_origin

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from linework.methods.radon.seams import inside_core, join_seams
+from linework.methods.seams import inside_core, join_seams
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 

@@ -33,6 +33,7 @@ from linework.cli.commands.serve import serve
 from linework.cli.commands.simulate import simulate
 from linework.cli.commands.trace import trace
 from linework.cli.failures import Interrupted, failure_of, save_log
+from linework.cli.options import option_words
 from linework.errors import LineworkError
 
 _SUMMARY = "Extract georeferenced 3-D road lines from mobile-mapping surveys."
@@ -188,7 +189,7 @@ def _warnings_on_one_line() -> Iterator[None]:
         line: str | None = None,
     ) -> None:
         del filename, lineno, file, line
-        text = str(LineworkError(str(message).rstrip("."))).strip()
+        text = LineworkError(str(message).rstrip(".")).line(option_words).strip()
         if issubclass(category, UserWarning) and text not in shown:
             shown.add(text)
             print(f"warning: {text}", file=sys.stderr)

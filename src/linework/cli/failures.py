@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import typer
 
+from linework.cli.options import option_words
 from linework.errors import InputError, LineworkError, MachineError, UsageError
 
 #: The base of typer's errors about arguments (click's ClickException, which typer may bring along itself).
@@ -102,7 +103,7 @@ def failure_of(error: BaseException) -> CommandFailure:
 
 
 def _from_own(error: LineworkError) -> CommandFailure:
-    return CommandFailure(f"error: {error}", error.exit_code)
+    return CommandFailure(f"error: {error.line(option_words)}", error.exit_code)
 
 
 def _path_of(error: OSError) -> str:
@@ -135,6 +136,6 @@ def save_log(error: BaseException) -> str:
 
 def warn(text: str) -> None:
     """Print a warning as one line on stderr."""
-    line = str(LineworkError(text.rstrip(".")))
+    line = LineworkError(text.rstrip(".")).line(option_words)
     with contextlib.suppress(OSError, ValueError):
         print(f"warning: {line}", file=sys.stderr, flush=True)

@@ -58,6 +58,20 @@ RunFile = Annotated[
         "--config", metavar="FILE", help="Run file (TOML) with settings; `linework config` prints one."
     ),
 ]
+#: Options that are not named as the parameter is in Python.
+_OPTION_OF = {"kinds": "--features", "kind": "--feature", "methods": "--method", "settings": "--config"}
+
+
+def option_words(name: str, value: str | int | bool | None) -> str:
+    """Return a parameter as the option of a command, for `linework.errors.LineworkError.line`.
+
+    >>> option_words("overwrite", True), option_words("crs", "local"), option_words("kinds", None)
+    ('--overwrite', '--crs local', '--features')
+    """
+    option = _OPTION_OF.get(name) or "--" + name.replace("_", "-")
+    return option if value is None or value is True else f"{option} {value}"
+
+
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Do not show progress.")]
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from linework.crs import LOCAL, describe_crs, has_height, same_crs, same_plan
-from linework.errors import CrsError, UsageError
+from linework.errors import CrsError, UsageError, argument
 from linework.evaluation.attributes import (
     ATTRIBUTES,
     COMPARED_LABELS,
@@ -242,7 +242,7 @@ def check_crs(extracted: str, reference: str) -> None:
         raise CrsError(
             f"lines are in {a}, reference in {b} (local: metres, not georeferenced)",
             where="evaluate",
-            advice="give the CRS of the local file with --crs",
+            advice=f"give the CRS of the local file with {argument('crs')}",
         )
     if not same_plan(extracted, reference) or (has_height(extracted) and has_height(reference)):
         raise CrsError(

@@ -22,6 +22,7 @@ import numpy as np
 
 from linework.arrays import AnyArray
 from linework.errors import MachineError
+from linework.files.handles import bytes_at, open_for_reading, read_at
 from linework.files.output.replace import replace_file, replacing
 
 ARRAY_SUFFIX = ".arrays"
@@ -99,8 +100,8 @@ class ArrayFile:
         self._layout = []
         size, begin = os.fstat(handle).st_size, 0
         while begin < size:
-            start = begin + _PREFIX_BYTES + int.from_bytes(os.pread(handle, 2, begin + 8), "little")
-            dtype, shape = _header(os.pread(handle, start - begin, begin))
+            start = begin + _PREFIX_BYTES + int.from_bytes(bytes_at(handle, 2, begin + 8), "little")
+            dtype, shape = _header(bytes_at(handle, start - begin, begin))
             self._layout.append((dtype, shape, start))
             begin = start + math.prod(shape) * dtype.itemsize
             if begin > size:
@@ -127,7 +128,7 @@ class ArrayFile:
         row = math.prod(shape[1:]) * dtype.itemsize
         view, got = out.reshape(-1).view(np.uint8).data, 0
         while got < len(view):
-            n = os.preadv(self._handle, [view[got:]], start + first * row + got)
+            n = read_at(self._handle, [view[got:]], start + first * row + got)
             if n == 0:
                 raise ValueError(f"ends before row {last}")
             got += n
@@ -145,7 +146,7 @@ def opened_arrays(path: Path | str) -> Iterator[ArrayFile]:
     MachineError
         The file cannot be read, or is damaged.
     """
-    handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    handle = open_for_reading(path)
     try:
         yield ArrayFile(handle)
     except ValueError as error:

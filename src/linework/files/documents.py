@@ -1,22 +1,24 @@
-"""Check documents that people or other programs write (survey.toml, run files, run.json) against pydantic models.
+"""Check documents that people write (survey.toml, run files) against tables of what each key must be.
 
 What is wrong is reported in one line: the file, the key, its value, what is expected, what to do.
 """
 
 from __future__ import annotations
 
+import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeAlias
 
 from linework.errors import ConfigError, InputError
 from linework.files.input import read_input_text
 
-if TYPE_CHECKING:
-    from pydantic import BaseModel
+#: Says what is expected instead of a value ("a number above 0"); "" if the value is right.
+Expectation: TypeAlias = Callable[[Any], str]
+#: The keys of a table, and what their values must be: a value, or a table.
+Table: TypeAlias = "Mapping[str, Expectation | Table]"
 
-ModelT = TypeVar("ModelT", bound="BaseModel")
 #: A TOML file written by hand is a page or two; a megabyte is something else.
 _MAX_TOML_BYTES = 1 << 20
 
@@ -42,15 +44,11 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise
 
 
-def check_document(
-    model: type[ModelT], document: Mapping[str, Any], *, where: object, prefix: str = ""
-) -> ModelT:
-    """Return a document as its model.
+def check_document(table: Table, document: Mapping[str, Any], *, where: object, prefix: str = "") -> None:
+    """Check a document against what its keys must be; no key is required.
 
     Parameters
     ----------
-    model
-        Its fields' descriptions say what is expected ("a number above 0").
     prefix
         Put before the keys in messages: "cameras.".
 
@@ -58,48 +56,66 @@ def check_document(
     ------
     ConfigError
         An unknown key (the known ones are listed), or a value of another type or out of its range.
+
+    Examples
+    --------
+    >>> table = {"width": expect("a number above 0", lambda value: is_finite(value) and value > 0)}
+    >>> check_document(table, {"width": 2}, where="a.toml")
+    >>> check_document(table, {"width": True}, where="a.toml")
+    Traceback (most recent call last):
+        ...
+    linework.errors.ConfigError: a.toml: width is True, expected a number above 0. Correct the value.
     """
-    from pydantic import ValidationError
-
-    try:
-        return model.model_validate(document)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise _config_error(model, document, first, where, prefix) from error
-
-
-def _config_error(
-    model: type[BaseModel], document: Mapping[str, Any], first: Any, where: object, prefix: str
-) -> ConfigError:
-    """Return what the first error of a validation says, about the innermost key that the models know."""
-    value: Any = document
-    names: list[str] = []
-    table: type[BaseModel] | None = model
-    expected = "a table"
-    for part in first["loc"]:
-        if table is None or not isinstance(value, Mapping):
-            break
-        names.append(str(part))
-        name = prefix + ".".join(names)
-        if part not in table.model_fields:
-            known = ", ".join(table.model_fields)
-            return ConfigError(f"unknown key {name}", where=where, advice=f"known here: {known}")
-        field, value = table.model_fields[part], value.get(part)
-        table = _table_of(field.annotation)
-        expected = field.description or f"a table [{name}]"
-    name = prefix + ".".join(names)
-    if "error" in first.get("ctx", {}):
-        expected = str(first["ctx"]["error"])
-    return ConfigError(f"{name} is {value!r}, expected {expected}", where=where, advice="correct the value")
+    for key, expectation in table.items():
+        if key not in document:
+            continue
+        name, value = prefix + key, document[key]
+        if isinstance(expectation, Mapping):
+            if isinstance(value, Mapping):
+                check_document(expectation, value, where=where, prefix=f"{name}.")
+                continue
+            expected = f"a table [{name}]"
+        else:
+            expected = expectation(value)
+        if expected:
+            raise ConfigError(
+                f"{name} is {value!r}, expected {expected}", where=where, advice="correct the value"
+            )
+    for key in document:
+        if key not in table:
+            known = ", ".join(table)
+            raise ConfigError(f"unknown key {prefix}{key}", where=where, advice=f"known here: {known}")
 
 
-def _table_of(annotation: Any) -> type[BaseModel] | None:
-    """Return the model of a nested table, or None for values."""
-    from typing import get_args
+# What a value must be
 
-    from pydantic import BaseModel
 
-    for kind in (annotation, *get_args(annotation)):
-        if isinstance(kind, type) and issubclass(kind, BaseModel):
-            return kind
-    return None
+def expect(what: str, is_right: Callable[[Any], bool]) -> Expectation:
+    """Return the expectation of a value for which `is_right` holds, called `what` in messages."""
+    return lambda value: "" if is_right(value) else what
+
+
+def is_text(value: Any) -> bool:
+    """Return whether a value is a text that is not empty."""
+    return isinstance(value, str) and value != ""
+
+
+def is_number(value: Any) -> bool:
+    """Return whether a value is a number; true and false are not."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def is_finite(value: Any) -> bool:
+    """Return whether a value is a number, neither infinite nor NaN."""
+    return is_number(value) and math.isfinite(value)
+
+
+def is_whole(value: Any) -> bool:
+    """Return whether a value is a whole number; 2.0 is not."""
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def is_list_of(value: Any, is_right: Callable[[Any], bool], n: int | None = None) -> bool:
+    """Return whether a value is a list, of `n` or of at least one, each of which is right."""
+    is_long_enough = isinstance(value, list) and (len(value) == n if n is not None else len(value) > 0)
+    return is_long_enough and all(is_right(item) for item in value)

@@ -4,15 +4,28 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
-from linework.files.documents import check_document, read_toml
+from linework.files.documents import (
+    Expectation,
+    Table,
+    check_document,
+    expect,
+    is_number,
+    is_whole,
+    read_toml,
+)
 from linework.model.settings import SettingsT
 
-if TYPE_CHECKING:
-    from pydantic import BaseModel
+#: What a setting is called in messages, by its type, and what tells it. A number without a point is a number, too.
+_TYPES: dict[type, tuple[str, Callable[[Any], bool]]] = {
+    float: ("a number", is_number),
+    int: ("a whole number", is_whole),
+    bool: ("true or false", lambda value: isinstance(value, bool)),
+    str: ("a text", lambda value: isinstance(value, str)),
+}
 
 
 def read_settings_file(cls: type[SettingsT], path: Path) -> SettingsT:
@@ -36,45 +49,36 @@ def settings_from(cls: type[SettingsT], values: Mapping[str, Any], *, where: obj
     ConfigError
         An unknown key, another type, or a value out of its range; the message names the key and the range.
     """
-    checked = check_document(_model_of(cls), values, where=where)
-    return _built(cls, checked.model_dump(exclude_unset=True))
+    check_document(_table_of(cls), values, where=where)
+    return _built(cls, values)
 
 
 def _built(cls: type[SettingsT], values: Mapping[str, Any]) -> SettingsT:
-    groups: dict[str, Any] = {f.name: f.default_factory for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
-    return cls(**{
-        name: _built(groups[name], value) if isinstance(value, dict) else value
-        for name, value in values.items()
-    })  # fmt: skip
-
-
-def _model_of(cls: Any) -> type[BaseModel]:
-    """Return the model of a settings dataclass: strict types, the settings' ranges, no other keys."""
-    from pydantic import ConfigDict, create_model
-
-    fields: dict[str, Any] = {}
+    """Return settings of checked values."""
+    given: dict[str, Any] = {}
     for f in dataclasses.fields(cls):
-        if dataclasses.is_dataclass(f.default_factory):
-            fields[f.name] = (_model_of(f.default_factory) | None, None)
-        else:
-            fields[f.name] = (_type_of(f), f.default)
-    model: type[BaseModel] = create_model(cls.__name__, __config__=ConfigDict(extra="forbid"), **fields)
-    return model
+        if f.name in values:
+            value = values[f.name]
+            group: Any = f.default_factory
+            is_group = dataclasses.is_dataclass(group)
+            given[f.name] = _built(group, value) if is_group else type(f.default)(value)
+    return cls(**given)
 
 
-def _type_of(f: dataclasses.Field[Any]) -> Any:
-    from pydantic import Field
+def _table_of(cls: Any) -> Table:
+    """Return what the values of a settings dataclass must be."""
+    return {
+        f.name: _table_of(f.default_factory) if dataclasses.is_dataclass(f.default_factory) else _expected(f)
+        for f in dataclasses.fields(cls)
+    }
 
-    kind, low, high = type(f.default), f.metadata["low"], f.metadata["high"]
-    bounds: dict[str, Any] = {}
-    if kind is float:
-        bounds = {"ge": low, "le": high}
-    elif kind is int:
-        bounds = {"ge": math.ceil(low)} if math.isfinite(low) else {}
-        bounds |= {"le": math.floor(high)} if math.isfinite(high) else {}
-    what = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}.get(
-        kind, "another"
-    )
+
+def _expected(f: dataclasses.Field[Any]) -> Expectation:
+    """Return what a setting must be: its type, and its range if it has one."""
+    what, is_right = _TYPES[type(f.default)]
+    low, high = f.metadata["low"], f.metadata["high"]
+    if not isinstance(f.default, int | float) or isinstance(f.default, bool):
+        return expect(what, is_right)
     if math.isfinite(low) or math.isfinite(high):
         what += f" from {low:g} to {high:g}"
-    return Annotated[kind, Field(strict=True, description=what, **bounds)]
+    return expect(what, lambda value: is_right(value) and low <= value <= high)  # false for NaN

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from linework.methods.kinds import KINDS_OF, check_method
 from linework.methods.obb.method import Obb, ObbConfig
-from linework.methods.protocol import AnyMethod
+from linework.methods.protocol import Method
 from linework.methods.radon.method import Radon, RadonConfig
 from linework.methods.stereo.method import Stereo, StereoConfig
 
@@ -16,7 +16,7 @@ def choose_methods(
     radon: RadonConfig | None = None,
     obb: ObbConfig | None = None,
     stereo: StereoConfig | None = None,
-) -> tuple[AnyMethod, ...]:
+) -> tuple[Method, ...]:
     """Return the methods that look for `kinds`, whatever recordings a survey has.
 
     Parameters
@@ -39,7 +39,7 @@ def choose_methods(
     check_method(method, kinds)
     own = {name: tuple(kind for kind in kinds if kind in found) for name, found in KINDS_OF.items()}
     asked = {name for name, found in own.items() if found and method in ("auto", name)}
-    methods: list[AnyMethod] = []
+    methods: list[Method] = []
     if "obb" in asked:
         methods.append(Obb(obb or ObbConfig(), own["obb"]))
     if "radon" in asked:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from linework.errors import UsageError
+from collections.abc import Iterable, Sequence
+
+from linework.errors import UsageError, argument, did_you_mean
+from linework.model.lines import KINDS
 
 #: Kinds that each method finds; "auto" stands for all methods.
 KINDS_OF = {
@@ -16,25 +19,61 @@ RECORDING_OF = {"obb": "points", "radon": "points", "stereo": "pairs"}
 ALL_KINDS = tuple(dict.fromkeys(kind for kinds in KINDS_OF.values() for kind in kinds))
 
 
-def parse_kinds(text: str) -> tuple[str, ...]:
-    """Return the kinds named in a comma-separated list, in their fixed order, each once.
+def kinds_in_order(kinds: Iterable[str]) -> tuple[str, ...]:
+    """Return kinds of line, each once: those of linework in their fixed order, then own ones as they come.
+
+    >>> kinds_in_order(["pole", "cable", "guardrail", "cable"])
+    ('guardrail', 'cable', 'pole')
+    """
+    listed = dict.fromkeys(kinds)
+    return (*(kind for kind in KINDS if kind in listed), *(kind for kind in listed if kind not in KINDS))
+
+
+def parse_kinds(kinds: str | Iterable[str], *, own: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return the kinds that a caller names, in their fixed order, each once.
+
+    Parameters
+    ----------
+    kinds
+        A name, names, or names separated by commas.
+    own
+        Kinds of the caller's own methods, which may be asked for too.
 
     Raises
     ------
     UsageError
-        No method finds one of the kinds; the message lists those that can be asked for.
+        No method finds one of the kinds; the message names the nearest, and those that can be asked for.
 
     Examples
     --------
     >>> parse_kinds("cable, guardrail")
     ('guardrail', 'cable')
+    >>> parse_kinds(["manhole", "cable"], own=["manhole"])
+    ('cable', 'manhole')
+    >>> parse_kinds("guard_rail")
+    Traceback (most recent call last):
+    linework.errors.UsageError: kinds: unknown kinds of line: guard_rail. Did you mean guardrail? Choose from ...
     """
-    asked = {name.strip() for name in text.split(",") if name.strip()}
-    unknown = sorted(asked - set(ALL_KINDS))
+    allowed = tuple(dict.fromkeys((*ALL_KINDS, *own)))
+    names = kinds.split(",") if isinstance(kinds, str) else _listed(kinds)
+    asked = {name.strip() for name in names if name.strip()}
+    unknown = sorted(asked - set(allowed))
     if unknown or not asked:
-        problem = f"unknown kinds of line: {', '.join(unknown)}" if unknown else "no kind of line is named"
-        raise UsageError(problem, where="--features", advice=f"choose from {','.join(ALL_KINDS)}")
-    return tuple(kind for kind in ALL_KINDS if kind in asked)
+        problem = "no kind of line is named"
+        if unknown:
+            problem = f"unknown kinds of line: {', '.join(unknown)}" + did_you_mean(unknown, allowed)
+        raise UsageError(problem, where=argument("kinds"), advice=f"choose from {','.join(allowed)}")
+    return tuple(kind for kind in allowed if kind in asked)
+
+
+def _listed(kinds: Iterable[str]) -> list[str]:
+    """Return the names; what is not a list of texts is refused."""
+    listed = list(kinds) if isinstance(kinds, Iterable) else [kinds]
+    wrong = [one for one in listed if not isinstance(one, str)]
+    if wrong:
+        raise UsageError(f"{wrong[0]!r} is not a kind of line", where=argument("kinds"),
+                         advice=f"choose from {','.join(ALL_KINDS)}")  # fmt: skip
+    return listed
 
 
 def kinds_of_method(method: str) -> tuple[str, ...]:
@@ -60,14 +99,15 @@ def check_method(method: str, kinds: tuple[str, ...]) -> None:
         The message lists the methods that can be chosen.
     """
     if method not in ("auto", *KINDS_OF):
-        raise UsageError(
-            f"unknown method {method}", where="--method", advice=f"choose auto or {', '.join(KINDS_OF)}"
-        )
+        problem = f"unknown method {method}" + did_you_mean([str(method)], ("auto", *KINDS_OF))
+        raise UsageError(problem, where=argument("methods"), advice=f"choose auto or {', '.join(KINDS_OF)}")
     candidates = KINDS_OF if method == "auto" else {method: KINDS_OF[method]}
     missing = [kind for kind in kinds if not any(kind in found for found in candidates.values())]
     if missing:
         raise UsageError(
-            f"method {method} does not find {', '.join(missing)}", where="--method", advice="choose auto"
+            f"method {method} does not find {', '.join(missing)}",
+            where=argument("methods"),
+            advice="choose auto",
         )
 
 
@@ -92,7 +132,7 @@ def findable_kinds(kinds: tuple[str, ...], *, has_points: bool, asked: bool) -> 
     missing = [kind for kind in kinds if kind not in found]
     if missing and asked:
         raise UsageError(f"{', '.join(missing)}: only laser points show them, and the survey has none",
-                         where="--features", advice=f"ask for {','.join(kinds_from('pairs', ALL_KINDS))}")  # fmt: skip
+                         where=argument("kinds"), advice=f"ask for {','.join(kinds_from('pairs', ALL_KINDS))}")  # fmt: skip
     return found
 
 

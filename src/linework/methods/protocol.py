@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+import math
+from abc import abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Protocol, Self, TypeVar
+from typing import Any, Literal, Protocol, Self, runtime_checkable
 
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.errors import OwnCodeError
+from linework.methods.seams import across_seams, of_core
 from linework.model.camera import RectifiedRig
 from linework.model.grid import Bounds
 from linework.model.ground import Ground
 from linework.model.images import Poses
 from linework.model.lines import LineSet
+from linework.model.points import Points
 from linework.model.tile import TileData, local_origin
+from linework.model.trajectory import Trajectory
+from linework.processes.identity import is_installed
+from linework.processes.own_code import call_own
 from linework.surface.road import RoadConfig, find_ground
 
 #: Interval at which the straight line between two places is tested for visibility, half a surface cell. [m]
 VISIBLE_STEP_M = 0.25
+#: Margin of points around the core of a tile for methods that do not state theirs: that of guardrails. [m]
+OWN_BUFFER_M = 64.0
 #: The recordings that a method may look at: laser points in tiles, or stereo pairs.
 Recording = Literal["points", "pairs"]
 #: Returns for (n, 2) places [m] whether road or ground was measured there: (n,).
@@ -74,52 +84,78 @@ class SurveyContext:
     pair_numbers: IntArray | None = None
 
 
-PieceT = TypeVar("PieceT", contravariant=True)
-EvidenceT = TypeVar("EvidenceT", bound=Evidence)
-
-
-class Method(Protocol[PieceT, EvidenceT]):
+@runtime_checkable
+class Method(Protocol):
     """A method of finding lines: `look` at every piece of a survey, `join` once over all of them.
 
-    A method may be used for many pieces, at the same time and in any order: it has no state, and the same piece
-    always gives the same evidence.
+    A class of your own that inherits from it needs a `name`, the `kinds` of line that it finds, and `look`: that
+    is a whole method, which runs on arrays and on surveys of any size, in tiles and worker processes.
+
+    Notes
+    -----
+    A method may be used for many pieces, at the same time, in any order and in other processes: it has no state,
+    and the same piece always gives the same evidence.
+
+    The rest has defaults, for methods that find lines in the points of a tile: the lines of each tile are cut at the
+    edges of its core, and those that meet there are joined. They meet if a line does not depend on points farther
+    from it than `buffer_m`.
+
+    Kinds of line may be your own: each gets a layer of its name in the output.
+
+    Examples
+    --------
+    >>> class HighestPoints(Method):
+    ...     name = "highest"
+    ...     kinds = ("ridge",)
+    ...
+    ...     def look(self, piece):
+    ...         xyz = piece.points.xyz
+    ...         highest = xyz[np.argsort(xyz[:, 2])[-2:]]
+    ...         return LineSet.from_lines([highest[np.argsort(highest[:, 0])]], kind=["ridge"])
+    >>> points = Points([[0.0, 0.0, 5.0], [4.0, 0.0, 1.0], [8.0, 0.0, 6.0]])
+    >>> lines = extract_tile(HighestPoints(), tile_of(points))
+    >>> lines.xyz[:, 0].tolist(), lines.method.tolist()
+    ([0.0, 8.0], ['highest'])
     """
 
     @property
+    @abstractmethod
     def name(self) -> str:
         """Name that users type: radon, obb, stereo."""
         ...
 
     @property
+    @abstractmethod
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of line it looks for, names of `linework.model.lines.KINDS`."""
+        """Kinds of line it looks for: names of `linework.model.lines.KINDS`, or its own."""
         ...
 
     @property
     def recording(self) -> Recording:
         """What its pieces are: tiles of laser points (`TileData`), or stereo pairs (`RectifiedPair`)."""
-        ...
+        return "points"
 
     @property
-    def evidence(self) -> type[EvidenceT]:
+    def evidence(self) -> type[Any]:
         """Type of what it finds in a piece."""
-        ...
+        return LineSet
 
     @property
     def buffer_m(self) -> float:
         """Width of the margin of points that a tile needs around its core [m]; 0 for stereo pairs."""
-        ...
+        return OWN_BUFFER_M
 
     @property
     def least_height_m(self) -> float:
         """Lowest height above ground that matters to it [m]: lower points are not loaded; -inf: all are."""
+        return -math.inf
+
+    @abstractmethod
+    def look(self, piece: Any) -> Any:
+        """Return the evidence in a piece: for most methods the lines in a tile of points (`TileData`)."""
         ...
 
-    def look(self, piece: PieceT) -> EvidenceT:
-        """Return the evidence in a piece."""
-        ...
-
-    def join(self, found: EvidenceT, survey: SurveyContext) -> LineSet:
+    def join(self, found: Any, survey: SurveyContext) -> LineSet:
         """Return the lines of a survey in world coordinates.
 
         Parameters
@@ -128,30 +164,81 @@ class Method(Protocol[PieceT, EvidenceT]):
             Evidence of all pieces, in the order of the pieces.
         survey
             What is known of the survey as a whole.
+
+        Notes
+        -----
+        By default, lines that meet at the edges of tiles are joined.
         """
-        ...
+        lines: LineSet = across_seams(found, survey.cores)
+        return lines
 
 
-#: A method of any kind of piece and evidence.
-AnyMethod = Method[Any, Any]
+def look_at(method: Method, piece: Any) -> Any:
+    """Return the evidence of a method in a piece; of lines that an own method finds, those of the core.
+
+    Raises
+    ------
+    OwnCodeError
+        `look` of an own method failed, or returned something else than it says.
+    """
+    if not is_own(method):
+        return method.look(piece)
+    found = call_own(method.look, method.name, piece)
+    problem = None
+    if not isinstance(found, method.evidence):
+        problem = f"look returned {type(found).__name__}, expected {method.evidence.__name__}"
+    elif isinstance(found, LineSet):
+        others = sorted(set(found.kind.tolist()) - set(method.kinds))
+        if others:
+            problem = (
+                f"look returned lines of kind {', '.join(map(repr, others))}, its kinds are {method.kinds}"
+            )
+    if problem:
+        raise OwnCodeError(problem, where=method.name)
+    if isinstance(found, LineSet):
+        names = np.where(found.method == "", method.name, found.method)
+        found = found.with_columns(method=names.astype(np.str_), crs="local")
+        if isinstance(piece, TileData):
+            found = of_core(found, piece.core, is_whole=piece.is_whole)
+    return found
+
+
+def is_own(method: Method) -> bool:
+    """Return whether a method is not one of linework's."""
+    own = type(method)
+    return not (own.__module__.startswith("linework.") and is_installed(own))
 
 
 # A tile that is a survey of its own
 
 
-def extract_tile(method: Method[TileData, EvidenceT], tile: TileData) -> LineSet:
+def tile_of(points: Points, trajectory: Trajectory | None = None, ground: Ground | None = None) -> TileData:
+    """Return points as a tile that is a survey of its own."""
+    core = points.bounds if len(points) else Bounds(0.0, 0.0, 0.0, 0.0)
+    return TileData("points", core, points, trajectory, surface=ground)
+
+
+def extract_tile(method: Method, tile: TileData) -> LineSet:
     """Return the lines of a tile that is a survey of its own: one look, then the join."""
     if len(tile.points) == 0:
         return LineSet.empty()
-    surface = surface_of_tile(tile)
-    tile = replace(tile, surface=surface)
-    survey = SurveyContext(
+    tile = whole_tile(tile)
+    return method.join(look_at(method, tile), context_of_tile(tile))
+
+
+def whole_tile(tile: TileData) -> TileData:
+    """Return a tile with its surface, found in its points where it brings none."""
+    return replace(tile, surface=surface_of_tile(tile))
+
+
+def context_of_tile(tile: TileData) -> SurveyContext:
+    """Return what is known of a survey that is one tile, with its surface."""
+    return SurveyContext(
         origin=origin_of_tile(tile),
-        is_visible=sight_of(surface),
+        is_visible=sight_of(surface_of_tile(tile)),
         path=None if tile.trajectory is None else tile.trajectory.xyz,
         cores=(tile.core,),
     )
-    return method.join(method.look(tile), survey)
 
 
 def surface_of_tile(tile: TileData) -> Ground:

@@ -3,17 +3,41 @@
 from __future__ import annotations
 
 import pickle
-import select
+import selectors
 import socket
 import struct
 import threading
 import time
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, Protocol, TypeVar
 
 #: Before each message goes its length in bytes, unsigned, big-endian.
 _LENGTH = struct.Struct("!Q")
 #: Bytes asked of the socket at once: more than its buffer holds. [bytes]
 _READ_BYTES = 1 << 20
+
+
+#: Not select(2) where there is another: it takes no descriptor above 1023. Windows has nothing else.
+_Selector: type[selectors.BaseSelector] = getattr(selectors, "PollSelector", selectors.SelectSelector)
+
+
+class HasDescriptor(Protocol):
+    """What has the descriptor of a socket."""
+
+    def fileno(self) -> int:
+        """Return the descriptor."""
+        ...
+
+
+HasDescriptorT = TypeVar("HasDescriptorT", bound=HasDescriptor)
+
+
+def wait_readable(ends: Iterable[HasDescriptorT], timeout_s: float | None = None) -> list[HasDescriptorT]:
+    """Return those connections that have data or are at their end, once one of them has or the time [s] is over."""
+    with _Selector() as selector:
+        for end in ends:
+            selector.register(end, selectors.EVENT_READ, end)
+        return [key.data for key, _ in selector.select(timeout_s)]
 
 
 class Channel:
@@ -112,10 +136,7 @@ class Channel:
             self._socket.close()
 
     def _is_readable(self, timeout_s: float | None) -> bool:
-        # Not select.select, which takes no descriptor above 1023
-        poll = select.poll()
-        poll.register(self._socket, select.POLLIN)
-        return bool(poll.poll(None if timeout_s is None else 1e3 * timeout_s))
+        return bool(wait_readable([self], timeout_s))
 
     def _fill(self) -> None:
         try:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pickle
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from linework.processes.channel import Channel
+from linework.processes.connection import offer_connection
 
 #: Problem of a task or request that raised MemoryError.
 OUT_OF_MEMORY = "out of memory"
@@ -97,9 +98,9 @@ class Child:
 
     Notes
     -----
-    It belongs to the group of this process, so that what stops the group stops it, and the system kills it when this
-    process ends, however it ends. It must be started by a thread that lives as long as it is needed: for the system
-    that thread is its parent.
+    It belongs to the group of this process, so that what stops the group stops it, and it ends when this process ends,
+    however that ends. It must be started by a thread that lives as long as it is needed: for Linux that
+    thread is its parent.
     """
 
     def __init__(
@@ -108,22 +109,16 @@ class Child:
     ) -> None:  # fmt: skip
         # -P: a module in the working folder, which may be the survey's, is not ours
         command = [sys.executable, "-P", "-m", "linework.processes.entry"]
-        ours, theirs = socket.socketpair()
-        self.channel = Channel(ours, longest_bytes)
-        try:
-            with theirs:
-                self._process = subprocess.Popen(
-                    [*command, str(theirs.fileno()), str(os.getpid()), str(address_bytes), *target],
-                    pass_fds=[theirs.fileno()],
-                    env=os.environ | _ONE_THREAD | dict(environment or {}),
-                    stdin=subprocess.DEVNULL,
-                    # What libraries print would come between the progress on the terminal
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.PIPE if keep_words else subprocess.DEVNULL,
-                )
-        except OSError:
-            self.channel.close()
-            raise
+        with contextlib.closing(offer_connection()) as offer:
+            self._process = subprocess.Popen(
+                [*command, offer.address, str(os.getpid()), str(address_bytes), *target],
+                **offer.popen,
+                env=os.environ | _ONE_THREAD | dict(environment or {}),
+                # What libraries print would come between the progress on the terminal
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE if keep_words else subprocess.DEVNULL,
+            )
+            self.channel = Channel(offer.accept(self._process), longest_bytes)
         self._last_words = b""
         self._words_reader: threading.Thread | None = None
         if keep_words:  # a process blocks on stderr that nobody reads

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
-from linework.errors import LineworkError, MachineError
+from linework.errors import LineworkError, MachineError, OwnCodeError
 from linework.processes.child import OUT_OF_MEMORY
 
 Task = TypeVar("Task")
@@ -81,6 +81,8 @@ def outcome_of(work: Callable[[Task], Receipt], task: Task) -> Outcome[Task, Rec
         raise
     except MemoryError:
         return Outcome(task, None, OUT_OF_MEMORY)
+    except OwnCodeError as error:  # with the user's line, for the log
+        return Outcome(task, None, str(error), traceback.format_exc())
     except LineworkError as error:
         return Outcome(task, None, str(error))
     except Exception as error:

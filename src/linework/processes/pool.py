@@ -6,11 +6,10 @@ import importlib
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from multiprocessing.connection import wait
 from types import TracebackType
 from typing import Any, Self
 
-from linework.processes.channel import Channel
+from linework.processes.channel import Channel, wait_readable
 from linework.processes.child import Child, ChildEndedError, Ending
 from linework.processes.executors import Outcome, Receipt, Task, outcome_of
 
@@ -82,10 +81,10 @@ class Processes:
     def _answers(self, busy: dict[Child, tuple[Task, float]]) -> Iterator[tuple[Child, Any]]:
         """Wait until a process answers, ends or exceeds its limit, and yield the answer or the `Ending`."""
         first = min(deadline for _, deadline in busy.values())
-        ready = wait([worker.fileno() for worker in busy], timeout=max(first - time.monotonic(), 0.0))
+        ready = wait_readable(busy, max(first - time.monotonic(), 0.0))
         for worker, (_, deadline) in list(busy.items()):
             answer: Any = None
-            if worker.fileno() in ready:
+            if worker in ready:
                 try:
                     answer = worker.read_object()
                 except ChildEndedError as error:

@@ -10,12 +10,12 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from linework.errors import OutputExistsError, PartialError
+from linework.errors import OutputExistsError, PartialError, argument
 from linework.files.output.record import hash_file
 from linework.files.survey.open import open_survey
 from linework.methods.choose import choose_methods
 from linework.methods.kinds import ALL_KINDS, recordings_for
-from linework.methods.protocol import AnyMethod
+from linework.methods.protocol import Method
 from linework.model.lines import LineSet
 from linework.model.survey import Survey
 from linework.processes.executors import Executor
@@ -51,7 +51,7 @@ class ExtractionRequest:
     """
 
     output: Path
-    methods: Sequence[AnyMethod]
+    methods: Sequence[Method]
     settings: RunSettings
     parameters: Mapping[str, Any]
     overwrite: bool = False
@@ -80,7 +80,7 @@ def extract_to(
         if not order.overwrite and not is_result_of_run(work, order.output):
             raise OutputExistsError(
                 "output exists already, and the run to resume has not made it", where=order.output,
-                advice="choose another name or give --overwrite",
+                advice=f"choose another name or give {argument('overwrite', True)}",
             )  # fmt: skip
     with run_folder(work, order.output, described, resume=order.resume) as run:
         found = find_lines(
@@ -152,8 +152,7 @@ def extract(
     Traceback (most recent call last):
     linework.errors.InputError: no-such-file.laz: cannot be opened: No such file or directory. Check the name.
     """
-    listed = [inputs] if isinstance(inputs, str | Path) else list(inputs)
-    survey = open_survey([Path(item) for item in listed], crs=crs)
+    survey = open_survey(inputs, crs=crs)
     settings = settings or RunSettings()
     methods = choose_methods("auto", kinds, radon=settings.radon, obb=settings.obb, stereo=settings.stereo)
     with tempfile.TemporaryDirectory(prefix="linework-") as temporary:

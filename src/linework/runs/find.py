@@ -11,11 +11,14 @@ from typing import NoReturn
 import numpy as np
 
 from linework.lines.merged import merge_line_sets
-from linework.methods.protocol import AnyMethod
-from linework.model.lines import KINDS, LineSet
+from linework.methods.kinds import kinds_in_order
+from linework.methods.protocol import Method
+from linework.model.ground import Ground
+from linework.model.lines import LineSet
 from linework.processes.executors import Executor, Serial
 from linework.runs.extraction import Extraction, Failure, identify
 from linework.runs.opened.recordings import Recordings
+from linework.runs.own import GroundFinder, error_of_fault
 from linework.runs.resume import RunFolder
 from linework.runs.settings import RunSettings
 from linework.runs.sources import Source, SourceAccount, open_sources
@@ -25,10 +28,11 @@ from linework.runs.tasks import RunTask, TasksDone, run_tasks
 
 def find_lines(
     recordings: Recordings,
-    methods: Sequence[AnyMethod],
+    methods: Sequence[Method],
     run: RunFolder,
     *,
     settings: RunSettings | None = None,
+    ground: Ground | GroundFinder | None = None,
     executor: Executor | None = None,
     steps: RunSteps | None = None,
 ) -> Extraction:
@@ -40,6 +44,8 @@ def find_lines(
         Each looks at one kind of recording; those whose recording the survey does not have are passed over.
     run
         Keeps the results of tasks; those that an earlier process has left there are used.
+    ground
+        Own ground, or a function that returns it; None: it is found (`linework.runs.opened.own_ground`).
     executor
         Does the tasks; the lines do not depend on it, nor on `settings.tiling`.
     steps
@@ -57,7 +63,7 @@ def find_lines(
     ``lane_marking_stereo``.
     """
     settings, steps, executor = settings or RunSettings(), steps or RunSteps(), executor or Serial()
-    sources = open_sources(recordings, methods, run, settings, executor, steps)
+    sources = open_sources(recordings, methods, run, settings, executor, steps, ground)
     found, accounts = list[LineSet](), list[SourceAccount]()
     for source in sources:
         tasks = source.tasks(run.results)
@@ -103,15 +109,14 @@ def _merged(
             layers = [f"{kind}_{method}" for kind, method in names]
             as_measured = other.with_columns(kind=np.array(layers, dtype=np.str_))
             lines = identify(LineSet.concatenate([merge_line_sets(lines, other), as_measured]))
-        own = (f"{kind}_{method.name}" for method in source.methods for kind in KINDS if kind in method.kinds)
+        own = (f"{kind}_{method.name}" for method in source.methods for kind in kinds_in_order(method.kinds))
         kinds = (*_kinds_of(sources[: number + 1]), *own)
     return lines, kinds
 
 
 def _kinds_of(sources: Sequence[Source]) -> tuple[str, ...]:
     """Return the kinds that the methods of some sources look for, in their fixed order."""
-    asked = {kind for source in sources for method in source.methods for kind in method.kinds}
-    return tuple(kind for kind in KINDS if kind in asked)
+    return kinds_in_order(kind for source in sources for method in source.methods for kind in method.kinds)
 
 
 def _refuse(source: Source, account: SourceAccount) -> NoReturn:
@@ -119,6 +124,4 @@ def _refuse(source: Source, account: SourceAccount) -> NoReturn:
     fault = next((failure for failure in account.failures if failure.trace), None)
     if fault is None:
         raise source.refusal(account)
-    error = RuntimeError(fault.problem)
-    error.add_note(fault.trace)  # for the log
-    raise error
+    raise error_of_fault(fault)

@@ -13,7 +13,7 @@ from typing import Any
 
 from linework.crs import describe_crs
 from linework.editing.queue.carried_over import REJECTED_REVIEW, carry_over_reviews
-from linework.errors import LineworkError
+from linework.errors import LineworkError, argument
 from linework.files.line_file.carried_history import has_reviews, with_history
 from linework.files.line_file.file import LineFile
 from linework.files.output.record import hash_file, write_json
@@ -200,7 +200,8 @@ def with_kept_reviews(found: Extraction, output: Path) -> tuple[Extraction, Kept
         with LineFile.opened(output, crs=found.lines.crs, is_held=True) as drawing:
             there, judged = drawing.lines, drawing.judged
     except LineworkError as error:
-        error.advice = "give --forget-reviews to discard the reviews of its lines, or choose another name"
+        give = argument("forget_reviews", True)
+        error.advice = f"give {give} to discard the reviews of its lines, or choose another name"
         raise
     kept = carry_over_reviews(found.lines, there, judged)
     lines = LineSet.concatenate([there.take(kept.stays), kept.new])

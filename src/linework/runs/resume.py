@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import linework
-from linework.errors import UsageError
+from linework.errors import UsageError, argument
 from linework.files.output.journal import Journal, noted_output_in, open_journal
 from linework.files.output.locks import hold_lock
 from linework.files.output.publish import machine_errors
@@ -132,7 +132,7 @@ def _refuse_other(begun: Mapping[str, Any], now: Mapping[str, Any], output: Path
             raise UsageError(
                 f"the run to resume was begun with {name} = {was}, now it is {is_}",
                 where=output,
-                advice="give the same again, or run without --resume to start over",
+                advice=f"give the same again, or run without {argument('resume', True)} to start over",
             )
 
 

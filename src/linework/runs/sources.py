@@ -6,7 +6,7 @@ Separate from `find`, which treats all sources alike: this holds what differs be
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Protocol
@@ -17,7 +17,8 @@ from linework.errors import InputError, LineworkError, PartialError
 from linework.files.output.parts import write_part
 from linework.files.store.facts import StoreFacts
 from linework.files.store.layout import STORE_BLOCK_M
-from linework.methods.protocol import AnyMethod, SurveyContext
+from linework.methods.protocol import Method, SurveyContext
+from linework.model.ground import Ground
 from linework.model.lines import LineSet
 from linework.model.tile import local_origin
 from linework.processes.executors import Executor
@@ -26,6 +27,7 @@ from linework.runs.opened.pairs import OpenedStereo
 from linework.runs.opened.points import OpenedSurvey, surface_of
 from linework.runs.opened.recordings import Recordings
 from linework.runs.opened.surface import SurveySight, SurveySurface
+from linework.runs.own import GroundFinder
 from linework.runs.pieces import TiledPoints, TilePiece, windows_of
 from linework.runs.resume import RunFolder
 from linework.runs.settings import RunSettings, TilingConfig
@@ -61,7 +63,7 @@ class Source(Protocol):
     """A recording of a survey, cut into pieces."""
 
     @property
-    def methods(self) -> Sequence[AnyMethod]:
+    def methods(self) -> Sequence[Method]:
         """The methods that look at it, in the order in which their lines are listed."""
         ...
 
@@ -79,7 +81,7 @@ class Source(Protocol):
         """Return the tasks of all methods, their results in a folder."""
         ...
 
-    def context(self, method: AnyMethod) -> SurveyContext:
+    def context(self, method: Method) -> SurveyContext:
         """Return what a method must know of the survey to join what it found."""
         ...
 
@@ -98,18 +100,19 @@ class Source(Protocol):
 
 def open_sources(
     recordings: Recordings,
-    methods: Sequence[AnyMethod],
+    methods: Sequence[Method],
     run: RunFolder,
     settings: RunSettings,
     executor: Executor,
     steps: RunSteps,
+    ground: Ground | GroundFinder | None = None,
 ) -> list[Source]:
     """Return the sources that a survey has and that some method looks at; points come first."""
     of_points = [method for method in methods if method.recording == "points"]
     of_pairs = [method for method in methods if method.recording == "pairs"]
     found: list[Source] = []
     if recordings.points is not None and of_points:
-        surface = surface_of(recordings.points, settings.road, executor, steps)
+        surface = surface_of(recordings.points, settings.road, executor, steps, ground)
         found.append(LaserSource.of(recordings.points, surface, of_points, settings.tiling, run))
     if recordings.stereo is not None and of_pairs:
         found.append(StereoSource(recordings.stereo, of_pairs))
@@ -123,15 +126,15 @@ class LaserSource:
     Parameters
     ----------
     plans
-        Tiles of each method, by its kinds of line.
+        Tiles of each method, in the order of the methods.
     survey
         What all tiles share.
     """
 
     opened: OpenedSurvey
     surface: SurveySurface
-    methods: Sequence[AnyMethod]
-    plans: Mapping[tuple[str, ...], tuple[Tile, ...]]
+    methods: Sequence[Method]
+    plans: Sequence[tuple[Tile, ...]]
     survey: TiledPoints
 
     looking: ClassVar[tuple[str, str]] = ("find lines", "tiles")
@@ -142,7 +145,7 @@ class LaserSource:
         cls,
         opened: OpenedSurvey,
         surface: SurveySurface,
-        methods: Sequence[AnyMethod],
+        methods: Sequence[Method],
         tiling: TilingConfig,
         run: RunFolder,
     ) -> LaserSource:
@@ -154,35 +157,37 @@ class LaserSource:
         origin = local_origin(store.bounds.west, store.bounds.south, surface.z0_m)
         survey = TiledPoints(store.folder, surface.tiles.folder, path, opened.survey.name, origin)
         blocks, _ = store.block_counts
-        plans = {
-            method.kinds: plan_tiles(
+        plans = [
+            plan_tiles(
                 store.bounds, blocks, STORE_BLOCK_M, store.count_in, method.buffer_m, tiling,
                 only_high=math.isfinite(method.least_height_m),
             )
             for method in methods
-        }  # fmt: skip
+        ]  # fmt: skip
         return cls(opened, surface, methods, plans, survey)
 
     def tasks(self, results: Path) -> list[RunTask]:
         """Return the tiles of all methods."""
         return [
             RunTask(
-                _tile_name(method, tile),
-                method,
-                TilePiece(tile, self.survey, method.least_height_m, len(self.plans[method.kinds]) == 1),
+                self._tile_name(number, tile),
+                self.methods[number],
+                TilePiece(
+                    tile, self.survey, self.methods[number].least_height_m, len(self.plans[number]) == 1
+                ),
                 results,
             )
-            for method, tile in self._tiles()
+            for number, tile in self._tiles()
         ]
 
-    def context(self, method: AnyMethod) -> SurveyContext:
+    def context(self, method: Method) -> SurveyContext:
         """Return origin, visibility, path and cores."""
         path = self.opened.trajectory
         return SurveyContext(
             origin=self.survey.origin,
             is_visible=SurveySight(self.surface),
             path=None if path is None else path.xyz,
-            cores=tuple(tile.core for tile in self.plans[method.kinds]),
+            cores=tuple(tile.core for tile in self.plans[self._number(method)]),
         )
 
     def with_sources(self, lines: LineSet) -> LineSet:
@@ -193,8 +198,8 @@ class LaserSource:
         """Return the account of files and tiles."""
         problems = {failure.name: failure.problem for failure in done.failures}
         tiles = []
-        for method, tile in self._tiles():
-            name = _tile_name(method, tile)
+        for number, tile in self._tiles():
+            name = self._tile_name(number, tile)
             receipt = done.receipts.get(name)
             n_points, n_found = (receipt.n_seen, receipt.n_found) if receipt else (0, 0)
             tiles.append(TileReport(name, tile, n_points, n_found, problems.get(name, "")))
@@ -212,16 +217,22 @@ class LaserSource:
         return PartialError(f"none of {len(account.tiles)} tiles could be processed: {problem}",
                             where=self.opened.survey.name, advice="correct that and run again")  # fmt: skip
 
-    def _tiles(self) -> list[tuple[AnyMethod, Tile]]:
-        """Return all tiles, those of methods with few (large) tiles first: the last tasks of a run are short."""
-        plans = [(method, self.plans[method.kinds]) for method in self.methods]
-        return [
-            (method, tile) for method, tiles in sorted(plans, key=lambda plan: len(plan[1])) for tile in tiles
-        ]
+    def _tiles(self) -> list[tuple[int, Tile]]:
+        """Return all tiles with the number of their method; those of methods with few (large) tiles come first.
 
+        The last tasks of a run are then short.
+        """
+        plans = sorted(enumerate(self.plans), key=lambda plan: len(plan[1]))
+        return [(number, tile) for number, tiles in plans for tile in tiles]
 
-def _tile_name(method: AnyMethod, tile: Tile) -> str:
-    return f"{'+'.join(method.kinds)}-{tile.tile_id}"
+    def _number(self, method: Method) -> int:
+        return next(i for i, other in enumerate(self.methods) if other is method)
+
+    def _tile_name(self, number: int, tile: Tile) -> str:
+        """Return the name of a method's tile; of two methods for the same kinds the second has its number in it."""
+        kinds = self.methods[number].kinds
+        first = next(i for i, method in enumerate(self.methods) if method.kinds == kinds)
+        return f"{'+'.join(kinds)}-{f'{number}-' if first != number else ''}{tile.tile_id}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +243,7 @@ class StereoSource:
     """
 
     opened: OpenedStereo
-    methods: Sequence[AnyMethod]
+    methods: Sequence[Method]
 
     looking: ClassVar[tuple[str, str]] = ("look at stereo pairs", "windows")
     joining: ClassVar[str] = "join stereo lines"
@@ -246,7 +257,7 @@ class StereoSource:
             for number, window in windows_of(opened.pairs, opened.series.rig)
         ]
 
-    def context(self, method: AnyMethod) -> SurveyContext:  # noqa: ARG002 - tiles need it
+    def context(self, method: Method) -> SurveyContext:  # noqa: ARG002 - tiles need it
         """Return poses and geometry of the pairs."""
         opened = self.opened
         return SurveyContext(poses=opened.poses, rig=opened.rectifier.rig, pair_numbers=opened.numbers)

@@ -10,9 +10,11 @@ from typing import Any
 
 from linework.files.output.journal import JournalEntry
 from linework.files.output.parts import part_is_whole, read_part, write_part
-from linework.methods.protocol import AnyMethod, Evidence
+from linework.methods.protocol import Evidence, Method, look_at
 from linework.processes.executors import Executor, Outcome
+from linework.processes.own_code import SentCode
 from linework.runs.extraction import Failure
+from linework.runs.own import sent_method
 from linework.runs.pieces import Pieces
 from linework.runs.resume import RunFolder
 from linework.runs.steps import Advance
@@ -35,7 +37,7 @@ class RunTask:
     """
 
     name: str
-    method: AnyMethod
+    method: Method
     pieces: Pieces
     results: Path
 
@@ -43,6 +45,14 @@ class RunTask:
     def result(self) -> Path:
         """File for what is found."""
         return self.results / f"{self.name}.arrays"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how another process makes the same task; own code of its method goes as bytes."""
+        return _task_of, (self.name, sent_method(self.method), self.pieces, self.results)
+
+
+def _task_of(name: str, method: Method | SentCode, pieces: Pieces, results: Path) -> RunTask:
+    return RunTask(name, method.load() if isinstance(method, SentCode) else method, pieces, results)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +99,7 @@ def process_task(task: RunTask) -> RunReceipt:
         if failure:
             left_out.append(failure)
         else:
-            found.append(task.method.look(piece))
+            found.append(look_at(task.method, piece))
         sizes.append(size)
     evidence = task.method.evidence.concatenate(found)
     sha256 = write_part(evidence, task.result)
@@ -104,7 +114,7 @@ class TasksDone:
     receipts: dict[str, RunReceipt]
     failed: Sequence[Outcome[RunTask, RunReceipt]]
 
-    def evidence_of(self, method: AnyMethod, tasks: Sequence[RunTask]) -> Evidence:
+    def evidence_of(self, method: Method, tasks: Sequence[RunTask]) -> Evidence:
         """Return what a method found, in the order of its tasks.
 
         Raises

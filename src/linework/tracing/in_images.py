@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from linework.arrays import FloatArray
-from linework.errors import AbsentError, InputError, UsageError
+from linework.errors import AbsentError, InputError, UsageError, argument
 from linework.imaging.rectify import original_pixels, rectified_pixels
 from linework.methods.picked_edge.method import (
     EDGE_KINDS,
@@ -74,13 +74,13 @@ class ImageTracer:
     ) -> Generator[EdgeStep, bool | None, TracedEdge]:
         """Follow as `trace` does, from the left (0) or the right (1) image of a pair."""
         if kind not in ("", *EDGE_KINDS):
-            raise UsageError(f"{kind} cannot be picked in images", where="--feature",
+            raise UsageError(f"{kind} cannot be picked in images", where=argument("kind"),
                              advice=f"choose from {','.join(EDGE_KINDS)}")  # fmt: skip
         rig = self._opened.series.rig
         camera = (rig.left, rig.right)[side]
         col, row = at_px
         if not (0 <= col <= camera.width - 1 and 0 <= row <= camera.height - 1):
-            raise UsageError(f"{col:g},{row:g} is outside of the image", where="--at-px",
+            raise UsageError(f"{col:g},{row:g} is outside of the image", where=argument("at_px"),
                              advice=f"columns are 0 to {camera.width - 1}, rows 0 to {camera.height - 1}")  # fmt: skip
         pixel = rectified_pixels(camera, self._opened.rectifier.rig, np.array([at_px]))[0]
         name = (pair.left, pair.right)[side].name
@@ -183,6 +183,8 @@ def pixel_of(text: str) -> FloatArray:
         col = row = float("nan")
     if not (np.isfinite(col) and np.isfinite(row)):
         raise UsageError(
-            f"{text!r} is not a pixel", where="--at-px", advice="give column and row, for example 612,240"
+            f"{text!r} is not a pixel",
+            where=argument("at_px"),
+            advice="give column and row, for example 612,240",
         )
     return np.array([col, row])

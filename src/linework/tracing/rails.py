@@ -14,7 +14,7 @@ from linework.arrays import FloatArray
 from linework.files.store.layout import STORE_CELL_M
 from linework.files.store.read import PointStore
 from linework.methods.radon.method import CableMethod, RailMethod
-from linework.methods.radon.seams import UNCUT_AT_SEAMS, inside_core, join_seams
+from linework.methods.seams import UNCUT_AT_SEAMS, inside_core, join_seams
 from linework.model.grid import Bounds, Image
 from linework.model.lines import LineSet
 from linework.model.tile import TileData

@@ -10,7 +10,7 @@ import numpy as np
 
 from linework.arrays import FloatArray, distance_along
 from linework.editing.edits.continued import PICKED_TWICE, continue_lines
-from linework.errors import InputError, UsageError
+from linework.errors import InputError, UsageError, argument
 from linework.methods.obb import trace
 from linework.methods.obb.method import Obb
 from linework.methods.obb.picks import PickSurroundings, nearest_trackable_place, refusal_reason
@@ -233,7 +233,7 @@ def check_pick_kind(kind: str) -> None:
     """
     if kind not in ("", *PICKED_KINDS):
         raise UsageError(
-            f"{kind} cannot be picked", where="--feature", advice=f"choose from {','.join(PICKED_KINDS)}"
+            f"{kind} cannot be picked", where=argument("kind"), advice=f"choose from {','.join(PICKED_KINDS)}"
         )
 
 

@@ -227,7 +227,7 @@ def test_damaged_body_is_refused_or_accounted_for(tmp_path, seed):
 def test_no_crs(tmp_path):
     path = tmp_path / "x.laz"
     write_las(sample(), path, crs="local")
-    assert refusal(path, CrsError) == "the file does not state its CRS. Give --crs EPSG:... or --crs local."
+    assert refusal(path, CrsError) == 'the file does not state its CRS. Give crs="EPSG:..." or crs="local".'
     assert read_las(path, crs="local").crs == "local"
 
 
@@ -251,7 +251,7 @@ def test_degrees(las):
 def test_crs_that_is_not_understood(las):
     with_wkt(las, 'PROJCS["broken",')
     assert "WKT is not understood" in refusal(las, CrsError)
-    assert "taken from --crs" in read_las(las, crs=UTM).warnings[-1]
+    assert "taken from the CRS that was given" in read_las(las, crs=UTM).warnings[-1]
 
 
 def test_conflicting_crs(las):
@@ -272,7 +272,7 @@ def test_another_vertical_datum_is_a_conflict(las):
 def test_texts_that_are_no_crs(las, text):
     with pytest.raises(CrsError) as caught:
         read_las(las, crs=text)
-    assert str(caught.value).startswith("--crs: ")
+    assert str(caught.value).startswith("crs: ")
     assert len(str(caught.value)) < 300
 
 

@@ -199,12 +199,12 @@ def test_points_that_do_not_add_up_are_a_failure(drive, folder, monkeypatch):
 
 
 def test_too_little_space_is_said_before_anything_is_decoded(drive, folder, monkeypatch):
-    space = namedtuple("space", "f_blocks f_bavail f_frsize")
-    monkeypatch.setattr(spill.os, "statvfs", lambda _: space(100, 5, 1000))
+    space = namedtuple("space", "total used free")
+    monkeypatch.setattr(spill.shutil, "disk_usage", lambda _: space(100_000, 95_000, 5_000))
     with pytest.raises(MachineError) as caught:
         spilled(drive, folder)
     assert "1,200 points need 2.16e-05 GB of disk, 5e-06 GB are free" in str(caught.value)
-    assert "--work DIR" in str(caught.value)
+    assert 'work="DIR"' in str(caught.value)
     assert list(folder.iterdir()) == []
 
 

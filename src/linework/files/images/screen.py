@@ -12,6 +12,7 @@ import numpy as np
 import PIL.Image
 
 from linework.errors import InputError
+from linework.files.handles import NOT_WAITING
 from linework.files.images.read import DAMAGED, decoded_image, image_errors, most_bytes, open_image
 from linework.files.input import filled_file_bytes
 from linework.model.camera import Camera
@@ -80,7 +81,7 @@ def read_inside(path: Path, root: Path, most: int) -> bytes:
 def _read(path: Path, root: Path, most: int) -> bytes:
     """Return at most one byte more than `most` of a file that is inside."""
     # Non-blocking: opening a pipe would wait for a writer
-    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | NOT_WAITING)) as file:
         status = os.fstat(file.fileno())
         if not stat.S_ISREG(status.st_mode) or not _is_inside(path, root, status):
             raise PermissionError(path)

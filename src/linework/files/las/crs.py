@@ -1,4 +1,4 @@
-"""CRS of a LAS file, from its WKT or GeoTIFF keys and from --crs."""
+"""CRS of a LAS file, from its WKT or GeoTIFF keys and from what the caller gave."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pyproj
 from pyproj.exceptions import CRSError as ProjError
 
 from linework import crs as crs_texts
-from linework.errors import CrsError
+from linework.errors import CrsError, argument
 
 _WKT_RECORD, _KEYS_RECORD = 2112, 34735
 _MODEL, _GEOGRAPHIC, _PROJECTED, _UNIT, _VERTICAL, _VERTICAL_UNIT = 1024, 2048, 3072, 3076, 4096, 4099
@@ -19,7 +19,8 @@ _UNDEFINED, _USER_DEFINED = 0, 32767
 _UNIT_M = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
 #: GeoTIFF 1.0 named vertical CRSs by their datum; EPSG has these CRSs for them (NGVD29, NAVD88).
 _OLD_VERTICAL = {5102: 5702, 5103: 5703}
-_ADVICE = "give --crs EPSG:... or --crs local"
+_CRS = argument("crs")
+_ADVICE = f"give {argument('crs', 'EPSG:...')} or {argument('crs', 'local')}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +59,11 @@ def resolve_crs(
     CrsError
         No CRS; in degrees; two that contradict each other.
     """
-    wanted = None if given is None else crs_texts.parse_crs(given, where="--crs")
+    wanted = None if given is None else crs_texts.parse_crs(given, where=_CRS)
     stated = _stated(projection, where)
     if wanted is None and not stated.crs:
         raise CrsError(stated.problem or "the file does not state its CRS", where=where, advice=_ADVICE)
-    warnings = [f"{stated.problem}: taken from --crs"] if stated.problem else []
+    warnings = [f"{stated.problem}: taken from the CRS that was given"] if stated.problem else []
     crs = _agreed(stated.crs, wanted, where)
     horizontal, vertical = _factors(crs, stated, where)
     if (horizontal, vertical) != (1.0, 1.0):
@@ -77,12 +78,12 @@ def _agreed(stated: str, wanted: str | None, where: object) -> str:
     if wanted is None or not stated:
         return wanted or stated
     if not crs_texts.same_plan(stated, wanted):
-        raise _conflict("the file", stated, "--crs", wanted, where)
+        raise _conflict("the file", stated, _CRS, wanted, where)
     if not crs_texts.has_height(stated):
         return wanted
     if not crs_texts.has_height(wanted) or crs_texts.same_crs(stated, wanted):
         return stated
-    raise _conflict("the file", stated, "--crs", wanted, where)
+    raise _conflict("the file", stated, _CRS, wanted, where)
 
 
 def _factors(crs: str, stated: _Stated, where: object) -> tuple[float, float]:
@@ -92,7 +93,7 @@ def _factors(crs: str, stated: _Stated, where: object) -> tuple[float, float]:
     if unit is not None and abs(unit / horizontal - 1.0) > 1e-9:
         if crs != crs_texts.LOCAL:
             raise CrsError(
-                f"its GeoTIFF keys state a unit of {unit:.9g} m, --crs {crs_texts.describe_crs(crs)} has {horizontal:.9g} m",
+                f"its GeoTIFF keys state a unit of {unit:.9g} m, {argument('crs', crs_texts.describe_crs(crs))} has {horizontal:.9g} m",
                 where=where,
                 advice="give the CRS that the coordinates are in, or correct the header",
             )
@@ -106,7 +107,7 @@ def _conflict(first: str, a: str, second: str, b: str, where: object) -> CrsErro
     return CrsError(
         f"two different CRSs: {first} says {crs_texts.describe_crs(a)}, {second} says {crs_texts.describe_crs(b)}",
         where=where,
-        advice="leave --crs out, or correct the file's header" if second == "--crs" else "correct the header",
+        advice=f"leave {_CRS} out, or correct the file's header" if second == _CRS else "correct the header",
     )
 
 

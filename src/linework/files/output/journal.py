@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from linework.errors import MachineError
+from linework.errors import MachineError, argument
 
 
 def open_journal(path: Path) -> Journal:
@@ -113,5 +113,5 @@ def _machine_errors(path: Path) -> Iterator[None]:
         raise MachineError(
             f"cannot be written: {error}",
             where=path,
-            advice="free some space there, or give --work another folder",
+            advice=f"free some space there, or name another folder with {argument('work')}",
         ) from error

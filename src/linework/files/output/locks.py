@@ -1,15 +1,27 @@
-"""Lock files between processes; the system releases them when the holder ends, however it ends."""
+"""Lock files between processes; the system releases them when the holder ends, however it ends.
+
+The only file that uses the module `fcntl`. Where a system has none, the lock file is an empty SQLite database, and the
+lock is one of SQLite's own, which exist on every system, shared ones too.
+"""
 
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
+import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 
 from linework.errors import OutputExistsError
 from linework.files.output.publish import check_output, machine_errors
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+#: SQLite polls for a lock that another process holds, up to its longest time (2^31 ms). [s]
+_LONGEST_WAIT_S = 2e6
 
 
 @contextlib.contextmanager
@@ -25,13 +37,18 @@ def hold_lock(
     shared
         Other processes may hold it at the same time, if they share it too.
     keep
-        Leave the file in place: that of a shared lock must not be removed while others hold it.
+        Leave the file in place: that of a shared lock must not be removed while others hold it. Where there is no
+        flock(2) it always stays.
 
     Raises
     ------
     MachineError
         The file cannot be created.
     """
+    if fcntl is None:
+        with _hold_in_sqlite(lock, refusal, shared=shared):
+            yield
+        return
     kind = (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (fcntl.LOCK_NB if refusal is not None else 0)
     while True:
         with machine_errors(lock):
@@ -59,6 +76,32 @@ def _is_named(handle: int, path: Path) -> bool:
     with contextlib.suppress(FileNotFoundError):
         return os.path.samestat(os.fstat(handle), path.stat())
     return False
+
+
+@contextlib.contextmanager
+def _hold_in_sqlite(lock: Path, refusal: OutputExistsError | None, *, shared: bool) -> Iterator[None]:
+    """Hold the lock of an empty database during the context (see `hold_lock`).
+
+    The file stays: SQLite does not tell which file it has opened, so that it could not be known whether the previous
+    holder has removed that one.
+    """
+    with machine_errors(lock):
+        lock.touch()
+    connection = sqlite3.connect(
+        lock, timeout=0.0 if refusal is not None else _LONGEST_WAIT_S, isolation_level=None, check_same_thread=False
+    )  # fmt: skip
+    try:
+        try:
+            connection.execute("BEGIN" if shared else "BEGIN EXCLUSIVE")
+            # The transaction of a reader begins with its first read
+            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        except sqlite3.OperationalError:
+            if refusal is None:
+                raise
+            raise refusal from None
+        yield
+    finally:
+        connection.close()
 
 
 @contextlib.contextmanager

@@ -10,7 +10,8 @@ import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from linework.errors import LineworkError, MachineError, OutputExistsError
+from linework.errors import LineworkError, MachineError, OutputExistsError, argument
+from linework.processes.system import is_alive
 
 #: Longest file name most file systems hold, in bytes.
 _NAME_MAX = 255
@@ -36,7 +37,9 @@ def check_output(path: Path, *, overwrite: bool = False) -> None:
             )
         if os.path.lexists(path) and not overwrite:
             raise OutputExistsError(
-                "output exists already", where=path, advice="choose another name or give --overwrite"
+                "output exists already",
+                where=path,
+                advice=f"choose another name or give {argument('overwrite', True)}",
             )
         _make_parent(path)
         part.open("xb").close()
@@ -84,7 +87,9 @@ def publish(
             sync(part)
             if os.path.lexists(path) and not overwrite:
                 raise OutputExistsError(
-                    "output appeared while it was being written", where=path, advice="give --overwrite"
+                    "output appeared while it was being written",
+                    where=path,
+                    advice=f"give {argument('overwrite', True)}",
                 )
             part.replace(path)
             sync(path.parent)
@@ -136,7 +141,9 @@ def check_output_folder(path: Path, *, overwrite: bool = False) -> None:
         raise OutputExistsError("is a file, expected a folder", where=path, advice="name another folder")
     if path.is_dir() and not overwrite and any(path.iterdir()):
         raise OutputExistsError(
-            "output folder is not empty", where=path, advice="choose another folder or give --overwrite"
+            "output folder is not empty",
+            where=path,
+            advice=f"choose another folder or give {argument('overwrite', True)}",
         )
     _make_parent(path)
     part = part_path(path)
@@ -194,8 +201,15 @@ def machine_errors(path: Path) -> Iterator[None]:
 
 
 def sync(path: Path) -> None:
-    """Wait until the disk holds a file, or a folder's names."""
-    descriptor = os.open(path, os.O_RDONLY)
+    """Wait until the disk holds a file, or a folder's names.
+
+    Windows opens no folders: there names may be lost with the power, though not with a process.
+    """
+    is_posix = hasattr(os, "O_DIRECTORY")
+    if not is_posix and path.is_dir():
+        return
+    # Windows synchronises only what is open for writing
+    descriptor = os.open(path, os.O_RDONLY if is_posix else os.O_RDWR)
     try:
         os.fsync(descriptor)
     finally:
@@ -227,17 +241,6 @@ def _remove_dead_parts(path: Path) -> None:
             found = pattern.fullmatch(other.name)
             if found and not is_alive(int(found[1])):
                 _remove_part(other)
-
-
-def is_alive(pid: int) -> bool:
-    """Return whether a process with this number runs on this machine."""
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, OverflowError):
-        return True
-    return True
 
 
 def write_bytes(content: bytes, path: Path, *, overwrite: bool = False) -> None:

@@ -13,7 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from linework.files.output.publish import is_alive, machine_errors, part_path, sync
+from linework.files.output.publish import machine_errors, part_path, sync
+from linework.processes.system import is_alive
 
 
 @contextlib.contextmanager

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import os
+import shutil
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
-from linework.errors import InputError, MachineError
+from linework.errors import InputError, MachineError, argument
 from linework.files.las.crs import ResolvedCrs, resolve_crs
 from linework.files.las.decoder import Decoder, DecoderLimits
 from linework.files.las.decoder_messages import Decoded, DecodeTask
@@ -155,13 +155,12 @@ def _check_result(file: PlannedFile, result: Decoded) -> None:
 
 
 def _check_free_space(folder: Path, n_points: int) -> None:
-    status = os.statvfs(folder)
-    needed, free = n_points * _POINT_BYTES, status.f_bavail * status.f_frsize
-    # Some network disks report 0 blocks in all
-    if status.f_blocks and needed > free:
+    usage, needed = shutil.disk_usage(folder), n_points * _POINT_BYTES
+    # Some network disks report no size at all
+    if usage.total and needed > usage.free:
         raise MachineError(
-            f"{n_points:,} points need {needed / 1e9:.3g} GB of disk, {free / 1e9:.3g} GB are free", where=folder,
-            advice="free some space, or name a folder on another disk with --work DIR",
+            f"{n_points:,} points need {needed / 1e9:.3g} GB of disk, {usage.free / 1e9:.3g} GB are free", where=folder,
+            advice=f"free some space, or name a folder on another disk with {argument('work', 'DIR')}",
         )  # fmt: skip
 
 

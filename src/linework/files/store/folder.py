@@ -12,6 +12,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, IntArray
 from linework.errors import MachineError
+from linework.files.handles import open_for_reading, read_at
 from linework.files.store.layout import POINTS_SUFFIX
 from linework.kernels.store import order as kernels
 from linework.kernels.store.order import first_damaged
@@ -79,7 +80,7 @@ class StoreFiles:
         wanted = sum(view.nbytes for view in views)
         try:
             handle = self._handle(number)
-            got = os.preadv(handle, views, offset)
+            got = read_at(handle, views, offset)
             if got < wanted:
                 got = self._read_on(handle, offset, got, views)
         except OSError as error:
@@ -102,7 +103,7 @@ class StoreFiles:
                 flat: Any = view.cast("B")
                 rest.append(flat[min(skip, len(flat)) :])
                 skip = max(0, skip - len(flat))
-            n = os.preadv(handle, [view for view in rest if len(view)], offset + got) if any(rest) else 0
+            n = read_at(handle, [view for view in rest if len(view)], offset + got) if any(rest) else 0
             if n == 0:
                 return got
             got += n
@@ -113,7 +114,7 @@ class StoreFiles:
             return self._open[number]
         if len(self._open) >= _MOST_OPEN:
             os.close(self._open.popitem(last=False)[1])
-        handle = os.open(self._path(number), os.O_RDONLY | os.O_CLOEXEC)
+        handle = open_for_reading(self._path(number))
         self._open[number] = handle
         return handle
 

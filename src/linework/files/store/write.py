@@ -15,6 +15,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, FloatArray, checked
 from linework.errors import MachineError
+from linework.files.handles import create_for_writing
 from linework.files.output.publish import machine_errors
 from linework.files.output.replace import make_durable, replace_file
 from linework.files.store.folder import PointBuffers, StoreFiles
@@ -64,7 +65,7 @@ class StoreWriter:
         self._path = path
         self._number = int(path.stem)
         with machine_errors(path):
-            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+            self._file = create_for_writing(path)
         self._offset = 0
         self._tables: list[RunTable] = []
         self._has_time: bool | None = None

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from linework.crs import LOCAL, describe_crs, has_height, parse_crs, same_crs, same_plan
-from linework.errors import CrsError, InputError, UsageError
+import pyproj
+
+from linework.crs import (
+    LOCAL,
+    crs_text,
+    describe_crs,
+    has_height,
+    parse_crs,
+    same_crs,
+    same_plan,
+)
+from linework.errors import CrsError, InputError, UsageError, argument
 from linework.files.input import regular_file_bytes
 from linework.files.las.crs import resolve_crs
 from linework.files.las.header import read_las_header
@@ -15,18 +26,23 @@ from linework.model.survey import Survey
 
 _SUFFIXES = (".las", ".laz")
 _SURVEY_FILE = "survey.toml"
+_SRC_ADVICE = "name .las/.laz files or a survey folder"
 
 
-def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
+#: What a survey is named by: a file, a folder, a pattern such as ``"points/*.laz"``, or several of them.
+SurveyPaths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
+
+
+def open_survey(src: SurveyPaths, *, crs: str | int | pyproj.CRS | None = None) -> Survey:
     """Find the files and metadata of a survey; headers are read, points are not.
 
     Parameters
     ----------
-    inputs
-        .las, .laz or .copc.laz files, folders of them, one folder with a survey.toml, or that file; or one
-        KITTI raw drive or odometry sequence.
+    src
+        A .las, .laz or .copc.laz file, a folder of them, a pattern such as ``"points/*.laz"``, or several of these;
+        one folder with a survey.toml, or that file; one KITTI raw drive or odometry sequence.
     crs
-        CRS where the files do not state it: "EPSG:...", WKT or "local".
+        CRS where the files do not state it: "EPSG:...", an EPSG code, a `pyproj.CRS`, WKT or "local".
 
     Returns
     -------
@@ -43,10 +59,8 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
     ConfigError
         An unknown key or a wrong value in the survey.toml.
     """
-    if not inputs:
-        raise UsageError("no survey given", advice="name .las/.laz files or a survey folder")
-    for path in inputs:
-        _check_local(path)
+    inputs = survey_paths(src)
+    given_text = None if crs is None else crs_text(crs)
     found = _survey_file_of(inputs)
     kitti = read_kitti_folder(inputs[0]) if found is None and len(inputs) == 1 else None
     if found is not None:
@@ -55,12 +69,12 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
         settings, root = read_survey_file(found), found.parent
         files = _each_once(_matching(root, settings.get("points", {}).get("files", []), found))
     elif kitti is not None:
-        settings, root, files = {"crs": crs or LOCAL, **kitti.settings}, inputs[0], ()
+        settings, root, files = {"crs": given_text or LOCAL, **kitti.settings}, inputs[0], ()
     else:
         settings = {}
         root = inputs[0] if inputs[0].is_dir() else inputs[0].parent
         files = _each_once([file for path in inputs for file in _files_of(path)])
-    given = _given_crs(crs, settings.get("crs"), found)
+    given = _given_crs(given_text, settings.get("crs"), found)
     if given is not None:
         settings = {**settings, "crs": given}
     trajectory = settings.get("trajectory", {})
@@ -78,6 +92,59 @@ def open_survey(inputs: Sequence[Path], *, crs: str | None = None) -> Survey:
         settings_file=kitti.calibration if kitti else found,
         warnings=kitti.warnings if kitti else (),
     )
+
+
+def survey_paths(src: SurveyPaths) -> list[Path]:
+    """Return the files and folders that a survey is named by; patterns are replaced by what they match.
+
+    Parameters
+    ----------
+    src
+        As `open_survey` takes it. What exists under its name is never read as a pattern.
+
+    Raises
+    ------
+    UsageError
+        Nothing is named, or something that is not a path.
+    InputError
+        A pattern matches no laser file and no folder, or an address is named.
+
+    Examples
+    --------
+    >>> [path.name for path in survey_paths(["north/a.laz", Path("b.laz")])]
+    ['a.laz', 'b.laz']
+    """
+    listed = [src] if isinstance(src, str | os.PathLike) or not isinstance(src, Iterable) else list(src)
+    wrong = [one for one in listed if not isinstance(one, str | os.PathLike)]
+    if wrong:
+        raise UsageError(f"{wrong[0]!r:.60} is not a path", where=argument("src"), advice=_SRC_ADVICE)
+    if not any(os.fspath(one) for one in listed):
+        raise UsageError("no survey given", advice=_SRC_ADVICE)
+    paths = [Path(one) for one in listed]
+    for path in paths:
+        _check_local(path)
+    return [matched for path in paths for matched in _matches(path)]
+
+
+def _matches(path: Path) -> list[Path]:
+    """Return the laser files that a pattern matches, or else the folders; any other path as it is."""
+    if not set("*?[").intersection(str(path)) or os.path.lexists(path):
+        return [path]
+    matched = [found for found in _found(Path(), str(path)) if not found.name.startswith(".")]
+    files = [found for found in matched if found.suffix.lower() in _SUFFIXES and not found.is_dir()]
+    found = files or [found for found in matched if found.is_dir()]
+    if not found:
+        raise InputError("the pattern matches no .las/.laz file and no folder", where=path,
+                         advice="check the folder and the pattern")  # fmt: skip
+    return found
+
+
+def _found(root: Path, pattern: str) -> list[Path]:
+    """Return what matches a pattern that starts from a folder, sorted."""
+    # Joining drops the root where the pattern is an absolute path
+    place = root / pattern
+    base = Path(place.anchor) if place.is_absolute() else Path()
+    return sorted(base.glob(str(place.relative_to(base))))
 
 
 def _check_local(path: Path) -> None:
@@ -121,10 +188,7 @@ def _matching(root: Path, patterns: Sequence[str], where: Path) -> list[Path]:
     """Return the files that match the patterns of a survey.toml."""
     files = []
     for pattern in patterns:
-        # Joining drops the root where the pattern is an absolute path
-        place = root / pattern
-        base = Path(place.anchor) if place.is_absolute() else Path()
-        matched = sorted(p for p in base.glob(str(place.relative_to(base))) if not p.is_dir())
+        matched = [path for path in _found(root, pattern) if not path.is_dir()]
         if not matched:
             raise InputError(f"points.files: '{pattern}' matches no file", where=where,
                              advice="patterns start from the folder of the survey.toml")  # fmt: skip
@@ -148,9 +212,9 @@ def _each_once(files: Sequence[Path]) -> tuple[Path, ...]:
 def _given_crs(option: str | None, setting: str | None, where: Path | None) -> str | None:
     if option is None or setting is None:
         return setting if option is None else option
-    if not same_crs(parse_crs(option, where="--crs"), parse_crs(setting, where=where)):
-        raise CrsError(f"two different CRSs: crs = {setting}, --crs says {option}", where=where,
-                       advice="leave --crs out, or correct the survey.toml")  # fmt: skip
+    if not same_crs(parse_crs(option, where=argument("crs")), parse_crs(setting, where=where)):
+        raise CrsError(f"two different CRSs: crs = {setting}, {argument('crs')} says {option}", where=where,
+                       advice=f"leave {argument('crs')} out, or correct the survey.toml")  # fmt: skip
     return option
 
 

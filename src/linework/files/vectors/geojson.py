@@ -22,7 +22,7 @@ import shapely.geometry
 
 from linework.arrays import AnyArray, offsets_of
 from linework.crs import LOCAL, epsg_text, parse_crs
-from linework.errors import CrsError, InputError, MachineError
+from linework.errors import CrsError, InputError, MachineError, argument
 from linework.files.input import regular_file_bytes
 from linework.files.vectors.fields import (
     DISAGREEMENT,
@@ -214,7 +214,7 @@ def _crs_of(document: dict[str, Any], shapes: AnyArray, given: str | None, path:
     if "crs" not in document and in_degrees:
         raise CrsError(
             "no CRS and coordinates within 180, 90: degrees (RFC 7946), lengths need metres", where=path,
-            advice="transform it to a projected CRS, or give --crs local if these are metres",
+            advice=f"transform it to a projected CRS, or give {argument('crs', 'local')} if these are metres",
         )  # fmt: skip
     return LOCAL
 

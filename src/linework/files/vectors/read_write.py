@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from linework.crs import LOCAL, parse_crs
-from linework.errors import UsageError
+from linework.errors import UsageError, argument
 from linework.files.output.publish import check_output, publish
 from linework.files.output.record import hash_file
 from linework.files.vectors.fields import check_writable
@@ -150,7 +150,7 @@ def read_lines(
         raise UsageError(
             f"cannot read lines from '{suffix}' files", where=path, advice=f"use {', '.join(_READERS)}"
         )
-    given = None if crs is None else parse_crs(crs, where="--crs")
+    given = None if crs is None else parse_crs(crs, where=argument("crs"))
     return _READERS[suffix](path, kind_field, kinds, given)
 
 

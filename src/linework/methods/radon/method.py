@@ -7,7 +7,6 @@ names what goes beyond the paper.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -16,7 +15,6 @@ import numpy as np
 from linework.imaging.raster import grid_for, in_height_band
 from linework.methods.cables.find import CableConfig, find_cables, least_height_m
 from linework.methods.protocol import Recording, SurveyContext, extract_tile, surface_of_tile
-from linework.methods.radon.seams import inside_core, join_seams
 from linework.methods.radon.seeds import SeedConfig, find_seed_lines, split_into_segments
 from linework.methods.rails.chains import chains_from_starts
 from linework.methods.rails.circles import CircleConfig, bin_near, find_starts
@@ -24,7 +22,7 @@ from linework.methods.rails.profile import ProfileConfig
 from linework.methods.rails.rail_lines import carry_into_ground, rail_lines
 from linework.methods.rails.rails import fit_rails
 from linework.methods.rails.stretches import with_times
-from linework.model.grid import Bounds
+from linework.methods.seams import across_seams, of_core
 from linework.model.lines import LineSet
 from linework.model.settings import group, setting
 from linework.model.tile import TileData
@@ -96,7 +94,7 @@ class RailMethod:
         lines = carry_into_ground(lines, surface)
         # When the points on each line were measured
         lines = with_times(lines.take(np.isin(lines.kind, self.kinds)), points)
-        return of_core(lines, piece)
+        return of_core(lines, piece.core, is_whole=piece.is_whole)
 
     def join(self, found: LineSet, survey: SurveyContext) -> LineSet:
         """Return the lines of a survey, pieces that meet at the edge of a core joined into one."""
@@ -129,7 +127,7 @@ class CableMethod:
         # Thin, alone in their column, straight in plan, hanging as catenaries between supports
         lines = find_cables(points.xyz, points.time_s, above_ground, self.config.cable, piece.origin)
         # When the points on each line were measured
-        return of_core(with_times(lines, points), piece)
+        return of_core(with_times(lines, points), piece.core, is_whole=piece.is_whole)
 
     def join(self, found: LineSet, survey: SurveyContext) -> LineSet:
         """Return the wires of a survey: each span was found whole, by one tile."""
@@ -176,13 +174,3 @@ class Radon:
     def join(self, found: LineSet, survey: SurveyContext) -> LineSet:
         """Return the lines of a survey, pieces that meet at the edge of a core joined into one."""
         return across_seams(found, survey.cores)
-
-
-def of_core(lines: LineSet, piece: TileData) -> LineSet:
-    """Return the lines of a tile that belong to its core; all of them, uncut, if the tile is the whole survey."""
-    return lines if piece.is_whole else inside_core(lines, piece.core)
-
-
-def across_seams(lines: LineSet, cores: Sequence[Bounds]) -> LineSet:
-    """Return the lines of all tiles joined at the seams between their cores; one core has no seam."""
-    return join_seams(lines, cores) if len(cores) > 1 else lines

@@ -18,13 +18,16 @@ from linework.files.store.layout import STORE_BLOCK_M
 from linework.files.store.read import PointStore
 from linework.files.trajectories.of_survey import on_clock_of, read_survey_trajectory_content
 from linework.model.grid import Bounds
+from linework.model.ground import Ground
 from linework.model.points import Points
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 from linework.navigation.lever import at_vehicle_origin
 from linework.processes.executors import Executor
+from linework.processes.identity import identity_of
 from linework.runs.opened.store import held_store
 from linework.runs.opened.surface import SurveySurface, make_surface
+from linework.runs.own import GroundFinder
 from linework.runs.resume import fingerprint_of, source_hash
 from linework.runs.steps import RunSteps
 from linework.surface.road import RoadConfig
@@ -111,8 +114,17 @@ def hash_path(trajectory: Trajectory) -> str:
     return hashlib.sha256(b"".join(part.tobytes() for part in parts if part is not None)).hexdigest()
 
 
-def surface_of(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps: RunSteps) -> SurveySurface:
-    """Return road and ground of a survey, found once for a store, a trajectory and settings."""
+def surface_of(
+    opened: OpenedSurvey,
+    road: RoadConfig,
+    executor: Executor,
+    steps: RunSteps,
+    ground: Ground | GroundFinder | None = None,
+) -> SurveySurface:
+    """Return road and ground of a survey, found once for a store, a trajectory and settings.
+
+    ground: own ground, or a function that returns it, instead.
+    """
     with steps.step("find the road", unit="tiles") as advance:
         made_of = {
             "points": opened.key,
@@ -120,11 +132,15 @@ def surface_of(opened: OpenedSurvey, road: RoadConfig, executor: Executor, steps
             "road": asdict(road),
             "code": source_hash("kernels", "model", "files", "navigation", "surface", "runs"),
         }
+        if ground is not None:
+            made_of["own"] = identity_of(ground)
         key = fingerprint_of(made_of)
         folder = opened.points.folder / f"surface-{key[:16]}"
         # Two runs of one survey share its surface: the second waits until the first has made it
         with hold_lock(folder.with_suffix(".lock"), keep=True):
-            return make_surface(opened.points, opened.trajectory, road, folder, executor, advance, key=key)
+            return make_surface(
+                opened.points, opened.trajectory, road, folder, executor, advance, key=key, ground=ground
+            )
 
 
 # A survey with all its points in memory, for what needs all of them at once

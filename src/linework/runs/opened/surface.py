@@ -16,6 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from linework.files.array_file import ARRAY_SUFFIX
+from linework.files.output.parts import write_part
 from linework.files.store.cell_tiles import (
     SurfaceTiles,
     TileNumber,
@@ -28,8 +30,11 @@ from linework.methods.protocol import Sight, sight_of
 from linework.model.grid import Bounds
 from linework.model.ground import Ground
 from linework.model.trajectory import Trajectory
-from linework.processes.executors import Executor
+from linework.processes.executors import Executor, Serial
+from linework.runs.extraction import Failure
 from linework.runs.opened import surface_passes as passes
+from linework.runs.opened.own_ground import OwnGroundTask, find_own_ground
+from linework.runs.own import GroundFinder, error_of_fault
 from linework.runs.steps import Advance
 from linework.surface.apart import ground_of_pieces, touching
 from linework.surface.carry import CoarseGround, halo_cells
@@ -184,6 +189,7 @@ def make_surface(
     *,
     key: str,
     layout: SurfaceTiling | None = None,
+    ground: Ground | GroundFinder | None = None,
 ) -> SurveySurface:
     """Find road and ground of a survey and keep them in a folder; a surface with this `key` there is used.
 
@@ -203,11 +209,15 @@ def make_surface(
         Fingerprint of points, trajectory and settings.
     layout
         Tiles of cells; None: the cheapest.
+    ground
+        Own ground, or a function that returns it, instead of passes: see `linework.runs.opened.own_ground`.
 
     Raises
     ------
     MachineError
         The folder cannot be written.
+    OwnCodeError
+        The own function failed.
 
     Notes
     -----
@@ -221,7 +231,7 @@ def make_surface(
     clear_surface(folder)
     try:
         making = _Making(store, trajectory, config, SurfaceTiles(folder, *layout), executor, advance)
-        known = making.surface()
+        known = making.surface() if ground is None else making.own_surface(ground, trajectory)
     except BaseException:
         # Half a surface is useless to the next run, and takes room on a disk that may be full
         with contextlib.suppress(OSError):
@@ -289,6 +299,36 @@ class _Making:
         self._advance(self._n_steps, self._n_steps)
         self._tiles.keep_only(passes.SURFACE, passes.COARSE)
         return [tile for tile, is_there in has.items() if is_there]
+
+    def own_surface(self, ground: Ground | GroundFinder, trajectory: Trajectory | None) -> list[TileNumber]:
+        """Write the own ground of all tiles that hold points; return those tiles.
+
+        Raises
+        ------
+        OwnCodeError
+            The own function failed: without a ground no line would be right.
+        """
+        path = None
+        if trajectory is not None:
+            path = self._tiles.folder / f"own-path{ARRAY_SUFFIX}"
+            write_part(trajectory, path)
+        tasks = [OwnGroundTask(replace(self._task, tile=tile), ground, path) for tile in self._occupied]
+        # Your own ground is only resampled: not worth sending
+        executor = Serial() if isinstance(ground, Ground) else self._executor
+        coarse = {}
+        for n, outcome in enumerate(executor.run(find_own_ground, tasks), start=1):
+            if outcome.trace:
+                raise error_of_fault(Failure("tile", "surface", outcome.problem, outcome.trace))
+            tile = outcome.task.surface.tile
+            if outcome.receipt is None:
+                self.failed[tile] = outcome.problem
+            elif len(outcome.receipt.blocks):
+                coarse[tile] = outcome.receipt
+            self._advance(n, len(tasks))
+        far = CoarseGround.added(*(coarse[tile] for tile in sorted(coarse)))
+        self._tiles.write_common(passes.COARSE, far.blocks, far.total, far.cells)
+        self._tiles.keep_only(passes.SURFACE, passes.COARSE)
+        return sorted(coarse)
 
     def _run(
         self, number: int, work: Callable[[passes.SurfaceTileTask], Any], tiles: Iterable[TileNumber]

@@ -213,9 +213,14 @@ def extend_tile_surface(task: SurfaceTileTask) -> bool:
     coarse = CoarseGround(*tiles.read_common(COARSE))
     road_m, ground_m = extended_surface(window, height, is_road, is_ground, coarse, config)
     inner = around.part(window)
-    kind = is_road[inner].view(np.uint8) << _ROAD | is_ground[inner].view(np.uint8) << _GROUND
-    tiles.write(SURFACE, task.tile, road_m, ground_m, kind)
+    tiles.write(SURFACE, task.tile, road_m, ground_m, kind_of(is_road[inner], is_ground[inner]))
     return True
+
+
+def kind_of(is_road: BoolArray, is_ground: BoolArray) -> AnyArray:
+    """Return the third array of a tile's surface: (rows, cols) uint8, a bit for road and one for ground."""
+    kind: AnyArray = is_road.view(np.uint8) << _ROAD | is_ground.view(np.uint8) << _GROUND
+    return kind
 
 
 def is_kind(kind: AnyArray) -> tuple[BoolArray, BoolArray]:

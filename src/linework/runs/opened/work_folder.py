@@ -18,7 +18,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from linework.errors import InputError, MachineError, OutputExistsError
+from linework.errors import InputError, MachineError, OutputExistsError, argument
 from linework.files.output.locks import hold_lock
 from linework.files.output.publish import machine_errors
 
@@ -80,7 +80,9 @@ def clean_work_folder(folder: Path) -> int:
     ]
     if not ours and any(folder.iterdir()):
         raise InputError(
-            "is not a work folder of linework", where=folder, advice="name the folder given as --work"
+            "is not a work folder of linework",
+            where=folder,
+            advice=f"name the folder given as {argument('work')}",
         )
     held = contextlib.ExitStack()
     with held, machine_errors(folder):
@@ -102,7 +104,9 @@ def folder_in_use_error(folder: Path) -> OutputExistsError:
 def _make(folder: Path) -> None:
     """Create a folder and check that files can be created in it."""
     if os.path.lexists(folder) and not folder.is_dir():
-        raise MachineError("is not a folder", where=folder, advice="give --work another place")
+        raise MachineError(
+            "is not a folder", where=folder, advice=f"name another place with {argument('work')}"
+        )
     with machine_errors(folder):
         for name in (STORES, RUNS):
             (folder / name).mkdir(parents=True, exist_ok=True)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from numbers import Integral, Real
 
 import numpy as np
 
-from linework.errors import UsageError
+from linework.errors import UsageError, argument, did_you_mean
 from linework.simulation.roads.draw_motorway import draw_motorway
 from linework.simulation.roads.draw_rural import draw_bends, draw_straight
 from linework.simulation.roads.draw_urban import draw_urban
@@ -25,6 +26,8 @@ MIN_LENGTH_M = 40.0
 MAX_LENGTH_M = 5000.0
 #: Scan lines per metre of road at most, over all scanners and passes: keeps a survey to what one van records.
 _MAX_LINES_PER_M = 35.0
+#: Scanners are turned up to 20,000 rays per turn (`_thinned`), which no larger number can exceed.
+_MOST_POINTS_PER_M = 1e6
 
 
 def draw_scenario(kind: str, seed: int, length_m: float, *, points_per_m: float | None = None) -> Scenario:
@@ -40,16 +43,26 @@ def draw_scenario(kind: str, seed: int, length_m: float, *, points_per_m: float 
         Unknown kind, negative seed, a length or density out of range.
     """
     if kind not in LAYOUTS:
-        raise UsageError(f"there is no road {kind!r}", advice=f"choose one of {', '.join(ROADS)}")
-    if not MIN_LENGTH_M <= length_m <= MAX_LENGTH_M:
+        problem = f"there is no road {kind!r}" + did_you_mean([str(kind)], ROADS)
+        raise UsageError(problem, where=argument("road"), advice=f"choose one of {', '.join(ROADS)}")
+    if not (_is_number(length_m) and MIN_LENGTH_M <= length_m <= MAX_LENGTH_M):
         raise UsageError(
-            f"a road of {length_m:g} m cannot be simulated",
+            f"a road of {_shown(length_m)} m cannot be simulated",
+            where=argument("length_m"),
             advice=f"choose {MIN_LENGTH_M:g} to {MAX_LENGTH_M:g} m",
         )
-    if seed < 0:
-        raise UsageError(f"the seed is {seed}", advice="choose 0 or more")
-    if points_per_m is not None and not points_per_m > 0.0:
-        raise UsageError(f"{points_per_m:g} points per metre", advice="choose more than 0, or leave it out")
+    if not isinstance(seed, Integral) or isinstance(seed, bool) or seed < 0:
+        raise UsageError(
+            f"the seed is {seed!r}", where=argument("seed"), advice="choose a whole number from 0"
+        )
+    if points_per_m is not None and not (
+        _is_number(points_per_m) and 0.0 < points_per_m <= _MOST_POINTS_PER_M
+    ):
+        raise UsageError(
+            f"{_shown(points_per_m)} points per metre",
+            where=argument("points_per_m"),
+            advice=f"choose more than 0, at most {_MOST_POINTS_PER_M:g}, or leave it out",
+        )
     rng = np.random.default_rng([seed, ROADS.index(kind)])
     layout = LAYOUTS[kind](rng, length_m)
     passes = _passes(rng, layout)
@@ -65,6 +78,15 @@ def draw_scenario(kind: str, seed: int, length_m: float, *, points_per_m: float 
         kind=kind, seed=seed, length_m=length_m, origin_m=origin, layout=layout,
         scanners=scanners, sensor=_sensor(rng), passes=passes,
     )  # fmt: skip
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _shown(value: object) -> str:
+    """Return a value as messages show it: a number without needless digits."""
+    return f"{value:g}" if isinstance(value, Real) else repr(value)
 
 
 def _passes(rng: np.random.Generator, layout: RoadLayout) -> tuple[Pass, ...]:

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.crs import parse_crs
-from linework.errors import UsageError
+from linework.errors import UsageError, argument
 from linework.imaging.rectify import distorted
 from linework.model.camera import Camera, StereoRig
 from linework.model.images import Poses
@@ -103,8 +104,11 @@ def stereo_survey(
     UsageError
         There are no such cameras; a distance that is not above 0.
     """
-    if not every_m > 0.0:
-        raise UsageError(f"a pair every {every_m:g} m", advice="choose more than 0")
+    if not isinstance(every_m, Real) or isinstance(every_m, bool) or not 0.0 < every_m < np.inf:
+        shown = f"{every_m:g}" if isinstance(every_m, Real) else repr(every_m)
+        raise UsageError(
+            f"a pair every {shown} m", where=argument("image_every_m"), advice="choose more than 0"
+        )
     kind = sum(map(ord, scenario.kind))
     rng = np.random.default_rng([scenario.seed, 41, kind])
     rig, light = draw_rig(size, rng, is_ideal=is_ideal), draw_light(rng)

@@ -11,7 +11,7 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.spatial.transform import Rotation
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
-from linework.errors import UsageError
+from linework.errors import UsageError, argument
 from linework.imaging.rectify import distorted
 from linework.model.camera import LOOKING_AHEAD, Camera, StereoRig
 from linework.simulation.roads.scenario import Scenario, Wall
@@ -170,7 +170,8 @@ def draw_rig(size: str, rng: np.random.Generator, *, is_ideal: bool = False) -> 
     wide lenses), p1 and p2 up to 0.001, the principal point up to 10 pixels off the middle.
     """
     if size not in MOUNTS:
-        raise UsageError(f"there are no cameras of {size!r}", advice=f"choose one of {', '.join(SIZES)}")
+        raise UsageError(f"there are no cameras of {size!r}", where=argument("image_size"),
+                         advice=f"choose one of {', '.join(SIZES)}")  # fmt: skip
     mount = MOUNTS[size]
     tilt = np.radians([-rng.uniform(*mount.down_deg), *rng.uniform(-1.0, 1.0, 2)])
     common = LOOKING_AHEAD @ Rotation.from_euler("XYZ", tilt).as_matrix()

@@ -74,7 +74,13 @@ def status_and_message(error: LineworkError) -> tuple[int, str]:
     status = next((STATUS_OF[kind] for kind in type(error).__mro__ if kind in STATUS_OF), _OTHER_STATUS)
     where = error.where.name if isinstance(error.where, Path) else error.where
     named = type(error)(error.problem, where=where, advice=error.advice)
-    return status, hide_paths(str(named))
+    return status, hide_paths(named.line(_page_words))
+
+
+def _page_words(name: str, value: str | int | bool | None) -> str:
+    """Return a parameter as the page's users read it: its name, and a value that it could have."""
+    words = name.replace("_", " ")
+    return words if value is None or value is True else f"{words} {value}"
 
 
 def hide_paths(text: str) -> str:

@@ -19,7 +19,7 @@ import uvicorn
 from fastapi import FastAPI
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from linework.errors import MachineError
+from linework.errors import MachineError, argument
 from linework.files.line_file.file import LineFile
 from linework.runs.steps import Watcher
 from linework.workbench.server.app import create_app
@@ -201,12 +201,16 @@ def _signals() -> Iterator[asyncio.Future[int]]:
 
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     for number in before:
-        loop.add_signal_handler(number, stop, int(number))
+        try:
+            loop.add_signal_handler(number, stop, int(number))
+        except NotImplementedError:  # Windows
+            signal.signal(number, lambda number, _: loop.call_soon_threadsafe(stop, number) and None)
     try:
         yield stopped
     finally:
         for number, handler in before.items():
-            loop.remove_signal_handler(number)
+            with contextlib.suppress(NotImplementedError):
+                loop.remove_signal_handler(number)
             signal.signal(number, handler)
 
 
@@ -262,7 +266,7 @@ def listener_at(port: int, usual: int) -> Iterator[socket.socket]:
                 is_taken = error.errno == errno.EADDRINUSE
                 problem = "the port is taken" if is_taken else str(error.strerror).lower()
                 raise MachineError(
-                    problem, where=f"--port {number}", advice="give another, or 0 for any"
+                    problem, where=argument("port", number), advice="give another, or 0 for any"
                 ) from None
             break
         yield listener

@@ -34,6 +34,16 @@ _ON_EDGE_M = 1e-6
 _LEAST_M = 1e-9
 
 
+def of_core(lines: LineSet, core: Bounds, *, is_whole: bool) -> LineSet:
+    """Return the lines of a tile that belong to its core; all of them, uncut, if the tile is the whole survey."""
+    return lines if is_whole else inside_core(lines, core)
+
+
+def across_seams(lines: LineSet, cores: Sequence[Bounds]) -> LineSet:
+    """Return the lines of all tiles joined at the seams between their cores; one core has no seam."""
+    return join_seams(lines, cores) if len(cores) > 1 else lines
+
+
 def inside_core(lines: LineSet, core: Bounds) -> LineSet:
     """Return the parts of lines inside a core; lines that are never cut are whole, if their middle is inside.
 

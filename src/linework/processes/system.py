@@ -1,0 +1,125 @@
+"""What operating systems do differently for processes: limits, ending with the parent, whether one runs.
+
+The only file that uses the module `resource` and prctl(2). Where a system has neither, nothing limits the memory of a
+child, and a thread of the child watches for the end of its parent.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
+
+#: Option of prctl(2): the signal that this process gets when its parent ends.
+_PR_SET_PDEATHSIG = 1
+#: Linux alone kills a process with its parent.
+_ENDS_WITH_PARENT = sys.platform == "linux"
+#: Between two looks whether the parent is still there: a child that computes ends that much later. [s]
+_LOOK_S = 1.0
+#: Windows: the right to ask a process whether it runs, and the exit code of one that does.
+_QUERY_LIMITED_INFORMATION, _STILL_ACTIVE = 0x1000, 259
+
+
+def limit_process(address_bytes: int) -> None:
+    """Let this process ignore SIGINT, dump no core, and take no more than its address space, where that can be limited.
+
+    Parameters
+    ----------
+    address_bytes
+        Limit on the address space, 0: none. [bytes]
+    """
+    # Ctrl-C goes to the whole group: the parent handles it, and ends this process
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if resource is None:
+        return
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if address_bytes:
+        _, hard = resource.getrlimit(resource.RLIMIT_AS)
+        limit = address_bytes if hard == resource.RLIM_INFINITY else min(address_bytes, hard)
+        # macOS refuses limits below what the process has mapped already
+        with contextlib.suppress(ValueError) if sys.platform == "darwin" else contextlib.nullcontext():
+            resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+
+
+def has_memory_limits() -> bool:
+    """Return whether this system limits the address space of a process."""
+    return resource is not None
+
+
+def die_with_parent(parent: int) -> None:
+    """Have the system kill this process when the one that started it ends, however it ends (Linux only).
+
+    Parameters
+    ----------
+    parent
+        Number of the process that started this one.
+    """
+    if _ENDS_WITH_PARENT:
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:  # it ended before the call
+            sys.exit(1)
+
+
+def watch_parent(connected: socket.socket) -> None:
+    """Start a thread that ends this process once its parent has closed their connection, where the system does not.
+
+    Parameters
+    ----------
+    connected
+        The connection with the parent. What was sent before the parent ended has to be read before its end shows.
+    """
+    if _ENDS_WITH_PARENT:
+        return
+    threading.Thread(target=_end_when_closed, args=(connected,), name="parent", daemon=True).start()
+
+
+def _end_when_closed(connected: socket.socket) -> None:
+    """End this process when nothing more can come over a connection."""
+    while True:
+        try:
+            is_open = bool(connected.recv(1, socket.MSG_PEEK))
+        except OSError:
+            is_open = False
+        if not is_open:
+            os._exit(1)
+        time.sleep(_LOOK_S)
+
+
+def is_alive(pid: int) -> bool:
+    """Return whether a process with this number runs on this machine.
+
+    >>> is_alive(os.getpid())
+    True
+    """
+    if sys.platform == "win32":  # there os.kill(pid, 0) ends the process
+        return _is_alive_on_windows(pid)
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True
+
+
+def _is_alive_on_windows(pid: int) -> bool:
+    kernel32 = ctypes.WinDLL("kernel32", use_last_error=True)  # type: ignore[attr-defined,unused-ignore]
+    kernel32.OpenProcess.restype = ctypes.c_void_p
+    handle = ctypes.c_void_p(kernel32.OpenProcess(_QUERY_LIMITED_INFORMATION, False, pid))
+    if not handle:
+        return False
+    try:
+        code = ctypes.c_ulong()
+        return bool(kernel32.GetExitCodeProcess(handle, ctypes.byref(code))) and code.value == _STILL_ACTIVE
+    finally:
+        kernel32.CloseHandle(handle)

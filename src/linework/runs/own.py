@@ -1,0 +1,97 @@
+"""Own code in a run: what of its methods and its ground is not linework's, how it is sent, and its identity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import fields, is_dataclass
+from functools import lru_cache
+from typing import Any
+
+from linework.errors import OwnCodeError, UsageError
+from linework.methods.protocol import Method, is_own
+from linework.model.ground import Ground
+from linework.model.points import Points
+from linework.model.trajectory import Trajectory
+from linework.processes.identity import identity_of
+from linework.processes.own_code import SentCode, sent_code
+from linework.runs.extraction import Failure
+
+#: Returns the ground below the points of an area, in the survey's coordinates; the path is the whole one, or None.
+GroundFinder = Callable[[Points, Trajectory | None], Ground]
+
+
+def check_own_code(methods: Sequence[Method], ground: Ground | GroundFinder | None = None) -> None:
+    """Refuse own code that cannot be sent to worker processes, before any work.
+
+    Raises
+    ------
+    UsageError
+        The message names the parameter and the reason.
+    """
+    for name, value in _own_values(methods, ground):
+        if not isinstance(value, Method) and not callable(value) and not isinstance(value, Ground):
+            raise UsageError(f"expected a function, got {type(value).__name__}", where=name)
+        if not isinstance(value, Ground):
+            sent_code(value, name)
+
+
+def own_code_of(methods: Sequence[Method], ground: Ground | GroundFinder | None = None) -> dict[str, str]:
+    """Return the identity of all own code by its parameter; empty: the run has none.
+
+    For the description of a run: lines of two versions of a function must not be mixed.
+    """
+    return {name: identity_of(value) for name, value in _own_values(methods, ground)}
+
+
+def _own_values(methods: Sequence[Method], ground: Ground | GroundFinder | None) -> Iterator[tuple[str, Any]]:
+    """Yield own methods, own functions of linework's methods, and the own ground, with their parameters."""
+    for number, method in enumerate(methods):
+        if is_own(method):
+            yield f"methods[{number}]", method
+        else:
+            yield from ((f"methods[{number}].{name}", value) for name, value in _functions_of(method))
+    if ground is not None:
+        yield "ground", ground
+
+
+def _functions_of(method: Method) -> Iterator[tuple[str, Callable[..., Any]]]:
+    """Yield the own functions that were passed to one of linework's methods."""
+    if is_dataclass(method):
+        for field in fields(method):
+            value = getattr(method, field.name)
+            if callable(value):
+                yield field.name, value
+
+
+def sent_method(method: Method) -> Method | SentCode:
+    """Return a method as it is sent to worker processes: as bytes if it has own code."""
+    if is_own(method) or any(True for _ in _functions_of(method)):
+        return _sent(_Same(method))
+    return method
+
+
+class _Same:
+    """A method as the key of a cache: only itself is equal to it."""
+
+    def __init__(self, method: Method) -> None:
+        self.method = method
+
+    def __hash__(self) -> int:
+        return id(self.method)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.method is self.method
+
+
+# A run sends a method with each of its tiles: its bytes are made once
+@lru_cache(maxsize=8)
+def _sent(key: _Same) -> SentCode:
+    return sent_code(key.method, key.method.name)
+
+
+def error_of_fault(fault: Failure) -> RuntimeError:
+    """Return the error for a failure that a fault of the program or of own code has caused, with its traceback."""
+    is_of_user = OwnCodeError.__name__ in fault.trace
+    error = OwnCodeError(fault.problem.rstrip(".")) if is_of_user else RuntimeError(fault.problem)
+    error.add_note(fault.trace)  # for the log
+    return error
