@@ -52,6 +52,8 @@ near = np.abs(s) < 1.0
 
 fig, ax = plt.subplots(figsize=(10, 3.5), layout="constrained")
 height = street.points.xyz[near, 2] - path[middle, 2]
-ax.scatter(across[near], height, s=2, c=None if street.points.intensity is None else street.points.intensity[near])
+ax.scatter(
+    across[near], height, s=2, c=None if street.points.intensity is None else street.points.intensity[near]
+)
 ax.set(xlabel="to the left of the van [m]", ylabel="height [m]", xlim=(-15, 15), ylim=(-1, 8))
 plt.show()

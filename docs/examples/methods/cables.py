@@ -41,7 +41,9 @@ print(f"{len(points):,} points, {len(band.xyz):,} above {config.low_m:g} m, {len
 #
 # Peaks of the Radon transform of the isolated points in plan.
 
-seeds = find_cable_seeds(np.ascontiguousarray(isolated[:, :2]), window_m=config.window_m, cell_m=config.cell_m)
+seeds = find_cable_seeds(
+    np.ascontiguousarray(isolated[:, :2]), window_m=config.window_m, cell_m=config.cell_m
+)
 print(f"{len(seeds)} seed lines, the strongest {seeds[0].strength_m:.1f} m")
 
 fig, ax = plt.subplots(figsize=(9, 5), layout="constrained")
@@ -60,7 +62,9 @@ ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", title="th
 
 lines = find_cables(points.xyz, points.time_s, height, config)
 for one in lines:
-    print(f"{one.length_m:5.1f} m, {one.clearance_m:4.1f} m above the ground, confidence {one.confidence:.2f}")
+    print(
+        f"{one.length_m:5.1f} m, {one.clearance_m:4.1f} m above the ground, confidence {one.confidence:.2f}"
+    )
 
 # %%
 # One wire from the side
@@ -77,7 +81,9 @@ length = float(np.hypot(*(wire[-1, :2] - wire[0, :2])))
 on = (np.abs(across) < 0.08) & (s > 0) & (s < length) & (np.abs(points.xyz[:, 2] - expected) < 0.08)
 
 fit = fit_catenary(s[on], points.xyz[on, 2])
-print(f"{int(on.sum())} points, {1000 * fit.sigma_m:.1f} mm scatter, a = {1 / fit.curve.curvature_per_m:.0f} m")
+print(
+    f"{int(on.sum())} points, {1000 * fit.sigma_m:.1f} mm scatter, a = {1 / fit.curve.curvature_per_m:.0f} m"
+)
 
 fig, ax = plt.subplots(figsize=(9, 4), layout="constrained")
 ax.plot(s[on], points.xyz[on, 2], ".", ms=4, color="0.5", label="points")

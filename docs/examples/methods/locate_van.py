@@ -36,7 +36,9 @@ print(f"{len(logs.gnss.time_s)} fixes over {logs.gnss.time_s[-1] - logs.gnss.tim
 # -------------------
 
 located = locate_drive(logs, rate_hz=10.0)
-print(f"{located.distance_m:.0f} m, outages: {np.diff(located.outages_s, axis=1).ravel().round(1).tolist()} s")
+print(
+    f"{located.distance_m:.0f} m, outages: {np.diff(located.outages_s, axis=1).ravel().round(1).tolist()} s"
+)
 for name, (value, sigma) in located.stretches[0].estimates.items():
     print(f"{name:20} {value:10.4f} +- {sigma:.4f}")
 

@@ -37,7 +37,9 @@ place = kerb[len(kerb) // 2] - origin
 area = SearchArea.of(points.xyz - origin, place[:2])
 above = area.above_m()
 floor = above < 0.02
-print(f"{len(area.xyz)} points, {int(floor.sum())} of them on the floor, the rest up to {above.max():.2f} m above it")
+print(
+    f"{len(area.xyz)} points, {int(floor.sum())} of them on the floor, the rest up to {above.max():.2f} m above it"
+)
 
 fig = plt.figure(figsize=(7, 5), layout="constrained")
 ax = fig.add_subplot(projection="3d")

@@ -67,8 +67,12 @@ radon = radon_transform(binary, evenly_spaced_angles(1.0))
 # The transform is dilated, and a peak is where the two are equal, above a threshold.
 
 peaks = find_peaks(
-    radon.values, radon.angles_rad, radon.rho_m,
-    threshold=12.0, theta_window_rad=np.radians(15.0), rho_window_m=1.0,
+    radon.values,
+    radon.angles_rad,
+    radon.rho_m,
+    threshold=12.0,
+    theta_window_rad=np.radians(15.0),
+    rho_window_m=1.0,
 )
 for theta, rho, strength in zip(peaks.theta_rad, peaks.rho_m, peaks.strength_m, strict=True):
     print(f"theta {np.degrees(theta):6.1f} deg, rho {rho:6.2f} m, {strength:5.1f} m long")

@@ -93,7 +93,9 @@ near = (np.abs(s) < 1.5) & (np.abs(across) < 1.2) & (np.abs(offset[:, 2]) < 1.2)
 fig, ax = plt.subplots(figsize=(6, 5), layout="constrained")
 ax.plot(across[near], offset[near, 2], ".", ms=3, color="0.6")
 radius = config.circles.radius_m
-ax.add_patch(plt.Rectangle((-radius, -config.circles.sheet_m), 2 * radius, config.circles.sheet_m, fill=False))
+ax.add_patch(
+    plt.Rectangle((-radius, -config.circles.sheet_m), 2 * radius, config.circles.sheet_m, fill=False)
+)
 ax.plot(0, 0, "o", ms=8, mfc="none", mec="tab:red")
 ax.set(xlabel="across [m]", ylabel="above the top edge [m]", aspect="equal")
 plt.show()

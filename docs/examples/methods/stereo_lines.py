@@ -62,12 +62,16 @@ print(f"the camera is {road.plane.camera_height_m(pair.rig):.2f} m above the roa
 config = StripeConfig()
 stripes = find_stripe_lines(pair, road, config)
 on_line = stripes.line >= 0
-print(f"{len(stripes.table)} stripes, {int(on_line.sum())} of them on {len(np.unique(stripes.line[on_line]))} lines")
+print(
+    f"{len(stripes.table)} stripes, {int(on_line.sum())} of them on {len(np.unique(stripes.line[on_line]))} lines"
+)
 
 fig, ax = plt.subplots(figsize=(9, 6), layout="constrained")
 ax.imshow(pair.left, cmap="gray")
 ax.scatter(stripes.table[~on_line, COL], stripes.table[~on_line, ROW], s=2, c="tab:blue")
-ax.scatter(stripes.table[on_line, COL], stripes.table[on_line, ROW], s=2, c=stripes.line[on_line], cmap="autumn")
+ax.scatter(
+    stripes.table[on_line, COL], stripes.table[on_line, ROW], s=2, c=stripes.line[on_line], cmap="autumn"
+)
 
 # %%
 # Into the world

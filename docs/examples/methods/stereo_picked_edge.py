@@ -60,10 +60,14 @@ while True:
     except StopIteration as finished:
         edge = finished.value
         break
-print(f"{edge.kind}, {edge.lines.length_m[0]:.1f} m through {len(steps)} pairs; it ends: {[str(s) for s in edge.stops]}")
+print(
+    f"{edge.kind}, {edge.lines.length_m[0]:.1f} m through {len(steps)} pairs; it ends: {[str(s) for s in edge.stops]}"
+)
 
 fig, axes = plt.subplots(1, 2, figsize=(11, 4), layout="constrained")
-for ax, image, pixels in zip(axes, (first.left, first.right), (steps[0].left_px, steps[0].right_px), strict=True):
+for ax, image, pixels in zip(
+    axes, (first.left, first.right), (steps[0].left_px, steps[0].right_px), strict=True
+):
     ax.imshow(image, cmap="gray")
     ax.plot(*pixels.T, color="yellow", lw=2)
 axes[0].plot(col, row, "r+", ms=14)

@@ -130,7 +130,16 @@ print(linework.evaluate(from_intensity, survey.truth[np.isin(survey.truth.kind, 
 #
 # No code at all: ``--paint-column`` names the dimension.
 
-command = ["extract", "survey", "-o", "markings.gpkg", "--features", ",".join(KINDS), "--paint-column", "p_paint"]
+command = [
+    "extract",
+    "survey",
+    "-o",
+    "markings.gpkg",
+    "--features",
+    ",".join(KINDS),
+    "--paint-column",
+    "p_paint",
+]
 subprocess.run([sys.executable, "-m", "linework", *command, "--quiet"], check=True)
 written = linework.read_lines("markings.gpkg")
 print(f"{len(written)} lines, {written.length_m.sum():.1f} m; from Python {lines.length_m.sum():.1f} m")

@@ -80,7 +80,9 @@ for ax, theta, rho, title in (
 # -------------
 
 lines = linework.extract(
-    points, trajectory=survey.trajectory, methods=[linework.Radon(kinds=("guardrail",), find_peaks=smooth_peaks)]
+    points,
+    trajectory=survey.trajectory,
+    methods=[linework.Radon(kinds=("guardrail",), find_peaks=smooth_peaks)],
 )
 print(linework.evaluate(lines, survey.truth["guardrail"]))
 
