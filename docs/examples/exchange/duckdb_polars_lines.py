@@ -11,10 +11,9 @@ import matplotlib.pyplot as plt
 import polars as pl
 
 import linework
-from linework.simulation.simulate import simulate_survey
 
-street = simulate_survey("urban", seed=3, length_m=60.0, points_per_m=2500)
-lines = linework.extract(street.points, trajectory=street.trajectory)
+survey = linework.simulate("survey", road="urban", seed=3, length_m=60.0, points_per_m=2500, images=False)
+lines = linework.extract(survey)
 
 # %%
 # SQL

@@ -9,13 +9,9 @@ standard deviations and flags of each vertex travel as lists.
 import matplotlib.pyplot as plt
 
 import linework
-from linework.simulation.simulate import simulate_survey
 
-street = simulate_survey("urban", seed=3, length_m=60.0, points_per_m=2500)
-points = linework.Points(
-    street.points.xyz, intensity=street.points.intensity, time_s=street.points.time_s, crs=street.crs
-)
-lines = linework.extract(points, trajectory=street.trajectory)
+survey = linework.simulate("survey", road="urban", seed=3, length_m=60.0, points_per_m=2500, images=False)
+lines = linework.extract(survey)
 
 # %%
 # To GeoPandas

@@ -10,10 +10,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import linework
-from linework.simulation.simulate import simulate_survey
 
-street = simulate_survey("urban", seed=3, length_m=60.0, points_per_m=2500)
-lines = linework.extract(street.points, trajectory=street.trajectory)
+survey = linework.simulate("survey", road="urban", seed=3, length_m=60.0, points_per_m=2500, images=False)
+points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
+truth = linework.read_lines(survey.root / "truth.gpkg")
+lines = linework.extract(points, trajectory=trajectory)
 
 # %%
 # Scores
@@ -22,7 +23,7 @@ lines = linework.extract(street.points, trajectory=street.trajectory)
 # A piece of line counts as found within 10 cm of the reference. Completeness is the share of the reference that was
 # found, correctness the share of the lines that is right.
 
-scores = linework.evaluate(lines, street.truth)
+scores = linework.evaluate(lines, truth)
 scores
 
 # %%
@@ -49,7 +50,7 @@ ax.legend(fontsize=8)
 # -------------------
 
 fig, ax = plt.subplots(figsize=(9, 5), layout="constrained")
-for one in street.truth["lane_marking"]:
+for one in truth["lane_marking"]:
     ax.plot(*one.xyz[:, :2].T, color="tab:orange", lw=4, alpha=0.5)
 for one in lines["lane_marking"]:
     ax.plot(*one.xyz[:, :2].T, color="k", lw=1)

@@ -5,21 +5,22 @@ First lines, from arrays
 You have points in an array, from whatever program or format: this page makes lines of them and draws them.
 """
 
+import laspy
 import matplotlib.pyplot as plt
 import numpy as np
 
 import linework
-from linework.simulation.simulate import simulate_survey
 
 # %%
 # Points
 # ------
 #
-# A simulated street stands in for your data. All that is needed is an (n, 3) array of east, north and height in
+# A simulated street, read with laspy, stands in for your data. All that is needed is an (n, 3) array of east, north and height in
 # metres; intensities are needed for lane markings, times help to tell one pass of the van from another.
 
-street = simulate_survey("urban", seed=3, length_m=60.0, points_per_m=2500)
-xyz, intensity, time_s = street.points.xyz, street.points.intensity, street.points.time_s
+survey = linework.simulate("survey", road="urban", seed=3, length_m=60.0, points_per_m=2500, images=False)
+las = laspy.read(survey.point_files[0])
+xyz, intensity, time_s = np.asarray(las.xyz), np.asarray(las.intensity), np.asarray(las.gps_time)
 
 points = linework.Points(xyz, intensity=intensity, time_s=time_s, crs="EPSG:25832+7837")
 points
@@ -33,7 +34,7 @@ points
 # One call. The order of the points does not matter, and nothing has to be chosen by hand. With the path of the van
 # the road is found below it; without, from the points alone.
 
-lines = linework.extract(points, trajectory=street.trajectory)
+lines = linework.extract(points, trajectory=linework.read_trajectory(survey))
 lines
 
 # %%

@@ -7,18 +7,15 @@ and by default nothing is lost in silence.
 """
 
 import warnings
-from pathlib import Path
 
 import linework
-from linework.simulation.folder import write_survey_folder
-from linework.simulation.simulate import simulate_survey
 
 # %%
 # Two files, one of them cut off in the middle, as after a failed copy.
 
-write_survey_folder(simulate_survey("bends", seed=7, length_m=50.0, points_per_m=1000), Path("drive"))
-good = Path("drive/points/pass_1.laz")
-damaged = Path("drive/points/damaged.laz")
+survey = linework.simulate("drive", road="bends", seed=7, length_m=50.0, points_per_m=1000, images=False)
+good = survey.point_files[0]
+damaged = good.with_name("damaged.laz")
 damaged.write_bytes(good.read_bytes()[: good.stat().st_size // 2])
 
 # %%

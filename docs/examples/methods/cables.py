@@ -15,11 +15,11 @@ from linework.methods.cables.band import cable_band
 from linework.methods.cables.find import CableConfig, find_cables
 from linework.methods.cables.seeds import find_cable_seeds
 from linework.model.tile import local_origin
-from linework.simulation.simulate import simulate_survey
 from linework.surface.road import height_above_ground
 
-survey = simulate_survey("urban", seed=3, length_m=60.0, points_per_m=2500)
-points, config = survey.points, CableConfig()
+survey = linework.simulate("survey", road="urban", seed=3, length_m=60.0, points_per_m=2500, images=False)
+points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
+config = CableConfig()
 
 # %%
 # Points that may be wires
@@ -27,7 +27,7 @@ points, config = survey.points, CableConfig()
 #
 # Above traffic, and isolated: nothing beside them, nothing right above or below.
 
-ground = linework.find_ground(points, survey.trajectory)
+ground = linework.find_ground(points, trajectory)
 height = height_above_ground(ground, points.xyz)
 origin = np.array(local_origin(*points.xyz.min(axis=0).tolist()))
 band = cable_band(points.xyz, height, config.low_m, origin)

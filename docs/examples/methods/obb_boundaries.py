@@ -18,11 +18,11 @@ from linework.methods.obb.search_area import SearchArea
 from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm
 from linework.model.tile import TileData, local_origin
-from linework.simulation.simulate import simulate_survey
 
-survey = simulate_survey("urban", seed=3, length_m=60.0, points_per_m=3000)
-points = survey.points
-ground = linework.find_ground(points, survey.trajectory)
+survey = linework.simulate("survey", road="urban", seed=3, length_m=60.0, points_per_m=3000, images=False)
+points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
+truth = linework.read_lines(survey.root / "truth.gpkg")
+ground = linework.find_ground(points, trajectory)
 
 # %%
 # A search area
@@ -32,7 +32,7 @@ ground = linework.find_ground(points, survey.trajectory)
 
 bounds = points.bounds
 origin = np.array(local_origin(bounds.west, bounds.south, ground.z0_m))
-kerb = survey.truth["road_boundary"][0].xyz
+kerb = truth["road_boundary"][0].xyz
 place = kerb[len(kerb) // 2] - origin
 area = SearchArea.of(points.xyz - origin, place[:2])
 above = area.above_m()
@@ -56,7 +56,7 @@ ax.legend()
 # The same everywhere, without an operator: in each cell of the ground, the line where floor and face of a kerb meet,
 # or where smooth pavement becomes rough.
 
-tile = TileData("all", bounds.grown(1.0), points, survey.trajectory, "", ground, (*origin,))
+tile = TileData("all", bounds.grown(1.0), points, trajectory, "", ground, (*origin,))
 boxes = find_boundary_boxes(tile, ground, BoundaryConfig())
 for form in (BoxForm.KERB, BoxForm.EDGE, BoxForm.BARRIER):
     print(f"{form.name.lower():8} {int((boxes.form == form).sum()):4} boxes")

@@ -15,12 +15,11 @@ import linework
 from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
 from linework.model.boxes import BoxForm
 from linework.model.tile import TileData, local_origin
-from linework.simulation.simulate import simulate_survey
 
-survey = simulate_survey("straight", seed=2, length_m=50.0, points_per_m=5000)
-points = survey.points
+survey = linework.simulate("survey", road="straight", seed=2, length_m=50.0, points_per_m=5000, images=False)
+points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
 assert points.intensity is not None
-ground = linework.find_ground(points, survey.trajectory)
+ground = linework.find_ground(points, trajectory)
 
 # %%
 # Intensities of the road
@@ -28,7 +27,7 @@ ground = linework.find_ground(points, survey.trajectory)
 
 bounds = points.bounds
 origin = np.array(local_origin(bounds.west, bounds.south, ground.z0_m))
-path = survey.trajectory.xyz
+path = trajectory.xyz
 middle = path[len(path) // 2]
 way = path[-1, :2] - path[0, :2]
 way /= np.hypot(*way)
@@ -44,7 +43,7 @@ shown = low & (np.abs(local[:, 0]) < 12.0) & (np.abs(local[:, 1]) < 8.0)
 # A box has a centre, a direction, a length with evidence and a width: that of the paint. Its score is the probability
 # that it is a piece of a marking.
 
-tile = TileData("all", bounds.grown(1.0), points, survey.trajectory, "", ground, (*origin,))
+tile = TileData("all", bounds.grown(1.0), points, trajectory, "", ground, (*origin,))
 boxes = find_marking_boxes(tile, ground, MarkingConfig())
 stripes = boxes.take(boxes.form == BoxForm.STRIPE)
 print(f"{len(stripes)} stripes, median width {100 * np.median(2 * stripes.half_v_m):.0f} cm")
@@ -70,7 +69,7 @@ ax.set(xlim=(-12, 12), ylim=(-8, 8), aspect="equal", xlabel="along the road [m]"
 #
 # Solid lines, dashed lines with each of their dashes, and what they are for: ``role`` and ``pattern``.
 
-lines = linework.extract(points, kinds=("lane_marking", "lane_marking_dash"), trajectory=survey.trajectory)
+lines = linework.extract(points, kinds=("lane_marking", "lane_marking_dash"), trajectory=trajectory)
 for one in lines["lane_marking"]:
     print(f"{one.role:10} {one.pattern:7} {one.length_m:5.1f} m long, {one.width_m:.2f} m wide")
 

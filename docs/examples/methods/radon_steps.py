@@ -17,11 +17,10 @@ from linework.imaging.raster import grid_for, in_height_band, rasterise
 from linework.methods.radon.peaks import find_peaks
 from linework.methods.radon.seeds import SeedConfig, find_seed_lines, split_into_segments
 from linework.methods.radon.transform import evenly_spaced_angles, radon_transform
-from linework.simulation.simulate import simulate_survey
 from linework.surface.road import height_above_road
 
-survey = simulate_survey("straight", seed=3, length_m=50.0, points_per_m=2000)
-points = survey.points
+survey = linework.simulate("survey", road="straight", seed=3, length_m=50.0, points_per_m=2000, images=False)
+points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
 
 # %%
 # Raster image
@@ -46,7 +45,7 @@ axes[1].set_title("greatest height")
 #
 # Heights are taken above the road, which is found first. Guardrails are 0.2 to 1.2 m above it.
 
-ground = linework.find_ground(points, survey.trajectory)
+ground = linework.find_ground(points, trajectory)
 height = height_above_road(ground, points.xyz)
 binary = in_height_band(points.xyz, height, grid, 0.20, 1.20)
 print(f"{int(binary.values.sum())} of {binary.values.size} cells are set")

@@ -17,16 +17,17 @@ from linework.methods.rails.chains import chains_from_starts
 from linework.methods.rails.circles import bin_near, find_starts
 from linework.methods.rails.rail_lines import rail_lines
 from linework.methods.rails.rails import fit_rails
-from linework.simulation.simulate import simulate_survey
 from linework.surface.road import height_above_ground, height_above_road
 
-survey = simulate_survey("bends", seed=32, length_m=60.0, points_per_m=2500)
-points, config = survey.points, RadonConfig()
+survey = linework.simulate("survey", road="bends", seed=32, length_m=60.0, points_per_m=2500, images=False)
+points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
+truth = linework.read_lines(survey.root / "truth.gpkg")
+config = RadonConfig()
 
 # %%
 # Segments, as on the page :doc:`radon_steps`.
 
-ground = linework.find_ground(points, survey.trajectory)
+ground = linework.find_ground(points, trajectory)
 above_ground = height_above_ground(ground, points.xyz)
 height = np.minimum(height_above_road(ground, points.xyz), above_ground)
 binary = in_height_band(
@@ -73,7 +74,7 @@ for one in lines:
 # How far they are from the truth, across:
 
 found = lines["guardrail"]
-scores = linework.evaluate(found.with_columns(crs=survey.truth.crs), survey.truth["guardrail"])
+scores = linework.evaluate(found.with_crs(truth.crs), truth["guardrail"])
 scores
 
 # %%

@@ -13,10 +13,10 @@ from scipy import ndimage
 import linework
 from linework.model.grid import Grid
 from linework.runs.settings import RunSettings, TilingConfig
-from linework.simulation.simulate import simulate_survey
 
-survey = simulate_survey("bends", seed=7, length_m=90.0, points_per_m=1500)
-points = survey.points
+survey = linework.simulate("survey", road="bends", seed=7, length_m=90.0, points_per_m=1500, images=False)
+points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
+truth = linework.read_lines(survey.root / "truth.gpkg")
 
 # %%
 # A function
@@ -46,21 +46,21 @@ def lowest_cells(points: linework.Points, trajectory: linework.Trajectory | None
     return linework.Ground.from_heights(filled, grid, is_road=near)
 
 
-ground = lowest_cells(points, survey.trajectory)
+ground = lowest_cells(points, trajectory)
 ground
 
 # %%
 # Against linework's own
 # ----------------------
 
-given = linework.find_ground(points, survey.trajectory)
+given = linework.find_ground(points, trajectory)
 fig, axes = plt.subplots(1, 2, figsize=(11, 4.5), layout="constrained")
 for ax, shown, title in ((axes[0], given, "find_ground"), (axes[1], ground, "own")):
     picture = ax.imshow(np.asarray(shown.image), cmap="terrain")
     ax.set_title(title)
 fig.colorbar(picture, ax=axes, label="height [m]")
 
-places = survey.trajectory.xyz
+places = trajectory.xyz
 difference = ground.height_m(places) - given.height_m(places)
 print(f"under the van they differ by {100 * np.median(np.abs(difference)):.1f} cm")
 
@@ -68,13 +68,13 @@ print(f"under the van they differ by {100 * np.median(np.abs(difference)):.1f} c
 # Lines with it
 # -------------
 
-lines = linework.extract(points, kinds="guardrail", trajectory=survey.trajectory, ground=lowest_cells)
-print(linework.evaluate(lines, survey.truth["guardrail"]))
+lines = linework.extract(points, kinds="guardrail", trajectory=trajectory, ground=lowest_cells)
+print(linework.evaluate(lines, truth["guardrail"]))
 
 # %%
 # A ``Ground`` that is there already is passed as it is:
 
-same = linework.extract(points, kinds="guardrail", trajectory=survey.trajectory, ground=ground)
+same = linework.extract(points, kinds="guardrail", trajectory=trajectory, ground=ground)
 print("the same lines:", same == lines)
 
 # %%
@@ -83,7 +83,7 @@ print("the same lines:", same == lines)
 
 tiles = RunSettings(tiling=TilingConfig(core_m=64.0))
 in_tiles = linework.extract(
-    points, kinds="guardrail", trajectory=survey.trajectory, ground=ground, settings=tiles, workers=2
+    points, kinds="guardrail", trajectory=trajectory, ground=ground, settings=tiles, workers=2
 )
 print("the same lines in tiles, by two workers:", in_tiles == same)
 assert in_tiles == same

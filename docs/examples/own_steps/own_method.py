@@ -15,7 +15,6 @@ from scipy.spatial import cKDTree
 import linework
 from linework.model.tile import TileData
 from linework.runs.settings import RunSettings, TilingConfig
-from linework.simulation.simulate import simulate_survey
 from linework.surface.road import height_above_road
 
 # %%
@@ -79,21 +78,21 @@ def stations_along(path: np.ndarray, step_m: float) -> tuple[np.ndarray, np.ndar
 # On arrays
 # ---------
 
-survey = simulate_survey("urban", seed=3, length_m=90.0, points_per_m=1500)
-points = survey.points
-lines = linework.extract(points, trajectory=survey.trajectory, methods=[SideClearance()])
+survey = linework.simulate("survey", road="urban", seed=3, length_m=90.0, points_per_m=1500, images=False)
+points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
+lines = linework.extract(points, trajectory=trajectory, methods=[SideClearance()])
 lines
 
 # %%
 
 fig, ax = plt.subplots(figsize=(9, 6), layout="constrained")
 ax.scatter(*points.xyz[::4, :2].T, c="0.85", s=0.3, rasterized=True)
-ax.plot(*survey.trajectory.xyz[:, :2].T, "k:", lw=1)
+ax.plot(*trajectory.xyz[:, :2].T, "k:", lw=1)
 for one in lines:
     ax.plot(*one.xyz[:, :2].T, color="tab:red", lw=1.5)
 ax.set_aspect("equal")
 
-widths = cKDTree(survey.trajectory.xyz[:, :2]).query(lines.xyz[:, :2])[0]
+widths = cKDTree(trajectory.xyz[:, :2]).query(lines.xyz[:, :2])[0]
 print(f"narrowest: {widths.min():.2f} m from the van's path")
 
 # %%
@@ -101,7 +100,7 @@ print(f"narrowest: {widths.min():.2f} m from the van's path")
 # ---------------------------
 
 both = linework.extract(
-    points, trajectory=survey.trajectory, methods=[SideClearance(), linework.Radon(kinds=("guardrail",))]
+    points, trajectory=trajectory, methods=[SideClearance(), linework.Radon(kinds=("guardrail",))]
 )
 print({str(kind): int((both.kind == kind).sum()) for kind in np.unique(both.kind)})
 
@@ -111,7 +110,7 @@ print({str(kind): int((both.kind == kind).sum()) for kind in np.unique(both.kind
 
 tiles = RunSettings(tiling=TilingConfig(core_m=64.0))
 in_tiles = linework.extract(
-    points, trajectory=survey.trajectory, methods=[SideClearance()], settings=tiles, workers=2
+    points, trajectory=trajectory, methods=[SideClearance()], settings=tiles, workers=2
 )
 print("the same lines in tiles, by two workers:", in_tiles == lines)
 assert in_tiles == lines

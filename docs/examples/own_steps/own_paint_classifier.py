@@ -21,8 +21,6 @@ from scipy.special import expit
 import linework
 from linework.arrays import BoolArray, FloatArray
 from linework.runs.settings import RunSettings, TilingConfig
-from linework.simulation.folder import write_survey_folder
-from linework.simulation.simulate import SimulatedSurvey, simulate_survey
 from linework.surface.road import height_above_road
 
 # %%
@@ -33,10 +31,15 @@ from linework.surface.road import height_above_road
 # its height. Labels come from the ground truth of a simulated survey.
 
 
-def features(survey: SimulatedSurvey) -> tuple[FloatArray, BoolArray]:
+def points_in(laz: Path) -> linework.Points:
+    """Return the points of a file in the order of the file."""
+    las = laspy.read(laz)
+    return linework.Points(np.asarray(las.xyz), intensity=np.asarray(las.intensity), crs="EPSG:25832+7837")
+
+
+def features(points: linework.Points) -> tuple[FloatArray, BoolArray]:
     """Return the features (k, 5) of the points near the road, and which points they are (n,)."""
-    points = survey.points
-    ground = linework.find_ground(points, survey.trajectory)
+    ground = linework.find_ground(points)
     height = height_above_road(ground, points.xyz)
     near = np.abs(height) < 0.10
     xyz, strength = points.xyz[near], np.log1p(np.asarray(points["intensity"][near], dtype=np.float64))
@@ -49,16 +52,15 @@ def features(survey: SimulatedSurvey) -> tuple[FloatArray, BoolArray]:
     return np.column_stack(columns), near
 
 
-def is_paint(survey: SimulatedSurvey, chosen: BoolArray) -> BoolArray:
-    """Return which of the chosen points lie on true paint."""
-    true = linework.LineSet.concatenate([survey.truth["lane_marking_dash"], survey.truth["lane_marking"]])
-    true = true[(true.kind == "lane_marking_dash") | (true.pattern == "solid")]
+def is_paint(xyz: FloatArray, truth: linework.LineSet) -> BoolArray:
+    """Return which of (n, 3) points lie on true paint: dashes, and solid lines."""
+    true = truth[(truth.kind == "lane_marking_dash") | (truth.pattern == "solid")]
     dense = np.concatenate([
         np.linspace(a, b, max(2, round(float(np.hypot(*(b - a)[:2])) / 0.05)))
         for one in true
         for a, b in zip(one.xyz[:-1], one.xyz[1:], strict=True)
     ])  # fmt: skip
-    distance, _ = cKDTree(dense[:, :2]).query(survey.points.xyz[chosen, :2])
+    distance, _ = cKDTree(dense[:, :2]).query(xyz[:, :2])
     return np.asarray(distance < 0.06)
 
 
@@ -66,9 +68,10 @@ def is_paint(survey: SimulatedSurvey, chosen: BoolArray) -> BoolArray:
 # Training
 # --------
 
-training = simulate_survey("straight", seed=11, length_m=50.0, points_per_m=4000)
-x, near = features(training)
-y = is_paint(training, near).astype(np.float64)
+training = linework.simulate("training", seed=11, length_m=50.0, points_per_m=4000, images=False)
+labelled = points_in(training.point_files[0])
+x, near = features(labelled)
+y = is_paint(labelled.xyz[near], linework.read_lines(training.root / "truth.gpkg")).astype(np.float64)
 scale = np.maximum(np.abs(x).max(axis=0), 1e-9)
 positive = 0.5 / max(float(y.mean()), 1e-6)
 
@@ -91,21 +94,20 @@ print("weights:", np.round(weights, 1))
 #
 # The model has not seen this road. Its probabilities are written into the LAZ file with laspy, as any program could.
 
-survey = simulate_survey("straight", seed=12, length_m=90.0, points_per_m=4000)
-write_survey_folder(survey, Path("survey"))
-x2, near2 = features(survey)
-p_paint = np.zeros(len(survey.points), dtype=np.float32)
-p_paint[near2] = expit((x2 / scale) @ weights)
-
-laz = Path("survey/points/pass_1.laz")
-las = laspy.read(laz)
-las.add_extra_dim(laspy.ExtraBytesParams("p_paint", "float32", "probability of paint"))
-las.p_paint = p_paint
-las.write(laz)
+survey = linework.simulate("survey", seed=12, length_m=90.0, points_per_m=4000, images=False)
+for laz in survey.point_files:
+    points = points_in(laz)
+    x2, near2 = features(points)
+    p_paint = np.zeros(len(points), dtype=np.float32)
+    p_paint[near2] = expit((x2 / scale) @ weights)
+    las = laspy.read(laz)
+    las.add_extra_dim(laspy.ExtraBytesParams("p_paint", "float32", "probability of paint"))
+    las.p_paint = p_paint
+    las.write(laz)
 
 fig, ax = plt.subplots(figsize=(9, 5), layout="constrained")
 shown = np.flatnonzero(near2)[::3]
-ax.scatter(*survey.points.xyz[shown, :2].T, c=p_paint[shown], s=0.5, cmap="viridis", rasterized=True)
+ax.scatter(*points.xyz[shown, :2].T, c=p_paint[shown], s=0.5, cmap="viridis", rasterized=True)
 ax.set_aspect("equal")
 ax.set_title("probability of paint")
 
@@ -116,13 +118,14 @@ ax.set_title("probability of paint")
 KINDS = ("lane_marking", "lane_marking_dash")
 method = linework.Obb(kinds=KINDS, paint="p_paint")
 lines = linework.extract("survey", methods=[method])
-print(linework.evaluate(lines, survey.truth[np.isin(survey.truth.kind, KINDS)]))
+truth = linework.read_lines(survey.root / "truth.gpkg")
+print(linework.evaluate(lines, truth[np.isin(truth.kind, KINDS)]))
 
 # %%
 # The same from intensities, to compare:
 
 from_intensity = linework.extract("survey", kinds=KINDS)
-print(linework.evaluate(from_intensity, survey.truth[np.isin(survey.truth.kind, KINDS)]))
+print(linework.evaluate(from_intensity, truth[np.isin(truth.kind, KINDS)]))
 
 # %%
 # On the command line

@@ -16,7 +16,6 @@ from linework.imaging.raster import grid_for, in_height_band
 from linework.methods.radon.peaks import find_peaks
 from linework.methods.radon.transform import evenly_spaced_angles, radon_transform
 from linework.runs.settings import RunSettings, TilingConfig
-from linework.simulation.simulate import simulate_survey
 from linework.surface.road import height_above_road
 
 # %%
@@ -50,9 +49,10 @@ def smooth_peaks(
 # The two side by side
 # --------------------
 
-survey = simulate_survey("straight", seed=3, length_m=90.0, points_per_m=1500)
-points = survey.points
-ground = linework.find_ground(points, survey.trajectory)
+survey = linework.simulate("survey", road="straight", seed=3, length_m=90.0, points_per_m=1500, images=False)
+points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
+truth = linework.read_lines(survey.root / "truth.gpkg")
+ground = linework.find_ground(points, trajectory)
 height = height_above_road(ground, points.xyz)
 binary = in_height_band(points.xyz, height, grid_for(points, 0.20), 0.20, 1.20)
 radon = radon_transform(binary, evenly_spaced_angles(1.0))
@@ -81,10 +81,10 @@ for ax, theta, rho, title in (
 
 lines = linework.extract(
     points,
-    trajectory=survey.trajectory,
+    trajectory=trajectory,
     methods=[linework.Radon(kinds=("guardrail",), find_peaks=smooth_peaks)],
 )
-print(linework.evaluate(lines, survey.truth["guardrail"]))
+print(linework.evaluate(lines, truth["guardrail"]))
 
 # %%
 # In tiles, with workers
@@ -95,7 +95,7 @@ print(linework.evaluate(lines, survey.truth["guardrail"]))
 tiles = RunSettings(tiling=TilingConfig(core_m=64.0))
 in_tiles = linework.extract(
     points,
-    trajectory=survey.trajectory,
+    trajectory=trajectory,
     methods=[linework.Radon(kinds=("guardrail",), find_peaks=smooth_peaks)],
     settings=tiles,
     workers=2,
