@@ -54,8 +54,8 @@ axes[0].set_aspect("equal")
 axes[0].set_title("path and fixes")
 for path, label in ((forward, "forward"), (smoothed, "smoothed")):
     assert path.sigma_xyz_m is not None
-    axes[1].plot(path.time_s - start, np.hypot(*path.sigma_xyz_m[:, :2].T), label=label)
-axes[1].set(xlabel="time [s]", ylabel="sigma in plan [m]", yscale="log")
+    axes[1].plot(path.time_s - start, 100.0 * np.hypot(*path.sigma_xyz_m[:, :2].T), label=label)
+axes[1].set(xlabel="time [s]", ylabel="sigma in plan [cm]", ylim=(0, None))
 axes[1].legend()
 
 # %%

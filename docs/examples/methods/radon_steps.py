@@ -78,7 +78,7 @@ for theta, rho, strength in zip(peaks.theta_rad, peaks.rho_m, peaks.strength_m, 
 
 fig, ax = plt.subplots(figsize=(9, 4.5), layout="constrained")
 shown = (0.0, 180.0, float(radon.rho_m[0]), float(radon.rho_m[-1]))
-picture = ax.imshow(radon.values.T, extent=shown, origin="lower", aspect="auto", cmap="magma")
+picture = ax.imshow(radon.values.T, extent=shown, origin="lower", aspect="auto", cmap="magma", norm="symlog")
 ax.plot(np.degrees(peaks.theta_rad), peaks.rho_m, "o", mfc="none", mec="cyan", ms=10)
 ax.set(xlabel="theta [deg]", ylabel="rho [m]")
 fig.colorbar(picture, label="occupied length [m]")

@@ -61,9 +61,11 @@ print(f"the camera is {road.plane.camera_height_m(pair.rig):.2f} m above the roa
 
 config = StripeConfig()
 stripes = find_stripe_lines(pair, road, config)
-on_line = stripes.line >= 0
+number, n_rows = np.unique(stripes.line, return_counts=True)
+long = number[(number >= 0) & (n_rows >= 4)]
+on_line = np.isin(stripes.line, long)
 print(
-    f"{len(stripes.table)} stripes, {int(on_line.sum())} of them on {len(np.unique(stripes.line[on_line]))} lines"
+    f"{len(stripes.table)} stripes, {int(on_line.sum())} of them on {len(long)} lines through four rows or more"
 )
 
 fig, ax = plt.subplots(figsize=(9, 6), layout="constrained")

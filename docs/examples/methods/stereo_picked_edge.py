@@ -12,10 +12,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from linework.imaging.rectify import rectifier_of
-from linework.kernels.images.row_stripes import COL, ROW
 from linework.methods.picked_edge.method import NoEdgeAtPixelError, PosedPairs, follow_picked
-from linework.methods.stereo.road_plane import fit_pair_road
-from linework.methods.stereo.stripes import StripeConfig, find_stripe_lines
+from linework.methods.stereo.method import Stereo
 from linework.model.images import RectifiedPair
 from linework.simulation.roads.draw import draw_scenario
 from linework.simulation.sensors.cameras import images_of, stereo_survey
@@ -33,15 +31,12 @@ pairs = {
 # A pick
 # ------
 #
-# In place of a person, this script picks a pixel on the longest bright line of the first pair.
+# In place of a person, this script picks a pixel on the longest line of paint that the first pair shows.
 
 first = pairs[0]
-road = fit_pair_road(first)
-assert road is not None
-stripes = find_stripe_lines(first, road, StripeConfig())
-longest = int(np.argmax(np.bincount(stripes.line[stripes.line >= 0])))
-on = np.flatnonzero(stripes.line == longest)
-col, row = (float(v) for v in stripes.table[on[len(on) // 3], [COL, ROW]])
+seen = Stereo().look(first)
+on = seen.take(seen.line == int(np.argmax(np.bincount(seen.line))))
+col, row = float(on.col[len(on) // 2]), float(on.row[len(on) // 2])
 print(f"picked: column {col:.0f}, row {row:.0f}")
 
 # %%
