@@ -32,13 +32,14 @@ _FORMS = "EPSG:n, EPSG:n+m, WKT or local"
 _ADVICE = f"give {argument('crs', 'EPSG:...')} (projected, metres) or {argument('crs', 'local')}"
 
 
-def crs_text(crs: str | int | pyproj.CRS) -> str:
+def crs_text(crs: object, *, where: object = argument("crs")) -> str:
     """Return a CRS as the text that `parse_crs` reads.
 
     Parameters
     ----------
     crs
-        "EPSG:n", "EPSG:n+m", WKT or "local"; an EPSG code; or a `pyproj.CRS`.
+        "EPSG:n", "EPSG:n+m", WKT or "local"; an EPSG code; or an object with `to_wkt`, such as a
+        `pyproj.CRS`.
 
     Raises
     ------
@@ -55,20 +56,20 @@ def crs_text(crs: str | int | pyproj.CRS) -> str:
     """
     if isinstance(crs, str):
         return crs
-    if isinstance(crs, pyproj.CRS):
-        return crs.to_wkt("WKT2_2019")
     if isinstance(crs, Integral) and not isinstance(crs, bool):
         return f"EPSG:{int(crs)}"
-    # GeoPandas and rasterio have classes of their own, which state their WKT
-    if callable(to_wkt := getattr(crs, "to_wkt", None)):
-        return str(to_wkt())
-    raise CrsError(
-        f"{crs!r:.60} is not a CRS: expected {_FORMS}, an EPSG code or a pyproj.CRS",
-        where=argument("crs"), advice=_ADVICE,
-    )  # fmt: skip
+    # Other packages have classes of their own, which state their WKT
+    to_wkt = getattr(crs, "to_wkt", None)
+    if not callable(to_wkt):
+        raise CrsError(
+            f"{crs!r:.60} is not a CRS: expected {_FORMS}, an EPSG code or a pyproj.CRS",
+            where=where,
+            advice=_ADVICE,
+        )
+    return str(to_wkt("WKT2_2019") if isinstance(crs, pyproj.CRS) else to_wkt())
 
 
-def parse_crs(crs: str | int | pyproj.CRS, *, where: object = None) -> str:
+def parse_crs(crs: object, *, where: object = None) -> str:
     """Return the WKT2 of a projected CRS named by EPSG code(s) or WKT, or "local".
 
     Only these forms are read: a CRS text is never opened as a path and never fetched as an address.
@@ -94,7 +95,7 @@ def parse_crs(crs: str | int | pyproj.CRS, *, where: object = None) -> str:
     >>> parse_crs("EPSG:25832+7837").split('"')[1]
     'ETRS89 / UTM zone 32N + DHHN2016 height'
     """
-    text = crs_text(crs)
+    text = crs_text(crs, where=where)
     stripped = text.strip()
     if stripped.lower() == LOCAL:
         return LOCAL

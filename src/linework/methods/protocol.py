@@ -12,6 +12,7 @@ import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
 from linework.errors import OwnCodeError
+from linework.methods.point_order import in_fixed_order
 from linework.methods.seams import across_seams, of_core
 from linework.model.camera import RectifiedRig
 from linework.model.grid import Bounds
@@ -219,7 +220,15 @@ def tile_of(points: Points, trajectory: Trajectory | None = None, ground: Ground
 
 
 def extract_tile(method: Method, tile: TileData) -> LineSet:
-    """Return the lines of a tile that is a survey of its own: one look, then the join."""
+    """Return the lines of a tile that is a survey of its own: one look, then the join.
+
+    The points are put into a fixed order first: the lines do not depend on the order in which they come.
+
+    Raises
+    ------
+    UsageError
+        A coordinate, time or intensity is not a finite number.
+    """
     if len(tile.points) == 0:
         return LineSet.empty()
     tile = whole_tile(tile)
@@ -227,7 +236,14 @@ def extract_tile(method: Method, tile: TileData) -> LineSet:
 
 
 def whole_tile(tile: TileData) -> TileData:
-    """Return a tile with its surface, found in its points where it brings none."""
+    """Return a tile with its points in a fixed order, and its surface, found in them where it brings none.
+
+    Raises
+    ------
+    UsageError
+        A coordinate, time or intensity is not a finite number.
+    """
+    tile = replace(tile, points=in_fixed_order(tile.points))
     return replace(tile, surface=surface_of_tile(tile))
 
 

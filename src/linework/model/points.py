@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from linework.arrays import AnyArray, Float32Array, FloatArray, checked
+from linework.errors import UsageError
 from linework.model.columns import Columns, column, column_types, optional_column
 from linework.model.grid import Bounds
 
@@ -28,15 +29,16 @@ class Points(Columns):
         (n,) float64 [s], the survey's clock, or None.
     crs
         The (compound) CRS of the coordinates: WKT, "EPSG:25832+7837", the number of an EPSG code, or an object with
-        `to_wkt`, such as a `pyproj.CRS`. "local": metres, no place on earth. It is kept as text.
+        `to_wkt`, such as a `pyproj.CRS`. "local": metres, no place on earth. It is kept as text, and checked where
+        the points are used.
     **columns
         Further columns, (n,) float32, by name: results of a classifier, or fields of a LAS file. Names that are not
         Python words can be given as a mapping: ``columns={"Range deviation": values}``.
 
     Raises
     ------
-    TypeError
-        `crs` is nothing that describes a CRS.
+    CrsError
+        `crs` is of another type.
     ValueError
         A column of another shape, or that does not hold numbers; the message names it.
 
@@ -167,6 +169,37 @@ class Points(Columns):
         return Bounds(float(east.min()), float(north.min()), float(east.max()), float(north.max()))
 
 
+#: Farthest coordinate [m]: no projected CRS reaches beyond, and the tile store's lattice ends there.
+FARTHEST_COORDINATE_M = 1e8
+
+
+def refuse_unusable(points: Points) -> None:
+    """Refuse points that no method can use.
+
+    Raises
+    ------
+    UsageError
+        A coordinate, time or intensity that is not a finite number, or a coordinate beyond 1e8 m; with how many.
+    """
+    for name in ("xyz", "time_s", "intensity"):
+        values = points.by_name().get(name)
+        # Extremes cost less than a mask, and are NaN where any value is
+        if values is None or not values.size or np.isfinite([values.min(), values.max()]).all():
+            continue
+        bad = ~np.isfinite(values).reshape(len(values), -1).all(axis=1)
+        raise UsageError(
+            f"{np.count_nonzero(bad):,} of {len(points):,} points have NaN or infinity there",
+            where=name,
+            advice=f"leave them out, as points.take(np.isfinite(points.{name}){'.all(axis=1)' * (name == 'xyz')}) does",
+        )
+    if len(points) and max(-points.xyz.min(), points.xyz.max()) >= FARTHEST_COORDINATE_M:
+        n_far = np.count_nonzero((np.abs(points.xyz) >= FARTHEST_COORDINATE_M).any(axis=1))
+        raise UsageError(
+            f"{n_far:,} of {len(points):,} points have coordinates of 1e8 m or more", where="xyz",
+            advice="leave them out, or give coordinates of a projected CRS in metres",
+        )  # fmt: skip
+
+
 #: Characters of a CRS that are shown: names and codes are shorter, WKT fills a page.
 _LONGEST_CRS = 40
 
@@ -180,15 +213,13 @@ def _column(name: str, values: Any, dtype: Any, shape: tuple[int | None, ...]) -
     return checked(name, array, dtype, shape)
 
 
-def _crs_text(crs: Any) -> str:
+def _crs_text(crs: object) -> str:
     """Return a CRS as text: WKT of objects, "EPSG:n" of numbers."""
     if isinstance(crs, str):
         return crs.strip() or "local"
-    if isinstance(crs, int | np.integer) and not isinstance(crs, bool):
-        return f"EPSG:{crs}"
-    if callable(getattr(crs, "to_wkt", None)):
-        return str(crs.to_wkt())
-    raise TypeError(f'crs: expected WKT, "EPSG:25832", 25832, a pyproj.CRS or "local", not {crs!r}')
+    from linework.crs import crs_text  # loads PROJ, which points of a known CRS do not need
+
+    return crs_text(crs)
 
 
 def _rebuilt(*values: Any) -> Points:

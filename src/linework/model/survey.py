@@ -35,6 +35,9 @@ class Survey:
         The survey.toml, or the calibration file in its place, for messages; None without one.
     warnings
         One line each: what was assumed because no file states it.
+    carry
+        Names of the further columns that points have, sorted: extra dimensions of the laser files, or their standard
+        fields.
     """
 
     name: str
@@ -47,3 +50,4 @@ class Survey:
     settings: Mapping[str, Any] = field(default_factory=dict)
     settings_file: Path | None = None
     warnings: tuple[str, ...] = ()
+    carry: tuple[str, ...] = ()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray
-from linework.model.settings import setting
+from linework.model.settings import Settings, setting
 from linework.model.trajectory import Trajectory
 from linework.navigation.noise import NoiseModel
 
@@ -112,7 +112,7 @@ def kept_poses(trajectory: Trajectory, kept: BoolArray) -> Trajectory:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NavigationConfig:
+class NavigationConfig(Settings):
     """Settings of positioning: limits of dead reckoning."""
 
     longest_outage_s: float = setting(

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from linework.methods.obb.method import ObbConfig
 from linework.methods.radon.method import RadonConfig
 from linework.methods.stereo.method import StereoConfig
-from linework.model.settings import group, setting
+from linework.model.settings import Settings, group, setting
 from linework.surface.road import RoadConfig
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TilingConfig:
+class TilingConfig(Settings):
     """Settings of the tiles; the lines do not depend on them."""
 
     core_m: float = setting(
@@ -44,7 +44,7 @@ class TilingConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunSettings:
+class RunSettings(Settings):
     """Settings of the surface that all methods share, of each method, and of the tiles."""
 
     road: RoadConfig = group(RoadConfig)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from linework.model.settings import setting
+from linework.model.settings import Settings, setting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RoadConfig:
+class RoadConfig(Settings):
     """Settings of the road surface."""
 
     cell_m: float = setting(

@@ -161,7 +161,9 @@ class Tracer:
         """Return the whole guardrail, barrier or cable nearest to a place; None: there is none."""
         place, kind = pick.place, pick.kind
         near = Bounds(*place, *place).grown(HANGS_WITHIN_M)
-        points = self._opened.points.points(near, ordered=False, with_time=False, with_intensity=False)
+        points = self._opened.points.points(
+            near, ordered=False, with_time=False, with_intensity=False, with_columns=False
+        )
         surface = self._surface.over(near)
         rows, cols = (int(v[0]) for v in surface.grid.to_cell(place[None]))
         height = points.xyz[:, 2] - (float(surface.ground_m[rows, cols]) + surface.z0_m)
@@ -187,7 +189,9 @@ class Tracer:
     def _refusal(self, place: FloatArray, kind: str) -> RefusedPickError:
         """Return the error for a place without a line: why, and where the nearest line is."""
         near, local = Bounds(*place, *place).grown(PICK_AROUND_M), place - self._origin[:2]
-        points = self._opened.points.points(near, ordered=False, with_time=False, with_intensity=False)
+        points = self._opened.points.points(
+            near, ordered=False, with_time=False, with_intensity=False, with_columns=False
+        )
         corridor = Corridor(self._ground.boxes)
         corridor.load(place[None], PICK_AROUND_M)
         boxes = corridor.boxes

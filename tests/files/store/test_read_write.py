@@ -40,6 +40,66 @@ def test_columns_that_are_not_wanted_are_none(tmp_path):
     assert store.points(ordered=False, with_time=False).time_s is None
 
 
+def with_further(file, *, seed=3):
+    rng = np.random.default_rng(seed)
+    return (*file, rng.integers(0, 4, (len(file[0]), 2)).astype(np.float32))
+
+
+def test_further_columns_come_back_with_their_points(tmp_path):
+    files = [with_further(cloud(3001, seed=1)), with_further((*cloud(501, seed=2)[:2], None))]
+    store = made(tmp_path / "s", files, batch=700)
+    expected = selected(files)
+    points = store.points()
+    assert np.array_equal(points.xyz, expected[0])
+    assert np.array_equal(points["p_kerb"], expected[3][:, 0])
+    assert np.array_equal(points["p_paint"], expected[3][:, 1])
+    bounds = Bounds(-30.0, -40.0, 41.5, 63.0)
+    low = Image(np.full((400, 400), -5.0, np.float32), Grid(-100.0, 100.0, 0.5, 0.5, 400, 400))
+    part = store.points(bounds, lowest=low)
+    inside = selected(files, bounds)
+    high = inside[0][:, 2] >= -5.0
+    assert 0 < high.sum() < len(high)
+    assert np.array_equal(part.xyz, inside[0][high])
+    assert np.array_equal(part["p_paint"], inside[3][high, 1])
+    assert store.points(with_columns=False).columns == {}
+
+
+def test_points_that_differ_in_a_further_column_only_have_one_order(tmp_path):
+    values = np.array([[0, 1], [0, 0], [-1, 5], [0, np.nan], [-np.inf, 0], [1, 1]], np.float32)
+    file = (np.zeros((6, 3)), np.ones(6, np.uint16), np.full(6, 5.0), values)
+    for seed in range(4):
+        order = np.random.default_rng(seed).permutation(6)
+        points = made(tmp_path / str(seed), [tuple(column[order] for column in file)], batch=2).points()
+        assert points["p_kerb"].tolist() == [-np.inf, -1, 0, 0, 0, 1]
+        assert points["p_paint"][[0, 1, 2, 3, 5]].tolist() == [0, 5, 0, 1, 1]
+        assert np.isnan(points["p_paint"][4])
+
+
+def test_damage_in_a_further_column_is_reported(tmp_path):
+    store = made(tmp_path / "s", [with_further(cloud(100))])
+    data = tmp_path / "s" / "0.points"
+    content = bytearray(data.read_bytes())
+    content[-3] ^= 1
+    data.write_bytes(bytes(content))
+    with pytest.raises(MachineError, match="not what was written"):
+        store.points()
+    assert len(store.points(with_columns=False)) == 100
+    data.write_bytes(bytes(content[:-8]))
+    with pytest.raises(MachineError, match="cut off"):
+        store.points()
+
+
+def test_all_batches_of_a_file_have_the_same_further_columns(tmp_path):
+    writer = StoreWriter(tmp_path / "0.points")
+    xyz, intensity, time, further = with_further(cloud(10))
+    writer.append(xyz, intensity, time, further.T)
+    with pytest.raises(ValueError, match="columns: 0, and 2 in other batches"):
+        writer.append(xyz, intensity, time)
+    with pytest.raises(ValueError, match="columns: shape"):
+        writer.append(xyz, intensity, time, further.T[:, :3])
+    writer.abort()
+
+
 def test_times_are_given_only_where_all_files_have_them(tmp_path):
     with_time, without = cloud(100, seed=1), (*cloud(80, seed=2)[:2], None)
     store = made(tmp_path / "s", [with_time, without])
@@ -262,7 +322,7 @@ def test_a_damaged_index_is_told(tmp_path):
     made(folder, [cloud(100)], facts={"hash": "abc"})
     index, runs = folder / "store.json", folder / "runs.npy"
     sound, sound_runs = index.read_text(), runs.read_bytes()
-    for text in ("", "[]", "{}", sound.replace("abc", "abd"), sound.replace('"version": 1', '"version": 99')):
+    for text in ("", "[]", "{}", sound.replace("abc", "abd"), sound.replace('"version": 2', '"version": 99')):
         index.write_text(text)
         with pytest.raises(MachineError, match=r"store\.json: .* linework clean"):
             PointStore.open(folder)

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.oracles.store_twin import assert_same, made, selected, steps_of
+from tests.oracles.store_twin import assert_same, file_of, made, selected, steps_of
 from tests.scenes.effort import examples
 
 from linework.files.store.layout import Limits
 from linework.model.grid import Bounds
+from linework.model.points import Points
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -29,9 +30,10 @@ STORES = settings(max_examples=examples(100), deadline=None)
 EDGES = [0, 1, 4999, 5000, 5001, 639_999, 640_000, 2**24 - 1, 2**24, -1, -5000, -640_000, -(2**24)]
 PLAN = st.sampled_from(EDGES) | st.integers(-1_000_000, 1_000_000) | st.integers(-(10**12) + 1, 10**12 - 1)
 HEIGHT = st.sampled_from(EDGES) | st.integers(-2_000_000, 2_000_000) | st.integers(-(10**12) + 1, 10**12 - 1)
-#: Few values, so that points that differ in time or intensity only are common.
+#: Few values, so that points that differ in time, intensity or a further column only are common.
 TIME, INTENSITY = st.sampled_from([-1.5, 0.0, 0.25, 4e8, 4e8 + 1e-6]), st.sampled_from([0, 1, 255, 65_535])
-POINTS = st.lists(st.tuples(PLAN, PLAN, HEIGHT, TIME, INTENSITY), max_size=40)
+FURTHER = st.tuples(st.sampled_from([-1.0, 0.0, 0.5]), st.sampled_from([-1e30, 1e-30, np.inf]))
+POINTS = st.lists(st.tuples(PLAN, PLAN, HEIGHT, TIME, INTENSITY, FURTHER), max_size=40)
 #: Any places, many of them on edges.
 METRES = PLAN.map(lambda step: step / 10_000.0) | st.floats(-200.0, 200.0)
 
@@ -40,7 +42,8 @@ def columns(points):
     table = np.array([p[:4] for p in points]).reshape(-1, 4)
     # Through integers: steps beyond 2**53 / 10,000 would not be whole
     steps = np.array([p[:3] for p in points], np.int64).reshape(-1, 3)
-    return steps / 10_000.0, np.array([p[4] for p in points], np.uint16), table[:, 3].copy()
+    further = np.array([p[5] for p in points], np.float32).reshape(-1, 2)
+    return steps / 10_000.0, np.array([p[4] for p in points], np.uint16), table[:, 3].copy(), further
 
 
 def taken(file, index):
@@ -73,7 +76,7 @@ def test_a_place_holds_what_choosing_and_sorting_all_points_gives(points, west, 
         assert_same(found, expected)
         assert store.count_in(bounds) >= len(found)
         unordered = store.points(bounds, ordered=False)
-        again = selected([(unordered.xyz, unordered.intensity.astype(np.uint16), unordered.time_s)])
+        again = selected([file_of(unordered)])
         for column, other in zip(expected, again, strict=True):
             assert column.tobytes() == other.tobytes()
 
@@ -90,9 +93,9 @@ def test_order_batches_and_files_do_not_matter(points, data):
     with Folder() as folder:
         one, many = made(folder / "one", [file]), made(folder / "many", files, batch=batch)
         a, b = one.points(), many.points()
-        assert a.xyz.tobytes() == b.xyz.tobytes()
-        assert a.intensity.tobytes() == b.intensity.tobytes()
-        assert a.time_s.tobytes() == b.time_s.tobytes()
+        assert a == b
+        for column, other in zip(a.by_name().values(), b.by_name().values(), strict=True):
+            assert column.tobytes() == other.tobytes()
         for ours, theirs in zip(one.block_counts, many.block_counts, strict=True):
             assert np.array_equal(ours, theirs)
         if n:
@@ -132,11 +135,8 @@ def test_places_side_by_side_share_no_point_and_lose_none(points, edges):
     with Folder() as folder:
         store = made(folder / "s", [file])
         parts = [store.points(bounds) for bounds in quarters]
-    together = tuple(
-        np.concatenate([getattr(p, name) for p in parts]) for name in ("xyz", "intensity", "time_s")
-    )
-    xyz, intensity, time = selected([(together[0], together[1].astype(np.uint16), together[2])])
-    for column, other in zip((xyz, intensity, time), selected([file]), strict=True):
+    together = selected([file_of(Points.concatenate(parts))])
+    for column, other in zip(together, selected([file]), strict=True):
         assert column.tobytes() == other.tobytes()
 
 

@@ -9,13 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tests.scenes.road_images import RIG, STRIPES, road_pair, straight_poses
 
-from linework.files.settings_file import settings_from
 from linework.methods.protocol import SurveyContext
 from linework.methods.stereo.method import Stereo, StereoConfig
 from linework.model.camera import LOOKING_AHEAD
 from linework.model.images import RectifiedPair
 from linework.model.lines import LineSet
-from linework.model.settings import settings_toml
+from linework.model.settings import settings_from, settings_toml
 from linework.model.sightings import Sightings
 
 

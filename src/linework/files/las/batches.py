@@ -17,6 +17,7 @@ import numpy as np
 from linework.arrays import AnyArray, BoolArray, FloatArray
 from linework.errors import InputError
 from linework.files.las.header import LasHeader
+from linework.model.points import FARTHEST_COORDINATE_M
 
 #: Points decoded at a time: about 15 MB of records stay near the caches while they are converted, which
 #: measures 5 to 10 % faster than one buffer of 4 million.
@@ -27,10 +28,8 @@ _BATCH_BYTES = 32 << 20
 _BUFFERS = 4
 #: Chunks decoded in parallel: two per core even out those that take longer.
 _CHUNKS_PER_CORE = 2
-#: Larger than any projected coordinate. [m]
-_ABSURD_M = 1e8
 #: Range of the times of laser points: seconds of a week, GPS seconds, or those less 1e9, from 1980 to 2106. [s]
-_FIRST_S, _LAST_S = -1e9, 4e9
+EARLIEST_S, LATEST_S = -1e9, 4e9
 #: Noise classes of the LAS specification (tables 9 and 17).
 _NOISE, _HIGH_NOISE = 7, 18
 
@@ -178,8 +177,8 @@ def _converted(
         time = columns.time_s[:n]
         time[:] = records["time"]
         # NaN compares false; the two extremes cost less than a mask
-        if not (time.min() >= _FIRST_S and time.max() <= _LAST_S):
-            is_untimed = ~((time >= _FIRST_S) & (time <= _LAST_S))
+        if not (time.min() >= EARLIEST_S and time.max() <= LATEST_S):
+            is_untimed = ~((time >= EARLIEST_S) & (time <= LATEST_S))
     return LasBatch(
         xyz, intensity, time, _noise(records, header.point_format), _absurd(xyz, header, factors), is_untimed
     )
@@ -199,9 +198,9 @@ def _noise(records: AnyArray, point_format: int) -> BoolArray | None:
 def _absurd(xyz: FloatArray, header: LasHeader, factors: tuple[float, float]) -> BoolArray | None:
     """Return (n,) bool: coordinates outside any projected CRS; not tested where the header excludes them."""
     reach = max(2.0**31 * abs(s) + abs(o) for s, o in zip(header.scales, header.offsets, strict=True))
-    if reach * max(factors) < _ABSURD_M:
+    if reach * max(factors) < FARTHEST_COORDINATE_M:
         return None
-    bad: BoolArray = np.any(np.abs(xyz) >= _ABSURD_M, axis=1)
+    bad: BoolArray = np.any(np.abs(xyz) >= FARTHEST_COORDINATE_M, axis=1)
     return bad if bad.any() else None
 
 

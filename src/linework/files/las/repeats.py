@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from linework.arrays import AnyArray, FloatArray
+from linework.arrays import AnyArray, FloatArray, IntArray
 from linework.files.store.layout import STORE_STEPS_PER_M
 
 #: Approximate sample size of a whole survey: shares are accurate to a percent.
@@ -37,6 +37,16 @@ def sample_bits(n_points: int) -> int:
     return max(0, int(n_points / _SAMPLE).bit_length())
 
 
+def sampled(xyz: FloatArray, bits: int) -> IntArray:
+    """Return the numbers of one in 2**bits points (n, 3) [m], chosen by their coordinates, whatever their order."""
+    if bits == 0:
+        return np.arange(len(xyz))
+    # One multiplication per point: the high bits of the product are uniformly distributed
+    spread = _steps(xyz[:, 0])
+    spread *= _SPREAD
+    return np.flatnonzero(spread < np.uint64(1 << (64 - bits)))
+
+
 class PointSample:
     """Sample of one file: a hash per point of its coordinates, time and intensity."""
 
@@ -57,10 +67,7 @@ class PointSample:
             return
         place = xyz
         if self._bits:
-            # One multiplication per point: the high bits of the product are uniformly distributed
-            spread = _steps(xyz[:, 0])
-            spread *= _SPREAD
-            chosen = np.flatnonzero(spread < np.uint64(1 << (64 - self._bits)))
+            chosen = sampled(xyz, self._bits)
             place, intensity = xyz[chosen], intensity[chosen]
             time_s = None if time_s is None else time_s[chosen]
         columns = [_steps(place[:, axis]) for axis in range(3)]

@@ -123,6 +123,17 @@ _ODD_SHARE = 0.5
 _IMPOSSIBLE_TIME = "impossible time"
 
 
+def time_kind_of(low_s: float, high_s: float) -> TimeKind:
+    """Return the kind of times with this range.
+
+    >>> time_kind_of(0.0, 3600.0), time_kind_of(3e8, 3e8 + 60.0), time_kind_of(1.3e9, 1.3e9 + 60.0)
+    ('week', 'adjusted', 'gps')
+    """
+    if low_s >= 0.0 and high_s <= _WEEK_S:
+        return "week"
+    return "gps" if low_s > _LEAST_GPS_S else "adjusted"
+
+
 @dataclass(frozen=True, slots=True)
 class TimeVerdict:
     """Kind of time of a file, and warnings about the file."""
@@ -261,8 +272,7 @@ class LasTally:
                 else "GPS times are not numbers"
             )
             return "none", f"{what}: left out"
-        in_week = low >= 0.0 and high <= _WEEK_S
-        kind: TimeKind = "week" if in_week else "gps" if low > _LEAST_GPS_S else "adjusted"
+        kind = time_kind_of(low, high)
         if kind == "gps" or (kind == "adjusted") != has_adjusted_bit:
             stated = "adjusted standard time" if has_adjusted_bit else "seconds of the week"
             text = (

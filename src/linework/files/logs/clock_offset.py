@@ -60,7 +60,7 @@ def _some_points(store: PointStore) -> tuple[FloatArray, FloatArray]:
     found_xy, found_s = [np.zeros((0, 2))], [np.zeros(0)]
     for east, north in (blocks[chosen] * STORE_BLOCK_M).tolist():
         bounds = Bounds(east, north, east + STORE_BLOCK_M, north + STORE_BLOCK_M)
-        points = store.points(bounds, ordered=False, with_intensity=False)
+        points = store.points(bounds, with_intensity=False, with_columns=False)
         if points.time_s is not None:
             step = 1 + len(points) // _ENOUGH_POINTS
             found_xy.append(points.xyz[::step, :2])

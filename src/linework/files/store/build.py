@@ -25,8 +25,8 @@ from linework.files.store.write import write_index
 from linework.model.grid import Bounds
 from linework.model.survey import Survey
 
-#: Bytes of a point in the store: key, time, intensity.
-_POINT_BYTES = 18
+#: Bytes of a point in the store (key, time, intensity), and of each further column.
+_POINT_BYTES, _COLUMN_BYTES = 18, 4
 #: Points sampled to detect degrees: more hardly changes the 0.1 % quantiles of a million points.
 _SAMPLE = 100_000
 
@@ -66,7 +66,7 @@ def build_store(
     # The process starts while the headers are read
     with Decoder(n_threads, limits or DecoderLimits()) as decoder:
         planned, account = plan_files(survey)
-        _check_free_space(folder, sum(file.header.n_points for file in planned))
+        check_free_space(folder, sum(file.header.n_points for file in planned), len(survey.carry))
         decoded = _decode_all(decoder, planned, account, folder, progress)
     if not decoded:
         first = next((account.failures[p] for p in survey.point_files if p in account.failures), None)
@@ -154,8 +154,16 @@ def _check_result(file: PlannedFile, result: Decoded) -> None:
         )
 
 
-def _check_free_space(folder: Path, n_points: int) -> None:
-    usage, needed = shutil.disk_usage(folder), n_points * _POINT_BYTES
+def check_free_space(folder: Path, n_points: int, n_columns: int) -> None:
+    """Refuse a folder on a disk without room for a number of points with further columns.
+
+    Raises
+    ------
+    MachineError
+        With the space needed, and what is free.
+    """
+    usage = shutil.disk_usage(folder)
+    needed = n_points * (_POINT_BYTES + _COLUMN_BYTES * n_columns)
     # Some network disks report no size at all
     if usage.total and needed > usage.free:
         raise MachineError(
@@ -188,6 +196,8 @@ def _facts(
         files, tuple(failures), tuple(warnings), times,
         gps_time_kind=_common_kind(files),
         has_intensity=n_dark < len(results),
+        crs=survey.crs,
+        columns=sorted(survey.carry),
         has_time=n_untimed == 0,
         in_time_order=n_untimed == 0 and all(result.in_time_order for result in results) and all(follows),
     )  # fmt: skip

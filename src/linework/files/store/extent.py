@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -85,7 +84,7 @@ def _middle(places: AnyArray, counts: AnyArray) -> tuple[int, int]:
     return int(low), int(high) + 1
 
 
-def refuse_degrees(samples: Sequence[FloatArray | None], n_points: int, *, where: Path) -> None:
+def refuse_degrees(samples: Sequence[FloatArray | None], n_points: int, *, where: object) -> None:
     """Refuse longitudes and latitudes with heights in metres, whatever CRS is stated.
 
     Parameters
@@ -101,7 +100,7 @@ def refuse_degrees(samples: Sequence[FloatArray | None], n_points: int, *, where
         They are degrees.
     """
     sound = [sample for sample in samples if sample is not None]
-    if len(sound) < len(samples) or n_points < _DEGREES_LEAST:
+    if len(sound) < len(samples) or n_points < _DEGREES_LEAST or not any(len(sample) for sample in sound):
         return
     low, high = np.quantile(np.concatenate(sound), [_TAIL, 1.0 - _TAIL], axis=0)
     plan, height = float((high - low)[:2].max()), float((high - low)[2])

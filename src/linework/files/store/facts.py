@@ -62,6 +62,10 @@ class StoreFacts:
         Whether times never run backwards from file to file.
     times
         Points by time; empty without times.
+    columns
+        Names of the further columns, in their order.
+    crs
+        CRS of the points, WKT2 or "local".
     """
 
     files: tuple[FileFacts, ...]
@@ -75,6 +79,8 @@ class StoreFacts:
     has_time: bool
     in_time_order: bool
     times: TimeCounts
+    columns: tuple[str, ...] = ()
+    crs: str = "local"
 
 
 def facts_document(
@@ -89,7 +95,7 @@ def facts_document(
     Parameters
     ----------
     others
-        gps_time_kind, has_intensity, has_time, in_time_order of `StoreFacts`.
+        gps_time_kind, has_intensity, has_time, in_time_order, columns, crs of `StoreFacts`.
     """
     return {
         **others,
@@ -122,6 +128,7 @@ def facts_of_store(store: PointStore) -> StoreFacts:
         rejected=dict(rejected),
         warnings=warnings,
         times=TimeCounts.from_document(document.pop("times")),
+        columns=tuple(document.pop("columns", ())),
         **document,
     )
 

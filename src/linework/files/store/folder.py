@@ -13,8 +13,9 @@ import numpy as np
 from linework.arrays import AnyArray, IntArray
 from linework.errors import MachineError
 from linework.files.handles import open_for_reading, read_at
-from linework.files.store.layout import POINTS_SUFFIX
+from linework.files.store.layout import POINTS_SUFFIX, words_of_run
 from linework.kernels.store import order as kernels
+from linework.kernels.store.columns import checksums_of_columns, settle_by_columns
 from linework.kernels.store.order import first_damaged
 from linework.model.points import Points
 
@@ -46,7 +47,7 @@ class StoreFiles:
     def read(self, rows: AnyArray, columns: PointBuffers) -> int:
         """Read runs one after the other into `columns`, and return their number of points.
 
-        Points of files without times get the time 0.
+        Points of files without times get the time 0. Further columns are read where `columns` has room for them.
 
         Raises
         ------
@@ -66,7 +67,13 @@ class StoreFiles:
                 columns.times[a:b] = 0
                 views = [keys[a:b], intensities[a:b]]
             self._read_run(number, offset, views)
+            if len(columns.further):
+                behind = offset + 8 * words_of_run(b - a, has_time)
+                self._read_run(number, behind, [column[a:b].data for column in columns.further])
         damaged = first_damaged(*columns.part(ends[-1]), starts, rows["has_time"], rows["checksum"])
+        if damaged < 0 and len(columns.further):
+            wrong = checksums_of_columns(columns.further, starts) != rows["column_sum"]
+            damaged = int(np.argmax(wrong)) if wrong.any() else -1
         if damaged >= 0:
             row = rows[damaged]
             raise MachineError(
@@ -133,13 +140,35 @@ class PointBuffers:
     ----------
     n
         Number of points that fit.
+    n_further
+        Number of further columns to read.
     """
 
-    def __init__(self, n: int) -> None:
+    def __init__(self, n: int, n_further: int = 0) -> None:
         self.keys = np.empty(n, np.uint64)
         #: The bits of float64
         self.times = np.empty(n, np.uint64)
         self.intensities = np.empty(n, np.uint16)
+        #: (n_further, n), the bits of float32
+        self.further = np.empty((n_further, n), np.uint32)
+
+    def keep_inside(self, n: int, box: IntArray, floors: AnyArray) -> int:
+        """Move the wanted ones of the first `n` points to the front, and return their number.
+
+        Parameters
+        ----------
+        box, floors
+            As `linework.kernels.store.order.keep_inside` takes them.
+        """
+        keys, times, intensities = self.part(n)
+        if not len(self.further):
+            return int(kernels.keep_inside(keys, times, intensities, box, floors))
+        # The kernel moves numbers in the place of times: by them everything else is moved
+        numbers = np.arange(n, dtype=np.uint64)
+        m = int(kernels.keep_inside(keys, numbers, intensities, box, floors))
+        times[:m] = times[numbers[:m]]
+        self.further[:, :m] = self.further[:, numbers[:m]]
+        return m
 
     def part(self, n: int) -> tuple[AnyArray, AnyArray, AnyArray]:
         """Return the first `n` keys, times and intensities."""
@@ -149,32 +178,37 @@ class PointBuffers:
 class Output:
     """Columns of the points to return, filled block by block."""
 
-    def __init__(self, n: int, with_time: bool, with_intensity: bool) -> None:
-        self._with_time, self._with_intensity = with_time, with_intensity
+    def __init__(self, n: int, with_time: bool, with_intensity: bool, names: tuple[str, ...] = ()) -> None:
+        self._with_time, self._with_intensity, self._names = with_time, with_intensity, names
         self._xyz = np.empty((n, 3))
         self._times = np.empty(n if with_time else 0, np.uint64)
         self._intensities = np.empty(n if with_intensity else 0, np.float32)
+        self._further = np.empty((len(names), n), np.uint32)
         self._n = 0
 
     def add(
-        self,
-        part: tuple[AnyArray, AnyArray, AnyArray],
-        in_order: tuple[AnyArray, AnyArray] | None,
-        corner: IntArray,
+        self, columns: PointBuffers, n: int, in_order: tuple[AnyArray, AnyArray] | None, corner: IntArray
     ) -> None:
-        """Add the points of a block, in the given order of keys and numbers."""
-        keys, times, intensities = part
+        """Add the first `n` points of a block, in the given order of keys and numbers."""
+        keys, times, intensities = columns.part(n)
         keys, order = (keys, _AS_THEY_COME) if in_order is None else in_order
         out = self._xyz, self._times, self._intensities
         kernels.unpack_points(keys, times, intensities, order, corner, out, self._n)
-        self._n += len(keys)
+        for to, column in zip(self._further, columns.further, strict=True):
+            to[self._n : self._n + n] = column[:n] if in_order is None else column[order]
+        self._n += n
 
-    def points(self) -> Points:
-        """Return the points added so far."""
+    def points(self, crs: str) -> Points:
+        """Return the points added so far, which are in a CRS."""
         return Points(
             self._filled(self._xyz),
             intensity=self._filled(self._intensities) if self._with_intensity else None,
             time_s=self._filled(self._times).view(np.float64) if self._with_time else None,
+            crs=crs,
+            columns={
+                name: self._filled(column).view(np.float32)
+                for name, column in zip(self._names, self._further, strict=True)
+            },
         )
 
     def _filled(self, column: AnyArray) -> AnyArray:
@@ -189,8 +223,12 @@ class Scratch:
     def __init__(self, n: int) -> None:
         self._room = [np.empty(n, dtype) for dtype in (np.uint64, np.int32) * 2]
 
-    def sorted(self, part: tuple[AnyArray, AnyArray, AnyArray]) -> tuple[AnyArray, AnyArray]:
-        """Return keys in canonical order and the number of each."""
-        keys, order, more_keys, more_order = (column[: len(part[0])] for column in self._room)
-        kernels.sort_points(*part, (keys, order, more_keys, more_order))
+    def sorted(self, columns: PointBuffers, n: int) -> tuple[AnyArray, AnyArray]:
+        """Return the keys of the first `n` points in canonical order and the number of each."""
+        part = columns.part(n)
+        keys, order, more_keys, more_order = (column[:n] for column in self._room)
+        room = keys, order, more_keys, more_order
+        kernels.sort_points(*part, room)
+        if len(columns.further):
+            settle_by_columns(*part[1:], columns.further, room)
         return keys, order

@@ -8,7 +8,8 @@ the whole world. Steps are counted in blocks of 64 m x 64 m x 1677.7216 m; insid
 
 with cells of 0.5 m counted from the block's south-west corner. A run is the points of one block from one
 batch, column after column: n keys (uint64), n times (float64, unless the file has none), n intensities
-(uint16), padded with zeros to whole words of 8 bytes; all little-endian. `<number>.points` holds runs only; their
+(uint16), padded with zeros to whole words of 8 bytes; then n values (float32) of each further column of the store,
+in the order of their names, padded likewise. All are little-endian. `<number>.points` holds runs only; their
 offsets are in the table of runs. This layout is not that of `linework.files.array_file`, because runs are read by the
 thousand straight into one buffer, and an array header each would double the number of reads.
 """
@@ -26,9 +27,10 @@ from typing import Any
 import numpy as np
 
 from linework.arrays import AnyArray
+from linework.model.points import FARTHEST_COORDINATE_M
 
 #: Increased whenever files of an older version can no longer be read.
-STORE_VERSION = 1
+STORE_VERSION = 2
 #: Steps per metre; a step of 0.1 mm is a tenth of what the best scanners resolve.
 STORE_STEPS_PER_M = 10_000
 STORE_STEP_M = 1e-4
@@ -41,24 +43,27 @@ HEIGHT_BUCKET_M = 64.0
 HEIGHT_BUCKET_STEPS = 640_000
 #: Cell of the key [m], and number of cells along a side of a block.
 STORE_CELL_M, CELLS_PER_BLOCK = 0.5, 128
-#: Coordinates lie within this. [m]
-FARTHEST_COORDINATE_M = 1e8
 
 RUNS_FILE, INDEX_FILE, POINTS_SUFFIX = "runs.npy", "store.json", ".points"
 
 #: One run. `west` to `high` are its closed extent in steps from the block's corner; `kept` counts the points
-#: within the store's limits.
+#: within the store's limits; `column_sum` is the checksum of the further columns, 0 without any.
 RUN_DTYPE = np.dtype(
     [
         ("file", "<i4"), ("east", "<i4"), ("north", "<i4"), ("up", "<i4"),
         ("offset", "<i8"), ("count", "<i8"), ("kept", "<i8"), ("checksum", "<u8"),
         ("west", "<i4"), ("south", "<i4"), ("low", "<i4"),
         ("east_most", "<i4"), ("north_most", "<i4"), ("high", "<i4"),
-        ("has_time", "?"),
+        ("has_time", "?"), ("column_sum", "<u8"),
     ]
 )  # fmt: skip
 #: The columns of a run's extent, as `linework.kernels.store.pack.extent_of` returns it.
 EXTENT_COLUMNS = ("west", "south", "low", "east_most", "north_most", "high")
+
+
+def words_of_run(n_points: Any, has_time: Any) -> Any:
+    """Return the words of 8 bytes before the further columns of runs: keys, times and intensities."""
+    return n_points + n_points * has_time + -(-n_points // 4)
 
 
 @dataclass(frozen=True, slots=True)

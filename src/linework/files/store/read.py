@@ -29,7 +29,6 @@ from linework.files.store.layout import (
     facts_crc32,
     first_step,
 )
-from linework.kernels.store import order as kernels
 from linework.model.grid import Bounds, Image
 from linework.model.points import Points
 
@@ -57,6 +56,8 @@ class PointStore:
         self.limits = limits
         self._rows = table.rows
         self._extents = _world_extents(table.rows)
+        #: Names of the further columns
+        self.columns: tuple[str, ...] = tuple(facts.get("columns", ()))
         #: False where any file has no times
         self.has_time = bool(table.rows["has_time"].all() and facts.get("has_time", True))
 
@@ -121,6 +122,7 @@ class PointStore:
         ordered: bool = True,
         with_time: bool = True,
         with_intensity: bool = True,
+        with_columns: bool = True,
     ) -> Points:
         """Return the points of an area.
 
@@ -135,7 +137,10 @@ class PointStore:
             Added to `lowest`, which saves making another image.
         ordered
             Whether in canonical order: blocks of 64 m row-major from the south-west, lower blocks first, in each
-            block by key (see `linework.files.store.layout`), then by time and intensity. Else as stored.
+            block by key (see `linework.files.store.layout`), then by time, intensity and further columns. Else as
+            stored.
+        with_time, with_intensity, with_columns
+            Whether to return times, intensities and further columns, where the store has them.
 
         Raises
         ------
@@ -148,27 +153,27 @@ class PointStore:
         -----
         The result depends neither on the order in which points were written nor on the files and batches they came
         in. Times are returned only where all files have them; times and intensities only where the facts
-        `has_time` and `has_intensity` are true.
+        `has_time` and `has_intensity` are true. The points are in the CRS that the facts name.
         """
         window = _Window.of(bounds)
         rows = self._rows[self._touched(window)]
         floors = None if lowest is None else Floors(lowest, above_m)
         with_intensity = with_intensity and bool(self.facts.get("has_intensity", True))
-        out = Output(int(rows["kept"].sum()), self.has_time and with_time, with_intensity)
+        names = self.columns if with_columns else ()
+        out = Output(int(rows["kept"].sum()), self.has_time and with_time, with_intensity, names)
         blocks = list(_blocks(rows))
-        columns = PointBuffers(max((int(block["count"].sum()) for block in blocks), default=0))
+        columns = PointBuffers(max((int(block["count"].sum()) for block in blocks), default=0), len(names))
         scratch = Scratch(len(columns.keys) if ordered else 0)
         with StoreFiles(self.folder) as files:
             for block in blocks:
                 n = files.read(block, columns)
-                part = columns.part(n)
                 corner = _corner(block)
                 box = window.within(corner, self.limits)
                 if floors is not None or not _all_inside(block, box):
                     table = Floors.NONE if floors is None else floors.of_block(block[0])
-                    part = columns.part(kernels.keep_inside(*part, box, table))
-                out.add(part, scratch.sorted(part) if ordered else None, corner)
-        return out.points()
+                    n = columns.keep_inside(n, box, table)
+                out.add(columns, n, scratch.sorted(columns, n) if ordered else None, corner)
+        return out.points(str(self.facts.get("crs", "local")))
 
     def _touched(self, window: _Window) -> AnyArray:
         west, south, east, north = self._extents

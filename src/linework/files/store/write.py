@@ -31,13 +31,16 @@ from linework.files.store.layout import (
     Limits,
     RunTable,
     facts_crc32,
+    words_of_run,
 )
 from linework.kernels.store import pack as kernels
-from linework.kernels.store.order import keep_inside
+from linework.kernels.store.columns import checksums_of_columns, scatter_columns
 from linework.kernels.store.pack import extent_of
 
 #: Buckets of heights on either side of 0: coordinates lie within 1e8 m.
 _MIDDLE_BUCKET = 2**21
+#: No further columns.
+_NONE = np.empty((0, 0), np.float32)
 #: Points packed at a time: larger batches are split, so that a run can be read in one go.
 _MOST_AT_ONCE = 2**22
 
@@ -69,6 +72,7 @@ class StoreWriter:
         self._offset = 0
         self._tables: list[RunTable] = []
         self._has_time: bool | None = None
+        self._n_further: int | None = None
         # Costs little memory: only the pages that are written to are allocated
         self._heights = np.zeros(2 * _MIDDLE_BUCKET, np.int64)
         self._low, self._high = 2 * _MIDDLE_BUCKET, -1
@@ -81,7 +85,9 @@ class StoreWriter:
         counts = self._heights[self._low : self._high + 1]
         return {int(i) + self._low - _MIDDLE_BUCKET: int(counts[i]) for i in np.flatnonzero(counts)}
 
-    def append(self, xyz: FloatArray, intensity: AnyArray, time_s: FloatArray | None) -> None:
+    def append(
+        self, xyz: FloatArray, intensity: AnyArray, time_s: FloatArray | None, columns: AnyArray = _NONE
+    ) -> None:
         """Write a batch of points.
 
         Parameters
@@ -92,12 +98,14 @@ class StoreWriter:
             (n,) uint16.
         time_s
             (n,) float64 [s], or None for all batches of the file.
+        columns
+            (k, n) float32: the store's further columns in the order of their names, in all batches.
 
         Raises
         ------
         ValueError
             A coordinate is not finite or is beyond 1e8 m, columns are of different lengths or types, or only some
-            batches have times.
+            batches have times or further columns.
         MachineError
             The disk is full or has failed.
         """
@@ -108,9 +116,13 @@ class StoreWriter:
         if self._has_time not in (None, time_s is not None):
             raise ValueError("time_s: None for some batches of a file and given for others")
         self._has_time = time_s is not None
+        if self._n_further not in (None, len(columns)):
+            raise ValueError(f"columns: {len(columns)}, and {self._n_further} in other batches of the file")
+        self._n_further = len(columns)
+        columns = checked("columns", columns, np.float32, (None, n)) if len(columns) else columns
         for start in range(0, n, _MOST_AT_ONCE):
             part = slice(start, start + _MOST_AT_ONCE)
-            self._append(xyz[part], intensity[part], time[part])
+            self._append(xyz[part], intensity[part], time[part], columns[:, part])
 
     def close(self) -> RunTable:
         """Make the file durable and return its runs.
@@ -137,17 +149,18 @@ class StoreWriter:
         if file >= 0:
             os.close(file)
 
-    def _append(self, xyz: AnyArray, intensity: AnyArray, time: AnyArray) -> None:
+    def _append(self, xyz: AnyArray, intensity: AnyArray, time: AnyArray, columns: AnyArray) -> None:
         keys, owners, codes, counts = self._packed(xyz)
         # Runs in the order of their blocks: neighbours lie side by side on disk
         order = np.argsort(codes)
         codes, counts = codes[order], counts[order]
         n_times = counts if len(time) else np.zeros_like(counts)
-        sizes = counts + n_times + -(-counts // 4)
+        before = words_of_run(counts, len(time) > 0)
+        sizes = before + -(-len(columns) * counts // 2)
         starts = np.cumsum(sizes) - sizes
         firsts = np.stack([starts, starts + counts, 4 * (starts + counts + n_times)], axis=1)
         words = self._room(int(sizes.sum()))
-        words[starts + sizes - 1] = 0
+        words[starts + before - 1] = words[starts + sizes - 1] = 0
         by_owner = np.empty_like(firsts)
         by_owner[order] = firsts
         kernels.scatter_runs(keys, intensity, time, owners, by_owner, words)
@@ -156,10 +169,32 @@ class StoreWriter:
         rows["file"], rows["has_time"], rows["checksum"] = self._number, len(time) > 0, sums
         rows["east"], rows["north"], rows["up"] = kernels.blocks_of(codes).T
         rows["offset"], rows["count"], rows["kept"] = self._offset + 8 * starts, counts, counts
+        if len(columns):
+            rows["column_sum"] = self._scattered(columns, owners, order, starts + before, counts, words)
         for name, column in zip(EXTENT_COLUMNS, extents.T, strict=True):
             rows[name] = column
         self._write(words)
         self._tables.append(RunTable(rows))
+
+    @staticmethod
+    def _scattered(
+        columns: AnyArray,
+        owners: AnyArray,
+        order: AnyArray,
+        starts: AnyArray,
+        counts: AnyArray,
+        words: AnyArray,
+    ) -> AnyArray:
+        """Write further columns to the runs, and return the checksum of each run's."""
+        by_owner = np.empty((2, len(order)), np.int64)
+        by_owner[:, order] = 2 * starts, counts
+        halves = words.view(np.uint32)
+        scatter_columns(columns.view(np.uint32), owners, by_owner[0], by_owner[1], halves)
+        sums = np.empty(len(counts), np.uint64)
+        for i, (start, n) in enumerate(zip(starts.tolist(), counts.tolist(), strict=True)):
+            run = halves[2 * start : 2 * start + len(columns) * n]
+            sums[i] = checksums_of_columns(run.reshape(len(columns), n), np.array([0, n]))[0]
+        return sums
 
     def _packed(self, xyz: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
         """Return the key and block number of each point, and the codes and point counts of the blocks."""
@@ -249,7 +284,7 @@ def kept_within(folder: Path, table: RunTable, limits: Limits) -> RunTable:
             columns = PointBuffers(int(rows["count"][i]))
             files.read(rows[i : i + 1], columns)
             box = np.array([0, BLOCK_STEPS, 0, BLOCK_STEPS, low[i], high[i]], np.int64)
-            n = keep_inside(columns.keys, columns.times, columns.intensities, box, no_floors)
+            n = columns.keep_inside(len(columns.keys), box, no_floors)
             rows["kept"][i] = n
             if n:
                 for name, value in zip(EXTENT_COLUMNS, extent_of(columns.keys[:n]), strict=True):

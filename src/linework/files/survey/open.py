@@ -8,15 +8,7 @@ from pathlib import Path
 
 import pyproj
 
-from linework.crs import (
-    LOCAL,
-    crs_text,
-    describe_crs,
-    has_height,
-    parse_crs,
-    same_crs,
-    same_plan,
-)
+from linework.crs import LOCAL, crs_text, describe_crs, has_height, parse_crs, same_crs, same_plan
 from linework.errors import CrsError, InputError, UsageError, argument
 from linework.files.input import regular_file_bytes
 from linework.files.las.crs import resolve_crs

@@ -177,7 +177,7 @@ def _sort_bucket(room: Room, first: Any, last: Any, shift: int, fill: AnyArray) 
         for k in range(n_buckets):
             end = first + np.int64(fill[k])
             if end - begin > _FEW:
-                _merge_sort(room, begin, end)
+                merge_sort(room, begin, end)
             begin = end
     _insertion_sort(keys, order, first, last)
 
@@ -197,7 +197,7 @@ def _insertion_sort(keys: AnyArray, order: AnyArray, first: Any, last: Any) -> N
 
 
 @njit(cache=True, nogil=True)
-def _merge_sort(room: Room, first: Any, last: Any) -> None:
+def merge_sort(room: Room, first: Any, last: Any) -> None:
     """Sort a range bottom up, in at most n log n steps whatever the points."""
     keys, order, to_keys, to_order = room
     for i in range(first, last, _FEW):
@@ -239,7 +239,7 @@ def _settle_ties(times: AnyArray, intensities: AnyArray, room: Room) -> None:
             key = keys[first]
             for i in range(first, last):
                 keys[i] = _sortable(times[order[i]])
-            _merge_sort(room, first, last)
+            merge_sort(room, first, last)
             begin = first
             while begin < last:
                 end = begin + 1
@@ -248,7 +248,7 @@ def _settle_ties(times: AnyArray, intensities: AnyArray, room: Room) -> None:
                 if end - begin > 1:
                     for i in range(begin, end):
                         keys[i] = Key64(intensities[order[i]])
-                    _merge_sort(room, begin, end)
+                    merge_sort(room, begin, end)
                 begin = end
             keys[first:last] = key
         first = last

@@ -28,7 +28,7 @@ from linework.methods.cables.lines import lines_of_wires
 from linework.methods.cables.seeds import find_cable_seeds
 from linework.methods.cables.spans import end_at_supports, join_pieces, without_mixtures, without_tails
 from linework.model.lines import LineSet
-from linework.model.settings import setting
+from linework.model.settings import Settings, setting
 from linework.model.tile import local_origin
 
 #: Fewest points of a wire: a catenary and a line have five unknowns, which leaves three degrees of freedom.
@@ -67,7 +67,7 @@ _KINK_M = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CableConfig:
+class CableConfig(Settings):
     """Settings of the cable search."""
 
     low_m: float = setting(4.0, unit="m", low=1.0, high=50.0, reason="above ground: traffic ends at 4 m")

@@ -23,7 +23,7 @@ from linework.model.boxes import BoxSet
 from linework.model.grid import Bounds, holds
 from linework.model.ground import Ground
 from linework.model.points import Points
-from linework.model.settings import setting
+from linework.model.settings import Settings, setting
 from linework.model.tile import TileData, local_origin
 
 #: A box depends on the points within this of its cell only: a search area of 2 m, and the facets around it. [m]
@@ -37,7 +37,7 @@ HALF_WIDTH_M = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BoundaryConfig:
+class BoundaryConfig(Settings):
     """Settings of the boundary boxes."""
 
     min_step_m: float = setting(

@@ -24,7 +24,7 @@ from linework.model.boxes import BoxForm, BoxSet
 from linework.model.grid import Bounds
 from linework.model.ground import Ground
 from linework.model.points import Points
-from linework.model.settings import setting
+from linework.model.settings import Settings, setting
 from linework.model.tile import TileData
 
 #: Side of the cells; each holds one box of a stripe. [m]
@@ -44,7 +44,7 @@ _LEAST_SIGMA = 0.001
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MarkingConfig:
+class MarkingConfig(Settings):
     """Settings of the detection of paint."""
 
     min_intensity: float = setting(

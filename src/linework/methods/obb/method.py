@@ -27,14 +27,14 @@ from linework.methods.tracking.track import TrackConfig
 from linework.model.boxes import BoxSet
 from linework.model.grid import Bounds, holds
 from linework.model.lines import LineSet
-from linework.model.settings import group
+from linework.model.settings import Settings, group
 from linework.model.tile import TileData
 
 OBB_KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ObbConfig:
+class ObbConfig(Settings):
     """Settings of the obb method, each step's own in a group."""
 
     marking: MarkingConfig = group(MarkingConfig)

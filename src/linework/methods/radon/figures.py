@@ -16,14 +16,14 @@ from linework.methods.radon.peaks import Peaks, dilate, find_peaks, ridges
 from linework.methods.radon.transform import RadonImage, evenly_spaced_angles, radon_transform
 from linework.model.grid import Grid, Image
 from linework.model.points import Points
-from linework.model.settings import setting
+from linework.model.settings import Settings, setting
 
 #: Classes of the classified image, the paper's colours.
 ROAD_CLASS, OFF_ROAD = 1, 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FigureConfig:
+class FigureConfig(Settings):
     """Settings of the pictures of the whole survey (extraction has its own settings, for windows)."""
 
     low_m: float = setting(

@@ -24,13 +24,13 @@ from linework.methods.rails.rails import fit_rails
 from linework.methods.rails.stretches import with_times
 from linework.methods.seams import across_seams, of_core
 from linework.model.lines import LineSet
-from linework.model.settings import group, setting
+from linework.model.settings import Settings, group, setting
 from linework.model.tile import TileData
 from linework.surface.road import height_above_ground, height_above_road
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RadonConfig:
+class RadonConfig(Settings):
     """Settings of the radon method: the raster image here, each step's own in a group."""
 
     cell_m: float = setting(0.20, unit="m", reason="the paper's raster cell", low=0.02, high=10)

@@ -12,7 +12,7 @@ from linework.kernels.radon import segments as kernels
 from linework.kernels.radon.segments import SEGMENT_STRENGTH, SEGMENT_X0, SEGMENT_X1
 from linework.methods.radon.transform import rho_bins
 from linework.model.grid import Grid, Image
-from linework.model.settings import setting
+from linework.model.settings import Settings, setting
 
 #: Half lengths of the two dilating line elements: of two peaks within both only the higher counts. The paper does
 #: not publish them; one cell, and two and a half steps of the angle.
@@ -20,7 +20,7 @@ HALF_WINDOW_DEG, HALF_WINDOW_CELLS = 7.5, 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SeedConfig:
+class SeedConfig(Settings):
     """Settings of the search for seed lines."""
 
     window_m: float = setting(

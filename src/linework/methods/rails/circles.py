@@ -13,7 +13,7 @@ from linework.kernels.radon import corridor as kernels
 from linework.methods.radon.seeds import SeedSegments
 from linework.methods.rails import fitted
 from linework.model.grid import Image
-from linework.model.settings import setting
+from linework.model.settings import Settings, setting
 
 #: Turns against a seed line that a start is sought over, and their step: a seed is good to a step of 3 degrees. [deg]
 MOST_TURN_DEG, TURN_STEP_DEG = 3.0, 0.5
@@ -26,7 +26,7 @@ _MOST_BINS = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CircleConfig:
+class CircleConfig(Settings):
     """Settings of the circles."""
 
     spacing_m: float = setting(

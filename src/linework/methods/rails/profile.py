@@ -18,7 +18,7 @@ from linework.kernels.radon import sections as kernels
 from linework.kernels.tracking.times import moving_sums
 from linework.methods.rails import fitted
 from linework.methods.rails.circles import Bins, CircleConfig
-from linework.model.settings import setting
+from linework.model.settings import Settings, setting
 
 #: Height of a bin of the profile. [m]
 BIN_M = kernels.DEPTH_BIN_M
@@ -41,7 +41,7 @@ _BEHIND_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ProfileConfig:
+class ProfileConfig(Settings):
     """Limits that tell a guardrail from everything else. Ratios are densities of points against the beam's own."""
 
     window_m: float = setting(

@@ -25,7 +25,7 @@ from linework.methods.tracking.neighbours import LineAxis, axes_of_path
 from linework.methods.tracking.track import TrackConfig, Tracks, track_lines
 from linework.model.images import RectifiedPair
 from linework.model.lines import LineSet
-from linework.model.settings import group
+from linework.model.settings import Settings, group
 from linework.model.sightings import Sightings
 from linework.model.tile import local_origin
 
@@ -43,7 +43,7 @@ OTHER_WIDTH, EDGES_M = 0.5, 0.03
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StereoConfig:
+class StereoConfig(Settings):
     """Settings of the stereo method, each step's own in a group."""
 
     stripes: StripeConfig = group(StripeConfig)

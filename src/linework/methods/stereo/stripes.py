@@ -26,7 +26,7 @@ from linework.methods.stereo.fitted import LEAST_STRIPE_SIGMA_PX
 from linework.methods.stereo.road_plane import RoadPlane, RoadShape
 from linework.model.camera import RectifiedRig
 from linework.model.images import RectifiedPair
-from linework.model.settings import setting
+from linework.model.settings import Settings, setting
 
 #: Largest angle between a line and the direction of view: rows do not cut a more oblique one. [rad]
 STEEPEST_RAD = math.radians(65.0)
@@ -41,7 +41,7 @@ LEAST_DISPARITY_PX = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StripeConfig:
+class StripeConfig(Settings):
     """Settings of the detection of stripes of paint."""
 
     least_width_m: float = setting(

@@ -18,7 +18,7 @@ from linework.arrays import BoolArray, FloatArray, IntArray, offsets_of
 from linework.kernels.tracking import track as kernels
 from linework.kernels.tracking.track_all import track_all
 from linework.model.boxes import BoxForm, BoxSet
-from linework.model.settings import setting
+from linework.model.settings import Settings, setting
 
 #: Side of the cells that boxes are looked up in: a step of the search touches few. [m]
 LOOKUP_CELL_M = 2.0
@@ -29,7 +29,7 @@ SUPPORT_M = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrackConfig:
+class TrackConfig(Settings):
     """Settings of the search for the next box."""
 
     longest_gap_m: float = setting(

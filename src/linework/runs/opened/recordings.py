@@ -92,6 +92,7 @@ class Recordings:
         keys = self.survey.root / events if events else None
         return {
             "survey": self.survey.settings,
+            "carry": self.survey.carry,
             "pairs": hashlib.sha256(repr(pairs).encode()).hexdigest(),
             "path": hash_path(self.trajectory) if self.trajectory is not None else None,
             "events": hash_file(keys) if keys is not None and keys.is_file() else None,

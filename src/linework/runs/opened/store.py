@@ -7,11 +7,13 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from linework.errors import InputError
 from linework.files.las.decoder import DecoderLimits
@@ -21,11 +23,13 @@ from linework.files.output.record import hash_file
 from linework.files.output.replace import replacing_folder
 from linework.files.store.build import build_store
 from linework.files.store.facts import StoreFacts, facts_of_store
+from linework.files.store.from_points import store_points
 from linework.files.store.read import PointStore
+from linework.model.points import Points
 from linework.model.survey import Survey
 from linework.runs.opened.work_folder import STORES, folder_in_use_error
 from linework.runs.resume import source_hash
-from linework.runs.steps import RunSteps
+from linework.runs.steps import Advance, RunSteps
 
 if TYPE_CHECKING:
     from linework.model.survey import Survey
@@ -40,7 +44,7 @@ class HeldStore:
     Parameters
     ----------
     key
-        Hash of the content of all point files and of the CRS they were read with.
+        Hash of the content of all point files, or of the points, and of what they were read with.
     hashes
         SHA-256 of every point file that can be read.
     """
@@ -78,17 +82,59 @@ def held_store(
     -----
     A store is identified by the bytes of its files, not by their times. Stores of earlier states are removed.
     """
-    steps = steps or RunSteps()
     before = _states(survey)
     hashes = _hashes(survey.point_files, n_threads)
-    family, key = _names(survey, hashes)
+
+    def build(folder: Path, advance: Advance) -> None:
+        build_store(survey, folder, n_threads=n_threads, progress=advance, limits=limits)
+        _refuse_changed(before, _states(survey))
+
+    with _held(work, _names(survey, hashes), build, hashes, steps or RunSteps()) as held:
+        yield held
+
+
+@contextlib.contextmanager
+def held_store_of_points(
+    points: Points, work: Path, *, name: str = "points", steps: RunSteps | None = None
+) -> Iterator[HeldStore]:
+    """Open the store of points that are in memory, built if the work folder has none for these points.
+
+    Parameters
+    ----------
+    name
+        Name of the points, for messages and for the sources of lines.
+
+    Raises
+    ------
+    UsageError, CrsError, MachineError
+        As for `linework.files.store.from_points.store_points`.
+    """
+
+    def build(folder: Path, advance: Advance) -> None:
+        store_points(points, folder, name=name, progress=advance)
+
+    with _held(work, _names_of_points(points, name), build, {}, steps or RunSteps()) as held:
+        yield held
+
+
+@contextlib.contextmanager
+def _held(
+    work: Path,
+    names: tuple[str, str],
+    build: Callable[[Path, Advance], None],
+    hashes: Mapping[Path, str],
+    steps: RunSteps,
+) -> Iterator[HeldStore]:
+    """Open a store that is named for its input and for the state of that, built if it is missing."""
+    family, key = names
     name = f"{family}-{key}"
     folder, lock = work / STORES / name, work / f"store-{name}.lock"
     if not folder.is_dir():
         with hold_lock(lock, keep=True):
             if not folder.is_dir():
-                _make(survey, folder, n_threads, limits, steps)
-                _refuse_changed(before, _states(survey))
+                # Gets its name when it is whole
+                with replacing_folder(folder) as part, steps.step("read points", unit="points") as advance:
+                    build(part, advance)
                 _remove_earlier(work, family, name)
     with hold_lock(lock, shared=True, keep=True):
         points = PointStore.open(folder)
@@ -104,23 +150,31 @@ def promised_points(survey: Survey) -> int:
     return total
 
 
-def _make(
-    survey: Survey, folder: Path, n_threads: int, limits: DecoderLimits | None, steps: RunSteps
-) -> None:
-    """Decode all files into a part folder, and give it its name when it is whole."""
-    with replacing_folder(folder) as part, steps.step("read points", unit="points") as advance:
-        build_store(survey, part, n_threads=n_threads, progress=advance, limits=limits)
-
-
 def _names(survey: Survey, hashes: Mapping[Path, str]) -> tuple[str, str]:
-    """Return a hash of the file names, and one of their content and CRS."""
+    """Return a hash of what is read (files and further columns), and one of its content and CRS."""
     names = [os.fsdecode(os.fsencode(path.absolute())) for path in survey.point_files]
     content = [
         source_hash("files", "kernels"),
         survey.crs,
         survey.settings.get("crs"),
         [hashes.get(p) for p in survey.point_files],
+        survey.carry,
     ]
+    return _short_hashes([*names, *survey.carry], content)
+
+
+def _names_of_points(points: Points, name: str) -> tuple[str, str]:
+    """Return a hash of the points' name and columns, and one of their values and CRS."""
+    columns = points.by_name()
+    # Of the arrays as they are: the same points in another order have another store with the same content
+    values = [
+        hashlib.sha256(column.reshape(-1).view(np.uint8).data).hexdigest() for column in columns.values()
+    ]
+    content = [source_hash("files", "kernels"), points.crs, values]
+    return _short_hashes(["points", name, *columns], content)
+
+
+def _short_hashes(names: list[str], content: list[Any]) -> tuple[str, str]:
     files, state = (hashlib.sha256(json.dumps(v).encode()).hexdigest() for v in (names, content))
     return files[:8], state[:16]
 

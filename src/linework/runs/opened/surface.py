@@ -403,7 +403,11 @@ def _height_origin(
         return 0.0
     east, north = (blocks[np.argsort(counts, kind="stable")[len(counts) // 2]] * SURFACE_BLOCK_M).tolist()
     block = Bounds(east, north, east + SURFACE_BLOCK_M, north + SURFACE_BLOCK_M)
-    return height_origin(store.points(block, ordered=False, with_time=False, with_intensity=False).xyz[:, 2])
+    return height_origin(
+        store.points(block, ordered=False, with_time=False, with_intensity=False, with_columns=False).xyz[
+            :, 2
+        ]
+    )
 
 
 def _tiles_of(blocks: IntArray, tiles: SurfaceTiles, config: RoadConfig, margin: int) -> list[TileNumber]:

@@ -47,7 +47,9 @@ _SIDES = {"west": np.s_[:, :2], "east": np.s_[:, -2:], "north": np.s_[:2, :], "s
 class PointSource(Protocol):
     """Points in any rectangle: the part of `PointStore` that the passes need."""
 
-    def points(self, bounds: Bounds, *, ordered: bool, with_time: bool, with_intensity: bool) -> Points:
+    def points(
+        self, bounds: Bounds, *, ordered: bool, with_time: bool, with_intensity: bool, with_columns: bool
+    ) -> Points:
         """Return the points in a rectangle [m, world]."""
         ...
 
@@ -88,7 +90,11 @@ def find_heights(task: SurfaceTileTask) -> IntArray:
     bands = []
     for band in _bands(task.tiles.window(task.tile), cell_m):
         points = source.points(
-            band.bounds(cell_m).grown(margin_m), ordered=False, with_time=False, with_intensity=False
+            band.bounds(cell_m).grown(margin_m),
+            ordered=False,
+            with_time=False,
+            with_intensity=False,
+            with_columns=False,
         )
         bands.append(cell_heights(points.xyz, band, task.z0_m, task.config))
     height, spread, count = (

@@ -124,7 +124,7 @@ class PatchReader:
         return patch
 
     def _read(self, bounds: Bounds) -> PointPatch:
-        points = self.store.points(bounds, ordered=False, with_time=False)
+        points = self.store.points(bounds, ordered=False, with_time=False, with_columns=False)
         n = len(points)
         xyz, intensity = points.xyz, points.intensity
         above = np.full(n, np.nan, np.float32)
@@ -218,7 +218,7 @@ def asphalt_level(store: PointStore, surface: SurveySurface, path: FloatArray) -
     for east, north in blocks[:: max(1, len(blocks) // _N_BLOCKS)].tolist():
         corner = east * TILE_BLOCK_M, north * TILE_BLOCK_M
         bounds = Bounds(*corner, corner[0] + TILE_BLOCK_M, corner[1] + TILE_BLOCK_M)
-        points = store.points(bounds, ordered=False, with_time=False)
+        points = store.points(bounds, ordered=False, with_time=False, with_columns=False)
         if points.intensity is None:
             return None
         road = points.take(is_road_point(surface.over(bounds.grown(surface.cell_m)), points.xyz, _ROAD_M))

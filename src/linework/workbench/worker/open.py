@@ -126,7 +126,9 @@ def _middle(recordings: Recordings, path: FloatArray) -> tuple[float, float, flo
         blocks, counts = recordings.points.points.block_counts
         west, south = (blocks[int(np.argmax(counts))] * STORE_BLOCK_M).tolist()
         block = Bounds(west, south, west + STORE_BLOCK_M, south + STORE_BLOCK_M)
-        xyz = recordings.points.points.points(block, ordered=False, with_time=False, with_intensity=False).xyz
+        xyz = recordings.points.points.points(
+            block, ordered=False, with_time=False, with_intensity=False, with_columns=False
+        ).xyz
         # A point, not the mean of all: in a bend that lies beside the road
         place = xyz[int(np.argmin(np.hypot(*(xyz - np.median(xyz, axis=0))[:, :2].T)))]
     return float(place[0]), float(place[1]), float(place[2])

@@ -1,0 +1,120 @@
+"""The order of points in an array does not change the lines: with many tiles, and as one tile."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.scenes.effort import THOROUGH
+from tests.scenes.places import REAL
+
+from linework.files.store.in_memory import read_survey_points
+from linework.files.survey.open import open_survey
+from linework.methods.choose import choose_methods
+from linework.methods.kinds import ALL_KINDS
+from linework.methods.point_order import in_fixed_order
+from linework.methods.protocol import extract_tile
+from linework.model.lines import LineSet
+from linework.model.points import Points
+from linework.model.tile import TileData
+from linework.runs.find import find_lines
+from linework.runs.opened.from_points import opened_points
+from linework.runs.resume import run_folder
+from linework.runs.settings import RunSettings, TilingConfig
+from linework.simulation.simulate import simulate_survey
+
+SHUFFLES = 20 if THOROUGH else 3
+#: Several tiles of each method.
+TILING = TilingConfig(core_m=64.0, high_core_m=100.0, max_points=10_000)
+LASER_METHODS = [method for method in choose_methods("auto", ALL_KINDS) if method.recording == "points"]
+
+
+def shuffled(points, seed):
+    return points.take(np.random.default_rng(seed).permutation(len(points)))
+
+
+def through_the_store(points, trajectory, tiling=TILING):
+    with tempfile.TemporaryDirectory() as name:
+        work = Path(name)
+        with (
+            opened_points(points, work, trajectory=trajectory) as recordings,
+            run_folder(work, work / "lines", {}) as run,
+        ):
+            found = find_lines(recordings, LASER_METHODS, run, settings=RunSettings(tiling=tiling))
+    assert not found.failures
+    return found.lines
+
+
+def as_one_tile(method, points, trajectory):
+    tile = TileData("whole", points.bounds.grown(1.0), points, trajectory)
+    return extract_tile(method, tile)
+
+
+def assert_same_bytes(lines: LineSet, others: LineSet):
+    assert lines.kind.tolist() == others.kind.tolist()
+    assert lines.xyz.tobytes() == others.xyz.tobytes()
+    assert lines.sigma_xy_m.tobytes() == others.sigma_xy_m.tobytes()
+    assert lines.id.tolist() == others.id.tolist()
+    assert lines.confidence.tobytes() == others.confidence.tobytes()
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    return simulate_survey("bends", 611, 120.0, points_per_m=1500)
+
+
+def test_many_tiles(simulated):
+    lines = through_the_store(simulated.points, simulated.trajectory)
+    assert {"lane_marking", "road_boundary"} < set(lines.kind.tolist())
+    for seed in range(SHUFFLES):
+        assert_same_bytes(lines, through_the_store(shuffled(simulated.points, seed), simulated.trajectory))
+
+
+@pytest.mark.parametrize(
+    "method", LASER_METHODS, ids=lambda method: "-".join((method.name, *method.kinds[:1]))
+)
+def test_one_tile(simulated, method):
+    lines = as_one_tile(method, simulated.points, simulated.trajectory)
+    assert len(lines) or "cable" in method.kinds
+    for seed in range(SHUFFLES):
+        assert_same_bytes(lines, as_one_tile(method, shuffled(simulated.points, seed), simulated.trajectory))
+
+
+#: One from the air, and one from a van.
+REAL_FILES = [
+    ("als-roads/als_road_t0717_0743.laz", "local"),
+    ("here-a22/here_a22_uniform_south.laz", "EPSG:32632"),
+]
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason=f"no real surveys in {REAL}")
+@pytest.mark.parametrize(("name", "crs"), REAL_FILES, ids=["air", "van"])
+def test_real_points(name, crs):
+    points = read_survey_points(open_survey([REAL / name], crs=crs)).points
+    stored = through_the_store(points, None, TilingConfig())
+    alone = [as_one_tile(method, points, None) for method in LASER_METHODS]
+    assert len(stored)
+    assert any(alone)
+    for seed in range(SHUFFLES):
+        mixed = shuffled(points, seed)
+        assert_same_bytes(stored, through_the_store(mixed, None, TilingConfig()))
+        if seed == 0 or THOROUGH:
+            for method, lines in zip(LASER_METHODS, alone, strict=True):
+                assert_same_bytes(lines, as_one_tile(method, mixed, None))
+
+
+def test_the_fixed_order_is_that_of_the_tile_store():
+    rng = np.random.default_rng(5)
+    # Few places, values and columns: ties of every sort, in several blocks
+    xyz = rng.integers(-3, 3, (4000, 3)) * [40.0, 40.0, 900.0] + rng.integers(0, 2, (4000, 3)) * 0.25
+    points = Points(
+        xyz, intensity=rng.integers(1, 3, 4000), time_s=rng.integers(100, 102, 4000), crs="EPSG:25832",
+        b=rng.integers(0, 3, 4000), a=rng.normal(size=4000),
+    )  # fmt: skip
+    ordered = in_fixed_order(points)
+    assert len({*map(tuple, ordered.xyz.tolist())}) < 2000
+    with tempfile.TemporaryDirectory() as name, opened_points(points, Path(name)) as recordings:
+        stored = recordings.points.points.points()
+    assert list(stored.columns) == ["a", "b"]
+    for column, values in stored.by_name().items():
+        assert ordered[column].tobytes() == values.tobytes(), column
