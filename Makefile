@@ -42,4 +42,4 @@ page:  ## the workbench's page, after a change of its sources (needs Node; users
 	cd page && npm ci --no-audit --no-fund && npm run build
 
 clean:
-	rm -rf $(VENV) demo build dist docs/reference/generated .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) demo build dist docs/gallery docs/reference/generated .pytest_cache .mypy_cache .ruff_cache
