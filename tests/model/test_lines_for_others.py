@@ -52,7 +52,7 @@ def test_geopandas_and_back(lines):
 def test_arrow_and_back(lines):
     assert LineSet.from_arrow(lines) == lines
     assert LineSet.from_arrow(pa.table(lines)) == lines
-    assert LineSet.from_arrow(pl.DataFrame(lines), crs=lines.crs) == lines
+    assert LineSet.from_arrow(pl.DataFrame(lines)) == lines
     assert LineSet.from_arrow(duckdb.sql("FROM lines"), crs=lines.crs) == lines
 
 
@@ -204,7 +204,7 @@ def test_what_is_missing_is_said_with_the_command_that_installs_it():
     assert out.splitlines() == [
         "to_geopandas(): needs the package geopandas. pip install 'linework[tables]'",
         "plot(): needs the package matplotlib. pip install 'linework[reports]'",
-        "__arrow_c_stream__(): needs the package arro3. pip install 'linework[tables]'",
+        "__arrow_c_stream__(): needs the package arro3-core. pip install 'linework[tables]'",
         "<div> LineSet",
     ]
     with pytest.raises(MissingPackageError) as caught:
