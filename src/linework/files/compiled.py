@@ -154,7 +154,7 @@ def _read_note() -> dict[str, Any]:
 
 
 def _write_note(note: dict[str, Any]) -> None:
-    """Write the note; without it kernels are looked at again the next time, which is no reason to fail."""
+    """Write the note; without it kernels are looked at again the next time, and that must not fail."""
     path = _note_path()
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)

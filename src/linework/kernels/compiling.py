@@ -108,7 +108,7 @@ def _word_of(numba_type: Any) -> str:
 
 
 def _type_of(word: str) -> Any:
-    """Return the type of numba that a word stands for."""
+    """Return the type of numba of a word of the table."""
     import numba
 
     # Numba's types are annotated in part only
