@@ -92,7 +92,7 @@ def _dispatcher(name: str) -> Any:
 
 
 def _word_of(numba_type: Any) -> str:
-    """Return a type of numba as a word: dtype, ``:`` with dimensions and layout, ``!`` where it is read-only."""
+    """Return a type of numba as the table writes it: dtype, ``:`` with dimensions and layout, ``!`` where it is read-only."""
     import numba
     from numba.np.numpy_support import as_dtype
 
@@ -108,7 +108,7 @@ def _word_of(numba_type: Any) -> str:
 
 
 def _type_of(word: str) -> Any:
-    """Return the type of numba of a word of the table."""
+    """Return the type of numba that is written so in the table."""
     import numba
 
     # Numba's types are annotated in part only
