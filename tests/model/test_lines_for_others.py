@@ -52,7 +52,7 @@ def test_geopandas_and_back(lines):
 def test_arrow_and_back(lines):
     assert LineSet.from_arrow(lines) == lines
     assert LineSet.from_arrow(pa.table(lines)) == lines
-    assert LineSet.from_arrow(pl.DataFrame(lines), crs=lines.crs) == lines
+    assert LineSet.from_arrow(pl.DataFrame(lines)) == lines
     assert LineSet.from_arrow(duckdb.sql("FROM lines"), crs=lines.crs) == lines
 
 

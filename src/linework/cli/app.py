@@ -23,7 +23,7 @@ from linework.cli.commands.clean import clean
 from linework.cli.commands.config import config
 from linework.cli.commands.convert import convert
 from linework.cli.commands.demo import demo
-from linework.cli.commands.evaluate import evaluate
+from linework.cli.commands.evaluate import evaluate_command
 from linework.cli.commands.extract import extract_command
 from linework.cli.commands.info import info
 from linework.cli.commands.locate import locate
@@ -51,7 +51,7 @@ for command in (
     extract_command,
     trace,
     serve,
-    evaluate,
+    evaluate_command,
     raster,
     photolog,
     convert,

@@ -266,7 +266,7 @@ def test_two_beams_back_to_back_are_two_lines_and_a_pair(apart_m):
     lines = extract(straight(rail_scene(rng, second)))
     assert lines.kind.tolist() == ["guardrail", "guardrail"]
     assert lines.double.all()
-    means = sorted(np.mean(lines.line(i)[:, 1]) for i in range(2))
+    means = sorted(np.mean(lines[i].xyz[:, 1]) for i in range(2))
     np.testing.assert_allclose(means, [5.0, 5.0 + apart_m], atol=0.02)
     np.testing.assert_allclose(lines.length_m, 36.0, atol=2.0)
 

@@ -232,7 +232,7 @@ def _joined_to_output(output: Path, lines: LineSet) -> LineSet:
 
 def _print(found: TracedLine | TracedEdge, output: Path, *, as_json: bool) -> None:
     """Print kind and length of the traced line, and why it ends at either end."""
-    line = found.lines.of_kind(found.kind)
+    line = found.lines.take(found.lines.kind == found.kind)
     length_m = float(line.length_m.sum())
     bridged_m = float(line.bridged_m.sum())
     if as_json:
