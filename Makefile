@@ -18,7 +18,7 @@ demo: $(VENV)/.installed  ## simulate a small survey, extract its lines, score t
 	$(BIN)/linework demo demo --overwrite
 
 $(VENV)/.compiled: $(VENV)/.installed $(shell find src/linework/kernels -name '*.py')
-	$(BIN)/python -m tests.compile_kernels
+	$(BIN)/linework compile --quiet
 	touch $@
 
 test: check $(VENV)/.compiled  ## every test, in minutes
@@ -42,4 +42,4 @@ page:  ## the workbench's page, after a change of its sources (needs Node; users
 	cd page && npm ci --no-audit --no-fund && npm run build
 
 clean:
-	rm -rf $(VENV) demo build dist docs/reference/generated .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) demo build dist docs/gallery docs/reference/generated .pytest_cache .mypy_cache .ruff_cache

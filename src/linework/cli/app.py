@@ -20,6 +20,7 @@ import typer
 
 import linework
 from linework.cli.commands.clean import clean
+from linework.cli.commands.compile import compile_command
 from linework.cli.commands.config import config
 from linework.cli.commands.convert import convert
 from linework.cli.commands.demo import demo
@@ -41,7 +42,6 @@ _SUMMARY = "Extract georeferenced 3-D road lines from mobile-mapping surveys."
 app = typer.Typer(
     name="linework",
     help=_SUMMARY,
-    add_completion=False,
     rich_markup_mode=None,  # plain help: rich alone would double its time
 )
 for command in (
@@ -57,6 +57,7 @@ for command in (
     convert,
     simulate_command,
     config,
+    compile_command,
     clean,
 ):
     app.command(command.__name__.removesuffix("_command"))(command)

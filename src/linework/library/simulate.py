@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from linework.errors import check_extra
 from linework.files.output.publish import check_output_folder
 from linework.files.survey.open import open_survey
 from linework.library.progress import Progress, display_of
@@ -95,6 +96,7 @@ def simulate_to(
     overwrite: bool,
 ) -> tuple[SimulatedSurvey, int]:
     """Write a simulated survey as `simulate` does; return it and its number of stereo pairs."""
+    check_extra("simulate")
     check_output_folder(folder, overwrite=overwrite)
     scenario = draw_scenario(road, seed, length_m, points_per_m=points_per_m)
     cameras = stereo_survey(scenario, size=image_size, every_m=image_every_m) if images else None

@@ -1,4 +1,4 @@
-"""Results of the steps of methods, drawn with matplotlib: Radon images, peaks, segments, boxes."""
+"""Results of the steps of methods, drawn with matplotlib: Radon images, peaks, segments."""
 
 from __future__ import annotations
 
@@ -8,18 +8,9 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.errors import needed
-from linework.model.boxes import BoxForm, BoxSet
 
 #: Extra that installs matplotlib.
 _EXTRA = "reports"
-#: Colours of boxes by form, as in the pictures of the guides.
-BOX_COLOURS = {
-    BoxForm.STRIPE: "#1f6fd1",
-    BoxForm.OTHER_PAINT: "#2e9e4f",
-    BoxForm.KERB: "#d62728",
-    BoxForm.EDGE: "#ff8c1a",
-    BoxForm.BARRIER: "#8c4bbf",
-}
 
 
 def new_axes(ax: Any) -> Any:
@@ -51,27 +42,6 @@ def draw_segments(start_xy: FloatArray, end_xy: FloatArray, ax: Any = None, **op
     collections = needed("matplotlib.collections", _EXTRA, where="plot()")
     look = {"colors": "#d62728", "linewidths": 1.0} | options
     ax.add_collection(collections.LineCollection(np.stack([start_xy, end_xy], axis=1), **look))
-    return _in_plan(ax)
-
-
-def draw_boxes(boxes: BoxSet, ax: Any = None, **options: Any) -> Any:
-    """Draw boxes in plan, coloured by form; return the axes.
-
-    Stripes and kerbs may have no width: they are drawn as lines.
-    """
-    ax = new_axes(ax)
-    collections = needed("matplotlib.collections", _EXTRA, where="plot()")
-    along = boxes.u * boxes.half_u_m[:, None]
-    left = np.stack([-boxes.u[:, 1], boxes.u[:, 0]], axis=-1) * np.nan_to_num(boxes.half_v_m)[:, None]
-    xy = boxes.centre[:, :2]
-    corners = np.stack([xy - along - left, xy + along - left, xy + along + left, xy - along + left], axis=1)
-    for form, colour in BOX_COLOURS.items():
-        own = corners[boxes.form == form]
-        if len(own):
-            look = {"facecolors": "none", "edgecolors": colour, "linewidths": 0.8, "label": form.name.lower()}
-            ax.add_collection(collections.PolyCollection(own, **(look | options)))
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend()
     return _in_plan(ax)
 
 

@@ -37,17 +37,20 @@ def demo(
     with the exact lines (the truth) beside the laser points. The extraction does not use the truth; the report
     compares the two.
     """
+    from linework.errors import check_extra
     from linework.files.output.publish import check_output_folder
     from linework.library.progress import open_display
 
+    for extra in ("simulate", "reports"):
+        check_extra(extra, where="demo")
     check_output_folder(folder, overwrite=overwrite)
     with open_display(quiet=quiet) as display:
-        from linework.cli.startup import announce_compilation
         from linework.methods.kinds import ALL_KINDS
+        from linework.runs.compile import compile_stage
         from linework.runs.steps import RunSteps
 
-        announce_compilation(ALL_KINDS, quiet=quiet)
         steps = RunSteps(display)
+        compile_stage(ALL_KINDS, steps)
         _simulate(folder / "survey", seed, steps, overwrite=overwrite)
         _extract_and_score(folder, steps, overwrite=overwrite)
     for name, content in (

@@ -24,7 +24,7 @@ from linework.cli.options import (
     read_settings,
     with_trajectory,
 )
-from linework.cli.startup import announce_compilation, preload_modules
+from linework.cli.startup import preload_modules
 
 
 def extract_command(
@@ -94,6 +94,7 @@ def extract_command(
             parse_kinds,
             recordings_for,
         )
+        from linework.runs.compile import compile_stage, compiled_for
         from linework.runs.opened.store import executor_for, usable_cores
         from linework.runs.opened.work_folder import work_folder
         from linework.runs.steps import RunSteps
@@ -108,6 +109,7 @@ def extract_command(
         kinds = findable_kinds(kinds, has_points=bool(survey.point_files), asked=bool(features))
         folder, n_workers = work_folder(survey.root, work), workers or usable_cores()
         steps = RunSteps(display)
+        compile_stage(compiled_for(survey, kinds, images=recordings_for(method, kinds)["images"]), steps)
         executor = held.enter_context(executor_for(survey, n_workers, settings))
         preloading = preload_modules(
             "linework.runs.extract", "linework.methods.choose", "linework.files.vectors.gpkg"
@@ -122,7 +124,6 @@ def extract_command(
         preloading.join()
         from linework.runs.extract import extract_to, extraction_request
 
-        announce_compilation(kinds, quiet=quiet)
         request = extraction_request(
             output, recordings.survey, kinds, method, settings, crs=crs, paint=paint_column or None,
             overwrite=overwrite, resume=resume,
@@ -144,7 +145,7 @@ def extract_command(
 
 def _check_report(report: Path | None, output: Path, *, overwrite: bool) -> None:
     """Raise, before any work, where the report could not be written at the end."""
-    from linework.errors import UsageError
+    from linework.errors import UsageError, check_extra
     from linework.files.output.publish import check_output
 
     if report is None:
@@ -153,6 +154,7 @@ def _check_report(report: Path | None, output: Path, *, overwrite: bool) -> None
         raise UsageError(f"cannot write reports as '{report.suffix}'", where=report, advice="use .html")
     if report.absolute() == output.absolute():
         raise UsageError("the report would replace the lines", where=report, advice="choose another name")
+    check_extra("reports", where="--report")
     check_output(report, overwrite=overwrite)
 
 

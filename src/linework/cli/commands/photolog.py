@@ -31,8 +31,10 @@ def photolog(
     links to its image by a relative path. A page holds at most 500 thumbnails: on long drives their spacing is larger
     than --every-m.
     """
+    from linework.errors import InputError, PartialError, UsageError, check_extra
+
+    check_extra("reports", where="photolog")
     from linework.crs import describe_crs
-    from linework.errors import InputError, PartialError, UsageError
     from linework.evaluation.report.photolog import photolog_html
     from linework.files.images.series import open_stereo
     from linework.files.logs.photolog import van_log

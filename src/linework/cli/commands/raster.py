@@ -75,7 +75,9 @@ def raster(
     """
     import json
 
-    from linework.errors import PartialError
+    from linework.errors import PartialError, check_extra
+
+    check_extra("reports", where="raster")
     from linework.files.output.publish import check_output_folder
     from linework.files.survey.open import open_survey
     from linework.library.progress import open_display

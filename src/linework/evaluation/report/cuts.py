@@ -9,16 +9,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from linework.arrays import AnyArray, FloatArray, distance_along
+from linework.errors import extra_needed
 from linework.evaluation.report.plan import COLOURS
 from linework.evaluation.report.scores_figure import FOUND_COLOUR, WIDTH_IN
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.points import Points
+
+with extra_needed("reports"):
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 #: Reach of a cut to either side, and its thickness [m]: a few scan lines.
 _KERB_REACH_M, _KERB_THICK_M = 0.5, 0.5

@@ -7,18 +7,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from linework.arrays import FloatArray
+from linework.errors import extra_needed
 from linework.evaluation.report.scores_figure import WIDTH_IN, main_direction, panel_height, turned_in_plan
 from linework.imaging.brightness import brightness_picture, near_ground
 from linework.imaging.picture import draw_north_arrow, draw_scale_bar
 from linework.model.grid import Bounds
 from linework.model.lines import KINDS, LineSet
 from linework.model.points import Points
+
+with extra_needed("reports"):
+    from matplotlib.axes import Axes
+    from matplotlib.collections import LineCollection
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 #: A colour per kind; they differ for most eyes, on white as on grey.
 COLOURS = dict(

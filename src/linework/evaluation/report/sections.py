@@ -9,14 +9,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from linework.arrays import FloatArray, distance_along
+from linework.errors import extra_needed
 from linework.evaluation.report.plan import COLOURS
 from linework.evaluation.report.scores_figure import WIDTH_IN
 from linework.model.lines import LineSet
 from linework.model.points import Points
+
+with extra_needed("reports"):
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 #: Half the thickness of a slice across a guardrail [m]: a few scan lines fall into it.
 _RAIL_HALF_THICK_M = 0.3

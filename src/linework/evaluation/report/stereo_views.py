@@ -9,16 +9,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from linework.arrays import FloatArray, IntArray, distance_along
+from linework.errors import extra_needed
 from linework.evaluation.report.plan import COLOURS
 from linework.evaluation.report.scores_figure import WIDTH_IN
 from linework.model.camera import RectifiedRig
 from linework.model.images import Poses, RectifiedPair
 from linework.model.lines import LineSet
+
+with extra_needed("reports"):
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 #: Least and greatest distance ahead of the cameras at which lines are drawn [m]: nearer they are below the image,
 #: farther they are thinner than a pixel.

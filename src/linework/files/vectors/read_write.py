@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from linework.crs import LOCAL, parse_crs
-from linework.errors import UsageError, argument
+from linework.errors import UsageError, argument, check_extra
 from linework.files.output.publish import check_output, publish
 from linework.files.output.record import hash_file
 from linework.files.vectors.fields import check_writable
@@ -41,10 +41,14 @@ def check_format(path: Path) -> None:
     ------
     UsageError
         Unknown suffix; the message lists the known ones.
+    MissingPackageError
+        The format is written by a package that is not installed.
     """
     suffix = path.suffix.lower()
     if suffix not in _WRITERS:
         raise UsageError(f"cannot write '{suffix}' files", where=path, advice=f"use {', '.join(_WRITERS)}")
+    if suffix == ".dxf":
+        check_extra("cad", where=path)
 
 
 def write_lines(
