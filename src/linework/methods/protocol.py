@@ -38,6 +38,10 @@ Recording = Literal["points", "pairs"]
 Sight = Callable[[FloatArray], BoolArray]
 
 
+#: Name and result of a step of a method.
+StepResult = tuple[str, Any]
+
+
 class Evidence(Protocol):
     """What a method finds in pieces of a survey: a frozen dataclass of columns (`linework.files.output.parts`)."""
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray
+from linework.errors import needed
 from linework.model.columns import Columns, column, column_types, filled_column
 
 
@@ -87,6 +89,51 @@ class BoxSet(Columns):
         step = np.linalg.norm(np.diff(self.centre[index, :2], axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(step)])
 
+    def plot(self, ax: Any = None, **options: Any) -> Any:
+        """Draw the boxes in plan, coloured by form, and return the axes.
+
+        Parameters
+        ----------
+        ax
+            Axes of matplotlib; None: of a new figure.
+        **options
+            For `matplotlib.collections.PolyCollection`.
+        """
+        pyplot = needed("matplotlib.pyplot", _EXTRA, where="plot()")
+        collections = needed("matplotlib.collections", _EXTRA, where="plot()")
+        ax = pyplot.subplots()[1] if ax is None else ax
+        along = self.u * self.half_u_m[:, None]
+        left = np.stack([-self.u[:, 1], self.u[:, 0]], axis=-1) * np.nan_to_num(self.half_v_m)[:, None]
+        xy = self.centre[:, :2]
+        corners = np.stack(
+            [xy - along - left, xy + along - left, xy + along + left, xy - along + left], axis=1
+        )
+        for form, colour in _COLOURS.items():
+            own = corners[self.form == form]
+            if len(own):
+                name = form.name.lower().replace("_", " ")
+                look = {"facecolors": "none", "edgecolors": colour, "linewidths": 0.8, "label": name}
+                ax.add_collection(collections.PolyCollection(own, **(look | options)))
+        if ax.get_legend_handles_labels()[0]:
+            ax.legend()
+        ax.autoscale_view()
+        ax.set_aspect("equal")
+        ax.set_xlabel("east [m]")
+        ax.set_ylabel("north [m]")
+        ax.ticklabel_format(useOffset=False, style="plain")
+        return ax
+
+
+#: Extra that installs matplotlib.
+_EXTRA = "reports"
+#: Colours of boxes by form, as in the pictures of the guides.
+_COLOURS = {
+    BoxForm.STRIPE: "#1f6fd1",
+    BoxForm.OTHER_PAINT: "#2e9e4f",
+    BoxForm.KERB: "#d62728",
+    BoxForm.EDGE: "#ff8c1a",
+    BoxForm.BARRIER: "#8c4bbf",
+}
 
 #: Columns beside `centre` and `u`, in order.
 BOX_COLUMNS = tuple(name for name in column_types(BoxSet) if name not in ("centre", "u"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -168,6 +168,10 @@ class Ground:
     def image(self) -> Image:
         """Heights of the ground as an image [m, world]."""
         return Image(self.ground_m.astype(np.float64) + self.z0_m, self.grid)
+
+    def plot(self, ax: Any = None, **options: Any) -> Any:
+        """Draw the heights of the ground in plan; return the axes (see `Image.plot`)."""
+        return self.image.plot(ax, **options)
 
     def _between(self, plane: Float32Array, xy: FloatArray) -> FloatArray:
         """Return the values of a plane at places (n, 2) [m, world], bilinear, (n,) float64."""

@@ -7,7 +7,7 @@ bounding boxes, doi:10.3390/rs15194656. docs/methods/obb.md names what goes beyo
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -19,20 +19,29 @@ from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
 from linework.methods.obb.own_paint import WHOLE_PIECES_M, PaintClassifier, paint_probability
 from linework.methods.protocol import (
     Recording,
+    StepResult,
     SurveyContext,
+    context_of_tile,
     extract_tile,
     origin_of_tile,
     surface_of_tile,
+    tile_of,
+    whole_tile,
 )
 from linework.methods.tracking.track import TrackConfig
 from linework.model.boxes import BoxSet
 from linework.model.grid import Bounds, holds
+from linework.model.ground import Ground
 from linework.model.lines import LineSet
+from linework.model.points import Points
 from linework.model.settings import Settings, group
 from linework.model.tile import TileData
+from linework.model.trajectory import Trajectory
 
 #: A box depends on the points within this distance of its cell only. [m]
 BOX_REACH_M = 8.0
+#: What `Obb.steps` calls the steps of the join.
+_NAMES_OF_STEPS = ("kerbs", "edges", "barriers", "paint", "consistent lines")
 OBB_KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top")
 
 
@@ -101,16 +110,21 @@ class Obb:
         cores
             Disjoint parts of the core: places outside them may be left out; none: the whole core.
         """
+        steps = self._box_steps(tile, cores)
+        return BoxSet.concatenate([found for _, found in steps if isinstance(found, BoxSet)])
+
+    def _box_steps(self, tile: TileData, cores: Sequence[Bounds] = ()) -> Iterator[StepResult]:
+        """Yield name and result of each step of `find_boxes`."""
         assert tile.surface is not None, "a tile of a survey comes with its surface"
-        found = []
         if self.seeks_paint:
             probability = None
             if self.paint is not None:
                 probability = paint_probability(tile.points, tile.surface, self.paint)
-            found.append(find_marking_boxes(tile, tile.surface, self.config.marking, cores, probability))
+                yield "probability of paint", probability
+            config = self.config.marking
+            yield "marking boxes", find_marking_boxes(tile, tile.surface, config, cores, probability)
         if self._seeks_boundaries:
-            found.append(find_boundary_boxes(tile, tile.surface, self.config.boundary, cores))
-        return BoxSet.concatenate(found)
+            yield "boundary boxes", find_boundary_boxes(tile, tile.surface, self.config.boundary, cores)
 
     def join(self, found: BoxSet, survey: SurveyContext) -> LineSet:
         """Return the lines through the boxes of a survey, in world coordinates."""
@@ -141,6 +155,66 @@ class Obb:
         lines = joining.line_set(now)
         lines = lines.take(np.isin(lines.kind, self.kinds))
         return lines.with_columns(xyz=lines.xyz + np.asarray(survey.origin))
+
+    def steps(
+        self, points: Points, trajectory: Trajectory | None = None, ground: Ground | None = None
+    ) -> Iterator[StepResult]:
+        """Yield name and result of each step that leads from points to lines, in the order of the paper.
+
+        Parameters
+        ----------
+        points
+            A survey that fits into memory; in any order.
+        trajectory
+            Path of the vehicle: the road is below it.
+        ground
+            Your own; None: it is found.
+
+        Yields
+        ------
+        name, result
+            ``ground`` (`Ground`); ``points`` (`Points`, in the fixed order that later arrays are in); with own
+            evidence ``probability of paint`` (n,) float32; ``marking boxes`` (step 2) and ``boundary boxes``
+            (step 1, `BoxSet` in world coordinates); then the lines so far after each step of tracking (step 3,
+            `LineSet`): ``kerbs``, ``edges``, ``barriers``, ``paint``, ``consistent lines``; and ``lines``, what
+            `linework.extract` returns. All but plain arrays have `plot`.
+
+        References
+        ----------
+        W.-S. Kang, K.-H. Lee, J.-H. Lee (2023), doi:10.3390/rs15194656.
+
+        Examples
+        --------
+        >>> rng = np.random.default_rng(1)
+        >>> xyz = np.column_stack([*rng.uniform(0.0, 12.0, (2, 60_000)), rng.normal(0.0, 0.005, 60_000)])
+        >>> on_line = np.abs(xyz[:, 1] - 6.0) < 0.06
+        >>> points = Points(xyz, intensity=np.where(on_line, 90.0, 40.0) + rng.normal(0.0, 4.0, 60_000))
+        >>> results = dict(Obb(kinds=("lane_marking",)).steps(points))
+        >>> len(results["marking boxes"]) > 20, results["lines"].kind.tolist()
+        (True, ['lane_marking'])
+        """
+        if len(points) == 0:
+            yield "lines", LineSet.empty()
+            return
+        tile = whole_tile(tile_of(points, trajectory, ground))
+        yield "ground", tile.surface
+        yield "points", tile.points
+        survey, found = context_of_tile(tile), list[BoxSet]()
+        tile = replace(tile, origin=survey.origin)
+        origin = np.asarray(survey.origin)
+        for name, result in self._box_steps(tile):
+            if not isinstance(result, BoxSet):
+                yield name, result
+                continue
+            boxes = result.take(holds(tile.core, result.centre + origin))
+            found.append(boxes)
+            yield name, replace(boxes, centre=boxes.centre + origin)
+        now = self.begin_join(BoxSet.concatenate(found), survey)
+        for name, step in zip(_NAMES_OF_STEPS, self.join_steps, strict=True):
+            now = step(now)
+            lines = joining.line_set(now)
+            yield name, lines.with_columns(xyz=lines.xyz + origin)
+        yield "lines", self.end_join(now, survey)
 
     def only(self, kind: str) -> Obb:
         """Return the method with what it takes to find boxes of one kind of line only."""

@@ -7,16 +7,32 @@ names what goes beyond the paper.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from linework.imaging.raster import grid_for, in_height_band
+from linework.imaging.raster import grid_for, in_height_band, rasterise
 from linework.methods.cables.find import CableConfig, find_cables, least_height_m
-from linework.methods.protocol import Recording, SurveyContext, extract_tile, surface_of_tile
+from linework.methods.protocol import (
+    Recording,
+    StepResult,
+    SurveyContext,
+    context_of_tile,
+    extract_tile,
+    surface_of_tile,
+    tile_of,
+    whole_tile,
+)
 from linework.methods.radon.peaks import PeakFinder
-from linework.methods.radon.seeds import SeedConfig, find_seed_lines, split_into_segments
+from linework.methods.radon.seeds import (
+    SeedConfig,
+    find_seed_lines,
+    peaks_of_window,
+    split_into_segments,
+    strongest_window,
+)
 from linework.methods.rails.chains import chains_from_starts
 from linework.methods.rails.circles import CircleConfig, bin_near, find_starts
 from linework.methods.rails.profile import ProfileConfig
@@ -24,9 +40,13 @@ from linework.methods.rails.rail_lines import carry_into_ground, rail_lines
 from linework.methods.rails.rails import fit_rails
 from linework.methods.rails.stretches import with_times
 from linework.methods.seams import across_seams, of_core
+from linework.model.grid import Image
+from linework.model.ground import Ground
 from linework.model.lines import LineSet
+from linework.model.points import Points
 from linework.model.settings import Settings, group, setting
 from linework.model.tile import TileData
+from linework.model.trajectory import Trajectory
 from linework.surface.road import height_above_ground, height_above_road
 
 
@@ -73,31 +93,43 @@ class RailMethod:
 
     def look(self, piece: TileData) -> LineSet:
         """Return the guardrails and concrete barriers of a tile, cut at the edges of its core."""
+        *_, (_, lines) = self.look_steps(piece)
+        found: LineSet = lines
+        return found
+
+    def look_steps(self, piece: TileData) -> Iterator[StepResult]:
+        """Yield name and result of each step of `look`, the lines at last."""
         points, surface, c = piece.points, surface_of_tile(piece), self.config
         # Height above the road, road = 0; above the ground where there is no road
         above_road = height_above_road(surface, points.xyz)
         above_ground = height_above_ground(surface, points.xyz)
         # Raster image: the cells that hold points of the height band; a bank beside the road is ground, not a rail
         height, grid = np.minimum(above_road, above_ground), grid_for(points, c.cell_m)
+        yield "height above the road", height
         binary = in_height_band(points.xyz, height, grid, c.min_height_m, c.max_height_m)
+        yield "binary image", binary
         # Prominent directions: peaks of the Radon transform after dilation, window by window
         seeds = find_seed_lines(binary, c.seeds, self.find_peaks)
+        yield "seed lines", seeds
         # Where along each seed line the feature really is
         segments = split_into_segments(seeds, binary, c.seeds)
+        yield "segments", segments
         # Back to the points: circles about each seed settle on the beam, and follow it through bends
         bins = bin_near(points.xyz, above_ground, binary)
         starts = find_starts(segments, bins, c.circles)
         band_m = c.circles.min_height_m, c.max_height_m
         chains = chains_from_starts(starts, bins, band_m, c.profile.min_length_m, c.circles)
+        yield "corrected centres", [chain[:, :3] + bins.origin for chain in chains]
         # Local fits of the corrected centres; the height from the highest points
         rails = fit_rails(chains, bins, c.circles, c.profile)
+        yield "local fits", [np.column_stack([rail.xy, rail.top_m]) + bins.origin for rail in rails]
         # The vertical profile tells guardrails and barriers from hedges, walls, cars and fences
         lines = rail_lines(rails, bins, surface, c.circles, c.profile, piece.core)
         # Ends that dip into the ground are extended down to it
         lines = carry_into_ground(lines, surface)
         # When the points on each line were measured
         lines = with_times(lines.take(np.isin(lines.kind, self.kinds)), points)
-        return of_core(lines, piece.core, is_whole=piece.is_whole)
+        yield "guardrails and barriers", of_core(lines, piece.core, is_whole=piece.is_whole)
 
     def join(self, found: LineSet, survey: SurveyContext) -> LineSet:
         """Return the lines of a survey, pieces that meet at the edge of a core joined into one."""
@@ -126,15 +158,22 @@ class CableMethod:
 
     def look(self, piece: TileData) -> LineSet:
         """Return the wires of a tile whose middle lies in its core, one line per wire and span."""
+        *_, (_, lines) = self.look_steps(piece)
+        found: LineSet = lines
+        return found
+
+    def look_steps(self, piece: TileData) -> Iterator[StepResult]:
+        """Yield name and result of each step of `look`, the lines at last."""
         points = piece.points
         # Height above the ground, of which the road is part
         above_ground = height_above_ground(surface_of_tile(piece), points.xyz)
+        yield "height above the ground", above_ground
         # Thin, alone in their column, straight in plan, hanging as catenaries between supports
         lines = find_cables(
             points.xyz, points.time_s, above_ground, self.config.cable, piece.origin, self.find_peaks
         )
         # When the points on each line were measured
-        return of_core(with_times(lines, points), piece.core, is_whole=piece.is_whole)
+        yield "cables", of_core(with_times(lines, points), piece.core, is_whole=piece.is_whole)
 
     def join(self, found: LineSet, survey: SurveyContext) -> LineSet:
         """Return the wires of a survey: each span was found whole, by one tile."""
@@ -187,3 +226,67 @@ class Radon:
     def join(self, found: LineSet, survey: SurveyContext) -> LineSet:
         """Return the lines of a survey, pieces that meet at the edge of a core joined into one."""
         return across_seams(found, survey.cores)
+
+    def steps(
+        self, points: Points, trajectory: Trajectory | None = None, ground: Ground | None = None
+    ) -> Iterator[StepResult]:
+        """Yield name and result of each step that leads from points to lines, in the order of the paper.
+
+        Parameters
+        ----------
+        points
+            A survey that fits into memory; in any order.
+        trajectory
+            Path of the vehicle: the road is below it.
+        ground
+            Your own; None: it is found.
+
+        Yields
+        ------
+        name, result
+            ``ground`` (`Ground`); ``points`` (`Points`, in the fixed order that later arrays are in); ``height above
+            the road`` (n,) float32 [m]; ``density image``, ``maximum height image`` and ``binary image`` (`Image`,
+            figures 3 to 5); ``Radon image`` and ``peaks`` of the window with the strongest peak (`RadonImage`,
+            `Peaks`; figures 6 and 7); ``seed lines`` and ``segments`` of all windows (`SeedLines`, `SeedSegments`);
+            ``corrected centres`` and ``local fits``, lists of (k, 3) float64 [m, world]; ``guardrails and barriers``;
+            for cables ``height above the ground`` and ``cables``; and ``lines``, what `linework.extract` returns.
+            All but plain arrays have `plot`.
+
+        References
+        ----------
+        D. Manandhar, R. Shibasaki (2002): Extraction of linear features from vehicle-borne laser data.
+
+        Examples
+        --------
+        >>> rng = np.random.default_rng(1)
+        >>> road = np.column_stack([*rng.uniform(0.0, 40.0, (2, 40_000)), rng.normal(0.0, 0.01, 40_000)])
+        >>> beam = np.column_stack([np.linspace(0, 40, 4000), np.full(4000, 20.0), rng.uniform(0.4, 0.7, 4000)])
+        >>> results = dict(Radon(kinds=("guardrail",)).steps(Points(np.concatenate([road, beam]))))
+        >>> list(results)[:4], results["peaks"].theta_rad.round(2).tolist()
+        (['ground', 'points', 'height above the road', 'density image'], [1.57])
+        """
+        if len(points) == 0:
+            yield "lines", LineSet.empty()
+            return
+        tile = whole_tile(tile_of(points, trajectory, ground))
+        yield "ground", tile.surface
+        yield "points", tile.points
+        found = []
+        for method in self.parts:
+            result: Any = LineSet.empty()
+            for name, result in method.look_steps(tile):
+                if name == "binary image":
+                    images = rasterise(tile.points, result.grid)
+                    yield from (("density image", images.density), ("maximum height image", images.maximum))
+                yield name, result
+                if name == "binary image":
+                    yield from self._strongest(result)
+            found.append(result)
+        yield "lines", self.join(LineSet.concatenate(found), context_of_tile(tile))
+
+    def _strongest(self, binary: Image) -> Iterator[StepResult]:
+        """Yield the Radon image of the window with the strongest peak, and its peaks."""
+        radon = strongest_window(binary, self.config.seeds)
+        if radon is not None:
+            yield "Radon image", radon
+            yield "peaks", peaks_of_window(radon, self.config.seeds, self.find_peaks)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from scipy import ndimage
@@ -12,6 +12,7 @@ from scipy import ndimage
 from linework.arrays import AnyArray, FloatArray
 from linework.errors import OwnCodeError
 from linework.kernels.radon import peaks as kernels
+from linework.methods.drawn import draw_peaks
 from linework.methods.radon.transform import RadonImage
 from linework.processes.own_code import call_own
 
@@ -36,6 +37,13 @@ class Peaks:
 
     def __len__(self) -> int:
         return len(self.theta_rad)
+
+    def plot(self, ax: Any = None, **options: Any) -> Any:
+        """Draw the peaks over theta [deg] and rho [m], as `RadonImage.plot` does; return the axes.
+
+        options: for `matplotlib.axes.Axes.scatter`.
+        """
+        return draw_peaks(self.theta_rad, self.rho_m, ax, **options)
 
 
 def find_peaks(

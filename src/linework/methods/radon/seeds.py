@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from linework.arrays import FloatArray, IntArray
 from linework.kernels.radon import segments as kernels
 from linework.kernels.radon.segments import SEGMENT_STRENGTH, SEGMENT_X0, SEGMENT_X1
-from linework.methods.radon.peaks import PeakFinder, peaks_by
+from linework.methods.drawn import draw_segments
+from linework.methods.radon.peaks import PeakFinder, Peaks, find_peaks, peaks_by
 from linework.methods.radon.transform import RadonImage, radon_of_cells, rho_bins
 from linework.model.grid import Grid, Image
 from linework.model.settings import Settings, setting
@@ -68,6 +70,13 @@ class SeedLines:
     def __len__(self) -> int:
         return len(self.rho_m)
 
+    def plot(self, ax: Any = None, **options: Any) -> Any:
+        """Draw each line in plan, as long as it is strong, about the foot from its window's centre; return the axes."""
+        normal = np.stack([np.cos(self.theta_rad), np.sin(self.theta_rad)], axis=-1)
+        foot = self.centre_xy + self.rho_m[:, None] * normal
+        half = 0.5 * self.strength_m[:, None] * np.stack([-normal[:, 1], normal[:, 0]], axis=-1)
+        return draw_segments(foot - half, foot + half, ax, **options)
+
 
 @dataclass(frozen=True, slots=True)
 class SeedSegments:
@@ -79,6 +88,10 @@ class SeedSegments:
 
     def __len__(self) -> int:
         return len(self.strength_m)
+
+    def plot(self, ax: Any = None, **options: Any) -> Any:
+        """Draw the segments in plan; return the axes."""
+        return draw_segments(self.start_xy, self.end_xy, ax, **options)
 
 
 def find_seed_lines(binary: Image, config: SeedConfig, finder: PeakFinder | None = None) -> SeedLines:
@@ -148,15 +161,29 @@ def windows_of_image(binary: Image, config: SeedConfig) -> Iterator[tuple[FloatA
         yield centre, RadonImage(values, angles, rho_bins(half * math.sqrt(2), cell), cell, centre)
 
 
+def strongest_window(binary: Image, config: SeedConfig) -> RadonImage | None:
+    """Return the Radon image of the window with the strongest peak, to be looked at; None: all windows are empty."""
+    windows = (radon for _, radon in windows_of_image(binary, config))
+    return max(windows, key=lambda radon: float(radon.values.max()), default=None)
+
+
+def peaks_of_window(radon: RadonImage, config: SeedConfig, finder: PeakFinder | None = None) -> Peaks:
+    """Return the peaks of the Radon image of one window, with the settings of `find_seed_lines`."""
+    limits = {
+        "threshold": config.peak_threshold_m,
+        "theta_window_rad": 2.0 * math.radians(HALF_WINDOW_DEG),
+        "rho_window_m": 2.0 * HALF_WINDOW_CELLS * radon.rho_step_m,
+    }
+    if finder is None:
+        return find_peaks(radon.values, radon.angles_rad, radon.rho_m, **limits)
+    return peaks_by(finder, radon.values, radon.angles_rad, radon.rho_m, **limits)
+
+
 def _own_seed_lines(binary: Image, config: SeedConfig, finder: PeakFinder) -> SeedLines:
     """Return the seed lines at the peaks that an own function finds."""
     centres, found = [], []
     for centre, radon in windows_of_image(binary, config):
-        peaks = peaks_by(
-            finder, radon.values, radon.angles_rad, radon.rho_m, threshold=config.peak_threshold_m,
-            theta_window_rad=2.0 * math.radians(HALF_WINDOW_DEG),
-            rho_window_m=2.0 * HALF_WINDOW_CELLS * radon.rho_step_m,
-        )  # fmt: skip
+        peaks = peaks_of_window(radon, config, finder)
         found.append(peaks)
         centres.append(np.tile(centre, (len(peaks), 1)))
     return SeedLines(

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from linework.arrays import AnyArray, FloatArray, checked
 from linework.errors import InputError
 from linework.kernels.radon import transform as kernels
+from linework.methods.drawn import draw_radon_image
 from linework.model.grid import Image
 
 #: Largest number of bins of a Radon image: 0.8 GB of float64.
@@ -40,6 +42,13 @@ class RadonImage:
     rho_m: FloatArray
     rho_step_m: float
     centre_xy: FloatArray
+
+    def plot(self, ax: Any = None, **options: Any) -> Any:
+        """Draw the image over theta [deg] and rho [m]; return the axes.
+
+        options: for `matplotlib.axes.Axes.pcolormesh`.
+        """
+        return draw_radon_image(self.values, self.angles_rad, self.rho_m, ax, **options)
 
 
 def radon_transform(image: Image, angles_rad: AnyArray, rho_step_m: float | None = None) -> RadonImage:

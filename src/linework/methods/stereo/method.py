@@ -7,13 +7,14 @@ docs/methods/stereo.md names what goes beyond the paper.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, offsets_of
-from linework.methods.protocol import Recording, SurveyContext
+from linework.methods.protocol import Recording, StepResult, SurveyContext
 from linework.methods.stereo.pieces import coverage_test, fused_boxes, pieces_of
 from linework.methods.stereo.road_plane import fit_pair_road
 from linework.methods.stereo.sighted import sightings_of
@@ -66,15 +67,43 @@ class Stereo:
 
     def look(self, piece: RectifiedPair) -> Sightings:
         """Return the places on lane markings that a pair shows, in the vehicle frame at its time."""
+        *_, (_, found) = self.steps(piece)
+        sightings: Sightings = found
+        return sightings
+
+    def steps(self, pair: RectifiedPair) -> Iterator[StepResult]:
+        """Yield name and result of each step that leads from a stereo pair to places on lines.
+
+        Parameters
+        ----------
+        pair
+            Rectified, see `linework.imaging.rectify.Rectifier`.
+
+        Yields
+        ------
+        name, result
+            ``road`` (`RoadShape`, None where the pair shows no road, which ends the steps), ``matched lines``
+            (`StripeLines`: bright stripes of each row, linked from near to far and matched in the right image) and
+            ``sightings`` (`Sightings`: those that are paint on the road, intersected, in the vehicle frame). Lines
+            are made of the sightings of all pairs, by `join`.
+
+        References
+        ----------
+        G. He, K. Novak (1992): Automatic analysis of highway features from digital stereo-images, sections 3.1
+        to 3.3.
+        """
         c = self.config
         # The road's surface, from the pair itself
-        road = fit_pair_road(piece)
+        road = fit_pair_road(pair)
+        yield "road", road
         if road is None:
-            return Sightings.empty()
+            yield "sightings", Sightings.empty()
+            return
         # Bright lines in both images, row by row, followed from near to far, and matched along the rows
-        lines = find_stripe_lines(piece, road, c.stripes)
+        lines = find_stripe_lines(pair, road, c.stripes)
+        yield "matched lines", lines
         # Those that are paint on the road, intersected
-        return sightings_of(piece, road, lines, c.stripes)
+        yield "sightings", sightings_of(pair, road, lines, c.stripes)
 
     def join(self, found: Sightings, survey: SurveyContext) -> LineSet:
         """Return the lines through the sightings of all pairs, in world coordinates.
