@@ -201,7 +201,7 @@ def test_an_own_ground_is_the_ground_of_the_methods(found_in, surveys):
 )
 def test_what_cannot_be_sent_is_refused_before_any_work(methods, ground, where):
     with pytest.raises(
-        UsageError, match=rf"^{where}=: cannot be sent to worker processes: cannot pickle .*lock"
+        UsageError, match=rf"^{where}: cannot be sent to worker processes: cannot pickle .*lock"
     ):
         check_own_code(selected_methods(methods), ground)
 
@@ -210,7 +210,7 @@ def test_an_own_method_that_cannot_be_sent_is_refused():
     method = Trail()
     method.lock = LOCK
     with pytest.raises(
-        UsageError, match=r"^methods=: cannot be sent to worker processes: cannot pickle .*lock"
+        UsageError, match=r"^methods: cannot be sent to worker processes: cannot pickle .*lock"
     ):
         check_own_code([method])
 
@@ -237,7 +237,7 @@ def test_wrong_peaks_are_named(surveys, own, message):
         (lambda points: points["no"], r"^paint: KeyError: .*\(test_own_code\.py, line \d+, in <lambda>\)"),
         (lambda points: points.intensity, r"^paint: what it returned has values from .*, expected probabilities"),
         (lambda points: points.intensity[1:], r"^paint: returned an array of shape"),
-        ("p_wet", r"^paint=: the points have no column 'p_wet'; further columns: p_paint\. Read it .* carry="),
+        ("p_wet", r"^paint: the points have no column 'p_wet'; further columns: p_paint\. Read it .* carry="),
     ],
 )  # fmt: skip
 def test_wrong_evidence_of_paint_is_named(surveys, own, message):
@@ -265,18 +265,18 @@ def fails(points, trajectory):
 
 def test_methods_are_checked():
     for wrong, message in (
-        ([Radon], "methods=: Radon is a class"),
-        ([3], "methods=: int is not a method"),
-        ([], "methods=: no method is given"),
+        ([Radon], "methods: Radon is a class"),
+        ([3], "methods: int is not a method"),
+        ([], "methods: no method is given"),
     ):
         with pytest.raises(UsageError, match=message):
             selected_methods(wrong)
-    with pytest.raises(UsageError, match="kinds=: no method finds cable"):
+    with pytest.raises(UsageError, match="kinds: no method finds cable"):
         selected_methods([Trail()], ["cable"])
     letters = type("Letters", (Trail,), {"kinds": "trail"})
     with pytest.raises(UsageError, match="kinds of 'trail' are 'trail', expected names"):
         selected_methods(letters())
-    with pytest.raises(UsageError, match="paint=: nothing that is looked for is paint"):
+    with pytest.raises(UsageError, match="paint: nothing that is looked for is paint"):
         choose_methods("auto", ("cable",), paint="p_paint")
 
 
