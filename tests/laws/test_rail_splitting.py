@@ -76,8 +76,7 @@ def matched(lines, reference):
     for i in range(len(lines)):
         own = lines[i].xyz
         away = [
-            min(ends_apart_m(own, b), ends_apart_m(own, b[::-1]))
-            for b in map(reference.line, range(len(reference)))
+            min(ends_apart_m(own, b), ends_apart_m(own, b[::-1])) for b in (line.xyz for line in reference)
         ]
         j = int(np.argmin(away))
         turned = ends_apart_m(own, reference[j].xyz) > ends_apart_m(own, reference[j].xyz[::-1])

@@ -58,7 +58,13 @@ RunFile = Annotated[
     ),
 ]
 #: Options that are not named as the parameter is in Python.
-_OPTION_OF = {"kinds": "--features", "kind": "--feature", "methods": "--method", "settings": "--config"}
+_OPTION_OF = {
+    "kinds": "--features",
+    "kind": "--feature",
+    "methods": "--method",
+    "settings": "--config",
+    "paint": "--paint-column",
+}
 
 
 def option_words(name: str, value: str | int | bool | None) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
-from linework.errors import UsageError
+from linework.errors import UsageError, argument
 from linework.methods.kinds import KINDS_OF, check_method, kinds_in_order
 from linework.methods.obb.method import Obb, ObbConfig
 from linework.methods.protocol import Method, is_own
@@ -56,7 +56,7 @@ def choose_methods(
         methods.append(Stereo(stereo or StereoConfig(), own["stereo"]))
     if paint and not any(isinstance(chosen, Obb) and chosen.seeks_paint for chosen in methods):
         raise UsageError(
-            f"nothing that is looked for is paint: {', '.join(kinds)}", where="paint",
+            f"nothing that is looked for is paint: {', '.join(kinds)}", where=argument("paint"),
             advice="ask for lane_marking, lane_marking_dash or road_marking_other",
         )  # fmt: skip
     return tuple(methods)
@@ -89,13 +89,15 @@ def selected_methods(
     for method in given:
         _check_own_method(method)
     if not given:
-        raise UsageError("no method is given", where="methods", advice="leave it out for all of linework's")
+        raise UsageError(
+            "no method is given", where=argument("methods"), advice="leave it out for all of linework's"
+        )
     asked = None if kinds is None else tuple(kinds)
     found_by_any = kinds_in_order(kind for method in given for kind in method.kinds)
     missing = [kind for kind in asked or () if kind not in found_by_any]
     if missing or asked == ():
         problem = f"no method finds {', '.join(missing)}" if missing else "no kind of line is named"
-        raise UsageError(problem, where="kinds", advice=f"choose from {', '.join(found_by_any)}")
+        raise UsageError(problem, where=argument("kinds"), advice=f"choose from {', '.join(found_by_any)}")
     chosen: list[Method] = []
     for method in given:
         own = tuple(kind for kind in method.kinds if asked is None or kind in asked)
@@ -114,22 +116,22 @@ def _check_own_method(method: Any) -> None:
     """Refuse what is not a method."""
     if isinstance(method, type):
         raise UsageError(
-            f"{method.__name__} is a class, expected an object", where="methods",
+            f"{method.__name__} is a class, expected an object", where=argument("methods"),
             advice=f"write {method.__name__}()",
         )  # fmt: skip
     if not isinstance(method, Method):
         raise UsageError(
-            f"{type(method).__name__} is not a method", where="methods",
+            f"{type(method).__name__} is not a method", where=argument("methods"),
             advice="inherit from linework.Method, and give it a name, kinds and look",
         )  # fmt: skip
     kinds = method.kinds
     if isinstance(kinds, str) or not kinds or not all(isinstance(kind, str) and kind for kind in kinds):
         raise UsageError(
-            f"kinds of {method.name!r} are {kinds!r}, expected names", where="methods",
+            f"kinds of {method.name!r} are {kinds!r}, expected names", where=argument("methods"),
             advice='write kinds = ("ridge",), with the comma',
         )  # fmt: skip
     if method.recording not in ("points", "pairs"):
         raise UsageError(
-            f"recording of {method.name!r} is {method.recording!r}", where="methods",
+            f"recording of {method.name!r} is {method.recording!r}", where=argument("methods"),
             advice="choose points or pairs",
         )  # fmt: skip

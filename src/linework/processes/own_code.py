@@ -15,7 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NoReturn
 
-from linework.errors import LineworkError, OwnCodeError, UsageError
+from linework.errors import LineworkError, OwnCodeError, UsageError, argument
 
 #: Own objects that a process keeps loaded: a run has a few methods and one ground.
 _KEPT = 8
@@ -70,7 +70,7 @@ def sent_code(value: Any, parameter: str) -> SentCode:
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise UsageError(
-            f"cannot be sent to worker processes: {reason}", where=parameter,
+            f"cannot be sent to worker processes: {reason}", where=argument(parameter),
             advice="open files, connections and locks inside the function instead of keeping them outside",
         ) from error  # fmt: skip
     folders = tuple(str(Path(folder).absolute()) for folder in sys.path)

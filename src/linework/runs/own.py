@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from typing import Any
 
-from linework.errors import OwnCodeError, UsageError
+from linework.errors import OwnCodeError, UsageError, argument
 from linework.methods.protocol import Method, is_own
 from linework.model.ground import Ground
 from linework.model.points import Points
@@ -32,7 +32,7 @@ def check_own_code(methods: Sequence[Method], ground: Ground | GroundFinder | No
         if isinstance(value, Ground):
             continue
         if not isinstance(value, Method) and not callable(value):
-            raise UsageError(f"expected a function, got {type(value).__name__}", where=parameter)
+            raise UsageError(f"expected a function, got {type(value).__name__}", where=argument(parameter))
         sent_code(value, parameter)
 
 

@@ -13,7 +13,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from linework.errors import InputError, LineworkError, PartialError, UsageError
+from linework.errors import InputError, LineworkError, PartialError, UsageError, argument
 from linework.files.output.parts import write_part
 from linework.files.store.facts import StoreFacts
 from linework.files.store.layout import STORE_BLOCK_M
@@ -134,7 +134,7 @@ def _check_columns(methods: Sequence[Method], facts: StoreFacts) -> None:
                 there = ", ".join(facts.columns) or "none"
                 raise UsageError(
                     f"method {method.name} needs the column {name!r}; further columns of the points: {there}",
-                    where="carry", advice="name an extra dimension that all laser files have",
+                    where=argument("carry"), advice="name an extra dimension that all laser files have",
                 )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from linework.arrays import Float32Array, IntArray
-from linework.errors import OwnCodeError, UsageError
+from linework.errors import OwnCodeError, UsageError, argument
 from linework.model.grid import Grid
 from linework.model.ground import Ground
 from linework.model.points import Points
@@ -77,14 +77,16 @@ def paint_probability(points: Points, surface: Ground, paint: str | PaintClassif
         if paint not in points.columns:
             there = ", ".join(points.columns) or "none"
             raise UsageError(
-                f"the points have no column {paint!r}; further columns: {there}", where="paint",
-                advice=f"carry it from the files: carry=({paint!r},), on the command line --carry {paint}",
+                f"the points have no column {paint!r}; further columns: {there}", where=argument("paint"),
+                advice=f"read it from the files with {argument('carry', paint)}",
             )  # fmt: skip
         values = np.asarray(points.columns[paint], dtype=np.float32)
         problem = _problem_of(values)
         if problem:
             raise UsageError(
-                f"column {paint!r} {problem}", where="paint", advice="give probabilities from 0 to 1"
+                f"column {paint!r} {problem}",
+                where=argument("paint"),
+                advice="give probabilities from 0 to 1",
             )
         return _bounded(values)
     out = np.zeros(len(points), dtype=np.float32)
