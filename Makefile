@@ -18,7 +18,7 @@ demo: $(VENV)/.installed  ## simulate a small survey, extract its lines, score t
 	$(BIN)/linework demo demo --overwrite
 
 $(VENV)/.compiled: $(VENV)/.installed $(shell find src/linework/kernels -name '*.py')
-	$(BIN)/python -m tests.compile_kernels
+	$(BIN)/linework compile --quiet
 	touch $@
 
 test: check $(VENV)/.compiled  ## every test, in minutes
@@ -49,4 +49,4 @@ dist: $(VENV)/.installed  ## wheel and source distribution in dist/, checked and
 	$(BIN)/python -m tests.install.distribution dist
 
 clean:
-	rm -rf $(VENV) demo build dist docs/reference/generated .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) demo build dist docs/gallery docs/reference/generated .pytest_cache .mypy_cache .ruff_cache

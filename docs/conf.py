@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import tomllib
 from pathlib import Path
-
-# Kernels stay plain functions, so that their signatures and docstrings are shown and nothing is compiled.
-os.environ["NUMBA_DISABLE_JIT"] = "1"
 
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS / "extensions"))
@@ -19,9 +15,36 @@ version = release = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(enc
     "version"
 ]
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "reference_pages"]
-exclude_patterns = ["extensions", "make_pictures"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "numpydoc",
+    "sphinx_gallery.gen_gallery",
+    "plain_kernels",
+    "reference_pages",
+]
+exclude_patterns = ["extensions", "make_pictures", "examples"]
 root_doc = "index"
+
+# Gallery: every example is run, in a folder of its own; one that fails stops the build.
+sphinx_gallery_conf = {
+    "examples_dirs": "examples",
+    "gallery_dirs": "gallery",
+    "filename_pattern": r"\.py$",
+    "subsection_order": [f"examples/{name}" for name in ("first_steps", "methods", "own_steps", "exchange")],
+    "within_subsection_order": "FileNameSortKey",
+    "abort_on_example_error": True,
+    "backreferences_dir": None,
+    "download_all_examples": False,
+    "image_scrapers": ("matplotlib",),
+    "remove_config_comments": True,
+    "reset_modules": ("matplotlib", "plain_kernels.in_a_folder_of_its_own"),
+    "reset_modules_order": "both",
+    "show_memory": False,
+    "show_signature": False,
+    "write_computation_times": False,
+    "min_reported_time": 1e9,
+}
 
 # Markdown: every heading is an anchor, as on the pages of a source host.
 myst_heading_anchors = 4

@@ -5,8 +5,9 @@ from __future__ import annotations
 import ast
 import dataclasses
 import functools
+import importlib
+import inspect
 import re
-import sys
 from pathlib import Path
 from types import GenericAlias
 from typing import Any, TypeVar
@@ -42,8 +43,18 @@ class ExactNames(PythonDomain):
         objtype: str | None,
         searchmode: int = 0,
     ) -> list[Any]:
-        """Return the object of exactly this name, or none."""
-        return super().find_obj(env, modname, classname, name, objtype, 0)
+        """Return the object of exactly this name, or none; public names stand for where they are defined."""
+        return super().find_obj(env, modname, classname, defined_name(name), objtype, 0)
+
+
+def defined_name(name: str) -> str:
+    """Return the full name of what a public name stands for: `linework.extract` is defined in a room."""
+    package, _, rest = name.partition(".")
+    public, dot, member = rest.partition(".")
+    if package != "linework" or public not in linework.__all__ or public.startswith("__"):
+        return name
+    value = getattr(linework, public)
+    return f"{value.__module__}.{value.__name__}{dot}{member}"
 
 
 @functools.cache
@@ -78,22 +89,36 @@ def room_page(room: str, modules: list[str]) -> str:
 
 
 def public_page() -> str:
-    """Return the page of `linework.__all__`. Its entries are indexed on the pages of their rooms."""
+    """Return the page of `linework.__all__`: a table of its names, then each of them.
+
+    Its entries are indexed on the pages of their rooms.
+    """
+    names = [name for name in linework.__all__ if not name.startswith("__")]
+    values = {name: getattr(linework, name) for name in names}
+    functions = [name for name in names if not isinstance(values[name], type)]
+    classes = [name for name in names if name not in functions]
     lines = ["linework", "========", "", ".. automodule:: linework", "   :no-members:", ""]
-    for name in sorted(linework.__all__, key=str.lower):
-        if name.startswith("__"):
-            continue
-        value = getattr(linework, name)
-        lines += [name, "-" * len(name), ""]
-        lines += [f"Defined in :py:mod:`{value.__module__}`.", ""]
-        directive = (
-            "autoexception"
-            if _is_error(value)
-            else "autoclass"
-            if isinstance(value, type)
-            else "autofunction"
-        )
-        lines += [f".. {directive}:: {value.__module__}.{name}", "   :no-index:", ""]
+    for title, chosen in (("Functions", functions), ("Classes", classes)):
+        lines += [title, "-" * len(title), "", ".. list-table::", "   :widths: 20 80", ""]
+        for name in chosen:
+            summary = (inspect.getdoc(values[name]) or "").split("\n", maxsplit=1)[0]
+            lines += [
+                f"   * - :ref:`{name} <public-{name.lower()}>`",
+                f"     - {BAR.sub(chr(92) + '|', summary)}",
+            ]
+        lines.append("")
+        for name in chosen:
+            value = values[name]
+            lines += [f".. _public-{name.lower()}:", "", name, "~" * len(name), ""]
+            lines += [f"``linework.{name}``, defined in :py:mod:`{value.__module__}`.", ""]
+            directive = (
+                "autoexception"
+                if _is_error(value)
+                else "autoclass"
+                if isinstance(value, type)
+                else "autofunction"
+            )
+            lines += [f".. {directive}:: {value.__module__}.{value.__name__}", "   :no-index:", ""]
     return "\n".join(lines)
 
 
@@ -173,7 +198,10 @@ def plain_if_it_has_no_entry(app: Sphinx, env: BuildEnvironment, node: Any, text
     module, _, name = str(node.get("reftarget", "")).rpartition(".")
     if not module.startswith("linework"):
         return None
-    value = getattr(sys.modules.get(module), name, None)
+    try:
+        value = getattr(importlib.import_module(module), name, None)
+    except ImportError:
+        return None
     return text if name.startswith("_") or isinstance(value, TypeVar) else None
 
 

@@ -36,7 +36,7 @@ _PUBLIC = {
     "Trajectory": "linework.model.trajectory",
     "Obb": "linework.methods.obb.method",
     "Radon": "linework.methods.radon.method",
-    "evaluate_lines": "linework.evaluation.measures",
+    "evaluate": "linework.evaluation.measures",
     "extract": "linework.runs.extract",
     "open_survey": "linework.files.survey.open",
     "read_lines": "linework.files.vectors.read_write",
@@ -48,7 +48,7 @@ __all__ = ["__version__", *_PUBLIC]  # noqa: PLE0604
 
 if TYPE_CHECKING:
     from linework.errors import LineworkError as LineworkError
-    from linework.evaluation.measures import evaluate_lines as evaluate_lines
+    from linework.evaluation.measures import evaluate as evaluate
     from linework.files.store.in_memory import read_survey_points as read_survey_points
     from linework.files.store.in_memory import read_survey_trajectory as read_survey_trajectory
     from linework.files.survey.open import open_survey as open_survey

@@ -20,10 +20,11 @@ import typer
 
 import linework
 from linework.cli.commands.clean import clean
+from linework.cli.commands.compile import compile_command
 from linework.cli.commands.config import config
 from linework.cli.commands.convert import convert
 from linework.cli.commands.demo import demo
-from linework.cli.commands.evaluate import evaluate
+from linework.cli.commands.evaluate import evaluate_command
 from linework.cli.commands.extract import extract_command
 from linework.cli.commands.info import info
 from linework.cli.commands.locate import locate
@@ -50,12 +51,13 @@ for command in (
     extract_command,
     trace,
     serve,
-    evaluate,
+    evaluate_command,
     raster,
     photolog,
     convert,
     simulate_command,
     config,
+    compile_command,
     clean,
 ):
     app.command(command.__name__.removesuffix("_command"))(command)

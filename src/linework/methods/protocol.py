@@ -152,6 +152,11 @@ class Method(Protocol):
         """Lowest height above ground that matters to it [m]: lower points are not loaded; -inf: all are."""
         return -math.inf
 
+    @property
+    def carry(self) -> tuple[str, ...]:
+        """Names of the further columns of the points that it needs: extra dimensions of laser files."""
+        return ()
+
     @abstractmethod
     def look(self, piece: Any) -> Any:
         """Return the evidence in a piece: for most methods the lines in a tile of points (`TileData`)."""

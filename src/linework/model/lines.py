@@ -234,10 +234,6 @@ class LineSet(ForOtherLibraries):
         xyz = np.concatenate([s.xyz for s in kept])
         return cls(xyz=xyz, offsets=offsets, crs=kept[0].crs, report=report, **columns)
 
-    def line(self, i: int) -> FloatArray:
-        """Return the (n_i, 3) vertices of line i."""
-        return self.xyz[self.offsets[i] : self.offsets[i + 1]]
-
     def take(self, index: AnyArray | Sequence[int]) -> LineSet:
         """Return the lines chosen by a mask or an index array, in that order: what ``lines[index]`` does.
 
@@ -261,10 +257,6 @@ class LineSet(ForOtherLibraries):
         columns = {c: getattr(self, c)[vertices] for c in VERTEX_COLUMNS}
         columns |= {c: getattr(self, c)[chosen] for c in LINE_COLUMNS}
         return LineSet(xyz=self.xyz[vertices], offsets=offsets, crs=self.crs, report=self.report, **columns)
-
-    def of_kind(self, kind: str) -> LineSet:
-        """Return the lines of one kind."""
-        return self.take(self.kind == kind)
 
     def with_columns(self, **columns: Any) -> LineSet:
         """Return the same lines with some columns replaced."""

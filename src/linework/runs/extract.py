@@ -16,14 +16,17 @@ from linework.files.survey.open import open_survey
 from linework.methods.choose import choose_methods
 from linework.methods.kinds import ALL_KINDS, recordings_for
 from linework.methods.protocol import Method
+from linework.model.ground import Ground
 from linework.model.lines import LineSet
 from linework.model.survey import Survey
 from linework.processes.executors import Executor
+from linework.processes.identity import identity_of
 from linework.runs.extraction import Extraction, Failure
 from linework.runs.find import find_lines
 from linework.runs.opened.recordings import Recordings, opened_recordings
 from linework.runs.opened.work_folder import work_folder
 from linework.runs.outputs import publish_extraction, with_kept_reviews
+from linework.runs.own import GroundFinder, check_own_code, own_code_of
 from linework.runs.record import record_path
 from linework.runs.resume import describe_run, fingerprint_of, is_result_of_run, run_folder
 from linework.runs.settings import RunSettings
@@ -42,6 +45,8 @@ class ExtractionRequest:
         Look at the points, or at the stereo pairs.
     parameters
         All that was asked for, as it is written to run.json.
+    ground
+        Own ground, or a function that returns it; None: it is found.
     overwrite
         Replace an output of another run.
     resume
@@ -54,6 +59,7 @@ class ExtractionRequest:
     methods: Sequence[Method]
     settings: RunSettings
     parameters: Mapping[str, Any]
+    ground: Ground | GroundFinder | None = None
     overwrite: bool = False
     resume: bool = False
     forget_reviews: bool = False
@@ -84,8 +90,9 @@ def extract_to(
             )  # fmt: skip
     with run_folder(work, order.output, described, resume=order.resume) as run:
         found = find_lines(
-            recordings, order.methods, run, settings=order.settings, executor=executor, steps=steps
-        )
+            recordings, order.methods, run, settings=order.settings, ground=order.ground,
+            executor=executor, steps=steps,
+        )  # fmt: skip
         found, reviews = with_log(found, recordings), None
         if not order.forget_reviews:
             found, reviews = with_kept_reviews(found, order.output)
@@ -181,6 +188,9 @@ def extraction_request(
     settings: RunSettings,
     *,
     crs: str = "",
+    paint: str | None = None,
+    methods: Sequence[Method] | None = None,
+    ground: Ground | GroundFinder | None = None,
     overwrite: bool = False,
     resume: bool = False,
 ) -> ExtractionRequest:
@@ -192,11 +202,30 @@ def extraction_request(
         As its recordings have it: its trajectory may have been located.
     crs
         As it was given, for the record.
+    paint
+        Column of the points with the probability of paint, instead of the intensity.
+    methods
+        Methods instead of those that `method` names, see `linework.methods.choose.selected_methods`.
+    ground
+        Own ground, or a function that returns it; None: it is found.
+
+    Raises
+    ------
+    UsageError
+        Methods, kinds and `paint` do not agree, or own code cannot be sent to worker processes.
     """
+    given = methods
+    if methods is None:
+        methods = choose_methods(
+            method, kinds, radon=settings.radon, obb=settings.obb, stereo=settings.stereo, paint=paint
+        )
+    check_own_code(methods, ground)
+    own = own_code_of(methods, ground)
     return ExtractionRequest(
         output=output,
-        methods=choose_methods(method, kinds, radon=settings.radon, obb=settings.obb, stereo=settings.stereo),
+        methods=methods,
         settings=settings,
+        ground=ground,
         parameters={
             "features": list(kinds),
             "method": method,
@@ -205,6 +234,9 @@ def extraction_request(
             "lever_m": list(survey.trajectory_lever_m),
             "cameras": survey.settings.get("cameras"),
             "settings": asdict(settings),
+            **({"paint": paint} if paint else {}),
+            **({"methods": [identity_of(chosen) for chosen in given]} if given is not None else {}),
+            **({"own": own} if own else {}),
         },
         overwrite=overwrite,
         resume=resume,

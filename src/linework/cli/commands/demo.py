@@ -45,12 +45,12 @@ def demo(
         check_extra(extra, where="demo")
     check_output_folder(folder, overwrite=overwrite)
     with open_display(quiet=quiet) as display:
-        from linework.cli.startup import announce_compilation
         from linework.methods.kinds import ALL_KINDS
+        from linework.runs.compile import compile_stage
         from linework.runs.steps import RunSteps
 
-        announce_compilation(ALL_KINDS, quiet=quiet)
         steps = RunSteps(display)
+        compile_stage(ALL_KINDS, steps)
         _simulate(folder / "survey", seed, steps, overwrite=overwrite)
         _extract_and_score(folder, steps, overwrite=overwrite)
     for name, content in (

@@ -22,7 +22,7 @@ _PLAIN_WIDTH = 160
 _MAX_NAMES = 12
 
 
-def evaluate(
+def evaluate_command(
     lines: Annotated[Path, typer.Argument(metavar="LINES", help="Extracted lines.")],
     reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="Reference lines.")],
     tolerance_m: Annotated[

@@ -55,14 +55,16 @@ def locate(
         from linework.files.logs.sensors import read_navigation_logs
         from linework.files.survey.open import open_survey
         from linework.files.trajectories.read import write_trajectory
+        from linework.runs.compile import compile_stage
         from linework.runs.steps import RunSteps
 
         steps = RunSteps(display)
         with steps.step("read the logs"):
             survey = open_survey(surveys, crs=crs or None)
             content = read_navigation_logs(survey)
+        compile_stage(("trajectory",), steps)
         with steps.step("filter and smooth"):
-            located = _located(survey, content.logs, rate_hz, longest_outage_s, quiet=quiet)
+            located = _located(survey, content.logs, rate_hz, longest_outage_s)
         with steps.step("write the trajectory"):
             if plot is not None:
                 _write_plot(located, plot, overwrite=overwrite)
@@ -94,15 +96,11 @@ def _check(rate_hz: float, longest_outage_s: float, plot: Path | None) -> None:
         check_extra("reports", where="--plot")
 
 
-def _located(
-    survey: Survey, logs: Any, rate_hz: float, longest_outage_s: float, *, quiet: bool
-) -> LocatedDrive:
-    from linework.cli.startup import announce_compilation
+def _located(survey: Survey, logs: Any, rate_hz: float, longest_outage_s: float) -> LocatedDrive:
     from linework.errors import InputError
     from linework.navigation.locate import locate_drive
     from linework.navigation.located import NavigationConfig
 
-    announce_compilation(("trajectory",), quiet=quiet)
     try:
         return locate_drive(logs, NavigationConfig(longest_outage_s=longest_outage_s), rate_hz=rate_hz)
     except InputError as error:

@@ -94,20 +94,20 @@ def trace(
     with contextlib.ExitStack() as held:
         held.enter_context(reserve_output(output, overwrite=overwrite or append))
         display = held.enter_context(open_display(quiet=quiet))
-        from linework.cli.startup import announce_compilation
         from linework.files.survey.open import open_survey
         from linework.files.vectors.read_write import check_format, write_lines
         from linework.processes.executors import Serial
+        from linework.runs.compile import compile_stage
         from linework.runs.opened.points import opened_survey, surface_of
         from linework.runs.opened.work_folder import work_folder
         from linework.runs.steps import RunSteps
-        from linework.tracing.trace import Tracer, check_pick_kind
+        from linework.tracing.trace import PICKED_KINDS, Tracer, check_pick_kind
 
         check_format(output)
         check_pick_kind(feature)
         settings, steps = read_settings(config), RunSteps(display)
         survey = open_survey(surveys, crs=crs or None)
-        announce_compilation((feature or "lane_marking",), quiet=quiet)
+        compile_stage((feature,) if feature else PICKED_KINDS, steps)
         opened = held.enter_context(opened_survey(survey, work_folder(survey.root, work), steps=steps))
         surface = surface_of(opened, settings.road, Serial(), steps)
         with steps.step("trace line"):
@@ -232,7 +232,7 @@ def _joined_to_output(output: Path, lines: LineSet) -> LineSet:
 
 def _print(found: TracedLine | TracedEdge, output: Path, *, as_json: bool) -> None:
     """Print kind and length of the traced line, and why it ends at either end."""
-    line = found.lines.of_kind(found.kind)
+    line = found.lines.take(found.lines.kind == found.kind)
     length_m = float(line.length_m.sum())
     bridged_m = float(line.bridged_m.sum())
     if as_json:

@@ -193,7 +193,7 @@ def _draw_lines(ax: Axes, lines: LineSet, view: PlanView, box: Box, width: float
     for is_bridged, style in ((False, "solid"), (True, (0, (1.0, 1.6)))):
         runs, colours = [], []
         for i in order:
-            positions = view.in_plan(lines.line(i)[:, :2])
+            positions = view.in_plan(lines[i].xyz[:, :2])
             bridged = lines.bridged[lines.offsets[i] : lines.offsets[i + 1]]
             own = _runs(positions, (bridged[:-1] | bridged[1:]) == is_bridged)
             runs += own

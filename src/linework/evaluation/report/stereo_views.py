@@ -96,7 +96,7 @@ def views_figure(views: StereoViews, lines: LineSet, numbers: Sequence[int]) -> 
             ax.set(xticks=[], yticks=[])
         panels[row, 0].set_title(f"pair {number}, {pair.time_s:.2f} s", loc="left", fontsize=8)
         for k in range(len(lines)):
-            left, right, rows = in_image(lines.line(k), views.poses, i, pair.rig)
+            left, right, rows = in_image(lines[k].xyz, views.poses, i, pair.rig)
             kind = str(lines.kind[k]).removesuffix("_stereo")
             if np.isfinite(left).any():
                 drawn.add(kind)

@@ -53,7 +53,7 @@ def write_dxf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
             document.layers.add(layer, true_color=rgb2int((red, green, blue)))
         space, values = document.modelspace(), field_values(lines)
         for i in range(len(lines)):
-            polyline = space.add_polyline3d(lines.line(i).tolist(), dxfattribs={"layer": str(layers[i])})
+            polyline = space.add_polyline3d(lines[i].xyz.tolist(), dxfattribs={"layer": str(layers[i])})
             fields = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]), values)}
             polyline.set_xdata(_APP, _extended_data(fields))
         document.saveas(part)

@@ -71,7 +71,7 @@ def _line_features(lines: LineSet) -> Iterator[dict[str, Any]]:
         start, end = int(lines.offsets[i]), int(lines.offsets[i + 1])
         properties = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]), values)}
         properties |= {_VERTEX_PROPERTIES[name]: column[start:end] for name, column in vertex.items()}
-        yield _feature(properties, "LineString", lines.line(i).tolist())
+        yield _feature(properties, "LineString", lines[i].xyz.tolist())
 
 
 def _point_features(points: Sequence[PointLayer]) -> Iterator[dict[str, Any]]:

@@ -103,7 +103,7 @@ class Obb:
         """
         assert tile.surface is not None, "a tile of a survey comes with its surface"
         found = []
-        if self._seeks_paint:
+        if self.seeks_paint:
             probability = None
             if self.paint is not None:
                 probability = paint_probability(tile.points, tile.surface, self.paint)
@@ -147,7 +147,8 @@ class Obb:
         return replace(self, kinds=("kerb_top",) if kind == "road_boundary" else ("lane_marking_dash",))
 
     @property
-    def _seeks_paint(self) -> bool:
+    def seeks_paint(self) -> bool:
+        """Whether one of its kinds is paint."""
         return any(kind.endswith(("marking", "dash", "other")) for kind in self.kinds)
 
     @property

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from linework.arrays import BoolArray, Float32Array, IntArray
+from linework.arrays import Float32Array, IntArray
 from linework.errors import OwnCodeError, UsageError
 from linework.model.grid import Grid
 from linework.model.ground import Ground
@@ -114,8 +114,7 @@ def _near_piece(points: Points, east: int, north: int) -> IntArray:
     low = np.array([east, north]) * PIECE_M - PIECE_MARGIN_M
     high = low + PIECE_M + 2.0 * PIECE_MARGIN_M
     xy = points.xyz[:, :2]
-    is_near: BoolArray = ((xy >= low) & (xy < high)).all(axis=1)
-    return np.flatnonzero(is_near)
+    return np.flatnonzero(((xy >= low) & (xy < high)).all(axis=1))
 
 
 def _surface_of_piece(surface: Ground, east: int, north: int) -> Ground:
@@ -129,8 +128,11 @@ def _surface_of_piece(surface: Ground, east: int, north: int) -> Ground:
     rows = np.clip(np.arange(top, top + reach), 0, surface.grid.n_rows - 1)
     cols = np.clip(np.arange(left, left + reach), 0, surface.grid.n_cols - 1)
     grid = Grid(west_cell * size, north_cell * size, size, size, reach, reach)
-    planes = surface.road_m, surface.ground_m, surface.is_road, surface.is_ground
-    return Ground(grid, surface.z0_m, *(np.ascontiguousarray(plane[np.ix_(rows, cols)]) for plane in planes))
+    part = np.ix_(rows, cols)
+    return Ground(
+        grid, surface.z0_m, surface.road_m[part], surface.ground_m[part], surface.is_road[part],
+        surface.is_ground[part],
+    )  # fmt: skip
 
 
 def _probabilities(returned: Any, n: int) -> Float32Array:

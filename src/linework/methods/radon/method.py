@@ -56,6 +56,7 @@ class RailMethod:
 
     recording: ClassVar[Recording] = "points"
     evidence: ClassVar[type[LineSet]] = LineSet
+    carry: ClassVar[tuple[str, ...]] = ()
     config: RadonConfig = field(default_factory=RadonConfig)
     kinds: tuple[str, ...] = RAIL_KINDS
     name: str = "radon"
@@ -109,6 +110,7 @@ class CableMethod:
 
     recording: ClassVar[Recording] = "points"
     evidence: ClassVar[type[LineSet]] = LineSet
+    carry: ClassVar[tuple[str, ...]] = ()
     config: RadonConfig = field(default_factory=RadonConfig)
     kinds: tuple[str, ...] = CABLE_KINDS
     name: str = "radon"
@@ -145,6 +147,7 @@ class Radon:
 
     recording: ClassVar[Recording] = "points"
     evidence: ClassVar[type[LineSet]] = LineSet
+    carry: ClassVar[tuple[str, ...]] = ()
     config: RadonConfig = field(default_factory=RadonConfig)
     kinds: tuple[str, ...] = (*RAIL_KINDS, *CABLE_KINDS)
     name: str = "radon"
