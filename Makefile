@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: demo test truth check docs bench page clean
+.PHONY: demo test truth check docs bench page dist clean
 
 $(VENV)/.installed: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -40,6 +40,13 @@ bench: $(VENV)/.installed  ## what is timed (nothing timed is asserted in a test
 
 page:  ## the workbench's page, after a change of its sources (needs Node; users need not)
 	cd page && npm ci --no-audit --no-fund && npm run build
+
+dist: $(VENV)/.installed  ## wheel and source distribution in dist/, checked and installed into empty environments
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dist]'
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist .
+	$(BIN)/python -m twine check --strict dist/*
+	$(BIN)/python -m tests.install.distribution dist
 
 clean:
 	rm -rf $(VENV) demo build dist docs/gallery docs/reference/generated .pytest_cache .mypy_cache .ruff_cache

@@ -14,6 +14,7 @@ def completed(shell: str, words: str) -> list[str]:
     environment = {
         **os.environ, "_LINEWORK_COMPLETE": f"complete_{shell}", "COMP_WORDS": words,
         "COMP_CWORD": str(len(words.split()) - 1), "_TYPER_COMPLETE_ARGS": words,
+        "_TYPER_COMPLETE_FISH_ACTION": "get-args",
     }  # fmt: skip
     found = subprocess.run(
         [sys.executable, "-m", "linework"], env=environment, capture_output=True, text=True, check=True

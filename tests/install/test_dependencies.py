@@ -92,7 +92,7 @@ def test_every_extra_is_declared_checked_and_used():
     used = third_party()
     everything = set().union(*used.values())
     declared = PROJECT["optional-dependencies"]
-    assert set(declared) == {*EXTRAS, "all", "dev", "docs"}
+    assert set(declared) == {*EXTRAS, "all", "dev", "docs", "dist"}
     for extra, (purpose, modules) in EXTRAS.items():
         assert purpose
         assert set(modules) == modules_of(declared[extra]) - {"mpl_toolkits"}

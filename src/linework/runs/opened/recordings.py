@@ -151,8 +151,8 @@ def opened_recordings(
             # Settings or a CRS that are wrong are mended by whoever runs it, also where there are images
             points = tried(points.name, lambda: held.enter_context(files), (InputError,))
         if wants_pairs:
-            errors = (InputError, ConfigError, MissingPackageError)
-            pairs = tried(pairs.name, lambda: _opened_stereo(found, points.value, steps), errors)
+            faults = (InputError, ConfigError, MissingPackageError)
+            pairs = tried(pairs.name, lambda: _opened_stereo(found, points.value, steps), faults)
         if points.value is None and pairs.value is None:
             raise _nothing_usable(survey, logs, points, pairs, laser=laser, images=images)
         yield Recordings(
