@@ -19,7 +19,7 @@ from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm
 from linework.model.tile import TileData, local_origin
 
-survey = linework.simulate("survey", road="urban", seed=3, length_m=60.0, points_per_m=3000, images=False)
+survey = linework.simulate("survey", road="urban", seed=10, length_m=60.0, points_per_m=3000, images=False)
 points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
 truth = linework.read_lines(survey.root / "truth.gpkg")
 ground = linework.find_ground(points, trajectory)

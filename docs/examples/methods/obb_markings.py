@@ -59,7 +59,7 @@ corners = (
 outlines = (corners + origin[:2] - middle[:2]) @ turn
 
 fig, ax = plt.subplots(figsize=(10, 6), layout="constrained")
-ax.scatter(*local[shown].T, c=points.intensity[shown], s=1, cmap="gray", rasterized=True)
+ax.scatter(local[shown, 0], local[shown, 1], c=points.intensity[shown], s=1, cmap="gray", rasterized=True)
 ax.add_collection(LineCollection(list(outlines), colors="tab:blue", linewidths=1))
 ax.set(xlim=(-12, 12), ylim=(-8, 8), aspect="equal", xlabel="along the road [m]", ylabel="to the left [m]")
 
@@ -74,7 +74,7 @@ for one in lines["lane_marking"]:
     print(f"{one.role:10} {one.pattern:7} {one.length_m:5.1f} m long, {one.width_m:.2f} m wide")
 
 fig, ax = plt.subplots(figsize=(10, 6), layout="constrained")
-ax.scatter(*local[shown].T, c=points.intensity[shown], s=1, cmap="gray", rasterized=True)
+ax.scatter(local[shown, 0], local[shown, 1], c=points.intensity[shown], s=1, cmap="gray", rasterized=True)
 for one in lines:
     xy = (one.xyz[:, :2] - middle[:2]) @ turn
     dash = one.kind == "lane_marking_dash"

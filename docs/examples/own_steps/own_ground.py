@@ -12,7 +12,6 @@ from scipy import ndimage
 
 import linework
 from linework.model.grid import Grid
-from linework.runs.settings import RunSettings, TilingConfig
 
 survey = linework.simulate("survey", road="bends", seed=7, length_m=90.0, points_per_m=1500, images=False)
 points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
@@ -81,7 +80,7 @@ print("the same lines:", same == lines)
 # In tiles, with workers
 # ----------------------
 
-tiles = RunSettings(tiling=TilingConfig(core_m=64.0))
+tiles = {"tiling": {"core_m": 64.0}}
 in_tiles = linework.extract(
     points, kinds="guardrail", trajectory=trajectory, ground=ground, settings=tiles, workers=2
 )

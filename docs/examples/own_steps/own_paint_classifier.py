@@ -20,7 +20,6 @@ from scipy.special import expit
 
 import linework
 from linework.arrays import BoolArray, FloatArray
-from linework.runs.settings import RunSettings, TilingConfig
 from linework.surface.road import height_above_road
 
 # %%
@@ -107,7 +106,9 @@ for laz in survey.point_files:
 
 fig, ax = plt.subplots(figsize=(9, 5), layout="constrained")
 shown = np.flatnonzero(near2)[::3]
-ax.scatter(*points.xyz[shown, :2].T, c=p_paint[shown], s=0.5, cmap="viridis", rasterized=True)
+ax.scatter(
+    points.xyz[shown, 0], points.xyz[shown, 1], c=p_paint[shown], s=0.5, cmap="viridis", rasterized=True
+)
 ax.set_aspect("equal")
 ax.set_title("probability of paint")
 
@@ -151,7 +152,7 @@ print(f"{len(written)} lines, {written.length_m.sum():.1f} m; from Python {lines
 # In tiles, with workers
 # ----------------------
 
-tiles = RunSettings(tiling=TilingConfig(core_m=64.0))
+tiles = {"tiling": {"core_m": 64.0}}
 in_tiles = linework.extract("survey", methods=[method], settings=tiles, workers=2)
 print("the same lines in tiles, by two workers:", in_tiles == lines)
 assert in_tiles == lines
