@@ -16,7 +16,7 @@ from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
 from linework.model.boxes import BoxForm
 from linework.model.tile import TileData, local_origin
 
-survey = linework.simulate("survey", road="straight", seed=7, length_m=50.0, points_per_m=5000, images=False)
+survey = linework.simulate("survey", road="straight", seed=13, length_m=50.0, points_per_m=5000, images=False)
 points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
 assert points.intensity is not None
 ground = linework.find_ground(points, trajectory)

@@ -67,7 +67,7 @@ def is_paint(xyz: FloatArray, truth: linework.LineSet) -> BoolArray:
 # Training
 # --------
 
-training = linework.simulate("training", seed=11, length_m=50.0, points_per_m=4000, images=False)
+training = linework.simulate("training", seed=13, length_m=50.0, points_per_m=4000, images=False)
 labelled = points_in(training.point_files[0])
 x, near = features(labelled)
 y = is_paint(labelled.xyz[near], linework.read_lines(training.root / "truth.gpkg")).astype(np.float64)
