@@ -55,9 +55,8 @@ ground
 given = linework.find_ground(points, trajectory)
 fig, axes = plt.subplots(1, 2, figsize=(11, 4.5), layout="constrained")
 for ax, shown, title in ((axes[0], given, "find_ground"), (axes[1], ground, "own")):
-    picture = ax.imshow(np.asarray(shown.image), cmap="terrain")
+    shown.plot(ax, cmap="terrain")
     ax.set_title(title)
-fig.colorbar(picture, ax=axes, label="height [m]")
 
 places = trajectory.xyz
 difference = ground.height_m(places) - given.height_m(places)

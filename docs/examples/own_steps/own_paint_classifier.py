@@ -129,6 +129,23 @@ from_intensity = linework.extract("survey", kinds=KINDS)
 print(linework.evaluate(from_intensity, truth[np.isin(truth.kind, KINDS)]))
 
 # %%
+# A function in place of a column
+# -------------------------------
+#
+# Where the classifier is Python, nothing needs to be written: a function is given points near the road, with their
+# height above it in the column ``above_road_m``, and returns their probabilities.
+
+
+def bright(near: linework.Points) -> FloatArray:
+    """Return the probability of paint (n,): twice as bright as the median of the road is paint for sure."""
+    strength = np.asarray(near["intensity"], dtype=np.float64)
+    return np.asarray(expit(8.0 * (strength / np.median(strength) - 1.5)))
+
+
+by_function = linework.extract("survey", methods=[linework.Obb(kinds=KINDS, paint=bright)])
+print(linework.evaluate(by_function, truth[np.isin(truth.kind, KINDS)]))
+
+# %%
 # On the command line
 # -------------------
 #
