@@ -6,7 +6,7 @@ Manandhar and Shibasaki find guardrails in four steps [1]_: a raster image of th
 the height of a rail, the Radon transform of that image, and its peaks, which are lines. This page calls each step on
 its own and draws what it returns.
 
-.. [1] D. Manandhar, R. Shibasaki (2002), Auto-extraction of urban features from vehicle-borne laser data.
+.. [1] D. Manandhar, R. Shibasaki (2002), Extraction of linear features from vehicle-borne laser data.
 """
 
 import matplotlib.pyplot as plt
