@@ -18,7 +18,7 @@ demo: $(VENV)/.installed  ## simulate a small survey, extract its lines, score t
 	$(BIN)/linework demo demo --overwrite
 
 $(VENV)/.compiled: $(VENV)/.installed $(shell find src/linework/kernels -name '*.py')
-	$(BIN)/python -m tests.compile_kernels
+	$(BIN)/linework compile --quiet
 	touch $@
 
 test: check $(VENV)/.compiled  ## every test, in minutes

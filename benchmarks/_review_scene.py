@@ -76,7 +76,7 @@ def matched(lines, truth, kind):
     """Pieces of the lines and of the truth of one kind: their `Match`, which are right, which found."""
     origin = np.floor(truth.xyz.min(axis=0))
     n_dims = 3 if kind == "cable" else 2
-    e, r = (Chains.of(some.of_kind(kind), origin, n_dims) for some in (lines, truth))
+    e, r = (Chains.of(some[kind], origin, n_dims) for some in (lines, truth))
     match = match_chains(e, r, 0.5)
     return (
         match,

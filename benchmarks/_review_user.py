@@ -77,8 +77,7 @@ class User:
             return EditInputs()
         chosen = lines_of(self.line_file.lines, edit.ids)
         spans = {
-            str(chosen.id[k]): self.spans(chosen.line(k), float(chosen.width_m[k]))
-            for k in range(len(chosen))
+            str(chosen.id[k]): self.spans(chosen[k].xyz, float(chosen.width_m[k])) for k in range(len(chosen))
         }
         return EditInputs(spans=spans)
 
@@ -234,7 +233,7 @@ class User:
         if change is None or self.left <= BESIDE_CLICKS:
             return False
         self.n_actions += BESIDE_CLICKS
-        if right_share(change.after.of_kind(kind), self.truth) >= RIGHT:
+        if right_share(change.after[kind], self.truth) >= RIGHT:
             self.save(change, cost=0)
             return True
         self.n_actions += 1
@@ -244,7 +243,7 @@ class User:
         """Return the change that puts a line beside one that runs evenly along most of what is missing."""
         lines = self.line_file.lines
         lines = lines.take((lines.review != "rejected") & np.isin(lines.kind, ALONG))
-        covers = [covered(lines.line(i), xyz, lacks_m) for i in range(len(lines))]
+        covers = [covered(lines[i].xyz, xyz, lacks_m) for i in range(len(lines))]
         best = max(range(len(lines)), key=lambda i: covers[i][0], default=None)
         if best is None or covers[best][0] < BESIDE_CLICKS * LEAST_PER_CLICK_M:
             return None
@@ -290,7 +289,7 @@ class User:
 def added(change):
     """What a change adds: dashes, and of joined lines the piece between them."""
     if change.action == "dashes":
-        return change.after.of_kind("lane_marking_dash")
+        return change.after["lane_marking_dash"]
     if change.action != "join":
         return change.after
     whole = change.after.take([0])  # the line itself: tops come along

@@ -16,12 +16,12 @@ def summary_table(scores: Mapping[str, Scores]) -> ReportTable:
     for kind in next(iter(scores.values())).kinds:
         groups = [group.value for group in kind.groups]
         for variant, of_variant in scores.items():
-            rows.append((kind.kind, variant, *_of_kind(of_variant.of_kind(kind.kind))))
+            rows.append((kind.kind, variant, *_of_kind(of_variant[kind.kind])))
         rows += [
             (f"  {value or '-'}", variant, *_of_group(group))
             for value in groups
             for variant, of_variant in scores.items()
-            for group in of_variant.of_kind(kind.kind).groups
+            for group in of_variant[kind.kind].groups
             if group.value == value
         ]
     columns = (

@@ -75,7 +75,7 @@ def places_on(truth, n, rng):
 def resampled(truth, i):
     """Stations (n, 2) of a truth line, and which of them were observed."""
     part = slice(truth.offsets[i], truth.offsets[i + 1])
-    xy = truth.line(i)[:, :2]
+    xy = truth[i].xyz[:, :2]
     t = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
     at = np.arange(0.0, t[-1] + 1e-6, STATION_M)
     vertex = np.clip(np.round(np.interp(at, t, np.arange(len(t)))).astype(int), 0, len(t) - 1)

@@ -65,8 +65,8 @@ class World:
         self.scene, self.origin = PassScene(drawn.drive.scenario), np.asarray(drawn.drive.scenario.origin_m)
         self.pairs = {}
         self.drive = PosedPairs(self.pair, list(range(len(drawn.left))), self.poses)
-        dashes = drawn.truth.of_kind("lane_marking_dash")
-        places = [resampled(dashes.line(i), 0.05) for i in range(len(dashes))]
+        dashes = drawn.truth["lane_marking_dash"]
+        places = [resampled(dashes[i].xyz, 0.05) for i in range(len(dashes))]
         self.paint = cKDTree(np.concatenate(places)[:, :2]) if places else None
 
     def pair(self, i):
@@ -156,7 +156,7 @@ def parsed(arguments):
 
 def cases_in(world, kind, n, rng):
     """Random picks on lines of one kind."""
-    lines, found, tries = world.truth.of_kind(kind), [], 0
+    lines, found, tries = world.truth[kind], [], 0
     while len(found) < n and tries < 40 * n and len(lines):
         tries += 1
         case = drawn_case(world, lines, rng)
@@ -168,7 +168,7 @@ def cases_in(world, kind, n, rng):
 def drawn_case(world, lines, rng):
     chance = lines.length_m / lines.length_m.sum()
     i, number = rng.choice(len(lines), p=chance), int(rng.integers(len(world.drive.numbers)))
-    xyz = resampled(lines.line(i), EVERY_M)
+    xyz = resampled(lines[i].xyz, EVERY_M)
     seen, pixels, away = world.visible(number, xyz)
     paint = np.ones(len(xyz), dtype=bool)
     if lines.kind[i] == "lane_marking" and lines.pattern[i] == "dashed" and world.paint is not None:

@@ -1,4 +1,4 @@
-"""The tile store: ns a point for writing, and for reading as they come and in canonical order.
+"""The tile store: ns a point for writing, and for reading as they come and in canonical order; with further columns too.
 
 CPU time of this thread, best of five: the disk is not what is measured.
 """
@@ -9,9 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
+from linework.files.store.from_points import store_points
 from linework.files.store.read import PointStore
 from linework.files.store.write import StoreWriter, write_index
 from linework.model.grid import Bounds, Grid, Image
+from linework.model.points import Points
 from linework.simulation.simulate import simulate_survey
 
 BATCH = 500_000
@@ -31,7 +33,8 @@ def best_ns(call, n_points):
 def write(path, columns):
     writer = StoreWriter(path)
     for start in range(0, len(columns[0]), BATCH):
-        writer.append(*(column[start : start + BATCH] for column in columns))
+        writer.append(*(column[..., start : start + BATCH] if i == 3 else column[start : start + BATCH]
+                        for i, column in enumerate(columns)))  # fmt: skip
     return writer
 
 
@@ -41,12 +44,20 @@ def main():
     scan = points.xyz, points.intensity.astype(np.uint16), points.time_s
     order = np.random.default_rng(0).permutation(n)
     mixed = tuple(column[order] for column in scan)
+    more = *scan, np.random.default_rng(2).random((2, n), dtype=np.float32)
+    array = Points(points.xyz, intensity=points.intensity, time_s=points.time_s)
     print(f"{n:,} points of a simulated drive, batches of {BATCH:,} (asked for: 25, 20 and 50 ns a point)")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for what, columns in (("scan", scan), ("random", mixed)):
+        for what, columns in (("scan", scan), ("random", mixed), ("scan, 2 further columns, in", more)):
             ns = best_ns(lambda columns=columns: write(folder / "9.points", columns).abort(), n)
             print(f"  write, {what} order   {ns:6.1f} ns a point")
+        ns = best_ns(lambda: store_points(array, Path(tempfile.mkdtemp(dir=folder))), n)
+        print(f"  store an array         {ns:6.1f} ns a point")
+        (folder / "more").mkdir()
+        write_index(
+            folder / "more", write(folder / "more" / "0.points", more).close(), {"columns": ["a", "b"]}
+        )
         write_index(folder, write(folder / "0.points", scan).close(), {})
         store = PointStore.open(folder)
         w, s, e, north = store.bounds
@@ -60,6 +71,8 @@ def main():
         ):
             ns = best_ns(lambda options=options: store.points(**options), len(store.points(**options)))
             print(f"  read {what:<30}{ns:6.1f} ns a point")
+        ns = best_ns(PointStore.open(folder / "more").points, n)
+        print(f"  read all, in order, 2 further columns  {ns:6.1f} ns a point")
         keys = np.random.default_rng(1).integers(0, 2**64, n, dtype=np.uint64)
         print(f"  numpy's argsort of so many keys    {best_ns(lambda: np.argsort(keys), n):6.1f} ns a point")
 

@@ -96,12 +96,12 @@ def picked(tracer, place):
 def picked_on(name, truth, tracer, place):
     found, seconds, first = picked(tracer, place)
     lines = np.flatnonzero(np.isin(truth.kind, KINDS))
-    apart = np.array([distance_m(truth.line(i)[:, :2], place) for i in lines])
+    apart = np.array([distance_m(truth[i].xyz[:, :2], place) for i in lines])
     meant = [lines[k] for k in np.flatnonzero(apart <= apart.min() + AS_NEAR_M)]
     kind = "/".join(dict.fromkeys(truth.kind[meant].tolist()))
     if isinstance(found, InputError):
         return Result(name, place, kind, False, str(found), seconds, first, 0.0)
-    own = found.lines.of_kind(found.kind)
+    own = found.lines[found.kind]
     length = float(own.length_m.sum())
     short = [missing_m(truth, i, own, place) for i in meant if truth.kind[i] == found.kind]
     said = f"{found.kind} of {length:.1f} m, {min(short, default=np.nan):.1f} m are missing"
@@ -114,7 +114,7 @@ def missing_m(truth, i, own, place):
     step = float(np.hypot(*(xy[1] - xy[0])))
     apart = np.full(len(xy), np.inf)
     for j in range(len(own)):
-        apart = np.minimum(apart, _distances(own.line(j)[:, :2], xy))
+        apart = np.minimum(apart, _distances(own[j].xyz[:, :2], xy))
     start = int(np.argmin(np.hypot(*(xy - place).T)))
     missing = 0.0
     for way in (slice(start, None), slice(start, None, -1)):

@@ -100,7 +100,7 @@ def places_on_lines(survey: Path, n: int, rng: np.random.Generator) -> list[tupl
         lines = np.flatnonzero(truth.kind == kind)
         length = truth.length_m[lines]
         for i in rng.choice(lines, (n + 1) // 2, p=length / length.sum()):
-            line = truth.line(int(i))
+            line = truth[int(i)].xyz
             at = line[rng.integers(len(line) // 10, len(line) - len(line) // 10), :2] + shift
             found.append(((float(at[0]), float(at[1])), kind))
     return [found[i] for i in rng.permutation(len(found))[:n]]

@@ -79,7 +79,7 @@ def drawn(points, boxes: BoxSet, lines: LineSet, origin, turn, centre) -> Figure
         ax.add_collection(LineCollection(corners(own, origin, turn, centre), colors=colour, lw=0.7))
     for i in range(len(lines)):
         if str(lines.kind[i]) in ("lane_marking", "road_boundary"):
-            ax.plot(*((lines.line(i)[:, :2] - centre) @ turn).T, color="#ffe000", lw=1.0)
+            ax.plot(*((lines[i].xyz[:, :2] - centre) @ turn).T, color="#ffe000", lw=1.0)
     ax.set(xlim=box[0], ylim=box[1], aspect="equal", xlabel="along the street [m]", ylabel="across [m]")
     return figure
 

@@ -78,9 +78,9 @@ def local_to(steps: Steps, place: np.ndarray, heading: float) -> np.ndarray:
 def most_overgrown(steps: Steps) -> tuple[np.ndarray, float]:
     """Return the place and heading of the vertex of a guardrail with most points close behind its sheet."""
     best, place, heading = -1, np.zeros(3), 0.0
-    rails = steps.lines.of_kind("guardrail")
+    rails = steps.lines["guardrail"]
     for i in range(len(rails)):
-        line = rails.line(i)
+        line = rails[i].xyz
         for k in range(6, len(line) - 6, 4):
             toward = line[k + 1, :2] - line[k - 1, :2]
             angle = float(np.arctan2(toward[1], toward[0]))
@@ -106,7 +106,7 @@ def draw_section(ax: Axes, steps: Steps) -> None:
     ax.plot([], [], color="#2b5fc4", lw=1.2, label=f"circle of {radius:g} m over {sheet:g} m, from its side")
     ax.axhline(0.0, xmin=0.38, xmax=0.62, color="#d6301f", lw=1.2, label="top edge")
     ax.plot(0, 0, "o", ms=7, mfc="none", mec="#d6301f", mew=1.6, label="the line")
-    truth = steps.survey.truth.of_kind("guardrail").xyz
+    truth = steps.survey.truth["guardrail"].xyz
     nearest = truth[np.argmin(np.hypot(*(truth[:, :2] - place[:2]).T))] - place
     across = nearest[1] * np.cos(heading) - nearest[0] * np.sin(heading)
     ax.plot(across, nearest[2], "k+", ms=11, mew=1.4, label="truth")
@@ -135,9 +135,9 @@ def draw_plan(ax: Axes, steps: Steps, middle: np.ndarray, half_m: float) -> None
         else:
             ax.plot(*xy.T, ".", ms=2.2, color="#2b5fc4")
     ax.plot([], [], "o", ms=5, mfc="none", mec="#2b5fc4", label="circles, followed")
-    rails = steps.lines.of_kind("guardrail")
+    rails = steps.lines["guardrail"]
     for i in range(len(rails)):
-        ax.plot(*(rails.line(i)[:, :2] - corner).T, color="#d6301f", lw=1.1)
+        ax.plot(*(rails[i].xyz[:, :2] - corner).T, color="#d6301f", lw=1.1)
     ax.plot([], [], color="#d6301f", lw=1.1, label="guardrails")
     ax.set_xlim(*(middle[0] - corner[0] + np.array([-half_m, half_m])))
     ax.set_ylim(*(middle[1] - corner[1] + np.array([-half_m, half_m])))
@@ -147,10 +147,10 @@ def draw_plan(ax: Axes, steps: Steps, middle: np.ndarray, half_m: float) -> None
 
 def sharpest(steps: Steps) -> np.ndarray:
     """Return the place [m, world] where a guardrail bends most."""
-    rails = steps.lines.of_kind("guardrail")
+    rails = steps.lines["guardrail"]
     turns, places = [], []
     for i in range(len(rails)):
-        line = rails.line(i)[:, :2]
+        line = rails[i].xyz[:, :2]
         heading = np.unwrap(np.arctan2(*np.diff(line, axis=0).T[::-1]))
         k = np.arange(10, len(heading) - 10)
         turns.append(np.abs(heading[k + 10] - heading[k - 10]))

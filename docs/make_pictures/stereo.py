@@ -110,7 +110,7 @@ def plan(drive: StereoDrive, seen: Sightings, lines: LineSet) -> Figure:
         xy = (poses.to_world(number, own.xyz)[:, :2] - poses.xyz[0, :2]) @ turn
         ax.plot(*xy.T, ".", ms=2, color="0.6")
     for i in range(len(lines)):
-        xy = (lines.line(i)[:, :2] - poses.xyz[0, :2]) @ turn
+        xy = (lines[i].xyz[:, :2] - poses.xyz[0, :2]) @ turn
         is_dash = str(lines.kind[i]) == "lane_marking_dash"
         ax.add_collection(
             LineCollection([xy], colors="#e00000" if is_dash else "#1f77ff", lw=3 if is_dash else 1)

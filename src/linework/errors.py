@@ -9,11 +9,13 @@ callers: Python reads ``overwrite=True``, the command line prints the option (`l
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import importlib
+import importlib.util
 import json
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, ClassVar
 
 #: How a caller names a parameter, with a value that it could be given (None: without one).
@@ -143,6 +145,30 @@ class CrsError(LineworkError, ValueError):
     exit_code = 3
 
 
+class UnknownKindError(LineworkError, KeyError):
+    """A kind of line that linework does not know and that none of the lines has.
+
+    Parameters
+    ----------
+    kind
+        The name that was given.
+    known
+        Kinds that could have been meant.
+    present
+        Kinds of the lines.
+    """
+
+    exit_code = 2
+
+    def __init__(self, kind: str, known: Iterable[str], present: Sequence[str]) -> None:
+        self._given = kind, tuple(known), tuple(present)
+        problem = f"unknown kind '{kind}'{did_you_mean([kind], self._given[1])}"
+        super().__init__(problem, advice=f"these lines hold {', '.join(present) or 'no kinds'}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), self._given
+
+
 class MissingPackageError(LineworkError, ImportError):
     """An optional package that this call needs is not installed."""
 
@@ -150,9 +176,13 @@ class MissingPackageError(LineworkError, ImportError):
 
 
 class PartialError(LineworkError, RuntimeError):
-    """The run finished, but some files or tiles failed; run.json lists them."""
+    """The run finished, but some files or tiles failed; run.json lists them.
+
+    `lines` are those that were found all the same, where a function that returns lines raises it.
+    """
 
     exit_code = 4
+    lines: Any = None
 
 
 class MachineError(LineworkError, OSError):
@@ -211,13 +241,80 @@ def needed(package: str, extra: str, *, where: object = None) -> Any:
         ...
     linework.errors.MissingPackageError: to_geopandas(): needs the package no_such_package. pip install 'linework[tables]'
     """
-    try:
+    with extra_needed(extra, where=where):
         return importlib.import_module(package)
+
+
+#: The extras of the installation: what each is for, as messages say it, and the modules that it is not there without.
+EXTRAS = {
+    "stereo": ("stereo images", ("cv2", "PIL")),
+    "workbench": (
+        "the workbench",
+        ("fastapi", "pydantic", "starlette", "uvicorn", "h11", "websockets", "PIL"),
+    ),
+    "simulate": ("simulated surveys", ("embreex", "PIL")),
+    "reports": ("reports, pictures and rasters", ("matplotlib", "jinja2", "rasterio", "PIL")),
+    "cad": ("DXF files", ("ezdxf",)),
+    "tables": ("data frames and Arrow tables", ("geopandas", "pandas", "arro3", "xarray")),
+}
+#: Packages whose name is another than that of their module.
+_DISTRIBUTIONS = {"PIL": "pillow", "cv2": "opencv-python-headless", "arro3": "arro3-core"}
+
+
+@contextlib.contextmanager
+def extra_needed(extra: str, *, where: object = None) -> Iterator[None]:
+    """Import packages of an extra in the context; if one is missing, say which command installs it.
+
+    Parameters
+    ----------
+    extra
+        The extra of linework that installs them.
+    where
+        What needs them; by default what the extra is for.
+
+    Raises
+    ------
+    MissingPackageError
+        One is not installed.
+
+    Examples
+    --------
+    >>> with extra_needed("stereo"):
+    ...     import no_such_package
+    Traceback (most recent call last):
+        ...
+    linework.errors.MissingPackageError: stereo images: needs the package no_such_package. pip install 'linework[stereo]'
+    """
+    try:
+        yield
     except ModuleNotFoundError as error:
-        missing = (error.name or package).split(".")[0]
-        if missing != package.split(".")[0]:
-            # The package is there, and something it needs is not: its own message is the better one
+        name = (error.name or str(error)).split(".")[0]
+        if name == "linework":
             raise
-        raise MissingPackageError(
-            f"needs the package {missing}", where=where, advice=f"pip install 'linework[{extra}]'"
-        ) from error
+        raise _missing(name, extra, where) from error
+
+
+def check_extra(extra: str, *, where: object = None) -> None:
+    """Raise, before any work, if a package of an extra is not installed; nothing is imported.
+
+    Raises
+    ------
+    MissingPackageError
+        One is not installed; the message holds the command that installs it.
+    """
+    for name in EXTRAS[extra][1]:
+        with extra_needed(extra, where=where):
+            if importlib.util.find_spec(name) is None:
+                raise _missing(name, extra, where)
+
+
+def _missing(name: str, extra: str, where: object) -> MissingPackageError:
+    return MissingPackageError(
+        f"needs the package {_DISTRIBUTIONS.get(name, name)}",
+        where=where if where is not None else EXTRAS[extra][0],
+        advice=f"pip install 'linework[{extra}]'",
+    )
+
+
+class LineworkWarning(UserWarning):
+    """A result that can be used, but not without a look: what was odd in the input, what was left out."""

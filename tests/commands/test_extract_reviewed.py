@@ -62,7 +62,7 @@ def worked_on(path, *, deletes=True):
         def change(action, before, after):
             return drawing.commit(Change(action, before, after), who="Ann").change.after
 
-        rail, cable = (drawing.lines.of_kind(kind) for kind in ("guardrail", "cable"))
+        rail, cable = (drawing.lines[kind] for kind in ("guardrail", "cable"))
         assert len(rail) >= 2 and len(cable) >= 2
         accepted = change("accept", cable.take([0]), cable.take([0]).with_columns(review=["accepted"]))
         rejected = change("reject", rail.take([0]), rail.take([0]).with_columns(review=["rejected"]))

@@ -46,8 +46,8 @@ def dim(simulated, tmp_path_factory):
 
 
 def truth_of(simulated, kind, number=0):
-    lines = simulated.truth.of_kind(kind)
-    return lines.line(int(np.argsort(-lines.length_m)[number]))
+    lines = simulated.truth[kind]
+    return lines[int(np.argsort(-lines.length_m)[number])].xyz
 
 
 def place_on(simulated, kind, share=0.5, number=0):
@@ -75,13 +75,13 @@ def test_the_line_at_a_place_is_followed(linework, simulated, survey, tmp_path, 
     assert said["kind"] == kind
     assert said["distance_m"] <= 0.5
     assert len(said["stops"]) == 2
-    lines = read_lines(output).of_kind(kind)
+    lines = read_lines(output)[kind]
     assert len(lines) == 1
     assert said["length_m"] == pytest.approx(float(lines.length_m[0]), abs=0.01)
     truth = truth_of(simulated, kind)
     assert lines.length_m[0] >= 0.6 * np.hypot(*np.diff(truth[:, :2], axis=0).T).sum()
     if kind != "cable":  # the one beside it in plan may be meant
-        assert np.quantile(off_m(lines.line(0), truth), 0.9) <= 0.10
+        assert np.quantile(off_m(lines[0].xyz, truth), 0.9) <= 0.10
 
 
 def test_the_nearest_kind_is_taken_where_none_is_named(linework, simulated, survey, tmp_path):
@@ -104,7 +104,7 @@ def test_toward_follows_one_way_and_append_continues(linework, simulated, survey
         said = json.loads(found.stdout)
         assert "it was picked there" in said["stops"]
         lengths.append(said["length_m"])
-    lines = read_lines(output).of_kind("lane_marking")
+    lines = read_lines(output)["lane_marking"]
     assert len(lines) == 1
     assert lines.length_m[0] == pytest.approx(sum(lengths), abs=1.0)
     assert min(lengths) > 10.0
@@ -125,7 +125,7 @@ def middle_of_lane(simulated):
     lane = truth_of(simulated, "lane_marking")[:, :2]
     over = [road[np.argmin(np.hypot(*(road - xy).T))] for xy in lane]
     places = (lane + np.array(over)) / 2
-    clear = [min(nearest_vertex(truth.line(i)[:, :2], xy)[1] for i in range(len(truth))) for xy in places]
+    clear = [min(nearest_vertex(truth[i].xyz[:, :2], xy)[1] for i in range(len(truth))) for xy in places]
     assert max(clear) > 1.0
     return places[int(np.argmax(clear))]
 

@@ -65,8 +65,8 @@ def test_every_parameter_that_a_message_names_is_an_option():
         for parameter in command.params
         for option in parameter.opts
     }
-    #: Not an option: what stands without a name on the command line.
-    positional = {"src"}
+    #: Not options: what stands without a name on the command line, and what only functions take.
+    positional = {"src", "frame", "shapes", "table", "on_problem", "methods", "ground", "at"}
     named = {
         name
         for path in SOURCE.rglob("*.py")

@@ -17,7 +17,12 @@ PAGES = [page for page in PAGES if "generated" not in page.parts and "gallery" n
 WITH_BLOCKS = [page for page in PAGES if fences(page.read_text(encoding="utf-8"))]
 #: What a user has in the working directory: what most pages speak of, and pages that speak of something else.
 USUAL = ("survey", "points", "trajectory.csv")
-GIVEN = {"evaluation.md": ("lines.gpkg", "map.geojson"), "navigation.md": ("survey",), "simulation.md": ()}
+GIVEN = {
+    "python.md": (*USUAL, "lines.gpkg"),
+    "evaluation.md": ("lines.gpkg", "map.geojson"),
+    "navigation.md": ("survey",),
+    "simulation.md": (),
+}
 #: Names of a published map for our kinds, as docs/evaluation.md has them.
 MARKS = {"lane_marking": "SOLID_WHITE", "road_boundary": "drivable_area_edge"}
 

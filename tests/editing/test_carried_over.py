@@ -23,7 +23,7 @@ def lines(*sets: LineSet) -> LineSet:
 def spans(found: LineSet) -> list[tuple[str, float, float, float, str]]:
     """Return kind, y, start, end and review of each line."""
     return sorted(
-        (str(found.kind[i]), *np.round([found.line(i)[0, 1], found.line(i)[0, 0], found.line(i)[-1, 0]], 2), str(found.review[i]))
+        (str(found.kind[i]), *np.round([found[i].xyz[0, 1], found[i].xyz[0, 0], found[i].xyz[-1, 0]], 2), str(found.review[i]))
         for i in range(len(found))
     )  # fmt: skip
 
@@ -116,7 +116,7 @@ def test_dashes_are_left_out_or_whole_and_go_with_their_line():
     old = with_reviews(LineSet.empty(), lines(dashes, marking.with_columns(review=["accepted"])))
     assert len(old) == 5
     one = line("lane_marking_dash", 0.0, 12.3, 16.3, review="edited", id="one")
-    assert len(with_reviews(lines(dashes, marking), one).of_kind("lane_marking_dash")) == 4
+    assert len(with_reviews(lines(dashes, marking), one)["lane_marking_dash"]) == 4
 
 
 def test_kerb_tops_go_with_their_kerb():

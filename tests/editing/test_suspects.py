@@ -65,7 +65,7 @@ def test_a_gap_between_two_pieces_of_a_line_is_to_be_joined(radius, turned):
     (gap,) = gap_suspects(lines, DrivenPath.of(path), everywhere)
     assert (gap.type, gap.kind, gap.proposal, gap.ids) == ("gap", "lane_marking", "join", ("a", "b"))
     assert gap.length_m == pytest.approx(27.0, abs=2.0)
-    assert gap.at == pytest.approx(tuple(lines.line(0)[-1, :2]))
+    assert gap.at == pytest.approx(tuple(lines[0].xyz[-1, :2]))
 
 
 def test_what_is_hidden_is_not_missing():

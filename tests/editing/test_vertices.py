@@ -114,8 +114,8 @@ def test_the_longer_part_keeps_the_name(at):
     assert parts.xyz[parts.offsets[1] - 1].tolist() == pytest.approx([at, 0.0, 0.1 * at])
     assert parts.xyz[parts.offsets[1]].tolist() == pytest.approx([at, 0.0, 0.1 * at])
     assert parts.sigma_xy_m == pytest.approx(0.01)
-    assert np.all(np.diff(parts.line(0)[:, 0]) > 0)
-    assert np.all(np.diff(parts.line(1)[:, 0]) > 0)
+    assert np.all(np.diff(parts[0].xyz[:, 0]) > 0)
+    assert np.all(np.diff(parts[1].xyz[:, 0]) > 0)
 
 
 def test_both_halves_of_a_bridged_segment_are_bridged():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from linework.errors import UsageError
-from linework.evaluation.measures import evaluate_lines, match_lines, scores_of
+from linework.evaluation.measures import evaluate, match_lines, scores_of
 from linework.evaluation.report.tables import score_tables
 from linework.model.lines import LineSet
 
@@ -28,7 +28,7 @@ def only(scores):
 def test_words_are_compared_over_the_found_truth():
     truth = lines(straight(0), straight(10), straight(20, 0, 50), pattern=["solid", "dashed", "solid"])
     found = lines(straight(0), straight(10), straight(30), pattern=["solid", "solid", "dashed"])
-    pattern = only(evaluate_lines(found, truth)).labels["pattern"]
+    pattern = only(evaluate(found, truth)).labels["pattern"]
     assert pattern.compared_m == pytest.approx(200)
     assert pattern.share_right == pytest.approx(0.5)
     assert pattern.mistaken_m == {"dashed > solid": pytest.approx(100)}
@@ -36,7 +36,7 @@ def test_words_are_compared_over_the_found_truth():
 
 def test_a_word_that_is_missing_is_wrong_and_one_the_truth_has_not_is_not_asked_for():
     truth = lines(straight(0), straight(10), role=["edge", ""])
-    labels = only(evaluate_lines(lines(straight(0), straight(10), role=["", "lane"]), truth)).labels
+    labels = only(evaluate(lines(straight(0), straight(10), role=["", "lane"]), truth)).labels
     assert labels["role"].compared_m == pytest.approx(100)
     assert labels["role"].share_right == 0
     assert labels["role"].mistaken_m == {"edge > -": pytest.approx(100)}
@@ -46,7 +46,7 @@ def test_a_word_that_is_missing_is_wrong_and_one_the_truth_has_not_is_not_asked_
 def test_a_double_line_is_one_of_a_pair():
     truth = lines(straight(0), straight(10), pattern=["solid", "solid"], double=[True, False])
     found = lines(straight(0), straight(10), pattern=["solid", "solid"], double=[True, True])
-    double = only(evaluate_lines(found, truth)).labels["double"]
+    double = only(evaluate(found, truth)).labels["double"]
     assert double.share_right == pytest.approx(0.5)
     assert list(double.mistaken_m) == ["single > double"]
 
@@ -59,7 +59,7 @@ def test_boundaries_are_scored_by_form():
         straight(0.02, 0, 80), straight(10.04, 0, 50), straight(40, 0, 20), straight(60, 0, 10),
         kind="road_boundary", form=["kerb", "kerb", "kerb", "edge"], height_m=[0.13, 0.05, 0.1, 0.1],
     )  # fmt: skip
-    scores = only(evaluate_lines(found, truth))
+    scores = only(evaluate(found, truth))
     edge, kerb = scores.groups
     assert (edge.value, edge.n_reference, kerb.value, kerb.n_reference) == ("edge", 1, "kerb", 1)
     # What lies on the edge counts there, whatever it calls itself; what lies on nothing where it says
@@ -81,7 +81,7 @@ def test_groups_add_up_to_the_kind():
     patterns = np.array(["solid", "dashed", ""])
     truth = lines(*(straight(4 * i, 0, 40) for i in range(6)), pattern=patterns[[0, 1, 0, 1, 2, 0]])
     moved = [straight(4 * i + rng.normal(0, 0.06), rng.uniform(0, 10), 38) for i in range(8)]
-    scores = only(evaluate_lines(lines(*moved, pattern=patterns[[0, 0, 1, 1, 2, 0, 1, 2]]), truth))
+    scores = only(evaluate(lines(*moved, pattern=patterns[[0, 0, 1, 1, 2, 0, 1, 2]]), truth))
     assert [group.value for group in scores.groups] == ["", "dashed", "solid"]
     assert sum(g.extracted_m for g in scores.groups) == pytest.approx(scores.extracted_m)
     assert sum(g.reference_m for g in scores.groups) == pytest.approx(scores.reference_m)
@@ -98,7 +98,7 @@ def test_dashes_are_paired_one_to_one():
     truth = dashes((0, 3), (9, 12), (18, 21), (27, 30))
     # Right; 4 cm too long and 2 cm too short; in two halves, one longer; one run through two and on
     found = dashes((0, 3), (8.96, 11.98), (18, 19.9), (20, 21), (24, 40))
-    d = only(evaluate_lines(found, truth)).dashes
+    d = only(evaluate(found, truth)).dashes
     assert (d.n_reference, d.n_found, d.n_extracted, d.n_right) == (4, 4, 5, 4)
     assert (d.share_found, d.share_right) == (1.0, 0.8)
     errors = np.array([0, 0, 0.04, -0.02, 0, -1.1, 3, 10])
@@ -110,17 +110,17 @@ def test_dashes_are_paired_one_to_one():
 
 def test_the_drawing_direction_of_a_dash_does_not_matter():
     truth, found = dashes((0, 3)), lines(straight(0, 0.05, 3.02)[::-1], kind="lane_marking_dash")
-    d = only(evaluate_lines(found, truth)).dashes
+    d = only(evaluate(found, truth)).dashes
     assert d.ends.bias_m == pytest.approx((-0.05 + 0.02) / 2)
     back = lines(straight(0, 0, 3)[::-1], kind="lane_marking_dash")
-    assert only(evaluate_lines(found, back)).dashes.ends.bias_m == pytest.approx(d.ends.bias_m)
+    assert only(evaluate(found, back)).dashes.ends.bias_m == pytest.approx(d.ends.bias_m)
 
 
 def test_a_dash_is_asked_for_where_half_of_it_was_seen():
     vertices = (0.0, 1.0, 2.0, 3.0)
     truth = dashes((0, 3, 1.0), (9, 12, 1.0), observed=[True, True, True, False, False, False, True, True])
     assert len(truth.xyz) == 2 * len(vertices)
-    d = only(evaluate_lines(dashes((0, 3.2), (9, 12)), truth)).dashes
+    d = only(evaluate(dashes((0, 3.2), (9, 12)), truth)).dashes
     # Of the first the hidden end is not judged; the second was hidden, and is right all the same
     assert (d.n_reference, d.n_found, d.n_right) == (1, 1, 2)
     assert d.ends.n == 2
@@ -141,14 +141,14 @@ def test_an_end_limit_of_nothing_is_refused():
 
 def test_a_dash_beside_or_half_covered_is_not_found():
     truth = dashes((0, 3), (9, 12))
-    d = only(evaluate_lines(dashes((0, 3), y=0.2), truth)).dashes
+    d = only(evaluate(dashes((0, 3), y=0.2), truth)).dashes
     assert (d.n_found, d.n_right, d.ends.rmse_m) == (0, 0, None)
-    d = only(evaluate_lines(dashes((0, 1.3), (9, 10.6)), truth)).dashes
+    d = only(evaluate(dashes((0, 1.3), (9, 10.6)), truth)).dashes
     assert (d.n_found, d.n_right) == (1, 1)
 
 
 def test_other_kinds_have_no_dashes():
-    scores = evaluate_lines(lines(straight()), lines(straight()))
+    scores = evaluate(lines(straight()), lines(straight()))
     assert only(scores).dashes is None
     assert scores.overall.labels["role"].share_right is None
 
@@ -163,7 +163,7 @@ def test_bridged_stretches_are_scored_apart():
         sigma_xy_m=[0.01, 0.01, 0.03, 0.03, 0.01, 0.01],
     )
     observed = (np.arange(101) <= 40) | (np.arange(101) >= 60)
-    scores = only(evaluate_lines(found, lines(straight(step=1.0), observed=observed)))
+    scores = only(evaluate(found, lines(straight(step=1.0), observed=observed)))
     b = scores.bridged
     assert (b.hidden_m, b.hidden_found_m) == (pytest.approx(20), pytest.approx(20))
     assert b.bridged_m == pytest.approx(30, abs=0.2)
@@ -176,7 +176,7 @@ def test_bridged_stretches_are_scored_apart():
 
 def test_a_bridge_beyond_the_tolerance_still_has_its_error():
     found = lines(straight(0.2, 0, 30), bridged=[True, True])
-    b = only(evaluate_lines(found, lines(straight(0, 0, 30)))).bridged
+    b = only(evaluate(found, lines(straight(0, 0, 30)))).bridged
     assert (b.share_right, b.bridged_m) == (0, pytest.approx(30))
     assert b.lateral.rmse_m == pytest.approx(0.2)
     assert b.lateral_measured.rmse_m is None
@@ -187,7 +187,7 @@ def test_groups_know_what_was_bridged_of_them():
     found = lines(
         straight(0.01), straight(10.04), pattern=["solid", "dashed"], bridged=[False, False, True, True]
     )
-    dashed, solid = only(evaluate_lines(found, truth)).groups
+    dashed, solid = only(evaluate(found, truth)).groups
     assert dashed.bridged.bridged_m == pytest.approx(100)
     assert dashed.bridged.lateral.rmse_m == pytest.approx(0.04)
     assert dashed.bridged.lateral_measured.rmse_m is None
@@ -199,7 +199,7 @@ def test_the_tables_say_it():
     truth = lines(straight(0), straight(10), pattern=["solid", "dashed"], role=["edge", "lane"])
     found = lines(straight(0), straight(10), pattern=["solid", "solid"], role=["edge", "lane"])
     dash = dashes((0, 3), (9, 12))
-    scores = evaluate_lines(LineSet.concatenate([found, dash]), LineSet.concatenate([truth, dash]))
+    scores = evaluate(LineSet.concatenate([found, dash]), LineSet.concatenate([truth, dash]))
     tables = {table.title: table for table in score_tables(scores)}
     assert [row[:2] for row in tables["By form and pattern"].rows] == [
         ("lane_marking", "pattern dashed"),
@@ -211,5 +211,5 @@ def test_the_tables_say_it():
     assert tables["Dashes"].rows[0][:4] == ("lane_marking_dash", "2", "2", "100.0 %")
     assert "Bridged" not in tables
     hidden = truth.with_columns(observed=np.zeros(len(truth.xyz), dtype=bool))
-    tables = {table.title: table for table in score_tables(evaluate_lines(found, hidden))}
+    tables = {table.title: table for table in score_tables(evaluate(found, hidden))}
     assert tables["Bridged"].rows[0][:4] == ("lane_marking", "200.0", "100.0 %", "0.0")

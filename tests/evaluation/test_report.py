@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from linework.evaluation.chains import Chains, cut_into_pieces
-from linework.evaluation.measures import evaluate_lines, match_lines, scores_of
+from linework.evaluation.measures import evaluate, match_lines, scores_of
 from linework.evaluation.report.page import ReportContent, report_html
 from linework.evaluation.report.plan import plan_figure
 from linework.evaluation.report.scores_figure import chosen_stretches, hits_figure, plot_png, tolerance_figure
@@ -47,7 +47,7 @@ def test_tables_have_a_text_in_every_cell(truth):
     found = truth.with_columns(
         xyz=truth.xyz + np.array([0, 0.02, 0]), sigma_xy_m=np.full(len(truth.xyz), 0.02)
     )
-    tables = [*score_tables(evaluate_lines(found, truth)), kinds_table(found), lines_table(found)]
+    tables = [*score_tables(evaluate(found, truth)), kinds_table(found), lines_table(found)]
     assert len(tables) == 8
     for table in tables:
         assert table.rows
@@ -59,7 +59,7 @@ def test_tables_have_a_text_in_every_cell(truth):
 
 
 def test_one_kind_needs_no_overall(truth):
-    scores = evaluate_lines(truth, truth, kinds=["guardrail"])
+    scores = evaluate(truth, truth, kinds=["guardrail"])
     assert [row[0] for row in next(score_tables(scores)).rows] == ["guardrail"]
 
 

@@ -107,7 +107,7 @@ def test_a_kerb_is_cut_where_it_was_measured(street, lines):
     for reverse in (False, True):
         drawn = lines
         if reverse:
-            drawn = lines.with_columns(xyz=np.concatenate([lines.line(i)[::-1] for i in range(len(lines))]))
+            drawn = lines.with_columns(xyz=np.concatenate([lines[i].xyz[::-1] for i in range(len(lines))]))
         cuts = kerb_cuts(drawn, reader(street), lines)
         assert len(cuts) == 3
         for cut in cuts:
@@ -126,9 +126,9 @@ def test_a_kerb_is_cut_where_it_was_measured(street, lines):
 def test_a_boundary_without_a_kerb_is_cut_where_there_is_no_other(street, lines):
     edge = LineSet.from_lines([along(-3.5)], kind=["road_boundary"], form=["edge"])
     assert kerb_cuts(edge, reader(street), None)[0].title == "edge, 17 m from its start"
-    both = LineSet.concatenate([edge, lines.take([3]).with_columns(xyz=lines.line(3))])
+    both = LineSet.concatenate([edge, lines.take([3]).with_columns(xyz=lines[3].xyz)])
     assert kerb_cuts(both, reader(street), None)[0].title.startswith("kerb")
-    assert kerb_cuts(lines.of_kind("lane_marking"), reader(street), None) == ()
+    assert kerb_cuts(lines["lane_marking"], reader(street), None) == ()
     hidden = edge.with_columns(bridged=np.ones(len(edge.xyz), dtype=bool))
     assert kerb_cuts(hidden, reader(street), None) == ()
 

@@ -36,7 +36,7 @@ def read(number):
 
 
 def test_a_line_is_where_the_cameras_see_it():
-    left, right, row = in_image(line_ahead().line(0), poses(), 0, RIG)
+    left, right, row = in_image(line_ahead()[0].xyz, poses(), 0, RIG)
     at = np.nanargmin(np.abs(row - 60.0))  # 2 m below the camera, 10 m ahead: 20 pixels under the horizon
     assert row[at] == pytest.approx(60.0, abs=0.6)
     assert left[at] == pytest.approx(RIG.cx + 2.5, abs=0.1)  # 0.25 m to the right of the left camera

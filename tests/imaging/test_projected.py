@@ -32,7 +32,7 @@ def line(*xyz_vehicle, at=None, **columns):
 
 def slowly(lines, cam, at):
     """Return where 20,000 places along the first line are seen, one after the other through the lens."""
-    ends = lines.line(0)
+    ends = lines[0].xyz
     share = np.linspace(0.0, 1.0, 20_000)[:, None]
     place = at.to_vehicle(0, ends[0] * (1.0 - share) + ends[1] * share)
     xyz = (place - cam.position_m) @ cam.R_vehicle_camera
@@ -89,7 +89,7 @@ def test_what_is_shown_is_before_the_camera_and_in_the_image_or_its_margin():
     ideal = directions(cam, seen.pixels[inside])
     piece = np.repeat(np.arange(len(seen)), np.diff(seen.offsets))[inside]
     for k in np.unique(piece):
-        ends = poses().to_vehicle(0, lines.line(seen.line[k]))
+        ends = poses().to_vehicle(0, lines[seen.line[k]].xyz)
         a, b = (ends - cam.position_m) @ cam.R_vehicle_camera
         normal = np.cross(a, b) / np.linalg.norm(np.cross(a, b))
         ray = np.c_[ideal[piece == k], np.ones(np.count_nonzero(piece == k))]

@@ -71,9 +71,9 @@ def assert_same_lines(one, other):
     assert len(one) == len(other)
     left = list(range(len(other)))
     for i in range(len(one)):
-        line = one.line(i)
-        apart = [np.abs(other.line(k)[[0, -1]] - line[[0, -1]]).max() for k in left]
-        partner = other.line(left.pop(int(np.argmin(apart))))
+        line = one[i].xyz
+        apart = [np.abs(other[k].xyz[[0, -1]] - line[[0, -1]]).max() for k in left]
+        partner = other[left.pop(int(np.argmin(apart)))].xyz
         assert np.linalg.norm(partner[[0, -1]] - line[[0, -1]], axis=1).max() <= 1e-3
         assert max(distance_m(line, partner), distance_m(partner, line)) <= 1e-3
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.scenes.effort import examples
 
-from linework.evaluation.measures import evaluate_lines
+from linework.evaluation.measures import evaluate
 from linework.model.lines import LineSet
 
 KINDS = ("lane_marking", "guardrail", "cable")
@@ -63,7 +63,7 @@ def figures(scores):
 
 
 def reversed_lines(lines):
-    flipped = [lines.line(i)[::-1] for i in range(len(lines))]
+    flipped = [lines[i].xyz[::-1] for i in range(len(lines))]
     return LineSet.from_lines(flipped, kind=lines.kind, confidence=lines.confidence)
 
 
@@ -71,7 +71,7 @@ def resampled(lines, rng):
     """The same lines with more vertices on their segments."""
     more = []
     for i in range(len(lines)):
-        line = lines.line(i)
+        line = lines[i].xyz
         place = np.arange(len(line), dtype=float)
         extra = np.sort(np.concatenate([place, rng.uniform(0, len(line) - 1, 17)]))
         more.append(np.stack([np.interp(extra, place, line[:, k]) for k in range(3)], axis=1))
@@ -82,7 +82,7 @@ def resampled(lines, rng):
 @settings(max_examples=examples(25), deadline=None)
 def test_truth_scores_perfectly_against_itself(sets):
     _, truth = sets
-    at = evaluate_lines(truth, truth).overall.at
+    at = evaluate(truth, truth).overall.at
     assert (at.completeness, at.correctness, at.quality, at.redundancy) == (1, 1, 1, 0)
     assert at.lateral.rmse_m == pytest.approx(0, abs=1e-9)
     assert at.n_missed == 0
@@ -92,9 +92,9 @@ def test_truth_scores_perfectly_against_itself(sets):
 @settings(max_examples=examples(25), deadline=None)
 def test_drawing_direction_does_not_matter(sets):
     found, truth = sets
-    before = evaluate_lines(found, truth)
-    assert figures(evaluate_lines(reversed_lines(found), truth)) == pytest.approx(figures(before), abs=1e-6)
-    back = evaluate_lines(found, reversed_lines(truth))
+    before = evaluate(found, truth)
+    assert figures(evaluate(reversed_lines(found), truth)) == pytest.approx(figures(before), abs=1e-6)
+    back = evaluate(found, reversed_lines(truth))
     assert figures(back) == pytest.approx(figures(before), abs=1e-6)
     # But for the sign of the lateral bias, which follows the reference
     old, new = before.overall.at.lateral.bias_m, back.overall.at.lateral.bias_m
@@ -106,16 +106,16 @@ def test_drawing_direction_does_not_matter(sets):
 def test_more_vertices_on_the_same_line_change_nothing(sets, seed):
     found, truth = sets
     rng = np.random.default_rng(seed)
-    before = figures(evaluate_lines(found, truth))
-    assert figures(evaluate_lines(resampled(found, rng), truth)) == pytest.approx(before, abs=1e-6)
-    assert figures(evaluate_lines(found, resampled(truth, rng))) == pytest.approx(before, abs=1e-6)
+    before = figures(evaluate(found, truth))
+    assert figures(evaluate(resampled(found, rng), truth)) == pytest.approx(before, abs=1e-6)
+    assert figures(evaluate(found, resampled(truth, rng))) == pytest.approx(before, abs=1e-6)
 
 
 @given(line_sets())
 @settings(max_examples=examples(25), deadline=None)
 def test_swapping_the_sides_swaps_completeness_and_correctness(sets):
     found, truth = sets
-    there, back = evaluate_lines(found, truth).overall, evaluate_lines(truth, found).overall
+    there, back = evaluate(found, truth).overall, evaluate(truth, found).overall
     for a, b in zip((there.at, *there.curve), (back.at, *back.curve), strict=True):
         assert a.completeness == b.correctness
         assert a.correctness == b.completeness
@@ -130,14 +130,14 @@ def test_a_shift_of_both_changes_nothing(sets, east, north, micrometres):
     moved = [
         LineSet(xyz=s.xyz + shift, offsets=s.offsets, kind=s.kind, confidence=s.confidence) for s in sets
     ]
-    before, after = figures(evaluate_lines(found, truth)), figures(evaluate_lines(*moved))
+    before, after = figures(evaluate(found, truth)), figures(evaluate(*moved))
     assert after == pytest.approx(before, abs=1e-6)
 
 
 @given(line_sets())
 @settings(max_examples=examples(25), deadline=None)
 def test_a_wider_tolerance_never_finds_less(sets):
-    at = evaluate_lines(*sets).overall.curve
+    at = evaluate(*sets).overall.curve
     for name in ("completeness", "correctness"):
         values = [getattr(a, name) for a in at]
         assert values == sorted(values)
@@ -152,5 +152,5 @@ def test_a_wider_tolerance_never_finds_less(sets):
 def test_the_order_of_lines_does_not_matter(sets, seed):
     found, truth = sets
     rng = np.random.default_rng(seed)
-    mixed = evaluate_lines(found.take(rng.permutation(len(found))), truth.take(rng.permutation(len(truth))))
-    assert figures(mixed) == pytest.approx(figures(evaluate_lines(found, truth)), abs=1e-6)
+    mixed = evaluate(found.take(rng.permutation(len(found))), truth.take(rng.permutation(len(truth))))
+    assert figures(mixed) == pytest.approx(figures(evaluate(found, truth)), abs=1e-6)

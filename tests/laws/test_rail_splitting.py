@@ -74,13 +74,13 @@ def matched(lines, reference):
     """Each line with the one of the reference whose ends are nearest, turned alike; no two with the same."""
     pairs = []
     for i in range(len(lines)):
-        own = lines.line(i)
+        own = lines[i].xyz
         away = [
             min(ends_apart_m(own, b), ends_apart_m(own, b[::-1]))
             for b in map(reference.line, range(len(reference)))
         ]
         j = int(np.argmin(away))
-        turned = ends_apart_m(own, reference.line(j)) > ends_apart_m(own, reference.line(j)[::-1])
+        turned = ends_apart_m(own, reference[j].xyz) > ends_apart_m(own, reference[j].xyz[::-1])
         pairs.append((i, j, slice(None, None, -1 if turned else 1)))
     assert sorted(j for _, j, _ in pairs) == list(range(len(reference)))
     return pairs
@@ -90,7 +90,7 @@ def assert_the_same(lines, reference):
     """As many lines, of the same kinds, with the same vertices and what is said of each."""
     assert len(lines) == len(reference)
     for i, j, turn in matched(lines, reference):
-        own, other = lines.line(i), reference.line(j)[turn]
+        own, other = lines[i].xyz, reference[j].xyz[turn]
         assert lines.kind[i] == reference.kind[j]
         assert ends_apart_m(own, other) <= WITHIN_M
         assert max(farthest_m(own, other), farthest_m(other, own)) <= WITHIN_M

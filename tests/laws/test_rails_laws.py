@@ -27,7 +27,7 @@ def farthest_m(lines, reference):
     """Largest distance of vertices from the reference's lines in plan [m]; its lines at every centimetre."""
     dense = []
     for i in range(len(reference)):
-        v = reference.line(i)
+        v = reference[i].xyz
         s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(v[:, :2], axis=0).T))])
         at = np.arange(0.0, s[-1], 0.01)
         dense.append(np.column_stack([np.interp(at, s, v[:, k]) for k in (0, 1)]))

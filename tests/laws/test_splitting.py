@@ -124,7 +124,7 @@ def test_tiles_change_no_line_by_a_millimetre(places, reference, core_m, east, n
     assert sorted(one.kind) == sorted(two.kind)
     assert sorted(one.id) == sorted(two.id)
     for i, name in enumerate(one.id):
-        a, b = one.line(i), two.line(two.id.tolist().index(name))
+        a, b = one[i].xyz, two[two.id.tolist().index(name)].xyz
         ends = [np.linalg.norm(a[[0, -1]] - other[[0, -1]], axis=1).max() for other in (b, b[::-1])]
         assert min(ends) <= 0.001, name
         assert shapely.hausdorff_distance(shapely.LineString(a), shapely.LineString(b), densify=0.05) <= 0.001

@@ -88,7 +88,7 @@ def test_crs_is_kept_as_text(crs: object, text: str):
 
 @pytest.mark.parametrize("crs", [None, True, 25832.0, ("EPSG", 25832)])
 def test_what_is_no_crs_is_refused(crs: object):
-    with pytest.raises(CrsError, match="crs: .* is not a CRS"):
+    with pytest.raises(CrsError, match=r"crs: .* is not a CRS"):
         Points(XYZ, crs=crs)
 
 

@@ -131,7 +131,7 @@ def _read(
     columns, tally = into
     for batch in read_las_batches(path, header, factors=factors, batch_points=batch_points):
         start = tally.n_kept
-        xyz, intensity, time = tally.add(batch)
+        xyz, intensity, time, _ = tally.add(batch)
         part = slice(start, start + len(xyz))
         columns.xyz[part], columns.intensity[part] = xyz, intensity
         if time is not None:

@@ -28,7 +28,7 @@ def winding() -> LineSet:
 
 def in_place(lines: LineSet) -> list[np.ndarray]:
     """Return the vertices of all lines, each from its western end, in a fixed order."""
-    found = [lines.line(i) for i in range(len(lines))]
+    found = [lines[i].xyz for i in range(len(lines))]
     found = [xyz if xyz[0, 0] < xyz[-1, 0] else xyz[::-1] for xyz in found]
     return sorted(found, key=lambda xyz: xyz[0].tolist())
 
@@ -38,7 +38,7 @@ def test_cut_and_joined_is_as_never_cut():
     parts = [inside_core(lines, core) for core in CORES]
     assert sum(map(len, parts)) > 8
     for part, core in zip(parts, CORES, strict=True):
-        rails = part.of_kind("guardrail").xyz
+        rails = part["guardrail"].xyz
         assert rails[:, 0].min() >= core.west
         assert rails[:, 1].max() <= core.north
     for order in ([0, 1, 2, 3], [3, 1, 0, 2]):
@@ -55,7 +55,7 @@ def test_cut_and_joined_is_as_never_cut():
 
 
 def test_a_wire_is_never_cut_and_belongs_to_one_core():
-    wires = [inside_core(winding(), core).of_kind("cable") for core in CORES]
+    wires = [inside_core(winding(), core)["cable"] for core in CORES]
     assert [len(w) for w in wires] == [0, 1, 0, 0]
     assert len(wires[1].xyz) == 3
 
@@ -91,7 +91,7 @@ def test_a_ring_comes_back_as_one_line():
 
 
 def test_no_vertex_stays_where_a_line_was_cut():
-    lines = winding().of_kind("guardrail")
+    lines = winding()["guardrail"]
     for cores in (CORES, [Bounds(x, y, x + 7.0, y + 7.0) for y in range(0, 98, 7) for x in range(0, 98, 7)]):
         joined = join_seams(LineSet.concatenate([inside_core(lines, core) for core in cores]), cores)
         assert len(joined) == 2

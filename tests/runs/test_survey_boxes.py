@@ -28,7 +28,7 @@ def made(tmp_path_factory):
         surface = surface_of(opened, RoadConfig(), Serial(), RunSteps())
         bounds = opened.points.bounds
         origin = local_origin(bounds.west, bounds.south, surface.z0_m)
-        line = simulated.truth.line(int(np.argmax(simulated.truth.length_m)))[:, :2]
+        line = simulated.truth[int(np.argmax(simulated.truth.length_m))].xyz[:, :2]
 
         def fresh():
             method = Obb()

@@ -116,7 +116,7 @@ def test_observed_flags_equal_a_brute_force_recount(kind):
     origin = np.array(scenario.origin_m)
     starts = {(t.kind, *np.round(t.xyz[0] + origin, 6)): i for i, t in enumerate(scene.lines)}
     for i in range(len(truth)):
-        line, line_kind = truth.line(i), str(truth.kind[i])
+        line, line_kind = truth[i].xyz, str(truth.kind[i])
         own = target == starts[(line_kind, *np.round(line[0], 6))]
         if line_kind in PAINT_KINDS:
             own = material == Material.ASPHALT

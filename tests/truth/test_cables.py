@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.scenes.places import REAL
 
-from linework.evaluation.measures import evaluate_lines
+from linework.evaluation.measures import evaluate
 from linework.lines.catenary import Catenary
 from linework.methods.cables.find import CableConfig, find_cables
 from linework.model.lines import LineSet
@@ -65,7 +65,7 @@ def cables_of(points):
 
 def scores(lines, truth):
     reference = LineSet.from_lines([line[::5] for line in truth], kind=["cable"] * len(truth))
-    return evaluate_lines(lines, reference, tolerance_m=0.10, kinds=["cable"]).kinds[0]
+    return evaluate(lines, reference, tolerance_m=0.10, kinds=["cable"]).kinds[0]
 
 
 def two_spans(rng, per_m=6.0, noise_m=0.01):
@@ -95,7 +95,7 @@ def test_every_wire_of_every_span_is_one_line():
 def test_wires_end_at_their_pole():
     truth, points = two_spans(np.random.default_rng(2), per_m=2.0)
     found = cables_of(np.concatenate(points))
-    ends = np.concatenate([found.line(i)[[0, -1], 0] for i in range(len(found))]) - ORIGIN[0]
+    ends = np.concatenate([found[i].xyz[[0, -1], 0] for i in range(len(found))]) - ORIGIN[0]
     assert len(found) == len(truth)
     assert np.min(np.abs(ends[:, None] - [0.0, 38.0, 70.0]), axis=1).max() < 0.5
 
@@ -162,7 +162,7 @@ def test_sigma_is_honest():
         truth = [span((0.0, 3.0 * i, 8.0), (35.0, 3.0 * i, 8.0), 0.6) for i in range(3)]
         found = cables_of(np.concatenate([hits(line, 1.5, 0.02, rng, radius_m=0.006) for line in truth]))
         for i in range(len(found)):
-            x, y, z = (found.line(i) - ORIGIN).T
+            x, y, z = (found[i].xyz - ORIGIN).T
             row = round(float(np.median(y)) / 3.0)
             inside = (x > 0.0) & (x < 35.0)
             wire = np.interp(x, truth[row][:, 0] - ORIGIN[0], truth[row][:, 2] - ORIGIN[2])
@@ -181,7 +181,7 @@ def test_cables_of_a_simulated_survey(kind, seed):
     height = height_above_ground(surface, survey.points.xyz)
     found = find_cables(survey.points.xyz, survey.points.time_s, height, CableConfig())
     found = dataclasses.replace(found, crs=survey.crs)
-    s = evaluate_lines(found, survey.truth, tolerance_m=0.10, kinds=["cable"]).kinds[0]
+    s = evaluate(found, survey.truth, tolerance_m=0.10, kinds=["cable"]).kinds[0]
     assert s.observed_m > 50.0
     assert s.at.completeness > 0.95
     assert s.at.correctness > 0.97

@@ -122,11 +122,11 @@ def offset_from_path(xy, path):
 
 def test_the_guardrails_of_a_real_motorway(motorway):
     lines, path, road = motorway
-    rails = lines.of_kind("guardrail")
+    rails = lines["guardrail"]
     assert len(rails) >= 4
-    aside = np.array([np.median(offset_from_path(rails.line(i)[:, :2], path)) for i in range(len(rails))])
+    aside = np.array([np.median(offset_from_path(rails[i].xyz[:, :2], path)) for i in range(len(rails))])
     # Those of this carriageway; the far one of the other is seen in one row of points
-    tops = [np.median(height_above_road(road, rails.line(i))) for i in np.flatnonzero(np.abs(aside) < 12.0)]
+    tops = [np.median(height_above_road(road, rails[i].xyz)) for i in np.flatnonzero(np.abs(aside) < 12.0)]
     assert len(tops) >= 3
     assert all(0.6 <= top <= 0.9 for top in tops), tops
     assert rails.length_m[aside > 0].max() >= 45.0

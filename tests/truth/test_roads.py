@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from linework.evaluation.measures import evaluate_lines
+from linework.evaluation.measures import evaluate
 from linework.methods.obb.method import Obb
 from linework.model.tile import TileData
 from linework.simulation.simulate import simulate_survey
@@ -52,7 +52,7 @@ def scores(road, seed, *, with_trajectory=True):
     path = survey.trajectory if with_trajectory else None
     tile = TileData("whole", survey.points.bounds.grown(1.0), survey.points, path)
     lines = Obb().extract(tile).with_columns(crs=survey.crs)
-    found = evaluate_lines(lines, survey.truth, tolerance_m=TOLERANCE_M, kinds=KINDS)
+    found = evaluate(lines, survey.truth, tolerance_m=TOLERANCE_M, kinds=KINDS)
     return {kind.kind: kind for kind in found.kinds}
 
 

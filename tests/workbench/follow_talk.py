@@ -50,5 +50,5 @@ def talk_with(served: Any) -> Iterator[Talk]:
 
 def longest(lines: LineSet, kind: str) -> np.ndarray:
     """Return the vertices (n, 3) of the longest line of a kind."""
-    own = lines.of_kind(kind)
-    return own.line(int(np.argmax(own.length_m)))
+    own = lines[kind]
+    return own[int(np.argmax(own.length_m))].xyz

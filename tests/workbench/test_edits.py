@@ -33,7 +33,7 @@ def done(line_file, given=None, **edit):
 
 
 def longest(line_file, kind):
-    lines = line_file.lines.of_kind(kind)
+    lines = line_file.lines[kind]
     return str(lines.id[int(np.argmax(lines.length_m))])
 
 
@@ -54,7 +54,7 @@ def one_of(line_file, name):
 def test_accepting_a_dashed_line_accepts_its_dashes(line_file):
     name = with_dashes(line_file)
     done(line_file, action="accept", ids=[name])
-    dashes = line_file.lines.of_kind("lane_marking_dash")
+    dashes = line_file.lines["lane_marking_dash"]
     assert one_of(line_file, name).review.tolist() == ["accepted"]
     assert one_of(line_file, name).confidence.tolist() == [1.0]
     assert np.count_nonzero(dashes.review == "accepted") == 3
@@ -123,7 +123,7 @@ def test_another_kind_leaves_no_dashes_behind(line_file):
     name = with_dashes(line_file)
     done(line_file, action="kind", ids=[name], kind="road_boundary")
     assert one_of(line_file, name).kind.tolist() == ["road_boundary"]
-    dashes = line_file.lines.of_kind("lane_marking_dash")
+    dashes = line_file.lines["lane_marking_dash"]
     assert np.count_nonzero(dashes.review == "rejected") == 3
 
 
@@ -243,9 +243,9 @@ def test_of_a_kept_line_only_what_was_asked_for_is_kept():
     there = straight(9, 12, name="mine", kind="lane_marking_dash")
     change = kept_change(there, trace, (0, 22))
     kept = change.after
-    assert kept.of_kind("lane_marking").length_m.tolist() == [22.0]
+    assert kept["lane_marking"].length_m.tolist() == [22.0]
     # The dash that was there already is not added again, the last one lies beyond
-    assert kept.of_kind("lane_marking_dash").xyz[::4, 0].tolist() == [0.0, 18.0]
+    assert kept["lane_marking_dash"].xyz[::4, 0].tolist() == [0.0, 18.0]
 
 
 def test_wires_above_one_another_are_two():
@@ -272,4 +272,4 @@ def test_tops_of_joined_kerbs_are_joined():
     assert set(change.before.id.tolist()) == {"a", "b", "c", "d"}
     assert change.after.kind.tolist() == ["road_boundary", "kerb_top"]
     assert change.after.length_m.tolist() == pytest.approx([90.0, 90.0])
-    assert np.all(change.after.line(1)[:, 2] == pytest.approx(0.12))
+    assert np.all(change.after[1].xyz[:, 2] == pytest.approx(0.12))

@@ -56,7 +56,7 @@ def test_a_place_on_no_line_is_refused_with_a_place_that_works(talk, truth):
     lane, rim = longest(truth, "lane_marking")[:, :2], longest(truth, "road_boundary")[:, :2]
     over = np.array([rim[np.argmin(np.hypot(*(rim - xy).T))] for xy in lane])
     middles = 0.5 * (lane + over)
-    clear = [min(nearest_vertex(truth.line(i)[:, :2], xy)[1] for i in range(len(truth))) for xy in middles]
+    clear = [min(nearest_vertex(truth[i].xyz[:, :2], xy)[1] for i in range(len(truth))) for xy in middles]
     assert max(clear) > 0.8
     *_, refused = talk.follow(type="pick", at=middles[int(np.argmax(clear))].tolist(), kind="")
     assert refused["type"] == "refused" and refused["reason"] and refused["advice"]

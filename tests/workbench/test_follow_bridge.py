@@ -60,7 +60,7 @@ def tracer(simulated, tmp_path_factory):
 def solid_line(simulated):
     truth = simulated.truth
     solid = np.flatnonzero((truth.kind == "lane_marking") & (truth.pattern == "solid"))
-    return truth.line(int(solid[np.argmax(truth.length_m[solid])]))
+    return truth[int(solid[np.argmax(truth.length_m[solid])])].xyz
 
 
 def test_a_line_goes_on_beyond_a_gap(simulated, tracer):
@@ -68,7 +68,7 @@ def test_a_line_goes_on_beyond_a_gap(simulated, tracer):
     at = line[len(line) // 8, :2]
     _, found = drained(tracer.trace((at[0], at[1]), kind="lane_marking"))
     assert found.lines.length_m[0] < 0.5 * LENGTH_M
-    tips = found.lines.line(0)[[0, -1], :2]
+    tips = found.lines[0].xyz[[0, -1], :2]
     end = int(np.argmin(np.hypot(*(tips - line[len(line) // 2, :2]).T)))
     grown, whole = drained(tracer.bridge(found.lines, end, found.stops))
     one = whole.lines.take([0])
@@ -87,7 +87,7 @@ def test_where_nothing_goes_on_it_is_refused(simulated, tracer):
     line = solid_line(simulated)
     at = line[len(line) // 8, :2]
     _, found = drained(tracer.trace((at[0], at[1]), kind="lane_marking"))
-    tips = found.lines.line(0)[[0, -1], :2]
+    tips = found.lines[0].xyz[[0, -1], :2]
     end = int(np.argmax(np.hypot(*(tips - line[len(line) // 2, :2]).T)))
     with pytest.raises(RefusedPickError, match=f"within {PICKED_TWICE.longest_m:.0f} m"):
         drained(tracer.bridge(found.lines, end, found.stops))
@@ -104,7 +104,7 @@ def test_an_interrupted_line_goes_on_where_it_was_left(simulated, tracer):
             steps.send(True)
     part = stop.value.value
     assert part.lines.length_m[0] < whole.lines.length_m[0] - 5.0
-    end = int(np.argmin(np.hypot(*(part.lines.line(0)[[0, -1], :2] - line[len(line) // 2, :2]).T)))
+    end = int(np.argmin(np.hypot(*(part.lines[0].xyz[[0, -1], :2] - line[len(line) // 2, :2]).T)))
     assert part.stops[end] == "it was interrupted there"
     _, more = drained(tracer.bridge(part.lines, end, part.stops))
     assert more.lines.length_m[0] > part.lines.length_m[0] + 5.0

@@ -47,7 +47,7 @@ def test_each_line_is_measured_once(session, drive_lines, monkeypatch):
         return np.zeros((0, 2))
 
     monkeypatch.setattr("linework.workbench.review.paint.dash_spans", measured)
-    paint, markings = PaintOfLines(), lines.of_kind("lane_marking")
+    paint, markings = PaintOfLines(), lines["lane_marking"]
     assert set(paint.of(session, lines)) == set(markings.id.tolist())
     assert len(asked) == len(markings)
     paint.of(session, lines)

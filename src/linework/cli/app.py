@@ -20,18 +20,19 @@ import typer
 
 import linework
 from linework.cli.commands.clean import clean
+from linework.cli.commands.compile import compile_command
 from linework.cli.commands.config import config
 from linework.cli.commands.convert import convert
 from linework.cli.commands.demo import demo
-from linework.cli.commands.evaluate import evaluate
+from linework.cli.commands.evaluate import evaluate_command
 from linework.cli.commands.extract import extract_command
 from linework.cli.commands.info import info
-from linework.cli.commands.locate import locate
+from linework.cli.commands.locate import locate_command
 from linework.cli.commands.photolog import photolog
 from linework.cli.commands.raster import raster
 from linework.cli.commands.serve import serve
-from linework.cli.commands.simulate import simulate
-from linework.cli.commands.trace import trace
+from linework.cli.commands.simulate import simulate_command
+from linework.cli.commands.trace import trace_command
 from linework.cli.failures import Interrupted, failure_of, save_log
 from linework.cli.options import option_words
 from linework.errors import LineworkError
@@ -41,22 +42,22 @@ _SUMMARY = "Extract georeferenced 3-D road lines from mobile-mapping surveys."
 app = typer.Typer(
     name="linework",
     help=_SUMMARY,
-    add_completion=False,
     rich_markup_mode=None,  # plain help: rich alone would double its time
 )
 for command in (
     demo,
     info,
-    locate,
+    locate_command,
     extract_command,
-    trace,
+    trace_command,
     serve,
-    evaluate,
+    evaluate_command,
     raster,
     photolog,
     convert,
-    simulate,
+    simulate_command,
     config,
+    compile_command,
     clean,
 ):
     app.command(command.__name__.removesuffix("_command"))(command)

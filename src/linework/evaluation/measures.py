@@ -33,24 +33,25 @@ _CURVE_M = (0.05, 0.10, 0.20, 0.50)
 _MAX_TOLERANCE_M = 10.0
 
 
-def evaluate_lines(
-    extracted: LineSet,
-    reference: LineSet,
+def evaluate(
+    found: LineSet,
+    truth: LineSet,
     *,
     tolerance_m: float = 0.10,
-    kinds: Sequence[str] | None = None,
+    kinds: str | Sequence[str] | None = None,
     curve_m: Sequence[float] = _CURVE_M,
 ) -> Scores:
-    """Return the scores of `extracted` against `reference`, per kind and overall.
+    """Return the scores of lines that were found against true ones, per kind and overall.
 
     Parameters
     ----------
-    extracted, reference
-        Lines in the same CRS. `observed` marks the parts of the reference that were visible to the sensors.
+    found, truth
+        Lines in the same CRS. `observed` marks the parts of the truth that were visible to the sensors.
     tolerance_m
         Distance within which a line counts as found: in space for cables, in plan for all other kinds. [m]
     kinds
-        Kinds to score; None: every kind present in either set.
+        Kind or kinds to score; None: every kind present in either set. A kind that only one of them has is scored
+        too: nothing of it was found, or nothing of it is right (`Scores.missed`, `Scores.unexpected`).
     curve_m
         Further tolerances to score at. [m]
 
@@ -59,16 +60,16 @@ def evaluate_lines(
     CrsError
         The two are in different CRSs.
     UsageError
-        A tolerance is not positive or is above 10 m, or neither set contains a line.
+        A tolerance is not positive or is above 10 m, or neither set contains a line; or something else than lines.
     InputError
         A coordinate is not finite.
 
     Notes
     -----
-    Completeness is computed over the observed part of the reference, and also reported over all of it;
-    correctness and redundancy are computed against all of it, since a line that continues correctly where nothing
-    was visible is correct. The spacing of vertices and the direction of lines do not matter, except for the sign
-    of the lateral error: positive is to the left of the reference line's direction.
+    Completeness is computed over the observed part of the truth, and also reported over all of it; correctness and
+    redundancy are computed against all of it, since a line that continues correctly where nothing was visible is
+    correct. The spacing of vertices and the direction of lines do not matter, except for the sign of the lateral error:
+    positive is to the left of the true line's direction.
 
     References
     ----------
@@ -78,16 +79,27 @@ def evaluate_lines(
 
     Examples
     --------
-    >>> truth = LineSet.from_lines([[[0, 0, 5], [100, 0, 5]]], kind=["guardrail"])
-    >>> found = LineSet.from_lines([[[0, 0.03, 5], [100, 0.03, 5]]], kind=["guardrail"])
-    >>> scores = evaluate_lines(found, truth)
-    >>> scores.overall.at.completeness, round(scores.overall.at.lateral.bias_m, 3)
+    >>> truth = LineSet.from_lines([[[0, 0, 5], [100, 0, 5]], [[0, 9, 5], [50, 9, 5]]], kind=["guardrail", "cable"])
+    >>> found = LineSet.from_lines([[[0, 0.03, 5], [100, 0.03, 5]]], kind="guardrail")
+    >>> scores = evaluate(found, truth)
+    >>> scores
+    Scores at 0.1 m: completeness 66.7 %, correctness 100.0 %, lateral rmse 0.030 m
+                 completeness  correctness  lateral rmse  height rmse    truth    found
+      guardrail       100.0 %      100.0 %       0.030 m      0.000 m  100.0 m  100.0 m
+      cable             0.0 %            -             -            -   50.0 m    0.0 m
+      nothing found of: cable
+    >>> scores["guardrail"].at.completeness, round(scores.overall.at.lateral.bias_m, 3)
     (1.0, 0.03)
     """
-    parts = match_lines(extracted, reference, tolerance_m=tolerance_m, kinds=kinds, curve_m=curve_m)
+    for name, lines in (("found", found), ("truth", truth)):
+        if not isinstance(lines, LineSet):
+            raise UsageError(f"{type(lines).__name__}, expected a LineSet", where=argument(name),
+                             advice="read a file with read_lines")  # fmt: skip
+    chosen = (kinds,) if isinstance(kinds, str) else kinds
+    parts = match_lines(found, truth, tolerance_m=tolerance_m, kinds=chosen, curve_m=curve_m)
     if not parts:
         raise UsageError(
-            "neither the extracted lines nor the reference contain a line",
+            "neither the lines found nor the truth contain a line",
             where="evaluate",
             advice="name the kinds to score",
         )
@@ -103,7 +115,7 @@ def match_lines(
     curve_m: Sequence[float] = _CURVE_M,
     dash_end_m: float = DASH_END_M,
 ) -> tuple[KindMatch, ...]:
-    """Return the match of each kind, valid for every tolerance: the first half of `evaluate_lines`.
+    """Return the match of each kind, valid for every tolerance: the first half of `evaluate`.
 
     Parameters
     ----------
@@ -135,7 +147,7 @@ def match_lines(
 def scores_of(
     parts: Sequence[KindMatch], *, tolerance_m: float = 0.10, curve_m: Sequence[float] = _CURVE_M
 ) -> Scores:
-    """Return the scores of at least one matched kind: the second half of `evaluate_lines`."""
+    """Return the scores of at least one matched kind: the second half of `evaluate`."""
     return Scores(
         tolerance_m=tolerance_m,
         kinds=tuple(score([part], part.kind, tolerance_m, curve_m) for part in parts),
@@ -155,7 +167,7 @@ def match_kind(extracted: LineSet, reference: LineSet, kind: str, reach_m: float
     # Close to the lines, so that differences of squares stay exact to micrometres in float64
     origin = np.floor(both.min(axis=0)) if len(both) and np.isfinite(both).all() else np.zeros(3)
     n_dims = 3 if kind == "cable" else 2
-    e, r = (Chains.of(lines.of_kind(kind), origin, n_dims) for lines in (extracted, reference))
+    e, r = (Chains.of(lines.take(lines.kind == kind), origin, n_dims) for lines in (extracted, reference))
     return KindMatch(
         kind, match_chains(e, r, reach_m), measure_stations(e, r, reach_m), average_precision(e, r)
     )

@@ -6,6 +6,8 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Any
 
+from linework.errors import UnknownKindError
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorStats:
@@ -248,7 +250,7 @@ class GroupScores:
     bridged: BridgedScores
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class KindScores:
     """All measures of one kind, or of all kinds together.
 
@@ -313,10 +315,15 @@ class KindScores:
     groups: tuple[GroupScores, ...]
     dashes: DashScores | None
 
+    def __repr__(self) -> str:
+        from linework.evaluation.summary import figures_text
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+        return f"KindScores of {self.kind}: {figures_text(self)}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Scores:
-    """The scores of an evaluation: per kind, and of all kinds together.
+    """The scores of an evaluation: per kind, and of all kinds together; ``scores["cable"]`` are those of a kind.
 
     Parameters
     ----------
@@ -332,18 +339,55 @@ class Scores:
     kinds: tuple[KindScores, ...]
     overall: KindScores
 
-    def of_kind(self, kind: str) -> KindScores:
+    def __getitem__(self, kind: str) -> KindScores:
         """Return the scores of one kind.
 
         Raises
         ------
-        KeyError
-            It was not scored.
+        UnknownKindError
+            It was not scored; it is a `KeyError`.
         """
-        for scores in self.kinds:
-            if scores.kind == kind:
-                return scores
-        raise KeyError(kind)
+        scored = {scores.kind: scores for scores in self.kinds}
+        if kind not in scored:
+            raise UnknownKindError(kind, tuple(scored), tuple(scored))
+        return scored[kind]
+
+    @property
+    def missed(self) -> tuple[str, ...]:
+        """Kinds of the truth of which there is no line among those found."""
+        return tuple(scores.kind for scores in self.kinds if scores.n_reference and not scores.n_extracted)
+
+    @property
+    def unexpected(self) -> tuple[str, ...]:
+        """Kinds of the lines found of which the truth has none."""
+        return tuple(scores.kind for scores in self.kinds if scores.n_extracted and not scores.n_reference)
+
+    def __repr__(self) -> str:
+        from linework.evaluation.summary import text_of_scores
+
+        return text_of_scores(self)
+
+    def to_frame(self, *, curve: bool = False) -> Any:
+        """Return the main figures as a `pandas.DataFrame`, a row per kind and "overall" last.
+
+        Parameters
+        ----------
+        curve
+            Also the figures at the further tolerances: a row per kind and tolerance.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Indexed by kind (and tolerance_m); lengths and errors in metres, shares from 0 to 1, NaN where undefined.
+
+        Raises
+        ------
+        MissingPackageError
+            pandas is not installed.
+        """
+        from linework.evaluation.summary import frame_of_scores
+
+        return frame_of_scores(self, curve=curve)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the scores as plain values for JSON; thresholds become texts, undefined figures None."""

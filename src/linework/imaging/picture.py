@@ -9,20 +9,24 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import BoundaryNorm, Colormap, ListedColormap, LogNorm, Normalize, PowerNorm
-from matplotlib.figure import Figure
-from matplotlib.image import AxesImage
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Rectangle
-from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
-from matplotlib.transforms import Transform, offset_copy
-from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
 from linework.arrays import FloatArray
+from linework.errors import extra_needed
 from linework.imaging.overview import ImageWindow, close_ups, reduced
 from linework.model.grid import Grid, Image
+
+with extra_needed("reports"):
+    from matplotlib import colormaps
+    from matplotlib.axes import Axes
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.colors import BoundaryNorm, Colormap, ListedColormap, LogNorm, Normalize, PowerNorm
+    from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch, Rectangle
+    from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
+    from matplotlib.transforms import Transform, offset_copy
+    from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
 #: Cells drawn along the longer side of a panel at most; a screen shows no more.
 PANEL_CELLS = 1600
@@ -172,7 +176,6 @@ def _colours(image: Image, style: Style) -> tuple[Colormap, Any]:
         edges = [value - 0.5 for value, _, _ in style.classes] + [style.classes[-1][0] + 0.5]
         colours: Colormap = ListedColormap([colour for _, colour, _ in style.classes])
         return colours.with_extremes(bad=style.empty), BoundaryNorm(edges, len(style.classes))
-    from matplotlib import colormaps
 
     low, high = style.limits or _spread(image.values)
     norm = LogNorm(1.0, max(high, 10.0)) if style.logarithmic else Normalize(low, max(high, low + 1e-6))

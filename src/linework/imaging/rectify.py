@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray
+from linework.errors import extra_needed
 from linework.model.camera import Camera, RectifiedRig, StereoRig
 
 #: Largest rotation between cameras that is ignored: it moves a corner of the image by less than 0.001 pixel, and
@@ -170,7 +171,8 @@ def _resampled(image: AnyArray, source: Float32Array | None) -> AnyArray:
     if source is None:
         return image
     # Neither its codecs nor its threads are used: images are decoded in a worker, and kernels are serial
-    import cv2
+    with extra_needed("stereo"):
+        import cv2
 
     cv2.setNumThreads(1)
     # Cubic: linear interpolation blurs a stripe two pixels wide by an amount that depends on its position
@@ -238,7 +240,8 @@ def row_fit(left: AnyArray, right: AnyArray) -> RowFit:
 
 def _matched_corners(left: AnyArray, right: AnyArray) -> tuple[FloatArray, FloatArray]:
     """Return (n, 2) column and row of the same corners in both images, to a tenth of a pixel."""
-    import cv2
+    with extra_needed("stereo"):
+        import cv2
 
     cv2.setNumThreads(1)
     orb = cv2.ORB_create(nfeatures=_N_CORNERS, fastThreshold=_CORNER_THRESHOLD)  # type: ignore[attr-defined]

@@ -42,7 +42,7 @@ def places_along(lines: LineSet) -> LinePlaces:
     """Return positions every `PLACE_STEP_M` along each line, its ends included; at least one line."""
     found = []
     for i in range(len(lines)):
-        xyz, sigma = lines.line(i), lines.sigma_xy_m[lines.offsets[i] : lines.offsets[i + 1]]
+        xyz, sigma = lines[i].xyz, lines.sigma_xy_m[lines.offsets[i] : lines.offsets[i + 1]]
         along = distance_along(xyz[:, :2], in_space=True)
         n = max(int(np.ceil(along[-1] / PLACE_STEP_M)), 1) + 1
         at = np.linspace(0.0, along[-1], n)

@@ -50,7 +50,11 @@ def merge_line_sets(one: LineSet, other: LineSet) -> LineSet:
     square of its sigmas over their common stretch is kept there.
     """
     kinds = sorted(set(one.kind.tolist()) | set(other.kind.tolist()))
-    parts = [part for kind in kinds for part in _merged_kind(one.of_kind(kind), other.of_kind(kind), kind)]
+    parts = [
+        part
+        for kind in kinds
+        for part in _merged_kind(one.take(one.kind == kind), other.take(other.kind == kind), kind)
+    ]
     return LineSet.concatenate(parts) if parts else LineSet.empty(one.crs)
 
 

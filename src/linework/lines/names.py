@@ -50,7 +50,7 @@ def midpoints(lines: LineSet) -> FloatArray:
     """Return the midpoint along each line, (m, 3) [m, world]."""
     middles = np.zeros((len(lines), 3))
     for i in range(len(lines)):
-        xyz = lines.line(i)
+        xyz = lines[i].xyz
         along = distance_along(xyz, in_space=True)
         middles[i] = [np.interp(along[-1] / 2, along, xyz[:, axis]) for axis in range(3)]
     return middles

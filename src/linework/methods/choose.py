@@ -1,10 +1,15 @@
-"""Choosing the methods that find the kinds of line that are asked for."""
+"""Choosing the methods that find the kinds of line that are asked for, and checking those that a user gives."""
 
 from __future__ import annotations
 
-from linework.methods.kinds import KINDS_OF, check_method
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+from linework.errors import UsageError
+from linework.methods.kinds import KINDS_OF, check_method, kinds_in_order
 from linework.methods.obb.method import Obb, ObbConfig
-from linework.methods.protocol import Method
+from linework.methods.protocol import Method, is_own
 from linework.methods.radon.method import Radon, RadonConfig
 from linework.methods.stereo.method import Stereo, StereoConfig
 
@@ -16,6 +21,7 @@ def choose_methods(
     radon: RadonConfig | None = None,
     obb: ObbConfig | None = None,
     stereo: StereoConfig | None = None,
+    paint: str | None = None,
 ) -> tuple[Method, ...]:
     """Return the methods that look for `kinds`, whatever recordings a survey has.
 
@@ -25,11 +31,13 @@ def choose_methods(
         A method's name, or "auto": all that find one of the kinds.
     radon, obb, stereo
         Settings of the methods; None: defaults.
+    paint
+        Column of the points with the probability of paint, for obb; None: the intensity.
 
     Raises
     ------
     UsageError
-        As for `check_method`.
+        As for `check_method`; or obb is not asked to find paint although `paint` is given.
 
     Examples
     --------
@@ -41,9 +49,87 @@ def choose_methods(
     asked = {name for name, found in own.items() if found and method in ("auto", name)}
     methods: list[Method] = []
     if "obb" in asked:
-        methods.append(Obb(obb or ObbConfig(), own["obb"]))
+        methods.append(Obb(obb or ObbConfig(), own["obb"], paint=paint))
     if "radon" in asked:
         methods += Radon(radon or RadonConfig(), own["radon"]).parts
     if "stereo" in asked:
         methods.append(Stereo(stereo or StereoConfig(), own["stereo"]))
+    if paint and not any(isinstance(chosen, Obb) and chosen.seeks_paint for chosen in methods):
+        raise UsageError(
+            f"nothing that is looked for is paint: {', '.join(kinds)}", where="paint",
+            advice="ask for lane_marking, lane_marking_dash or road_marking_other",
+        )  # fmt: skip
     return tuple(methods)
+
+
+def selected_methods(
+    methods: Method | Iterable[Method], kinds: Iterable[str] | None = None
+) -> tuple[Method, ...]:
+    """Return methods as a run takes them: checked, radon in its parts, and only those that find one of the kinds.
+
+    Parameters
+    ----------
+    methods
+        Of linework or own ones.
+    kinds
+        Kinds of line to look for; None: all that the methods find. An own method finds all of its kinds if one of
+        them is asked for.
+
+    Raises
+    ------
+    UsageError
+        Something that is not a method, or kinds that none of them finds.
+
+    Examples
+    --------
+    >>> [method.kinds for method in selected_methods([Radon(), Obb()], ["cable", "kerb_top"])]
+    [('cable',), ('kerb_top',)]
+    """
+    given = [methods] if isinstance(methods, Method) else list(methods)
+    for method in given:
+        _check_own_method(method)
+    if not given:
+        raise UsageError("no method is given", where="methods", advice="leave it out for all of linework's")
+    asked = None if kinds is None else tuple(kinds)
+    found_by_any = kinds_in_order(kind for method in given for kind in method.kinds)
+    missing = [kind for kind in asked or () if kind not in found_by_any]
+    if missing or asked == ():
+        problem = f"no method finds {', '.join(missing)}" if missing else "no kind of line is named"
+        raise UsageError(problem, where="kinds", advice=f"choose from {', '.join(found_by_any)}")
+    chosen: list[Method] = []
+    for method in given:
+        own = tuple(kind for kind in method.kinds if asked is None or kind in asked)
+        if not own:
+            continue
+        if isinstance(method, Radon):
+            chosen += replace(method, kinds=own).parts
+        elif isinstance(method, Obb | Stereo) and not is_own(method):
+            chosen.append(replace(method, kinds=own))
+        else:
+            chosen.append(method)
+    return tuple(chosen)
+
+
+def _check_own_method(method: Any) -> None:
+    """Refuse what is not a method."""
+    if isinstance(method, type):
+        raise UsageError(
+            f"{method.__name__} is a class, expected an object", where="methods",
+            advice=f"write {method.__name__}()",
+        )  # fmt: skip
+    if not isinstance(method, Method):
+        raise UsageError(
+            f"{type(method).__name__} is not a method", where="methods",
+            advice="inherit from linework.Method, and give it a name, kinds and look",
+        )  # fmt: skip
+    kinds = method.kinds
+    if isinstance(kinds, str) or not kinds or not all(isinstance(kind, str) and kind for kind in kinds):
+        raise UsageError(
+            f"kinds of {method.name!r} are {kinds!r}, expected names", where="methods",
+            advice='write kinds = ("ridge",), with the comma',
+        )  # fmt: skip
+    if method.recording not in ("points", "pairs"):
+        raise UsageError(
+            f"recording of {method.name!r} is {method.recording!r}", where="methods",
+            advice="choose points or pairs",
+        )  # fmt: skip

@@ -11,7 +11,8 @@ from typing import Any, Literal, Protocol, Self, runtime_checkable
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
-from linework.errors import OwnCodeError
+from linework.crs import parse_crs
+from linework.errors import OwnCodeError, argument
 from linework.methods.point_order import in_fixed_order
 from linework.methods.seams import across_seams, of_core
 from linework.model.camera import RectifiedRig
@@ -24,6 +25,7 @@ from linework.model.tile import TileData, local_origin
 from linework.model.trajectory import Trajectory
 from linework.processes.identity import is_installed
 from linework.processes.own_code import call_own
+from linework.surface.cells import CellWindow
 from linework.surface.road import RoadConfig, find_ground
 
 #: Interval at which the straight line between two places is tested for visibility, half a surface cell. [m]
@@ -151,6 +153,11 @@ class Method(Protocol):
         """Lowest height above ground that matters to it [m]: lower points are not loaded; -inf: all are."""
         return -math.inf
 
+    @property
+    def carry(self) -> tuple[str, ...]:
+        """Names of the further columns of the points that it needs: extra dimensions of laser files."""
+        return ()
+
     @abstractmethod
     def look(self, piece: Any) -> Any:
         """Return the evidence in a piece: for most methods the lines in a tile of points (`TileData`)."""
@@ -228,11 +235,14 @@ def extract_tile(method: Method, tile: TileData) -> LineSet:
     ------
     UsageError
         A coordinate, time or intensity is not a finite number.
+    CrsError
+        The CRS of the points is not known, or not one in which lengths can be measured.
     """
+    crs = parse_crs(tile.points.crs, where=argument("crs"))
     if len(tile.points) == 0:
-        return LineSet.empty()
+        return LineSet.empty().with_columns(crs=crs)
     tile = whole_tile(tile)
-    return method.join(look_at(method, tile), context_of_tile(tile))
+    return method.join(look_at(method, tile), context_of_tile(tile)).with_columns(crs=crs)
 
 
 def whole_tile(tile: TileData) -> TileData:
@@ -258,8 +268,16 @@ def context_of_tile(tile: TileData) -> SurveyContext:
 
 
 def surface_of_tile(tile: TileData) -> Ground:
-    """Return road and ground of a tile: the survey's, or found in the tile's points."""
-    return tile.surface or find_ground(tile.points, tile.trajectory, RoadConfig())
+    """Return road and ground of a tile: the survey's, or found in the tile's points.
+
+    Own ground on a grid that is not on the lattice of its cells is brought to that of the default cells.
+    """
+    if tile.surface is None:
+        return find_ground(tile.points, tile.trajectory)
+    if tile.surface.is_on_lattice:
+        return tile.surface
+    cell_m = RoadConfig().cell_m
+    return tile.surface.on_grid(CellWindow.over(tile.points.bounds, cell_m).grid(cell_m))
 
 
 def origin_of_tile(tile: TileData) -> tuple[float, float, float]:

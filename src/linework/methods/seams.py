@@ -57,7 +57,7 @@ def inside_core(lines: LineSet, core: Bounds) -> LineSet:
     is_whole = np.isin(lines.kind, UNCUT_AT_SEAMS)
     owner, pieces = [], []
     for i in range(len(lines)):
-        xyz = lines.line(i)
+        xyz = lines[i].xyz
         if is_whole[i]:
             intervals = [(0.0, len(xyz) - 1.0)] if _holds(core, middles[i]) else []
         else:
@@ -195,7 +195,7 @@ def _ends(lines: LineSet) -> tuple[FloatArray, FloatArray]:
     """Return the ends of all lines (2 m, 3), first and last in turn, and the directions from them inwards."""
     ends, tangents = np.zeros((2 * len(lines), 3)), np.zeros((2 * len(lines), 2))
     for i in range(len(lines)):
-        for side, xyz in enumerate((lines.line(i), lines.line(i)[::-1])):
+        for side, xyz in enumerate((lines[i].xyz, lines[i].xyz[::-1])):
             away = np.hypot(*(xyz[:, :2] - xyz[0, :2]).T)
             inner = int(np.argmax(away >= min(_TANGENT_M, float(away.max()))))
             ends[2 * i + side] = xyz[0]

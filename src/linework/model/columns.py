@@ -122,6 +122,9 @@ def check_columns(owner: Any, types: dict[str, ColumnType], n: int | None = None
             if fill is None:
                 continue
             value = np.full(n or 0, fill, dtype)
+        elif fill is not None and not isinstance(value, np.ndarray) and np.ndim(value) == 0:
+            # One value for all rows
+            value = np.full(n or 0, value)
         array = checked(name, value, dtype, (n, *shape))
         n = len(array)
         object.__setattr__(owner, name, array)

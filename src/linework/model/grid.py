@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
+from linework.errors import needed
 
 
 class Bounds(NamedTuple):
@@ -115,9 +116,20 @@ class Grid:
         return rows, cols
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Image:
-    """Values (rows, cols) on a grid; NaN (or False) where nothing was measured."""
+    """Values (rows, cols) on a grid; NaN (or False) where nothing was measured.
+
+    NumPy takes it as its values: ``np.nanmax(image)``. Two images are equal if grids and values are.
+
+    Examples
+    --------
+    >>> image = Image(np.array([[1.0, np.nan], [3.0, 4.0]]), Grid(500.0, 210.0, 5.0, 5.0, 2, 2))
+    >>> image
+    Image of 2 x 2 cells of 5 x 5 m, float64 1 to 4, 75.0 % measured, from east 500.0, north 210.0
+    >>> float(np.nanmean(image)), image.extent
+    (2.6666666666666665, (500.0, 510.0, 200.0, 210.0))
+    """
 
     values: AnyArray
     grid: Grid
@@ -125,3 +137,94 @@ class Image:
     def __post_init__(self) -> None:
         if self.values.shape != self.grid.shape:
             raise ValueError(f"image of shape {self.values.shape} on a grid of {self.grid.shape}")
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> AnyArray:
+        """Return the values: themselves where neither a copy nor another dtype is asked for."""
+        if copy is False and dtype is not None and np.dtype(dtype) != self.values.dtype:
+            raise ValueError(f"values are {self.values.dtype}: as {np.dtype(dtype)} they must be copied")
+        values = np.asarray(self.values, dtype=dtype)
+        return values.copy() if copy and np.may_share_memory(values, self.values) else values
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Image):
+            return NotImplemented
+        has_nan = self.values.dtype.kind == other.values.dtype.kind == "f"
+        return self.grid == other.grid and np.array_equal(self.values, other.values, equal_nan=has_nan)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        grid = self.grid
+        is_flag = self.values.dtype.kind == "b"
+        known = self.values if is_flag else np.isfinite(self.values)
+        found = self.values[known]
+        shown = "" if is_flag or found.size == 0 else f" {found.min():g} to {found.max():g}"
+        turned = f", turned by {grid.rotation_deg:g} degrees" if grid.rotation_deg else ""
+        return (
+            f"Image of {grid.n_rows:,} x {grid.n_cols:,} cells of {grid.cell_width_m:g} x {grid.cell_height_m:g} m, "
+            f"{self.values.dtype}{shown}, {100 * known.mean():.1f} % {'true' if is_flag else 'measured'}, "
+            f"from east {grid.east_m:.1f}, north {grid.north_m:.1f}{turned}"
+        )
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """West, east, south, north [m, world]: the `extent` of matplotlib's `imshow`.
+
+        Raises
+        ------
+        ValueError
+            The grid is turned.
+        """
+        grid = self.grid
+        if grid.rotation_deg:
+            raise ValueError(f"image turned by {grid.rotation_deg:g} degrees: no extent; plot() draws it")
+        east, south = grid.to_world(np.array(grid.n_rows), np.array(grid.n_cols)).tolist()
+        return grid.east_m, east, south, grid.north_m
+
+    def to_xarray(self) -> Any:
+        """Return the values as an `xarray.DataArray`.
+
+        Returns
+        -------
+        xarray.DataArray
+            Dimensions y (north to south) and x (west to east), with the centres of the cells as coordinates [m,
+            world]. Of a turned grid the dimensions are row and col, with x and y (rows, cols) as coordinates.
+
+        Raises
+        ------
+        MissingPackageError
+            xarray is not installed.
+        """
+        xarray = needed("xarray", "tables", where="to_xarray()")
+        n_rows, n_cols = self.grid.shape
+        rows, cols = np.mgrid[:n_rows, :n_cols] + 0.5
+        xy = self.grid.to_world(rows, cols)
+        if self.grid.rotation_deg:
+            dims: tuple[str, str] = ("row", "col")
+            coords: dict[str, Any] = {"x": (dims, xy[..., 0]), "y": (dims, xy[..., 1])}
+        else:
+            dims = ("y", "x")
+            coords = {"y": xy[:, 0, 1], "x": xy[0, :, 0]}
+        array = xarray.DataArray(self.values.copy(), coords=coords, dims=dims)
+        array["x"].attrs.update(units="m", long_name="east")
+        array["y"].attrs.update(units="m", long_name="north")
+        return array
+
+    def plot(self, ax: Any = None, **options: Any) -> Any:
+        """Draw the image in plan, to scale; return the axes.
+
+        Parameters
+        ----------
+        ax
+            matplotlib axes; None: those of a new figure.
+        **options
+            Passed to `imshow`: cmap, vmin, vmax ...
+
+        Raises
+        ------
+        MissingPackageError
+            matplotlib is not installed.
+        """
+        from linework.model.lineset.plotted import plot_image
+
+        return plot_image(self, ax, **options)

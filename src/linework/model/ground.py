@@ -15,6 +15,8 @@ from linework.model.grid import Grid, Image
 _ZERO_STEP_M = 100.0
 #: Sides of a cell that differ by less count as equal, and a smaller turn as none. [m, deg]
 _SAME = 1e-9
+#: Edges this near a multiple of the size of a cell are on it: coordinates have rounded. [cells]
+_SAME_CELL = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +155,14 @@ class Ground:
         Heights are bilinear between the centres of cells; beyond them the nearest counts.
         """
         return self._between(self.ground_m, np.asarray(xy, dtype=np.float64)[:, :2]) + self.z0_m
+
+    @property
+    def is_on_lattice(self) -> bool:
+        """Whether the edges of cells lie at whole multiples of their size, as those of neighbouring tiles do."""
+        size = self.grid.cell_width_m
+        return all(
+            abs(v / size - round(v / size)) < _SAME_CELL for v in (self.grid.east_m, self.grid.north_m)
+        )
 
     @property
     def image(self) -> Image:

@@ -28,7 +28,7 @@ _ASIDE = {
     "__dict__", "__weakref__", "__doc__", "__module__", "__qualname__", "__firstlineno__",
     "__static_attributes__", "__annotations__", "__annotate__", "__abstractmethods__", "_abc_impl",
     "__parameters__", "_is_protocol", "__non_callable_proto_members__", "__protocol_attrs__",
-    "__subclasshook__", "__match_args__", "__dataclass_fields__", "__dataclass_params__",
+    "__subclasshook__", "__slotnames__", "__match_args__", "__dataclass_fields__", "__dataclass_params__",
 }  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NoReturn
 
-from linework.errors import MachineError, OwnCodeError, UsageError
+from linework.errors import LineworkError, OwnCodeError, UsageError
 
 #: Own objects that a process keeps loaded: a run has a few methods and one ground.
 _KEPT = 8
@@ -84,10 +84,11 @@ def call_own(function: Callable[..., Any], parameter: str, /, *args: Any, **name
     ------
     OwnCodeError
         It raised an exception: the message names the parameter, the exception and the line of the user's code.
+        Errors of linework pass as they are.
     """
     try:
         return function(*args, **named)
-    except (OwnCodeError, MachineError, MemoryError):
+    except (LineworkError, MemoryError):
         raise
     except Exception as error:
         _refuse(error, parameter)

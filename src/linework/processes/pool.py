@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import pickle
 import time
+import traceback
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
@@ -124,9 +126,15 @@ def tile_worker_main(channel: Channel, modules: list[str]) -> None:
         importlib.import_module(module)
     while True:
         try:
-            work, task = channel.receive_object()
+            message = channel.receive()
         except EOFError:
             return
+        try:
+            work, task = pickle.loads(message)
+        except Exception as error:  # of the user: a module that this process does not find
+            problem = f"cannot be loaded in a worker process: {type(error).__name__}: {error}"
+            channel.send_object((None, problem, traceback.format_exc()))
+            continue
         try:
             outcome = outcome_of(work, task)
         except OSError as refusal:  # the machine's: it ends the run, there

@@ -51,9 +51,10 @@ def limit_process(address_bytes: int) -> None:
             resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
 
-def has_memory_limits() -> bool:
-    """Return whether this system limits the address space of a process."""
-    return resource is not None
+def give_way(niceness: int) -> None:
+    """Let processes that people wait for come first, where the system has nice(2): increase the niceness of this one."""
+    if hasattr(os, "nice"):
+        os.nice(niceness)
 
 
 def die_with_parent(parent: int) -> None:

@@ -131,7 +131,7 @@ def identify(lines: LineSet) -> LineSet:
 
 def _key(lines: LineSet, places: np.ndarray, i: int) -> tuple[int, list[int], bytes]:
     # Big-endian bytes of the vertices: any fixed order will do where kind and place are equal
-    exact = lines.line(i).astype(">f8").tobytes()
+    exact = lines[i].xyz.astype(">f8").tobytes()
     kind = str(lines.kind[i])
     return (KINDS.index(kind) if kind in KINDS else len(KINDS)), places[i].tolist(), exact
 
@@ -155,8 +155,8 @@ def with_sources(lines: LineSet, files: Sequence[FileFacts], survey: str) -> Lin
     open_ = np.flatnonzero(lines.source == "")
     sources = lines.source.astype(object)
     for i in open_.tolist():
-        west, south = lines.line(i)[:, :2].min(axis=0)
-        east, north = lines.line(i)[:, :2].max(axis=0)
+        west, south = lines[i].xyz[:, :2].min(axis=0)
+        east, north = lines[i].xyz[:, :2].max(axis=0)
         names = [
             path_text(Path(facts.path.name))
             for facts in files

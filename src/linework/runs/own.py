@@ -28,30 +28,39 @@ def check_own_code(methods: Sequence[Method], ground: Ground | GroundFinder | No
     UsageError
         The message names the parameter and the reason.
     """
-    for name, value in _own_values(methods, ground):
-        if not isinstance(value, Method) and not callable(value) and not isinstance(value, Ground):
-            raise UsageError(f"expected a function, got {type(value).__name__}", where=name)
-        if not isinstance(value, Ground):
-            sent_code(value, name)
+    for parameter, _, value in _own_values(methods, ground):
+        if isinstance(value, Ground):
+            continue
+        if not isinstance(value, Method) and not callable(value):
+            raise UsageError(f"expected a function, got {type(value).__name__}", where=parameter)
+        sent_code(value, parameter)
 
 
 def own_code_of(methods: Sequence[Method], ground: Ground | GroundFinder | None = None) -> dict[str, str]:
-    """Return the identity of all own code by its parameter; empty: the run has none.
+    """Return the identity of all own code by what it is part of; empty: the run has none.
 
     For the description of a run: lines of two versions of a function must not be mixed.
     """
-    return {name: identity_of(value) for name, value in _own_values(methods, ground)}
+    found: dict[str, str] = {}
+    for parameter, owner, value in _own_values(methods, ground):
+        name = f"{owner} {parameter}" if owner else parameter
+        again = sum(other.split(" #")[0] == name for other in found)
+        found[f"{name} #{again + 1}" if again else name] = identity_of(value)
+    return found
 
 
-def _own_values(methods: Sequence[Method], ground: Ground | GroundFinder | None) -> Iterator[tuple[str, Any]]:
-    """Yield own methods, own functions of linework's methods, and the own ground, with their parameters."""
-    for number, method in enumerate(methods):
+def _own_values(
+    methods: Sequence[Method], ground: Ground | GroundFinder | None
+) -> Iterator[tuple[str, str, Any]]:
+    """Yield the parameter of all own code, the method that it is part of ("": none), and the code."""
+    for method in methods:
+        owner = f"{method.name} {'+'.join(method.kinds)}"
         if is_own(method):
-            yield f"methods[{number}]", method
+            yield "methods", owner, method
         else:
-            yield from ((f"methods[{number}].{name}", value) for name, value in _functions_of(method))
+            yield from ((parameter, owner, value) for parameter, value in _functions_of(method))
     if ground is not None:
-        yield "ground", ground
+        yield "ground", "", ground
 
 
 def _functions_of(method: Method) -> Iterator[tuple[str, Callable[..., Any]]]:

@@ -13,7 +13,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from linework.errors import InputError, LineworkError, PartialError
+from linework.errors import InputError, LineworkError, PartialError, UsageError
 from linework.files.output.parts import write_part
 from linework.files.store.facts import StoreFacts
 from linework.files.store.layout import STORE_BLOCK_M
@@ -112,11 +112,30 @@ def open_sources(
     of_pairs = [method for method in methods if method.recording == "pairs"]
     found: list[Source] = []
     if recordings.points is not None and of_points:
+        _check_columns(of_points, recordings.points.facts)
         surface = surface_of(recordings.points, settings.road, executor, steps, ground)
         found.append(LaserSource.of(recordings.points, surface, of_points, settings.tiling, run))
     if recordings.stereo is not None and of_pairs:
         found.append(StereoSource(recordings.stereo, of_pairs))
     return found
+
+
+def _check_columns(methods: Sequence[Method], facts: StoreFacts) -> None:
+    """Refuse points without the further columns that a method needs.
+
+    Raises
+    ------
+    UsageError
+        The message names the column and the method.
+    """
+    for method in methods:
+        for name in getattr(method, "carry", ()):
+            if name not in facts.columns:
+                there = ", ".join(facts.columns) or "none"
+                raise UsageError(
+                    f"method {method.name} needs the column {name!r}; further columns of the points: {there}",
+                    where="carry", advice="name an extra dimension that all laser files have",
+                )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

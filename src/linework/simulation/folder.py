@@ -70,7 +70,7 @@ def write_survey_folder(
             seen = observed_in_images(survey.truth, cameras)
             write_lines(survey.truth.with_columns(observed=seen), part / "truth_images.gpkg", kinds=KINDS)
             settings += cameras_toml(cameras.rig)
-        (part / "survey.toml").write_text(settings, encoding="utf-8")
+        (part / "survey.toml").write_text(settings, encoding="utf-8", newline="\n")
 
     def verify(part: Path) -> None:
         held = sum(read_las_header(p).n_points for p in sorted((part / "points").glob("*.laz")))
@@ -130,7 +130,7 @@ def write_images(drive: StereoDrive, folder: Path, advance: Callable[[int, int],
         if advance:
             advance(pair.number + 1, len(drive))
     for side, lines in lists.items():
-        (folder / f"{side}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        (folder / f"{side}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
 
 
 def cameras_toml(rig: StereoRig) -> str:

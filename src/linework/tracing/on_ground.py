@@ -225,7 +225,7 @@ def _gone_on(lines: LineSet, i: int) -> LineSet:
     left = [k for k in rest.tolist() if k != i]
     while left:
         for k in left:
-            if not trace.may_continue(one.xyz, lines.line(k), SAME_LINE.longest_m):
+            if not trace.may_continue(one.xyz, lines[k].xyz, SAME_LINE.longest_m):
                 continue
             joined = continue_lines(one, lines.take([k]), SAME_LINE)
             if len(joined) == 1:

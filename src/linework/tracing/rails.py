@@ -46,13 +46,13 @@ class RailPieces:
         self._search(place[0] - reach_m, place[1] - reach_m, place[0] + reach_m, place[1] + reach_m)
         while True:
             lines = self._joined()
-            distances = [distance_m(lines.line(i)[:, :2], place) for i in range(len(lines))]
+            distances = [distance_m(lines[i].xyz[:, :2], place) for i in range(len(lines))]
             if not distances or min(distances) > reach_m:
                 return None
             i = int(np.argmin(distances))
             if lines.kind[i] in UNCUT_AT_SEAMS:
                 return lines.take([i]), float(distances[i])
-            ends = lines.line(i)[[0, -1], :2]
+            ends = lines[i].xyz[[0, -1], :2]
             n = len(self._tiles)
             for x, y in ends.tolist():
                 # A line that ends on the edge of a core may continue in the next tile

@@ -136,8 +136,8 @@ class Tracer:
                 break
         whole = trace.oriented_like(join_over_gap(one, new.lines.take([0])), one)
         far = new.stops[1] if new.stops[0] == str(TraceStop.PICKED) else new.stops[0]
-        beside = continue_lines(lines.of_kind("kerb_top"), new.lines.of_kind("kerb_top"))
-        dashes = [part.of_kind("lane_marking_dash") for part in (lines, new.lines)]
+        beside = continue_lines(lines["kerb_top"], new.lines["kerb_top"])
+        dashes = [part["lane_marking_dash"] for part in (lines, new.lines)]
         both = LineSet.concatenate([whole, beside, *dashes])
         return TracedLine(kind, self._in_crs(both), 0.0, (far, stops[1]) if end == 0 else (stops[0], far))
 
@@ -150,7 +150,8 @@ class Tracer:
         places, reach_m = places_ahead(one, end)
         if kind not in trace.TRACKED_AS:
             pieces = self._rails if kind in RAIL_KINDS else self._cables
-            return pieces.lines_about(places).of_kind(kind)
+            about = pieces.lines_about(places)
+            return about.take(about.kind == kind)
         corridor = Corridor(self._ground.boxes)
         corridor.load(places, reach_m)
         lines = self._ground.lines(corridor)
@@ -271,9 +272,9 @@ def continuation_beyond(one: LineSet, end: int, lines: LineSet) -> tuple[FloatAr
     tip, way = (part[end] for part in end_directions(one.xyz))
     best: tuple[float, FloatArray] | None = None
     for i in range(len(lines)):
-        other = lines.line(i)[:, :2]
+        other = lines[i].xyz[:, :2]
         ahead_m = (other - tip) @ way
-        if ahead_m.max() < PICK_M or not may_continue(one.xyz, lines.line(i), PICKED_TWICE.longest_m):
+        if ahead_m.max() < PICK_M or not may_continue(one.xyz, lines[i].xyz, PICKED_TWICE.longest_m):
             continue
         if join_over_gap(one, lines.take([i])) is one:
             continue

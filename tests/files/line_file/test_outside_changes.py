@@ -74,11 +74,11 @@ def test_changes_of_others_become_one_edit_that_can_be_taken_back(path, is_open)
         assert sorted(before.kind.tolist()) == ["cable", "guardrail", "road_boundary"]
         assert sorted(after.kind.tolist()) == ["fence", "guardrail", "road_boundary"]
         assert set(after.review.tolist()) == {"edited", "drawn"}
-        rail, was = after.of_kind("guardrail"), first.of_kind("guardrail")
+        rail, was = after["guardrail"], first["guardrail"]
         assert np.isnan(rail.sigma_xy_m).tolist() == [k == 1 for k in range(len(rail.xyz))]
         assert np.array_equal(rail.sigma_xy_m[2:], was.sigma_xy_m[2:])
         assert np.allclose(rail.xyz[1] - was.xyz[1], [0.25, 0.5, 0.0])
-        edge = after.of_kind("road_boundary")
+        edge = after["road_boundary"]
         assert (edge.note[0], np.isnan(edge.sigma_xy_m).any()) == ("cracked", False)
         assert same(read_lines(path), drawing.lines)
         for _ in range(3 if is_open else 2):
@@ -91,7 +91,7 @@ def test_a_line_that_was_split_or_copied_elsewhere_gets_a_name_of_its_own(path):
     first = some_lines()
     with LineFile.opened(path, crs="local"):
         pass
-    name = str(first.of_kind("guardrail").id[0])
+    name = str(first["guardrail"].id[0])
     elsewhere(path, drawn("guardrail", [[0, 0, 0], [4, 0, 0]], id=name, kind="guardrail"))
     with LineFile.opened(path, crs="local") as drawing:
         lines = drawing.lines
@@ -117,9 +117,9 @@ def test_what_was_changed_before_the_first_opening_is_as_it_stands(path):
     assert same(read_lines(path), lines)
     assert len(lines) == 6
     assert len(set(lines.id.tolist()) - {""}) == 6
-    assert np.array_equal(lines.of_kind("guardrail").sigma_xy_m, first.of_kind("guardrail").sigma_xy_m)
-    edge = first.of_kind("road_boundary")
-    assert np.isin(edge.sigma_xy_m, lines.of_kind("road_boundary").sigma_xy_m).all()
+    assert np.array_equal(lines["guardrail"].sigma_xy_m, first["guardrail"].sigma_xy_m)
+    edge = first["road_boundary"]
+    assert np.isin(edge.sigma_xy_m, lines["road_boundary"].sigma_xy_m).all()
     whole(path)
 
 

@@ -48,8 +48,8 @@ def test_foreign_geometries_become_lines(tmp_path):
     ))  # fmt: skip
     lines = read_lines(path, kind_field="mark")
     assert lines.kind.tolist() == ["solid", "solid", "edge", "edge", "7"]
-    assert np.isnan(lines.line(2)[:, 2]).all()
-    np.testing.assert_array_equal(lines.line(4), LINE)
+    assert np.isnan(lines[2].xyz[:, 2]).all()
+    np.testing.assert_array_equal(lines[4].xyz, LINE)
     assert lines.crs == "local"
     mapped = read_lines(path, kind_field="mark", kinds={"edge": "road_boundary"})
     assert mapped.kind.tolist() == ["road_boundary", "road_boundary"]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.scenes.effort import examples
 
 from linework.kernels.radon import peaks as kernels
-from linework.methods.radon.peaks import dilate, find_peaks, find_peaks_in
+from linework.methods.radon.peaks import dilate, find_peaks
 from linework.methods.radon.transform import (
     RadonImage,
     evenly_spaced_angles,
@@ -41,7 +41,7 @@ def radon_of_line(theta, rho, low=-4.0, high=4.0):
 @given(st.floats(0.0, 3.1415), st.floats(-3.5, 3.5), st.floats(-3.0, 0.0))
 def test_finds_a_line_within_half_a_cell_at_its_ends(theta, rho, low):
     values = radon_of_line(theta, rho, low, low + 6.0)
-    peaks = find_peaks_in(values, ANGLES, RHO, threshold=2.0, **WINDOWS)
+    peaks = find_peaks(values, ANGLES, RHO, threshold=2.0, **WINDOWS)
     ends = np.array([low, low + 6.0])
     x = rho * math.cos(theta) - ends * math.sin(theta)
     y = rho * math.sin(theta) + ends * math.cos(theta)
@@ -86,7 +86,7 @@ def test_every_peak_equals_its_dilation_and_none_is_in_anothers_window(seed):
     half_window, half_bins = math.radians(31), 2
     dilated = slow_dilation(values, angles, half_window, half_bins)
     expected = {tuple(v) for v in np.argwhere((values == dilated) & (values > 2.0))}
-    peaks = find_peaks_in(
+    peaks = find_peaks(
         values, angles, rho_bins(0.8, 0.2), threshold=2.0,
         theta_window_rad=2 * half_window, rho_window_m=0.4 * half_bins,
     )  # fmt: skip
@@ -108,7 +108,7 @@ def test_compiled_and_plain_python_agree(monkeypatch):
 
 def test_a_line_across_the_half_turn_is_one_peak():
     # theta just below pi: its Radon peak lies on both ends of the angles
-    peaks = find_peaks_in(radon_of_line(math.pi - 0.012, 2.1), ANGLES, RHO, threshold=4.0, **WINDOWS)
+    peaks = find_peaks(radon_of_line(math.pi - 0.012, 2.1), ANGLES, RHO, threshold=4.0, **WINDOWS)
     assert len(peaks) == 1
     turned = peaks.theta_rad[0] > 1.0
     assert abs(peaks.theta_rad[0] - (math.pi if turned else 0.0)) < 0.03
@@ -119,7 +119,7 @@ def test_a_plateau_is_one_peak_in_its_middle():
     values = np.zeros((9, 11))
     values[3:6, 2:9] = 4.0
     angles = evenly_spaced_angles(20.0)
-    peaks = find_peaks_in(
+    peaks = find_peaks(
         values, angles, rho_bins(1.0, 0.2), threshold=1.0, theta_window_rad=0.8, rho_window_m=0.4
     )
     assert len(peaks) == 1
@@ -130,15 +130,15 @@ def test_a_plateau_is_one_peak_in_its_middle():
 def test_a_flat_image_is_one_peak_and_an_empty_one_none():
     angles, rho = evenly_spaced_angles(10.0), rho_bins(1.0, 0.2)
     flat = np.full((len(angles), len(rho)), 3.0)
-    assert len(find_peaks_in(flat, angles, rho, threshold=1.0, **WINDOWS)) == 1
-    assert len(find_peaks_in(0 * flat, angles, rho, threshold=0.0, **WINDOWS)) == 0
-    assert len(find_peaks_in(flat, angles, rho, threshold=3.0, **WINDOWS)) == 0
+    assert len(find_peaks(flat, angles, rho, threshold=1.0, **WINDOWS)) == 1
+    assert len(find_peaks(0 * flat, angles, rho, threshold=0.0, **WINDOWS)) == 0
+    assert len(find_peaks(flat, angles, rho, threshold=3.0, **WINDOWS)) == 0
 
 
 def test_peaks_come_sorted_and_repeat():
     values = radon_of_line(0.4, 2.0) + radon_of_line(1.9, -1.0, -2.0, 2.0)
-    first = find_peaks_in(values, ANGLES, RHO, threshold=2.0, **WINDOWS)
-    again = find_peaks_in(values.copy(), ANGLES, RHO, threshold=2.0, **WINDOWS)
+    first = find_peaks(values, ANGLES, RHO, threshold=2.0, **WINDOWS)
+    again = find_peaks(values.copy(), ANGLES, RHO, threshold=2.0, **WINDOWS)
     assert len(first) >= 2
     assert np.all(np.diff(first.strength_m) <= 0)
     np.testing.assert_array_equal(first.theta_rad, again.theta_rad)
@@ -153,13 +153,13 @@ def test_dilated_image_keeps_its_axes_and_covers_the_original():
     assert isinstance(dilated, RadonImage)
     assert np.all(dilated.values >= radon.values)
     assert dilated.values.max() == radon.values.max()
-    assert len(find_peaks(radon, threshold=5.0, **WINDOWS)) == 1
+    assert len(find_peaks(radon.values, radon.angles_rad, radon.rho_m, threshold=5.0, **WINDOWS)) == 1
 
 
 def test_values_are_not_changed():
     values = radon_of_line(0.4, 2.0)
     kept = values.copy()
-    find_peaks_in(values, ANGLES, RHO, threshold=2.0, **WINDOWS)
+    find_peaks(values, ANGLES, RHO, threshold=2.0, **WINDOWS)
     np.testing.assert_array_equal(values, kept)
 
 
@@ -175,4 +175,4 @@ def test_values_are_not_changed():
 )
 def test_refuses_what_makes_no_sense(angles, windows, message):
     with pytest.raises(ValueError, match=message):
-        find_peaks_in(np.zeros((2, 3)), np.array(angles), rho_bins(0.2, 0.2), threshold=1.0, **windows)
+        find_peaks(np.zeros((2, 3)), np.array(angles), rho_bins(0.2, 0.2), threshold=1.0, **windows)

@@ -26,17 +26,17 @@ def lines() -> LineSet:
 
 
 def test_every_line_is_there_once(lines: LineSet) -> None:
-    found = lines.of_kind("lane_marking")
+    found = lines["lane_marking"]
     assert len(found) == 3
-    offsets = sorted(float(np.median(found.line(i)[:, 1])) for i in range(3))
+    offsets = sorted(float(np.median(found[i].xyz[:, 1])) for i in range(3))
     np.testing.assert_allclose(offsets, sorted(s[0] for s in STRIPES), atol=0.01)
     assert (found.length_m > 20.0).all() and (found.method == "stereo").all()
 
 
 def test_places_are_on_the_paint(lines: LineSet) -> None:
-    found = lines.of_kind("lane_marking")
+    found = lines["lane_marking"]
     for i in range(len(found)):
-        xyz = found.line(i)
+        xyz = found[i].xyz
         true = min((s[0] for s in STRIPES), key=lambda o: abs(o - float(np.median(xyz[:, 1]))))
         near = xyz[:, 0] < 25.0
         assert np.sqrt(np.mean((xyz[near, 1] - true) ** 2)) < 0.01
@@ -44,9 +44,9 @@ def test_places_are_on_the_paint(lines: LineSet) -> None:
 
 
 def test_widths_patterns_and_times(lines: LineSet) -> None:
-    found = lines.of_kind("lane_marking")
+    found = lines["lane_marking"]
     for offset, width, period, _ in STRIPES:
-        i = int(np.argmin([abs(float(np.median(found.line(k)[:, 1])) - offset) for k in range(3)]))
+        i = int(np.argmin([abs(float(np.median(found[k].xyz[:, 1])) - offset) for k in range(3)]))
         assert found.width_m[i] == pytest.approx(width, abs=0.02)
         assert found.pattern[i] == ("dashed" if period else "solid")
         assert found.role[i] == ("edge" if not period else found.role[i])
@@ -55,10 +55,10 @@ def test_widths_patterns_and_times(lines: LineSet) -> None:
 
 
 def test_dashes_begin_and_end_where_they_do(lines: LineSet) -> None:
-    dashes = lines.of_kind("lane_marking_dash")
+    dashes = lines["lane_marking_dash"]
     assert len(dashes) >= 2
     for i in range(len(dashes)):
-        ends = np.sort(dashes.line(i)[[0, -1], 0])
+        ends = np.sort(dashes[i].xyz[[0, -1], 0])
         if ends[1] < 22.0:
             start = np.round(ends[0] / 9.0) * 9.0
             np.testing.assert_allclose(ends, [start, start + 3.0], atol=0.25)
@@ -72,8 +72,8 @@ def test_cameras_may_look_down_be_rolled_and_stand_apart(
     rig = replace(RIG, R_vehicle_camera=turned, base_m=base_m, cy=95.0)
     poses, method = straight_poses(3), Stereo()
     seen = Sightings.concatenate([method.look(road_pair(i, poses, rig=rig)) for i in range(3)])
-    found = method.join(seen, SurveyContext(poses=poses, rig=rig)).of_kind("lane_marking")
-    offsets = sorted(float(np.median(found.line(i)[:, 1])) for i in range(len(found)))
+    found = method.join(seen, SurveyContext(poses=poses, rig=rig))["lane_marking"]
+    offsets = sorted(float(np.median(found[i].xyz[:, 1])) for i in range(len(found)))
     for true in (3.5, -3.5):
         assert min(abs(o - true) for o in offsets) < 0.02
     assert np.abs(found.xyz[:, 2]).max() < 0.05

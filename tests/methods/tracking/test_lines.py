@@ -99,7 +99,7 @@ def test_a_dashed_line_is_one_line_with_its_dashes():
     assert len(dashes) == 7
     assert set(dashes.pattern) == {"dashed"} and set(dashes.role) == {"centre"}
     np.testing.assert_allclose(dashes.length_m, 3.0, atol=0.5)
-    starts = sorted(dashes.line(k)[:, 0].min() for k in range(7))
+    starts = sorted(dashes[k].xyz[:, 0].min() for k in range(7))
     np.testing.assert_allclose(starts, 9.0 * np.arange(7), atol=0.46)
 
 

@@ -115,5 +115,5 @@ def vertices(lines: LineSet, i: int) -> np.ndarray:
 
 def longest(lines: LineSet, kind: str) -> np.ndarray:
     """Return the vertices of the longest line of a kind."""
-    found = lines.of_kind(kind)
+    found = lines[kind]
     return vertices(found, int(np.argmax(found.length_m)))

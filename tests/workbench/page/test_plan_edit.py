@@ -90,7 +90,7 @@ def test_split_and_join(plan, boundary):
     before = plan.revision
     plan.click(middle_of(boundary["xyz"]))
     plan.press("t")
-    lines = plan.saved_since(before).of_kind("road_boundary")
+    lines = plan.saved_since(before)["road_boundary"]
     parts = [line for line in plan.documents().values() if line["kind"] == "road_boundary"]
     assert sum(line["length_m"] for line in parts) == pytest.approx(lines.length_m.sum(), abs=0.01)
     halves = sorted(parts, key=lambda line: abs(line["length_m"] - boundary["length_m"] / 2))[:2]
@@ -100,7 +100,7 @@ def test_split_and_join(plan, boundary):
     _shift_click(plan, middle_of(halves[1]["xyz"]))
     wait_until(lambda: sorted(plan.selected) == sorted(half["id"] for half in halves))
     plan.press("j")
-    joined = plan.saved_since(before + 1).of_kind("road_boundary")
+    joined = plan.saved_since(before + 1)["road_boundary"]
     assert joined.length_m.max() == pytest.approx(boundary["length_m"], abs=0.2)
 
 
@@ -156,7 +156,7 @@ def test_the_kind_is_changed(plan, boundary):
     before = plan.revision
     plan.press("7")
     lines = plan.saved_since(before)
-    assert lines.of_kind("barrier").length_m.max() == pytest.approx(boundary["length_m"], abs=0.01)
+    assert lines["barrier"].length_m.max() == pytest.approx(boundary["length_m"], abs=0.01)
 
 
 def test_a_line_is_deleted(plan, boundary):
@@ -178,7 +178,7 @@ def test_a_line_is_drawn(plan):
         plan.click(place)
     before = plan.revision
     plan.press("Enter")
-    drawn = plan.saved_since(before).of_kind("lane_marking")
+    drawn = plan.saved_since(before)["lane_marking"]
     newest = drawn.review == "drawn"
     assert newest.sum() == 1
     xyz = drawn.take(newest).xyz
@@ -196,7 +196,7 @@ def test_a_double_click_finishes_a_line(plan):
     for place in places[:-1]:
         plan.click(place)
     plan.click(places[-1], click_count=2)
-    drawn = plan.saved_since(before).of_kind("lane_marking")
+    drawn = plan.saved_since(before)["lane_marking"]
     newest = drawn.take(drawn.review == "drawn")
     assert np.diff(newest.offsets).tolist() == [3], "the second click of the two adds no vertex"
 

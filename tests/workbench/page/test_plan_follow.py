@@ -58,7 +58,7 @@ def test_nodes_that_are_taken_off_are_not_kept(plan, kerb):
     assert left_m < whole_m - 2.0
     before = plan.revision
     plan.press("Enter")
-    saved = plan.saved_since(before).of_kind("road_boundary")
+    saved = plan.saved_since(before)["road_boundary"]
     assert saved.length_m[0] == pytest.approx(left_m, abs=0.1)
     plan.press("Control+z")
     plan.saved_since(before + 1)
@@ -103,7 +103,7 @@ def test_a_kept_line_is_continued_farther_on(plan, kerb):
     plan.click((there[0], there[1]))
     plan.wait_for("state", "stopped")
     plan.press("Enter")
-    whole = plan.saved_since(before + 1).of_kind("road_boundary")
+    whole = plan.saved_since(before + 1)["road_boundary"]
     assert len(whole) == 1, "it goes on as the same line"
     assert whole.length_m[0] > shapely.LineString(part).length + 5.0
     plan.press("Control+z")
@@ -199,7 +199,7 @@ def test_a_line_that_the_server_follows_is_interrupted_bridged_and_kept(plan, ke
         plan.press("b")
         plan.wait_for("state", "stopped")
     plan.press("Enter")
-    assert len(plan.saved_since(before).of_kind("road_boundary")) == 1
+    assert len(plan.saved_since(before)["road_boundary"]) == 1
     plan.press("Control+z")
     plan.saved_since(before + 1)
 

@@ -91,7 +91,7 @@ def test_the_lines_of_a_pair(served):
 
 def test_true_lines_lie_on_the_paint(drive, session):
     """Against the simulated images: the middle of the paint across each projected marking."""
-    truth = read_lines(drive / "truth.gpkg").of_kind("lane_marking")
+    truth = read_lines(drive / "truth.gpkg")["lane_marking"]
     camera = session.recordings.stereo.series.rig.left
     found = []
     for number in session.recordings.stereo.numbers.tolist():

@@ -107,7 +107,7 @@ def test_paint_is_brighter_than_the_road_beside_it(served, truth):
         seen = lines.observed[lines.offsets[i] : lines.offsets[i + 1]]
         if seen.sum() < 2:
             continue
-        line = LineString(lines.line(i)[seen, :2])
+        line = LineString(lines[i].xyz[seen, :2])
         for along in np.linspace(0.1, 0.9, 9) * line.length:
             at, ahead = line.interpolate(along), line.interpolate(along + 0.1)
             left = np.array([at.y - ahead.y, ahead.x - at.x]) / 0.1
@@ -223,7 +223,7 @@ def test_points_of_a_place(served):
 
 
 def test_a_section_shows_the_kerb_to_its_side(served, truth):
-    line = truth.of_kind("kerb_top").line(0)
+    line = truth["kerb_top"][0].xyz
     vertex = len(line) // 2
     place, ahead = line[vertex], line[vertex + 1] - line[vertex]
     heading = np.degrees(np.arctan2(ahead[0], ahead[1]))
@@ -252,7 +252,7 @@ def test_a_section_shows_the_kerb_to_its_side(served, truth):
     ],
 )
 def test_heights_are_those_of_the_truth(served, truth, kind, within_m):
-    lines = truth.of_kind(kind)
+    lines = truth[kind]
     xyz = lines.xyz[lines.observed][::5]
     if len(xyz) < 3:
         pytest.skip("none in this drive")
@@ -265,7 +265,7 @@ def test_heights_are_those_of_the_truth(served, truth, kind, within_m):
 
 
 def test_a_cable_keeps_its_own_height_among_others(served, truth):
-    cables = truth.of_kind("cable")
+    cables = truth["cable"]
     xyz = cables.xyz[cables.observed][::7]
     if len(xyz) < 3:
         pytest.skip("none in this drive")
@@ -280,7 +280,7 @@ def test_a_cable_keeps_its_own_height_among_others(served, truth):
 @pytest.mark.parametrize("kind", ["road_boundary", "kerb_top", "guardrail", "fence", "cable"])
 def test_a_line_dragged_aside_keeps_its_level_and_says_how_sure_it_is(session, truth, kind):
     rng = np.random.default_rng(1)
-    lines = truth.of_kind(kind)
+    lines = truth[kind]
     xyz = lines.xyz[lines.observed]
     if len(xyz) < 3:
         pytest.skip("none in this drive")

@@ -37,17 +37,20 @@ def demo(
     with the exact lines (the truth) beside the laser points. The extraction does not use the truth; the report
     compares the two.
     """
+    from linework.errors import check_extra
     from linework.files.output.publish import check_output_folder
     from linework.library.progress import open_display
 
+    for extra in ("simulate", "reports"):
+        check_extra(extra, where="demo")
     check_output_folder(folder, overwrite=overwrite)
     with open_display(quiet=quiet) as display:
-        from linework.cli.startup import announce_compilation
         from linework.methods.kinds import ALL_KINDS
+        from linework.runs.compile import compile_stage
         from linework.runs.steps import RunSteps
 
-        announce_compilation(ALL_KINDS, quiet=quiet)
         steps = RunSteps(display)
+        compile_stage(ALL_KINDS, steps)
         _simulate(folder / "survey", seed, steps, overwrite=overwrite)
         _extract_and_score(folder, steps, overwrite=overwrite)
     for name, content in (
@@ -78,7 +81,7 @@ def _extract_and_score(folder: Path, steps: RunSteps, *, overwrite: bool) -> Non
     from linework.runs.extract import ExtractionRequest, extract_to
     from linework.runs.opened.points import points_for_pictures
     from linework.runs.opened.recordings import opened_recordings
-    from linework.runs.opened.store import executor_for, usable_cores
+    from linework.runs.opened.store import executor_for, promised_points, usable_cores
     from linework.runs.opened.work_folder import work_folder
     from linework.runs.settings import RunSettings
 
@@ -92,7 +95,9 @@ def _extract_and_score(folder: Path, steps: RunSteps, *, overwrite: bool) -> Non
     )
     work, n_workers = work_folder(survey.root), usable_cores()
     with (
-        executor_for(survey, n_workers, settings) as executor,
+        executor_for(
+            promised_points(survey), n_workers, settings, has_images="cameras" in survey.settings
+        ) as executor,
         opened_recordings(survey, work, images=False, n_threads=n_workers, steps=steps) as recordings,
     ):
         record, found = extract_to(request, recordings, work, executor, steps)

@@ -22,7 +22,7 @@ _PLAIN_WIDTH = 160
 _MAX_NAMES = 12
 
 
-def evaluate(
+def evaluate_command(
     lines: Annotated[Path, typer.Argument(metavar="LINES", help="Extracted lines.")],
     reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="Reference lines.")],
     tolerance_m: Annotated[
@@ -63,13 +63,14 @@ def evaluate(
     Reports completeness, correctness, quality, and lateral and height errors. Scores the kinds that both files hold.
     An empty layer counts as holding its kind, so a kind of which nothing was found is scored too.
     """
-    from linework.errors import UsageError
+    from linework.errors import UsageError, check_extra
     from linework.evaluation.measures import match_lines, scores_of
     from linework.files.output.publish import check_output
 
     if picture is not None:
         if picture.suffix.lower() != ".png":
             raise UsageError(f"cannot write pictures as '{picture.suffix}'", where=picture, advice="use .png")
+        check_extra("reports", where="--picture")
         check_output(picture, overwrite=overwrite)
     names = _parsed_map(kind_map)
     found = _read(lines, "kind", {}, crs)

@@ -22,9 +22,8 @@ from linework.cli.options import (
     Workers,
     WorkFolder,
     read_settings,
-    with_trajectory,
 )
-from linework.cli.startup import announce_compilation, preload_modules
+from linework.cli.startup import preload_modules
 
 
 def extract_command(
@@ -41,6 +40,18 @@ def extract_command(
     method: Annotated[
         str, typer.Option("--method", help="obb or radon (laser points), stereo (images), or auto.")
     ] = "auto",
+    paint_column: Annotated[
+        str,
+        typer.Option(
+            "--paint-column",
+            metavar="NAME",
+            help="Extra dimension with the probability of paint (0 to 1), instead of the intensity.",
+        ),
+    ] = "",
+    carry: Annotated[
+        str,
+        typer.Option("--carry", metavar="NAME,...", help="Extra dimensions of the laser files to read."),
+    ] = "",
     trajectory: TrajectoryFile = None,
     config: RunFile = None,
     crs: Crs = "",
@@ -82,7 +93,8 @@ def extract_command(
             parse_kinds,
             recordings_for,
         )
-        from linework.runs.opened.store import executor_for, usable_cores
+        from linework.runs.compile import compile_stage, compiled_for
+        from linework.runs.opened.store import executor_for, promised_points, usable_cores
         from linework.runs.opened.work_folder import work_folder
         from linework.runs.steps import RunSteps
 
@@ -90,11 +102,18 @@ def extract_command(
         kinds = parse_kinds(features) if features else kinds_of_method(method)
         check_method(method, kinds)
         settings = read_settings(config)
-        survey = with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
+        survey = open_survey(surveys, crs=crs or None)
+        if trajectory is not None:
+            survey = survey.with_trajectory(trajectory)
+        columns = [name.strip() for name in (*carry.split(","), paint_column) if name.strip()]
+        survey = replace(survey, carry=tuple(dict.fromkeys([*survey.carry, *columns])))
         kinds = findable_kinds(kinds, has_points=bool(survey.point_files), asked=bool(features))
         folder, n_workers = work_folder(survey.root, work), workers or usable_cores()
         steps = RunSteps(display)
-        executor = held.enter_context(executor_for(survey, n_workers, settings))
+        compile_stage(compiled_for(survey, kinds, images=recordings_for(method, kinds)["images"]), steps)
+        has_images = "cameras" in survey.settings
+        n_points = promised_points(survey)
+        executor = held.enter_context(executor_for(n_points, n_workers, settings, has_images=has_images))
         preloading = preload_modules(
             "linework.runs.extract", "linework.methods.choose", "linework.files.vectors.gpkg"
         )
@@ -108,10 +127,10 @@ def extract_command(
         preloading.join()
         from linework.runs.extract import extract_to, extraction_request
 
-        announce_compilation(kinds, quiet=quiet)
         request = extraction_request(
-            output, recordings.survey, kinds, method, settings, crs=crs, overwrite=overwrite, resume=resume
-        )
+            output, recordings.survey, kinds, method, settings, crs=crs, paint=paint_column or None,
+            overwrite=overwrite, resume=resume,
+        )  # fmt: skip
         request = replace(request, forget_reviews=forget_reviews)
         record, found = extract_to(request, recordings, folder, executor, steps)
         if report is not None and found is not None:
@@ -129,7 +148,7 @@ def extract_command(
 
 def _check_report(report: Path | None, output: Path, *, overwrite: bool) -> None:
     """Raise, before any work, where the report could not be written at the end."""
-    from linework.errors import UsageError
+    from linework.errors import UsageError, check_extra
     from linework.files.output.publish import check_output
 
     if report is None:
@@ -138,6 +157,7 @@ def _check_report(report: Path | None, output: Path, *, overwrite: bool) -> None
         raise UsageError(f"cannot write reports as '{report.suffix}'", where=report, advice="use .html")
     if report.absolute() == output.absolute():
         raise UsageError("the report would replace the lines", where=report, advice="choose another name")
+    check_extra("reports", where="--report")
     check_output(report, overwrite=overwrite)
 
 

@@ -64,19 +64,23 @@ def serve(
     import asyncio
 
     from linework.cli.failures import Interrupted, save_log
+    from linework.errors import check_extra
     from linework.library.progress import open_display
 
     _check_host(host)
+    for extra in ("workbench", "reports"):
+        check_extra(extra, where="serve")
     settings = read_settings(config)
     with contextlib.ExitStack() as held:
         display = held.enter_context(open_display(quiet=quiet))
-        from linework.cli.startup import announce_compilation
         from linework.methods.kinds import ALL_KINDS
+        from linework.runs.compile import compile_stage
         from linework.runs.opened.store import usable_cores
+        from linework.runs.steps import RunSteps
         from linework.workbench.server.serve import RunningServer, run_server
         from linework.workbench.worker.session import SurveyOrder
 
-        announce_compilation(ALL_KINDS, quiet=quiet)
+        compile_stage((*ALL_KINDS, "stereo"), RunSteps(display))
 
         def ready(app_state: AppState, url: str) -> None:
             display.__exit__(None, None, None)

@@ -10,7 +10,7 @@ import typer
 from linework.cli.options import AsJson, Overwrite, Quiet
 
 
-def simulate(
+def simulate_command(
     out: Annotated[Path, typer.Option("-o", "--out", help="Output folder.", metavar="DIR")],
     seed: Annotated[
         int, typer.Option("--seed", help="Random seed; determines everything that no option sets.")
@@ -51,24 +51,16 @@ def simulate(
 
     import numpy as np
 
-    from linework.files.output.publish import check_output_folder
     from linework.library.progress import open_display
+    from linework.library.simulate import simulate_to
     from linework.runs.steps import RunSteps
-    from linework.simulation.folder import write_survey_folder
-    from linework.simulation.roads.draw import draw_scenario
-    from linework.simulation.sensors.cameras import stereo_survey
-    from linework.simulation.simulate import survey_of
 
-    check_output_folder(out, overwrite=overwrite)
-    scenario = draw_scenario(road, seed, length_m, points_per_m=points_per_m)
-    cameras = None if no_images else stereo_survey(scenario, size=image_size, every_m=image_every_m)
     # Without images it takes seconds: no progress is shown
     with open_display(quiet=quiet or no_images) as display:
-        steps = RunSteps(display)
-        with steps.step("simulate scans"):
-            survey = survey_of(scenario)
-        with steps.step("render images", unit="pairs") as advance:
-            write_survey_folder(survey, out, overwrite=overwrite, cameras=cameras, advance=advance)
+        survey, n_pairs = simulate_to(
+            out, RunSteps(display), road=road, seed=seed, length_m=length_m, points_per_m=points_per_m,
+            images=not no_images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
+        )  # fmt: skip
     kinds, counts = np.unique(survey.truth.kind, return_counts=True)
     result = {
         "survey": str(out),
@@ -76,12 +68,12 @@ def simulate(
         "seed": seed,
         "length_m": length_m,
         "n_points": len(survey.points),
-        "n_pairs": len(cameras) if cameras else 0,
+        "n_pairs": n_pairs,
         "n_truth_lines": {str(k): int(n) for k, n in zip(kinds, counts, strict=True)},
     }
     if as_json:
         typer.echo(json.dumps(result, indent=1))
         return
     lines = ", ".join(f"{n} {k}" for k, n in result["n_truth_lines"].items())  # type: ignore[attr-defined]
-    pairs = f"{len(cameras)} stereo pairs, " if cameras else ""
+    pairs = f"{n_pairs} stereo pairs, " if n_pairs else ""
     typer.echo(f"{out}: {len(survey.points):,} points, {pairs}truth: {lines}")

@@ -173,7 +173,7 @@ def _dashes_at(line: LineSet, dashes: LineSet, spans: FloatArray) -> LineSet:
 def _ends_along(line: LineSet, dashes: LineSet) -> FloatArray:
     """Return the start and end of each dash along the line (k, 2) [m]."""
     along = distance_along(line.xyz)
-    ends = [[foot_along(line.xyz, along, dashes.line(i)[k]) for k in (0, -1)] for i in range(len(dashes))]
+    ends = [[foot_along(line.xyz, along, dashes[i].xyz[k]) for k in (0, -1)] for i in range(len(dashes))]
     return np.sort(np.array(ends, dtype=np.float64).reshape(-1, 2), axis=1)
 
 

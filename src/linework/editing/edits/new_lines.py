@@ -176,7 +176,7 @@ def bridge_gap(head: FloatArray, tail: FloatArray, others: LineSet) -> FloatArra
     beside = [
         found
         for i in np.flatnonzero(np.isin(others.kind, _ALONG)).tolist()
-        if (found := _beside(others.line(i), head[-1], tail[0], gap_m)) is not None
+        if (found := _beside(others[i].xyz, head[-1], tail[0], gap_m)) is not None
     ]
     if beside:
         return min(beside, key=lambda one: one[0])[1]

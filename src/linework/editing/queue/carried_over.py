@@ -74,8 +74,8 @@ def carry_over_reviews(found: LineSet, there: LineSet, judged: LineSet | None = 
     n_again = 0
     # Lines before their parts
     for kind in sorted(set(found.kind.tolist()), key=lambda k: (k in PARTS_OF, k)):
-        own = found.of_kind(kind)
-        sets = [lines.of_kind(kind) for lines in (said, judged, free)]
+        own = found.take(found.kind == kind)
+        sets = [lines.take(lines.kind == kind) for lines in (said, judged, free)]
         left_out, again, by_free = _left_out(own, *sets)
         if kind in PARTS_OF:
             whole = PARTS_OF[kind]
@@ -108,8 +108,8 @@ def _without_whole(
     """Return which places along parts belong to a line that no longer exists."""
     is_in = (said.kind == whole) & (said.review != REJECTED_REVIEW)
     is_out = (said.kind == whole) & (said.review == REJECTED_REVIEW)
-    standing = LineSet.concatenate([said.take(is_in), *(lines.of_kind(whole) for lines in stands)])
-    gone = LineSet.concatenate([said.take(is_out), judged.of_kind(whole)])
+    standing = LineSet.concatenate([said.take(is_in), *(lines.take(lines.kind == whole) for lines in stands)])
+    gone = LineSet.concatenate([said.take(is_out), judged.take(judged.kind == whole)])
     to_gone, _ = distances_beside(own, gone, DOUBLE_APART_M)
     to_standing, _ = distances_beside(own, standing, DOUBLE_APART_M)
     return np.asarray(to_gone < to_standing, dtype=np.bool_)
@@ -151,8 +151,8 @@ def _parts_that_stay(free: LineSet, said: LineSet, new: LineSet) -> BoolArray:
         own, _ = distances_beside(
             parts, said.take((said.kind == whole) & (said.review != REJECTED_REVIEW)), DOUBLE_APART_M
         )
-        found, _ = distances_beside(parts, new.of_kind(whole), DOUBLE_APART_M)
-        again, _ = distances_beside(parts, new.of_kind(kind))
+        found, _ = distances_beside(parts, new.take(new.kind == whole), DOUBLE_APART_M)
+        again, _ = distances_beside(parts, new.take(new.kind == kind))
         belongs = _share(parts, np.isfinite(own) & (own <= found)) >= MOST
         stays[chosen] = belongs & (_share(parts, np.isfinite(again)) < SAME_SHARE)
     return stays

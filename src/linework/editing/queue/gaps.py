@@ -41,7 +41,7 @@ class _Pieces:
 
     def end(self, k: int, side: int) -> tuple[str, FloatArray, str]:
         """Return id, place and review of a piece's end (0: its start along the trajectory)."""
-        line = self.lines.line(self.number[k])
+        line = self.lines[self.number[k]].xyz
         tips = line[[0, -1], :2]
         return str(self.lines.id[self.number[k]]), tips[side], str(self.lines.review[self.number[k]])
 
@@ -155,7 +155,7 @@ def _pieces(lines: LineSet, kind: str, way: DrivenPath, side: float = 0.0) -> _P
     number, along, left = [], [], []
     length_m = lines.length_m
     for i in np.flatnonzero(lines.kind == kind).tolist():
-        xyz = lines.line(i)
+        xyz = lines[i].xyz
         at, off = way.offsets(xyz[:, :2], WITHIN_M)
         near = np.flatnonzero(np.isfinite(at))
         if len(near) < 2 or (side and np.median(off[near]) * side < 0.0):

@@ -107,7 +107,7 @@ def unsure_lines(lines: LineSet, way: DrivenPath) -> list[Suspect]:
     for i in np.flatnonzero((lines.review == "") & ~np.isin(lines.kind, _COMPANIONS)).tolist():
         if any(i in run for run in long_bars):
             continue
-        xyz, sure = lines.line(i), float(lines.confidence[i])
+        xyz, sure = lines[i].xyz, float(lines.confidence[i])
         suspect = Suspect(
             type="line",
             ids=(str(lines.id[i]),),
@@ -140,7 +140,7 @@ def _no_bars(bars: LineSet) -> Suspect:
         type="line",
         ids=tuple(bars.id.tolist()),
         kind="road_marking_other",
-        at=line_middle(bars.line(0)),
+        at=line_middle(bars[0].xyz),
         box=view_box(bars.xyz),
         # Wrong under its present kind, and missing under its true kind
         length_m=2.0 * whole_m,
@@ -157,7 +157,7 @@ def _long_bars(lines: LineSet, way: DrivenPath) -> list[list[int]]:
     is_bar = (lines.kind == "road_marking_other") & (lines.review == "") & (length_m > LONGEST_BAR_M)
     rows: list[tuple[float, list[int]]] = []
     for i in np.flatnonzero(is_bar).tolist():
-        along, left_m = way.offsets(lines.line(i)[[0, -1], :2], VIEW_M)
+        along, left_m = way.offsets(lines[i].xyz[[0, -1], :2], VIEW_M)
         if len(way) and not abs(along[1] - along[0]) > 0.7 * length_m[i]:
             continue
         off = float(left_m.mean()) if len(way) else float(i)
@@ -233,7 +233,7 @@ def missing_dashes(lines: LineSet, paint: Mapping[str, FloatArray] | None = None
             type="dashes",
             ids=tuple(bare.id.tolist()),
             kind="lane_marking_dash",
-            at=line_middle(bare.line(0)),
+            at=line_middle(bare[0].xyz),
             box=view_box(bare.xyz),
             length_m=missing_m,
             confidence=there_m / (there_m + missing_m),
@@ -263,10 +263,10 @@ def _line_of_dashes(lines: LineSet, markings: IntArray) -> IntArray:
     is_dash = lines.kind == "lane_marking_dash"
     if not is_dash.any() or len(markings) == 0:
         return owner
-    every = [line_stations(lines.line(i), ON_LINE_M) for i in markings.tolist()]
+    every = [line_stations(lines[i].xyz, ON_LINE_M) for i in markings.tolist()]
     origin = every[0][0]
     tree = cKDTree(np.concatenate(every) - origin)
-    middles = np.array([line_middle(lines.line(i)) for i in np.flatnonzero(is_dash).tolist()])
+    middles = np.array([line_middle(lines[i].xyz) for i in np.flatnonzero(is_dash).tolist()])
     distance, nearest = tree.query(middles - origin)
     line = np.repeat(markings, [len(places) for places in every])[nearest]
     owner[is_dash] = np.where(distance <= ON_LINE_M, line, -1)
@@ -292,8 +292,8 @@ def loose_wires(lines: LineSet) -> list[Suspect]:
     every = np.flatnonzero(lines.kind == "cable")
     if len(number) == 0:
         return []
-    tips = np.concatenate([lines.line(i)[[0, -1]] for i in every.tolist()])
-    ways = np.concatenate([lines.line(i)[[1, -2], :2] for i in every.tolist()]) - tips[:, :2]
+    tips = np.concatenate([lines[i].xyz[[0, -1]] for i in every.tolist()])
+    ways = np.concatenate([lines[i].xyz[[1, -2], :2] for i in every.tolist()]) - tips[:, :2]
     ways /= -np.maximum(np.hypot(*ways.T), 1e-9)[:, None]
     owner = np.repeat(every, 2)
     near = cKDTree(tips - tips[0]).query_ball_point(tips - tips[0], SAME_POLE_M)

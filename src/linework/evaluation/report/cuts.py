@@ -9,16 +9,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from linework.arrays import AnyArray, FloatArray, distance_along
+from linework.errors import extra_needed
 from linework.evaluation.report.plan import COLOURS
 from linework.evaluation.report.scores_figure import FOUND_COLOUR, WIDTH_IN
 from linework.model.grid import Bounds
 from linework.model.lines import LineSet
 from linework.model.points import Points
+
+with extra_needed("reports"):
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 #: Reach of a cut to either side, and its thickness [m]: a few scan lines.
 _KERB_REACH_M, _KERB_THICK_M = 0.5, 0.5
@@ -92,13 +95,13 @@ def kerb_cuts(
 
     Boundaries with a kerb take precedence over longer ones without; () where there is no boundary.
     """
-    bounds = lines.of_kind("road_boundary")
+    bounds = lines["road_boundary"]
     if len(bounds) == 0:
         return ()
     longest = int(np.lexsort((bounds.length_m, bounds.form == "kerb"))[-1])
     cuts = []
     for chainage_m in measured_chainages(bounds, longest, n):
-        station = station_at(bounds.line(longest), chainage_m)
+        station = station_at(bounds[longest].xyz, chainage_m)
         step = bounds.height_m[longest]
         size = f": step {100 * step:.0f} cm" if np.isfinite(step) else ""
         name = str(bounds.form[longest] or "road boundary")
@@ -119,7 +122,7 @@ def marking_cuts(
     cuts = []
     for i in np.argsort(-painted.length_m, kind="stable")[:n].tolist():
         for chainage_m in measured_chainages(painted, i, 1):
-            station = station_at(painted.line(i), chainage_m)
+            station = station_at(painted[i].xyz, chainage_m)
             width = painted.width_m[i]
             size = f": {100 * width:.0f} cm wide" if np.isfinite(width) else ""
             name = "dash" if painted.kind[i] == "lane_marking_dash" else str(painted.pattern[i] or "marking")
@@ -185,7 +188,7 @@ def _cut(
         inside &= np.abs(up) <= _OFF_ROAD_M
     sets = [s if s is not None else LineSet.empty() for s in (lines, reference)]
     (found, width_m), (truth, _) = (_crossings(_of_kinds(s, kinds), station, reach_m) for s in sets)
-    (found_top, _), (truth_top, _) = (_crossings(s.of_kind("kerb_top"), station, reach_m) for s in sets)
+    (found_top, _), (truth_top, _) = (_crossings(s["kerb_top"], station, reach_m) for s in sets)
     intensity = None if points.intensity is None else points.intensity[inside]
     return Cut(
         title, np.stack([b, up], axis=1)[inside], intensity, found, truth, found_top, truth_top, width_m
@@ -212,7 +215,7 @@ def _crossings(lines: LineSet, station: CutStation, reach_m: float) -> tuple[Flo
     """Return where lines cross the plane of a cut: (k, 2) distance across and height [m], and (k,) widths [m]."""
     found, width_m = [np.zeros((0, 2))], []
     for i in range(len(lines)):
-        local = lines.line(i) - station.xyz
+        local = lines[i].xyz - station.xyz
         a, b = local[:, :2] @ station.along, local[:, :2] @ station.right
         for k in np.flatnonzero((a[:-1] <= 0) != (a[1:] <= 0)):
             part = a[k] / (a[k] - a[k + 1])

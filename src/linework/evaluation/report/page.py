@@ -9,11 +9,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from matplotlib.figure import Figure
 
 from linework.arrays import BoolArray
-from linework.errors import InputError
+from linework.errors import InputError, extra_needed
 from linework.evaluation.report.cuts import kerb_cuts, kerb_figure, marking_cuts, marking_figure
 from linework.evaluation.report.plan import PointsIn, close_up_figure, plan_figure
 from linework.evaluation.report.scores_figure import hits_figure, plot_png, tolerance_figure
@@ -28,6 +26,10 @@ from linework.model.points import Points
 from linework.runs.opened.points import points_for_pictures
 from linework.runs.opened.recordings import Recordings
 from linework.runs.record import facts_of_run
+
+with extra_needed("reports"):
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from matplotlib.figure import Figure
 
 #: Tables with more rows than fit a screen are collapsed.
 _LONG_TABLE = 25

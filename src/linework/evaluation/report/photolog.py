@@ -14,13 +14,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from linework.arrays import FloatArray, IntArray
-from linework.errors import InputError
+from linework.errors import InputError, extra_needed
 from linework.files.images.screen import image_thumbnail
 from linework.files.vectors.point_layers import relative_path
 from linework.model.logs import Events, LoggedPlaces, Photos, VanLog
+
+with extra_needed("reports"):
+    from jinja2 import Environment, PackageLoader, StrictUndefined
 
 #: Most thumbnails on a page: 3 MB at 6 kB each. On longer drives their spacing grows.
 MAX_PICTURES = 500

@@ -7,18 +7,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from linework.arrays import FloatArray
+from linework.errors import extra_needed
 from linework.evaluation.report.scores_figure import WIDTH_IN, main_direction, panel_height, turned_in_plan
 from linework.imaging.brightness import brightness_picture, near_ground
 from linework.imaging.picture import draw_north_arrow, draw_scale_bar
 from linework.model.grid import Bounds
 from linework.model.lines import KINDS, LineSet
 from linework.model.points import Points
+
+with extra_needed("reports"):
+    from matplotlib.axes import Axes
+    from matplotlib.collections import LineCollection
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 #: A colour per kind; they differ for most eyes, on white as on grey.
 COLOURS = dict(
@@ -190,7 +193,7 @@ def _draw_lines(ax: Axes, lines: LineSet, view: PlanView, box: Box, width: float
     for is_bridged, style in ((False, "solid"), (True, (0, (1.0, 1.6)))):
         runs, colours = [], []
         for i in order:
-            positions = view.in_plan(lines.line(i)[:, :2])
+            positions = view.in_plan(lines[i].xyz[:, :2])
             bridged = lines.bridged[lines.offsets[i] : lines.offsets[i + 1]]
             own = _runs(positions, (bridged[:-1] | bridged[1:]) == is_bridged)
             runs += own

@@ -7,17 +7,20 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from linework.arrays import BoolArray, FloatArray
+from linework.errors import extra_needed
 from linework.evaluation.chains import Chains, LinePieces
 from linework.evaluation.match import TIE_M, PieceMatch
 from linework.evaluation.tolerance import KindMatch
 from linework.evaluation.values import KindScores, Scores
 from linework.imaging.picture import draw_north_arrow, draw_scale_bar
+
+with extra_needed("reports"):
+    from matplotlib.axes import Axes
+    from matplotlib.collections import LineCollection
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 FOUND_COLOUR, _MISSED_COLOUR, _WRONG_COLOUR, _HIDDEN_COLOUR = "#2a9d3f", "#d1242f", "#f58b1f", "#b8b8b8"
 #: Width of all figures of a report [inch]: 1210 pixels at 110 dpi, the width of the page.

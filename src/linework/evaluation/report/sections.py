@@ -9,14 +9,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from linework.arrays import FloatArray, distance_along
+from linework.errors import extra_needed
 from linework.evaluation.report.plan import COLOURS
 from linework.evaluation.report.scores_figure import WIDTH_IN
 from linework.model.lines import LineSet
 from linework.model.points import Points
+
+with extra_needed("reports"):
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 #: Half the thickness of a slice across a guardrail [m]: a few scan lines fall into it.
 _RAIL_HALF_THICK_M = 0.3
@@ -72,11 +75,11 @@ def rail_sections(
     Slices are 0.6 m thick, so that a few scan lines fall into each. Right is to the right of the drawing
     direction of the line.
     """
-    rails = lines.of_kind("guardrail")
+    rails = lines["guardrail"]
     if len(rails) == 0 or len(points) == 0:
         return ()
     longest = int(np.argmax(rails.length_m))
-    rail = rails.line(longest)
+    rail = rails[longest].xyz
     chainage_m = distance_along(rail[:, :2], in_space=True)
     height_m = float(rails.height_m[longest])
     sections = []
@@ -109,10 +112,10 @@ def cable_section(
     half_width_m
         Half the thickness of the slice. [m]
     """
-    cables = lines.of_kind("cable")
+    cables = lines["cable"]
     if len(cables) == 0 or len(points) == 0:
         return None
-    longest = cables.line(int(np.argmax(cables.length_m)))
+    longest = cables[int(np.argmax(cables.length_m))].xyz
     start, end = longest[0, :2], longest[-1, :2]
     span_m = float(np.linalg.norm(end - start))
     if span_m == 0:
@@ -124,9 +127,7 @@ def cable_section(
     flat = _flattened(points.xyz, middle, right, along, half_width_m, span_m / 2 + _BEYOND_SPAN_M)
     found = _within(cables, middle, along, right, half_width_m, span_m)
     truth = (
-        []
-        if reference is None
-        else _within(reference.of_kind("cable"), middle, along, right, half_width_m, span_m)
+        [] if reference is None else _within(reference["cable"], middle, along, right, half_width_m, span_m)
     )
     bottom = float(flat[:, 1].min()) if len(flat) else float(longest[:, 2].min())
     top = max([flat[:, 1].max(initial=bottom)] + [line[:, 1].max() for line in [*found, *truth]])
@@ -154,10 +155,10 @@ def _crossings(
     lines: LineSet, centre: FloatArray, along: FloatArray, right: FloatArray, half_width_m: float
 ) -> list[FloatArray]:
     """Return the points, each (1, 2) [m], where guardrails cross the plane perpendicular to `along`."""
-    rails = lines.of_kind("guardrail")
+    rails = lines["guardrail"]
     places = []
     for i in range(len(rails)):
-        rail = rails.line(i)
+        rail = rails[i].xyz
         local = rail[:, :2] - centre
         a, b = local @ along, local @ right
         for k in np.flatnonzero((a[:-1] <= 0) != (a[1:] <= 0)):
@@ -174,7 +175,7 @@ def _within(
     """Return the lines with most vertices in the slice, each (k, 2) [m], projected onto it."""
     flat = []
     for i in range(len(lines)):
-        line = lines.line(i)
+        line = lines[i].xyz
         local = line[:, :2] - middle
         a, b = local @ along, local @ right
         inside = (np.abs(b) <= half_width_m) & (np.abs(a) <= span_m / 2 + _BEYOND_SPAN_M)

@@ -9,16 +9,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from linework.arrays import FloatArray, IntArray, distance_along
+from linework.errors import extra_needed
 from linework.evaluation.report.plan import COLOURS
 from linework.evaluation.report.scores_figure import WIDTH_IN
 from linework.model.camera import RectifiedRig
 from linework.model.images import Poses, RectifiedPair
 from linework.model.lines import LineSet
+
+with extra_needed("reports"):
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 #: Least and greatest distance ahead of the cameras at which lines are drawn [m]: nearer they are below the image,
 #: farther they are thinner than a pixel.
@@ -93,7 +96,7 @@ def views_figure(views: StereoViews, lines: LineSet, numbers: Sequence[int]) -> 
             ax.set(xticks=[], yticks=[])
         panels[row, 0].set_title(f"pair {number}, {pair.time_s:.2f} s", loc="left", fontsize=8)
         for k in range(len(lines)):
-            left, right, rows = in_image(lines.line(k), views.poses, i, pair.rig)
+            left, right, rows = in_image(lines[k].xyz, views.poses, i, pair.rig)
             kind = str(lines.kind[k]).removesuffix("_stereo")
             if np.isfinite(left).any():
                 drawn.add(kind)

@@ -248,7 +248,7 @@ def kinds_table(lines: LineSet) -> ReportTable:
     """Return number, length, confidence, sigmas and sizes of the lines by kind, form and pattern."""
     rows = []
     for kind in dict.fromkeys(str(kind) for kind in lines.kind):
-        own = lines.of_kind(kind)
+        own = lines.take(lines.kind == kind)
         rows.append((kind, *_figures(own)))
         group = getattr(own, GROUPED_BY[kind]) if kind in GROUPED_BY else own.kind
         values = sorted(set(group.tolist()))

@@ -6,15 +6,18 @@ import base64
 import html
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from linework.arrays import BoolArray, FloatArray, IntArray
+from linework.errors import extra_needed
 from linework.evaluation.report.scores_figure import plot_png
 from linework.imaging.picture import draw_scale_bar
 from linework.navigation.located import LocatedDrive
+
+with extra_needed("reports"):
+    from matplotlib.axes import Axes
+    from matplotlib.collections import LineCollection
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 _WITH_FIXES, _OUTAGE, _OUTLIER = "#1f77b4", "#e06c00", "#d1242f"
 #: Most poses drawn: more than the figure has pixels show nothing more.

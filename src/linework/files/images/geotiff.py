@@ -6,14 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import rasterio
-from rasterio.errors import RasterioError
 
 import linework.files.input  # noqa: F401 (restricts GDAL)
 from linework.crs import LOCAL, parse_crs
-from linework.errors import MachineError, UsageError
+from linework.errors import MachineError, UsageError, extra_needed
 from linework.files.output.publish import publish
 from linework.model.grid import Image
+
+with extra_needed("reports"):
+    import rasterio
+    from rasterio.errors import RasterioError
 
 _DTYPES = ("float32", "uint8", "uint32")
 #: Edge of a tile [pixels]: GDAL's default for cloud optimised files.

@@ -8,16 +8,18 @@ import warnings
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
-import PIL.Image
 
 from linework.arrays import AnyArray
-from linework.errors import InputError
+from linework.errors import InputError, needed
 from linework.files.input import filled_file_bytes
 from linework.model.camera import Camera, StereoRig
 from linework.model.images import ImagePair
+
+if TYPE_CHECKING:
+    import PIL.Image
 
 #: Formats that cameras write; Pillow's fifty other decoders are not needed.
 _FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM")
@@ -111,19 +113,25 @@ def most_bytes(camera: Camera) -> int:
     return camera.width * camera.height * _MAX_BYTES_PER_PIXEL + _MAX_NOTES_BYTES
 
 
+def _pillow() -> Any:
+    """Return Pillow's module of images, which opens all of them."""
+    return needed("PIL.Image", "stereo", where="images")
+
+
 @contextlib.contextmanager
 def image_errors(path: Path, expected: str = "") -> Iterator[None]:
     """Turn the errors that Pillow raises for a damaged file into one line that names it."""
+    pillow = _pillow()
     with warnings.catch_warnings():
         # One of Pillow's warnings is about decompression bombs, the others about damaged Exif
         warnings.simplefilter("ignore")
-        warnings.simplefilter("error", PIL.Image.DecompressionBombWarning)
+        warnings.simplefilter("error", pillow.DecompressionBombWarning)
         try:
             yield
         except InputError:
             raise
-        except (PIL.Image.DecompressionBombWarning, PIL.Image.DecompressionBombError) as error:
-            raise InputError(f"image of more than {PIL.Image.MAX_IMAGE_PIXELS:,} pixels{expected}", where=path,
+        except (pillow.DecompressionBombWarning, pillow.DecompressionBombError) as error:
+            raise InputError(f"image of more than {pillow.MAX_IMAGE_PIXELS:,} pixels{expected}", where=path,
                              advice="check what this file is") from error  # fmt: skip
         # Decoders raise many types: SyntaxError, struct.error, KeyError, MemoryError ...
         except Exception as error:
@@ -133,11 +141,13 @@ def image_errors(path: Path, expected: str = "") -> Iterator[None]:
 
 def open_image(file: BinaryIO, path: Path) -> PIL.Image.Image:
     """Return an image with its header read."""
+    pillow = _pillow()
     try:
-        return PIL.Image.open(file, formats=_FORMATS)
-    except PIL.UnidentifiedImageError as error:
+        image: PIL.Image.Image = pillow.open(file, formats=_FORMATS)
+    except pillow.UnidentifiedImageError as error:
         raise InputError("not an image (PNG, JPEG, TIFF, BMP, PGM), or its header is damaged", where=path,
                          advice="check what this file is") from error  # fmt: skip
+    return image
 
 
 def _decoded(data: bytes, path: Path, camera: Camera, *, in_colour: bool) -> AnyArray:
@@ -247,4 +257,4 @@ def check_last_rows(values: AnyArray, path: Path, *, is_jpeg: bool) -> None:
 def write_grey_png(image: AnyArray, path: Path) -> None:
     """Write a (height, width) uint8 image as PNG; the same image gives the same bytes."""
     # Level 6 of zlib: 9 saves 1 % on noisy images and takes three times as long
-    PIL.Image.fromarray(image).save(path, format="PNG", compress_level=6)
+    _pillow().fromarray(image).save(path, format="PNG", compress_level=6)

@@ -9,13 +9,15 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-import PIL.Image
 
-from linework.errors import InputError
+from linework.errors import InputError, extra_needed
 from linework.files.handles import NOT_WAITING
 from linework.files.images.read import DAMAGED, decoded_image, image_errors, most_bytes, open_image
 from linework.files.input import filled_file_bytes
 from linework.model.camera import Camera
+
+with extra_needed("stereo"):
+    import PIL.Image
 
 #: JPEG quality at which edges of paint look sharp, with an eighth of the bytes of a PNG.
 _JPEG_QUALITY = 90

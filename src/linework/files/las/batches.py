@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import io
+import operator
 import os
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +16,9 @@ from typing import Any
 import lazrs
 import numpy as np
 
-from linework.arrays import AnyArray, BoolArray, FloatArray
+from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray
 from linework.errors import InputError
+from linework.files.las.columns import LasColumn
 from linework.files.las.header import LasHeader
 from linework.model.points import FARTHEST_COORDINATE_M
 
@@ -46,6 +49,8 @@ class LasBatch:
         (n,) uint16.
     time_s
         (n,) float64 [s] as stored, or None where the point format has no time.
+    columns
+        (k, n) float32: the further columns that were asked for; NaN where the file has none of that name.
     is_noise, is_absurd, is_untimed
         (n,) bool: noise class or withheld; coordinates outside any projected CRS; a time outside all known epochs.
         None: no such point.
@@ -54,6 +59,7 @@ class LasBatch:
     xyz: FloatArray
     intensity: AnyArray
     time_s: FloatArray | None
+    columns: Float32Array
     is_noise: BoolArray | None
     is_absurd: BoolArray | None
     is_untimed: BoolArray | None
@@ -67,6 +73,7 @@ def read_las_batches(
     header: LasHeader,
     *,
     factors: tuple[float, float] = (1.0, 1.0),
+    carry: Sequence[str] = (),
     batch_points: int = BATCH_POINTS,
     is_sequential: bool = False,
 ) -> Generator[LasBatch, None, None]:
@@ -76,6 +83,8 @@ def read_las_batches(
     ----------
     factors
         Metres per unit of the file, in plan and in height.
+    carry
+        Names of the further columns to read.
     batch_points
         Approximate number of points in a batch.
     is_sequential
@@ -91,16 +100,18 @@ def read_las_batches(
     Decoders release the interpreter lock: a thread fills some buffers while another buffer is converted.
     """
     n_batch = _rounded_batch(header, batch_points)
-    record = _record_dtype(header)
+    further = [header.columns.get(name) for name in carry]
+    record = _record_dtype(header, further)
     starts = range(0, header.n_points, n_batch)
     n_buffers = min(_BUFFERS, len(starts))
     buffers = [np.empty(n_batch * header.record_bytes, dtype=np.uint8) for _ in range(n_buffers)]
-    columns = _Columns.empty(n_batch, has_time=header.has_time)
+    columns = _Columns.empty(n_batch, len(carry), has_time=header.has_time)
     with (
         path.open("rb") as file,
         ThreadPoolExecutor(max_workers=1, thread_name_prefix="decode") as pool,
     ):
-        source = RecordSource(path, file, header, is_sequential=is_sequential)
+        layers = [column.layer for column in further if column is not None]
+        source = RecordSource(path, file, header, layers, is_sequential=is_sequential)
 
         def decode(i: int) -> AnyArray:
             n = min(n_batch, header.n_points - starts[i])
@@ -109,7 +120,7 @@ def read_las_batches(
         try:
             ahead = deque(pool.submit(decode, i) for i in range(n_buffers))
             for i in range(n_buffers, len(starts) + n_buffers):
-                batch = _converted(ahead.popleft().result().view(record), header, factors, columns)
+                batch = _converted(ahead.popleft().result().view(record), header, factors, columns, further)
                 # Its buffer is free again
                 if i < len(starts):
                     ahead.append(pool.submit(decode, i))
@@ -131,7 +142,7 @@ def _rounded_batch(header: LasHeader, batch_points: int) -> int:
     return min(batch, header.n_points)
 
 
-def _record_dtype(header: LasHeader) -> np.dtype[Any]:
+def _record_dtype(header: LasHeader, further: Sequence[LasColumn | None]) -> np.dtype[Any]:
     """Return the dtype with the offsets of the fields in use (specification tables 7 to 17)."""
     fields = {"x": ("<i4", 0), "y": ("<i4", 4), "z": ("<i4", 8), "intensity": ("<u2", 12)}
     if header.point_format >= 6:
@@ -140,6 +151,7 @@ def _record_dtype(header: LasHeader) -> np.dtype[Any]:
         fields |= {"class": ("u1", 15)}
         if header.has_time:
             fields |= {"time": ("<f8", 20)}
+    fields |= {f"further {i}": (column.dtype, column.offset) for i, column in enumerate(further) if column}
     return np.dtype({
         "names": list(fields), "formats": [f for f, _ in fields.values()],
         "offsets": [o for _, o in fields.values()], "itemsize": header.record_bytes,
@@ -153,14 +165,22 @@ class _Columns:
     xyz: FloatArray
     intensity: AnyArray
     time_s: FloatArray | None
+    further: Float32Array
 
     @classmethod
-    def empty(cls, n: int, *, has_time: bool) -> _Columns:
-        return cls(np.empty((n, 3)), np.empty(n, dtype=np.uint16), np.empty(n) if has_time else None)
+    def empty(cls, n: int, n_further: int, *, has_time: bool) -> _Columns:
+        time_s = np.empty(n) if has_time else None
+        # NaN stays where a file has no column of a name
+        further = np.full((n_further, n), np.nan, np.float32)
+        return cls(np.empty((n, 3)), np.empty(n, dtype=np.uint16), time_s, further)
 
 
 def _converted(
-    records: AnyArray, header: LasHeader, factors: tuple[float, float], columns: _Columns
+    records: AnyArray,
+    header: LasHeader,
+    factors: tuple[float, float],
+    columns: _Columns,
+    further: Sequence[LasColumn | None],
 ) -> LasBatch:
     n = len(records)
     xyz, intensity = columns.xyz[:n], columns.intensity[:n]
@@ -179,9 +199,13 @@ def _converted(
         # NaN compares false; the two extremes cost less than a mask
         if not (time.min() >= EARLIEST_S and time.max() <= LATEST_S):
             is_untimed = ~((time >= EARLIEST_S) & (time <= LATEST_S))
+    for i, found in enumerate(further):
+        if found is not None:
+            found.values(records[f"further {i}"], columns.further[i, :n])
     return LasBatch(
-        xyz, intensity, time, _noise(records, header.point_format), _absurd(xyz, header, factors), is_untimed
-    )
+        xyz, intensity, time, columns.further[:, :n],
+        _noise(records, header.point_format), _absurd(xyz, header, factors), is_untimed,
+    )  # fmt: skip
 
 
 def _noise(records: AnyArray, point_format: int) -> BoolArray | None:
@@ -209,12 +233,24 @@ _VARIABLE_CHUNKS = 0xFFFFFFFF
 
 
 class RecordSource:
-    """Point records of one file, plain or decompressed, read in order into buffers."""
+    """Point records of one file, plain or decompressed, read in order into buffers.
+
+    Parameters
+    ----------
+    layers
+        Parts of a compressed file that are unpacked beside the usual ones, as lazrs numbers them.
+    """
 
     def __init__(
-        self, path: Path, file: io.BufferedReader, header: LasHeader, *, is_sequential: bool
+        self,
+        path: Path,
+        file: io.BufferedReader,
+        header: LasHeader,
+        layers: Sequence[int] = (),
+        *,
+        is_sequential: bool,
     ) -> None:
-        self._path, self._file, self._header = path, file, header
+        self._path, self._file, self._header, self._layers = path, file, header, layers
         self._is_sequential = is_sequential
         self._fill: Callable[[AnyArray], None] | None = None
 
@@ -243,11 +279,12 @@ class RecordSource:
         self._file.seek(offset)
         if laz is None:
             return self._fill_plain
-        selection = lazrs.DecompressionSelection(
-            lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL | lazrs.SELECTIVE_DECOMPRESS_Z
-            | lazrs.SELECTIVE_DECOMPRESS_INTENSITY | lazrs.SELECTIVE_DECOMPRESS_GPS_TIME
-            | lazrs.SELECTIVE_DECOMPRESS_CLASSIFICATION | lazrs.SELECTIVE_DECOMPRESS_FLAGS
+        usual = (
+            lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL, lazrs.SELECTIVE_DECOMPRESS_Z,
+            lazrs.SELECTIVE_DECOMPRESS_INTENSITY, lazrs.SELECTIVE_DECOMPRESS_GPS_TIME,
+            lazrs.SELECTIVE_DECOMPRESS_CLASSIFICATION, lazrs.SELECTIVE_DECOMPRESS_FLAGS,
         )  # fmt: skip
+        selection = lazrs.DecompressionSelection(functools.reduce(operator.or_, (*usual, *self._layers)))
         if laz.is_sound and not self._is_sequential:
             return lazrs.ParLasZipDecompressor(self._file, laz.vlr, selection).decompress_many  # type: ignore[no-any-return]
         source: io.BufferedIOBase = self._file

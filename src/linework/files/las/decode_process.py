@@ -105,15 +105,16 @@ def _write(task: DecodeTask, header: LasHeader, tally: LasTally, report: SendRep
     written = _Written(tally, task, header)
     writer = None
     batches = read_las_batches(
-        task.path, header, factors=task.factors, batch_points=task.batch_points, is_sequential=task.is_sequential
+        task.path, header, factors=task.factors, carry=task.carry, batch_points=task.batch_points,
+        is_sequential=task.is_sequential,
     )  # fmt: skip
     try:
         with contextlib.closing(batches):
             for batch in batches:
                 writer = writer or _writer(task.target, report)
                 first = -tally.n_kept % task.sample_step
-                xyz, intensity, time = tally.add(batch)
-                writer.append(xyz, intensity, time)
+                xyz, intensity, time, columns = tally.add(batch)
+                writer.append(xyz, intensity, time, columns)
                 written.samples.append(xyz[first :: task.sample_step].copy())
                 written.box.add(xyz, tally.low, tally.high)
                 written.repeats.add(xyz, intensity, time)

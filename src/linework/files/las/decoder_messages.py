@@ -40,6 +40,8 @@ class DecodeTask:
         Laser file, and the file of the tile store to write.
     factors
         Metres per unit of the file, in plan and in height.
+    carry
+        Names of the further columns to write, in their order.
     sample_step
         Every `sample_step`-th of the points used is part of the sample.
     repeat_bits
@@ -53,6 +55,7 @@ class DecodeTask:
     path: Path
     target: Path
     factors: tuple[float, float] = (1.0, 1.0)
+    carry: tuple[str, ...] = ()
     sample_step: int = 1
     repeat_bits: int = 0
     batch_points: int = BATCH_POINTS
@@ -67,8 +70,8 @@ class DecodeTask:
         """Return the task of a message made by `to_message`."""
         document = json.loads(message)
         horizontal, vertical = document.pop("factors")
-        path, target = Path(document.pop("path")), Path(document.pop("target"))
-        return cls(path=path, target=target, factors=(horizontal, vertical), **document)
+        path, target, carry = Path(document.pop("path")), Path(document.pop("target")), document.pop("carry")
+        return cls(path=path, target=target, factors=(horizontal, vertical), carry=tuple(carry), **document)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import os
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -21,6 +22,7 @@ from typing import BinaryIO
 from linework.errors import InputError
 from linework.files.input import open_input
 from linework.files.las.chunks import LazTable, read_laz_table, refuse_unfinished
+from linework.files.las.columns import LasColumn, columns_of_las
 
 #: Bytes of a point record without extra bytes, by point format (specification tables 7 to 17).
 RECORD_BYTES = {0: 20, 1: 28, 2: 26, 3: 34, 4: 57, 5: 63, 6: 30, 7: 36, 8: 38, 9: 59, 10: 67}
@@ -44,6 +46,8 @@ class LasHeader:
         Bounding box of the points according to the header; None where it is invalid. [unit of the file]
     projection
         The CRS records as (record id, bytes).
+    columns
+        Further columns of the points by name, extra dimensions first.
     """
 
     version: tuple[int, int]
@@ -57,6 +61,7 @@ class LasHeader:
     high: tuple[float, float, float] | None
     has_adjusted_time: bool
     projection: tuple[tuple[int, bytes], ...]
+    columns: Mapping[str, LasColumn]
     laz: LazTable | None
     warnings: tuple[str, ...]
 
@@ -118,10 +123,11 @@ class _Reader:
             self.warnings += laz.warnings
         else:
             self._check_length(n_points, point_offset, record_bytes, end)
+        columns = columns_of_las(point_format, record_bytes, RECORD_BYTES[point_format], records)
         projection = tuple((record, data) for user, record, data in records if user == b"LASF_Projection")
         return LasHeader(
             version, point_format, record_bytes, n_points, point_offset, scales, offsets, low, high,
-            bool(encoding & _HAS_ADJUSTED_TIME), projection, laz, tuple(self.warnings),
+            bool(encoding & _HAS_ADJUSTED_TIME), projection, columns, laz, tuple(self.warnings),
         )  # fmt: skip
 
     def _head(self) -> tuple[bytes, tuple[int, int]]:
@@ -247,7 +253,7 @@ def read_records(path: Path, file: BinaryIO, start: int, n_records: int, end: in
 def read_extended_records(
     path: Path, file: BinaryIO, start: int, n_records: int, n_bytes: int
 ) -> list[Record]:
-    """Return the CRS records among the extended ones; others (waveforms, COPC hierarchy) are skipped.
+    """Return the records of CRS and extra bytes among the extended ones; others (waveforms, COPC) are skipped.
 
     Parameters
     ----------
@@ -276,7 +282,7 @@ def read_extended_records(
         if at + EXTENDED_HEAD_BYTES + length > n_bytes:
             raise _error(path, f"extended record {i + 1:,} of {n_records:,} runs past the end of the file")
         name = user.split(b"\0")[0]
-        if name == b"LASF_Projection" and length <= _MAX_EXTENDED_BYTES:
+        if name in (b"LASF_Projection", b"LASF_Spec") and length <= _MAX_EXTENDED_BYTES:
             found.append((name, record, file.read(length)))
         at += EXTENDED_HEAD_BYTES + length
     return found

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from linework.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from linework.errors import InputError
 from linework.files.las.batches import LasBatch
 from linework.files.las.header import LasHeader
@@ -184,16 +184,24 @@ class LasTally:
     in_time_order: bool = True
     _last_s: float = -np.inf
 
-    def add(self, batch: LasBatch) -> tuple[FloatArray, AnyArray, FloatArray | None]:
-        """Add a batch, and return coordinates (n, 3) [m], intensities (n,) and times (n,) [s] of the points used."""
+    def add(self, batch: LasBatch) -> tuple[FloatArray, AnyArray, FloatArray | None, Float32Array]:
+        """Add a batch, and return the points used.
+
+        Returns
+        -------
+        tuple
+            Coordinates (n, 3) [m], intensities (n,), times (n,) [s] and further columns (k, n).
+        """
         self.n_read += len(batch)
         self.has_intensity = self.has_intensity or bool(batch.intensity.any())
         xyz, intensity, time = batch.xyz, batch.intensity, batch.time_s if self.uses_time else None
+        columns = batch.columns
         if time is not None:
             self._add_all_times(time, batch.is_untimed)
         kept = self._kept(batch)
         if kept is not None:
             xyz, intensity, time = xyz[kept], intensity[kept], None if time is None else time[kept]
+            columns = columns[:, kept]
         self.n_kept += len(xyz)
         if len(xyz):
             for axis in range(3):  # column by column: ten times as fast as along the first axis of all
@@ -201,7 +209,7 @@ class LasTally:
                 self.high[axis] = max(self.high[axis], xyz[:, axis].max())
             if time is not None:
                 self._add_used_times(time)
-        return xyz, intensity, time
+        return xyz, intensity, time, columns
 
     def _kept(self, batch: LasBatch) -> BoolArray | None:
         """Return which points are used (None: all), and count the others by the first reason that applies."""

@@ -19,12 +19,12 @@ from linework.files.vectors.fields import (
     REVIEWED,
     field_values,
     fields_of_kind,
-    geometries,
     layer_names,
 )
 from linework.files.vectors.gpkg import STYLE_TABLE, VERTEX_TABLE, null_if_empty, style_columns
 from linework.files.vectors.gpkg_schema import LayerTable, add_table, geometry_blobs, shape_bounds, sql_values
 from linework.model.lines import VERTEX_COLUMNS, LineSet
+from linework.model.lineset.geometries import geometries
 
 #: How long to wait for another program: QGIS holds the file while it saves a layer. [s]
 WAIT_S = 5.0

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import shutil
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
-from linework.errors import InputError, MachineError, argument
+from linework.errors import InputError, MachineError, argument, did_you_mean
 from linework.files.las.crs import ResolvedCrs, resolve_crs
 from linework.files.las.decoder import Decoder, DecoderLimits
 from linework.files.las.decoder_messages import Decoded, DecodeTask
@@ -66,8 +66,9 @@ def build_store(
     # The process starts while the headers are read
     with Decoder(n_threads, limits or DecoderLimits()) as decoder:
         planned, account = plan_files(survey)
+        lacking = _files_without(planned, survey.carry)
         check_free_space(folder, sum(file.header.n_points for file in planned), len(survey.carry))
-        decoded = _decode_all(decoder, planned, account, folder, progress)
+        decoded = _decode_all(decoder, planned, account, folder, survey.carry, progress)
     if not decoded:
         first = next((account.failures[p] for p in survey.point_files if p in account.failures), None)
         raise first or account.empty or InputError("no points", where=survey.root)
@@ -75,7 +76,7 @@ def build_store(
     results = [result for _, result in decoded]
     n_points = sum(result.n_points for result in results)
     refuse_degrees([result.sample for result in results], n_points, where=decoded[0][0].path)
-    facts = _facts(survey, decoded, account)
+    facts = _facts(survey, decoded, account, lacking)
     runs = RunTable.concatenate(*(result.runs for result in results))
     write_index(folder, runs, facts, stray_limits(runs, [result.height_counts for result in results]))
     return facts_of_store(PointStore.open(folder))
@@ -86,6 +87,7 @@ def _decode_all(
     planned: Sequence[PlannedFile],
     account: StoreBuildAccount,
     folder: Path,
+    carry: tuple[str, ...],
     progress: Callable[[int, int], None] | None,
 ) -> list[tuple[PlannedFile, Decoded]]:
     """Decode the files one after the other; failures go into the account and leave no file."""
@@ -99,7 +101,7 @@ def _decode_all(
 
         target = folder / f"{number}{POINTS_SUFFIX}"
         task = DecodeTask(
-            path=file.path, target=target, factors=file.crs.factors,
+            path=file.path, target=target, factors=file.crs.factors, carry=tuple(sorted(carry)),
             sample_step=max(1, n_promised // _SAMPLE), repeat_bits=sample_bits(n_promised),
             batch_points=decoder.batch_points,
         )  # fmt: skip
@@ -116,6 +118,29 @@ def _decode_all(
             decoded.append((file, result))
         n_before += file.header.n_points
     return decoded
+
+
+def _files_without(planned: Sequence[PlannedFile], carry: Sequence[str]) -> dict[str, list[Path]]:
+    """Return the files that lack a further column, by its name, where others have it.
+
+    Raises
+    ------
+    InputError
+        No file has it; the message lists the columns of the first.
+    """
+    found = {}
+    for name in sorted(carry):
+        without = [file.path for file in planned if name not in file.header.columns]
+        if without and len(without) == len(planned):
+            known = list(planned[0].header.columns)
+            hint = did_you_mean([name], known)
+            raise InputError(
+                f"no column '{name}'; it has {', '.join(known)}{hint}", where=without[0],
+                advice="" if hint else "name one of these, or write it into the file as an extra dimension",
+            )  # fmt: skip
+        if without:
+            found[name] = without
+    return found
 
 
 def _without_copies(
@@ -173,7 +198,10 @@ def check_free_space(folder: Path, n_points: int, n_columns: int) -> None:
 
 
 def _facts(
-    survey: Survey, decoded: Sequence[tuple[PlannedFile, Decoded]], account: StoreBuildAccount
+    survey: Survey,
+    decoded: Sequence[tuple[PlannedFile, Decoded]],
+    account: StoreBuildAccount,
+    lacking: Mapping[str, Sequence[Path]],
 ) -> dict[str, object]:
     """Return the facts of the store as a JSON document."""
     files = tuple(_file_facts(file, result) for file, result in decoded)
@@ -187,6 +215,8 @@ def _facts(
     n_untimed = sum(result.gps_time_kind == "none" for result in results)
     if 0 < n_untimed < len(results):
         warnings.append(f"{n_untimed} of {len(results)} files have no GPS time: times not used")
+    for name, paths in lacking.items():
+        warnings.append(f"{len(paths)} of {len(results)} files have no column '{name}': NaN there")
     times = TimeCounts()
     for result in results if n_untimed == 0 else ():
         times.merge(result.times)
@@ -211,7 +241,7 @@ def _file_facts(file: PlannedFile, result: Decoded) -> FileFacts:
     return FileFacts(
         file.path, file.header.n_points, result.n_points, result.n_rejected, Bounds(west, south, east, north),
         result.gps_time_kind, file.header.point_format, file.header.version_text,
-        (*file.header.warnings, *file.crs.warnings, *result.warnings),
+        (*file.header.warnings, *file.crs.warnings, *result.warnings), tuple(file.header.columns),
     )  # fmt: skip
 
 

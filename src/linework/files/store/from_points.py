@@ -12,7 +12,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, Float32Array
 from linework.crs import parse_crs, unit_factors
-from linework.errors import CrsError, UsageError
+from linework.errors import CrsError, UsageError, argument
 from linework.files.las.batches import EARLIEST_S, LATEST_S
 from linework.files.las.repeats import PointSample, repeated_inside, sample_bits, sampled
 from linework.files.las.tally import TimeCounts, TimeKind, time_kind_of
@@ -113,7 +113,9 @@ def store_points(
         writer.abort()
         raise
     warnings += repeated_inside(repeats.numbers(), has_time=has_time)
-    facts = FileFacts(Path(name), n, n, {}, _on_lattice(points.bounds), time_kind, -1, "", warnings)
+    facts = FileFacts(
+        Path(name), n, n, {}, _on_lattice(points.bounds), time_kind, -1, "", warnings, tuple(names)
+    )
     is_light = points.intensity is not None and light != (0.0, 0.0)
     document = facts_document(
         (facts,), (), tuple(f"{name}: {text}" for text in warnings), times,
@@ -126,12 +128,12 @@ def store_points(
 
 def _metric_crs(crs: str) -> str:
     """Return the WKT2 of a CRS, or "local"."""
-    wkt = parse_crs(crs, where="crs")
+    wkt = parse_crs(crs, where=argument("crs"))
     factors = unit_factors(wkt)
     if factors != (1.0, 1.0):
         plan, height = factors
         raise CrsError(
-            f"lengths in units of {plan:.9g} m, heights in units of {height:.9g} m: points need metres", where="crs",
+            f"lengths in units of {plan:.9g} m, heights in units of {height:.9g} m: points need metres", where=argument("crs"),
             advice="multiply the coordinates by these, and give the CRS in metres",
         )  # fmt: skip
     return wkt

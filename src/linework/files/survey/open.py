@@ -25,7 +25,9 @@ _SRC_ADVICE = "name .las/.laz files or a survey folder"
 SurveyPaths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
 
-def open_survey(src: SurveyPaths, *, crs: str | int | pyproj.CRS | None = None) -> Survey:
+def open_survey(
+    src: SurveyPaths, *, crs: str | int | pyproj.CRS | None = None, carry: str | Iterable[str] = ()
+) -> Survey:
     """Find the files and metadata of a survey; headers are read, points are not.
 
     Parameters
@@ -35,6 +37,10 @@ def open_survey(src: SurveyPaths, *, crs: str | int | pyproj.CRS | None = None) 
         one folder with a survey.toml, or that file; one KITTI raw drive or odometry sequence.
     crs
         CRS where the files do not state it: "EPSG:...", an EPSG code, a `pyproj.CRS`, WKT or "local".
+    carry
+        Names of further columns that the points are to have: extra dimensions of the laser files, or
+        classification, return_number, number_of_returns, user_data, point_source_id, scan_angle [deg], red, green,
+        blue.
 
     Returns
     -------
@@ -51,6 +57,7 @@ def open_survey(src: SurveyPaths, *, crs: str | int | pyproj.CRS | None = None) 
     ConfigError
         An unknown key or a wrong value in the survey.toml.
     """
+    names = _further_names(carry)
     inputs = survey_paths(src)
     given_text = None if crs is None else crs_text(crs)
     found = _survey_file_of(inputs)
@@ -83,7 +90,21 @@ def open_survey(src: SurveyPaths, *, crs: str | int | pyproj.CRS | None = None) 
         settings=settings,
         settings_file=kitti.calibration if kitti else found,
         warnings=kitti.warnings if kitti else (),
+        carry=names,
     )
+
+
+#: Columns that points have in any case, under the names of LAS and of `linework.model.points.Points`.
+_ALWAYS = frozenset({"x", "y", "z", "xyz", "intensity", "gps_time", "time_s", "crs", "columns"})
+
+
+def _further_names(carry: str | Iterable[str]) -> tuple[str, ...]:
+    """Return the names of further columns, sorted, each once."""
+    names = tuple(sorted({carry} if isinstance(carry, str) else set(carry)))
+    for name in names:
+        if name in _ALWAYS:
+            raise UsageError(f"'{name}' is read in any case", where=argument("carry"), advice="leave it out")
+    return names
 
 
 def survey_paths(src: SurveyPaths) -> list[Path]:

@@ -10,24 +10,26 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import ezdxf
 import numpy as np
 import pyproj
 import shapely
-from ezdxf.colors import rgb2int
-from ezdxf.document import Drawing
-from ezdxf.filemanagement import new, readfile
-from ezdxf.lldxf.const import DXFError
 from pyproj.exceptions import CRSError as ProjError
 
 from linework.arrays import FloatArray
 from linework.crs import LOCAL, parse_crs
-from linework.errors import InputError, MachineError
+from linework.errors import InputError, MachineError, extra_needed
 from linework.files.input import filled_file_bytes
 from linework.files.output.publish import publish
 from linework.files.vectors.fields import colour_of, field_values, fields_of_kind, layer_names, ordered_layers
 from linework.files.vectors.gdal import foreign_lines
 from linework.model.lines import LineSet
+
+with extra_needed("cad"):
+    import ezdxf
+    from ezdxf.colors import rgb2int
+    from ezdxf.document import Drawing
+    from ezdxf.filemanagement import new, readfile
+    from ezdxf.lldxf.const import DXFError
 
 _APP = "LINEWORK"
 #: DXF's codes for metres ($INSUNITS) and for text in extended data.
@@ -51,7 +53,7 @@ def write_dxf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:
             document.layers.add(layer, true_color=rgb2int((red, green, blue)))
         space, values = document.modelspace(), field_values(lines)
         for i in range(len(lines)):
-            polyline = space.add_polyline3d(lines.line(i).tolist(), dxfattribs={"layer": str(layers[i])})
+            polyline = space.add_polyline3d(lines[i].xyz.tolist(), dxfattribs={"layer": str(layers[i])})
             fields = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]), values)}
             polyline.set_xdata(_APP, _extended_data(fields))
         document.saveas(part)
@@ -113,7 +115,7 @@ def write_prj(crs: str, path: Path, *, overwrite: bool) -> None:
 
 
 def _write_text(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
+    path.write_text(text, encoding="utf-8", newline="\n")
 
 
 def read_dxf(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:

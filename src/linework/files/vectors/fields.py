@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -11,8 +10,9 @@ import shapely
 
 from linework.arrays import AnyArray, FloatArray, IntArray, offsets_of
 from linework.errors import InputError, UsageError
-from linework.model.columns import column_types
 from linework.model.lines import KINDS, LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+from linework.model.lineset.geometries import column_values, linear_parts
+from linework.model.lineset.shown import LOOKS, OTHER_LOOK
 
 #: Fields in the order of the manual; clearance_m follows for cables, DISAGREEMENT where two methods found a line,
 #: REVIEWED where a person reviewed one.
@@ -96,13 +96,6 @@ def check_writable(lines: LineSet, where: object) -> None:
                          advice="leave such lines out")  # fmt: skip
 
 
-def geometries(lines: LineSet) -> AnyArray:
-    """Return the lines as (m,) shapely LineString Z."""
-    if len(lines) == 0:
-        return np.array([], dtype=object)
-    return np.asarray(shapely.linestrings(lines.xyz, indices=lines.line_of_vertex))
-
-
 def layer_names(lines: LineSet) -> AnyArray:
     """Return the layer of each line: that of its kind (see `layer_name`), or `REJECTED_LAYER`."""
     pairs = zip(lines.kind.tolist(), (lines.review == "rejected").tolist(), strict=True)
@@ -144,13 +137,13 @@ def lines_from_geometries(
     lines, feature
         The set, and (m,) the index of the geometry each line came from.
     """
-    parts, feature = _linear_parts(shapes)
+    parts, feature = linear_parts(shapes)
     coordinates, owner = shapely.get_coordinates(parts, include_z=True, return_index=True)
     if len(coordinates) and not np.isfinite(coordinates[:, :2]).all():
         raise InputError("coordinates that are not finite numbers", where=where, advice="correct the file")
     counts = np.bincount(owner, minlength=len(parts))
     offsets = offsets_of(counts)
-    values = {
+    values: dict[str, Any] = {
         name: column_values(name, [columns[name][i] for i in feature])
         for name in LINE_COLUMNS
         if name in columns
@@ -158,58 +151,6 @@ def lines_from_geometries(
     return LineSet(xyz=coordinates, offsets=offsets, crs=crs, **values), feature
 
 
-def column_values(name: str, values: Iterable[Any]) -> AnyArray:
-    """Return a LineSet column from the values in a file; missing or invalid ones become "", False or NaN."""
-    dtype = column_types(LineSet)[name].dtype
-    if dtype is np.str_:
-        return np.array(
-            [v if isinstance(v, str) else "" if v is None else str(v) for v in values], dtype=np.str_
-        )
-    if dtype is np.bool_:
-        return np.array([v in (1, "1", "true") for v in values], dtype=np.bool_)
-    return np.array([_number(v) for v in values], dtype=np.float64)
-
-
-def _number(value: Any) -> float:
-    try:
-        return math.nan if value is None else float(value)
-    except (TypeError, ValueError):
-        return math.nan
-
-
-def _linear_parts(shapes: AnyArray) -> tuple[AnyArray, IntArray]:
-    """Return the LineStrings and rings in any geometries, and the index of the geometry each comes from."""
-    kept = np.array([s is not None and not shapely.is_empty(s) for s in shapes], dtype=bool)
-    feature = np.flatnonzero(kept)
-    parts, index = shapely.get_parts(np.asarray(shapes, dtype=object)[kept], return_index=True)
-    feature = feature[index]
-    # Collections may hold collections; two levels occur in real files
-    parts, index = shapely.get_parts(parts, return_index=True)
-    feature = feature[index]
-    is_polygon = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
-    rings, ring_owner = shapely.get_rings(parts[is_polygon], return_index=True)
-    is_line = np.isin(
-        shapely.get_type_id(parts), [shapely.GeometryType.LINESTRING, shapely.GeometryType.LINEARRING]
-    )
-    found = np.concatenate([parts[is_line], rings])
-    owner = np.concatenate([np.flatnonzero(is_line), np.flatnonzero(is_polygon)[ring_owner]]).astype(np.int64)
-    order = np.argsort(owner, kind="stable")
-    return found[order], feature[owner[order]].astype(np.int64)
-
-
-#: QGIS symbols: colour (red, green, blue) and width [mm] by kind, distinct for the colour-blind (Okabe and Ito).
-_LOOKS = {
-    "lane_marking": ((240, 228, 66), 0.5),
-    "lane_marking_dash": ((240, 228, 66), 0.9),
-    "road_marking_other": ((230, 159, 0), 0.9),
-    "road_boundary": ((213, 94, 0), 0.6),
-    "kerb_top": ((204, 121, 167), 0.3),
-    "guardrail": ((0, 114, 178), 0.7),
-    "barrier": ((86, 180, 233), 0.7),
-    "fence": ((0, 158, 115), 0.4),
-    "cable": ((20, 20, 20), 0.4),
-}
-_OTHER = ((120, 120, 120), 0.4)
 #: Suffix of the layers with the lines as measured in stereo images: dotted, in the colour of their kind.
 AS_MEASURED = "_stereo"
 #: Style of rejected lines: thin, dashed, in the grey of other lines.
@@ -218,7 +159,7 @@ _REJECTED, _REJECTED_WIDTH_MM = "rejected", 0.2
 
 def qgis_style(kind: str) -> str:
     """Return a QML document for the lines of one kind."""
-    (red, green, blue), width_mm = _LOOKS.get(kind.removesuffix(AS_MEASURED), _OTHER)
+    (red, green, blue), width_mm = LOOKS.get(kind.removesuffix(AS_MEASURED), OTHER_LOOK)
     pen = "dot" if kind.endswith(AS_MEASURED) else "solid"
     if kind == _REJECTED:
         pen, width_mm = "dash", _REJECTED_WIDTH_MM
@@ -241,4 +182,4 @@ def qgis_style(kind: str) -> str:
 
 def colour_of(kind: str) -> tuple[int, int, int]:
     """Return the red, green, blue of a kind."""
-    return _LOOKS.get(kind.removesuffix(AS_MEASURED), _OTHER)[0]
+    return LOOKS.get(kind.removesuffix(AS_MEASURED), OTHER_LOOK)[0]

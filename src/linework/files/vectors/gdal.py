@@ -18,11 +18,11 @@ from linework.files.vectors.fields import (
     REJECTED_LAYER,
     TABLES,
     field_values,
-    geometries,
     lines_from_geometries,
 )
 from linework.files.vectors.gdal_input import pyogrio, read_errors
 from linework.model.lines import LINE_COLUMNS, LineSet
+from linework.model.lineset.geometries import geometries
 
 #: Our own layers and tables that hold no lines, or rejected ones.
 _OURS = (*TABLES, REJECTED_LAYER)

@@ -27,7 +27,6 @@ from linework.files.input import regular_file_bytes
 from linework.files.vectors.fields import (
     DISAGREEMENT,
     REVIEWED,
-    column_values,
     field_values,
     fields_of_kind,
     vertex_columns,
@@ -35,6 +34,7 @@ from linework.files.vectors.fields import (
 from linework.files.vectors.gdal import foreign_lines
 from linework.files.vectors.point_layers import PointLayer
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+from linework.model.lineset.geometries import column_values
 
 #: Properties with one value per vertex.
 _VERTEX_PROPERTIES = {name: f"vertex_{name}" for name in VERTEX_COLUMNS}
@@ -71,7 +71,7 @@ def _line_features(lines: LineSet) -> Iterator[dict[str, Any]]:
         start, end = int(lines.offsets[i]), int(lines.offsets[i + 1])
         properties = {name: values[name][i] for name in fields_of_kind(str(lines.kind[i]), values)}
         properties |= {_VERTEX_PROPERTIES[name]: column[start:end] for name, column in vertex.items()}
-        yield _feature(properties, "LineString", lines.line(i).tolist())
+        yield _feature(properties, "LineString", lines[i].xyz.tolist())
 
 
 def _point_features(points: Sequence[PointLayer]) -> Iterator[dict[str, Any]]:
@@ -244,7 +244,7 @@ def _own_lines(shapes: AnyArray, columns: Mapping[str, list[Any]], crs: str) -> 
     if not wanted <= set(columns) or not (shapely.get_type_id(shapes) == 1).all():
         return None
     counts = shapely.get_num_coordinates(shapes)
-    vertex = {}
+    vertex: dict[str, Any] = {}
     for name, label in _VERTEX_PROPERTIES.items():
         if label in optional and label not in columns:
             continue

@@ -17,10 +17,8 @@ from linework.errors import LineworkError, MachineError
 from linework.files.vectors.fields import (
     REJECTED_LAYER,
     TABLES,
-    column_values,
     field_values,
     fields_of_kind,
-    geometries,
     layer_names,
     ordered_layers,
     qgis_style,
@@ -30,6 +28,7 @@ from linework.files.vectors.gdal_input import pyogrio, read_errors
 from linework.files.vectors.gpkg_schema import FIXED_DATE, LayerTable, geopackage_bytes
 from linework.files.vectors.point_layers import PointLayer
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+from linework.model.lineset.geometries import column_values, geometries
 
 VERTEX_TABLE, STYLE_TABLE = "vertex", "layer_styles"
 #: How long to wait for another program that is writing the file. [s]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from linework.crs import LOCAL, parse_crs
-from linework.errors import UsageError, argument
+from linework.errors import UsageError, argument, check_extra
 from linework.files.output.publish import check_output, publish
 from linework.files.output.record import hash_file
 from linework.files.vectors.fields import check_writable
@@ -40,15 +41,19 @@ def check_format(path: Path) -> None:
     ------
     UsageError
         Unknown suffix; the message lists the known ones.
+    MissingPackageError
+        The format is written by a package that is not installed.
     """
     suffix = path.suffix.lower()
     if suffix not in _WRITERS:
         raise UsageError(f"cannot write '{suffix}' files", where=path, advice=f"use {', '.join(_WRITERS)}")
+    if suffix == ".dxf":
+        check_extra("cad", where=path)
 
 
 def write_lines(
     lines: LineSet,
-    path: Path,
+    path: str | Path,
     *,
     kinds: Sequence[str] = (),
     points: VanLog | Sequence[PointLayer] | None = None,
@@ -60,6 +65,9 @@ def write_lines(
 
     Parameters
     ----------
+    path
+        Ends in .gpkg, .geojson, .dxf, .fgb or .kml. GeoPackage and GeoJSON hold all columns; the others leave out those
+        of vertices, KML the attributes too.
     kinds
         Kinds that get a layer even without lines (formats with layers).
     points
@@ -79,7 +87,17 @@ def write_lines(
     Notes
     -----
     The same lines give the same bytes.
+
+    Examples
+    --------
+    >>> import numpy as np, tempfile
+    >>> lines = LineSet.from_lines([np.array([[0.0, 0.0, 5.0], [9.0, 0.0, 5.0]])], kind="guardrail")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_lines(lines, f"{folder}/lines.gpkg")
+    ...     read_lines(f"{folder}/lines.gpkg") == lines
+    True
     """
+    path = Path(path)
     check_format(path)
     check_writable(lines, path)
     write, verify = _writer(path)
@@ -119,7 +137,7 @@ def points_left_out(path: Path, points: VanLog | Sequence[PointLayer] | None) ->
 
 
 def read_lines(
-    path: Path, *, kind_field: str = "kind", kinds: Mapping[str, str] | None = None, crs: str | None = None
+    path: str | Path, *, kind_field: str = "kind", kinds: Mapping[str, str] | None = None, crs: Any = None
 ) -> LineSet:
     """Read lines from a file written by linework or by another program.
 
@@ -130,7 +148,7 @@ def read_lines(
     kinds
         Kinds by the names used in the file; features with other names are left out.
     crs
-        CRS where the file does not state it: "EPSG:...", WKT or "local" (the default).
+        CRS where the file does not state it: "EPSG:...", an EPSG code, a `pyproj.CRS`, WKT or "local" (the default).
 
     Returns
     -------
@@ -145,6 +163,7 @@ def read_lines(
     CrsError
         The coordinates are in degrees, or the layers have different CRSs.
     """
+    path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in _READERS:
         raise UsageError(

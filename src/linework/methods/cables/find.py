@@ -27,6 +27,7 @@ from linework.methods.cables.follow import (
 from linework.methods.cables.lines import lines_of_wires
 from linework.methods.cables.seeds import find_cable_seeds
 from linework.methods.cables.spans import end_at_supports, join_pieces, without_mixtures, without_tails
+from linework.methods.radon.peaks import PeakFinder
 from linework.model.lines import LineSet
 from linework.model.settings import Settings, setting
 from linework.model.tile import local_origin
@@ -104,6 +105,7 @@ def find_cables(
     height_m: Float32Array,
     config: CableConfig,
     origin: tuple[float, float, float] | None = None,
+    finder: PeakFinder | None = None,
 ) -> LineSet:
     """Return the wires above a tile, one line per wire and span.
 
@@ -117,6 +119,8 @@ def find_cables(
         (n,) float32 above the road or ground; NaN where unknown. [m]
     origin
         Shared by all tiles of a survey, whole multiples of 1200 m [m, world]; None: from the points.
+    finder
+        Own function that finds the peaks of Radon images; None: `linework.methods.radon.peaks.find_peaks`.
 
     Returns
     -------
@@ -137,7 +141,7 @@ def find_cables(
         return LineSet.empty()
     # Peaks of Radon transforms of the plan image, each followed in its vertical slice
     widths = Widths(config.gate_m)
-    wires = _found_wires(band, config, widths)
+    wires = _found_wires(band, config, widths, finder)
     # One catenary per wire and span, ends at the supports
     pieces, wires = _spans(band, wires, config)
     # Keep what is isolated, now that all wires are known, and hangs
@@ -145,7 +149,9 @@ def find_cables(
     return lines_of_wires(band, wires, around, time_s, config.spacing_m)
 
 
-def _found_wires(band: CableBand, config: CableConfig, widths: Widths) -> list[FittedWire]:
+def _found_wires(
+    band: CableBand, config: CableConfig, widths: Widths, finder: PeakFinder | None
+) -> list[FittedWire]:
     """Return the thin pieces of wire about all seed lines, the strongest seed first."""
     lonely = np.flatnonzero(band.lonely)
     lonely = lonely[np.lexsort(band.xyz[lonely].T)]  # independent of the order of the points
@@ -154,7 +160,8 @@ def _found_wires(band: CableBand, config: CableConfig, widths: Widths) -> list[F
     number = np.full(len(band.xyz), -1)
     number[lonely] = np.arange(len(lonely))
     wires: list[FittedWire] = []
-    for seed in find_cable_seeds(xyz[:, :2], window_m=config.window_m, cell_m=config.cell_m):
+    seeds = find_cable_seeds(xyz[:, :2], window_m=config.window_m, cell_m=config.cell_m, finder=finder)
+    for seed in seeds:
         followed = follow_seed(index, free, seed, widths=widths, max_gap_m=config.max_gap_m)
         pieces = [piece for points in followed for piece in _pieces(band, lonely[points], widths)]
         for wire in [piece for piece in pieces if _is_thin(band, piece, config.low_m)]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from linework.arrays import FloatArray, IntArray
-from linework.methods.radon.peaks import find_peaks_in
+from linework.methods.radon.peaks import PeakFinder, find_peaks, peaks_by
 from linework.methods.radon.transform import evenly_spaced_angles, radon_of_cells, rho_bins
 
 #: Step of the angles: half a step moves the end of a 24 m window by 8 cm, less than half a cell. [deg]
@@ -38,7 +38,9 @@ class Seed(NamedTuple):
     half_m: float
 
 
-def find_cable_seeds(xy: FloatArray, *, window_m: float, cell_m: float) -> list[Seed]:
+def find_cable_seeds(
+    xy: FloatArray, *, window_m: float, cell_m: float, finder: PeakFinder | None = None
+) -> list[Seed]:
     """Return the seed lines of all windows, the strongest first.
 
     Parameters
@@ -50,6 +52,8 @@ def find_cable_seeds(xy: FloatArray, *, window_m: float, cell_m: float) -> list[
         Side of a square window; windows overlap by half. [m]
     cell_m
         Side of a cell of the binary image. [m]
+    finder
+        Own function that finds the peaks of each window's Radon image; None: `linework.methods.radon.peaks.find_peaks`.
 
     Notes
     -----
@@ -73,22 +77,24 @@ def find_cable_seeds(xy: FloatArray, *, window_m: float, cell_m: float) -> list[
             rho_step_m=cell_m,
             rho_max_m=rho_max,
         )
-        seeds += _seeds_of(values, angles, rho, centre, window_m / 2.0)
+        seeds += _seeds_of(values, angles, rho, centre, window_m / 2.0, finder)
     return sorted(seeds, key=lambda seed: (-seed.strength_m, seed[1:]))
 
 
 def _seeds_of(
-    values: FloatArray, angles: FloatArray, rho: FloatArray, centre: FloatArray, half_m: float
+    values: FloatArray,
+    angles: FloatArray,
+    rho: FloatArray,
+    centre: FloatArray,
+    half_m: float,
+    finder: PeakFinder | None,
 ) -> list[Seed]:
     """Return the peaks of the Radon image of a window that exceed their neighbourhood."""
-    peaks = find_peaks_in(
-        values,
-        angles,
-        rho,
-        threshold=LEAST_STRENGTH_M,
-        theta_window_rad=math.radians(THETA_WINDOW_DEG),
-        rho_window_m=RHO_WINDOW_M,
-    )
+    windows = {"theta_window_rad": math.radians(THETA_WINDOW_DEG), "rho_window_m": RHO_WINDOW_M}
+    if finder is None:
+        peaks = find_peaks(values, angles, rho, threshold=LEAST_STRENGTH_M, **windows)
+    else:
+        peaks = peaks_by(finder, values, angles, rho, threshold=LEAST_STRENGTH_M, **windows)
     at_angle = np.minimum(np.searchsorted(angles, peaks.theta_rad), len(angles) - 1)
     at_rho = np.minimum(np.searchsorted(rho, peaks.rho_m), len(rho) - 1)
     scatter = _scatter(values, at_angle, at_rho, float(rho[1] - rho[0]))

@@ -19,6 +19,7 @@ from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntAr
 from linework.kernels.paint import paint_points, stripes
 from linework.kernels.paint.stripes_all import BRIGHT_SPREADS, all_stripes
 from linework.methods.obb.kerbs_and_edges import local_origin_of
+from linework.methods.obb.own_paint import IS_PAINT
 from linework.methods.tracking.fitted import PAINT_SCORE_OFFSET, PAINT_SCORE_SLOPE
 from linework.model.boxes import BoxForm, BoxSet
 from linework.model.grid import Bounds
@@ -96,11 +97,21 @@ class PaintPoints:
 
     @classmethod
     def of(
-        cls, points: Points, surface: Ground, origin: tuple[float, float, float], config: MarkingConfig
+        cls,
+        points: Points,
+        surface: Ground,
+        origin: tuple[float, float, float],
+        config: MarkingConfig,
+        probability: Float32Array | None = None,
     ) -> PaintPoints:
-        """Return the points near the road, sorted into cells."""
+        """Return the points near the road, sorted into cells.
+
+        probability: of paint, (n,) float32, instead of the intensity; it is stored less 0.5, so that paint is above 0.
+        """
         intensity = np.zeros(len(points), np.float32) if points.intensity is None else points.intensity
-        if config.max_intensity > 0.0 or config.min_intensity > 0.0:
+        if probability is not None:
+            intensity = probability - np.float32(IS_PAINT)
+        elif config.max_intensity > 0.0 or config.min_intensity > 0.0:
             intensity = _inside_range(intensity, config)
         grid, size = surface.grid, surface.grid.cell_width_m
         north = round((grid.north_m - origin[1]) / size) - 1
@@ -121,7 +132,11 @@ class PaintPoints:
 
 
 def find_marking_boxes(
-    tile: TileData, surface: Ground, config: MarkingConfig, cores: Sequence[Bounds] = ()
+    tile: TileData,
+    surface: Ground,
+    config: MarkingConfig,
+    cores: Sequence[Bounds] = (),
+    probability: Float32Array | None = None,
 ) -> BoxSet:
     """Return oriented boxes on all paint near the road of a tile's core, by cell row, column and position.
 
@@ -131,21 +146,50 @@ def find_marking_boxes(
     ----------
     cores
         Disjoint parts of the core: only cells that touch one of them are searched; none: the whole core.
+    probability
+        (n,) float32: that each point is paint, 0 to 1, as evidence instead of the intensity
+        (`linework.methods.obb.own_paint`). Paint is then a stripe above 0.5 between road below it.
     """
-    if tile.points.intensity is None or len(tile.points) == 0:
+    if len(tile.points) == 0 or (tile.points.intensity is None and probability is None):
         return BoxSet.empty()
     # Points near the road, in cells
     origin = local_origin_of(tile)
-    paint = PaintPoints.of(tile.points, surface, origin, config)
+    paint = PaintPoints.of(tile.points, surface, origin, config, probability)
     *_, n_cols = paint.lattice
     # Search areas: about the bright points of every cell that has more of them than expected by chance
-    bright = paint_points.count_bright(paint.rows, paint.starts, n_cols, BRIGHT_SPREADS)
+    if probability is None:
+        bright = paint_points.count_bright(paint.rows, paint.starts, n_cols, BRIGHT_SPREADS)
+    else:
+        bright = _count_paint(paint)
     cells, places = paint_points.bright_centres(bright, paint.starts, n_cols, _CHANCE)
     inside = np.any([_touches(core, origin, cells, paint.lattice) for core in cores or (tile.core,)], axis=0)
     cells, places = cells[inside], places[inside]
     # Direction, edges and extent of the stripes in each
     found = all_stripes(paint.rows, paint.starts, paint.lattice, cells, places, LEAST_T)
+    if probability is not None:
+        found = _as_intensities(found, config)
     return marking_box_set(found, config, has_time=tile.points.time_s is not None)
+
+
+def _count_paint(paint: PaintPoints) -> FloatArray:
+    """Return the points of each cell that are paint by their probability, (n_cells, 3): number, sums of x and y [m]."""
+    n = len(paint.starts) - 1
+    cell = np.repeat(np.arange(n), np.diff(paint.starts))
+    is_paint = paint.rows[:, paint_points.POINT_INTENSITY] > 0.0
+    cell, rows = cell[is_paint], paint.rows[is_paint]
+    columns = (np.ones(len(rows)), rows[:, paint_points.POINT_X], rows[:, paint_points.POINT_Y])
+    return np.stack([np.bincount(cell, weights=weights, minlength=n) for weights in columns], axis=-1)
+
+
+def _as_intensities(found: FloatArray, config: MarkingConfig) -> FloatArray:
+    """Return the stripes (m, 21) that are paint by their probability, their levels as those of ordinary paint.
+
+    The contrast of a probability means nothing: it is set to the least that counts.
+    """
+    dark, bright = found[:, stripes.STRIPE_DARK], found[:, stripes.STRIPE_BRIGHT]
+    found = found[(bright > 0.0) & (dark < 0.0)].copy()
+    found[:, stripes.STRIPE_DARK], found[:, stripes.STRIPE_BRIGHT] = 1.0, config.least_contrast
+    return found
 
 
 def _touches(

@@ -16,6 +16,7 @@ import numpy as np
 from linework.methods.obb import joining
 from linework.methods.obb.kerbs_and_edges import BoundaryConfig, find_boundary_boxes
 from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
+from linework.methods.obb.own_paint import WHOLE_PIECES_M, PaintClassifier, paint_probability
 from linework.methods.protocol import (
     Recording,
     SurveyContext,
@@ -30,6 +31,8 @@ from linework.model.lines import LineSet
 from linework.model.settings import Settings, group
 from linework.model.tile import TileData
 
+#: A box depends on the points within this distance of its cell only. [m]
+BOX_REACH_M = 8.0
 OBB_KINDS = ("lane_marking", "lane_marking_dash", "road_marking_other", "road_boundary", "kerb_top")
 
 
@@ -44,17 +47,39 @@ class ObbConfig(Settings):
 
 @dataclass(frozen=True, slots=True)
 class Obb:
-    """Lane markings and road boundaries: oriented boxes in the points, tracked by collision."""
+    """Lane markings and road boundaries: oriented boxes in the points, tracked by collision.
+
+    Parameters
+    ----------
+    paint
+        Evidence of paint instead of the intensity: the name of a column of the points with probabilities from 0
+        to 1, or a function from `Points` near the road to such probabilities, see
+        `linework.methods.obb.own_paint.paint_probability`. None: the intensity.
+
+    Examples
+    --------
+    >>> Obb(paint="p_paint").carry
+    ('p_paint',)
+    """
 
     recording: ClassVar[Recording] = "points"
     evidence: ClassVar[type[BoxSet]] = BoxSet
     config: ObbConfig = field(default_factory=ObbConfig)
     kinds: tuple[str, ...] = OBB_KINDS
     name: str = "obb"
-    #: A box depends on the points within this distance of its cell only.
-    buffer_m: float = 8.0
     #: Paint and kerbs are on the ground: all points matter.
     least_height_m: float = -math.inf
+    paint: str | PaintClassifier | None = None
+
+    @property
+    def buffer_m(self) -> float:
+        """A box depends on the points within 8 m of its cell only, an own function on those of whole pieces."""
+        return WHOLE_PIECES_M if callable(self.paint) else BOX_REACH_M
+
+    @property
+    def carry(self) -> tuple[str, ...]:
+        """Names of the further columns of the points that it needs."""
+        return (self.paint,) if isinstance(self.paint, str) else ()
 
     def extract(self, tile: TileData) -> LineSet:
         """Return the lane markings and road boundaries of a tile that is a survey of its own."""
@@ -78,8 +103,11 @@ class Obb:
         """
         assert tile.surface is not None, "a tile of a survey comes with its surface"
         found = []
-        if self._seeks_paint:
-            found.append(find_marking_boxes(tile, tile.surface, self.config.marking, cores))
+        if self.seeks_paint:
+            probability = None
+            if self.paint is not None:
+                probability = paint_probability(tile.points, tile.surface, self.paint)
+            found.append(find_marking_boxes(tile, tile.surface, self.config.marking, cores, probability))
         if self._seeks_boundaries:
             found.append(find_boundary_boxes(tile, tile.surface, self.config.boundary, cores))
         return BoxSet.concatenate(found)
@@ -119,7 +147,8 @@ class Obb:
         return replace(self, kinds=("kerb_top",) if kind == "road_boundary" else ("lane_marking_dash",))
 
     @property
-    def _seeks_paint(self) -> bool:
+    def seeks_paint(self) -> bool:
+        """Whether one of its kinds is paint."""
         return any(kind.endswith(("marking", "dash", "other")) for kind in self.kinds)
 
     @property

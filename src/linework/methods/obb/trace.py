@@ -60,7 +60,7 @@ def nearest_line(lines: LineSet, xy: FloatArray, kind: str = "") -> tuple[int, s
         if kind not in ("", picked_as):
             continue
         for i in np.flatnonzero(np.isin(lines.kind, kinds)).tolist():
-            distance_m = nearest_vertex(lines.line(i)[:, :2], xy)[1]
+            distance_m = nearest_vertex(lines[i].xyz[:, :2], xy)[1]
             if distance_m <= PICK_M and distance_m < best[2]:
                 best = i, picked_as, distance_m
     return best
@@ -84,7 +84,7 @@ def companions_of(lines: LineSet, line: FloatArray, kind: str) -> IntArray:
     """Return the lines of a kind of `COMPANION_BESIDE_M` that belong to a line (n, 3): its dashes, its kerb's top."""
     own = []
     for i in np.flatnonzero(lines.kind == kind).tolist():
-        xyz = lines.line(i)
+        xyz = lines[i].xyz
         some = xyz[[0, len(xyz) // 2, -1], :2]
         if max(nearest_vertex(line[:, :2], place)[1] for place in some) <= COMPANION_BESIDE_M[kind]:
             own.append(i)

@@ -112,7 +112,7 @@ def find_candidate_lines(binary: Image, config: FigureConfig) -> CandidateLines:
         "rho_window_m": config.rho_window_m,
     }
     thin = ridges(radon, width_m=config.ridge_m)
-    peaks = find_peaks(thin, threshold=config.min_length_m, **windows)
+    peaks = find_peaks(thin.values, thin.angles_rad, thin.rho_m, threshold=config.min_length_m, **windows)
     first = slice(0, config.max_lines)
     strongest = Peaks(peaks.theta_rad[first], peaks.rho_m[first], peaks.strength_m[first])
     return CandidateLines(radon, dilate(thin, **windows), strongest)

@@ -15,6 +15,7 @@ import numpy as np
 from linework.imaging.raster import grid_for, in_height_band
 from linework.methods.cables.find import CableConfig, find_cables, least_height_m
 from linework.methods.protocol import Recording, SurveyContext, extract_tile, surface_of_tile
+from linework.methods.radon.peaks import PeakFinder
 from linework.methods.radon.seeds import SeedConfig, find_seed_lines, split_into_segments
 from linework.methods.rails.chains import chains_from_starts
 from linework.methods.rails.circles import CircleConfig, bin_near, find_starts
@@ -55,6 +56,7 @@ class RailMethod:
 
     recording: ClassVar[Recording] = "points"
     evidence: ClassVar[type[LineSet]] = LineSet
+    carry: ClassVar[tuple[str, ...]] = ()
     config: RadonConfig = field(default_factory=RadonConfig)
     kinds: tuple[str, ...] = RAIL_KINDS
     name: str = "radon"
@@ -63,6 +65,7 @@ class RailMethod:
     buffer_m: float = 64.0
     #: Rails stand on the ground: all points matter.
     least_height_m: float = -math.inf
+    find_peaks: PeakFinder | None = None
 
     def extract(self, tile: TileData) -> LineSet:
         """Return the guardrails and concrete barriers of a tile that is a survey of its own."""
@@ -78,7 +81,7 @@ class RailMethod:
         height, grid = np.minimum(above_road, above_ground), grid_for(points, c.cell_m)
         binary = in_height_band(points.xyz, height, grid, c.min_height_m, c.max_height_m)
         # Prominent directions: peaks of the Radon transform after dilation, window by window
-        seeds = find_seed_lines(binary, c.seeds)
+        seeds = find_seed_lines(binary, c.seeds, self.find_peaks)
         # Where along each seed line the feature really is
         segments = split_into_segments(seeds, binary, c.seeds)
         # Back to the points: circles about each seed settle on the beam, and follow it through bends
@@ -107,6 +110,7 @@ class CableMethod:
 
     recording: ClassVar[Recording] = "points"
     evidence: ClassVar[type[LineSet]] = LineSet
+    carry: ClassVar[tuple[str, ...]] = ()
     config: RadonConfig = field(default_factory=RadonConfig)
     kinds: tuple[str, ...] = CABLE_KINDS
     name: str = "radon"
@@ -114,6 +118,7 @@ class CableMethod:
     buffer_m: float = 200.0
     #: From this height on, what stands below a wire counts as its surroundings; cars, rails and grass do not.
     least_height_m: float = 1.5
+    find_peaks: PeakFinder | None = None
 
     def extract(self, tile: TileData) -> LineSet:
         """Return the wires of a tile that is a survey of its own, one line per wire and span."""
@@ -125,7 +130,9 @@ class CableMethod:
         # Height above the ground, of which the road is part
         above_ground = height_above_ground(surface_of_tile(piece), points.xyz)
         # Thin, alone in their column, straight in plan, hanging as catenaries between supports
-        lines = find_cables(points.xyz, points.time_s, above_ground, self.config.cable, piece.origin)
+        lines = find_cables(
+            points.xyz, points.time_s, above_ground, self.config.cable, piece.origin, self.find_peaks
+        )
         # When the points on each line were measured
         return of_core(with_times(lines, points), piece.core, is_whole=piece.is_whole)
 
@@ -140,11 +147,13 @@ class Radon:
 
     recording: ClassVar[Recording] = "points"
     evidence: ClassVar[type[LineSet]] = LineSet
+    carry: ClassVar[tuple[str, ...]] = ()
     config: RadonConfig = field(default_factory=RadonConfig)
     kinds: tuple[str, ...] = (*RAIL_KINDS, *CABLE_KINDS)
     name: str = "radon"
     buffer_m: float = 200.0
     least_height_m: float = -math.inf
+    find_peaks: PeakFinder | None = None
 
     @property
     def parts(self) -> tuple[RailMethod | CableMethod, ...]:
@@ -155,10 +164,14 @@ class Radon:
         """
         rails = tuple(kind for kind in RAIL_KINDS if kind in self.kinds)
         cables = tuple(kind for kind in CABLE_KINDS if kind in self.kinds)
-        parts: list[RailMethod | CableMethod] = [RailMethod(self.config, rails)] if rails else []
+        parts: list[RailMethod | CableMethod] = []
+        if rails:
+            parts.append(RailMethod(self.config, rails, find_peaks=self.find_peaks))
         if cables:
             lowest_m = min(CableMethod().least_height_m, least_height_m(self.config.cable))
-            parts.append(CableMethod(self.config, cables, least_height_m=lowest_m))
+            parts.append(
+                CableMethod(self.config, cables, least_height_m=lowest_m, find_peaks=self.find_peaks)
+            )
         return tuple(parts)
 
     def extract(self, tile: TileData) -> LineSet:

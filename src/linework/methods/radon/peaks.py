@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from scipy import ndimage
 
-from linework.arrays import FloatArray
+from linework.arrays import AnyArray, FloatArray
+from linework.errors import OwnCodeError
 from linework.kernels.radon import peaks as kernels
 from linework.methods.radon.transform import RadonImage
+from linework.processes.own_code import call_own
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,11 +38,28 @@ class Peaks:
         return len(self.theta_rad)
 
 
-def find_peaks(radon: RadonImage, *, threshold: float, theta_window_rad: float, rho_window_m: float) -> Peaks:
+def find_peaks(
+    values: FloatArray,
+    angles_rad: FloatArray,
+    rho_m: FloatArray,
+    *,
+    threshold: float,
+    theta_window_rad: float,
+    rho_window_m: float,
+) -> Peaks:
     """Return the peaks of a Radon image.
+
+    A function of the same signature can take its place: ``Radon(find_peaks=mine)``, see `PeakFinder`.
 
     Parameters
     ----------
+    values
+        (n_angles, n_rho) float64 Radon image: for a binary image the occupied length of each line. [value x m]
+    angles_rad
+        (n_angles,) float64 theta, rising within [0, pi): direction of the lines' normals, anticlockwise from east.
+        [rad]
+    rho_m
+        (n_rho,) float64 distance of the lines from the centre of the image, evenly spaced, symmetric about 0. [m]
     threshold
         Least strength, exclusive. [value x m]
     theta_window_rad, rho_window_m
@@ -48,7 +68,8 @@ def find_peaks(radon: RadonImage, *, threshold: float, theta_window_rad: float, 
     Raises
     ------
     ValueError
-        When a window is negative, that of the angles is pi or more, or the angles do not rise within [0, pi).
+        A window is negative, that of the angles is pi or more, the angles do not rise within [0, pi), or the shapes
+        do not agree.
 
     Notes
     -----
@@ -62,25 +83,48 @@ def find_peaks(radon: RadonImage, *, threshold: float, theta_window_rad: float, 
     Manandhar and Shibasaki (2002), "Line Detection by Radon Transformation": dilation with structuring
     line elements and a threshold in Radon space. The lengths of the elements are not published.
 
+    Examples
+    --------
     >>> from linework.methods.radon.transform import evenly_spaced_angles, radon_transform
     >>> from linework.model.grid import Grid, Image
     >>> rail = np.zeros((20, 51), dtype=bool)
     >>> rail[5] = True  # 10.2 m from west to east, 0.9 m north of the middle
     >>> radon = radon_transform(Image(rail, Grid(0.0, 4.0, 0.2, 0.2, 20, 51)), evenly_spaced_angles(2.0))
-    >>> find_peaks(radon, threshold=5.0, theta_window_rad=0.3, rho_window_m=1.0).rho_m.round(3)
+    >>> windows = {"theta_window_rad": 0.3, "rho_window_m": 1.0}
+    >>> find_peaks(radon.values, radon.angles_rad, radon.rho_m, threshold=5.0, **windows).rho_m.round(3)
     array([0.9])
     """
-    return find_peaks_in(
-        radon.values,
-        radon.angles_rad,
-        radon.rho_m,
-        threshold=threshold,
-        theta_window_rad=theta_window_rad,
-        rho_window_m=rho_window_m,
-    )
+    step = _rho_step(values, angles_rad, rho_m)
+    half_window, half_bins = _half_windows(theta_window_rad, rho_window_m, step)
+    theta, rho, strength = kernels.peaks(values, angles_rad, rho_m, threshold, half_window, half_bins).T
+    order = np.lexsort((rho, theta, -strength))
+    return Peaks(theta[order], rho[order], strength[order])
 
 
-def find_peaks_in(
+class PeakFinder(Protocol):
+    """A function that finds the peaks of a Radon image, as `find_peaks` does.
+
+    It returns `Peaks`, or three arrays of equal length: theta in [0, pi) [rad], rho [m] and strength [value x m].
+    The order does not matter.
+    """
+
+    def __call__(
+        self,
+        values: FloatArray,
+        angles_rad: FloatArray,
+        rho_m: FloatArray,
+        /,
+        *,
+        threshold: float,
+        theta_window_rad: float,
+        rho_window_m: float,
+    ) -> Peaks | tuple[AnyArray, AnyArray, AnyArray]:
+        """Return the peaks."""
+        ...
+
+
+def peaks_by(
+    finder: PeakFinder,
     values: FloatArray,
     angles_rad: FloatArray,
     rho_m: FloatArray,
@@ -89,25 +133,32 @@ def find_peaks_in(
     theta_window_rad: float,
     rho_window_m: float,
 ) -> Peaks:
-    """Return the peaks of the Radon values of one window; see `find_peaks`.
-
-    Parameters
-    ----------
-    values
-        (n_angles, n_rho) Radon image. [value x m]
-    angles_rad, rho_m
-        (n_angles,) and (n_rho,) centres of its bins. [rad, m]
-    threshold, theta_window_rad, rho_window_m
-        See `find_peaks`.
+    """Return the peaks that an own function finds, checked and in the order of `find_peaks`.
 
     Raises
     ------
-    ValueError
-        As `find_peaks`, and when the shapes do not agree.
+    OwnCodeError
+        The function failed, or what it returns is not peaks.
     """
-    step = _rho_step(values, angles_rad, rho_m)
-    half_window, half_bins = _half_windows(theta_window_rad, rho_window_m, step)
-    theta, rho, strength = kernels.peaks(values, angles_rad, rho_m, threshold, half_window, half_bins).T
+    found = call_own(
+        finder, "find_peaks", values, angles_rad, rho_m,
+        threshold=threshold, theta_window_rad=theta_window_rad, rho_window_m=rho_window_m,
+    )  # fmt: skip
+    columns = (found.theta_rad, found.rho_m, found.strength_m) if isinstance(found, Peaks) else found
+    try:
+        theta, rho, strength = (np.asarray(column, dtype=np.float64) for column in columns)
+    except (TypeError, ValueError):
+        raise OwnCodeError(
+            f"returned {type(found).__name__}, expected Peaks or three arrays: theta_rad, rho_m, strength_m",
+            where="find_peaks",
+        ) from None
+    if theta.ndim != 1 or not theta.shape == rho.shape == strength.shape:
+        shapes = f"{theta.shape}, {rho.shape} and {strength.shape}"
+        raise OwnCodeError(f"returned arrays of shapes {shapes}, expected one length", where="find_peaks")
+    if not all(np.isfinite(column).all() for column in (theta, rho, strength)):
+        raise OwnCodeError("returned peaks that are not finite numbers", where="find_peaks")
+    if np.any((theta < 0.0) | (theta >= math.pi)):
+        raise OwnCodeError("returned angles outside [0, pi)", where="find_peaks", advice="take radians")
     order = np.lexsort((rho, theta, -strength))
     return Peaks(theta[order], rho[order], strength[order])
 

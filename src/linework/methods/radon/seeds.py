@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,8 @@ import numpy as np
 from linework.arrays import FloatArray, IntArray
 from linework.kernels.radon import segments as kernels
 from linework.kernels.radon.segments import SEGMENT_STRENGTH, SEGMENT_X0, SEGMENT_X1
-from linework.methods.radon.transform import rho_bins
+from linework.methods.radon.peaks import PeakFinder, peaks_by
+from linework.methods.radon.transform import RadonImage, radon_of_cells, rho_bins
 from linework.model.grid import Grid, Image
 from linework.model.settings import Settings, setting
 
@@ -79,17 +81,28 @@ class SeedSegments:
         return len(self.strength_m)
 
 
-def find_seed_lines(binary: Image, config: SeedConfig) -> SeedLines:
+def find_seed_lines(binary: Image, config: SeedConfig, finder: PeakFinder | None = None) -> SeedLines:
     """Return the prominent directions of a binary image, window by window.
 
+    Parameters
+    ----------
+    binary
+        (rows, cols) bool: cells with points in the height band.
+    finder
+        Own function that finds the peaks of each window's Radon image; None: `linework.methods.radon.peaks.find_peaks`.
+
+    Notes
+    -----
     Windows overlap by half and sit on one global lattice, so that neighbouring tiles see the same ones.
     A single Radon transform of the whole image finds straight roads only: a chord of L m leaves a curve
-    of radius R by L^2 / (8 R).
+    of radius R by L^2 / (8 R). Windows with less than `peak_threshold_m` of occupied cells are passed over.
 
     References
     ----------
     Manandhar and Shibasaki (2002), "Line Detection by Radon Transformation".
     """
+    if finder is not None:
+        return _own_seed_lines(binary, config, finder)
     angles = np.radians(np.arange(0.0, 180.0 - 0.5 * config.step_deg, config.step_deg))
     cell, half = binary.grid.cell_width_m, config.window_m / 2
     rho = rho_bins(half * math.sqrt(2), cell)
@@ -107,6 +120,52 @@ def find_seed_lines(binary: Image, config: SeedConfig) -> SeedLines:
     number, theta, offset, strength = table.T
     order = np.lexsort((offset, theta, -strength, number))  # window by window, the strongest first
     return SeedLines(centres[number[order].astype(np.int64)], theta[order], offset[order], strength[order])
+
+
+def windows_of_image(binary: Image, config: SeedConfig) -> Iterator[tuple[FloatArray, RadonImage]]:
+    """Yield the centre (2,) [m, world] and the Radon image of each window with enough occupied cells.
+
+    They are those that `find_seed_lines` searches for peaks, in its order.
+    """
+    angles = np.radians(np.arange(0.0, 180.0 - 0.5 * config.step_deg, config.step_deg))
+    cell, half = binary.grid.cell_width_m, config.window_m / 2
+    cells, starts, quarters, centres = _windows(binary, config)
+    for window, centre in zip(quarters, centres, strict=True):
+        held = [cells[starts[q] : starts[q + 1]] for q in window if q >= 0]
+        if sum(map(len, held)) < config.peak_threshold_m / cell:
+            continue
+        x, y = (np.concatenate(held) - centre).T
+        values = radon_of_cells(
+            np.ascontiguousarray(x),
+            np.ascontiguousarray(y),
+            np.ones(len(x)),
+            cell_width_m=cell,
+            cell_height_m=binary.grid.cell_height_m,
+            angles_rad=angles,
+            rho_step_m=cell,
+            rho_max_m=half * math.sqrt(2),
+        )
+        yield centre, RadonImage(values, angles, rho_bins(half * math.sqrt(2), cell), cell, centre)
+
+
+def _own_seed_lines(binary: Image, config: SeedConfig, finder: PeakFinder) -> SeedLines:
+    """Return the seed lines at the peaks that an own function finds."""
+    centres, found = [], []
+    for centre, radon in windows_of_image(binary, config):
+        peaks = peaks_by(
+            finder, radon.values, radon.angles_rad, radon.rho_m, threshold=config.peak_threshold_m,
+            theta_window_rad=2.0 * math.radians(HALF_WINDOW_DEG),
+            rho_window_m=2.0 * HALF_WINDOW_CELLS * radon.rho_step_m,
+        )  # fmt: skip
+        found.append(peaks)
+        centres.append(np.tile(centre, (len(peaks), 1)))
+    return SeedLines(
+        np.concatenate([np.zeros((0, 2)), *centres]),
+        *(
+            np.concatenate([np.zeros(0), *(getattr(peaks, name) for peaks in found)])
+            for name in ("theta_rad", "rho_m", "strength_m")
+        ),
+    )
 
 
 def _windows(binary: Image, config: SeedConfig) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:

@@ -56,6 +56,7 @@ class Stereo:
 
     recording: ClassVar[Recording] = "pairs"
     evidence: ClassVar[type[Sightings]] = Sightings
+    carry: ClassVar[tuple[str, ...]] = ()
     #: A pair is looked at by itself, and all of it.
     buffer_m: ClassVar[float] = 0.0
     least_height_m: ClassVar[float] = -math.inf

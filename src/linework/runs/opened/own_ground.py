@@ -76,7 +76,11 @@ def find_own_ground(task: OwnGroundTask) -> CoarseGround:
     bounds, ground = window.bounds(cell_m), task.ground
     source = _opened(surface.source) if isinstance(surface.source, Path) else surface.source
     points = source.points(
-        bounds.grown(OWN_GROUND_MARGIN_M), ordered=True, with_time=True, with_intensity=True
+        bounds.grown(OWN_GROUND_MARGIN_M),
+        ordered=True,
+        with_time=True,
+        with_intensity=True,
+        with_columns=True,
     )
     east, north = points.xyz[:, 0], points.xyz[:, 1]
     inside = (east >= bounds.west) & (east < bounds.east) & (north >= bounds.south) & (north < bounds.north)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from linework.errors import ConfigError, CrsError, InputError, LineworkError
+from linework.errors import ConfigError, CrsError, InputError, LineworkError, MissingPackageError, check_extra
 from linework.files.images.series import open_stereo
 from linework.files.logs.photolog import van_log
 from linework.files.logs.sensors import read_navigation_logs
@@ -151,7 +151,8 @@ def opened_recordings(
             # Settings or a CRS that are wrong are mended by whoever runs it, also where there are images
             points = tried(points.name, lambda: held.enter_context(files), (InputError,))
         if wants_pairs:
-            pairs = tried(pairs.name, lambda: _opened_stereo(found, points.value, steps))
+            errors = (InputError, ConfigError, MissingPackageError)
+            pairs = tried(pairs.name, lambda: _opened_stereo(found, points.value, steps), errors)
         if points.value is None and pairs.value is None:
             raise _nothing_usable(survey, logs, points, pairs, laser=laser, images=images)
         yield Recordings(
@@ -178,6 +179,8 @@ def _nothing_usable(
         asked = " and no ".join([*["laser points"] * laser, *["stereo images ([cameras])"] * images])
         return InputError(f"no {asked} in this survey", where=survey.name,
                           advice="see what there is with linework info")  # fmt: skip
+    if isinstance(pairs.error, MissingPackageError):
+        return pairs.error
     if pairs.error is None:
         assert points.error is not None
         return points.error
@@ -201,6 +204,7 @@ def _hashes(survey: Survey, points: OpenedSurvey | None, stereo: OpenedStereo | 
 
 def _opened_stereo(survey: Survey, points: OpenedSurvey | None, steps: RunSteps) -> OpenedStereo:
     """Return the stereo pairs with their poses, on the trajectory of the points where there are any."""
+    check_extra("stereo")
     series = open_stereo(survey)
     assert series is not None, "the survey has [cameras]"
     if points is None:

@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
+from linework.errors import extra_needed
 from linework.model.points import Points
 from linework.simulation.roads.scenario import Scanner, Scenario, Sensor
 from linework.simulation.scene.materials import (
@@ -89,6 +88,10 @@ class Caster:
     def __init__(self, scene: Scene) -> None:
         mesh = scene.mesh
         self._scene = scene
+        with extra_needed("simulate"):
+            from embreex.mesh_construction import TriangleMesh
+            from embreex.rtcore_scene import EmbreeScene
+
         self._embree = EmbreeScene()
         self._mesh = TriangleMesh(self._embree, mesh.vertices.astype(np.float32), mesh.triangles)
         a, b, c = (mesh.vertices[mesh.triangles[:, i]] for i in range(3))

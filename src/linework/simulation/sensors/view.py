@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from scipy.interpolate import RectBivariateSpline
 from scipy.spatial.transform import Rotation
 
 from linework.arrays import AnyArray, BoolArray, FloatArray
-from linework.errors import UsageError, argument
+from linework.errors import UsageError, argument, extra_needed
 from linework.imaging.rectify import distorted
 from linework.model.camera import LOOKING_AHEAD, Camera, StereoRig
 from linework.simulation.roads.scenario import Scenario, Wall
@@ -112,6 +110,10 @@ class _Rays:
     """Triangles ready for rays; near the origin single precision is good to 0.1 mm."""
 
     def __init__(self, vertices: FloatArray, triangles: AnyArray) -> None:
+        with extra_needed("simulate"):
+            from embreex.mesh_construction import TriangleMesh
+            from embreex.rtcore_scene import EmbreeScene
+
         self._embree = EmbreeScene()
         self._mesh = TriangleMesh(self._embree, vertices.astype(np.float32), triangles)
 

@@ -132,7 +132,7 @@ def _joined(edit: JoinLines, lines: LineSet, _: EditInputs) -> Change:
         raise UsageError("a line cannot be joined to itself", where="join", advice="choose two lines")
     others = lines.take((lines.review != "rejected") & ~np.isin(lines.id, both.id))
     change = _edited(edit.action, both, join_two_lines(both.take([0]), both.take([1]), others))
-    tops = [with_companions(both.take([k]), others).of_kind("kerb_top") for k in (0, 1)]
+    tops = [with_companions(both.take([k]), others)["kerb_top"] for k in (0, 1)]
     return with_tops(change, tops[0], tops[1])
 
 
@@ -291,8 +291,8 @@ def with_companions(chosen: LineSet, lines: LineSet) -> LineSet:
     for i in range(len(chosen)):
         kind = COMPANIONS.get(str(chosen.kind[i]), "")
         if kind:
-            box = _near(lines, chosen.line(i), COMPANION_BESIDE_M[kind])
-            is_in[box[lies_beside(lines.take(box), chosen.line(i), kind)]] = True
+            box = _near(lines, chosen[i].xyz, COMPANION_BESIDE_M[kind])
+            is_in[box[lies_beside(lines.take(box), chosen[i].xyz, kind)]] = True
     return lines.take(is_in)
 
 
@@ -306,7 +306,7 @@ def _near(lines: LineSet, xyz: FloatArray, within_m: float) -> IntArray:
 def with_tops(change: Change, tops: LineSet, other_tops: LineSet) -> Change:
     """Return the change that joins two kerbs, with the two nearest ends of their tops joined too."""
     pairs = [
-        (float(np.hypot(*(tops.line(i)[a, :2] - other_tops.line(k)[b, :2]))), i, k)
+        (float(np.hypot(*(tops[i].xyz[a, :2] - other_tops[k].xyz[b, :2]))), i, k)
         for i, k, a, b in itertools.product(range(len(tops)), range(len(other_tops)), (0, -1), (0, -1))
         if tops.id[i] != other_tops.id[k]
     ]
@@ -365,7 +365,7 @@ def _of_line(line: LineSet, lines: LineSet, spans: FloatArray) -> tuple[LineSet,
     """Return the dashes of a line that are replaced, and the new ones."""
     if str(line.kind[0]) != "lane_marking":
         raise UsageError(f"a {line.kind[0]} has no dashes", where="dashes", advice="choose a lane marking")
-    own = with_companions(line, lines).of_kind("lane_marking_dash")
+    own = with_companions(line, lines)["lane_marking_dash"]
     own = own.take(own.review != "rejected")
     if len(spans):
         return dashes_by_paint(line, own, spans)

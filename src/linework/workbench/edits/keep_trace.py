@@ -79,8 +79,8 @@ def kept_change(
     new = [one]
     gone += absorbed + _mistaken(one, lines)
     for kind in COMPANION_BESIDE_M:
-        others = trace.of_kind(kind)
-        for k in companions_of(others, trace.line(0)[first : last + 1], kind).tolist() if len(others) else []:
+        others = trace.take(trace.kind == kind)
+        for k in companions_of(others, trace[0].xyz[first : last + 1], kind).tolist() if len(others) else []:
             companion = others.take([k]).with_columns(id=np.array([""]))
             if kind in _WHOLE_KINDS:
                 new += [] if _touching(companion, lines, gone).size else [companion]
@@ -95,7 +95,7 @@ def _same_wire(one: LineSet, lines: LineSet) -> list[int]:
     """Return the indices of cables that are the same as one: within `SAME_WIRE_M` in space."""
     tree, found = cKDTree(stations_of(one.xyz)), []
     for k in np.flatnonzero((lines.kind == "cable") & (lines.review != "rejected")).tolist():
-        distance, _ = tree.query(lines.line(k), distance_upper_bound=SAME_WIRE_M)
+        distance, _ = tree.query(lines[k].xyz, distance_upper_bound=SAME_WIRE_M)
         if np.isfinite(distance).mean() > _MOST:
             found.append(k)
     return found
@@ -113,7 +113,7 @@ def _mistaken(one: LineSet, lines: LineSet) -> list[int]:
     if str(one.kind[0]) != "lane_marking":
         return []
     bars = _touching(one.with_columns(kind=np.array(["road_marking_other"])), lines, [])
-    return [k for k in bars.tolist() if _is_on(lines.line(k)[:, :2], one.xyz[:, :2]).mean() > _MOST]
+    return [k for k in bars.tolist() if _is_on(lines[k].xyz[:, :2], one.xyz[:, :2]).mean() > _MOST]
 
 
 def _grown(one: LineSet, lines: LineSet, gone: list[int]) -> tuple[LineSet, list[int]]:

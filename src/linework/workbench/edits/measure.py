@@ -92,7 +92,7 @@ async def _dash_spans(edit: AddDashes, app_state: AppState) -> dict[str, FloatAr
     """Return (k, 2) spans of dashes that the paint along lines shows [m], by id."""
     chosen = lines_of(app_state.line_file.lines, edit.ids)
     return {
-        str(chosen.id[k]): await app_state.pictures.ask(dash_spans, chosen.line(k), float(chosen.width_m[k]))
+        str(chosen.id[k]): await app_state.pictures.ask(dash_spans, chosen[k].xyz, float(chosen.width_m[k]))
         for k in np.flatnonzero(chosen.kind == "lane_marking").tolist()
     }
 

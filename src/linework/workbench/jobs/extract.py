@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import os
 import shutil
 import threading
 from collections.abc import Callable, Iterator
@@ -15,8 +14,9 @@ from typing import Any
 from linework.errors import UsageError
 from linework.methods.kinds import recordings_for
 from linework.model.lines import LineSet
+from linework.processes.system import give_way
 from linework.runs.opened.recordings import opened_recordings
-from linework.runs.opened.store import executor_for, usable_cores
+from linework.runs.opened.store import executor_for, promised_points, usable_cores
 from linework.runs.opened.work_folder import RUNS
 from linework.runs.steps import RunSteps
 from linework.workbench.worker.session import SurveySession
@@ -86,14 +86,18 @@ def extract_in_worker(session: SurveySession, request: JobRequest) -> str:
     from linework.runs.extract import extract_to, extraction_request
     from linework.runs.record import missing_summary
 
-    os.nice(_NICE)
+    give_way(_NICE)
     survey, settings = session.survey, session.settings
     # One core is for the page and for following lines meanwhile
     n_workers = max(usable_cores() - 1, 1)
     with contextlib.ExitStack() as held:
         reporter = held.enter_context(_reporter(session.report))
         steps = RunSteps(reporter)
-        executor = held.enter_context(executor_for(survey, n_workers, settings))
+        executor = held.enter_context(
+            executor_for(
+                promised_points(survey), n_workers, settings, has_images="cameras" in survey.settings
+            )
+        )
         recordings = held.enter_context(
             opened_recordings(
                 survey,

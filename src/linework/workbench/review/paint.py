@@ -98,7 +98,7 @@ class PaintOfLines:
         """
         found, new_m, length_m = {}, 0.0, lines.length_m
         for i in np.flatnonzero((lines.kind == "lane_marking") & (lines.review != "rejected")).tolist():
-            xyz = lines.line(i)
+            xyz = lines[i].xyz
             shape = hash(xyz.tobytes())
             if shape not in self._spans and new_m < MOST_NEW_M:
                 new_m += float(length_m[i])

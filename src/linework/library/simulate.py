@@ -1,0 +1,109 @@
+"""A simulated survey with exact truth in one call, for trials and for measuring accuracy."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from linework.errors import check_extra
+from linework.files.output.publish import check_output_folder
+from linework.files.survey.open import open_survey
+from linework.library.progress import Progress, display_of
+from linework.model.survey import Survey
+from linework.runs.steps import RunSteps
+from linework.simulation.folder import write_survey_folder
+from linework.simulation.roads.draw import draw_scenario
+from linework.simulation.sensors.cameras import stereo_survey
+from linework.simulation.simulate import SimulatedSurvey, survey_of
+
+
+def simulate(
+    folder: str | os.PathLike[str],
+    *,
+    road: str = "straight",
+    seed: int = 0,
+    length_m: float = 200.0,
+    points_per_m: float | None = None,
+    images: bool = True,
+    image_size: str = "1240x376",
+    image_every_m: float = 3.0,
+    overwrite: bool = False,
+    progress: Progress = None,
+) -> Survey:
+    """Return a simulated survey, written to a folder and opened.
+
+    The folder holds points (LAZ), trajectory, navigation logs and stereo images, and beside them the exact lines:
+    ``survey.root / "truth.gpkg"`` is the reference to evaluate against. The same arguments give byte-identical files.
+
+    Parameters
+    ----------
+    folder
+        New or empty; with `overwrite`, files of the same names are replaced.
+    road
+        Kind of road: "straight", "bends", "urban" or "motorway".
+    seed
+        Determines everything that no other argument sets.
+    length_m
+        Length of the drive, 40 to 5000. [m]
+    points_per_m
+        Approximate number of points per metre of drive; None: drawn from the seed.
+    images
+        False: no stereo images, which take minutes.
+    image_size
+        "732x484" (van roof) or "1240x376" (car).
+    image_every_m
+        Approximate distance between stereo pairs. [m]
+    overwrite
+        Replace what is in the folder.
+    progress
+        True: show progress on stderr. A function is called with (stage, done, total).
+
+    Raises
+    ------
+    UsageError
+        An unknown road or image size (the nearest is named), or a number out of its range.
+    OutputExistsError
+        The folder is not empty, and `overwrite` is not set.
+
+    Examples
+    --------
+    >>> import tempfile, linework
+    >>> folder = tempfile.mkdtemp()
+    >>> survey = linework.simulate(folder, road="bends", length_m=40.0, points_per_m=100, images=False)
+    >>> survey.name, (survey.root / "truth.gpkg").is_file()
+    ('simulated bends 0', True)
+    """
+    # The display stays for the whole call: what was simulated is read again at its end
+    with display_of(progress) as display:
+        simulate_to(
+            Path(folder), RunSteps(display), road=road, seed=seed, length_m=length_m, points_per_m=points_per_m,
+            images=images, image_size=image_size, image_every_m=image_every_m, overwrite=overwrite,
+        )  # fmt: skip
+        return open_survey(folder)
+
+
+def simulate_to(
+    folder: Path,
+    steps: RunSteps,
+    *,
+    road: str,
+    seed: int,
+    length_m: float,
+    points_per_m: float | None,
+    images: bool,
+    image_size: str,
+    image_every_m: float,
+    overwrite: bool,
+) -> tuple[SimulatedSurvey, int]:
+    """Write a simulated survey as `simulate` does; return it and its number of stereo pairs."""
+    check_extra("simulate")
+    check_output_folder(folder, overwrite=overwrite)
+    scenario = draw_scenario(road, seed, length_m, points_per_m=points_per_m)
+    cameras = stereo_survey(scenario, size=image_size, every_m=image_every_m) if images else None
+    with steps.step("simulate scans"):
+        survey = survey_of(scenario)
+    with steps.step(
+        "render images" if images else "write the survey", unit="pairs" if images else ""
+    ) as advance:
+        write_survey_folder(survey, folder, overwrite=overwrite, cameras=cameras, advance=advance)
+    return survey, len(cameras) if cameras else 0

@@ -1,0 +1,92 @@
+"""Lines as a GeoPandas frame, and back.
+
+Separate from `linework.model.lineset.for_others`: each library has a module of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import shapely
+
+from linework.arrays import AnyArray
+from linework.crs import LOCAL, parse_crs
+from linework.errors import InputError, argument, needed
+from linework.model.columns import column_types
+from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+from linework.model.lineset.geometries import geometries, lines_of_shapes
+
+
+def frame_of(lines: LineSet, *, per_vertex: bool) -> Any:
+    """Return the lines as a `geopandas.GeoDataFrame`: the work of `LineSet.to_geopandas`."""
+    geopandas = needed("geopandas", "tables", where="to_geopandas()")
+    columns: dict[str, Any] = {}
+    for name in LINE_COLUMNS:
+        values = getattr(lines, name)
+        columns[name] = values.astype(object) if values.dtype.kind == "U" else values.copy()
+    if per_vertex:
+        for name in VERTEX_COLUMNS:
+            columns[name] = _per_line(lines, getattr(lines, name))
+    return geopandas.GeoDataFrame(
+        columns, geometry=geometries(lines), crs=None if lines.crs == LOCAL else lines.crs
+    )
+
+
+def _per_line(lines: LineSet, values: AnyArray) -> AnyArray:
+    """Return an object array (m,) with the values at the vertices of each line."""
+    found = np.full(len(lines), None, dtype=object)
+    for i in range(len(lines)):
+        found[i] = values[lines.offsets[i] : lines.offsets[i + 1]].copy()
+    return found
+
+
+def lines_of_frame(frame: Any, crs: object, columns: Mapping[str, Any]) -> LineSet:
+    """Return the lines of a GeoDataFrame: the work of `LineSet.from_geopandas`."""
+    pandas = needed("pandas", "tables", where="from_geopandas()")
+    stated = frame.crs
+    found_crs = (
+        parse_crs(stated, where=argument("crs"))
+        if stated is not None
+        else parse_crs(crs, where=argument("crs"))
+    )
+    given: dict[str, Any] = {}
+    for name in LINE_COLUMNS:
+        if name in frame.columns and name not in columns:
+            values = frame[name]
+            # Missing texts may be NaN, None or NA
+            plain = np.full(len(values), None, dtype=object)
+            known = np.flatnonzero(~pandas.isna(values).to_numpy(dtype=bool))
+            plain[known] = values.to_numpy(dtype=object)[known]
+            given[name] = plain
+    shapes = np.asarray(frame.geometry.array, dtype=object)
+    for name in VERTEX_COLUMNS:
+        if name in frame.columns and name not in columns and _is_ragged(frame[name]):
+            given[name] = vertex_values(name, frame[name].to_numpy(dtype=object), shapes)
+    return lines_of_shapes(shapes, found_crs, given | dict(columns))
+
+
+def _is_ragged(values: Any) -> bool:
+    """Return whether a column holds lists; files of linework hold one rms of the sigmas under the same name."""
+    return len(values) > 0 and all(np.ndim(value) == 1 for value in values)
+
+
+def vertex_values(name: str, values: AnyArray, shapes: AnyArray) -> AnyArray:
+    """Return the concatenated values at the vertices of lines, from (m,) lists.
+
+    Raises
+    ------
+    InputError
+        A list of another length than its line has vertices.
+    """
+    counts = shapely.get_num_coordinates(shapes)
+    wrong = np.flatnonzero(counts != [len(value) for value in values])
+    if len(wrong):
+        i = int(wrong[0])
+        raise InputError(
+            f"{name} of line {i} has {len(values[i])} values for {int(counts[i])} vertices", where=argument("frame"),
+            advice="leave the column out, or correct it",
+        )  # fmt: skip
+    dtype = column_types(LineSet)[name].dtype
+    return np.concatenate([np.asarray(value, dtype=dtype) for value in values])

@@ -1,0 +1,82 @@
+"""Compiling as a stage of its own: with progress, in processes side by side, and only what is missing."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable, Sequence
+
+from linework.files.compiled import is_compiled, note_compiled, remove_stale
+from linework.kernels.compiling import CalledKernel, cache_folder, called_kernels, compile_kernel
+from linework.model.survey import Survey
+from linework.processes.executors import Executor, Serial
+from linework.processes.pool import Processes
+from linework.runs.steps import Advance, RunSteps
+
+#: Kernels of a kind of line, of stereo pairs and of the trajectory, by their names in `linework.kernels.called_with`.
+_GROUP_OF = {
+    "lane_marking": "paint", "lane_marking_dash": "paint", "road_marking_other": "paint",
+    "road_boundary": "boundaries", "kerb_top": "boundaries",
+    "guardrail": "rails", "barrier": "rails", "cable": "cables",
+    "stereo": "pairs", "trajectory": "trajectory",
+}  # fmt: skip
+#: Everything that can be compiled: kinds of line, "stereo" and "trajectory".
+COMPILED_FOR = tuple(_GROUP_OF)
+#: A process that compiles takes up to 0.4 GB, and the longest kernel bounds the time from about this many on.
+_MOST_PROCESSES = 4
+#: Below this number of kernels, starting processes takes longer than it saves.
+_FEW_KERNELS = 6
+
+
+def compiled_for(survey: Survey, kinds: Iterable[str], *, images: bool) -> tuple[str, ...]:
+    """Return the names for `compile_stage` of what an extraction comes to.
+
+    Parameters
+    ----------
+    images
+        Whether stereo pairs are looked at, if the survey has any.
+    """
+    has_pairs = images and "cameras" in survey.settings
+    is_located = survey.trajectory_file is None and "navigation" in survey.settings
+    return (*kinds, *(("stereo",) if has_pairs else ()), *(("trajectory",) if is_located else ()))
+
+
+def compile_stage(names: Iterable[str], steps: RunSteps) -> bool:
+    """Compile what is missing of the kernels for some kinds of line; return whether anything was.
+
+    Nothing is shown, and it takes milliseconds, when all of it is compiled already.
+
+    Parameters
+    ----------
+    names
+        Kinds of line, "stereo" for stereo pairs, "trajectory" for locating; kinds of the user's own methods have no
+        kernels here.
+    steps
+        The step "compile kernels" is shown by its number of kernels.
+    """
+    groups = sorted({_GROUP_OF[name] for name in names if name in _GROUP_OF})
+    if is_compiled(groups):
+        return False
+    kernels = called_kernels(groups)
+    with steps.step("compile kernels", unit="kernels") as advance:
+        remove_stale(cache_folder)
+        is_whole = _compile_all(kernels, advance)
+    if is_whole:
+        note_compiled(groups, {cache_folder(kernel.module) for kernel in kernels})
+    return True
+
+
+def _compile_all(kernels: Sequence[CalledKernel], advance: Advance) -> bool:
+    """Compile kernels side by side; return whether all were: one that fails is compiled when it is called."""
+    from linework.runs.opened.store import usable_cores
+
+    n_processes = min(usable_cores(), _MOST_PROCESSES)
+    is_whole = True
+    with contextlib.ExitStack() as held:
+        executor: Executor = Serial()
+        if n_processes > 1 and len(kernels) >= _FEW_KERNELS:
+            executor = held.enter_context(Processes(n_processes, modules=("linework.kernels.compiling",)))
+        advance(0, len(kernels))
+        for n_done, outcome in enumerate(executor.run(compile_kernel, kernels), start=1):
+            is_whole &= outcome.receipt is not None
+            advance(n_done, len(kernels))
+    return is_whole

@@ -1,0 +1,62 @@
+"""`simulate` from Python: what the command writes, opened; what cannot be simulated is refused before any work."""
+
+import pytest
+
+from linework.errors import OutputExistsError, UsageError
+from linework.files.vectors.read_write import read_lines
+from linework.library.simulate import simulate
+
+SMALL = {"road": "bends", "seed": 2, "length_m": 40, "points_per_m": 800, "images": False}
+
+
+def test_the_survey_is_that_of_the_command_opened(linework, tmp_path):
+    stages = []
+    survey = simulate(str(tmp_path / "a"), **SMALL, progress=lambda stage, done, total: stages.append(stage))
+    arguments = ("--road", "bends", "--seed", "2", "--length-m", "40", "--points-per-m", "800", "--no-images")
+    assert linework("simulate", "-o", tmp_path / "b", *arguments).code == 0
+    for path in (*survey.point_files, survey.trajectory_file, survey.root / "truth.gpkg"):
+        assert path.read_bytes() == (tmp_path / "b" / path.relative_to(survey.root)).read_bytes(), path
+    assert len(read_lines(survey.root / "truth.gpkg")) > 0
+    assert dict.fromkeys(stages) == {"simulate scans": None, "write the survey": None}
+    with pytest.raises(OutputExistsError, match=r"Choose another folder or give overwrite=True\.$"):
+        simulate(tmp_path / "a", **SMALL)
+    assert simulate(tmp_path / "a", **SMALL, overwrite=True) == survey
+
+
+@pytest.mark.parametrize(
+    ("wrong", "line"),
+    [
+        (
+            {"road": "bend"},
+            "road: there is no road 'bend'. Did you mean bends? Choose one of straight, bends",
+        ),
+        (
+            {"road": "lunar"},
+            "road: there is no road 'lunar'. Choose one of straight, bends, urban, motorway.",
+        ),
+        ({"road": None}, "road: there is no road None. Choose one of"),
+        ({"length_m": 5}, "length_m: a road of 5 m cannot be simulated. Choose 40 to 5000 m."),
+        ({"length_m": -100.0}, "length_m: a road of -100 m cannot be simulated. Choose 40 to"),
+        ({"length_m": float("nan")}, "length_m: a road of nan m cannot be simulated. Choose 40 to"),
+        ({"length_m": float("inf")}, "length_m: a road of inf m cannot"),
+        ({"length_m": "100"}, "length_m: a road of '100' m cannot"),
+        ({"seed": -1}, "seed: the seed is -1. Choose a whole number from 0."),
+        ({"seed": 1.5}, "seed: the seed is 1.5. Choose"),
+        ({"seed": None}, "seed: the seed is None. Choose"),
+        ({"points_per_m": 0}, "points_per_m: 0 points per metre. Choose more than 0"),
+        ({"points_per_m": float("nan")}, "points_per_m: nan points per metre"),
+        ({"points_per_m": float("inf")}, "points_per_m: inf points per metre"),
+        (
+            {"images": True, "image_size": "640x480"},
+            "image_size: there are no cameras of '640x480'. Choose one of",
+        ),
+        ({"images": True, "image_every_m": 0}, "image_every_m: a pair every 0 m. Choose more than 0."),
+        ({"images": True, "image_every_m": float("nan")}, "image_every_m: a pair every nan m"),
+        ({"images": True, "image_every_m": "3"}, "image_every_m: a pair every '3' m"),
+    ],
+)
+def test_what_cannot_be_simulated_is_refused_with_the_parameter(tmp_path, wrong, line):
+    with pytest.raises(UsageError) as caught:
+        simulate(tmp_path / "a", **(SMALL | wrong))
+    assert str(caught.value).startswith(line)
+    assert not (tmp_path / "a").exists()
