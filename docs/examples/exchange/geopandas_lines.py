@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 
 import linework
 
-survey = linework.simulate("survey", road="urban", seed=3, length_m=60.0, points_per_m=2500, images=False)
+survey = linework.simulate("survey", road="urban", seed=10, length_m=60.0, points_per_m=2500, images=False)
 lines = linework.extract(survey)
 
 # %%

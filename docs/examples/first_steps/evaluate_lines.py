@@ -11,7 +11,7 @@ import numpy as np
 
 import linework
 
-survey = linework.simulate("survey", road="urban", seed=3, length_m=60.0, points_per_m=2500, images=False)
+survey = linework.simulate("survey", road="urban", seed=10, length_m=60.0, points_per_m=2500, images=False)
 points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
 truth = linework.read_lines(survey.root / "truth.gpkg")
 lines = linework.extract(points, trajectory=trajectory)

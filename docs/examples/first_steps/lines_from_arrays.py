@@ -18,7 +18,7 @@ import linework
 # A simulated street, read with laspy, stands in for your data. All that is needed is an (n, 3) array of east, north and height in
 # metres; intensities are needed for lane markings, times help to tell one pass of the van from another.
 
-survey = linework.simulate("survey", road="urban", seed=3, length_m=60.0, points_per_m=2500, images=False)
+survey = linework.simulate("survey", road="urban", seed=10, length_m=60.0, points_per_m=2500, images=False)
 las = laspy.read(survey.point_files[0])
 xyz, intensity, time_s = np.asarray(las.xyz), np.asarray(las.intensity), np.asarray(las.gps_time)
 
@@ -59,7 +59,7 @@ print("bridged vertices:", int(longest.bridged.sum()), "of", len(longest.xyz))
 
 fig, ax = plt.subplots(figsize=(9, 6), layout="constrained")
 ground = np.asarray(points.xyz[:, 2] < np.quantile(points.xyz[:, 2], 0.8))
-ax.scatter(*points.xyz[ground, :2].T, c="0.85", s=0.2, rasterized=True)
+ax.scatter(points.xyz[ground, 0], points.xyz[ground, 1], c="0.85", s=0.2, rasterized=True)
 lines.plot(ax=ax)
 ax.set_aspect("equal")
 

@@ -43,7 +43,9 @@ fig, axes = plt.subplots(2, 2, figsize=(10, 8), layout="constrained")
 for ax, kind in zip(axes.flat, KINDS, strict=True):
     origin = paths[kind].xyz[0]
     xyz = points[kind].xyz - origin
-    ax.scatter(*xyz[::3, :2].T, c=xyz[::3, 2], s=0.3, cmap="viridis", vmin=-1, vmax=6, rasterized=True)
+    ax.scatter(
+        xyz[::3, 0], xyz[::3, 1], c=xyz[::3, 2], s=0.3, cmap="viridis", vmin=-1, vmax=6, rasterized=True
+    )
     for one in truths[kind]:
         ax.plot(*(one.xyz - origin)[:, :2].T, color="r", lw=0.8)
     ax.plot(*(paths[kind].xyz - origin)[:, :2].T, "k:", lw=1)

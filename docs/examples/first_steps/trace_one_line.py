@@ -11,7 +11,7 @@ import numpy as np
 
 import linework
 
-survey = linework.simulate("survey", road="urban", seed=3, length_m=60.0, points_per_m=2500, images=False)
+survey = linework.simulate("survey", road="urban", seed=10, length_m=60.0, points_per_m=2500, images=False)
 points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
 truth = linework.read_lines(survey.root / "truth.gpkg")
 
@@ -39,7 +39,7 @@ print(f"both ways {line.length_m[0]:.1f} m, one way {ahead.length_m[0]:.1f} m")
 # %%
 
 fig, ax = plt.subplots(figsize=(9, 5), layout="constrained")
-ax.scatter(*points.xyz[::4, :2].T, c="0.85", s=0.3, rasterized=True)
+ax.scatter(points.xyz[::4, 0], points.xyz[::4, 1], c="0.85", s=0.3, rasterized=True)
 for traced, colour, width in ((line, "tab:blue", 3), (ahead, "tab:red", 1)):
     for one in traced["road_boundary"]:
         ax.plot(*one.xyz[:, :2].T, color=colour, lw=width)

@@ -17,7 +17,7 @@ from linework.methods.cables.seeds import find_cable_seeds
 from linework.model.tile import local_origin
 from linework.surface.road import height_above_ground
 
-survey = linework.simulate("survey", road="urban", seed=3, length_m=60.0, points_per_m=2500, images=False)
+survey = linework.simulate("survey", road="urban", seed=6, length_m=60.0, points_per_m=2500, images=False)
 points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
 config = CableConfig()
 

@@ -19,7 +19,7 @@ from linework.methods.tracking.track import TrackConfig, track_lines
 from linework.model.boxes import BoxForm
 from linework.model.tile import TileData, local_origin
 
-survey = linework.simulate("survey", road="urban", seed=3, length_m=60.0, points_per_m=3000, images=False)
+survey = linework.simulate("survey", road="urban", seed=10, length_m=60.0, points_per_m=3000, images=False)
 points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
 truth = linework.read_lines(survey.root / "truth.gpkg")
 ground = linework.find_ground(points, trajectory)
@@ -85,8 +85,14 @@ ax.set_title("boxes of kerbs (grey) and the lines through them")
 # The whole method
 # ----------------
 #
-# ``Obb`` does all of this, smooths the lines, and adds the top edge of each kerb. Its steps, in their order:
+# ``Obb`` does all of this, smooths the lines, and adds the top edge of each kerb. ``steps`` gives the result of each
+# step in its order; boxes and lines can be drawn.
 
-for name, result in linework.Obb(kinds=("road_boundary", "kerb_top")).steps(points):
-    print(f"{name:28} {type(result).__name__}")
+results = dict(linework.Obb(kinds=("road_boundary", "kerb_top")).steps(points, trajectory))
+for name, result in results.items():
+    print(f"{name:20} {type(result).__name__}")
+
+fig, ax = plt.subplots(figsize=(9, 5), layout="constrained")
+results["boundary boxes"].plot(ax)
+results["lines"].plot(ax, linewidths=0.8)
 plt.show()

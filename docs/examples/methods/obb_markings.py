@@ -7,34 +7,19 @@ what lies on both sides of it, fits its two edges to the intensities, and makes 
 as those of boundaries are (:doc:`obb_boundaries`).
 """
 
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.collections import LineCollection
 
 import linework
 from linework.methods.obb.marking import MarkingConfig, find_marking_boxes
 from linework.model.boxes import BoxForm
 from linework.model.tile import TileData, local_origin
 
-survey = linework.simulate("survey", road="straight", seed=7, length_m=50.0, points_per_m=5000, images=False)
+survey = linework.simulate("survey", road="straight", seed=13, length_m=50.0, points_per_m=5000, images=False)
 points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
-assert points.intensity is not None
 ground = linework.find_ground(points, trajectory)
-
-# %%
-# Intensities of the road
-# -----------------------
-
-bounds = points.bounds
-origin = np.array(local_origin(bounds.west, bounds.south, ground.z0_m))
-path = trajectory.xyz
-middle = path[len(path) // 2]
-way = path[-1, :2] - path[0, :2]
-way /= np.hypot(*way)
-turn = np.column_stack([way, [-way[1], way[0]]])
-local = (points.xyz[:, :2] - middle[:2]) @ turn
-low = np.abs(points.xyz[:, 2] - middle[2]) < 0.5
-shown = low & (np.abs(local[:, 0]) < 12.0) & (np.abs(local[:, 1]) < 8.0)
 
 # %%
 # Boxes
@@ -43,25 +28,23 @@ shown = low & (np.abs(local[:, 0]) < 12.0) & (np.abs(local[:, 1]) < 8.0)
 # A box has a centre, a direction, a length with evidence and a width: that of the paint. Its score is the probability
 # that it is a piece of a marking.
 
-tile = TileData("all", bounds.grown(1.0), points, trajectory, "", ground, (*origin,))
+bounds = points.bounds
+origin = local_origin(bounds.west, bounds.south, ground.z0_m)
+tile = TileData("all", bounds.grown(1.0), points, trajectory, "", ground, origin)
 boxes = find_marking_boxes(tile, ground, MarkingConfig())
 stripes = boxes.take(boxes.form == BoxForm.STRIPE)
 print(f"{len(stripes)} stripes, median width {100 * np.median(2 * stripes.half_v_m):.0f} cm")
 print(f"median contrast {np.nanmedian(stripes.contrast):.1f}")
 
-left = np.column_stack([-stripes.u[:, 1], stripes.u[:, 0]])
-signs = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1)])
-corners = (
-    stripes.centre[:, None, :2]
-    + signs[None, :, :1] * (stripes.half_u_m[:, None] * stripes.u)[:, None]
-    + signs[None, :, 1:] * (stripes.half_v_m[:, None] * left)[:, None]
-)
-outlines = (corners + origin[:2] - middle[:2]) @ turn
+middle = trajectory.xyz[len(trajectory.xyz) // 2]
+near = np.hypot(*(points.xyz - middle)[:, :2].T) < 12.0
+near &= np.abs(points.xyz[:, 2] - middle[2]) < 0.5
+shown = points.take(near)
 
-fig, ax = plt.subplots(figsize=(10, 6), layout="constrained")
-ax.scatter(*local[shown].T, c=points.intensity[shown], s=1, cmap="gray", rasterized=True)
-ax.add_collection(LineCollection(list(outlines), colors="tab:blue", linewidths=1))
-ax.set(xlim=(-12, 12), ylim=(-8, 8), aspect="equal", xlabel="along the road [m]", ylabel="to the left [m]")
+fig, ax = plt.subplots(figsize=(8, 8), layout="constrained")
+ax.scatter(shown.xyz[:, 0], shown.xyz[:, 1], c=shown["intensity"], s=1, cmap="gray", rasterized=True)
+replace(stripes, centre=stripes.centre + np.array(origin)).plot(ax)
+ax.set(xlim=(middle[0] - 9, middle[0] + 9), ylim=(middle[1] - 9, middle[1] + 9))
 
 # %%
 # Lines
@@ -73,11 +56,8 @@ lines = linework.extract(points, kinds=("lane_marking", "lane_marking_dash"), tr
 for one in lines["lane_marking"]:
     print(f"{one.role:10} {one.pattern:7} {one.length_m:5.1f} m long, {one.width_m:.2f} m wide")
 
-fig, ax = plt.subplots(figsize=(10, 6), layout="constrained")
-ax.scatter(*local[shown].T, c=points.intensity[shown], s=1, cmap="gray", rasterized=True)
-for one in lines:
-    xy = (one.xyz[:, :2] - middle[:2]) @ turn
-    dash = one.kind == "lane_marking_dash"
-    ax.plot(*xy.T, color="tab:red" if dash else "gold", lw=3 if dash else 1)
-ax.set(xlim=(-12, 12), ylim=(-8, 8), aspect="equal", xlabel="along the road [m]", ylabel="to the left [m]")
+fig, ax = plt.subplots(figsize=(8, 8), layout="constrained")
+ax.scatter(shown.xyz[:, 0], shown.xyz[:, 1], c=shown["intensity"], s=1, cmap="gray", rasterized=True)
+lines.plot(ax)
+ax.set(xlim=(middle[0] - 9, middle[0] + 9), ylim=(middle[1] - 9, middle[1] + 9))
 plt.show()

@@ -6,7 +6,7 @@ Manandhar and Shibasaki find guardrails in four steps [1]_: a raster image of th
 the height of a rail, the Radon transform of that image, and its peaks, which are lines. This page calls each step on
 its own and draws what it returns.
 
-.. [1] D. Manandhar, R. Shibasaki (2002), Auto-extraction of urban features from vehicle-borne laser data.
+.. [1] D. Manandhar, R. Shibasaki (2002), Extraction of linear features from vehicle-borne laser data.
 """
 
 import matplotlib.pyplot as plt
@@ -26,18 +26,18 @@ points, trajectory = linework.read_points(survey), linework.read_trajectory(surv
 # Raster image
 # ------------
 #
-# Cells of 20 cm, as in the paper. Row 0 is north.
+# Cells of 20 cm, as in the paper. Row 0 is north. What a step returns can be drawn with ``plot``; its ``values`` are a
+# NumPy array.
 
 grid = grid_for(points, 0.20)
 images = rasterise(points, grid)
-west, north = grid.east_m, grid.north_m
-extent = (0.0, grid.n_cols * grid.cell_width_m, -grid.n_rows * grid.cell_height_m, 0.0)
 
-fig, axes = plt.subplots(1, 2, figsize=(11, 4.5), layout="constrained")
-axes[0].imshow(np.log1p(images.density.values), extent=extent, cmap="magma")
-axes[0].set_title("density (log)")
-axes[1].imshow(images.maximum.values, extent=extent, cmap="viridis")
-axes[1].set_title("greatest height")
+fig, axes = plt.subplots(1, 2, figsize=(12, 4.5), layout="constrained")
+images.density.plot(axes[0], norm="symlog", cmap="magma")
+images.maximum.plot(axes[1])
+for ax, title in zip(axes, ("number of points", "greatest height"), strict=True):
+    ax.set_title(title)
+    ax.tick_params("x", rotation=30)
 
 # %%
 # Binary image
@@ -77,23 +77,18 @@ for theta, rho, strength in zip(peaks.theta_rad, peaks.rho_m, peaks.strength_m, 
     print(f"theta {np.degrees(theta):6.1f} deg, rho {rho:6.2f} m, {strength:5.1f} m long")
 
 fig, ax = plt.subplots(figsize=(9, 4.5), layout="constrained")
-shown = (0.0, 180.0, float(radon.rho_m[0]), float(radon.rho_m[-1]))
-picture = ax.imshow(radon.values.T, extent=shown, origin="lower", aspect="auto", cmap="magma", norm="symlog")
-ax.plot(np.degrees(peaks.theta_rad), peaks.rho_m, "o", mfc="none", mec="cyan", ms=10)
-ax.set(xlabel="theta [deg]", ylabel="rho [m]")
-fig.colorbar(picture, label="occupied length [m]")
+radon.plot(ax, norm="symlog", cmap="magma")
+peaks.plot(ax)
 
 # %%
 # The peaks as lines in the binary image.
 
 fig, ax = plt.subplots(figsize=(9, 5), layout="constrained")
-ax.imshow(binary.values, extent=extent, cmap="gray_r")
-centre = radon.centre_xy - (west, north)
+binary.plot(ax, cmap="gray_r")
 for theta, rho in zip(peaks.theta_rad, peaks.rho_m, strict=True):
     normal, direction = np.array([np.cos(theta), np.sin(theta)]), np.array([-np.sin(theta), np.cos(theta)])
-    ends = centre + rho * normal + np.outer([-100.0, 100.0], direction)
+    ends = radon.centre_xy + rho * normal + np.outer([-25.0, 25.0], direction)
     ax.plot(*ends.T, color="tab:red", lw=1)
-ax.set(xlim=extent[:2], ylim=extent[2:])
 
 # %%
 # Segments
@@ -108,12 +103,23 @@ segments = split_into_segments(seeds, binary, config)
 print(f"{len(seeds)} seed lines in windows of {config.window_m:g} m, {len(segments)} segments")
 
 fig, ax = plt.subplots(figsize=(9, 5), layout="constrained")
-ax.imshow(np.where(binary.values, 0.7, 1.0), extent=extent, cmap="gray", vmin=0, vmax=1)
-for start, end in zip(segments.start_xy - (west, north), segments.end_xy - (west, north), strict=True):
-    ax.plot(*np.array([start, end]).T, color="tab:orange", lw=1.5)
-ax.set_title("segments of seed lines")
+binary.plot(ax, cmap="gray_r", alpha=0.4)
+segments.plot(ax)
 
 # %%
 # From here the points decide: see :doc:`rails`.
+#
+# All steps in one call
+# ---------------------
+#
+# ``steps`` runs the method on points in memory and gives the result of each step, in the order of the paper: those of
+# this page, and those that follow.
 
+results = dict(linework.Radon(kinds=("guardrail",)).steps(points, trajectory))
+for name, result in results.items():
+    print(f"{name:24} {type(result).__name__}")
+
+fig, ax = plt.subplots(figsize=(9, 5), layout="constrained")
+results["binary image"].plot(ax, cmap="gray_r", alpha=0.4)
+results["lines"].plot(ax)
 plt.show()

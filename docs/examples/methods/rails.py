@@ -8,6 +8,7 @@ and follow it through bends; a fit of their centres is the line, accurate to les
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.patches import Rectangle
 
 import linework
 from linework.imaging.raster import grid_for, in_height_band
@@ -50,7 +51,7 @@ print(f"{len(segments)} segments, {len(starts)} starts, {len(chains)} chains of 
 
 fig, ax = plt.subplots(figsize=(9, 6), layout="constrained")
 origin = bins.origin[:2]
-ax.scatter(*(bins.points[:, :2]).T, s=0.3, c="0.8", rasterized=True)
+ax.scatter(bins.points[:, 0], bins.points[:, 1], s=0.3, c="0.8", rasterized=True)
 for start, end in zip(segments.start_xy - origin, segments.end_xy - origin, strict=True):
     ax.plot(*np.array([start, end]).T, color="tab:orange", lw=1)
 for chain in chains:
@@ -94,9 +95,7 @@ near = (np.abs(s) < 1.5) & (np.abs(across) < 1.2) & (np.abs(offset[:, 2]) < 1.2)
 fig, ax = plt.subplots(figsize=(6, 5), layout="constrained")
 ax.plot(across[near], offset[near, 2], ".", ms=3, color="0.6")
 radius = config.circles.radius_m
-ax.add_patch(
-    plt.Rectangle((-radius, -config.circles.sheet_m), 2 * radius, config.circles.sheet_m, fill=False)
-)
+ax.add_patch(Rectangle((-radius, -config.circles.sheet_m), 2 * radius, config.circles.sheet_m, fill=False))
 ax.plot(0, 0, "o", ms=8, mfc="none", mec="tab:red")
 ax.set(xlabel="across [m]", ylabel="above the top edge [m]", aspect="equal")
 plt.show()

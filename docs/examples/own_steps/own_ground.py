@@ -12,7 +12,6 @@ from scipy import ndimage
 
 import linework
 from linework.model.grid import Grid
-from linework.runs.settings import RunSettings, TilingConfig
 
 survey = linework.simulate("survey", road="bends", seed=7, length_m=90.0, points_per_m=1500, images=False)
 points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
@@ -56,9 +55,8 @@ ground
 given = linework.find_ground(points, trajectory)
 fig, axes = plt.subplots(1, 2, figsize=(11, 4.5), layout="constrained")
 for ax, shown, title in ((axes[0], given, "find_ground"), (axes[1], ground, "own")):
-    picture = ax.imshow(np.asarray(shown.image), cmap="terrain")
+    shown.plot(ax, cmap="terrain")
     ax.set_title(title)
-fig.colorbar(picture, ax=axes, label="height [m]")
 
 places = trajectory.xyz
 difference = ground.height_m(places) - given.height_m(places)
@@ -81,7 +79,7 @@ print("the same lines:", same == lines)
 # In tiles, with workers
 # ----------------------
 
-tiles = RunSettings(tiling=TilingConfig(core_m=64.0))
+tiles = {"tiling": {"core_m": 64.0}}
 in_tiles = linework.extract(
     points, kinds="guardrail", trajectory=trajectory, ground=ground, settings=tiles, workers=2
 )

@@ -14,7 +14,6 @@ from scipy.spatial import cKDTree
 
 import linework
 from linework.model.tile import TileData
-from linework.runs.settings import RunSettings, TilingConfig
 from linework.surface.road import height_above_road
 
 # %%
@@ -78,7 +77,7 @@ def stations_along(path: np.ndarray, step_m: float) -> tuple[np.ndarray, np.ndar
 # On arrays
 # ---------
 
-survey = linework.simulate("survey", road="urban", seed=3, length_m=90.0, points_per_m=1500, images=False)
+survey = linework.simulate("survey", road="urban", seed=10, length_m=90.0, points_per_m=1500, images=False)
 points, trajectory = linework.read_points(survey), linework.read_trajectory(survey)
 lines = linework.extract(points, trajectory=trajectory, methods=[SideClearance()])
 lines
@@ -86,7 +85,7 @@ lines
 # %%
 
 fig, ax = plt.subplots(figsize=(9, 6), layout="constrained")
-ax.scatter(*points.xyz[::4, :2].T, c="0.85", s=0.3, rasterized=True)
+ax.scatter(points.xyz[::4, 0], points.xyz[::4, 1], c="0.85", s=0.3, rasterized=True)
 ax.plot(*trajectory.xyz[:, :2].T, "k:", lw=1)
 for one in lines:
     ax.plot(*one.xyz[:, :2].T, color="tab:red", lw=1.5)
@@ -108,7 +107,7 @@ print({str(kind): int((both.kind == kind).sum()) for kind in np.unique(both.kind
 # In tiles, with workers
 # ----------------------
 
-tiles = RunSettings(tiling=TilingConfig(core_m=64.0))
+tiles = {"tiling": {"core_m": 64.0}}
 in_tiles = linework.extract(
     points, trajectory=trajectory, methods=[SideClearance()], settings=tiles, workers=2
 )

@@ -20,7 +20,6 @@ from scipy.special import expit
 
 import linework
 from linework.arrays import BoolArray, FloatArray
-from linework.runs.settings import RunSettings, TilingConfig
 from linework.surface.road import height_above_road
 
 # %%
@@ -68,7 +67,7 @@ def is_paint(xyz: FloatArray, truth: linework.LineSet) -> BoolArray:
 # Training
 # --------
 
-training = linework.simulate("training", seed=11, length_m=50.0, points_per_m=4000, images=False)
+training = linework.simulate("training", seed=13, length_m=50.0, points_per_m=4000, images=False)
 labelled = points_in(training.point_files[0])
 x, near = features(labelled)
 y = is_paint(labelled.xyz[near], linework.read_lines(training.root / "truth.gpkg")).astype(np.float64)
@@ -107,7 +106,9 @@ for laz in survey.point_files:
 
 fig, ax = plt.subplots(figsize=(9, 5), layout="constrained")
 shown = np.flatnonzero(near2)[::3]
-ax.scatter(*points.xyz[shown, :2].T, c=p_paint[shown], s=0.5, cmap="viridis", rasterized=True)
+ax.scatter(
+    points.xyz[shown, 0], points.xyz[shown, 1], c=p_paint[shown], s=0.5, cmap="viridis", rasterized=True
+)
 ax.set_aspect("equal")
 ax.set_title("probability of paint")
 
@@ -126,6 +127,23 @@ print(linework.evaluate(lines, truth[np.isin(truth.kind, KINDS)]))
 
 from_intensity = linework.extract("survey", kinds=KINDS)
 print(linework.evaluate(from_intensity, truth[np.isin(truth.kind, KINDS)]))
+
+# %%
+# A function in place of a column
+# -------------------------------
+#
+# Where the classifier is Python, nothing needs to be written: a function is given points near the road, with their
+# height above it in the column ``above_road_m``, and returns their probabilities.
+
+
+def bright(near: linework.Points) -> FloatArray:
+    """Return the probability of paint (n,): twice as bright as the median of the road is paint for sure."""
+    strength = np.asarray(near["intensity"], dtype=np.float64)
+    return np.asarray(expit(8.0 * (strength / np.median(strength) - 1.5)))
+
+
+by_function = linework.extract("survey", methods=[linework.Obb(kinds=KINDS, paint=bright)])
+print(linework.evaluate(by_function, truth[np.isin(truth.kind, KINDS)]))
 
 # %%
 # On the command line
@@ -151,7 +169,7 @@ print(f"{len(written)} lines, {written.length_m.sum():.1f} m; from Python {lines
 # In tiles, with workers
 # ----------------------
 
-tiles = RunSettings(tiling=TilingConfig(core_m=64.0))
+tiles = {"tiling": {"core_m": 64.0}}
 in_tiles = linework.extract("survey", methods=[method], settings=tiles, workers=2)
 print("the same lines in tiles, by two workers:", in_tiles == lines)
 assert in_tiles == lines

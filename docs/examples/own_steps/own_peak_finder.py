@@ -15,7 +15,6 @@ from linework.arrays import FloatArray
 from linework.imaging.raster import grid_for, in_height_band
 from linework.methods.radon.peaks import find_peaks
 from linework.methods.radon.transform import evenly_spaced_angles, radon_transform
-from linework.runs.settings import RunSettings, TilingConfig
 from linework.surface.road import height_above_road
 
 # %%
@@ -71,7 +70,7 @@ for ax, theta, rho, title in (
     (axes[0], given.theta_rad, given.rho_m, "dilation"),
     (axes[1], own_theta, own_rho, "own"),
 ):
-    ax.imshow(radon.values.T, extent=extent, origin="lower", aspect="auto", cmap="magma")
+    ax.imshow(radon.values.T, extent=extent, origin="lower", aspect="auto", cmap="magma", norm="symlog")
     ax.plot(np.degrees(theta), rho, "o", mfc="none", mec="cyan", ms=10)
     ax.set(title=title, xlabel="theta [deg]", ylabel="rho [m]")
 
@@ -92,7 +91,7 @@ print(linework.evaluate(lines, truth["guardrail"]))
 #
 # The function is sent to the worker processes, also from a notebook. How the survey is split does not change the lines.
 
-tiles = RunSettings(tiling=TilingConfig(core_m=64.0))
+tiles = {"tiling": {"core_m": 64.0}}
 in_tiles = linework.extract(
     points,
     trajectory=trajectory,
