@@ -176,9 +176,13 @@ class MissingPackageError(LineworkError, ImportError):
 
 
 class PartialError(LineworkError, RuntimeError):
-    """The run finished, but some files or tiles failed; run.json lists them."""
+    """The run finished, but some files or tiles failed; run.json lists them.
+
+    `lines` are those that were found all the same, where a function that returns lines raises it.
+    """
 
     exit_code = 4
+    lines: Any = None
 
 
 class MachineError(LineworkError, OSError):
@@ -310,3 +314,7 @@ def _missing(name: str, extra: str, where: object) -> MissingPackageError:
         where=where if where is not None else EXTRAS[extra][0],
         advice=f"pip install 'linework[{extra}]'",
     )
+
+
+class LineworkWarning(UserWarning):
+    """A result that can be used, but not without a look: what was odd in the input, what was left out."""

@@ -44,6 +44,7 @@ def test_the_document_says_all_there_is(linework, driven):
     assert document["crs"]["compound"]
     assert document["points"] == 24_000
     assert document["files"][0]["version"] == "1.4"
+    assert document["files"][0]["columns"][:2] == ["classification", "return_number"]
     assert document["scan_line_spacing_m"] == pytest.approx(0.1, abs=0.005)
     assert document["intensity"] | {"median": 0} == {"lowest": 5, "median": 0, "highest": 250, "bits": 8}
     assert document["time"]["n_gaps"] == 1
@@ -60,9 +61,10 @@ def test_for_people_every_fact_has_a_line(linework, driven):
     heads = [line.split("  ")[0] for line in found.stdout.splitlines()]
     assert heads == [
         "survey", "CRS", "file", "points", "extent", "height", "density", "scan lines", "intensity", "time", "",
-        "trajectory",
+        "columns", "trajectory",
     ]  # fmt: skip
     assert "36 km/h" in found.stdout
+    assert "columns     classification, return_number, number_of_returns, user_data" in found.stdout
 
 
 def test_what_is_missing_is_said(linework, las_file):

@@ -21,9 +21,8 @@ from tests.scenes.places import REAL
 from linework.errors import ConfigError, InputError
 from linework.files.images.read import read_pair
 from linework.files.images.series import open_stereo
-from linework.files.store.in_memory import read_survey_trajectory
 from linework.files.survey.open import open_survey
-from linework.files.trajectories.of_survey import read_van_path
+from linework.files.trajectories.of_survey import read_survey_trajectory_content, read_van_path
 from linework.imaging.rectify import rectifier_of
 from linework.model.camera import LOOKING_AHEAD
 from linework.model.images import StereoSeries
@@ -183,7 +182,7 @@ def test_poses_stand_where_the_benchmark_has_them(tmp_path: Path) -> None:
     (folder / "poses.txt").rename(tmp_path / "poses/07.txt")
     survey = open_survey([folder])
     assert survey.trajectory_file == tmp_path / "poses/07.txt"
-    trajectory = read_survey_trajectory(survey)
+    trajectory = read_survey_trajectory_content(survey).trajectory
     assert trajectory is not None
     np.testing.assert_allclose(trajectory.time_s, 0.1 * np.arange(6))
     np.testing.assert_allclose(trajectory.xyz[5], [5.0, 0.0, 0.0])

@@ -13,8 +13,9 @@ from linework.crs import parse_crs
 from linework.errors import ConfigError, CrsError, InputError, UsageError
 from linework.files.images.series import open_stereo
 from linework.files.las.write import write_las
-from linework.files.store.in_memory import check_trajectory_covers, read_survey_points, read_survey_trajectory
+from linework.files.store.in_memory import check_trajectory_covers, read_survey_points
 from linework.files.survey.open import open_survey
+from linework.files.trajectories.of_survey import read_survey_trajectory_content
 from linework.files.trajectories.read import write_trajectory
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
@@ -92,7 +93,7 @@ def test_the_same_bytes_under_two_names_are_read_once(folder):
 
 def test_progress_runs_over_all_files(folder):
     seen = []
-    read_survey_points(open_survey([folder]), progress=seen.append)
+    read_survey_points(open_survey([folder]), progress=lambda done, _: seen.append(done))
     assert seen == sorted(seen)
     assert seen[-1] == 1500
 
@@ -305,7 +306,7 @@ def test_survey_toml(described, as_file):
     assert survey.crs == parse_crs(UTM)
     assert survey.trajectory_lever_m == (0.0, 0.5, 1.9)
     assert survey.settings["cameras"]["left"]["fx"] == 820.0
-    read, trajectory = read_survey_points(survey), read_survey_trajectory(survey)
+    read, trajectory = read_survey_points(survey), read_survey_trajectory_content(survey).trajectory
     assert len(read.points) == 500
     assert check_trajectory_covers(trajectory, read.facts) == ()
 
@@ -354,7 +355,7 @@ def test_pattern_that_matches_nothing(described):
 
 def shifted(described, *, east=0.0, time=0.0):
     survey = open_survey([described])
-    t = read_survey_trajectory(survey)
+    t = read_survey_trajectory_content(survey).trajectory
     return Trajectory(t.time_s + time, t.xyz + np.array([east, 0, 0])), read_survey_points(survey).facts
 
 

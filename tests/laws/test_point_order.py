@@ -9,6 +9,8 @@ import pytest
 from tests.scenes.effort import THOROUGH
 from tests.scenes.places import REAL
 
+from linework.crs import parse_crs
+from linework.errors import CrsError
 from linework.files.store.in_memory import read_survey_points
 from linework.files.survey.open import open_survey
 from linework.methods.choose import choose_methods
@@ -147,6 +149,15 @@ def test_further_columns_reach_methods_from_files_and_from_arrays(tmp_path):
     assert found[1].length_m.sum() > 290.0
     assert np.abs(found[1].xyz[:, 1] - 5_400_001.0).max() < 0.3
     assert len(np.unique(found[0].xyz[:, 0])) >= 290
+
+
+def test_the_lines_of_a_tile_have_the_crs_of_its_points():
+    xyz = np.stack([np.arange(9.0), np.zeros(9), np.zeros(9)], axis=1)
+    lines = as_one_tile(Stripes(), Points(xyz, crs=25832, p_paint=np.ones(9)), None)
+    assert len(lines) == 1
+    assert lines.crs == parse_crs("EPSG:25832")
+    with pytest.raises(CrsError, match=r"crs: .*degrees"):
+        as_one_tile(Stripes(), Points(xyz, crs=4326, p_paint=np.ones(9)), None)
 
 
 def test_the_fixed_order_is_that_of_the_tile_store():

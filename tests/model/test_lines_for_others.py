@@ -204,7 +204,7 @@ def test_what_is_missing_is_said_with_the_command_that_installs_it():
     assert out.splitlines() == [
         "to_geopandas(): needs the package geopandas. pip install 'linework[tables]'",
         "plot(): needs the package matplotlib. pip install 'linework[reports]'",
-        "__arrow_c_stream__(): needs the package arro3. pip install 'linework[tables]'",
+        "__arrow_c_stream__(): needs the package arro3-core. pip install 'linework[tables]'",
         "<div> LineSet",
     ]
     with pytest.raises(MissingPackageError) as caught:

@@ -5,9 +5,11 @@ import pytest
 from tests.conftest import road_points
 
 from linework.errors import InputError, UsageError
+from linework.files.survey.open import open_survey
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
 from linework.runs.opened.from_points import opened_points
+from linework.runs.opened.recordings import opened_recordings
 
 POINTS = road_points(4000)
 START = 3.0e8
@@ -49,6 +51,17 @@ def test_the_store_is_used_again_for_the_same_arrays_only(tmp_path):
     assert not first[0].exists()
     assert keys(brighter, "others")[0].exists()
     assert keys(brighter)[0].exists()
+
+
+def test_files_with_and_without_further_columns_have_a_store_each(las_file, tmp_path):
+    folders = []
+    for carry in ((), ("user_data",), ("classification", "user_data"), ()):
+        with opened_recordings(open_survey([las_file], carry=carry), tmp_path) as recordings:
+            folders.append(recordings.points.points.folder)
+            assert recordings.points.points.columns == carry
+            assert recordings.identity["carry"] == carry
+    assert len(set(folders)) == 3
+    assert folders[0] == folders[3]
 
 
 def test_a_trajectory_is_checked_as_that_of_a_file(tmp_path):

@@ -27,12 +27,12 @@ from linework.cli.commands.demo import demo
 from linework.cli.commands.evaluate import evaluate_command
 from linework.cli.commands.extract import extract_command
 from linework.cli.commands.info import info
-from linework.cli.commands.locate import locate
+from linework.cli.commands.locate import locate_command
 from linework.cli.commands.photolog import photolog
 from linework.cli.commands.raster import raster
 from linework.cli.commands.serve import serve
 from linework.cli.commands.simulate import simulate_command
-from linework.cli.commands.trace import trace
+from linework.cli.commands.trace import trace_command
 from linework.cli.failures import Interrupted, failure_of, save_log
 from linework.cli.options import option_words
 from linework.errors import LineworkError
@@ -47,9 +47,9 @@ app = typer.Typer(
 for command in (
     demo,
     info,
-    locate,
+    locate_command,
     extract_command,
-    trace,
+    trace_command,
     serve,
     evaluate_command,
     raster,

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from linework.model.survey import Survey
     from linework.runs.settings import RunSettings
 
 SurveyArgument = Annotated[
@@ -96,16 +95,3 @@ def read_settings(path: Path | None) -> RunSettings:
     from linework.runs.settings import RunSettings
 
     return RunSettings() if path is None else read_settings_file(RunSettings, path)
-
-
-def with_trajectory(survey: Survey, path: Path | None) -> Survey:
-    """Return the survey with the trajectory of `--trajectory`, which is that of the vehicle origin.
-
-    The lever arm and boresight of the survey belong to its own trajectory and become zero.
-    """
-    from dataclasses import replace
-
-    if path is None:
-        return survey
-    none = (0.0, 0.0, 0.0)
-    return replace(survey, trajectory_file=path, trajectory_lever_m=none, trajectory_boresight_deg=none)

@@ -16,7 +16,7 @@ import re
 import sys
 import tempfile
 from collections.abc import Callable, Iterable
-from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -72,9 +72,11 @@ def note_compiled(groups: Iterable[str], folders: Iterable[Path]) -> None:
     _write_note({"made_by": _made_by(), "sources": _sources(), "compiled": done})
 
 
-def _made_by() -> list[str]:
-    """Return what compiled code depends on besides its sources."""
-    return [version("numba"), version("numpy"), sys.implementation.cache_tag or "", platform.machine()]
+def _made_by() -> list[Any]:
+    """Return what compiled code depends on besides its sources; an installed package by when it was installed."""
+    specs = [find_spec(name) for name in ("numba", "numpy")]
+    installed = [Path(spec.origin).stat().st_mtime_ns for spec in specs if spec is not None and spec.origin]
+    return [*installed, sys.implementation.cache_tag, platform.machine()]
 
 
 def _folder() -> Path:
@@ -152,7 +154,7 @@ def _read_note() -> dict[str, Any]:
 
 
 def _write_note(note: dict[str, Any]) -> None:
-    """Write the note; without it kernels are looked at again the next time, which is no reason to fail."""
+    """Write the note; without it kernels are looked at again the next time, and that must not fail."""
     path = _note_path()
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)

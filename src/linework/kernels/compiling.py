@@ -92,10 +92,11 @@ def _dispatcher(name: str) -> Any:
 
 
 def _word_of(numba_type: Any) -> str:
-    """Return a type of numba as a word: dtype, ``:`` with dimensions and layout, ``!`` where it is read-only."""
-    from numba import types
+    """Return a type of numba as the table writes it: dtype, ``:`` with dimensions and layout, ``!`` where it is read-only."""
+    import numba
     from numba.np.numpy_support import as_dtype
 
+    types: Any = numba.types
     if isinstance(numba_type, types.Array):
         read_only = "" if numba_type.mutable else "!"
         return f"{_word_of(numba_type.dtype)}:{numba_type.ndim}{numba_type.layout}{read_only}"
@@ -107,9 +108,11 @@ def _word_of(numba_type: Any) -> str:
 
 
 def _type_of(word: str) -> Any:
-    """Return the type of numba that a word stands for."""
-    from numba import from_dtype, types
+    """Return the type of numba that is written so in the table."""
+    import numba
 
+    # Numba's types are annotated in part only
+    types: Any = numba.types
     if word.endswith(")"):
         name, _, inside = word[:-1].partition("(")
         members = [_type_of(part) for part in _split(inside)]
@@ -121,7 +124,7 @@ def _type_of(word: str) -> Any:
             return types.NamedUniTuple(members[0], len(members), named_tuple)
         return types.NamedTuple(members, named_tuple)
     dtype, is_array, rest = word.partition(":")
-    scalar = from_dtype(np.dtype(dtype))
+    scalar = numba.from_dtype(np.dtype(dtype))
     return types.Array(scalar, int(rest[0]), rest[1], readonly=rest.endswith("!")) if is_array else scalar
 
 

@@ -1,4 +1,7 @@
-"""Compile all kernels in one call, before they are needed."""
+"""Compile all kernels in one call, before they are needed.
+
+Separate from `linework.runs.compile`, which does it: here is the function for users, with their forms of progress.
+"""
 
 from __future__ import annotations
 

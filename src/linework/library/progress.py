@@ -7,6 +7,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self
 
+from linework.errors import UsageError, argument
 from linework.runs.steps import Watcher
 
 if TYPE_CHECKING:
@@ -46,10 +47,23 @@ def display_of(progress: Progress) -> Display:
     progress
         None or False: nothing is shown. True: bars on stderr, in a notebook below the cell. A function is called with
         stage, amount done and total amount.
+
+    Raises
+    ------
+    UsageError
+        It is something else.
     """
     if progress is None or progress is False:
         return _Nothing()
-    return _Bars() if progress is True else _Calls(progress)
+    if progress is True:
+        return open_display(quiet=False)
+    if not callable(progress):
+        raise UsageError(
+            f"{progress!r}",
+            where=argument("progress"),
+            advice="give True, or a function of (stage, done, total)",
+        )
+    return _Calls(progress)
 
 
 class _Nothing:

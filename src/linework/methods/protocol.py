@@ -11,7 +11,8 @@ from typing import Any, Literal, Protocol, Self, runtime_checkable
 import numpy as np
 
 from linework.arrays import BoolArray, FloatArray, IntArray
-from linework.errors import OwnCodeError
+from linework.crs import parse_crs
+from linework.errors import OwnCodeError, argument
 from linework.methods.point_order import in_fixed_order
 from linework.methods.seams import across_seams, of_core
 from linework.model.camera import RectifiedRig
@@ -238,11 +239,14 @@ def extract_tile(method: Method, tile: TileData) -> LineSet:
     ------
     UsageError
         A coordinate, time or intensity is not a finite number.
+    CrsError
+        The CRS of the points is not known, or not one in which lengths can be measured.
     """
+    crs = parse_crs(tile.points.crs, where=argument("crs"))
     if len(tile.points) == 0:
-        return LineSet.empty()
+        return LineSet.empty().with_columns(crs=crs)
     tile = whole_tile(tile)
-    return method.join(look_at(method, tile), context_of_tile(tile))
+    return method.join(look_at(method, tile), context_of_tile(tile)).with_columns(crs=crs)
 
 
 def whole_tile(tile: TileData) -> TileData:

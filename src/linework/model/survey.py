@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -51,3 +51,11 @@ class Survey:
     settings_file: Path | None = None
     warnings: tuple[str, ...] = ()
     carry: tuple[str, ...] = ()
+
+    def with_trajectory(self, path: Path) -> Survey:
+        """Return the survey with another trajectory file, which is of the vehicle's origin.
+
+        Lever arm and boresight belong to the survey's own trajectory and become zero.
+        """
+        none = (0.0, 0.0, 0.0)
+        return replace(self, trajectory_file=path, trajectory_lever_m=none, trajectory_boresight_deg=none)

@@ -4,27 +4,22 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from linework.errors import OutputExistsError, PartialError, argument
+from linework.errors import OutputExistsError, argument
 from linework.files.output.record import hash_file
-from linework.files.survey.open import open_survey
 from linework.methods.choose import choose_methods
-from linework.methods.kinds import ALL_KINDS, recordings_for
 from linework.methods.protocol import Method
 from linework.model.ground import Ground
-from linework.model.lines import LineSet
 from linework.model.survey import Survey
 from linework.processes.executors import Executor
 from linework.processes.identity import identity_of
 from linework.runs.extraction import Extraction, Failure
 from linework.runs.find import find_lines
-from linework.runs.opened.recordings import Recordings, opened_recordings
-from linework.runs.opened.work_folder import work_folder
+from linework.runs.opened.recordings import Recordings
 from linework.runs.outputs import publish_extraction, with_kept_reviews
 from linework.runs.own import GroundFinder, check_own_code, own_code_of
 from linework.runs.record import record_path
@@ -123,58 +118,6 @@ def _finished(output: Path, fingerprint: str) -> dict[str, Any] | None:
     except (OSError, ValueError, KeyError, TypeError):
         return None
     return record if is_ours and is_whole else None
-
-
-# The whole job in one call
-
-
-def extract(
-    inputs: Path | str | Sequence[Path | str],
-    *,
-    kinds: tuple[str, ...] = ALL_KINDS,
-    crs: str | None = None,
-    settings: RunSettings | None = None,
-    work: Path | None = None,
-) -> LineSet:
-    """Return the lines of a survey: LAS / LAZ files, a folder of them, a survey folder, or a KITTI drive.
-
-    Parameters
-    ----------
-    kinds
-        Kinds of line to look for.
-    crs
-        "EPSG:n", "EPSG:n+m" or "local", where the files do not say.
-    work
-        Folder where the decoded points stay for the next call; None: they are kept among the temporary
-        files, for this call only.
-
-    Raises
-    ------
-    LineworkError
-        One line: which file, what is wrong, what to do. A tile or an image that could not be worked is an
-        error here.
-
-    >>> import linework
-    >>> linework.extract("no-such-file.laz")
-    Traceback (most recent call last):
-    linework.errors.InputError: no-such-file.laz: cannot be opened: No such file or directory. Check the name.
-    """
-    survey = open_survey(inputs, crs=crs)
-    settings = settings or RunSettings()
-    methods = choose_methods("auto", kinds, radon=settings.radon, obb=settings.obb, stereo=settings.stereo)
-    with tempfile.TemporaryDirectory(prefix="linework-") as temporary:
-        folder = work_folder(survey.root, work or Path(temporary))
-        with (
-            opened_recordings(survey, folder, images=recordings_for("auto", kinds)["images"]) as recordings,
-            run_folder(folder, Path(temporary) / "lines", {}) as run,
-        ):
-            found = find_lines(recordings, methods, run, settings=settings)
-    if found.failures:
-        first, n = found.failures[0], len(found.failures)
-        raise PartialError(
-            f"{n} tiles, images or logs failed, the first {first.name}: {first.problem}", where=survey.name
-        )
-    return found.lines
 
 
 # What a person asks of a survey, as an order to extract its lines

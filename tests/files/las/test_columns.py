@@ -3,12 +3,16 @@
 import laspy
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from tests.oracles.store_twin import steps_of
+from tests.scenes.effort import examples
 from tests.scenes.places import REAL
 
 from linework.errors import InputError, UsageError
+from linework.files.las.columns import columns_of_las
 from linework.files.las.decoder import DecoderLimits
-from linework.files.las.header import read_las_header
+from linework.files.las.header import RECORD_BYTES, read_las_header
 from linework.files.store.build import build_store
 from linework.files.store.in_memory import read_survey_points
 from linework.files.store.read import PointStore
@@ -236,6 +240,32 @@ def test_descriptions_that_cannot_be_true_are_passed_over(tmp_path):
     # Of the 15 extra bytes, 1 + 8 + 4 + 8 are described: the last ones would be beyond the record
     assert names(write(first + 192 - 2, 10)) == ["label", "tilt", "p_paint"]
     assert names(write(first, *b"\xff\xfe")) == ["tilt", "p_paint", "range"]
+
+
+@settings(max_examples=examples(400), deadline=None)
+@given(
+    point_format=st.integers(0, 10), n_extra=st.integers(0, 60), data=st.data(),
+    kinds=st.lists(st.tuples(st.integers(0, 255), st.integers(0, 255)), max_size=4),
+)  # fmt: skip
+def test_whatever_the_descriptions_say_columns_lie_inside_the_record(point_format, n_extra, data, kinds):
+    content = bytearray(data.draw(st.binary(min_size=0, max_size=192 * 4 + 7)))
+    for i, (kind, options) in enumerate(kinds):
+        if 192 * (i + 1) <= len(content):
+            content[192 * i + 2 : 192 * i + 6] = bytes([kind, options, 97 + i, 0])
+    n_bytes = RECORD_BYTES[point_format] + n_extra
+    columns = columns_of_las(
+        point_format, n_bytes, RECORD_BYTES[point_format], [(b"LASF_Spec", 4, bytes(content))]
+    )
+    raw = np.frombuffer(data.draw(st.binary(min_size=3 * n_bytes, max_size=3 * n_bytes)), np.uint8).reshape(
+        3, n_bytes
+    )
+    out = np.empty(3, np.float32)
+    for column in columns.values():
+        size = np.dtype(column.dtype).itemsize
+        assert 14 <= column.offset <= n_bytes - size
+        column.values(
+            np.ascontiguousarray(raw[:, column.offset : column.offset + size]).view(column.dtype)[:, 0], out
+        )
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"no real surveys in {REAL}")

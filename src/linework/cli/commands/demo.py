@@ -81,7 +81,7 @@ def _extract_and_score(folder: Path, steps: RunSteps, *, overwrite: bool) -> Non
     from linework.runs.extract import ExtractionRequest, extract_to
     from linework.runs.opened.points import points_for_pictures
     from linework.runs.opened.recordings import opened_recordings
-    from linework.runs.opened.store import executor_for, usable_cores
+    from linework.runs.opened.store import executor_for, promised_points, usable_cores
     from linework.runs.opened.work_folder import work_folder
     from linework.runs.settings import RunSettings
 
@@ -95,7 +95,9 @@ def _extract_and_score(folder: Path, steps: RunSteps, *, overwrite: bool) -> Non
     )
     work, n_workers = work_folder(survey.root), usable_cores()
     with (
-        executor_for(survey, n_workers, settings) as executor,
+        executor_for(
+            promised_points(survey), n_workers, settings, has_images="cameras" in survey.settings
+        ) as executor,
         opened_recordings(survey, work, images=False, n_threads=n_workers, steps=steps) as recordings,
     ):
         record, found = extract_to(request, recordings, work, executor, steps)

@@ -22,7 +22,6 @@ from linework.cli.options import (
     Workers,
     WorkFolder,
     read_settings,
-    with_trajectory,
 )
 from linework.cli.startup import preload_modules
 
@@ -95,7 +94,7 @@ def extract_command(
             recordings_for,
         )
         from linework.runs.compile import compile_stage, compiled_for
-        from linework.runs.opened.store import executor_for, usable_cores
+        from linework.runs.opened.store import executor_for, promised_points, usable_cores
         from linework.runs.opened.work_folder import work_folder
         from linework.runs.steps import RunSteps
 
@@ -103,14 +102,18 @@ def extract_command(
         kinds = parse_kinds(features) if features else kinds_of_method(method)
         check_method(method, kinds)
         settings = read_settings(config)
-        survey = with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
+        survey = open_survey(surveys, crs=crs or None)
+        if trajectory is not None:
+            survey = survey.with_trajectory(trajectory)
         columns = [name.strip() for name in (*carry.split(","), paint_column) if name.strip()]
         survey = replace(survey, carry=tuple(dict.fromkeys([*survey.carry, *columns])))
         kinds = findable_kinds(kinds, has_points=bool(survey.point_files), asked=bool(features))
         folder, n_workers = work_folder(survey.root, work), workers or usable_cores()
         steps = RunSteps(display)
         compile_stage(compiled_for(survey, kinds, images=recordings_for(method, kinds)["images"]), steps)
-        executor = held.enter_context(executor_for(survey, n_workers, settings))
+        has_images = "cameras" in survey.settings
+        n_points = promised_points(survey)
+        executor = held.enter_context(executor_for(n_points, n_workers, settings, has_images=has_images))
         preloading = preload_modules(
             "linework.runs.extract", "linework.methods.choose", "linework.files.vectors.gpkg"
         )

@@ -83,7 +83,7 @@ def _points(document: dict[str, Any]) -> Iterator[str]:
 
 
 def _recorded(document: dict[str, Any]) -> Iterator[str]:
-    """Yield the lines about the intensities and times of the points."""
+    """Yield the lines about the intensities, times and further columns of the points."""
     intensity, time = document["intensity"], document["time"]
     if not document["points"]:
         yield "points      none"
@@ -105,6 +105,9 @@ def _recorded(document: dict[str, Any]) -> Iterator[str]:
         )
         for gap in time["gaps"]:
             yield f"  gap       {gap['start_s']:.3f} to {gap['end_s']:.3f} s"
+    # In the order of the files, each once
+    columns = dict.fromkeys(name for file in document["files"] for name in file["columns"])
+    yield f"columns     {', '.join(columns)}"
 
 
 def _driven(document: dict[str, Any]) -> Iterator[str]:

@@ -12,11 +12,10 @@ from linework.cli.failures import warn
 from linework.cli.options import AsJson, Crs, Overwrite, Quiet
 
 if TYPE_CHECKING:
-    from linework.model.survey import Survey
     from linework.navigation.located import LocatedDrive
 
 
-def locate(
+def locate_command(
     surveys: Annotated[
         list[Path], typer.Argument(metavar="SURVEY", help="Survey folder with [navigation] in survey.toml.")
     ],
@@ -47,65 +46,43 @@ def locate(
     from linework.files.output.locks import reserve_output
     from linework.library.progress import open_display
 
-    _check(rate_hz, longest_outage_s, plot)
+    _check_plot(plot)
     with contextlib.ExitStack() as held:
         for path in (output, *((plot,) if plot else ())):
             held.enter_context(reserve_output(path, overwrite=overwrite))
         display = held.enter_context(open_display(quiet=quiet))
-        from linework.files.logs.sensors import read_navigation_logs
         from linework.files.survey.open import open_survey
         from linework.files.trajectories.read import write_trajectory
-        from linework.runs.compile import compile_stage
+        from linework.library.read import located_drive, missing_spans
         from linework.runs.steps import RunSteps
 
         steps = RunSteps(display)
-        with steps.step("read the logs"):
-            survey = open_survey(surveys, crs=crs or None)
-            content = read_navigation_logs(survey)
-        compile_stage(("trajectory",), steps)
-        with steps.step("filter and smooth"):
-            located = _located(survey, content.logs, rate_hz, longest_outage_s)
+        survey = open_survey(surveys, crs=crs or None)
+        located, warnings = located_drive(
+            survey, rate_hz=rate_hz, longest_outage_s=longest_outage_s, steps=steps
+        )
         with steps.step("write the trajectory"):
             if plot is not None:
                 _write_plot(located, plot, overwrite=overwrite)
             write_trajectory(located.trajectory, output, overwrite=overwrite)
-    for text in (*content.warnings, *located.warnings):
+    for text in warnings:
         warn(text)
     _print(located, output, as_json=as_json)
-    if len(located.left_out_s):
-        spans = ", ".join(f"{a:.1f} to {b:.1f} s" for a, b in located.left_out_s[:5])
+    if problem := missing_spans(located):
         raise PartialError(
-            f"no poses from {spans}{' ...' if len(located.left_out_s) > 5 else ''}",
-            where=output, advice="there the GNSS outage is too long or the clock jumps",
-        )  # fmt: skip
+            problem, where=output, advice="there the GNSS outage is too long or the clock jumps"
+        )
 
 
-def _check(rate_hz: float, longest_outage_s: float, plot: Path | None) -> None:
+def _check_plot(plot: Path | None) -> None:
     from linework.errors import UsageError, check_extra
 
-    for name, value, low, high in (
-        ("--rate-hz", rate_hz, 0.1, 1000.0), ("--longest-outage-s", longest_outage_s, 1.0, 3600.0)
-    ):  # fmt: skip
-        if not low <= value <= high:
-            raise UsageError(f"{value:g} is not within {low:g} to {high:g}", where=name)
     if plot is not None and plot.suffix.lower() not in (".png", ".html"):
         raise UsageError(
             f"cannot write a plot as '{plot.suffix}'", where="--plot", advice="use .png or .html"
         )
     if plot is not None:
         check_extra("reports", where="--plot")
-
-
-def _located(survey: Survey, logs: Any, rate_hz: float, longest_outage_s: float) -> LocatedDrive:
-    from linework.errors import InputError
-    from linework.navigation.locate import locate_drive
-    from linework.navigation.located import NavigationConfig
-
-    try:
-        return locate_drive(logs, NavigationConfig(longest_outage_s=longest_outage_s), rate_hz=rate_hz)
-    except InputError as error:
-        where = f"{survey.root} ({error.where})" if error.where else survey.root
-        raise InputError(error.problem, where=where, advice=error.advice) from error
 
 
 def _write_plot(located: LocatedDrive, plot: Path, *, overwrite: bool) -> None:

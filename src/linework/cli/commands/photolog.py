@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from linework.cli.failures import warn
-from linework.cli.options import Crs, Overwrite, Quiet, TrajectoryFile, WorkFolder, with_trajectory
+from linework.cli.options import Crs, Overwrite, Quiet, TrajectoryFile, WorkFolder
 
 
 def photolog(
@@ -49,7 +49,9 @@ def photolog(
     if output.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"cannot write '{output.suffix}' files", where=output, advice="use .html")
     check_output(output, overwrite=overwrite)
-    survey = with_trajectory(open_survey([survey_folder], crs=crs or None), trajectory)
+    survey = open_survey([survey_folder], crs=crs or None)
+    if trajectory is not None:
+        survey = survey.with_trajectory(trajectory)
     series = open_stereo(survey)
     if series is None and not survey.settings.get("events"):
         raise InputError("the survey has neither images nor operator keys", where=survey.name,

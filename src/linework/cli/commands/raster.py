@@ -17,7 +17,6 @@ from linework.cli.options import (
     SurveyArgument,
     TrajectoryFile,
     WorkFolder,
-    with_trajectory,
 )
 
 if TYPE_CHECKING:
@@ -90,7 +89,9 @@ def raster(
     check_output_folder(output, overwrite=overwrite)
     with open_display(quiet=quiet) as display:
         steps = RunSteps(display)
-        survey = with_trajectory(open_survey(surveys, crs=crs or None), trajectory)
+        survey = open_survey(surveys, crs=crs or None)
+        if trajectory is not None:
+            survey = survey.with_trajectory(trajectory)
         opened = _read(survey, work, steps)
         read, path = opened.points, opened.trajectory
         grid = _grid(survey, read.points, path, cells)

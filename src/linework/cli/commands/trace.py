@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from linework.tracing.trace import TracedLine
 
 
-def trace(
+def trace_command(
     surveys: SurveyArgument,
     output: LinesOutput,
     at: Annotated[
@@ -96,22 +96,19 @@ def trace(
         display = held.enter_context(open_display(quiet=quiet))
         from linework.files.survey.open import open_survey
         from linework.files.vectors.read_write import check_format, write_lines
-        from linework.processes.executors import Serial
-        from linework.runs.compile import compile_stage
-        from linework.runs.opened.points import opened_survey, surface_of
+        from linework.library.trace import traced_line
+        from linework.runs.opened.recordings import opened_recordings
         from linework.runs.opened.work_folder import work_folder
         from linework.runs.steps import RunSteps
-        from linework.tracing.trace import PICKED_KINDS, Tracer, check_pick_kind
+        from linework.tracing.trace import check_pick_kind
 
         check_format(output)
         check_pick_kind(feature)
         settings, steps = read_settings(config), RunSteps(display)
         survey = open_survey(surveys, crs=crs or None)
-        compile_stage((feature,) if feature else PICKED_KINDS, steps)
-        opened = held.enter_context(opened_survey(survey, work_folder(survey.root, work), steps=steps))
-        surface = surface_of(opened, settings.road, Serial(), steps)
-        with steps.step("trace line"):
-            found = _drained(Tracer(opened, surface, settings), place, feature, target)
+        folder = work_folder(survey.root, work)
+        recordings = held.enter_context(opened_recordings(survey, folder, images=False, steps=steps))
+        found = traced_line(recordings, place, kind=feature, toward=target, settings=settings, steps=steps)
         with steps.step("write line"):
             lines = _joined_to_output(output, found.lines) if append and output.exists() else found.lines
             kinds = tuple(dict.fromkeys(lines.kind.tolist()))
@@ -152,29 +149,18 @@ def _trace_image(
         display = held.enter_context(open_display(quiet=quiet))
         from linework.files.survey.open import open_survey
         from linework.files.vectors.read_write import check_format, write_lines
+        from linework.library.trace import traced_edge
         from linework.runs.opened.recordings import opened_recordings
         from linework.runs.opened.work_folder import work_folder
         from linework.runs.steps import RunSteps
-        from linework.tracing.in_images import ImageTracer, pixel_of
+        from linework.tracing.in_images import pixel_of
 
         check_format(output)
         col, row = pixel_of(at_px).tolist()
         survey, steps = open_survey(surveys, crs=crs or None), RunSteps(display)
         folder = work_folder(survey.root, work)
         recordings = held.enter_context(opened_recordings(survey, folder, laser=False, steps=steps))
-        if recordings.stereo is None:
-            raise RuntimeError("a survey opened for its images has no stereo pairs")
-        with steps.step("trace edge", unit="pairs") as advance:
-            tracing = ImageTracer(recordings.stereo).trace(image, (col, row), kind=feature)
-            n_pairs, n_done = len(recordings.stereo.pairs), 0
-            while True:
-                try:
-                    next(tracing)
-                    n_done += 1
-                    advance(n_done, n_pairs)
-                except StopIteration as end:
-                    found = end.value
-                    break
+        found = traced_edge(recordings, image, (col, row), kind=feature, steps=steps)
         with steps.step("write line"):
             lines = _joined_to_output(output, found.lines) if append and output.exists() else found.lines
             kinds = tuple(dict.fromkeys(lines.kind.tolist()))
@@ -207,19 +193,6 @@ def _position(option: str, text: str) -> tuple[float, float]:
             advice="give two numbers, for example 500123.45,5400678.90",
         )
     return east, north
-
-
-def _drained(
-    tracer: Any, place: tuple[float, float], kind: str, toward: tuple[float, float] | None
-) -> TracedLine:
-    """Return the line after running a trace to its end."""
-    steps = tracer.trace(place, kind=kind, toward=toward)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            found: TracedLine = end.value
-            return found
 
 
 def _joined_to_output(output: Path, lines: LineSet) -> LineSet:

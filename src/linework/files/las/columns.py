@@ -60,8 +60,8 @@ class LasColumn:
 
     def values(self, raw: AnyArray, out: Float32Array) -> None:
         """Write the values (n,) of a field of records, of this dtype, to `out`."""
-        # What float32 does not reach becomes infinite
-        with np.errstate(over="ignore"):
+        # What float32 does not reach becomes infinite; scales of a damaged file may be no numbers
+        with np.errstate(over="ignore", invalid="ignore"):
             if self.mask:
                 out[:] = (raw >> self.shift) & self.mask
             elif self.scale == 1.0 and self.added == 0.0:

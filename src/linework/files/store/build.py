@@ -241,7 +241,7 @@ def _file_facts(file: PlannedFile, result: Decoded) -> FileFacts:
     return FileFacts(
         file.path, file.header.n_points, result.n_points, result.n_rejected, Bounds(west, south, east, north),
         result.gps_time_kind, file.header.point_format, file.header.version_text,
-        (*file.header.warnings, *file.crs.warnings, *result.warnings),
+        (*file.header.warnings, *file.crs.warnings, *result.warnings), tuple(file.header.columns),
     )  # fmt: skip
 
 

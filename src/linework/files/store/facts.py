@@ -25,6 +25,10 @@ class FileFacts:
     ----------
     n_points
         Points used, before those far from all others of the survey are left out.
+    point_format, version
+        As in the header; -1 and "" for points that came as arrays.
+    columns
+        Names of the further columns that the file has, also of those that are not in the store.
     """
 
     path: Path
@@ -36,6 +40,7 @@ class FileFacts:
     point_format: int
     version: str
     warnings: tuple[str, ...]
+    columns: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,6 +143,7 @@ def _file(document: Mapping[str, Any]) -> FileFacts:
         "path": _path(document["file"]),
         "bounds": Bounds(*document["bounds"]),
         "warnings": tuple(document["warnings"]),
+        "columns": tuple(document["columns"]),
     }
     return FileFacts(**{name: value for name, value in document.items() if name != "file"} | own)
 

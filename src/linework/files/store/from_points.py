@@ -113,7 +113,9 @@ def store_points(
         writer.abort()
         raise
     warnings += repeated_inside(repeats.numbers(), has_time=has_time)
-    facts = FileFacts(Path(name), n, n, {}, _on_lattice(points.bounds), time_kind, -1, "", warnings)
+    facts = FileFacts(
+        Path(name), n, n, {}, _on_lattice(points.bounds), time_kind, -1, "", warnings, tuple(names)
+    )
     is_light = points.intensity is not None and light != (0.0, 0.0)
     document = facts_document(
         (facts,), (), tuple(f"{name}: {text}" for text in warnings), times,

@@ -18,7 +18,6 @@ from linework.files.store.build import build_store
 from linework.files.store.facts import FileFacts as FileFacts
 from linework.files.store.facts import StoreFacts
 from linework.files.store.read import PointStore
-from linework.files.trajectories.of_survey import read_survey_trajectory_content
 from linework.model.points import Points
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
@@ -69,13 +68,13 @@ class SurveyPoints:
         return self.facts.failures
 
 
-def read_survey_points(survey: Survey, *, progress: Callable[[int], None] | None = None) -> SurveyPoints:
+def read_survey_points(survey: Survey, *, progress: Callable[[int, int], None] | None = None) -> SurveyPoints:
     """Read the points of all files; damaged files among good ones are left out and listed.
 
     Parameters
     ----------
     progress
-        Called with the number of points read so far, over all files.
+        Called with the number of points read so far, over all files, and the number that they promise.
 
     Raises
     ------
@@ -87,10 +86,9 @@ def read_survey_points(survey: Survey, *, progress: Callable[[int], None] | None
     The points go through a tile store in a temporary folder: their order is the store's, whatever the order
     in the files, and their coordinates are on its lattice of 0.1 mm.
     """
-    report = None if progress is None else (lambda done, _total: progress(done))
     with tempfile.TemporaryDirectory(prefix="linework-") as name:
         folder = Path(name)
-        facts = build_store(survey, folder, n_threads=os.cpu_count() or 1, progress=report)
+        facts = build_store(survey, folder, n_threads=os.cpu_count() or 1, progress=progress)
         points = PointStore.open(folder).points(with_time=facts.has_time, with_intensity=facts.has_intensity)
     if len(points) != facts.n_points:
         raise MachineError(
@@ -98,18 +96,6 @@ def read_survey_points(survey: Survey, *, progress: Callable[[int], None] | None
             advice="check the disk",
         )  # fmt: skip
     return SurveyPoints(points, facts)
-
-
-def read_survey_trajectory(survey: Survey) -> Trajectory | None:
-    """Read the survey's trajectory; None if the survey has none.
-
-    Raises
-    ------
-    InputError
-        As for `read_survey_trajectory_content`.
-    """
-    content = read_survey_trajectory_content(survey)
-    return None if content is None else content.trajectory
 
 
 def check_trajectory_covers(

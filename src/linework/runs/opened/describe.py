@@ -113,6 +113,7 @@ def _file(facts: FileFacts) -> dict[str, Any]:
         "points": facts.n_promised,
         "used": facts.n_points,
         "rejected": dict(facts.n_rejected),
+        "columns": list(facts.columns),
     }
 
 

@@ -186,12 +186,12 @@ def points_for_pictures(store: PointStore, most: int = MOST_PICTURE_POINTS) -> P
     """Return all points, or every k-th point of each block if there are more than `most`; always the same."""
     step = -(-store.n_points // most)
     if step <= 1:
-        return store.points()
+        return store.points(with_columns=False)
     parts = []
     for east, north in (store.block_counts[0] * STORE_BLOCK_M).tolist():
         parts.append(
-            store.points(Bounds(east, north, east + STORE_BLOCK_M, north + STORE_BLOCK_M)).take(
-                slice(None, None, step)
-            )
+            store.points(
+                Bounds(east, north, east + STORE_BLOCK_M, north + STORE_BLOCK_M), with_columns=False
+            ).take(slice(None, None, step))
         )
     return Points.concatenate(parts)

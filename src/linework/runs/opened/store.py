@@ -227,14 +227,22 @@ def usable_cores() -> int:
 
 
 @contextlib.contextmanager
-def executor_for(survey: Survey, n_workers: int, settings: RunSettings) -> Iterator[Executor]:
-    """Open the executor of a run: worker processes, started now, if there will be several tasks and workers."""
+def executor_for(
+    n_points: int, n_workers: int, settings: RunSettings, *, has_images: bool = False
+) -> Iterator[Executor]:
+    """Open the executor of a run: worker processes, started now, if there will be several tasks and workers.
+
+    Parameters
+    ----------
+    n_points
+        Points of the survey (`promised_points` before they are read).
+    has_images
+        Whether stereo pairs are looked at: many small windows, any number of which is worth workers.
+    """
     from linework.processes.executors import Serial
     from linework.processes.pool import Processes
 
-    # Images are many small windows: any number of them is worth workers
-    is_small = promised_points(survey) <= settings.tiling.max_points and not survey.settings.get("cameras")
-    if n_workers == 1 or is_small:
+    if n_workers == 1 or (n_points <= settings.tiling.max_points and not has_images):
         yield Serial()
         return
     with Processes(n_workers, modules=("linework.runs.tasks", "linework.methods.choose")) as processes:

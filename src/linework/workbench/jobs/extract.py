@@ -16,7 +16,7 @@ from linework.methods.kinds import recordings_for
 from linework.model.lines import LineSet
 from linework.processes.system import give_way
 from linework.runs.opened.recordings import opened_recordings
-from linework.runs.opened.store import executor_for, usable_cores
+from linework.runs.opened.store import executor_for, promised_points, usable_cores
 from linework.runs.opened.work_folder import RUNS
 from linework.runs.steps import RunSteps
 from linework.workbench.worker.session import SurveySession
@@ -93,7 +93,11 @@ def extract_in_worker(session: SurveySession, request: JobRequest) -> str:
     with contextlib.ExitStack() as held:
         reporter = held.enter_context(_reporter(session.report))
         steps = RunSteps(reporter)
-        executor = held.enter_context(executor_for(survey, n_workers, settings))
+        executor = held.enter_context(
+            executor_for(
+                promised_points(survey), n_workers, settings, has_images="cameras" in survey.settings
+            )
+        )
         recordings = held.enter_context(
             opened_recordings(
                 survey,

@@ -1,0 +1,241 @@
+"""The whole job in one call: files or arrays in, lines out."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from linework.errors import UsageError, argument
+from linework.library.opened import (
+    GivenSettings,
+    GivenTrajectory,
+    Source,
+    opened_source,
+    settings_given,
+    temporary_work,
+)
+from linework.library.progress import Progress, display_of
+from linework.library.report import OnProblem, check_on_problem, lose_nothing, report_of
+from linework.methods.choose import selected_methods
+from linework.methods.kinds import check_method, parse_kinds
+from linework.methods.obb.method import Obb
+from linework.methods.protocol import Method
+from linework.methods.radon.method import Radon
+from linework.methods.stereo.method import Stereo
+from linework.model.ground import Ground
+from linework.model.lines import LineSet
+from linework.model.points import Points
+from linework.model.survey import Survey
+from linework.processes.identity import identity_of
+from linework.runs.compile import compile_stage, compiled_for
+from linework.runs.extract import with_log
+from linework.runs.find import find_lines
+from linework.runs.opened.recordings import Recordings
+from linework.runs.opened.store import executor_for, usable_cores
+from linework.runs.own import GroundFinder, check_own_code, own_code_of
+from linework.runs.resume import describe_run, fingerprint_of, run_folder
+from linework.runs.settings import RunSettings
+from linework.runs.steps import RunSteps
+
+#: Most worker processes that can be asked for.
+MOST_WORKERS = 256
+#: Names of linework's methods, or methods with own functions and settings.
+GivenMethods = str | Method | Sequence[str | Method] | None
+
+
+def extract(
+    src: Source,
+    *,
+    kinds: str | Sequence[str] | None = None,
+    crs: Any = None,
+    trajectory: GivenTrajectory = None,
+    methods: GivenMethods = None,
+    ground: Ground | GroundFinder | None = None,
+    carry: Sequence[str] = (),
+    settings: GivenSettings = None,
+    workers: int | None = None,
+    work: str | Path | None = None,
+    resume: bool = False,
+    progress: Progress = None,
+    on_problem: OnProblem = "raise",
+) -> LineSet:
+    """Return the lines of a survey.
+
+    Parameters
+    ----------
+    src
+        A LAS or LAZ file, a folder of them, a pattern such as ``"points/*.laz"``, several of these, a survey folder
+        with a survey.toml, a KITTI drive, an opened `Survey`, or `Points` in memory.
+    kinds
+        Kind or kinds of line to look for; None: all.
+    crs
+        CRS where the files do not state it: "EPSG:25832+7837", 25832, a `pyproj.CRS`, WKT, or "local" for
+        coordinates in metres that are not georeferenced.
+    trajectory
+        File, or `Trajectory`, of the vehicle's origin; None: that of the survey, if it has one.
+    methods
+        Names of methods ("obb", "radon", "stereo") or methods with functions or settings of your own; None: all that
+        find the kinds.
+    ground
+        A `Ground`, or a function that takes (points, trajectory) and returns one; None: `find_ground`.
+    carry
+        Extra dimensions of the LAS files that methods use, by name.
+    settings
+        Settings, a run file, or its tables as a mapping.
+    workers
+        Number of processes; the lines do not depend on it. None: as many as there are cores.
+    work
+        Folder where the decoded points and unfinished runs stay for the next call; None: they are kept among the
+        temporary files, for this call only.
+    resume
+        Go on with a call with the same arguments that was killed; needs `work`.
+    progress
+        True: show progress on stderr. A function is called with (stage, done, total).
+    on_problem
+        What to do when files, tiles or images had to be left out: "raise" an error that holds the lines as
+        ``error.lines``, or "warn" and return them.
+
+    Returns
+    -------
+    LineSet
+        In their fixed order, each with its name. ``lines.report`` tells what was read, what was left out and why.
+
+    Raises
+    ------
+    LineworkError
+        One line: which file or argument, what is wrong, what to do.
+
+    Warns
+    -----
+    LineworkWarning
+        Each warning of ``lines.report.warnings``.
+
+    Examples
+    --------
+    >>> import linework
+    >>> linework.extract("no-such-file.laz")
+    Traceback (most recent call last):
+    linework.errors.InputError: no-such-file.laz: cannot be opened: No such file or directory. Check the name.
+    """
+    check_on_problem(on_problem)
+    n_workers = _number_of_workers(workers)
+    if resume and work is None:
+        raise UsageError(
+            "needs the folder of the run", where=argument("resume"), advice=f"give {argument('work')} too"
+        )
+    chosen = settings_given(settings)
+    asked = methods_asked(methods, kinds, chosen)
+    check_own_code(asked, ground)
+    looked_at = {method.recording for method in asked}
+    # Points in memory and opened surveys bring their columns; of files, those are read that methods need
+    brings = isinstance(src, Points | Survey)
+    needed = [] if brings else [name for method in asked for name in method.carry]
+    carried = tuple(dict.fromkeys([*carry, *needed]))
+    with contextlib.ExitStack() as held:
+        steps = RunSteps(held.enter_context(display_of(progress)))
+        folder = held.enter_context(temporary_work(work))
+        recordings = held.enter_context(
+            opened_source(
+                src, folder, crs=crs, trajectory=trajectory, carry=carried, laser="points" in looked_at,
+                images="pairs" in looked_at, steps=steps,
+            )
+        )  # fmt: skip
+        _check_recorded(recordings, asked, kinds)
+        kinds_asked = [kind for method in asked for kind in method.kinds]
+        has_pairs = recordings.stereo is not None
+        compile_stage(compiled_for(recordings.survey, kinds_asked, images=has_pairs), steps)
+        described = describe_run(
+            {
+                "methods": [identity_of(method) for method in asked],
+                "settings": asdict(chosen),
+                "own": own_code_of(asked, ground),
+                "recorded": recordings.identity,
+            },
+            recordings.hashes,
+        )
+        # Named by all that is asked for: another call with the same work folder neither finds it nor waits for it
+        output = folder / f"lines-{fingerprint_of(described)[:16]}"
+        run = held.enter_context(run_folder(folder, output, described, resume=resume))
+        executor = held.enter_context(
+            executor_for(_n_points(recordings), n_workers, chosen, has_images=has_pairs)
+        )
+        found = find_lines(
+            recordings, asked, run, settings=chosen, ground=ground, executor=executor, steps=steps
+        )
+        found = with_log(found, recordings)
+    return lose_nothing(found.lines, report_of(found, steps.timings_s), on_problem)
+
+
+def methods_asked(
+    methods: GivenMethods, kinds: str | Sequence[str] | None, settings: RunSettings
+) -> tuple[Method, ...]:
+    """Return the methods that look for kinds of line.
+
+    Raises
+    ------
+    UsageError
+        An unknown method or kind, or a kind that none of the methods finds.
+    """
+    given = [methods] if isinstance(methods, str | Method) else methods
+    if given is None:
+        given = ["obb", "radon", "stereo"]
+    own = [method for method in given if not isinstance(method, str)]
+    for method in given:
+        if isinstance(method, str):
+            check_method(method, ())
+    of_own = [kind for method in own if isinstance(method, Method) for kind in method.kinds]
+    wanted = None if kinds is None else parse_kinds(kinds, own=of_own)
+    every: dict[str, Method] = {
+        "obb": Obb(settings.obb),
+        "radon": Radon(settings.radon),
+        "stereo": Stereo(settings.stereo),
+    }
+    named: list[Method] = []
+    for method in given:
+        if isinstance(method, str):
+            named += every.values() if method == "auto" else [every[method]]
+        else:
+            named.append(method)
+    return selected_methods(named, wanted)
+
+
+def _number_of_workers(workers: int | None) -> int:
+    """Return the number of worker processes.
+
+    Raises
+    ------
+    UsageError
+        Not a whole number from 1 to `MOST_WORKERS`.
+    """
+    if workers is None:
+        return usable_cores()
+    if isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= MOST_WORKERS:
+        raise UsageError(
+            f"{workers!r} is not a whole number from 1 to {MOST_WORKERS}", where=argument("workers")
+        )
+    return workers
+
+
+def _check_recorded(
+    recordings: Recordings, methods: Sequence[Method], kinds: str | Sequence[str] | None
+) -> None:
+    """Refuse kinds that were named and that nothing in the survey can show."""
+    there = {"points": recordings.points is not None, "pairs": recordings.stereo is not None}
+    shown = {kind for method in methods if there[method.recording] for kind in method.kinds}
+    missing = [] if kinds is None else [
+        kind for method in methods for kind in method.kinds if kind not in shown
+    ]  # fmt: skip
+    if missing:
+        what = "laser points" if recordings.points is None else "stereo pairs"
+        raise UsageError(
+            f"{', '.join(dict.fromkeys(missing))}: only {what} show them, and the survey has none",
+            where=argument("kinds"),
+            advice=f"ask for {', '.join(sorted(shown))}" if shown else "",
+        )
+
+
+def _n_points(recordings: Recordings) -> int:
+    return recordings.points.facts.n_points if recordings.points is not None else 0

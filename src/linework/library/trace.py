@@ -1,0 +1,169 @@
+"""One line from one picked place, in laser points or in an image."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Generator, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from linework.errors import InputError, UsageError, argument
+from linework.library.opened import (
+    GivenSettings,
+    GivenTrajectory,
+    Source,
+    opened_source,
+    settings_given,
+    temporary_work,
+)
+from linework.library.progress import Progress, display_of
+from linework.model.lines import LineSet
+from linework.processes.executors import Serial
+from linework.runs.compile import compile_stage
+from linework.runs.opened.points import surface_of
+from linework.runs.opened.recordings import Recordings
+from linework.runs.settings import RunSettings
+from linework.runs.steps import RunSteps
+from linework.tracing.in_images import ImageTracer, TracedEdge
+from linework.tracing.trace import PICKED_KINDS, TracedLine, Tracer, check_pick_kind
+
+TracedT = TypeVar("TracedT")
+
+
+def trace(
+    src: Source,
+    at: Sequence[float],
+    *,
+    kind: str | None = None,
+    toward: Sequence[float] | None = None,
+    image: str | Path | None = None,
+    crs: Any = None,
+    trajectory: GivenTrajectory = None,
+    settings: GivenSettings = None,
+    work: str | Path | None = None,
+    progress: Progress = None,
+) -> LineSet:
+    """Return the line at one picked place, followed both ways.
+
+    Parameters
+    ----------
+    src
+        As for `extract`.
+    at
+        (2,) east, north within 0.5 m of the line [m, world]; with `image` column, row within 4 pixels of it [px].
+    kind
+        Kind of line; None: that of the nearest one.
+    toward
+        (2,) place towards which the line is followed [m, world]; None: both ways.
+    image
+        An image of the survey, or the end of its path, such as "left/000123.png": an edge is followed in the stereo
+        pairs (He and Novak 1992) instead of the points.
+    crs, trajectory, settings, work, progress
+        As for `extract`.
+
+    Returns
+    -------
+    LineSet
+        The line; its dashes, or the top of its kerb, come after it.
+
+    Raises
+    ------
+    InputError
+        There is no line at the place; the message says why, and where the nearest one is.
+    UsageError
+        A kind that cannot be picked, or a place that is not two finite numbers.
+    """
+    place = place_of("at", at)
+    target = None if toward is None else place_of("toward", toward)
+    if image is not None and target is not None:
+        raise UsageError("only valid in laser points", where=argument("toward"), advice="omit it")
+    chosen = settings_given(settings)
+    with contextlib.ExitStack() as held:
+        steps = RunSteps(held.enter_context(display_of(progress)))
+        folder = held.enter_context(temporary_work(work))
+        if image is None:
+            check_pick_kind(kind or "")
+        recordings = held.enter_context(
+            opened_source(
+                src,
+                folder,
+                crs=crs,
+                trajectory=trajectory,
+                laser=image is None,
+                images=image is not None,
+                steps=steps,
+            )
+        )
+        if image is not None:
+            return traced_edge(recordings, Path(image), place, kind=kind or "", steps=steps).lines
+        return traced_line(
+            recordings, place, kind=kind or "", toward=target, settings=chosen, steps=steps
+        ).lines
+
+
+def traced_line(
+    recordings: Recordings,
+    at: tuple[float, float],
+    *,
+    kind: str,
+    toward: tuple[float, float] | None,
+    settings: RunSettings,
+    steps: RunSteps,
+) -> TracedLine:
+    """Return the line at a place (east, north) [m, world] in the points of a survey, as `Tracer.trace` does."""
+    opened = recordings.points
+    if opened is None:
+        raise InputError("no laser points in this survey", where=recordings.survey.name)
+    compile_stage((kind,) if kind else PICKED_KINDS, steps)
+    surface = surface_of(opened, settings.road, Serial(), steps)
+    with steps.step("trace line"):
+        return _drained(Tracer(opened, surface, settings).trace(at, kind=kind, toward=toward))
+
+
+def traced_edge(
+    recordings: Recordings, image: Path, at_px: tuple[float, float], *, kind: str, steps: RunSteps
+) -> TracedEdge:
+    """Return the edge at a pixel (column, row) of an image of a survey, as `ImageTracer.trace` does."""
+    stereo = recordings.stereo
+    if stereo is None:
+        raise InputError("no stereo images in this survey", where=recordings.survey.name)
+    with steps.step("trace edge", unit="pairs") as advance:
+        return _drained(
+            ImageTracer(stereo).trace(image, at_px, kind=kind),
+            lambda n_done: advance(n_done, len(stereo.pairs)),
+        )
+
+
+def _drained(tracing: Generator[Any, Any, TracedT], advance: Any = None) -> TracedT:
+    """Return the result of a trace that runs to its end."""
+    n_done = 0
+    while True:
+        try:
+            next(tracing)
+        except StopIteration as end:
+            found: TracedT = end.value
+            return found
+        n_done += 1
+        if advance is not None:
+            advance(n_done)
+
+
+def place_of(name: str, place: Sequence[float]) -> tuple[float, float]:
+    """Return a place of two finite numbers.
+
+    Raises
+    ------
+    UsageError
+        It is something else.
+    """
+    try:
+        east, north = (float(value) for value in np.asarray(place, dtype=np.float64).ravel())
+    except (TypeError, ValueError):
+        east = north = np.nan
+    if not (np.isfinite(east) and np.isfinite(north)):
+        raise UsageError(
+            f"{place!r} is not a place", where=argument(name), advice="give two numbers, such as (500123.45, 5400678.90)"
+        )  # fmt: skip
+    return east, north
