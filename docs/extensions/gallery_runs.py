@@ -1,10 +1,10 @@
-"""What the gallery needs of kernels and folders, and what the reference needs of kernels once the gallery is built."""
+"""How the gallery is run: in a copy of the examples, with compiled kernels, which the reference then needs plain."""
 
 from __future__ import annotations
 
-import os
+import shutil
 import sys
-import tempfile
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -12,19 +12,24 @@ import numba
 from numba.core.dispatcher import Dispatcher
 from sphinx.application import Sphinx
 
-#: Where the builder was started, and the folder that the running example writes to.
-_folders: list[tuple[str, tempfile.TemporaryDirectory[str]]] = []
+DOCS = Path(__file__).parents[1]
+#: The examples, and the copy of them that is run: what they write does not stay among the sources.
+EXAMPLES, COPY = DOCS / "examples", DOCS / ".examples"
 
 
-def in_a_folder_of_its_own(conf: dict[str, Any], name: str, when: str) -> None:
-    """Run each example of the gallery in an empty temporary folder: what it writes does not stay."""
-    if when == "before":
-        _folders.append((str(conf["src_dir"]), tempfile.TemporaryDirectory(prefix="linework-gallery-")))
-        os.chdir(_folders[-1][1].name)
-    elif _folders:
-        back, folder = _folders.pop()
-        os.chdir(back)
-        folder.cleanup()
+def copy_examples() -> str:
+    """Copy the examples for a build, and return the name of the copy in docs."""
+    shutil.rmtree(COPY, ignore_errors=True)
+    shutil.copytree(EXAMPLES, COPY, ignore=shutil.ignore_patterns("__pycache__"))
+    return COPY.name
+
+
+def remove_what_was_written(conf: dict[str, Any], name: str) -> None:
+    """Remove the files that an example wrote, so that the next one of its folder begins as a reader does."""
+    for folder in (path for path in COPY.iterdir() if path.is_dir()):
+        for path in folder.iterdir():
+            if not (EXAMPLES / folder.name / path.name).exists():
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
 def make_kernels_plain(app: Sphinx, env: object, names: list[str]) -> None:
