@@ -181,7 +181,11 @@ def methods_asked(
             check_method(method, ())
     of_own = [kind for method in own if isinstance(method, Method) for kind in method.kinds]
     wanted = None if kinds is None else parse_kinds(kinds, own=of_own)
-    every = {"obb": Obb(settings.obb), "radon": Radon(settings.radon), "stereo": Stereo(settings.stereo)}
+    every: dict[str, Method] = {
+        "obb": Obb(settings.obb),
+        "radon": Radon(settings.radon),
+        "stereo": Stereo(settings.stereo),
+    }
     named: list[Method] = []
     for method in given:
         if isinstance(method, str):

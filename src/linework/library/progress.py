@@ -59,7 +59,9 @@ def display_of(progress: Progress) -> Display:
         return open_display(quiet=False)
     if not callable(progress):
         raise UsageError(
-            f"{progress!r}", where=argument("progress"), advice="give True, or a function of (stage, done, total)"
+            f"{progress!r}",
+            where=argument("progress"),
+            advice="give True, or a function of (stage, done, total)",
         )
     return _Calls(progress)
 
