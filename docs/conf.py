@@ -9,7 +9,7 @@ from pathlib import Path
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS / "extensions"))
 
-from gallery_runs import copy_examples
+from gallery_runs import copy_examples  # noqa: E402  (its folder has only now a place on the path)
 
 project = "linework"
 author = "the linework maintainers"
