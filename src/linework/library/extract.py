@@ -27,6 +27,9 @@ from linework.methods.radon.method import Radon
 from linework.methods.stereo.method import Stereo
 from linework.model.ground import Ground
 from linework.model.lines import LineSet
+from linework.model.points import Points
+from linework.model.survey import Survey
+from linework.processes.identity import identity_of
 from linework.runs.compile import compile_stage, compiled_for
 from linework.runs.extract import with_log
 from linework.runs.find import find_lines
@@ -127,12 +130,16 @@ def extract(
     asked = methods_asked(methods, kinds, chosen)
     check_own_code(asked, ground)
     looked_at = {method.recording for method in asked}
+    # Points in memory and opened surveys bring their columns; of files, those are read that methods need
+    brings = isinstance(src, Points | Survey)
+    needed = [] if brings else [name for method in asked for name in method.carry]
+    carried = tuple(dict.fromkeys([*carry, *needed]))
     with contextlib.ExitStack() as held:
         steps = RunSteps(held.enter_context(display_of(progress)))
         folder = held.enter_context(temporary_work(work))
         recordings = held.enter_context(
             opened_source(
-                src, folder, crs=crs, trajectory=trajectory, carry=carry, laser="points" in looked_at,
+                src, folder, crs=crs, trajectory=trajectory, carry=carried, laser="points" in looked_at,
                 images="pairs" in looked_at, steps=steps,
             )
         )  # fmt: skip
@@ -142,7 +149,7 @@ def extract(
         compile_stage(compiled_for(recordings.survey, kinds_asked, images=has_pairs), steps)
         described = describe_run(
             {
-                "methods": [[method.name, *method.kinds] for method in asked],
+                "methods": [identity_of(method) for method in asked],
                 "settings": asdict(chosen),
                 "own": own_code_of(asked, ground),
                 "recorded": recordings.identity,

@@ -113,6 +113,15 @@ def find_seed_lines(binary: Image, config: SeedConfig, finder: PeakFinder | None
     References
     ----------
     Manandhar and Shibasaki (2002), "Line Detection by Radon Transformation".
+
+    Examples
+    --------
+    >>> rail = np.zeros((60, 60), dtype=bool)
+    >>> rail[30] = True  # 12 m from west to east
+    >>> seeds = find_seed_lines(Image(rail, Grid(0.0, 12.0, 0.2, 0.2, 60, 60)), SeedConfig())
+    >>> strongest = int(np.argmax(seeds.strength_m))
+    >>> float(np.degrees(seeds.theta_rad[strongest]).round(3)), float(seeds.strength_m[strongest].round(3))
+    (90.0, 3.0)
     """
     if finder is not None:
         return _own_seed_lines(binary, config, finder)
@@ -239,6 +248,23 @@ def split_into_segments(seeds: SeedLines, binary: Image, config: SeedConfig) -> 
 
     A Radon peak says nothing about extent. Segments are parted where the image is empty for more than
     `max_gap_m`; those shorter than half of `peak_threshold_m` are dropped.
+
+    Parameters
+    ----------
+    seeds
+        Lines of windows of `binary`.
+    binary
+        (rows, cols) bool: cells with points in the height band.
+
+    Examples
+    --------
+    >>> rail = np.zeros((60, 60), dtype=bool)
+    >>> rail[30, 5:20] = rail[30, 35:] = True  # a gap of 3 m
+    >>> binary = Image(rail, Grid(0.0, 12.0, 0.2, 0.2, 60, 60))
+    >>> segments = split_into_segments(find_seed_lines(binary, SeedConfig()), binary, SeedConfig())
+    >>> east = np.sort(np.stack([segments.start_xy[:, 0], segments.end_xy[:, 0]], axis=-1), axis=1)
+    >>> bool(((east <= 4.05) | (east >= 6.95)).all())
+    True
     """
     grid, cell = binary.grid, binary.grid.cell_width_m
     half, step = config.window_m / 2, cell / 2
