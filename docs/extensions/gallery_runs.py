@@ -30,6 +30,7 @@ class ReadingOrder:
         self.folder = folder
 
     def __call__(self, name: str) -> tuple[int, str]:
+        """Return the place of an example in its section."""
         file = Path(name).name
         return (FIRST.index(file) if file in FIRST else len(FIRST), file)
 
