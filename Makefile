@@ -49,4 +49,4 @@ dist: $(VENV)/.installed  ## wheel and source distribution in dist/, checked and
 	$(BIN)/python -m tests.install.distribution dist
 
 clean:
-	rm -rf $(VENV) demo build dist docs/gallery docs/reference/generated .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) demo build dist docs/gallery docs/.examples docs/reference/generated .pytest_cache .mypy_cache .ruff_cache

@@ -9,6 +9,8 @@ from pathlib import Path
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS / "extensions"))
 
+from gallery_runs import copy_examples  # noqa: E402  (its folder has only now a place on the path)
+
 project = "linework"
 author = "the linework maintainers"
 version = release = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"][
@@ -20,25 +22,26 @@ extensions = [
     "sphinx.ext.autodoc",
     "numpydoc",
     "sphinx_gallery.gen_gallery",
-    "plain_kernels",
+    "gallery_runs",
     "reference_pages",
 ]
-exclude_patterns = ["extensions", "make_pictures", "examples"]
+exclude_patterns = ["extensions", "make_pictures", "examples", ".examples"]
 root_doc = "index"
 
-# Gallery: every example is run, in a folder of its own; one that fails stops the build.
+# Gallery: every example is run, in a folder that is empty but for the examples; one that fails stops the build.
 sphinx_gallery_conf = {
-    "examples_dirs": "examples",
+    "examples_dirs": copy_examples(),
     "gallery_dirs": "gallery",
     "filename_pattern": r"\.py$",
-    "subsection_order": [f"examples/{name}" for name in ("first_steps", "methods", "own_steps", "exchange")],
-    "within_subsection_order": "FileNameSortKey",
+    "subsection_order": [f".examples/{name}" for name in ("first_steps", "methods", "own_steps", "exchange")],
+    "within_subsection_order": "gallery_runs.ReadingOrder",
     "abort_on_example_error": True,
     "backreferences_dir": None,
     "download_all_examples": False,
+    "ignore_repr_types": r"matplotlib|'(list|tuple)'",
     "image_scrapers": ("matplotlib",),
     "remove_config_comments": True,
-    "reset_modules": ("matplotlib", "plain_kernels.in_a_folder_of_its_own"),
+    "reset_modules": ("matplotlib", "gallery_runs.remove_what_was_written"),
     "reset_modules_order": "both",
     "show_memory": False,
     "show_signature": False,

@@ -9,7 +9,7 @@ import importlib
 import inspect
 import re
 from pathlib import Path
-from types import GenericAlias
+from types import GenericAlias, UnionType
 from typing import Any, TypeVar
 
 from jinja2 import FileSystemLoader
@@ -186,7 +186,7 @@ def escape_bars(app: Sphinx, what: str, name: str, value: object, options: Any, 
 
 def is_skipped(app: Sphinx, what: str, name: str, value: object, skip: bool, options: Any) -> bool | None:
     """Return True for aliases of types and for classes of other packages; None leaves the decision as it is."""
-    if what == "module" and isinstance(value, GenericAlias):
+    if what == "module" and isinstance(value, GenericAlias | UnionType):
         return True
     if isinstance(value, type) and not value.__module__.startswith("linework"):
         return True

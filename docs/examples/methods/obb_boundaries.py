@@ -11,6 +11,7 @@ they are moved on are one line.
 
 import matplotlib.pyplot as plt
 import numpy as np
+from scipy.spatial import cKDTree
 
 import linework
 from linework.methods.obb.kerbs_and_edges import BoundaryConfig, find_boundary_boxes
@@ -28,12 +29,13 @@ ground = linework.find_ground(points, trajectory)
 # A search area
 # -------------
 #
-# A disc of half a metre on a kerb. Its lowest plane is the road; what lies above it is kerb and pavement.
+# A disc of half a metre on a kerb, where most points are. Its lowest plane is the road; what lies above it is kerb and pavement.
 
 bounds = points.bounds
 origin = np.array(local_origin(bounds.west, bounds.south, ground.z0_m))
 kerb = truth["road_boundary"][0].xyz
-place = kerb[len(kerb) // 2] - origin
+n_near = cKDTree(points.xyz[:, :2]).query_ball_point(kerb[:, :2], 0.5, return_length=True)
+place = kerb[int(np.argmax(n_near))] - origin
 area = SearchArea.of(points.xyz - origin, place[:2])
 above = area.above_m()
 floor = above < 0.02

@@ -78,7 +78,7 @@ for theta, rho, strength in zip(peaks.theta_rad, peaks.rho_m, peaks.strength_m, 
 
 fig, ax = plt.subplots(figsize=(9, 4.5), layout="constrained")
 radon.plot(ax, norm="symlog", cmap="magma")
-peaks.plot(ax)
+peaks.plot(ax, edgecolors="cyan")
 
 # %%
 # The peaks as lines in the binary image.

@@ -151,17 +151,11 @@ print(linework.evaluate(by_function, truth[np.isin(truth.kind, KINDS)]))
 #
 # No code at all: ``--paint-column`` names the dimension.
 
-command = [
-    "extract",
-    "survey",
-    "-o",
-    "markings.gpkg",
-    "--features",
-    ",".join(KINDS),
-    "--paint-column",
-    "p_paint",
-]
-subprocess.run([sys.executable, "-m", "linework", *command, "--quiet"], check=True)
+command = "extract survey -o markings.gpkg --features lane_marking,lane_marking_dash --paint-column p_paint"
+finished = subprocess.run(
+    [sys.executable, "-m", "linework", *command.split()], check=True, capture_output=True, text=True
+)
+print(finished.stdout)
 written = linework.read_lines("markings.gpkg")
 print(f"{len(written)} lines, {written.length_m.sum():.1f} m; from Python {lines.length_m.sum():.1f} m")
 

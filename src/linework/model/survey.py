@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Survey:
     """A survey as described by its survey.toml, its folder or the files themselves.
 
@@ -51,6 +51,15 @@ class Survey:
     settings_file: Path | None = None
     warnings: tuple[str, ...] = ()
     carry: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        from linework.crs import describe_crs
+
+        n = len(self.point_files)
+        parts = [repr(self.name), f"{n} laser file{'' if n == 1 else 's'}" if n else "no laser files"]
+        parts += ["trajectory"] if self.trajectory_file is not None else []
+        parts += [table for table in ("cameras", "navigation") if table in self.settings]
+        return f"Survey({', '.join(parts)}, crs {describe_crs(self.crs)}, in {self.root})"
 
     def with_trajectory(self, path: Path) -> Survey:
         """Return the survey with another trajectory file, which is of the vehicle's origin.
