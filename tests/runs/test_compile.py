@@ -43,6 +43,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
             ("extract", "--features", "lane_marking,lane_marking_dash,road_marking_other", "--method", "obb"),
         ),
         (("road_boundary",), ("extract", "--features", "road_boundary,kerb_top")),
+        (("kerb_top", "columns"), ("extract", "--features", "kerb_top", "--carry", "classification")),
         (("guardrail",), ("extract", "--features", "guardrail,barrier")),
         (("cable",), ("extract", "--features", "cable")),
         (("stereo",), ("extract", "--method", "stereo")),
@@ -71,7 +72,7 @@ def test_the_table_holds_every_kernel_that_a_method_calls(drive, tmp_path, names
 
 
 def test_there_is_a_group_for_every_kind():
-    assert set(COMPILED_FOR) == {*ALL_KINDS, "stereo", "trajectory"}
+    assert set(COMPILED_FOR) == {*ALL_KINDS, "points", "columns", "stereo", "trajectory"}
     for group in _GROUP_OF.values():
         assert called_kernels([group])
 

@@ -62,40 +62,40 @@ cells.floor.facets_of = paint boundaries
     f8:2C i8:1C
 cells.floor.sort_by_cell = paint boundaries
     f8:2C! f4:1C! f8:1C i8:1C i8:1C i8:1C
-cells.nearest.blend_into_ground = paint boundaries rails cables
+cells.nearest.blend_into_ground = paint boundaries rails cables points
     f4:2C i4:2C f4:2C f4:2C i8:1C i8:1C f8 f8
-cells.nearest.block_sums = paint boundaries rails cables
+cells.nearest.block_sums = paint boundaries rails cables points
     f4:2C b1:2C i8:1C i8:1C i8 i8 f8
-cells.nearest.heights_by_index = paint boundaries rails cables
+cells.nearest.heights_by_index = paint boundaries rails cables points
     f4:2C i4:2C
-cells.nearest.nearest_known_squared = paint boundaries rails cables
+cells.nearest.nearest_known_squared = paint boundaries rails cables points
     b1:2C i8 i8
-cells.nearest.softened = paint boundaries rails cables
+cells.nearest.softened = paint boundaries rails cables points
     f4:2C i4:2C i8 f8 f8
 cells.rasterise.count_in_band = rails
     f8:2C! f4:1C! f8 f8 f8:1C i8 i8
-cells.regions.drops_below = paint boundaries rails cables
+cells.regions.drops_below = paint boundaries rails cables points
     f8:2C i8 i8 f4:2C f8 f8 i8
-cells.regions.label_regions = paint boundaries rails cables
+cells.regions.label_regions = paint boundaries rails cables points
     f4:2C f4:2C f4:2C b1:2C f8 f8 b1
-cells.regions.links_across = paint boundaries rails cables
+cells.regions.links_across = paint boundaries rails cables points
     f4:2C f4:2C i4:2C f4:2C f4:2C i4:2C f8 f8
-cells.regions.opened = paint boundaries rails cables
+cells.regions.opened = paint boundaries rails cables points
     b1:2C
-cells.regions.sizes_of_labels = paint boundaries rails cables
+cells.regions.sizes_of_labels = paint boundaries rails cables points
     i4:2C i4:2C i8
-cells.regions.with_labels = paint boundaries rails cables
+cells.regions.with_labels = paint boundaries rails cables points
     i4:2C b1:1C
-cells.surface.count_in_steps = paint boundaries rails cables
+cells.surface.count_in_steps = paint boundaries rails cables points
     f4:2C f8 i8
 cells.surface.height_above = rails cables
     f8:2C f8 f8 f8 f8 f4:2C
     f8:2C! f8 f8 f8 f8 f4:2C
-cells.surface.lowest_layer = paint boundaries rails cables
+cells.surface.lowest_layer = paint boundaries rails cables points
     i4:1C f4:1C f4:2C f8
-cells.surface.lowest_supported = paint boundaries rails cables
+cells.surface.lowest_supported = paint boundaries rails cables points
     f8:2C! i8 i8 i8 i8 f8 f8 f8
-cells.surface.median_slopes = paint boundaries rails cables
+cells.surface.median_slopes = paint boundaries rails cables points
     f4:2C b1:2C f8 i8 i4:2C
 images.fuse.fuse = pairs
     f8:2C i8:1C i8:1C (f8,f8,f8,i8) f8 (f8,f8)
@@ -148,22 +148,26 @@ radon.segments.segments_of = rails
     b1:2C f8 f8:2C i8:2C f8:2C f8:1C f8 i8 i8
 radon.transform.radon = cables
     f8:1C f8:1C f8:1C (f8,f8,f8) f8:1C f8 i8
-store.order.first_damaged = paint boundaries rails cables
+store.columns.checksums_of_columns = columns
+    u4:2C i8:1C
+store.columns.settle_by_columns = columns
+    u8:1C u2:1C u4:2C (u8:1C,i4:1C,u8:1C,i4:1C)
+store.order.first_damaged = paint boundaries rails cables points
     u8:1C u8:1C u2:1C i8:1C b1:1A u8:1A
     u8:1C u8:1C u2:1C i8:1C b1:1C u8:1C
 store.order.keep_inside = rails cables
     u8:1C u8:1C u2:1C i8:1C i4:1C
-store.order.sort_points = paint boundaries rails cables
+store.order.sort_points = paint boundaries rails cables points
     u8:1C u8:1C u2:1C (u8:1C,i4:1C,u8:1C,i4:1C)
-store.order.unpack_points = paint boundaries rails cables
+store.order.unpack_points = paint boundaries rails cables points
     u8:1C u8:1C u2:1C i4:1C i8:1C (f8:2C,u8:1C,f4:1C) i8
-store.pack.blocks_of = paint boundaries rails cables
+store.pack.blocks_of = paint boundaries rails cables points
     u8:1C
-store.pack.describe_runs = paint boundaries rails cables
+store.pack.describe_runs = paint boundaries rails cables points
     u8:1C i8:2C i8:1C b1
-store.pack.pack_points = paint boundaries rails cables
+store.pack.pack_points = paint boundaries rails cables points
     f8:2C! u8:1C i4:1C i8:1C i8
-store.pack.scatter_runs = paint boundaries rails cables
+store.pack.scatter_runs = paint boundaries rails cables points
     u8:1C u2:1C! f8:1C! i4:1C i8:2C u8:1C
 tracking.passing.passing = rails
     f8:2C i8:1C i8:1C (i8,i8,f8) (f8,f8)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,6 @@ from linework.model.lines import LineSet
 from linework.model.points import Points
 from linework.model.survey import Survey
 from linework.processes.identity import identity_of
-from linework.runs.compile import compile_stage, compiled_for
 from linework.runs.extract import with_log
 from linework.runs.find import find_lines
 from linework.runs.opened.recordings import Recordings
@@ -54,7 +54,7 @@ def extract(
     trajectory: GivenTrajectory = None,
     methods: GivenMethods = None,
     ground: Ground | GroundFinder | None = None,
-    carry: Sequence[str] = (),
+    carry: str | Sequence[str] = (),
     settings: GivenSettings = None,
     workers: int | None = None,
     work: str | Path | None = None,
@@ -88,8 +88,8 @@ def extract(
     workers
         Number of processes; the lines do not depend on it. None: as many as there are cores.
     work
-        Folder where the decoded points and unfinished runs stay for the next call; None: they are kept among the
-        temporary files, for this call only.
+        Folder where the decoded points and unfinished runs stay for the next call, until ``linework clean`` removes
+        them; None: they are kept among the temporary files, for this call only.
     resume
         Go on with a call with the same arguments that was killed; needs `work`.
     progress
@@ -133,20 +133,18 @@ def extract(
     # Points in memory and opened surveys bring their columns; of files, those are read that methods need
     brings = isinstance(src, Points | Survey)
     needed = [] if brings else [name for method in asked for name in method.carry]
-    carried = tuple(dict.fromkeys([*carry, *needed]))
+    carried = tuple(dict.fromkeys([*([carry] if isinstance(carry, str) else carry), *needed]))
     with contextlib.ExitStack() as held:
         steps = RunSteps(held.enter_context(display_of(progress)))
         folder = held.enter_context(temporary_work(work))
         recordings = held.enter_context(
             opened_source(
                 src, folder, crs=crs, trajectory=trajectory, carry=carried, laser="points" in looked_at,
-                images="pairs" in looked_at, steps=steps,
+                images="pairs" in looked_at, kinds=[kind for method in asked for kind in method.kinds], steps=steps,
             )
         )  # fmt: skip
         _check_recorded(recordings, asked, kinds)
-        kinds_asked = [kind for method in asked for kind in method.kinds]
         has_pairs = recordings.stereo is not None
-        compile_stage(compiled_for(recordings.survey, kinds_asked, images=has_pairs), steps)
         described = describe_run(
             {
                 "methods": [identity_of(method) for method in asked],
@@ -182,6 +180,11 @@ def methods_asked(
     given = [methods] if isinstance(methods, str | Method) else methods
     if given is None:
         given = ["obb", "radon", "stereo"]
+    if not isinstance(given, Iterable):
+        raise UsageError(
+            f"{given!r:.60} is not a method", where=argument("methods"), advice="give names, or objects such as Radon()"
+        )
+    given = list(given)
     own = [method for method in given if not isinstance(method, str)]
     for method in given:
         if isinstance(method, str):
@@ -212,18 +215,21 @@ def _number_of_workers(workers: int | None) -> int:
     """
     if workers is None:
         return usable_cores()
-    if isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= MOST_WORKERS:
+    if isinstance(workers, bool) or not isinstance(workers, Integral) or not 1 <= workers <= MOST_WORKERS:
         raise UsageError(
             f"{workers!r} is not a whole number from 1 to {MOST_WORKERS}", where=argument("workers")
         )
-    return workers
+    return int(workers)
 
 
 def _check_recorded(
     recordings: Recordings, methods: Sequence[Method], kinds: str | Sequence[str] | None
 ) -> None:
-    """Refuse kinds that were named and that nothing in the survey can show."""
+    """Refuse kinds that were named and that nothing in the survey can show, and methods that can look at nothing."""
     there = {"points": recordings.points is not None, "pairs": recordings.stereo is not None}
+    if not any(there[method.recording] for method in methods):
+        what = "laser points" if recordings.points is None else "stereo pairs"
+        raise UsageError(f"look at {what} only, and there are none", where=argument("methods"), advice="leave it out")
     shown = {kind for method in methods if there[method.recording] for kind in method.kinds}
     missing = [] if kinds is None else [
         kind for method in methods for kind in method.kinds if kind not in shown

@@ -19,6 +19,7 @@ from linework.model.points import Points
 from linework.model.settings import settings_from
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
+from linework.runs.compile import compile_stage, compiled_for
 from linework.runs.opened.from_points import opened_points
 from linework.runs.opened.points import hash_path
 from linework.runs.opened.recordings import Recordings, opened_recordings
@@ -35,7 +36,7 @@ GivenTrajectory = str | Path | Trajectory | None
 GivenSettings = RunSettings | Mapping[str, Any] | str | Path | None
 
 
-def survey_of(src: Source, *, crs: Any = None, carry: Sequence[str] = ()) -> Survey:
+def survey_of(src: Source, *, crs: Any = None, carry: str | Sequence[str] = ()) -> Survey:
     """Return the survey that files belong to, or the survey itself.
 
     Raises
@@ -62,8 +63,8 @@ def settings_given(settings: GivenSettings) -> RunSettings:
 
     Raises
     ------
-    ConfigError
-        An unknown setting, another type, or a value out of its range.
+    ConfigError, UsageError
+        An unknown setting, another type, or a value out of its range; or something that holds no settings.
     """
     if settings is None:
         return RunSettings()
@@ -71,6 +72,10 @@ def settings_given(settings: GivenSettings) -> RunSettings:
         return settings
     if isinstance(settings, Mapping):
         return settings_from(RunSettings, settings, where=argument("settings"))
+    if not isinstance(settings, str | Path):
+        raise UsageError(
+            f"{settings!r:.60} are no settings", where=argument("settings"), advice="give a run file or its tables"
+        )
     return read_settings_file(RunSettings, Path(settings))
 
 
@@ -91,12 +96,18 @@ def opened_source(
     *,
     crs: Any = None,
     trajectory: GivenTrajectory = None,
-    carry: Sequence[str] = (),
+    carry: str | Sequence[str] = (),
     laser: bool = True,
     images: bool = True,
+    kinds: Iterable[str] = (),
     steps: RunSteps | None = None,
 ) -> Iterator[Recordings]:
     """Open the recordings of a source: those of files, or points in memory as if they came from a file.
+
+    Parameters
+    ----------
+    kinds
+        Kinds of line that will be looked for: what they need is compiled first.
 
     Raises
     ------
@@ -110,13 +121,19 @@ def opened_source(
             raise UsageError(
                 "points in memory have their own", where=argument(name), advice="give it to Points"
             )
-        path = trajectory_in_file(trajectory, src.crs) if isinstance(trajectory, str | Path) else trajectory
+        path = trajectory
+        if isinstance(path, str | Path):
+            path = trajectory_in_file(path, src.crs)
+        elif path is not None and not isinstance(path, Trajectory):
+            raise _no_trajectory(path)
+        compile_stage((*kinds, "points", *(["columns"] if src.columns else [])), steps)
         with opened_points(src, work, trajectory=path, steps=steps) as recordings:
             yield recordings
         return
     survey = survey_of(src, crs=crs, carry=carry)
     if trajectory is not None:
         survey = survey.with_trajectory(_given_file(trajectory, work))
+    compile_stage(compiled_for(survey, kinds, images=images), steps)
     with opened_recordings(
         survey, work, laser=laser, images=images, n_threads=usable_cores(), steps=steps
     ) as recordings:
@@ -125,11 +142,19 @@ def opened_source(
 
 def _given_file(trajectory: str | Path | Trajectory, work: Path) -> Path:
     """Return the file of a given trajectory; one in memory is written to the work folder."""
-    if not isinstance(trajectory, Trajectory):
+    if isinstance(trajectory, str | Path):
         return Path(trajectory)
+    if not isinstance(trajectory, Trajectory):
+        raise _no_trajectory(trajectory)
     path = work / STORES / f"given-{hash_path(trajectory)[:16]}.csv"
     write_trajectory(trajectory, path, overwrite=True)
     return path
+
+
+def _no_trajectory(value: object) -> UsageError:
+    return UsageError(
+        f"{value!r:.60} is not a trajectory", where=argument("trajectory"), advice="give a file or a Trajectory"
+    )
 
 
 def trajectory_in_file(path: str | Path, crs: Any = None) -> Trajectory:

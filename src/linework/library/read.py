@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,8 @@ from linework.files.logs.sensors import read_navigation_logs
 from linework.files.store.in_memory import read_survey_points
 from linework.library.opened import Source, opened_source, survey_of, temporary_work, trajectory_in_file
 from linework.library.progress import Progress, display_of
-from linework.library.report import OnProblem, check_on_problem, warn_of
+from linework.library.report import OnProblem, check_on_problem, left_out_summary, report_of_recordings, warn_of
+from linework.model.lines import LineSet
 from linework.model.points import Points
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
@@ -90,8 +92,14 @@ def read_trajectory(src: Source, *, crs: Any = None) -> Trajectory:
     """
     if isinstance(src, str | Path) and _is_trajectory_file(Path(src)):
         return trajectory_in_file(src, crs)
-    with temporary_work(None) as work, opened_source(src, work, crs=crs) as found:
-        warn_of(found.warnings)
+    with contextlib.ExitStack() as held:
+        work = held.enter_context(temporary_work(None))
+        # Images are needed only where there are no points that the trajectory has to fit
+        survey = src if isinstance(src, Points) else survey_of(src, crs=crs)
+        images = isinstance(survey, Survey) and not survey.point_files
+        found = held.enter_context(opened_source(survey, work, images=images))
+        report = report_of_recordings(found, LineSet.empty(), (), {})
+        warn_of([*report.warnings, *filter(None, [left_out_summary(report)])])
         if found.trajectory is None:
             raise InputError(
                 "no trajectory", where=found.survey.name, advice="name one in survey.toml, or give its file"
@@ -135,8 +143,9 @@ def locate(
     """
     check_on_problem(on_problem)
     with display_of(progress) as display:
+        survey = survey_of(src, crs=crs)
         located, remarks = located_drive(
-            survey_of(src, crs=crs),
+            survey,
             rate_hz=rate_hz,
             longest_outage_s=longest_outage_s,
             steps=RunSteps(display),
@@ -144,7 +153,7 @@ def locate(
     warn_of(remarks)
     problem = missing_spans(located)
     if problem and on_problem == "raise":
-        raise PartialError(problem, where=str(src), advice='on_problem="warn" returns the rest')
+        raise PartialError(problem, where=survey.name, advice=f"{argument('on_problem', 'warn')} returns the rest")
     warn_of([problem] if problem else [])
     return located.trajectory
 

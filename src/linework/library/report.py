@@ -16,7 +16,8 @@ import linework
 from linework.errors import LineworkWarning, PartialError, UsageError, argument
 from linework.model.lines import LineSet
 from linework.model.lineset.report import InputReport, LeftOut, Report
-from linework.runs.extraction import Extraction, path_text
+from linework.runs.extraction import Extraction, Failure, path_text
+from linework.runs.opened.recordings import Recordings
 from linework.runs.record import versions
 
 _PACKAGE = Path(linework.__file__).parent
@@ -77,6 +78,35 @@ def report_of(found: Extraction, timings_s: Mapping[str, float]) -> Report:
     )
 
 
+def report_of_recordings(
+    recordings: Recordings, lines: LineSet, kinds: Iterable[str], timings_s: Mapping[str, float]
+) -> Report:
+    """Return the report on lines that were followed in the recordings of a survey."""
+    found = Extraction(
+        source=recordings.survey.name,
+        lines=lines,
+        kinds=tuple(dict.fromkeys([*kinds, *lines.kind.tolist()])),
+        read=recordings.points.facts if recordings.points else None,
+        tiles=(),
+        failures=tuple(Failure("recording", name, problem) for name, problem in recordings.problems),
+        hashes=recordings.hashes,
+        warnings=recordings.warnings,
+    )
+    return report_of(found, timings_s)
+
+
+def left_out_summary(report: Report) -> str:
+    """Return a line on what was left out and why, "" if nothing was."""
+    if not report.left_out:
+        return ""
+    first, n = report.left_out[0], len(report.left_out)
+    problem = first.problem if first.name in first.problem else f"{first.name}: {first.problem}"
+    kind = f"{first.what}s" if n > 1 and all(one.what == first.what for one in report.left_out) else first.what
+    if n > 1 and kind == first.what:
+        kind = "files, tiles, images or recordings"
+    return f"{n} {kind} left out{', the first' if n > 1 else ''}: {problem.rstrip('.')}"
+
+
 def lose_nothing(lines: LineSet, report: Report, on_problem: OnProblem) -> LineSet:
     """Return the lines with their report; warn of its warnings, and of what was left out or raise it.
 
@@ -87,14 +117,13 @@ def lose_nothing(lines: LineSet, report: Report, on_problem: OnProblem) -> LineS
     """
     lines = replace(lines, report=report)
     warn_of(report.warnings)
-    if not report.left_out:
-        return lines
-    first, n = report.left_out[0], len(report.left_out)
-    more = f" and {n - 1} more" if n > 1 else ""
-    problem = f"{first.what} {first.name} was left out{more}: {first.problem.rstrip('.')}"
-    if on_problem == "warn":
+    problem = left_out_summary(report)
+    if problem and on_problem == "warn":
         warn_of([problem])
+    if not problem or on_problem == "warn":
         return lines
-    error = PartialError(problem, where=report.source, advice='on_problem="warn" returns the other lines')
+    error = PartialError(
+        problem, where=report.source, advice=f"{argument('on_problem', 'warn')} returns the other lines"
+    )
     error.lines = lines
     raise error

@@ -19,9 +19,9 @@ from linework.library.opened import (
     temporary_work,
 )
 from linework.library.progress import Progress, display_of
+from linework.library.report import OnProblem, check_on_problem, lose_nothing, report_of_recordings
 from linework.model.lines import LineSet
 from linework.processes.executors import Serial
-from linework.runs.compile import compile_stage
 from linework.runs.opened.points import surface_of
 from linework.runs.opened.recordings import Recordings
 from linework.runs.settings import RunSettings
@@ -44,6 +44,7 @@ def trace(
     settings: GivenSettings = None,
     work: str | Path | None = None,
     progress: Progress = None,
+    on_problem: OnProblem = "raise",
 ) -> LineSet:
     """Return the line at one picked place, followed both ways.
 
@@ -60,7 +61,7 @@ def trace(
     image
         An image of the survey, or the end of its path, such as "left/000123.png": an edge is followed in the stereo
         pairs (He and Novak 1992) instead of the points.
-    crs, trajectory, settings, work, progress
+    crs, trajectory, settings, work, progress, on_problem
         As for `extract`.
 
     Returns
@@ -72,6 +73,8 @@ def trace(
     ------
     InputError
         There is no line at the place; the message says why, and where the nearest one is.
+    PartialError
+        Files or recordings were left out, and `on_problem` is "raise".
     UsageError
         A kind that cannot be picked, or a place that is not two finite numbers.
     """
@@ -80,27 +83,34 @@ def trace(
     if image is not None and target is not None:
         raise UsageError("only valid in laser points", where=argument("toward"), advice="omit it")
     chosen = settings_given(settings)
+    check_on_problem(on_problem)
+    if image is None:
+        check_pick_kind(kind or "")
     with contextlib.ExitStack() as held:
         steps = RunSteps(held.enter_context(display_of(progress)))
         folder = held.enter_context(temporary_work(work))
-        if image is None:
-            check_pick_kind(kind or "")
         recordings = held.enter_context(
             opened_source(
-                src,
-                folder,
-                crs=crs,
-                trajectory=trajectory,
-                laser=image is None,
-                images=image is not None,
-                steps=steps,
+                src, folder, crs=crs, trajectory=trajectory, laser=image is None, images=image is not None,
+                kinds=kinds_to_compile(kind or "", in_image=image is not None), steps=steps,
             )
-        )
+        )  # fmt: skip
+        found: TracedLine | TracedEdge
         if image is not None:
-            return traced_edge(recordings, Path(image), place, kind=kind or "", steps=steps).lines
-        return traced_line(
-            recordings, place, kind=kind or "", toward=target, settings=chosen, steps=steps
-        ).lines
+            found = traced_edge(recordings, Path(image), place, kind=kind or "", steps=steps)
+        else:
+            found = traced_line(
+                recordings, place, kind=kind or "", toward=target, settings=chosen, steps=steps
+            )
+    report = report_of_recordings(recordings, found.lines, [found.kind], steps.timings_s)
+    return lose_nothing(found.lines, report, on_problem)
+
+
+def kinds_to_compile(kind: str, *, in_image: bool) -> tuple[str, ...]:
+    """Return the kinds whose kernels a trace comes to: all that can be picked if none is named."""
+    if in_image:
+        return ()
+    return (kind,) if kind else PICKED_KINDS
 
 
 def traced_line(
@@ -116,7 +126,6 @@ def traced_line(
     opened = recordings.points
     if opened is None:
         raise InputError("no laser points in this survey", where=recordings.survey.name)
-    compile_stage((kind,) if kind else PICKED_KINDS, steps)
     surface = surface_of(opened, settings.road, Serial(), steps)
     with steps.step("trace line"):
         return _drained(Tracer(opened, surface, settings).trace(at, kind=kind, toward=toward))

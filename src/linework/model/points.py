@@ -74,7 +74,7 @@ class Points(Columns):
             n = len(found["xyz"]) if n is None else n
         extra = dict[str, AnyArray]()
         for name, values in (*columns.items(), *several.items()):
-            if not isinstance(name, str) or not name or name in known or name in extra:
+            if not isinstance(name, str) or not name or name in {*known, *extra, "crs", "columns"}:
                 raise ValueError(f"columns: {name!r} cannot be the name of a further column")
             extra[name] = _column(name, values, np.float32, (n,))
         for name, value in (*found.items(), ("crs", _crs_text(crs)), ("columns", MappingProxyType(extra))):

@@ -12,14 +12,15 @@ from linework.processes.executors import Executor, Serial
 from linework.processes.pool import Processes
 from linework.runs.steps import Advance, RunSteps
 
-#: Kernels of a kind of line, of stereo pairs and of the trajectory, by their names in `linework.kernels.called_with`.
+#: Kernels of a kind of line, of stereo pairs, of the trajectory, of points on their way to every method (of users, too),
+#: and of further columns of points, by their names in `linework.kernels.called_with`.
 _GROUP_OF = {
     "lane_marking": "paint", "lane_marking_dash": "paint", "road_marking_other": "paint",
     "road_boundary": "boundaries", "kerb_top": "boundaries",
     "guardrail": "rails", "barrier": "rails", "cable": "cables",
-    "stereo": "pairs", "trajectory": "trajectory",
+    "stereo": "pairs", "trajectory": "trajectory", "points": "points", "columns": "columns",
 }  # fmt: skip
-#: Everything that can be compiled: kinds of line, "stereo" and "trajectory".
+#: Everything that can be compiled: kinds of line, and what else is in the table above.
 COMPILED_FOR = tuple(_GROUP_OF)
 #: A process that compiles takes up to 0.4 GB, and the longest kernel bounds the time from about this many on.
 _MOST_PROCESSES = 4
@@ -37,7 +38,11 @@ def compiled_for(survey: Survey, kinds: Iterable[str], *, images: bool) -> tuple
     """
     has_pairs = images and "cameras" in survey.settings
     is_located = survey.trajectory_file is None and "navigation" in survey.settings
-    return (*kinds, *(("stereo",) if has_pairs else ()), *(("trajectory",) if is_located else ()))
+    others = {
+        "points": bool(survey.point_files), "columns": bool(survey.carry), "stereo": has_pairs,
+        "trajectory": is_located,
+    }  # fmt: skip
+    return (*kinds, *(name for name, is_needed in others.items() if is_needed))
 
 
 def compile_stage(names: Iterable[str], steps: RunSteps) -> bool:
