@@ -44,7 +44,7 @@ def features(points: linework.Points) -> tuple[FloatArray, BoolArray]:
     xyz, strength = points.xyz[near], np.log1p(np.asarray(points["intensity"][near], dtype=np.float64))
     tree = cKDTree(xyz[:, :2])
     _, close = tree.query(xyz[:, :2], k=8)
-    _, wide = tree.query(xyz[:, :2], k=64)
+    _, wide = tree.query(xyz[:, :2], k=32)
     level, local = np.median(strength[wide], axis=1), np.median(strength[close], axis=1)
     spread = np.std(strength[wide], axis=1) + 1e-3
     columns = [np.ones(len(xyz)), strength - level, local - level, (local - level) / spread, height[near]]
@@ -67,7 +67,7 @@ def is_paint(xyz: FloatArray, truth: linework.LineSet) -> BoolArray:
 # Training
 # --------
 
-training = linework.simulate("training", seed=13, length_m=50.0, points_per_m=4000, images=False)
+training = linework.simulate("training", seed=13, length_m=50.0, points_per_m=2500, images=False)
 labelled = points_in(training.point_files[0])
 x, near = features(labelled)
 y = is_paint(labelled.xyz[near], linework.read_lines(training.root / "truth.gpkg")).astype(np.float64)
@@ -93,7 +93,7 @@ print("weights:", np.round(weights, 1))
 #
 # The model has not seen this road. Its probabilities are written into the LAZ file with laspy, as any program could.
 
-survey = linework.simulate("survey", seed=12, length_m=90.0, points_per_m=4000, images=False)
+survey = linework.simulate("survey", seed=12, length_m=90.0, points_per_m=2500, images=False)
 for laz in survey.point_files:
     points = points_in(laz)
     x2, near2 = features(points)
@@ -137,9 +137,9 @@ print(linework.evaluate(from_intensity, truth[np.isin(truth.kind, KINDS)]))
 
 
 def bright(near: linework.Points) -> FloatArray:
-    """Return the probability of paint (n,): twice as bright as the median of the road is paint for sure."""
+    """Return the probability of paint (n,): a quarter brighter than the median of the road is as likely paint as not."""
     strength = np.asarray(near["intensity"], dtype=np.float64)
-    return np.asarray(expit(8.0 * (strength / np.median(strength) - 1.5)))
+    return np.asarray(expit(8.0 * (strength / np.median(strength) - 1.25)))
 
 
 by_function = linework.extract("survey", methods=[linework.Obb(kinds=KINDS, paint=bright)])
