@@ -36,19 +36,24 @@ def points_in(laz: Path) -> linework.Points:
     return linework.Points(np.asarray(las.xyz), intensity=np.asarray(las.intensity), crs="EPSG:25832+7837")
 
 
-def features(points: linework.Points) -> tuple[FloatArray, BoolArray]:
-    """Return the features (k, 5) of the points near the road, and which points they are (n,)."""
-    ground = linework.find_ground(points)
-    height = height_above_road(ground, points.xyz)
-    near = np.abs(height) < 0.10
+def features(points: linework.Points, height_m: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return the features (k, 5) of the points within 10 cm of the road, and which points they are (n,)."""
+    near = np.abs(height_m) < 0.10
     xyz, strength = points.xyz[near], np.log1p(np.asarray(points["intensity"][near], dtype=np.float64))
+    if len(xyz) < 32:
+        return np.zeros((0, 5)), np.zeros(len(near), dtype=np.bool_)
     tree = cKDTree(xyz[:, :2])
     _, close = tree.query(xyz[:, :2], k=8)
-    _, wide = tree.query(xyz[:, :2], k=64)
+    _, wide = tree.query(xyz[:, :2], k=32)
     level, local = np.median(strength[wide], axis=1), np.median(strength[close], axis=1)
     spread = np.std(strength[wide], axis=1) + 1e-3
-    columns = [np.ones(len(xyz)), strength - level, local - level, (local - level) / spread, height[near]]
+    columns = [np.ones(len(xyz)), strength - level, local - level, (local - level) / spread, height_m[near]]
     return np.column_stack(columns), near
+
+
+def above_road(points: linework.Points) -> FloatArray:
+    """Return the height of points above the road (n,) [m]."""
+    return height_above_road(linework.find_ground(points), points.xyz).astype(np.float64)
 
 
 def is_paint(xyz: FloatArray, truth: linework.LineSet) -> BoolArray:
@@ -67,9 +72,9 @@ def is_paint(xyz: FloatArray, truth: linework.LineSet) -> BoolArray:
 # Training
 # --------
 
-training = linework.simulate("training", seed=13, length_m=50.0, points_per_m=4000, images=False)
+training = linework.simulate("training", seed=13, length_m=50.0, points_per_m=2500, images=False)
 labelled = points_in(training.point_files[0])
-x, near = features(labelled)
+x, near = features(labelled, above_road(labelled))
 y = is_paint(labelled.xyz[near], linework.read_lines(training.root / "truth.gpkg")).astype(np.float64)
 scale = np.maximum(np.abs(x).max(axis=0), 1e-9)
 positive = 0.5 / max(float(y.mean()), 1e-6)
@@ -93,10 +98,10 @@ print("weights:", np.round(weights, 1))
 #
 # The model has not seen this road. Its probabilities are written into the LAZ file with laspy, as any program could.
 
-survey = linework.simulate("survey", seed=12, length_m=90.0, points_per_m=4000, images=False)
+survey = linework.simulate("survey", seed=12, length_m=90.0, points_per_m=2500, images=False)
 for laz in survey.point_files:
     points = points_in(laz)
-    x2, near2 = features(points)
+    x2, near2 = features(points, above_road(points))
     p_paint = np.zeros(len(points), dtype=np.float32)
     p_paint[near2] = expit((x2 / scale) @ weights)
     las = laspy.read(laz)
@@ -136,13 +141,15 @@ print(linework.evaluate(from_intensity, truth[np.isin(truth.kind, KINDS)]))
 # height above it in the column ``above_road_m``, and returns their probabilities.
 
 
-def bright(near: linework.Points) -> FloatArray:
-    """Return the probability of paint (n,): twice as bright as the median of the road is paint for sure."""
-    strength = np.asarray(near["intensity"], dtype=np.float64)
-    return np.asarray(expit(8.0 * (strength / np.median(strength) - 1.5)))
+def trained(near: linework.Points) -> FloatArray:
+    """Return the probability of paint (n,)."""
+    x, chosen = features(near, np.asarray(near["above_road_m"], dtype=np.float64))
+    probability = np.zeros(len(near))
+    probability[chosen] = expit((x / scale) @ weights)
+    return probability
 
 
-by_function = linework.extract("survey", methods=[linework.Obb(kinds=KINDS, paint=bright)])
+by_function = linework.extract("survey", methods=[linework.Obb(kinds=KINDS, paint=trained)])
 print(linework.evaluate(by_function, truth[np.isin(truth.kind, KINDS)]))
 
 # %%
