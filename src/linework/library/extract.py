@@ -12,8 +12,8 @@ from typing import Any
 from linework.errors import UsageError, argument
 from linework.library.opened import (
     GivenSettings,
+    GivenSource,
     GivenTrajectory,
-    Source,
     opened_source,
     settings_given,
     temporary_work,
@@ -47,7 +47,7 @@ GivenMethods = str | Method | Sequence[str | Method] | None
 
 
 def extract(
-    src: Source,
+    src: GivenSource,
     *,
     kinds: str | Sequence[str] | None = None,
     crs: Any = None,
@@ -182,7 +182,9 @@ def methods_asked(
         given = ["obb", "radon", "stereo"]
     if not isinstance(given, Iterable):
         raise UsageError(
-            f"{given!r:.60} is not a method", where=argument("methods"), advice="give names, or objects such as Radon()"
+            f"{given!r:.60} is not a method",
+            where=argument("methods"),
+            advice="give names, or objects such as Radon()",
         )
     given = list(given)
     own = [method for method in given if not isinstance(method, str)]
@@ -229,7 +231,9 @@ def _check_recorded(
     there = {"points": recordings.points is not None, "pairs": recordings.stereo is not None}
     if not any(there[method.recording] for method in methods):
         what = "laser points" if recordings.points is None else "stereo pairs"
-        raise UsageError(f"look at {what} only, and there are none", where=argument("methods"), advice="leave it out")
+        raise UsageError(
+            f"look at {what} only, and there are none", where=argument("methods"), advice="leave it out"
+        )
     shown = {kind for method in methods if there[method.recording] for kind in method.kinds}
     missing = [] if kinds is None else [
         kind for method in methods for kind in method.kinds if kind not in shown

@@ -29,14 +29,14 @@ from linework.runs.settings import RunSettings
 from linework.runs.steps import RunSteps
 
 #: A file, a folder, a pattern such as "points/*.laz", several of them, an opened survey, or points in memory.
-Source = str | Path | Iterable[str | Path] | Survey | Points
+GivenSource = str | Path | Iterable[str | Path] | Survey | Points
 #: A trajectory file or a trajectory in memory, of the vehicle's origin.
 GivenTrajectory = str | Path | Trajectory | None
 #: Settings, a run file, or its tables: ``{"radon": {"cell_m": 0.1}}``.
 GivenSettings = RunSettings | Mapping[str, Any] | str | Path | None
 
 
-def survey_of(src: Source, *, crs: Any = None, carry: str | Sequence[str] = ()) -> Survey:
+def given_survey(src: GivenSource, *, crs: Any = None, carry: str | Sequence[str] = ()) -> Survey:
     """Return the survey that files belong to, or the survey itself.
 
     Raises
@@ -74,7 +74,9 @@ def settings_given(settings: GivenSettings) -> RunSettings:
         return settings_from(RunSettings, settings, where=argument("settings"))
     if not isinstance(settings, str | Path):
         raise UsageError(
-            f"{settings!r:.60} are no settings", where=argument("settings"), advice="give a run file or its tables"
+            f"{settings!r:.60} are no settings",
+            where=argument("settings"),
+            advice="give a run file or its tables",
         )
     return read_settings_file(RunSettings, Path(settings))
 
@@ -91,7 +93,7 @@ def temporary_work(work: str | Path | None) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def opened_source(
-    src: Source,
+    src: GivenSource,
     work: Path,
     *,
     crs: Any = None,
@@ -130,7 +132,7 @@ def opened_source(
         with opened_points(src, work, trajectory=path, steps=steps) as recordings:
             yield recordings
         return
-    survey = survey_of(src, crs=crs, carry=carry)
+    survey = given_survey(src, crs=crs, carry=carry)
     if trajectory is not None:
         survey = survey.with_trajectory(_given_file(trajectory, work))
     compile_stage(compiled_for(survey, kinds, images=images), steps)
@@ -153,7 +155,9 @@ def _given_file(trajectory: str | Path | Trajectory, work: Path) -> Path:
 
 def _no_trajectory(value: object) -> UsageError:
     return UsageError(
-        f"{value!r:.60} is not a trajectory", where=argument("trajectory"), advice="give a file or a Trajectory"
+        f"{value!r:.60} is not a trajectory",
+        where=argument("trajectory"),
+        advice="give a file or a Trajectory",
     )
 
 

@@ -10,9 +10,21 @@ from typing import Any
 from linework.errors import InputError, PartialError, UsageError, argument
 from linework.files.logs.sensors import read_navigation_logs
 from linework.files.store.in_memory import read_survey_points
-from linework.library.opened import Source, opened_source, survey_of, temporary_work, trajectory_in_file
+from linework.library.opened import (
+    GivenSource,
+    given_survey,
+    opened_source,
+    temporary_work,
+    trajectory_in_file,
+)
 from linework.library.progress import Progress, display_of
-from linework.library.report import OnProblem, check_on_problem, left_out_summary, report_of_recordings, warn_of
+from linework.library.report import (
+    OnProblem,
+    check_on_problem,
+    left_out_summary,
+    report_of_recordings,
+    warn_of,
+)
 from linework.model.lines import LineSet
 from linework.model.points import Points
 from linework.model.survey import Survey
@@ -59,12 +71,12 @@ def read_points(
         Files that were left out among good ones, and what else was odd.
     """
     with display_of(progress) as display, RunSteps(display).step("read points", unit="points") as advance:
-        read = read_survey_points(survey_of(src, crs=crs, carry=carry), progress=advance)
+        read = read_survey_points(given_survey(src, crs=crs, carry=carry), progress=advance)
     warn_of([*(problem for _, problem in read.failures), *read.warnings])
     return read.points
 
 
-def read_trajectory(src: Source, *, crs: Any = None) -> Trajectory:
+def read_trajectory(src: GivenSource, *, crs: Any = None) -> Trajectory:
     """Return the path of the vehicle's origin, exactly as `linework.extract` uses it.
 
     Parameters
@@ -95,7 +107,7 @@ def read_trajectory(src: Source, *, crs: Any = None) -> Trajectory:
     with contextlib.ExitStack() as held:
         work = held.enter_context(temporary_work(None))
         # Images are needed only where there are no points that the trajectory has to fit
-        survey = src if isinstance(src, Points) else survey_of(src, crs=crs)
+        survey = src if isinstance(src, Points) else given_survey(src, crs=crs)
         images = isinstance(survey, Survey) and not survey.point_files
         found = held.enter_context(opened_source(survey, work, images=images))
         report = report_of_recordings(found, LineSet.empty(), (), {})
@@ -143,7 +155,7 @@ def locate(
     """
     check_on_problem(on_problem)
     with display_of(progress) as display:
-        survey = survey_of(src, crs=crs)
+        survey = given_survey(src, crs=crs)
         located, remarks = located_drive(
             survey,
             rate_hz=rate_hz,
@@ -151,9 +163,11 @@ def locate(
             steps=RunSteps(display),
         )
     warn_of(remarks)
-    problem = missing_spans(located)
+    problem = spans_without_poses(located)
     if problem and on_problem == "raise":
-        raise PartialError(problem, where=survey.name, advice=f"{argument('on_problem', 'warn')} returns the rest")
+        raise PartialError(
+            problem, where=survey.name, advice=f"{argument('on_problem', 'warn')} returns the rest"
+        )
     warn_of([problem] if problem else [])
     return located.trajectory
 
@@ -189,7 +203,7 @@ def located_drive(
     return found, (*content.warnings, *found.warnings)
 
 
-def missing_spans(located: LocatedDrive, most: int = 5) -> str:
+def spans_without_poses(located: LocatedDrive, most: int = 5) -> str:
     """Return the spans without poses in words, "" if there are none."""
     if not len(located.left_out_s):
         return ""

@@ -1,6 +1,6 @@
-"""What a caller in Python is told: the report of an extraction, warnings, and what was left out.
+"""The report of an extraction for callers in Python, its warnings, and what was left out.
 
-Separate from `extract`, because every public function tells its warnings in the same way.
+Separate from `extract`, because every public function warns in the same way.
 """
 
 from __future__ import annotations
@@ -101,7 +101,9 @@ def left_out_summary(report: Report) -> str:
         return ""
     first, n = report.left_out[0], len(report.left_out)
     problem = first.problem if first.name in first.problem else f"{first.name}: {first.problem}"
-    kind = f"{first.what}s" if n > 1 and all(one.what == first.what for one in report.left_out) else first.what
+    kind = (
+        f"{first.what}s" if n > 1 and all(one.what == first.what for one in report.left_out) else first.what
+    )
     if n > 1 and kind == first.what:
         kind = "files, tiles, images or recordings"
     return f"{n} {kind} left out{', the first' if n > 1 else ''}: {problem.rstrip('.')}"

@@ -12,8 +12,8 @@ import numpy as np
 from linework.errors import InputError, UsageError, argument
 from linework.library.opened import (
     GivenSettings,
+    GivenSource,
     GivenTrajectory,
-    Source,
     opened_source,
     settings_given,
     temporary_work,
@@ -33,7 +33,7 @@ TracedT = TypeVar("TracedT")
 
 
 def trace(
-    src: Source,
+    src: GivenSource,
     at: Sequence[float],
     *,
     kind: str | None = None,

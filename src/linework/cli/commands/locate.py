@@ -53,7 +53,7 @@ def locate_command(
         display = held.enter_context(open_display(quiet=quiet))
         from linework.files.survey.open import open_survey
         from linework.files.trajectories.read import write_trajectory
-        from linework.library.read import located_drive, missing_spans
+        from linework.library.read import located_drive, spans_without_poses
         from linework.runs.steps import RunSteps
 
         steps = RunSteps(display)
@@ -68,7 +68,7 @@ def locate_command(
     for text in warnings:
         warn(text)
     _print(located, output, as_json=as_json)
-    if problem := missing_spans(located):
+    if problem := spans_without_poses(located):
         raise PartialError(
             problem, where=output, advice="there the GNSS outage is too long or the clock jumps"
         )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from linework.cli.failures import warn
 from linework.cli.options import (
     AsJson,
     Crs,
@@ -22,6 +23,7 @@ from linework.cli.options import (
 
 if TYPE_CHECKING:
     from linework.model.lines import LineSet
+    from linework.runs.opened.recordings import Recordings
     from linework.tracing.in_images import TracedEdge
     from linework.tracing.trace import TracedLine
 
@@ -96,7 +98,8 @@ def trace_command(
         display = held.enter_context(open_display(quiet=quiet))
         from linework.files.survey.open import open_survey
         from linework.files.vectors.read_write import check_format, write_lines
-        from linework.library.trace import traced_line
+        from linework.library.trace import kinds_to_compile, traced_line
+        from linework.runs.compile import compile_stage, compiled_for
         from linework.runs.opened.recordings import opened_recordings
         from linework.runs.opened.work_folder import work_folder
         from linework.runs.steps import RunSteps
@@ -107,6 +110,8 @@ def trace_command(
         settings, steps = read_settings(config), RunSteps(display)
         survey = open_survey(surveys, crs=crs or None)
         folder = work_folder(survey.root, work)
+        to_compile = kinds_to_compile(feature, in_image=False)
+        compile_stage(compiled_for(survey, to_compile, images=False), steps)
         recordings = held.enter_context(opened_recordings(survey, folder, images=False, steps=steps))
         found = traced_line(recordings, place, kind=feature, toward=target, settings=settings, steps=steps)
         with steps.step("write line"):
@@ -114,6 +119,7 @@ def trace_command(
             kinds = tuple(dict.fromkeys(lines.kind.tolist()))
             write_lines(lines, output, kinds=kinds, overwrite=overwrite or append)
     _print(found, output, as_json=as_json)
+    _report_left_out(recordings, found, output)
 
 
 def _check_pick(at: str, image: Path | None, at_px: str, toward: str, config: Path | None) -> None:
@@ -165,9 +171,22 @@ def _trace_image(
             lines = _joined_to_output(output, found.lines) if append and output.exists() else found.lines
             kinds = tuple(dict.fromkeys(lines.kind.tolist()))
             write_lines(lines, output, kinds=kinds, overwrite=overwrite or append)
-    for warning in (*recordings.warnings, *found.warnings):
-        typer.echo(f"warning: {warning}", err=True)
+    for warning in found.warnings:
+        warn(warning)
     _print(found, output, as_json=as_json)
+    _report_left_out(recordings, found, output)
+
+
+def _report_left_out(recordings: Recordings, found: TracedLine | TracedEdge, output: Path) -> None:
+    """Warn of what was odd; raise PartialError where files or recordings were left out."""
+    from linework.errors import PartialError
+    from linework.library.report import left_out_summary, report_of_recordings
+
+    for warning in recordings.warnings:
+        warn(warning)
+    problem = left_out_summary(report_of_recordings(recordings, found.lines, [found.kind], {}))
+    if problem:
+        raise PartialError(problem, where=output, advice="the line is written")
 
 
 def _position(option: str, text: str) -> tuple[float, float]:
