@@ -51,13 +51,21 @@ def test_a_column_of_probabilities_finds_the_paint(linework, classified, tmp_pat
     )
     assert found.code == 0, found.stderr
     assert read_lines(tmp_path / "lines.gpkg")["lane_marking"].length_m.sum() > 60.0
-    assert json.loads((tmp_path / "run.json").read_text())["parameters"]["paint"] == "p_paint"
+    assert json.loads((tmp_path / "lines.gpkg.run.json").read_text())["parameters"]["paint"] == "p_paint"
 
 
 def test_wrong_columns_are_refused(linework, classified, tmp_path):
     for column, message in (("p_wet", "p_wet"), ("label", "label")):
         found = linework(
-            "extract", classified, "-o", tmp_path / "l.gpkg", "--paint-column", column, "--quiet"
+            "extract",
+            classified,
+            "-o",
+            tmp_path / "l.gpkg",
+            "--features",
+            "lane_marking",
+            "--paint-column",
+            column,
+            "--quiet",
         )
         assert found.code != 0
         assert message in found.stderr.splitlines()[-1]

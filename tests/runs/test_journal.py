@@ -97,7 +97,7 @@ def test_other_parameters_are_refused_with_the_difference(tmp_path):
     with pytest.raises(Killed):
         begin(tmp_path, {"settings": {"cell_m": 0.2}, "b": 1}, resume=True, then=stop_after_one)
     with pytest.raises(UsageError, match=r"lines.gpkg: the run to resume was begun with settings.cell_m = 0.2, now it is"
-                       r" 0.3. Give the same again, or run without --resume"):  # fmt: skip
+                       r" 0.3. Give the same again, or run without resume=True"):  # fmt: skip
         begin(tmp_path, {"settings": {"cell_m": 0.3}, "b": 1}, resume=True)
     assert begin(tmp_path, {"settings": {"cell_m": 0.3}, "b": 1}, resume=False) == (False, [])
 

@@ -99,9 +99,8 @@ def test_points_that_show_nothing_stop_no_pair(tmp_path, work, fails):
     assert found.kinds[-2:] == ("lane_marking_stereo", "lane_marking_dash_stereo")
     assert found.lines.kind.tolist() == ["lane_marking", "lane_marking_stereo"]
     assert (found.pairs.n_used, len(found.tiles)) == (6, 1)
-    assert [(one.what, one.problem) for one in found.failures] == [
-        ("tile", "ArithmeticError: no box here")
-    ] * fails
+    assert [one.what for one in found.failures] == ["tile"] * fails
+    assert all(one.problem.startswith("obb: ArithmeticError: no box here (") for one in found.failures)
     assert all("in look" in one.trace for one in found.failures)
 
 

@@ -81,7 +81,7 @@ def missing_summary(record: Mapping[str, Any]) -> str:
     n_recordings = sum("recording" in failure for failure in failures)
     parts += [f"{n_recordings} recording{'s' * (n_recordings > 1)}"] * bool(n_recordings)
     listed = "; ".join(
-        f"tile {failure['tile']}: {failure['problem']}"
+        f"tile {failure['tile']}: {failure['problem'].rstrip('.')}"
         if "tile" in failure
         else failure["problem"].rstrip(".")
         for failure in failures[:MAX_LISTED]

@@ -23,6 +23,6 @@ def test_the_usual_port_or_any_other(tmp_path):
 def test_a_port_that_was_asked_for_and_is_taken_is_refused(tmp_path):
     with socket.create_server((HOST, 0)) as taken:
         number = taken.getsockname()[1]
-        with pytest.raises(MachineError, match=f"--port {number}: the port is taken"):  # noqa: SIM117
+        with pytest.raises(MachineError, match=f"port={number}: the port is taken"):  # noqa: SIM117
             with listener_at(number, usual_port(tmp_path)):
                 pass

@@ -16,9 +16,12 @@ from linework.errors import (
     InputError,
     LineworkError,
     MachineError,
+    MissingPackageError,
     OutputExistsError,
+    OwnCodeError,
     PartialError,
     StaleError,
+    UnknownKindError,
     UsageError,
 )
 
@@ -27,13 +30,16 @@ STATUS_OF: Mapping[type[LineworkError], int] = MappingProxyType(
     {
         UsageError: 400,
         ConfigError: 400,
+        UnknownKindError: 400,
         AbsentError: 404,
         OutputExistsError: 409,
         StaleError: 412,
         InputError: 422,
         CrsError: 422,
         PartialError: 422,
+        OwnCodeError: 422,
         MachineError: 503,
+        MissingPackageError: 503,
     }
 )
 #: Status of errors that the table does not list.
