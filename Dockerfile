@@ -12,6 +12,8 @@ RUN python -m venv /opt/linework \
     && /opt/linework/bin/pip uninstall --yes linework
 COPY src src
 RUN /opt/linework/bin/pip install --no-cache-dir --no-deps .
+# Compiled code is valid for sources of one modification time, and layers of images keep whole seconds of it
+RUN ["/opt/linework/bin/python", "-c", "import os, pathlib; [os.utime(path, (int(path.stat().st_mtime),) * 2) for path in pathlib.Path('/opt/linework').rglob('*.py')]"]
 # Compiled here once, for any processor of this architecture, instead of at the first run of every container
 RUN NUMBA_CPU_NAME=generic NUMBA_CACHE_DIR=/opt/kernels /opt/linework/bin/python -c 'import linework; linework.compile_kernels()' \
     && chmod -R a+rwX /opt/kernels

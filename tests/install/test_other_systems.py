@@ -5,22 +5,25 @@ What those systems lack is taken away from this one: no test can show what else 
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from tests.scenes.blocked import environment_without, run_linework
 
-from linework.processes.connection import _Loopback
+from linework.processes import connection
+from linework.processes.connection import _Loopback, offer_connection
 
 MODULES = ("fcntl", "resource", "pwd", "grp", "msvcrt")
 ATTRIBUTES = (
     "os.fork", "os.preadv", "os.pread", "os.sched_getaffinity", "os.nice", "os.getuid", "os.O_NONBLOCK", "os.O_CLOEXEC",
-    "os.O_DIRECTORY", "socket.AF_UNIX", "socket.socketpair", "select.poll", "select.epoll", "signal.SIGHUP",
+    "os.O_DIRECTORY", "socket.AF_UNIX", "select.poll", "select.epoll", "signal.SIGHUP",
 )  # fmt: skip
 
 
@@ -59,6 +62,7 @@ def test_lines_are_the_same_byte_for_byte_with_two_workers(survey, elsewhere):
 HOLD = """
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from linework.errors import OutputExistsError
 from linework.files.output.locks import fcntl, hold_lock, reserve_output
 assert fcntl is None
@@ -145,15 +149,29 @@ def test_a_child_is_told_from_a_stranger_by_the_secret():
         offer.close()
 
 
-def test_a_child_that_ends_before_it_connects_leaves_a_connection_at_its_end():
+@pytest.mark.parametrize("n_strangers", [0, 2])
+def test_a_child_that_ends_before_it_connects_leaves_a_connection_at_its_end(n_strangers):
+    """Also where other programs have taken all places of the queue: nothing waits for one to be free."""
     offer = _Loopback()
-    try:
+    address = ("127.0.0.1", int(offer.address.rpartition(":")[2]))
+    with contextlib.ExitStack() as held:
+        held.callback(offer.close)
         process = subprocess.Popen([sys.executable, "-c", "pass"], **offer.popen)
+        process.wait(60)
+        for _ in range(n_strangers):
+            held.enter_context(socket.create_connection(address))
+        held.callback(socket.setdefaulttimeout, socket.getdefaulttimeout())
+        socket.setdefaulttimeout(2.0)
         with offer.accept(process) as connected:
             assert connected.recv(1) == b""
-        process.wait(60)
-    finally:
-        offer.close()
+
+
+def test_children_of_windows_connect_by_loopback(monkeypatch):
+    monkeypatch.setattr(connection, "os", SimpleNamespace(name="nt"))
+    assert hasattr(socket, "AF_UNIX")
+    offer = offer_connection()
+    offer.close()
+    assert isinstance(offer, _Loopback)
 
 
 WATCHING = """

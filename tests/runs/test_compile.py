@@ -121,6 +121,44 @@ print("numba" in sys.modules)
     assert printed() == expected  # the cache was emptied since
 
 
+def test_a_kernel_that_fails_to_compile_is_named(tmp_path):
+    """A warning where a method may do without it; an error where all are to be compiled: nothing says "compiled"."""
+    code = """
+import sys, warnings
+from linework.kernels import compiling
+
+compiling.CALLED_WITH = "cables.catenary.wire_height = trajectory cables\\n    f8 f8:1C"
+import linework
+from linework.errors import MachineError
+from linework.runs.compile import compile_stage
+from linework.runs.steps import RunSteps
+
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    compile_stage(["trajectory"], RunSteps())
+for warning in caught:
+    print(warning.category.__name__, warning.message)
+try:
+    linework.compile_kernels()
+except MachineError as error:
+    print("MachineError", error)
+sys.argv[1:] = ["compile", "--quiet"]
+from linework.cli.app import main
+sys.exit(main())
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    expected = "1 of 1 kernels could not be compiled, first cables.catenary.wire_height: TypingError: "
+    warned, raised = done.stdout.splitlines()
+    assert warned.startswith(f"LineworkWarning {expected}")
+    assert raised.startswith(f"MachineError {expected}")
+    assert done.stderr.splitlines()[-1].startswith(f"error: {expected}"), done.stderr
+    assert done.returncode == 5
+    assert not any('"compiled": {"' in note.read_text() for note in tmp_path.glob("linework-compiled-*.json"))
+
+
 # The note beside the cache
 
 

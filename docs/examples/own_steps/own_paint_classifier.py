@@ -169,9 +169,23 @@ print(f"{len(written)} lines, {written.length_m.sum():.1f} m; from Python {lines
 # %%
 # In tiles, with workers
 # ----------------------
+#
+# The column is cut into tiles with the points.
+#
+# A survey as short as this one is a single tile: here tiles are made small, and a function that watches the progress
+# notes how many there are.
 
-tiles = {"tiling": {"core_m": 64.0}}
-in_tiles = linework.extract("survey", methods=[method], settings=tiles, workers=2)
-print("the same lines in tiles, by two workers:", in_tiles == lines)
+tiles = {"tiling": {"core_m": 64.0, "max_points": 10_000}}
+totals: dict[str, int] = {}
+in_tiles = linework.extract(
+    "survey",
+    methods=[method],
+    settings=tiles,
+    workers=2,
+    progress=lambda stage, done, total: totals.update({stage: total}),
+)
+assert totals["find lines"] > 1
+assert len(lines) > 0
 assert in_tiles == lines
+print(f"{len(lines)} lines, the same from {totals['find lines']} tiles")
 plt.show()

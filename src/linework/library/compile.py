@@ -23,6 +23,11 @@ def compile_kernels(progress: Progress = None) -> bool:
     progress
         True: show progress on stderr. A function is called with (stage, done, total), the number of kernels.
 
+    Raises
+    ------
+    MachineError
+        A kernel could not be compiled; the message names it.
+
     Examples
     --------
     >>> import linework
@@ -31,4 +36,4 @@ def compile_kernels(progress: Progress = None) -> bool:
     False
     """
     with display_of(progress) as display:
-        return compile_stage(COMPILED_FOR, RunSteps(display))
+        return compile_stage(COMPILED_FOR, RunSteps(display), needs_all=True)

@@ -1,7 +1,7 @@
 """The connection of a process with its child: an inherited socket, or one on loopback that both prove a secret for.
 
-The only file that knows whether this system has sockets of Unix, which a child inherits by their descriptor. Where it
-has none, the child connects to a port of this machine's loopback address; the secret is written to its standard input,
+The only file that knows whether a child of this system inherits sockets of Unix, by their descriptor. Where it does
+not, as on Windows, the child connects to a port of this machine's loopback address; the secret is written to its standard input,
 where no other user sees it, and serves for this one connection.
 """
 
@@ -44,7 +44,8 @@ class Offer(Protocol):
 
 def offer_connection() -> Offer:
     """Return a connection for a child that is to be started."""
-    return _Inherited() if hasattr(socket, "AF_UNIX") else _Loopback()
+    # Python for Windows may have AF_UNIX, but its children inherit no descriptors (`pass_fds`)
+    return _Inherited() if os.name == "posix" and hasattr(socket, "AF_UNIX") else _Loopback()
 
 
 def connect_to_parent(address: str) -> socket.socket:
@@ -119,8 +120,8 @@ class _Loopback:
             connected.close()
         process.kill()
         # Connected to nobody: whoever reads from it finds its end
-        unanswered = socket.create_connection(self._listener.getsockname())
-        unanswered.shutdown(socket.SHUT_RDWR)
+        unanswered, nobody = socket.socketpair()
+        nobody.close()
         return unanswered
 
     def close(self) -> None:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import textwrap
+import warnings
 from collections.abc import Iterable, Sequence
 
+from linework.errors import LineworkWarning, MachineError
 from linework.files.compiled import is_compiled, note_compiled, remove_stale
 from linework.kernels.compiling import CalledKernel, cache_folder, called_kernels, compile_kernel
 from linework.model.survey import Survey
@@ -24,6 +27,8 @@ _GROUP_OF = {
 COMPILED_FOR = tuple(_GROUP_OF)
 #: A process that compiles takes up to 0.4 GB, and the longest kernel bounds the time from about this many on.
 _MOST_PROCESSES = 4
+#: A compiler's message goes on for pages; its beginning says what is wrong. [characters]
+_MOST_OF_MESSAGE = 300
 #: Below this number of kernels, starting processes takes longer than it saves.
 _FEW_KERNELS = 6
 
@@ -45,7 +50,7 @@ def compiled_for(survey: Survey, kinds: Iterable[str], *, images: bool) -> tuple
     return (*kinds, *(name for name, is_needed in others.items() if is_needed))
 
 
-def compile_stage(names: Iterable[str], steps: RunSteps) -> bool:
+def compile_stage(names: Iterable[str], steps: RunSteps, *, needs_all: bool = False) -> bool:
     """Compile what is missing of the kernels for some kinds of line; return whether anything was.
 
     Nothing is shown, and it takes milliseconds, when all of it is compiled already.
@@ -57,6 +62,14 @@ def compile_stage(names: Iterable[str], steps: RunSteps) -> bool:
         kernels here.
     steps
         The step "compile kernels" is shown by its number of kernels.
+    needs_all
+        Whether a kernel that cannot be compiled is an error. Otherwise it is a warning: the kernel is compiled, or
+        fails again, when a method comes to it.
+
+    Raises
+    ------
+    MachineError
+        A kernel could not be compiled, and all are needed.
     """
     groups = sorted({_GROUP_OF[name] for name in names if name in _GROUP_OF})
     if is_compiled(groups):
@@ -64,24 +77,31 @@ def compile_stage(names: Iterable[str], steps: RunSteps) -> bool:
     kernels = called_kernels(groups)
     with steps.step("compile kernels", unit="kernels") as advance:
         remove_stale(cache_folder)
-        is_whole = _compile_all(kernels, advance)
-    if is_whole:
+        problems = _compile_all(kernels, advance)
+    if not problems:
         note_compiled(groups, {cache_folder(kernel.module) for kernel in kernels})
+        return True
+    text = f"{len(problems)} of {len(kernels)} kernels could not be compiled, first {problems[0]}"
+    if needs_all:
+        raise MachineError(text)
+    warnings.warn(text, LineworkWarning, stacklevel=2)
     return True
 
 
-def _compile_all(kernels: Sequence[CalledKernel], advance: Advance) -> bool:
-    """Compile kernels side by side; return whether all were: one that fails is compiled when it is called."""
+def _compile_all(kernels: Sequence[CalledKernel], advance: Advance) -> list[str]:
+    """Compile kernels side by side, and return name and problem of each that could not be compiled."""
     from linework.runs.opened.store import usable_cores
 
     n_processes = min(usable_cores(), _MOST_PROCESSES)
-    is_whole = True
+    problems = []
     with contextlib.ExitStack() as held:
         executor: Executor = Serial()
         if n_processes > 1 and len(kernels) >= _FEW_KERNELS:
             executor = held.enter_context(Processes(n_processes, modules=("linework.kernels.compiling",)))
         advance(0, len(kernels))
         for n_done, outcome in enumerate(executor.run(compile_kernel, kernels), start=1):
-            is_whole &= outcome.receipt is not None
+            if outcome.receipt is None:
+                problem = textwrap.shorten(outcome.problem, _MOST_OF_MESSAGE, placeholder=" [...]")
+                problems.append(f"{outcome.task.name}: {problem}")
             advance(n_done, len(kernels))
-    return is_whole
+    return sorted(problems)

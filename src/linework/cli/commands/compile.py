@@ -24,7 +24,7 @@ def compile_command(quiet: Quiet = False) -> None:
 
     start = time.monotonic()
     with open_display(quiet=quiet) as display:
-        was_missing = compile_stage(COMPILED_FOR, RunSteps(display))
+        was_missing = compile_stage(COMPILED_FOR, RunSteps(display), needs_all=True)
     typer.echo(
         f"compiled in {time.monotonic() - start:.0f} s" if was_missing else "everything is compiled already"
     )
