@@ -33,7 +33,7 @@ from linework.runs.extract import extraction_request
 from linework.runs.find import find_lines
 from linework.runs.opened.from_points import opened_points
 from linework.runs.opened.work_folder import work_folder
-from linework.runs.own import check_own_code
+from linework.runs.own import check_own_code, sent_method
 from linework.runs.resume import run_folder
 from linework.runs.settings import RunSettings, TilingConfig
 from linework.simulation.simulate import simulate_survey
@@ -285,6 +285,24 @@ def test_an_own_method_may_return_its_own_kinds_only(surveys):
     other = type("Other", (Trail,), {"kinds": ("ridge",)})
     with pytest.raises(OwnCodeError, match="trail: look returned lines of kind 'trail'"):
         extract_tile(other(), tile_of(points, trajectory))
+
+
+def test_a_kind_is_found_once():
+    for twice in ([Trail(), Trail()], [Obb(), Obb()]):
+        with pytest.raises(UsageError, match=r"methods: .* both find .* in points"):
+            selected_methods(twice)
+
+
+def test_own_code_of_a_radon_is_kept():
+    own = type("OwnRadon", (Radon,), {"look": lambda self, piece: LineSet.from_lines([])})()
+    assert selected_methods(own) == (own,)
+
+
+def test_a_method_is_sent_as_it_is_now():
+    method = Trail()
+    for height in (1.0, 2.0):
+        method.height = height
+        assert sent_method(method).load().height == height
 
 
 # Identity
