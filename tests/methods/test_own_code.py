@@ -1,5 +1,7 @@
 """Own peak finder, paint, ground and method: the same lines in one tile and many, in workers, after kill and resume."""
 
+import functools
+import importlib
 import itertools
 import signal
 import subprocess
@@ -320,6 +322,19 @@ def test_identity_is_that_of_code_and_values_not_of_the_object():
     assert identity_of(network(weights)) != identity_of(network(weights + 1))
     assert identity_of(Radon()) == identity_of(Radon())
     assert identity_of(Radon(find_peaks=finder(1.0))) != identity_of(Radon())
+
+
+def test_identity_follows_modules_and_cached_functions(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    file = tmp_path / "plane_of_test.py"
+    file.write_text("def plane(): return 1")
+    module = importlib.import_module("plane_of_test")
+    own = eval("lambda: plane_of_test.plane()", {"plane_of_test": module})
+    before = identity_of(own)
+    file.write_text("def plane(): return 2")
+    assert identity_of(own) != before
+    one, other = (functools.lru_cache(eval(f"lambda: {n}")) for n in (1, 2))
+    assert identity_of(one) != identity_of(other)
 
 
 SCRIPT = """
