@@ -1,5 +1,7 @@
 """Own peak finder, paint, ground and method: the same lines in one tile and many, in workers, after kill and resume."""
 
+import functools
+import importlib
 import itertools
 import subprocess
 import sys
@@ -32,7 +34,7 @@ from linework.runs.extract import extraction_request
 from linework.runs.find import find_lines
 from linework.runs.opened.from_points import opened_points
 from linework.runs.opened.work_folder import work_folder
-from linework.runs.own import check_own_code
+from linework.runs.own import check_own_code, sent_method
 from linework.runs.resume import run_folder
 from linework.runs.settings import RunSettings, TilingConfig
 from linework.simulation.simulate import simulate_survey
@@ -286,6 +288,24 @@ def test_an_own_method_may_return_its_own_kinds_only(surveys):
         extract_tile(other(), tile_of(points, trajectory))
 
 
+def test_a_kind_is_found_once():
+    for twice in ([Trail(), Trail()], [Obb(), Obb()]):
+        with pytest.raises(UsageError, match=r"methods: .* both find .* in points"):
+            selected_methods(twice)
+
+
+def test_own_code_of_a_radon_is_kept():
+    own = type("OwnRadon", (Radon,), {"look": lambda self, piece: LineSet.from_lines([])})()
+    assert selected_methods(own) == (own,)
+
+
+def test_a_method_is_sent_as_it_is_now():
+    method = Trail()
+    for height in (1.0, 2.0):
+        method.height = height
+        assert sent_method(method).load().height == height
+
+
 # Identity
 
 
@@ -301,6 +321,19 @@ def test_identity_is_that_of_code_and_values_not_of_the_object():
     assert identity_of(network(weights)) != identity_of(network(weights + 1))
     assert identity_of(Radon()) == identity_of(Radon())
     assert identity_of(Radon(find_peaks=finder(1.0))) != identity_of(Radon())
+
+
+def test_identity_follows_modules_and_cached_functions(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    file = tmp_path / "plane_of_test.py"
+    file.write_text("def plane(): return 1")
+    module = importlib.import_module("plane_of_test")
+    own = eval("lambda: plane_of_test.plane()", {"plane_of_test": module})
+    before = identity_of(own)
+    file.write_text("def plane(): return 2")
+    assert identity_of(own) != before
+    one, other = (functools.lru_cache(eval(f"lambda: {n}")) for n in (1, 2))
+    assert identity_of(one) != identity_of(other)
 
 
 SCRIPT = """

@@ -103,13 +103,27 @@ def selected_methods(
         own = tuple(kind for kind in method.kinds if asked is None or kind in asked)
         if not own:
             continue
-        if isinstance(method, Radon):
+        if isinstance(method, Radon) and not is_own(method):
             chosen += replace(method, kinds=own).parts
         elif isinstance(method, Obb | Stereo) and not is_own(method):
             chosen.append(replace(method, kinds=own))
         else:
             chosen.append(method)
+    _check_found_once(chosen)
     return tuple(chosen)
+
+
+def _check_found_once(methods: Iterable[Method]) -> None:
+    """Refuse two methods that look for one kind in the same recording: its lines would be there twice."""
+    finder: dict[tuple[str, str], str] = {}
+    for method in methods:
+        for kind in method.kinds:
+            if (method.recording, kind) in finder:
+                raise UsageError(
+                    f"{finder[method.recording, kind]} and {method.name} both find {kind} in {method.recording}",
+                    where=argument("methods"), advice="leave one out, or give each other kinds",
+                )  # fmt: skip
+            finder[method.recording, kind] = method.name
 
 
 def _check_own_method(method: Any) -> None:

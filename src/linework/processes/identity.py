@@ -12,6 +12,7 @@ import hashlib
 import sys
 import sysconfig
 from enum import Enum
+from functools import lru_cache
 from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, MappingProxyType, MethodType, ModuleType
 from typing import Any
@@ -22,6 +23,8 @@ import numpy as np
 _INSTALLED = tuple(
     {Path(sysconfig.get_path(name)) for name in ("stdlib", "platstdlib", "purelib", "platlib")}
 )
+#: What `functools.lru_cache` returns.
+_CACHED: type = type(lru_cache(len))
 _HOUSE = Path(__file__).parents[1]
 #: Attributes of a class that say nothing about what it does, or differ between processes.
 _ASIDE = {
@@ -65,7 +68,7 @@ class _Description:
         if value is None or isinstance(value, bool | int | float | complex | str | bytes):
             self._text(f"{type(value).__name__} {value!r}")
         elif isinstance(value, np.ndarray) and value.dtype != object:
-            self._text(f"array {value.dtype.str} {value.shape}")
+            self._text(f"array {value.dtype!r} {value.shape}")
             self._hash.update(np.ascontiguousarray(value).tobytes())
         else:
             if id(value) not in self._known:
@@ -79,7 +82,7 @@ class _Description:
 
     def _add_object(self, value: Any) -> None:
         if isinstance(value, ModuleType):
-            self._text(f"module {value.__name__} {getattr(value, '__version__', '')}")
+            self._module(value)
         elif isinstance(value, CodeType):
             self._code(value)
         elif isinstance(value, FunctionType):
@@ -102,6 +105,18 @@ class _Description:
             self._text(f"builtin {_name_of(value)}")
         else:
             self._copied(value)
+
+    def _module(self, module: ModuleType) -> None:
+        """Add a module: one that is not installed by its source, a package by all of its files."""
+        self._text(f"module {module.__name__} {getattr(module, '__version__', '')}")
+        file = getattr(module, "__file__", None)
+        if file is None or _lies_in_installation(file):
+            return
+        path = Path(file)
+        files = sorted(path.parent.rglob("*.py")) if hasattr(module, "__path__") else [path]
+        for source in files:
+            self._text(source.relative_to(path.parent).as_posix())
+            self._hash.update(hashlib.sha256(source.read_bytes()).digest())
 
     def _function(self, function: FunctionType) -> None:
         self._text(f"function {_name_of(function)}")
@@ -136,6 +151,8 @@ class _Description:
             self._items("property", value.fget, value.fset)
             return
         wrapped = getattr(value, "py_func", None)
+        if type(value) is _CACHED:
+            wrapped = value.__wrapped__
         if isinstance(wrapped, FunctionType):  # of numba
             self._items("compiled", wrapped)
             return

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, is_dataclass
-from functools import lru_cache
 from typing import Any
 
 from linework.errors import OwnCodeError, UsageError, argument
@@ -72,30 +71,11 @@ def _functions_of(method: Method) -> Iterator[tuple[str, Callable[..., Any]]]:
                 yield field.name, value
 
 
-def sent_method(method: Method) -> Method | SentCode:
-    """Return a method as it is sent to worker processes: as bytes if it has own code."""
+def sent_method(method: Method) -> SentCode | None:
+    """Return a method as it is sent to worker processes, as it is now; None: it has no own code, and goes as it is."""
     if is_own(method) or any(True for _ in _functions_of(method)):
-        return _sent(_Same(method))
-    return method
-
-
-class _Same:
-    """A method as the key of a cache: only itself is equal to it."""
-
-    def __init__(self, method: Method) -> None:
-        self.method = method
-
-    def __hash__(self) -> int:
-        return id(self.method)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and other.method is self.method
-
-
-# A run sends a method with each of its tiles: its bytes are made once
-@lru_cache(maxsize=8)
-def _sent(key: _Same) -> SentCode:
-    return sent_code(key.method, key.method.name)
+        return sent_code(method, method.name)
+    return None
 
 
 def error_of_fault(fault: Failure) -> RuntimeError:

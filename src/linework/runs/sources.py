@@ -27,7 +27,7 @@ from linework.runs.opened.pairs import OpenedStereo
 from linework.runs.opened.points import OpenedSurvey, surface_of
 from linework.runs.opened.recordings import Recordings
 from linework.runs.opened.surface import SurveySight, SurveySurface
-from linework.runs.own import GroundFinder
+from linework.runs.own import GroundFinder, sent_method
 from linework.runs.pieces import TiledPoints, TilePiece, windows_of
 from linework.runs.resume import RunFolder
 from linework.runs.settings import RunSettings, TilingConfig
@@ -187,6 +187,7 @@ class LaserSource:
 
     def tasks(self, results: Path) -> list[RunTask]:
         """Return the tiles of all methods."""
+        sent = [sent_method(method) for method in self.methods]
         return [
             RunTask(
                 self._tile_name(number, tile),
@@ -195,6 +196,7 @@ class LaserSource:
                     tile, self.survey, self.methods[number].least_height_m, len(self.plans[number]) == 1
                 ),
                 results,
+                sent[number],
             )
             for number, tile in self._tiles()
         ]
@@ -271,10 +273,16 @@ class StereoSource:
         """Return the windows of all methods."""
         opened = self.opened
         return [
-            RunTask(f"{method.name}-{number:06d}", method, window, results)
-            for method in self.methods
+            RunTask(f"{self._name(n)}-{number:06d}", method, window, results, sent)
+            for n, method in enumerate(self.methods)
+            for sent in [sent_method(method)]
             for number, window in windows_of(opened.pairs, opened.series.rig)
         ]
+
+    def _name(self, number: int) -> str:
+        """Return a method's name in those of its tasks; of two of one name the second has its number in it."""
+        names = [method.name for method in self.methods]
+        return names[number] + (f"-{number}" if names.index(names[number]) != number else "")
 
     def context(self, method: Method) -> SurveyContext:  # noqa: ARG002 - tiles need it
         """Return poses and geometry of the pairs."""

@@ -14,7 +14,6 @@ from linework.methods.protocol import Evidence, Method, look_at
 from linework.processes.executors import Executor, Outcome
 from linework.processes.own_code import SentCode
 from linework.runs.extraction import Failure
-from linework.runs.own import sent_method
 from linework.runs.pieces import Pieces
 from linework.runs.resume import RunFolder
 from linework.runs.steps import Advance
@@ -34,12 +33,15 @@ class RunTask:
         A tile of points, or a window of stereo pairs.
     results
         Folder for what is found.
+    sent
+        The method as bytes for other processes, made once for a run; None: it has no own code.
     """
 
     name: str
     method: Method
     pieces: Pieces
     results: Path
+    sent: SentCode | None = None
 
     @property
     def result(self) -> Path:
@@ -48,7 +50,7 @@ class RunTask:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return how another process makes the same task; own code of its method goes as bytes."""
-        return _task_of, (self.name, sent_method(self.method), self.pieces, self.results)
+        return _task_of, (self.name, self.sent or self.method, self.pieces, self.results)
 
 
 def _task_of(name: str, method: Method | SentCode, pieces: Pieces, results: Path) -> RunTask:

@@ -17,7 +17,7 @@ from linework.files.output.parts import read_path_part
 from linework.files.store.read import PointStore
 from linework.model.ground import Ground
 from linework.model.trajectory import Trajectory
-from linework.processes.own_code import SentCode, call_own, sent_code
+from linework.processes.own_code import SentCode, call_own
 from linework.runs.opened import surface_passes as passes
 from linework.runs.own import GroundFinder
 from linework.surface.carry import CoarseGround
@@ -39,25 +39,24 @@ class OwnGroundTask:
         The ground, or the function that returns it.
     path
         File of the vehicle's path; None: there is none.
+    sent
+        The function as bytes for other processes, made once for a run; None: the ground is given as a whole.
     """
 
     surface: passes.SurfaceTileTask
     ground: Ground | GroundFinder
     path: Path | None
+    sent: SentCode | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return how another process makes the same task; a function goes as bytes."""
-        sent = self.ground if isinstance(self.ground, Ground) else _sent(self.ground)
-        return _task_of, (self.surface, sent, self.path)
+        return _task_of, (self.surface, self.sent or self.ground, self.path)
 
 
-def _task_of(surface: passes.SurfaceTileTask, ground: Ground | SentCode, path: Path | None) -> OwnGroundTask:
+def _task_of(
+    surface: passes.SurfaceTileTask, ground: Ground | GroundFinder | SentCode, path: Path | None
+) -> OwnGroundTask:
     return OwnGroundTask(surface, ground.load() if isinstance(ground, SentCode) else ground, path)
-
-
-@lru_cache(maxsize=1)
-def _sent(ground: GroundFinder) -> SentCode:
-    return sent_code(ground, "ground")
 
 
 def find_own_ground(task: OwnGroundTask) -> CoarseGround:

@@ -31,6 +31,7 @@ from linework.model.grid import Bounds
 from linework.model.ground import Ground
 from linework.model.trajectory import Trajectory
 from linework.processes.executors import Executor, Serial
+from linework.processes.own_code import sent_code
 from linework.runs.extraction import Failure
 from linework.runs.opened import surface_passes as passes
 from linework.runs.opened.own_ground import OwnGroundTask, find_own_ground
@@ -312,7 +313,8 @@ class _Making:
         if trajectory is not None:
             path = self._tiles.folder / f"own-path{ARRAY_SUFFIX}"
             write_part(trajectory, path)
-        tasks = [OwnGroundTask(replace(self._task, tile=tile), ground, path) for tile in self._occupied]
+        sent = None if isinstance(ground, Ground) else sent_code(ground, "ground")
+        tasks = [OwnGroundTask(replace(self._task, tile=tile), ground, path, sent) for tile in self._occupied]
         # Your own ground is only resampled: not worth sending
         executor = Serial() if isinstance(ground, Ground) else self._executor
         coarse = {}
