@@ -198,7 +198,7 @@ class OutputExistsError(LineworkError, FileExistsError):
 
 
 class OwnCodeError(LineworkError, RuntimeError):
-    """A function that the user passed in failed; the exception that it raised is the cause (``__cause__``)."""
+    """A function that the user passed in failed: the message has its exception and the line, a note its traceback."""
 
     exit_code = 1
 

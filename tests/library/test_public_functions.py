@@ -13,7 +13,7 @@ import pytest
 from tests.conftest import CRS, road_points
 
 import linework
-from linework.errors import CrsError, InputError, LineworkWarning, PartialError, UsageError
+from linework.errors import CrsError, InputError, LineworkError, LineworkWarning, PartialError, UsageError
 from linework.files.las.write import write_las
 from linework.files.trajectories.read import write_trajectory
 from linework.methods.kinds import ALL_KINDS
@@ -174,10 +174,17 @@ def test_settings_are_tables_or_a_file(las_file, tmp_path):
         ({"methods": "radom"}, "radon"),
         ({"methods": "radon", "kinds": "kerb_top"}, "kerb_top"),
         ({"progress": 3}, "progress"),
+        ({"methods": 5}, "methods"),
+        ({"methods": ["obb", "auto"]}, "obb"),
+        ({"methods": linework.Radon(find_peaks=5)}, "find_peaks"),
+        ({"methods": linework.Obb(paint=5)}, "paint"),
+        ({"methods": "stereo"}, "methods|images"),
+        ({"settings": 5}, "settings"),
+        ({"trajectory": 5}, "trajectory"),
     ],
 )
 def test_wrong_arguments_are_refused_in_the_callers_words(las_file, arguments, says):
-    with pytest.raises(UsageError, match=says) as refused:
+    with pytest.raises(LineworkError, match=says) as refused:
         linework.extract(las_file, **arguments)
     assert "--" not in str(refused.value)
     assert "\n" not in str(refused.value)
@@ -321,3 +328,28 @@ def test_surveys_are_values(street):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert linework.open_survey(street.root).point_files == street.point_files
+
+
+def test_a_name_that_would_be_a_path_is_refused(las_file):
+    class Outside(linework.Method):
+        name = "outside"
+        kinds = ("../ridge",)
+
+        def look(self, piece):
+            return linework.LineSet.empty()
+
+    with pytest.raises(UsageError, match="is not a name"):
+        linework.extract(las_file, methods=Outside())
+
+
+def test_tracing_loses_nothing_in_silence(street, kerbs, tmp_path):
+    line = max(kerbs, key=lambda line: line.length_m)
+    at = line.xyz[len(line.xyz) // 2][:2]
+    (path,) = street.point_files
+    (tmp_path / "cut.laz").write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(PartialError, match=r"cut\.laz") as partial:
+        linework.trace([path, tmp_path / "cut.laz"], at, kind="road_boundary")
+    assert partial.value.lines.kind[0] == "road_boundary"
+    with pytest.warns(LineworkWarning, match=r"cut\.laz"):
+        found = linework.trace([path, tmp_path / "cut.laz"], at, kind="road_boundary", on_problem="warn")
+    assert len(found.report.left_out) == 1

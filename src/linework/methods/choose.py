@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
@@ -12,6 +13,9 @@ from linework.methods.obb.method import Obb, ObbConfig
 from linework.methods.protocol import Method, is_own
 from linework.methods.radon.method import Radon, RadonConfig
 from linework.methods.stereo.method import Stereo, StereoConfig
+
+#: Names of methods and kinds: they become names of layers and of files in the work folder.
+_NAME = re.compile(r"[\w-]+")
 
 
 def choose_methods(
@@ -143,6 +147,24 @@ def _check_own_method(method: Any) -> None:
         raise UsageError(
             f"kinds of {method.name!r} are {kinds!r}, expected names", where=argument("methods"),
             advice='write kinds = ("ridge",), with the comma',
+        )  # fmt: skip
+    wrong = [name for name in (method.name, *kinds) if not _NAME.fullmatch(name)]
+    if wrong:
+        raise UsageError(
+            f"{wrong[0]!r} is not a name of a method or kind", where=argument("methods"),
+            advice="use letters, digits, - and _",
+        )  # fmt: skip
+    if isinstance(method, Radon) and method.find_peaks is not None and not callable(method.find_peaks):
+        raise UsageError(
+            f"expected a function, got {method.find_peaks!r:.60}", where=argument("find_peaks"),
+            advice="see linework.methods.radon.peaks.find_peaks",
+        )  # fmt: skip
+    if isinstance(method, Obb) and not (
+        method.paint is None or isinstance(method.paint, str) or callable(method.paint)
+    ):
+        raise UsageError(
+            f"expected a column or a function, got {method.paint!r:.60}", where=argument("paint"),
+            advice="name a column of the points",
         )  # fmt: skip
     if method.recording not in ("points", "pairs"):
         raise UsageError(

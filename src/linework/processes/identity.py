@@ -150,10 +150,9 @@ class _Description:
         if isinstance(value, property):
             self._items("property", value.fget, value.fset)
             return
-        wrapped = getattr(value, "py_func", None)
-        if type(value) is _CACHED:
-            wrapped = value.__wrapped__
-        if isinstance(wrapped, FunctionType):  # of numba
+        # Compiled by numba, or kept by functools.lru_cache
+        wrapped = getattr(value, "__wrapped__" if type(value) is _CACHED else "py_func", None)
+        if isinstance(wrapped, FunctionType):
             self._items("compiled", wrapped)
             return
         self.add(type(value))
