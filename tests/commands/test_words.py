@@ -66,7 +66,18 @@ def test_every_parameter_that_a_message_names_is_an_option():
         for option in parameter.opts
     }
     #: Not options: what stands without a name on the command line, and what only functions take.
-    positional = {"src", "frame", "shapes", "table", "on_problem", "methods", "ground", "at", "progress", "find_peaks"}
+    positional = {
+        "src",
+        "frame",
+        "shapes",
+        "table",
+        "on_problem",
+        "methods",
+        "ground",
+        "at",
+        "progress",
+        "find_peaks",
+    }
     named = {
         name
         for path in SOURCE.rglob("*.py")
