@@ -48,6 +48,11 @@ def given_survey(src: GivenSource, *, crs: Any = None, carry: str | Sequence[str
         raise UsageError(
             "points in memory are not a survey of files", where=argument("src"), advice="give files"
         )
+    if hasattr(src, "__array__"):
+        raise UsageError(
+            "an array is not a survey", where=argument("src"),
+            advice="write linework.Points(array, crs=...), and read from that",
+        )  # fmt: skip
     if not isinstance(src, Survey):
         return open_survey(src, crs=crs, carry=carry)
     for name, value in (("crs", crs), ("carry", carry)):

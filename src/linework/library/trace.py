@@ -53,7 +53,7 @@ def trace(
     src
         As for `extract`.
     at
-        (2,) east, north within 0.5 m of the line [m, world]; with `image` column, row within 4 pixels of it [px].
+        (2,) east, north, or (3,) with a height, which does not matter, within 0.5 m of the line [m, world]; with `image` column, row within 4 pixels of it [px].
     kind
         Kind of line; None: that of the nearest one.
     toward
@@ -78,7 +78,8 @@ def trace(
     UsageError
         A kind that cannot be picked, or a place that is not two finite numbers.
     """
-    place = place_of("at", at)
+    # A place picked in 3-D has a height too; a pixel has not
+    place = place_of("at", at[:2] if image is None and np.shape(at) == (3,) else at)
     target = None if toward is None else place_of("toward", toward)
     if image is not None and target is not None:
         raise UsageError("only valid in laser points", where=argument("toward"), advice="omit it")
