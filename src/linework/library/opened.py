@@ -21,10 +21,11 @@ from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 from linework.runs.compile import compile_stage, compiled_for
 from linework.runs.opened.from_points import opened_points
+from linework.runs.opened.made import STORES, claim
 from linework.runs.opened.points import hash_path
 from linework.runs.opened.recordings import Recordings, opened_recordings
 from linework.runs.opened.store import usable_cores
-from linework.runs.opened.work_folder import STORES, work_folder
+from linework.runs.opened.work_folder import work_folder
 from linework.runs.settings import RunSettings
 from linework.runs.steps import RunSteps
 
@@ -153,7 +154,9 @@ def _given_file(trajectory: str | Path | Trajectory, work: Path) -> Path:
         return Path(trajectory)
     if not isinstance(trajectory, Trajectory):
         raise _no_trajectory(trajectory)
-    path = work / STORES / f"given-{hash_path(trajectory)[:16]}.csv"
+    name = f"{STORES}/given-{hash_path(trajectory)[:16]}.csv"
+    claim(work, name)
+    path = work / name
     write_trajectory(trajectory, path, overwrite=True)
     return path
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.errors import ConfigError, InputError
+from linework.files.input import matching_paths
 from linework.files.logs.clock import in_seconds
 from linework.files.logs.tables import finite_number, read_text_table
 from linework.files.logs.text import MAX_ROWS, text_lines
@@ -111,7 +112,7 @@ def _matching(root: Path, pattern: str, name: str) -> list[Path]:
     is_wanted = re.compile(fnmatch.translate(place.name), re.IGNORECASE)
     # Folders may be patterns too, but links are not followed: they may form cycles
     parent = str(place.parent.relative_to(base))
-    folders = sorted(base.glob(parent)) if any(c in parent for c in "*?[") else [base / parent]
+    folders = matching_paths(base, parent) if any(c in parent for c in "*?[") else [base / parent]
     files = [path for folder in folders for path in find_images(folder) if is_wanted.fullmatch(path.name)]
     if not files:
         raise InputError(f"{name}.images: '{pattern}' matches no image", where=root,

@@ -10,7 +10,7 @@ import pyproj
 
 from linework.crs import LOCAL, crs_text, describe_crs, has_height, parse_crs, same_crs, same_plan
 from linework.errors import CrsError, InputError, UsageError, argument
-from linework.files.input import regular_file_bytes
+from linework.files.input import matching_paths, regular_file_bytes
 from linework.files.las.crs import resolve_crs
 from linework.files.las.header import read_las_header
 from linework.files.survey.kitti import read_kitti_folder
@@ -157,7 +157,7 @@ def _found(root: Path, pattern: str) -> list[Path]:
     # Joining drops the root where the pattern is an absolute path
     place = root / pattern
     base = Path(place.anchor) if place.is_absolute() else Path()
-    return sorted(base.glob(str(place.relative_to(base))))
+    return matching_paths(base, str(place.relative_to(base)))
 
 
 def _check_local(path: Path) -> None:
