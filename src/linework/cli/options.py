@@ -26,7 +26,7 @@ LinesOutput = Annotated[
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing output.")]
 Crs = Annotated[
-    str,
+    str | None,
     typer.Option(
         "--crs", metavar="CRS", help="CRS of files that do not state one: EPSG:CODE, or local (metres)."
     ),

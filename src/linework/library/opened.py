@@ -56,7 +56,7 @@ def given_survey(src: GivenSource, *, crs: Any = None, carry: str | Sequence[str
     if not isinstance(src, Survey):
         return open_survey(src, crs=crs, carry=carry)
     for name, value in (("crs", crs), ("carry", carry)):
-        if value:
+        if value not in (None, ()):
             raise UsageError(
                 "an opened survey has its own", where=argument(name), advice="give it to open_survey instead"
             )
@@ -168,7 +168,7 @@ def _no_trajectory(value: object) -> UsageError:
 
 def trajectory_in_file(path: str | Path, crs: Any = None) -> Trajectory:
     """Return the trajectory of a file as it is there; latitudes and longitudes are transformed into a CRS."""
-    frame = EarthFrame(crs=LOCAL if crs is None else parse_crs(crs))
+    frame = EarthFrame(crs=LOCAL if crs is None else parse_crs(crs, where=argument("crs")))
     content = read_trajectory_content(Path(path), TrajectorySettings(frame=frame))
     warn_of(content.warnings)
     return content.trajectory

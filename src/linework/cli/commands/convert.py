@@ -19,7 +19,7 @@ def convert(
         Path, typer.Argument(metavar="OUT", help="Output file; its suffix selects the format.")
     ],
     overwrite: Overwrite = False,
-    crs: Crs = "",
+    crs: Crs = None,
 ) -> None:
     """Convert LINES to another vector format.
 
@@ -35,7 +35,7 @@ def convert(
     if output.exists() and lines.exists() and output.samefile(lines):
         raise UsageError("the output is the input file", where=output, advice="choose another name")
     with reserve_output(output, overwrite=overwrite):
-        found = read_lines(lines, crs=crs or None)
+        found = read_lines(lines, crs=crs)
         points = read_point_layers(lines)
         write_lines(found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite)
     for warning in points_left_out(output, points):

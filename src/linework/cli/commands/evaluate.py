@@ -55,7 +55,7 @@ def evaluate_command(
             "Names are looked up in --kind-field, then in the field kind; other lines are ignored.",
         ),
     ] = "",
-    crs: Crs = "",
+    crs: Crs = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Score LINES against REFERENCE.
@@ -117,23 +117,20 @@ def _parsed_map(text: str) -> dict[str, str]:
     return names
 
 
-def _read(path: Path, kind_field: str, names: Mapping[str, str], crs: str) -> LineSet:
+def _read(path: Path, kind_field: str, names: Mapping[str, str], crs: str | None) -> LineSet:
     """Read lines, with the kinds of `names` where given; lines of other names are dropped."""
     import numpy as np
 
-    from linework.crs import LOCAL, parse_crs
     from linework.errors import InputError
     from linework.files.vectors.read_write import read_lines
 
-    lines = read_lines(path, crs=crs or None)
-    if crs and lines.crs == LOCAL:
-        lines = lines.with_columns(crs=parse_crs(crs, where="--crs"))
+    lines = read_lines(path, crs=crs)
     if kind_field == "kind" and not names:
         return lines
     own = lines.kind
     if kind_field != "kind":
         # Files of other programs are read in file order, whichever field is read: the rows correspond
-        own = read_lines(path, kind_field=kind_field, crs=crs or None).kind
+        own = read_lines(path, kind_field=kind_field, crs=crs).kind
     if not names:
         return lines.with_columns(kind=own)
     kind = np.array(

@@ -54,7 +54,7 @@ def extract_command(
     ] = "",
     trajectory: TrajectoryFile = None,
     config: RunFile = None,
-    crs: Crs = "",
+    crs: Crs = None,
     workers: Workers = None,
     work: WorkFolder = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")] = False,
@@ -102,7 +102,7 @@ def extract_command(
         kinds = parse_kinds(features) if features else kinds_of_method(method)
         check_method(method, kinds)
         settings = read_settings(config)
-        survey = open_survey(surveys, crs=crs or None)
+        survey = open_survey(surveys, crs=crs)
         if trajectory is not None:
             survey = survey.with_trajectory(trajectory)
         columns = [name.strip() for name in (*carry.split(","), paint_column) if name.strip()]

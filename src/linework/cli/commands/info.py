@@ -13,7 +13,7 @@ from linework.cli.options import AsJson, Crs, Quiet, SurveyArgument, WorkFolder
 
 def info(
     surveys: SurveyArgument,
-    crs: Crs = "",
+    crs: Crs = None,
     work: WorkFolder = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -32,7 +32,7 @@ def info(
     from linework.runs.steps import RunSteps
 
     with open_display(quiet=quiet) as display:
-        survey = open_survey(surveys, crs=crs or None)
+        survey = open_survey(surveys, crs=crs)
         if survey.point_files:
             folder = work_folder(survey.root, work)
             with opened_survey(survey, folder, n_threads=usable_cores(), steps=RunSteps(display)) as opened:

@@ -32,7 +32,7 @@ def locate_command(
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Also plot track, sigmas and residuals: .png or .html."),
     ] = None,
-    crs: Crs = "",
+    crs: Crs = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -57,7 +57,7 @@ def locate_command(
         from linework.runs.steps import RunSteps
 
         steps = RunSteps(display)
-        survey = open_survey(surveys, crs=crs or None)
+        survey = open_survey(surveys, crs=crs)
         located, warnings = located_drive(
             survey, rate_hz=rate_hz, longest_outage_s=longest_outage_s, steps=steps
         )

@@ -20,7 +20,7 @@ def photolog(
         float, typer.Option("--every-m", min=0.1, max=10_000.0, help="Distance between images [m].")
     ] = 10.0,
     trajectory: TrajectoryFile = None,
-    crs: Crs = "",
+    crs: Crs = None,
     work: WorkFolder = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -49,7 +49,7 @@ def photolog(
     if output.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"cannot write '{output.suffix}' files", where=output, advice="use .html")
     check_output(output, overwrite=overwrite)
-    survey = open_survey([survey_folder], crs=crs or None)
+    survey = open_survey([survey_folder], crs=crs)
     if trajectory is not None:
         survey = survey.with_trajectory(trajectory)
     series = open_stereo(survey)

@@ -61,7 +61,7 @@ def raster(
         float, typer.Option("--max-height-m", help="Binary image: maximum height above the road [m].")
     ] = 1.2,
     trajectory: TrajectoryFile = None,
-    crs: Crs = "",
+    crs: Crs = None,
     work: WorkFolder = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -89,7 +89,7 @@ def raster(
     check_output_folder(output, overwrite=overwrite)
     with open_display(quiet=quiet) as display:
         steps = RunSteps(display)
-        survey = open_survey(surveys, crs=crs or None)
+        survey = open_survey(surveys, crs=crs)
         if trajectory is not None:
             survey = survey.with_trajectory(trajectory)
         opened = _read(survey, work, steps)

@@ -46,7 +46,7 @@ def serve(
     who: Annotated[
         str, typer.Option("--who", help="Name recorded with each edit; default: the login name.")
     ] = "",
-    crs: Crs = "",
+    crs: Crs = None,
     work: WorkFolder = None,
     config: RunFile = None,
     no_browser: Annotated[

@@ -70,7 +70,7 @@ def trace_command(
         ),
     ] = False,
     config: RunFile = None,
-    crs: Crs = "",
+    crs: Crs = None,
     work: WorkFolder = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -108,7 +108,7 @@ def trace_command(
         check_format(output)
         check_pick_kind(feature)
         settings, steps = read_settings(config), RunSteps(display)
-        survey = open_survey(surveys, crs=crs or None)
+        survey = open_survey(surveys, crs=crs)
         folder = work_folder(survey.root, work)
         to_compile = kinds_to_compile(feature, in_image=False)
         compile_stage(compiled_for(survey, to_compile, images=False), steps)
@@ -143,7 +143,7 @@ def _check_pick(at: str, image: Path | None, at_px: str, toward: str, config: Pa
 
 
 def _trace_image(
-    surveys: list[Path], image: Path, at_px: str, output: Path, *, feature: str, crs: str, work: Path | None,
+    surveys: list[Path], image: Path, at_px: str, output: Path, *, feature: str, crs: str | None, work: Path | None,
     append: bool, overwrite: bool, as_json: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Trace the edge at a pixel of an image and write it."""
@@ -163,7 +163,7 @@ def _trace_image(
 
         check_format(output)
         col, row = pixel_of(at_px).tolist()
-        survey, steps = open_survey(surveys, crs=crs or None), RunSteps(display)
+        survey, steps = open_survey(surveys, crs=crs), RunSteps(display)
         folder = work_folder(survey.root, work)
         recordings = held.enter_context(opened_recordings(survey, folder, laser=False, steps=steps))
         found = traced_edge(recordings, image, (col, row), kind=feature, steps=steps)

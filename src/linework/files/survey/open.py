@@ -73,7 +73,7 @@ def open_survey(
         settings = {}
         root = inputs[0] if inputs[0].is_dir() else inputs[0].parent
         files = _each_once([file for path in inputs for file in _files_of(path)])
-    given = _given_crs(given_text, settings.get("crs"), found)
+    given, given_by = _given_crs(given_text, settings.get("crs"), found)
     if given is not None:
         settings = {**settings, "crs": given}
     trajectory = settings.get("trajectory", {})
@@ -83,7 +83,7 @@ def open_survey(
         name=settings.get("name") or (root.resolve().name if inputs[0].is_dir() or found else files[0].stem),
         root=root,
         point_files=files,
-        crs=_survey_crs(files, given, found, has_images="cameras" in settings),
+        crs=_survey_crs(files, given, given_by, has_images="cameras" in settings),
         trajectory_file=root / trajectory["file"] if "file" in trajectory else None,
         trajectory_lever_m=(lever_x, lever_y, lever_z),
         trajectory_boresight_deg=(roll, pitch, heading),
@@ -222,27 +222,32 @@ def _each_once(files: Sequence[Path]) -> tuple[Path, ...]:
     return tuple(kept.values())
 
 
-def _given_crs(option: str | None, setting: str | None, where: Path | None) -> str | None:
-    if option is None or setting is None:
-        return setting if option is None else option
-    if not same_crs(parse_crs(option, where=argument("crs")), parse_crs(setting, where=where)):
+def _given_crs(option: str | None, setting: str | None, where: Path | None) -> tuple[str | None, str]:
+    """Return the CRS that was given, and what gave it: the parameter, or the survey.toml; each is checked."""
+    by_option = "" if option is None else parse_crs(option, where=argument("crs"))
+    by_setting = "" if setting is None or where is None else parse_crs(setting, where=f"{where}: crs")
+    if by_option and by_setting and not same_crs(by_option, by_setting):
         raise CrsError(f"two different CRSs: crs = {setting}, {argument('crs')} says {option}", where=where,
                        advice=f"leave {argument('crs')} out, or correct the survey.toml")  # fmt: skip
-    return option
+    return (
+        (setting, f"crs in {where}")
+        if option is None and by_setting
+        else (option or setting, argument("crs"))
+    )
 
 
-def _survey_crs(files: Sequence[Path], given: str | None, where: Path | None, *, has_images: bool) -> str:
+def _survey_crs(files: Sequence[Path], given: str | None, by: str, *, has_images: bool) -> str:
     """Return the CRS of the points; the given one without points, or where images need none."""
     try:
-        return _common_crs(files, given) if files else parse_crs(given or "local", where=where)
+        return _common_crs(files, given, by) if files else parse_crs(given or LOCAL)
     except InputError:
         # All files are damaged, which is reported when they are read
         if not has_images or given is None:
             raise
-        return parse_crs(given, where=where)
+        return parse_crs(given)
 
 
-def _common_crs(files: Sequence[Path], given: str | None) -> str:
+def _common_crs(files: Sequence[Path], given: str | None, by: str) -> str:
     """Return the common CRS of all readable files; with heights where some files lack them."""
     found: dict[Path, str] = {}
     first_error: InputError | None = None
@@ -252,7 +257,7 @@ def _common_crs(files: Sequence[Path], given: str | None) -> str:
         except InputError as error:  # reported again when the points are read
             first_error = first_error or error
             continue
-        found[path] = resolve_crs(header.projection, given, where=path).crs
+        found[path] = resolve_crs(header.projection, given, by=by, where=path).crs
     if not found:
         assert first_error is not None
         raise first_error

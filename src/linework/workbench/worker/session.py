@@ -30,7 +30,7 @@ class SurveyOrder:
     inputs
         Files and folders named on the command line.
     crs
-        CRS of files that do not state theirs; "" if not given.
+        CRS of files that do not state theirs; None if not given.
     work
         Work folder; None: beside the survey.
     settings
@@ -40,7 +40,7 @@ class SurveyOrder:
     """
 
     inputs: tuple[Path, ...]
-    crs: str = ""
+    crs: str | None = None
     work: Path | None = None
     settings: RunSettings = field(default_factory=RunSettings)
     n_threads: int = 1
@@ -68,7 +68,7 @@ class SurveySession:
     @property
     def survey(self) -> Survey:
         """The survey as its files describe it."""
-        return self.keep("survey", lambda: open_survey(list(self.order.inputs), crs=self.order.crs or None))
+        return self.keep("survey", lambda: open_survey(list(self.order.inputs), crs=self.order.crs))
 
     @property
     def work(self) -> Path:
