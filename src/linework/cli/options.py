@@ -31,6 +31,9 @@ Crs = Annotated[
         "--crs", metavar="CRS", help="CRS of files that do not state one: EPSG:CODE, or local (metres)."
     ),
 ]
+AllowOutside = Annotated[
+    bool, typer.Option("--allow-outside", help="Let survey.toml name files outside its folder.")
+]
 TrajectoryFile = Annotated[
     Path | None,
     typer.Option(

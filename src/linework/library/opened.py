@@ -36,13 +36,16 @@ GivenTrajectory = str | Path | Trajectory | None
 GivenSettings = RunSettings | Mapping[str, Any] | str | Path | None
 
 
-def given_survey(src: GivenSource, *, crs: Any = None, carry: str | Sequence[str] = ()) -> Survey:
+def given_survey(
+    src: GivenSource, *, crs: Any = None, carry: str | Sequence[str] = (), allow_outside: bool = False
+) -> Survey:
     """Return the survey that files belong to, or the survey itself.
 
     Raises
     ------
     UsageError
-        `crs` or `carry` is given with an opened survey, which has them; or points are no survey of files.
+        `crs`, `carry` or `allow_outside` is given with an opened survey, which has them; or points are no survey of
+        files.
     """
     if isinstance(src, Points):
         raise UsageError(
@@ -54,9 +57,9 @@ def given_survey(src: GivenSource, *, crs: Any = None, carry: str | Sequence[str
             advice="write linework.Points(array, crs=...), and read from that",
         )  # fmt: skip
     if not isinstance(src, Survey):
-        return open_survey(src, crs=crs, carry=carry)
-    for name, value in (("crs", crs), ("carry", carry)):
-        if value not in (None, ()):
+        return open_survey(src, crs=crs, carry=carry, allow_outside=allow_outside)
+    for name, value in (("crs", crs), ("carry", carry), ("allow_outside", allow_outside)):
+        if value not in (None, (), False):
             raise UsageError(
                 "an opened survey has its own", where=argument(name), advice="give it to open_survey instead"
             )
@@ -104,6 +107,7 @@ def opened_source(
     crs: Any = None,
     trajectory: GivenTrajectory = None,
     carry: str | Sequence[str] = (),
+    allow_outside: bool = False,
     laser: bool = True,
     images: bool = True,
     kinds: Iterable[str] = (),
@@ -137,7 +141,7 @@ def opened_source(
         with opened_points(src, work, trajectory=path, steps=steps) as recordings:
             yield recordings
         return
-    survey = given_survey(src, crs=crs, carry=carry)
+    survey = given_survey(src, crs=crs, carry=carry, allow_outside=allow_outside)
     if trajectory is not None:
         survey = survey.with_trajectory(_given_file(trajectory, work))
     compile_stage(compiled_for(survey, kinds, images=images), steps)

@@ -38,6 +38,8 @@ class Survey:
     carry
         Names of the further columns that points have, sorted: extra dimensions of the laser files, or their standard
         fields.
+    allow_outside
+        Whether files that the settings name may lie outside `root`.
     """
 
     name: str
@@ -51,6 +53,7 @@ class Survey:
     settings_file: Path | None = None
     warnings: tuple[str, ...] = ()
     carry: tuple[str, ...] = ()
+    allow_outside: bool = False
 
     def __repr__(self) -> str:
         from linework.crs import describe_crs

@@ -11,6 +11,7 @@ import typer
 
 from linework.cli.failures import warn
 from linework.cli.options import (
+    AllowOutside,
     AsJson,
     Crs,
     LinesOutput,
@@ -55,6 +56,7 @@ def extract_command(
     trajectory: TrajectoryFile = None,
     config: RunFile = None,
     crs: Crs = None,
+    allow_outside: AllowOutside = False,
     workers: Workers = None,
     work: WorkFolder = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")] = False,
@@ -102,7 +104,7 @@ def extract_command(
         kinds = parse_kinds(features) if features else kinds_of_method(method)
         check_method(method, kinds)
         settings = read_settings(config)
-        survey = open_survey(surveys, crs=crs)
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
         if trajectory is not None:
             survey = survey.with_trajectory(trajectory)
         columns = [name.strip() for name in (*carry.split(","), paint_column) if name.strip()]

@@ -8,12 +8,13 @@ from typing import Any
 import typer
 
 from linework.cli.failures import warn
-from linework.cli.options import AsJson, Crs, Quiet, SurveyArgument, WorkFolder
+from linework.cli.options import AllowOutside, AsJson, Crs, Quiet, SurveyArgument, WorkFolder
 
 
 def info(
     surveys: SurveyArgument,
     crs: Crs = None,
+    allow_outside: AllowOutside = False,
     work: WorkFolder = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -32,7 +33,7 @@ def info(
     from linework.runs.steps import RunSteps
 
     with open_display(quiet=quiet) as display:
-        survey = open_survey(surveys, crs=crs)
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
         if survey.point_files:
             folder = work_folder(survey.root, work)
             with opened_survey(survey, folder, n_threads=usable_cores(), steps=RunSteps(display)) as opened:

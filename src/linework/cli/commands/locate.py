@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from linework.cli.failures import warn
-from linework.cli.options import AsJson, Crs, Overwrite, Quiet
+from linework.cli.options import AllowOutside, AsJson, Crs, Overwrite, Quiet
 
 if TYPE_CHECKING:
     from linework.navigation.located import LocatedDrive
@@ -33,6 +33,7 @@ def locate_command(
         typer.Option("--plot", metavar="FILE", help="Also plot track, sigmas and residuals: .png or .html."),
     ] = None,
     crs: Crs = None,
+    allow_outside: AllowOutside = False,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -57,7 +58,7 @@ def locate_command(
         from linework.runs.steps import RunSteps
 
         steps = RunSteps(display)
-        survey = open_survey(surveys, crs=crs)
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
         located, warnings = located_drive(
             survey, rate_hz=rate_hz, longest_outage_s=longest_outage_s, steps=steps
         )

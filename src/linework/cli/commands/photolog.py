@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from linework.cli.failures import warn
-from linework.cli.options import Crs, Overwrite, Quiet, TrajectoryFile, WorkFolder
+from linework.cli.options import AllowOutside, Crs, Overwrite, Quiet, TrajectoryFile, WorkFolder
 
 
 def photolog(
@@ -21,6 +21,7 @@ def photolog(
     ] = 10.0,
     trajectory: TrajectoryFile = None,
     crs: Crs = None,
+    allow_outside: AllowOutside = False,
     work: WorkFolder = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -49,7 +50,7 @@ def photolog(
     if output.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"cannot write '{output.suffix}' files", where=output, advice="use .html")
     check_output(output, overwrite=overwrite)
-    survey = open_survey([survey_folder], crs=crs)
+    survey = open_survey([survey_folder], crs=crs, allow_outside=allow_outside)
     if trajectory is not None:
         survey = survey.with_trajectory(trajectory)
     series = open_stereo(survey)

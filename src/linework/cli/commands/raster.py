@@ -10,6 +10,7 @@ import typer
 
 from linework.cli.failures import warn
 from linework.cli.options import (
+    AllowOutside,
     AsJson,
     Crs,
     Overwrite,
@@ -62,6 +63,7 @@ def raster(
     ] = 1.2,
     trajectory: TrajectoryFile = None,
     crs: Crs = None,
+    allow_outside: AllowOutside = False,
     work: WorkFolder = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -89,7 +91,7 @@ def raster(
     check_output_folder(output, overwrite=overwrite)
     with open_display(quiet=quiet) as display:
         steps = RunSteps(display)
-        survey = open_survey(surveys, crs=crs)
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
         if trajectory is not None:
             survey = survey.with_trajectory(trajectory)
         opened = _read(survey, work, steps)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from linework.cli.options import (
+    AllowOutside,
     AsJson,
     Crs,
     Quiet,
@@ -47,6 +48,7 @@ def serve(
         str, typer.Option("--who", help="Name recorded with each edit; default: the login name.")
     ] = "",
     crs: Crs = None,
+    allow_outside: AllowOutside = False,
     work: WorkFolder = None,
     config: RunFile = None,
     no_browser: Annotated[
@@ -97,7 +99,10 @@ def serve(
                 f"error: a bug in linework. Please report it with the log {save_log(error)}.", err=True
             )
 
-        order = SurveyOrder(tuple(surveys), crs=crs, work=work, settings=settings, n_threads=usable_cores())
+        order = SurveyOrder(
+            tuple(surveys), crs=crs, allow_outside=allow_outside, work=work, settings=settings,
+            n_threads=usable_cores(),
+        )  # fmt: skip
         serving = RunningServer(
             order=order, lines=lines, port=port, who=who or _user(), watcher=display,
             ready=ready, renewed=renewed, save_log=log,

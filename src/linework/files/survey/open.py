@@ -13,6 +13,7 @@ from linework.errors import CrsError, InputError, UsageError, argument
 from linework.files.input import regular_file_bytes
 from linework.files.las.crs import resolve_crs
 from linework.files.las.header import read_las_header
+from linework.files.outside import check_files_inside, check_names_inside
 from linework.files.survey.kitti import read_kitti_folder
 from linework.model.survey import Survey
 
@@ -26,7 +27,11 @@ SurveyPaths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
 
 def open_survey(
-    src: SurveyPaths, *, crs: str | int | pyproj.CRS | None = None, carry: str | Iterable[str] = ()
+    src: SurveyPaths,
+    *,
+    crs: str | int | pyproj.CRS | None = None,
+    carry: str | Iterable[str] = (),
+    allow_outside: bool = False,
 ) -> Survey:
     """Find the files and metadata of a survey; headers are read, points are not.
 
@@ -41,6 +46,8 @@ def open_survey(
         Names of further columns that the points are to have: extra dimensions of the laser files, or
         classification, return_number, number_of_returns, user_data, point_source_id, scan_angle [deg], red, green,
         blue.
+    allow_outside
+        Whether a survey.toml may name files outside its folder: absolute paths, ``..``, links that end elsewhere.
 
     Returns
     -------
@@ -55,7 +62,7 @@ def open_survey(
     CrsError
         No CRS, one in degrees, or several.
     ConfigError
-        An unknown key or a wrong value in the survey.toml.
+        An unknown key, a wrong value, or a file outside the folder in the survey.toml.
     """
     names = _further_names(carry)
     inputs = survey_paths(src)
@@ -66,7 +73,11 @@ def open_survey(
         from linework.files.survey.toml import read_survey_file
 
         settings, root = read_survey_file(found), found.parent
+        if not allow_outside:
+            check_names_inside(settings, found)
         files = _each_once(_matching(root, settings.get("points", {}).get("files", []), found))
+        if not allow_outside:
+            check_files_inside(files, "points.files", found)
     elif kitti is not None:
         settings, root, files = {"crs": given_text or LOCAL, **kitti.settings}, inputs[0], ()
     else:
@@ -91,6 +102,7 @@ def open_survey(
         settings_file=kitti.calibration if kitti else found,
         warnings=kitti.warnings if kitti else (),
         carry=names,
+        allow_outside=allow_outside or kitti is not None,
     )
 
 
