@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from linework.errors import printable
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Survey:
@@ -62,7 +64,7 @@ class Survey:
         parts = [repr(self.name), f"{n} laser file{'' if n == 1 else 's'}" if n else "no laser files"]
         parts += ["trajectory"] if self.trajectory_file is not None else []
         parts += [table for table in ("cameras", "navigation") if table in self.settings]
-        return f"Survey({', '.join(parts)}, crs {describe_crs(self.crs)}, in {self.root})"
+        return printable(f"Survey({', '.join(parts)}, crs {describe_crs(self.crs)}, in {self.root})")
 
     def with_trajectory(self, path: Path) -> Survey:
         """Return the survey with another trajectory file, which is of the vehicle's origin.

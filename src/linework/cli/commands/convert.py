@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from linework.cli.options import Crs, Overwrite
+from linework.cli.said import say
 
 
 def convert(
@@ -40,4 +41,4 @@ def convert(
         write_lines(found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite)
     for warning in points_left_out(output, points):
         warn(warning)
-    typer.echo(f"{len(found):,} lines in {output}")
+    say(f"{len(found):,} lines in {output}")

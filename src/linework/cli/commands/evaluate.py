@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from linework.cli.options import AsJson, Crs, Overwrite
+from linework.cli.said import say, say_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -86,9 +87,7 @@ def evaluate_command(
 
         write_bytes(plot_png(hits_figure(parts, tolerance_m)), picture, overwrite=overwrite)
     if as_json:
-        import json
-
-        typer.echo(json.dumps(scores.to_dict(), indent=1, allow_nan=False))
+        say_json(scores.to_dict())
     else:
         from linework.evaluation.report.tables import score_tables
 
@@ -194,7 +193,7 @@ def _report_not_scored(chosen: Sequence[str], found: LineSet, truth: LineSet) ->
     for name, lines in (("LINES", found), ("REFERENCE", truth)):
         others = sorted({str(kind) for kind in lines.kind} - set(chosen))
         if others:
-            typer.echo(f"note: not scored in {name}: {', '.join(others)}", err=True)
+            say(f"note: not scored in {name}: {', '.join(others)}", to_stderr=True)
 
 
 def print_tables(tables: Iterable[ReportTable]) -> None:
@@ -205,14 +204,16 @@ def print_tables(tables: Iterable[ReportTable]) -> None:
     from rich.table import Table
     from rich.text import Text
 
+    from linework.errors import printable
+
     console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else _PLAIN_WIDTH, highlight=False)
     for table in tables:
         shown = Table(
-            title=Text(table.title), caption=Text(table.note) if table.note else None, box=box.SIMPLE_HEAD,
+            title=Text(printable(table.title)), caption=Text(printable(table.note)) if table.note else None, box=box.SIMPLE_HEAD,
             title_justify="left", caption_justify="left", pad_edge=False,
         )  # fmt: skip
         for i, name in enumerate(table.columns):
-            shown.add_column(Text(name), justify="left" if i == 0 else "right", no_wrap=i == 0)
+            shown.add_column(Text(printable(name)), justify="left" if i == 0 else "right", no_wrap=i == 0)
         for row in table.rows:
-            shown.add_row(*(Text(value) for value in row))
+            shown.add_row(*(Text(printable(value)) for value in row))
         console.print(shown)

@@ -24,6 +24,7 @@ from linework.cli.options import (
     WorkFolder,
     read_settings,
 )
+from linework.cli.said import say, say_json
 from linework.cli.startup import preload_modules
 
 
@@ -166,13 +167,11 @@ def _check_report(report: Path | None, output: Path, *, overwrite: bool) -> None
 def _print_result(record: dict[str, Any], *, as_json: bool) -> None:
     """Print the number and length of the lines of each kind."""
     if as_json:
-        import json
-
-        typer.echo(json.dumps(record, indent=1, allow_nan=False))
+        say_json(record)
         return
     counts = record["counts"]
     for kind, n_lines in counts["lines"].items():
-        typer.echo(f"{kind:14} {n_lines:6,} lines {counts['length_m'][kind]:12,.1f} m")
+        say(f"{kind:14} {n_lines:6,} lines {counts['length_m'][kind]:12,.1f} m")
 
 
 def _report_missing(record: dict[str, Any], output: Path) -> None:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-import typer
-
 from linework.cli.failures import warn
 from linework.cli.options import AllowOutside, AsJson, Crs, Quiet, SurveyArgument, WorkFolder
+from linework.cli.said import say, say_json
 
 
 def info(
@@ -41,12 +40,10 @@ def info(
         else:
             document = describe_survey(None, survey)
     if as_json:
-        import json
-
-        typer.echo(json.dumps(document, indent=1, allow_nan=False))
+        say_json(document)
     else:
         for line in _lines(document):
-            typer.echo(line)
+            say(line)
         for warning in document["warnings"]:
             warn(warning)
     _report_left_out(document)

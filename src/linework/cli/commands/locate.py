@@ -10,6 +10,7 @@ import typer
 
 from linework.cli.failures import warn
 from linework.cli.options import AllowOutside, AsJson, Crs, Overwrite, Quiet
+from linework.cli.said import say, say_json
 
 if TYPE_CHECKING:
     from linework.navigation.located import LocatedDrive
@@ -149,10 +150,8 @@ def _rows(located: LocatedDrive) -> list[tuple[str, str]]:
 
 def _print(located: LocatedDrive, output: Path, *, as_json: bool) -> None:
     if as_json:
-        import json
-
         document = {**_results(located), "warnings": list(located.warnings), "output": str(output)}
-        typer.echo(json.dumps(document, indent=1, allow_nan=False))
+        say_json(document)
         return
     for name, text in _rows(located):
-        typer.echo(f"{name}: {text}")
+        say(f"{name}: {text}")

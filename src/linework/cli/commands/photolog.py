@@ -9,6 +9,7 @@ import typer
 
 from linework.cli.failures import warn
 from linework.cli.options import AllowOutside, Crs, Overwrite, Quiet, TrajectoryFile, WorkFolder
+from linework.cli.said import say
 
 
 def photolog(
@@ -74,7 +75,7 @@ def photolog(
     of_images = path.series.warnings if path.series else ()
     for warning in (*survey.warnings, *notes, *path.warnings, *of_images, *log.warnings, *page.warnings):
         warn(warning)
-    typer.echo(f"{output}: {page.n_pictures} images, {len(log.events or ())} keys")
+    say(f"{output}: {page.n_pictures} images, {len(log.events or ())} keys")
     if page.failures:
         raise PartialError(
             f"{len(page.failures)} of {page.n_pictures} images cannot be read: {page.failures[0].rstrip('.')}",

@@ -21,6 +21,7 @@ from linework.cli.options import (
     WorkFolder,
     read_settings,
 )
+from linework.cli.said import say, say_json
 
 if TYPE_CHECKING:
     from linework.model.lines import LineSet
@@ -230,8 +231,6 @@ def _print(found: TracedLine | TracedEdge, output: Path, *, as_json: bool) -> No
     length_m = float(line.length_m.sum())
     bridged_m = float(line.bridged_m.sum())
     if as_json:
-        import json
-
         document = {
             "kind": found.kind, "length_m": length_m, "bridged_m": bridged_m,
             "stops": list(found.stops), "output": str(output),
@@ -240,8 +239,8 @@ def _print(found: TracedLine | TracedEdge, output: Path, *, as_json: bool) -> No
         for name in ("distance_m", "n_pairs"):
             if hasattr(found, name):
                 document[name] = getattr(found, name)
-        typer.echo(json.dumps(document, indent=1, allow_nan=False))
+        say_json(document)
         return
-    typer.echo(f"{found.kind}: {length_m:,.1f} m, of which {bridged_m:,.1f} m bridged")
+    say(f"{found.kind}: {length_m:,.1f} m, of which {bridged_m:,.1f} m bridged")
     for end, reason in zip(("start", "end"), found.stops, strict=True):
-        typer.echo(f"  {end}: {reason}")
+        say(f"  {end}: {reason}")

@@ -203,12 +203,14 @@ def _signals() -> Iterator[asyncio.Future[int]]:
     for number in before:
         try:
             loop.add_signal_handler(number, stop, int(number))
-        except NotImplementedError:  # Windows
+        except NotImplementedError:
+            # The loop of Windows has no signal handlers of its own; Python's run in this thread and wake the loop
             signal.signal(number, lambda number, _: loop.call_soon_threadsafe(stop, number) and None)
     try:
         yield stopped
     finally:
         for number, handler in before.items():
+            # None was added on Windows
             with contextlib.suppress(NotImplementedError):
                 loop.remove_signal_handler(number)
             signal.signal(number, handler)
