@@ -59,6 +59,22 @@ def in_words(text: str, speech: Speech = python_words) -> str:
     return _ARGUMENT.sub(lambda found: speech(found[1], json.loads(found[2]) if found[2] else None), text)
 
 
+def printable(text: str, *, keep: str = "") -> str:
+    r"""Return a text as a terminal may get it: what is not printable is written as its escape sequence.
+
+    Names in files and of files may hold sequences that clear a terminal, rename its window or type a command.
+
+    Parameters
+    ----------
+    keep
+        Characters that stay all the same, such as the ends of the lines of a text of ours.
+
+    >>> printable("a\x1b[2Jb\n"), printable("a\tb\n", keep="\n")
+    ('a\\x1b[2Jb\\n', 'a\\tb\n')
+    """
+    return "".join(c if c.isprintable() or c in keep else repr(c)[1:-1] for c in text)
+
+
 def did_you_mean(unknown: Iterable[str], known: Iterable[str]) -> str:
     """Return the end of a message about unknown names: what is nearest to them, "" if nothing is near.
 
@@ -118,7 +134,7 @@ class LineworkError(Exception):
             # Commands and parameters are case-sensitive: no capital at the start of a sentence
             is_literal = self.advice.startswith(("linework ", _BEGIN))
             text += f" {self.advice if is_literal else self.advice[0].upper() + self.advice[1:]}."
-        return "".join(c if c.isprintable() else repr(c)[1:-1] for c in in_words(text, speech))
+        return printable(in_words(text, speech))
 
 
 class UsageError(LineworkError, ValueError):

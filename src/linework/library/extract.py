@@ -57,6 +57,7 @@ def extract(
     methods: GivenMethods = None,
     ground: Ground | GroundFinder | None = None,
     carry: str | Sequence[str] = (),
+    allow_outside: bool = False,
     settings: GivenSettings = None,
     workers: int | None = None,
     work: str | Path | None = None,
@@ -85,6 +86,8 @@ def extract(
         A `Ground`, or a function that takes (points, trajectory) and returns one; None: `find_ground`.
     carry
         Extra dimensions of the LAS files that methods use, by name.
+    allow_outside
+        Whether a survey.toml may name files outside its folder: absolute paths, ``..``, links that end elsewhere.
     settings
         Settings, a run file, or its tables as a mapping.
     workers
@@ -141,8 +144,9 @@ def extract(
         folder = held.enter_context(temporary_work(work))
         recordings = held.enter_context(
             opened_source(
-                src, folder, crs=crs, trajectory=trajectory, carry=carried, laser="points" in looked_at,
-                images="pairs" in looked_at, kinds=[kind for method in asked for kind in method.kinds], steps=steps,
+                src, folder, crs=crs, trajectory=trajectory, carry=carried, allow_outside=allow_outside,
+                laser="points" in looked_at, images="pairs" in looked_at,
+                kinds=[kind for method in asked for kind in method.kinds], steps=steps,
             )
         )  # fmt: skip
         _check_recorded(recordings, asked, kinds)

@@ -37,13 +37,16 @@ GivenTrajectory = str | Path | Trajectory | None
 GivenSettings = RunSettings | Mapping[str, Any] | str | Path | None
 
 
-def given_survey(src: GivenSource, *, crs: Any = None, carry: str | Sequence[str] = ()) -> Survey:
+def given_survey(
+    src: GivenSource, *, crs: Any = None, carry: str | Sequence[str] = (), allow_outside: bool = False
+) -> Survey:
     """Return the survey that files belong to, or the survey itself.
 
     Raises
     ------
     UsageError
-        `crs` or `carry` is given with an opened survey, which has them; or points are no survey of files.
+        `crs`, `carry` or `allow_outside` is given with an opened survey, which has them; or points are no survey of
+        files.
     """
     if isinstance(src, Points):
         raise UsageError(
@@ -55,9 +58,9 @@ def given_survey(src: GivenSource, *, crs: Any = None, carry: str | Sequence[str
             advice="write linework.Points(array, crs=...), and read from that",
         )  # fmt: skip
     if not isinstance(src, Survey):
-        return open_survey(src, crs=crs, carry=carry)
-    for name, value in (("crs", crs), ("carry", carry)):
-        if value:
+        return open_survey(src, crs=crs, carry=carry, allow_outside=allow_outside)
+    for name, value in (("crs", crs), ("carry", carry), ("allow_outside", allow_outside)):
+        if value not in (None, (), False):
             raise UsageError(
                 "an opened survey has its own", where=argument(name), advice="give it to open_survey instead"
             )
@@ -105,6 +108,7 @@ def opened_source(
     crs: Any = None,
     trajectory: GivenTrajectory = None,
     carry: str | Sequence[str] = (),
+    allow_outside: bool = False,
     laser: bool = True,
     images: bool = True,
     kinds: Iterable[str] = (),
@@ -138,7 +142,7 @@ def opened_source(
         with opened_points(src, work, trajectory=path, steps=steps) as recordings:
             yield recordings
         return
-    survey = given_survey(src, crs=crs, carry=carry)
+    survey = given_survey(src, crs=crs, carry=carry, allow_outside=allow_outside)
     if trajectory is not None:
         survey = survey.with_trajectory(_given_file(trajectory, work))
     compile_stage(compiled_for(survey, kinds, images=images), steps)
@@ -171,7 +175,7 @@ def _no_trajectory(value: object) -> UsageError:
 
 def trajectory_in_file(path: str | Path, crs: Any = None) -> Trajectory:
     """Return the trajectory of a file as it is there; latitudes and longitudes are transformed into a CRS."""
-    frame = EarthFrame(crs=LOCAL if crs is None else parse_crs(crs))
+    frame = EarthFrame(crs=LOCAL if crs is None else parse_crs(crs, where=argument("crs")))
     content = read_trajectory_content(Path(path), TrajectorySettings(frame=frame))
     warn_of(content.warnings)
     return content.trajectory

@@ -41,6 +41,7 @@ def trace(
     image: str | Path | None = None,
     crs: Any = None,
     trajectory: GivenTrajectory = None,
+    allow_outside: bool = False,
     settings: GivenSettings = None,
     work: str | Path | None = None,
     progress: Progress = None,
@@ -61,7 +62,7 @@ def trace(
     image
         An image of the survey, or the end of its path, such as "left/000123.png": an edge is followed in the stereo
         pairs (He and Novak 1992) instead of the points.
-    crs, trajectory, settings, work, progress, on_problem
+    crs, trajectory, allow_outside, settings, work, progress, on_problem
         As for `extract`.
 
     Returns
@@ -92,7 +93,8 @@ def trace(
         folder = held.enter_context(temporary_work(work))
         recordings = held.enter_context(
             opened_source(
-                src, folder, crs=crs, trajectory=trajectory, laser=image is None, images=image is not None,
+                src, folder, crs=crs, trajectory=trajectory, allow_outside=allow_outside, laser=image is None,
+                images=image is not None,
                 kinds=kinds_to_compile(kind or "", in_image=image is not None), steps=steps,
             )
         )  # fmt: skip

@@ -5,9 +5,8 @@ Separate from the other commands, as every command has its own file.
 
 from __future__ import annotations
 
-import typer
-
 from linework.cli.options import SurveyArgument, WorkFolder
+from linework.cli.said import say
 
 
 def clean(
@@ -24,8 +23,8 @@ def clean(
     folders = existing_work_folders(survey_root(surveys), work)
     for folder in folders:
         cleaned = clean_work_folder(folder)
-        typer.echo(f"{folder}: {cleaned.n_bytes / 1e6:,.1f} MB freed")
+        say(f"{folder}: {cleaned.n_bytes / 1e6:,.1f} MB freed")
         for path in cleaned.kept:
             warn(f"{path}: kept, linework did not make it")
     if not folders:
-        typer.echo("nothing to delete")
+        say("nothing to delete")

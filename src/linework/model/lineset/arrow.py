@@ -80,7 +80,8 @@ def lines_of_table(table: Any, crs: object, columns: Mapping[str, Any]) -> LineS
     read = core.Table.from_arrow(table)
     fields = {field.name: field for field in (read.schema.field(i) for i in range(len(read.schema)))}
     name = _geometry_field(fields)
-    found_crs = parse_crs(_stated_crs(fields[name]) or crs, where=argument("crs"))
+    stated = _stated_crs(fields[name])
+    found_crs = parse_crs(stated or crs, where="from_arrow()" if stated else argument("crs"))
     given: dict[str, Any] = {}
     for column in LINE_COLUMNS:
         if column in fields and column not in columns:

@@ -47,10 +47,8 @@ def lines_of_frame(frame: Any, crs: object, columns: Mapping[str, Any]) -> LineS
     """Return the lines of a GeoDataFrame: the work of `LineSet.from_geopandas`."""
     pandas = needed("pandas", "tables", where="from_geopandas()")
     stated = frame.crs
-    found_crs = (
-        parse_crs(stated, where=argument("crs"))
-        if stated is not None
-        else parse_crs(crs, where=argument("crs"))
+    found_crs = parse_crs(
+        crs if stated is None else stated, where=argument("crs") if stated is None else "from_geopandas()"
     )
     given: dict[str, Any] = {}
     for name in LINE_COLUMNS:
