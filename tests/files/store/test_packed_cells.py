@@ -37,7 +37,9 @@ def test_planes_come_back_bit_for_bit(tmp_path_factory, dtype, n_values, seed, r
     if plane.dtype.kind == "f":
         plane[:] = np.nan
     at = draw.integers(0, 256, n_values)
-    plane.reshape(-1)[at] = draw.integers(0, 3, n_values).astype(plane.dtype if plane.dtype.names is None else "u1")
+    plane.reshape(-1)[at] = draw.integers(0, 3, n_values).astype(
+        plane.dtype if plane.dtype.names is None else "u1"
+    )
     tiles, _ = written(tmp_path_factory.mktemp("t"), plane, np.array([3, 1]))
     back, labels = tiles.read("cells", (0, 0))
     assert same(back, plane)

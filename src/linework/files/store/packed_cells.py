@@ -56,7 +56,8 @@ def plane_rows(file: ArrayFile, which: int, rows: slice | None = None) -> AnyArr
         raise ValueError(f"stretches of {len(ends)} cells do not fill {n_rows} x {n_cols}")
     first, last = rows.start * n_cols, rows.stop * n_cols
     begin, stop = (int(np.searchsorted(ends, at)) for at in (first + 1, last))
-    lengths = np.diff(np.clip(ends[begin : stop + 1], first, last), prepend=first)
+    cut = np.clip(ends[begin : stop + 1], first, last)
+    lengths = cut - np.concatenate([[first], cut[:-1]])
     return np.repeat(file.rows(values, begin, stop + 1), lengths).reshape(rows.stop - rows.start, n_cols)
 
 
