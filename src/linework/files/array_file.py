@@ -115,6 +115,23 @@ class ArrayFile:
             for i, (_, shape, _) in enumerate(self._layout)
         )
 
+    @property
+    def n_arrays(self) -> int:
+        """Number of arrays."""
+        return len(self._layout)
+
+    def shape(self, which: int) -> tuple[int, ...]:
+        """Return the shape of one of the arrays.
+
+        Raises
+        ------
+        ValueError
+            There are not so many.
+        """
+        if not 0 <= which < len(self._layout):
+            raise ValueError(f"{len(self._layout)} arrays, expected {which + 1}")
+        return self._layout[which][1]
+
     def rows(self, which: int, first: int, last: int) -> AnyArray:
         """Return rows `first` up to but not `last` of one of the arrays.
 

@@ -293,6 +293,30 @@ def test_b13_over_the_edge_of_a_zone(lines_of, here, scene, tmp_path):
     assert_same(there, here, place - PLACE)
 
 
+#: Longitudes of 180 degrees in zone 60 south, and the pole, in the middle of the scene.
+ACROSS = {"EPSG:32760": (823_440.0, 8_400_000.0), "EPSG:32661": (1_999_980.0, 1_999_990.0)}
+
+
+@pytest.mark.parametrize("crs", ACROSS, ids=["antimeridian", "pole"])
+def test_b13_lines_over_the_antimeridian_and_the_pole(lines_of, linework, here, scene, tmp_path, crs):
+    """In metres they run on; in the degrees of KML no vertex is lost, or anywhere else."""
+    place = np.array([*ACROSS[crs], 100.0])
+    path = cloud(tmp_path / "b.las", scene + place, wkt=wkt_of(crs))
+    there = lines_of(path)[0]
+    # The lattices lie otherwise than at the usual place: the same lines, not the same vertices
+    assert there.kind.tolist() == here.kind.tolist()
+    np.testing.assert_allclose(there.length_m, here.length_m, atol=0.5)
+    kml = tmp_path / "out" / "lines.kml"
+    assert linework("convert", tmp_path / "out" / "lines.gpkg", kml).code == 0
+    text = re.findall(r"<coordinates>(.*?)</coordinates>", kml.read_text())
+    degrees = np.array([[float(v) for v in vertex.split(",")] for line in text for vertex in line.split()])
+    assert len(degrees) == len(there.xyz)
+    assert (np.abs(degrees[:, 0]) <= 180).all()
+    back = pyproj.Transformer.from_crs("EPSG:4326", crs, always_xy=True).transform(*degrees[:, :2].T)
+    np.testing.assert_allclose(np.column_stack(back), there.xyz[:, :2], atol=0.002)
+    assert np.ptp(degrees[:, 0]) > 90, "the scene lies across"
+
+
 # B14: intensity
 
 
@@ -379,3 +403,11 @@ def test_b16_odd_lines_come_back_as_they_were(tmp_path, suffix):
     back = read_lines(tmp_path / f"lines{suffix}", crs="local")
     np.testing.assert_array_equal(back.xyz, lines.xyz)
     assert back.offsets.tolist() == lines.offsets.tolist()
+
+
+def test_b16_a_line_of_a_million_vertices_comes_back(tmp_path):
+    turn = np.linspace(0, 4 * np.pi, 1_000_000)
+    spiral = np.column_stack([turn * np.cos(turn), turn * np.sin(turn), turn])
+    write_lines(LineSet.from_lines([spiral], kind="cable"), tmp_path / "lines.geojson")
+    back = read_lines(tmp_path / "lines.geojson", crs="local")
+    np.testing.assert_array_equal(back.xyz, spiral)

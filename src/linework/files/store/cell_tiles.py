@@ -14,6 +14,7 @@ from linework.arrays import AnyArray
 from linework.files.array_file import ARRAY_SUFFIX, opened_arrays, write_arrays
 from linework.files.output.publish import machine_errors
 from linework.files.output.replace import make_durable, replace_file
+from linework.files.store.packed_cells import packed_plane, plane_rows
 from linework.surface.cells import CellWindow
 
 #: Number of a tile east and north.
@@ -54,7 +55,8 @@ class SurfaceTiles:
 
     def write(self, name: str, tile: TileNumber, *arrays: AnyArray) -> None:
         """Write arrays of a tile, whole or not at all."""
-        self.write_common(_tile_name(name, tile), *arrays)
+        parts = [part for values in arrays for part in packed_plane(values)]
+        self.write_common(_tile_name(name, tile), *parts)
 
     def has(self, name: str, tile: TileNumber) -> bool:
         """Return whether a tile has arrays of this name."""
@@ -70,7 +72,8 @@ class SurfaceTiles:
         MachineError
             The file is damaged.
         """
-        return self.read_common(_tile_name(name, tile))
+        with opened_arrays(self._path(_tile_name(name, tile))) as arrays:
+            return tuple(plane_rows(arrays, which) for which in range(arrays.n_arrays // 2))
 
     def part(self, name: str, which: int, tile: TileNumber, window: CellWindow) -> AnyArray | None:
         """Return the cells of one array of a tile that lie in a window; None where the tile lacks this name.
@@ -87,7 +90,7 @@ class SurfaceTiles:
         rows, cols = own.part(shared)
         try:
             with opened_arrays(self._path(_tile_name(name, tile))) as arrays:
-                return np.ascontiguousarray(arrays.rows(which, rows.start, rows.stop)[:, cols])
+                return np.ascontiguousarray(plane_rows(arrays, which, rows)[:, cols])
         except FileNotFoundError:
             return None
 

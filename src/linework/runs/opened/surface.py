@@ -35,6 +35,7 @@ from linework.processes.own_code import sent_code
 from linework.runs.extraction import Failure
 from linework.runs.opened import surface_passes as passes
 from linework.runs.opened.own_ground import OwnGroundTask, find_own_ground
+from linework.runs.opened.surface_cost import check_surface_cost, surface_cost, tiles_with_points
 from linework.runs.own import GroundFinder, error_of_fault
 from linework.runs.steps import Advance
 from linework.surface.apart import ground_of_pieces, touching
@@ -46,7 +47,7 @@ from linework.surface.heights import height_origin, rough_limit_m
 from linework.surface.regions import Islands, links_east, links_south
 
 #: Version of the arrays on disk: surfaces of another version are made again.
-_VERSION = 1
+_VERSION = 2
 #: Side of the pieces in which `SurveySight` reads the surface [m], and the number of pieces it keeps: 2 km of road.
 SIGHT_PIECE_M, N_PIECES = 256.0, 32
 
@@ -270,8 +271,11 @@ class _Making:
         self._blocks, counts = store.block_counts
         self.z0_m = _height_origin(store, trajectory, self._blocks, counts)
         self.failed: dict[TileNumber, str] = {}
-        self._occupied = _tiles_of(self._blocks, tiles, config, 0)
-        self._reached = _tiles_of(self._blocks, tiles, config, halo_cells(config))
+        occupied = tiles_with_points(self._blocks, counts, tiles, config, 0)
+        reached = tiles_with_points(self._blocks, counts, tiles, config, halo_cells(config))
+        cost = surface_cost(occupied.values(), reached.values(), tiles.n_cells)
+        check_surface_cost(cost, int(counts.sum()), _extent_m(self._blocks), tiles.folder)
+        self._occupied, self._reached = list(occupied), list(reached)
         source = store.folder if isinstance(store, PointStore) else store
         self._task = passes.SurfaceTileTask(source, tiles, (0, 0), config, self.z0_m)
         path, islands = path_samples(trajectory, config.cell_m), Islands.of(self._blocks)
@@ -412,15 +416,12 @@ def _height_origin(
     )
 
 
-def _tiles_of(blocks: IntArray, tiles: SurfaceTiles, config: RoadConfig, margin: int) -> list[TileNumber]:
-    """Return the tiles that hold cells of blocks, or that lie within a margin of them, in cells."""
-    found: set[TileNumber] = set()
-    for east, north in (np.asarray(blocks) * SURFACE_BLOCK_M).tolist():
-        window = CellWindow.over(
-            Bounds(east, north, east + SURFACE_BLOCK_M, north + SURFACE_BLOCK_M), config.cell_m
-        )
-        found.update(tiles.touching(window.grown(margin)))
-    return sorted(found)
+def _extent_m(blocks: IntArray) -> tuple[float, float]:
+    """Return the extent of blocks east and north [m]."""
+    if len(blocks) == 0:
+        return 0.0, 0.0
+    east, north = ((blocks.max(axis=0) - blocks.min(axis=0) + 1) * SURFACE_BLOCK_M).tolist()
+    return east, north
 
 
 def _added(counts: Iterable[AnyArray]) -> IntArray:

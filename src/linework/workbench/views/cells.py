@@ -25,7 +25,7 @@ from linework.workbench.views.pyramid import TILE_PX, MapTile
 from linework.workbench.views.tile_colours import ColourScale
 
 #: Format of the kept cells; raise it when those of older versions must not be used.
-_VERSION = 1
+_VERSION = 2
 #: Memory of the cells that are kept. [bytes]
 CELLS_CACHE_BYTES = 64 << 20
 #: Time to make missing parts of a coarse tile; then it is shown without them. [s]
