@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 
 from linework.arrays import AnyArray, FloatArray
+from linework.files.documents import read_json
 from linework.files.vectors.gdal_input import pyogrio, reading_with_gdal
 from linework.model.logs import LoggedPlaces, VanLog
 
@@ -116,7 +117,7 @@ def _of_geopackage(path: Path) -> tuple[PointLayer, ...]:
 
 
 def _of_geojson(path: Path) -> tuple[PointLayer, ...]:
-    features = json.loads(path.read_text(encoding="utf-8-sig")).get("features", [])
+    features = read_json(path.read_text(encoding="utf-8-sig"), path).get("features", [])
     found = []
     for name in POINT_LAYERS:
         own = [f for f in features if _is_of(f, name)]
