@@ -213,10 +213,10 @@ ONE_WAY = {
     # `total` is a running total of values, not offsets of rows
     "makes ragged offsets": (r"^(?!\s*total = ).*(?:concatenate\(\[\[0\], np\.cumsum|cumsum\(\[0\])", ("arrays.py",)),
     "opens laser, raster or vector files": (r"^\s*(?:import|from) (?:laspy|rasterio|pyogrio|ezdxf|sqlite3)\b", ("files/",)),
-    # What not every operating system has, each with its fallback
+    # What not every operating system has, each with its fallback; forced_end.py is a script that imports nothing of ours
     "locks files": (r"\bfcntl\.|^\s*import (?:fcntl|msvcrt)\b", ("files/output/locks.py",)),
-    "limits and ends processes": (r"^\s*import resource\b|\bresource\.[a-zR]|\bprctl\b|signal\.SIG(?:KILL|HUP)|os\.(?:nice|kill)\(", ("processes/system.py",)),
-    "connects processes": (r"AF_UNIX|socketpair|pass_fds|\bselect\.", ("processes/connection.py",)),
+    "limits and ends processes": (r"^\s*import resource\b|\bresource\.[a-zR]|\bprctl\b|signal\.SIG(?:KILL|HUP)|os\.(?:nice|kill)\(", ("processes/system.py", "processes/forced_end.py")),
+    "connects processes": (r"AF_UNIX|socketpair|pass_fds|\bselect\.", ("processes/connection.py", "processes/forced_end.py")),
     "uses flags and reads of Unix": (r"os\.preadv?\b|O_(?:CLOEXEC|NONBLOCK|BINARY)", ("files/handles.py",)),
     "needs Unix": (r"os\.(?:fork|statvfs|getuid|geteuid|killpg|setsid|mkfifo)\b|^\s*import pwd\b|[\"']/proc/", ("no file",)),
     "is a number fitted to data": (r"^#:.*\b(?:fitted to (?:data|seeds|surveys)|tuned)\b", ("fitted.py",)),

@@ -36,6 +36,8 @@ from linework.cli.commands.trace import trace_command
 from linework.cli.failures import Interrupted, failure_of, save_log
 from linework.cli.options import option_words
 from linework.errors import LineworkError
+from linework.processes.forced_end import watch_for_signals
+from linework.processes.system import end_on_second
 
 _SUMMARY = "Extract georeferenced 3-D road lines from mobile-mapping surveys."
 
@@ -88,11 +90,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments
         Without the program's name; None: those of this process.
     """
+    is_program = arguments is None
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     # Accepted anywhere in the line: to investigate an error one appends it to the command
     debug = "--debug" in arguments
     arguments = [a for a in arguments if a != "--debug"]
     _open_missing_streams()
+    if is_program and not {"--help", "--version"} & set(arguments):
+        watch_for_signals()
     with _signals_raise(), _warnings_on_one_line():
         try:
             code = _run(arguments)
@@ -169,6 +174,8 @@ def _signals_raise() -> Iterator[None]:
         raise Interrupted(number)
 
     before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    for number in before:
+        end_on_second(number)
     try:
         yield
     finally:

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import linework.kernels
+from linework.files.documents import read_json
 from linework.files.output.replace import replace_file
 
 _IMPORT = re.compile(
@@ -147,7 +148,7 @@ def _note_path() -> Path:
 
 def _read_note() -> dict[str, Any]:
     try:
-        note = json.loads(_note_path().read_text(encoding="utf-8"))
+        note = read_json(_note_path().read_text(encoding="utf-8"), _note_path())
     except (OSError, ValueError):
         return {}
     return note if isinstance(note, dict) else {}

@@ -5,7 +5,9 @@ What is wrong is reported in one line: the file, the key, its value, what is exp
 
 from __future__ import annotations
 
+import json
 import math
+import re
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -21,6 +23,21 @@ Table: TypeAlias = "Mapping[str, Expectation | Table]"
 
 #: A TOML file written by hand is a page or two; a megabyte is something else.
 _MAX_TOML_BYTES = 1 << 20
+#: Most digits in a row: as long as the longest name of a file, and less than a number of floating point can have (308).
+_MOST_DIGITS = 255
+#: Deepest tables, lists and keys with dots: the settings have three levels. Python's own limit is some hundred.
+_MOST_LEVELS = 32
+#: Texts and comments of TOML; one that does not end is taken to the end of its line, or of the file.
+_TOML_TEXT = re.compile(
+    r'''"""(?:\\.|[^\\])*?(?:"""|\Z)|\'{3}.*?(?:\'{3}|\Z)|"(?:\\.|[^"\\\n])*(?:"|$)|\'[^\'\n]*(?:\'|$)|\#[^\n]*''',
+    re.DOTALL | re.MULTILINE,
+)
+_DOTTED = re.compile(rf"(?:[\w-]+[ \t]*\.[ \t]*){{{_MOST_LEVELS}}}")
+_DIGITS = re.compile(rf"[0-9A-Fa-f_]{{{_MOST_DIGITS + 1}}}")
+#: One half of a character beyond the first 65,536; without its other half no file or terminal takes it.
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
+#: Whole numbers of JSON beyond 64 bits (sign and 19 digits) become floating-point numbers.
+_LARGEST, _LONGEST_WHOLE = (1 << 63) - 1, 20
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -31,17 +48,75 @@ def read_toml(path: Path) -> dict[str, Any]:
     InputError
         Missing, not a regular file, or too large.
     ConfigError
-        Not TOML; with the line.
+        Not TOML, with the line; or numbers and nesting beyond what is reasonable.
     """
     try:
         text = read_input_text(path, max_bytes=_MAX_TOML_BYTES, advice="check what this file is")
-        return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ConfigError(f"is not TOML: {error}", where=path, advice="correct that place") from error
     except InputError as error:
         if isinstance(error.__cause__, UnicodeDecodeError):
             raise ConfigError(f"is not TOML: {error.problem}", where=path, advice=error.advice) from error
         raise
+    _check_bounds(text, path)
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(f"is not TOML: {error}", where=path, advice="correct that place") from error
+
+
+def _check_bounds(text: str, path: Path) -> None:
+    """Refuse what would cost a parser its stack or its time, with the line."""
+    bare = _TOML_TEXT.sub(_same_lines, text)
+    for number, line in enumerate(bare.split("\n"), start=1):
+        if _DIGITS.search(line):
+            raise ConfigError(
+                f"a number of more than {_MOST_DIGITS} digits in line {number}",
+                where=path,
+                advice="correct it",
+            )
+        if _DOTTED.search(line):
+            raise _too_deep(number, path)
+    level, number = 0, 1
+    for mark in re.finditer(r"[\[{}\]\n]", bare):
+        number += mark[0] == "\n"
+        level += (mark[0] in "[{") - (mark[0] in "]}")
+        if level > _MOST_LEVELS:
+            raise _too_deep(number, path)
+
+
+def _too_deep(number: int, path: Path) -> ConfigError:
+    return ConfigError(
+        f"nested more than {_MOST_LEVELS} levels deep in line {number}", where=path, advice="correct it"
+    )
+
+
+def _same_lines(found: re.Match[str]) -> str:
+    """Return what stands for a text or a comment: nothing but its line ends."""
+    return "_" + "\n" * found[0].count("\n")
+
+
+def read_json(text: str, where: object) -> Any:
+    """Return the value in a JSON text that may come from anywhere.
+
+    Raises
+    ------
+    InputError
+        Not JSON, or nested too deeply.
+    """
+    try:
+        value = json.loads(text, parse_int=_number)
+        if _SURROGATE.search(text):
+            json.dumps(value, ensure_ascii=False).encode()
+    except (ValueError, RecursionError) as error:
+        what = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:120]
+        if isinstance(error, UnicodeEncodeError):
+            what = "half of a character (a lone surrogate) in a text"
+        raise InputError(f"is not JSON: {what}", where=where, advice="copy the file again") from error
+    return value
+
+
+def _number(text: str) -> int | float:
+    is_small = len(text) <= _LONGEST_WHOLE and -_LARGEST <= int(text) <= _LARGEST
+    return int(text) if is_small else float(text)
 
 
 def check_document(table: Table, document: Mapping[str, Any], *, where: object, prefix: str = "") -> None:
@@ -79,7 +154,7 @@ def check_document(table: Table, document: Mapping[str, Any], *, where: object, 
             expected = expectation(value)
         if expected:
             raise ConfigError(
-                f"{name} is {value!r}, expected {expected}", where=where, advice="correct the value"
+                f"{name} is {value!r:.80}, expected {expected}", where=where, advice="correct the value"
             )
     for key in document:
         if key not in table:

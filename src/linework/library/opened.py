@@ -19,6 +19,7 @@ from linework.model.points import Points
 from linework.model.settings import settings_from
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
+from linework.processes.forced_end import removed_if_forced
 from linework.runs.compile import compile_stage, compiled_for
 from linework.runs.opened.from_points import opened_points
 from linework.runs.opened.made import STORES, claim
@@ -96,7 +97,7 @@ def temporary_work(work: str | Path | None) -> Iterator[Path]:
     if work is not None:
         yield work_folder(Path(work), Path(work))
         return
-    with tempfile.TemporaryDirectory(prefix="linework-") as temporary:
+    with tempfile.TemporaryDirectory(prefix="linework-") as temporary, removed_if_forced(Path(temporary)):
         yield work_folder(Path(temporary), Path(temporary))
 
 

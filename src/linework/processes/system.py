@@ -51,6 +51,26 @@ def limit_process(address_bytes: int) -> None:
             resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
 
+def end_on_second(number: int) -> None:
+    """Have the system end this process by the second signal of a number, whatever it is doing (Linux with glibc only).
+
+    Call it after `signal.signal`, which undoes it. Elsewhere the second signal is handled as the first.
+
+    Parameters
+    ----------
+    number
+        Signal that has a handler.
+    """
+    libc = ctypes.CDLL(None) if _ENDS_WITH_PARENT else None
+    if not hasattr(libc, "sysv_signal"):
+        return
+    assert libc is not None
+    for function in (libc.signal, libc.sysv_signal):
+        function.argtypes, function.restype = (ctypes.c_int, ctypes.c_void_p), ctypes.c_void_p
+    # That of Python, which is in C. System V's signal(2) lets a handler serve once
+    libc.sysv_signal(number, libc.signal(number, None))
+
+
 def give_way(niceness: int) -> None:
     """Let processes that people wait for come first, where the system has nice(2): increase the niceness of this one."""
     if hasattr(os, "nice"):

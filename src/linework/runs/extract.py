@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from linework.errors import OutputExistsError, argument
+from linework.files.documents import read_json
 from linework.files.output.record import hash_file
 from linework.methods.choose import choose_methods
 from linework.methods.protocol import Method
@@ -112,7 +112,7 @@ def with_log(found: Extraction, recordings: Recordings) -> Extraction:
 def _finished(output: Path, fingerprint: str) -> dict[str, Any] | None:
     """Return the record of the output that is there, if it is what this run would make."""
     try:
-        record: dict[str, Any] = json.loads(record_path(output).read_text(encoding="utf-8"))
+        record: dict[str, Any] = read_json(record_path(output).read_text(encoding="utf-8"), output)
         is_ours = record["parameters"]["fingerprint"] == fingerprint
         is_whole = record["output"]["sha256"] == hash_file(output)
     except (OSError, ValueError, KeyError, TypeError):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import platform
 from collections.abc import Mapping
 from importlib import metadata
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import linework
+from linework.files.documents import read_json
 
 #: Packages whose version can change the result: listed in every record.
 PACKAGES = ("numpy", "scipy", "numba", "laspy", "lazrs", "pyproj", "pyogrio", "shapely")
@@ -93,6 +93,6 @@ def missing_summary(record: Mapping[str, Any]) -> str:
 def _output_of(record: Path) -> str:
     """Return the name of the output that a record belongs to, "" if the record cannot be read."""
     try:
-        return Path(json.loads(record.read_text(encoding="utf-8"))["output"]["file"]).name
+        return Path(read_json(record.read_text(encoding="utf-8"), record)["output"]["file"]).name
     except (OSError, ValueError, KeyError, TypeError):
         return ""

@@ -14,6 +14,7 @@ from typing import Any
 
 import linework
 from linework.errors import UsageError, argument
+from linework.files.documents import read_json
 from linework.files.output.journal import Journal, noted_output_in, open_journal
 from linework.files.output.locks import hold_lock
 from linework.files.output.publish import machine_errors
@@ -119,7 +120,7 @@ def _describe(folder: Path, described: Mapping[str, Any]) -> None:
 
 def _description(folder: Path) -> dict[str, Any] | None:
     try:
-        found = json.loads((folder / _DESCRIPTION).read_text(encoding="utf-8"))
+        found = read_json((folder / _DESCRIPTION).read_text(encoding="utf-8"), folder)
     except (OSError, ValueError):
         return None
     return found if isinstance(found, dict) else None

@@ -31,6 +31,7 @@ from linework.files.line_file.tables import (
 from linework.files.vectors.fields import REVIEWED, layer_names
 from linework.files.vectors.gdal_input import checked_vector_file
 from linework.files.vectors.gpkg import VERTEX_TABLE, roll_back
+from linework.files.vectors.gpkg_guard import ForeignSchemaError, check_geopackage
 from linework.model.lines import LineSet
 
 
@@ -38,16 +39,24 @@ def has_reviews(path: Path) -> bool:
     """Return whether a file holds edits, or review decisions entered in another program.
 
     False for anything but a GeoPackage of lines.
+
+    Raises
+    ------
+    ForeignSchemaError
+        Opening it would execute what is in it: whether there are decisions cannot be known.
     """
     try:
         checked_vector_file(path)
         roll_back(path)
+        check_geopackage(path)
         with contextlib.closing(connect_database(path)) as db:
             if not columns_of(db, VERTEX_TABLE):
                 return False
             if columns_of(db, "edit") and db.execute("SELECT 1 FROM edit LIMIT 1").fetchone():
                 return True
             return any(_is_said(db, layer) for layer in line_layers(db))
+    except ForeignSchemaError:
+        raise
     except (sqlite3.DatabaseError, LineworkError):
         return False
 

@@ -34,6 +34,7 @@ from linework.files.line_file.history import (
 from linework.files.line_file.open import LineFileState, open_line_file
 from linework.files.line_file.outside_changes import OutsideChanges, find_outside_changes
 from linework.files.line_file.tables import LineRow, delete_rows, insert_rows, quoted, sql_errors, transaction
+from linework.files.vectors.gpkg_guard import check_schema
 from linework.lines.names import with_ids
 from linework.model.changes import Change, Edit
 from linework.model.lines import LineSet
@@ -228,6 +229,7 @@ class LineFile:
         now, seen = self._data_version(), self._seen
         if now == seen:
             return
+        check_schema(self._db, self.path, to_edit=True)
         ids = list(self._held)
         rows = [self._row(self._versions[name]) for name in ids]
         found = find_outside_changes(self._db, self._held.of(ids), rows, self.path)

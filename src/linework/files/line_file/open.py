@@ -47,6 +47,7 @@ from linework.files.output.locks import hold_lock, lock_path
 from linework.files.output.publish import check_output
 from linework.files.vectors.gdal_input import checked_vector_file
 from linework.files.vectors.gpkg import VERTEX_TABLE
+from linework.files.vectors.gpkg_guard import check_schema
 from linework.files.vectors.read_write import write_lines
 from linework.lines.names import with_ids
 from linework.model.lines import KINDS, LineSet
@@ -94,8 +95,10 @@ def open_line_file(
             write_lines(LineSet.empty(crs), path, kinds=KINDS)
         checked_vector_file(path)
         with sql_errors(path), contextlib.closing(connect_database(path)) as db:
+            check_schema(db, path, to_edit=True)
             _check(db, crs, path)
             with transaction(db):
+                check_schema(db, path, to_edit=True)  # another program may have changed it until now
                 add_line_file_tables(db)
                 if db.execute("SELECT count(*) FROM line_version").fetchone()[0] == 0:
                     _take_in(db, crs, path)

@@ -84,7 +84,8 @@ def sql_errors(path: Path) -> Iterator[None]:
 def connect_database(path: Path) -> sqlite3.Connection:
     """Return a connection whose transactions are on the disk when they end; they are begun explicitly.
 
-    The GeoPackage standard's triggers call ``ST_`` functions that SQLite lacks; they are added here.
+    The GeoPackage standard's triggers call ``ST_`` functions that SQLite lacks; they are added here. SQLite lets triggers
+    call them in a trusted file only: check it before it is changed (`linework.files.vectors.gpkg_guard.check_schema`).
     """
     db = sqlite3.connect(path, isolation_level=None, timeout=WAIT_S, check_same_thread=False)
     db.execute("PRAGMA synchronous = FULL")

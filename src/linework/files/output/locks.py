@@ -14,6 +14,7 @@ from pathlib import Path
 
 from linework.errors import OutputExistsError
 from linework.files.output.publish import check_output, machine_errors
+from linework.processes.forced_end import removed_if_forced
 
 try:
     import fcntl
@@ -63,7 +64,8 @@ def hold_lock(
             if not _is_named(handle, lock):
                 continue
             try:
-                yield
+                with contextlib.nullcontext() if keep else removed_if_forced(lock):
+                    yield
             finally:
                 if not keep:
                     lock.unlink(missing_ok=True)
@@ -128,8 +130,11 @@ def reserve_output(path: Path, *, overwrite: bool = False) -> Iterator[None]:
         busy = OutputExistsError(
             "another run is writing it", where=path, advice="wait for it, or choose another name"
         )
-        with hold_lock(lock_path(path), busy):
-            yield
+        with contextlib.ExitStack() as created:
+            for folder in reversed(missing):
+                created.enter_context(removed_if_forced(folder, only_empty=True))
+            with hold_lock(lock_path(path), busy):
+                yield
     finally:
         with contextlib.suppress(OSError):
             for folder in missing:

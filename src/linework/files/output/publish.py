@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from linework.errors import LineworkError, MachineError, OutputExistsError, argument
+from linework.processes.forced_end import removed_if_forced
 from linework.processes.system import is_alive
 
 #: Longest file name most file systems hold, in bytes.
@@ -81,7 +82,7 @@ def publish(
     _remove_dead_parts(path)
     part = part_path(path)
     try:
-        with machine_errors(path):
+        with removed_if_forced(part), machine_errors(path):
             write(part)
             verify(part)
             sync(part)
@@ -120,7 +121,7 @@ def publish_folder(
     _remove_dead_parts(path)
     part = part_path(path)
     try:
-        with machine_errors(path):
+        with removed_if_forced(part), machine_errors(path):
             part.mkdir()
             write(part)
             verify(part)

@@ -12,6 +12,7 @@ import numpy as np
 
 from linework.arrays import AnyArray
 from linework.files.array_file import ARRAY_SUFFIX, opened_arrays, write_arrays
+from linework.files.documents import read_json
 from linework.files.output.publish import machine_errors
 from linework.files.output.replace import make_durable, replace_file
 from linework.files.store.packed_cells import packed_plane, plane_rows
@@ -175,7 +176,7 @@ def write_surface_record(folder: Path, record: Mapping[str, Any]) -> None:
 def read_surface_record(folder: Path) -> dict[str, Any] | None:
     """Return the record of a surface, or None where there is no whole surface."""
     try:
-        record = json.loads((folder / _RECORD).read_text(encoding="utf-8"))
+        record = read_json((folder / _RECORD).read_text(encoding="utf-8"), folder)
     except (OSError, ValueError):
         return None
     return record if isinstance(record, dict) else None

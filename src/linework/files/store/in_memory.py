@@ -21,6 +21,7 @@ from linework.files.store.read import PointStore
 from linework.model.points import Points
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
+from linework.processes.forced_end import removed_if_forced
 
 #: Largest distance between van and points [m]: scanners reach some 300 m; more means another place or CRS.
 _MAX_APART_M = 1000.0
@@ -86,7 +87,7 @@ def read_survey_points(survey: Survey, *, progress: Callable[[int, int], None] |
     The points go through a tile store in a temporary folder: their order is the store's, whatever the order
     in the files, and their coordinates are on its lattice of 0.1 mm.
     """
-    with tempfile.TemporaryDirectory(prefix="linework-") as name:
+    with tempfile.TemporaryDirectory(prefix="linework-") as name, removed_if_forced(Path(name)):
         folder = Path(name)
         facts = build_store(survey, folder, n_threads=os.cpu_count() or 1, progress=progress)
         points = PointStore.open(folder).points(with_time=facts.has_time, with_intensity=facts.has_intensity)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ import numpy as np
 
 from linework.arrays import AnyArray, IntArray
 from linework.errors import MachineError
+from linework.files.documents import read_json
 from linework.files.store.folder import STORE_ADVICE, Output, PointBuffers, Scratch, StoreFiles
 from linework.files.store.layout import (
     BLOCK_STEPS,
@@ -246,7 +246,7 @@ def _world_extents(rows: AnyArray) -> tuple[IntArray, IntArray, IntArray, IntArr
 
 def _read_index(path: Path) -> dict[str, Any]:
     try:
-        document: Any = json.loads(path.read_text(encoding="utf-8"))
+        document: Any = read_json(path.read_text(encoding="utf-8"), path)
     except OSError as error:
         raise _unreadable(path, error.strerror or "missing") from error
     except ValueError as error:

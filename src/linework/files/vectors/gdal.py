@@ -20,7 +20,7 @@ from linework.files.vectors.fields import (
     field_values,
     lines_from_geometries,
 )
-from linework.files.vectors.gdal_input import pyogrio, read_errors
+from linework.files.vectors.gdal_input import pyogrio, reading_with_gdal
 from linework.model.lines import LINE_COLUMNS, LineSet
 from linework.model.lineset.geometries import geometries
 
@@ -40,7 +40,7 @@ def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, c
     CrsError
         In degrees, or layers in different CRSs.
     """
-    with read_errors(path):
+    with reading_with_gdal(path):
         layers = [str(name) for name, kind in pyogrio.list_layers(path) if str(name) not in _OURS and kind]
         read = [(layer, *pyogrio.raw.read(path, layer=layer)) for layer in layers]
     if not read:

@@ -2,7 +2,7 @@
 
 An OGR VRT named .gpx returns the content of another file, a WFS in a text file sends requests. The drivers that do
 this are disabled in GDAL when pyogrio is imported here (unless a program has imported it before), and only files
-pass whose first bytes are those of a format we read.
+pass whose first bytes are those of a format we read. GeoPackages are checked by `gpkg_guard`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from pathlib import Path
 
 from linework.errors import InputError, LineworkError
 from linework.files.input import open_input
+from linework.files.vectors.gpkg_guard import check_geopackage
 
 #: Drivers that read other files or the network on behalf of the file they open.
 FORBIDDEN_DRIVERS = (
@@ -42,14 +43,20 @@ _FIRST_BYTES = {
 
 
 @contextlib.contextmanager
-def read_errors(path: Path) -> Iterator[None]:
-    """Turn the errors of pyogrio while reading into one line.
+def reading_with_gdal(path: Path) -> Iterator[None]:
+    """Let pyogrio read a file in the context, unless it would execute what is in it; errors become one line.
 
     Raises
     ------
     InputError
         With the first line of theirs.
+    ForeignSchemaError
+        A GeoPackage with views, virtual tables or computed columns.
     """
+    with open_input(path) as file:
+        is_database = file.read(16).startswith(_FIRST_BYTES[".gpkg"])
+    if is_database:
+        check_geopackage(path)
     try:
         yield
     except LineworkError:

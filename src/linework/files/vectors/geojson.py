@@ -23,6 +23,7 @@ import shapely.geometry
 from linework.arrays import AnyArray, offsets_of
 from linework.crs import LOCAL, epsg_text, stated_crs
 from linework.errors import CrsError, InputError, MachineError, argument
+from linework.files.documents import read_json
 from linework.files.input import regular_file_bytes
 from linework.files.vectors.fields import (
     DISAGREEMENT,
@@ -166,10 +167,11 @@ def _load(path: Path) -> dict[str, Any]:
         raise InputError(f"{n_bytes:,} bytes of GeoJSON, at most {_MAX_BYTES:,}", where=path,
                          advice="convert it to .gpkg")  # fmt: skip
     try:
-        document = json.loads(path.read_text(encoding="utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        text = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:120]
-        raise InputError(f"is not JSON: {text}", where=path, advice="copy the file again") from error
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"is not JSON: not UTF-8 (byte {error.start:,})", where=path,
+                         advice="save it as UTF-8") from error  # fmt: skip
+    document = read_json(text, path)
     if not isinstance(document, dict) or "type" not in document:
         raise InputError("is JSON, but not GeoJSON (no type)", where=path, advice="check what this file is")
     if not isinstance(document.get("features", []), list):

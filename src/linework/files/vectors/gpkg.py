@@ -24,7 +24,7 @@ from linework.files.vectors.fields import (
     qgis_style,
     vertex_columns,
 )
-from linework.files.vectors.gdal_input import pyogrio, read_errors
+from linework.files.vectors.gdal_input import pyogrio, reading_with_gdal
 from linework.files.vectors.gpkg_schema import FIXED_DATE, LayerTable, geopackage_bytes
 from linework.files.vectors.point_layers import PointLayer
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
@@ -195,7 +195,7 @@ def read_own_gpkg(path: Path, *, rejected: bool = False) -> LineSet | None:
     InputError
         Not readable.
     """
-    with read_errors(path):
+    with reading_with_gdal(path):
         found = _own_lines(path)
     if found is None or rejected or REJECTED_LAYER not in found.review:
         return found
@@ -210,7 +210,7 @@ def geometry_layers(path: Path) -> set[str]:
     InputError
         Not readable.
     """
-    with read_errors(path):
+    with reading_with_gdal(path):
         layers = pyogrio.list_layers(path)
     return {str(name) for name, geometry in layers if geometry and name != REJECTED_LAYER}
 

@@ -13,7 +13,8 @@ import numpy as np
 import shapely
 
 from linework.arrays import AnyArray, FloatArray
-from linework.files.vectors.gdal_input import pyogrio, read_errors
+from linework.files.documents import read_json
+from linework.files.vectors.gdal_input import pyogrio, reading_with_gdal
 from linework.model.logs import LoggedPlaces, VanLog
 
 PHOTOLOG, EVENT = "photolog", "event"
@@ -106,7 +107,7 @@ def read_point_layers(path: Path) -> tuple[PointLayer, ...]:
 
 def _of_geopackage(path: Path) -> tuple[PointLayer, ...]:
     found = []
-    with read_errors(path):
+    with reading_with_gdal(path):
         for name, kind in pyogrio.list_layers(path):
             if name in POINT_LAYERS and str(kind) in ("Point", "Point Z"):
                 meta, _, shapes, values = pyogrio.raw.read(path, layer=str(name))
@@ -116,7 +117,7 @@ def _of_geopackage(path: Path) -> tuple[PointLayer, ...]:
 
 
 def _of_geojson(path: Path) -> tuple[PointLayer, ...]:
-    features = json.loads(path.read_text(encoding="utf-8-sig")).get("features", [])
+    features = read_json(path.read_text(encoding="utf-8-sig"), path).get("features", [])
     found = []
     for name in POINT_LAYERS:
         own = [f for f in features if _is_of(f, name)]

@@ -21,6 +21,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from linework.errors import MachineError, argument
 from linework.files.line_file.file import LineFile
+from linework.processes.system import end_on_second
 from linework.runs.steps import Watcher
 from linework.workbench.server.app import create_app
 from linework.workbench.server.app_state import AppState
@@ -201,19 +202,15 @@ def _signals() -> Iterator[asyncio.Future[int]]:
 
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     for number in before:
-        try:
-            loop.add_signal_handler(number, stop, int(number))
-        except NotImplementedError:
-            # The loop of Windows has no signal handlers of its own; Python's run in this thread and wake the loop
-            signal.signal(number, lambda number, _: loop.call_soon_threadsafe(stop, number) and None)
+        # Not the loop's own handlers: they would take the notice of signals from `linework.processes.forced_end`
+        signal.signal(number, lambda number, _: loop.call_soon_threadsafe(stop, number) and None)
+        end_on_second(number)
     try:
         yield stopped
     finally:
         for number, handler in before.items():
-            # None was added on Windows
-            with contextlib.suppress(NotImplementedError):
-                loop.remove_signal_handler(number)
             signal.signal(number, handler)
+            end_on_second(number)
 
 
 @contextlib.contextmanager
