@@ -23,6 +23,8 @@ Speech = Callable[[str, str | int | bool | None], str]
 #: What stands around a parameter in a message: characters of private use, which no file name or value has.
 _BEGIN, _END = "\ue000", "\ue001"
 _ARGUMENT = re.compile(f"{_BEGIN}([a-z_]+)=([^{_BEGIN}{_END}]*){_END}")
+#: The password in an address or in the description of a connection: paths drop one of the slashes.
+_PASSWORD = re.compile(r"(?i)((?:\b[a-z][a-z0-9+.-]*:/{1,2}[^/@\s:]*:)|(?:\b(?:password|passwd|pwd)\s*=\s*))[^@\s,;&'\"]+")
 
 
 def argument(name: str, value: str | int | bool | None = None) -> str:
@@ -103,8 +105,10 @@ class LineworkError(Exception):
         return self.line()
 
     def line(self, speech: Speech = python_words) -> str:
-        """Return the line that a user sees, its parameters as this caller names them.
+        """Return the line that a user sees, its parameters as this caller names them, passwords left out.
 
+        >>> UsageError("not a file", where="pg://me:secret@host/db").line()
+        'pg://me:***@host/db: not a file.'
         >>> UsageError("not a CRS", where=argument("crs")).line(lambda name, value: f"option {name}")
         'option crs: not a CRS.'
         """
@@ -118,7 +122,8 @@ class LineworkError(Exception):
             # Commands and parameters are case-sensitive: no capital at the start of a sentence
             is_literal = self.advice.startswith(("linework ", _BEGIN))
             text += f" {self.advice if is_literal else self.advice[0].upper() + self.advice[1:]}."
-        return "".join(c if c.isprintable() else repr(c)[1:-1] for c in in_words(text, speech))
+        text = _PASSWORD.sub(r"\1***", in_words(text, speech))
+        return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 class UsageError(LineworkError, ValueError):
