@@ -1,127 +1,132 @@
-"""Disks that fail: every k-th call of a run, and disks of many sizes. Is a run that ends well always right?
+"""Every call that writes fails once, from there on, or in part: is a command that ends well always right?
 
-    python -m benchmarks.faults FAULTIO.so [EVERY]
-
-FAULTIO.so fails the k-th call of a kind in each process (LD_PRELOAD; FAULT_OP, FAULT_N, FAULT_ERRNO,
-FAULT_STICKY, FAULT_SHORT, FAULT_COUNT). Full disks are made with mount (tmpfs), where that is allowed. After
-each fault the run is resumed without it, and must come to the right output.
+Each k-th call of a kind fails, in each process that makes so many, with ENOSPC and with EIO. After each fault the
+command is run again without it, and must come to the right files.
 """
 
 from __future__ import annotations
 
+import errno
+import math
 import os
-import shutil
 import subprocess
-import sys
-import tempfile
-from collections import Counter
-from collections.abc import Mapping
 from pathlib import Path
 
-from benchmarks.kills import command, make_survey, run, sha256
+from tests.campaign.commands import (
+    COMMANDS,
+    Command,
+    Scene,
+    Trials,
+    fresh,
+    hashes,
+    judge_ending,
+    judge_files,
+    make_scene,
+    run_again,
+)
+from tests.campaign.ledger import Step, Trial
+from tests.campaign.warm import Warm
 
-#: Takes long: not among those that are run without being named.
-ON_REQUEST = True
-ERRORS = {"ENOSPC": "28", "EIO": "5"}
-MODES: dict[str, tuple[dict[str, str], ...]] = {
-    "write": ({}, {"FAULT_STICKY": "1"}, {"FAULT_SHORT": "1"}),
-    "fsync": ({}, {"FAULT_STICKY": "1"}),
-    "rename": ({}, {"FAULT_STICKY": "1"}),
+ERRORS = {"ENOSPC": errno.ENOSPC, "EIO": errno.EIO, "ENOMEM": errno.ENOMEM}
+#: Kinds of calls, and how each fails.
+CALLS = {
+    "write": ("once", "always", "short"),
+    "fsync": ("once", "always"),
+    "rename": ("once", "always"),
+    "open": ("once",),
+    "truncate": ("once",),
+    "close": ("once",),
+    "mkdir": ("once",),
+    "memory": ("once", "always"),
 }
-N_SIZES = 20
+#: Errors that only these calls give in practice.
+SOLE = {"mkdir": ("ENOSPC",), "memory": ("ENOMEM",)}
+#: Left out: their writes are those of `extract`, and they take tens of seconds each.
+_LONG = ("demo", "raster", "extract with a report", "extract, 2 workers")
+#: Calls of a command that are tried with each kind of fault; where it makes more, they are spread evenly.
+MOST = 60
 
 
-def main(library: str, every: str = "1") -> int:
-    """Try all faults; print what came of them and return how many runs were wrong."""
-    library = str(Path(library).resolve())
-    with tempfile.TemporaryDirectory(prefix="linework-faults-") as name:
-        folder = Path(name)
-        survey = make_survey(folder / "survey")
-        run(survey, folder / "first")
-        run(survey, folder / "undisturbed")
-        expected = sha256(folder / "undisturbed" / "lines.gpkg")
-        n_wrong = 0
-        for operation, modes in MODES.items():
-            highest = n_calls(survey, folder / "count", library, operation)
-            print(f"{operation}: at most {highest} calls in a process")
-            for mode in modes:
-                for error, number in ERRORS.items():
-                    settings = {"LD_PRELOAD": library, "FAULT_OP": operation, "FAULT_ERRNO": number} | mode
-                    found = Counter[str]()
-                    for k in range(1, highest + 1, int(every)):
-                        found += one_fault(survey, folder / "out", expected, settings | {"FAULT_N": str(k)})
-                    n_wrong += report(f"{operation} {error} {' '.join(mode)}", found)
-        n_wrong += report(f"{N_SIZES} sizes of a full disk", full_disks(survey, folder, expected))
-    return n_wrong
+def built_library(folder: Path) -> Path:
+    """Return the library of failing calls, compiled into a folder."""
+    source, library = Path(__file__).with_name("failing_calls.c"), folder / "failing_calls.so"
+    folder.mkdir(parents=True, exist_ok=True)
+    if not library.exists() or library.stat().st_mtime < source.stat().st_mtime:
+        part = library.with_suffix(f".{os.getpid()}.so")
+        subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", part, source, "-ldl"], check=True)
+        part.replace(library)
+    return library
 
 
-def n_calls(survey: Path, out: Path, library: str, operation: str) -> int:
-    """Return how often the busiest process of a run makes a call."""
-    count = out.with_suffix(".txt")
-    disturbed(survey, out, {"LD_PRELOAD": library, "FAULT_OP": operation, "FAULT_COUNT": str(count)})
+def failing(
+    call: str, k: int, how: str, error: int, under: Path, count: Path | None = None
+) -> dict[str, str]:
+    """Return the environment in which the k-th call of a kind fails."""
+    found = {
+        "FAIL_CALL": call, "FAIL_AT": str(k), "FAIL_HOW": how, "FAIL_WITH": str(error), "FAIL_UNDER": f"{under}/",
+    }  # fmt: skip
+    return found | ({} if count is None else {"FAIL_COUNT": str(count)})
+
+
+def n_calls(warm: Warm, scene: Scene, command: Command, folder: Path, call: str) -> int:
+    """Return how often the busiest process of a command makes a call."""
+    out, count = fresh(folder / "counted"), folder / "count.txt"
+    count.unlink(missing_ok=True)
+    ended = warm.run(scene.words(command, out), environment=failing(call, 0, "once", 0, out, count))
+    assert ended.code == 0, f"{command.name}: {ended}"
     return max(int(line.split()[1]) for line in count.read_text(encoding="utf-8").splitlines())
 
 
-def disturbed(survey: Path, out: Path, settings: Mapping[str, str]) -> int:
-    """Run with a fault and return the exit code."""
-    environment = os.environ | settings
-    arguments = command(survey, out)
-    done = subprocess.run(arguments, env=environment, capture_output=True, check=False, timeout=120)
-    return done.returncode
+def spread(n: int, most: int) -> list[int]:
+    """Return at most so many of 1 to n, spread evenly, the first and the last among them.
+
+    >>> spread(3, 10), spread(100, 4)
+    ([1, 2, 3], [1, 34, 67, 100])
+    """
+    if n <= most:
+        return list(range(1, n + 1))
+    return sorted({round(1 + i * (n - 1) / (most - 1)) for i in range(most)})
 
 
-def one_fault(survey: Path, out: Path, expected: str, settings: Mapping[str, str]) -> Counter[str]:
-    """Run with a fault, then resume without it; count what came of both."""
-    shutil.rmtree(out, ignore_errors=True)
-    code = disturbed(survey, out, settings)
-    return judged(out, code, expected) + after(survey, out, expected)
+def trials(folder: Path, share: float) -> Trials:
+    """Yield a trial per command, kind of call, way to fail and error."""
+    library = built_library(folder)
+    scene = make_scene(folder / "scene")
+    with Warm(library) as warm:
+        for command in COMMANDS.values():
+            if command.name in _LONG or (share < 0.01 and not command.name.startswith("convert to Geo")):
+                continue
+            for call, ways in CALLS.items():
+                for how in ways:
+                    for error in SOLE.get(call, ("ENOSPC", "EIO")):
+                        if how == "short" and error == "EIO":
+                            continue
+
+                        def trial(command=command, call=call, how=how, error=error) -> Trial:
+                            return one_kind(warm, scene, command, folder / "calls", call, how, error, share)
+
+                        yield f"{command.name}, {call} {how} {error}", trial
 
 
-def judged(out: Path, code: int, expected: str) -> Counter[str]:
-    """Count how a run ended, and whether what is there is right."""
-    lines = sha256(out / "lines.gpkg")
-    found = Counter({f"exit {code}": 1})
-    found["WRONG: success without the right lines"] += code == 0 and lines != expected
-    found["WRONG: something else at the output's name"] += lines not in ("", expected)
-    return found
+def one_kind(
+    warm: Warm, scene: Scene, command: Command, folder: Path, call: str, how: str, error: str, share: float
+) -> Trial:
+    """Try a way to fail at each call of a kind."""
+    scene.learn(command, warm, folder)
+    expected = scene.expected[command.name]
+    n = n_calls(warm, scene, command, folder, call)
+    tried = spread(n, max(math.ceil(MOST * min(1.0, share)), 2))
+    total = Trial(cases=0, figures={"calls": n})
+    for k in tried:
+        total.cases += 1
+        out = fresh(folder / "out")
+        what = f"{command.name}, {call} {k} of {n} {how} {error}"
+        ended = warm.run(scene.words(command, out), environment=failing(call, k, how, ERRORS[error], out))
+        judge_ending(total, ended, what, out)
+        judge_files(total, out, expected, what, ended_well=ended.code == 0)
+        if ended.code != 0 or set(hashes(out)) != set(expected):
+            run_again(warm, scene, command, out, total, what)
+    return total
 
 
-def after(survey: Path, out: Path, expected: str) -> Counter[str]:
-    """Resume without a fault and count whether that comes to the right lines."""
-    code = run(survey, out, "--resume")
-    return Counter({"WRONG: not mended by resuming": code != 0 or sha256(out / "lines.gpkg") != expected})
-
-
-def full_disks(survey: Path, folder: Path, expected: str) -> Counter[str]:
-    """Run on disks of many sizes, from a tenth of what is needed to a little more than that."""
-    undisturbed = folder / "undisturbed"
-    parts = [p for p in (*(undisturbed / "work").rglob("*"), undisturbed / "lines.gpkg") if p.is_file()]
-    needed, found = 1.3 * sum(p.stat().st_size for p in parts), Counter[str]()
-    disk = folder / "disk"
-    disk.mkdir()
-    for i in range(N_SIZES):
-        size = int(needed * (0.1 + i / (N_SIZES - 1)))
-        mounted = subprocess.run(
-            ["mount", "-t", "tmpfs", "-o", f"size={size}", "none", str(disk)], check=False
-        )
-        if mounted.returncode != 0:
-            return Counter({"disks that could not be made": N_SIZES})
-        try:
-            code = run(survey, disk / "out")
-            found += judged(disk / "out", -1 if code is None else code, expected)
-            subprocess.run(["mount", "-o", f"remount,size={4 * int(needed)}", str(disk)], check=True)
-            found += after(survey, disk / "out", expected)
-        finally:
-            subprocess.run(["umount", str(disk)], check=True)
-    return found
-
-
-def report(what: str, found: Counter[str]) -> int:
-    """Print what came of a kind of fault; return how many runs were wrong."""
-    n_wrong = sum(n for name, n in found.items() if name.startswith("WRONG"))
-    print(f"{what}: " + ", ".join(f"{name}: {n}" for name, n in sorted(found.items()) if n), flush=True)
-    return n_wrong
-
-
-if __name__ == "__main__":
-    sys.exit(1 if main(*sys.argv[1:]) else 0)
+STEP = Step("calls", "calls that write, made to fail one by one", trials)
