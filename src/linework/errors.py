@@ -23,6 +23,8 @@ Speech = Callable[[str, str | int | bool | None], str]
 #: What stands around a parameter in a message: characters of private use, which no file name or value has.
 _BEGIN, _END = "\ue000", "\ue001"
 _ARGUMENT = re.compile(f"{_BEGIN}([a-z_]+)=([^{_BEGIN}{_END}]*){_END}")
+#: Longest message beside the name of the file, four lines of a terminal; its advice is never cut. [characters]
+MOST_CHARACTERS = 280
 #: The password in an address or in the description of a connection: paths drop one of the slashes.
 _PASSWORD = re.compile(r"(?i)((?:\b[a-z][a-z0-9+.-]*:/{1,2}[^/@\s:]*:)|(?:\b(?:password|passwd|pwd)\s*=\s*))[^@\s,;&'\"]+")
 
@@ -73,6 +75,20 @@ def did_you_mean(unknown: Iterable[str], known: Iterable[str]) -> str:
     return f". Did you mean {' and '.join(dict.fromkeys(near))}?" if near else ""
 
 
+def _shortened(text: str, most: int) -> str:
+    """Return a text of so many printed characters at most; what is printed as an escape sequence counts as that.
+
+    >>> _shortened("unknown key", 20), _shortened("known are " + "a, " * 50, 20)
+    ('unknown key', 'known are a, a ...')
+    """
+    shown = 0
+    for i, character in enumerate(text):
+        shown += 1 if character.isprintable() else len(repr(character)) - 2
+        if shown > most:
+            return f"{text[: max(i - 4, 0)].rstrip(' ,;')} ..."
+    return text
+
+
 class LineworkError(Exception):
     """Base class of all errors that linework raises on purpose.
 
@@ -114,7 +130,8 @@ class LineworkError(Exception):
         """
         # In front of a colon a parameter stands alone: `crs: `, not `crs=: `
         text = f"{in_words(str(self.where), speech).removesuffix('=')}: " if self.where is not None else ""
-        text += self.problem if self.problem.endswith("?") else f"{self.problem}."
+        problem = _shortened(in_words(self.problem, speech), MOST_CHARACTERS - len(self.advice))
+        text += problem if problem.endswith("?") else f"{problem}."
         if self.advice.startswith("pip "):
             # To be copied to the end of the line
             text += f" {self.advice}"

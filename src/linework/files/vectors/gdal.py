@@ -13,7 +13,7 @@ import shapely
 
 from linework.arrays import AnyArray
 from linework.crs import LOCAL, describe_crs, parse_crs
-from linework.errors import CrsError, InputError, MachineError
+from linework.errors import CrsError, InputError, LineworkWarning, MachineError
 from linework.files.vectors.fields import (
     REJECTED_LAYER,
     TABLES,
@@ -50,7 +50,9 @@ def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, c
         own = parse_crs(meta["crs"], where=path) if meta["crs"] else None
         table = dict(zip(meta["fields"], values, strict=True))
         kind = table.get(kind_field, np.full(len(shapes), layer, dtype=object))
-        sets.append(foreign_lines(shapely.from_wkb(shapes), kind, table, kinds, own or crs or LOCAL, path))
+        geometries_read = shapely.from_wkb(shapes)
+        _warn_of_missing(geometries_read, path)
+        sets.append(foreign_lines(geometries_read, kind, table, kinds, own or crs or LOCAL, path))
     others = [lines.crs for lines in sets if lines.crs != sets[0].crs]
     if others:
         raise CrsError(
@@ -70,6 +72,17 @@ def foreign_lines(
     columns["kind"] = [named[i] if kinds is None else kinds[named[i]] for i in kept]
     lines, _ = lines_from_geometries(np.asarray(shapes, dtype=object)[kept], columns, crs, path)
     return lines
+
+
+def _warn_of_missing(shapes: AnyArray, path: Path) -> None:
+    """Say how many features have no geometry: GDAL gives none where it cannot read one."""
+    missing = np.flatnonzero(shapely.is_missing(shapes))
+    if len(missing):
+        warnings.warn(
+            f"{path}: {len(missing):,} of {len(shapes):,} features have no geometry that can be read, the first is"
+            f" feature {missing[0] + 1:,}",
+            LineworkWarning, stacklevel=2,
+        )  # fmt: skip
 
 
 def write_flatgeobuf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:  # noqa: ARG001

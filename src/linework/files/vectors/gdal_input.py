@@ -54,7 +54,8 @@ def read_errors(path: Path) -> Iterator[None]:
         yield
     except LineworkError:
         raise
-    except (RuntimeError, OSError) as error:
+    # Texts that are not in their encoding, a .prj that pyogrio takes for neither kind of CRS
+    except (RuntimeError, OSError, ValueError, UnboundLocalError) as error:
         text = (str(error).splitlines() or [type(error).__name__])[0][:120]
         raise InputError(f"cannot be read ({text})", where=path, advice="copy the file again") from error
 
