@@ -1,6 +1,8 @@
 """Lines of others' files are read with care: odd geometries, formats in disguise, missing CRSs."""
 
+import contextlib
 import json
+import sqlite3
 import subprocess
 import sys
 
@@ -160,11 +162,21 @@ def shapefile(folder, n=6):
 
 def test_features_whose_geometry_cannot_be_read_are_counted(tmp_path):
     path = shapefile(tmp_path)
-    path.write_bytes(path.read_bytes()[:300])
+    data = bytearray(path.read_bytes())
+    # The second record, 104 bytes behind the first, says that it is of no type
+    data[100 + 104 + 8] = 0
+    path.write_bytes(data)
     with pytest.warns(
-        LineworkWarning, match=r"5 of 6 features have no geometry that can be read, the first is feature 2"
+        LineworkWarning, match=r"1 of 6 features have no geometry that can be read, the first is feature 2"
     ):
-        assert len(read_lines(path)) == 1
+        assert len(read_lines(path)) == 5
+
+
+def test_a_shapefile_that_is_cut_off_is_refused(tmp_path):
+    path = shapefile(tmp_path)
+    path.write_bytes(path.read_bytes()[:300])
+    with pytest.raises(InputError, match=r"a\.shp: cannot be read \(.*Copy the file again"):
+        read_lines(path)
 
 
 def test_texts_of_a_shapefile_that_are_not_text_are_one_line(tmp_path):
@@ -194,3 +206,12 @@ def test_a_damaged_drawing_is_lines_or_one_line(tmp_path, damage):
         read_lines(path)
     except InputError as error:
         assert str(error).startswith(f"{path}: is not a DXF file") and "\n" not in str(error)
+
+
+@pytest.mark.parametrize("count", [-1, 0, 1, 99])
+def test_features_are_counted_whatever_a_table_says(tmp_path, count):
+    foreign_gpkg(tmp_path / "a.gpkg", "EPSG:25832")
+    with contextlib.closing(sqlite3.connect(tmp_path / "a.gpkg")) as db:
+        db.execute("UPDATE gpkg_ogr_contents SET feature_count = ?", (count,))
+        db.commit()
+    assert len(read_lines(tmp_path / "a.gpkg")) == 2

@@ -26,6 +26,9 @@ from linework.model.lineset.geometries import geometries
 
 #: Our own layers and tables that hold no lines, or rejected ones.
 _OURS = (*TABLES, REJECTED_LAYER)
+#: With a condition, GDAL counts the features. Without one it believes a table of a GeoPackage (gpkg_ogr_contents), which
+#: a program that does not know it leaves as it was: of 6 features 3 were read where it said 3.
+_COUNTED = "1 = 1"
 
 
 def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
@@ -42,7 +45,7 @@ def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, c
     """
     with read_errors(path):
         layers = [str(name) for name, kind in pyogrio.list_layers(path) if str(name) not in _OURS and kind]
-        read = [(layer, *pyogrio.raw.read(path, layer=layer)) for layer in layers]
+        read = [(layer, *pyogrio.raw.read(path, layer=layer, where=_COUNTED)) for layer in layers]
     if not read:
         raise InputError("no layer with geometries", where=path, advice="check what this file is")
     sets = []
