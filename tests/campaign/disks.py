@@ -51,7 +51,8 @@ def needed_bytes(out: Path) -> int:
 
 def full_disks(warm: Warm, scene: Scene, command: Command, folder: Path, n: int) -> Trial:
     """Run a command on disks that are too small, make them large, and run it again."""
-    scene.learn(command, warm, folder)
+    # As deep in the tree as outputs are later: pages hold relative links
+    scene.learn(command, warm, folder / "disk")
     expected = scene.expected[command.name]
     out = fresh(folder / "measured")
     assert warm.run(scene.words(command, out)).code == 0
@@ -64,7 +65,7 @@ def full_disks(warm: Warm, scene: Scene, command: Command, folder: Path, n: int)
         total.cases += 1
         with disk(folder / "disk", int(share * needed)) as enlarge:
             is_mounted = enlarge is not None
-            out = fresh((folder / "disk" / "out") if is_mounted else (folder / "limited"))
+            out = fresh(folder / "disk" / "out")
             file_bytes = None if is_mounted else int(share * largest)
             ended = warm.run(scene.words(command, out), file_bytes=file_bytes)
             total.came["tmpfs" if is_mounted else "limit on the size of files"] += 1
