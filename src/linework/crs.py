@@ -30,6 +30,8 @@ _FEET_IN_NAME = re.compile(r" \((ft|ftUS|US survey foot|foot)\)")
 #: How a CRS is given as a text.
 _FORMS = "EPSG:n, EPSG:n+m, WKT or local"
 _ADVICE = f"give {argument('crs', 'EPSG:...')} (projected, metres) or {argument('crs', 'local')}"
+#: Where a file states the CRS, the parameter does not replace it.
+_STATED_ADVICE = "correct the CRS that is stated there"
 
 
 def crs_text(crs: object, *, where: object = argument("crs")) -> str:
@@ -54,7 +56,7 @@ def crs_text(crs: object, *, where: object = argument("crs")) -> str:
     Traceback (most recent call last):
     linework.errors.CrsError: crs: 2.5 is not a CRS: expected EPSG:n, EPSG:n+m, WKT or local, ...
     """
-    if isinstance(crs, str):
+    if isinstance(crs, str) and crs.strip():
         return crs
     if isinstance(crs, Integral) and not isinstance(crs, bool):
         return f"EPSG:{int(crs)}"
@@ -95,39 +97,74 @@ def parse_crs(crs: object, *, where: object = None) -> str:
     >>> parse_crs("EPSG:25832+7837").split('"')[1]
     'ETRS89 / UTM zone 32N + DHHN2016 height'
     """
-    text = crs_text(crs, where=where)
-    stripped = text.strip()
-    if stripped.lower() == LOCAL:
+    loaded = _understood(crs, where, _advice_at(where))
+    if loaded is None:
         return LOCAL
-    shown = stripped if len(stripped) <= 60 else stripped[:57] + "..."
-    if len(text) > _MAX_CHARS:
-        raise CrsError(
-            f"CRS text of {len(text)} characters, at most {_MAX_CHARS}", where=where, advice=_ADVICE
-        )
-    if not (_EPSG.fullmatch(stripped) or _WKT.match(stripped)):
-        raise CrsError(f"'{shown}' is not a CRS: expected {_FORMS}", where=where,
-                       advice=_ADVICE)  # fmt: skip
-    try:
-        loaded = _load(stripped)
-    except ProjError as error:
-        raise CrsError(f"CRS '{shown}' is not known to PROJ", where=where, advice=_ADVICE) from error
     check_usable(loaded, where=where)
     return LOCAL if loaded.is_engineering else canonical_wkt(loaded)
 
 
+def stated_crs(crs: object, given: str | None, *, where: object) -> str:
+    """Return the CRS that a file states; where that is not understood, the one that the caller gave.
+
+    Parameters
+    ----------
+    crs
+        What the file states.
+    given
+        As `parse_crs` returned it, or "" for what is not understood; None: that is an error.
+
+    Raises
+    ------
+    CrsError
+        As for `parse_crs`; one that is not understood only where none was given, and then giving one helps.
+    """
+    try:
+        _understood(crs, where, _ADVICE)
+    except CrsError:
+        if given is None:
+            raise
+        return given
+    return parse_crs(crs, where=where)
+
+
+def _advice_at(where: object) -> str:
+    """Return what to do about a CRS: give another where the parameter is wrong, else correct it where it is stated."""
+    return _ADVICE if where in (None, argument("crs")) else _STATED_ADVICE
+
+
+def _understood(crs: object, where: object, advice: str) -> pyproj.CRS | None:
+    """Return the CRS that a text denotes, usable or not; None for "local"."""
+    text = crs_text(crs, where=where)
+    stripped = text.strip()
+    if stripped.lower() == LOCAL:
+        return None
+    shown = stripped if len(stripped) <= 60 else stripped[:57] + "..."
+    if len(text) > _MAX_CHARS:
+        raise CrsError(
+            f"CRS text of {len(text)} characters, at most {_MAX_CHARS}", where=where, advice=advice
+        )
+    if not (_EPSG.fullmatch(stripped) or _WKT.match(stripped)):
+        raise CrsError(f"'{shown}' is not a CRS: expected {_FORMS}", where=where, advice=advice)
+    try:
+        return _load(stripped)
+    except ProjError as error:
+        raise CrsError(f"CRS '{shown}' is not known to PROJ", where=where, advice=advice) from error
+
+
 def check_usable(crs: pyproj.CRS, *, where: object = None) -> None:
     """Raise unless lengths can be measured in the CRS: projected (or engineering), axes east and north."""
-    plan = horizontal_part(crs)
+    plan, advice = horizontal_part(crs), _advice_at(where)
     if plan.is_geographic or plan.is_geocentric:
         raise CrsError(
             f"CRS '{crs.name}' is geographic (degrees), lengths need metres" if plan.is_geographic
             else f"CRS '{crs.name}' is geocentric, expected a projected one",
-            where=where, advice="transform to a projected CRS, or " + _ADVICE,
+            where=where, advice="transform to a projected CRS, or " + advice,
         )  # fmt: skip
     if plan.is_vertical:
-        raise CrsError(f"CRS '{crs.name}' is for heights only", where=where, advice=_ADVICE)
+        raise CrsError(f"CRS '{crs.name}' is for heights only", where=where, advice=advice)
     if plan.is_engineering and abs(plan.axis_info[0].unit_conversion_factor - 1.0) > 1e-9:
-        raise CrsError(f"CRS '{crs.name}' is local, but not in metres", where=where, advice=_ADVICE)
+        raise CrsError(f"CRS '{crs.name}' is local, but not in metres", where=where, advice=advice)
     directions = [axis.direction for axis in plan.axis_info]
     if "west" in directions:
         raise CrsError(

@@ -26,7 +26,9 @@ _ARGUMENT = re.compile(f"{_BEGIN}([a-z_]+)=([^{_BEGIN}{_END}]*){_END}")
 #: Longest message beside the name of the file, four lines of a terminal; its advice is never cut. [characters]
 MOST_CHARACTERS = 280
 #: The password in an address or in the description of a connection: paths drop one of the slashes.
-_PASSWORD = re.compile(r"(?i)((?:\b[a-z][a-z0-9+.-]*:/{1,2}[^/@\s:]*:)|(?:\b(?:password|passwd|pwd)\s*=\s*))[^@\s,;&'\"]+")
+_PASSWORD = re.compile(
+    r"(?i)((?:\b[a-z][a-z0-9+.-]*:/{1,2}[^/@\s:]*:)|(?:\b(?:password|passwd|pwd)\s*=\s*))[^@\s,;&'\"]+"
+)
 
 
 def argument(name: str, value: str | int | bool | None = None) -> str:
@@ -63,6 +65,22 @@ def in_words(text: str, speech: Speech = python_words) -> str:
     return _ARGUMENT.sub(lambda found: speech(found[1], json.loads(found[2]) if found[2] else None), text)
 
 
+def printable(text: str, *, keep: str = "") -> str:
+    r"""Return a text as a terminal may get it: what is not printable is written as its escape sequence.
+
+    Names in files and of files may hold sequences that clear a terminal, rename its window or type a command.
+
+    Parameters
+    ----------
+    keep
+        Characters that stay all the same, such as the ends of the lines of a text of ours.
+
+    >>> printable("a\x1b[2Jb\n"), printable("a\tb\n", keep="\n")
+    ('a\\x1b[2Jb\\n', 'a\\tb\n')
+    """
+    return "".join(c if c.isprintable() or c in keep else repr(c)[1:-1] for c in text)
+
+
 def did_you_mean(unknown: Iterable[str], known: Iterable[str]) -> str:
     """Return the end of a message about unknown names: what is nearest to them, "" if nothing is near.
 
@@ -76,7 +94,7 @@ def did_you_mean(unknown: Iterable[str], known: Iterable[str]) -> str:
 
 
 def _shortened(text: str, most: int) -> str:
-    """Return a text of so many printed characters at most; what is printed as an escape sequence counts as that.
+    """Return a text, cut where it is longer than so many characters; characters that are escaped count as what is shown.
 
     >>> _shortened("unknown key", 20), _shortened("known are " + "a, " * 50, 20)
     ('unknown key', 'known are a, a ...')
@@ -139,8 +157,7 @@ class LineworkError(Exception):
             # Commands and parameters are case-sensitive: no capital at the start of a sentence
             is_literal = self.advice.startswith(("linework ", _BEGIN))
             text += f" {self.advice if is_literal else self.advice[0].upper() + self.advice[1:]}."
-        text = _PASSWORD.sub(r"\1***", in_words(text, speech))
-        return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+        return _PASSWORD.sub(r"\1***", printable(in_words(text, speech)))
 
 
 class UsageError(LineworkError, ValueError):

@@ -1,6 +1,7 @@
 """Outputs appear whole or not at all."""
 
 import errno
+import json
 import os
 import subprocess
 import sys
@@ -214,3 +215,9 @@ def test_json_and_hash(tmp_path):
     assert hash_file(tmp_path / "abc").startswith("ba7816bf8f01cfea")
     with pytest.raises(ValueError, match="JSON"):
         write_json({"a": float("nan")}, tmp_path / "nan.json")
+
+
+def test_names_that_are_not_text_are_escaped_in_records(tmp_path):
+    name = os.fsdecode(b"n\xff.laz")
+    write_json({"file": name}, tmp_path / "run.json")
+    assert json.loads((tmp_path / "run.json").read_text(encoding="utf-8")) == {"file": name}

@@ -16,10 +16,14 @@ import linework
 from linework.errors import CrsError, InputError, LineworkError, LineworkWarning, PartialError, UsageError
 from linework.files.las.write import write_las
 from linework.files.trajectories.read import write_trajectory
+from linework.library.extract import methods_asked
+from linework.library.opened import settings_given
 from linework.methods.kinds import ALL_KINDS
+from linework.methods.radon.method import RadonConfig
 from linework.model.points import Points
 from linework.model.trajectory import Trajectory
 from linework.navigation.lever import at_vehicle_origin
+from linework.runs.settings import RunSettings
 
 PUBLIC = [
     "extract",
@@ -164,6 +168,18 @@ def test_settings_are_tables_or_a_file(las_file, tmp_path):
         assert isinstance(refused.value, ValueError)
 
 
+def test_settings_reach_methods_that_are_objects():
+    given = settings_given({"radon": {"cell_m": 0.25}})
+    (rails,) = methods_asked([linework.Radon()], "guardrail", given)
+    (own,) = methods_asked([linework.Radon(config=RadonConfig(cell_m=0.3))], "guardrail", RunSettings())
+    (same,) = methods_asked([linework.Radon(config=RadonConfig(cell_m=0.25))], "guardrail", given)
+    assert (rails.config.cell_m, own.config.cell_m, same.config.cell_m) == (0.25, 0.3, 0.25)
+    with pytest.raises(UsageError, match="settings of its own"):
+        methods_asked([linework.Radon(config=RadonConfig(cell_m=0.3))], "guardrail", given)
+    with pytest.raises(UsageError, match="RadonConfig"):
+        methods_asked([linework.Radon(config={"cell_m": 0.3})], "guardrail", given)
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -178,6 +194,8 @@ def test_settings_are_tables_or_a_file(las_file, tmp_path):
         ({"methods": ["obb", "auto"]}, "obb"),
         ({"methods": linework.Radon(find_peaks=5)}, "find_peaks"),
         ({"methods": linework.Obb(paint=5)}, "paint"),
+        ({"methods": linework.Radon(kinds=("gardrail",))}, "guardrail"),
+        ({"methods": linework.Radon(kinds="guardrail")}, r'\("guardrail",\)'),
         ({"methods": "stereo"}, "methods|images"),
         ({"settings": 5}, "settings"),
         ({"trajectory": 5}, "trajectory"),
@@ -190,7 +208,22 @@ def test_wrong_arguments_are_refused_in_the_callers_words(las_file, arguments, s
     assert "\n" not in str(refused.value)
 
 
+def test_what_is_not_a_survey_is_told_what_to_do():
+    with pytest.raises(UsageError, match=r"linework\.Points\(array"):
+        linework.extract(np.zeros((10, 3)))
+    with pytest.raises(UsageError, match="10 of 10 points have NaN"):
+        linework.find_ground(Points(np.full((10, 3), np.nan)))
+
+
 # Nothing is lost in silence
+
+
+def test_markings_without_intensity_are_said():
+    scan = road_points(seed=3)
+    with pytest.warns(LineworkWarning, match="no intensity"):
+        found = linework.extract(Points(scan.xyz), kinds="lane_marking")
+    assert "no intensity" in found.report.warnings[0]
+    assert linework.extract(Points(scan.xyz), kinds="guardrail").report.warnings == ()
 
 
 @pytest.fixture
@@ -309,6 +342,8 @@ def test_a_line_is_traced_from_a_place(street, kerbs):
     assert "kerb_top" in found.kinds
     again = linework.trace(linework.read_points(street), (float(at[0]), float(at[1])), kind="road_boundary")
     assert again.length_m[0] > 10.0
+    in_space = linework.trace(street, at, kind="road_boundary")
+    assert np.array_equal(in_space.xyz, found.xyz)
     with pytest.raises(UsageError, match="at: "):
         linework.trace(street, (1.0, float("nan")))
     with pytest.raises(InputError) as refused:

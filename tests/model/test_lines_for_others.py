@@ -16,7 +16,7 @@ from tests.scenes.drawing_scenes import some_lines
 from tests.scenes.effort import examples
 from tests.scenes.line_sets import line_sets
 
-from linework.errors import CrsError, InputError, MissingPackageError, needed
+from linework.errors import CrsError, InputError, LineworkWarning, MissingPackageError, needed
 from linework.files.vectors.read_write import read_lines, write_lines
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 
@@ -138,7 +138,9 @@ def test_frames_of_others_are_read_as_far_as_they_go():
          "sigma_xy_m": [0.01, 0.02, 0.03]},
         geometry=shapes, crs="EPSG:25832", index=[7, 7, 9],
     )  # fmt: skip
-    lines = LineSet.from_geopandas(frame, kind="fence")
+    with pytest.warns(LineworkWarning) as said:
+        lines = LineSet.from_geopandas(frame, kind="fence")
+    assert [str(one.message).split(":")[1].strip() for one in said] == ["sigma_xy_m", "owner"]
     assert lines.kind.tolist() == ["fence"] * 4
     assert lines.note.tolist() == ["ä", "", "", ""]
     np.testing.assert_array_equal(lines.width_m, [0.1, np.nan, np.nan, 0.3])

@@ -240,3 +240,45 @@ def test_a_cache_that_cannot_be_written_is_no_error(kernels, tmp_path, monkeypat
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file" / "inside"))
     compiled.note_compiled(["paint"], [])
     assert not compiled.is_compiled(["paint"])
+
+
+def test_compiled_for_one_command_where_nothing_can_be_kept(las_file, tmp_path):
+    """Neither beside the package nor in the user's cache can files be made: numba looks for that just as we do."""
+    (tmp_path / "sitecustomize.py").write_text(
+        f"""
+import tempfile
+from pathlib import Path
+open_file = tempfile.TemporaryFile
+
+def refuse(*args, dir=None, **options):
+    if dir is not None and any(Path(dir).is_relative_to(place) for place in ({str(ROOT)!r}, "/nowhere")):
+        raise PermissionError(13, "Permission denied", str(dir))
+    return open_file(*args, dir=dir, **options)
+
+tempfile.TemporaryFile = refuse
+""",
+        encoding="utf-8",
+    )
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    search = os.pathsep.join([str(tmp_path), str(ROOT / "src")])
+    environment = {
+        "PATH": os.environ["PATH"],
+        "PYTHONPATH": search,
+        "HOME": "/nowhere",
+        "TMPDIR": str(temporary),
+    }
+    code = """
+from linework.cli.app import main
+from linework.runs.compile import compile_stage
+from linework.runs.steps import RunSteps
+compile_stage(["points"], RunSteps())
+raise SystemExit(main())
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code, "info", las_file, "--work", tmp_path / "work", "--quiet"],
+        env=environment, capture_output=True, text=True, timeout=600, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("kernels are compiled for this command alone") == 1
+    assert list(temporary.iterdir()) == []

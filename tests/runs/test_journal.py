@@ -1,6 +1,7 @@
 """What a killed run leaves: journal, lines of tiles, folder; and what the next one makes of it."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from linework.files.output.parts import read_part, write_part
 from linework.files.output.replace import set_record_aside
 from linework.model.lines import LineSet
 from linework.runs.opened import work_folder
+from linework.runs.opened.made import LIST, claim
 from linework.runs.resume import (
     describe_run,
     fingerprint_of,
@@ -143,21 +145,108 @@ def test_a_run_is_described_by_inputs_parameters_and_program(tmp_path):
     assert fingerprint_of(one) != fingerprint_of(describe_run({"a": 1}, {tmp_path / "x.laz": "13"}))
 
 
-def test_clean_removes_ours_only(tmp_path):
+@pytest.fixture
+def work(tmp_path):
+    """Return a work folder with a store of 5 bytes, an unfinished run of 3, and a store that was never finished."""
     folder = work_folder.work_folder(tmp_path)
-    assert folder == tmp_path / ".linework"
-    (folder / "stores" / "x").mkdir()
-    (folder / "stores" / "x" / "points").write_bytes(b"12345")
-    (folder / "note.txt").write_text("mine")
-    assert work_folder.existing_work_folders(tmp_path) == [folder]
-    assert work_folder.clean_work_folder(folder) == 5
-    assert [p.name for p in folder.iterdir()] == ["note.txt"]
-    with pytest.raises(InputError, match="not a work folder"):
-        work_folder.clean_work_folder(folder)
+    for name, file, content in (
+        ("stores/x", "0.points", b"12345"),
+        ("stores/.y.part", "0.points", b"12"),
+        ("runs/r", "journal.sqlite", b"123"),
+    ):
+        claim(folder, name.replace(".y.part", "y"))
+        (folder / name).mkdir()
+        (folder / name / file).write_bytes(content)
+    return folder
+
+
+def test_clean_removes_what_linework_made_and_the_folder(work):
+    assert work_folder.existing_work_folders(work.parent) == [work]
+    assert work_folder.clean_work_folder(work) == work_folder.Cleaned(10, ())
+    assert not work.exists()
+
+
+def test_a_folder_of_the_user_stays(tmp_path):
+    (tmp_path / "mine").mkdir()
+    work_folder.clean_work_folder(work_folder.work_folder(tmp_path, tmp_path / "mine"))
+    assert list((tmp_path / "mine").iterdir()) == []
+
+
+def test_clean_leaves_what_others_put_there(work):
+    others = [work / "note.txt", work / "stores" / "precious.npy", work / "runs" / "r" / "holiday.jpg"]
+    others += [work / "runs" / "mine" / "result.json", work / "stores" / "abc-def.lock"]
+    for path in others:
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("mine")
+    cleaned = work_folder.clean_work_folder(work)
+    assert cleaned.n_bytes == 10
+    assert all(path.read_text() == "mine" for path in others)
+    assert {work / "note.txt", work / "runs" / "r" / "holiday.jpg", work / "runs" / "mine"} <= set(
+        cleaned.kept
+    )
+    # A second time there is nothing of linework, and nothing more goes
+    again = work_folder.clean_work_folder(work)
+    assert again.n_bytes == 0
+    assert all(path.read_text() == "mine" for path in others)
+
+
+def test_folders_of_others_are_not_cleaned_whatever_they_are_called(tmp_path):
+    for name in ("stores", "runs"):
+        (tmp_path / name / "x").mkdir(parents=True)
+        (tmp_path / name / "x" / "0.points").write_text("mine")
+    (tmp_path / "build.lock").touch()
+    with pytest.raises(InputError, match="made-by-linework"):
+        work_folder.clean_work_folder(tmp_path)
+    # Used as a work folder, it holds things of both
+    folder = work_folder.work_folder(tmp_path / "survey", tmp_path)
+    claim(folder, "stores/y")
+    (folder / "stores" / "y").mkdir()
+    with pytest.raises(OutputExistsError, match="not made by linework"):
+        claim(folder, "stores/x")
+    work_folder.clean_work_folder(folder)
+    assert not (folder / "stores" / "y").exists()
+    assert [(tmp_path / name / "x" / "0.points").read_text() for name in ("stores", "runs")] == ["mine"] * 2
+    assert (tmp_path / "build.lock").exists()
+
+
+def test_links_are_not_followed(work, tmp_path):
+    elsewhere = tmp_path / "elsewhere"
+    for name in ("x", "r"):
+        (elsewhere / name).mkdir(parents=True)
+        (elsewhere / name / "0.points").write_text("mine")
+    # In place of a store, in a run, and in place of the folder of runs
+    shutil.rmtree(work / "stores" / "x")
+    (work / "stores" / "x").symlink_to(elsewhere / "x")
+    (work / "runs" / "r" / "more").symlink_to(elsewhere / "x")
+    cleaned = work_folder.clean_work_folder(work)
+    assert set(cleaned.kept) >= {work / "stores" / "x", work / "runs" / "r" / "more"}
+    shutil.rmtree(work / "runs")
+    (work / "runs").symlink_to(elsewhere)
+    work_folder.clean_work_folder(work)
+    with pytest.raises(OutputExistsError, match="is a link"):
+        claim(work, "stores/x")
+    # And as a whole
+    work.rename(tmp_path / "moved")
+    work.symlink_to(tmp_path / "moved")
+    with pytest.raises(InputError, match="links are not followed"):
+        work_folder.clean_work_folder(work)
+    assert [(elsewhere / name / "0.points").read_text() for name in ("x", "r")] == ["mine"] * 2
+
+
+def test_a_list_from_elsewhere_names_nothing_outside(work, tmp_path):
+    (tmp_path / "precious").mkdir()
+    (tmp_path / "precious" / "0.points").write_text("mine")
+    with (work / LIST).open("a") as file:
+        file.write(
+            f"../precious\n{tmp_path}/precious\nstores/../../precious\nstores/x/../../../precious\n\xff\n"
+        )
+    work_folder.clean_work_folder(work)
+    assert (tmp_path / "precious" / "0.points").read_text() == "mine"
 
 
 def test_clean_waits_for_nobody(tmp_path):
     folder = work_folder.work_folder(tmp_path)
+    claim(folder, "stores/x")
     with (
         hold_lock(folder / "store-x.lock", shared=True, keep=True),
         pytest.raises(OutputExistsError, match="another run is using it"),

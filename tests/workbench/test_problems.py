@@ -35,7 +35,7 @@ def test_every_error_has_a_status():
         (StaleError("line x has changed", where="lines", advice="look again"), 412,
          "lines: line x has changed. Look again."),
         (MachineError("no space left on /home/me/data: 0 bytes"), 503, "no space left on data: 0 bytes."),
-        (InputError("tile 3: '/tmp/a b/c.laz' and /tmp/d/e.laz differ"), 422, "tile 3: 'a b/c.laz' and e.laz differ."),
+        (InputError("tile 3: '/data/a b/c.laz' and /data/d/e.laz differ"), 422, "tile 3: 'a b/c.laz' and e.laz differ."),
     ],
 )  # fmt: skip
 def test_one_line_without_paths(error, status, line):

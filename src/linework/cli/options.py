@@ -26,10 +26,13 @@ LinesOutput = Annotated[
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing output.")]
 Crs = Annotated[
-    str,
+    str | None,
     typer.Option(
         "--crs", metavar="CRS", help="CRS of files that do not state one: EPSG:CODE, or local (metres)."
     ),
+]
+AllowOutside = Annotated[
+    bool, typer.Option("--allow-outside", help="Let survey.toml name files outside its folder.")
 ]
 TrajectoryFile = Annotated[
     Path | None,

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from linework.crs import LOCAL, describe_crs, has_height, same_crs, same_plan
-from linework.errors import CrsError, UsageError, argument
+from linework.errors import CrsError, UsageError, argument, did_you_mean
 from linework.evaluation.attributes import (
     ATTRIBUTES,
     COMPARED_LABELS,
@@ -60,7 +60,8 @@ def evaluate(
     CrsError
         The two are in different CRSs.
     UsageError
-        A tolerance is not positive or is above 10 m, or neither set contains a line; or something else than lines.
+        A tolerance is not positive or is above 10 m, or neither set contains a line; something else than lines; or a
+        kind that is unknown and in neither set.
     InputError
         A coordinate is not finite.
 
@@ -95,7 +96,7 @@ def evaluate(
         if not isinstance(lines, LineSet):
             raise UsageError(f"{type(lines).__name__}, expected a LineSet", where=argument(name),
                              advice="read a file with read_lines")  # fmt: skip
-    chosen = (kinds,) if isinstance(kinds, str) else kinds
+    chosen = None if kinds is None else _kinds_to_score(kinds, found, truth)
     parts = match_lines(found, truth, tolerance_m=tolerance_m, kinds=chosen, curve_m=curve_m)
     if not parts:
         raise UsageError(
@@ -104,6 +105,25 @@ def evaluate(
             advice="name the kinds to score",
         )
     return scores_of(parts, tolerance_m=tolerance_m, curve_m=curve_m)
+
+
+def _kinds_to_score(kinds: str | Sequence[str], *sets: LineSet) -> tuple[str, ...]:
+    """Return the kinds that a caller names.
+
+    Raises
+    ------
+    UsageError
+        A kind that linework does not know and that is in neither set.
+    """
+    chosen = tuple(dict.fromkeys([kinds] if isinstance(kinds, str) else kinds))
+    known = tuple(dict.fromkeys((*KINDS, *kinds_in(*sets))))
+    unknown = [str(kind) for kind in chosen if kind not in known]
+    if unknown or not chosen:
+        problem = "no kind of line is named"
+        if unknown:
+            problem = f"unknown kinds of line: {', '.join(unknown)}" + did_you_mean(unknown, known)
+        raise UsageError(problem, where=argument("kinds"), advice=f"choose from {', '.join(known)}")
+    return chosen
 
 
 def match_lines(

@@ -6,7 +6,7 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Any
 
-from linework.errors import UnknownKindError
+from linework.errors import UnknownKindError, printable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -318,7 +318,7 @@ class KindScores:
     def __repr__(self) -> str:
         from linework.evaluation.summary import figures_text
 
-        return f"KindScores of {self.kind}: {figures_text(self)}"
+        return printable(f"KindScores of {self.kind}: {figures_text(self)}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -365,7 +365,7 @@ class Scores:
     def __repr__(self) -> str:
         from linework.evaluation.summary import text_of_scores
 
-        return text_of_scores(self)
+        return printable(text_of_scores(self), keep="\n")
 
     def to_frame(self, *, curve: bool = False) -> Any:
         """Return the main figures as a `pandas.DataFrame`, a row per kind and "overall" last.

@@ -30,6 +30,23 @@ def is_address(path: Path) -> bool:
     return is_scheme or text.lower().startswith(("/vsi", "\\\\", "//"))
 
 
+def matching_paths(base: Path, pattern: str) -> list[Path]:
+    """Return what matches a pattern that starts from a folder, sorted; ``**`` is any number of folders, links not.
+
+    Raises
+    ------
+    InputError
+        It is not a pattern: two stars beside other characters, as in ``a**b``.
+    """
+    try:
+        return sorted(base.glob(pattern))
+    except (ValueError, NotImplementedError) as error:
+        raise InputError(
+            "is not a pattern: ** stands for folders, and stands alone between slashes", where=pattern,
+            advice="write * for any characters",
+        ) from error  # fmt: skip
+
+
 def regular_file_bytes(path: Path) -> int:
     """Return the size of a regular file; a pipe, a device or a folder is refused unopened, so nothing can hang.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from numbers import Integral
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,8 @@ from linework.runs.steps import RunSteps
 MOST_WORKERS = 256
 #: Names of linework's methods, or methods with own functions and settings.
 GivenMethods = str | Method | Sequence[str | Method] | None
+#: Methods that have a table of their own in the settings of a run, by its name.
+_SETTINGS: dict[str, type[Any]] = {"obb": Obb, "radon": Radon, "stereo": Stereo}
 
 
 def extract(
@@ -55,6 +57,7 @@ def extract(
     methods: GivenMethods = None,
     ground: Ground | GroundFinder | None = None,
     carry: str | Sequence[str] = (),
+    allow_outside: bool = False,
     settings: GivenSettings = None,
     workers: int | None = None,
     work: str | Path | None = None,
@@ -83,6 +86,8 @@ def extract(
         A `Ground`, or a function that takes (points, trajectory) and returns one; None: `find_ground`.
     carry
         Extra dimensions of the LAS files that methods use, by name.
+    allow_outside
+        Whether a survey.toml may name files outside its folder: absolute paths, ``..``, links that end elsewhere.
     settings
         Settings, a run file, or its tables as a mapping.
     workers
@@ -139,8 +144,9 @@ def extract(
         folder = held.enter_context(temporary_work(work))
         recordings = held.enter_context(
             opened_source(
-                src, folder, crs=crs, trajectory=trajectory, carry=carried, laser="points" in looked_at,
-                images="pairs" in looked_at, kinds=[kind for method in asked for kind in method.kinds], steps=steps,
+                src, folder, crs=crs, trajectory=trajectory, carry=carried, allow_outside=allow_outside,
+                laser="points" in looked_at, images="pairs" in looked_at,
+                kinds=[kind for method in asked for kind in method.kinds], steps=steps,
             )
         )  # fmt: skip
         _check_recorded(recordings, asked, kinds)
@@ -164,7 +170,9 @@ def extract(
             recordings, asked, run, settings=chosen, ground=ground, executor=executor, steps=steps
         )
         found = with_log(found, recordings)
-    return lose_nothing(found.lines, report_of(found, steps.timings_s), on_problem)
+        warnings = (*found.warnings, *_without_intensity(recordings, asked))
+    report = report_of(replace(found, warnings=warnings), steps.timings_s)
+    return lose_nothing(found.lines, report, on_problem)
 
 
 def methods_asked(
@@ -203,8 +211,37 @@ def methods_asked(
         if isinstance(method, str):
             named += every.values() if method == "auto" else [every[method]]
         else:
-            named.append(method)
+            named.append(_with_settings(method, settings))
     return selected_methods(named, wanted)
+
+
+def _with_settings(method: Method, settings: RunSettings) -> Method:
+    """Return a method with the settings of the run, unless it has settings of its own.
+
+    Raises
+    ------
+    UsageError
+        It has settings of its own, and the run has others for it.
+    """
+    given: Any = next(
+        (getattr(settings, name) for name, own in _SETTINGS.items() if isinstance(method, own)), None
+    )
+    if given is None:
+        return method
+    config = method.config  # type: ignore[attr-defined]
+    if not isinstance(config, type(given)):
+        raise UsageError(
+            f"settings of {method.name} are {config!r:.60}", where=argument("methods"),
+            advice=f"write config={type(given).__name__}(...)",
+        )  # fmt: skip
+    if given in (config, type(given)()):
+        return method
+    if config != type(given)():
+        raise UsageError(
+            f"{method.name} is given with settings of its own", where=argument("settings"),
+            advice="leave one of the two out",
+        )  # fmt: skip
+    return replace(method, config=given)  # type: ignore[type-var]
 
 
 def _number_of_workers(workers: int | None) -> int:
@@ -245,6 +282,16 @@ def _check_recorded(
             where=argument("kinds"),
             advice=f"ask for {', '.join(sorted(shown))}" if shown else "",
         )
+
+
+def _without_intensity(recordings: Recordings, methods: Sequence[Method]) -> tuple[str, ...]:
+    """Return a warning if paint is looked for in points in memory that came without intensity; files say so anyway."""
+    points = recordings.points
+    seekers = [method for method in methods if isinstance(method, Obb) and method.seeks_paint]
+    is_dark = points is not None and not points.facts.has_intensity and not points.facts.warnings
+    if not is_dark or not seekers or all(method.paint is not None for method in seekers):
+        return ()
+    return ("the points have no intensity: markings cannot be found. Give it to Points.",)
 
 
 def _n_points(recordings: Recordings) -> int:

@@ -21,10 +21,11 @@ from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 from linework.runs.compile import compile_stage, compiled_for
 from linework.runs.opened.from_points import opened_points
+from linework.runs.opened.made import STORES, claim
 from linework.runs.opened.points import hash_path
 from linework.runs.opened.recordings import Recordings, opened_recordings
 from linework.runs.opened.store import usable_cores
-from linework.runs.opened.work_folder import STORES, work_folder
+from linework.runs.opened.work_folder import work_folder
 from linework.runs.settings import RunSettings
 from linework.runs.steps import RunSteps
 
@@ -36,22 +37,30 @@ GivenTrajectory = str | Path | Trajectory | None
 GivenSettings = RunSettings | Mapping[str, Any] | str | Path | None
 
 
-def given_survey(src: GivenSource, *, crs: Any = None, carry: str | Sequence[str] = ()) -> Survey:
+def given_survey(
+    src: GivenSource, *, crs: Any = None, carry: str | Sequence[str] = (), allow_outside: bool = False
+) -> Survey:
     """Return the survey that files belong to, or the survey itself.
 
     Raises
     ------
     UsageError
-        `crs` or `carry` is given with an opened survey, which has them; or points are no survey of files.
+        `crs`, `carry` or `allow_outside` is given with an opened survey, which has them; or points are no survey of
+        files.
     """
     if isinstance(src, Points):
         raise UsageError(
             "points in memory are not a survey of files", where=argument("src"), advice="give files"
         )
+    if hasattr(src, "__array__"):
+        raise UsageError(
+            "an array is not a survey", where=argument("src"),
+            advice="write linework.Points(array, crs=...), and read from that",
+        )  # fmt: skip
     if not isinstance(src, Survey):
-        return open_survey(src, crs=crs, carry=carry)
-    for name, value in (("crs", crs), ("carry", carry)):
-        if value:
+        return open_survey(src, crs=crs, carry=carry, allow_outside=allow_outside)
+    for name, value in (("crs", crs), ("carry", carry), ("allow_outside", allow_outside)):
+        if value not in (None, (), False):
             raise UsageError(
                 "an opened survey has its own", where=argument(name), advice="give it to open_survey instead"
             )
@@ -99,6 +108,7 @@ def opened_source(
     crs: Any = None,
     trajectory: GivenTrajectory = None,
     carry: str | Sequence[str] = (),
+    allow_outside: bool = False,
     laser: bool = True,
     images: bool = True,
     kinds: Iterable[str] = (),
@@ -132,7 +142,7 @@ def opened_source(
         with opened_points(src, work, trajectory=path, steps=steps) as recordings:
             yield recordings
         return
-    survey = given_survey(src, crs=crs, carry=carry)
+    survey = given_survey(src, crs=crs, carry=carry, allow_outside=allow_outside)
     if trajectory is not None:
         survey = survey.with_trajectory(_given_file(trajectory, work))
     compile_stage(compiled_for(survey, kinds, images=images), steps)
@@ -148,7 +158,9 @@ def _given_file(trajectory: str | Path | Trajectory, work: Path) -> Path:
         return Path(trajectory)
     if not isinstance(trajectory, Trajectory):
         raise _no_trajectory(trajectory)
-    path = work / STORES / f"given-{hash_path(trajectory)[:16]}.csv"
+    name = f"{STORES}/given-{hash_path(trajectory)[:16]}.csv"
+    claim(work, name)
+    path = work / name
     write_trajectory(trajectory, path, overwrite=True)
     return path
 
@@ -163,7 +175,7 @@ def _no_trajectory(value: object) -> UsageError:
 
 def trajectory_in_file(path: str | Path, crs: Any = None) -> Trajectory:
     """Return the trajectory of a file as it is there; latitudes and longitudes are transformed into a CRS."""
-    frame = EarthFrame(crs=LOCAL if crs is None else parse_crs(crs))
+    frame = EarthFrame(crs=LOCAL if crs is None else parse_crs(crs, where=argument("crs")))
     content = read_trajectory_content(Path(path), TrajectorySettings(frame=frame))
     warn_of(content.warnings)
     return content.trajectory

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self
 
-from linework.errors import UsageError, argument
+from linework.errors import UsageError, argument, printable
 from linework.runs.steps import Watcher
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ class _Lines(_Nothing):
         self._amount = f", {done:,} {self._unit}"
 
     def end(self, step: str, seconds: float) -> None:
-        print(f"{step}: {seconds:.1f} s{self._amount}", file=sys.stderr)
+        print(printable(f"{step}: {seconds:.1f} s{self._amount}"), file=sys.stderr)
 
 
 class _Bars(_Nothing):
@@ -113,9 +113,9 @@ class _Bars(_Nothing):
         from rich.progress import Progress as RichBars
 
         self._bars: RichProgress = RichBars(
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=_BAR_WIDTH),
-            TextColumn("{task.fields[amount]}"),
+            TextColumn("{task.fields[amount]}", markup=False),
             TimeElapsedColumn(),
             TimeRemainingColumn(),
             console=Console(stderr=True),
@@ -134,7 +134,7 @@ class _Bars(_Nothing):
 
     def begin(self, step: str, unit: str) -> None:
         self._unit = unit
-        self._task = self._bars.add_task(step, total=None, amount="")
+        self._task = self._bars.add_task(printable(step), total=None, amount="")
 
     def advance(self, done: int, total: int) -> None:
         if self._task is not None:

@@ -43,13 +43,14 @@ def read_points(
     *,
     crs: Any = None,
     carry: str | Sequence[str] = (),
+    allow_outside: bool = False,
     progress: Progress = None,
 ) -> Points:
     """Return all points of laser files in memory.
 
     Parameters
     ----------
-    src, crs, progress
+    src, crs, allow_outside, progress
         As for `linework.extract`.
     carry
         Fields and extra dimensions of the LAS files that become columns, by name: ``carry=["classification"]``.
@@ -71,12 +72,13 @@ def read_points(
         Files that were left out among good ones, and what else was odd.
     """
     with display_of(progress) as display, RunSteps(display).step("read points", unit="points") as advance:
-        read = read_survey_points(given_survey(src, crs=crs, carry=carry), progress=advance)
+        survey = given_survey(src, crs=crs, carry=carry, allow_outside=allow_outside)
+        read = read_survey_points(survey, progress=advance)
     warn_of([*(problem for _, problem in read.failures), *read.warnings])
     return read.points
 
 
-def read_trajectory(src: GivenSource, *, crs: Any = None) -> Trajectory:
+def read_trajectory(src: GivenSource, *, crs: Any = None, allow_outside: bool = False) -> Trajectory:
     """Return the path of the vehicle's origin, exactly as `linework.extract` uses it.
 
     Parameters
@@ -86,6 +88,8 @@ def read_trajectory(src: GivenSource, *, crs: Any = None) -> Trajectory:
         instead is located. Or a trajectory file (CSV, SBET, OXTS, TUM, KITTI, NMEA): as it is in the file.
     crs
         CRS of a survey whose files do not state it; of a trajectory file in degrees, the CRS to transform it into.
+    allow_outside
+        As for `linework.extract`.
 
     Returns
     -------
@@ -107,7 +111,7 @@ def read_trajectory(src: GivenSource, *, crs: Any = None) -> Trajectory:
     with contextlib.ExitStack() as held:
         work = held.enter_context(temporary_work(None))
         # Images are needed only where there are no points that the trajectory has to fit
-        survey = src if isinstance(src, Points) else given_survey(src, crs=crs)
+        survey = src if isinstance(src, Points) else given_survey(src, crs=crs, allow_outside=allow_outside)
         images = isinstance(survey, Survey) and not survey.point_files
         found = held.enter_context(opened_source(survey, work, images=images))
         report = report_of_recordings(found, LineSet.empty(), (), {})
@@ -128,6 +132,7 @@ def locate(
     src: str | Path | Survey,
     *,
     crs: Any = None,
+    allow_outside: bool = False,
     rate_hz: float = 50.0,
     longest_outage_s: float = 180.0,
     progress: Progress = None,
@@ -139,7 +144,7 @@ def locate(
     ----------
     src
         A survey folder with [navigation] in its survey.toml, or the opened survey.
-    crs, progress, on_problem
+    crs, allow_outside, progress, on_problem
         As for `linework.extract`.
     rate_hz
         Output rate. [Hz]
@@ -155,7 +160,7 @@ def locate(
     """
     check_on_problem(on_problem)
     with display_of(progress) as display:
-        survey = given_survey(src, crs=crs)
+        survey = given_survey(src, crs=crs, allow_outside=allow_outside)
         located, remarks = located_drive(
             survey,
             rate_hz=rate_hz,

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import linework
-from linework.errors import LineworkWarning, PartialError, UsageError, argument
+from linework.errors import LineworkWarning, PartialError, UsageError, argument, printable
 from linework.model.lines import LineSet
 from linework.model.lineset.report import InputReport, LeftOut, Report
 from linework.runs.extraction import Extraction, Failure, path_text
@@ -40,7 +40,7 @@ def check_on_problem(on_problem: str) -> None:
 def warn_of(texts: Iterable[str]) -> None:
     """Warn the caller of linework of each text, once each."""
     for text in dict.fromkeys(texts):
-        warnings.warn(text, LineworkWarning, stacklevel=_level_of_caller())
+        warnings.warn(printable(text), LineworkWarning, stacklevel=_level_of_caller())
 
 
 def _level_of_caller() -> int:

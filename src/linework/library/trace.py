@@ -41,6 +41,7 @@ def trace(
     image: str | Path | None = None,
     crs: Any = None,
     trajectory: GivenTrajectory = None,
+    allow_outside: bool = False,
     settings: GivenSettings = None,
     work: str | Path | None = None,
     progress: Progress = None,
@@ -53,7 +54,7 @@ def trace(
     src
         As for `extract`.
     at
-        (2,) east, north within 0.5 m of the line [m, world]; with `image` column, row within 4 pixels of it [px].
+        (2,) east, north, or (3,) with a height, which does not matter, within 0.5 m of the line [m, world]; with `image` column, row within 4 pixels of it [px].
     kind
         Kind of line; None: that of the nearest one.
     toward
@@ -61,7 +62,7 @@ def trace(
     image
         An image of the survey, or the end of its path, such as "left/000123.png": an edge is followed in the stereo
         pairs (He and Novak 1992) instead of the points.
-    crs, trajectory, settings, work, progress, on_problem
+    crs, trajectory, allow_outside, settings, work, progress, on_problem
         As for `extract`.
 
     Returns
@@ -78,7 +79,8 @@ def trace(
     UsageError
         A kind that cannot be picked, or a place that is not two finite numbers.
     """
-    place = place_of("at", at)
+    # A place picked in 3-D has a height too; a pixel has not
+    place = place_of("at", at[:2] if image is None and np.shape(at) == (3,) else at)
     target = None if toward is None else place_of("toward", toward)
     if image is not None and target is not None:
         raise UsageError("only valid in laser points", where=argument("toward"), advice="omit it")
@@ -91,7 +93,8 @@ def trace(
         folder = held.enter_context(temporary_work(work))
         recordings = held.enter_context(
             opened_source(
-                src, folder, crs=crs, trajectory=trajectory, laser=image is None, images=image is not None,
+                src, folder, crs=crs, trajectory=trajectory, allow_outside=allow_outside, laser=image is None,
+                images=image is not None,
                 kinds=kinds_to_compile(kind or "", in_image=image is not None), steps=steps,
             )
         )  # fmt: skip

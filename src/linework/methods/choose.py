@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
-from linework.errors import UsageError, argument
+from linework.errors import UsageError, argument, did_you_mean
 from linework.methods.kinds import KINDS_OF, check_method, kinds_in_order
 from linework.methods.obb.method import Obb, ObbConfig
 from linework.methods.protocol import Method, is_own
@@ -146,7 +146,14 @@ def _check_own_method(method: Any) -> None:
     if isinstance(kinds, str) or not kinds or not all(isinstance(kind, str) and kind for kind in kinds):
         raise UsageError(
             f"kinds of {method.name!r} are {kinds!r}, expected names", where=argument("methods"),
-            advice='write kinds = ("ridge",), with the comma',
+            advice=f'write kinds=("{kinds if isinstance(kinds, str) and kinds else "ridge"}",), with the comma',
+        )  # fmt: skip
+    findable = next((own().kinds for own in (Radon, Obb, Stereo) if type(method) is own), kinds)
+    unknown = [kind for kind in kinds if kind not in findable]
+    if unknown:
+        raise UsageError(
+            f"{method.name} does not find {', '.join(unknown)}" + did_you_mean(unknown, findable),
+            where=argument("kinds"), advice=f"choose from {', '.join(findable)}",
         )  # fmt: skip
     wrong = [name for name in (method.name, *kinds) if not _NAME.fullmatch(name)]
     if wrong:

@@ -215,8 +215,8 @@ def _column(name: str, values: Any, dtype: Any, shape: tuple[int | None, ...]) -
 
 def _crs_text(crs: object) -> str:
     """Return a CRS as text: WKT of objects, "EPSG:n" of numbers."""
-    if isinstance(crs, str):
-        return crs.strip() or "local"
+    if isinstance(crs, str) and crs.strip():
+        return crs.strip()
     from linework.crs import crs_text  # loads PROJ, which points of a known CRS do not need
 
     return crs_text(crs)

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from linework.errors import printable
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Survey:
@@ -38,6 +40,8 @@ class Survey:
     carry
         Names of the further columns that points have, sorted: extra dimensions of the laser files, or their standard
         fields.
+    allow_outside
+        Whether files that the settings name may lie outside `root`.
     """
 
     name: str
@@ -51,6 +55,7 @@ class Survey:
     settings_file: Path | None = None
     warnings: tuple[str, ...] = ()
     carry: tuple[str, ...] = ()
+    allow_outside: bool = False
 
     def __repr__(self) -> str:
         from linework.crs import describe_crs
@@ -59,7 +64,7 @@ class Survey:
         parts = [repr(self.name), f"{n} laser file{'' if n == 1 else 's'}" if n else "no laser files"]
         parts += ["trajectory"] if self.trajectory_file is not None else []
         parts += [table for table in ("cameras", "navigation") if table in self.settings]
-        return f"Survey({', '.join(parts)}, crs {describe_crs(self.crs)}, in {self.root})"
+        return printable(f"Survey({', '.join(parts)}, crs {describe_crs(self.crs)}, in {self.root})")
 
     def with_trajectory(self, path: Path) -> Survey:
         """Return the survey with another trajectory file, which is of the vehicle's origin.

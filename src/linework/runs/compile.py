@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 
 from linework.errors import LineworkWarning, MachineError
 from linework.files.compiled import is_compiled, note_compiled, remove_stale
+from linework.kernels import TEMPORARY_CACHE
 from linework.kernels.compiling import CalledKernel, cache_folder, called_kernels, compile_kernel
 from linework.model.survey import Survey
 from linework.processes.executors import Executor, Serial
@@ -74,6 +75,13 @@ def compile_stage(names: Iterable[str], steps: RunSteps, *, needs_all: bool = Fa
     groups = sorted({_GROUP_OF[name] for name in names if name in _GROUP_OF})
     if is_compiled(groups):
         return False
+    if TEMPORARY_CACHE:
+        warnings.warn(
+            "neither the package nor your cache can be written to: kernels are compiled for this command alone, which "
+            "takes minutes. Let NUMBA_CACHE_DIR name a folder to keep them",
+            LineworkWarning,
+            stacklevel=2,
+        )
     kernels = called_kernels(groups)
     with steps.step("compile kernels", unit="kernels") as advance:
         remove_stale(cache_folder)

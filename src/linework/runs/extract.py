@@ -130,7 +130,7 @@ def extraction_request(
     method: str,
     settings: RunSettings,
     *,
-    crs: str = "",
+    crs: str | None = None,
     paint: str | None = None,
     methods: Sequence[Method] | None = None,
     ground: Ground | GroundFinder | None = None,
@@ -172,7 +172,7 @@ def extraction_request(
         parameters={
             "features": list(kinds),
             "method": method,
-            "crs": crs or None,
+            "crs": crs,
             "trajectory": str(survey.trajectory_file) if survey.trajectory_file else None,
             "lever_m": list(survey.trajectory_lever_m),
             "cameras": survey.settings.get("cameras"),

@@ -6,7 +6,6 @@ import contextlib
 import hashlib
 import json
 import os
-import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -20,7 +19,8 @@ from linework.files.output.locks import hold_lock
 from linework.files.output.publish import machine_errors
 from linework.files.output.record import hash_file
 from linework.files.output.replace import replace_file
-from linework.runs.opened.work_folder import RUNS, folder_in_use_error
+from linework.runs.opened.made import RUNS, claim, remove_made
+from linework.runs.opened.work_folder import folder_in_use_error
 from linework.runs.record import versions
 
 _DESCRIPTION, _JOURNAL, _RESULTS = "run.json", "journal.sqlite", "tiles"
@@ -98,8 +98,9 @@ def run_folder(
         if begun is not None and resume:
             _refuse_other(begun, described, output)
         is_resumed = begun is not None and resume
+        claim(work, f"{RUNS}/{folder.name}")
         if not is_resumed:
-            shutil.rmtree(folder, ignore_errors=True)
+            remove_made(work, f"{RUNS}/{folder.name}")
         (folder / _RESULTS).mkdir(parents=True, exist_ok=True)
         journal = open_journal(folder / _JOURNAL)
         if not is_resumed:
@@ -108,7 +109,7 @@ def run_folder(
             yield RunFolder(folder, folder / _RESULTS, journal, is_resumed)
         finally:
             journal.close()
-        shutil.rmtree(folder, ignore_errors=True)
+        remove_made(work, f"{RUNS}/{folder.name}")
 
 
 def _describe(folder: Path, described: Mapping[str, Any]) -> None:

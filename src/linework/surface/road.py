@@ -21,7 +21,7 @@ from linework.arrays import AnyArray, BoolArray, Float32Array, FloatArray
 from linework.errors import InputError
 from linework.kernels.cells import surface as kernels
 from linework.model.ground import Ground as Ground
-from linework.model.points import Points
+from linework.model.points import Points, refuse_unusable
 from linework.model.trajectory import Trajectory
 from linework.surface import apart
 from linework.surface.carry import CoarseGround, extended_surface, halo_cells, reach_cells
@@ -55,6 +55,8 @@ def find_ground(
 
     Raises
     ------
+    UsageError
+        Coordinates that are not finite.
     InputError
         The extents need a larger grid than `max_cells`.
 
@@ -67,6 +69,7 @@ def find_ground(
     (True, [7.2])
     """
     config = config or RoadConfig()
+    refuse_unusable(points)
     window = _window_of(points, config)
     z0_m = height_origin(points.xyz[:: max(len(points) // 10_000, 1), 2])
     # Lowest supported height of every cell, and spread of the layer above it

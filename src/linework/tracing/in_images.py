@@ -79,11 +79,11 @@ class ImageTracer:
         rig = self._opened.series.rig
         camera = (rig.left, rig.right)[side]
         col, row = at_px
+        name = (pair.left, pair.right)[side].name
         if not (0 <= col <= camera.width - 1 and 0 <= row <= camera.height - 1):
-            raise UsageError(f"{col:g},{row:g} is outside of the image", where=argument("at_px"),
+            raise UsageError(f"pixel {col:g},{row:g} is outside of the image", where=name,
                              advice=f"columns are 0 to {camera.width - 1}, rows 0 to {camera.height - 1}")  # fmt: skip
         pixel = rectified_pixels(camera, self._opened.rectifier.rig, np.array([at_px]))[0]
-        name = (pair.left, pair.right)[side].name
         if not np.isfinite(pixel).all():
             raise InputError(f"the calibration does not reach {col:g},{row:g}", where=name,
                              advice="pick nearer to the middle of the image")  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -210,3 +211,25 @@ def test_our_own_fault_in_a_tile_is_named_and_the_rest_is_written(las_file, tmp_
     (failure,) = json.loads((tmp_path / "run.json").read_text())["failures"]
     assert "Traceback" in failure["trace"]
     assert (tmp_path / "a.gpkg").exists()
+
+
+@pytest.mark.parametrize("name", [b"n\xff\xfe", b"new\nline", b"red\x1b[31m", b"-dash", "ü #;%?'\".laz".encode()])
+def test_names_of_any_bytes(linework, las_file, tmp_path, name):
+    """Files and folders of any name are read and written, and no record breaks on them."""
+    folder = tmp_path / os.fsdecode(name)
+    folder.mkdir()
+    shutil.copy(las_file, folder / os.fsdecode(name + b".laz"))
+    output = folder / os.fsdecode(name + b".geojson")
+    found = linework("extract", folder, "-o", output, "--features", "cable", "--quiet")
+    assert (found.code, output.is_file()) == (0, True), found.stderr
+    json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    assert linework("raster", folder, "-o", folder / os.fsdecode(name), "--quiet").code == 0
+    described = linework("info", folder, "--json", "--quiet")
+    assert json.loads(described.stdout)["points"] > 0
+    assert linework("evaluate", output, output, "--quiet").code in (0, 2)  # no lines to score
+
+
+@pytest.mark.parametrize("pattern", ["a**b.laz", "**.laz", "**b/*.laz"])
+def test_a_pattern_that_is_none(linework, tmp_path, pattern):
+    found = linework("info", tmp_path / pattern)
+    assert (found.code, "** stands for folders" in found.line) == (3, True)

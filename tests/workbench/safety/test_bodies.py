@@ -211,10 +211,10 @@ def test_sockets_are_bounded(served):
 
 
 @contextlib.contextmanager
-def impatient_server(monkeypatch):
+def impatient_server(monkeypatch, *, patience_s=0.5):
     """Give the port of a server that has a tenth of the patience, and a session's headers."""
-    monkeypatch.setattr(connections, "HEAD_S", 0.5)
-    monkeypatch.setattr(guard_bodies, "MOST_S", 0.5)
+    monkeypatch.setattr(connections, "HEAD_S", patience_s)
+    monkeypatch.setattr(guard_bodies, "MOST_S", patience_s)
 
     async def app(scope, receive, send):
         await receive()
@@ -261,6 +261,46 @@ def test_a_head_that_does_not_come(monkeypatch):
                     assert exchange(port, good).status == 200
                     time.sleep(0.05)
             assert time.monotonic() - start < 5
+
+
+def test_strangers_who_hold_all_connections_lock_nobody_out(monkeypatch):
+    """Hundreds that say nothing, or ask without a session, and come again as soon as they are closed."""
+    with contextlib.ExitStack() as held:
+        port, own = held.enter_context(impatient_server(monkeypatch, patience_s=300.0))
+        kept = held.enter_context(socket.create_connection(("127.0.0.1", port), timeout=15))
+        kept.sendall(request("GET", "/", *own))
+        assert answer_on(kept).status == 200
+        said = (
+            b"",
+            b"GET / HT",
+            request("GET", "/", own[0]),
+            request("GET", "/", own[0]) + b"GET",
+            b"\x16\x03\x01",
+        )
+        for i in range(3 * connections.MOST_CONNECTIONS):
+            idle = held.enter_context(socket.create_connection(("127.0.0.1", port), timeout=15))
+            with contextlib.suppress(ConnectionError):
+                idle.sendall(said[i % len(said)])
+            if i % 50 == 49:
+                # A page that is opened now, and one that has been open all the time
+                assert exchange(port, request("GET", "/", *own)).status == 200
+                kept.sendall(request("GET", "/", *own))
+                assert answer_on(kept).status == 200
+
+
+def test_sessions_share_the_connections_that_there_are(monkeypatch):
+    """Nobody with a session is turned out for another: then the newest has to wait."""
+    with contextlib.ExitStack() as held:
+        port, own = held.enter_context(impatient_server(monkeypatch, patience_s=300.0))
+        opened = []
+        for _ in range(connections.MOST_CONNECTIONS):
+            opened.append(held.enter_context(socket.create_connection(("127.0.0.1", port), timeout=15)))
+            opened[-1].sendall(request("GET", "/", *own))
+            assert answer_on(opened[-1]).status == 200
+        assert exchange(port, request("GET", "/", *own)) is None
+        for connection in (opened[0], opened[-1]):
+            connection.sendall(request("GET", "/", *own))
+            assert answer_on(connection).status == 200
 
 
 def test_a_body_that_does_not_come(monkeypatch):

@@ -5,9 +5,8 @@ Separate from the other commands, as every command has its own file.
 
 from __future__ import annotations
 
-import typer
-
 from linework.cli.options import SurveyArgument, WorkFolder
+from linework.cli.said import say
 
 
 def clean(
@@ -16,13 +15,16 @@ def clean(
 ) -> None:
     """Delete the tile store and unfinished runs of SURVEY.
 
-    Both can be rebuilt; inputs and outputs are not touched.
+    Both can be rebuilt. Only what linework made is deleted: inputs, outputs, links and files of others stay.
     """
+    from linework.cli.failures import warn
     from linework.runs.opened.work_folder import clean_work_folder, existing_work_folders, survey_root
 
     folders = existing_work_folders(survey_root(surveys), work)
     for folder in folders:
-        n_bytes = clean_work_folder(folder)
-        typer.echo(f"{folder}: {n_bytes / 1e6:,.1f} MB freed")
+        cleaned = clean_work_folder(folder)
+        say(f"{folder}: {cleaned.n_bytes / 1e6:,.1f} MB freed")
+        for path in cleaned.kept:
+            warn(f"{path}: kept, linework did not make it")
     if not folders:
-        typer.echo("nothing to delete")
+        say("nothing to delete")

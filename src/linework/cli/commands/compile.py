@@ -5,9 +5,8 @@ Separate from the other commands: each has a file of its own.
 
 from __future__ import annotations
 
-import typer
-
 from linework.cli.options import Quiet
+from linework.cli.said import say
 
 
 def compile_command(quiet: Quiet = False) -> None:
@@ -25,6 +24,4 @@ def compile_command(quiet: Quiet = False) -> None:
     start = time.monotonic()
     with open_display(quiet=quiet) as display:
         was_missing = compile_stage(COMPILED_FOR, RunSteps(display), needs_all=True)
-    typer.echo(
-        f"compiled in {time.monotonic() - start:.0f} s" if was_missing else "everything is compiled already"
-    )
+    say(f"compiled in {time.monotonic() - start:.0f} s" if was_missing else "everything is compiled already")

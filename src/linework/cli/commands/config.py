@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from linework.cli.said import say
+
 
 def config(
     method: Annotated[
@@ -33,4 +35,5 @@ def config(
         )
     settings = RunSettings()
     for name in [method] if method else names:
-        typer.echo(f"[{name}]\n{settings_toml(getattr(settings, name), f'{name}.')}", nl=False)
+        say(f"[{name}]")
+        say(*settings_toml(getattr(settings, name), f"{name}.").splitlines())

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from linework.cli.options import Crs, Overwrite
+from linework.cli.said import say
 
 
 def convert(
@@ -19,7 +20,7 @@ def convert(
         Path, typer.Argument(metavar="OUT", help="Output file; its suffix selects the format.")
     ],
     overwrite: Overwrite = False,
-    crs: Crs = "",
+    crs: Crs = None,
 ) -> None:
     """Convert LINES to another vector format.
 
@@ -35,9 +36,9 @@ def convert(
     if output.exists() and lines.exists() and output.samefile(lines):
         raise UsageError("the output is the input file", where=output, advice="choose another name")
     with reserve_output(output, overwrite=overwrite):
-        found = read_lines(lines, crs=crs or None)
+        found = read_lines(lines, crs=crs)
         points = read_point_layers(lines)
         write_lines(found, output, kinds=sorted(set(found.kind)), points=points, overwrite=overwrite)
     for warning in points_left_out(output, points):
         warn(warning)
-    typer.echo(f"{len(found):,} lines in {output}")
+    say(f"{len(found):,} lines in {output}")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from linework.cli.options import Overwrite, Quiet
+from linework.cli.said import say
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -59,7 +60,7 @@ def demo(
         ("report.html", "report with figures and tables; open in a browser"),
         ("run.json", "record of the run"),
     ):
-        typer.echo(f"{folder / name}: {content}")
+        say(f"{folder / name}: {content}")
 
 
 def _simulate(folder: Path, seed: int, steps: RunSteps, *, overwrite: bool) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from linework.cli.options import AsJson, Crs, Overwrite
+from linework.cli.said import say, say_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -55,7 +56,7 @@ def evaluate_command(
             "Names are looked up in --kind-field, then in the field kind; other lines are ignored.",
         ),
     ] = "",
-    crs: Crs = "",
+    crs: Crs = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Score LINES against REFERENCE.
@@ -86,9 +87,7 @@ def evaluate_command(
 
         write_bytes(plot_png(hits_figure(parts, tolerance_m)), picture, overwrite=overwrite)
     if as_json:
-        import json
-
-        typer.echo(json.dumps(scores.to_dict(), indent=1, allow_nan=False))
+        say_json(scores.to_dict())
     else:
         from linework.evaluation.report.tables import score_tables
 
@@ -117,23 +116,20 @@ def _parsed_map(text: str) -> dict[str, str]:
     return names
 
 
-def _read(path: Path, kind_field: str, names: Mapping[str, str], crs: str) -> LineSet:
+def _read(path: Path, kind_field: str, names: Mapping[str, str], crs: str | None) -> LineSet:
     """Read lines, with the kinds of `names` where given; lines of other names are dropped."""
     import numpy as np
 
-    from linework.crs import LOCAL, parse_crs
     from linework.errors import InputError
     from linework.files.vectors.read_write import read_lines
 
-    lines = read_lines(path, crs=crs or None)
-    if crs and lines.crs == LOCAL:
-        lines = lines.with_columns(crs=parse_crs(crs, where="--crs"))
+    lines = read_lines(path, crs=crs)
     if kind_field == "kind" and not names:
         return lines
     own = lines.kind
     if kind_field != "kind":
         # Files of other programs are read in file order, whichever field is read: the rows correspond
-        own = read_lines(path, kind_field=kind_field, crs=crs or None).kind
+        own = read_lines(path, kind_field=kind_field, crs=crs).kind
     if not names:
         return lines.with_columns(kind=own)
     kind = np.array(
@@ -197,7 +193,7 @@ def _report_not_scored(chosen: Sequence[str], found: LineSet, truth: LineSet) ->
     for name, lines in (("LINES", found), ("REFERENCE", truth)):
         others = sorted({str(kind) for kind in lines.kind} - set(chosen))
         if others:
-            typer.echo(f"note: not scored in {name}: {', '.join(others)}", err=True)
+            say(f"note: not scored in {name}: {', '.join(others)}", to_stderr=True)
 
 
 def print_tables(tables: Iterable[ReportTable]) -> None:
@@ -208,14 +204,16 @@ def print_tables(tables: Iterable[ReportTable]) -> None:
     from rich.table import Table
     from rich.text import Text
 
+    from linework.errors import printable
+
     console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else _PLAIN_WIDTH, highlight=False)
     for table in tables:
         shown = Table(
-            title=Text(table.title), caption=Text(table.note) if table.note else None, box=box.SIMPLE_HEAD,
+            title=Text(printable(table.title)), caption=Text(printable(table.note)) if table.note else None, box=box.SIMPLE_HEAD,
             title_justify="left", caption_justify="left", pad_edge=False,
         )  # fmt: skip
         for i, name in enumerate(table.columns):
-            shown.add_column(Text(name), justify="left" if i == 0 else "right", no_wrap=i == 0)
+            shown.add_column(Text(printable(name)), justify="left" if i == 0 else "right", no_wrap=i == 0)
         for row in table.rows:
-            shown.add_row(*(Text(value) for value in row))
+            shown.add_row(*(Text(printable(value)) for value in row))
         console.print(shown)

@@ -11,6 +11,7 @@ import typer
 
 from linework.cli.failures import warn
 from linework.cli.options import (
+    AllowOutside,
     AsJson,
     Crs,
     LinesOutput,
@@ -23,6 +24,7 @@ from linework.cli.options import (
     WorkFolder,
     read_settings,
 )
+from linework.cli.said import say, say_json
 from linework.cli.startup import preload_modules
 
 
@@ -54,7 +56,8 @@ def extract_command(
     ] = "",
     trajectory: TrajectoryFile = None,
     config: RunFile = None,
-    crs: Crs = "",
+    crs: Crs = None,
+    allow_outside: AllowOutside = False,
     workers: Workers = None,
     work: WorkFolder = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted run.")] = False,
@@ -102,7 +105,7 @@ def extract_command(
         kinds = parse_kinds(features) if features else kinds_of_method(method)
         check_method(method, kinds)
         settings = read_settings(config)
-        survey = open_survey(surveys, crs=crs or None)
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
         if trajectory is not None:
             survey = survey.with_trajectory(trajectory)
         columns = [name.strip() for name in (*carry.split(","), paint_column) if name.strip()]
@@ -164,13 +167,11 @@ def _check_report(report: Path | None, output: Path, *, overwrite: bool) -> None
 def _print_result(record: dict[str, Any], *, as_json: bool) -> None:
     """Print the number and length of the lines of each kind."""
     if as_json:
-        import json
-
-        typer.echo(json.dumps(record, indent=1, allow_nan=False))
+        say_json(record)
         return
     counts = record["counts"]
     for kind, n_lines in counts["lines"].items():
-        typer.echo(f"{kind:14} {n_lines:6,} lines {counts['length_m'][kind]:12,.1f} m")
+        say(f"{kind:14} {n_lines:6,} lines {counts['length_m'][kind]:12,.1f} m")
 
 
 def _report_missing(record: dict[str, Any], output: Path) -> None:

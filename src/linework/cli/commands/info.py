@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-import typer
-
 from linework.cli.failures import warn
-from linework.cli.options import AsJson, Crs, Quiet, SurveyArgument, WorkFolder
+from linework.cli.options import AllowOutside, AsJson, Crs, Quiet, SurveyArgument, WorkFolder
+from linework.cli.said import say, say_json
 
 
 def info(
     surveys: SurveyArgument,
-    crs: Crs = "",
+    crs: Crs = None,
+    allow_outside: AllowOutside = False,
     work: WorkFolder = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -32,7 +32,7 @@ def info(
     from linework.runs.steps import RunSteps
 
     with open_display(quiet=quiet) as display:
-        survey = open_survey(surveys, crs=crs or None)
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
         if survey.point_files:
             folder = work_folder(survey.root, work)
             with opened_survey(survey, folder, n_threads=usable_cores(), steps=RunSteps(display)) as opened:
@@ -40,12 +40,10 @@ def info(
         else:
             document = describe_survey(None, survey)
     if as_json:
-        import json
-
-        typer.echo(json.dumps(document, indent=1, allow_nan=False))
+        say_json(document)
     else:
         for line in _lines(document):
-            typer.echo(line)
+            say(line)
         for warning in document["warnings"]:
             warn(warning)
     _report_left_out(document)

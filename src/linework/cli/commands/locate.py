@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from linework.cli.failures import warn
-from linework.cli.options import AsJson, Crs, Overwrite, Quiet
+from linework.cli.options import AllowOutside, AsJson, Crs, Overwrite, Quiet
+from linework.cli.said import say, say_json
 
 if TYPE_CHECKING:
     from linework.navigation.located import LocatedDrive
@@ -32,7 +33,8 @@ def locate_command(
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Also plot track, sigmas and residuals: .png or .html."),
     ] = None,
-    crs: Crs = "",
+    crs: Crs = None,
+    allow_outside: AllowOutside = False,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -57,7 +59,7 @@ def locate_command(
         from linework.runs.steps import RunSteps
 
         steps = RunSteps(display)
-        survey = open_survey(surveys, crs=crs or None)
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
         located, warnings = located_drive(
             survey, rate_hz=rate_hz, longest_outage_s=longest_outage_s, steps=steps
         )
@@ -148,10 +150,8 @@ def _rows(located: LocatedDrive) -> list[tuple[str, str]]:
 
 def _print(located: LocatedDrive, output: Path, *, as_json: bool) -> None:
     if as_json:
-        import json
-
         document = {**_results(located), "warnings": list(located.warnings), "output": str(output)}
-        typer.echo(json.dumps(document, indent=1, allow_nan=False))
+        say_json(document)
         return
     for name, text in _rows(located):
-        typer.echo(f"{name}: {text}")
+        say(f"{name}: {text}")

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from linework.cli.failures import warn
-from linework.cli.options import Crs, Overwrite, Quiet, TrajectoryFile, WorkFolder
+from linework.cli.options import AllowOutside, Crs, Overwrite, Quiet, TrajectoryFile, WorkFolder
+from linework.cli.said import say
 
 
 def photolog(
@@ -20,7 +21,8 @@ def photolog(
         float, typer.Option("--every-m", min=0.1, max=10_000.0, help="Distance between images [m].")
     ] = 10.0,
     trajectory: TrajectoryFile = None,
-    crs: Crs = "",
+    crs: Crs = None,
+    allow_outside: AllowOutside = False,
     work: WorkFolder = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
@@ -49,7 +51,7 @@ def photolog(
     if output.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"cannot write '{output.suffix}' files", where=output, advice="use .html")
     check_output(output, overwrite=overwrite)
-    survey = open_survey([survey_folder], crs=crs or None)
+    survey = open_survey([survey_folder], crs=crs, allow_outside=allow_outside)
     if trajectory is not None:
         survey = survey.with_trajectory(trajectory)
     series = open_stereo(survey)
@@ -73,7 +75,7 @@ def photolog(
     of_images = path.series.warnings if path.series else ()
     for warning in (*survey.warnings, *notes, *path.warnings, *of_images, *log.warnings, *page.warnings):
         warn(warning)
-    typer.echo(f"{output}: {page.n_pictures} images, {len(log.events or ())} keys")
+    say(f"{output}: {page.n_pictures} images, {len(log.events or ())} keys")
     if page.failures:
         raise PartialError(
             f"{len(page.failures)} of {page.n_pictures} images cannot be read: {page.failures[0].rstrip('.')}",

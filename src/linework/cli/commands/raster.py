@@ -10,6 +10,7 @@ import typer
 
 from linework.cli.failures import warn
 from linework.cli.options import (
+    AllowOutside,
     AsJson,
     Crs,
     Overwrite,
@@ -18,6 +19,7 @@ from linework.cli.options import (
     TrajectoryFile,
     WorkFolder,
 )
+from linework.cli.said import say, say_json
 
 if TYPE_CHECKING:
     from linework.arrays import Float32Array
@@ -61,7 +63,8 @@ def raster(
         float, typer.Option("--max-height-m", help="Binary image: maximum height above the road [m].")
     ] = 1.2,
     trajectory: TrajectoryFile = None,
-    crs: Crs = "",
+    crs: Crs = None,
+    allow_outside: AllowOutside = False,
     work: WorkFolder = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -72,8 +75,6 @@ def raster(
     The images show density, heights, intensity, road, the binary image and its Radon image. run.json is written beside
     them.
     """
-    import json
-
     from linework.errors import PartialError, check_extra
 
     check_extra("reports", where="raster")
@@ -89,7 +90,7 @@ def raster(
     check_output_folder(output, overwrite=overwrite)
     with open_display(quiet=quiet) as display:
         steps = RunSteps(display)
-        survey = open_survey(surveys, crs=crs or None)
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
         if trajectory is not None:
             survey = survey.with_trajectory(trajectory)
         opened = _read(survey, work, steps)
@@ -98,7 +99,10 @@ def raster(
         record = _publish(survey, read, path, (grid, config), output, overwrite=overwrite, steps=steps)
     for warning in opened.warnings:
         warn(warning)
-    typer.echo(json.dumps(record, indent=1, allow_nan=False) if as_json else _summary(record, output))
+    if as_json:
+        say_json(record)
+    else:
+        say(*_summary(record, output))
     if read.failures:
         listed = "; ".join(problem.rstrip(".") for _, problem in read.failures)
         raise PartialError(
@@ -263,11 +267,11 @@ def _record(
     }
 
 
-def _summary(record: dict[str, Any], output: Path) -> str:
+def _summary(record: dict[str, Any], output: Path) -> tuple[str, str]:
     grid, counts = record["parameters"]["grid"], record["counts"]
     turned = f", rotated {grid['rotation_deg']:.2f} deg" if grid["rotation_deg"] else ""
     return (
         f"{counts['points_used']:,} points on {grid['n_rows']:,} x {grid['n_cols']:,} cells of "
-        f"{grid['cell_width_m']:.3g} x {grid['cell_height_m']:.3g} m{turned}\n"
-        f"{len(record['images'])} images in {output}: {', '.join(record['images'])}"
+        f"{grid['cell_width_m']:.3g} x {grid['cell_height_m']:.3g} m{turned}",
+        f"{len(record['images'])} images in {output}: {', '.join(record['images'])}",
     )

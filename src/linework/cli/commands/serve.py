@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from linework.cli.options import (
+    AllowOutside,
     AsJson,
     Crs,
     Quiet,
@@ -24,6 +25,7 @@ from linework.cli.options import (
     WorkFolder,
     read_settings,
 )
+from linework.cli.said import say, say_json
 
 if TYPE_CHECKING:
     from linework.workbench.server.app_state import AppState
@@ -46,7 +48,8 @@ def serve(
     who: Annotated[
         str, typer.Option("--who", help="Name recorded with each edit; default: the login name.")
     ] = "",
-    crs: Crs = "",
+    crs: Crs = None,
+    allow_outside: AllowOutside = False,
     work: WorkFolder = None,
     config: RunFile = None,
     no_browser: Annotated[
@@ -90,14 +93,15 @@ def serve(
 
         def renewed(url: str) -> None:
             if not quiet:
-                typer.echo(f"link used; for another browser: {url}", err=True)
+                say(f"link used; for another browser: {url}", to_stderr=True)
 
         def log(error: BaseException) -> None:
-            typer.echo(
-                f"error: a bug in linework. Please report it with the log {save_log(error)}.", err=True
-            )
+            say(f"error: a bug in linework. Please report it with the log {save_log(error)}.", to_stderr=True)
 
-        order = SurveyOrder(tuple(surveys), crs=crs, work=work, settings=settings, n_threads=usable_cores())
+        order = SurveyOrder(
+            tuple(surveys), crs=crs, allow_outside=allow_outside, work=work, settings=settings,
+            n_threads=usable_cores(),
+        )  # fmt: skip
         serving = RunningServer(
             order=order, lines=lines, port=port, who=who or _user(), watcher=display,
             ready=ready, renewed=renewed, save_log=log,
@@ -128,18 +132,16 @@ def _user() -> str:
 
 def _print(app_state: AppState, url: str, *, as_json: bool, quiet: bool) -> None:
     """Print the link, flushed at once: a program that started the server may be waiting for that line."""
-    text = url
     if as_json:
-        import json
-
         document: dict[str, Any] = {
             "url": url, "survey": app_state.facts.name, "lines": str(app_state.line_file.path), "who": app_state.who,
         }  # fmt: skip
-        text = json.dumps(document)
-    typer.echo(text)
+        say_json(document, indent=None)
+    else:
+        say(url)
     sys.stdout.flush()
     if not quiet:
-        typer.echo(f"lines: {app_state.line_file.path}; stop with Ctrl-C", err=True)
+        say(f"lines: {app_state.line_file.path}; stop with Ctrl-C", to_stderr=True)
 
 
 #: A page that forwards to the link.

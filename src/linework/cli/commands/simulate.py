@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from linework.cli.options import AsJson, Overwrite, Quiet
+from linework.cli.said import say, say_json
 
 
 def simulate_command(
@@ -47,8 +48,6 @@ def simulate_command(
     Writes points (LAZ), the trajectory, stereo images, and truth.gpkg with the exact lines. The same options give
     byte-identical files.
     """
-    import json
-
     import numpy as np
 
     from linework.library.progress import open_display
@@ -72,8 +71,8 @@ def simulate_command(
         "n_truth_lines": {str(k): int(n) for k, n in zip(kinds, counts, strict=True)},
     }
     if as_json:
-        typer.echo(json.dumps(result, indent=1))
+        say_json(result)
         return
     lines = ", ".join(f"{n} {k}" for k, n in result["n_truth_lines"].items())  # type: ignore[attr-defined]
     pairs = f"{n_pairs} stereo pairs, " if n_pairs else ""
-    typer.echo(f"{out}: {len(survey.points):,} points, {pairs}truth: {lines}")
+    say(f"{out}: {len(survey.points):,} points, {pairs}truth: {lines}")

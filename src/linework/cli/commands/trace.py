@@ -10,6 +10,7 @@ import typer
 
 from linework.cli.failures import warn
 from linework.cli.options import (
+    AllowOutside,
     AsJson,
     Crs,
     LinesOutput,
@@ -20,6 +21,7 @@ from linework.cli.options import (
     WorkFolder,
     read_settings,
 )
+from linework.cli.said import say, say_json
 
 if TYPE_CHECKING:
     from linework.model.lines import LineSet
@@ -70,7 +72,8 @@ def trace_command(
         ),
     ] = False,
     config: RunFile = None,
-    crs: Crs = "",
+    crs: Crs = None,
+    allow_outside: AllowOutside = False,
     work: WorkFolder = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -85,8 +88,8 @@ def trace_command(
     _check_pick(at, image, at_px, toward, config)
     if image is not None:
         _trace_image(
-            surveys, image, at_px, output, feature=feature, crs=crs, work=work, append=append,
-            overwrite=overwrite, as_json=as_json, quiet=quiet,
+            surveys, image, at_px, output, feature=feature, crs=crs, allow_outside=allow_outside, work=work,
+            append=append, overwrite=overwrite, as_json=as_json, quiet=quiet,
         )  # fmt: skip
         return
     from linework.files.output.locks import reserve_output
@@ -108,7 +111,7 @@ def trace_command(
         check_format(output)
         check_pick_kind(feature)
         settings, steps = read_settings(config), RunSteps(display)
-        survey = open_survey(surveys, crs=crs or None)
+        survey = open_survey(surveys, crs=crs, allow_outside=allow_outside)
         folder = work_folder(survey.root, work)
         to_compile = kinds_to_compile(feature, in_image=False)
         compile_stage(compiled_for(survey, to_compile, images=False), steps)
@@ -143,8 +146,8 @@ def _check_pick(at: str, image: Path | None, at_px: str, toward: str, config: Pa
 
 
 def _trace_image(
-    surveys: list[Path], image: Path, at_px: str, output: Path, *, feature: str, crs: str, work: Path | None,
-    append: bool, overwrite: bool, as_json: bool, quiet: bool,
+    surveys: list[Path], image: Path, at_px: str, output: Path, *, feature: str, crs: str | None, allow_outside: bool,
+    work: Path | None, append: bool, overwrite: bool, as_json: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Trace the edge at a pixel of an image and write it."""
     from linework.files.output.locks import reserve_output
@@ -163,7 +166,7 @@ def _trace_image(
 
         check_format(output)
         col, row = pixel_of(at_px).tolist()
-        survey, steps = open_survey(surveys, crs=crs or None), RunSteps(display)
+        survey, steps = open_survey(surveys, crs=crs, allow_outside=allow_outside), RunSteps(display)
         folder = work_folder(survey.root, work)
         recordings = held.enter_context(opened_recordings(survey, folder, laser=False, steps=steps))
         found = traced_edge(recordings, image, (col, row), kind=feature, steps=steps)
@@ -228,8 +231,6 @@ def _print(found: TracedLine | TracedEdge, output: Path, *, as_json: bool) -> No
     length_m = float(line.length_m.sum())
     bridged_m = float(line.bridged_m.sum())
     if as_json:
-        import json
-
         document = {
             "kind": found.kind, "length_m": length_m, "bridged_m": bridged_m,
             "stops": list(found.stops), "output": str(output),
@@ -238,8 +239,8 @@ def _print(found: TracedLine | TracedEdge, output: Path, *, as_json: bool) -> No
         for name in ("distance_m", "n_pairs"):
             if hasattr(found, name):
                 document[name] = getattr(found, name)
-        typer.echo(json.dumps(document, indent=1, allow_nan=False))
+        say_json(document)
         return
-    typer.echo(f"{found.kind}: {length_m:,.1f} m, of which {bridged_m:,.1f} m bridged")
+    say(f"{found.kind}: {length_m:,.1f} m, of which {bridged_m:,.1f} m bridged")
     for end, reason in zip(("start", "end"), found.stops, strict=True):
-        typer.echo(f"  {end}: {reason}")
+        say(f"  {end}: {reason}")

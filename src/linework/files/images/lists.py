@@ -15,9 +15,11 @@ import numpy as np
 
 from linework.arrays import FloatArray
 from linework.errors import ConfigError, InputError
+from linework.files.input import matching_paths
 from linework.files.logs.clock import in_seconds
 from linework.files.logs.tables import finite_number, read_text_table
 from linework.files.logs.text import MAX_ROWS, text_lines
+from linework.files.outside import check_files_inside
 from linework.imaging.pairing import certain_times
 
 #: Suffixes of images that `read_pair` reads.
@@ -48,7 +50,9 @@ class ImageList:
     left_out: tuple[Path, ...] = ()
 
 
-def read_image_list(settings: Mapping[str, Any], root: Path, name: str) -> ImageList:
+def read_image_list(
+    settings: Mapping[str, Any], root: Path, name: str, *, only_inside: Path | None = None
+) -> ImageList:
     """Find the images of a camera and their times.
 
     Parameters
@@ -60,11 +64,13 @@ def read_image_list(settings: Mapping[str, Any], root: Path, name: str) -> Image
         Folder of the survey.toml; names in a list are relative to the folder of the list.
     name
         Name of the table, for messages.
+    only_inside
+        The survey.toml, where images outside its folder are refused.
 
     Raises
     ------
     ConfigError
-        A pattern without times.
+        A pattern without times, or an image outside the folder.
     InputError
         No image, an unreadable list, or different numbers of images and times.
     """
@@ -74,6 +80,8 @@ def read_image_list(settings: Mapping[str, Any], root: Path, name: str) -> Image
     else:
         files = _matching(root, images, name)
         files, time_s, warnings = _timed(files, settings, root, name)
+    if only_inside is not None:
+        check_files_inside(files, f"{name}.images", only_inside)
     if len(files) > MAX_ROWS:
         raise InputError(f"{len(files):,} images of {name}, at most {MAX_ROWS:,}", where=root,
                          advice="split the survey")  # fmt: skip
@@ -111,7 +119,7 @@ def _matching(root: Path, pattern: str, name: str) -> list[Path]:
     is_wanted = re.compile(fnmatch.translate(place.name), re.IGNORECASE)
     # Folders may be patterns too, but links are not followed: they may form cycles
     parent = str(place.parent.relative_to(base))
-    folders = sorted(base.glob(parent)) if any(c in parent for c in "*?[") else [base / parent]
+    folders = matching_paths(base, parent) if any(c in parent for c in "*?[") else [base / parent]
     files = [path for folder in folders for path in find_images(folder) if is_wanted.fullmatch(path.name)]
     if not files:
         raise InputError(f"{name}.images: '{pattern}' matches no image", where=root,
@@ -223,8 +231,8 @@ def read_times(path: Path) -> tuple[FloatArray, tuple[str, ...] | None]:
         texts, names = lines, None
     times = [_seconds(text.strip()) for _, text in texts]
     if None in times:
-        number, text = texts[times.index(None)]
-        raise InputError(f"line {number} is not a time: '{text.strip()[:40]}'", where=path,
+        number, _ = texts[times.index(None)]
+        raise InputError(f"line {number} is not a time", where=path,
                          advice="seconds, or dates such as 2024-05-28 13:02:25.964")  # fmt: skip
     return np.array(times, dtype=np.float64), names
 

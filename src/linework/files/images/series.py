@@ -54,7 +54,11 @@ def open_stereo(survey: Survey) -> StereoSeries | None:
 
     check_cameras(cameras, where)
     rig = rig_of(cameras, where)
-    left, right = (read_image_list(cameras[side], survey.root, f"cameras.{side}") for side in _SIDES)
+    only_inside = None if survey.allow_outside else survey.settings_file
+    left, right = (
+        read_image_list(cameras[side], survey.root, f"cameras.{side}", only_inside=only_inside)
+        for side in _SIDES
+    )
     for side, images in zip(_SIDES, (left, right), strict=True):
         _check_some_exist(images.files, f"cameras.{side}", where)
     if left.files[0] == right.files[0]:

@@ -20,6 +20,7 @@ _UNIT_M = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
 #: GeoTIFF 1.0 named vertical CRSs by their datum; EPSG has these CRSs for them (NGVD29, NAVD88).
 _OLD_VERTICAL = {5102: 5702, 5103: 5703}
 _CRS = argument("crs")
+_KEYS = "its GeoTIFF keys"
 _ADVICE = f"give {argument('crs', 'EPSG:...')} or {argument('crs', 'local')}"
 
 
@@ -43,7 +44,7 @@ class _Stated:
 
 
 def resolve_crs(
-    projection: Sequence[tuple[int, bytes]], given: str | None, *, where: object = None
+    projection: Sequence[tuple[int, bytes]], given: str | None, *, by: str = _CRS, where: object = None
 ) -> ResolvedCrs:
     """Return the CRS of a file from its projection records and from what the user gave.
 
@@ -53,18 +54,20 @@ def resolve_crs(
         (record id, data) of the file's LASF_Projection records.
     given
         "EPSG:...", WKT or "local"; None where the user gave none.
+    by
+        What gave it, for messages: the parameter, or the survey.toml.
 
     Raises
     ------
     CrsError
         No CRS; in degrees; two that contradict each other.
     """
-    wanted = None if given is None else crs_texts.parse_crs(given, where=_CRS)
+    wanted = None if given is None else crs_texts.parse_crs(given, where=by)
     stated = _stated(projection, where)
     if wanted is None and not stated.crs:
         raise CrsError(stated.problem or "the file does not state its CRS", where=where, advice=_ADVICE)
     warnings = [f"{stated.problem}: taken from the CRS that was given"] if stated.problem else []
-    crs = _agreed(stated.crs, wanted, where)
+    crs = _agreed(stated.crs, wanted, by, where)
     horizontal, vertical = _factors(crs, stated, where)
     if (horizontal, vertical) != (1.0, 1.0):
         warnings.append(
@@ -73,17 +76,17 @@ def resolve_crs(
     return ResolvedCrs(crs_texts.metric_twin(crs), (horizontal, vertical), tuple(warnings))
 
 
-def _agreed(stated: str, wanted: str | None, where: object) -> str:
+def _agreed(stated: str, wanted: str | None, by: str, where: object) -> str:
     """Return the one CRS that the file and the user agree on; a missing vertical part is filled in."""
     if wanted is None or not stated:
         return wanted or stated
     if not crs_texts.same_plan(stated, wanted):
-        raise _conflict("the file", stated, _CRS, wanted, where)
+        raise _conflict("the file", stated, by, wanted, where)
     if not crs_texts.has_height(stated):
         return wanted
     if not crs_texts.has_height(wanted) or crs_texts.same_crs(stated, wanted):
         return stated
-    raise _conflict("the file", stated, _CRS, wanted, where)
+    raise _conflict("the file", stated, by, wanted, where)
 
 
 def _factors(crs: str, stated: _Stated, where: object) -> tuple[float, float]:
@@ -104,10 +107,11 @@ def _factors(crs: str, stated: _Stated, where: object) -> tuple[float, float]:
 
 
 def _conflict(first: str, a: str, second: str, b: str, where: object) -> CrsError:
+    remedy = f"leave {_CRS} out" if second == _CRS else f"correct {second}"
     return CrsError(
         f"two different CRSs: {first} says {crs_texts.describe_crs(a)}, {second} says {crs_texts.describe_crs(b)}",
         where=where,
-        advice=f"leave {_CRS} out, or correct the file's header" if second == _CRS else "correct the header",
+        advice="correct the header" if second == _KEYS else f"{remedy}, or correct the file's header",
     )
 
 
@@ -119,14 +123,12 @@ def _stated(projection: Sequence[tuple[int, bytes]], where: object) -> _Stated:
     text = wkt.split(b"\0")[0].decode("utf-8", errors="replace").strip()
     if not text:
         return by_keys
-    try:
-        by_wkt = _Stated(crs_texts.parse_crs(text, where=where))
-    except CrsError as error:
-        if not isinstance(error.__cause__, ProjError):
-            raise
+    stated = crs_texts.stated_crs(text, "", where=where)
+    if not stated:
         return by_keys if by_keys.crs else _Stated(problem="the file's WKT is not understood")
+    by_wkt = _Stated(stated)
     if by_keys.crs and not crs_texts.same_plan(by_wkt.crs, by_keys.crs):
-        raise _conflict("its WKT", by_wkt.crs, "its GeoTIFF keys", by_keys.crs, where)
+        raise _conflict("its WKT", by_wkt.crs, _KEYS, by_keys.crs, where)
     if not crs_texts.has_height(by_wkt.crs) and crs_texts.has_height(by_keys.crs or crs_texts.LOCAL):
         return _Stated(crs_texts.with_height_of(by_wkt.crs, by_keys.crs))
     return by_wkt

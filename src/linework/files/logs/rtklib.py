@@ -86,11 +86,13 @@ def _header(comments: list[str], path: Path) -> _Header:
         raise InputError("no header line that names the columns (%  GPST  latitude(deg) ...)", where=path,
                          advice="write it with the header on")  # fmt: skip
     if words[0] not in ("GPST", "UTC"):
-        raise InputError(f"time system {words[0]}, expected GPST or UTC", where=path,
+        # A word that is no time system could be anything of a file that is no log
+        system = words[0] if re.fullmatch("[A-Z]{2,5}", words[0]) else "not known"
+        raise InputError(f"time system {system}, expected GPST or UTC", where=path,
                          advice="convert it with another time system")  # fmt: skip
     is_geocentric = "x-ecef(m)" in named
     if not is_geocentric and "latitude(deg)" not in named:
-        raise InputError(f"columns {' '.join(words[1:4])[:80]}, expected latitude(deg) or x-ecef(m)", where=path,
+        raise InputError("other columns, expected latitude(deg) or x-ecef(m)", where=path,
                          advice="write positions as degrees or as x/y/z")  # fmt: skip
     return _Header(words[0] == "UTC", is_geocentric, any("/geodetic" in line for line in comments))
 

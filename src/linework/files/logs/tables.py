@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import difflib
 import io
 import itertools
 import math
@@ -200,8 +201,11 @@ def _refuse_missing(
 ) -> None:
     if missing:
         plural = "s" if several or len(missing) > 1 else ""
+        # Of a file that is no log, nothing is shown that does not resemble a name of ours
+        near = [name for one in missing for name in difflib.get_close_matches(one, there, 1)]
+        named = f"the nearest is {', '.join(dict.fromkeys(near))}" if near else "none has a name like that"
         raise InputError(
-            f"missing column{plural} {', '.join(missing)} (there are: {', '.join(there[:12])[:120]})",
+            f"missing column{plural} {', '.join(missing)} (of the {len(there)} there, {named})",
             where=path,
             advice="the first line must name the columns",
         )

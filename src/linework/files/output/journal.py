@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import sqlite3
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -87,12 +88,14 @@ class Journal:
 
     def note_output(self, name: str, sha256: str) -> None:
         """Note the SHA-256 of an output just before it replaces the file of that name."""
-        self._write("INSERT OR REPLACE INTO published VALUES (?, ?)", (name, sha256))
+        self._write("INSERT OR REPLACE INTO published VALUES (?, ?)", (_as_utf8(name), sha256))
 
     def noted_output(self, name: str) -> str:
         """Return the SHA-256 that was noted for an output, "" if none was."""
         with _machine_errors(self._path):
-            row = self._connection.execute("SELECT sha256 FROM published WHERE name = ?", (name,)).fetchone()
+            row = self._connection.execute(
+                "SELECT sha256 FROM published WHERE name = ?", (_as_utf8(name),)
+            ).fetchone()
         return str(row[0]) if row else ""
 
     def close(self) -> None:
@@ -102,6 +105,11 @@ class Journal:
     def _write(self, statement: str, values: tuple[str, ...]) -> None:
         with _machine_errors(self._path):
             self._connection.execute(statement, values)
+
+
+def _as_utf8(name: str) -> str:
+    """Return the name of a file as SQLite takes it: bytes that are not UTF-8 are escaped."""
+    return os.fsencode(name).decode("utf-8", errors="backslashreplace")
 
 
 @contextlib.contextmanager

@@ -8,9 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from linework.errors import MachineError
 from linework.files.input import regular_file_bytes
-from linework.files.output.publish import publish
+from linework.files.output.publish import write_bytes
 
 
 def write_json(document: Mapping[str, Any], path: Path, *, overwrite: bool = False) -> None:
@@ -22,17 +21,8 @@ def write_json(document: Mapping[str, Any], path: Path, *, overwrite: bool = Fal
         As for `publish`.
     """
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-    def write(part: Path) -> None:
-        part.write_text(text, encoding="utf-8", newline="\n")
-
-    def verify(part: Path) -> None:
-        if part.read_text(encoding="utf-8") != text:
-            raise MachineError(
-                "written file does not read back the same", where=path, advice="check the disk"
-            )
-
-    publish(path, write, verify, overwrite=overwrite)
+    # Names that are not UTF-8 come as lone surrogates, which JSON writes as \\udcff
+    write_bytes(text.encode("utf-8", errors="backslashreplace"), path, overwrite=overwrite)
 
 
 def hash_file(path: Path) -> str:

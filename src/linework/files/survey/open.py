@@ -10,9 +10,10 @@ import pyproj
 
 from linework.crs import LOCAL, crs_text, describe_crs, has_height, parse_crs, same_crs, same_plan
 from linework.errors import CrsError, InputError, UsageError, argument
-from linework.files.input import is_address, regular_file_bytes
+from linework.files.input import is_address, matching_paths, regular_file_bytes
 from linework.files.las.crs import resolve_crs
 from linework.files.las.header import read_las_header
+from linework.files.outside import check_files_inside, check_names_inside
 from linework.files.survey.kitti import read_kitti_folder
 from linework.model.survey import Survey
 
@@ -26,7 +27,11 @@ SurveyPaths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
 
 def open_survey(
-    src: SurveyPaths, *, crs: str | int | pyproj.CRS | None = None, carry: str | Iterable[str] = ()
+    src: SurveyPaths,
+    *,
+    crs: str | int | pyproj.CRS | None = None,
+    carry: str | Iterable[str] = (),
+    allow_outside: bool = False,
 ) -> Survey:
     """Find the files and metadata of a survey; headers are read, points are not.
 
@@ -41,6 +46,8 @@ def open_survey(
         Names of further columns that the points are to have: extra dimensions of the laser files, or
         classification, return_number, number_of_returns, user_data, point_source_id, scan_angle [deg], red, green,
         blue.
+    allow_outside
+        Whether a survey.toml may name files outside its folder: absolute paths, ``..``, links that end elsewhere.
 
     Returns
     -------
@@ -55,7 +62,7 @@ def open_survey(
     CrsError
         No CRS, one in degrees, or several.
     ConfigError
-        An unknown key or a wrong value in the survey.toml.
+        An unknown key, a wrong value, or a file outside the folder in the survey.toml.
     """
     names = _further_names(carry)
     inputs = survey_paths(src)
@@ -66,14 +73,18 @@ def open_survey(
         from linework.files.survey.toml import read_survey_file
 
         settings, root = read_survey_file(found), found.parent
+        if not allow_outside:
+            check_names_inside(settings, found)
         files = _each_once(_matching(root, settings.get("points", {}).get("files", []), found))
+        if not allow_outside:
+            check_files_inside(files, "points.files", found)
     elif kitti is not None:
         settings, root, files = {"crs": given_text or LOCAL, **kitti.settings}, inputs[0], ()
     else:
         settings = {}
         root = inputs[0] if inputs[0].is_dir() else inputs[0].parent
         files = _each_once([file for path in inputs for file in _files_of(path)])
-    given = _given_crs(given_text, settings.get("crs"), found)
+    given, given_by = _given_crs(given_text, settings.get("crs"), found)
     if given is not None:
         settings = {**settings, "crs": given}
     trajectory = settings.get("trajectory", {})
@@ -83,7 +94,7 @@ def open_survey(
         name=settings.get("name") or (root.resolve().name if inputs[0].is_dir() or found else files[0].stem),
         root=root,
         point_files=files,
-        crs=_survey_crs(files, given, found, has_images="cameras" in settings),
+        crs=_survey_crs(files, given, given_by, has_images="cameras" in settings),
         trajectory_file=root / trajectory["file"] if "file" in trajectory else None,
         trajectory_lever_m=(lever_x, lever_y, lever_z),
         trajectory_boresight_deg=(roll, pitch, heading),
@@ -91,6 +102,7 @@ def open_survey(
         settings_file=kitti.calibration if kitti else found,
         warnings=kitti.warnings if kitti else (),
         carry=names,
+        allow_outside=allow_outside or kitti is not None,
     )
 
 
@@ -157,7 +169,7 @@ def _found(root: Path, pattern: str) -> list[Path]:
     # Joining drops the root where the pattern is an absolute path
     place = root / pattern
     base = Path(place.anchor) if place.is_absolute() else Path()
-    return sorted(base.glob(str(place.relative_to(base))))
+    return matching_paths(base, str(place.relative_to(base)))
 
 
 def _check_local(path: Path) -> None:
@@ -221,27 +233,32 @@ def _each_once(files: Sequence[Path]) -> tuple[Path, ...]:
     return tuple(kept.values())
 
 
-def _given_crs(option: str | None, setting: str | None, where: Path | None) -> str | None:
-    if option is None or setting is None:
-        return setting if option is None else option
-    if not same_crs(parse_crs(option, where=argument("crs")), parse_crs(setting, where=where)):
+def _given_crs(option: str | None, setting: str | None, where: Path | None) -> tuple[str | None, str]:
+    """Return the CRS that was given, and what gave it: the parameter, or the survey.toml; each is checked."""
+    by_option = "" if option is None else parse_crs(option, where=argument("crs"))
+    by_setting = "" if setting is None or where is None else parse_crs(setting, where=f"{where}: crs")
+    if by_option and by_setting and not same_crs(by_option, by_setting):
         raise CrsError(f"two different CRSs: crs = {setting}, {argument('crs')} says {option}", where=where,
                        advice=f"leave {argument('crs')} out, or correct the survey.toml")  # fmt: skip
-    return option
+    return (
+        (setting, f"crs in {where}")
+        if option is None and by_setting
+        else (option or setting, argument("crs"))
+    )
 
 
-def _survey_crs(files: Sequence[Path], given: str | None, where: Path | None, *, has_images: bool) -> str:
+def _survey_crs(files: Sequence[Path], given: str | None, by: str, *, has_images: bool) -> str:
     """Return the CRS of the points; the given one without points, or where images need none."""
     try:
-        return _common_crs(files, given) if files else parse_crs(given or "local", where=where)
+        return _common_crs(files, given, by) if files else parse_crs(given or LOCAL)
     except InputError:
         # All files are damaged, which is reported when they are read
         if not has_images or given is None:
             raise
-        return parse_crs(given, where=where)
+        return parse_crs(given)
 
 
-def _common_crs(files: Sequence[Path], given: str | None) -> str:
+def _common_crs(files: Sequence[Path], given: str | None, by: str) -> str:
     """Return the common CRS of all readable files; with heights where some files lack them."""
     found: dict[Path, str] = {}
     first_error: InputError | None = None
@@ -251,7 +268,7 @@ def _common_crs(files: Sequence[Path], given: str | None) -> str:
         except InputError as error:  # reported again when the points are read
             first_error = first_error or error
             continue
-        found[path] = resolve_crs(header.projection, given, where=path).crs
+        found[path] = resolve_crs(header.projection, given, by=by, where=path).crs
     if not found:
         assert first_error is not None
         raise first_error

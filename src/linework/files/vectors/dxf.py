@@ -17,7 +17,7 @@ import shapely
 from pyproj.exceptions import CRSError as ProjError
 
 from linework.arrays import FloatArray
-from linework.crs import LOCAL, parse_crs
+from linework.crs import LOCAL, stated_crs
 from linework.errors import InputError, MachineError, extra_needed
 from linework.files.input import filled_file_bytes
 from linework.files.output.publish import publish
@@ -137,12 +137,15 @@ def read_dxf(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: 
     columns = {name: [table.get(name) for table in tables] for name in names}
     kind = columns.get(kind_field, columns.get("layer", []))
     array = np.array([*shapes, None], dtype=object)[:-1]
-    return foreign_lines(array, kind, columns, kinds, _crs_beside(path) or crs or LOCAL, path)
+    return foreign_lines(array, kind, columns, kinds, _crs_beside(path, crs) or crs or LOCAL, path)
 
 
-def _crs_beside(path: Path) -> str | None:
+def _crs_beside(path: Path, given: str | None) -> str | None:
+    """Return the CRS in the .prj beside a DXF file, None without one."""
     prj = path.with_suffix(".prj")
-    return parse_crs(prj.read_text(encoding="utf-8", errors="replace"), where=prj) if prj.is_file() else None
+    if not prj.is_file():
+        return None
+    return stated_crs(prj.read_text(encoding="utf-8", errors="replace"), given, where=prj)
 
 
 @contextlib.contextmanager

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from linework.arrays import AnyArray
-from linework.crs import LOCAL, describe_crs, parse_crs
+from linework.crs import LOCAL, describe_crs, stated_crs
 from linework.errors import CrsError, InputError, LineworkWarning, MachineError
 from linework.files.vectors.fields import (
     REJECTED_LAYER,
@@ -50,7 +50,7 @@ def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, c
         raise InputError("no layer with geometries", where=path, advice="check what this file is")
     sets = []
     for layer, meta, _, shapes, values in read:
-        own = parse_crs(meta["crs"], where=path) if meta["crs"] else None
+        own = stated_crs(meta["crs"], crs, where=path) if meta["crs"] else None
         table = dict(zip(meta["fields"], values, strict=True))
         kind = table.get(kind_field, np.full(len(shapes), layer, dtype=object))
         geometries_read = shapely.from_wkb(shapes)

@@ -21,7 +21,7 @@ import shapely
 import shapely.geometry
 
 from linework.arrays import AnyArray, offsets_of
-from linework.crs import LOCAL, epsg_text, parse_crs
+from linework.crs import LOCAL, epsg_text, stated_crs
 from linework.errors import CrsError, InputError, MachineError, argument
 from linework.files.input import regular_file_bytes
 from linework.files.vectors.fields import (
@@ -201,12 +201,12 @@ def _crs_of(document: dict[str, Any], shapes: AnyArray, given: str | None, path:
     """Return the CRS; without a `crs` member the range of the coordinates tells degrees (RFC 7946) from metres."""
     wkt = document.get("crs_wkt")
     if isinstance(wkt, str):
-        return parse_crs(wkt, where=path)
+        return stated_crs(wkt, given, where=path)
     member = document.get("crs")
     if isinstance(member, dict):
         properties = member.get("properties")
         name = str(properties.get("name", "")) if isinstance(properties, dict) else ""
-        return parse_crs(_epsg_of(name), where=path)
+        return stated_crs(_epsg_of(name), given, where=path)
     if given is not None:
         return given
     bounds = shapely.total_bounds(shapes)

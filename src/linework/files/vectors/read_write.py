@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from linework.crs import LOCAL, parse_crs
-from linework.errors import UsageError, argument, check_extra
+from linework.crs import LOCAL, describe_crs, parse_crs, same_plan
+from linework.errors import CrsError, UsageError, argument, check_extra
 from linework.files.output.publish import check_output, publish
 from linework.files.output.record import hash_file
 from linework.files.vectors.fields import check_writable
@@ -148,7 +148,8 @@ def read_lines(
     kinds
         Kinds by the names used in the file; features with other names are left out.
     crs
-        CRS where the file does not state it: "EPSG:...", an EPSG code, a `pyproj.CRS`, WKT or "local" (the default).
+        CRS where the file does not state it, or is local: "EPSG:...", an EPSG code, a `pyproj.CRS`, WKT or "local" (the
+        default).
 
     Returns
     -------
@@ -161,7 +162,7 @@ def read_lines(
     InputError
         Not a readable file of lines.
     CrsError
-        The coordinates are in degrees, or the layers have different CRSs.
+        The coordinates are in degrees, the layers have different CRSs, or the file states another one than `crs`.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -170,7 +171,17 @@ def read_lines(
             f"cannot read lines from '{suffix}' files", where=path, advice=f"use {', '.join(_READERS)}"
         )
     given = None if crs is None else parse_crs(crs, where=argument("crs"))
-    return _READERS[suffix](path, kind_field, kinds, given)
+    found = _READERS[suffix](path, kind_field, kinds, given)
+    if given in (None, found.crs):
+        return found
+    if found.crs == LOCAL:
+        return found.with_columns(crs=given)
+    if not same_plan(found.crs, given):
+        raise CrsError(
+            f"two different CRSs: the file says {describe_crs(found.crs)}, {argument('crs')} says {describe_crs(given)}",
+            where=path, advice=f"leave {argument('crs')} out, or correct what the file states",
+        )  # fmt: skip
+    return found
 
 
 def _writer(path: Path) -> tuple[_Write, _Verify]:

@@ -23,6 +23,7 @@ from linework.crs import LOCAL, parse_crs
 from linework.errors import InputError, argument, needed
 from linework.model.columns import column_types
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
+from linework.model.lineset.frames import warn_of_left_out
 from linework.model.lineset.geometries import column_values, lines_of_shapes
 
 GEOMETRY = "geometry"
@@ -79,7 +80,8 @@ def lines_of_table(table: Any, crs: object, columns: Mapping[str, Any]) -> LineS
     read = core.Table.from_arrow(table)
     fields = {field.name: field for field in (read.schema.field(i) for i in range(len(read.schema)))}
     name = _geometry_field(fields)
-    found_crs = parse_crs(_stated_crs(fields[name]) or crs, where=argument("crs"))
+    stated = _stated_crs(fields[name])
+    found_crs = parse_crs(stated or crs, where="from_arrow()" if stated else argument("crs"))
     given: dict[str, Any] = {}
     for column in LINE_COLUMNS:
         if column in fields and column not in columns:
@@ -97,6 +99,7 @@ def lines_of_table(table: Any, crs: object, columns: Mapping[str, Any]) -> LineS
         if column in fields and column not in columns and "List" in str(fields[column].type):
             given[column] = _vertex_column(core, read[column], column, offsets)
     given |= columns
+    warn_of_left_out([field for field in fields if field != name], given)
     if is_wkb:
         return lines_of_shapes(parsed, found_crs, given)
     return LineSet(xyz=xyz, offsets=offsets, crs=found_crs, **given)

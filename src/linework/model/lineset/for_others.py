@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, cast
 
 from linework.arrays import AnyArray
+from linework.errors import printable
 
 if TYPE_CHECKING:
     from linework.model.lines import LineSet
@@ -25,7 +26,7 @@ class ForOtherLibraries:
     def __repr__(self) -> str:
         from linework.model.lineset.shown import text_of
 
-        return text_of(self._lines)
+        return printable(text_of(self._lines), keep="\n")
 
     def _repr_html_(self) -> str:
         from linework.model.lineset.shown import html_of

@@ -5,7 +5,8 @@ Separate from `linework.model.lineset.for_others`: each library has a module of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import shapely
 
 from linework.arrays import AnyArray
 from linework.crs import LOCAL, parse_crs
-from linework.errors import InputError, argument, needed
+from linework.errors import InputError, LineworkWarning, argument, needed
 from linework.model.columns import column_types
 from linework.model.lines import LINE_COLUMNS, VERTEX_COLUMNS, LineSet
 from linework.model.lineset.geometries import geometries, lines_of_shapes
@@ -46,10 +47,8 @@ def lines_of_frame(frame: Any, crs: object, columns: Mapping[str, Any]) -> LineS
     """Return the lines of a GeoDataFrame: the work of `LineSet.from_geopandas`."""
     pandas = needed("pandas", "tables", where="from_geopandas()")
     stated = frame.crs
-    found_crs = (
-        parse_crs(stated, where=argument("crs"))
-        if stated is not None
-        else parse_crs(crs, where=argument("crs"))
+    found_crs = parse_crs(
+        crs if stated is None else stated, where=argument("crs") if stated is None else "from_geopandas()"
     )
     given: dict[str, Any] = {}
     for name in LINE_COLUMNS:
@@ -64,12 +63,34 @@ def lines_of_frame(frame: Any, crs: object, columns: Mapping[str, Any]) -> LineS
     for name in VERTEX_COLUMNS:
         if name in frame.columns and name not in columns and _is_ragged(frame[name]):
             given[name] = vertex_values(name, frame[name].to_numpy(dtype=object), shapes)
+    if len(frame):
+        warn_of_left_out(
+            [str(name) for name in frame.columns if name != frame.geometry.name], {*given, *columns}
+        )
     return lines_of_shapes(shapes, found_crs, given | dict(columns))
 
 
 def _is_ragged(values: Any) -> bool:
     """Return whether a column holds lists; files of linework hold one rms of the sigmas under the same name."""
     return len(values) > 0 and all(np.ndim(value) == 1 for value in values)
+
+
+def warn_of_left_out(names: Iterable[str], taken: Collection[str]) -> None:
+    """Warn of the columns of a table that do not become columns of lines."""
+    left_out = [name for name in names if name not in taken]
+    per_line = [name for name in left_out if name in VERTEX_COLUMNS]
+    unknown = [name for name in left_out if name not in VERTEX_COLUMNS]
+    if per_line:
+        warnings.warn(
+            f"left out: {', '.join(per_line)}: one value for each line, expected one for each vertex. Files of linework "
+            "are read with read_lines().",
+            LineworkWarning,
+            stacklevel=5,
+        )
+    if unknown:
+        warnings.warn(
+            f"left out, for lines have no such columns: {', '.join(unknown)}", LineworkWarning, stacklevel=5
+        )
 
 
 def vertex_values(name: str, values: AnyArray, shapes: AnyArray) -> AnyArray:

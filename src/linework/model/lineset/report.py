@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from linework.errors import printable
+
 #: Longest line of `repr` [characters], and entries of a list that are named.
 _WIDTH, _NAMED = 110, 3
 
@@ -145,5 +147,5 @@ def _listed(texts: tuple[str, ...] | list[str]) -> str:
 
 def _shortened(text: str) -> str:
     """Return a text on one line that fits a console."""
-    text = text.rstrip().replace("\n", " ")
+    text = printable(text.rstrip().replace("\n", " "))
     return text if len(text) <= _WIDTH else text[: _WIDTH - 3] + "..."

@@ -20,9 +20,9 @@ from linework.model.logs import VanLog
 from linework.model.survey import Survey
 from linework.model.trajectory import Trajectory
 from linework.navigation.locate import locate_drive
+from linework.runs.opened.made import STORES, claim
 from linework.runs.opened.pairs import OpenedStereo, place_pairs
 from linework.runs.opened.points import OpenedSurvey, hash_path, opened_survey
-from linework.runs.opened.work_folder import STORES
 from linework.runs.steps import RunSteps
 
 T = TypeVar("T")
@@ -241,7 +241,9 @@ def located_survey(survey: Survey, work: Path, steps: RunSteps) -> tuple[Survey,
     with steps.step("locate", unit="stretches") as advance:
         content = read_navigation_logs(survey)
         found = locate_drive(content.logs, progress=advance)
-        path = work / STORES / f"located-{hash_path(found.trajectory)[:16]}.csv"
+        name = f"{STORES}/located-{hash_path(found.trajectory)[:16]}.csv"
+        claim(work, name)
+        path = work / name
         if not path.is_file():
             write_trajectory(found.trajectory, path, overwrite=True)
     settings = {name: table for name, table in survey.settings.items() if name != "trajectory"}

@@ -6,7 +6,6 @@ import contextlib
 import hashlib
 import json
 import os
-import shutil
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -27,7 +26,8 @@ from linework.files.store.from_points import store_points
 from linework.files.store.read import PointStore
 from linework.model.points import Points
 from linework.model.survey import Survey
-from linework.runs.opened.work_folder import STORES, folder_in_use_error
+from linework.runs.opened.made import STORES, claim, remove_made
+from linework.runs.opened.work_folder import folder_in_use_error
 from linework.runs.resume import source_hash
 from linework.runs.steps import Advance, RunSteps
 
@@ -132,6 +132,7 @@ def _held(
     if not folder.is_dir():
         with hold_lock(lock, keep=True):
             if not folder.is_dir():
+                claim(work, f"{STORES}/{name}")
                 # Gets its name when it is whole
                 with replacing_folder(folder) as part, steps.step("read points", unit="points") as advance:
                     build(part, advance)
@@ -215,7 +216,7 @@ def _remove_earlier(work: Path, family: str, name: str) -> None:
         if folder.name != name:
             lock = work / f"store-{folder.name}.lock"
             with contextlib.suppress(OSError), hold_lock(lock, folder_in_use_error(work)):
-                shutil.rmtree(folder)
+                remove_made(work, f"{STORES}/{folder.name}")
 
 
 # The executor of a run on this machine

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import shutil
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -15,9 +14,9 @@ from linework.errors import UsageError
 from linework.methods.kinds import recordings_for
 from linework.model.lines import LineSet
 from linework.processes.system import give_way
+from linework.runs.opened.made import RUNS, claim, remove_made
 from linework.runs.opened.recordings import opened_recordings
 from linework.runs.opened.store import executor_for, promised_points, usable_cores
-from linework.runs.opened.work_folder import RUNS
 from linework.runs.steps import RunSteps
 from linework.workbench.worker.session import SurveySession
 
@@ -107,7 +106,9 @@ def extract_in_worker(session: SurveySession, request: JobRequest) -> str:
                 **recordings_for(request.method, request.kinds),
             )
         )
-        output = _folder(session.work, request) / "lines.gpkg"
+        name = _folder_name(request)
+        claim(session.work, name)
+        output = session.work / name / "lines.gpkg"
 
         def extracted(*, resume: bool) -> dict[str, Any]:
             order = extraction_request(
@@ -130,12 +131,12 @@ def extract_in_worker(session: SurveySession, request: JobRequest) -> str:
 
 def discard_job_lines(work: Path, request: JobRequest) -> None:
     """Remove the lines of a job from the work folder."""
-    shutil.rmtree(_folder(work, request), ignore_errors=True)
+    remove_made(work, _folder_name(request))
 
 
-def _folder(work: Path, request: JobRequest) -> Path:
+def _folder_name(request: JobRequest) -> str:
     content = "\n".join((request.name, request.method, *request.kinds))
-    return work / RUNS / f"workbench-{hashlib.sha256(content.encode()).hexdigest()[:16]}"
+    return f"{RUNS}/workbench-{hashlib.sha256(content.encode()).hexdigest()[:16]}"
 
 
 @contextlib.contextmanager

@@ -91,6 +91,10 @@ class Guard:
         with self._faults():
             await self._app({**scope, "headers": kept}, receive, send)
 
+    def knows(self, scope: Scope) -> bool:
+        """Return whether a request belongs to an open session."""
+        return self._sessions.knows(Headers(scope=scope).get("cookie", ""))
+
     def _without_session(self, scope: Scope, headers: Headers) -> Response | None:
         """Return the answer to a request that needs no session, or is refused; None: pass it on."""
         method, path = scope["method"], scope["path"]

@@ -203,12 +203,14 @@ def _signals() -> Iterator[asyncio.Future[int]]:
     for number in before:
         try:
             loop.add_signal_handler(number, stop, int(number))
-        except NotImplementedError:  # Windows
+        except NotImplementedError:
+            # The loop of Windows has no signal handlers of its own; Python's run in this thread and wake the loop
             signal.signal(number, lambda number, _: loop.call_soon_threadsafe(stop, number) and None)
     try:
         yield stopped
     finally:
         for number, handler in before.items():
+            # None was added on Windows
             with contextlib.suppress(NotImplementedError):
                 loop.remove_signal_handler(number)
             signal.signal(number, handler)
@@ -274,29 +276,41 @@ def listener_at(port: int, usual: int) -> Iterator[socket.socket]:
 
 # Limits on open connections: a maximum number and an idle timeout
 
-#: Open connections; further ones are closed at once, so that files can still be opened. A browser opens six and two
-#: WebSockets.
+#: Open connections, so that files can still be opened; for a further one, the oldest without a session is closed. A
+#: browser opens six and two WebSockets.
 MOST_CONNECTIONS = 200
 #: Time from the connection to the end of the first request's head. [s]
 HEAD_S = 10.0
 
 
 class BoundedConnection(H11Protocol):
-    """A connection that is closed if no request comes in time."""
+    """A connection that is closed if no request comes in time, or one of a session needs its place."""
 
     _timer: asyncio.TimerHandle | None = None
+    _is_of_session = False
+    _opened_s = 0.0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Start the timer, or close at once if there are too many connections."""
+        """Start the timer; if there are too many connections, close the oldest without a session, or else this one."""
         super().connection_made(transport)
+        self._opened_s = self.loop.time()
+        self._start_timer()
         if len(self.connections) > MOST_CONNECTIONS:
-            transport.abort()
-        else:
-            self._start_timer()
+            # Who only knows the port could hold all places: whoever has a session is never turned out
+            strangers = [
+                other
+                for other in self.connections
+                if isinstance(other, BoundedConnection)
+                and not other._is_of_session
+                and not other.transport.is_closing()
+            ]
+            min(strangers, key=lambda other: other._opened_s, default=self).transport.abort()
 
     def handle_events(self) -> None:
         """Handle what came; after a request's head the guard limits the time."""
         super().handle_events()
+        if not self._is_of_session and self.scope is not None:
+            self._is_of_session = isinstance(self.config.app, Guard) and self.config.app.knows(self.scope)
         is_awaited = self.conn.their_state is h11.IDLE and not self.transport.is_closing()
         if not is_awaited:
             self._stop_timer()

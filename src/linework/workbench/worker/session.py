@@ -30,7 +30,9 @@ class SurveyOrder:
     inputs
         Files and folders named on the command line.
     crs
-        CRS of files that do not state theirs; "" if not given.
+        CRS of files that do not state theirs; None if not given.
+    allow_outside
+        Whether its survey.toml may name files outside its folder.
     work
         Work folder; None: beside the survey.
     settings
@@ -40,7 +42,8 @@ class SurveyOrder:
     """
 
     inputs: tuple[Path, ...]
-    crs: str = ""
+    crs: str | None = None
+    allow_outside: bool = False
     work: Path | None = None
     settings: RunSettings = field(default_factory=RunSettings)
     n_threads: int = 1
@@ -68,7 +71,11 @@ class SurveySession:
     @property
     def survey(self) -> Survey:
         """The survey as its files describe it."""
-        return self.keep("survey", lambda: open_survey(list(self.order.inputs), crs=self.order.crs or None))
+        order = self.order
+        return self.keep(
+            "survey",
+            lambda: open_survey(list(order.inputs), crs=order.crs, allow_outside=order.allow_outside),
+        )
 
     @property
     def work(self) -> Path:
