@@ -94,7 +94,7 @@ def did_you_mean(unknown: Iterable[str], known: Iterable[str]) -> str:
 
 
 def _shortened(text: str, most: int) -> str:
-    """Return a text, cut where it is longer than so many characters; characters that are escaped count as what is shown.
+    """Return a text, cut at a number of characters; those that are escaped count as what is printed.
 
     >>> _shortened("unknown key", 20), _shortened("known are " + "a, " * 50, 20)
     ('unknown key', 'known are a, a ...')
