@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: demo test truth check docs bench page dist clean
+.PHONY: demo test truth campaign check docs bench page dist clean
 
 $(VENV)/.installed: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -26,6 +26,9 @@ test: check $(VENV)/.compiled  ## every test, in minutes
 
 truth: check $(VENV)/.compiled  ## the long campaigns too: all seeds, all examples
 	LINEWORK_TESTS=truth $(BIN)/python -m pytest -n 2 --dist loadscope
+
+campaign: $(VENV)/.compiled  ## damaged files, full disks, kills, failing calls: hours; goes on where it was stopped
+	$(BIN)/python -m tests.campaign
 
 check: $(VENV)/.installed  ## style, types, import direction
 	$(BIN)/ruff check .

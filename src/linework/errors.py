@@ -23,6 +23,12 @@ Speech = Callable[[str, str | int | bool | None], str]
 #: What stands around a parameter in a message: characters of private use, which no file name or value has.
 _BEGIN, _END = "\ue000", "\ue001"
 _ARGUMENT = re.compile(f"{_BEGIN}([a-z_]+)=([^{_BEGIN}{_END}]*){_END}")
+#: Longest message beside the name of the file, four lines of a terminal; its advice is never cut. [characters]
+MOST_CHARACTERS = 280
+#: The password in an address or in the description of a connection: paths drop one of the slashes.
+_PASSWORD = re.compile(
+    r"(?i)((?:\b[a-z][a-z0-9+.-]*:/{1,2}[^/@\s:]*:)|(?:\b(?:password|passwd|pwd)\s*=\s*))[^@\s,;&'\"]+"
+)
 
 
 def argument(name: str, value: str | int | bool | None = None) -> str:
@@ -87,6 +93,20 @@ def did_you_mean(unknown: Iterable[str], known: Iterable[str]) -> str:
     return f". Did you mean {' and '.join(dict.fromkeys(near))}?" if near else ""
 
 
+def _shortened(text: str, most: int) -> str:
+    """Return a text, cut at a number of characters; those that are escaped count as what is printed.
+
+    >>> _shortened("unknown key", 20), _shortened("known are " + "a, " * 50, 20)
+    ('unknown key', 'known are a, a ...')
+    """
+    shown = 0
+    for i, character in enumerate(text):
+        shown += 1 if character.isprintable() else len(repr(character)) - 2
+        if shown > most:
+            return f"{text[: max(i - 4, 0)].rstrip(' ,;')} ..."
+    return text
+
+
 class LineworkError(Exception):
     """Base class of all errors that linework raises on purpose.
 
@@ -119,14 +139,17 @@ class LineworkError(Exception):
         return self.line()
 
     def line(self, speech: Speech = python_words) -> str:
-        """Return the line that a user sees, its parameters as this caller names them.
+        """Return the line that a user sees, its parameters as this caller names them, passwords left out.
 
+        >>> UsageError("not a file", where="pg://me:secret@host/db").line()
+        'pg://me:***@host/db: not a file.'
         >>> UsageError("not a CRS", where=argument("crs")).line(lambda name, value: f"option {name}")
         'option crs: not a CRS.'
         """
         # In front of a colon a parameter stands alone: `crs: `, not `crs=: `
         text = f"{in_words(str(self.where), speech).removesuffix('=')}: " if self.where is not None else ""
-        text += self.problem if self.problem.endswith("?") else f"{self.problem}."
+        problem = _shortened(in_words(self.problem, speech), MOST_CHARACTERS - len(self.advice))
+        text += problem if problem.endswith("?") else f"{problem}."
         if self.advice.startswith("pip "):
             # To be copied to the end of the line
             text += f" {self.advice}"
@@ -134,7 +157,7 @@ class LineworkError(Exception):
             # Commands and parameters are case-sensitive: no capital at the start of a sentence
             is_literal = self.advice.startswith(("linework ", _BEGIN))
             text += f" {self.advice if is_literal else self.advice[0].upper() + self.advice[1:]}."
-        return printable(in_words(text, speech))
+        return _PASSWORD.sub(r"\1***", printable(in_words(text, speech)))
 
 
 class UsageError(LineworkError, ValueError):

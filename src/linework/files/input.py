@@ -7,6 +7,7 @@ this process (pyogrio's and rasterio's); both read the variable, so import this 
 from __future__ import annotations
 
 import os
+import re
 import stat
 from pathlib import Path
 from typing import BinaryIO
@@ -15,6 +16,18 @@ from linework.errors import InputError
 
 # A value set by the user stays
 os.environ.setdefault("CPL_VSIL_CURL_ALLOWED_EXTENSIONS", ".invalid")
+
+
+def is_address(path: Path) -> bool:
+    """Return whether a path is an address, the description of a connection, or one of GDAL's virtual paths.
+
+    >>> [is_address(Path(name)) for name in ("http://host/a.laz", "PG:host=h", "/vsizip/a.zip", "C:/a.laz", "a:b.laz")]
+    [True, True, True, False, False]
+    """
+    text = str(path)
+    # A drive of Windows has one letter
+    is_scheme = re.match(r"[A-Za-z][A-Za-z0-9+.-]+:(?:[/\\\\]|.*=)", text) is not None
+    return is_scheme or text.lower().startswith(("/vsi", "\\\\", "//"))
 
 
 def matching_paths(base: Path, pattern: str) -> list[Path]:

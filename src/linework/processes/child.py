@@ -14,6 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from linework.errors import MachineError
 from linework.processes.channel import Channel
 from linework.processes.connection import offer_connection
 
@@ -96,6 +97,11 @@ class Child:
     keep_words
         Keep the end of what it prints on stderr, see `last_words`; else it is dropped.
 
+    Raises
+    ------
+    MachineError
+        The system starts no more processes.
+
     Notes
     -----
     It belongs to the group of this process, so that what stops the group stops it, and it ends when this process ends,
@@ -110,14 +116,21 @@ class Child:
         # -P: a module in the working folder, which may be the survey's, is not ours
         command = [sys.executable, "-P", "-m", "linework.processes.entry"]
         with contextlib.closing(offer_connection()) as offer:
-            self._process = subprocess.Popen(
-                [*command, offer.address, str(os.getpid()), str(address_bytes), *target],
-                **offer.popen,
-                env=os.environ | _ONE_THREAD | dict(environment or {}),
-                # What libraries print would come between the progress on the terminal
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.PIPE if keep_words else subprocess.DEVNULL,
-            )
+            try:
+                self._process = subprocess.Popen(
+                    [*command, offer.address, str(os.getpid()), str(address_bytes), *target],
+                    **offer.popen,
+                    env=os.environ | _ONE_THREAD | dict(environment or {}),
+                    # What libraries print would come between the progress on the terminal
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.PIPE if keep_words else subprocess.DEVNULL,
+                )
+            except OSError as error:
+                # Who writes a file meanwhile would say that the file cannot be written
+                raise MachineError(
+                    f"a process cannot be started: {error.strerror or error}", where="linework",
+                    advice="close other programs, or raise the limits on processes and open files (ulimit -u, ulimit -n)",
+                ) from error  # fmt: skip
             self.channel = Channel(offer.accept(self._process), longest_bytes)
         self._last_words = b""
         self._words_reader: threading.Thread | None = None

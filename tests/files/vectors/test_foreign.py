@@ -1,6 +1,8 @@
 """Lines of others' files are read with care: odd geometries, formats in disguise, missing CRSs."""
 
+import contextlib
 import json
+import sqlite3
 import subprocess
 import sys
 
@@ -8,10 +10,11 @@ import numpy as np
 import pyogrio
 import pytest
 import shapely
+from tests.scenes.drawing_scenes import some_lines
 
 from linework.crs import parse_crs
-from linework.errors import CrsError, InputError, UsageError
-from linework.files.vectors.read_write import read_lines
+from linework.errors import CrsError, InputError, LineworkWarning, UsageError
+from linework.files.vectors.read_write import read_lines, write_lines
 
 UTM = "EPSG:25832+7837"
 
@@ -147,3 +150,68 @@ def test_foreign_geopackage_in_degrees_or_in_two_crss(tmp_path):
     foreign_gpkg(tmp_path / "b.gpkg", "EPSG:25833", "walls", append=True)
     with pytest.raises(CrsError, match="different CRSs"):
         read_lines(tmp_path / "b.gpkg")
+
+
+def shapefile(folder, n=6):
+    shapes = shapely.to_wkb(shapely.linestrings([[[i, 0], [i, 9], [i + 3, 9]] for i in range(n)]))
+    marks = np.array([f"mark {i}" for i in range(n)], dtype=object)
+    pyogrio.raw.write(folder / "a.shp", shapes, [marks], ["mark"], driver="ESRI Shapefile", geometry_type="LineString",
+                      crs="EPSG:25832")  # fmt: skip
+    return folder / "a.shp"
+
+
+def test_features_whose_geometry_cannot_be_read_are_counted(tmp_path):
+    path = shapefile(tmp_path)
+    data = bytearray(path.read_bytes())
+    # The second record, 104 bytes behind the first, says that it is of no type
+    data[100 + 104 + 8] = 0
+    path.write_bytes(data)
+    with pytest.warns(
+        LineworkWarning, match=r"1 of 6 features have no geometry that can be read, the first is feature 2"
+    ):
+        assert len(read_lines(path)) == 5
+
+
+def test_a_shapefile_that_is_cut_off_is_refused(tmp_path):
+    path = shapefile(tmp_path)
+    path.write_bytes(path.read_bytes()[:300])
+    with pytest.raises(InputError, match=r"a\.shp: cannot be read \(.*Copy the file again"):
+        read_lines(path)
+
+
+def test_texts_of_a_shapefile_that_are_not_text_are_one_line(tmp_path):
+    suffix, old, new = ".dbf", b"mark 3", b"\xa7\xff\xfe\x80 3"
+    path = shapefile(tmp_path)
+    beside = path.with_suffix(suffix)
+    assert old in beside.read_bytes()
+    beside.write_bytes(beside.read_bytes().replace(old, new))
+    with pytest.raises((InputError, CrsError)) as caught:
+        read_lines(path)
+    assert str(caught.value).startswith(f"{path}: ") and len(str(caught.value)) - len(str(path)) < 290
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda data: data.replace(b"\n 10\n", b"\n 10\n9" + b"9" * 400, 1),
+        lambda data: data[:14791] + b"\x07" * 54 + data[14791:],
+        lambda data: data[:6600] + bytes(4096) + data[10696:],
+    ],
+)
+def test_a_damaged_drawing_is_lines_or_one_line(tmp_path, damage):
+    path = tmp_path / "a.dxf"
+    write_lines(some_lines(), path)
+    path.write_bytes(damage(path.read_bytes()))
+    try:
+        read_lines(path)
+    except InputError as error:
+        assert str(error).startswith(f"{path}: is not a DXF file") and "\n" not in str(error)
+
+
+@pytest.mark.parametrize("count", [-1, 0, 1, 99])
+def test_features_are_counted_whatever_a_table_says(tmp_path, count):
+    foreign_gpkg(tmp_path / "a.gpkg", "EPSG:25832")
+    with contextlib.closing(sqlite3.connect(tmp_path / "a.gpkg")) as db:
+        db.execute("UPDATE gpkg_ogr_contents SET feature_count = ?", (count,))
+        db.commit()
+    assert len(read_lines(tmp_path / "a.gpkg")) == 2

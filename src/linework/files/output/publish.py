@@ -10,7 +10,8 @@ import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from linework.errors import LineworkError, MachineError, OutputExistsError, argument
+from linework.errors import LineworkError, MachineError, OutputExistsError, UsageError, argument
+from linework.files.input import is_address
 from linework.processes.forced_end import removed_if_forced
 from linework.processes.system import is_alive
 
@@ -171,6 +172,8 @@ def _part_stem(path: Path) -> str:
 
 
 def _make_parent(path: Path) -> None:
+    if is_address(path):
+        raise UsageError("is not a file on this machine", where=path, advice="write a file and copy it there")
     parent = path.parent
     if os.path.lexists(parent) and not parent.is_dir():
         raise MachineError(f"{parent} is not a folder", where=path, advice="choose another place")

@@ -10,7 +10,7 @@ import pyproj
 
 from linework.crs import LOCAL, crs_text, describe_crs, has_height, parse_crs, same_crs, same_plan
 from linework.errors import CrsError, InputError, UsageError, argument
-from linework.files.input import matching_paths, regular_file_bytes
+from linework.files.input import is_address, matching_paths, regular_file_bytes
 from linework.files.las.crs import resolve_crs
 from linework.files.las.header import read_las_header
 from linework.files.outside import check_files_inside, check_names_inside
@@ -174,8 +174,7 @@ def _found(root: Path, pattern: str) -> list[Path]:
 
 def _check_local(path: Path) -> None:
     """Refuse addresses and GDAL's virtual paths: only files on this machine are read."""
-    text = str(path).lower()
-    if ":/" in text.split("?")[0][:12] or text.startswith(("/vsi", "\\\\", "//")):
+    if is_address(path):
         raise InputError("is not a file on this machine", where=path, advice="copy it here first")
 
 

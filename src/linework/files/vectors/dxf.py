@@ -5,8 +5,9 @@ Separate from `read_write`, which imports it only for this suffix, because ezdxf
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +28,7 @@ from linework.model.lines import LineSet
 with extra_needed("cad"):
     import ezdxf
     from ezdxf.colors import rgb2int
-    from ezdxf.document import Drawing
     from ezdxf.filemanagement import new, readfile
-    from ezdxf.lldxf.const import DXFError
 
 _APP = "LINEWORK"
 #: DXF's codes for metres ($INSUNITS) and for text in extended data.
@@ -126,14 +125,14 @@ def read_dxf(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: 
     InputError
         Not a DXF file.
     """
-    document = _open(path)
     shapes, tables = [], []
-    for entity in document.modelspace().query("LINE POLYLINE LWPOLYLINE"):
-        vertices = _vertices(entity)
-        if len(vertices) < 2:
-            continue
-        shapes.append(shapely.linestrings(vertices))
-        tables.append({"layer": entity.dxf.layer} | _own_fields(entity))
+    with _drawing_errors(path):
+        for entity in readfile(path).modelspace().query("LINE POLYLINE LWPOLYLINE"):
+            vertices = _vertices(entity)
+            if len(vertices) < 2:
+                continue
+            shapes.append(shapely.linestrings(vertices))
+            tables.append({"layer": entity.dxf.layer} | _own_fields(entity))
     names = {name for table in tables for name in table}
     columns = {name: [table.get(name) for table in tables] for name in names}
     kind = columns.get(kind_field, columns.get("layer", []))
@@ -149,13 +148,19 @@ def _crs_beside(path: Path, given: str | None) -> str | None:
     return stated_crs(prj.read_text(encoding="utf-8", errors="replace"), given, where=prj)
 
 
-def _open(path: Path) -> Drawing:
+@contextlib.contextmanager
+def _drawing_errors(path: Path) -> Iterator[None]:
+    """Turn what ezdxf raises while it reads a file, whatever that is, into one line."""
     filled_file_bytes(path)
     try:
-        return readfile(path)
-    except (OSError, DXFError, ValueError, KeyError, AttributeError, IndexError, TypeError) as error:
+        yield
+    except MemoryError:
+        raise
+    # Damage comes out as errors of types and values, of keys, of attributes and of infinite numbers
+    except Exception as error:
+        text = "".join(c if c.isprintable() else "?" for c in str(error)[:100])
         raise InputError(
-            f"is not a DXF file ({str(error)[:100]})", where=path, advice="check what this file is"
+            f"is not a DXF file ({text})", where=path, advice="check what this file is"
         ) from error
 
 

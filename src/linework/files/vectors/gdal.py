@@ -13,7 +13,7 @@ import shapely
 
 from linework.arrays import AnyArray
 from linework.crs import LOCAL, describe_crs, stated_crs
-from linework.errors import CrsError, InputError, MachineError
+from linework.errors import CrsError, InputError, LineworkWarning, MachineError
 from linework.files.vectors.fields import (
     REJECTED_LAYER,
     TABLES,
@@ -26,6 +26,9 @@ from linework.model.lineset.geometries import geometries
 
 #: Our own layers and tables that hold no lines, or rejected ones.
 _OURS = (*TABLES, REJECTED_LAYER)
+#: With a condition, GDAL counts the features. Without one it believes a table of a GeoPackage (gpkg_ogr_contents), which
+#: a program that does not know it leaves as it was: of 6 features 3 were read where it said 3.
+_COUNTED = "1 = 1"
 
 
 def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, crs: str | None) -> LineSet:
@@ -42,7 +45,7 @@ def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, c
     """
     with reading_with_gdal(path):
         layers = [str(name) for name, kind in pyogrio.list_layers(path) if str(name) not in _OURS and kind]
-        read = [(layer, *pyogrio.raw.read(path, layer=layer)) for layer in layers]
+        read = [(layer, *pyogrio.raw.read(path, layer=layer, where=_COUNTED)) for layer in layers]
     if not read:
         raise InputError("no layer with geometries", where=path, advice="check what this file is")
     sets = []
@@ -50,7 +53,9 @@ def read_foreign(path: Path, kind_field: str, kinds: Mapping[str, str] | None, c
         own = stated_crs(meta["crs"], crs, where=path) if meta["crs"] else None
         table = dict(zip(meta["fields"], values, strict=True))
         kind = table.get(kind_field, np.full(len(shapes), layer, dtype=object))
-        sets.append(foreign_lines(shapely.from_wkb(shapes), kind, table, kinds, own or crs or LOCAL, path))
+        geometries_read = shapely.from_wkb(shapes)
+        _warn_of_missing(geometries_read, path)
+        sets.append(foreign_lines(geometries_read, kind, table, kinds, own or crs or LOCAL, path))
     others = [lines.crs for lines in sets if lines.crs != sets[0].crs]
     if others:
         raise CrsError(
@@ -70,6 +75,17 @@ def foreign_lines(
     columns["kind"] = [named[i] if kinds is None else kinds[named[i]] for i in kept]
     lines, _ = lines_from_geometries(np.asarray(shapes, dtype=object)[kept], columns, crs, path)
     return lines
+
+
+def _warn_of_missing(shapes: AnyArray, path: Path) -> None:
+    """Say how many features have no geometry: GDAL gives none where it cannot read one."""
+    missing = np.flatnonzero(shapely.is_missing(shapes))
+    if len(missing):
+        warnings.warn(
+            f"{path}: {len(missing):,} of {len(shapes):,} features have no geometry that can be read, the first is"
+            f" feature {missing[0] + 1:,}",
+            LineworkWarning, stacklevel=2,
+        )  # fmt: skip
 
 
 def write_flatgeobuf(lines: LineSet, part: Path, kinds: Sequence[str] = ()) -> None:  # noqa: ARG001

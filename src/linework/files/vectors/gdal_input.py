@@ -61,7 +61,8 @@ def reading_with_gdal(path: Path) -> Iterator[None]:
         yield
     except LineworkError:
         raise
-    except (RuntimeError, OSError) as error:
+    # Texts that are not in their encoding, a .prj that pyogrio takes for neither kind of CRS
+    except (RuntimeError, OSError, ValueError, UnboundLocalError) as error:
         text = (str(error).splitlines() or [type(error).__name__])[0][:120]
         raise InputError(f"cannot be read ({text})", where=path, advice="copy the file again") from error
 

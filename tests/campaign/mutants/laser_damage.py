@@ -158,4 +158,6 @@ def _swap(rng: np.random.Generator, data: bytearray) -> str:
 
 
 _CHANGES = (_flip, _poke, _truncate, _zero, _insert, _remove, _swap)
+#: Those that know nothing of laser files.
+BYTE_CHANGES = (_flip, _flip, _flip, _truncate, _zero, _insert, _remove, _swap)
 _SHARES = (0.25, 0.45, 0.08, 0.07, 0.05, 0.05, 0.05)
